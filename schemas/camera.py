@@ -1,0 +1,58 @@
+"""The interior orientation of a camera, and its precision.
+
+Photogrammetric: origin at the principal point, x right, y up, in pixels; the camera looks along -z. `x0`, `y0` are the principal
+point relative to the image centre ((width - 1) / 2, (height - 1) / 2), y up. Distortion is Brown's with OpenCV's numbers: radius
+normalised by c, added to the ideal point to give the observed one.
+"""
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from schemas.job import Table
+
+INTERIOR = ("c", "x0", "y0", "k1", "k2", "k3", "p1", "p2")
+"""Order of the interior parameters in every covariance and every kernel."""
+
+
+class Camera(BaseModel):
+    """One camera as its photographs see the world."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    name: str
+    width: int = Field(gt=0, description="px")
+    height: int = Field(gt=0, description="px")
+    c: float = Field(gt=0, description="camera constant, px")
+    x0: float = 0.0
+    y0: float = 0.0
+    k1: float = 0.0
+    k2: float = 0.0
+    k3: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+    pixel_um: float | None = None
+    """Side of a pixel on the sensor or scan in micrometres, where it is known."""
+    source: Literal["file", "exif", "chessboards", "given", "block", "truth"] = "given"
+    sigma0: float | None = None
+    covariance: tuple[tuple[float, ...], ...] | None = None
+    """8 x 8 in the order of INTERIOR; zero rows for parameters that were held fixed. None: not known."""
+
+    @property
+    def interior(self) -> tuple[float, ...]:
+        return tuple(getattr(self, name) for name in INTERIOR)
+
+
+class Cameras(BaseModel):
+    """All cameras of a project, and which photograph was taken with which."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    cameras: dict[str, Camera]
+    of_photo: dict[str, str]
+
+    def of(self, photo: str) -> Camera:
+        return self.cameras[self.of_photo[photo]]
+
+
+CAMERAS = Table("calibration/cameras.json", Cameras)

@@ -1,0 +1,59 @@
+"""The normal case of a pair: two images with parallel axes, the base along x, homologous points on the same row."""
+
+from pydantic import BaseModel, ConfigDict
+
+from schemas.job import Table
+
+
+class EpipolarPair(BaseModel):
+    """Geometry of one pair of epipolar images. Pure central projections: no principal point offset, no distortion.
+
+    Both images share `rotation` (world to base system: x along the base, looking along -z), the camera constant `c` (px), the
+    number of rows and the principal row, so that homologous points have the same row. Image coordinates of pixel (col, row) are
+    x = col - col0, y = row0 - row. With parallax p = x_left - x_right the point in the base system is
+    (x_left, y, -c) * base / p from the left projection centre.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    """left-right"""
+    left: str
+    right: str
+    rotation: tuple[tuple[float, float, float], ...]
+    left_centre: tuple[float, float, float]
+    right_centre: tuple[float, float, float]
+    base: float
+    """m"""
+    c: float
+    row0: float
+    left_col0: float
+    right_col0: float
+    rows: int
+    left_cols: int
+    right_cols: int
+    parallax_low: float
+    parallax_high: float
+    """x_left - x_right that the block's heights allow, with a margin, px"""
+    base_height: float
+    """base over mean height above ground"""
+    row_sigma: float
+    """expected y-parallax from the orientation's precision, px"""
+
+
+class EpipolarPairs(BaseModel):
+    """The pairs worth matching."""
+
+    model_config = ConfigDict(frozen=True)
+
+    pairs: tuple[EpipolarPair, ...]
+    not_used: tuple[tuple[str, str], ...] = ()
+    """(pair, reason)"""
+
+
+PAIRS = Table("epipolar/pairs.json", EpipolarPairs)
+
+
+def epipolar_raster(pair: str, side: str) -> str:
+    """Grey uint8 epipolar image, `side` is left or right; 0 is outside the photo (real pixels are 1 or more)."""
+    return f"epipolar/{pair}/{side}"

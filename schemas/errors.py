@@ -1,0 +1,25 @@
+"""One small family of errors. Each message is a sentence for a person: what was found, where, what was needed, how to mend it."""
+
+
+class OrthomillError(Exception):
+    """Anything that orthomill can explain to its user; shown without a traceback."""
+
+
+class WorkflowError(OrthomillError):
+    """The workflow file, or a file that it names, is not what it must be."""
+
+
+class PhotoError(OrthomillError):
+    """A photograph cannot be used."""
+
+
+class GeometryError(OrthomillError):
+    """The observations do not determine what was asked of them."""
+
+
+class StoreError(OrthomillError):
+    """The project's store refuses a read or a write."""
+
+
+class ResourceError(OrthomillError):
+    """Memory, disk or a worker is not enough for the work."""

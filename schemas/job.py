@@ -1,0 +1,114 @@
+"""A job: which regions it reads and writes, and which pure function turns the one into the other.
+
+The engine derives every dependency from the regions. A region is a window of a raster, a table, a file of the project, or the
+header of a photograph. Arguments of the function arrive under the names of `reads` and `params`; what it returns is a
+dict under the names of `writes` (or the bare value, when the job writes one region only).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+
+from schemas.raster import Window
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Raster:
+    """A window of the raster called `name`."""
+
+    name: str
+    window: Window
+
+
+@dataclass(frozen=True)
+class Table(Generic[T]):
+    """A table of the project, by its path under tables/: `*.json` holds a pydantic model, `*.parquet` a `Columns`."""
+
+    path: str
+    type: type[T]
+
+
+@dataclass(frozen=True)
+class PhotoPixels:
+    """Pixels of an image file: (height, width, bands), in the file's own dtype and orientation. Window in file pixels."""
+
+    path: str
+    window: Window
+
+
+@dataclass(frozen=True)
+class PhotoHeader:
+    """The header of an image file, checked to be one: arrives as a `schemas.photo.Header`."""
+
+    path: str
+
+
+@dataclass(frozen=True)
+class TextFile:
+    """A small text file of the project; arrives as `str`."""
+
+    path: str
+
+
+Region = Raster | Table | PhotoPixels | PhotoHeader | TextFile
+
+
+@dataclass(frozen=True)
+class Job:
+    """One unit of work. (stage, item, row, col) is its identity, its Dask key and its row in the records."""
+
+    stage: str
+    item: str
+    function: Callable[..., Any]
+    reads: dict[str, Region | tuple[Region, ...]]
+    writes: dict[str, Raster | Table]
+    params: dict[str, Any] = field(default_factory=dict)
+    row: int = 0
+    col: int = 0
+    scratch: int = 0
+    """Working memory of the function beyond what it reads and writes, in bytes."""
+
+    @property
+    def key(self) -> tuple[str, str, int, int]:
+        return self.stage, self.item, self.row, self.col
+
+
+@dataclass(frozen=True)
+class Export:
+    """A file made from whole rasters, block by block; the path is relative to the run's folder.
+
+    `format`: "cog" (GeoTIFF with overviews), "tiff" (plain tiled TIFF, no georeference), "laz" (raster "z" as points, with "rgb"
+    and others as attributes), "json" or "csv" (the one table of `tables`), "text".
+    """
+
+    stage: str
+    item: str
+    path: str
+    format: str
+    rasters: dict[str, str] = field(default_factory=dict)
+    tables: tuple[Table, ...] = ()
+
+    @property
+    def key(self) -> tuple[str, str, int, int]:
+        return self.stage, self.item, 0, 0
+
+
+@dataclass(frozen=True)
+class Columns:
+    """A long table: every field is a 1-D array of the same length (subclass and add fields). Stored as parquet."""
+
+    def __post_init__(self) -> None:
+        lengths = {f.name: len(getattr(self, f.name)) for f in fields(self)}
+        if len(set(lengths.values())) > 1:
+            raise ValueError(f"columns of {type(self).__name__} differ in length: {lengths}")
+
+    def __len__(self) -> int:
+        return len(getattr(self, fields(self)[0].name))
+
+    def take(self, index: np.ndarray) -> Any:
+        """The rows at `index` (numbers or a mask)."""
+        return type(self)(**{f.name: getattr(self, f.name)[index] for f in fields(self)})

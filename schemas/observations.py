@@ -1,0 +1,70 @@
+"""Measurements in photographs and on the ground."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from schemas.job import Columns, Table
+
+
+@dataclass(frozen=True)
+class TiePoints(Columns):
+    """One row per image measurement of a tie point; sorted by track, then photo."""
+
+    track: np.ndarray
+    """int32: number of the tie point"""
+    photo: np.ndarray
+    """int32: number of the photograph in `Photos`"""
+    col: np.ndarray
+    row: np.ndarray
+    """float64: pixel coordinates as observed (distorted), centre of the upper-left pixel is (0, 0)"""
+    sigma: np.ndarray
+    """float32: standard error of a coordinate, px"""
+
+
+@dataclass(frozen=True)
+class GroundPoints(Columns):
+    """Tie points on the ground, from the bundle."""
+
+    track: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    """float64, m"""
+    sigma_x: np.ndarray
+    sigma_y: np.ndarray
+    sigma_z: np.ndarray
+    """float32, m"""
+    rays: np.ndarray
+    """int16: photographs that measured it"""
+    residual: np.ndarray
+    """float32: root mean square of its image residuals, px"""
+
+
+class ControlPoint(BaseModel):
+    """A point known on the ground, with its image measurements. A check point never takes part in the adjustment."""
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    role: str
+    """control or check"""
+    xyz: tuple[float, float, float]
+    sigma: tuple[float, float, float]
+    """m"""
+    measurements: dict[str, tuple[float, float, float]]
+    """photo -> (col, row, sigma), px"""
+
+
+class Control(BaseModel):
+    """All ground control and check points of a project (empty when there is none)."""
+
+    model_config = ConfigDict(frozen=True)
+
+    points: tuple[ControlPoint, ...] = ()
+
+
+TIE_POINTS = Table("tie_points/tie_points.parquet", TiePoints)
+GROUND_POINTS = Table("orientation/points.parquet", GroundPoints)
+CONTROL = Table("orientation/control.json", Control)

@@ -1,0 +1,130 @@
+"""Rasters by name: their shape, chunks and place on the ground, and windows into them. Pure geometry, no storage.
+
+Arrays are (rows, cols) or (rows, cols, bands). A window is half open. A chunk spans all bands.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+
+@dataclass(frozen=True, order=True)
+class Window:
+    """Rows [row, row + height) and columns [col, col + width) of a raster, in pixels."""
+
+    row: int
+    col: int
+    height: int
+    width: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.height, self.width
+
+    @property
+    def slices(self) -> tuple[slice, slice]:
+        return slice(self.row, self.row + self.height), slice(self.col, self.col + self.width)
+
+    @property
+    def empty(self) -> bool:
+        return self.height <= 0 or self.width <= 0
+
+    def grown(self, halo: int) -> "Window":
+        """The window with `halo` pixels more on every side; may leave the raster, so clip it."""
+        return Window(self.row - halo, self.col - halo, self.height + 2 * halo, self.width + 2 * halo)
+
+    def clipped(self, shape: tuple[int, ...]) -> "Window":
+        """The part inside a raster of `shape`; empty (height or width 0) where there is none."""
+        row, col = max(self.row, 0), max(self.col, 0)
+        bottom, right = min(self.row + self.height, shape[0]), min(self.col + self.width, shape[1])
+        return Window(row, col, max(bottom - row, 0), max(right - col, 0))
+
+    def scaled(self, factor: int) -> "Window":
+        """The window of the same ground in a raster whose pixels are `factor` times smaller."""
+        return Window(self.row * factor, self.col * factor, self.height * factor, self.width * factor)
+
+
+@dataclass(frozen=True)
+class Tile:
+    """One cell of a tiling: its place in the tiling, and its window."""
+
+    row: int
+    col: int
+    window: Window
+
+
+def tiles_of(shape: tuple[int, ...], size: int) -> Iterator[Tile]:
+    """Tiles of `size` pixels that cover a raster of `shape`, row by row; the last ones are smaller."""
+    for row in range(-(-shape[0] // size)):
+        for col in range(-(-shape[1] // size)):
+            yield Tile(row, col, Window(row * size, col * size, size, size).clipped(shape))
+
+
+class MapGrid(BaseModel):
+    """A north-up grid on the ground. `west` and `north` are the outer corner of the upper-left cell (m, in the project's CRS)."""
+
+    model_config = ConfigDict(frozen=True)
+
+    west: float
+    north: float
+    cell: float
+    rows: int
+    cols: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.rows, self.cols
+
+    @property
+    def transform(self) -> tuple[float, float, float, float, float, float]:
+        """GDAL's corner convention, in rasterio's order (a, b, c, d, e, f)."""
+        return self.cell, 0.0, self.west, 0.0, -self.cell, self.north
+
+    def centres(self, window: Window) -> tuple[np.ndarray, np.ndarray]:
+        """X of the columns and Y of the rows of `window`: cell centres, (width,) and (height,), m."""
+        x = self.west + (np.arange(window.col, window.col + window.width) + 0.5) * self.cell
+        y = self.north - (np.arange(window.row, window.row + window.height) + 0.5) * self.cell
+        return x, y
+
+    def pixel(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(col, row) of ground points, float; cell centres are whole numbers."""
+        return (x - self.west) / self.cell - 0.5, (self.north - y) / self.cell - 0.5
+
+
+class RasterSpec(BaseModel):
+    """What a raster is before any of it exists; the store creates it from this, and exports read it back."""
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    shape: tuple[int, ...]
+    dtype: str
+    chunk: int
+    nodata: float | None = None
+    unit: str = ""
+    crs: str | None = None
+    transform: tuple[float, float, float, float, float, float] | None = None
+    readers: tuple[str, ...] | None = None
+    """Stages that may read it; None for all. Truth is for `evaluation` only."""
+
+    @property
+    def chunks(self) -> tuple[int, ...]:
+        return (min(self.chunk, self.shape[0]), min(self.chunk, self.shape[1])) + self.shape[2:]
+
+    @property
+    def full(self) -> Window:
+        return Window(0, 0, self.shape[0], self.shape[1])
+
+    def bytes_of(self, window: Window) -> int:
+        bands = self.shape[2] if len(self.shape) == 3 else 1
+        return window.height * window.width * bands * np.dtype(self.dtype).itemsize
+
+
+def map_raster(name: str, grid: MapGrid, dtype: str, crs: str, chunk: int, nodata: float | None = None, unit: str = "", bands: int = 0,
+               readers: tuple[str, ...] | None = None) -> RasterSpec:
+    """A raster on `grid`, with `bands` bands (0: a plain 2-D array)."""
+    shape = (*grid.shape, bands) if bands else grid.shape
+    return RasterSpec(name=name, shape=shape, dtype=dtype, chunk=chunk, nodata=nodata, unit=unit, crs=crs,
+                      transform=grid.transform, readers=readers)

@@ -1,0 +1,23 @@
+"""How a setting is declared: type, default, bounds, unit and one sentence, all on the field itself.
+
+Error texts, the settings reference and the commented starting workflow are generated from these fields, so that no parameter
+is described twice.
+"""
+
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class Settings(BaseModel):
+    """Base of everything a workflow file can say: frozen, and closed against unknown names."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+def setting(default: Any = ..., sentence: str = "", unit: str = "", **bounds: Any) -> Any:
+    """A field with its unit and its sentence.
+
+    `unit` is empty for names, choices and pure numbers; `bounds` are pydantic's (ge, gt, le, lt, min_length, ...).
+    """
+    return Field(default, description=sentence, json_schema_extra={"unit": unit}, **bounds)

@@ -1,0 +1,140 @@
+"""The project part of a workflow file: what is photographed, by what, where, and what is known of it.
+
+The stages part is typed by the catalogue of stages; the pipeline puts the two together.
+"""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from schemas.settings import Settings, setting
+
+
+class PhotoFolder(Settings):
+    """All JPEG, TIFF and PNG images of a folder."""
+
+    kind: Literal["folder"]
+    path: str = setting(..., "Folder with the photographs, relative to the project's root.")
+    pattern: str = setting("*", "Only files whose name matches this shell pattern.")
+
+
+class PhotoList(Settings):
+    """Photographs named one by one."""
+
+    kind: Literal["list"]
+    paths: tuple[str, ...] = setting(..., "The image files, relative to the project's root.", min_length=1)
+
+
+class SimulatedPhotos(Settings):
+    """Photographs of a simulated scene with known truth, rendered by the stage `simulation`."""
+
+    kind: Literal["simulated"]
+
+
+Photographs = Annotated[PhotoFolder | PhotoList | SimulatedPhotos, Field(discriminator="kind")]
+
+
+class CameraFromExif(Settings):
+    """The camera constant from the EXIF tags: nominal, refined by the block adjustment."""
+
+    kind: Literal["exif"]
+
+
+class CameraFromFile(Settings):
+    """A camera file written by an earlier calibration (camera.json)."""
+
+    kind: Literal["file"]
+    path: str = setting(..., "The camera file, relative to the project's root.")
+
+
+class CameraGiven(Settings):
+    """Interior orientation typed into the workflow."""
+
+    kind: Literal["given"]
+    c: float = setting(..., "Camera constant.", "px", gt=0)
+    x0: float = setting(0.0, "Principal point, right of the image centre.", "px")
+    y0: float = setting(0.0, "Principal point, above the image centre.", "px")
+    k1: float = setting(0.0, "Radial distortion, second order; radius in units of c, as in OpenCV.")
+    k2: float = setting(0.0, "Radial distortion, fourth order.")
+    k3: float = setting(0.0, "Radial distortion, sixth order.")
+    p1: float = setting(0.0, "Tangential distortion.")
+    p2: float = setting(0.0, "Tangential distortion.")
+    pixel_um: float | None = setting(None, "Side of a pixel on the sensor or scan.", "micrometres", gt=0)
+    sigma_c: float = setting(0.0, "Standard error of the camera constant; 0 when not known.", "px", ge=0)
+
+
+class CameraFromChessboards(Settings):
+    """Calibration from photographs of a chessboard."""
+
+    kind: Literal["chessboards"]
+    photographs: Photographs = setting(..., "Photographs of the chessboard, taken with the same camera and focus.")
+    corners: tuple[int, int] = setting(..., "Inner corners of the board: columns, rows. They must differ, so that the board has one origin.")
+    square: float = setting(..., "Side of a square.", "m", gt=0)
+
+
+CameraSource = Annotated[CameraFromExif | CameraFromFile | CameraGiven | CameraFromChessboards, Field(discriminator="kind")]
+
+
+class PositionsFromExif(Settings):
+    """Projection centres from the GPS tags."""
+
+    kind: Literal["exif"]
+    sigma_plan: float = setting(3.0, "Standard error in X and Y.", "m", gt=0)
+    sigma_height: float = setting(5.0, "Standard error in Z.", "m", gt=0)
+
+
+class PositionsFromFile(Settings):
+    """Projection centres from a CSV file with the columns photo, x, y, z, sigma_x, sigma_y, sigma_z in the project's CRS."""
+
+    kind: Literal["file"]
+    path: str = setting(..., "The CSV file, relative to the project's root.")
+
+
+class NoPositions(Settings):
+    """Nothing is known of where the photographs were taken."""
+
+    kind: Literal["none"]
+
+
+class SimulatedPositions(Settings):
+    """The positions file that the stage `simulation` writes."""
+
+    kind: Literal["simulated"]
+
+
+Positions = Annotated[PositionsFromExif | PositionsFromFile | NoPositions | SimulatedPositions, Field(discriminator="kind")]
+
+
+class ControlFromFiles(Settings):
+    """Ground control and check points from two CSV files."""
+
+    kind: Literal["files"]
+    points: str = setting(..., "CSV with the columns name, role (control or check), x, y, z, sigma_x, sigma_y, sigma_z.")
+    measurements: str = setting(..., "CSV with the columns name, photo, col, row, sigma (pixels).")
+
+
+class NoControl(Settings):
+    """No ground control."""
+
+    kind: Literal["none"]
+
+
+class SimulatedControl(Settings):
+    """The control files that the stage `simulation` writes."""
+
+    kind: Literal["simulated"]
+
+
+ControlSource = Annotated[ControlFromFiles | NoControl | SimulatedControl, Field(discriminator="kind")]
+
+
+class Project(Settings):
+    """Everything of a workflow file but its stages."""
+
+    project: str = setting(..., "Name of the project; its results go to runs/<project>.", pattern=r"^[a-z0-9][a-z0-9_-]*$")
+    crs: str = setting(..., "Projected coordinate reference system in metres, e.g. EPSG:2100; a vertical one may follow after +.")
+    photographs: Photographs = setting(..., "Where the photographs are.")
+    cameras: CameraSource = setting(CameraFromExif(kind="exif"), "Where the interior orientation comes from.")
+    positions: Positions = setting(PositionsFromExif(kind="exif"), "Where the photographs were taken, as far as it is known.")
+    control: ControlSource = setting(NoControl(kind="none"), "Ground control and check points.")
+    tile: int = setting(512, "Side of a tile: the unit of work, of storage and of memory.", "px", ge=128, le=8192, multiple_of=64)

@@ -1,0 +1,1 @@
+"""The photogrammetry: shared numerics, one folder per stage above them, and the catalogue of stages."""

@@ -1,0 +1,1 @@
+"""Rotations, collinearity, distortion, rays, intersection, epipolar geometry. Radians, metres, pixels; see docs/conventions.md."""

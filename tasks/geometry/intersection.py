@@ -1,0 +1,22 @@
+"""Forward intersection: the ground point nearest to two or more rays."""
+
+import numpy as np
+
+
+def intersect_rays(centres: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Least-squares intersection of rays.
+
+    centres, directions: (K, N, 3), K rays for each of N points, directions of unit length. Returns points (N, 3) m and the root
+    mean square distance of the rays from them (N,) m. Parallel rays give NaN.
+    """
+    identity = np.eye(3)
+    projectors = identity - directions[..., :, None] * directions[..., None, :]
+    normal = projectors.sum(axis=0)
+    right = np.einsum("knij,knj->ni", projectors, centres)
+    determinant = np.linalg.det(normal)
+    singular = determinant < 1e-12
+    normal[singular] = identity
+    points = np.linalg.solve(normal, right[..., None])[..., 0]
+    points[singular] = np.nan
+    offsets = np.einsum("knij,knj->kni", projectors, points - centres)
+    return points, np.sqrt((offsets**2).sum(axis=2).mean(axis=0))

@@ -1,0 +1,52 @@
+"""Rotation matrices from omega, phi, kappa and back: R = R3(kappa) R2(phi) R1(omega), from world to image."""
+
+import numpy as np
+
+
+def rotation_matrix(omega: float, phi: float, kappa: float) -> np.ndarray:
+    """The 3 x 3 rotation world to image from three angles in radians.
+
+    Source: Karfis 2009, section 3.3 (methods/relative_orientation_and_epipolar.md, 1.8).
+    """
+    so, co = np.sin(omega), np.cos(omega)
+    sp, cp = np.sin(phi), np.cos(phi)
+    sk, ck = np.sin(kappa), np.cos(kappa)
+    return np.array([
+        [ck * cp, ck * sp * so + sk * co, -ck * sp * co + sk * so],
+        [-sk * cp, -sk * sp * so + ck * co, sk * sp * co + ck * so],
+        [sp, -cp * so, cp * co],
+    ])
+
+
+def angles(rotation: np.ndarray) -> tuple[float, float, float]:
+    """omega, phi, kappa in radians of a 3 x 3 rotation; at phi = +-90 degrees kappa is put to 0."""
+    sin_phi = float(np.clip(rotation[2, 0], -1.0, 1.0))
+    phi = float(np.arcsin(sin_phi))
+    if abs(sin_phi) > 1.0 - 1e-12:
+        return float(np.arctan2(rotation[1, 2], rotation[1, 1])), phi, 0.0
+    omega = float(np.arctan2(-rotation[2, 1], rotation[2, 2]))
+    kappa = float(np.arctan2(-rotation[1, 0], rotation[0, 0]))
+    return omega, phi, kappa
+
+
+def rotation_derivatives(omega: float, phi: float, kappa: float) -> np.ndarray:
+    """(3, 3, 3): the derivatives of the rotation matrix by omega, phi and kappa."""
+    so, co = np.sin(omega), np.cos(omega)
+    sp, cp = np.sin(phi), np.cos(phi)
+    sk, ck = np.sin(kappa), np.cos(kappa)
+    by_omega = [
+        [0.0, ck * sp * co - sk * so, ck * sp * so + sk * co],
+        [0.0, -sk * sp * co - ck * so, -sk * sp * so + ck * co],
+        [0.0, -cp * co, -cp * so],
+    ]
+    by_phi = [
+        [-ck * sp, ck * cp * so, -ck * cp * co],
+        [sk * sp, -sk * cp * so, sk * cp * co],
+        [cp, sp * so, -sp * co],
+    ]
+    by_kappa = [
+        [-sk * cp, -sk * sp * so + ck * co, sk * sp * co + ck * so],
+        [-ck * cp, -ck * sp * so - sk * co, ck * sp * co - sk * so],
+        [0.0, 0.0, 0.0],
+    ]
+    return np.array([by_omega, by_phi, by_kappa])
