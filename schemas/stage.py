@@ -11,7 +11,7 @@ from typing import ClassVar, Protocol, TypeVar
 from schemas.job import Export, Job, Table
 from schemas.raster import RasterSpec
 from schemas.settings import Settings
-from schemas.workflow import Project
+from schemas.workflow import Photographs, Project
 
 T = TypeVar("T")
 
@@ -31,8 +31,15 @@ class ProjectView(Protocol):
     def raster(self, name: str) -> RasterSpec:
         """The specification of a raster that some stage has planned. Raises NotYet."""
 
-    def photo_files(self) -> tuple[str, ...]:
-        """The image files of the project's photographs: paths as regions want them, in order."""
+    def image_files(self, source: Photographs, simulated_folder: str = "photographs") -> tuple[str, ...]:
+        """The image files of a source in order of name, as regions want them (relative to the project's root).
+
+        For simulated photographs these are the files that are exported to `simulated_folder` of the run. Raises NotYet until
+        the stage that exports them is planned, WorkflowError when there are none.
+        """
+
+    def run_file(self, path: str) -> str:
+        """The path, as regions want it, of a file that an `Export` makes in the run's folder."""
 
     def has_stage(self, kind: str) -> bool:
         """Whether the workflow contains a stage."""
