@@ -51,6 +51,20 @@ class EpipolarPairs(BaseModel):
     """(pair, reason)"""
 
 
+class GreyRange(BaseModel):
+    """The grey values of a photograph that become 0 and 255: one stretch for all its tiles."""
+
+    model_config = ConfigDict(frozen=True)
+
+    low: float = 0.0
+    high: float = 255.0
+
+
+def grey_table(photo: str) -> Table[GreyRange]:
+    """Written by `epipolar` for every 16-bit photograph of a pair; photographs of 8 bits are taken as they are."""
+    return Table(f"epipolar/grey/{photo}.json", GreyRange)
+
+
 PAIRS = Table("epipolar/pairs.json", EpipolarPairs)
 
 

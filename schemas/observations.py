@@ -68,3 +68,26 @@ class Control(BaseModel):
 TIE_POINTS = Table("tie_points/tie_points.parquet", TiePoints)
 GROUND_POINTS = Table("orientation/points.parquet", GroundPoints)
 CONTROL = Table("orientation/control.json", Control)
+
+
+@dataclass(frozen=True)
+class ImageResiduals(Columns):
+    """One row per image measurement that the bundle saw, tie points and control; sorted by track."""
+
+    track: np.ndarray
+    """int32: number of the tie point; -1 - i for point i of `Control`"""
+    photo: np.ndarray
+    """int32: number of the photograph in `Photos`"""
+    col: np.ndarray
+    row: np.ndarray
+    """float64: as observed, px"""
+    v_col: np.ndarray
+    v_row: np.ndarray
+    """float32: computed minus observed, px"""
+    standardised: np.ndarray
+    """float32: the larger of the two residuals in units of its own standard error; NaN when the ray was rejected"""
+    used: np.ndarray
+    """bool"""
+
+
+IMAGE_RESIDUALS = Table("orientation/image_residuals.parquet", ImageResiduals)

@@ -64,3 +64,103 @@ class Block(BaseModel):
 
 
 BLOCK = Table("orientation/block.json", Block)
+
+
+class RelativeOrientation(BaseModel):
+    """How the right photograph of a pair lies to the left one; what two photographs alone can tell.
+
+    `base` is a unit vector in the image system of the left photograph, `omega_phi_kappa` (degrees) turn it into the right one's:
+    R = R3(kappa) R2(phi) R1(omega). Parameters and standard errors of the dependent relative orientation follow where the base lies along x.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    left: str
+    right: str
+    matches: int
+    kept: int
+    outcome: str
+    """"oriented", or a sentence why not"""
+    base: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    omega_phi_kappa: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    sigma: tuple[float, float, float, float, float] | None = None
+    """standard errors: two of the base's direction across itself, three of the rotation about the axes of the right image; degrees"""
+    by_bz: tuple[float, float] | None = None
+    """b_y and b_z for b_x = 1, where the base lies mainly along x"""
+    sigma0_px: float | None = None
+    intersection_deg: float = 0.0
+    """median angle at which homologous rays meet"""
+
+    @property
+    def oriented(self) -> bool:
+        return self.outcome == "oriented"
+
+
+class RelativeOrientations(BaseModel):
+    """All pairs of photographs that share tie points."""
+
+    model_config = ConfigDict(frozen=True)
+
+    pairs: tuple[RelativeOrientation, ...] = ()
+
+
+class GroundResidual(BaseModel):
+    """A control or check point, or a GNSS position, against the adjusted block: block minus given, m."""
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    role: str
+    """control, check or position"""
+    difference: tuple[float, float, float]
+    predicted: tuple[float, float, float]
+    """standard error of the difference that the adjustment predicts, m"""
+    photos: int
+    """photographs in which it was measured (1 for a position)"""
+    residual_px: float | None = None
+    """root mean square of its image residuals"""
+
+
+class GroundResiduals(BaseModel):
+    """How the block fits what is known on the ground and in the air."""
+
+    model_config = ConfigDict(frozen=True)
+
+    points: tuple[GroundResidual, ...] = ()
+
+    def of_role(self, role: str) -> tuple[GroundResidual, ...]:
+        return tuple(point for point in self.points if point.role == role)
+
+
+class Correlation(BaseModel):
+    """Two unknowns that the observations can hardly tell apart."""
+
+    model_config = ConfigDict(frozen=True)
+
+    first: str
+    second: str
+    value: float
+
+
+class BlockPrecision(BaseModel):
+    """The account of the adjustment beyond the block itself: what was estimated of the observations, and what is weak."""
+
+    model_config = ConfigDict(frozen=True)
+
+    image_factor: float
+    """estimated by stated standard error of the image measurements"""
+    position_factor: float
+    control_factor: float
+    rays: int
+    rejected: int
+    gnss_shift: tuple[float, float, float] | None = None
+    gnss_shift_sigma: tuple[float, float, float] | None = None
+    correlations: tuple[Correlation, ...] = ()
+    """of 0.9 or more"""
+    weaknesses: tuple[str, ...] = ()
+    """sentences about datum and start"""
+
+
+RELATIVE = Table("orientation/relative.json", RelativeOrientations)
+GROUND_RESIDUALS = Table("orientation/ground_residuals.json", GroundResiduals)
+BLOCK_PRECISION = Table("orientation/precision.json", BlockPrecision)

@@ -22,6 +22,8 @@ class Figure(_Part):
     value: float | int | str | bool | None
     unit: str = ""
     sentence: str = ""
+    headline: bool = False
+    """Belongs to the few figures that a surveyor signs: shown in the strip at the top of the report."""
 
 
 class Grid(_Part):

@@ -1,0 +1,1 @@
+"""Pixels without photogrammetry: radiometry, pyramids, resampling. Arrays in, arrays out."""

@@ -1,0 +1,71 @@
+# One word for each thing to do; `make help` lists them.
+SHELL := /bin/bash
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+project ?= volos
+options ?=
+
+.DEFAULT_GOAL := help
+.PHONY: help setup run plan status report export dashboard doctor test test-fast test-slow lint format bench docs clean clean-all
+
+help: ## List all targets
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-12s %s\n", $$1, $$2}'
+
+$(STAMP): requirements.lock pyproject.toml
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --disable-pip-version-check -r requirements.lock
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --editable .
+	@$(BIN)/python -c "import sys; assert sys.version_info >= (3, 11), 'orthomill needs Python 3.11 or newer'"
+	@touch $(STAMP)
+
+setup: $(STAMP) ## Install everything into .venv (done by the other targets when needed)
+
+run: $(STAMP) ## Run a project: make project=volos run (options="--until orientation")
+	@$(BIN)/orthomill run $(project) $(options)
+
+plan: $(STAMP) ## Show jobs, bytes, peak memory and why each stage would run
+	@$(BIN)/orthomill plan $(project) $(options)
+
+status: $(STAMP) ## Show what is done, what failed and why
+	@$(BIN)/orthomill status $(project)
+
+report: $(STAMP) ## Write the report again from what is there
+	@$(BIN)/orthomill report $(project)
+
+export: $(STAMP) ## Write the products again
+	@$(BIN)/orthomill export $(project) $(options)
+
+dashboard: $(STAMP) ## Print the address of the dashboard of a run that is going on
+	@$(BIN)/orthomill dashboard $(project)
+
+doctor: $(STAMP) ## Examine this machine
+	@$(BIN)/orthomill doctor
+
+test: $(STAMP) ## Run all tests
+	@$(BIN)/python -m pytest
+
+test-fast: $(STAMP) ## Run the tests that take seconds
+	@$(BIN)/python -m pytest -m "not slow"
+
+test-slow: $(STAMP) ## Run the tests that take minutes
+	@$(BIN)/python -m pytest -m slow
+
+lint: $(STAMP) ## Check style and types
+	@$(BIN)/ruff check schemas tasks pipeline tests benchmarks
+
+format: $(STAMP) ## Mend what the linter can mend
+	@$(BIN)/ruff check --fix schemas tasks pipeline tests benchmarks
+
+bench: $(STAMP) ## Measure the figures in benchmarks/results
+	@$(BIN)/python -m benchmarks
+
+docs: $(STAMP) ## Write the generated pages of docs/
+	@$(BIN)/python -m pipeline.settings_reference
+
+clean: $(STAMP) ## Remove the results of a project
+	@$(BIN)/orthomill clean $(project)
+
+clean-all: ## Remove all results and the installed environment
+	rm -rf runs $(VENV) .cache

@@ -1,0 +1,219 @@
+"""The command `orthomill`: hands the catalogue of stages to the engine and speaks with the person at the terminal.
+
+Every error that orthomill can explain is one sentence and an exit code: 1 for failed tiles, 2 for input that cannot be used,
+130 for Ctrl-C. A traceback is shown with --debug only.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table as Lines
+
+from pipeline.clean import clean_run
+from pipeline.doctor import doctor as examine
+from pipeline.export import export as export_file
+from pipeline.lock import only_run
+from pipeline.records import Records
+from pipeline.run_facts import RunFacts
+from pipeline.running import MIB, Options, rewrite_results, run_workflow, session_of
+from pipeline.session import Session, key_text
+from pipeline.starting_workflow import write_starting_workflow
+from pipeline.workflow import LoadedWorkflow, load_workflow, resolve_workflow
+from schemas.errors import OrthomillError
+from schemas.job import Export
+from tasks.catalogue import STAGES
+
+app = typer.Typer(help="From overlapping photographs to a checked surface model and a blended true orthoimage.", no_args_is_help=True,
+                  add_completion=False, pretty_exceptions_enable=False)
+out = Console(highlight=False)
+err = Console(stderr=True, highlight=False)
+
+Name = Annotated[str, typer.Argument(help="Project name (workflows/<name>.yaml) or the path of a workflow file.")]
+Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
+From = Annotated[str | None, typer.Option("--from", help="Run this stage and all after it again, changed or not.")]
+Until = Annotated[str | None, typer.Option(help="Stop after this stage.")]
+
+
+@contextmanager
+def plain_errors(debug: bool) -> Iterator[None]:
+    """Turns what orthomill can explain into a sentence and an exit code."""
+    try:
+        yield
+    except OrthomillError as error:
+        if debug:
+            raise
+        err.print(f"[red]error:[/red] {escape(str(error))}", soft_wrap=True)
+        raise typer.Exit(2) from None
+    except KeyboardInterrupt:
+        err.print("Stopped. Finished tiles are kept; run the same command again to go on.")
+        raise typer.Exit(130) from None
+
+
+def _load(name: str) -> LoadedWorkflow:
+    return load_workflow(resolve_workflow(name, Path.cwd()), STAGES)
+
+
+@app.command()
+def run(
+    name: Name,
+    from_stage: From = None,
+    until: Until = None,
+    workers: Annotated[int, typer.Option(help="Worker processes; 0 is one for each core.", min=0)] = 0,
+    memory: Annotated[int, typer.Option(help="Memory that one worker may use, in MiB.", min=256)] = 1500,
+    sequential: Annotated[bool, typer.Option("--sequential", help="One job after the other in this process, without Dask.")] = False,
+    scheduler: Annotated[str | None, typer.Option(help="Address of an existing Dask scheduler, e.g. tcp://10.0.0.5:8786.")] = None,
+    port: Annotated[int, typer.Option(help="Port of the dashboard; a taken one moves on.")] = 8787,
+    debug: Debug = False,
+) -> None:
+    """Run a workflow; goes on where an earlier run stopped."""
+    with plain_errors(debug):
+        loaded = _load(name)
+        options = Options(from_stage, until, workers, memory * MIB, sequential, scheduler, port)
+        facts = run_workflow(loaded, options, out, err)
+        _conclude(facts, loaded.root / "runs" / loaded.project.project)
+    if not facts.complete:
+        raise typer.Exit(1)
+
+
+def _conclude(facts: RunFacts, folder: Path) -> None:
+    done, skipped = sum(s.done for s in facts.stages), sum(s.skipped for s in facts.stages)
+    out.print(f"{done} jobs run, {skipped} unchanged, {len(facts.failures)} failed in {facts.seconds:.0f} s; report: {folder / 'report.html'}",
+              soft_wrap=True)
+    for failure in facts.failures:
+        err.print(f"[red]failed[/red] {escape(failure.key)}: {escape(failure.sentence)}", soft_wrap=True)
+    if not facts.complete:
+        err.print("The project is not complete. What did not depend on the failed jobs is done; mend the cause and run again.")
+
+
+@app.command()
+def plan(name: Name, from_stage: From = None, until: Until = None, debug: Debug = False) -> None:
+    """Show what a run would do: jobs, bytes, peak memory, and why each stage would run. Writes nothing."""
+    with plain_errors(debug):
+        session = session_of(_load(name), from_stage, until)
+        session.plan()
+        out.print(_plan_lines(session))
+
+
+def _plan_lines(session: Session) -> Lines:
+    lines = Lines("stage", "jobs", "to run", "written", "peak memory", "why", box=None)
+    for stage in session.stages:
+        pending = [planned for planned in session.pending if planned.job.stage == stage.kind]
+        known = [planned for key, planned in session.graph.jobs.items() if key[0] == stage.kind]
+        waiting = session.planner.waiting_for.get(stage.kind)
+        reasons = sorted({session.reasons[planned.key] for planned in pending})
+        why = "; ".join(reasons + ([f"the rest is planned when {waiting} is there"] if waiting else [])) or "unchanged"
+        lines.add_row(
+            stage.kind, str(len(known)), str(len(pending)), f"{sum(p.output_bytes for p in pending) / MIB:.0f} MiB",
+            f"{max((p.memory for p in pending), default=0) / MIB:.0f} MiB", why,
+        )
+    return lines
+
+
+@app.command()
+def status(name: Name, debug: Debug = False) -> None:
+    """Show what is done, what failed and why, also while a run is going on."""
+    with plain_errors(debug):
+        loaded = _load(name)
+        folder = loaded.root / "runs" / loaded.project.project
+        lines = Lines("stage", "done", "failed", "seconds", "last error", box=None)
+        for stage in loaded.stages:
+            records = Records(folder).of_stage(stage.kind)
+            failed = [record for record in records if record.status == "failed"]
+            last = f"{key_text((failed[-1].stage, failed[-1].item, failed[-1].row, failed[-1].col))}: {failed[-1].error}" if failed else ""
+            lines.add_row(stage.kind, str(len(records) - len(failed)), str(len(failed)), f"{sum(r.seconds for r in records):.1f}", escape(last))
+        out.print(lines)
+        dashboard = folder / "jobs" / "dashboard.txt"
+        out.print(f"running now; dashboard: {dashboard.read_text()}" if dashboard.exists() else "not running", soft_wrap=True)
+
+
+@app.command()
+def report(name: Name, debug: Debug = False) -> None:
+    """Write the report and the summary again from what is there."""
+    with plain_errors(debug):
+        out.print(str(rewrite_results(_load(name))), soft_wrap=True)
+
+
+@app.command()
+def export(
+    name: Name,
+    raster: Annotated[str | None, typer.Argument(help="A raster of the store, e.g. densification/precision; without it, all products.")] = None,
+    path: Annotated[str | None, typer.Argument(help="File in the run's folder; default products/<raster>.tif.")] = None,
+    debug: Debug = False,
+) -> None:
+    """Write products again, or any raster of the store as a GeoTIFF."""
+    with plain_errors(debug):
+        session = session_of(_load(name))
+        with only_run(session.folder):
+            for chosen in _exports(session, raster, path):
+                export_file(chosen, session.store, session.folder)
+                out.print(str(session.folder / chosen.path), soft_wrap=True)
+
+
+def _exports(session: Session, raster: str | None, path: str | None) -> list[Export]:
+    if raster is not None:
+        session.store.spec(raster)
+        target = path or f"products/{raster.replace('/', '_')}.tif"
+        return [Export("export", raster, target, "cog", rasters={"value": raster})]
+    session.plan()
+    ready = [p.job for p in session.graph.jobs.values() if isinstance(p.job, Export) and p.job.path.startswith("products/")]
+    return [job for job in ready if all(session.store.has(name) for name in job.rasters.values())]
+
+
+@app.command()
+def clean(
+    name: Name,
+    stage: Annotated[list[str] | None, typer.Option(help="Only this stage's results (may be given again).")] = None,
+    debug: Debug = False,
+) -> None:
+    """Remove a project's results; its photographs and workflow stay."""
+    with plain_errors(debug):
+        loaded = _load(name)
+        folder = loaded.root / "runs" / loaded.project.project
+        with only_run(folder):
+            clean_run(folder, tuple(stage) if stage else None)
+        out.print(f"removed from {folder}: {', '.join(stage) if stage else 'everything'}", soft_wrap=True)
+
+
+@app.command()
+def dashboard(name: Name, debug: Debug = False) -> None:
+    """Print the address of the dashboard of a run that is going on."""
+    with plain_errors(debug):
+        loaded = _load(name)
+        address = loaded.root / "runs" / loaded.project.project / "jobs" / "dashboard.txt"
+        out.print(address.read_text() if address.exists() else f"{loaded.project.project} is not running; start it with: orthomill run {name}",
+                  soft_wrap=True)
+
+
+@app.command()
+def init(
+    name: Annotated[str, typer.Argument(help="Name of the new project.")],
+    photos: Annotated[Path, typer.Option(help="Folder with the photographs.")],
+    crs: Annotated[str | None, typer.Option(help="Projected CRS, e.g. EPSG:32634; proposed from GPS when left out.")] = None,
+    debug: Debug = False,
+) -> None:
+    """Write a commented starting workflow from the photographs' EXIF."""
+    with plain_errors(debug):
+        path = write_starting_workflow(name, photos, Path.cwd(), crs)
+        out.print(f"{path} is written; read it, then: orthomill run {name}", soft_wrap=True)
+
+
+@app.command()
+def doctor() -> None:
+    """Examine this machine: versions, cores, memory, free disk, what is missing."""
+    rows = examine(Path.cwd())
+    lines = Lines("what", "found", "", "advice", box=None)
+    for row in rows:
+        lines.add_row(row.name, escape(str(row.value)), "ok" if row.ok else "[red]![/red]", escape(row.advice))
+    out.print(lines)
+    if not all(row.ok for row in rows):
+        raise typer.Exit(1)
+
+
+def main() -> None:
+    """Entry point of the command."""
+    app()

@@ -1,0 +1,76 @@
+"""Starts or finds the Dask cluster that jobs run on. One of the two files that know Dask.
+
+Everything listens on 127.0.0.1 only. A taken dashboard port moves on to a free one. Each worker is one process with one thread,
+because numba kernels and OpenCV gain nothing from sharing a process, and memory is then counted per job.
+"""
+
+import logging
+import os
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import dask
+from distributed import Client, LocalCluster
+
+from schemas.errors import ResourceError
+
+MEMORY = "orthomill_memory"
+"""Name of the worker resource, in bytes."""
+
+_SETTINGS = {
+    "distributed.scheduler.allowed-failures": 2,
+    "distributed.worker.memory.spill": False,
+    "distributed.worker.memory.target": False,
+    "distributed.worker.memory.pause": False,
+    "distributed.worker.memory.terminate": 0.98,
+    "distributed.worker.profile.enabled": True,
+    "distributed.comm.timeouts.connect": "60s",
+}
+
+
+def free_port(wanted: int) -> int:
+    """`wanted`, or the next port of 127.0.0.1 that nobody listens on."""
+    for port in range(wanted, wanted + 50):
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind(("127.0.0.1", port))
+            except OSError:
+                continue
+            return port
+    return 0
+
+
+@contextmanager
+def local_client(workers: int, memory: int, port: int) -> Iterator[Client]:
+    """A client of `workers` processes with `memory` bytes each; the dashboard listens on `port` or the next free one."""
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    os.environ.update(_one_thread_each())
+    with dask.config.set(_SETTINGS), LocalCluster(
+        n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1", memory_limit=memory,
+        dashboard_address=f"127.0.0.1:{free_port(port)}", silence_logs=logging.CRITICAL, resources={MEMORY: memory},
+    ) as cluster, Client(cluster) as client:
+        yield client
+
+
+@contextmanager
+def remote_client(address: str, memory: int) -> Iterator[Client]:
+    """A client of an existing cluster whose workers see the project's folder. Raises ResourceError."""
+    try:
+        client = Client(address, timeout="20s")
+    except (OSError, TimeoutError, ValueError) as error:
+        raise ResourceError(f"No Dask scheduler answers at {address} ({error}); start one with 'dask scheduler' or leave --scheduler out.") from error
+    with client:
+        if not client.scheduler_info(n_workers=-1)["workers"]:
+            raise ResourceError(f"The Dask scheduler at {address} has no workers; start some with 'dask worker {address}'.")
+        client.run(_declare_memory, memory)
+        yield client
+
+
+async def _declare_memory(memory: int, dask_worker: object = None) -> None:
+    await dask_worker.set_resources(**{MEMORY: memory})
+
+
+def _one_thread_each() -> dict[str, str]:
+    return {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")}

@@ -1,0 +1,74 @@
+"""What is known of a run apart from its results: when, where, how long, what was skipped, what failed.
+
+Plain frozen values that the engine fills and that the summary and the report print.
+"""
+
+from dataclasses import dataclass
+
+StageTitle = tuple[str, str]
+"""(kind, title) of a stage, in the order of the workflow."""
+
+
+@dataclass(frozen=True)
+class StageRun:
+    """How one stage fared. `jobs` are all jobs planned; those neither done, skipped nor failed are still waiting."""
+
+    kind: str
+    jobs: int = 0
+    done: int = 0
+    """run now and finished"""
+    skipped: int = 0
+    """unchanged since an earlier run"""
+    failed: int = 0
+    seconds: float = 0.0
+    """work of its jobs added up, s; skipped jobs count nothing"""
+    peak_bytes: int | None = None
+    """largest memory of a worker while one of its jobs ran"""
+
+    @property
+    def waiting(self) -> int:
+        return max(self.jobs - self.done - self.skipped - self.failed, 0)
+
+    @property
+    def complete(self) -> bool:
+        return self.jobs > 0 and self.done + self.skipped >= self.jobs and self.failed == 0
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A job that failed: its key as people read it (`stage/item/row/col`), and one sentence."""
+
+    stage: str
+    key: str
+    sentence: str
+
+
+@dataclass(frozen=True)
+class RunFacts:
+    """One run of one project. Times are ISO 8601 text; `finished` is None while it runs or when it was interrupted."""
+
+    project: str
+    crs: str
+    version: str
+    started: str
+    finished: str | None = None
+    seconds: float = 0.0
+    """wall clock, s"""
+    peak_bytes: int | None = None
+    scheduler: str = ""
+    """one phrase, e.g. "2 processes on this machine"."""
+    machine: tuple[tuple[str, str], ...] = ()
+    """(what, value) rows: processor, cores, memory, operating system, versions of libraries"""
+    stages: tuple[StageRun, ...] = ()
+    failures: tuple[Failure, ...] = ()
+    workflow: str = ""
+    """the workflow as run, every default filled in (YAML text)"""
+
+    def stage(self, kind: str) -> StageRun:
+        """The facts of a stage; an empty record when it has not been planned."""
+        return next((stage for stage in self.stages if stage.kind == kind), StageRun(kind))
+
+    @property
+    def complete(self) -> bool:
+        """Finished, and every job of every stage done or unchanged."""
+        return self.finished is not None and not self.failures and bool(self.stages) and all(s.complete for s in self.stages)

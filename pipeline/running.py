@@ -1,0 +1,150 @@
+"""Runs a workflow from start to report: the lock, the runner, the session, the summary, the page that people read."""
+
+import os
+import platform
+import time
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+
+import psutil
+from rich.console import Console
+
+from pipeline.lock import only_run
+from pipeline.progress import Progress
+from pipeline.report import write_report
+from pipeline.run_facts import RunFacts
+from pipeline.runner import Runner, SequentialRunner
+from pipeline.session import Session, now
+from pipeline.summary import write_summary
+from pipeline.table_files import write_whole
+from pipeline.workflow import LoadedWorkflow, image_files, write_workflow
+from schemas.errors import WorkflowError
+
+MIB = 2**20
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to run. `workers` 0 is one for each core; `memory` is bytes for each worker."""
+
+    from_stage: str | None = None
+    until: str | None = None
+    workers: int = 0
+    memory: int = 1500 * MIB
+    sequential: bool = False
+    scheduler: str | None = None
+    port: int = 8787
+
+    @property
+    def processes(self) -> int:
+        return self.workers or os.cpu_count() or 1
+
+
+def session_of(loaded: LoadedWorkflow, from_stage: str | None = None, until: str | None = None) -> Session:
+    """A session of the stages that were asked for. Raises WorkflowError for stages that are not in the workflow."""
+    kinds = [stage.kind for stage in loaded.stages]
+    for name in (from_stage, until):
+        if name is not None and name not in kinds:
+            raise WorkflowError(f"There is no stage '{name}' in {loaded.path.name}; its stages are {', '.join(kinds)}.")
+    last = kinds.index(until) + 1 if until else len(kinds)
+    forced = frozenset(kinds[kinds.index(from_stage):last]) if from_stage else frozenset()
+    return Session(loaded.project, loaded.stages[:last], loaded.root, partial(image_files, loaded.root), forced)
+
+
+def run_workflow(loaded: LoadedWorkflow, options: Options, out: Console, err: Console) -> RunFacts:
+    """Run a workflow and write its report, whatever became of its tiles. Raises OrthomillError when it cannot start."""
+    session = session_of(loaded, options.from_stage, options.until)
+    with only_run(session.folder):
+        write_workflow(loaded, session.folder / "workflow.yaml")
+        facts = RunFacts(
+            project=loaded.project.project, crs=loaded.project.crs, version=version("orthomill"), started=now(),
+            workflow=(session.folder / "workflow.yaml").read_text(), machine=_machine(),
+        )
+        clock = time.monotonic()
+        session.plan()
+        if session.pending:
+            facts = replace(facts, scheduler=_run(session, options, out, err))
+        facts = replace(facts, finished=now(), seconds=time.monotonic() - clock, **_ends(session))
+        write_results(session, facts)
+    return facts
+
+
+def _run(session: Session, options: Options, out: Console, err: Console) -> str:
+    titles = {stage.kind: stage.title for stage in session.stages}
+    with _runner(session.folder, options, out) as runner, Progress(titles, options.processes, err) as progress:
+        session.run(runner, progress)
+        return runner.description
+
+
+def _runner(folder: Path, options: Options, out: Console) -> AbstractContextManager[Runner]:
+    return _sequential(options) if options.sequential else _on_dask(folder, options, out)
+
+
+@contextmanager
+def _sequential(options: Options) -> Iterator[Runner]:
+    yield SequentialRunner(options.memory)
+
+
+@contextmanager
+def _on_dask(folder: Path, options: Options, out: Console) -> Iterator[Runner]:
+    """Dask is imported only here: importing it takes longer than finding that nothing has changed."""
+    from pipeline.dask_cluster import local_client, remote_client
+    from pipeline.dask_runner import DaskRunner, kept_report
+
+    if options.scheduler:
+        place, client_of = f"the cluster at {options.scheduler}", remote_client(options.scheduler, options.memory)
+    else:
+        place, client_of = f"{options.processes} processes on this machine", local_client(options.processes, options.memory, options.port)
+    address = folder / "jobs" / "dashboard.txt"
+    with client_of as client:
+        runner = DaskRunner(client, options.memory, place)
+        out.print(f"dashboard: {client.dashboard_link}", soft_wrap=True)
+        write_whole(address, client.dashboard_link.encode())
+        with kept_report(runner, folder / "dask_report.html"):
+            try:
+                yield runner
+            finally:
+                runner.close()
+                address.unlink(missing_ok=True)
+
+
+def _ends(session: Session) -> dict:
+    stages = session.stage_runs()
+    peaks = [stage.peak_bytes for stage in stages if stage.peak_bytes]
+    return {"stages": stages, "failures": session.failure_list(), "peak_bytes": max(peaks, default=None)}
+
+
+def write_results(session: Session, facts: RunFacts) -> None:
+    """The summary, the report and the facts they were made from."""
+    stages = tuple((stage.kind, stage.title) for stage in session.stages)
+    write_summary(session.store, stages, facts, session.folder / "summary.json")
+    write_report(session.store, stages, facts, session.folder / "report.html")
+
+
+def _machine() -> tuple[tuple[str, str], ...]:
+    libraries = ("numpy", "numba", "opencv-python-headless", "dask", "zarr", "rasterio")
+    return (
+        ("processor", platform.processor() or platform.machine()),
+        ("cores", str(os.cpu_count())),
+        ("memory", f"{psutil.virtual_memory().total / 2**30:.1f} GiB"),
+        ("operating system", platform.platform()),
+        ("Python", platform.python_version()),
+        *((name, version(name)) for name in libraries),
+    )
+
+
+def rewrite_results(loaded: LoadedWorkflow) -> Path:
+    """Write summary and report again from what is stored; returns the report's path."""
+    session = session_of(loaded)
+    session.plan()
+    workflow = session.folder / "workflow.yaml"
+    facts = RunFacts(
+        project=loaded.project.project, crs=loaded.project.crs, version=version("orthomill"), started=now(), finished=now(),
+        workflow=workflow.read_text() if workflow.exists() else loaded.text, machine=_machine(), scheduler="report only", **_ends(session),
+    )
+    write_results(session, facts)
+    return session.folder / "report.html"

@@ -1,0 +1,55 @@
+"""Tables on disk: pydantic models as JSON that people read, columns as parquet. A write is complete or absent."""
+
+import os
+import tempfile
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from pydantic import ValidationError
+
+from schemas.errors import StoreError
+from schemas.job import Columns, Table
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a file so that a reader sees the old one or the new one, never a part. Raises StoreError."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".part")
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(data)
+            os.replace(temporary, path)
+        except BaseException:
+            Path(temporary).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise StoreError(f"{path} cannot be written: {error.strerror}; make room on the disk or make the folder writable, then run again.") from error
+
+
+def write_table(path: Path, value: Any) -> None:
+    """Store a pydantic model (.json) or a `Columns` (.parquet) at `path`. Raises StoreError."""
+    if isinstance(value, Columns):
+        columns = {f.name: pa.array(np.asarray(getattr(value, f.name))) for f in fields(value)}
+        sink = pa.BufferOutputStream()
+        pq.write_table(pa.table(columns), sink, compression="zstd")
+        write_whole(path, sink.getvalue().to_pybytes())
+    else:
+        write_whole(path, value.model_dump_json(indent=1).encode())
+
+
+def read_table(path: Path, table: Table[Any]) -> Any:
+    """The value of a stored table. Raises StoreError when it is absent or is not of its type."""
+    try:
+        if issubclass(table.type, Columns):
+            stored = pq.read_table(path)
+            return table.type(**{f.name: stored[f.name].to_numpy(zero_copy_only=False) for f in fields(table.type)})
+        return table.type.model_validate_json(path.read_bytes())
+    except FileNotFoundError:
+        raise StoreError(f"{path} does not exist; run the stage '{table.path.split('/')[0]}' first.") from None
+    except (ValidationError, pa.ArrowInvalid, KeyError) as error:
+        raise StoreError(f"{path} is damaged or from another version ({type(error).__name__}); delete it and run again.") from error

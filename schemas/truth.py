@@ -1,0 +1,106 @@
+"""What is known of a simulated scene: names, types and codes of its truth, and the tables that a survey would hand over.
+
+The truth rasters carry `readers=TRUTH_READERS`: only `simulation` and `evaluation` may read them. All of them lie on one
+`MapGrid` (TRUTH_GRID); a height is that of the cell's centre.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from schemas.job import Columns, Table
+from schemas.orientation import Block
+from schemas.raster import MapGrid
+
+TRUTH_READERS = ("simulation", "evaluation")
+
+TRUTH_SURFACE = "truth/surface"
+"""float32 m (rows, cols): height of the visible surface (ground, roofs, crowns, water; no vehicles) at the cell's centre."""
+TRUTH_ORTHO = "truth/ortho"
+"""uint8 (rows, cols, 3): the true orthoimage without vehicles, before any camera's gain, offset, vignetting and noise."""
+TRUTH_MATERIAL = "truth/material"
+"""uint8 (rows, cols): code of Material."""
+TRUTH_BUILDING = "truth/building"
+"""uint16 (rows, cols): number of the building, counted from 1; 0 where there is none."""
+TRUTH_VISIBILITY = "truth/visibility"
+"""uint32 (rows, cols): bit i is set where photo i of TRUTH_BLOCK truly sees the cell's centre (inside the photo, not occluded;
+vehicles are not regarded). `(mask >> i) & 1`."""
+
+
+class Material(IntEnum):
+    """What the surface is made of, seen from above."""
+
+    OPEN_GROUND = 1
+    FIELD = 2
+    ROAD = 3
+    ROOF = 4
+    TREE = 5
+    WATER = 6
+
+
+OPEN_MATERIALS = (Material.OPEN_GROUND, Material.FIELD, Material.ROAD)
+"""Bare, textured ground without anything that stands on it."""
+
+MATERIAL_CLASSES: tuple[tuple[int, str, str], ...] = (
+    (Material.OPEN_GROUND, "#b8b37a", "open ground"),
+    (Material.FIELD, "#9bbf5a", "field"),
+    (Material.ROAD, "#8c8c8c", "road"),
+    (Material.ROOF, "#c1523c", "roof"),
+    (Material.TREE, "#2f6b33", "tree"),
+    (Material.WATER, "#3d6fa3", "water"),
+)
+"""(code, colour, meaning) for pictures of TRUTH_MATERIAL."""
+
+
+@dataclass(frozen=True)
+class PositionRows(Columns):
+    """One row per photo: its projection centre as a GNSS receiver gave it."""
+
+    photo: np.ndarray
+    """str"""
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    sigma_x: np.ndarray
+    sigma_y: np.ndarray
+    sigma_z: np.ndarray
+    """float64, m"""
+
+
+@dataclass(frozen=True)
+class ControlRows(Columns):
+    """One row per surveyed ground point."""
+
+    name: np.ndarray
+    role: np.ndarray
+    """str: control or check"""
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    sigma_x: np.ndarray
+    sigma_y: np.ndarray
+    sigma_z: np.ndarray
+    """float64, m"""
+
+
+@dataclass(frozen=True)
+class MeasurementRows(Columns):
+    """One row per image measurement of a surveyed ground point."""
+
+    name: np.ndarray
+    photo: np.ndarray
+    """str"""
+    col: np.ndarray
+    row: np.ndarray
+    sigma: np.ndarray
+    """float64, px"""
+
+
+TRUTH_GRID = Table("truth/grid.json", MapGrid)
+TRUTH_BLOCK = Table("truth/block.json", Block)
+"""True orientations and camera (source "truth"); sigma0_px 0; photos in the order of the visibility bits; ground_low and
+ground_high are the lowest and highest of the bare ground and everything on it."""
+POSITIONS_TABLE = Table("simulation/positions.parquet", PositionRows)
+CONTROL_TABLE = Table("simulation/control.parquet", ControlRows)
+MEASUREMENTS_TABLE = Table("simulation/measurements.parquet", MeasurementRows)

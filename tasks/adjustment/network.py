@@ -1,0 +1,102 @@
+"""The values of a bundle adjustment: what is unknown (`State`), what was measured (`Rays`), what is known beforehand (`Network`).
+
+Coordinates are local (a constant offset near the block is taken off first), so that float64 keeps a tenth of a micrometre. Rotations are
+corrected by small rotation vectors in the image system, which has no singular attitude; angles are for people.
+
+Order of the unknowns of the reduced system: six per photo (X, Y, Z, three rotations), then the free interior parameters, then the
+shift of the GNSS positions. Points are eliminated.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Rays:
+    """Image measurements sorted by point: `point`, `photo` (M,) int32, `xy` (M, 2) px from the image centre, y up, observed; `sigma` (M,) px."""
+
+    point: np.ndarray
+    photo: np.ndarray
+    xy: np.ndarray
+    sigma: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.point)
+
+    def take(self, index: np.ndarray) -> "Rays":
+        """The rays at `index` (mask or ascending numbers)."""
+        return Rays(self.point[index], self.photo[index], self.xy[index], self.sigma[index])
+
+    def first(self, points: int) -> np.ndarray:
+        """(points + 1,): rays first[i] to first[i + 1] belong to point i."""
+        return np.searchsorted(self.point, np.arange(points + 1)).astype(np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Values of the unknowns: `rotation` (P, 3, 3), `centre` (P, 3), `point` (N, 3), `interior` (C, 8) in the order of INTERIOR, `shift` (3,)."""
+
+    rotation: np.ndarray
+    centre: np.ndarray
+    point: np.ndarray
+    interior: np.ndarray
+    shift: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Interior:
+    """What is known of the cameras: `value` (C, 8), `weight` (C, 8, 8) inverse covariance, `free` (C, 8) which parameters are unknowns."""
+
+    value: np.ndarray
+    weight: np.ndarray
+    free: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Network:
+    """What is known beforehand; weights are inverse variances, 0 for nothing known.
+
+    camera_of (P,); centre, centre_weight (P, 3) GNSS positions; point, point_weight (N, 3) control; vertical_weight (P,) 1/rad^2 of the
+    wish that a photograph looks straight down; shift: whether the GNSS positions have a common shift; free: no datum, the seven
+    freedoms are held by inner constraints.
+    """
+
+    camera_of: np.ndarray
+    interior: Interior
+    centre: np.ndarray
+    centre_weight: np.ndarray
+    point: np.ndarray
+    point_weight: np.ndarray
+    vertical_weight: np.ndarray
+    shift: bool = False
+    free: bool = False
+
+    @property
+    def photos(self) -> int:
+        return len(self.camera_of)
+
+    @property
+    def interior_columns(self) -> np.ndarray:
+        """(C, 8): the column of every interior parameter among the unknowns, -1 where it is held fixed."""
+        columns = np.full(self.interior.free.shape, -1, np.int64)
+        columns[self.interior.free] = 6 * self.photos + np.arange(self.interior.free.sum())
+        return columns
+
+    @property
+    def unknowns(self) -> int:
+        """Unknowns of the reduced system."""
+        return 6 * self.photos + int(self.interior.free.sum()) + 3 * self.shift
+
+    @property
+    def prior_observations(self) -> int:
+        """How many numbers are known beforehand."""
+        known = np.diagonal(self.interior.weight, axis1=1, axis2=2) > 0
+        return int((self.centre_weight > 0).sum() + (self.point_weight > 0).sum() + 2 * (self.vertical_weight > 0).sum()
+                   + (known & self.interior.free).sum())
+
+
+def ray_columns(network: Network, rays: Rays) -> np.ndarray:
+    """(M, 14): the columns of the unknowns that each ray touches: its photo's six, its camera's eight (-1: fixed)."""
+    exterior = 6 * rays.photo[:, None].astype(np.int64) + np.arange(6)
+    return np.hstack([exterior, network.interior_columns[network.camera_of[rays.photo]]])

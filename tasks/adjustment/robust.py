@@ -1,0 +1,24 @@
+"""Robust weights: observations that disagree with the rest lose their pull, but keep their place until they are tested."""
+
+import numpy as np
+
+
+def huber_weights(size: np.ndarray, limit: float) -> np.ndarray:
+    """Factors (N,) for the weights of observations with standardised residuals of `size` (N,): 1 up to `limit`, then limit / size.
+
+    Source: Huber 1964.
+    """
+    return np.where(size <= limit, 1.0, limit / np.maximum(size, 1e-300))
+
+
+def huber_cost(size: np.ndarray, limit: float) -> float:
+    """The sum of Huber's loss, twice: size^2 inside the limit, 2 limit size - limit^2 outside."""
+    return float(np.where(size <= limit, size**2, 2.0 * limit * size - limit**2 if np.isfinite(limit) else 0.0).sum())
+
+
+def spread(size: np.ndarray) -> float:
+    """Standard error of one coordinate from the lengths (N,) of two-dimensional residuals, unmoved by up to half of outliers.
+
+    The median length of a circular normal law is 1.1774 standard errors.
+    """
+    return float(np.median(size) / 1.1774) if len(size) else np.nan

@@ -1,0 +1,26 @@
+"""The explicit list of stages, in the order in which they stand in a workflow."""
+
+from schemas.stage import Stage
+from tasks.calibration.stage import CalibrationStage
+from tasks.densification.stage import DensificationStage
+from tasks.dsm_check.stage import DsmCheckStage
+from tasks.epipolar.stage import EpipolarStage
+from tasks.evaluation.stage import EvaluationStage
+from tasks.orientation.stage import OrientationStage
+from tasks.photos.stage import PhotosStage
+from tasks.simulation.stage import SimulationStage
+from tasks.texture.stage import TextureStage
+from tasks.tie_points.stage import TiePointsStage
+
+STAGES: tuple[type[Stage], ...] = (
+    SimulationStage,
+    PhotosStage,
+    CalibrationStage,
+    TiePointsStage,
+    OrientationStage,
+    EpipolarStage,
+    DensificationStage,
+    DsmCheckStage,
+    TextureStage,
+    EvaluationStage,
+)

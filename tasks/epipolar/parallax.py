@@ -1,0 +1,52 @@
+"""The check of an epipolar pair: how far the tie points really lie from their common row.
+
+Source: Karfis 2009, section 5.3 (methods/relative_orientation_and_epipolar.md, 1.11).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from schemas.epipolar import EpipolarPair
+from schemas.observations import TiePoints
+from schemas.orientation import Block
+from tasks.geometry.normal_case import epipolar_view
+from tasks.geometry.view import block_view
+
+
+@dataclass(frozen=True)
+class RowResiduals:
+    """Residual y-parallaxes (px) of the tie points of a pair; NaN without tie points."""
+
+    points: int
+    mean: float
+    rms: float
+    median: float
+    greatest: float
+
+
+def row_residuals(pair: EpipolarPair, block: Block, ties: TiePoints, photos: tuple[str, ...]) -> np.ndarray:
+    """y_left - y_right (N,) px of the tie points that both photographs of a pair measured; `photos` are the names by number."""
+    left, right = common_measurements(ties, photos.index(pair.left), photos.index(pair.right))
+    rows = [epipolar_view(pair, side, block_view(block, name)).from_photo(np.column_stack([ties.col[at], ties.row[at]]))[:, 1]
+            for side, name, at in (("left", pair.left, left), ("right", pair.right, right))]
+    return rows[1] - rows[0]
+
+
+def common_measurements(ties: TiePoints, left: int, right: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of the table (N,), (N,) that measure the same tie point in the photographs `left` and `right` (numbers)."""
+    in_left, in_right = np.flatnonzero(ties.photo == left), np.flatnonzero(ties.photo == right)
+    _, at_left, at_right = np.intersect1d(ties.track[in_left], ties.track[in_right], return_indices=True)
+    return in_left[at_left], in_right[at_right]
+
+
+def summary(residuals: np.ndarray, limit: float = 20.0) -> RowResiduals:
+    """RMS, median and greatest of residual y-parallaxes (N,) px.
+
+    Tie points beyond `limit` px are mismatches that the block adjustment refused; they say nothing of the geometry.
+    """
+    good = residuals[np.abs(residuals) < limit]
+    if not len(good):
+        return RowResiduals(0, *[float("nan")] * 4)
+    size = np.abs(good)
+    return RowResiduals(len(good), float(good.mean()), float(np.sqrt((good**2).mean())), float(np.median(size)), float(size.max()))

@@ -1,0 +1,78 @@
+"""Epipolar images of every useful pair: first the pairs, then their images tile by tile.
+
+A tile reads the window of the photograph that it shows and nothing else, so it can start as soon as those pixels are stored.
+"""
+
+from collections.abc import Iterator
+from typing import ClassVar, Literal
+
+from schemas.epipolar import PAIRS, EpipolarPair, epipolar_raster, grey_table
+from schemas.job import Export, Job, Raster
+from schemas.observations import TIE_POINTS
+from schemas.orientation import BLOCK, Block
+from schemas.photo import PHOTOS, Photos, photo_raster
+from schemas.raster import RasterSpec, Tile, tiles_of
+from schemas.report import report_table
+from schemas.settings import setting
+from schemas.stage import ProjectView, Stage
+from tasks.epipolar.report import report
+from tasks.epipolar.resampling import TileOfPair, photograph_range, resample_tile
+from tasks.epipolar.selection import PairChoice, choose_pairs
+from tasks.geometry.normal_case import Side, epipolar_shape
+
+SIDES: tuple[Side, Side] = ("left", "right")
+
+
+class EpipolarStage(Stage):
+    """Normal-case images of the useful pairs: axes parallel, base along x, homologous points on one row, distortion removed."""
+
+    title: ClassVar[str] = "Epipolar images"
+
+    kind: Literal["epipolar"] = "epipolar"
+    pairs: PairChoice = setting(PairChoice(), "Which pairs of photographs are used.")
+    height_margin: float = setting(
+        0.08, "How far the surface may leave the heights of the tie points, as a share of the flying height.", ge=0, le=0.5
+    )
+    interpolation: Literal["bicubic", "bilinear"] = setting("bicubic", "How photographs are resampled.")
+
+    def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
+        yield Job(self.kind, "pairs", choose_pairs, {"block": BLOCK}, {"pairs": PAIRS},
+                  {"choice": self.pairs, "height_margin": self.height_margin})
+        yield Job(self.kind, "report", report, {"block": BLOCK, "pairs": PAIRS, "ties": TIE_POINTS, "photos": PHOTOS},
+                  {"report": report_table(self.kind)})
+        pairs, block, photos = view.table(PAIRS), view.table(BLOCK), view.table(PHOTOS)
+        yield from self._ranges(view, photos, pairs.pairs)
+        for pair in pairs.pairs:
+            for side in SIDES:
+                yield from self._image(pair, side, block, photos, view.project.tile)
+
+    def _ranges(self, view: ProjectView, photos: Photos, pairs: tuple[EpipolarPair, ...]) -> Iterator[Job]:
+        """One stretch for each 16-bit photograph, from its coarsest level."""
+        for name in sorted({name for pair in pairs for name in (pair.left, pair.right)}):
+            photo = photos[name]
+            if photo.dtype != "uint8":
+                coarsest = view.raster(photo_raster(name, photo.levels - 1))
+                yield Job(self.kind, f"grey-{name}", photograph_range, {"overview": Raster(coarsest.name, coarsest.full)},
+                          {"grey": grey_table(name)})
+
+    def _image(self, pair: EpipolarPair, side: Side, block: Block, photos: Photos, size: int) -> Iterator[RasterSpec | Job]:
+        shape = epipolar_shape(pair, side)
+        yield RasterSpec(name=epipolar_raster(pair.name, side), shape=shape, dtype="uint8", chunk=size, nodata=0, unit="grey")
+        for tile in tiles_of(shape, size):
+            yield self._tile(pair, side, block, photos, tile)
+
+    def _tile(self, pair: EpipolarPair, side: Side, block: Block, photos: Photos, tile: Tile) -> Job:
+        photo = photos[pair.left if side == "left" else pair.right]
+        orientation, camera = (model.model_copy(update={"covariance": None}) for model in (block.of(photo.name), block.camera_of(photo.name)))
+        of_pair = TileOfPair(pair, side, orientation, camera, tile.window)
+        window = of_pair.view.photo_window(tile.window)
+        reads = {} if window.empty else {"pixels": Raster(photo_raster(photo.name), window)}
+        if reads and photo.dtype != "uint8":
+            reads["stretch"] = grey_table(photo.name)
+        return Job(
+            self.kind, f"{pair.name}-{side}", resample_tile, reads,
+            {"image": Raster(epipolar_raster(pair.name, side), tile.window)},
+            {"tile": of_pair, "photo_window": window, "bicubic": self.interpolation == "bicubic"},
+            row=tile.row, col=tile.col, scratch=window.height * window.width * 12,
+        )
+

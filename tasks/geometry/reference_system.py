@@ -1,0 +1,67 @@
+"""The project's coordinate reference system: projected, in metres, with an optional vertical part after a plus sign.
+
+Everything behind this file counts in metres on a plane; a system in degrees or feet is refused here, once. Only the horizontal
+part takes part in the transformation of positions: heights keep their number, because the altitude tag of a camera does not say
+reliably whether it counts from the ellipsoid or from the sea.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+from pyproj import CRS, Transformer
+from pyproj.exceptions import CRSError
+
+from schemas.errors import WorkflowError
+
+
+@lru_cache(maxsize=16)
+def ground_crs(text: str) -> CRS:
+    """The horizontal part of the project's reference system, e.g. of "EPSG:2100" or "EPSG:32634+5773".
+
+    Raises WorkflowError when it is unknown, counts in degrees, or is not in metres.
+    """
+    try:
+        crs = CRS.from_user_input(text)
+    except CRSError as error:
+        raise WorkflowError(
+            f"The reference system crs: {text} is not known to PROJ; give a projected one in metres, "
+            "for example EPSG:2100 or the UTM zone of the site such as EPSG:32634."
+        ) from error
+    horizontal = crs.sub_crs_list[0] if crs.is_compound else crs
+    if horizontal.is_geographic or horizontal.is_geocentric:
+        raise WorkflowError(
+            f"The reference system crs: {text} ({horizontal.name}) does not lie in a plane: it counts "
+            f"{_unit(horizontal)}; give a projected one, for example EPSG:2100 or the UTM zone of the site such as EPSG:32634."
+        )
+    if not _in_metres(horizontal):
+        raise WorkflowError(
+            f"The reference system crs: {text} ({horizontal.name}) does not count metres but {_unit(horizontal)}; "
+            "give a projected one in metres, for example the UTM zone of the site."
+        )
+    return horizontal
+
+
+def ground_coordinates(crs: str, longitude_latitude: np.ndarray) -> np.ndarray:
+    """X, Y (N, 2) in m in the project's system of WGS 84 longitudes and latitudes (N, 2) in degrees.
+
+    Raises WorkflowError when the system does not reach there.
+    """
+    transformer = Transformer.from_crs(CRS.from_epsg(4326), ground_crs(crs), always_xy=True)
+    x, y = transformer.transform(longitude_latitude[:, 0], longitude_latitude[:, 1])
+    xy = np.column_stack([x, y])
+    if not np.isfinite(xy).all():
+        longitude, latitude = longitude_latitude[~np.isfinite(xy).all(axis=1)][0]
+        raise WorkflowError(
+            f"The reference system crs: {crs} does not reach longitude {longitude:.4f}, latitude {latitude:.4f}, "
+            "where photographs were taken; give the system of the site."
+        )
+    return xy
+
+
+def _unit(crs: CRS) -> str:
+    name = crs.axis_info[0].unit_name if crs.axis_info else "an unnamed unit"
+    return {"degree": "degrees", "metre": "metres", "foot": "feet", "US survey foot": "US survey feet"}.get(name, name)
+
+
+def _in_metres(crs: CRS) -> bool:
+    return bool(crs.axis_info) and all(abs(axis.unit_conversion_factor - 1.0) < 1e-9 for axis in crs.axis_info[:2])

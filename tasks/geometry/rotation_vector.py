@@ -1,0 +1,39 @@
+"""Small rotations as vectors: R <- exp([w]x) R. No attitude is singular, unlike with three angles; angles are for people."""
+
+import numpy as np
+
+from tasks.geometry.rotation import angles, rotation_derivatives
+
+
+def skew(v: np.ndarray) -> np.ndarray:
+    """The 3 x 3 matrix of the vector product v x."""
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+def rotation_of_vector(w: np.ndarray) -> np.ndarray:
+    """exp([w]x): the rotation by |w| radians about w (Rodrigues)."""
+    angle = float(np.linalg.norm(w))
+    K = skew(w)
+    if angle < 1e-6:
+        return np.eye(3) + K + 0.5 * K @ K
+    return np.eye(3) + np.sin(angle) / angle * K + (1.0 - np.cos(angle)) / angle**2 * K @ K
+
+
+def vector_of_rotation(R: np.ndarray) -> np.ndarray:
+    """The rotation vector (3,) of R, of length 0 to pi."""
+    sine = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    cosine, length = 0.5 * (np.trace(R) - 1.0), float(np.linalg.norm(sine))
+    if length > 1e-9:
+        return sine / length * np.arctan2(length, cosine)
+    if cosine > 0.0:
+        return sine
+    axis = np.linalg.eigh(R + R.T)[1][:, 2]
+    return np.pi * axis
+
+
+def angles_from_vector(R: np.ndarray) -> np.ndarray:
+    """(3, 3): derivatives of omega, phi, kappa by the rotation vector at R. Next to phi = 90 degrees, where omega and kappa fall
+    together, the part that is defined."""
+    by_angle = rotation_derivatives(*angles(R))
+    columns = [(D @ R.T) for D in by_angle]
+    return np.linalg.pinv(np.column_stack([[K[2, 1], K[0, 2], K[1, 0]] for K in columns]))

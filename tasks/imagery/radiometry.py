@@ -1,0 +1,36 @@
+"""Grey values: one band from three, eight bits from sixteen.
+
+Matching needs one band. Grey is the luma of ITU-R BT.601, the weights that JPEG itself uses. Sixteen-bit photographs are
+stretched between two grey values found once for the whole photograph (on its coarsest pyramid level), never per tile: a tile
+must look like the whole.
+"""
+
+import numpy as np
+
+LUMA = np.array([0.299, 0.587, 0.114], dtype=np.float32)
+"""Red, green, blue (ITU-R BT.601)"""
+
+
+def grey(pixels: np.ndarray) -> np.ndarray:
+    """Grey values (rows, cols) float32 in the units of the pixels (rows, cols), (rows, cols, 1) or (rows, cols, 3)."""
+    if pixels.ndim == 2:
+        return pixels.astype(np.float32)
+    if pixels.shape[2] == 1:
+        return pixels[:, :, 0].astype(np.float32)
+    red, green, blue = (pixels[:, :, band].astype(np.float32) for band in range(3))
+    return LUMA[0] * red + LUMA[1] * green + LUMA[2] * blue
+
+
+def grey_range(overview: np.ndarray) -> tuple[float, float]:
+    """The grey values that become 0 and 255, from a photograph's coarsest level: the whole range for 8 bits, percentiles for 16."""
+    if overview.dtype == np.uint8:
+        return 0.0, 255.0
+    low, high = np.percentile(grey(overview), (0.1, 99.9))
+    return float(low), float(max(high, low + 1.0))
+
+
+def grey_bytes(pixels: np.ndarray, limits: tuple[float, float] = (0.0, 255.0)) -> np.ndarray:
+    """Grey values (rows, cols) uint8, `limits` stretched to 0 and 255."""
+    low, high = limits
+    stretched = (grey(pixels) - np.float32(low)) * np.float32(255.0 / (high - low))
+    return np.clip(np.rint(stretched), 0, 255).astype(np.uint8)

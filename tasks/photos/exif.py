@@ -1,0 +1,84 @@
+"""EXIF tags as text, as GDAL writes them, into numbers: "(46) (50) (33.38)" is a latitude, "(3.61)" a focal length.
+
+Tags come under their plain names ("FocalLength"); GDAL's own prefix ("EXIF_FocalLength") is understood as well.
+A tag that is absent, empty, zero where zero is impossible, or not a number counts as absent: cameras write all of these.
+"""
+
+import re
+from collections.abc import Mapping
+
+_NUMBER = re.compile(r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
+_FOCAL_PLANE_UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
+"""EXIF FocalPlaneResolutionUnit: inch, centimetre, millimetre, micrometre"""
+
+
+def numbers(tags: Mapping[str, str], name: str) -> list[float]:
+    """All numbers of a tag; empty when it is absent or holds none."""
+    return [float(text) for text in _NUMBER.findall(_text(tags, name))]
+
+
+def positive(tags: Mapping[str, str], name: str) -> float | None:
+    """The first number of a tag when it is above zero."""
+    found = numbers(tags, name)
+    return found[0] if found and found[0] > 0 else None
+
+
+def word(tags: Mapping[str, str], name: str) -> str:
+    """A tag as text without padding."""
+    return _text(tags, name).strip("\0 \t\r\n")
+
+
+def _text(tags: Mapping[str, str], name: str) -> str:
+    return tags.get(name) or tags.get(f"EXIF_{name}") or ""
+
+
+def orientation(tags: Mapping[str, str]) -> int:
+    """The EXIF orientation flag, 1 to 8; 1 (upright) when it is absent or no such number."""
+    text = word(tags, "Orientation")
+    return int(text) if text in {"1", "2", "3", "4", "5", "6", "7", "8"} else 1
+
+
+def longitude_latitude(tags: Mapping[str, str]) -> tuple[float, float] | None:
+    """Degrees, east and north positive; None when absent, out of range, or exactly zero (a receiver without a fix)."""
+    longitude, latitude = _degrees(tags, "GPSLongitude", "W"), _degrees(tags, "GPSLatitude", "S")
+    if longitude is None or latitude is None or abs(longitude) > 180 or abs(latitude) > 90 or longitude == latitude == 0:
+        return None
+    return longitude, latitude
+
+
+def _degrees(tags: Mapping[str, str], name: str, negative: str) -> float | None:
+    parts = numbers(tags, name)
+    if not 1 <= len(parts) <= 3:
+        return None
+    value = sum(abs(part) / 60**power for power, part in enumerate(parts))
+    return -value if word(tags, f"{name}Ref").upper().startswith(negative) or parts[0] < 0 else value
+
+
+def altitude(tags: Mapping[str, str]) -> float | None:
+    """Metres; GPSAltitudeRef 1 counts downwards."""
+    found = numbers(tags, "GPSAltitude")
+    if not found:
+        return None
+    below = word(tags, "GPSAltitudeRef").lower() in {"1", "0x01"}
+    return -found[0] if below else found[0]
+
+
+def time(tags: Mapping[str, str]) -> str | None:
+    """When it was taken, as ISO 8601 local time of the camera."""
+    text = word(tags, "DateTimeOriginal") or word(tags, "DateTime")
+    match = re.fullmatch(r"(\d{4}):(\d\d):(\d\d) (\d\d:\d\d:\d\d).*", text)
+    return f"{match[1]}-{match[2]}-{match[3]}T{match[4]}" if match else None
+
+
+def focal_plane_pixel_um(tags: Mapping[str, str], longer_side: int) -> float | None:
+    """Side of a pixel from the focal plane resolution, micrometres; None when the tags do not say.
+
+    The resolution counts the pixels that the camera wrote; when the file has fewer (`longer_side`), it was reduced since, and its
+    pixels are larger in proportion.
+    """
+    resolution = positive(tags, "FocalPlaneXResolution")
+    unit = _FOCAL_PLANE_UNIT_MM.get(int((numbers(tags, "FocalPlaneResolutionUnit") or [2.0])[0]))
+    if resolution is None or unit is None:
+        return None
+    written = max(positive(tags, "PixelXDimension") or 0.0, positive(tags, "PixelYDimension") or 0.0) or longer_side
+    return 1000.0 * unit / resolution * written / longer_side

@@ -1,0 +1,144 @@
+"""From headers to the list of photographs: names, cameras, positions, and what is refused.
+
+Everything that is wrong with any photograph is gathered and said at once. A photograph without GPS or focal length is not wrong:
+later stages say what they need.
+"""
+
+from dataclasses import dataclass
+from pathlib import PurePath
+
+import numpy as np
+
+from schemas.errors import PhotoError
+from schemas.photo import Header, Photo, Photos
+from schemas.workflow import NoPositions, Positions
+from tasks.geometry.reference_system import ground_coordinates, ground_crs
+from tasks.imagery.pyramid import level_count
+from tasks.photos import exif
+from tasks.photos.positions import read_positions
+from tasks.photos.sensors import sensor_width_mm
+from tasks.photos.upright import upright_shape
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a photograph may be."""
+
+    megapixels: float
+    smallest_side: int = 64
+
+
+def photo_from_header(header: Header) -> Photo:
+    """What the header of an image file says of the photograph; no position in the project's CRS yet."""
+    tags = header.tags
+    orientation = exif.orientation(tags)
+    rows, cols = upright_shape(orientation, header.height, header.width)
+    place = exif.longitude_latitude(tags)
+    return Photo(
+        name=PurePath(header.path).stem,
+        path=header.path,
+        width=cols,
+        height=rows,
+        bands=1 if header.bands == 1 else 3,
+        dtype=header.dtype,
+        exif_orientation=orientation,
+        camera=_camera_name(header, orientation),
+        focal_mm=exif.positive(tags, "FocalLength"),
+        focal_35mm=exif.positive(tags, "FocalLengthIn35mmFilm"),
+        pixel_um=_pixel_um(header),
+        longitude=place[0] if place else None,
+        latitude=place[1] if place else None,
+        altitude=exif.altitude(tags),
+        time=exif.time(tags),
+        levels=level_count((rows, cols)),
+    )
+
+
+def index_photos(
+    headers: tuple[Header, ...], crs: str, positions: Positions, limits: Limits, positions_text: str | None = None
+) -> Photos:
+    """All photographs of a project, in the order of `headers`.
+
+    positions_text: the CSV file, for the kinds that read one. Raises PhotoError naming every photograph that cannot be used,
+    WorkflowError for the CRS and the positions file.
+    """
+    ground_crs(crs)
+    refusals = [sentence for header in headers if (sentence := _refusal(header, limits))]
+    photos = [photo_from_header(header) for header in headers]
+    refusals += _duplicates(photos)
+    if refusals:
+        raise PhotoError(" ".join(refusals))
+    if positions.kind == "exif":
+        photos = _placed_by_gps(photos, crs, (positions.sigma_plan, positions.sigma_plan, positions.sigma_height))
+    elif not isinstance(positions, NoPositions):
+        photos = _placed_by_file(photos, positions_text or "")
+    return Photos(photos=tuple(photos))
+
+
+def _refusal(header: Header, limits: Limits) -> str | None:
+    megapixels = header.width * header.height / 1e6
+    if megapixels > limits.megapixels:
+        return (
+            f"{header.path} has {megapixels:.1f} megapixels ({header.width} x {header.height}), "
+            f"more than the {limits.megapixels:g} that are allowed; raise max_megapixels of the stage photos if the file is meant."
+        )
+    if min(header.width, header.height) < limits.smallest_side:
+        size = f"{header.width} x {header.height} pixels"
+        return f"{header.path} is only {size}, too small for a photograph ({limits.smallest_side} at least)."
+    if header.bands not in (1, 3, 4):
+        return f"{header.path} has {header.bands} bands; grey (1), RGB (3) and RGB with alpha (4) can be read."
+    if header.dtype not in ("uint8", "uint16"):
+        return (
+            f"{header.path} has pixels of type {header.dtype}; unsigned integers of 8 or 16 bits can be read, so convert it first."
+        )
+    return None
+
+
+def _duplicates(photos: list[Photo]) -> list[str]:
+    first: dict[str, Photo] = {}
+    sentences = []
+    for photo in photos:
+        twin = first.setdefault(photo.name, photo)
+        if twin is not photo:
+            sentences.append(
+                f"{twin.path} and {photo.path} have the same name {photo.name}, by which everything refers to them; rename one."
+            )
+    return sentences
+
+
+def _camera_name(header: Header, orientation: int) -> str:
+    make, model = exif.word(header.tags, "Make"), exif.word(header.tags, "Model")
+    maker = "" if model.upper().startswith(make.upper()) else make
+    focal = exif.positive(header.tags, "FocalLength")
+    words = [maker, model, f"{focal:g} mm" if focal else "", f"{header.width} x {header.height}"]
+    if orientation != 1:
+        words.append(f"turned {orientation}")
+    return " ".join(word for word in words if word)
+
+
+def _pixel_um(header: Header) -> float | None:
+    """Side of a pixel in micrometres: the maker's sensor width goes before the focal plane tags, which many cameras get wrong."""
+    longer_side = max(header.width, header.height)
+    width = sensor_width_mm(exif.word(header.tags, "Model"))
+    return 1000.0 * width / longer_side if width else exif.focal_plane_pixel_um(header.tags, longer_side)
+
+
+def _placed_by_gps(photos: list[Photo], crs: str, sigma: tuple[float, float, float]) -> list[Photo]:
+    tagged = [photo for photo in photos if photo.longitude is not None and photo.altitude is not None]
+    if not tagged:
+        return photos
+    xy = ground_coordinates(crs, np.array([(photo.longitude, photo.latitude) for photo in tagged]))
+    places = {photo.name: (float(x), float(y), photo.altitude) for photo, (x, y) in zip(tagged, xy, strict=True)}
+    return [_placed(photo, places.get(photo.name), sigma) for photo in photos]
+
+
+def _placed_by_file(photos: list[Photo], text: str) -> list[Photo]:
+    positions = read_positions(text)
+    return [
+        _placed(photo, positions[photo.name].xyz, positions[photo.name].sigma) if photo.name in positions else photo
+        for photo in photos
+    ]
+
+
+def _placed(photo: Photo, xyz: tuple[float, float, float] | None, sigma: tuple[float, float, float]) -> Photo:
+    return photo if xyz is None else photo.model_copy(update={"position": xyz, "position_sigma": sigma})

@@ -1,0 +1,46 @@
+"""Pixels of a photograph: turned upright strip by strip, halved level by level, and a few numbers of how it is exposed."""
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from schemas.raster import Window
+from tasks.imagery.pyramid import halved_window
+from tasks.imagery.radiometry import grey
+from tasks.photos.upright import upright
+
+
+class Exposure(BaseModel):
+    """How a photograph is exposed, measured on its coarsest level; grey values are shares of the full range."""
+
+    model_config = ConfigDict(frozen=True)
+
+    photo: str
+    mean: float
+    contrast: float
+    """standard deviation"""
+    black: float
+    white: float
+    """shares of pixels at the ends of the range"""
+
+
+def upright_strip(pixels: np.ndarray, orientation: int, bands: int) -> np.ndarray:
+    """Pixels (rows, cols, file bands) as read from the file, upright and without an alpha band: (rows, cols, bands)."""
+    return upright(pixels[:, :, :bands], orientation)
+
+
+def level_tile(pixels: np.ndarray, window: Window) -> np.ndarray:
+    """One tile `window` of a pyramid level from the level below (see `tasks.imagery.pyramid.source_window`)."""
+    return halved_window(pixels, window)
+
+
+def exposure(overview: np.ndarray, photo: str) -> Exposure:
+    """Exposure of a photograph from its coarsest level (rows, cols, bands)."""
+    full = float(np.iinfo(overview.dtype).max)
+    values = grey(overview) / full
+    return Exposure(
+        photo=photo,
+        mean=float(values.mean()),
+        contrast=float(values.std()),
+        black=float((values <= 1 / 255).mean()),
+        white=float((values >= 254 / 255).mean()),
+    )

@@ -1,0 +1,60 @@
+"""Where the photographs were taken: from a CSV file, or from GPS tags carried into the project's reference system."""
+
+import csv
+import io
+from dataclasses import dataclass
+
+from schemas.errors import WorkflowError
+
+COLUMNS = ("photo", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
+
+Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Position:
+    """A projection centre and its standard errors, m."""
+
+    xyz: Triple
+    sigma: Triple
+
+
+def read_positions(text: str) -> dict[str, Position]:
+    """The positions of a CSV file with the columns photo, x, y, z, sigma_x, sigma_y, sigma_z, by the name of the photograph.
+
+    A file extension behind the name is dropped. Raises WorkflowError with the number of the line.
+    """
+    reader = csv.DictReader(io.StringIO(text.lstrip("\ufeff")), skipinitialspace=True)
+    missing = [column for column in COLUMNS if column not in (reader.fieldnames or ())]
+    if missing:
+        raise WorkflowError(
+            f"The positions file has no column {', '.join(missing)}; its first line must name {', '.join(COLUMNS)}."
+        )
+    positions: dict[str, Position] = {}
+    for row in reader:
+        name = _stem(row["photo"])
+        if name in positions:
+            raise WorkflowError(
+                f"Line {reader.line_num} of the positions file names the photograph {name} a second time; keep one of the lines."
+            )
+        positions[name] = _position(row, reader.line_num)
+    return positions
+
+
+def _stem(name: str | None) -> str:
+    head, dot, tail = (name or "").strip().rpartition(".")
+    return head if dot and tail.lower() in {"jpg", "jpeg", "tif", "tiff", "png"} else (name or "").strip()
+
+
+def _position(row: dict[str, str], line: int) -> Position:
+    try:
+        x, y, z, *sigma = (float(row[column]) for column in COLUMNS[1:])
+    except (TypeError, ValueError):
+        raise WorkflowError(
+            f"Line {line} of the positions file does not hold six numbers behind the photograph's name, but {dict(row)}."
+        ) from None
+    if min(sigma) <= 0:
+        raise WorkflowError(
+            f"Line {line} of the positions file gives a standard error of zero or less; every one must be above zero."
+        )
+    return Position((x, y, z), (sigma[0], sigma[1], sigma[2]))

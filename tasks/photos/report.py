@@ -1,0 +1,162 @@
+"""What the report says of the photographs: how many, where, with which camera, how exposed, and what they lack."""
+
+from collections import Counter
+
+import numpy as np
+
+from schemas.photo import Photo, Photos, photo_raster
+from schemas.report import Chart, Figure, Grid, Picture, StageReport
+from tasks.photos.pixels import Exposure
+
+PICTURES = 6
+
+
+def photos_report(photos: Photos, exposures: tuple[Exposure, ...], positions_kind: str) -> StageReport:
+    """The report of the stage. exposures: in the order of the photographs."""
+    return StageReport(
+        figures=_figures(photos),
+        grids=(_photo_grid(photos, exposures), _camera_grid(photos)),
+        charts=_charts(photos),
+        pictures=_pictures(photos),
+        warnings=(*_header_warnings(photos, positions_kind), *_exposure_warnings(exposures)),
+    )
+
+
+def _figures(photos: Photos) -> tuple[Figure, ...]:
+    megapixels = sum(photo.width * photo.height for photo in photos.photos) / 1e6
+    placed = sum(photo.position is not None for photo in photos.photos)
+    base = _median_base(photos)
+    return (
+        Figure(name="photographs", value=len(photos.photos), sentence="Photographs read.", headline=True),
+        Figure(name="megapixels", value=round(megapixels, 1), unit="megapixels", sentence="Pixels of all photographs together."),
+        Figure(
+            name="cameras",
+            value=len({photo.camera for photo in photos.photos}),
+            sentence="Different cameras, focal lengths or image sizes.",
+        ),
+        Figure(name="with_position", value=placed, sentence="Photographs whose projection centre is known before the adjustment."),
+        Figure(name="nearest_distance", value=base, unit="m", sentence="Median distance of a photograph to the nearest other one."),
+    )
+
+
+def _median_base(photos: Photos) -> float | None:
+    centres = np.array([photo.position for photo in photos.photos if photo.position is not None])
+    if len(centres) < 2:
+        return None
+    nearest = [np.sort(np.linalg.norm(centres - centre, axis=1))[1] for centre in centres]
+    return round(float(np.median(nearest)), 2)
+
+
+def _photo_grid(photos: Photos, exposures: tuple[Exposure, ...]) -> Grid:
+    rows = tuple(
+        (
+            photo.name,
+            f"{photo.width} x {photo.height}",
+            _kind(photo),
+            photo.focal_mm,
+            photo.time,
+            *_xyz(photo),
+            round(100 * exposure.mean, 1),
+            round(100 * exposure.contrast, 1),
+        )
+        for photo, exposure in zip(photos.photos, exposures, strict=True)
+    )
+    columns = ("photo", "pixels", "kind", "focal length (mm)", "taken", "X (m)", "Y (m)", "Z (m)", "mean grey (%)", "contrast (%)")
+    return Grid(
+        title="Photographs",
+        columns=columns,
+        rows=rows,
+        note="Grey values in per cent of the full range, measured on the coarsest level.",
+    )
+
+
+def _kind(photo: Photo) -> str:
+    turn = "" if photo.exif_orientation == 1 else f", turned upright (EXIF orientation {photo.exif_orientation})"
+    return f"{'grey' if photo.bands == 1 else 'RGB'}, {8 if photo.dtype == 'uint8' else 16} bit{turn}"
+
+
+def _xyz(photo: Photo) -> tuple[float | None, ...]:
+    return tuple(round(value, 2) for value in photo.position) if photo.position else (None, None, None)
+
+
+def _camera_grid(photos: Photos) -> Grid:
+    counts = Counter(photo.camera for photo in photos.photos)
+    first = {photo.camera: photo for photo in reversed(photos.photos)}
+    rows = tuple(
+        (name, count, first[name].focal_mm, first[name].focal_35mm, _rounded(first[name].pixel_um))
+        for name, count in sorted(counts.items())
+    )
+    return Grid(
+        title="Cameras",
+        columns=("camera", "photographs", "focal length (mm)", "35 mm equivalent (mm)", "pixel (micrometres)"),
+        rows=rows,
+    )
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 4)
+
+
+def _charts(photos: Photos) -> tuple[Chart, ...]:
+    placed = [photo for photo in photos.photos if photo.position is not None]
+    if not placed:
+        return ()
+    x, y = (tuple(photo.position[axis] for photo in placed if photo.position) for axis in (0, 1))
+    return (
+        Chart(
+            title="Where the photographs were taken",
+            style="map",
+            x_label="X (m)",
+            y_label="Y (m)",
+            x=x,
+            series={"y": y},
+            labels=tuple(photo.name for photo in placed),
+        ),
+    )
+
+
+def _pictures(photos: Photos) -> tuple[Picture, ...]:
+    step = max(1, len(photos.photos) // PICTURES)
+    return tuple(
+        Picture(title=photo.name, raster=photo_raster(photo.name, photo.levels - 1), style="rgb")
+        for photo in photos.photos[::step][:PICTURES]
+    )
+
+
+def _header_warnings(photos: Photos, positions_kind: str) -> list[str]:
+    warnings = []
+    homeless = [photo.name for photo in photos.photos if photo.position is None]
+    if homeless and positions_kind != "none":
+        source = "GPS tags with longitude, latitude and altitude" if positions_kind == "exif" else "line in the positions file"
+        warnings.append(f"{_named(homeless)} without a position: no {source}.")
+    if any(photo.focal_mm is None and photo.focal_35mm is None for photo in photos.photos):
+        blind = [photo.name for photo in photos.photos if photo.focal_mm is None and photo.focal_35mm is None]
+        warnings.append(f"{_named(blind)} without a focal length in EXIF: the camera has to come from the workflow.")
+    cameras = {photo.camera for photo in photos.photos}
+    if len(cameras) > 1:
+        warnings.append(
+            f"The photographs come from {len(cameras)} cameras, focal lengths or image sizes; "
+            "each gets its own interior orientation."
+        )
+    if len({photo.bands for photo in photos.photos}) > 1:
+        warnings.append("Grey and colour photographs are mixed; the orthoimage shows grey where only grey ones see the ground.")
+    return warnings
+
+
+def _exposure_warnings(exposures: tuple[Exposure, ...]) -> list[str]:
+    burnt = [exposure.photo for exposure in exposures if exposure.white > 0.1]
+    drowned = [exposure.photo for exposure in exposures if exposure.black > 0.1]
+    flat = [exposure.photo for exposure in exposures if exposure.contrast < 0.03]
+    warnings = []
+    if burnt:
+        warnings.append(f"{_named(burnt)} with more than 10 % of the pixels fully white: nothing can be matched there.")
+    if drowned:
+        warnings.append(f"{_named(drowned)} with more than 10 % of the pixels fully black: nothing can be matched there.")
+    if flat:
+        warnings.append(f"{_named(flat)} with very little contrast: expect few tie points.")
+    return warnings
+
+
+def _named(names: list[str]) -> str:
+    shown = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
+    return f"{len(names)} photograph{'s' if len(names) > 1 else ''} ({shown})"

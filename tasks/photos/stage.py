@@ -1,0 +1,133 @@
+"""The stage `photos`: image files into chunked rasters with pyramids, and one table of what is known of each photograph.
+
+Pixels come in strips of whole chunks, a tile high (or a tile wide for photographs that EXIF turns by a quarter, whose file rows
+become columns), so that memory is bounded by a strip however large the photograph.
+"""
+
+from collections.abc import Iterator
+from typing import Any, ClassVar, Literal
+
+from schemas.job import Export, Job, PhotoHeader, PhotoPixels, Raster, Region, Table, TextFile
+from schemas.photo import PHOTOS, Photo, photo_raster
+from schemas.raster import RasterSpec, Window, tiles_of
+from schemas.report import report_table
+from schemas.settings import setting
+from schemas.stage import ProjectView, Stage
+from tasks.geometry.reference_system import ground_crs
+from tasks.imagery.pyramid import level_shape, source_window
+from tasks.photos.index import Limits, index_photos
+from tasks.photos.pixels import Exposure, exposure, level_tile, upright_strip
+from tasks.photos.report import photos_report
+from tasks.photos.upright import file_window, turned, upright_shape
+
+
+def exposure_table(photo: str) -> Table[Exposure]:
+    """Where the exposure of a photograph is stored."""
+    return Table(f"photos/exposure/{photo}.json", Exposure)
+
+
+class PhotosStage(Stage):
+    """Reads JPEG, TIFF and PNG photographs of 8 or 16 bits, grey or RGB."""
+
+    title: ClassVar[str] = "Reading the photographs"
+    kind: Literal["photos"] = "photos"
+    max_megapixels: float = setting(
+        400.0, "Photographs with more pixels are refused, as a guard against files that are not meant.", "megapixels", gt=0
+    )
+
+    def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
+        """The table of photographs first, then their strips, levels and exposure."""
+        ground_crs(view.project.crs)
+        yield self._index_job(view)
+        photos = view.table(PHOTOS)
+        for photo in photos.photos:
+            yield from self._pixel_jobs(photo, view.project.tile)
+        yield Job(
+            stage=self.kind,
+            item="report",
+            function=photos_report,
+            reads={"photos": PHOTOS, "exposures": tuple(exposure_table(name) for name in photos.names)},
+            writes={"report": report_table(self.kind)},
+            params={"positions_kind": view.project.positions.kind},
+        )
+
+    def _index_job(self, view: ProjectView) -> Job:
+        headers = tuple(PhotoHeader(path) for path in view.image_files(view.project.photographs))
+        reads: dict[str, Region | tuple[Region, ...]] = {"headers": headers, **_positions_file(view)}
+        params: dict[str, Any] = {
+            "crs": view.project.crs,
+            "positions": view.project.positions,
+            "limits": Limits(self.max_megapixels),
+        }
+        return Job(stage=self.kind, item="index", function=index_photos, reads=reads, writes={"photos": PHOTOS}, params=params)
+
+    def _pixel_jobs(self, photo: Photo, tile: int) -> Iterator[RasterSpec | Job]:
+        for level in range(photo.levels):
+            yield _level_spec(photo, level, tile)
+        yield from self._strip_jobs(photo, tile)
+        for level in range(1, photo.levels):
+            yield from self._level_jobs(photo, level, tile)
+        top = _level_spec(photo, photo.levels - 1, tile)
+        yield Job(
+            stage=self.kind,
+            item=f"{photo.name} exposure",
+            function=exposure,
+            reads={"overview": Raster(top.name, top.full)},
+            writes={"exposure": exposure_table(photo.name)},
+            params={"photo": photo.name},
+            scratch=16 * top.shape[0] * top.shape[1],
+        )
+
+    def _strip_jobs(self, photo: Photo, tile: int) -> Iterator[Job]:
+        name = photo_raster(photo.name)
+        in_file = upright_shape(photo.exif_orientation, photo.height, photo.width)
+        for index, window in enumerate(_strips(photo, tile)):
+            source = PhotoPixels(photo.path, file_window(window, photo.exif_orientation, *in_file))
+            yield Job(
+                stage=self.kind,
+                item=f"{photo.name} strip",
+                row=index,
+                function=upright_strip,
+                reads={"pixels": source},
+                writes={"strip": Raster(name, window)},
+                params={"orientation": photo.exif_orientation, "bands": photo.bands},
+            )
+
+    def _level_jobs(self, photo: Photo, level: int, tile: int) -> Iterator[Job]:
+        below, spec = _level_spec(photo, level - 1, tile), _level_spec(photo, level, tile)
+        for cell in tiles_of(spec.shape, tile):
+            yield Job(
+                stage=self.kind,
+                item=f"{photo.name} level {level}",
+                row=cell.row,
+                col=cell.col,
+                function=level_tile,
+                reads={"pixels": Raster(below.name, source_window(cell.window, below.shape))},
+                writes={"tile": Raster(spec.name, cell.window)},
+                params={"window": cell.window},
+                scratch=64 * tile * tile * photo.bands,
+            )
+
+
+def _positions_file(view: ProjectView) -> dict[str, Region]:
+    positions = view.project.positions
+    if positions.kind == "file":
+        return {"positions_text": TextFile(positions.path)}
+    if positions.kind == "simulated":
+        return {"positions_text": TextFile(view.run_file("photographs/positions.csv"))}
+    return {}
+
+
+def _level_spec(photo: Photo, level: int, tile: int) -> RasterSpec:
+    shape = level_shape((photo.height, photo.width, photo.bands), level)
+    return RasterSpec(name=photo_raster(photo.name, level), shape=shape, dtype=photo.dtype, chunk=tile)
+
+
+def _strips(photo: Photo, tile: int) -> Iterator[Window]:
+    """Strips of whole chunks of the upright photograph that are rows of its file."""
+    if turned(photo.exif_orientation):
+        for col in range(0, photo.width, tile):
+            yield Window(0, col, photo.height, min(tile, photo.width - col))
+    else:
+        for row in range(0, photo.height, tile):
+            yield Window(row, 0, min(tile, photo.height - row), photo.width)

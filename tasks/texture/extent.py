@@ -1,0 +1,126 @@
+"""Where the orthoimage lies and what one of its tiles needs: grids that nest, pyramid levels, windows of heights and photographs.
+
+A DSM cell is divided into a whole number of ortho pixels, so that the two grids share their outer corner. What can hide a cell
+from a photograph lies between the cell and the foot of the ray's point at the greatest height: the window of heights of a tile
+is the tile, and the tile moved that far towards every projection centre. With it a tile knows all that the whole model knows.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from schemas.errors import WorkflowError
+from schemas.raster import MapGrid, Window
+from schemas.surface import Surface
+from tasks.geometry.footprint import photo_window
+from tasks.geometry.view import View
+
+NESTING = 1e-6
+"""How far from a whole number the ratio of the cells may be."""
+
+
+@dataclass(frozen=True)
+class PhotoPart:
+    """The pixels of one photograph that a job holds: `window` in the raster of pyramid level `level`."""
+
+    name: str
+    level: int
+    window: Window
+
+
+@dataclass(frozen=True)
+class TileExtent:
+    """One ortho tile: its window in the ortho grid, and the windows of the heights and photographs that belong to it."""
+
+    ortho: MapGrid
+    window: Window
+    dsm: MapGrid
+    heights: Window
+    photos: tuple[PhotoPart, ...]
+
+    @property
+    def divisor(self) -> int:
+        """Ortho pixels along the side of a DSM cell."""
+        return round(self.dsm.cell / self.ortho.cell)
+
+
+def ground_pixels(views: Iterable[View], ground: float) -> np.ndarray:
+    """Side of a photo pixel on the ground at height `ground` (m), below the projection centre, one per view."""
+    return np.array([max(view.centre[2] - ground, 0.0) / view.camera.c for view in views])
+
+
+def ortho_grid(dsm: MapGrid, cell: float | None, ground_pixel: float) -> MapGrid:
+    """The grid of the orthoimage: that of the DSM with each cell divided into n x n.
+
+    `cell` in m, or None for the one next to `ground_pixel` (m), rather finer than coarser. Raises WorkflowError when a given
+    cell does not divide the DSM's.
+    """
+    ratio = dsm.cell / (cell or ground_pixel)
+    divisor = max(1, round(ratio)) if cell else max(1, int(np.ceil(ratio - 0.25)))
+    if cell and abs(ratio - divisor) > NESTING * divisor:
+        raise WorkflowError(
+            f"texture.cell is {cell:g} m, but the surface model has cells of {dsm.cell:g} m and the orthoimage must divide them: "
+            f"use {dsm.cell / divisor:g} m or auto."
+        )
+    return MapGrid(west=dsm.west, north=dsm.north, cell=dsm.cell / divisor, rows=dsm.rows * divisor, cols=dsm.cols * divisor)
+
+
+def photo_level(cell: float, ground_pixel: float, levels: int) -> int:
+    """The pyramid level whose pixel is next to `cell` (both m) on the ground; level k has pixels of 2^k full-size pixels."""
+    return int(np.clip(np.floor(np.log2(max(cell / ground_pixel, 1.0)) + 0.5), 0, levels - 1))
+
+
+def level_window(window: Window, level: int, shape: tuple[int, ...]) -> Window:
+    """The window at pyramid level `level` (raster of `shape`) that covers a window of the full-size photograph."""
+    step = 2**level
+    row, col = window.row // step, window.col // step
+    bottom, right = -(-(window.row + window.height) // step), -(-(window.col + window.width) // step)
+    return Window(row, col, bottom - row, right - col).clipped(shape)
+
+
+def dsm_core(dsm: MapGrid, divisor: int, window: Window) -> Window:
+    """The DSM cells under a window of the ortho grid."""
+    row, col = window.row // divisor, window.col // divisor
+    bottom, right = -(-(window.row + window.height) // divisor), -(-(window.col + window.width) // divisor)
+    return Window(row, col, bottom - row, right - col).clipped(dsm.shape)
+
+
+def heights_window(surface: Surface, views: Sequence[View], core: Window, halo: int) -> Window:
+    """The DSM cells that can hide `core` from any of `views`, with `halo` cells more on every side, clipped to the DSM."""
+    grid, margin = surface.grid, 0.05 * (surface.height_high - surface.height_low)
+    low, high = surface.height_low - margin, surface.height_high + margin
+    rows, cols = [core.row, core.row + core.height - 1], [core.col, core.col + core.width - 1]
+    top, left, bottom, right = rows[0], cols[0], rows[1], cols[1]
+    for view in views:
+        col0, row0 = grid.pixel(view.centre[0], view.centre[1])
+        share = min((high - low) / max(view.centre[2] - low, 1e-9), 1.0)
+        reached_rows = [row + share * (row0 - row) for row in rows]
+        reached_cols = [col + share * (col0 - col) for col in cols]
+        top, bottom = min(top, *reached_rows), max(bottom, *reached_rows)
+        left, right = min(left, *reached_cols), max(right, *reached_cols)
+    row, col = int(np.floor(top)) - 1, int(np.floor(left)) - 1
+    return Window(row, col, int(np.ceil(bottom)) + 2 - row, int(np.ceil(right)) + 2 - col).grown(halo).clipped(grid.shape)
+
+
+@dataclass(frozen=True)
+class PhotoSource:
+    """A photograph as planning knows it: where it looked from, the pyramid level to use and that raster's shape."""
+
+    view: View
+    level: int
+    shape: tuple[int, ...]
+
+
+def tile_extent(surface: Surface, ortho: MapGrid, window: Window, sources: Sequence[PhotoSource], halo: int) -> TileExtent:
+    """All windows that the ortho tile `window` needs; photographs that cannot see it are left out."""
+    parts, seeing = [], []
+    for source in sources:
+        margin = 4 * 2**source.level
+        full = photo_window(source.view, ortho, window, surface.height_low, surface.height_high, margin)
+        part = level_window(full, source.level, source.shape)
+        if not (full.empty or part.empty):
+            parts.append(PhotoPart(source.view.name, source.level, part))
+            seeing.append(source.view)
+    core = dsm_core(surface.grid, round(surface.grid.cell / ortho.cell), window)
+    return TileExtent(ortho, window, surface.grid, heights_window(surface, seeing, core, halo), tuple(parts))

@@ -1,0 +1,172 @@
+"""The colour that a photograph has for each ortho pixel, and how much that colour is worth.
+
+Colour: bicubic (Keys 1981, a = -1/2, which reproduces a linear ramp exactly) at the projected place, lens distortion included.
+Worth: the area, in photo pixels, of the ortho cell's piece of surface as projected into the photograph (Petsa et al. 2007, M12; after
+Poulin et al. 1998), times a feather towards the photo's border.
+
+For a piece of surface over the horizontal area A with normal n = (-dz/dx, -dz/dy, 1), seen along d = centre - point at depth w along the
+optical axis, that area is c^2 A (n . d) / w^3: the solid angle A (n . d) / |d|^3 over the cube of the cosine to the axis.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from schemas.raster import MapGrid, Window
+from tasks.geometry.view import View, project_point
+
+STEEPEST = 3.0
+"""Slope beyond which a surface counts as no steeper: a wall's ortho cell is then not worth nothing in every photo."""
+LEAST_FACING = 0.05
+"""Least n . d as a share of the height difference: a visible cell is worth something even where its noisy normal looks away."""
+
+
+@dataclass(frozen=True)
+class Ground:
+    """Ortho pixels with heights: `z` (rows, cols) m, NaN where there is none, and the surface's slopes `dx`, `dy` (m per m), float32."""
+
+    grid: MapGrid
+    window: Window
+    z: np.ndarray
+    dx: np.ndarray
+    dy: np.ndarray
+
+
+@dataclass(frozen=True)
+class PhotoPixelsAt:
+    """Pixels of a photograph, (rows, cols, bands), at `window` of its pyramid level `level`."""
+
+    pixels: np.ndarray
+    window: Window
+    level: int
+
+
+@njit(cache=True, inline="always")
+def _keys(t, w):
+    w[0] = ((-0.5 * t + 1.0) * t - 0.5) * t
+    w[1] = (1.5 * t - 2.5) * t * t + 1.0
+    w[2] = ((-1.5 * t + 2.0) * t + 0.5) * t
+    w[3] = (0.5 * t - 0.5) * t * t
+
+
+@njit(cache=True)
+def _sample(pixels, place, n, west, north, cell, z, dx, dy, seen, feather, colour, worth, r2):
+    rows, cols = z.shape
+    bands = pixels.shape[2]
+    scale, col0, row0 = place[0], place[1], place[2]
+    height, width = pixels.shape[0], pixels.shape[1]
+    wx, wy = np.empty(4), np.empty(4)
+    half_diagonal2 = 0.25 * ((n[20] - 1.0) ** 2 + (n[21] - 1.0) ** 2)
+    for i in range(rows):
+        y = north - (i + 0.5) * cell
+        for j in range(cols):
+            if seen[i, j] == 0 or np.isnan(z[i, j]):
+                continue
+            x = west + (j + 0.5) * cell
+            full_col, full_row, depth = project_point(n, x, y, z[i, j])
+            if depth <= 0.0:
+                continue
+            border = min(min(full_col, n[20] - 1.0 - full_col), min(full_row, n[21] - 1.0 - full_row))
+            col = (full_col + 0.5) / scale - 0.5 - col0
+            row = (full_row + 0.5) / scale - 0.5 - row0
+            c, r = int(np.floor(col)), int(np.floor(row))
+            if border < 0.0 or c < 1 or r < 1 or c + 2 >= width or r + 2 >= height:
+                continue
+            _keys(col - c, wx)
+            _keys(row - r, wy)
+            for band in range(bands):
+                total = 0.0
+                for k in range(4):
+                    line = 0.0
+                    for m in range(4):
+                        line += wx[m] * pixels[r - 1 + k, c - 1 + m, band]
+                    total += wy[k] * line
+                colour[i, j, band] = total
+            rise = n[11] - z[i, j]
+            facing = rise - dx[i, j] * (n[9] - x) - dy[i, j] * (n[10] - y)
+            facing = max(facing, LEAST_FACING * rise)
+            area = n[12] * n[12] * cell * cell * facing / (depth * depth * depth)
+            share = 1.0 if feather <= 0.0 else min(border / feather, 1.0)
+            worth[i, j] = max(area * share * share * (3.0 - 2.0 * share), 1e-12)
+            r2[i, j] = ((full_col - 0.5 * (n[20] - 1.0)) ** 2 + (full_row - 0.5 * (n[21] - 1.0)) ** 2) / half_diagonal2
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """What one photograph says about the ground.
+
+    `colour` (rows, cols, bands) float32 grey values as recorded; `worth` (rows, cols) float32, photo px^2 times the border feather, 0
+    where the photograph does not see the pixel; `r2` (rows, cols) float32, squared distance from the photo's middle in half diagonals.
+    """
+
+    colour: np.ndarray
+    worth: np.ndarray
+    r2: np.ndarray
+
+
+def sample_photo(view: View, photo: PhotoPixelsAt, ground: Ground, seen: np.ndarray, feather: float) -> Sampled:
+    """Colour and worth of every ground pixel that `seen` (rows, cols) leaves to this photograph. `feather` is in full-size px."""
+    shape = ground.z.shape
+    bands = photo.pixels.shape[2]
+    colour = np.zeros((*shape, bands), np.float32)
+    worth, r2 = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+    if photo.pixels.size:
+        west = ground.grid.west + ground.window.col * ground.grid.cell
+        north = ground.grid.north - ground.window.row * ground.grid.cell
+        place = np.array([2.0**photo.level, photo.window.col, photo.window.row])
+        _sample(photo.pixels, place, view.numbers, west, north, ground.grid.cell, ground.z, ground.dx, ground.dy,
+                np.ascontiguousarray(seen), feather, colour, worth, r2)
+    return Sampled(colour, worth, r2)
+
+
+@njit(cache=True)
+def _drape(heights, row0, col0, divisor, limit, z):
+    rows, cols = z.shape
+    last_row, last_col = heights.shape[0] - 1, heights.shape[1] - 1
+    for i in range(rows):
+        y = (row0 + i + 0.5) / divisor - 0.5
+        near_r = min(max(int(np.floor(y + 0.5)), 0), last_row)
+        r = min(max(int(np.floor(y)), 0), max(last_row - 1, 0))
+        for j in range(cols):
+            x = (col0 + j + 0.5) / divisor - 0.5
+            near_c = min(max(int(np.floor(x + 0.5)), 0), last_col)
+            c = min(max(int(np.floor(x)), 0), max(last_col - 1, 0))
+            z[i, j] = heights[near_r, near_c]
+            if last_row < 1 or last_col < 1 or np.isnan(z[i, j]):
+                continue
+            a, b = heights[r, c], heights[r, c + 1]
+            d, e = heights[r + 1, c], heights[r + 1, c + 1]
+            lowest, highest = min(min(a, b), min(d, e)), max(max(a, b), max(d, e))
+            if np.isnan(a + b + d + e) or highest - lowest > limit:
+                continue
+            s, t = x - c, y - r
+            z[i, j] = (1.0 - t) * ((1.0 - s) * a + s * b) + t * ((1.0 - s) * d + s * e)
+
+
+def _slopes(heights: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
+    """Slopes (dz/dx, dz/dy) in m per m from differences over two cells, averaged over three; 0 where a neighbour is missing."""
+    padded = np.pad(heights.astype(np.float64), 1, mode="edge")
+    down = padded[:-2] + padded[1:-1] + padded[2:]
+    across = padded[:, :-2] + padded[:, 1:-1] + padded[:, 2:]
+    dx = (down[:, 2:] - down[:, :-2]) / (6.0 * cell)
+    dy = (across[:-2] - across[2:]) / (6.0 * cell)
+    steepness = np.maximum(np.hypot(dx, dy) / STEEPEST, 1.0)
+    return (np.nan_to_num(dx / steepness).astype(np.float32), np.nan_to_num(dy / steepness).astype(np.float32))
+
+
+def ground_of(heights: np.ndarray, heights_window: Window, dsm: MapGrid, ortho: MapGrid, window: Window) -> Ground:
+    """The ground of the ortho pixels `window` from DSM `heights` (at `heights_window`).
+
+    Heights are bilinear between four DSM cells that belong together, and the nearest cell's where they differ by more than two
+    cells in height (a wall) or one is missing: no ramp is drawn between a roof and the ground.
+    """
+    divisor = round(dsm.cell / ortho.cell)
+    heights = np.ascontiguousarray(heights, np.float32)
+    z = np.empty(window.shape, np.float32)
+    row0, col0 = window.row - heights_window.row * divisor, window.col - heights_window.col * divisor
+    _drape(heights, float(row0), float(col0), divisor, 2.0 * dsm.cell, z)
+    dx, dy = _slopes(heights, dsm.cell)
+    rows = (row0 + np.arange(window.height)) // divisor
+    cols = (col0 + np.arange(window.width)) // divisor
+    return Ground(ortho, window, z, np.ascontiguousarray(dx[np.ix_(rows, cols)]), np.ascontiguousarray(dy[np.ix_(rows, cols)]))

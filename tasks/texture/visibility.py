@@ -1,0 +1,169 @@
+"""Which cells of a height model a photograph sees: the ray from the cell to the projection centre must stay above the surface.
+
+Strategy: march along the ray, one cell at a time in the direction in which it advances faster, and compare its height with the
+surface (linear between the two cells beside it). Blocks of the model know the greatest height around them, so a ray above it
+jumps a whole block; above the greatest height of all it is free. Only the surface between a cell and the sky above it matters, so
+a tile with a large enough halo gives exactly the answer of the whole model.
+
+Holes are bridged for this test (and for draping) from the nearest heights in eight directions: an unmeasured spot on a roof still
+hides the ground behind it. Holes wider than the bridge hide nothing.
+
+Source: visibility by the surface nearest to the projection centre, Petsa et al. 2007 (methods/texture_blending.md, M5); the exact
+ray stands for the triangle look-up. Widening of occlusions: M10, on the ground instead of in the image.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from scipy import ndimage
+
+from schemas.raster import MapGrid, Window
+from tasks.geometry.view import View
+
+BLOCK = 16
+"""Side of the blocks whose greatest height lets a ray jump, cells."""
+
+
+@dataclass(frozen=True)
+class HeightModel:
+    """A window of a height model: `heights` (rows, cols) m with NaN for holes, at `window` of `grid`."""
+
+    heights: np.ndarray
+    grid: MapGrid
+    window: Window
+
+
+@njit(cache=True)
+def _bridge(heights, gap, out):
+    rows, cols = heights.shape
+    for r in range(rows):
+        for c in range(cols):
+            if not np.isnan(heights[r, c]):
+                out[r, c] = heights[r, c]
+                continue
+            total, weights = 0.0, 0.0
+            for dr in range(-1, 2):
+                for dc in range(-1, 2):
+                    if dr == 0 and dc == 0:
+                        continue
+                    for step in range(1, gap + 1):
+                        i, j = r + dr * step, c + dc * step
+                        if i < 0 or j < 0 or i >= rows or j >= cols:
+                            break
+                        if not np.isnan(heights[i, j]):
+                            weight = 1.0 / (step * np.sqrt(float(dr * dr + dc * dc)))
+                            total += weight * heights[i, j]
+                            weights += weight
+                            break
+            out[r, c] = total / weights if weights > 0.0 else np.nan
+
+
+def bridge_holes(heights: np.ndarray, gap: int) -> np.ndarray:
+    """Heights (rows, cols) with holes filled from the nearest heights in eight directions at most `gap` cells away, by inverse distance.
+
+    Where none is that near, NaN stays. The answer at a cell depends on the cells within `gap` only. float32.
+    """
+    out = np.empty(heights.shape, np.float32)
+    _bridge(np.ascontiguousarray(heights, np.float32), gap, out)
+    return out
+
+
+def _ceiling(heights: np.ndarray) -> np.ndarray:
+    """Per block of 16 x 16 cells, the greatest height in it and in the blocks around it; -inf where there is none."""
+    rows, cols = -(-heights.shape[0] // BLOCK), -(-heights.shape[1] // BLOCK)
+    padded = np.full((rows * BLOCK, cols * BLOCK), -np.inf, np.float32)
+    padded[: heights.shape[0], : heights.shape[1]] = np.where(np.isnan(heights), -np.inf, heights)
+    blocks = padded.reshape(rows, BLOCK, cols, BLOCK).max(axis=(1, 3))
+    return ndimage.maximum_filter(blocks, size=3, mode="nearest")
+
+
+@njit(cache=True, inline="always")
+def _surface_between(heights, r0, r1, c0, c1, share):
+    a, b = heights[r0, c0], heights[r1, c1]
+    if np.isnan(a):
+        return b
+    if np.isnan(b):
+        return a
+    return a + share * (b - a)
+
+
+@njit(cache=True)
+def _march(heights, ceiling, top, centre, rows, cols, tolerance, cell, out):
+    height, width = heights.shape
+    for i in range(rows.size):
+        for j in range(cols.size):
+            row, col = rows[i], cols[j]
+            z = heights[row, col]
+            if np.isnan(z) or centre[2] <= z:
+                continue
+            dr, dc = centre[1] - row, centre[0] - col
+            steps = max(abs(dr), abs(dc))
+            if steps < 1.0:
+                out[i, j] = 1
+                continue
+            sr, sc, sz = dr / steps, dc / steps, (centre[2] - z) / steps
+            # noise of the model moves a slope sideways as well, so a steep cell gets a larger tolerance
+            east = heights[row, min(col + 1, width - 1)] - heights[row, max(col - 1, 0)]
+            south = heights[min(row + 1, height - 1), col] - heights[max(row - 1, 0), col]
+            slope = np.sqrt(east * east + south * south) / (2.0 * cell)
+            slope = 0.0 if np.isnan(slope) else min(slope, 2.0)
+            z += tolerance * (1.0 + slope)
+            by_row = abs(dr) >= abs(dc)
+            step, seen = 1.0, True
+            while step < steps:
+                ray = z + sz * step
+                if ray > top:
+                    break
+                y, x = row + sr * step, col + sc * step
+                near_r, near_c = int(round(y)), int(round(x))
+                if near_r < 0 or near_c < 0 or near_r >= height or near_c >= width:
+                    break
+                if ray > ceiling[near_r // BLOCK, near_c // BLOCK]:
+                    step += BLOCK - 1
+                    continue
+                if by_row:
+                    low = int(np.floor(x))
+                    high = min(low + 1, width - 1)
+                    surface = _surface_between(heights, near_r, near_r, max(low, 0), high, x - low)
+                else:
+                    low = int(np.floor(y))
+                    high = min(low + 1, height - 1)
+                    surface = _surface_between(heights, max(low, 0), high, near_c, near_c, y - low)
+                if surface > ray:
+                    seen = False
+                    break
+                step += 1.0
+            if seen:
+                out[i, j] = 1
+
+
+def visible_cells(model: HeightModel, view: View, rows: np.ndarray, cols: np.ndarray, tolerance: float) -> np.ndarray:
+    """uint8 (len(rows), len(cols)): 1 where the surface leaves the ray of the cell (rows[i], cols[j]) to the view free.
+
+    Rows and columns count in the model's window. A cell without height is not seen. `tolerance` (m) is how deep a ray may dip
+    below the surface on level ground; it grows with the slope at the cell. Whether the cell falls inside the photograph is
+    not asked here.
+    """
+    heights = np.ascontiguousarray(model.heights, np.float32)
+    col0, row0 = model.grid.pixel(view.centre[0], view.centre[1])
+    centre = np.array([col0 - model.window.col, row0 - model.window.row, view.centre[2]])
+    out = np.zeros((len(rows), len(cols)), np.uint8)
+    if np.isnan(heights).all():
+        return out
+    top = float(np.nanmax(heights))
+    _march(heights, _ceiling(heights), top, centre, np.asarray(rows, np.int64), np.asarray(cols, np.int64), tolerance, model.grid.cell, out)
+    return out
+
+
+def widening_factor(visible: np.ndarray, margin: float, ramp: float) -> np.ndarray:
+    """float32 weight factor (rows, cols) that falls towards hidden cells: 0 within `margin` cells of one, 1 from `margin` + `ramp` on.
+
+    Single hidden cells (specks of a noisy model) do not count: the hidden area is opened by a 2 x 2 window first
+    (Petsa et al. 2007, M10 step 3).
+    """
+    hidden = ndimage.binary_opening(visible == 0, structure=np.ones((2, 2)))
+    if not hidden.any():
+        return np.ones(visible.shape, np.float32)
+    distance = ndimage.distance_transform_edt(~hidden)
+    return np.clip((distance - margin) / max(ramp, 1e-6), 0.0, 1.0).astype(np.float32)

@@ -1,0 +1,96 @@
+"""Holds the floors of the house: read off the imports, not off good intentions."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+SHARED = ("geometry", "adjustment", "matching", "imagery")
+STAGES = ("photos", "calibration", "tie_points", "orientation", "epipolar", "densification", "dsm_check", "texture", "evaluation")
+FORBIDDEN_NAMES = {"utils", "util", "helpers", "helper", "common", "base", "misc", "tools"}
+
+
+def modules(*folders: str) -> list[Path]:
+    return sorted(path for folder in folders for path in (ROOT / folder).rglob("*.py"))
+
+
+def imports(path: Path) -> set[str]:
+    """All modules that a file imports, also inside functions."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom):
+            found.add(node.module or "")
+        elif isinstance(node, ast.Import):
+            found.update(alias.name for alias in node.names)
+    return found
+
+
+def imports_any(path: Path, *packages: str) -> set[str]:
+    return {name for name in imports(path) if any(name == package or name.startswith(package + ".") for package in packages)}
+
+
+def relative(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+@pytest.mark.parametrize("path", modules("schemas"), ids=relative)
+def test_schemas_stand_on_nothing(path):
+    assert not imports_any(path, "tasks", "pipeline", "dask", "distributed", "zarr", "rasterio", "cv2")
+
+
+@pytest.mark.parametrize("path", modules("tasks"), ids=relative)
+def test_tasks_know_no_engine_and_no_storage(path):
+    assert not imports_any(path, "pipeline", "dask", "distributed", "zarr", "rasterio", "yaml", "laspy", "pyarrow")
+
+
+@pytest.mark.parametrize("path", modules(*(f"tasks/{name}" for name in SHARED)), ids=relative)
+def test_shared_numerics_stand_below_the_stages(path):
+    assert not imports_any(path, *(f"tasks.{name}" for name in STAGES), "tasks.simulation", "tasks.catalogue", "schemas.stage")
+
+
+@pytest.mark.parametrize("path", modules(*(f"tasks/{name}" for name in (*STAGES, "simulation"))), ids=relative)
+def test_stages_never_import_each_other(path):
+    own = path.relative_to(ROOT / "tasks").parts[0]
+    others = [f"tasks.{name}" for name in (*STAGES, "simulation", "catalogue") if name != own]
+    assert not imports_any(path, *others)
+
+
+@pytest.mark.parametrize("path", modules("pipeline"), ids=relative)
+def test_the_engine_knows_no_photogrammetry(path):
+    allowed = {"tasks.catalogue"} if path.name == "cli.py" else set()
+    assert imports_any(path, "tasks") <= allowed
+
+
+def test_only_two_files_import_dask():
+    assert {path.name for path in modules("pipeline") if imports_any(path, "dask", "distributed")} <= {"dask_runner.py", "dask_cluster.py"}
+
+
+def test_only_the_store_imports_zarr():
+    assert {path.name for path in modules("pipeline") if imports_any(path, "zarr")} == {"store.py"}
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "tasks").glob("*/stage.py")), ids=relative)
+def test_a_stage_file_holds_no_numerics(path):
+    assert not imports_any(path, "numpy", "numba", "scipy", "cv2")
+
+
+@pytest.mark.parametrize("path", modules("schemas", "tasks", "pipeline"), ids=relative)
+def test_names_say_what_is_inside(path):
+    assert path.stem not in FORBIDDEN_NAMES
+
+
+@pytest.mark.parametrize("path", modules("schemas", "tasks", "pipeline"), ids=relative)
+def test_every_file_opens_with_its_strategy(path):
+    source = path.read_text()
+    assert not source.strip() or ast.get_docstring(ast.parse(source)), f"{relative(path)} has no docstring"
+
+
+@pytest.mark.parametrize("path", modules("schemas", "tasks", "pipeline"), ids=relative)
+def test_no_file_grows_into_a_shed(path):
+    assert len(path.read_text().splitlines()) <= 420, f"{relative(path)} is crowded; rebuild the room"
+
+
+@pytest.mark.parametrize("path", modules("schemas", "tasks", "pipeline"), ids=relative)
+def test_nothing_unpickles_files(path):
+    assert not imports_any(path, "pickle", "cloudpickle", "marshal", "shelve")
