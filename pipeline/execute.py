@@ -10,10 +10,11 @@ from typing import Any
 
 from pipeline.export import export
 from pipeline.image_files import read_header, read_pixels
+from pipeline.map_files import read_map, read_map_grid
 from pipeline.records import Fingerprint, Key, Record, Records
 from pipeline.store import Store
 from schemas.errors import OrthomillError, StoreError
-from schemas.job import Export, Job, PhotoHeader, PhotoPixels, Raster, Region, Table
+from schemas.job import Export, Job, MapFile, MapHeader, PhotoHeader, PhotoPixels, Raster, Region, Table
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,18 @@ def _read(store: Store, root: Path, region: Region) -> Any:
     if isinstance(region, PhotoHeader):
         header = read_header(root / region.path)
         return header.model_copy(update={"path": region.path})
-    return (root / region.path).read_text(encoding="utf-8-sig")
+    if isinstance(region, MapHeader):
+        return read_map_grid(root / region.path, region.crs)
+    if isinstance(region, MapFile):
+        return read_map(root / region.path, region)
+    return _read_text(root / region.path)
+
+
+def _read_text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise StoreError(f"{path} is not a text file in UTF-8; save it as plain text.") from None
 
 
 def _write(store: Store, region: Raster | Table, value: Any) -> None:

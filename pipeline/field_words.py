@@ -26,7 +26,7 @@ _TYPES: dict[type, tuple[str, str]] = {
 
 @dataclass(frozen=True)
 class Place:
-    """A place in a model's data: the path there, the innermost model around it, and the field (None: the model has no such field)."""
+    """A place in a model's data: the path there, the innermost model around it, and the field (None: there is no such field)."""
 
     path: tuple[str | int, ...]
     model: type[BaseModel] | None
@@ -101,7 +101,9 @@ def optional(annotation: Any) -> bool:
 def type_words(annotation: Any) -> str:
     """What may stand there: "a whole number", "one of ellipse, square", "2 numbers in brackets"."""
     tags = variants(annotation)
-    words = [f"a mapping with kind: {one_of(tags)}"] if len(tags) > 1 else [_member_words(member) for member in _members(annotation)]
+    words = [_member_words(member) for member in _members(annotation)]
+    if len(tags) > 1:
+        words = [f"a mapping with kind: {one_of(tags)}", *(word for word in words if word != "a mapping")]
     return " or ".join([*words, *(["null"] if optional(annotation) else [])])
 
 
@@ -152,7 +154,8 @@ def bounds(field: FieldInfo) -> tuple[str, ...]:
     high = _limit(limits, (("Le", "le", "at most"), ("Lt", "lt", "less than")))
     if "Ge" in limits and "Le" in limits:
         low, high = [f"from {number(limits['Ge'].ge)} to {number(limits['Le'].le)}"], []
-    return tuple(low + high + _limit(limits, (("MultipleOf", "multiple_of", "a multiple of"),)) + _lengths(field) + _patterns(field))
+    step = _limit(limits, (("MultipleOf", "multiple_of", "a multiple of"),))
+    return tuple(low + high + step + _lengths(field) + _patterns(field))
 
 
 def _limit(limits: dict[str, Any], kinds: tuple[tuple[str, str, str], ...]) -> list[str]:

@@ -13,7 +13,7 @@ from pipeline import fingerprint as fp
 from pipeline.records import Fingerprint, Key
 from pipeline.store import aligned
 from schemas.errors import OrthomillError, ResourceError, WorkflowError
-from schemas.job import Export, Job, PhotoHeader, PhotoPixels, Raster, Region, Table, TextFile
+from schemas.job import Export, Job, MapFile, MapHeader, PhotoHeader, PhotoPixels, Raster, Region, Table, TextFile
 from schemas.raster import RasterSpec, Window
 
 PROCESS_BYTES = 350 * 2**20
@@ -99,6 +99,7 @@ class Graph:
             sources.append(f"{region!r}{external}" if not isinstance(region, Table) else region.path)
         read = sum(self.specs[r.name].bytes_of(r.window) for r in regions if isinstance(r, Raster))
         read += sum(3 * r.window.height * r.window.width for r in regions if isinstance(r, PhotoPixels))
+        read += sum(4 * r.bands * r.window.height * r.window.width for r in regions if isinstance(r, MapFile))
         written = sum(self._spec(job, r.name).bytes_of(r.window) for r in job.writes.values() if isinstance(r, Raster))
         fingerprint = Fingerprint(
             settings=fp.digest(fp.of_value(job.params), *(self._output_text(job, name) for name in sorted(job.writes))),
@@ -153,7 +154,7 @@ class Graph:
             return [self._table_writers[region.path]], ""
         return self._file_writer(region)
 
-    def _file_writer(self, region: PhotoPixels | PhotoHeader | TextFile) -> tuple[list[Key], str]:
+    def _file_writer(self, region: PhotoPixels | PhotoHeader | TextFile | MapFile | MapHeader) -> tuple[list[Key], str]:
         if region.path in self._file_writers:
             return [self._file_writers[region.path]], ""
         try:

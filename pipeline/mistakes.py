@@ -139,8 +139,7 @@ def _sentence(detail: Any, place: Place, document: Document, base: Path_, annota
     if kind == "extra_forbidden":
         return _unknown(place, path, document), path
     if kind == "missing":
-        about = f" {sentence(place.field)}" if sentence(place.field) else ""
-        return f"is missing;{about.rstrip('.')} must be given: {allowed(place.field)}.", path
+        return f"is missing; needed is {allowed(place.field)}. {sentence(place.field)}".rstrip(), path
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         return _unknown_kind(value, path, place, annotation)
     if kind in ("value_error", "assertion_error"):

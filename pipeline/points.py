@@ -10,6 +10,7 @@ from pathlib import Path
 
 import laspy
 import numpy as np
+from laspy.vlrs.known import WktCoordinateSystemVlr
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
@@ -122,11 +123,18 @@ def _header(z: RasterSpec, attributes: dict[str, RasterSpec], coloured: bool) ->
     header.offsets = np.floor([z.transform[2], z.transform[5] + z.transform[4] * z.shape[0], 0.0])
     for label, spec in attributes.items():
         header.add_extra_dim(laspy.ExtraBytesParams(label[:32], spec.dtype, description=f"{label} {spec.unit}"[:32].strip()))
+    header.vlrs.append(WktCoordinateSystemVlr(_wkt(z)))
+    header.global_encoding.wkt = True
+    return header
+
+
+def _wkt(z: RasterSpec) -> str:
+    """WKT 1, which is what LAS 1.4 asks for, where the system can be said in it."""
     try:
-        header.add_crs(CRS.from_user_input(z.crs))
+        crs = CRS.from_user_input(z.crs)
     except CRSError as error:
         raise StoreError(f"{z.name} has the unknown coordinate system '{z.crs}'; name a known one, such as EPSG:2100.") from error
-    return header
+    return crs.to_wkt("WKT1_GDAL") or crs.to_wkt()
 
 
 def _write_tile(target: laspy.LasWriter, store: ReadableStore, cloud: Cloud, window: Window) -> None:

@@ -24,7 +24,7 @@ _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d{1,3})?\Z")
 _NOTHING = frozenset({"", "~", "null", "Null", "NULL"})
 
 
-class YamlMistake(Exception):
+class YamlError(Exception):
     """The text is not YAML that a workflow may contain: one sentence and its line (from 1)."""
 
     def __init__(self, line: int, sentence: str) -> None:
@@ -58,9 +58,9 @@ class Document:
 
 
 def read_yaml(text: str) -> Document:
-    """The document of `text`. Raises YamlMistake at the first thing that cannot be read."""
+    """The document of `text`. Raises YamlError at the first thing that cannot be read."""
     if len(text) > SIZE_LIMIT:
-        raise YamlMistake(1, f"the file has {len(text)} characters; a workflow has at most {SIZE_LIMIT}")
+        raise YamlError(1, f"the file has {len(text)} characters; a workflow has at most {SIZE_LIMIT}")
     builder = _Builder()
     try:
         events = yaml.parse(text, Loader=yaml.SafeLoader)
@@ -69,12 +69,12 @@ def read_yaml(text: str) -> Document:
         raise _syntax_mistake(error) from None
 
 
-def _syntax_mistake(error: yaml.YAMLError) -> YamlMistake:
+def _syntax_mistake(error: yaml.YAMLError) -> YamlError:
     mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
     problem = getattr(error, "problem", None) or getattr(error, "reason", None) or "unreadable"
     line = mark.line + 1 if mark else 1
-    hint = "; indent with spaces, not tabs" if "'\\t'" in problem else "; put texts that hold a colon or other signs in quotes, and align the lines"
-    return YamlMistake(line, f"this is not valid YAML ({problem}){hint}")
+    hint = "indent with spaces, not tabs" if "'\\t'" in problem else "align the lines, and put texts that hold a colon or brackets in quotes"
+    return YamlError(line, f"this is not valid YAML ({problem}); {hint}")
 
 
 @dataclass
@@ -88,7 +88,7 @@ class _Builder:
             if isinstance(event, yaml.DocumentStartEvent):
                 documents += 1
                 if documents > 1:
-                    raise YamlMistake(event.start_mark.line + 1, "a second document begins here; a workflow is one document without '---' in it")
+                    raise YamlError(event.start_mark.line + 1, "a second document begins here; a workflow is one, without '---' in it")
                 value = self._value(next(events), events, ())
         return Document(value, self.lines, tuple(self.repeated))
 
@@ -110,7 +110,7 @@ class _Builder:
         while not isinstance(event := next(events), yaml.MappingEndEvent):
             line = event.start_mark.line + 1
             if not isinstance(event, yaml.ScalarEvent):
-                raise YamlMistake(line, "a name is wanted before the colon, not a list or a mapping")
+                raise YamlError(line, "a name is wanted before the colon, not a list or a mapping")
             _refuse_machinery(event, path)
             if event.value in items:
                 self.repeated.append(((*path, event.value), line, self.lines[(*path, event.value)]))
@@ -124,14 +124,14 @@ class _Builder:
 def _refuse_machinery(event: yaml.Event, path: Path_) -> None:
     line = event.start_mark.line + 1
     if isinstance(event, yaml.AliasEvent):
-        raise YamlMistake(line, f"'*{event.anchor}' refers to another place; aliases are not used in a workflow, so write the value out "
-                                "(and put texts that begin with * in quotes)")
+        raise YamlError(line, f"'*{event.anchor}' refers to another place; aliases are not used in a workflow, so write the value out "
+                        "(and put texts that begin with * in quotes)")
     if event.anchor is not None:
-        raise YamlMistake(line, f"'&{event.anchor}' is an anchor; anchors are not used in a workflow, so take it out")
+        raise YamlError(line, f"'&{event.anchor}' is an anchor; anchors are not used in a workflow, so take it out")
     if event.tag not in (None, "!"):
-        raise YamlMistake(line, f"'{event.tag}' is a tag; tags are not used in a workflow, so take it out")
+        raise YamlError(line, f"'{event.tag}' is a tag; tags are not used in a workflow, so take it out")
     if len(path) > DEPTH_LIMIT:
-        raise YamlMistake(line, f"this is nested more than {DEPTH_LIMIT} levels deep; no workflow is")
+        raise YamlError(line, f"this is nested more than {DEPTH_LIMIT} levels deep; no workflow is")
 
 
 def _scalar(event: yaml.ScalarEvent) -> Any:

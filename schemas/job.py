@@ -11,7 +11,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from schemas.raster import Window
+from schemas.raster import MapGrid, Window
 
 T = TypeVar("T")
 
@@ -54,7 +54,29 @@ class TextFile:
     path: str
 
 
-Region = Raster | Table | PhotoPixels | PhotoHeader | TextFile
+@dataclass(frozen=True)
+class MapFile:
+    """A window of a georeferenced raster file, resampled to `grid` in `crs`.
+
+    Arrives as float32 (height, width), or (height, width, bands) when `bands` > 1; NaN where the file has nothing.
+    """
+
+    path: str
+    crs: str
+    grid: MapGrid
+    window: Window
+    bands: int = 1
+
+
+@dataclass(frozen=True)
+class MapHeader:
+    """The place of a georeferenced raster file; arrives as a `schemas.raster.MapGrid` of its bounds in `crs`."""
+
+    path: str
+    crs: str
+
+
+Region = Raster | Table | PhotoPixels | PhotoHeader | TextFile | MapFile | MapHeader
 
 
 @dataclass(frozen=True)

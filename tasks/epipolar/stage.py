@@ -63,8 +63,7 @@ class EpipolarStage(Stage):
 
     def _tile(self, pair: EpipolarPair, side: Side, block: Block, photos: Photos, tile: Tile) -> Job:
         photo = photos[pair.left if side == "left" else pair.right]
-        orientation, camera = (model.model_copy(update={"covariance": None}) for model in (block.of(photo.name), block.camera_of(photo.name)))
-        of_pair = TileOfPair(pair, side, orientation, camera, tile.window)
+        of_pair = TileOfPair(pair, side, block.of(photo.name), block.camera_of(photo.name), tile.window)
         window = of_pair.view.photo_window(tile.window)
         reads = {} if window.empty else {"pixels": Raster(photo_raster(photo.name), window)}
         if reads and photo.dtype != "uint8":

@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 
 from schemas.raster import MapGrid, Window
+from tasks.geometry.distortion import pixel_to_image
 from tasks.geometry.view import View, project_point
 
 STEEPEST = 3.0
@@ -51,30 +52,37 @@ def _keys(t, w):
 
 
 @njit(cache=True)
-def _sample(pixels, place, n, west, north, cell, z, dx, dy, seen, feather, colour, worth, r2):
+def _sample(pixels, place, n, widest, west, north, cell, corner, z, dx, dy, seen, feather, colour, worth, r2):
+    # places are counted in the whole grid and photograph, so that rounding is the same whatever the windows
     rows, cols = z.shape
+    first_row, first_col = corner
     bands = pixels.shape[2]
-    scale, col0, row0 = place[0], place[1], place[2]
+    scale, col0, row0 = 2.0 ** place[0], place[1], place[2]
     height, width = pixels.shape[0], pixels.shape[1]
     wx, wy = np.empty(4), np.empty(4)
     half_diagonal2 = 0.25 * ((n[20] - 1.0) ** 2 + (n[21] - 1.0) ** 2)
     for i in range(rows):
-        y = north - (i + 0.5) * cell
+        y = north - (first_row + i + 0.5) * cell
         for j in range(cols):
             if seen[i, j] == 0 or np.isnan(z[i, j]):
                 continue
-            x = west + (j + 0.5) * cell
+            x = west + (first_col + j + 0.5) * cell
             full_col, full_row, depth = project_point(n, x, y, z[i, j])
             if depth <= 0.0:
                 continue
-            border = min(min(full_col, n[20] - 1.0 - full_col), min(full_row, n[21] - 1.0 - full_row))
-            col = (full_col + 0.5) / scale - 0.5 - col0
-            row = (full_row + 0.5) / scale - 0.5 - row0
-            c, r = int(np.floor(col)), int(np.floor(row))
-            if border < 0.0 or c < 1 or r < 1 or c + 2 >= width or r + 2 >= height:
+            reach = (n[9] - x) ** 2 + (n[10] - y) ** 2 + (n[11] - z[i, j]) ** 2
+            if reach > (1.0 + widest) * depth * depth:
                 continue
+            border = min(min(full_col, n[20] - 1.0 - full_col), min(full_row, n[21] - 1.0 - full_row))
+            if not border >= 0.0:
+                continue
+            col, row = (full_col + 0.5) / scale - 0.5, (full_row + 0.5) / scale - 0.5
+            c, r = int(np.floor(col)), int(np.floor(row))
             _keys(col - c, wx)
             _keys(row - r, wy)
+            c, r = c - col0, r - row0
+            if c < 1 or r < 1 or c + 2 >= width or r + 2 >= height:
+                continue
             for band in range(bands):
                 total = 0.0
                 for k in range(4):
@@ -90,6 +98,16 @@ def _sample(pixels, place, n, west, north, cell, z, dx, dy, seen, feather, colou
             share = 1.0 if feather <= 0.0 else min(border / feather, 1.0)
             worth[i, j] = max(area * share * share * (3.0 - 2.0 * share), 1e-12)
             r2[i, j] = ((full_col - 0.5 * (n[20] - 1.0)) ** 2 + (full_row - 0.5 * (n[21] - 1.0)) ** 2) / half_diagonal2
+
+
+def _widest(view: View) -> float:
+    """Squared tangent of the angle to the photo's farthest corner, and a little more.
+
+    Beyond it a distortion polynomial may bend back and show a far point inside the photograph.
+    """
+    right, bottom = view.camera.width - 1.0, view.camera.height - 1.0
+    corners = pixel_to_image(view.camera, np.array([[0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]])) / view.camera.c
+    return 1.05 * float((corners**2).sum(axis=1).max())
 
 
 @dataclass(frozen=True)
@@ -112,26 +130,26 @@ def sample_photo(view: View, photo: PhotoPixelsAt, ground: Ground, seen: np.ndar
     colour = np.zeros((*shape, bands), np.float32)
     worth, r2 = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
     if photo.pixels.size:
-        west = ground.grid.west + ground.window.col * ground.grid.cell
-        north = ground.grid.north - ground.window.row * ground.grid.cell
-        place = np.array([2.0**photo.level, photo.window.col, photo.window.row])
-        _sample(photo.pixels, place, view.numbers, west, north, ground.grid.cell, ground.z, ground.dx, ground.dy,
+        place, corner = (photo.level, photo.window.col, photo.window.row), (ground.window.row, ground.window.col)
+        grid = ground.grid
+        _sample(photo.pixels, place, view.numbers, _widest(view), grid.west, grid.north, grid.cell, corner, ground.z, ground.dx, ground.dy,
                 np.ascontiguousarray(seen), feather, colour, worth, r2)
     return Sampled(colour, worth, r2)
 
 
 @njit(cache=True)
-def _drape(heights, row0, col0, divisor, limit, z):
+def _drape(heights, corner, first, divisor, limit, z):
     rows, cols = z.shape
+    row0, col0 = corner
     last_row, last_col = heights.shape[0] - 1, heights.shape[1] - 1
     for i in range(rows):
-        y = (row0 + i + 0.5) / divisor - 0.5
-        near_r = min(max(int(np.floor(y + 0.5)), 0), last_row)
-        r = min(max(int(np.floor(y)), 0), max(last_row - 1, 0))
+        y = (first[0] + i + 0.5) / divisor - 0.5
+        near_r = min(max(int(np.floor(y + 0.5)) - row0, 0), last_row)
+        r = min(max(int(np.floor(y)) - row0, 0), max(last_row - 1, 0))
         for j in range(cols):
-            x = (col0 + j + 0.5) / divisor - 0.5
-            near_c = min(max(int(np.floor(x + 0.5)), 0), last_col)
-            c = min(max(int(np.floor(x)), 0), max(last_col - 1, 0))
+            x = (first[1] + j + 0.5) / divisor - 0.5
+            near_c = min(max(int(np.floor(x + 0.5)) - col0, 0), last_col)
+            c = min(max(int(np.floor(x)) - col0, 0), max(last_col - 1, 0))
             z[i, j] = heights[near_r, near_c]
             if last_row < 1 or last_col < 1 or np.isnan(z[i, j]):
                 continue
@@ -140,7 +158,7 @@ def _drape(heights, row0, col0, divisor, limit, z):
             lowest, highest = min(min(a, b), min(d, e)), max(max(a, b), max(d, e))
             if np.isnan(a + b + d + e) or highest - lowest > limit:
                 continue
-            s, t = x - c, y - r
+            s, t = min(max(x - (c + col0), 0.0), 1.0), min(max(y - (r + row0), 0.0), 1.0)
             z[i, j] = (1.0 - t) * ((1.0 - s) * a + s * b) + t * ((1.0 - s) * d + s * e)
 
 
@@ -164,9 +182,9 @@ def ground_of(heights: np.ndarray, heights_window: Window, dsm: MapGrid, ortho: 
     divisor = round(dsm.cell / ortho.cell)
     heights = np.ascontiguousarray(heights, np.float32)
     z = np.empty(window.shape, np.float32)
-    row0, col0 = window.row - heights_window.row * divisor, window.col - heights_window.col * divisor
-    _drape(heights, float(row0), float(col0), divisor, 2.0 * dsm.cell, z)
+    corner, first = (heights_window.row, heights_window.col), (window.row, window.col)
+    _drape(heights, corner, first, divisor, 2.0 * dsm.cell, z)
     dx, dy = _slopes(heights, dsm.cell)
-    rows = (row0 + np.arange(window.height)) // divisor
-    cols = (col0 + np.arange(window.width)) // divisor
+    rows = np.arange(window.row, window.row + window.height) // divisor - heights_window.row
+    cols = np.arange(window.col, window.col + window.width) // divisor - heights_window.col
     return Ground(ortho, window, z, np.ascontiguousarray(dx[np.ix_(rows, cols)]), np.ascontiguousarray(dy[np.ix_(rows, cols)]))

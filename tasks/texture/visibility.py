@@ -89,15 +89,17 @@ def _surface_between(heights, r0, r1, c0, c1, share):
 
 
 @njit(cache=True)
-def _march(heights, ceiling, top, centre, rows, cols, tolerance, cell, out):
+def _march(heights, ceiling, top, centre, corner, rows, cols, tolerance, cell, out):
     height, width = heights.shape
+    # places are counted in the whole model, so that rounding is the same whatever the window
+    row0, col0 = corner
     for i in range(rows.size):
         for j in range(cols.size):
             row, col = rows[i], cols[j]
             z = heights[row, col]
             if np.isnan(z) or centre[2] <= z:
                 continue
-            dr, dc = centre[1] - row, centre[0] - col
+            dr, dc = centre[1] - (row0 + row), centre[0] - (col0 + col)
             steps = max(abs(dr), abs(dc))
             if steps < 1.0:
                 out[i, j] = 1
@@ -115,8 +117,8 @@ def _march(heights, ceiling, top, centre, rows, cols, tolerance, cell, out):
                 ray = z + sz * step
                 if ray > top:
                     break
-                y, x = row + sr * step, col + sc * step
-                near_r, near_c = int(round(y)), int(round(x))
+                y, x = row0 + row + sr * step, col0 + col + sc * step
+                near_r, near_c = int(np.floor(y + 0.5)) - row0, int(np.floor(x + 0.5)) - col0
                 if near_r < 0 or near_c < 0 or near_r >= height or near_c >= width:
                     break
                 if ray > ceiling[near_r // BLOCK, near_c // BLOCK]:
@@ -124,12 +126,12 @@ def _march(heights, ceiling, top, centre, rows, cols, tolerance, cell, out):
                     continue
                 if by_row:
                     low = int(np.floor(x))
-                    high = min(low + 1, width - 1)
-                    surface = _surface_between(heights, near_r, near_r, max(low, 0), high, x - low)
+                    left, right = max(low - col0, 0), min(low - col0 + 1, width - 1)
+                    surface = _surface_between(heights, near_r, near_r, left, right, x - low)
                 else:
                     low = int(np.floor(y))
-                    high = min(low + 1, height - 1)
-                    surface = _surface_between(heights, max(low, 0), high, near_c, near_c, y - low)
+                    upper, lower = max(low - row0, 0), min(low - row0 + 1, height - 1)
+                    surface = _surface_between(heights, upper, lower, near_c, near_c, y - low)
                 if surface > ray:
                     seen = False
                     break
@@ -147,12 +149,13 @@ def visible_cells(model: HeightModel, view: View, rows: np.ndarray, cols: np.nda
     """
     heights = np.ascontiguousarray(model.heights, np.float32)
     col0, row0 = model.grid.pixel(view.centre[0], view.centre[1])
-    centre = np.array([col0 - model.window.col, row0 - model.window.row, view.centre[2]])
+    centre, corner = np.array([col0, row0, view.centre[2]]), (model.window.row, model.window.col)
     out = np.zeros((len(rows), len(cols)), np.uint8)
     if np.isnan(heights).all():
         return out
     top = float(np.nanmax(heights))
-    _march(heights, _ceiling(heights), top, centre, np.asarray(rows, np.int64), np.asarray(cols, np.int64), tolerance, model.grid.cell, out)
+    rows, cols = np.asarray(rows, np.int64), np.asarray(cols, np.int64)
+    _march(heights, _ceiling(heights), top, centre, corner, rows, cols, tolerance, model.grid.cell, out)
     return out
 
 

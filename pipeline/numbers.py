@@ -1,0 +1,113 @@
+"""Numbers for people: as many digits as they mean something, thousands apart, a minus that is a minus, units beside them.
+
+Columns of a table get one number of decimals, so that their points stand below each other.
+"""
+
+import math
+from collections.abc import Iterable
+
+NARROW_SPACE = "\u202f"
+MINUS = "\u2212"
+ABSENT = "–"
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+Cell = float | int | str | bool | None
+
+
+def number_text(value: Cell, decimals: int | None = None) -> str:
+    """A value as text: grouped digits, about four that count (or `decimals` after the point), words as they are."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return ABSENT
+    if isinstance(value, str):
+        return value
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if math.isinf(value):
+        return "∞" if value > 0 else MINUS + "∞"
+    if isinstance(value, int):
+        return _grouped(f"{abs(value):d}", value < 0)
+    return _float_text(value, decimals_of((value,)) if decimals is None else decimals)
+
+
+def _float_text(value: float, decimals: int) -> str:
+    if value != 0 and (abs(value) < 1e-5 or abs(value) >= 1e12):
+        mantissa, exponent = f"{abs(value):.3e}".split("e")
+        return (MINUS if value < 0 else "") + f"{mantissa}{NARROW_SPACE}·{NARROW_SPACE}10{str(int(exponent)).translate(SUPERSCRIPTS)}"
+    text = f"{abs(value):.{decimals}f}"
+    return _grouped(text, value < 0 and float(text) != 0)
+
+
+def _grouped(text: str, negative: bool) -> str:
+    whole, point, fraction = text.partition(".")
+    if len(whole) > 4:
+        whole = f"{int(whole):,}".replace(",", NARROW_SPACE)
+    return (MINUS if negative else "") + whole + point + fraction
+
+
+def decimals_of(values: Iterable[Cell]) -> int:
+    """Decimals that suit all `values` together: about four digits of the typical one, but none that nobody gave."""
+    numbers = [abs(value) for value in values if isinstance(value, float) and math.isfinite(value)]
+    sizes = sorted(number for number in numbers if number > 0)
+    if not sizes:
+        return 0
+    typical = sizes[len(sizes) // 2]
+    wanted = 2 if typical >= 10 else min(3 - min(math.floor(math.log10(typical)), 0) - (typical < 1), 6)
+    return min(wanted, max(_given_decimals(number) for number in numbers))
+
+
+def _given_decimals(number: float) -> int:
+    text = f"{number:.9f}".rstrip("0")
+    return len(text.partition(".")[2])
+
+
+def column_texts(values: tuple[Cell, ...]) -> list[str]:
+    """The cells of one column with common decimals."""
+    decimals = decimals_of(values)
+    return [number_text(value, decimals) for value in values]
+
+
+def is_numeric(values: tuple[Cell, ...]) -> bool:
+    """Whether a column holds numbers (absent ones aside), to be set right-aligned."""
+    present = [value for value in values if value is not None]
+    return bool(present) and all(isinstance(value, int | float) and not isinstance(value, bool) for value in present)
+
+
+def duration_text(seconds: float) -> str:
+    """0.4 s, 12 s, 3 min 05 s, 2 h 07 min."""
+    if seconds < 10:
+        return f"{seconds:.1f}{NARROW_SPACE}s"
+    if seconds < 60:
+        return f"{seconds:.0f}{NARROW_SPACE}s"
+    minutes, rest = divmod(round(seconds), 60)
+    if minutes < 60:
+        return f"{minutes}{NARROW_SPACE}min {rest:02d}{NARROW_SPACE}s"
+    return f"{minutes // 60}{NARROW_SPACE}h {minutes % 60:02d}{NARROW_SPACE}min"
+
+
+def memory_text(count: int | None) -> str:
+    """Bytes in MiB or GiB."""
+    if count is None:
+        return ABSENT
+    return f"{count / 2**30:.2f}{NARROW_SPACE}GiB" if count >= 2**30 else f"{count / 2**20:.0f}{NARROW_SPACE}MiB"
+
+
+def nice_step(span: float, parts: int) -> float:
+    """The step 1, 2 or 5 times a power of ten that cuts `span` into about `parts`; 1 for no span."""
+    if not (math.isfinite(span) and span > 0):
+        return 1.0
+    power = 10.0 ** math.floor(math.log10(span / parts))
+    return min((factor * power for factor in (1, 2, 5, 10)), key=lambda step: abs(span / step - parts))
+
+
+def ticks(low: float, high: float, parts: int) -> list[float]:
+    """Round numbers between `low` and `high`, about `parts` of them."""
+    step = nice_step(high - low, parts)
+    first = math.ceil(low / step - 1e-9)
+    return [number * step for number in range(first, math.floor(high / step + 1e-9) + 1)]
+
+
+def tick_text(value: float, step: float) -> str:
+    """A tick with just the decimals its step needs."""
+    if step < 1e-5 or abs(value) >= 1e12:
+        return number_text(0 if value == 0 else value)
+    return _grouped(f"{abs(value):.{max(0, -math.floor(math.log10(step) + 1e-9))}f}", value < 0 and abs(value) > step / 2)

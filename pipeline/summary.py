@@ -1,0 +1,139 @@
+"""The summary of a run: every figure of its report under a stable name, for programs and for comparisons between runs.
+
+One flat table. A figure of a stage is `<stage>.<name>`; facts of the run itself are `run.<name>` and `run.<stage>.<name>`.
+Each entry holds its value, its unit and the sentence that says what it is. The file is sorted and strict JSON: a value that
+is not a finite number is null.
+"""
+
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from pipeline.reading import ReadableStore
+from pipeline.run_facts import RunFacts, StageRun, StageTitle
+from pipeline.table_files import write_whole
+from schemas.report import Figure, report_table
+
+Summary = dict[str, dict[str, Any]]
+"""name -> {"value", "unit", "sentence"}"""
+
+
+def summary(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunFacts) -> Summary:
+    """All figures of a run, sorted by name; stages without a report yet contribute only what is known of their jobs."""
+    entries = [(f"run.{figure.name}", figure) for figure in _run_figures(run)]
+    for kind, _ in stages:
+        entries += [(f"run.{kind}.{figure.name}", figure) for figure in _stage_figures(run.stage(kind))]
+        if store.has_table(report_table(kind)):
+            entries += _unique(kind, store.table(report_table(kind)).figures)
+    return {name: _entry(figure) for name, figure in sorted(entries, key=lambda entry: entry[0])}
+
+
+def _unique(kind: str, figures: tuple[Figure, ...]) -> Iterator[tuple[str, Figure]]:
+    """A name that a stage uses twice gets a number, so that no figure is lost."""
+    seen: dict[str, int] = {}
+    for figure in figures:
+        seen[figure.name] = seen.get(figure.name, 0) + 1
+        suffix = f"_{seen[figure.name]}" if seen[figure.name] > 1 else ""
+        yield f"{kind}.{figure.name}{suffix}", figure
+
+
+def _entry(figure: Figure) -> dict[str, Any]:
+    value = figure.value
+    if isinstance(value, float) and not math.isfinite(value):
+        value = None
+    return {"value": value, "unit": figure.unit, "sentence": figure.sentence}
+
+
+def _run_figures(run: RunFacts) -> tuple[Figure, ...]:
+    stages = run.stages
+    return (
+        Figure(name="project", value=run.project, sentence="Name of the project."),
+        Figure(name="crs", value=run.crs, sentence="Coordinate reference system of all products."),
+        Figure(name="version", value=run.version, sentence="Version of orthomill that made the run."),
+        Figure(name="scheduler", value=run.scheduler, sentence="Where the jobs ran."),
+        Figure(name="machine", value="; ".join(f"{what}: {value}" for what, value in run.machine), sentence="The machine and its libraries."),
+        Figure(name="started", value=run.started, sentence="When the run began (ISO 8601)."),
+        Figure(name="finished", value=run.finished, sentence="When the run ended (ISO 8601); null when it did not."),
+        Figure(name="complete", value=run.complete, sentence="Whether every planned job of every stage is done or unchanged."),
+        Figure(name="seconds", value=run.seconds, unit="s", sentence="Wall clock from start to end."),
+        Figure(name="work_seconds", value=sum(s.seconds for s in stages), unit="s", sentence="Work of all jobs of this run added up."),
+        Figure(name="peak_memory", value=_mebibytes(run.peak_bytes), unit="MiB", sentence="Largest memory of one worker."),
+        Figure(name="jobs", value=sum(s.jobs for s in stages), sentence="Jobs planned."),
+        Figure(name="jobs_done", value=sum(s.done for s in stages), sentence="Jobs that ran and finished in this run."),
+        Figure(name="jobs_skipped", value=sum(s.skipped for s in stages), sentence="Jobs unchanged since an earlier run."),
+        Figure(name="jobs_failed", value=sum(s.failed for s in stages), sentence="Jobs that failed."),
+        Figure(name="jobs_waiting", value=sum(s.waiting for s in stages), sentence="Jobs that were planned but not reached."),
+        Figure(name="failed_tiles", value=", ".join(failure.key for failure in run.failures), sentence="Keys of the jobs that failed."),
+    )
+
+
+def _stage_figures(stage: StageRun) -> tuple[Figure, ...]:
+    return (
+        Figure(name="complete", value=stage.complete, sentence="Whether every job of the stage is done or unchanged."),
+        Figure(name="seconds", value=stage.seconds, unit="s", sentence="Work of the stage's jobs added up."),
+        Figure(name="peak_memory", value=_mebibytes(stage.peak_bytes), unit="MiB", sentence="Largest memory of a worker while it ran a job of the stage."),
+        Figure(name="jobs", value=stage.jobs, sentence="Jobs planned."),
+        Figure(name="jobs_done", value=stage.done, sentence="Jobs that ran and finished in this run."),
+        Figure(name="jobs_skipped", value=stage.skipped, sentence="Jobs unchanged since an earlier run."),
+        Figure(name="jobs_failed", value=stage.failed, sentence="Jobs that failed."),
+        Figure(name="jobs_waiting", value=stage.waiting, sentence="Jobs that were planned but not reached."),
+    )
+
+
+def _mebibytes(count: int | None) -> float | None:
+    return None if count is None else round(count / 2**20, 1)
+
+
+def write_summary(entries: Summary, path: Path) -> None:
+    """Write `summary.json`, whole or not at all. Raises StoreError."""
+    write_whole(path, (json.dumps(entries, indent=1, sort_keys=True, ensure_ascii=False, allow_nan=False) + "\n").encode())
+
+
+INTRODUCTION = """# The figures of `summary.json`
+
+Every run leaves `runs/<project>/summary.json`: one flat object, sorted by name. An entry is
+`{"value": ..., "unit": "...", "sentence": "..."}`. Names are stable: a figure keeps its name from version to version, and
+a new meaning gets a new name.
+
+| name | what it is |
+| --- | --- |
+| `<stage>.<figure>` | a figure of the stage's report, in the unit beside it |
+| `run.<fact>` | a fact of the run: versions, times, memory, jobs, whether it is complete |
+| `run.<stage>.<fact>` | the jobs, the work and the memory of one stage |
+
+A value is a number, a word, true or false, or null when it could not be determined. Lengths are in metres and image residuals
+in pixels unless the unit says otherwise. A stage that has not reported yet has only its `run.<stage>` entries.
+
+Generated from a run; do not edit by hand.
+"""
+
+
+def summary_markdown(entries: Summary) -> str:
+    """The page `docs/summary.md`: the scheme, then every name with its unit and its sentence, by stage.
+
+    Facts that every stage has alike (`run.<stage>.*`) are listed once. Values are left out: the page describes names.
+    """
+    rows: dict[str, dict[str, tuple[str, str]]] = {}
+    for name, entry in entries.items():
+        group, label = _documented_name(name)
+        rows.setdefault(group, {})[label] = (entry["unit"], entry["sentence"])
+    groups = sorted(rows, key=lambda group: (group.startswith("run"), group))
+    return INTRODUCTION + "".join(_markdown_table(group, rows[group]) for group in groups)
+
+
+def _documented_name(name: str) -> tuple[str, str]:
+    parts = name.split(".")
+    if parts[0] == "run" and len(parts) > 2:
+        return "run.<stage>", f"run.<stage>.{parts[-1]}"
+    return parts[0], name
+
+
+def _markdown_table(group: str, rows: dict[str, tuple[str, str]]) -> str:
+    lines = [f"| `{name}` | {_cell(unit)} | {_cell(sentence)} |" for name, (unit, sentence) in rows.items()]
+    return "\n".join([f"\n## {group}\n", "| name | unit | what it is |", "| --- | --- | --- |", *lines]) + "\n"
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|").replace("\n", " ")
