@@ -6,7 +6,9 @@ because numba kernels and OpenCV gain nothing from sharing a process, and memory
 
 import logging
 import os
+import signal
 import socket
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -47,11 +49,27 @@ def local_client(workers: int, memory: int, port: int) -> Iterator[Client]:
     """A client of `workers` processes with `memory` bytes each; the dashboard listens on `port` or the next free one."""
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     os.environ.update(_one_thread_each())
-    with dask.config.set(_SETTINGS), LocalCluster(
-        n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1", memory_limit=memory,
-        dashboard_address=f"127.0.0.1:{free_port(port)}", silence_logs=logging.CRITICAL, resources={MEMORY: memory},
-    ) as cluster, Client(cluster) as client:
-        yield client
+    with dask.config.set(_SETTINGS):
+        with _deaf_to_ctrl_c():
+            cluster = LocalCluster(
+                n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1", memory_limit=memory,
+                dashboard_address=f"127.0.0.1:{free_port(port)}", silence_logs=logging.CRITICAL, resources={MEMORY: memory},
+            )
+        with cluster, Client(cluster) as client:
+            yield client
+
+
+@contextmanager
+def _deaf_to_ctrl_c() -> Iterator[None]:
+    """Processes started inside ignore Ctrl-C, which a terminal sends to all of them: only this process is to answer it."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @contextmanager

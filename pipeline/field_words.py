@@ -17,6 +17,7 @@ from pydantic.fields import FieldInfo
 
 from schemas.workflow import Project
 
+_OR_NULL = " or null"
 _TYPES: dict[type, tuple[str, str]] = {
     bool: ("true or false", "truth values"), int: ("a whole number", "whole numbers"), float: ("a number", "numbers"),
     str: ("a text", "texts"),
@@ -104,7 +105,7 @@ def type_words(annotation: Any) -> str:
     words = [_member_words(member) for member in _members(annotation)]
     if len(tags) > 1:
         words = [f"a mapping with kind: {one_of(tags)}", *(word for word in words if word != "a mapping")]
-    return " or ".join([*words, *(["null"] if optional(annotation) else [])])
+    return " or ".join(words) + (_OR_NULL if optional(annotation) else "")
 
 
 def _member_words(annotation: Any) -> str:
@@ -191,8 +192,9 @@ _PATTERNS = {_project_pattern(): "made of small letters, digits, - and _, with a
 
 def allowed(field: FieldInfo) -> str:
     """Everything a field may hold, with its unit: "a whole number (px), from 128 to 8192, a multiple of 64"."""
+    words, null = type_words(field.annotation).removesuffix(_OR_NULL), optional(field.annotation)
     measure = f" ({unit(field)})" if unit(field) else ""
-    return ", ".join([type_words(field.annotation) + measure, *bounds(field)])
+    return ", ".join([words + measure, *bounds(field)]) + (_OR_NULL if null else "")
 
 
 def number(value: float) -> str:

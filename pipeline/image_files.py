@@ -70,10 +70,11 @@ def read_header(path: Path) -> Header:
     """Size, bands, dtype and EXIF tags of an image file. Raises PhotoError for whatever cannot be a whole photograph."""
     with _opened(path) as dataset:
         _check_size(path, dataset)
-        facts = {"width": dataset.width, "height": dataset.height, "bands": _colour_bands(path, dataset), "dtype": dataset.dtypes[0]}
+        bands = _colour_bands(path, dataset)
         if dataset.driver in _END_CHECKS:
             _END_CHECKS[dataset.driver](path)
-        return Header(path=str(path), tags=_tags(dataset), **facts)
+        return Header(path=str(path), width=dataset.width, height=dataset.height, bands=bands, dtype=dataset.dtypes[0],
+                      tags=_tags(dataset))
 
 
 def read_pixels(path: Path, window: Window) -> np.ndarray:
@@ -92,8 +93,8 @@ def read_pixels(path: Path, window: Window) -> np.ndarray:
             return np.moveaxis(dataset.read(list(range(1, bands + 1)), window=part), 0, -1)
         except (RasterioError, MemoryError) as error:
             rows = f"{window.row} to {window.row + window.height - 1}"
-            raise PhotoError(f"{shown(path)} cannot be decoded in the rows {rows}: the file is damaged or was not copied completely; "
-                             "copy it again from the camera.") from error
+            raise PhotoError(f"{shown(path)} cannot be decoded in the rows {rows}: the file is damaged or was not copied "
+                             "completely; copy it again from the camera.") from error
 
 
 @contextmanager
@@ -141,8 +142,8 @@ def _is_text(start: bytes) -> bool:
 def _check_size(path: Path, dataset: rasterio.DatasetReader) -> None:
     pixels = dataset.width * dataset.height
     if pixels > PIXEL_LIMIT:
-        raise PhotoError(f"{shown(path)} claims {dataset.width} x {dataset.height} px, which is {pixels / 1e9:.1f} gigapixels; more "
-                         f"than {PIXEL_LIMIT / 1e9:g} gigapixels are refused unread, so cut it into parts if it is genuine.")
+        raise PhotoError(f"{shown(path)} claims {dataset.width} x {dataset.height} px, which is {pixels / 1e9:.1f} gigapixels; "
+                         f"more than {PIXEL_LIMIT / 1e9:g} gigapixels are refused unread, so cut it into parts if it is genuine.")
 
 
 def _colour_bands(path: Path, dataset: rasterio.DatasetReader) -> int:

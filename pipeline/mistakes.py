@@ -43,9 +43,9 @@ class Mistakes:
     document: Document
     found: list[Mistake] = field(default_factory=list)
 
-    def add(self, path: Path_, text: str) -> None:
-        """Record a mistake at a place of the document; a second one for the same place and words is dropped."""
-        mistake = Mistake(self.document.line(path), place_words(path, self.document), text)
+    def add(self, path: Path_, text: str, line: int | None = None) -> None:
+        """Record a mistake at a place of the document (on another `line` if given); the same one is recorded once."""
+        mistake = Mistake(line or self.document.line(path), place_words(path, self.document), text)
         if mistake not in self.found:
             self.found.append(mistake)
 
@@ -166,9 +166,10 @@ def _unknown(place: Place, path: Path_, document: Document) -> str:
 def _unknown_kind(value: Any, path: Path_, place: Place, annotation: Any) -> tuple[str, Path_]:
     kinds = list(variants(place.field.annotation if place.field else annotation))
     what = "stage" if path[:1] == ("stages",) and len(path) == 2 else f"kind of {path[-1]}"
-    if isinstance(value, dict) and value.get("kind") is not None:
-        word = value["kind"]
-        return f"there is no {what} {found_words(word)}{did_you_mean(word, kinds)} Allowed: {one_of(kinds)}.", (*path, "kind")
+    word = value.get("kind") if isinstance(value, dict) else value
+    if word is not None:
+        where = (*path, "kind") if isinstance(value, dict) else path
+        return f"there is no {what} {found_words(word)}{did_you_mean(word, kinds)} Allowed: {one_of(kinds)}.", where
     key = next(iter(value), None) if isinstance(value, dict) and len(value) == 1 else None
     if key in kinds:
         return f"write 'kind: {key}' instead of '{key}:', with its settings below it in the same column.", path

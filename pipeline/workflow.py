@@ -6,7 +6,6 @@ does not keep the others from being checked: all mistakes are told together.
 """
 
 import os
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import reduce
 from operator import or_
@@ -16,8 +15,8 @@ from typing import Annotated, Any
 from pydantic import Field, TypeAdapter, ValidationError
 
 from pipeline.image_files import image_files, shown
-from pipeline.mistakes import Mistakes, nearest
-from pipeline.workflow_checks import Kinds, check_crs, check_files, check_stages, kind_of
+from pipeline.mistakes import Mistakes, nearest, stage_kind
+from pipeline.workflow_checks import Kinds, check_crs, check_files, check_simulation, check_stages, kind_of
 from pipeline.workflow_text import workflow_text
 from pipeline.yaml_lines import SIZE_LIMIT, Document, YamlError, read_yaml
 from schemas.errors import StoreError, WorkflowError
@@ -27,7 +26,7 @@ from schemas.workflow import Project
 __all__ = ["LoadedWorkflow", "image_files", "load_workflow", "project_root", "resolve_workflow", "write_workflow"]
 
 _SUFFIXES = (".yaml", ".yml")
-_STANDING_IN = {"project": "unknown", "crs": "unknown", "photographs": {"kind": "simulated"}}
+_STANDING_IN = {"project": "unknown", "crs": "unknown", "photographs": {"kind": "folder", "path": "."}}
 """For required fields with mistakes of their own, so that the rest of the project can still be looked at."""
 
 
@@ -72,8 +71,8 @@ def _not_found(path: Path) -> str:
 def project_root(path: Path) -> Path:
     """The folder that all paths of a workflow are relative to.
 
-    The parent of the folder `workflows` that the file lies in; for the workflow as run, in runs/<project>, the parent of `runs`; else
-    the file's own folder.
+    The parent of the folder `workflows` that the file lies in; for the workflow as run, in runs/<project>, the parent of `runs`;
+    else the file's own folder.
     """
     folder = Path(os.path.abspath(path)).parent
     if folder.name == "workflows":
@@ -89,10 +88,13 @@ def load_workflow(path: Path, catalogue: tuple[type[Stage], ...]) -> LoadedWorkf
     except YamlError as error:
         raise WorkflowError(f"{_name(path, root)}:{error.line}: {error.sentence}.") from None
     mistakes = Mistakes(_name(path, root), document)
-    for place, _, first in document.repeated:
-        mistakes.add(place, f"stands here and in line {first}; say it once.")
+    for place, line, first in document.repeated:
+        mistakes.add(place, f"stands in line {first} already; say it once.", line)
     project = _project(document, mistakes, root)
+    kinds = _kinds(document, catalogue)
     stages = _stages(document, catalogue, mistakes, root)
+    check_stages(kinds, catalogue, mistakes)
+    check_simulation(project, kinds, catalogue, mistakes)
     mistakes.raise_if_any()
     return LoadedWorkflow(project, stages, Path(path), root, text)
 
@@ -113,7 +115,8 @@ def _read_text(path: Path) -> str:
 
 def _project(document: Document, mistakes: Mistakes, root: Path) -> Project:
     if not isinstance(document.value, dict):
-        mistakes.add((), f"a workflow is a mapping of settings ({', '.join(Project.model_fields)} and stages), and this file is not one.")
+        names = ", ".join(Project.model_fields)
+        mistakes.add((), f"a workflow is a mapping with the settings {names} and stages, and this file is not one.")
         mistakes.raise_if_any()
     said = {name: value for name, value in document.value.items() if name != "stages"}
     try:
@@ -139,14 +142,11 @@ def _stages(document: Document, catalogue: tuple[type[Stage], ...], mistakes: Mi
     names = ", ".join(kind_of(stage) for stage in catalogue)
     if not isinstance(items, list) or not items:
         problem = "is missing" if "stages" not in document.value else "is empty" if not items else "is not a list"
-        mistakes.add(("stages",), f"{problem}; a workflow lists at least one stage, each as '- kind: <stage>' with its settings below. "
-                                  f"Stages are: {names}.")
+        mistakes.add(("stages",), f"{problem}; a workflow lists at least one stage, each as '- kind: <stage>' with its settings "
+                                  f"below. Stages are: {names}.")
         return ()
-    union = TypeAdapter(stage_union(catalogue))
+    union = stage_union(catalogue)
     stages = [_stage(index, item, union, mistakes, root) for index, item in enumerate(items)]
-    known = {kind_of(stage) for stage in catalogue}
-    claims = [(index, _claimed(item)) for index, item in enumerate(items)]
-    check_stages(Kinds(tuple((index, kind) for index, kind in claims if kind in known)), catalogue, mistakes)
     return tuple(stage for stage in stages if stage is not None)
 
 
@@ -156,17 +156,19 @@ def stage_union(catalogue: tuple[type[Stage], ...]) -> Any:
     return Annotated[union, Field(discriminator="kind")] if len(catalogue) > 1 else union
 
 
-def _claimed(item: Any) -> str:
-    """The kind that an entry claims: a bare name, or its `kind`."""
-    kind = item.get("kind") if isinstance(item, Mapping) else item
-    return kind if isinstance(kind, str) else ""
+def _kinds(document: Document, catalogue: tuple[type[Stage], ...]) -> Kinds:
+    """The known stages that the file lists, whether or not their settings are right."""
+    items = document.value.get("stages")
+    known = {kind_of(stage) for stage in catalogue}
+    claims = [(index, stage_kind(document, index)) for index in range(len(items) if isinstance(items, list) else 0)]
+    return Kinds(tuple((index, kind) for index, kind in claims if kind in known))
 
 
-def _stage(index: int, item: Any, union: TypeAdapter, mistakes: Mistakes, root: Path) -> Stage | None:
+def _stage(index: int, item: Any, union: Any, mistakes: Mistakes, root: Path) -> Stage | None:
     try:
-        stage = union.validate_python({"kind": item} if isinstance(item, str) else item)
+        stage: Stage = TypeAdapter(union).validate_python({"kind": item} if isinstance(item, str) else item)
     except ValidationError as error:
-        mistakes.add_all(error, union._type, ("stages", index))
+        mistakes.add_all(error, union, ("stages", index))
         return None
     check_files(stage, ("stages", index), root, mistakes)
     return stage
@@ -183,4 +185,4 @@ def write_workflow(loaded: LoadedWorkflow, path: Path) -> None:
         part.write_text(head + workflow_text(loaded.project, loaded.stages), encoding="utf-8")
         os.replace(part, path)
     except OSError as error:
-        raise StoreError(f"{shown(path)} cannot be written ({error.strerror}); free disk or correct the folder's rights.") from error
+        raise StoreError(f"{shown(path)} cannot be written ({error.strerror}); free some disk or correct the rights.") from error

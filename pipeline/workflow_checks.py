@@ -21,9 +21,11 @@ from pipeline.mistakes import Mistakes, nearest
 from pipeline.yaml_lines import Path_
 from schemas.errors import OrthomillError, WorkflowError
 from schemas.stage import Stage
-from schemas.workflow import PhotoFolder, PhotoList
+from schemas.workflow import PhotoFolder, PhotoList, Project
 
+SIMULATION = "simulation"
 _FILE_FIELDS = frozenset({"path", "paths", "points", "measurements"})
+_METRE = frozenset({"metre", "meter"})
 _MANY_NAMES = 12
 
 
@@ -49,7 +51,7 @@ def check_stages(kinds: Kinds, catalogue: tuple[type[Stage], ...], mistakes: Mis
     for kind, times in Counter(kinds.names).items():
         if times > 1:
             second = [index for index, name in kinds.entries if name == kind][1]
-            mistakes.add(("stages", second), f"this stage stands in the list {times} times; a stage runs once, so take the others out.")
+            mistakes.add(("stages", second), f"this stage is listed {times} times; a stage runs once, so take the others out.")
     for (_, before), (index, kind) in zip(kinds.entries, kinds.entries[1:], strict=False):
         if order[kind] < order[before]:
             right = ", ".join(sorted(set(kinds.names), key=order.__getitem__))
@@ -63,7 +65,16 @@ def _check_predecessors(stage: type[Stage], kinds: Kinds, mistakes: Mistakes) ->
     missing = [name for name in getattr(stage, "after", ()) if name not in kinds.names]
     for index in (index for index, name in kinds.entries if name == kind and missing):
         names = " and ".join(missing)
-        mistakes.add(("stages", index), f"{kind} builds on {names}, which this workflow does not have; add '- {missing[0]}' before it.")
+        mistakes.add(("stages", index), f"{kind} builds on {names}, which is not in this workflow; add '- {missing[0]}' before it.")
+
+
+def check_simulation(project: Project, kinds: Kinds, catalogue: tuple[type[Stage], ...], mistakes: Mistakes) -> None:
+    """Whatever is simulated needs the stage that simulates it."""
+    if SIMULATION in kinds.names or SIMULATION not in map(kind_of, catalogue):
+        return
+    for name in ("photographs", "positions", "control"):
+        if getattr(project, name).kind == "simulated":
+            mistakes.add((name,), f"is simulated, but the stage '{SIMULATION}' is not in this workflow; add '- {SIMULATION}' first.")
 
 
 def check_crs(crs: str, photographs: PhotoFolder | PhotoList | Any, root: Path, mistakes: Mistakes) -> None:
@@ -76,7 +87,7 @@ def check_crs(crs: str, photographs: PhotoFolder | PhotoList | Any, root: Path, 
     parts = [*(system.sub_crs_list or [system])]
     problem = _plan_problem(parts[0]) or _height_problem(parts[1:])
     if problem:
-        mistakes.add(("crs",), f"{crs} ({system.name}) {problem} {_suggestion(photographs, root)}")
+        mistakes.add(("crs",), f"{crs} ({system.name}) {problem}; {_suggestion(photographs, root)}")
 
 
 def _unknown_crs(crs: str) -> str:
@@ -90,19 +101,19 @@ def _unknown_crs(crs: str) -> str:
 
 def _plan_problem(plan: CRS) -> str:
     if plan.is_geographic:
-        return "is in degrees, but orthomill measures in metres and needs a projected system."
+        return "is in degrees, but orthomill measures in metres and needs a projected system"
     if plan.is_geocentric:
-        return "is geocentric, but orthomill needs a projected system with heights."
+        return "is geocentric, but orthomill needs a projected system"
     if not plan.is_projected:
-        return "is not a projected system."
+        return "is not a projected system, and orthomill needs one in metres"
     units = {axis.unit_name for axis in plan.axis_info}
-    return "" if units <= {"metre", "meter"} else f"is in {' and '.join(sorted(units))}, but orthomill measures in metres."
+    return "" if units <= _METRE else f"is in {' and '.join(sorted(units))}, but orthomill measures in metres"
 
 
 def _height_problem(vertical: list[CRS]) -> str:
     axes = [axis for part in vertical for axis in part.axis_info]
-    bad = [f"{axis.unit_name}, {axis.direction}" for axis in axes if axis.unit_name not in ("metre", "meter") or axis.direction != "up"]
-    return f"has a height part in {bad[0]}; heights must be in metres, upwards." if bad else ""
+    bad = [f"{axis.unit_name}, {axis.direction}" for axis in axes if axis.unit_name not in _METRE or axis.direction != "up"]
+    return f"has a height part in {bad[0]}, but heights must be in metres, upwards" if bad else ""
 
 
 def _suggestion(photographs: Any, root: Path) -> str:
@@ -113,8 +124,8 @@ def _suggestion(photographs: Any, root: Path) -> str:
     except OrthomillError:
         places = []
     if places:
-        return f"The GPS tags of the photographs suggest {utm_zone(*places[0])}, the UTM zone they lie in."
-    return ("Use a national grid, or UTM: EPSG:326nn north and EPSG:327nn south of the equator, with nn the zone, "
+        return f"the GPS tags of the photographs suggest {utm_zone(*places[0])}, the UTM zone they lie in."
+    return ("use a national grid, or UTM: EPSG:326nn north and EPSG:327nn south of the equator, nn being the zone, "
             "e.g. EPSG:32634 for 18 to 24 degrees east.")
 
 
@@ -185,7 +196,7 @@ def _check_list(source: PhotoList, base: Path_, root: Path, mistakes: Mistakes) 
         if text in source.paths[:index]:
             mistakes.add(path, f"the photograph '{text}' is named twice; take one of them out.")
         elif not is_image_name(text):
-            mistakes.add(path, f"'{text}' is not named like a photograph; JPEG, TIFF and PNG files are read (.jpg .jpeg .tif .tiff .png).")
+            mistakes.add(path, f"'{text}' is not named like a photograph; files that are read end in .jpg .jpeg .tif .tiff .png.")
         else:
             _check_file(text, path, root, mistakes, "photograph")
     if len(source.paths) == 1 and base == ("photographs",):

@@ -12,7 +12,7 @@ from schemas.stage import Stage
 from schemas.workflow import Project
 
 _PLAIN = re.compile(r"[A-Za-z_./][A-Za-z0-9_./+-]*(:[A-Za-z0-9_./+-]+)*\Z")
-_WORDS_OF_YAML = frozenset("null true false yes no on off y n".split())
+_WORDS_OF_YAML = frozenset({"null", "true", "false", "yes", "no", "on", "off", "y", "n"})
 
 
 def workflow_text(project: Project, stages: tuple[Stage, ...]) -> str:
@@ -32,7 +32,8 @@ def comment(words: str, measure: str) -> str:
 def _fields(model: BaseModel, indent: str) -> Iterator[str]:
     data = model.model_dump(mode="json")
     for name, field in type(model).model_fields.items():
-        yield from _named(f"{indent}{name}:", getattr(model, name), data[name], comment(sentence(field), unit(field)), indent + "  ")
+        note = comment(sentence(field), unit(field))
+        yield from _named(f"{indent}{name}:", getattr(model, name), data[name], note, indent + "  ")
 
 
 def _named(start: str, value: Any, data: Any, note: str, indent: str) -> Iterator[str]:

@@ -73,7 +73,9 @@ def _syntax_mistake(error: yaml.YAMLError) -> YamlError:
     mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
     problem = getattr(error, "problem", None) or getattr(error, "reason", None) or "unreadable"
     line = mark.line + 1 if mark else 1
-    hint = "indent with spaces, not tabs" if "'\\t'" in problem else "align the lines, and put texts that hold a colon or brackets in quotes"
+    hint = "align the lines, and put texts that hold a colon or brackets in quotes"
+    if "'\\t'" in problem:
+        hint = "indent with spaces, not tabs"
     return YamlError(line, f"this is not valid YAML ({problem}); {hint}")
 
 
@@ -88,7 +90,8 @@ class _Builder:
             if isinstance(event, yaml.DocumentStartEvent):
                 documents += 1
                 if documents > 1:
-                    raise YamlError(event.start_mark.line + 1, "a second document begins here; a workflow is one, without '---' in it")
+                    line = event.start_mark.line + 1
+                    raise YamlError(line, "a second document begins here; a workflow is a single one, so take the '---' out")
                 value = self._value(next(events), events, ())
         return Document(value, self.lines, tuple(self.repeated))
 
@@ -124,8 +127,8 @@ class _Builder:
 def _refuse_machinery(event: yaml.Event, path: Path_) -> None:
     line = event.start_mark.line + 1
     if isinstance(event, yaml.AliasEvent):
-        raise YamlError(line, f"'*{event.anchor}' refers to another place; aliases are not used in a workflow, so write the value out "
-                        "(and put texts that begin with * in quotes)")
+        raise YamlError(line, f"'*{event.anchor}' refers to another place; aliases are not used in a workflow, so write the value "
+                        "out (and put texts that begin with * in quotes)")
     if event.anchor is not None:
         raise YamlError(line, f"'&{event.anchor}' is an anchor; anchors are not used in a workflow, so take it out")
     if event.tag not in (None, "!"):

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 class Settings(BaseModel):
     """Base of everything a workflow file can say: frozen, and closed against unknown names."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 def setting(default: Any = ..., sentence: str = "", unit: str = "", **bounds: Any) -> Any:

@@ -66,7 +66,7 @@ def _ground_material(scene: Scene, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Roads, fields, water and open ground (rows, cols) uint8."""
     town, hill, roads = scene.town, scene.hills[0], scene.roads
     lines = [roads.centre_line(k, x if along_x else y) for k, along_x in enumerate(roads.along_x)]
-    narrow = [half / 1.0 * np.hypot(1.0, slope) for half, (_, slope) in zip(roads.half_width, lines, strict=True)]
+    narrow = [half * np.hypot(1.0, slope) for half, (_, slope) in zip(roads.half_width, lines, strict=True)]
     numbers = np.array([town.x, town.y, town.radius, np.cos(town.angle), np.sin(town.angle), town.street_half_width,
                         hill[0], hill[1], 2.6 * hill[3]])
     material = np.empty((len(y), len(x)), np.uint8)

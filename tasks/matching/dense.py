@@ -1,0 +1,238 @@
+"""Dense matching of one block of an epipolar pair: a grid of parallaxes with precision, correlation and outcome.
+
+Strategy
+- The unit of matching is a *block*: a fixed square of the left epipolar image on an absolute grid, with a fixed halo, whatever the
+  tile of the project. A block's result depends on nothing else, so tiling cannot change it.
+- Start: semi-global matching on a reduced level. When the parallax range is wide, a still coarser level goes first and narrows the range of the
+  block; nothing is carried over but that range, so a building that the coarse level missed can still be found within its margin.
+- A residual y-parallax (orientation is never perfect) is measured in the block by least-squares matching of a sparse grid with free
+  rows, and the right block is moved by its median.
+- Refinement: least-squares matching of every node on its own surface (epipolar_least_squares.py).
+- Last, a node must agree with some of its neighbours, and its standard error must be within the limit.
+
+Parallaxes here are column left - column right of the two rasters, px ("column parallax").
+
+Source: methods/relative_orientation_and_epipolar.md 1.13 to 1.18; measured.md.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from schemas.outcome import Outcome
+from schemas.raster import Window
+from schemas.settings import Settings, setting
+from tasks.matching.epipolar_least_squares import EpipolarLimits, NodeParallaxes, StartSurface, match_nodes
+from tasks.matching.least_squares import LeastSquaresMatching, PreparedImage, cubic_weights, match_points
+from tasks.matching.semi_global import SemiGlobal, semi_global
+from tasks.matching.smoothing import smoothed, with_gaps
+
+BLOCK = 256
+"""Side of a block in px of the left image."""
+HALO = 64
+"""Context on every side of a block: room for the paths of semi-global matching and for windows, px."""
+_COARSEST = 4
+"""levels of reduction: 2**4 divides BLOCK and HALO"""
+
+
+class DenseMatching(Settings):
+    """How a pair of epipolar images is matched densely."""
+
+    step: int = setting(2, "Distance of the nodes; 1, 2 or 4.", "px", ge=1, le=4)
+    window: int = setting(11, "Side of the least-squares window; an even number is taken as the next odd one.", "px", ge=5, le=41)
+    smoothing: float = setting(0.8, "Sigma of the Gaussian that both images are smoothed with.", "px", ge=0.0, le=3.0)
+    start: SemiGlobal = setting(SemiGlobal(), "Semi-global matching that gives the start values.")
+    start_level: int = setting(1, "Pyramid level of the start values; every level halves the image.", ge=0, le=3)
+    widest_range: int = setting(96, "Parallax candidates above which a coarser level narrows the range first.", ge=16, le=512)
+    range_margin: int = setting(8, "Candidates added on both sides of the range that the coarser level found.", "px of that level", ge=1, le=64)
+    max_iterations: int = setting(12, "Iterations after which a node is given up.", ge=1, le=100)
+    stop: float = setting(0.03, "Converged when the parallax changes by less than this.", "px", gt=0.0, le=1.0)
+    max_shift: float = setting(3.0, "A node that moves further than this from its start is rejected.", "px", gt=0.0)
+    surface_tolerance: float = setting(2.0, "Pixels of the window off the node's own surface by more than this are left out.", "px", gt=0.0)
+    min_support: float = setting(0.3, "Share of the window that must lie on the node's surface.", gt=0.0, le=1.0)
+    min_correlation: float = setting(0.6, "Normalised correlation that the matched windows must reach.", ge=0.0, le=1.0)
+    min_gradient: float = setting(0.5, "Root mean square grey value gradient along the row.", "grey values per px", ge=0.0)
+    max_sigma: float = setting(0.5, "Largest standard error of a parallax.", "px", gt=0.0)
+    min_neighbours: int = setting(3, "Of the eight neighbours of a node, how many must agree with it.", ge=0, le=8)
+    neighbour_tolerance: float = setting(1.5, "Largest parallax difference of neighbours that agree.", "px", gt=0.0)
+
+    @property
+    def limits(self) -> EpipolarLimits:
+        return EpipolarLimits(
+            self.window // 2, self.max_iterations, self.stop, self.max_shift, self.surface_tolerance, self.min_support,
+            self.min_correlation, self.min_gradient, self.smoothing,
+        )
+
+
+@dataclass(frozen=True)
+class ParallaxRange:
+    """Column parallaxes that can occur, px; widened to whole pixels of the coarsest level, so that all levels begin on whole pixels."""
+
+    low: int
+    high: int
+
+    @classmethod
+    def around(cls, low: float, high: float) -> "ParallaxRange":
+        unit = 2**_COARSEST
+        return cls(int(np.floor(low / unit)) * unit, int(np.ceil(high / unit)) * unit)
+
+
+def left_window(core: Window) -> Window:
+    """What a block reads of the left raster; may leave it."""
+    return core.grown(HALO)
+
+
+def right_window(core: Window, parallaxes: ParallaxRange) -> Window:
+    """What a block reads of the right raster; may leave it."""
+    left = left_window(core)
+    return Window(left.row, left.col - parallaxes.high, left.height, left.width + parallaxes.high - parallaxes.low)
+
+
+def scratch_bytes(parallaxes: ParallaxRange, settings: DenseMatching) -> int:
+    """Working memory of `match_block`, bytes."""
+    factor = 2**settings.start_level
+    candidates = (parallaxes.high - parallaxes.low) // factor + 1
+    side = (BLOCK + 2 * HALO) // factor
+    return 6 * side * side * candidates + 64 * (BLOCK + 2 * HALO) ** 2 + 16 * (BLOCK + 2 * HALO) * (parallaxes.high - parallaxes.low)
+
+
+@dataclass(frozen=True)
+class BlockMatch:
+    """The nodes of a block ((core.height / step, core.width / step), column parallaxes) and what is known of the block as a whole."""
+
+    nodes: NodeParallaxes
+    y_parallax: float
+    """median residual y-parallax, row right - row left, px; NaN where too few points tell"""
+
+
+def match_block(left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, settings: DenseMatching) -> BlockMatch:
+    """Match one block.
+
+    left, right: grey uint8 of `left_window` and `right_window` in full (0 where they leave the raster, see `placed`). The core's
+    nodes are at the left pixels HALO + i * step.
+    """
+    grey_left, grey_right = smoothed(with_gaps(left), settings.smoothing), smoothed(with_gaps(right), settings.smoothing)
+    shape = tuple(-(-(side - 2 * HALO) // settings.step) for side in left.shape)
+    start = start_surface(grey_left, grey_right, parallaxes, settings)
+    if start is None:
+        return BlockMatch(_empty(shape, grey_left[HALO:-HALO:settings.step, HALO:-HALO:settings.step]), float("nan"))
+    y_parallax = residual_y_parallax(grey_left, grey_right, start, parallaxes.high)
+    if np.isfinite(y_parallax):
+        grey_right = moved_rows(grey_right, np.float32(y_parallax))
+    ring = settings.step
+    rows, cols = (HALO - ring + settings.step * np.arange(n + 2) for n in shape)
+    nodes = match_nodes(grey_left, grey_right, start, rows, cols, parallaxes.high, settings.limits)
+    return BlockMatch(consistent(nodes, settings), y_parallax)
+
+
+def start_surface(left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, settings: DenseMatching) -> StartSurface | None:
+    """Whole-pixel parallaxes of a block at the start level, from coarse to fine; None where nothing was found."""
+    level = settings.start_level
+    while level < _COARSEST and (parallaxes.high - parallaxes.low) / 2**level > settings.widest_range:
+        level += 1
+    found = parallaxes
+    while True:
+        surface = _level_surface(left, right, parallaxes, found, level, settings)
+        if not np.isfinite(surface.parallax).any():
+            return None
+        if level == settings.start_level:
+            return surface
+        found = _narrowed(surface, found, settings.range_margin)
+        level -= 1
+
+
+def _level_surface(left: np.ndarray, right: np.ndarray, whole: ParallaxRange, part: ParallaxRange, level: int,
+                   settings: DenseMatching) -> StartSurface:
+    """Semi-global matching on one level within `part` of the whole range."""
+    factor = 2**level
+    left, right = reduced(left, level), reduced(right, level)
+    first = (whole.high - part.high) // factor
+    candidates = (part.high - part.low) // factor + 1
+    found = semi_global(left, right[:, first:first + left.shape[1] + candidates - 1], settings.start)
+    return StartSurface(found * np.float32(factor) + np.float32(part.low), factor)
+
+
+def _narrowed(surface: StartSurface, whole: ParallaxRange, margin: int) -> ParallaxRange:
+    """The range of a surface with a margin, inside the whole range, on whole pixels of its level."""
+    low, high = np.nanpercentile(surface.parallax, [0.5, 99.5])
+    factor = surface.factor
+    low, high = (int(np.floor(low / factor)) - margin) * factor, (int(np.ceil(high / factor)) + margin) * factor
+    return ParallaxRange(max(low, whole.low), min(high, whole.high))
+
+
+def reduced(grey: np.ndarray, level: int) -> np.ndarray:
+    """A pyramid level: means of 2 x 2 pixels, `level` times; NaN where any of them is NaN."""
+    for _ in range(level):
+        even = grey[: grey.shape[0] // 2 * 2, : grey.shape[1] // 2 * 2]
+        grey = (even[::2, ::2] + even[::2, 1::2] + (even[1::2, ::2] + even[1::2, 1::2])) * np.float32(0.25)
+    return np.ascontiguousarray(grey)
+
+
+def residual_y_parallax(left: np.ndarray, right: np.ndarray, start: StartSurface, shift: int) -> float:
+    """Median of row right - row left of a sparse grid of points matched with free rows (px); NaN below 12 points."""
+    centre = start.factor * 8
+    cols, rows = np.meshgrid(np.arange(centre, left.shape[1] - centre, 20), np.arange(centre, left.shape[0] - centre, 20))
+    parallax = start.parallax[rows // start.factor, cols // start.factor].ravel()
+    points = np.column_stack([cols.ravel(), rows.ravel()])[np.isfinite(parallax)].astype(np.float64)
+    starts = points + np.column_stack([shift - parallax, np.zeros_like(parallax)])[np.isfinite(parallax)]
+    free = LeastSquaresMatching(window=17, interpolation="bilinear", stop=0.05, max_iterations=12, min_correlation=0.8, min_gradient=1.0)
+    matches = match_points(PreparedImage(left), PreparedImage(right), points, starts, free)
+    good = matches.converged & (matches.sigma_row < 0.3)
+    return float(np.median((matches.row - points[:, 1])[good])) if good.sum() >= 12 else float("nan")
+
+
+@njit(cache=True)
+def moved_rows(grey, shift):
+    """The image read `shift` rows further down, cubic; NaN where that leaves it."""
+    rows, cols = grey.shape
+    out = np.full((rows, cols), np.float32(np.nan))
+    whole = int(np.floor(shift))
+    w0, w1, w2, w3 = cubic_weights(np.float32(shift - whole))
+    for r in range(rows):
+        first = r + whole - 1
+        if 0 <= first and first + 3 < rows:
+            for c in range(cols):
+                out[r, c] = (w0 * grey[first, c] + w1 * grey[first + 1, c]) + (w2 * grey[first + 2, c] + w3 * grey[first + 3, c])
+    return out
+
+
+def consistent(nodes: NodeParallaxes, settings: DenseMatching) -> NodeParallaxes:
+    """The nodes without their outer ring; those that are too inaccurate or that too few neighbours agree with are taken out."""
+    parallax, sigma, outcome = nodes.parallax.copy(), nodes.sigma.copy(), nodes.outcome.copy()
+    vague = sigma > settings.max_sigma
+    outcome[vague] = Outcome.LOW_TEXTURE
+    parallax[vague] = np.nan
+    lonely = np.isfinite(parallax) & (_agreeing(parallax, np.float32(settings.neighbour_tolerance)) < settings.min_neighbours)
+    outcome[lonely] = Outcome.INCONSISTENT
+    parallax[lonely] = np.nan
+    sigma[np.isnan(parallax)] = np.nan
+    inner = slice(1, -1), slice(1, -1)
+    return NodeParallaxes(parallax[inner], sigma[inner], nodes.correlation[inner], outcome[inner])
+
+
+@njit(cache=True)
+def _agreeing(parallax, tolerance):
+    rows, cols = parallax.shape
+    count = np.zeros((rows, cols), np.uint8)
+    for r in range(1, rows - 1):
+        for c in range(1, cols - 1):
+            for y in range(r - 1, r + 2):
+                for x in range(c - 1, c + 2):
+                    if (y != r or x != c) and abs(parallax[y, x] - parallax[r, c]) <= tolerance:
+                        count[r, c] += 1
+    return count
+
+
+def placed(array: np.ndarray, window: Window, wanted: Window) -> np.ndarray:
+    """The array of `window` (clipped to its raster) put into `wanted`, 0 around it."""
+    out = np.zeros((wanted.height, wanted.width), dtype=array.dtype)
+    row, col = window.row - wanted.row, window.col - wanted.col
+    out[row:row + window.height, col:col + window.width] = array.reshape(window.height, window.width)
+    return out
+
+
+def _empty(shape: tuple[int, int], grey: np.ndarray) -> NodeParallaxes:
+    """Nodes of a block in which nothing was found."""
+    outcome = np.where(np.isnan(grey), Outcome.OUTSIDE, Outcome.NOT_TRIED).astype(np.uint8)
+    return NodeParallaxes(*(np.full(shape, np.nan, np.float32) for _ in range(3)), outcome)

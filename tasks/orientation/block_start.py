@@ -1,0 +1,288 @@
+"""Approximate exterior orientation of all photographs of a block, from nothing but tie points and cameras.
+
+Strategy: connected groups of photographs are found; the largest is built from its strongest pair (many tie points that intersect well):
+triangulate, resect the photograph that sees most known points, triangulate, and so on, with a robust bundle whenever the block has grown by
+a third. The model lives in the system of the first photograph, in units of its base; `georeference` takes it to the ground. Every photograph
+that does not join is named with its reason.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from schemas.camera import Camera
+from schemas.errors import GeometryError
+from schemas.orientation import RelativeOrientation, Unoriented
+from tasks.adjustment.bundle import minimise
+from tasks.adjustment.collinearity import misclosures
+from tasks.adjustment.network import Interior, Network, Rays, State
+from tasks.adjustment.robust import spread
+from tasks.geometry.rotation import rotation_matrix
+from tasks.orientation.measurements import ideal, with_interior
+from tasks.orientation.relative import FLIP
+
+cv2.setNumThreads(1)
+LEAST_ANGLE = np.radians(1.5)
+LEAST_POINTS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """What the start is made from. `cameras` in the order of `interior`; `camera_of` (P,); `relative` between photos by `names`."""
+
+    names: tuple[str, ...]
+    cameras: list[Camera]
+    camera_of: np.ndarray
+    interior: Interior
+    rays: Rays
+    points: int
+    relative: tuple[RelativeOrientation, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """A model of the block in a system of its own: `photos` (p,) numbers of those that joined (the state's arrays hold all photos; the others are
+    meaningless), `known` (N,) points, `good` (M,) rays, and why the others did not join."""
+
+    state: State
+    photos: np.ndarray
+    known: np.ndarray
+    good: np.ndarray
+    unoriented: tuple[Unoriented, ...]
+
+
+def start_block(material: Material) -> Start:
+    """The largest group of photographs, oriented in a system of its own. Raises GeometryError when no two photographs can be oriented."""
+    groups = _groups(material)
+    if not groups or len(groups[0]) < 2:
+        raise GeometryError("No two photographs could be oriented to each other, so there is no block; " + _best_failure(material))
+    grown = [growth for seed in _seeds(material, groups[0]) if (growth := _grow(material, seed)) is not None]
+    if not grown:
+        raise GeometryError("No pair of photographs gives points that intersect well enough to begin a block; the photographs may have been "
+                            "taken from one place, or their tie points are wrong.")
+    best = max(grown, key=lambda growth: growth.placed.sum())
+    return Start(best.state, np.flatnonzero(best.placed), best.known, best.good, tuple(_reasons(material, best, groups)))
+
+
+def _best_failure(material: Material) -> str:
+    if not material.relative:
+        return "none of them share enough tie points: give photographs that overlap by half or more."
+    best = max(material.relative, key=lambda pair: pair.matches)
+    return f"the best pair, {best.left} and {best.right}, failed: {best.outcome}"
+
+
+def _groups(material: Material) -> list[np.ndarray]:
+    """Photographs connected by oriented pairs, the largest group first."""
+    pairs = _oriented_pairs(material)
+    graph = csr_array((np.ones(len(pairs)), ([i for i, _, _ in pairs], [j for _, j, _ in pairs])), shape=(len(material.names),) * 2)
+    _, label = connected_components(graph, directed=False)
+    groups = [np.flatnonzero(label == k) for k in np.unique(label)]
+    return sorted(groups, key=lambda group: -len(group))
+
+
+def _oriented_pairs(material: Material) -> list[tuple[int, int, RelativeOrientation]]:
+    number = {name: i for i, name in enumerate(material.names)}
+    return [(number[pair.left], number[pair.right], pair) for pair in material.relative if pair.oriented]
+
+
+def _seeds(material: Material, group: np.ndarray) -> Iterator[tuple[int, int, RelativeOrientation]]:
+    """Up to three pairs to begin with: many kept matches, rays that meet at 6 degrees or more. The first that joins all ends the search."""
+    inside = [pair for pair in _oriented_pairs(material) if pair[0] in group]
+    return iter(sorted(inside, key=lambda pair: -pair[2].kept * min(pair[2].intersection_deg / 6.0, 1.0))[:3])
+
+
+class _Growth:
+    """A block while it grows: orientation of the placed photographs, known points, rays still believed."""
+
+    def __init__(self, material: Material):
+        photos = len(material.names)
+        self.material, self.rays = material, material.rays
+        self.state = State(np.tile(np.eye(3), (photos, 1, 1)), np.zeros((photos, 3)), np.zeros((material.points, 3)),
+                           material.interior.value.copy(), np.zeros(3))
+        self.placed = np.zeros(photos, bool)
+        self.known = np.zeros(material.points, bool)
+        self.good = np.ones(len(self.rays), bool)
+        self.attempts: dict[int, str] = {}
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Ideal coordinates (M, 2) in units of c with the present interior orientations."""
+        self.ideal = np.empty_like(self.rays.xy)
+        for k, camera in enumerate(self.material.cameras):
+            own = self.material.camera_of[self.rays.photo] == k
+            self.ideal[own] = ideal(with_interior(camera, self.state.interior[k]), self.rays.xy[own])
+
+    @property
+    def tolerance(self) -> np.ndarray:
+        """(M,) px: beyond this a ray is not believed while starting values are rough."""
+        return np.maximum(4.0, 8.0 * self.rays.sigma) * self.slack
+
+    slack = 2.0
+
+    def place(self, photo: int, rotation: np.ndarray, centre: np.ndarray) -> None:
+        self.state.rotation[photo], self.state.centre[photo] = rotation, centre
+        self.placed[photo] = True
+
+    def misfit(self, index: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(misclosures(self.state, self.rays.take(index), self.material.camera_of), axis=1)
+
+    def triangulate(self) -> None:
+        """Intersects points that are not known yet but seen by two placed photographs or more; a point of three or more may lose its worst ray."""
+        for _ in range(3):
+            index = np.flatnonzero(self.good & self.placed[self.rays.photo] & ~self.known[self.rays.point])
+            count = np.bincount(self.rays.point[index], minlength=len(self.known))
+            index = index[count[self.rays.point[index]] >= 2]
+            if not len(index):
+                return
+            points, wide = self._intersect(index)
+            self.state.point[wide] = points[wide]
+            misfit = self.misfit(index) / self.tolerance[index]
+            worst = np.zeros(len(self.known))
+            np.maximum.at(worst, self.rays.point[index], misfit)
+            self.known |= wide & (worst < 1.0)
+            lose = (misfit == worst[self.rays.point[index]]) & (misfit >= 1.0) & (count[self.rays.point[index]] >= 3) & wide[self.rays.point[index]]
+            if not lose.any():
+                return
+            self.good[index[lose]] = False
+
+    def _intersect(self, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Points (N, 3) nearest to the rays at `index`, and which of them see rays that differ by LEAST_ANGLE."""
+        photo, point = self.rays.photo[index], self.rays.point[index]
+        directions = np.einsum("ni,nij->nj", np.column_stack([self.ideal[index], -np.ones(len(index))]), self.state.rotation[photo])
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        projector = np.eye(3) - directions[:, :, None] * directions[:, None, :]
+        normal, right, mean = np.zeros((len(self.known), 3, 3)), np.zeros((len(self.known), 3)), np.zeros((len(self.known), 3))
+        np.add.at(normal, point, projector)
+        np.add.at(right, point, np.einsum("nij,nj->ni", projector, self.state.centre[photo]))
+        np.add.at(mean, point, directions)
+        mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12)
+        off_axis = np.zeros(len(self.known))
+        np.maximum.at(off_axis, point, np.arccos(np.clip((directions * mean[point]).sum(axis=1), -1, 1)))
+        wide = off_axis > 0.5 * LEAST_ANGLE
+        points = np.zeros_like(right)
+        points[wide] = np.linalg.solve(normal[wide], right[wide][..., None])[..., 0]
+        return points, wide
+
+    def resect(self, photo: int) -> bool:
+        """Places a photograph by the known points that it sees: seeded P3P samples, then least squares on those that agree."""
+        index = np.flatnonzero((self.rays.photo == photo) & self.known[self.rays.point] & self.good)
+        if len(index) < LEAST_POINTS:
+            self.attempts[photo] = f"only {len(index)} of its tie points are known in the block; {LEAST_POINTS} are needed"
+            return False
+        pose = _resection(self.state.point[self.rays.point[index]], self.ideal[index],
+                          float(np.median(self.tolerance[index])) / self.state.interior[self.material.camera_of[photo], 0])
+        if pose is None or len(pose[2]) < max(LEAST_POINTS, 0.2 * len(index)):
+            self.attempts[photo] = (f"{0 if pose is None else len(pose[2])} of its {len(index)} tie points with the block agree on one position, "
+                                    "which is too few")
+            return False
+        self.place(photo, pose[0], pose[1])
+        return True
+
+    def bundle(self) -> None:
+        """A robust free adjustment of all that is placed; rays that do not fit afterwards are dropped, and points with fewer than two rays."""
+        index = np.flatnonzero(self.good & self.placed[self.rays.photo] & self.known[self.rays.point])
+        active = np.flatnonzero(self.placed)
+        number = np.full(len(self.placed), -1)
+        number[active] = np.arange(len(active))
+        rays = self.rays.take(index)
+        rays = replace(rays, photo=number[rays.photo].astype(np.int32))
+        sub = replace(self.state, rotation=self.state.rotation[active], centre=self.state.centre[active])
+        network = _free_network(self.material, active, self.placed.sum() >= 4)
+        unit = max(spread(self.misfit(index) / rays.sigma), 0.5)
+        sub, _ = minimise(network, sub, rays, 2.0 * unit, tolerance=1e-4)
+        self.state.rotation[active], self.state.centre[active] = sub.rotation, sub.centre
+        self.state = replace(self.state, point=sub.point, interior=sub.interior)
+        self.refresh()
+        self.forget(index)
+
+    def forget(self, index: np.ndarray) -> None:
+        misfit = self.misfit(index)
+        unit = max(spread(misfit), 0.3)
+        self.good[index[misfit > np.maximum(8.0 * unit, 3.0)]] = False
+        alive = np.bincount(self.rays.point[index[self.good[index]]], minlength=len(self.known)) >= 2
+        self.known &= alive
+
+
+def _free_network(material: Material, active: np.ndarray, calibrate: bool) -> Network:
+    photos, interior = len(active), material.interior
+    held = replace(interior, free=interior.free & (calibrate & interior.weight.any(axis=(1, 2)))[:, None])
+    return Network(material.camera_of[active], held, np.zeros((photos, 3)), np.zeros((photos, 3)), np.zeros((material.points, 3)),
+                   np.zeros((material.points, 3)), np.zeros(photos), free=True)
+
+
+def _resection(points: np.ndarray, ideal_xy: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Rotation, centre and the agreeing numbers from points (n, 3) and ideal coordinates (n, 2) in units of c; None when nothing agrees."""
+    cv2.setRNGSeed(7)
+    origin = np.median(points, axis=0)
+    vision = np.ascontiguousarray(ideal_xy * [1.0, -1.0])
+    found, rvec, tvec, inliers = cv2.solvePnPRansac(points - origin, vision, np.eye(3), None, iterationsCount=2000,
+                                                    reprojectionError=threshold, confidence=0.9999, flags=cv2.SOLVEPNP_AP3P)
+    if not found or inliers is None or len(inliers) < 6:
+        return None
+    keep = np.asarray(inliers).ravel()
+    rvec, tvec = cv2.solvePnPRefineLM((points - origin)[keep], vision[keep], np.eye(3), None, rvec, tvec)
+    R = cv2.Rodrigues(rvec)[0]
+    return FLIP @ R, origin - R.T @ tvec[:, 0], keep
+
+
+def _grow(material: Material, seed: tuple[int, int, RelativeOrientation]) -> _Growth | None:
+    """The block that grows from one pair; None when the pair does not hold."""
+    growth = _Growth(material)
+    left, right, pair = seed
+    growth.place(left, np.eye(3), np.zeros(3))
+    growth.place(right, rotation_matrix(*np.radians(pair.omega_phi_kappa)), np.array(pair.base))
+    growth.triangulate()
+    if growth.known.sum() < LEAST_POINTS:
+        return None
+    try:
+        growth.bundle()
+        _extend(growth)
+        growth.slack = 1.0
+        for _ in range(2):
+            growth.triangulate()
+            growth.bundle()
+    except GeometryError:
+        return None
+    return growth
+
+
+def _extend(growth: _Growth) -> None:
+    """Adds photographs, those first that see most known points, until none can be added."""
+    last = growth.placed.sum()
+    while True:
+        seen = np.bincount(growth.rays.photo[growth.good & growth.known[growth.rays.point]], minlength=len(growth.placed))
+        waiting = np.flatnonzero(~growth.placed)
+        added = next((photo for photo in waiting[np.argsort(-seen[waiting], kind="stable")] if growth.resect(int(photo))), None)
+        if added is None:
+            return
+        growth.triangulate()
+        if growth.placed.sum() >= max(1.34 * last, last + 1) or growth.placed.all():
+            growth.bundle()
+            growth.triangulate()
+            last = growth.placed.sum()
+
+
+def _reasons(material: Material, growth: _Growth, groups: list[np.ndarray]) -> Iterator[Unoriented]:
+    """One sentence for every photograph outside the block."""
+    for photo in np.flatnonzero(~growth.placed):
+        yield Unoriented(photo=material.names[photo], reason=_reason(material, growth, groups, int(photo)))
+
+
+def _reason(material: Material, growth: _Growth, groups: list[np.ndarray], photo: int) -> str:
+    name = material.names[photo]
+    if not (material.rays.photo == photo).any():
+        return f"{name} has no tie points: it overlaps no other photograph, or has too little texture."
+    group = next(group for group in groups if photo in group)
+    if len(group) == 1:
+        own = [pair for pair in material.relative if name in (pair.left, pair.right)]
+        best = max(own, key=lambda pair: pair.kept, default=None)
+        other = "" if best is None else f" (best: {best.kept} matches with {best.right if best.left == name else best.left} agree)"
+        return f"{name} could not be oriented to any other photograph{other}; its overlap is too small or its matches are wrong."
+    if not growth.placed[group].any():
+        others = ", ".join(material.names[i] for i in group if i != photo)
+        return f"{name} belongs to a separate group with {others}, which no reliable tie points connect to the block."
+    return f"{name} did not join the block: {growth.attempts.get(photo, 'its resection failed')}."

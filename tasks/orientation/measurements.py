@@ -1,0 +1,48 @@
+"""From tables to arrays: image measurements as rays in the order that the adjustment wants."""
+
+import numpy as np
+
+from schemas.camera import INTERIOR, Camera, Cameras
+from schemas.observations import ControlPoint, TiePoints
+from schemas.photo import Photos
+from tasks.adjustment.network import Rays
+from tasks.geometry.distortion import pixel_to_image
+
+
+def centred(camera: Camera, pixels: np.ndarray) -> np.ndarray:
+    """Pixels (N, 2) (col, row) to image coordinates from the image centre, y up, still distorted."""
+    return np.column_stack([pixels[:, 0] - (camera.width - 1) / 2, (camera.height - 1) / 2 - pixels[:, 1]])
+
+
+def tie_rays(photos: Photos, cameras: Cameras, tie_points: TiePoints) -> tuple[Rays, np.ndarray]:
+    """Rays of all tie points, point numbers running without gaps, and the track number (N,) of every point."""
+    order = np.lexsort((tie_points.photo, tie_points.track))
+    tracks, point = np.unique(tie_points.track[order], return_inverse=True)
+    photo = tie_points.photo[order].astype(np.int32)
+    pixels = np.column_stack([tie_points.col[order], tie_points.row[order]])
+    xy = np.empty_like(pixels)
+    for number in np.unique(photo):
+        own = photo == number
+        xy[own] = centred(cameras.of(photos.names[number]), pixels[own])
+    return Rays(point.astype(np.int32), photo, xy, np.maximum(tie_points.sigma[order].astype(np.float64), 1e-3)), tracks
+
+
+def ground_rays(points: list[ControlPoint], photos: dict[str, int], cameras: Cameras) -> Rays:
+    """Rays of ground points to the photos of the block; `photos`: name -> number. Points are numbered as given."""
+    rows = [(i, photos[name], centred(cameras.of(name), np.array([measured[:2]]))[0], measured[2])
+            for i, point in enumerate(points) for name, measured in point.measurements.items() if name in photos]
+    if not rows:
+        return Rays(np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros((0, 2)), np.zeros(0))
+    point, photo, xy, sigma = zip(*rows, strict=True)
+    return Rays(np.array(point, np.int32), np.array(photo, np.int32), np.array(xy), np.array(sigma, np.float64))
+
+
+def with_interior(camera: Camera, values: np.ndarray) -> Camera:
+    """The camera with other interior parameters (8,)."""
+    return camera.model_copy(update=dict(zip(INTERIOR, map(float, values), strict=True)))
+
+
+def ideal(camera: Camera, xy: np.ndarray) -> np.ndarray:
+    """Distorted coordinates from the image centre (N, 2) to ideal ones from the principal point, in units of c."""
+    pixels = np.column_stack([xy[:, 0] + (camera.width - 1) / 2, (camera.height - 1) / 2 - xy[:, 1]])
+    return pixel_to_image(camera, pixels) / camera.c

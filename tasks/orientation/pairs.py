@@ -1,0 +1,74 @@
+"""Every pair of photographs that shares tie points, relatively oriented on its own: the first check of the matches, and the start."""
+
+import cv2
+import numpy as np
+from scipy.sparse import csr_array
+
+from schemas.camera import Cameras
+from schemas.errors import GeometryError
+from schemas.observations import TiePoints
+from schemas.orientation import RelativeOrientation, RelativeOrientations
+from schemas.photo import Photos
+from tasks.adjustment.network import Rays
+from tasks.geometry.rotation import angles
+from tasks.orientation.measurements import ideal, tie_rays
+from tasks.orientation.relative import Relative, model_points, orient_robust
+
+cv2.setNumThreads(1)
+
+
+def relate_pairs(photos: Photos, cameras: Cameras, tie_points: TiePoints, least: int) -> RelativeOrientations:
+    """The relative orientations of all pairs that share `least` tie points or more, strongest first by number of matches."""
+    rays, _ = tie_rays(photos, cameras, tie_points)
+    coordinates = ideal_coordinates(photos, cameras, rays)
+    pairs = [_relate(photos, cameras, rays, coordinates, pair) for pair in sharing_pairs(rays, len(photos.photos), least)]
+    return RelativeOrientations(pairs=tuple(sorted(pairs, key=lambda pair: -pair.kept)))
+
+
+def ideal_coordinates(photos: Photos, cameras: Cameras, rays: Rays) -> np.ndarray:
+    """(M, 2) ideal image coordinates in units of c."""
+    out = np.empty_like(rays.xy)
+    for number in np.unique(rays.photo):
+        own = rays.photo == number
+        out[own] = ideal(cameras.of(photos.names[number]), rays.xy[own])
+    return out
+
+
+def sharing_pairs(rays: Rays, photos: int, least: int) -> list[tuple[int, int]]:
+    """Pairs of photo numbers (left < right) with `least` common points or more."""
+    seen = csr_array((np.ones(len(rays), np.int32), (rays.photo, rays.point)), shape=(photos, int(rays.point.max(initial=-1)) + 1))
+    common = (seen @ seen.T).tocoo()
+    return sorted((int(i), int(j)) for i, j, count in zip(common.row, common.col, common.data, strict=True) if i < j and count >= least)
+
+
+def common_rays(rays: Rays, left: int, right: int) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of the rays of the points that two photos share."""
+    a, b = np.flatnonzero(rays.photo == left), np.flatnonzero(rays.photo == right)
+    _, i, j = np.intersect1d(rays.point[a], rays.point[b], return_indices=True)
+    return a[i], b[j]
+
+
+def _relate(photos: Photos, cameras: Cameras, rays: Rays, coordinates: np.ndarray, pair: tuple[int, int]) -> RelativeOrientation:
+    names = photos.names[pair[0]], photos.names[pair[1]]
+    a, b = common_rays(rays, *pair)
+    c_left, c_right = (cameras.of(name).c for name in names)
+    observations = np.hstack([coordinates[a] * c_left, coordinates[b] * c_right])
+    try:
+        relative = orient_robust(observations, c_left, c_right, expected=max(1.0, float(np.median(rays.sigma[a]))))
+    except GeometryError as error:
+        return RelativeOrientation(left=names[0], right=names[1], matches=len(a), kept=0, outcome=str(error))
+    return _row(names, relative, observations)
+
+
+def _row(names: tuple[str, str], relative: Relative, observations: np.ndarray) -> RelativeOrientation:
+    solution, model = relative.solution, relative.solution.model
+    kept, base = int(relative.kept.sum()), model.base
+    intersection = float(np.degrees(np.median(model_points(model, observations[relative.kept])[1])))
+    outcome = "oriented" if kept >= max(8, 0.2 * len(observations)) else \
+        f"Only {kept} of {len(observations)} matches agree with one relative orientation."
+    return RelativeOrientation(
+        left=names[0], right=names[1], matches=len(observations), kept=kept, outcome=outcome, base=tuple(map(float, base)),
+        omega_phi_kappa=tuple(float(v) for v in np.degrees(angles(model.rotation))),
+        sigma=tuple(float(v) for v in np.degrees(solution.standard_errors)) if solution.redundancy else None,
+        by_bz=(float(base[1] / base[0]), float(base[2] / base[0])) if abs(base[0]) > 0.7 else None,
+        sigma0_px=float(solution.sigma0) if solution.redundancy else None, intersection_deg=intersection)

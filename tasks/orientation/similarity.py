@@ -1,0 +1,74 @@
+"""The seven-parameter similarity transformation from a model to the project's system, weighted and robust.
+
+Points fix what they can; a direction that ought to be vertical helps where all points lie on one line and say nothing of the
+rotation about it. Source: Horn 1987 / Umeyama 1991 for the closed form.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from schemas.errors import GeometryError
+
+
+@dataclass(frozen=True, eq=False)
+class Similarity:
+    """X = scale * rotation @ x + shift."""
+
+    scale: float
+    rotation: np.ndarray
+    shift: np.ndarray
+
+    def apply(self, points: np.ndarray) -> np.ndarray:
+        return self.scale * points @ self.rotation.T + self.shift
+
+
+@dataclass(frozen=True, eq=False)
+class Upward:
+    """The model's direction (3,) that ought to be the vertical, and its weight in 1/rad^2 (0: unknown)."""
+
+    direction: np.ndarray
+    weight: float
+
+
+def fit_similarity(model: np.ndarray, ground: np.ndarray, sigma: np.ndarray, upward: Upward) -> Similarity:
+    """The similarity that takes `model` (n, 3) to `ground` (n, 3) m with standard errors `sigma` (n,) m.
+
+    Huber's weights on the residuals make single wrong positions harmless. Raises GeometryError with fewer than two points.
+    """
+    if len(model) < 2:
+        raise GeometryError(f"{len(model)} known points cannot place the block; two or more are needed.")
+    weight = 1.0 / sigma**2
+    for _ in range(20):
+        result = _closed_form(model, ground, weight, upward)
+        size = np.linalg.norm(result.apply(model) - ground, axis=1) / sigma
+        limit = 2.0 * max(1.0, float(np.median(size)) / 1.54)
+        weight = np.where(size <= limit, 1.0, limit / np.maximum(size, limit)) / sigma**2
+    return result
+
+
+def _closed_form(model: np.ndarray, ground: np.ndarray, weight: np.ndarray, upward: Upward) -> Similarity:
+    centre_model, centre_ground = np.average(model, axis=0, weights=weight), np.average(ground, axis=0, weights=weight)
+    x, X = model - centre_model, ground - centre_ground
+    scale = np.sqrt((weight * (X**2).sum(axis=1)).sum() / (weight * (x**2).sum(axis=1)).sum())
+    for _ in range(3):
+        H = scale * (X * weight[:, None]).T @ x + upward.weight * np.outer([0.0, 0.0, 1.0], upward.direction)
+        U, _, Vt = np.linalg.svd(H)
+        rotation = U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
+        scale = float((weight * (X * (x @ rotation.T)).sum(axis=1)).sum() / (weight * (x**2).sum(axis=1)).sum())
+        scale = max(scale, 1e-9)
+    return Similarity(scale, rotation, centre_ground - scale * rotation @ centre_model)
+
+
+def turn_precision(points: np.ndarray, sigma: np.ndarray) -> float:
+    """Standard error in radians of the rotation about the line that fits known points (n, 3) m with `sigma` (n,) m best; inf without any.
+
+    Points on one line, or points as far from it as their own errors, do not fix this rotation.
+    """
+    if len(points) < 3:
+        return np.inf
+    weight = 1.0 / sigma**2
+    offset = points - np.average(points, axis=0, weights=weight)
+    scatter = np.linalg.eigvalsh((offset * weight[:, None]).T @ offset)
+    dof = max(len(points) - 2.0, 0.0)
+    return 1.0 / np.sqrt(max(scatter[0] + scatter[1] - 2.0 * dof, 1e-12))

@@ -1,0 +1,110 @@
+"""Pairs of a block: which are chosen, why others are not, and how precise their rows are."""
+
+import numpy as np
+import pytest
+from tiny_block import block, photos, tie_points
+
+from schemas.errors import GeometryError
+from tasks.epipolar.parallax import common_measurements, row_residuals, summary
+from tasks.epipolar.precision import row_sigma, row_variance
+from tasks.epipolar.report import report
+from tasks.epipolar.selection import Candidate, PairChoice, best_pairs, choose_pairs, why_not
+from tasks.geometry.normal_case import epipolar_view
+from tasks.geometry.view import view_of
+
+
+def strip_of(count):
+    """A strip of `count` photographs, made of copies of one."""
+    one = block()
+    photos_ = tuple(one.photos[0].model_copy(update={"photo": f"s{i:03d}", "centre": (110.0 * i, 0.0, 450.0),
+                                                     "omega_phi_kappa": (0.0, 0.0, 0.0)}) for i in range(count))
+    return one.model_copy(update={"photos": photos_, "of_photo": {p.photo: "tiny" for p in photos_}})
+
+
+def test_a_block_of_two_strips():
+    pairs = choose_pairs(block(), PairChoice(), 0.08)
+    names = {p.name for p in pairs.pairs}
+    assert {"a1-a2", "a2-a3", "b1-b2", "b2-b3", "a1-b1", "a3-b3"} <= names
+    assert 7 <= len(names) <= 10
+    assert all(p.right_centre[0] - p.left_centre[0] > 0 or p.right_centre[1] > p.left_centre[1] for p in pairs.pairs)
+    reasons = dict(pairs.not_used)
+    assert "overlap" in reasons["b1-a3"] or "overlap" in reasons.get("a1-a3", "")
+    assert not names & set(reasons)
+
+
+def test_pairs_grow_linearly_with_the_strip():
+    counts = [len(choose_pairs(strip_of(n), PairChoice(), 0.05).pairs) for n in (10, 20, 40)]
+    assert counts[2] - counts[1] == 2 * (counts[1] - counts[0])
+    assert counts[0] <= 20
+
+
+def test_every_photograph_gets_a_pair():
+    star = [Candidate(0, i, 0.5, 0.5 + i / 100, 0, 1) for i in range(1, 6)]
+    assert len(best_pairs(star, 2)) == 5
+
+
+@pytest.mark.parametrize(("change", "word"), [({"overlap": 0.2}, "overlap of 20%"), ({"base_height": 0.05}, "below 0.1"),
+                                              ({"base_height": 1.5}, "above 1.2"), ({"convergence": 60.0}, "60 degrees"),
+                                              ({"scale": 2.0}, "factor 2.0")])
+def test_reasons(change, word):
+    good = {"first": 0, "second": 1, "overlap": 0.6, "base_height": 0.5, "convergence": 2.0, "scale": 1.0}
+    assert why_not(Candidate(**good), PairChoice()) is None
+    assert word in why_not(Candidate(**{**good, **change}), PairChoice())
+
+
+def test_no_useful_pair_is_one_sentence():
+    with pytest.raises(GeometryError, match="No pair of photographs is useful"):
+        choose_pairs(block(), PairChoice(overlap=0.95), 0.08)
+    with pytest.raises(GeometryError, match="share ground"):
+        choose_pairs(strip_of(1), PairChoice(), 0.08)
+
+
+def test_tie_points_of_a_pair():
+    ties, pair = tie_points(), choose_pairs(block(), PairChoice(), 0.08).pairs[0]
+    names = photos().names
+    left, right = common_measurements(ties, names.index(pair.left), names.index(pair.right))
+    assert len(left) > 30 and (ties.track[left] == ties.track[right]).all()
+    assert np.abs(row_residuals(pair, block(), ties, names)).max() < 1e-7
+    noisy = summary(row_residuals(pair, block(), tie_points(0.2), names))
+    assert noisy.rms == pytest.approx(0.2 * np.sqrt(2), rel=0.25)
+    assert summary(np.array([])).points == 0
+
+
+def test_row_variance_against_numbers():
+    """The partials of the row against differences of a moved photograph."""
+    pair = choose_pairs(block(), PairChoice(), 0.08).pairs[0]
+    photo = block().of(pair.left)
+    xy = np.array([[40.0, 60.0], [-90.0, 120.0]])
+    parallax = (pair.parallax_low + pair.parallax_high) / 2
+    rays = np.column_stack([xy, np.full(2, -pair.c)]) @ np.array(pair.rotation)
+    ground = np.array(photo.centre) + rays * pair.base / parallax
+    epipolar = epipolar_view(pair, "left", view_of(photo, block().camera_of(pair.left)))
+    for k, step in enumerate([1e-3] * 3 + [1e-6] * 3):
+        centre, angles = np.array(photo.centre), np.array(photo.omega_phi_kappa)
+        if k < 3:
+            centre[k] += step
+        else:
+            angles[k - 3] += np.degrees(step)
+        moved = photo.model_copy(update={"centre": tuple(centre), "omega_phi_kappa": tuple(angles)})
+        observed = view_of(moved, block().camera_of(pair.left)).project(ground)
+        by_number = (epipolar.from_photo(observed)[:, 1] - (pair.row0 - xy[:, 1])) / step
+        only = photo.model_copy(update={"covariance": tuple(map(tuple, np.diag([float(i == k) for i in range(6)])))})
+        np.testing.assert_allclose(np.sqrt(row_variance(pair, only, xy, parallax)), np.abs(by_number), rtol=2e-3, atol=1e-3)
+
+
+def test_row_sigma_without_covariance_is_sigma0():
+    bare = block().model_copy(update={"photos": tuple(p.model_copy(update={"covariance": None}) for p in block().photos)})
+    pair = choose_pairs(block(), PairChoice(), 0.08).pairs[0]
+    assert row_sigma(pair, bare) == 0.3
+    assert 0.01 < pair.row_sigma < 0.3
+
+
+def test_report_warns_in_sentences():
+    pairs = choose_pairs(block(), PairChoice(), 0.08)
+    quiet = report(block(), pairs, tie_points(0.1), photos())
+    assert not quiet.warnings
+    loud = report(block(), pairs, tie_points(2.0), photos())
+    assert any("leave their row" in sentence for sentence in loud.warnings)
+    weak = pairs.model_copy(update={"pairs": tuple(p.model_copy(update={"row_sigma": 2.5}) for p in pairs.pairs)})
+    assert any("2.5 px" in sentence for sentence in report(block(), weak, tie_points(0.1), photos()).warnings)
+    assert {f.name: f.value for f in quiet.figures}["pairs"] == len(pairs.pairs)
