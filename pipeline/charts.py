@@ -15,10 +15,13 @@ from pipeline.numbers import NARROW_SPACE, nice_step, tick_text, ticks
 from pipeline.pictures import ColourBar
 from schemas.report import Chart
 
-WIDTH, HEIGHT = 600, 320
-LEFT, RIGHT, TOP, BOTTOM = 66, 16, 14, 46
+WIDTH, HEIGHT = 500, 290
+RIGHT, TOP, BOTTOM = 14, 14, 46
+ROW = 50
+"""px between the ticks of the y axis, about"""
 SERIES_COLOURS = 6
 MOST_MARKS = 2500
+LEGEND_LEFT = 60.0
 LETTER = 6.4
 """mean width of a letter, px"""
 
@@ -39,11 +42,26 @@ class Frame:
     def floor(self) -> float:
         return self.height - self.bottom
 
+    @property
+    def y_parts(self) -> int:
+        return max(3, round((self.floor - self.top) / ROW))
+
+    @property
+    def left(self) -> float:
+        """Room for the label and the longest tick of the y axis."""
+        return left_of(self.y_low, self.y_high, self.y_parts)
+
     def x(self, value: float) -> float:
-        return LEFT + (value - self.x_low) / (self.x_high - self.x_low) * (WIDTH - LEFT - RIGHT)
+        return self.left + (value - self.x_low) / (self.x_high - self.x_low) * (WIDTH - self.left - RIGHT)
 
     def y(self, value: float) -> float:
         return self.floor - (value - self.y_low) / (self.y_high - self.y_low) * (self.floor - self.top)
+
+
+def left_of(low: float, high: float, parts: int) -> float:
+    """Where the plotting area begins, so that the ticks from `low` to `high` fit beside it, px."""
+    step = nice_step(high - low, parts)
+    return 32 + LETTER * max((len(tick_text(tick, step)) for tick in ticks(low, high, parts)), default=1)
 
 
 def chart_svg(chart: Chart) -> str:
@@ -88,12 +106,11 @@ def _line(x1: float, y1: float, x2: float, y2: float, kind: str) -> str:
 
 
 def _y_axis(frame: Frame, label: str) -> Iterator[str]:
-    parts = max(3, round((frame.floor - frame.top) / 52))
-    step = nice_step(frame.y_high - frame.y_low, parts)
-    for tick in ticks(frame.y_low, frame.y_high, parts):
+    step = nice_step(frame.y_high - frame.y_low, frame.y_parts)
+    for tick in ticks(frame.y_low, frame.y_high, frame.y_parts):
         y = frame.y(tick)
-        yield _line(LEFT, y, WIDTH - RIGHT, y, "axis" if tick == 0 else "rule")
-        yield _text(LEFT - 7, y + 4, tick_text(tick, step), "tick", "end")
+        yield _line(frame.left, y, WIDTH - RIGHT, y, "axis" if tick == 0 else "rule")
+        yield _text(frame.left - 7, y + 4, tick_text(tick, step), "tick", "end")
     yield _text(13, (frame.top + frame.floor) / 2, label, "label", turn=-90)
 
 
@@ -101,21 +118,22 @@ def _x_axis(frame: Frame, label: str, upright: bool = False) -> Iterator[str]:
     step = nice_step(frame.x_high - frame.x_low, 6)
     for tick in ticks(frame.x_low, frame.x_high, 6):
         x = frame.x(tick)
-        yield _line(x, frame.top, x, frame.floor, "axis" if tick == 0 else "rule") if upright else _line(x, frame.floor, x, frame.floor + 4, "axis")
+        top = frame.top if upright else frame.floor + 4
+        yield _line(x, top, x, frame.floor, "rule" if upright and tick != 0 else "axis")
         yield _text(x, frame.floor + 18, tick_text(tick, step), "tick")
-    yield _line(LEFT, frame.floor, WIDTH - RIGHT, frame.floor, "axis")
-    yield _text((LEFT + WIDTH - RIGHT) / 2, frame.height - 8, label, "label")
+    yield _line(frame.left, frame.floor, WIDTH - RIGHT, frame.floor, "axis")
+    yield _text((frame.left + WIDTH - RIGHT) / 2, frame.height - 8, label, "label")
 
 
 def _legend(names: list[str], mark: str) -> tuple[list[str], float]:
     """Names with their colours in rows above the plot, and the height they take; nothing for a single series."""
     if len(names) < 2:
         return [], 0.0
-    body, x, y = [], float(LEFT), 16.0
+    body, x, y = [], LEGEND_LEFT, 16.0
     for number, name in enumerate(names):
         width = 26 + LETTER * len(name)
-        if x + width > WIDTH and x > LEFT:
-            x, y = float(LEFT), y + 18
+        if x + width > WIDTH and x > LEGEND_LEFT:
+            x, y = LEGEND_LEFT, y + 18
         body.append(f'<rect class="{mark} s{number % SERIES_COLOURS}" x="{x:.1f}" y="{y - 9:.1f}" width="12" height="10" rx="2"/>')
         body.append(_text(x + 17, y, name, "legend", "start"))
         x += width
@@ -130,11 +148,11 @@ def _bars(chart: Chart) -> str:
     series = {name: np.asarray(y, float)[:len(x)] for name, y in chart.series.items()}
     legend, used = _legend(list(series), "fill")
     widest = float(np.min(np.diff(np.unique(x)))) if len(np.unique(x)) > 1 else 1.0
-    _, top = _range(np.concatenate(list(series.values())))
-    low, _ = _range(np.concatenate(list(series.values())))
+    low, top = _range(np.concatenate(list(series.values())))
     slanted = _slanted(chart)
+    bottom = (BOTTOM if chart.x_label else BOTTOM - 18) + slanted
     frame = Frame(float(np.min(x)) - widest / 2, float(np.max(x)) + widest / 2, *_bar_heights(low, top), TOP + used,
-                  HEIGHT + used + slanted, BOTTOM + slanted)
+                  HEIGHT + used + slanted, bottom)
     axis = _category_axis(frame, chart, slanted > 0) if _categorical(chart) else _x_axis(frame, chart.x_label)
     body = [*legend, *_y_axis(frame, chart.y_label)]
     for number, y in enumerate(series.values()):
@@ -177,18 +195,18 @@ def _slanted(chart: Chart) -> float:
     if not _categorical(chart):
         return 0.0
     longest = max(len(label) for label in chart.labels)
-    room = (WIDTH - LEFT - RIGHT) / len(chart.labels)
+    room = (WIDTH - LEGEND_LEFT - RIGHT) / len(chart.labels)
     return 0.0 if longest * LETTER < room else min(longest, 26) * LETTER * 0.6
 
 
 def _category_axis(frame: Frame, chart: Chart, slanted: bool) -> Iterator[str]:
-    yield _line(LEFT, frame.floor, WIDTH - RIGHT, frame.floor, "axis")
+    yield _line(frame.left, frame.floor, WIDTH - RIGHT, frame.floor, "axis")
     every = max(1, math.ceil(len(chart.labels) / 40))
     for place, label in list(enumerate(chart.labels))[::every]:
         shown = label if len(label) <= 26 else label[:25] + "…"
         yield _text(frame.x(place) + (4 if slanted else 0), frame.floor + (14 if slanted else 18), shown, "tick",
                     "end" if slanted else "middle", -35 if slanted else 0)
-    yield _text((LEFT + WIDTH - RIGHT) / 2, frame.height - 8, chart.x_label, "label")
+    yield _text((frame.left + WIDTH - RIGHT) / 2, frame.height - 8, chart.x_label, "label")
 
 
 def _curves(chart: Chart) -> str:
@@ -222,7 +240,8 @@ def _dots(frame: Frame, x: np.ndarray, y: np.ndarray, number: int) -> Iterator[s
     radius = 2.6 if len(x) <= 400 else 1.6
     for place_x, place_y in zip(x[::every], y[::every], strict=True):
         if math.isfinite(place_x) and math.isfinite(place_y):
-            yield f'<circle class="fill s{number % SERIES_COLOURS}" cx="{frame.x(place_x):.1f}" cy="{frame.y(place_y):.1f}" r="{radius}"/>'
+            place = f'cx="{frame.x(place_x):.1f}" cy="{frame.y(place_y):.1f}"'
+            yield f'<circle class="fill s{number % SERIES_COLOURS}" {place} r="{radius}"/>'
 
 
 # --- places in the plane -----------------------------------------------------------------------------------------------------
@@ -231,7 +250,7 @@ def _dots(frame: Frame, x: np.ndarray, y: np.ndarray, number: int) -> Iterator[s
 def _plane_frame(x: np.ndarray, y: np.ndarray, used: float) -> Frame:
     """Axes with the same scale, as high as the data asks for, within reason."""
     (x_low, x_high), (y_low, y_high) = _padded(*_range(x), 0.08), _padded(*_range(y), 0.08)
-    wide, room = WIDTH - LEFT - RIGHT, 460.0
+    wide, room = WIDTH - left_of(y_low, y_high, 6) - RIGHT, 400.0
     scale = max((x_high - x_low) / wide, (y_high - y_low) / room)
     tall = max((y_high - y_low) / scale, 150.0)
     grow_x, grow_y = (wide * scale - (x_high - x_low)) / 2, (tall * scale - (y_high - y_low)) / 2
@@ -248,7 +267,8 @@ def _labels(frame: Frame, x: np.ndarray, y: np.ndarray, labels: tuple[str, ...])
         for place_x, place_y, label in zip(x, y, labels, strict=False):
             if math.isfinite(place_x) and math.isfinite(place_y):
                 right = frame.x(place_x) + 7 + LETTER * len(label) < WIDTH
-                yield _text(frame.x(place_x) + (7 if right else -7), frame.y(place_y) - 5, label, "name", "start" if right else "end")
+                side, anchor = (7, "start") if right else (-7, "end")
+                yield _text(frame.x(place_x) + side, frame.y(place_y) - 5, label, "name", anchor)
 
 
 def _map(chart: Chart) -> str:
@@ -271,7 +291,7 @@ def _arrows(chart: Chart) -> str:
     lengths = np.hypot(dx, dy)
     finite = lengths[np.isfinite(lengths) & (lengths > 0)]
     usual = float(np.percentile(finite, 90)) if finite.size else 1.0
-    enlarged = 0.09 * (WIDTH - LEFT - RIGHT) / usual
+    enlarged = 0.1 * (WIDTH - frame.left - RIGHT) / usual
     body = _plane_axes(frame, chart) + _arrow_key(usual, enlarged)
     every = max(1, math.ceil(len(x) / MOST_MARKS))
     for index in range(0, len(x), every):
@@ -282,7 +302,8 @@ def _arrows(chart: Chart) -> str:
 def _arrow_key(usual: float, enlarged: float) -> list[str]:
     key = nice_step(usual, 1)
     start = WIDTH - RIGHT - key * enlarged - 4
-    return [*_arrow(start, 14, key * enlarged, 0.0), _text(start - 8, 18, f"key:{NARROW_SPACE}{tick_text(key, key)}", "legend", "end")]
+    text = f"this long:{NARROW_SPACE}{tick_text(key, key)}"
+    return [*_arrow(start, 14, key * enlarged, 0.0), _text(start - 8, 18, text, "legend", "end")]
 
 
 def _arrow(x: float, y: float, dx: float, dy: float) -> Iterator[str]:
@@ -293,10 +314,10 @@ def _arrow(x: float, y: float, dx: float, dy: float) -> Iterator[str]:
     yield f'<circle class="fill s0" cx="{x:.1f}" cy="{y:.1f}" r="1.7"/>'
     if length >= 1:
         head = min(6.0, length * 0.45)
-        ux, uy = dx / length, dy / length
-        left, right = (-head * ux - head * 0.45 * uy, -head * uy + head * 0.45 * ux), (-head * ux + head * 0.45 * uy, -head * uy - head * 0.45 * ux)
-        yield (f'<path class="arrow" d="M{x:.1f},{y:.1f} l{dx:.1f},{dy:.1f} m{left[0]:.1f},{left[1]:.1f} L{x + dx:.1f},{y + dy:.1f} '
-               f'l{right[0]:.1f},{right[1]:.1f}"/>')
+        back = (-head * dx / length, -head * dy / length)
+        across = (-0.45 * back[1], 0.45 * back[0])
+        yield (f'<path class="arrow" d="M{x:.1f},{y:.1f} l{dx:.1f},{dy:.1f} m{back[0] + across[0]:.1f},{back[1] + across[1]:.1f} '
+               f'L{x + dx:.1f},{y + dy:.1f} l{back[0] - across[0]:.1f},{back[1] - across[1]:.1f}"/>')
 
 
 DRAWERS = {"bars": _bars, "lines": _curves, "points": _curves, "arrows": _arrows, "map": _map}
@@ -307,20 +328,29 @@ DRAWERS = {"bars": _bars, "lines": _curves, "points": _curves, "arrows": _arrows
 
 def colour_bar_svg(bar: ColourBar, number: int) -> str:
     """A colour bar with the histogram of the values above it; `number` makes its gradient's name unique in the page."""
-    width, left, top, height = 340, 12, 26, 10
-    wide = width - 2 * left
-    stops = "".join(f'<stop offset="{place / (len(bar.colours) - 1):.4f}" stop-color="{escape(colour)}"/>' for place, colour in enumerate(bar.colours))
-    body = [f'<defs><linearGradient id="bar{number}">{stops}</linearGradient></defs>']
-    most = max(max(bar.counts), 1)
+    last = len(bar.colours) - 1
+    stops = "".join(f'<stop offset="{place / last:.4f}" stop-color="{colour}"/>' for place, colour in enumerate(bar.colours))
+    body = [f'<defs><linearGradient id="bar{number}">{stops}</linearGradient></defs>', *_bar_counts(bar),
+            f'<rect fill="url(#bar{number})" x="{BAR_LEFT}" y="26" width="{BAR_WIDTH}" height="10"/>', *_bar_ticks(bar)]
+    size = f'viewBox="0 0 {BAR_WIDTH + 2 * BAR_LEFT} 58"'
+    return f'<svg class="bar" {size} role="img" aria-label="colour bar">{"".join(body)}</svg>'
+
+
+BAR_LEFT, BAR_WIDTH = 16, 308
+
+
+def _bar_counts(bar: ColourBar) -> Iterator[str]:
+    wide, most = BAR_WIDTH / len(bar.counts), max(*bar.counts, 1)
     for place, count in enumerate(bar.counts):
         tall = 22 * count / most
-        body.append(f'<rect class="counts" x="{left + wide * place / len(bar.counts):.2f}" y="{top - 2 - tall:.2f}" '
-                    f'width="{wide / len(bar.counts):.2f}" height="{tall:.2f}"/>')
-    body.append(f'<rect fill="url(#bar{number})" x="{left}" y="{top}" width="{wide}" height="{height}"/>')
-    step = nice_step(bar.high - bar.low, 5)
-    shown = ticks(bar.low, bar.high, 5)
+        yield f'<rect class="counts" x="{BAR_LEFT + wide * place:.2f}" y="{24 - tall:.2f}" width="{wide:.2f}" height="{tall:.2f}"/>'
+
+
+def _bar_ticks(bar: ColourBar) -> Iterator[str]:
+    """Round values below the bar; the last one carries the unit."""
+    step, shown = nice_step(bar.high - bar.low, 5), ticks(bar.low, bar.high, 5)
     for tick in shown:
-        x = left + wide * (tick - bar.low) / (bar.high - bar.low)
+        x = BAR_LEFT + BAR_WIDTH * (tick - bar.low) / (bar.high - bar.low)
         unit = f"{NARROW_SPACE}{bar.unit}" if tick == shown[-1] and bar.unit else ""
-        body += [_line(x, top + height, x, top + height + 4, "axis"), _text(x, top + height + 17, tick_text(tick, step) + unit, "tick")]
-    return f'<svg class="bar" viewBox="0 0 {width} 58" role="img" aria-label="colour bar">{"".join(body)}</svg>'
+        yield _line(x, 36, x, 40, "axis")
+        yield _text(x, 53, tick_text(tick, step) + unit, "tick")

@@ -19,13 +19,14 @@ from pathlib import Path
 import numpy as np
 import rasterio
 import rasterio.shutil
+from lazrs import LazrsError
 from rasterio.enums import ColorInterp
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
 from pipeline.points import write_points
 from pipeline.reading import ReadableStore
 from pipeline.table_files import write_whole
-from schemas.errors import OrthomillError, ResourceError, StoreError
+from schemas.errors import ResourceError, StoreError
 from schemas.job import Columns, Export
 from schemas.raster import RasterSpec, Window, tiles_of
 
@@ -46,7 +47,7 @@ def export(export: Export, store: ReadableStore, folder: Path) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         WRITERS[export.format](export, store, path)
-    except (OSError, RasterioError) as error:
+    except (OSError, RasterioError, LazrsError) as error:
         raise ResourceError(f"{path} cannot be written ({_first_line(error)}); make room on the disk or make the folder writable, "
                             "then run again.") from error
 
@@ -193,7 +194,8 @@ def _write_tiled(stack: Stack, store: ReadableStore, path: Path, profile: dict) 
     with rasterio.open(path, "w", **profile) as target:
         _describe(target, stack)
         for window in stack.windows():
-            target.write(stack.read(store, window), window=rasterio.windows.Window(window.col, window.row, window.width, window.height))
+            place = rasterio.windows.Window(window.col, window.row, window.width, window.height)
+            target.write(stack.read(store, window), window=place)
 
 
 def _describe(target: rasterio.io.DatasetWriter, stack: Stack) -> None:

@@ -69,7 +69,8 @@ class Mistakes:
 
 def _line(file: str, mistake: Mistake) -> str:
     where = f"{mistake.place}: " if mistake.place else ""
-    return f"{file}:{mistake.line}: {where}{mistake.sentence}"
+    text = f"{file}:{mistake.line}: {where}{mistake.sentence}"
+    return "".join(letter if letter.isprintable() else " " for letter in text)  # what the file says must not steer a terminal
 
 
 def place_words(path: Path_, document: Document) -> str:

@@ -32,7 +32,8 @@ def number_text(value: Cell, decimals: int | None = None) -> str:
 def _float_text(value: float, decimals: int) -> str:
     if value != 0 and (abs(value) < 1e-5 or abs(value) >= 1e12):
         mantissa, exponent = f"{abs(value):.3e}".split("e")
-        return (MINUS if value < 0 else "") + f"{mantissa}{NARROW_SPACE}·{NARROW_SPACE}10{str(int(exponent)).translate(SUPERSCRIPTS)}"
+        power = "10" + str(int(exponent)).translate(SUPERSCRIPTS)
+        return (MINUS if value < 0 else "") + f"{mantissa}{NARROW_SPACE}·{NARROW_SPACE}{power}"
     text = f"{abs(value):.{decimals}f}"
     return _grouped(text, value < 0 and float(text) != 0)
 
@@ -51,8 +52,14 @@ def decimals_of(values: Iterable[Cell]) -> int:
     if not sizes:
         return 0
     typical = sizes[len(sizes) // 2]
-    wanted = 2 if typical >= 10 else min(3 - min(math.floor(math.log10(typical)), 0) - (typical < 1), 6)
-    return min(wanted, max(_given_decimals(number) for number in numbers))
+    return min(_wanted_decimals(typical), max(_given_decimals(number) for number in numbers))
+
+
+def _wanted_decimals(typical: float) -> int:
+    """Millimetres for ground coordinates, else about four digits, three below 1."""
+    if typical >= 10:
+        return 3 if typical >= 1e4 else 2
+    return 3 if typical >= 0.1 else min(2 - math.floor(math.log10(typical)), 6)
 
 
 def _given_decimals(number: float) -> int:

@@ -1,23 +1,20 @@
-"""Pictures of rasters for the report: reduced chunk by chunk, coloured by style, encoded as data URIs.
+"""Pictures of rasters for the report: reduced, coloured by style, with their legend and their place on the ground.
 
-A raster of any size is read one chunk at a time and reduced on the way, by means (heights, colours) or by the middle pixel
-(codes). Where there is no value the picture shows a pale hatching, which no colour map contains. Photographs and shaded relief
-become JPEG, everything else PNG with a palette, so that a colour in the picture is exactly a colour of its legend.
+One painter per style turns an overview into an image and its legend. Where there is no value the picture shows a pale hatching,
+which no colour map contains.
 """
 
-import base64
 import math
-import struct
-import zlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-import cv2
 import matplotlib
 import numpy as np
 
+from pipeline.image_uri import jpeg_uri, png_uri
 from pipeline.numbers import nice_step
+from pipeline.overview import Overview, overview
 from pipeline.reading import ReadableStore
-from schemas.raster import RasterSpec, Window, tiles_of
+from schemas.raster import RasterSpec
 from schemas.report import Picture
 
 LIMIT = 1100
@@ -28,15 +25,6 @@ RELIEF = ("#3f6b57", "#6f9271", "#b3b98a", "#dccf9f", "#c9a778", "#a17c5f", "#7d
 BLUE_WHITE_RED = ("#08306b", "#2a6fb0", "#7fb5d8", "#d6e6ef", "#f7f7f5", "#f6d5c3", "#e58f6f", "#be3a34", "#67001f")
 UNKNOWN_CODE = "#8a8a8a"
 CODES, COLOUR_STEPS = 256, 254
-
-
-@dataclass(frozen=True)
-class Overview:
-    """A raster in reduced size. `values` (rows, cols) or (rows, cols, bands) in float64; `share` (rows, cols) of pixels with a value."""
-
-    values: np.ndarray
-    share: np.ndarray
-    factor: int
 
 
 @dataclass(frozen=True)
@@ -86,7 +74,7 @@ class Drawing:
 class _Painted:
     uri: str
     bar: ColourBar | None = None
-    classes: tuple[ClassEntry, ...] = field(default=())
+    classes: tuple[ClassEntry, ...] = ()
 
 
 def draw(store: ReadableStore, picture: Picture, limit: int = LIMIT) -> Drawing:
@@ -95,77 +83,8 @@ def draw(store: ReadableStore, picture: Picture, limit: int = LIMIT) -> Drawing:
     seen = overview(store, picture.raster, limit, nearest=picture.style == "classes")
     painted = PAINTERS[picture.style](seen, picture, spec)
     rows, cols = seen.share.shape
-    return Drawing(painted.uri, cols, rows, painted.bar, painted.classes, 100 * float(1 - np.mean(seen.share)), _scale_bar(spec), _corners(spec))
-
-
-# --- reducing ----------------------------------------------------------------------------------------------------------------
-
-
-def overview(store: ReadableStore, name: str, limit: int, nearest: bool) -> Overview:
-    """A raster reduced by a whole factor to `limit` px or less, reading one chunk at a time.
-
-    `nearest` takes the middle pixel of every block; otherwise the mean of its pixels that have a value (finite, not nodata,
-    alpha above 0). Blocks without any are NaN.
-    """
-    spec = store.spec(name)
-    factor = max(1, -(-max(spec.shape[:2]) // limit))
-    rows, cols = -(-spec.shape[0] // factor), -(-spec.shape[1] // factor)
-    bands = spec.shape[2] if len(spec.shape) == 3 else 1
-    total, count, area = np.zeros((rows, cols, bands)), np.zeros((rows, cols, 1)), np.zeros((rows, cols, 1))
-    for tile in tiles_of(spec.shape, max(spec.chunk, 64)):
-        values, weight, place = _thinned(store, spec, tile.window, factor) if nearest else _summed(store, spec, tile.window, factor)
-        total[place] += values
-        count[place] += weight[0]
-        area[place] += weight[1]
-    with np.errstate(invalid="ignore"):
-        means = np.where(count > 0, total / count, np.nan)
-    return Overview(means if len(spec.shape) == 3 else means[..., 0], (count / np.maximum(area, 1))[..., 0], factor)
-
-
-def _pixels(store: ReadableStore, spec: RasterSpec, window: Window) -> tuple[np.ndarray, np.ndarray]:
-    """Values (h, w, bands) float64, 0 where absent, and presence (h, w, 1)."""
-    raw = store.read(spec.name, window)
-    raw = raw[..., None] if raw.ndim == 2 else raw
-    present = np.isfinite(raw).all(axis=2, keepdims=True)
-    if spec.nodata is not None:
-        present &= (raw != spec.nodata).any(axis=2, keepdims=True)
-    if raw.shape[2] == 4:
-        present &= raw[..., 3:] > 0
-    return np.where(present, raw, 0).astype(np.float64), present.astype(np.float64)
-
-
-def _summed(store: ReadableStore, spec: RasterSpec, window: Window, factor: int):
-    values, present = _pixels(store, spec, window)
-    rows, row_starts = _blocks(window.row, window.height, factor)
-    cols, col_starts = _blocks(window.col, window.width, factor)
-
-    def sums(array: np.ndarray) -> np.ndarray:
-        return np.add.reduceat(np.add.reduceat(array, row_starts, axis=0), col_starts, axis=1)
-
-    return sums(values), (sums(present), sums(np.ones_like(present))), (rows, cols)
-
-
-def _blocks(start: int, length: int, factor: int) -> tuple[slice, np.ndarray]:
-    """Which blocks the pixels from `start` belong to, and where each block begins among them."""
-    block = np.arange(start, start + length) // factor
-    return slice(int(block[0]), int(block[-1]) + 1), np.flatnonzero(np.diff(block, prepend=block[0] - 1))
-
-
-def _thinned(store: ReadableStore, spec: RasterSpec, window: Window, factor: int):
-    rows, row_pick = _middles(window.row, window.height, factor, spec.shape[0])
-    cols, col_pick = _middles(window.col, window.width, factor, spec.shape[1])
-    values, present = _pixels(store, spec, window)
-    picked = np.ix_(row_pick, col_pick)
-    return values[picked], (present[picked], np.ones_like(present[picked])), (rows, cols)
-
-
-def _middles(start: int, length: int, factor: int, size: int) -> tuple[slice, np.ndarray]:
-    """Blocks whose middle pixel (the last pixel in a cut block) lies in the window, and that pixel's place in the window."""
-    blocks = np.arange(-(-size // factor))
-    middle = np.minimum(blocks * factor + factor // 2, size - 1)
-    inside = blocks[(middle >= start) & (middle < start + length)]
-    first = int(inside[0]) if len(inside) else 0
-    return slice(first, first + len(inside)), middle[inside] - start
+    empty = 100 * float(1 - np.mean(seen.share))
+    return Drawing(painted.uri, cols, rows, painted.bar, painted.classes, empty, _scale_bar(spec), _corners(spec))
 
 
 # --- colouring ---------------------------------------------------------------------------------------------------------------
@@ -178,7 +97,8 @@ def _paint_hillshade(seen: Overview, picture: Picture, spec: RasterSpec) -> _Pai
     tint = palette(RELIEF, CODES)[_steps(heights, low, high, CODES)].astype(np.float64)
     cell = abs(spec.transform[0]) * seen.factor if spec.transform else 1.0
     shaded = np.clip(tint * _shade(heights, cell)[..., None], 0, 255)
-    return _Painted(_jpeg(_composed(shaded, np.isfinite(heights).astype(float))), _bar(heights, low, high, RELIEF, picture, spec))
+    bar = _bar(heights, _Scale(low, high, RELIEF, picture.unit or spec.unit))
+    return _Painted(jpeg_uri(_composed(shaded, np.isfinite(heights).astype(float))), bar)
 
 
 def _shade(heights: np.ndarray, cell: float) -> np.ndarray:
@@ -193,7 +113,8 @@ def _shade(heights: np.ndarray, cell: float) -> np.ndarray:
     return np.nan_to_num(0.42 + 0.80 * light, nan=1.0)
 
 
-SUNS = ((0.70, -0.5, -0.5, math.sqrt(0.5)), (0.15, -math.sqrt(0.5), 0.0, math.sqrt(0.5)), (0.15, 0.0, -math.sqrt(0.5), math.sqrt(0.5)))
+HALF = math.sqrt(0.5)
+SUNS = ((0.70, -0.5, -0.5, HALF), (0.15, -HALF, 0.0, HALF), (0.15, 0.0, -HALF, HALF))
 """(weight, east, south, up) of the light's direction"""
 
 
@@ -213,14 +134,14 @@ def _paint_rgb(seen: Overview, picture: Picture, spec: RasterSpec) -> _Painted:
     if spec.dtype != "uint8" and np.isfinite(colours).any():
         low, high = np.nanpercentile(colours, (1, 99))
         colours = (colours - low) / max(high - low, 1e-12) * 255
-    return _Painted(_jpeg(_composed(np.clip(np.nan_to_num(colours), 0, 255), seen.share)))
+    return _Painted(jpeg_uri(_composed(np.clip(np.nan_to_num(colours), 0, 255), seen.share)))
 
 
 def _paint_ramp(seen: Overview, picture: Picture, spec: RasterSpec) -> _Painted:
     name = picture.colours if picture.colours in matplotlib.colormaps else "viridis"
     colours = tuple(matplotlib.colors.to_hex(colour) for colour in matplotlib.colormaps[name](np.linspace(0, 1, 17)))
     values = _plane(seen)
-    return _paint_steps(values, *_limits(values, picture), colours, picture, spec)
+    return _paint_steps(values, _Scale(*_limits(values, picture), colours, picture.unit or spec.unit))
 
 
 def _paint_diverging(seen: Overview, picture: Picture, spec: RasterSpec) -> _Painted:
@@ -228,14 +149,24 @@ def _paint_diverging(seen: Overview, picture: Picture, spec: RasterSpec) -> _Pai
     values = _plane(seen)
     given = [abs(limit) for limit in (picture.low, picture.high) if limit is not None]
     bound = max(given) if given else _percentile(np.abs(values), 98)
-    return _paint_steps(values, -(bound or 1.0), bound or 1.0, BLUE_WHITE_RED, picture, spec)
+    return _paint_steps(values, _Scale(-(bound or 1.0), bound or 1.0, BLUE_WHITE_RED, picture.unit or spec.unit))
 
 
-def _paint_steps(values: np.ndarray, low: float, high: float, colours: tuple[str, ...], picture: Picture, spec: RasterSpec) -> _Painted:
-    index = 2 + _steps(values, low, high, COLOUR_STEPS)
+@dataclass(frozen=True)
+class _Scale:
+    """A range of values and the colours it runs through."""
+
+    low: float
+    high: float
+    colours: tuple[str, ...]
+    unit: str
+
+
+def _paint_steps(values: np.ndarray, scale: _Scale) -> _Painted:
+    index = 2 + _steps(values, scale.low, scale.high, COLOUR_STEPS)
     index = np.where(np.isfinite(values), index, _hatch(values.shape)).astype(np.uint8)
-    table = np.concatenate([HATCH, palette(colours, COLOUR_STEPS)])
-    return _Painted(_png(index, table), _bar(values, low, high, colours, picture, spec))
+    table = np.concatenate([HATCH, palette(scale.colours, COLOUR_STEPS)])
+    return _Painted(png_uri(index, table), _bar(values, scale))
 
 
 def _paint_classes(seen: Overview, picture: Picture, spec: RasterSpec) -> _Painted:
@@ -249,11 +180,13 @@ def _paint_classes(seen: Overview, picture: Picture, spec: RasterSpec) -> _Paint
     entries = [(colour, meaning) for _, colour, meaning in known] + [(UNKNOWN_CODE, "code without explanation")]
     counts = np.bincount(index.ravel(), minlength=len(entries) + 2)[2:]
     table = np.concatenate([HATCH, palette(tuple(colour for colour, _ in entries), len(entries))])
-    legend = tuple(ClassEntry(colour, meaning, 100 * count / codes.size) for (colour, meaning), count in zip(entries, counts, strict=True))
-    return _Painted(_png(index.astype(np.uint8), table), classes=legend if counts[-1] else legend[:-1])
+    legend = tuple(ClassEntry(*entry, 100 * count / codes.size) for entry, count in zip(entries, counts, strict=True))
+    return _Painted(png_uri(index.astype(np.uint8), table), classes=legend if counts[-1] else legend[:-1])
 
 
-PAINTERS = {"hillshade": _paint_hillshade, "rgb": _paint_rgb, "ramp": _paint_ramp, "diverging": _paint_diverging, "classes": _paint_classes}
+PAINTERS = {
+    "hillshade": _paint_hillshade, "rgb": _paint_rgb, "ramp": _paint_ramp, "diverging": _paint_diverging, "classes": _paint_classes,
+}
 
 
 def _plane(seen: Overview) -> np.ndarray:
@@ -282,15 +215,15 @@ def palette(colours: tuple[str, ...], count: int) -> np.ndarray:
     return np.column_stack([np.interp(at, np.arange(len(colours)), stops[:, band]) for band in range(3)]).round().astype(np.uint8)
 
 
-def _bar(values: np.ndarray, low: float, high: float, colours: tuple[str, ...], picture: Picture, spec: RasterSpec) -> ColourBar | None:
+def _bar(values: np.ndarray, scale: _Scale) -> ColourBar | None:
     present = values[np.isfinite(values)]
     if not present.size:
         return None
-    counts = np.histogram(np.clip(present, low, high), bins=48, range=(low, high))[0]
-    return ColourBar(low, high, picture.unit or spec.unit, colours, tuple(counts.tolist()))
+    counts = np.histogram(np.clip(present, scale.low, scale.high), bins=48, range=(scale.low, scale.high))[0]
+    return ColourBar(scale.low, scale.high, scale.unit, scale.colours, tuple(counts.tolist()))
 
 
-# --- hatching and encoding ---------------------------------------------------------------------------------------------------
+# --- hatching --------------------------------------------------------------------------------------------------------------
 
 
 def _hatch(shape: tuple[int, ...]) -> np.ndarray:
@@ -303,28 +236,6 @@ def _composed(colours: np.ndarray, share: np.ndarray) -> np.ndarray:
     """Colours (rows, cols, 3) over the hatching, by the share of pixels that have a value."""
     back = HATCH[_hatch(share.shape)].astype(np.float64)
     return np.rint(colours * share[..., None] + back * (1 - share[..., None])).astype(np.uint8)
-
-
-def _uri(kind: str, data: bytes) -> str:
-    return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
-
-
-def _jpeg(colours: np.ndarray) -> str:
-    data = cv2.imencode(".jpg", np.ascontiguousarray(colours[..., ::-1]), [cv2.IMWRITE_JPEG_QUALITY, 87])[1]
-    return _uri("jpeg", data.tobytes())
-
-
-def _png(index: np.ndarray, table: np.ndarray) -> str:
-    """A PNG with a palette of at most 256 colours (PNG specification, colour type 3, no filter)."""
-    rows, cols = index.shape
-    lines = np.concatenate([np.zeros((rows, 1), np.uint8), index], axis=1).tobytes()
-    header = struct.pack(">IIBBBBB", cols, rows, 8, 3, 0, 0, 0)
-    parts = ((b"IHDR", header), (b"PLTE", table.astype(np.uint8).tobytes()), (b"IDAT", zlib.compress(lines, 9)), (b"IEND", b""))
-    return _uri("png", b"\x89PNG\r\n\x1a\n" + b"".join(_png_chunk(kind, data) for kind, data in parts))
-
-
-def _png_chunk(kind: bytes, data: bytes) -> bytes:
-    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
 
 # --- place on the ground -----------------------------------------------------------------------------------------------------

@@ -79,7 +79,8 @@ def nesting(z: RasterSpec, rgb: RasterSpec) -> Nesting:
     row = (z.transform[5] - rgb.transform[5]) / rgb.transform[4]
     nests = abs(fine / coarse / ratio - 1) < 1e-9 and max(abs(col - round(col)), abs(row - round(row))) < 1e-3
     if not nests or rgb.crs != z.crs or len(rgb.shape) != 3 or rgb.shape[2] not in (3, 4) or rgb.dtype != "uint8":
-        raise StoreError(f"The colours {rgb.name} cannot be laid on {z.name}: they must be 8-bit RGB or RGBA on a grid that shares its cell borders.")
+        raise StoreError(f"The colours {rgb.name} cannot be laid on {z.name}: they must be 8-bit RGB or RGBA on a grid that shares "
+                         "its cell borders.")
     return Nesting(rgb, fine, coarse, round(row), round(col))
 
 

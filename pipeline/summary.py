@@ -47,39 +47,43 @@ def _entry(figure: Figure) -> dict[str, Any]:
 
 
 def _run_figures(run: RunFacts) -> tuple[Figure, ...]:
-    stages = run.stages
+    machine = "; ".join(f"{what}: {value}" for what, value in run.machine)
     return (
-        Figure(name="project", value=run.project, sentence="Name of the project."),
-        Figure(name="crs", value=run.crs, sentence="Coordinate reference system of all products."),
-        Figure(name="version", value=run.version, sentence="Version of orthomill that made the run."),
-        Figure(name="scheduler", value=run.scheduler, sentence="Where the jobs ran."),
-        Figure(name="machine", value="; ".join(f"{what}: {value}" for what, value in run.machine), sentence="The machine and its libraries."),
-        Figure(name="started", value=run.started, sentence="When the run began (ISO 8601)."),
-        Figure(name="finished", value=run.finished, sentence="When the run ended (ISO 8601); null when it did not."),
-        Figure(name="complete", value=run.complete, sentence="Whether every planned job of every stage is done or unchanged."),
-        Figure(name="seconds", value=run.seconds, unit="s", sentence="Wall clock from start to end."),
-        Figure(name="work_seconds", value=sum(s.seconds for s in stages), unit="s", sentence="Work of all jobs of this run added up."),
-        Figure(name="peak_memory", value=_mebibytes(run.peak_bytes), unit="MiB", sentence="Largest memory of one worker."),
-        Figure(name="jobs", value=sum(s.jobs for s in stages), sentence="Jobs planned."),
-        Figure(name="jobs_done", value=sum(s.done for s in stages), sentence="Jobs that ran and finished in this run."),
-        Figure(name="jobs_skipped", value=sum(s.skipped for s in stages), sentence="Jobs unchanged since an earlier run."),
-        Figure(name="jobs_failed", value=sum(s.failed for s in stages), sentence="Jobs that failed."),
-        Figure(name="jobs_waiting", value=sum(s.waiting for s in stages), sentence="Jobs that were planned but not reached."),
-        Figure(name="failed_tiles", value=", ".join(failure.key for failure in run.failures), sentence="Keys of the jobs that failed."),
+        _fact("project", run.project, "Name of the project."),
+        _fact("crs", run.crs, "Coordinate reference system of all products."),
+        _fact("version", run.version, "Version of orthomill that made the run."),
+        _fact("scheduler", run.scheduler, "Where the jobs ran."),
+        _fact("machine", machine, "The machine and its libraries."),
+        _fact("started", run.started, "When the run began (ISO 8601)."),
+        _fact("finished", run.finished, "When the run ended (ISO 8601); null when it did not."),
+        _fact("wall_seconds", run.seconds, "Wall clock from start to end.", "s"),
+        _fact("failed_tiles", ", ".join(failure.key for failure in run.failures), "Keys of the jobs that failed."),
+        _fact("complete", run.complete, "Whether every planned job of every stage is done or unchanged."),
+        *_job_figures(run.stages, run.peak_bytes),
     )
 
 
 def _stage_figures(stage: StageRun) -> tuple[Figure, ...]:
     return (
-        Figure(name="complete", value=stage.complete, sentence="Whether every job of the stage is done or unchanged."),
-        Figure(name="seconds", value=stage.seconds, unit="s", sentence="Work of the stage's jobs added up."),
-        Figure(name="peak_memory", value=_mebibytes(stage.peak_bytes), unit="MiB", sentence="Largest memory of a worker while it ran a job of the stage."),
-        Figure(name="jobs", value=stage.jobs, sentence="Jobs planned."),
-        Figure(name="jobs_done", value=stage.done, sentence="Jobs that ran and finished in this run."),
-        Figure(name="jobs_skipped", value=stage.skipped, sentence="Jobs unchanged since an earlier run."),
-        Figure(name="jobs_failed", value=stage.failed, sentence="Jobs that failed."),
-        Figure(name="jobs_waiting", value=stage.waiting, sentence="Jobs that were planned but not reached."),
+        _fact("complete", stage.complete, "Whether every planned job of the stage is done or unchanged."),
+        *_job_figures((stage,), stage.peak_bytes),
     )
+
+
+def _job_figures(stages: tuple[StageRun, ...], peak_bytes: int | None) -> tuple[Figure, ...]:
+    return (
+        _fact("work_seconds", sum(stage.seconds for stage in stages), "Work of the jobs added up.", "s"),
+        _fact("peak_memory", _mebibytes(peak_bytes), "Largest memory of one worker.", "MiB"),
+        _fact("jobs", sum(stage.jobs for stage in stages), "Jobs planned."),
+        _fact("jobs_done", sum(stage.done for stage in stages), "Jobs that ran and finished in this run."),
+        _fact("jobs_skipped", sum(stage.skipped for stage in stages), "Jobs unchanged since an earlier run."),
+        _fact("jobs_failed", sum(stage.failed for stage in stages), "Jobs that failed."),
+        _fact("jobs_waiting", sum(stage.waiting for stage in stages), "Jobs that were planned but not reached."),
+    )
+
+
+def _fact(name: str, value: float | int | str | bool | None, sentence: str, unit: str = "") -> Figure:
+    return Figure(name=name, value=value, unit=unit, sentence=sentence)
 
 
 def _mebibytes(count: int | None) -> float | None:

@@ -62,7 +62,7 @@ def _not_found(path: Path) -> str:
     if not files:
         return (f"There is no workflow {shown(path)}, and {shown(folder)} holds no workflow files; "
                 "write one with 'orthomill init NAME --photos DIR'.")
-    names = [file.stem if path.stem == path.name.removesuffix(path.suffix) else file.name for file in files]
+    names = [file.stem for file in files]
     near = nearest(path.stem, names)
     meant = f"; did you mean '{near}'?" if near else "."
     return f"There is no workflow {shown(path)}{meant} There are: {', '.join(names)}."

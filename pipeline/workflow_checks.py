@@ -5,6 +5,7 @@ goes on, so that everything is told at once.
 """
 
 import os
+import shlex
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -74,7 +75,7 @@ def check_simulation(project: Project, kinds: Kinds, catalogue: tuple[type[Stage
         return
     for name in ("photographs", "positions", "control"):
         if getattr(project, name).kind == "simulated":
-            mistakes.add((name,), f"is simulated, but the stage '{SIMULATION}' is not in this workflow; add '- {SIMULATION}' first.")
+            mistakes.add((name,), f"is simulated, but no stage '{SIMULATION}' is in this workflow; add '- {SIMULATION}' first.")
 
 
 def check_crs(crs: str, photographs: PhotoFolder | PhotoList | Any, root: Path, mistakes: Mistakes) -> None:
@@ -84,10 +85,19 @@ def check_crs(crs: str, photographs: PhotoFolder | PhotoList | Any, root: Path, 
     except CRSError:
         mistakes.add(("crs",), _unknown_crs(crs))
         return
+    if _guessed(crs, system):
+        code = ":".join(system.to_authority() or ("the system",))
+        mistakes.add(("crs",), f"'{crs}' is neither a code nor the full name of a system; did you mean {code} ({system.name})?")
+        return
     parts = [*(system.sub_crs_list or [system])]
     problem = _plan_problem(parts[0]) or _height_problem(parts[1:])
     if problem:
         mistakes.add(("crs",), f"{crs} ({system.name}) {problem}; {_suggestion(photographs, root)}")
+
+
+def _guessed(crs: str, system: CRS) -> bool:
+    """Whether PROJ took a bare word for the system whose name looks most like it: too little to calculate with."""
+    return not any(sign in crs for sign in ":+[{=") and system.name.lower() != crs.strip().lower()
 
 
 def _unknown_crs(crs: str) -> str:
@@ -224,7 +234,7 @@ def _inside(text: str, path: Path_, root: Path, mistakes: Mistakes) -> bool:
         return True
     name = os.path.basename(full) or "data"
     mistakes.add(path, f"'{text}' leads out of the project's folder {top}; copy the files into it, or put a link there "
-                       f"(ln -s '{full}' '{os.path.join(top, name)}') and write '{name}'.")
+                       f"(ln -s {shlex.quote(full)} {shlex.quote(os.path.join(top, name))}) and write '{name}'.")
     return False
 
 

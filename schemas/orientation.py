@@ -70,7 +70,8 @@ class RelativeOrientation(BaseModel):
     """How the right photograph of a pair lies to the left one; what two photographs alone can tell.
 
     `base` is a unit vector in the image system of the left photograph, `omega_phi_kappa` (degrees) turn it into the right one's:
-    R = R3(kappa) R2(phi) R1(omega). Parameters and standard errors of the dependent relative orientation follow where the base lies along x.
+    R = R3(kappa) R2(phi) R1(omega). Parameters and standard errors of the dependent relative orientation follow where the base lies
+    along x.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -84,7 +85,8 @@ class RelativeOrientation(BaseModel):
     base: tuple[float, float, float] = (0.0, 0.0, 0.0)
     omega_phi_kappa: tuple[float, float, float] = (0.0, 0.0, 0.0)
     sigma: tuple[float, float, float, float, float] | None = None
-    """standard errors: two of the base's direction across itself, three of the rotation about the axes of the right image; degrees"""
+    """standard errors: two of the base's direction across itself, three of the rotation about the axes of the right image;
+    degrees"""
     by_bz: tuple[float, float] | None = None
     """b_y and b_z for b_x = 1, where the base lies mainly along x"""
     sigma0_px: float | None = None

@@ -15,6 +15,7 @@ class Outcome(IntEnum):
     SINGULAR = 6
     LOW_CORRELATION = 7
     INCONSISTENT = 8
+    OCCLUDED = 9
 
     @property
     def sentence(self) -> str:
@@ -31,4 +32,5 @@ _SENTENCES = {
     Outcome.SINGULAR: "the normal equations are singular",
     Outcome.LOW_CORRELATION: "the matched windows do not look alike",
     Outcome.INCONSISTENT: "matching back does not return to the point, or its neighbours contradict it",
+    Outcome.OCCLUDED: "something higher hides the point from one of the photographs",
 }

@@ -46,9 +46,12 @@ class Factors:
 
 @dataclass(frozen=True, eq=False)
 class Adjustment:
-    """The adjusted block. `used` (M,) marks the rays that took part, `residual` (M, 2) px observed minus computed of all rays, `redundancy_number`
-    (M, 2) and `standardised` (M, 2) are NaN for rays that did not. `cofactor` (n, n) is the covariance of the unknowns of the reduced system,
-    `point_covariance` (N, 3, 3) m^2. `factors`: estimated by stated standard errors of image measurements, positions and control."""
+    """The adjusted block. `used` (M,) marks the rays that took part, `residual` (M, 2) px observed minus computed of all rays,
+    `redundancy_number`
+    (M, 2) and `standardised` (M, 2) are NaN for rays that did not. `cofactor` (n, n) is the covariance of the unknowns of the
+    reduced system,
+    `point_covariance` (N, 3, 3) m^2. `factors`: estimated by stated standard errors of image measurements, positions and
+    control."""
 
     state: State
     network: Network
@@ -70,16 +73,19 @@ class Adjustment:
 
     def exterior_covariance(self, photo: int) -> np.ndarray:
         """(6, 6) of X, Y, Z and the three rotations in the image system, m and radians."""
-        return self.cofactor[6 * photo:6 * photo + 6, 6 * photo:6 * photo + 6]
+        return self.cofactor[6 * photo : 6 * photo + 6, 6 * photo : 6 * photo + 6]
 
 
-def minimise(network: Network, start: State, rays: Rays, huber: float = np.inf, tolerance: float = 1e-9, most: int = 100) -> tuple[State, int]:
+def minimise(
+    network: Network, start: State, rays: Rays, huber: float = np.inf, tolerance: float = 1e-9, most: int = 100
+) -> tuple[State, int]:
     """Levenberg-Marquardt from `start`; `huber` in standard errors. Returns the state and the number of iterations.
 
-    Stops when a step gains less than `tolerance` of the cost. Reweighting with Huber's weights converges slowly and needs no sharp end.
+    Stops when a step gains less than `tolerance` of the cost. Reweighting with Huber's weights converges slowly and needs no sharp
+    end.
 
-    Every point with rays needs two of them (or a prior). Raises GeometryError when the observations do not determine the unknowns, or
-    when `most` iterations do not converge.
+    Every point with rays needs two of them (or a prior). Raises GeometryError when the observations do not determine the unknowns,
+    or when `most` iterations do not converge.
     """
     state, damping = start, 1e-4
     cost = _cost(network, state, rays, huber)
@@ -88,11 +94,13 @@ def minimise(network: Network, start: State, rays: Rays, huber: float = np.inf, 
         linear = linearised(network, state, rays, factor)
         while True:
             trial = _moved(network, state, linear, damping)
-            trial_cost = _cost(network, trial, rays, huber)
+            trial_cost = np.inf if trial is None else _cost(network, trial, rays, huber)
             if trial_cost <= cost * (1.0 + 1e-12) or damping > 1e8:
                 break
             damping = max(damping, 1e-7) * 10.0
         if damping > 1e8:
+            if trial is None:
+                raise GeometryError(_UNDETERMINED)
             return state, iteration
         gain, state, cost = cost - trial_cost, trial, trial_cost
         if gain <= tolerance * cost + 1e-15 * len(rays) and damping <= 1e-3:
@@ -120,10 +128,13 @@ def adjust(network: Network, start: State, rays: Rays, test: BlunderTest | None 
         if not again and not bad.any():
             return replace(result, iterations=iterations, rays=replace(rays, sigma=stated_sigma))
         rays = replace(rays, sigma=stated_sigma * factors.image)
-        network = replace(stated, centre_weight=stated.centre_weight / factors.position**2,
-                          point_weight=stated.point_weight / factors.control**2)
-    raise GeometryError(f"The blunder tests of the bundle adjustment removed rays in each of {test.rounds} rounds and did not come to an "
-                        "end; the tie points hold too many wrong matches.")
+        network = replace(
+            stated, centre_weight=stated.centre_weight / factors.position**2, point_weight=stated.point_weight / factors.control**2
+        )
+    raise GeometryError(
+        f"The blunder tests of the bundle adjustment removed rays in each of {test.rounds} rounds and did not come to an "
+        "end; the tie points hold too many wrong matches."
+    )
 
 
 def _robust_start(network: Network, state: State, rays: Rays, used: np.ndarray, test: BlunderTest) -> tuple[State, int, np.ndarray]:
@@ -149,21 +160,23 @@ def _cost(network: Network, state: State, rays: Rays, huber: float) -> float:
     return huber_cost(size, huber) + prior_cost(network, state)
 
 
-def _moved(network: Network, state: State, linear: Linear, damping: float) -> State:
-    """The state after one damped step."""
+def _moved(network: Network, state: State, linear: Linear, damping: float) -> State | None:
+    """The state after one damped step; None where the normal equations are singular at this damping."""
     normal, right, diagonal = reduced_normals(linear, network.unknowns, damping)
     prior, prior_right = prior_normals(network, state)
     normal += prior
     normal[np.diag_indices_from(normal)] += damping * (diagonal + np.diag(prior))
     correction = _solve(network, state, normal, right + prior_right)
+    if correction is None:
+        return None
     return _corrected(network, state, correction, point_corrections(linear, correction, damping))
 
 
 def _corrected(network: Network, state: State, correction: np.ndarray, points: np.ndarray) -> State:
-    photo = correction[:6 * network.photos].reshape(-1, 6)
+    photo = correction[: 6 * network.photos].reshape(-1, 6)
     turned = np.array([rotation_of_vector(w) @ R for w, R in zip(photo[:, 3:], state.rotation, strict=True)])
     interior = state.interior.copy()
-    interior[network.interior.free] += correction[6 * network.photos:6 * network.photos + int(network.interior.free.sum())]
+    interior[network.interior.free] += correction[6 * network.photos : 6 * network.photos + int(network.interior.free.sum())]
     shift = state.shift + correction[-3:] if network.shift else state.shift
     return State(turned, state.centre + photo[:, :3], state.point + points, interior, shift)
 
@@ -178,20 +191,23 @@ def _scaled(network: Network, state: State, normal: np.ndarray) -> tuple[np.ndar
     return scaled + H @ H.T, scale, H
 
 
-def _solve(network: Network, state: State, normal: np.ndarray, right: np.ndarray) -> np.ndarray:
+def _solve(network: Network, state: State, normal: np.ndarray, right: np.ndarray) -> np.ndarray | None:
     scaled, scale, _ = _scaled(network, state, normal)
     try:
         return scale * cho_solve(cho_factor(scaled), scale * right)
-    except (np.linalg.LinAlgError, ValueError) as error:
-        raise GeometryError(_UNDETERMINED) from error
+    except (np.linalg.LinAlgError, ValueError):
+        return None
 
 
-_UNDETERMINED = ("The block is not determined by its observations: a photograph hangs on too few or badly spread tie points, or an interior "
-                 "parameter cannot be told from the positions; hold the interior orientation fixed, or give control.")
+_UNDETERMINED = (
+    "The block is not determined by its observations: a photograph hangs on too few or badly spread tie points, or an interior "
+    "parameter cannot be told from the positions; hold the interior orientation fixed, or give control."
+)
 
 
 def covariance_of(network: Network, state: State, linear: Linear) -> np.ndarray:
-    """(n, n): the inverse of the reduced normal matrix; with respect to the inner constraints in a free network. Raises GeometryError."""
+    """(n, n): the inverse of the reduced normal matrix; with respect to the inner constraints in a free network. Raises
+    GeometryError."""
     normal = reduced_normals(linear, network.unknowns)[0] + prior_normals(network, state)[0]
     scaled, scale, H = _scaled(network, state, normal)
     if not np.isfinite(scaled).all() or np.linalg.cond(scaled) > 1e15:
@@ -209,8 +225,9 @@ def _account(network: Network, state: State, rays: Rays, used: np.ndarray, facto
     numbers[used] = np.clip(1.0 - adjusted * linear.weight[:, None], 1e-6, 1.0)
     residual = misclosures(state, rays, network.camera_of)
     standardised[used] = residual[used] / (taken.sigma[:, None] * np.sqrt(numbers[used]))
-    return Adjustment(state, network, rays, used, residual, numbers, standardised, cofactor, points,
-                      _redundancy(network, taken), factors, 0)
+    return Adjustment(
+        state, network, rays, used, residual, numbers, standardised, cofactor, points, _redundancy(network, taken), factors, 0
+    )
 
 
 def _redundancy(network: Network, rays: Rays) -> int:
@@ -236,11 +253,11 @@ def _factors(result: Adjustment, stated: Network) -> tuple[Factors, bool]:
 def _position_share(result: Adjustment) -> tuple[float, float]:
     """Weighted square sum and redundancy of the GNSS positions."""
     weight, photos = result.network.centre_weight, result.network.photos
-    variance = np.diag(result.cofactor)[:6 * photos].reshape(-1, 6)[:, :3].copy()
+    variance = np.diag(result.cofactor)[: 6 * photos].reshape(-1, 6)[:, :3].copy()
     if result.network.shift:
         for photo in range(photos):
             for axis in range(3):
-                variance[photo, axis] += (result.cofactor[axis - 3, axis - 3] + 2.0 * result.cofactor[6 * photo + axis, axis - 3])
+                variance[photo, axis] += result.cofactor[axis - 3, axis - 3] + 2.0 * result.cofactor[6 * photo + axis, axis - 3]
     square = (weight * position_misclosures(result.network, result.state) ** 2).sum()
     return float(square), float(((weight > 0) - weight * variance)[weight > 0].sum())
 
@@ -254,7 +271,8 @@ def _control_share(result: Adjustment) -> tuple[float, float]:
 
 
 def _enlarged(old: float, square: float, redundancy: float) -> float:
-    """Standard errors are enlarged only where three or more redundant numbers contradict them by more than chance (about 99.9 %)."""
+    """Standard errors are enlarged only where three or more redundant numbers contradict them by more than chance (about 99.9
+    %)."""
     if redundancy < 3.0:
         return old
     factor = old * np.sqrt(square / redundancy)
@@ -262,7 +280,8 @@ def _enlarged(old: float, square: float, redundancy: float) -> float:
 
 
 def _blunders(result: Adjustment, limit: float) -> np.ndarray:
-    """The worst ray of every point whose standardised residual is beyond `limit`: one at a time, for a blunder spoils its neighbours."""
+    """The worst ray of every point whose standardised residual is beyond `limit`: one at a time, for a blunder spoils its
+    neighbours."""
     worst = np.nan_to_num(np.abs(result.standardised).max(axis=1))
     highest = np.zeros(len(result.state.point))
     np.maximum.at(highest, result.rays.point, worst)

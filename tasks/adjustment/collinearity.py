@@ -77,9 +77,12 @@ def _derivatives(photo, camera, point, rotation, centre, points, interior):
 
 def misclosures(state: State, rays: Rays, camera_of: np.ndarray) -> np.ndarray:
     """Observed minus computed image coordinates (M, 2), px; BEHIND for points behind their camera."""
-    return _misclosures(rays.photo, camera_of[rays.photo], rays.point, rays.xy, state.rotation, state.centre, state.point, state.interior)
+    return _misclosures(
+        rays.photo, camera_of[rays.photo], rays.point, rays.xy, state.rotation, state.centre, state.point, state.interior
+    )
 
 
 def derivatives(state: State, rays: Rays, camera_of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives of the computed image coordinates: (M, 2, 14) by X, Y, Z, three rotations and INTERIOR; (M, 2, 3) by the point."""
+    """Derivatives of the computed image coordinates: (M, 2, 14) by X, Y, Z, three rotations and INTERIOR; (M, 2, 3) by the
+    point."""
     return _derivatives(rays.photo, camera_of[rays.photo], rays.point, state.rotation, state.centre, state.point, state.interior)

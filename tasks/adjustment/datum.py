@@ -18,10 +18,12 @@ def prior_normals(network: Network, state: State) -> tuple[np.ndarray, np.ndarra
 def prior_cost(network: Network, state: State) -> float:
     """Weighted sum of squares of the misclosures of all that is known beforehand, points included."""
     value = network.interior.value - state.interior
-    return float((network.centre_weight * position_misclosures(network, state) ** 2).sum()
-                 + (network.point_weight * (network.point - state.point) ** 2).sum()
-                 + (network.vertical_weight * (state.rotation[:, 2, :2] ** 2).sum(axis=1)).sum()
-                 + np.einsum("ci,cij,cj->", value, network.interior.weight, value))
+    return float(
+        (network.centre_weight * position_misclosures(network, state) ** 2).sum()
+        + (network.point_weight * (network.point - state.point) ** 2).sum()
+        + (network.vertical_weight * (state.rotation[:, 2, :2] ** 2).sum(axis=1)).sum()
+        + np.einsum("ci,cij,cj->", value, network.interior.weight, value)
+    )
 
 
 def position_misclosures(network: Network, state: State) -> np.ndarray:
@@ -51,19 +53,22 @@ def _add_verticality(network: Network, state: State, normal: np.ndarray, right: 
 
 
 def _add_interior(network: Network, state: State, normal: np.ndarray, right: np.ndarray) -> None:
-    for columns, weight, value in zip(network.interior_columns, network.interior.weight, network.interior.value - state.interior, strict=True):
+    for columns, weight, value in zip(
+        network.interior_columns, network.interior.weight, network.interior.value - state.interior, strict=True
+    ):
         free = columns >= 0
         normal[np.ix_(columns[free], columns[free])] += weight[np.ix_(free, free)]
         right[columns[free]] += (weight @ value)[free]
 
 
 def freedoms(network: Network, state: State) -> np.ndarray:
-    """(n, 7): how the unknowns move when the whole block is shifted, turned and scaled; what measurements in photographs cannot see."""
+    """(n, 7): how the unknowns move when the whole block is shifted, turned and scaled; what measurements in photographs cannot
+    see."""
     H = np.zeros((network.unknowns, 7))
     lever = state.centre - state.centre.mean(axis=0)
     for photo in range(network.photos):
-        H[6 * photo:6 * photo + 3, :3] = np.eye(3)
-        H[6 * photo:6 * photo + 3, 3:6] = -skew(lever[photo])
-        H[6 * photo + 3:6 * photo + 6, 3:6] = -state.rotation[photo]
-        H[6 * photo:6 * photo + 3, 6] = lever[photo]
+        H[6 * photo : 6 * photo + 3, :3] = np.eye(3)
+        H[6 * photo : 6 * photo + 3, 3:6] = -skew(lever[photo])
+        H[6 * photo + 3 : 6 * photo + 6, 3:6] = -state.rotation[photo]
+        H[6 * photo : 6 * photo + 3, 6] = lever[photo]
     return H

@@ -1,4 +1,5 @@
-"""How the interior orientation takes part in an adjustment: fixed, weighted by its covariance, or free. A choice of the workflow."""
+"""How the interior orientation takes part in an adjustment: fixed, weighted by its covariance, or free. A choice of the
+workflow."""
 
 from typing import Annotated, Literal
 
@@ -12,7 +13,8 @@ from tasks.adjustment.network import Interior
 Parameter = Literal["c", "x0", "y0", "k1", "k2", "k3", "p1", "p2"]
 
 NOMINAL_SIGMA = {"c": 0.03, "x0": 0.01, "y0": 0.01, "k1": 0.1, "k2": 0.1, "k3": 0.1, "p1": 0.003, "p2": 0.003}
-"""Standard errors of a camera that is known from EXIF only: c in units of c, x0 and y0 in units of the width, the others as numbers."""
+"""Standard errors of a camera that is known from EXIF only: c in units of c, x0 and y0 in units of the width, the others as
+numbers."""
 
 
 class FixedInterior(Settings):
@@ -22,10 +24,13 @@ class FixedInterior(Settings):
 
 
 class WeightedInterior(Settings):
-    """The named parameters are unknowns, held by the covariance of the calibration (or by wide nominal bounds for a camera from EXIF)."""
+    """The named parameters are unknowns, held by the covariance of the calibration (or by wide nominal bounds for a camera from
+    EXIF)."""
 
     kind: Literal["weighted"]
-    parameters: tuple[Parameter, ...] = setting(("c", "x0", "y0", "k1", "k2", "p1", "p2"), "Interior parameters to be adjusted.", min_length=1)
+    parameters: tuple[Parameter, ...] = setting(
+        ("c", "x0", "y0", "k1", "k2", "p1", "p2"), "Interior parameters to be adjusted.", min_length=1
+    )
 
 
 class FreeInterior(Settings):

@@ -30,7 +30,8 @@ M = TypeVar("M", bound=ConditionModel)
 
 @dataclass(frozen=True, eq=False)
 class MixedSolution(Generic[M]):
-    """An adjusted model. `residuals` (s, q) in the unit of the observations; `sigma0` and `covariance` (u, u) are NaN without redundancy."""
+    """An adjusted model. `residuals` (s, q) in the unit of the observations; `sigma0` and `covariance` (u, u) are NaN without
+    redundancy."""
 
     model: M
     residuals: np.ndarray
@@ -48,8 +49,8 @@ def solve_mixed(model: M, observations: np.ndarray, limit: float = 1e-12, most: 
     """The least-squares solution of the mixed model with equal weights, linearised at the adjusted observations.
 
     observations (s, q): row i belongs to condition i. Stops when no correction of an unknown exceeds `limit` (or, near the rounding
-    of the observations, when corrections no longer shrink). Raises GeometryError with fewer conditions than unknowns, for a singular
-    configuration, and when `most` iterations do not converge.
+    of the observations, when corrections no longer shrink). Raises GeometryError with fewer conditions than unknowns, for a
+    singular configuration, and when `most` iterations do not converge.
     """
     residuals = np.zeros_like(observations)
     previous = np.inf
@@ -66,7 +67,9 @@ def solve_mixed(model: M, observations: np.ndarray, limit: float = 1e-12, most: 
         if largest < limit or (largest < 1e-8 and largest > 0.5 * previous):
             return _solution(model, residuals, normal, iteration)
         previous = largest
-    raise GeometryError(f"The relative orientation did not converge in {most} iterations; its matches may be wrong or its start too far away.")
+    raise GeometryError(
+        f"The relative orientation did not converge in {most} iterations; its matches may be wrong or its start too far away."
+    )
 
 
 def _check_count(conditions: int, unknowns: int) -> None:
@@ -78,7 +81,9 @@ def _solve(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
     scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
     scaled = normal * scale[:, None] * scale
     if not np.isfinite(scaled).all() or np.linalg.cond(scaled) > 1e14:
-        raise GeometryError("The matches do not determine the relative orientation: they lie too close together or on a critical surface.")
+        raise GeometryError(
+            "The matches do not determine the relative orientation: they lie too close together or on a critical surface."
+        )
     return scale * np.linalg.solve(scaled, scale * right)
 
 

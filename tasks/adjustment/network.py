@@ -1,7 +1,7 @@
 """The values of a bundle adjustment: what is unknown (`State`), what was measured (`Rays`), what is known beforehand (`Network`).
 
-Coordinates are local (a constant offset near the block is taken off first), so that float64 keeps a tenth of a micrometre. Rotations are
-corrected by small rotation vectors in the image system, which has no singular attitude; angles are for people.
+Coordinates are local (a constant offset near the block is taken off first), so that float64 keeps a tenth of a micrometre.
+Rotations are corrected by small rotation vectors in the image system, which has no singular attitude; angles are for people.
 
 Order of the unknowns of the reduced system: six per photo (X, Y, Z, three rotations), then the free interior parameters, then the
 shift of the GNSS positions. Points are eliminated.
@@ -14,7 +14,8 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class Rays:
-    """Image measurements sorted by point: `point`, `photo` (M,) int32, `xy` (M, 2) px from the image centre, y up, observed; `sigma` (M,) px."""
+    """Image measurements sorted by point: `point`, `photo` (M,) int32, `xy` (M, 2) px from the image centre, y up, observed;
+    `sigma` (M,) px."""
 
     point: np.ndarray
     photo: np.ndarray
@@ -35,7 +36,8 @@ class Rays:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Values of the unknowns: `rotation` (P, 3, 3), `centre` (P, 3), `point` (N, 3), `interior` (C, 8) in the order of INTERIOR, `shift` (3,)."""
+    """Values of the unknowns: `rotation` (P, 3, 3), `centre` (P, 3), `point` (N, 3), `interior` (C, 8) in the order of INTERIOR,
+    `shift` (3,)."""
 
     rotation: np.ndarray
     centre: np.ndarray
@@ -46,7 +48,8 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Interior:
-    """What is known of the cameras: `value` (C, 8), `weight` (C, 8, 8) inverse covariance, `free` (C, 8) which parameters are unknowns."""
+    """What is known of the cameras: `value` (C, 8), `weight` (C, 8, 8) inverse covariance, `free` (C, 8) which parameters are
+    unknowns."""
 
     value: np.ndarray
     weight: np.ndarray
@@ -57,8 +60,8 @@ class Interior:
 class Network:
     """What is known beforehand; weights are inverse variances, 0 for nothing known.
 
-    camera_of (P,); centre, centre_weight (P, 3) GNSS positions; point, point_weight (N, 3) control; vertical_weight (P,) 1/rad^2 of the
-    wish that a photograph looks straight down; shift: whether the GNSS positions have a common shift; free: no datum, the seven
+    camera_of (P,); centre, centre_weight (P, 3) GNSS positions; point, point_weight (N, 3) control; vertical_weight (P,) 1/rad^2 of
+    the wish that a photograph looks straight down; shift: whether the GNSS positions have a common shift; free: no datum, the seven
     freedoms are held by inner constraints.
     """
 
@@ -92,8 +95,12 @@ class Network:
     def prior_observations(self) -> int:
         """How many numbers are known beforehand."""
         known = np.diagonal(self.interior.weight, axis1=1, axis2=2) > 0
-        return int((self.centre_weight > 0).sum() + (self.point_weight > 0).sum() + 2 * (self.vertical_weight > 0).sum()
-                   + (known & self.interior.free).sum())
+        return int(
+            (self.centre_weight > 0).sum()
+            + (self.point_weight > 0).sum()
+            + 2 * (self.vertical_weight > 0).sum()
+            + (known & self.interior.free).sum()
+        )
 
 
 def ray_columns(network: Network, rays: Rays) -> np.ndarray:

@@ -36,9 +36,16 @@ def linearised(network: Network, state: State, rays: Rays, factor: np.ndarray | 
     columns = ray_columns(network, rays)
     jg, jp = derivatives(state, rays, network.camera_of)
     used = (columns >= 0).any(axis=0)
-    return Linear(rays.first(len(state.point)), np.ascontiguousarray(columns[:, used]), np.ascontiguousarray(jg[:, :, used]), jp,
-                  misclosures(state, rays, network.camera_of), factor / rays.sigma**2,
-                  network.point_weight, network.point - state.point)
+    return Linear(
+        rays.first(len(state.point)),
+        np.ascontiguousarray(columns[:, used]),
+        np.ascontiguousarray(jg[:, :, used]),
+        jp,
+        misclosures(state, rays, network.camera_of),
+        factor / rays.sigma**2,
+        network.point_weight,
+        network.point - state.point,
+    )
 
 
 @njit(cache=True)
@@ -104,8 +111,9 @@ def _reduced(first, columns, jg, jp, misclosure, weight, prior_weight, prior_mis
             _cross(i, jg, jp, weight, W[i - start])
             for a in range(k):
                 for b in range(3):
-                    Z[i - start, a, b] = (W[i - start, a, 0] * inverse[0, b] + W[i - start, a, 1] * inverse[1, b]
-                                          + W[i - start, a, 2] * inverse[2, b])
+                    Z[i - start, a, b] = (
+                        W[i - start, a, 0] * inverse[0, b] + W[i - start, a, 1] * inverse[1, b] + W[i - start, a, 2] * inverse[2, b]
+                    )
         for i in range(start, stop):
             for a in range(k):
                 ca = columns[i, a]
@@ -123,8 +131,11 @@ def _reduced(first, columns, jg, jp, misclosure, weight, prior_weight, prior_mis
                     for b in range(k):
                         cb = columns[j, b]
                         if cb >= 0:
-                            normal[ca, cb] -= (Z[i - start, a, 0] * W[j - start, b, 0] + Z[i - start, a, 1] * W[j - start, b, 1]
-                                               + Z[i - start, a, 2] * W[j - start, b, 2])
+                            normal[ca, cb] -= (
+                                Z[i - start, a, 0] * W[j - start, b, 0]
+                                + Z[i - start, a, 1] * W[j - start, b, 1]
+                                + Z[i - start, a, 2] * W[j - start, b, 2]
+                            )
     return normal, right, diagonal
 
 
@@ -202,8 +213,16 @@ def _precision(first, columns, jg, jp, misclosure, weight, prior_weight, prior_m
 
 
 def _arrays(linear: Linear) -> tuple[np.ndarray, ...]:
-    return (linear.first, linear.columns, linear.jg, linear.jp, linear.misclosure, linear.weight, linear.point_weight,
-            linear.point_misclosure)
+    return (
+        linear.first,
+        linear.columns,
+        linear.jg,
+        linear.jp,
+        linear.misclosure,
+        linear.weight,
+        linear.point_weight,
+        linear.point_misclosure,
+    )
 
 
 def reduced_normals(linear: Linear, unknowns: int, damping: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -2,9 +2,10 @@
 
 Strategy: boards are found on a reduced image, where OpenCV's sector-based detector (Duda & Frese 2018) is fast and sure. It gives
 one board at a time, so each one found is painted over, up to the outer edge of its squares, and the search goes on until nothing
-is found. The image is reduced less when nothing at all was found. Each corner is then refined in the full image as the saddle
-point of its neighbourhood (Foerstner's gradient condition, OpenCV's cornerSubPix), in a window that follows the spacing of the
-corners; on rendered boards with known corners that is twice as precise as the detector's own sub-pixel step and free of its outliers.
+is found. The search ends one level after the first that found boards: small boards get a second chance. Each corner is then
+refined in the full image as the saddle point of its neighbourhood (Foerstner's gradient condition, OpenCV's cornerSubPix), in a
+window that follows the spacing of the corners; on rendered boards with known corners that is twice as precise as the detector's
+own sub-pixel step, and free of its outliers.
 
 NORMALIZE_IMAGE is left out on purpose: it loses boards (methods/measured.md).
 """
@@ -15,14 +16,14 @@ import cv2
 import numpy as np
 
 from schemas.job import Columns
-from tasks.imagery.pyramid import halved, level_to_full
+from tasks.imagery.pyramid import full_to_level, halved, level_to_full
 from tasks.imagery.radiometry import grey_bytes, grey_range
 
 cv2.setNumThreads(1)
 
 _SEARCH = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY
 _STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 60, 1e-4)
-COARSE_SIDE = 1000
+COARSE_SIDE = 700
 """Longer side in px of the image in which boards are searched first."""
 MOST_BOARDS = 40
 
@@ -60,12 +61,16 @@ def find_boards(image: np.ndarray, corners: tuple[int, int]) -> list[np.ndarray]
     levels = [image]
     while max(levels[-1].shape) > COARSE_SIDE:
         levels.append(halved(levels[-1]))
+    boards: list[np.ndarray] = []
     for level in reversed(range(len(levels))):
-        found = _search(levels[level].copy(), corners)
-        if found:
-            boards = [refined(image, level_to_full(board, level), corners) for board in found]
-            return sorted(boards, key=lambda board: tuple(board.mean(axis=0)))
-    return []
+        known = list(boards)
+        search = levels[level].copy()
+        for board in known:
+            _paint_over(search, full_to_level(board, level), corners)
+        boards += [refined(image, level_to_full(board, level), corners) for board in _search(search, corners)]
+        if known:
+            break
+    return sorted(boards, key=lambda board: tuple(board.mean(axis=0)))
 
 
 def _search(image: np.ndarray, corners: tuple[int, int]) -> list[np.ndarray]:
@@ -76,9 +81,13 @@ def _search(image: np.ndarray, corners: tuple[int, int]) -> list[np.ndarray]:
         if not found:
             break
         board = points.reshape(-1, 2).astype(np.float64)
-        cv2.fillConvexPoly(image, _outline(board, corners), float(np.median(image)))
+        _paint_over(image, board, corners)
         boards.append(board)
     return boards
+
+
+def _paint_over(image: np.ndarray, board: np.ndarray, corners: tuple[int, int]) -> None:
+    cv2.fillConvexPoly(image, _outline(board, corners), float(np.median(image)))
 
 
 def _outline(board: np.ndarray, corners: tuple[int, int]) -> np.ndarray:

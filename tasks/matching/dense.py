@@ -3,8 +3,9 @@
 Strategy
 - The unit of matching is a *block*: a fixed square of the left epipolar image on an absolute grid, with a fixed halo, whatever the
   tile of the project. A block's result depends on nothing else, so tiling cannot change it.
-- Start: semi-global matching on a reduced level. When the parallax range is wide, a still coarser level goes first and narrows the range of the
-  block; nothing is carried over but that range, so a building that the coarse level missed can still be found within its margin.
+- Start: semi-global matching on a reduced level. When the parallax range is wide, a still coarser level goes first and narrows the
+  range of the block; nothing is carried over but that range, so a building that the coarse level missed can still be found within
+  its margin.
 - A residual y-parallax (orientation is never perfect) is measured in the block by least-squares matching of a sparse grid with free
   rows, and the right block is moved by its median.
 - Refinement: least-squares matching of every node on its own surface (epipolar_least_squares.py).
@@ -34,6 +35,9 @@ HALO = 64
 """Context on every side of a block: room for the paths of semi-global matching and for windows, px."""
 _COARSEST = 4
 """levels of reduction: 2**4 divides BLOCK and HALO"""
+_FREE_ROWS = LeastSquaresMatching(
+    window=17, interpolation="bilinear", stop=0.05, max_iterations=12, min_correlation=0.8, min_gradient=1.0
+)
 
 
 class DenseMatching(Settings):
@@ -45,11 +49,11 @@ class DenseMatching(Settings):
     start: SemiGlobal = setting(SemiGlobal(), "Semi-global matching that gives the start values.")
     start_level: int = setting(1, "Pyramid level of the start values; every level halves the image.", ge=0, le=3)
     widest_range: int = setting(96, "Parallax candidates above which a coarser level narrows the range first.", ge=16, le=512)
-    range_margin: int = setting(8, "Candidates added on both sides of the range that the coarser level found.", "px of that level", ge=1, le=64)
+    range_margin: int = setting(8, "Added on both sides to the range that a coarser level found.", "px of that level", ge=1, le=64)
     max_iterations: int = setting(12, "Iterations after which a node is given up.", ge=1, le=100)
     stop: float = setting(0.03, "Converged when the parallax changes by less than this.", "px", gt=0.0, le=1.0)
     max_shift: float = setting(3.0, "A node that moves further than this from its start is rejected.", "px", gt=0.0)
-    surface_tolerance: float = setting(2.0, "Pixels of the window off the node's own surface by more than this are left out.", "px", gt=0.0)
+    surface_tolerance: float = setting(2.0, "Pixels of the window further off the surface of the node are left out.", "px", gt=0.0)
     min_support: float = setting(0.3, "Share of the window that must lie on the node's surface.", gt=0.0, le=1.0)
     min_correlation: float = setting(0.6, "Normalised correlation that the matched windows must reach.", ge=0.0, le=1.0)
     min_gradient: float = setting(0.5, "Root mean square grey value gradient along the row.", "grey values per px", ge=0.0)
@@ -67,7 +71,7 @@ class DenseMatching(Settings):
 
 @dataclass(frozen=True)
 class ParallaxRange:
-    """Column parallaxes that can occur, px; widened to whole pixels of the coarsest level, so that all levels begin on whole pixels."""
+    """Column parallaxes that can occur, px; multiples of 16, so that every level begins on whole pixels."""
 
     low: int
     high: int
@@ -94,12 +98,13 @@ def scratch_bytes(parallaxes: ParallaxRange, settings: DenseMatching) -> int:
     factor = 2**settings.start_level
     candidates = (parallaxes.high - parallaxes.low) // factor + 1
     side = (BLOCK + 2 * HALO) // factor
-    return 6 * side * side * candidates + 64 * (BLOCK + 2 * HALO) ** 2 + 16 * (BLOCK + 2 * HALO) * (parallaxes.high - parallaxes.low)
+    pixels = (BLOCK + 2 * HALO) * (BLOCK + 2 * HALO + parallaxes.high - parallaxes.low)
+    return 6 * side * side * candidates + 40 * pixels
 
 
 @dataclass(frozen=True)
 class BlockMatch:
-    """The nodes of a block ((core.height / step, core.width / step), column parallaxes) and what is known of the block as a whole."""
+    """The nodes of a block (core / step, column parallaxes) and what is known of the block as a whole."""
 
     nodes: NodeParallaxes
     y_parallax: float
@@ -176,8 +181,7 @@ def residual_y_parallax(left: np.ndarray, right: np.ndarray, start: StartSurface
     parallax = start.parallax[rows // start.factor, cols // start.factor].ravel()
     points = np.column_stack([cols.ravel(), rows.ravel()])[np.isfinite(parallax)].astype(np.float64)
     starts = points + np.column_stack([shift - parallax, np.zeros_like(parallax)])[np.isfinite(parallax)]
-    free = LeastSquaresMatching(window=17, interpolation="bilinear", stop=0.05, max_iterations=12, min_correlation=0.8, min_gradient=1.0)
-    matches = match_points(PreparedImage(left), PreparedImage(right), points, starts, free)
+    matches = match_points(PreparedImage(left), PreparedImage(right), points, starts, _FREE_ROWS)
     good = matches.converged & (matches.sigma_row < 0.3)
     return float(np.median((matches.row - points[:, 1])[good])) if good.sum() >= 12 else float("nan")
 
@@ -191,7 +195,7 @@ def moved_rows(grey, shift):
     w0, w1, w2, w3 = cubic_weights(np.float32(shift - whole))
     for r in range(rows):
         first = r + whole - 1
-        if 0 <= first and first + 3 < rows:
+        if first >= 0 and first + 3 < rows:
             for c in range(cols):
                 out[r, c] = (w0 * grey[first, c] + w1 * grey[first + 1, c]) + (w2 * grey[first + 2, c] + w3 * grey[first + 3, c])
     return out
@@ -225,8 +229,10 @@ def _agreeing(parallax, tolerance):
 
 
 def placed(array: np.ndarray, window: Window, wanted: Window) -> np.ndarray:
-    """The array of `window` (clipped to its raster) put into `wanted`, 0 around it."""
+    """The array of `window` (clipped to its raster, perhaps empty) put into `wanted`, 0 around it."""
     out = np.zeros((wanted.height, wanted.width), dtype=array.dtype)
+    if window.empty:
+        return out
     row, col = window.row - wanted.row, window.col - wanted.col
     out[row:row + window.height, col:col + window.width] = array.reshape(window.height, window.width)
     return out

@@ -2,9 +2,9 @@
 
 Strategy
 - Rows are homologous, so the unknowns are the parallax and its derivatives along and across the row; resampling is one-dimensional.
-- A start surface (whole-pixel parallaxes of semi-global matching) gives every node its start plane, and its *support*: the pixels of
-  the window that lie on the same surface as the node. At a roof edge the window keeps the roof and drops the ground, so
-  that parallaxes do not smear over the wall.
+- A start surface (whole-pixel parallaxes of semi-global matching) gives every node its start plane, and its *support*: the pixels
+  of the window that lie on the same surface as the node. At a roof edge the window keeps the roof and drops the ground, so that
+  parallaxes do not smear over the wall.
 - Where the start surface is empty or breaks within a pixel or two, the surfaces on both sides are tried, and the one whose grey
   values fit best at the node itself (not in the window as a whole) is kept.
 - Otherwise as in least_squares.py: inverse-compositional, gain and offset eliminated, covariance with correlated residuals.
@@ -385,6 +385,7 @@ def match_nodes(left: np.ndarray, right: np.ndarray, start: StartSurface, rows: 
     nodes = NodeParallaxes(*(np.full(shape, np.nan, np.float32) for _ in range(3)), np.zeros(shape, np.uint8))
     sigma = max(limits.smoothing, 0.3)
     correlation = np.exp(-np.arange(3) ** 2 / (4.0 * sigma**2)).astype(np.float32)
-    _match_nodes(left, right, start.parallax, start.factor, np.asarray(rows, np.int64), np.asarray(cols, np.int64), shift, correlation,
-                 limits.numbers, nodes.parallax, nodes.sigma, nodes.correlation, nodes.outcome)
+    rows, cols = np.asarray(rows, np.int64), np.asarray(cols, np.int64)
+    _match_nodes(left, right, start.parallax, start.factor, rows, cols, shift, correlation, limits.numbers,
+                 nodes.parallax, nodes.sigma, nodes.correlation, nodes.outcome)
     return nodes

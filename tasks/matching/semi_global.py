@@ -24,7 +24,7 @@ class SemiGlobal(Settings):
 
     small_penalty: int = setting(8, "Cost of a parallax change of one pixel between neighbours.", "census bits", ge=0, le=200)
     large_penalty: int = setting(40, "Cost of a larger parallax jump between neighbours.", "census bits", ge=0, le=400)
-    tolerance: int = setting(1, "Largest difference of the parallaxes found from the left and from the right image.", "px", ge=0, le=8)
+    tolerance: int = setting(1, "Largest difference of the parallaxes found from left and from right.", "px", ge=0, le=8)
     speckle: int = setting(60, "Connected patches with fewer pixels are removed.", "px", ge=0)
 
 
@@ -60,7 +60,7 @@ def _bits(v):
 
 @njit(cache=True)
 def _costs(left, left_valid, right, right_valid, candidates):
-    """Hamming distances (H, W, K) uint8; right column of candidate k at left column x: x + K - 1 - k. Half the bits without data."""
+    """Hamming distances (H, W, K) uint8, half the bits without data; candidate k of left column x is right column x + K - 1 - k."""
     rows, cols = left.shape
     cost = np.full((rows, cols, candidates), np.uint8(_BITS // 2), np.uint8)
     for r in range(rows):
@@ -83,7 +83,7 @@ def _best(before, k, jump, small):
 
 @njit(cache=True, fastmath=_WHOLE)
 def _step(cost, before, cheapest, after, total, penalties):
-    """One step of four paths: `before` and `after` are four (K + 2,) rows with a high wall at both ends; `cheapest` (4,) goes with them."""
+    """One step of four paths: `before`, `after` are four (K + 2,) rows with high walls at both ends, `cheapest` (4,) their lows."""
     small, large = penalties
     b0, b1, b2, b3 = before
     a0, a1, a2, a3 = after

@@ -1,9 +1,9 @@
 """Approximate exterior orientation of all photographs of a block, from nothing but tie points and cameras.
 
-Strategy: connected groups of photographs are found; the largest is built from its strongest pair (many tie points that intersect well):
-triangulate, resect the photograph that sees most known points, triangulate, and so on, with a robust bundle whenever the block has grown by
-a third. The model lives in the system of the first photograph, in units of its base; `georeference` takes it to the ground. Every photograph
-that does not join is named with its reason.
+Strategy: connected groups of photographs are found; the largest is built from its strongest pair (many tie points that intersect
+well): triangulate, resect the photograph that sees most known points, triangulate, and so on, with a robust bundle whenever the
+block has grown by a third. The model lives in the system of the first photograph, in units of its base; `georeference` takes it to
+the ground. Every photograph that does not join is named with its reason.
 """
 
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from schemas.camera import Camera
+from schemas.camera import INTERIOR, Camera
 from schemas.errors import GeometryError
 from schemas.orientation import RelativeOrientation, Unoriented
 from tasks.adjustment.bundle import minimise
@@ -28,6 +28,8 @@ from tasks.orientation.relative import FLIP
 cv2.setNumThreads(1)
 LEAST_ANGLE = np.radians(1.5)
 LEAST_POINTS = 8
+GROWTH_PARAMETERS = np.array(INTERIOR) == "k1"
+"""While a free block grows only radial distortion is adjusted: flat ground seen from above cannot tell c from the flying height."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +47,8 @@ class Material:
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """A model of the block in a system of its own: `photos` (p,) numbers of those that joined (the state's arrays hold all photos; the others are
-    meaningless), `known` (N,) points, `good` (M,) rays, and why the others did not join."""
+    """A model of the block in a system of its own: `photos` (p,) numbers of those that joined (the state's arrays hold all photos;
+    the others are meaningless), `known` (N,) points, `good` (M,) rays, and why the others did not join."""
 
     state: State
     photos: np.ndarray
@@ -56,16 +58,30 @@ class Start:
 
 
 def start_block(material: Material) -> Start:
-    """The largest group of photographs, oriented in a system of its own. Raises GeometryError when no two photographs can be oriented."""
+    """The largest group of photographs, oriented in a system of its own. Raises GeometryError when no two photographs can be
+    oriented."""
     groups = _groups(material)
     if not groups or len(groups[0]) < 2:
         raise GeometryError("No two photographs could be oriented to each other, so there is no block; " + _best_failure(material))
-    grown = [growth for seed in _seeds(material, groups[0]) if (growth := _grow(material, seed)) is not None]
-    if not grown:
-        raise GeometryError("No pair of photographs gives points that intersect well enough to begin a block; the photographs may have been "
-                            "taken from one place, or their tie points are wrong.")
-    best = max(grown, key=lambda growth: growth.placed.sum())
+    best = _best_growth(material, groups[0])
+    if best is None:
+        raise GeometryError(
+            "No pair of photographs gives points that intersect well enough to begin a block; the photographs may have been "
+            "taken from one place, or their tie points are wrong."
+        )
     return Start(best.state, np.flatnonzero(best.placed), best.known, best.good, tuple(_reasons(material, best, groups)))
+
+
+def _best_growth(material: Material, group: np.ndarray) -> "_Growth | None":
+    """The growth that placed most photographs; the first that placed the whole group ends the search."""
+    best = None
+    for seed in _seeds(material, group):
+        growth = _grow(material, seed)
+        if growth is not None and (best is None or growth.placed.sum() > best.placed.sum()):
+            best = growth
+        if best is not None and best.placed[group].all():
+            break
+    return best
 
 
 def _best_failure(material: Material) -> str:
@@ -89,10 +105,10 @@ def _oriented_pairs(material: Material) -> list[tuple[int, int, RelativeOrientat
     return [(number[pair.left], number[pair.right], pair) for pair in material.relative if pair.oriented]
 
 
-def _seeds(material: Material, group: np.ndarray) -> Iterator[tuple[int, int, RelativeOrientation]]:
-    """Up to three pairs to begin with: many kept matches, rays that meet at 6 degrees or more. The first that joins all ends the search."""
+def _seeds(material: Material, group: np.ndarray) -> list[tuple[int, int, RelativeOrientation]]:
+    """Up to three pairs to begin with: many kept matches, rays that meet at 6 degrees or more."""
     inside = [pair for pair in _oriented_pairs(material) if pair[0] in group]
-    return iter(sorted(inside, key=lambda pair: -pair[2].kept * min(pair[2].intersection_deg / 6.0, 1.0))[:3])
+    return sorted(inside, key=lambda pair: -pair[2].kept * min(pair[2].intersection_deg / 6.0, 1.0))[:3]
 
 
 class _Growth:
@@ -101,8 +117,13 @@ class _Growth:
     def __init__(self, material: Material):
         photos = len(material.names)
         self.material, self.rays = material, material.rays
-        self.state = State(np.tile(np.eye(3), (photos, 1, 1)), np.zeros((photos, 3)), np.zeros((material.points, 3)),
-                           material.interior.value.copy(), np.zeros(3))
+        self.state = State(
+            np.tile(np.eye(3), (photos, 1, 1)),
+            np.zeros((photos, 3)),
+            np.zeros((material.points, 3)),
+            material.interior.value.copy(),
+            np.zeros(3),
+        )
         self.placed = np.zeros(photos, bool)
         self.known = np.zeros(material.points, bool)
         self.good = np.ones(len(self.rays), bool)
@@ -131,7 +152,8 @@ class _Growth:
         return np.linalg.norm(misclosures(self.state, self.rays.take(index), self.material.camera_of), axis=1)
 
     def triangulate(self) -> None:
-        """Intersects points that are not known yet but seen by two placed photographs or more; a point of three or more may lose its worst ray."""
+        """Intersects points that are not known yet but seen by two placed photographs or more; a point of three or more may lose
+        its worst ray."""
         for _ in range(3):
             index = np.flatnonzero(self.good & self.placed[self.rays.photo] & ~self.known[self.rays.point])
             count = np.bincount(self.rays.point[index], minlength=len(self.known))
@@ -144,7 +166,12 @@ class _Growth:
             worst = np.zeros(len(self.known))
             np.maximum.at(worst, self.rays.point[index], misfit)
             self.known |= wide & (worst < 1.0)
-            lose = (misfit == worst[self.rays.point[index]]) & (misfit >= 1.0) & (count[self.rays.point[index]] >= 3) & wide[self.rays.point[index]]
+            lose = (
+                (misfit == worst[self.rays.point[index]])
+                & (misfit >= 1.0)
+                & (count[self.rays.point[index]] >= 3)
+                & wide[self.rays.point[index]]
+            )
             if not lose.any():
                 return
             self.good[index[lose]] = False
@@ -173,17 +200,24 @@ class _Growth:
         if len(index) < LEAST_POINTS:
             self.attempts[photo] = f"only {len(index)} of its tie points are known in the block; {LEAST_POINTS} are needed"
             return False
-        pose = _resection(self.state.point[self.rays.point[index]], self.ideal[index],
-                          float(np.median(self.tolerance[index])) / self.state.interior[self.material.camera_of[photo], 0])
+        pose = _resection(
+            self.state.point[self.rays.point[index]],
+            self.ideal[index],
+            float(np.median(self.tolerance[index])) / self.state.interior[self.material.camera_of[photo], 0],
+        )
         if pose is None or len(pose[2]) < max(LEAST_POINTS, 0.2 * len(index)):
-            self.attempts[photo] = (f"{0 if pose is None else len(pose[2])} of its {len(index)} tie points with the block agree on one position, "
-                                    "which is too few")
+            self.attempts[photo] = (
+                f"{0 if pose is None else len(pose[2])} of its {len(index)} tie points with the block agree on one position, "
+                "which is too few"
+            )
             return False
         self.place(photo, pose[0], pose[1])
+        self.good[index[self.misfit(index) > self.tolerance[index]]] = False
         return True
 
     def bundle(self) -> None:
-        """A robust free adjustment of all that is placed; rays that do not fit afterwards are dropped, and points with fewer than two rays."""
+        """A robust free adjustment of all that is placed; rays that do not fit afterwards are dropped, and points with fewer than
+        two rays."""
         index = np.flatnonzero(self.good & self.placed[self.rays.photo] & self.known[self.rays.point])
         active = np.flatnonzero(self.placed)
         number = np.full(len(self.placed), -1)
@@ -209,18 +243,35 @@ class _Growth:
 
 def _free_network(material: Material, active: np.ndarray, calibrate: bool) -> Network:
     photos, interior = len(active), material.interior
-    held = replace(interior, free=interior.free & (calibrate & interior.weight.any(axis=(1, 2)))[:, None])
-    return Network(material.camera_of[active], held, np.zeros((photos, 3)), np.zeros((photos, 3)), np.zeros((material.points, 3)),
-                   np.zeros((material.points, 3)), np.zeros(photos), free=True)
+    held = replace(interior, free=interior.free & GROWTH_PARAMETERS & (calibrate & interior.weight.any(axis=(1, 2)))[:, None])
+    return Network(
+        material.camera_of[active],
+        held,
+        np.zeros((photos, 3)),
+        np.zeros((photos, 3)),
+        np.zeros((material.points, 3)),
+        np.zeros((material.points, 3)),
+        np.zeros(photos),
+        free=True,
+    )
 
 
 def _resection(points: np.ndarray, ideal_xy: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Rotation, centre and the agreeing numbers from points (n, 3) and ideal coordinates (n, 2) in units of c; None when nothing agrees."""
+    """Rotation, centre and the agreeing numbers from points (n, 3) and ideal coordinates (n, 2) in units of c; None when nothing
+    agrees."""
     cv2.setRNGSeed(7)
     origin = np.median(points, axis=0)
     vision = np.ascontiguousarray(ideal_xy * [1.0, -1.0])
-    found, rvec, tvec, inliers = cv2.solvePnPRansac(points - origin, vision, np.eye(3), None, iterationsCount=2000,
-                                                    reprojectionError=threshold, confidence=0.9999, flags=cv2.SOLVEPNP_AP3P)
+    found, rvec, tvec, inliers = cv2.solvePnPRansac(
+        points - origin,
+        vision,
+        np.eye(3),
+        None,
+        iterationsCount=2000,
+        reprojectionError=threshold,
+        confidence=0.9999,
+        flags=cv2.SOLVEPNP_AP3P,
+    )
     if not found or inliers is None or len(inliers) < 6:
         return None
     keep = np.asarray(inliers).ravel()

@@ -29,8 +29,12 @@ def tie_rays(photos: Photos, cameras: Cameras, tie_points: TiePoints) -> tuple[R
 
 def ground_rays(points: list[ControlPoint], photos: dict[str, int], cameras: Cameras) -> Rays:
     """Rays of ground points to the photos of the block; `photos`: name -> number. Points are numbered as given."""
-    rows = [(i, photos[name], centred(cameras.of(name), np.array([measured[:2]]))[0], measured[2])
-            for i, point in enumerate(points) for name, measured in point.measurements.items() if name in photos]
+    rows = [
+        (i, photos[name], centred(cameras.of(name), np.array([measured[:2]]))[0], measured[2])
+        for i, point in enumerate(points)
+        for name, measured in point.measurements.items()
+        if name in photos
+    ]
     if not rows:
         return Rays(np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros((0, 2)), np.zeros(0))
     point, photo, xy, sigma = zip(*rows, strict=True)

@@ -1,4 +1,5 @@
-"""Every pair of photographs that shares tie points, relatively oriented on its own: the first check of the matches, and the start."""
+"""Every pair of photographs that shares tie points, relatively oriented on its own: the first check of the matches, and the
+start."""
 
 import cv2
 import numpy as np
@@ -38,7 +39,9 @@ def sharing_pairs(rays: Rays, photos: int, least: int) -> list[tuple[int, int]]:
     """Pairs of photo numbers (left < right) with `least` common points or more."""
     seen = csr_array((np.ones(len(rays), np.int32), (rays.photo, rays.point)), shape=(photos, int(rays.point.max(initial=-1)) + 1))
     common = (seen @ seen.T).tocoo()
-    return sorted((int(i), int(j)) for i, j, count in zip(common.row, common.col, common.data, strict=True) if i < j and count >= least)
+    return sorted(
+        (int(i), int(j)) for i, j, count in zip(common.row, common.col, common.data, strict=True) if i < j and count >= least
+    )
 
 
 def common_rays(rays: Rays, left: int, right: int) -> tuple[np.ndarray, np.ndarray]:
@@ -64,11 +67,21 @@ def _row(names: tuple[str, str], relative: Relative, observations: np.ndarray) -
     solution, model = relative.solution, relative.solution.model
     kept, base = int(relative.kept.sum()), model.base
     intersection = float(np.degrees(np.median(model_points(model, observations[relative.kept])[1])))
-    outcome = "oriented" if kept >= max(8, 0.2 * len(observations)) else \
-        f"Only {kept} of {len(observations)} matches agree with one relative orientation."
+    outcome = (
+        "oriented"
+        if kept >= max(8, 0.2 * len(observations))
+        else f"Only {kept} of {len(observations)} matches agree with one relative orientation."
+    )
     return RelativeOrientation(
-        left=names[0], right=names[1], matches=len(observations), kept=kept, outcome=outcome, base=tuple(map(float, base)),
+        left=names[0],
+        right=names[1],
+        matches=len(observations),
+        kept=kept,
+        outcome=outcome,
+        base=tuple(map(float, base)),
         omega_phi_kappa=tuple(float(v) for v in np.degrees(angles(model.rotation))),
         sigma=tuple(float(v) for v in np.degrees(solution.standard_errors)) if solution.redundancy else None,
         by_bz=(float(base[1] / base[0]), float(base[2] / base[0])) if abs(base[0]) > 0.7 else None,
-        sigma0_px=float(solution.sigma0) if solution.redundancy else None, intersection_deg=intersection)
+        sigma0_px=float(solution.sigma0) if solution.redundancy else None,
+        intersection_deg=intersection,
+    )

@@ -1,12 +1,13 @@
 """Relative orientation of two photographs by the mixed model, as published and for any geometry.
 
-`DependentOrientation` is the published form: left photograph fixed, b_x = 1, unknowns b_y, b_z, omega, phi, kappa, zero starting values,
-one rejection at a time. It suits near-vertical pairs whose base lies along x. `GeneralOrientation` keeps the base as a unit vector and the
-rotation as a matrix, both corrected on their own manifold; with a robust start from five-point samples it suits every pair, also when most
-matches are wrong.
+`DependentOrientation` is the published form: left photograph fixed, b_x = 1, unknowns b_y, b_z, omega, phi, kappa, zero starting
+values, one rejection at a time. It suits near-vertical pairs whose base lies along x. `GeneralOrientation` keeps the base as a unit
+vector and the rotation as a matrix, both corrected on their own manifold; with a robust start from five-point samples it suits
+every pair, also when most matches are wrong.
 
 Image coordinates are ideal (no distortion), px, origin at the principal point, y up, as rows (x_left, y_left, x_right, y_right).
-Source: Karfis 2009, sections 3.3 and 3.4 (methods/relative_orientation_and_epipolar.md, 1.8 and 1.9); Nister 2004 for the five-point start.
+Source: Karfis 2009, sections 3.3 and 3.4 (methods/relative_orientation_and_epipolar.md, 1.8 and 1.9); Nister 2004 for the
+five-point start.
 """
 
 from dataclasses import dataclass, replace
@@ -67,7 +68,8 @@ class DependentOrientation:
 
 @dataclass(frozen=True, eq=False)
 class GeneralOrientation:
-    """Unit base (3,) and rotation (3, 3) left to right; unknowns are two turns of the base across itself and a rotation vector, radians."""
+    """Unit base (3,) and rotation (3, 3) left to right; unknowns are two turns of the base across itself and a rotation vector,
+    radians."""
 
     c_left: float
     c_right: float
@@ -95,7 +97,10 @@ class GeneralOrientation:
 
 def _directions(observations: np.ndarray, c_left: float, c_right: float) -> tuple[np.ndarray, np.ndarray]:
     s = len(observations)
-    return (np.column_stack([observations[:, :2], np.full(s, -c_left)]), np.column_stack([observations[:, 2:], np.full(s, -c_right)]))
+    return (
+        np.column_stack([observations[:, :2], np.full(s, -c_left)]),
+        np.column_stack([observations[:, 2:], np.full(s, -c_right)]),
+    )
 
 
 def _coplanarity(left: np.ndarray, right: np.ndarray, base: np.ndarray, R: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -116,7 +121,8 @@ class Relative:
 
 
 def orient_dependent(observations: np.ndarray, c_left: float, c_right: float, limit: float = 2.67) -> Relative:
-    """The published procedure: zero starting values, then the one match with the largest y residual beyond `limit` sigma0 goes, and again.
+    """The published procedure: zero starting values, then the one match with the largest y residual beyond `limit` sigma0 goes, and
+    again.
 
     It cannot stand many blunders: 118 wrong ones in 154 inflate sigma0 until none exceeds the limit. Use `orient_robust` for these.
     Raises GeometryError as `solve_mixed`.
@@ -135,8 +141,9 @@ def orient_dependent(observations: np.ndarray, c_left: float, c_right: float, li
 def orient_robust(observations: np.ndarray, c_left: float, c_right: float, expected: float = 1.0, seed: int = 7) -> Relative:
     """Relative orientation for any geometry and with most matches wrong.
 
-    A seeded five-point search (threshold three times `expected`, the standard error of a coordinate in px), then the mixed model on those
-    matches whose distance from their epipolar lines is within 3 robust standard errors, until the set no longer changes. Raises GeometryError.
+    A seeded five-point search (threshold three times `expected`, the standard error of a coordinate in px), then the mixed model on
+    those matches whose distance from their epipolar lines is within 3 robust standard errors, until the set no longer changes.
+    Raises GeometryError.
     """
     model, kept = _five_point_start(observations, c_left, c_right, 3.0 * expected, seed)
     for _ in range(10):
@@ -151,17 +158,21 @@ def orient_robust(observations: np.ndarray, c_left: float, c_right: float, expec
     return Relative(solve_mixed(model, observations[kept], limit=1e-10), kept)
 
 
-def _five_point_start(observations: np.ndarray, c_left: float, c_right: float, threshold: float,
-                      seed: int) -> tuple[GeneralOrientation, np.ndarray]:
+def _five_point_start(
+    observations: np.ndarray, c_left: float, c_right: float, threshold: float, seed: int
+) -> tuple[GeneralOrientation, np.ndarray]:
     if len(observations) < 6:
         raise GeometryError(f"{len(observations)} matches are too few for a relative orientation; at least 6 are needed.")
     left = np.ascontiguousarray(observations[:, :2] / c_left * [1, -1])
     right = np.ascontiguousarray(observations[:, 2:] / c_right * [1, -1])
     cv2.setRNGSeed(seed)
-    essential, mask = cv2.findEssentialMat(left, right, np.eye(3), method=cv2.RANSAC, prob=0.99999,
-                                           threshold=threshold / (0.5 * (c_left + c_right)), maxIters=20000)
+    essential, mask = cv2.findEssentialMat(
+        left, right, np.eye(3), method=cv2.RANSAC, prob=0.99999, threshold=threshold / (0.5 * (c_left + c_right)), maxIters=20000
+    )
     if essential is None or essential.shape[0] < 3 or mask.sum() < 6:
-        raise GeometryError("No relative orientation agrees with six or more of the matches; they are wrong, or the photographs do not overlap.")
+        raise GeometryError(
+            "No relative orientation agrees with six or more of the matches; they are wrong, or the photographs do not overlap."
+        )
     _, R, t, _ = cv2.recoverPose(essential[:3], left, right, np.eye(3), mask=mask.copy())
     rotation = FLIP @ R @ FLIP
     base = -rotation.T @ FLIP @ t[:, 0]
@@ -170,7 +181,8 @@ def _five_point_start(observations: np.ndarray, c_left: float, c_right: float, t
 
 
 def epipolar_distance(model: DependentOrientation | GeneralOrientation, observations: np.ndarray) -> np.ndarray:
-    """(s,) px: how far all four coordinates together must move to fulfil the condition, in units of one coordinate's standard error."""
+    """(s,) px: how far all four coordinates together must move to fulfil the condition, in units of one coordinate's standard
+    error."""
     F, _, B = model.evaluate(observations)
     return np.abs(F) / np.sqrt((B**2).sum(axis=1))
 

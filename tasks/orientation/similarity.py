@@ -61,7 +61,8 @@ def _closed_form(model: np.ndarray, ground: np.ndarray, weight: np.ndarray, upwa
 
 
 def turn_precision(points: np.ndarray, sigma: np.ndarray) -> float:
-    """Standard error in radians of the rotation about the line that fits known points (n, 3) m with `sigma` (n,) m best; inf without any.
+    """Standard error in radians of the rotation about the line that fits known points (n, 3) m with `sigma` (n,) m best; inf
+    without any.
 
     Points on one line, or points as far from it as their own errors, do not fix this rotation.
     """

@@ -16,6 +16,7 @@ from numba import njit
 from schemas.raster import MapGrid, Window
 from tasks.geometry.distortion import pixel_to_image
 from tasks.geometry.view import View, project_point
+from tasks.texture.visibility import WALL
 
 STEEPEST = 3.0
 """Slope beyond which a surface counts as no steeper: a wall's ortho cell is then not worth nothing in every photo."""
@@ -183,7 +184,7 @@ def ground_of(heights: np.ndarray, heights_window: Window, dsm: MapGrid, ortho: 
     heights = np.ascontiguousarray(heights, np.float32)
     z = np.empty(window.shape, np.float32)
     corner, first = (heights_window.row, heights_window.col), (window.row, window.col)
-    _drape(heights, corner, first, divisor, 2.0 * dsm.cell, z)
+    _drape(heights, corner, first, divisor, WALL * dsm.cell, z)
     dx, dy = _slopes(heights, dsm.cell)
     rows = np.arange(window.row, window.row + window.height) // divisor - heights_window.row
     cols = np.arange(window.col, window.col + window.width) // divisor - heights_window.col

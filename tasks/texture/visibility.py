@@ -23,6 +23,8 @@ from tasks.geometry.view import View
 
 BLOCK = 16
 """Side of the blocks whose greatest height lets a ray jump, cells."""
+WALL = 2.0
+"""A step between neighbouring cells of more than this many cells is a wall, not a slope."""
 
 
 @dataclass(frozen=True)
@@ -79,13 +81,31 @@ def _ceiling(heights: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True, inline="always")
-def _surface_between(heights, r0, r1, c0, c1, share):
-    a, b = heights[r0, c0], heights[r1, c1]
+def _surface_between(a, b, share, wall):
     if np.isnan(a):
         return b
     if np.isnan(b):
         return a
+    if abs(b - a) > wall:
+        return a if share < 0.5 else b
     return a + share * (b - a)
+
+
+@njit(cache=True, inline="always")
+def _surface_at(heights, row0, col0, y, x, by_row, wall):
+    """Height at a point of the march, where the coordinate along the march is whole; NaN outside."""
+    height, width = heights.shape
+    if by_row:
+        r, low = int(np.floor(y + 0.5)) - row0, int(np.floor(x))
+        c = low - col0
+        if r < 0 or r >= height or c + 1 < 0 or c >= width:
+            return np.nan
+        return _surface_between(heights[r, max(c, 0)], heights[r, min(c + 1, width - 1)], x - low, wall)
+    c, low = int(np.floor(x + 0.5)) - col0, int(np.floor(y))
+    r = low - row0
+    if c < 0 or c >= width or r + 1 < 0 or r >= height:
+        return np.nan
+    return _surface_between(heights[max(r, 0), c], heights[min(r + 1, height - 1), c], y - low, wall)
 
 
 @njit(cache=True)
@@ -93,6 +113,7 @@ def _march(heights, ceiling, top, centre, corner, rows, cols, tolerance, cell, o
     height, width = heights.shape
     # places are counted in the whole model, so that rounding is the same whatever the window
     row0, col0 = corner
+    wall = WALL * cell
     for i in range(rows.size):
         for j in range(cols.size):
             row, col = rows[i], cols[j]
@@ -115,23 +136,22 @@ def _march(heights, ceiling, top, centre, corner, rows, cols, tolerance, cell, o
             step, seen = 1.0, True
             while step < steps:
                 ray = z + sz * step
-                if ray > top:
+                if ray - 0.5 * sz > top:
                     break
                 y, x = row0 + row + sr * step, col0 + col + sc * step
                 near_r, near_c = int(np.floor(y + 0.5)) - row0, int(np.floor(x + 0.5)) - col0
                 if near_r < 0 or near_c < 0 or near_r >= height or near_c >= width:
                     break
-                if ray > ceiling[near_r // BLOCK, near_c // BLOCK]:
+                if ray - 0.5 * sz > ceiling[near_r // BLOCK, near_c // BLOCK]:
                     step += BLOCK - 1
                     continue
-                if by_row:
-                    low = int(np.floor(x))
-                    left, right = max(low - col0, 0), min(low - col0 + 1, width - 1)
-                    surface = _surface_between(heights, near_r, near_r, left, right, x - low)
-                else:
-                    low = int(np.floor(y))
-                    upper, lower = max(low - row0, 0), min(low - row0 + 1, height - 1)
-                    surface = _surface_between(heights, upper, lower, near_c, near_c, y - low)
+                surface = _surface_at(heights, row0, col0, y, x, by_row, wall)
+                # a wall stands between two cells: the ray reaches it half a step before the upper cell's centre
+                if ray >= surface > ray - 0.5 * sz:
+                    before = _surface_at(heights, row0, col0, y - sr, x - sc, by_row, wall)
+                    if surface - before > wall:
+                        seen = False
+                        break
                 if surface > ray:
                     seen = False
                     break

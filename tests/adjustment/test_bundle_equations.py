@@ -27,21 +27,36 @@ def small_network(seed=0, photos=4, points=30, noise=0.0, free=False, interior_f
     index = np.repeat(np.arange(points), photos).astype(np.int32), np.tile(np.arange(photos), points).astype(np.int32)
     camera_of = np.zeros(photos, np.int64)
     rays = Rays(*index, np.zeros((points * photos, 2)), rng.uniform(0.2, 0.6, points * photos))
-    rays = replace(rays, xy=-misclosures(state, rays, camera_of) + noise * rays.sigma[:, None] * rng.standard_normal((len(rays), 2)))
+    rays = replace(
+        rays, xy=-misclosures(state, rays, camera_of) + noise * rays.sigma[:, None] * rng.standard_normal((len(rays), 2))
+    )
     mask = np.isin(np.arange(8), interior_free)[None]
     weight = np.zeros((1, 8, 8))
-    weight[0][np.ix_(mask[0], mask[0])] = np.diag(1 / np.array([2.0, 1, 1, 0.01, 0.01, 0.01, 1e-3, 1e-3])[mask[0]]**2)
+    weight[0][np.ix_(mask[0], mask[0])] = np.diag(1 / np.array([2.0, 1, 1, 0.01, 0.01, 0.01, 1e-3, 1e-3])[mask[0]] ** 2)
     known = np.zeros((points, 3))
     known[:4] = 0 if free else 1 / 0.02**2
-    network = Network(camera_of, Interior(INTERIOR_VALUES[None], weight, mask), centre, np.full((photos, 3), 0 if free else 1 / 0.1**2),
-                      point, known, np.zeros(photos), shift=not free, free=free)
+    network = Network(
+        camera_of,
+        Interior(INTERIOR_VALUES[None], weight, mask),
+        centre,
+        np.full((photos, 3), 0 if free else 1 / 0.1**2),
+        point,
+        known,
+        np.zeros(photos),
+        shift=not free,
+        free=free,
+    )
     return network, state, rays
 
 
 def moved(state, rng, size=1.0):
     turned = np.array([rotation_of_vector(0.01 * size * rng.standard_normal(3)) @ R for R in state.rotation])
-    return replace(state, rotation=turned, centre=state.centre + size * rng.standard_normal(state.centre.shape),
-                   point=state.point + size * rng.standard_normal(state.point.shape))
+    return replace(
+        state,
+        rotation=turned,
+        centre=state.centre + size * rng.standard_normal(state.centre.shape),
+        point=state.point + size * rng.standard_normal(state.point.shape),
+    )
 
 
 def test_analytic_derivatives_equal_numeric_ones():
@@ -64,8 +79,13 @@ def test_analytic_derivatives_equal_numeric_ones():
         assert np.abs(numeric - jg[:, :, k]).max() <= 1e-6 * max(np.abs(jg[:, :, k]).max(), 1.0)
     for k in range(3):
         move = 1e-3 * np.eye(3)[k]
-        numeric = -(misclosures(replace(state, point=state.point + move), rays, network.camera_of)
-                    - misclosures(replace(state, point=state.point - move), rays, network.camera_of)) / 2e-3
+        numeric = (
+            -(
+                misclosures(replace(state, point=state.point + move), rays, network.camera_of)
+                - misclosures(replace(state, point=state.point - move), rays, network.camera_of)
+            )
+            / 2e-3
+        )
         assert np.abs(numeric - jp[:, :, k]).max() < 1e-6 * np.abs(jp).max()
 
 
@@ -78,7 +98,7 @@ def dense(network, state, rays):
         for a, column in enumerate(columns[i]):
             if column >= 0:
                 A[i, :, column] = jg[i, :, a]
-        A[i, :, n + 3 * rays.point[i]:n + 3 * rays.point[i] + 3] = jp[i]
+        A[i, :, n + 3 * rays.point[i] : n + 3 * rays.point[i] + 3] = jp[i]
     A = A.reshape(-1, n + 3 * N)
     P = np.repeat(1 / rays.sigma**2, 2)
     normal, right = A.T @ (P[:, None] * A), A.T @ (P * misclosures(state, rays, network.camera_of).ravel())
@@ -100,9 +120,9 @@ def test_reduced_system_and_way_back_equal_dense_least_squares():
     prior, prior_b = prior_normals(network, state)
     got = np.linalg.solve(reduced + prior, b + prior_b)
     scale = np.sqrt(np.diag(np.linalg.inv(normal)))
-    assert (np.abs(got - expected[:network.unknowns]) / scale[:network.unknowns]).max() < 1e-5
+    assert (np.abs(got - expected[: network.unknowns]) / scale[: network.unknowns]).max() < 1e-5
     back = point_corrections(linear, got).ravel()
-    assert (np.abs(back - expected[network.unknowns:]) / scale[network.unknowns:]).max() < 1e-5
+    assert (np.abs(back - expected[network.unknowns :]) / scale[network.unknowns :]).max() < 1e-5
 
 
 def test_precision_equals_the_dense_inverse():
@@ -113,7 +133,7 @@ def test_precision_equals_the_dense_inverse():
     cofactor = covariance_of(network, state, linear)
     assert np.allclose(np.diag(cofactor), np.diag(inverse)[:n], rtol=1e-5)
     points, adjusted = point_precision(linear, cofactor)
-    assert np.allclose(points[7], inverse[n + 21:n + 24, n + 21:n + 24], rtol=1e-4, atol=1e-12)
+    assert np.allclose(points[7], inverse[n + 21 : n + 24, n + 21 : n + 24], rtol=1e-4, atol=1e-12)
     assert np.allclose(adjusted.ravel(), np.einsum("ij,jk,ik->i", A, inverse, A), rtol=1e-4)
 
 
@@ -170,14 +190,21 @@ def test_blunders_are_found_and_the_stated_sigma_is_put_right():
     assert not result.used[bad].any()
     assert result.used.sum() > 0.97 * (len(rays) - 25)
     assert 1.8 < result.factors.image < 2.2
-    error = (result.state.centre - truth.centre).ravel() / np.sqrt(np.concatenate([np.diag(result.exterior_covariance(p))[:3] for p in range(4)]))
+    error = (result.state.centre - truth.centre).ravel() / np.sqrt(
+        np.concatenate([np.diag(result.exterior_covariance(p))[:3] for p in range(4)])
+    )
     assert np.abs(error).max() < 4
 
 
 def test_redundancy_numbers_sum_to_the_redundancy():
     network, truth, rays = small_network(seed=1, noise=1.0)
-    network = replace(network, centre_weight=np.zeros((4, 3)), shift=False, point_weight=network.point_weight * 1e6,
-                      interior=replace(network.interior, free=np.zeros((1, 8), bool), weight=np.zeros((1, 8, 8))))
+    network = replace(
+        network,
+        centre_weight=np.zeros((4, 3)),
+        shift=False,
+        point_weight=network.point_weight * 1e6,
+        interior=replace(network.interior, free=np.zeros((1, 8), bool), weight=np.zeros((1, 8, 8))),
+    )
     result = adjust(network, truth, rays, BlunderTest(limit=50))
     assert np.isclose(np.nansum(result.redundancy_number), result.redundancy, atol=0.05)
 
@@ -189,5 +216,5 @@ def test_rotation_vectors_and_angles_move_together(angles):
     w = np.array([1e-6, -2e-6, 3e-6])
     from tasks.geometry.rotation import angles as angles_of
 
-    assert np.allclose((np.array(angles_of(rotation_of_vector(w) @ R)) - angles) , by_vector @ w, rtol=1e-4, atol=1e-10)
+    assert np.allclose((np.array(angles_of(rotation_of_vector(w) @ R)) - angles), by_vector @ w, rtol=1e-4, atol=1e-10)
     assert np.allclose(vector_of_rotation(rotation_of_vector(np.array([0.3, -1.0, 2.0]))), [0.3, -1.0, 2.0])

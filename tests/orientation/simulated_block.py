@@ -12,7 +12,7 @@ from tasks.geometry.view import View
 
 
 @dataclass(frozen=True)
-class Block:
+class SimulatedBlock:
     photos: Photos
     cameras: Cameras
     tie_points: TiePoints
@@ -22,7 +22,9 @@ class Block:
     wrong: np.ndarray
 
 
-TRUE_CAMERA = Camera(name="cam", width=2400, height=2400, c=1597.4, x0=3.2, y0=-2.1, k1=-0.03, k2=0.01, p1=2e-4, p2=-1e-4, pixel_um=96.0)
+TRUE_CAMERA = Camera(
+    name="cam", width=2400, height=2400, c=1597.4, x0=3.2, y0=-2.1, k1=-0.03, k2=0.01, p1=2e-4, p2=-1e-4, pixel_um=96.0
+)
 SIGMA_INTERIOR = np.array([0.5, 0.4, 0.4, 4e-4, 8e-4, 0.0, 2e-5, 2e-5])
 
 
@@ -30,11 +32,13 @@ def calibrated(truth: Camera, rng: np.random.Generator, sigma: np.ndarray = SIGM
     """The camera as a calibration with these standard errors would report it."""
     values = np.array(truth.interior) + sigma * rng.standard_normal(8)
     covariance = tuple(tuple(float(v) for v in row) for row in np.diag(sigma**2))
-    return truth.model_copy(update=dict(zip(INTERIOR, map(float, values), strict=True)) | {"covariance": covariance, "source": "chessboards"})
+    return truth.model_copy(
+        update=dict(zip(INTERIOR, map(float, values), strict=True)) | {"covariance": covariance, "source": "chessboards"}
+    )
 
 
 def surface(x, y, height):
-    return 100 + height * (0.04 * np.sin(x / height * 3) + 0.05 * np.exp(-((x - 0.3 * height)**2 + y**2) / (0.1 * height**2)))
+    return 100 + height * (0.04 * np.sin(x / height * 3) + 0.05 * np.exp(-((x - 0.3 * height) ** 2 + y**2) / (0.1 * height**2)))
 
 
 def measured(view, points, rng, sigma):
@@ -43,8 +47,20 @@ def measured(view, points, rng, sigma):
     return pixels + sigma * rng.standard_normal(pixels.shape), inside
 
 
-def simulate(views, camera, seed, *, tracks=2000, sigma=0.3, gnss=0.1, control=8, check=8, wrong=0.0, origin=(407000.0, 4357000.0, 0.0),
-             stated_sigma=None):
+def simulate(
+    views,
+    camera,
+    seed,
+    *,
+    tracks=2000,
+    sigma=0.3,
+    gnss=0.1,
+    control=8,
+    check=8,
+    wrong=0.0,
+    origin=(407000.0, 4357000.0, 0.0),
+    stated_sigma=None,
+):
     rng = np.random.default_rng(seed)
     height = np.mean([v.centre[2] for v in views]) - 100 - origin[2]
     half = 0.5 * views[0].camera.width / views[0].camera.c * height
@@ -64,8 +80,13 @@ def simulate(views, camera, seed, *, tracks=2000, sigma=0.3, gnss=0.1, control=8
     rows = np.array(rows)
     bad = rng.random(len(rows)) < wrong
     rows[bad, 2:] += rng.uniform(-60, 60, (bad.sum(), 2))
-    ties = TiePoints(rows[:, 0].astype(np.int32), rows[:, 1].astype(np.int32), rows[:, 2], rows[:, 3],
-                     np.full(len(rows), stated_sigma or sigma, np.float32))
+    ties = TiePoints(
+        rows[:, 0].astype(np.int32),
+        rows[:, 1].astype(np.int32),
+        rows[:, 2],
+        rows[:, 3],
+        np.full(len(rows), stated_sigma or sigma, np.float32),
+    )
     targets, known = ground(40 * (control + check) + 1), []
     seen = [measured(v, targets, rng, sigma) for v in views]
     for t in range(len(targets)):
@@ -77,10 +98,21 @@ def simulate(views, camera, seed, *, tracks=2000, sigma=0.3, gnss=0.1, control=8
     photos = []
     for v in views:
         position = None if gnss is None else tuple(v.centre + gnss * rng.standard_normal(3))
-        photos.append(Photo(name=v.name, path=v.name, width=v.camera.width, height=v.camera.height, bands=3, dtype="uint8", camera="cam",
-                            position=position, position_sigma=None if gnss is None else (gnss,) * 3))
+        photos.append(
+            Photo(
+                name=v.name,
+                path=v.name,
+                width=v.camera.width,
+                height=v.camera.height,
+                bands=3,
+                dtype="uint8",
+                camera="cam",
+                position=position,
+                position_sigma=None if gnss is None else (gnss,) * 3,
+            )
+        )
     cameras = Cameras(cameras={"cam": camera}, of_photo={v.name: "cam" for v in views})
-    return Block(Photos(photos=tuple(photos)), cameras, ties, Control(points=tuple(known)), views, np.array(truth), bad)
+    return SimulatedBlock(Photos(photos=tuple(photos)), cameras, ties, Control(points=tuple(known)), views, np.array(truth), bad)
 
 
 def view(name, camera, xyz, degrees):
@@ -96,8 +128,14 @@ def two_strips(seed=0, sigma_interior=SIGMA_INTERIOR, **options):
             x = 407000 + 582 * (i if strip == 0 else 2 - i)
             tilt = rng.uniform(-1.5, 1.5, 2)
             kappa = rng.uniform(-2, 2) + 180 * strip
-            views.append(view(f"s{strip}_{i}", TRUE_CAMERA, (x + rng.normal(0, 10), 4357000 + 624 * strip + rng.normal(0, 10),
-                                                              1138 + rng.normal(0, 5)), (*tilt, kappa)))
+            views.append(
+                view(
+                    f"s{strip}_{i}",
+                    TRUE_CAMERA,
+                    (x + rng.normal(0, 10), 4357000 + 624 * strip + rng.normal(0, 10), 1138 + rng.normal(0, 5)),
+                    (*tilt, kappa),
+                )
+            )
     return simulate(views, calibrated(TRUE_CAMERA, rng, sigma_interior), seed, **options)
 
 
@@ -107,7 +145,14 @@ DRONE = Camera(name="cam", width=2000, height=1125, c=1150.0, k1=-0.01, source="
 def one_strip(seed=0, photos=8, **options):
     """A drone flies one line with rough positions; the camera is known from EXIF only."""
     rng = np.random.default_rng(2000 + seed)
-    views = [view(f"d{i}", DRONE, (407000 + 20 * i + rng.normal(0, 0.5), 4357000 + rng.normal(0, 0.5), 180 + rng.normal(0, 0.5)),
-                  (rng.normal(0, 1), rng.normal(0, 1), 90 + rng.normal(0, 3))) for i in range(photos)]
+    views = [
+        view(
+            f"d{i}",
+            DRONE,
+            (407000 + 20 * i + rng.normal(0, 0.5), 4357000 + rng.normal(0, 0.5), 180 + rng.normal(0, 0.5)),
+            (rng.normal(0, 1), rng.normal(0, 1), 90 + rng.normal(0, 3)),
+        )
+        for i in range(photos)
+    ]
     nominal = DRONE.model_copy(update={"c": 1165.0, "k1": 0.0})
     return simulate(views, nominal, seed, **({"gnss": 3.0, "control": 0, "check": 0} | options))

@@ -53,10 +53,13 @@ def test_five_matches_are_exact_and_four_are_refused():
         orient_dependent(matches(VOLOS, 4, 3), C, C)
 
 
-@pytest.mark.parametrize("model", [
-    DependentOrientation(C, 1.1 * C, 0.04, -0.01, 0.02, 0.03, -0.05),
-    GeneralOrientation(C, 1.1 * C, np.array([0.3, 0.9, 0.1]) / np.sqrt(0.91), rotation_matrix(0.3, -0.2, 1.5)),
-])
+@pytest.mark.parametrize(
+    "model",
+    [
+        DependentOrientation(C, 1.1 * C, 0.04, -0.01, 0.02, 0.03, -0.05),
+        GeneralOrientation(C, 1.1 * C, np.array([0.3, 0.9, 0.1]) / np.sqrt(0.91), rotation_matrix(0.3, -0.2, 1.5)),
+    ],
+)
 def test_analytic_derivatives_equal_numeric_ones(model):
     observations = matches(VOLOS, 20, 5)
     _, A, B = model.evaluate(observations)

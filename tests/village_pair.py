@@ -12,7 +12,7 @@ from numba import njit
 
 from schemas.epipolar import EpipolarPair
 
-TEXTURE = Path(__file__).parents[3] / "shared" / "data" / "texture" / "village_mosaic.jpg"
+TEXTURE = Path(__file__).parents[2] / "shared" / "data" / "texture" / "village_mosaic.jpg"
 CELL = 0.5
 """of the height grid and of the texture, m"""
 

@@ -1,0 +1,1 @@
+"""What is measured of orthomill, and the commands that measure it; results stand in benchmarks/results."""

@@ -1,0 +1,95 @@
+"""One block of a pair: its windows, its matching, and what the report wants to know of it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from schemas.epipolar import EpipolarPair
+from schemas.outcome import Outcome
+from schemas.raster import Window
+from tasks.matching.dense import BLOCK, DenseMatching, ParallaxRange, left_window, match_block, placed, right_window
+
+PRECISION_EDGES = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5)
+"""classes of the standard error of a parallax, px"""
+
+
+class MatchingStatistics(BaseModel):
+    """What became of the nodes of a block or of a pair."""
+
+    model_config = ConfigDict(frozen=True)
+
+    outcomes: tuple[int, ...] = (0,) * len(Outcome)
+    """nodes by `schemas.outcome.Outcome`"""
+    precision: tuple[int, ...] = (0,) * (len(PRECISION_EDGES) - 1)
+    """matched nodes by class of PRECISION_EDGES"""
+    y_parallaxes: tuple[float, ...] = ()
+    """median residual y-parallax of every block in which enough points tell, px"""
+
+
+@dataclass(frozen=True)
+class PairBlock:
+    """A block of a pair: nodes `nodes` (window of the grid of nodes) of the left image."""
+
+    pair: EpipolarPair
+    nodes: Window
+    step: int
+
+    @property
+    def offset(self) -> float:
+        """Column parallax minus parallax, px."""
+        return self.pair.left_col0 - self.pair.right_col0
+
+    @property
+    def parallaxes(self) -> ParallaxRange:
+        return ParallaxRange.around(self.pair.parallax_low + self.offset, self.pair.parallax_high + self.offset)
+
+    @property
+    def core(self) -> Window:
+        """The full square in pixels, also where it leaves the image."""
+        return Window(self.nodes.row * self.step, self.nodes.col * self.step, BLOCK, BLOCK)
+
+    @property
+    def left(self) -> Window:
+        """What is read of the left image."""
+        return left_window(self.core).clipped((self.pair.rows, self.pair.left_cols))
+
+    @property
+    def right(self) -> Window:
+        """What is read of the right image; empty where the whole range lies beyond it."""
+        return right_window(self.core, self.parallaxes).clipped((self.pair.rows, self.pair.right_cols))
+
+
+def match_pair_block(block: PairBlock, matching: DenseMatching, left: np.ndarray, right: np.ndarray | None = None) -> dict:
+    """Match a block: `nodes` (rows, cols, 3) float32 (parallax, standard error, correlation), `outcome` uint8, and statistics.
+
+    left, right: uint8 of `block.left` and `block.right`; right is None where there is nothing to read.
+    """
+    right = np.zeros((0, 0), np.uint8) if right is None else right
+    found = match_block(
+        placed(left, block.left, left_window(block.core)), placed(right, block.right, right_window(block.core, block.parallaxes)),
+        block.parallaxes, matching,
+    )
+    inside = slice(0, block.nodes.height), slice(0, block.nodes.width)
+    nodes = found.nodes
+    parallax = (nodes.parallax[inside] - block.offset).astype(np.float32)
+    stacked = np.stack([parallax, nodes.sigma[inside], nodes.correlation[inside]], axis=-1)
+    outcome = nodes.outcome[inside]
+    return {"nodes": stacked, "outcome": outcome, "statistics": _statistics(stacked, outcome, found.y_parallax)}
+
+
+def _statistics(nodes: np.ndarray, outcome: np.ndarray, y_parallax: float) -> MatchingStatistics:
+    return MatchingStatistics(
+        outcomes=tuple(np.bincount(outcome.ravel(), minlength=len(Outcome)).tolist()),
+        precision=tuple(np.histogram(nodes[..., 1], PRECISION_EDGES)[0].tolist()),
+        y_parallaxes=(y_parallax,) if np.isfinite(y_parallax) else (),
+    )
+
+
+def sum_matching(parts: tuple[MatchingStatistics, ...]) -> MatchingStatistics:
+    """The statistics of all blocks of a pair together."""
+    return MatchingStatistics(
+        outcomes=tuple(map(sum, zip(*(part.outcomes for part in parts), strict=True))),
+        precision=tuple(map(sum, zip(*(part.precision for part in parts), strict=True))),
+        y_parallaxes=tuple(y for part in parts for y in part.y_parallaxes),
+    )

@@ -1,0 +1,66 @@
+"""Removal of spikes: Karfis' Outlier_detector on a grid.
+
+A cell is compared with the mean and the standard deviation of the cells in a circle around it, itself left out (else a lone spike
+among few neighbours could never be found); beyond k sigma it goes. Karfis repeats until nothing changes; the number of rounds
+is fixed here, because a fixpoint would let one tile feel the next one but one. Cells with too few neighbours go too.
+
+Source: Karfis 2009 (methods/relative_orientation_and_epipolar.md 1.19).
+"""
+
+import numpy as np
+from numba import njit
+
+from schemas.settings import Settings, setting
+
+
+class SpikeFilter(Settings):
+    """Removal of spikes by comparison with the heights around."""
+
+    radius: float = setting(4.0, "Radius of the circle of neighbours.", "cells", ge=1.0, le=30.0)
+    sigmas: float = setting(3.0, "Standard deviations of the neighbours by which a height may leave their mean.", gt=0.0)
+    rounds: int = setting(2, "How often the filter runs.", ge=0, le=10)
+    min_neighbours: int = setting(6, "A height with fewer neighbours is removed.", ge=0)
+    floor: float = setting(0.3, "Deviations below this share of the cell size are never spikes.", "cells", ge=0.0)
+
+    @property
+    def halo(self) -> int:
+        """How many cells away a height can matter."""
+        return int(np.ceil(self.radius)) * self.rounds
+
+
+@njit(cache=True)
+def _spikes(height, rows, cols, sigmas, min_neighbours, floor):
+    out = np.zeros(height.shape, np.bool_)
+    for r in range(height.shape[0]):
+        for c in range(height.shape[1]):
+            here = np.float64(height[r, c])
+            if here != here:
+                continue
+            n, total, squares = 0, 0.0, 0.0
+            for k in range(rows.size):
+                y, x = r + rows[k], c + cols[k]
+                if 0 <= y < height.shape[0] and 0 <= x < height.shape[1] and height[y, x] == height[y, x]:
+                    d = np.float64(height[y, x]) - here
+                    n += 1
+                    total += d
+                    squares += d * d
+            if n < min_neighbours or n < 2:
+                out[r, c] = n < min_neighbours
+                continue
+            mean = total / n
+            deviation = np.sqrt(max(squares / n - mean * mean, 0.0) * n / (n - 1))
+            out[r, c] = abs(mean) > max(sigmas * deviation, floor)
+    return out
+
+
+def spikes(height: np.ndarray, cell: float, settings: SpikeFilter) -> np.ndarray:
+    """Which heights (rows, cols) m are spikes: bool. Cells closer than `settings.halo` to the border may be judged too strictly."""
+    reach = int(np.ceil(settings.radius))
+    y, x = np.mgrid[-reach:reach + 1, -reach:reach + 1]
+    near = (x**2 + y**2 <= settings.radius**2) & ((x != 0) | (y != 0))
+    kept, found = height.copy(), np.zeros(height.shape, bool)
+    for _ in range(settings.rounds):
+        now = _spikes(kept, y[near], x[near], settings.sigmas, settings.min_neighbours, settings.floor * cell)
+        kept[now] = np.nan
+        found |= now
+    return found

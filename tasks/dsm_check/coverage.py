@@ -1,0 +1,136 @@
+"""Which pairs check the surface, and where.
+
+Strategy. The ground that both photographs of a pair see is a polygon. Pairs are taken greedily: the one that adds most unchecked
+ground, weighted by base over height, first, until every place that can be checked is checked once. Each pair then gets the
+window of the surface model that holds its polygon, on the edges of tiles.
+"""
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from schemas.epipolar import EpipolarPair, EpipolarPairs
+from schemas.errors import GeometryError
+from schemas.job import Table
+from schemas.orientation import Block
+from schemas.raster import MapGrid, Window
+from schemas.surface import Surface
+from tasks.geometry.normal_case import border_pixels, common_polygon, convex
+from tasks.geometry.view import block_view
+
+_CELLS = 96
+"""cells along the longer side of the raster that coverage is counted on"""
+
+
+class CheckedPair(BaseModel):
+    """A pair that checks the surface, and the window of the surface model (row, col, height, width in cells) that it sees."""
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    left: str
+    right: str
+    box: tuple[int, int, int, int]
+    base_height: float
+    share: float
+    """of the surface model's area that this pair is the first to check"""
+
+    @property
+    def window(self) -> Window:
+        return Window(*self.box)
+
+
+class CheckedPairs(BaseModel):
+    """The pairs that check the surface, and how many pixels of orthoimage a cell gets."""
+
+    model_config = ConfigDict(frozen=True)
+
+    pairs: tuple[CheckedPair, ...]
+    pixels_per_cell: int
+    pixel_height: float
+    """m: the height error that one pixel of shift between the orthoimages stands for"""
+
+
+CHECKED_PAIRS = Table("dsm_check/pairs.json", CheckedPairs)
+
+
+def choose_checked_pairs(pairs: EpipolarPairs, block: Block, surface: Surface, tile: int, count: int | None,
+                         pixels_per_cell: int | None) -> CheckedPairs:
+    """The pairs that cover the surface once (at most `count`), with their windows on the grid in whole tiles.
+
+    Raises GeometryError when no pair sees the surface.
+    """
+    grid = surface.grid
+    polygons = [seen_ground(pair, block, surface) for pair in pairs.pairs]
+    order = best_cover([rasterised(p, grid) for p in polygons], [p.base_height for p in pairs.pairs], count)
+    if not order:
+        raise GeometryError("No pair of photographs sees the surface model: is it of another place or in another reference system?")
+    chosen = tuple(
+        CheckedPair(name=pair.name, left=pair.left, right=pair.right, base_height=pair.base_height, share=share,
+                    box=_box(polygons[k], grid, tile)) for k, share in order for pair in (pairs.pairs[k],)
+    )
+    factor = pixels_per_cell or (2 if grid.cell > 1.5 * ground_pixel(block, surface) else 1)
+    ratio = float(np.mean([1 / pair.base_height for pair in chosen]))
+    return CheckedPairs(pairs=chosen, pixels_per_cell=factor, pixel_height=grid.cell / factor * ratio)
+
+
+def seen_ground(pair: EpipolarPair, block: Block, surface: Surface) -> np.ndarray:
+    """Convex polygon (N, 2) m of the ground that both photographs may see between the bounds of height; (0, 2) without any."""
+    left, right = block_view(block, pair.left), block_view(block, pair.right)
+    corners = []
+    for z in (surface.height_low, surface.height_high):
+        two = [convex(view.at_height(border_pixels(view), z)[:, :2]) for view in (left, right)]
+        corners.append(common_polygon(*two))
+    corners = np.concatenate(corners)
+    return convex(corners) if len(corners) > 2 else np.empty((0, 2))
+
+
+def ground_pixel(block: Block, surface: Surface) -> float:
+    """Mean ground pixel of the photographs, m."""
+    mean = (surface.height_low + surface.height_high) / 2
+    return float(np.mean([(photo.centre[2] - mean) / block.camera_of(photo.photo).c for photo in block.photos]))
+
+
+def rasterised(polygon: np.ndarray, grid: MapGrid) -> np.ndarray:
+    """Which of about 96 x 96 places (bool) of the grid lie inside a convex polygon (N, 2) m."""
+    size = max(grid.rows, grid.cols) * grid.cell / _CELLS
+    x = grid.west + (np.arange(int(np.ceil(grid.cols * grid.cell / size))) + 0.5) * size
+    y = grid.north - (np.arange(int(np.ceil(grid.rows * grid.cell / size))) + 0.5) * size
+    inside = np.full((len(y), len(x)), len(polygon) > 2)
+    turn = None
+    for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        side = (b[0] - a[0]) * (y[:, None] - a[1]) - (b[1] - a[1]) * (x[None, :] - a[0])
+        turn = turn or np.sign(_turn(polygon))
+        inside &= side * turn >= 0
+    return inside
+
+
+def _turn(polygon: np.ndarray) -> float:
+    x, y = (polygon - polygon.mean(axis=0)).T
+    return float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
+
+
+def best_cover(covers: list[np.ndarray], weights: list[float], count: int | None) -> list[tuple[int, float]]:
+    """Numbers of the pairs that cover most, best first, with the share of all places that each adds.
+
+    Stops at `count`, or when no pair adds more than half a percent of what can be covered.
+    """
+    left = np.any(covers, axis=0)
+    enough = 0.005 * left.sum()
+    chosen: list[tuple[int, float]] = []
+    while len(chosen) < (count or len(covers)):
+        gains = [(cover & left).sum() for cover in covers]
+        best = int(np.argmax([gain * min(weight, 0.6) for gain, weight in zip(gains, weights, strict=True)]))
+        if gains[best] <= enough:
+            break
+        chosen.append((best, float(gains[best] / left.size)))
+        left &= ~covers[best]
+    return chosen
+
+
+def _box(polygon: np.ndarray, grid: MapGrid, tile: int) -> tuple[int, int, int, int]:
+    """The window around a polygon, widened to whole tiles."""
+    col, row = grid.pixel(polygon[:, 0], polygon[:, 1])
+    top, left = (int(np.floor(max(v.min(), 0) / tile)) * tile for v in (row, col))
+    bottom, right = (int(np.ceil((v.max() + 1) / tile)) * tile for v in (row, col))
+    window = Window(top, left, bottom - top, right - left).clipped(grid.shape)
+    return window.row, window.col, window.height, window.width

@@ -1,0 +1,107 @@
+"""From two homologous places in a pair of orthoimages to the true point: the deterministic correction of a surface model.
+
+Strategy. An orthoimage made with a wrong height shows a point away from its place, on the ray of its photograph. The pixel A' of
+the left orthoimage shows what the left photograph sees through the ground point (A', height of the model there); A'' does so
+for the right one. Two constructions find the point where both look:
+- rays: the rigorous intersection of the two 3-D rays; what keeps them apart is a y-parallax, the test for wrong matches.
+- plan: the published construction. The lines from the nadirs through A' and A'' meet in plan, similar triangles give two heights,
+  their mean is taken. It fails near the line through both nadirs, so points whose angle is flat or sharp are refused.
+No iteration is needed: both are exact for errors of any size.
+
+Source: Skarlatos, PhD thesis, sections 3.4.2 and 3.4.3 (methods/matching_and_dsm_check.md, 1.7); methods/measured.md.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from schemas.settings import Settings, setting
+from tasks.geometry.intersection import intersect_rays
+
+
+class RayCorrection(Settings):
+    """Rigorous intersection of the two rays."""
+
+    kind: Literal["rays"] = "rays"
+    parallax: float = setting(0.5, "Greatest y-parallax of the rays; beyond it the match is wrong.", "orthoimage pixels", gt=0)
+
+
+class PlanCorrection(Settings):
+    """The published construction in plan, with its angle filter."""
+
+    kind: Literal["plan"] = "plan"
+    angle_low: float = setting(13.5, "Least angle of the two nadir lines at the point.", "degrees", ge=0, lt=90)
+    angle_high: float = setting(166.5, "Greatest angle of the two nadir lines at the point.", "degrees", gt=90, le=180)
+
+
+Correction = Annotated[RayCorrection | PlanCorrection, Field(discriminator="kind")]
+
+
+@dataclass(frozen=True)
+class Centres:
+    """Projection centres (3,) m of the left and the right photograph."""
+
+    left: np.ndarray
+    right: np.ndarray
+
+
+@dataclass(frozen=True)
+class CorrectedPoints:
+    """Where two orthoimages say that the surface is."""
+
+    points: np.ndarray
+    """(N, 3) m, NaN where the lines do not meet"""
+    gap: np.ndarray
+    """(N,) m: distance of the two rays, or difference of the two heights of the plan construction"""
+    accepted: np.ndarray
+    """(N,) bool: passed the geometric test"""
+
+
+def correct(left: np.ndarray, right: np.ndarray, centres: Centres, correction: RayCorrection | PlanCorrection,
+            pixel: float) -> CorrectedPoints:
+    """True points from homologous orthoimage points.
+
+    left, right: (N, 3) m, places in either orthoimage with the height of the model there. pixel: of the orthoimages, m.
+    """
+    if correction.kind == "plan":
+        return plan_intersection(left, right, centres, correction)
+    return ray_intersection(left, right, centres, correction.parallax * pixel)
+
+
+def ray_intersection(left: np.ndarray, right: np.ndarray, centres: Centres, limit: float = np.inf) -> CorrectedPoints:
+    """Intersection of the rays through left, right (N, 3) m; refused where the rays pass at more than `limit` m."""
+    rays = np.stack([left - centres.left, right - centres.right])
+    rays /= np.linalg.norm(rays, axis=2, keepdims=True)
+    origins = np.broadcast_to(np.stack([centres.left, centres.right])[:, None], rays.shape)
+    known = np.isfinite(rays).all(axis=(0, 2))
+    points, gap = np.full((len(left), 3), np.nan), np.full(len(left), np.nan)
+    points[known], distance = intersect_rays(origins[:, known], rays[:, known])
+    gap[known] = 2.0 * distance
+    return CorrectedPoints(points, gap, gap <= limit)
+
+
+def plan_intersection(left: np.ndarray, right: np.ndarray, centres: Centres, settings: PlanCorrection) -> CorrectedPoints:
+    """The plan construction; refused where the angle nadir-point-nadir is outside the limits (singular on the base line)."""
+    d1, d2 = (left - centres.left)[:, :2], (right - centres.right)[:, :2]
+    base = (centres.right - centres.left)[:2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        denominator = _cross(d1, d2)
+        s, u = _cross(base, d2) / denominator, _cross(base, d1) / denominator
+        plan = centres.left[:2] + s[:, None] * d1
+        from_left = left[:, 2] + (centres.left[2] - left[:, 2]) * (1 - s)
+        from_right = right[:, 2] + (centres.right[2] - right[:, 2]) * (1 - u)
+        angle = nadir_angle(plan, centres)
+        accepted = (angle >= settings.angle_low) & (angle <= settings.angle_high)
+    return CorrectedPoints(np.column_stack([plan, (from_left + from_right) / 2]), np.abs(from_left - from_right), accepted)
+
+
+def nadir_angle(plan: np.ndarray, centres: Centres) -> np.ndarray:
+    """Angle (N,) in degrees at plan points (N, 2) between the directions to the two nadirs."""
+    to_left, to_right = centres.left[:2] - plan, centres.right[:2] - plan
+    return np.degrees(np.arctan2(np.abs(_cross(to_left, to_right)), (to_left * to_right).sum(axis=1)))
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]

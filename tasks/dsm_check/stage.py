@@ -1,0 +1,226 @@
+"""The check of the surface without reference data, tile by tile.
+
+First the pairs that check it are chosen. For every pair and tile come two orthoimages from the surface under test, then the nodes
+where they are compared. A tile of the answer needs the nodes around it of every pair that sees it; coarse blocks and counts of all
+tiles make the report.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from schemas.epipolar import PAIRS, grey_table
+from schemas.errors import WorkflowError
+from schemas.job import Export, Job, Raster, Table
+from schemas.orientation import BLOCK, Block
+from schemas.photo import PHOTOS, Photos, photo_raster
+from schemas.raster import MapGrid, RasterSpec, Tile, Window, map_raster, tiles_of
+from schemas.report import report_table
+from schemas.settings import Settings, setting
+from schemas.stage import ProjectView, Stage
+from schemas.surface import CORRECTED, HEIGHT, SURFACE, Surface
+from tasks.dsm_check.areas import block_size
+from tasks.dsm_check.correction_map import NodeGrid
+from tasks.dsm_check.coverage import CHECKED_PAIRS, CheckedPair, CheckedPairs, choose_checked_pairs
+from tasks.dsm_check.height_correction import Correction, RayCorrection
+from tasks.dsm_check.nodes import BANDS, NodeMatching, NodeTile, check_nodes
+from tasks.dsm_check.orthoimage import OrthoTile, ortho_tile
+from tasks.dsm_check.report import DH, PRECISION, report
+from tasks.dsm_check.statistics import TileCounts
+from tasks.dsm_check.tile import CorrectionRule, NodeWindow, correct_tile, take_surface
+from tasks.geometry.footprint import photo_window
+from tasks.geometry.view import block_view
+
+INPUT = "dsm_check/input"
+"""float32 m: the surface under test, wherever it comes from"""
+COARSE = "dsm_check/coarse"
+"""float32 (rows, cols, 2): share and mean of significant corrections in blocks of cells"""
+
+
+class DensifiedSurface(Settings):
+    """The surface that this project measured."""
+
+    kind: Literal["densification"] = "densification"
+
+
+class SurfaceFile(Settings):
+    """A surface model from elsewhere, in the project's reference system."""
+
+    kind: Literal["file"]
+    path: str = setting(..., "GeoTIFF with heights, relative to the project's root.")
+
+
+CheckedSurface = Annotated[DensifiedSurface | SurfaceFile, Field(discriminator="kind")]
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """What planning knows once the tables exist."""
+
+    block: Block
+    photos: Photos
+    surface: Surface
+    pairs: CheckedPairs
+    tile: int
+
+    @property
+    def grid(self) -> MapGrid:
+        return self.surface.grid
+
+
+class DsmCheckStage(Stage):
+    """Two orthoimages from the surface must agree; where they do not, the shift tells how wrong the height is."""
+
+    title: ClassVar[str] = "Check of the surface"
+
+    kind: Literal["dsm_check"] = "dsm_check"
+    surface: CheckedSurface = setting(DensifiedSurface(), "The surface that is checked.")
+    pairs: int | None = setting(None, "Pairs that check the surface; null: as many as cover it once.", ge=1)
+    pixels_per_cell: int | None = setting(
+        None, "Pixels of orthoimage along a cell, 1 or 2; null: 2 where cells are coarser than the photographs.", ge=1, le=2
+    )
+    step: Literal[2, 4, 8, 16] = setting(4, "Distance of the nodes where the orthoimages are compared.", "cells")
+    matching: NodeMatching = setting(NodeMatching(), "How the orthoimages are compared.")
+    correction: Correction = setting(RayCorrection(), "How a shift becomes a height.")
+    radius: float = setting(2.0, "How far the correction of a node reaches.", "steps", ge=1.5, le=8)
+    apply: Literal["all", "significant", "none"] = setting(
+        "significant", "Which corrections are added to the surface; below their own standard error they would add noise."
+    )
+    significance: float = setting(3.0, "A correction of so many of its standard errors is significant.", "sigma", ge=1, le=10)
+
+    def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
+        if self.surface.kind == "file":
+            raise WorkflowError(f"{self.surface.path} cannot be read yet: dsm_check checks the project's own surface.")
+        surface, size = view.table(SURFACE), view.project.tile
+        yield Job(self.kind, "pairs", choose_checked_pairs, {"pairs": PAIRS, "block": BLOCK, "surface": SURFACE},
+                  {"checked": CHECKED_PAIRS}, {"tile": size, "count": self.pairs, "pixels_per_cell": self.pixels_per_cell})
+        yield from self._input(view, surface.grid, size)
+        plan = _Plan(view.table(BLOCK), view.table(PHOTOS), surface, view.table(CHECKED_PAIRS), size)
+        for pair in plan.pairs.pairs:
+            yield from self._orthoimages(view, plan, pair)
+            yield from self._nodes(plan, pair)
+        yield from self._answer(view, plan)
+
+    def _input(self, view: ProjectView, grid: MapGrid, size: int) -> Iterator[RasterSpec | Job]:
+        """The seam for surfaces from elsewhere: whatever the source, these jobs fill the raster under test."""
+        yield map_raster(INPUT, grid, "float32", view.project.crs, size, nodata=float("nan"), unit="m")
+        for tile in tiles_of(grid.shape, size):
+            yield Job(self.kind, "input", take_surface, {"heights": Raster(HEIGHT, tile.window)},
+                      {"input": Raster(INPUT, tile.window)}, row=tile.row, col=tile.col)
+
+    def _orthoimages(self, view: ProjectView, plan: _Plan, pair: CheckedPair) -> Iterator[RasterSpec | Job]:
+        factor, window, grid = plan.pairs.pixels_per_cell, pair.window, plan.grid
+        own = MapGrid(west=grid.west + window.col * grid.cell, north=grid.north - window.row * grid.cell, cell=grid.cell / factor,
+                      rows=window.height * factor, cols=window.width * factor)
+        for side, photo in (("left", pair.left), ("right", pair.right)):
+            name = ortho_raster(pair.name, side)
+            yield map_raster(name, own, "uint8", view.project.crs, plan.tile * factor, nodata=0, unit="grey")
+            for tile in tiles_of(pair.window.shape, plan.tile):
+                yield self._orthoimage(plan, pair, side, photo, tile)
+
+    def _orthoimage(self, plan: _Plan, pair: CheckedPair, side: str, photo: str, tile: Tile) -> Job:
+        window = _shifted(tile.window, pair.window.row, pair.window.col)
+        heights = window.grown(1).clipped(plan.grid.shape)
+        seen = photo_window(block_view(plan.block, photo), plan.grid, window, plan.surface.height_low, plan.surface.height_high)
+        reads = {"heights": Raster(INPUT, heights)}
+        if not seen.empty:
+            reads["pixels"] = Raster(photo_raster(photo), seen)
+            if plan.photos[photo].dtype != "uint8":
+                reads["stretch"] = grey_table(photo)
+        factor = plan.pairs.pixels_per_cell
+        what = OrthoTile(plan.block.of(photo), plan.block.camera_of(photo), plan.grid, window, heights, factor, seen)
+        return Job(self.kind, f"ortho-{pair.name}-{side}", ortho_tile, reads,
+                   {"ortho": Raster(ortho_raster(pair.name, side), tile.window.scaled(factor))}, {"tile": what},
+                   row=tile.row, col=tile.col, scratch=seen.height * seen.width * 12)
+
+    def _nodes(self, plan: _Plan, pair: CheckedPair) -> Iterator[RasterSpec | Job]:
+        shape = tuple(-(-side // self.step) for side in pair.window.shape)
+        yield RasterSpec(name=node_raster(pair.name), shape=(*shape, len(BANDS)), dtype="float32", chunk=plan.tile // self.step,
+                         nodata=float("nan"))
+        for tile in tiles_of(pair.window.shape, plan.tile):
+            yield self._node_tile(plan, pair, tile)
+
+    def _node_tile(self, plan: _Plan, pair: CheckedPair, tile: Tile) -> Job:
+        factor = plan.pairs.pixels_per_cell
+        seen = tile.window.grown(-(-self.matching.halo // (2 * factor)) * 2).clipped(pair.window.shape)
+        what = NodeTile(plan.block.of(pair.left), plan.block.of(pair.right), plan.grid,
+                        _shifted(tile.window, pair.window.row, pair.window.col), _shifted(seen, pair.window.row, pair.window.col),
+                        factor, self.step)
+        reads = {"left": Raster(ortho_raster(pair.name, "left"), seen.scaled(factor)),
+                 "right": Raster(ortho_raster(pair.name, "right"), seen.scaled(factor)), "heights": Raster(INPUT, what.seen)}
+        return Job(self.kind, f"nodes-{pair.name}", check_nodes, reads,
+                   {"nodes": Raster(node_raster(pair.name), self._of_nodes(tile.window))},
+                   {"tile": what, "matching": self.matching, "correction": self.correction},
+                   row=tile.row, col=tile.col, scratch=seen.height * seen.width * (8 + 30 * factor**2))
+
+    def _of_nodes(self, window: Window) -> Window:
+        return _coarser(window, self.step)
+
+    def _answer(self, view: ProjectView, plan: _Plan) -> Iterator[RasterSpec | Job | Export]:
+        for name in (DH, PRECISION, CORRECTED):
+            yield map_raster(name, plan.grid, "float32", view.project.crs, plan.tile, nodata=float("nan"), unit="m")
+        size = block_size(plan.grid.shape)
+        shape = tuple(-(-side // size) for side in plan.grid.shape)
+        coarse = RasterSpec(name=COARSE, shape=(*shape, 2), dtype="float32", chunk=plan.tile // size)
+        yield coarse
+        tiles = list(tiles_of(plan.grid.shape, plan.tile))
+        for tile in tiles:
+            yield self._answer_tile(plan, tile, size)
+        yield Job(self.kind, "report", report, {"tiles": tuple(_counts_table(t) for t in tiles), "pairs": CHECKED_PAIRS,
+                                                "coarse": Raster(COARSE, coarse.full)},
+                  {"report": report_table(self.kind)}, {"grid": plan.grid, "block": size})
+        yield Export(self.kind, "product", "products/dsm_check.tif", "cog", {"dh": DH, "height": CORRECTED, "sigma": PRECISION})
+
+    def _answer_tile(self, plan: _Plan, tile: Tile, size: int) -> Job:
+        factor = plan.pairs.pixels_per_cell
+        nodes = NodeGrid(self.step, factor, self.radius * self.step, 2 * self.matching.search.reach / factor)
+        reads, windows = [], []
+        for pair in plan.pairs.pairs:
+            window, read = self._nodes_near(plan, pair, tile.window, nodes.halo)
+            if not window.given.empty:
+                windows.append(window)
+                reads.append(read)
+        rule = CorrectionRule(self.apply, self.significance, nodes, size, plan.pairs.pixel_height)
+        blocks = _coarser(tile.window, size)
+        return Job(
+            self.kind, "answer", correct_tile, {"heights": Raster(INPUT, tile.window), "nodes": tuple(reads)},
+            {"dh": Raster(DH, tile.window), "precision": Raster(PRECISION, tile.window), "height": Raster(CORRECTED, tile.window),
+             "coarse": Raster(COARSE, blocks), "counts": _counts_table(tile)},
+            {"window": tile.window, "pairs": tuple(windows), "rule": rule}, row=tile.row, col=tile.col,
+            scratch=tile.window.width * 64 * 96 + tile.window.height * tile.window.width * 24,
+        )
+
+    def _nodes_near(self, plan: _Plan, pair: CheckedPair, window: Window, halo: int) -> tuple[NodeWindow, Raster]:
+        """The nodes of a pair in and around a tile: counted over the whole surface, and as a region of the pair's raster."""
+        box = self._of_nodes(pair.window)
+        own = self._of_nodes(window)
+        inside = _shifted(own, -box.row, -box.col)
+        given = inside.grown(halo).clipped(box.shape)
+        own = inside.clipped(box.shape)
+        name = NodeWindow(pair.name, _shifted(given, box.row, box.col), _shifted(own, box.row, box.col))
+        return name, Raster(node_raster(pair.name), given)
+
+
+def ortho_raster(pair: str, side: str) -> str:
+    """uint8 (rows, cols) grey, 0 without data; on the cells of the pair's window, or their halves."""
+    return f"dsm_check/ortho/{pair}/{side}"
+
+
+def node_raster(pair: str) -> str:
+    """float32 (rows, cols, bands): see `nodes.BANDS`."""
+    return f"dsm_check/nodes/{pair}"
+
+
+def _counts_table(tile: Tile) -> Table[TileCounts]:
+    return Table(f"dsm_check/counts/{tile.row}-{tile.col}.json", TileCounts)
+
+
+def _coarser(window: Window, size: int) -> Window:
+    """The blocks of `size` cells of a window that begins on a tile's edge."""
+    return Window(window.row // size, window.col // size, -(-window.height // size), -(-window.width // size))
+
+
+def _shifted(window: Window, row: int, col: int) -> Window:
+    return Window(window.row + row, window.col + col, window.height, window.width)

@@ -1,0 +1,135 @@
+"""What the check says in numbers: counts and histograms per tile, which add up to the statistics of the whole.
+
+Strategy. Medians cannot be added, histograms can: corrections are counted in bins of a fiftieth of what one pixel of shift
+stands for, so that median and NMAD of any number of tiles are known to that bin.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from schemas.outcome import Outcome
+from tasks.dsm_check.correction_map import CorrectionMap
+from tasks.dsm_check.nodes import DH, OUTCOME, SIGMA
+
+BINS_PER_PIXEL = 50
+_LAST_BIN = 100 * BINS_PER_PIXEL
+
+
+class Counts(BaseModel):
+    """Sums over corrections: number, sum and sum of squares (m), how many lie within 1 and 3 of their sigma, filled bins."""
+
+    model_config = ConfigDict(frozen=True)
+
+    number: int = 0
+    total: float = 0.0
+    squares: float = 0.0
+    within_1: int = 0
+    within_3: int = 0
+    bins: tuple[int, ...] = ()
+    """numbers of the bins that are not empty"""
+    filled: tuple[int, ...] = ()
+    """how many corrections each of them holds"""
+
+
+class PairCounts(BaseModel):
+    """The nodes of one pair in one tile: what became of them, and the corrections that passed."""
+
+    model_config = ConfigDict(frozen=True)
+
+    pair: str
+    outcomes: tuple[int, ...]
+    """by number of `Outcome`"""
+    dh: Counts
+
+
+class TileCounts(BaseModel):
+    """One tile: its cells and its nodes."""
+
+    model_config = ConfigDict(frozen=True)
+
+    heights: int
+    """cells with a height"""
+    checked: int
+    """cells with a height and a correction"""
+    changed: int
+    """cells whose height the check changed"""
+    dh: Counts
+    pairs: tuple[PairCounts, ...]
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Statistics of many corrections, m; NaN without any."""
+
+    number: int
+    mean: float
+    std: float
+    median: float
+    nmad: float
+    within_1: float
+    within_3: float
+    """share of all, 0 to 1"""
+
+
+def count(dh: np.ndarray, sigma: np.ndarray, pixel_height: float) -> Counts:
+    """Counts of corrections (any shape) m with their sigma; NaN is left out."""
+    known = np.isfinite(dh)
+    dh, sigma = dh[known].astype(np.float64), sigma[known]
+    bins, filled = np.unique(np.clip(np.rint(dh / bin_width(pixel_height)), -_LAST_BIN, _LAST_BIN).astype(int), return_counts=True)
+    return Counts(number=len(dh), total=float(dh.sum()), squares=float((dh**2).sum()), within_1=int((np.abs(dh) <= sigma).sum()),
+                  within_3=int((np.abs(dh) <= 3 * sigma).sum()), bins=tuple(bins.tolist()), filled=tuple(filled.tolist()))
+
+
+def bin_width(pixel_height: float) -> float:
+    """m"""
+    return pixel_height / BINS_PER_PIXEL
+
+
+def count_pair(name: str, nodes: np.ndarray, pixel_height: float) -> PairCounts:
+    """Counts of the nodes (rows, cols, bands) of one pair."""
+    codes = np.nan_to_num(nodes[..., OUTCOME]).astype(int).ravel()
+    return PairCounts(pair=name, outcomes=tuple(np.bincount(codes, minlength=len(Outcome)).tolist()),
+                      dh=count(nodes[..., DH], nodes[..., SIGMA], pixel_height))
+
+
+def count_tile(heights: np.ndarray, correction: CorrectionMap, share: np.ndarray, pairs: tuple[PairCounts, ...],
+               pixel_height: float) -> TileCounts:
+    """Counts of one tile; arrays are (rows, cols)."""
+    known = np.isfinite(heights)
+    dh = np.where(known, correction.dh, np.nan)
+    return TileCounts(heights=int(known.sum()), checked=int(np.isfinite(dh).sum()), changed=int((known & (share > 0)).sum()),
+                      dh=count(dh, correction.sigma, pixel_height), pairs=pairs)
+
+
+def added(parts: list[Counts]) -> Counts:
+    """The counts of several sets together."""
+    histogram: dict[int, int] = {}
+    for part in parts:
+        for number, filled in zip(part.bins, part.filled, strict=True):
+            histogram[number] = histogram.get(number, 0) + filled
+    return Counts(
+        number=sum(p.number for p in parts), total=sum(p.total for p in parts), squares=sum(p.squares for p in parts),
+        within_1=sum(p.within_1 for p in parts), within_3=sum(p.within_3 for p in parts),
+        bins=tuple(sorted(histogram)), filled=tuple(histogram[b] for b in sorted(histogram)),
+    )
+
+
+def summarised(counts: Counts, pixel_height: float) -> Summary:
+    """Mean, standard deviation, median, NMAD and shares of counted corrections."""
+    n = counts.number
+    if not n:
+        return Summary(0, *[float("nan")] * 6)
+    values, filled = np.array(counts.bins) * bin_width(pixel_height), np.array(counts.filled)
+    middle = _weighted_median(values, filled)
+    nmad = 1.4826 * _weighted_median(np.abs(values - middle), filled)
+    mean = counts.total / n
+    std = float(np.sqrt(max(counts.squares / n - mean**2, 0)))
+    return Summary(n, mean, std, middle, nmad, counts.within_1 / n, counts.within_3 / n)
+
+
+def _weighted_median(values: np.ndarray, filled: np.ndarray) -> float:
+    order = np.argsort(values, kind="stable")
+    upto = np.cumsum(filled[order])
+    return float(values[order][np.searchsorted(upto, upto[-1] / 2)])

@@ -1,0 +1,222 @@
+"""Height differences as histograms that can be added, and the measures that are read from the sum.
+
+A tile keeps, per class, a histogram in bins of a hundredth of a cell over +-20 cells and a few exact sums. Sums of histograms give median,
+NMAD and quantiles of the whole to within a bin, without ever holding the whole.
+
+Source: methods/relative_orientation_and_epipolar.md 1.21 (bias, SD, RMS, shares within n sigma);
+methods/matching_and_dsm_check.md 1.10 (95 % of the normal law: 1.96 RMSE) and 1.12; Hoehle & Hoehle 2009 (NMAD, quantiles).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from schemas.job import Columns
+
+BINS_PER_CELL = 100
+REACH = 20
+"""Differences of more than this many cells share the outermost bins."""
+SIGMAS = (1.0, 3.0, 4.0, 5.0, 6.0, 10.0)
+
+
+@dataclass(frozen=True)
+class HeightHistogram(Columns):
+    """Non-empty bins: differences whose nearest multiple of the bin width is `bin`, of cells of class `place` (or building `place`)."""
+
+    place: np.ndarray
+    """int32"""
+    bin: np.ndarray
+    """int32, in bin widths; -REACH * BINS_PER_CELL and below, and the opposite, are gathered in the outermost"""
+    count: np.ndarray
+    """int64"""
+
+
+@dataclass(frozen=True)
+class HeightSums(Columns):
+    """One row per class."""
+
+    place: np.ndarray
+    """int32"""
+    cells: np.ndarray
+    """int64: cells with a reference height"""
+    measured: np.ndarray
+    """int64: of those, cells with a height"""
+    seen_twice: np.ndarray
+    """int64: of `cells`, those that two photos or more truly see (all, where the truth of it is not known)"""
+    measured_seen_twice: np.ndarray
+    total: np.ndarray
+    squares: np.ndarray
+    """float64: sums of the differences and their squares, m and m^2"""
+    lowest: np.ndarray
+    highest: np.ndarray
+    """float64, m"""
+    with_precision: np.ndarray
+    """int64: measured cells that report a precision"""
+    within_1: np.ndarray
+    within_3: np.ndarray
+    within_4: np.ndarray
+    within_5: np.ndarray
+    within_6: np.ndarray
+    within_10: np.ndarray
+    """int64: differences within n of the cell's own reported standard errors"""
+
+
+def bin_width(cell: float) -> float:
+    """Width of a bin, m."""
+    return cell / BINS_PER_CELL
+
+
+def histogram(dh: np.ndarray, place: np.ndarray, cell: float) -> HeightHistogram:
+    """The histogram of differences `dh` (N,) m at places (N,)."""
+    limit = REACH * BINS_PER_CELL
+    bins = np.clip(np.rint(dh / bin_width(cell)), -limit, limit).astype(np.int64)
+    keys, counts = np.unique(place.astype(np.int64) * (4 * limit) + bins + 2 * limit, return_counts=True)
+    return HeightHistogram((keys // (4 * limit)).astype(np.int32), (keys % (4 * limit) - 2 * limit).astype(np.int32), counts.astype(np.int64))
+
+
+@dataclass(frozen=True)
+class JudgedCells:
+    """Cells of a tile, flat (N,): class, difference dh (m, NaN where nothing was measured), reported precision (m, may be NaN), seen twice."""
+
+    place: np.ndarray
+    dh: np.ndarray
+    precision: np.ndarray
+    seen_twice: np.ndarray
+
+
+def _sums_of(cells: JudgedCells, place: int) -> dict[str, float]:
+    mine = cells.place == place
+    dh, twice = cells.dh[mine].astype(np.float64), cells.seen_twice[mine]
+    measured = np.isfinite(dh)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratio = np.abs(dh) / cells.precision[mine]
+    rated = measured & np.isfinite(cells.precision[mine]) & (cells.precision[mine] > 0)
+    good = dh[measured]
+    return {
+        "place": place, "cells": len(dh), "measured": len(good), "seen_twice": twice.sum(), "measured_seen_twice": (twice & measured).sum(),
+        "total": good.sum(), "squares": (good**2).sum(), "lowest": good.min(initial=np.inf), "highest": good.max(initial=-np.inf),
+        "with_precision": rated.sum(), **{f"within_{k:.0f}": (ratio[rated] <= k).sum() for k in SIGMAS},
+    }
+
+
+_FLOATS = ("total", "squares", "lowest", "highest")
+
+
+def _columns(rows: list[dict[str, float]]) -> HeightSums:
+    names = HeightSums.__dataclass_fields__
+    types = {name: np.float64 if name in _FLOATS else np.int32 if name == "place" else np.int64 for name in names}
+    return HeightSums(**{name: np.array([row[name] for row in rows], types[name]) for name in names})
+
+
+def height_sums(cells: JudgedCells) -> HeightSums:
+    """The sums of every class that occurs."""
+    return _columns([_sums_of(cells, int(place)) for place in np.unique(cells.place)])
+
+
+def merged_sums(parts: tuple[HeightSums, ...], places: tuple[int, ...]) -> dict[str, float]:
+    """One row that adds up all rows of `places`."""
+    together = {name: np.concatenate([getattr(p, name) for p in parts]) for name in HeightSums.__dataclass_fields__}
+    mine = np.isin(together["place"], places)
+    merged = {name: values[mine].sum() for name, values in together.items() if name not in ("place", "lowest", "highest")}
+    merged["lowest"], merged["highest"] = together["lowest"][mine].min(initial=np.inf), together["highest"][mine].max(initial=-np.inf)
+    return {name: float(value) for name, value in merged.items()}
+
+
+def merged_histogram(parts: tuple[HeightHistogram, ...], places: tuple[int, ...] | None = None) -> np.ndarray:
+    """Counts (2 REACH BINS_PER_CELL + 1,) of the bins of `places` (None: all), lowest first."""
+    limit = REACH * BINS_PER_CELL
+    counts = np.zeros(2 * limit + 1, np.int64)
+    for part in parts:
+        mine = slice(None) if places is None else np.isin(part.place, places)
+        np.add.at(counts, part.bin[mine] + limit, part.count[mine])
+    return counts
+
+
+def quantile(counts: np.ndarray, share: float, low_edge: float, width: float) -> float:
+    """The value below which `share` of a histogram lies, linear within a bin; NaN when it is empty."""
+    total = counts.sum()
+    if not total:
+        return float("nan")
+    running = np.cumsum(counts)
+    index = int(np.searchsorted(running, share * total, side="left"))
+    before = running[index] - counts[index]
+    return float(low_edge + width * (index + (share * total - before) / max(counts[index], 1)))
+
+
+@dataclass(frozen=True)
+class Measures:
+    """How one class of heights compares with the reference. Lengths in m, shares in %."""
+
+    cells: int
+    measured: int
+    completeness: float
+    completeness_seen_twice: float
+    bias: float
+    sd: float
+    rmse: float
+    median: float
+    nmad: float
+    median_absolute: float
+    q68: float
+    q95: float
+    fgdc95: float
+    lowest: float
+    highest: float
+    within: tuple[float, ...]
+    """% within SIGMAS of the reported precision"""
+    within_expected: tuple[float, ...]
+    """% within SIGMAS of the expected standard error"""
+
+
+def _percent(part: float, whole: float) -> float:
+    return 100.0 * part / whole if whole else float("nan")
+
+
+def _absolute(counts: np.ndarray, centre: float, width: float) -> tuple[np.ndarray, np.ndarray]:
+    """|value - centre| of every bin in order of size, and the counts that go with them."""
+    values = (np.arange(len(counts)) - len(counts) // 2) * width
+    distance = np.abs(values - centre)
+    order = np.argsort(distance, kind="stable")
+    return distance[order], counts[order]
+
+
+def _absolute_quantile(counts: np.ndarray, centre: float, width: float, share: float) -> float:
+    distance, ordered = _absolute(counts, centre, width)
+    total = ordered.sum()
+    return float(distance[min(np.searchsorted(np.cumsum(ordered), share * total), len(distance) - 1)]) if total else float("nan")
+
+
+def measures(sums: dict[str, float], counts: np.ndarray, cell: float, expected: float | None) -> Measures:
+    """The measures of one class. `expected` is the published standard error of a height, m, None where it is not known."""
+    n, width = sums["measured"], bin_width(cell)
+    bias = sums["total"] / n if n else float("nan")
+    rmse = float(np.sqrt(sums["squares"] / n)) if n else float("nan")
+    median = quantile(counts, 0.5, -(len(counts) / 2) * width, width)
+    nmad = 1.4826 * _absolute_quantile(counts, median, width, 0.5)
+    distance, ordered = _absolute(counts, 0.0, width)
+    beyond = tuple(_percent(ordered[distance <= k * expected].sum(), ordered.sum()) for k in SIGMAS) if expected else ()
+    return Measures(
+        cells=int(sums["cells"]), measured=int(n), completeness=_percent(n, sums["cells"]),
+        completeness_seen_twice=_percent(sums["measured_seen_twice"], sums["seen_twice"]),
+        bias=bias, sd=float(np.sqrt(max(rmse**2 - bias**2, 0.0))) if n else float("nan"), rmse=rmse, median=median, nmad=nmad,
+        median_absolute=_absolute_quantile(counts, 0.0, width, 0.5), q68=_absolute_quantile(counts, 0.0, width, 0.68),
+        q95=_absolute_quantile(counts, 0.0, width, 0.95), fgdc95=1.96 * rmse,
+        lowest=sums["lowest"] if n else float("nan"), highest=sums["highest"] if n else float("nan"),
+        within=tuple(_percent(sums[f"within_{k:.0f}"], sums["with_precision"]) for k in SIGMAS), within_expected=beyond,
+    )
+
+
+def building_medians(parts: tuple[HeightHistogram, ...], cell: float, least: int) -> np.ndarray:
+    """Columns building, cells, median difference (m): one row per building with `least` measured cells or more."""
+    width, limit = bin_width(cell), REACH * BINS_PER_CELL
+    if not any(len(part) for part in parts):
+        return np.empty((0, 3))
+    place = np.concatenate([p.place for p in parts])
+    bins, count = np.concatenate([p.bin for p in parts]), np.concatenate([p.count for p in parts])
+    rows = []
+    for building in np.unique(place[place > 0]):
+        mine = place == building
+        counts = np.bincount(bins[mine] + limit, count[mine], 2 * limit + 1)
+        if counts.sum() >= least:
+            rows.append((building, counts.sum(), quantile(counts, 0.5, -(len(counts) / 2) * width, width)))
+    return np.array(rows).reshape(-1, 3)

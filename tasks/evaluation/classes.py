@@ -1,0 +1,59 @@
+"""What kind of place each judged cell is, from the true materials."""
+
+from enum import IntEnum
+
+import numpy as np
+from scipy import ndimage
+
+from schemas.truth import Material
+
+
+class PlaceClass(IntEnum):
+    """Where a cell lies; every cell has one class."""
+
+    UNKNOWN = 0
+    CLEAR_GROUND = 1
+    TREE_MARGIN = 2
+    BUILDING_MARGIN = 3
+    ROOF_INTERIOR = 4
+    ROOF_EDGE = 5
+    TREE = 6
+    WATER = 7
+
+
+GROUPS: tuple[tuple[str, str, tuple[PlaceClass, ...]], ...] = (
+    ("all", "all cells but water", tuple(c for c in PlaceClass if c not in (PlaceClass.WATER,))),
+    ("open_ground", "open ground: no building within 3 cells, no tree", (PlaceClass.CLEAR_GROUND, PlaceClass.TREE_MARGIN)),
+    ("clear_ground", "open ground with no tree within 3 cells either", (PlaceClass.CLEAR_GROUND,)),
+    ("building_margin", "ground within 3 cells of a building", (PlaceClass.BUILDING_MARGIN,)),
+    ("roof", "roofs", (PlaceClass.ROOF_INTERIOR, PlaceClass.ROOF_EDGE)),
+    ("roof_interior", "roofs, 2 cells or more from their edge", (PlaceClass.ROOF_INTERIOR,)),
+    ("tree", "trees", (PlaceClass.TREE,)),
+    ("water", "water", (PlaceClass.WATER,)),
+)
+"""Name of the figures, words for people, and the classes that are taken together."""
+
+MARGIN = 3
+"""Cells around a building or a tree that are not open ground."""
+ROOF_RIM = 2
+HALO = MARGIN + 1
+"""Cells of material that are needed around the judged window."""
+
+
+def _near(mask: np.ndarray, cells: int) -> np.ndarray:
+    """Cells within `cells` (along rows and columns, diagonals included) of a set one."""
+    return ndimage.maximum_filter(mask, size=2 * cells + 1, mode="constant", cval=0)
+
+
+def place_classes(material: np.ndarray) -> np.ndarray:
+    """uint8 codes of PlaceClass (rows, cols) from codes of Material (rows, cols) on the same cells, 0 where nothing is known."""
+    roof, tree, water = (material == code for code in (Material.ROOF, Material.TREE, Material.WATER))
+    known = material > 0
+    classes = np.full(material.shape, PlaceClass.CLEAR_GROUND, np.uint8)
+    classes[_near(tree, MARGIN)] = PlaceClass.TREE_MARGIN
+    classes[_near(roof, MARGIN)] = PlaceClass.BUILDING_MARGIN
+    classes[roof] = np.where(_near(known & ~roof, ROOF_RIM - 1)[roof], PlaceClass.ROOF_EDGE, PlaceClass.ROOF_INTERIOR)
+    classes[tree] = PlaceClass.TREE
+    classes[water] = PlaceClass.WATER
+    classes[~known] = PlaceClass.UNKNOWN
+    return classes

@@ -1,0 +1,41 @@
+"""Which window of a pair's left epipolar image shows the ground of a map window: what planning needs. Conservative."""
+
+import numpy as np
+
+from schemas.epipolar import EpipolarPair
+from schemas.raster import MapGrid, Window
+
+
+def box_corners(grid: MapGrid, window: Window, low: float, high: float) -> np.ndarray:
+    """The eight corners (8, 3) of the ground cells `window` of `grid` between two heights, m."""
+    x = grid.west + grid.cell * np.array([window.col, window.col + window.width])
+    y = grid.north - grid.cell * np.array([window.row, window.row + window.height])
+    return np.stack(np.meshgrid(x, y, [low, high]), axis=-1).reshape(-1, 3)
+
+
+def left_pixels(pair: EpipolarPair, points: np.ndarray) -> np.ndarray:
+    """Ground points (N, 3) m to pixels (N, 2) (col, row) of the left epipolar image; NaN behind the camera."""
+    u = (points - np.array(pair.left_centre)) @ np.array(pair.rotation).T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        pixels = np.column_stack([pair.left_col0 - pair.c * u[:, 0] / u[:, 2], pair.row0 + pair.c * u[:, 1] / u[:, 2]])
+    pixels[u[:, 2] >= 0] = np.nan
+    return pixels
+
+
+def node_window(pair: EpipolarPair, step: int, corners: np.ndarray, margin: int = 3) -> Window:
+    """The window of the grid of nodes (node (i, j) at left pixel (j step, i step)) that may show the box of `corners` (8, 3).
+
+    A central projection of a convex box lies within the hull of its corners. `margin` nodes are added; clipped to the grid; empty
+    where the left image does not see the box.
+    """
+    pixels = left_pixels(pair, corners)
+    if not np.isfinite(pixels).all():
+        return Window(0, 0, 0, 0)
+    col, row = np.floor(pixels.min(axis=0) / step).astype(int) - margin
+    right, bottom = np.ceil(pixels.max(axis=0) / step).astype(int) + 1 + margin
+    return Window(int(row), int(col), int(bottom - row), int(right - col)).clipped(nodes_shape(pair, step))
+
+
+def nodes_shape(pair: EpipolarPair, step: int) -> tuple[int, int]:
+    """Rows and columns of the grid of nodes of a pair."""
+    return -(-pair.rows // step), -(-pair.left_cols // step)

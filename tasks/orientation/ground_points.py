@@ -1,0 +1,62 @@
+"""Ground points against an adjusted block: intersected from their own image measurements, with the precision that the adjustment
+predicts."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from schemas.camera import Camera
+from tasks.adjustment.bundle import Adjustment
+from tasks.adjustment.collinearity import misclosures
+from tasks.adjustment.network import Network, Rays, State
+from tasks.adjustment.normal_equations import linearised, point_corrections, point_precision
+from tasks.geometry.intersection import intersect_rays
+from tasks.orientation.measurements import ideal, with_interior
+
+
+@dataclass(frozen=True, eq=False)
+class Intersected:
+    """`point` (n, 3) local m (NaN: fewer than two rays), `covariance` (n, 3, 3) with the effect of the orientation, `residual` (m,
+    2) px."""
+
+    point: np.ndarray
+    covariance: np.ndarray
+    residual: np.ndarray
+
+
+def approximate_points(state: State, cameras: list[Camera], camera_of: np.ndarray, rays: Rays, count: int) -> np.ndarray:
+    """(count, 3) the points nearest to their rays; NaN for points with fewer than two rays."""
+    points = np.full((count, 3), np.nan)
+    for number in range(count):
+        own = np.flatnonzero(rays.point == number)
+        if len(own) >= 2:
+            photo = rays.photo[own]
+            xy = np.vstack(
+                [
+                    ideal(with_interior(cameras[camera_of[p]], state.interior[camera_of[p]]), rays.xy[[i]])
+                    for i, p in zip(own, photo, strict=True)
+                ]
+            )
+            directions = np.einsum("ni,nij->nj", np.column_stack([xy, -np.ones(len(own))]), state.rotation[photo])
+            directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+            points[number] = intersect_rays(state.centre[photo][:, None], directions[:, None])[0][0]
+    return points
+
+
+def intersect_ground(result: Adjustment, start: np.ndarray, rays: Rays) -> Intersected:
+    """Least-squares intersection of points (n, 3) with the adjusted orientation held; points with NaN are left out."""
+    placed = np.isfinite(start).all(axis=1)
+    own = rays.take(placed[rays.point])
+    state = replace(result.state, point=np.where(placed[:, None], start, 0.0))
+    network = _without_points(result.network, len(start))
+    nothing = np.zeros(network.unknowns)
+    for _ in range(5):
+        state = replace(state, point=state.point + point_corrections(linearised(network, state, own), nothing))
+    covariance, _ = point_precision(linearised(network, state, own), result.cofactor)
+    residual = np.full((len(rays), 2), np.nan)
+    residual[placed[rays.point]] = misclosures(state, own, network.camera_of)
+    return Intersected(np.where(placed[:, None], state.point, np.nan), covariance, residual)
+
+
+def _without_points(network: Network, count: int) -> Network:
+    return replace(network, point=np.zeros((count, 3)), point_weight=np.zeros((count, 3)))

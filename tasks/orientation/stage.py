@@ -1,0 +1,108 @@
+"""Stage `orientation`: pairs are related one by one, then all photographs become one block in the project's system."""
+
+from collections.abc import Iterator
+from typing import ClassVar, Literal
+
+from schemas.camera import CAMERAS
+from schemas.job import Export, Job, Region, TextFile
+from schemas.observations import CONTROL, GROUND_POINTS, IMAGE_RESIDUALS, TIE_POINTS
+from schemas.orientation import BLOCK, BLOCK_PRECISION, GROUND_RESIDUALS, RELATIVE
+from schemas.photo import PHOTOS
+from schemas.raster import RasterSpec
+from schemas.report import report_table
+from schemas.settings import setting
+from schemas.stage import ProjectView, Stage
+from tasks.adjustment.interior import InteriorChoice, WeightedInterior
+from tasks.orientation.block import BlockChoices, orient_block
+from tasks.orientation.control_files import no_control, read_control
+from tasks.orientation.pairs import relate_pairs
+from tasks.orientation.report import report
+
+SCRATCH = 256 * 2**20
+
+
+class Orientation(Stage):
+    """Relative orientation of pairs, then a bundle adjustment with control, GNSS positions and check points."""
+
+    title: ClassVar[str] = "Orient the photographs as one block"
+    kind: Literal["orientation"] = "orientation"
+    least_matches: int = setting(15, "Pairs that share fewer tie points are not related.", "tie points", ge=6)
+    interior: InteriorChoice = setting(
+        WeightedInterior(kind="weighted"), "How the interior orientation takes part in the adjustment."
+    )
+    gnss_shift: Literal["none", "constant"] = setting(
+        "none", "Whether the GNSS positions have a common shift that is adjusted; needs control."
+    )
+    vertical_sigma: float = setting(
+        5.0,
+        "Standard error of the mean viewing direction from the vertical; used only where positions and control lie "
+        "on one line and leave the tilt about it open.",
+        "degrees",
+        gt=0,
+        le=45,
+    )
+    rejection: float = setting(
+        4.0, "Image measurements with a larger standardised residual are rejected.", "standard errors", ge=2.5
+    )
+
+    def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
+        yield self._control(view)
+        yield Job(
+            "orientation",
+            "pairs",
+            relate_pairs,
+            reads={"photos": PHOTOS, "cameras": CAMERAS, "tie_points": TIE_POINTS},
+            writes={"relative": RELATIVE},
+            params={"least": self.least_matches},
+            scratch=SCRATCH,
+        )
+        choices = BlockChoices(
+            interior=self.interior,
+            gnss_shift=self.gnss_shift == "constant",
+            vertical_sigma=self.vertical_sigma,
+            rejection=self.rejection,
+        )
+        yield Job(
+            "orientation",
+            "block",
+            orient_block,
+            reads={"photos": PHOTOS, "cameras": CAMERAS, "tie_points": TIE_POINTS, "control": CONTROL, "relative": RELATIVE},
+            writes={
+                "block": BLOCK,
+                "points": GROUND_POINTS,
+                "image_residuals": IMAGE_RESIDUALS,
+                "ground_residuals": GROUND_RESIDUALS,
+                "precision": BLOCK_PRECISION,
+            },
+            params={"crs": view.project.crs, "choices": choices},
+            scratch=SCRATCH,
+        )
+        yield Job(
+            "orientation",
+            "report",
+            report,
+            reads={
+                "photos": PHOTOS,
+                "cameras": CAMERAS,
+                "control": CONTROL,
+                "relative": RELATIVE,
+                "block": BLOCK,
+                "points": GROUND_POINTS,
+                "image_residuals": IMAGE_RESIDUALS,
+                "ground_residuals": GROUND_RESIDUALS,
+                "precision": BLOCK_PRECISION,
+            },
+            writes={"report": report_table("orientation")},
+        )
+        yield Export("orientation", "cameras", "products/cameras.json", "json", tables=(BLOCK,))
+
+    def _control(self, view: ProjectView) -> Job:
+        source = view.project.control
+        if source.kind == "none":
+            return Job("orientation", "control", no_control, reads={}, writes={"control": CONTROL})
+        if source.kind == "simulated":
+            points, measurements = view.run_file("photographs/control.csv"), view.run_file("photographs/measurements.csv")
+        else:
+            points, measurements = source.points, source.measurements
+        reads: dict[str, Region] = {"photos": PHOTOS, "points": TextFile(points), "measurements": TextFile(measurements)}
+        return Job("orientation", "control", read_control, reads=reads, writes={"control": CONTROL})

@@ -1,0 +1,158 @@
+"""The flight over a simulated scene: the camera, where each photograph was taken, and how it renders brightness.
+
+Numbers after the Volos block (Karfis 2009; methods/relative_orientation_and_epipolar.md, section 4): scale 1:6800, c = 153.353 mm,
+23 cm frame, base 582 m; rotations of about a degree, kappa to two degrees, every second strip flown back. Everything random is
+drawn per flight in metres and degrees, so that another pixel size renders the same flight.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from schemas.camera import Camera
+from schemas.orientation import Block, ExteriorOrientation
+from schemas.raster import MapGrid, Window
+from tasks.geometry.footprint import ground_bounds
+from tasks.geometry.view import View, view_of
+from tasks.simulation.layout import Scene, SceneSettings, height_bounds, scene_bounds
+
+CENTRE = (408000.0, 4357000.0)
+"""Middle of every block, near Volos, in EPSG:2100."""
+PLAIN = 38.0
+"""m: mean height of the plain"""
+FULL_FRAME = 230.0
+"""mm: the frame for which the principal point's offset is stated"""
+BLOCK = 8
+"""Surface windows begin on multiples of this many cells, as the renderer's coarse level wants."""
+
+
+@dataclass(frozen=True)
+class FlightSettings:
+    """Camera and flight as a flight plan states them."""
+
+    seed: int
+    frame_mm: float
+    c_mm: float
+    pixel_um: float
+    scale: float
+    base_m: float
+    side_overlap: float
+    strips: int
+    photos_per_strip: int
+
+    @property
+    def height(self) -> float:
+        """Flying height above the plain, m."""
+        return self.scale * self.c_mm / 1000.0
+
+    @property
+    def strip_distance(self) -> float:
+        """m"""
+        return (1.0 - self.side_overlap) * self.frame_mm / 1000.0 * self.scale
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """How one photograph turns light into grey levels: offset + gain * (1 - vignetting * (r / r_corner)^2) * light."""
+
+    number: int
+    """counted from 0; its noise and its vehicles hang on it"""
+    gain: tuple[float, float, float]
+    offset: float
+    vignetting: float
+
+
+def camera_of(flight: FlightSettings) -> Camera:
+    """The true camera: a Brown distortion of some 20 px in the corners (96 micrometres) and a principal point off the centre."""
+    size = round(flight.frame_mm * 1000.0 / flight.pixel_um)
+    in_pixels = 1000.0 / flight.pixel_um
+    offset = flight.frame_mm / FULL_FRAME * in_pixels
+    return Camera(name="volos", width=size, height=size, c=flight.c_mm * in_pixels, x0=0.42 * offset, y0=-0.31 * offset,
+                  k1=-0.0155, k2=0.0042, k3=0.0, p1=1.8e-4, p2=-1.3e-4, pixel_um=flight.pixel_um, source="truth")
+
+
+def orientations(flight: FlightSettings) -> tuple[ExteriorOrientation, ...]:
+    """The true exterior orientations, strip by strip in the order of flight."""
+    generator = np.random.default_rng([flight.seed, 1])
+    size = flight.height / 1043.0
+    photos = []
+    for strip in range(flight.strips):
+        for number in range(flight.photos_per_strip):
+            back = strip % 2 == 1
+            place = flight.photos_per_strip - 1 - number if back else number
+            east = (place - (flight.photos_per_strip - 1) / 2) * flight.base_m
+            north = (strip - (flight.strips - 1) / 2) * flight.strip_distance
+            centre = np.array([CENTRE[0] + east, CENTRE[1] + north, PLAIN + flight.height])
+            centre += np.clip(generator.normal(0.0, (5.0, 7.0, 6.0)), -15.0, 15.0) * size
+            tilt = np.clip(generator.normal(0.0, 0.8, 2), -1.6, 1.6)
+            kappa = generator.uniform(-2.0, 2.0) + (180.0 if back else 0.0)
+            photos.append(ExteriorOrientation(photo=f"volos_{strip + 1}_{number + 1}", centre=tuple(centre.round(4).tolist()),
+                                              omega_phi_kappa=(*tilt.round(5).tolist(), round(float(kappa), 5))))
+    return tuple(photos)
+
+
+def views(flight: FlightSettings) -> tuple[View, ...]:
+    """The true views in the order of `orientations`."""
+    camera = camera_of(flight)
+    return tuple(view_of(orientation, camera) for orientation in orientations(flight))
+
+
+def exposure(flight: FlightSettings, number: int) -> Exposure:
+    """Brightness rendering of photo `number`."""
+    generator = np.random.default_rng([flight.seed, 2, number])
+    gain = generator.uniform(0.84, 1.12) * (1.0 + generator.uniform(-0.03, 0.03, 3))
+    return Exposure(number, tuple(gain.round(4).tolist()), round(float(generator.uniform(-6.0, 10.0)), 2),
+                    round(float(generator.uniform(0.08, 0.24)), 3))
+
+
+def scene_settings(flight: FlightSettings, buildings: int) -> SceneSettings:
+    """The scene under the flight: all that any photograph can see of ground above 0 m, in whole tens of metres.
+
+    Taken from a camera of fixed pixel count, so that the pixel size does not move the scene.
+    """
+    coarse = views(replace(flight, pixel_um=flight.frame_mm))
+    bounds = np.array([ground_bounds(view, 0.0, 2.0 * PLAIN) for view in coarse])
+    west, south = np.floor((bounds[:, :2].min(axis=0) - 12.0) / 10.0) * 10.0
+    east, north = np.ceil((bounds[:, 2:].max(axis=0) + 12.0) / 10.0) * 10.0
+    return SceneSettings(flight.seed, float(west), float(south), float(east), float(north), flight.height, buildings)
+
+
+def scene_grid(settings: SceneSettings, cell: float) -> MapGrid:
+    """The map grid of the scene's rasters."""
+    west, south, east, north = scene_bounds(settings)
+    return MapGrid(west=west, north=north, cell=cell, rows=int(np.ceil((north - south) / cell)), cols=int(np.ceil((east - west) / cell)))
+
+
+def true_block(flight: FlightSettings, scene: Scene, crs: str) -> Block:
+    """All true orientations and the camera as a block."""
+    camera, photos = camera_of(flight), orientations(flight)
+    low, high = height_bounds(scene, scene_bounds(scene.settings))
+    return Block(crs=crs, cameras={camera.name: camera}, of_photo={photo.photo: camera.name for photo in photos}, photos=photos,
+                 datum="The true values of the simulation.", sigma0_px=0.0, redundancy=0, iterations=0,
+                 ground_low=low, ground_high=high)
+
+
+def seen_window(view: View, scene: Scene, grid: MapGrid, pixels: Window) -> Window:
+    """The window of `grid` that the photo window `pixels` can show, aligned to BLOCK cells.
+
+    Heights are bounded twice: first by the whole scene, then by what stands in the window found.
+    """
+    bounds = scene_bounds(scene.settings)
+    for _ in range(2):
+        low, high = height_bounds(scene, bounds)
+        bounds = _ground_under(view, pixels, low, high)
+    margin = 3.0 * grid.cell + 1.0
+    col, row = np.floor(np.array([bounds[0] - grid.west - margin, grid.north - bounds[3] - margin]) / grid.cell / BLOCK).astype(int)
+    right, bottom = np.ceil(np.array([bounds[2] - grid.west + margin, grid.north - bounds[1] + margin]) / grid.cell / BLOCK).astype(int)
+    return Window(int(row) * BLOCK, int(col) * BLOCK, int(bottom - row) * BLOCK, int(right - col) * BLOCK).clipped(grid.shape)
+
+
+def _ground_under(view: View, pixels: Window, low: float, high: float) -> tuple[float, float, float, float]:
+    """(west, south, east, north) of what a photo window shows between two heights, m."""
+    col = np.linspace(pixels.col - 1.0, pixels.col + pixels.width, 5)
+    row = np.linspace(pixels.row - 1.0, pixels.row + pixels.height, 5)
+    border = np.array([(c, r) for c in col for r in row if c in (col[0], col[-1]) or r in (row[0], row[-1])])
+    ground = np.vstack([view.at_height(border, low), view.at_height(border, high)])[:, :2]
+    (west, south), (east, north) = ground.min(axis=0), ground.max(axis=0)
+    return float(west), float(south), float(east), float(north)
+

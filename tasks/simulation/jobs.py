@@ -1,0 +1,172 @@
+"""The functions of the stage's jobs: each puts the modules of this room together for one tile, one table or one report."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from schemas.job import Table
+from schemas.orientation import Block
+from schemas.raster import MapGrid, Window
+from schemas.report import Chart, Figure, Grid, Picture, StageReport
+from schemas.truth import (
+    MATERIAL_CLASSES,
+    TRUTH_MATERIAL,
+    TRUTH_ORTHO,
+    TRUTH_SURFACE,
+    ControlRows,
+    MeasurementRows,
+    PositionRows,
+)
+from tasks.simulation.boards import CORNERS, SQUARE, BoardPhoto, render_boards
+from tasks.simulation.flight import BLOCK, FlightSettings, camera_of, exposure, orientations, true_block, views
+from tasks.simulation.ground_texture import PaintedWindow, painted_window
+from tasks.simulation.layout import SceneSettings, scene_of
+from tasks.simulation.rendering import Film, render
+from tasks.simulation.scene import SurfaceWindow
+from tasks.simulation.surveying import SurveyPoint, SurveySettings, find_place, positions, survey
+from tasks.simulation.vehicles import vehicles_of
+from tasks.simulation.visibility import occlusion_reach, visibility
+
+
+@dataclass(frozen=True)
+class Site:
+    """The scene, the flight over it and the grid of its rasters: all that the jobs share."""
+
+    scene: SceneSettings
+    flight: FlightSettings
+    grid: MapGrid
+
+
+def photo_raster_name(photo: str) -> str:
+    """uint8 (rows, cols, 3): the photograph that is exported as a file."""
+    return f"simulation/photo/{photo}"
+
+
+def board_raster_name(number: int) -> str:
+    """uint8 (rows, cols): the photograph of the boards, its number counted from 0."""
+    return f"simulation/board/{number + 1:02d}"
+
+
+def place_table(number: int) -> Table[SurveyPoint]:
+    """The place of one ground point."""
+    return Table(f"simulation/place/{number}.json", SurveyPoint)
+
+
+def describe(site: Site, crs: str) -> dict[str, MapGrid | Block]:
+    """The grid of the truth, and the true block."""
+    return {"grid": site.grid, "block": true_block(site.flight, scene_of(site.scene), crs)}
+
+
+def paint(site: Site, window: Window) -> dict[str, np.ndarray]:
+    """One tile of the scene: height, material, building and colours."""
+    painted = painted_window(scene_of(site.scene), site.grid, window)
+    surface = painted.surface
+    return {"surface": surface.height, "material": surface.material, "building": surface.building, "ortho": painted.colours}
+
+
+def see(surface: np.ndarray, site: Site, window: Window, wide: Window) -> np.ndarray:
+    """One tile of the visibility; `surface` covers `wide`."""
+    return visibility(views(site.flight), site.grid, window, wide, surface)
+
+
+def sight_window(site: Site, window: Window) -> Window:
+    """The cells that may hide those of `window`, aligned to the blocks of the traversal."""
+    reach = int(np.ceil(occlusion_reach(views(site.flight), scene_of(site.scene)) / site.grid.cell))
+    grown = window.grown(reach)
+    row, col = grown.row // BLOCK * BLOCK, grown.col // BLOCK * BLOCK
+    bottom, right = -(-(grown.row + grown.height) // BLOCK) * BLOCK, -(-(grown.col + grown.width) // BLOCK) * BLOCK
+    return Window(row, col, bottom - row, right - col).clipped(site.grid.shape)
+
+
+def photograph(surface: np.ndarray, material: np.ndarray, building: np.ndarray, ortho: np.ndarray,
+               site: Site, shot: tuple[int, float], windows: tuple[Window, Window]) -> np.ndarray:
+    """One tile of a photograph. `shot`: number of the photo and its noise sigma; `windows`: of the photo and of the scene."""
+    number, noise_sigma = shot
+    pixels, ground = windows
+    film = Film(exposure(site.flight, number), noise_sigma, site.flight.seed)
+    painted = PaintedWindow(SurfaceWindow(surface, material, building), ortho)
+    return render(scene_of(site.scene), views(site.flight)[number], film, pixels, (site.grid, ground, painted))
+
+
+def photograph_boards(flight: FlightSettings, photo: BoardPhoto, pixels: Window) -> np.ndarray:
+    """One tile of a photograph of the boards."""
+    return render_boards(camera_of(flight), photo, pixels)
+
+
+def place_point(surface: np.ndarray, material: np.ndarray, visible: np.ndarray,
+                site: Site, node: tuple[float, float], window: Window) -> SurveyPoint:
+    """The place of one ground point."""
+    return find_place(node, site.grid, window, (surface, material, visible))
+
+
+def survey_block(places: tuple[SurveyPoint, ...], site: Site,
+                 settings: SurveySettings) -> dict[str, PositionRows | ControlRows | MeasurementRows]:
+    """What the surveyors hand over."""
+    control, measurements = survey(site.flight, settings, places)
+    return {"positions": positions(site.flight, settings), "control": control, "measurements": measurements}
+
+
+def report(control: ControlRows, measurements: MeasurementRows, site: Site, survey_settings: SurveySettings,
+           boards: tuple[int, int, float]) -> StageReport:
+    """What was simulated. `boards`: photos of boards, boards on the floor, noise sigma of all photos."""
+    scene, flight, camera = scene_of(site.scene), site.flight, camera_of(site.flight)
+    roofs = scene.buildings.eaves + scene.buildings.rise
+    area = (site.scene.east - site.scene.west) * (site.scene.north - site.scene.south) / 1e4
+    figures = (
+        Figure(name="photos", value=len(views(flight)), sentence="Simulated aerial photographs."),
+        Figure(name="photo_width", value=camera.width, unit="px"),
+        Figure(name="pixel_um", value=flight.pixel_um, unit="micrometres"),
+        Figure(name="ground_pixel", value=round(flight.pixel_um * 1e-6 * flight.scale, 4), unit="m", sentence="On the plain."),
+        Figure(name="flying_height", value=round(flight.height, 1), unit="m", sentence="Above the plain."),
+        Figure(name="base", value=flight.base_m, unit="m"),
+        Figure(name="noise_sigma", value=boards[2], unit="grey levels"),
+        Figure(name="area", value=round(area, 1), unit="ha"),
+        Figure(name="buildings", value=len(scene.buildings)),
+        Figure(name="gabled_roofs", value=int((scene.buildings.rise > 0).sum())),
+        Figure(name="highest_roof", value=round(float(roofs.max()), 1), unit="m", sentence="Absolute height."),
+        Figure(name="trees", value=len(scene.trees)),
+        Figure(name="vehicles_per_photo", value=round(float(np.mean([len(vehicles_of(scene, k)) for k in range(len(views(flight)))])), 1)),
+        Figure(name="board_photos", value=boards[0], sentence=f"Of {boards[1]} boards, {CORNERS[0]} x {CORNERS[1]} corners, squares of {SQUARE} m."),
+        Figure(name="gnss_sigma", value=survey_settings.gnss_sigma, unit="m"),
+        Figure(name="control_points", value=survey_settings.control),
+        Figure(name="check_points", value=survey_settings.check),
+        Figure(name="point_measurements", value=len(measurements), sentence=f"With sigma {survey_settings.image_sigma} px."),
+    )
+    return StageReport(figures=figures, grids=(_orientation_grid(flight), _camera_grid(flight)),
+                       charts=(_map(flight, control),), pictures=_pictures(flight),
+                       warnings=("The photographs are simulated: nothing here says how well real photographs would do.",))
+
+
+def _orientation_grid(flight: FlightSettings) -> Grid:
+    rows = []
+    for number, view in enumerate(orientations(flight)):
+        film = exposure(flight, number)
+        rows.append((view.photo, *(round(value, 3) for value in view.centre), *(round(value, 4) for value in view.omega_phi_kappa),
+                     round(sum(film.gain) / 3.0, 3), film.offset, film.vignetting))
+    columns = ("photo", "X (m)", "Y (m)", "Z (m)", "omega (deg)", "phi (deg)", "kappa (deg)", "gain", "offset", "vignetting")
+    return Grid(title="True exterior orientation and brightness", columns=columns, rows=tuple(rows))
+
+
+def _camera_grid(flight: FlightSettings) -> Grid:
+    camera = camera_of(flight)
+    rows = tuple((name, value) for name, value in zip(("c (px)", "x0 (px)", "y0 (px)", "k1", "k2", "k3", "p1", "p2"), camera.interior, strict=True))
+    return Grid(title="True interior orientation", columns=("parameter", "value"), rows=rows)
+
+
+def _map(flight: FlightSettings, control: ControlRows) -> Chart:
+    centres = [view.centre for view in orientations(flight)]
+    labels = (*(view.photo for view in orientations(flight)), *control.name.tolist())
+    x = (*(centre[0] for centre in centres), *control.x.tolist())
+    y = (*(centre[1] for centre in centres), *control.y.tolist())
+    return Chart(title="Projection centres, control and check points", style="map", x_label="X (m)", y_label="Y (m)", x=x, series={"y": y},
+                 labels=labels)
+
+
+def _pictures(flight: FlightSettings) -> tuple[Picture, ...]:
+    first = views(flight)[0].name
+    return (
+        Picture(title="A simulated photograph", raster=photo_raster_name(first), style="rgb", caption=f"{first}, as the pipeline gets it."),
+        Picture(title="True orthoimage", raster=TRUTH_ORTHO, style="rgb", caption="Without vehicles; only the evaluation may read it."),
+        Picture(title="True surface", raster=TRUTH_SURFACE, style="hillshade", unit="m"),
+        Picture(title="Materials", raster=TRUTH_MATERIAL, style="classes", classes=MATERIAL_CLASSES),
+    )

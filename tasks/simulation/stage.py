@@ -1,0 +1,165 @@
+"""The stage `simulation`: photographs of a scene with known truth, as files that the other stages read like any others."""
+
+from collections.abc import Iterator
+from typing import ClassVar, Literal
+
+from pydantic import model_validator
+
+from schemas.job import Export, Job, Raster
+from schemas.raster import MapGrid, RasterSpec, map_raster, tiles_of
+from schemas.report import report_table
+from schemas.settings import setting
+from schemas.stage import ProjectView, Stage
+from schemas.truth import (
+    CONTROL_TABLE,
+    MEASUREMENTS_TABLE,
+    POSITIONS_TABLE,
+    TRUTH_BLOCK,
+    TRUTH_BUILDING,
+    TRUTH_GRID,
+    TRUTH_MATERIAL,
+    TRUTH_ORTHO,
+    TRUTH_READERS,
+    TRUTH_SURFACE,
+    TRUTH_VISIBILITY,
+)
+from tasks.simulation.boards import BoardPhoto
+from tasks.simulation.flight import FlightSettings, camera_of, scene_grid, scene_settings, seen_window, views
+from tasks.simulation.jobs import (
+    Site,
+    board_raster_name,
+    describe,
+    paint,
+    photo_raster_name,
+    photograph,
+    photograph_boards,
+    place_point,
+    place_table,
+    report,
+    see,
+    sight_window,
+    survey_block,
+)
+from tasks.simulation.layout import scene_of
+from tasks.simulation.surveying import SurveySettings, lattice, search_window
+
+_SCENE = {"surface": TRUTH_SURFACE, "material": TRUTH_MATERIAL, "building": TRUTH_BUILDING, "ortho": TRUTH_ORTHO}
+
+
+class SimulationStage(Stage):
+    """A flight over a simulated town near Volos, photographs of chessboards by the same camera, and a survey, all with known truth."""
+
+    title: ClassVar[str] = "simulated photographs"
+
+    kind: Literal["simulation"] = "simulation"
+    seed: int = setting(2009, "Everything random follows from this number.", ge=0, le=10**6)
+    pixel_um: float = setting(96.0, "Side of a pixel of the scanned photographs. Scene and flight do not depend on it.", "micrometres", ge=5, le=400)
+    frame_mm: float = setting(230.0, "Side of the frame.", "mm", ge=20, le=300)
+    c_mm: float = setting(153.353, "Camera constant.", "mm", ge=15, le=400)
+    scale: float = setting(6800.0, "Denominator of the photo scale on the plain.", ge=1000, le=30000)
+    base_m: float = setting(582.0, "Distance of neighbouring projection centres in a strip.", "m", gt=0)
+    side_overlap: float = setting(0.6, "Overlap of neighbouring strips, as a share of the frame.", ge=0, lt=1)
+    strips: int = setting(2, "Strips; every second one is flown back.", ge=1, le=8)
+    photos_per_strip: int = setting(3, "Photographs in a strip.", ge=2, le=16)
+    scene_cell: float = setting(0.5, "Cell of the height model and of the true orthoimage.", "m", ge=0.1, le=2)
+    noise_sigma: float = setting(2.0, "Standard deviation of the noise of the photographs.", "grey levels", ge=0, le=20)
+    buildings: int = setting(220, "Buildings in the scene.", ge=1, le=2000)
+    board_photos: int = setting(12, "Photographs of the chessboards; 0 for none.", ge=0, le=48)
+    boards: int = setting(5, "Equal chessboards on the floor.", ge=1, le=5)
+    gnss_sigma: float = setting(0.1, "Standard error of each coordinate of a projection centre.", "m", gt=0, le=10)
+    control: int = setting(8, "Ground control points.", ge=0, le=100)
+    check: int = setting(8, "Check points.", ge=0, le=100)
+    control_sigma: float = setting(0.02, "Standard error of each coordinate of a ground point.", "m", gt=0, le=10)
+    image_sigma: float = setting(0.3, "Standard error of each image measurement of a ground point.", "px", gt=0, le=10)
+
+    @model_validator(mode="after")
+    def _fits_one_mask(self) -> "SimulationStage":
+        if self.strips * self.photos_per_strip > 32:
+            raise ValueError(f"strips x photos_per_strip is {self.strips * self.photos_per_strip}; at most 32 photographs can be simulated")
+        return self
+
+    def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
+        site, crs, tile = self._site(), view.project.crs, view.project.tile
+        yield Job("simulation", "truth", describe, {}, {"grid": TRUTH_GRID, "block": TRUTH_BLOCK}, {"site": site, "crs": crs})
+        yield from self._plan_scene(site, crs, tile)
+        yield from self._plan_photos(site, tile)
+        yield from self._plan_boards(site, tile)
+        yield from self._plan_survey(site)
+
+    @property
+    def flight(self) -> FlightSettings:
+        """Camera and flight plan."""
+        return FlightSettings(self.seed, self.frame_mm, self.c_mm, self.pixel_um, self.scale, self.base_m, self.side_overlap,
+                              self.strips, self.photos_per_strip)
+
+    @property
+    def survey(self) -> SurveySettings:
+        """Numbers and precisions of the survey."""
+        return SurveySettings(self.control, self.check, self.control_sigma, self.gnss_sigma, self.image_sigma)
+
+    def _site(self) -> Site:
+        scene = scene_settings(self.flight, self.buildings)
+        return Site(scene, self.flight, scene_grid(scene, self.scene_cell))
+
+    def _plan_scene(self, site: Site, crs: str, tile: int) -> Iterator[RasterSpec | Job]:
+        grid = site.grid
+        yield from _truth_rasters(grid, crs, tile)
+        for t in tiles_of(grid.shape, tile):
+            writes = {key: Raster(name, t.window) for key, name in _SCENE.items()}
+            yield Job("simulation", "scene", paint, {}, writes, {"site": site, "window": t.window}, t.row, t.col,
+                      scratch=90 * (t.window.height + 100) * (t.window.width + 100) + 70 * 2**20)
+        for t in tiles_of(grid.shape, tile):
+            wide = sight_window(site, t.window)
+            yield Job("simulation", "visibility", see, {"surface": Raster(TRUTH_SURFACE, wide)},
+                      {"visibility": Raster(TRUTH_VISIBILITY, t.window)}, {"site": site, "window": t.window, "wide": wide}, t.row, t.col,
+                      scratch=16 * wide.height * wide.width)
+
+    def _plan_photos(self, site: Site, tile: int) -> Iterator[RasterSpec | Job | Export]:
+        scene = scene_of(site.scene)
+        for number, photo in enumerate(views(self.flight)):
+            name = photo_raster_name(photo.name)
+            shape = (photo.camera.height, photo.camera.width, 3)
+            yield RasterSpec(name=name, shape=shape, dtype="uint8", chunk=tile)
+            for t in tiles_of(shape, tile):
+                ground = seen_window(photo, scene, site.grid, t.window)
+                reads = {key: Raster(raster, ground) for key, raster in _SCENE.items()}
+                params = {"site": site, "shot": (number, self.noise_sigma), "windows": (t.window, ground)}
+                yield Job("simulation", photo.name, photograph, reads, {"photo": Raster(name, t.window)}, params, t.row, t.col,
+                          scratch=36 * ground.height * ground.width + 28 * t.window.height * t.window.width)
+            yield Export("simulation", f"{photo.name}_file", f"photographs/{photo.name}.tif", "tiff", {"image": name})
+
+    def _plan_boards(self, site: Site, tile: int) -> Iterator[RasterSpec | Job | Export]:
+        camera = camera_of(self.flight)
+        for number in range(self.board_photos):
+            name, shape = board_raster_name(number), (camera.height, camera.width)
+            photo = BoardPhoto(number, self.boards, self.seed, self.noise_sigma)
+            yield RasterSpec(name=name, shape=shape, dtype="uint8", chunk=tile)
+            for t in tiles_of(shape, tile):
+                yield Job("simulation", f"board_{number + 1:02d}", photograph_boards, {}, {"photo": Raster(name, t.window)},
+                          {"flight": self.flight, "photo": photo, "pixels": t.window}, t.row, t.col,
+                          scratch=12 * t.window.height * t.window.width)
+            yield Export("simulation", f"board_{number + 1:02d}_file", f"chessboards/board_{number + 1:02d}.tif", "tiff", {"image": name})
+
+    def _plan_survey(self, site: Site) -> Iterator[Job | Export]:
+        places = []
+        for number, node in enumerate(lattice(self.flight, self.control + self.check)):
+            window = search_window(site.grid, node)
+            reads = {"surface": Raster(TRUTH_SURFACE, window), "material": Raster(TRUTH_MATERIAL, window), "visible": Raster(TRUTH_VISIBILITY, window)}
+            places.append(place_table(number))
+            yield Job("simulation", "place", place_point, reads, {"place": places[-1]}, {"site": site, "node": node, "window": window}, row=number)
+        tables = {"positions": POSITIONS_TABLE, "control": CONTROL_TABLE, "measurements": MEASUREMENTS_TABLE}
+        yield Job("simulation", "survey", survey_block, {"places": tuple(places)}, tables, {"site": site, "settings": self.survey})
+        yield Job("simulation", "report", report, {"control": CONTROL_TABLE, "measurements": MEASUREMENTS_TABLE},
+                  {"report": report_table("simulation")},
+                  {"site": site, "survey_settings": self.survey, "boards": (self.board_photos, self.boards, self.noise_sigma)})
+        for name, table in tables.items():
+            yield Export("simulation", name, f"photographs/{name}.csv", "csv", tables=(table,))
+
+
+
+def _truth_rasters(grid: MapGrid, crs: str, tile: int) -> Iterator[RasterSpec]:
+    yield map_raster(TRUTH_SURFACE, grid, "float32", crs, tile, unit="m", readers=TRUTH_READERS)
+    yield map_raster(TRUTH_MATERIAL, grid, "uint8", crs, tile, readers=TRUTH_READERS)
+    yield map_raster(TRUTH_BUILDING, grid, "uint16", crs, tile, readers=TRUTH_READERS)
+    yield map_raster(TRUTH_ORTHO, grid, "uint8", crs, tile, bands=3, readers=TRUTH_READERS)
+    yield map_raster(TRUTH_VISIBILITY, grid, "uint32", crs, tile, readers=TRUTH_READERS)

@@ -1,0 +1,211 @@
+"""The stage `texture`: a true orthoimage, blended from every photograph that sees the ground."""
+
+from collections.abc import Iterator
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from schemas.job import Export, Job, Raster, Table
+from schemas.orientation import BLOCK, Block
+from schemas.photo import PHOTOS, Photos, photo_raster
+from schemas.raster import MapGrid, RasterSpec, Tile, map_raster, tiles_of
+from schemas.report import report_table
+from schemas.settings import Settings, setting
+from schemas.stage import ProjectView, Stage
+from schemas.surface import CORRECTED, HEIGHT, ORTHO, SURFACE, Surface
+from tasks.geometry.view import block_view
+from tasks.texture.blending import Blend, Rejection
+from tasks.texture.extent import PhotoSource, TileExtent, ground_pixels, ortho_grid, photo_level, tile_extent
+from tasks.texture.mosaic import TextureRules, TileTexture, balance, sample_tile, texture_tile
+from tasks.texture.radiometry import RADIOMETRY, Samples
+from tasks.texture.summary import COVERAGE, HEIGHT_SOURCE, REJECTED, TextureFacts, texture_report
+
+SAMPLES_AT_MOST = 60000
+"""Ground samples of the whole block for the radiometric balance."""
+
+
+class LeaveHoles(Settings):
+    """No texture where the surface model has no height."""
+
+    kind: Literal["leave"] = "leave"
+
+
+class DrapeHoles(Settings):
+    """Holes get an interpolated height for the texture only; `texture/height_source` marks them."""
+
+    kind: Literal["drape"]
+    max_gap: float = setting(20.0, "Largest distance to a measured height.", "m", gt=0)
+
+
+class ByArea(Settings):
+    """Weights are the area of the surface element in each photo."""
+
+    kind: Literal["area"] = "area"
+
+
+class BySquaredArea(Settings):
+    """Weights are the squared area: photos of larger scale are favoured more."""
+
+    kind: Literal["area_squared"]
+
+
+class KeepAllColours(Settings):
+    """No colour is rejected."""
+
+    kind: Literal["none"]
+
+
+class AboutMean(Settings):
+    """Colours farther than k standard deviations from the mean are left out, where three photos or more see the place."""
+
+    kind: Literal["mean"] = "mean"
+    k: float = setting(1.0, "How many standard deviations a colour may be off.", gt=0)
+    least: float = setting(12.0, "Deviations up to this are never rejected, so that noise stays averaged.", "grey levels", ge=0)
+
+
+class AboutMedian(Settings):
+    """As `mean`, about the median of each channel."""
+
+    kind: Literal["median"]
+    k: float = setting(1.0, "How many standard deviations (about the median) a colour may be off.", gt=0)
+    least: float = setting(12.0, "Deviations up to this are never rejected.", "grey levels", ge=0)
+
+
+class AboutMedianRobust(Settings):
+    """About the median, with the median distance in place of the standard deviation: bears several bad colours among many."""
+
+    kind: Literal["robust"]
+    k: float = setting(3.0, "How many robust standard deviations a colour may be off.", gt=0)
+    least: float = setting(12.0, "Deviations up to this are never rejected.", "grey levels", ge=0)
+
+
+class AverageTwo(Settings):
+    """Two colours are averaged, however different they are."""
+
+    kind: Literal["average"] = "average"
+
+
+class PreferHeavier(Settings):
+    """Of two colours that disagree only the one of greater weight counts."""
+
+    kind: Literal["prefer"]
+    limit: float = setting(40.0, "Mean difference over the channels beyond which two colours disagree.", "grey levels", gt=0)
+
+
+class NoBalance(Settings):
+    """The photos keep their grey values."""
+
+    kind: Literal["none"]
+
+
+class BlockBalance(Settings):
+    """One gain and offset per photo and channel, adjusted over the whole block from the ground that photos share."""
+
+    kind: Literal["block"] = "block"
+    vignetting: bool = setting(True, "Also a radial falloff (r^2 and r^4) per photo and channel.")
+    spacing: int = setting(24, "Distance between samples; larger where the block is large.", "px", ge=4, le=1024)
+
+
+Holes = Annotated[LeaveHoles | DrapeHoles, Field(discriminator="kind")]
+Weights = Annotated[ByArea | BySquaredArea, Field(discriminator="kind")]
+Rejections = Annotated[KeepAllColours | AboutMean | AboutMedian | AboutMedianRobust, Field(discriminator="kind")]
+TwoColours = Annotated[AverageTwo | PreferHeavier, Field(discriminator="kind")]
+Balance = Annotated[NoBalance | BlockBalance, Field(discriminator="kind")]
+
+_CENTRE = {"none": "none", "mean": "mean", "median": "median", "robust": "deviation"}
+
+
+class TextureStage(Stage):
+    """A true orthoimage: every ground cell is coloured by all photos that really see it."""
+
+    title: ClassVar[str] = "true orthoimage"
+
+    kind: Literal["texture"] = "texture"
+    cell: float | Literal["auto"] = setting("auto", "Pixel of the orthoimage; must divide the cell of the surface model. auto: about the ground pixel of the photos.", "m")
+    holes: Holes = setting(LeaveHoles(), "What happens where the surface model has no height.")
+    weights: Weights = setting(ByArea(), "What a photo's colour is worth (Petsa et al. 2007).")
+    rejection: Rejections = setting(AboutMean(), "Which colours are left out as gross errors.")
+    two_colours: TwoColours = setting(AverageTwo(), "What happens where exactly two photos see a place and disagree.")
+    best: int = setting(0, "Only this many photos of the greatest weight are blended; 0 for all.", ge=0, le=64)
+    balance: Balance = setting(BlockBalance(), "How the photos are brought to one brightness.")
+    feather: float = setting(0.15, "Width of the border of a photo in which its weight rises from 0, as a share of the photo's shorter side.", ge=0, le=0.5)
+    occlusion_margin: float = setting(1.0, "Cells of the surface model beside an occlusion whose colour is used only if there is no other.", "cells", ge=0, le=32)
+    occlusion_ramp: float = setting(2.0, "Width beyond the margin in which the weight rises to its full value.", "cells", ge=0, le=32)
+    tolerance: float | Literal["auto"] = setting("auto", "How deep a ray may dip below the surface before it counts as hidden. auto: half a cell of the surface model.", "m")
+    bridge: int = setting(24, "Holes are bridged for the visibility test from heights at most this far away.", "cells", ge=0, le=256)
+
+    def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
+        block, surface, photos = view.table(BLOCK), view.table(SURFACE), view.table(PHOTOS)
+        views = [block_view(block, name) for name in block.names]
+        pixels = ground_pixels(views, 0.5 * (block.ground_low + block.ground_high))
+        ortho = ortho_grid(surface.grid, None if self.cell == "auto" else self.cell, float(np.median(pixels)))
+        rules, tile = self._rules(surface), view.project.tile
+        yield from self._rasters(ortho, block.crs, tile)
+        fine = [_source(view, block, photos, name, ortho.cell, size) for name, size in zip(block.names, pixels, strict=True)]
+        spacing = self._spacing(ortho)
+        coarse = [_source(view, block, photos, name, 4 * ortho.cell, size) for name, size in zip(block.names, pixels, strict=True)]
+        deep = any(view.raster(photo_raster(name, 0)).dtype == "uint16" for name in block.names)
+        heights = CORRECTED if view.has_stage("dsm_check") else HEIGHT
+        tiles = list(tiles_of(ortho.shape, tile))
+        samples = [Table(f"texture/samples/{t.row}-{t.col}.parquet", Samples) for t in tiles]
+        statistics = [Table(f"texture/statistics/{t.row}-{t.col}.json", TileTexture) for t in tiles]
+        for t, table in zip(tiles, samples, strict=True):
+            extent = tile_extent(surface, ortho, t.window, coarse, rules.halo)
+            yield Job("texture", "samples", sample_tile, _reads(heights, extent), {"samples": table},
+                      {"extent": extent, "rules": rules, "spacing": spacing}, t.row, t.col)
+        vignetting = self.balance.kind == "block" and self.balance.vignetting
+        yield Job("texture", "balance", balance, {"samples": tuple(samples), "block": BLOCK}, {"radiometry": RADIOMETRY},
+                  {"deep": deep, "method": self.balance.kind, "vignetting": vignetting})
+        for t, table in zip(tiles, statistics, strict=True):
+            extent = tile_extent(surface, ortho, t.window, fine, rules.halo)
+            yield Job("texture", "ortho", texture_tile, {**_reads(heights, extent), "radiometry": RADIOMETRY},
+                      _writes(t, table), {"extent": extent, "rules": rules}, t.row, t.col, scratch=_scratch(extent))
+        facts = TextureFacts(cell=ortho.cell, dsm_cell=surface.grid.cell, ground_pixel=float(np.median(pixels)), heights=heights)
+        yield Job("texture", "report", texture_report, {"statistics": tuple(statistics), "radiometry": RADIOMETRY},
+                  {"report": report_table("texture")}, {"facts": facts})
+        yield Export("texture", "ortho_cog", "products/ortho.tif", "cog", {"rgba": ORTHO})
+
+    def _rules(self, surface: Surface) -> TextureRules:
+        cell = surface.grid.cell
+        rejection = Rejection(_CENTRE[self.rejection.kind], getattr(self.rejection, "k", 1.0), getattr(self.rejection, "least", 0.0))
+        two = self.two_colours.limit if self.two_colours.kind == "prefer" else 0.0
+        return TextureRules(
+            tolerance=0.5 * cell if self.tolerance == "auto" else self.tolerance, bridge=self.bridge,
+            drape_gap=int(np.ceil(self.holes.max_gap / cell)) if self.holes.kind == "drape" else 0,
+            widening_margin=self.occlusion_margin, widening_ramp=self.occlusion_ramp, feather=self.feather,
+            blend=Blend(rejection, 2 if self.weights.kind == "area_squared" else 1, self.best, two),
+        )
+
+    def _spacing(self, ortho: MapGrid) -> int:
+        wanted = self.balance.spacing if self.balance.kind == "block" else 64
+        return max(wanted, int(np.ceil(np.sqrt(ortho.rows * ortho.cols / SAMPLES_AT_MOST))))
+
+    def _rasters(self, ortho: MapGrid, crs: str, tile: int) -> Iterator[RasterSpec]:
+        yield map_raster(ORTHO, ortho, "uint8", crs, tile, bands=4)
+        yield map_raster(COVERAGE, ortho, "uint8", crs, tile, unit="photos")
+        yield map_raster(REJECTED, ortho, "uint8", crs, tile, unit="colours")
+        yield map_raster(HEIGHT_SOURCE, ortho, "uint8", crs, tile)
+
+
+def _source(view: ProjectView, block: Block, photos: Photos, name: str, cell: float, ground_pixel: float) -> PhotoSource:
+    level = photo_level(cell, ground_pixel, photos[name].levels)
+    return PhotoSource(block_view(block, name), level, view.raster(photo_raster(name, level)).shape)
+
+
+def _reads(heights: str, extent: TileExtent) -> dict[str, object]:
+    photos = tuple(Raster(photo_raster(part.name, part.level), part.window) for part in extent.photos)
+    return {"heights": Raster(heights, extent.heights), "block": BLOCK, "photos": photos}
+
+
+def _writes(tile: Tile, statistics: Table[TileTexture]) -> dict[str, Raster | Table]:
+    rasters = {"ortho": ORTHO, "coverage": COVERAGE, "rejected": REJECTED, "height_source": HEIGHT_SOURCE}
+    return {**{key: Raster(name, tile.window) for key, name in rasters.items()}, "statistics": statistics}
+
+
+def _scratch(extent: TileExtent) -> int:
+    """Bytes for two bridged models, visibility per photo, and the colours of one strip."""
+    photos = len(extent.photos)
+    cells = extent.heights.height * extent.heights.width
+    core = extent.window.height * extent.window.width
+    return 12 * cells + 8 * photos * core // extent.divisor**2 + 64 * extent.window.width * (photos * 40 + 40)

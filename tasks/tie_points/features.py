@@ -1,0 +1,124 @@
+"""Interest points with descriptors: SIFT, tile by tile, evenly over the photograph.
+
+A tile is searched with a halo that holds the neighbourhood of the largest point that is kept (`LARGEST`), and starts at a multiple of
+16 px, so that every octave is sampled at the same pixels as in the whole photograph: tiling does not change the points. The
+strongest points of each cell of 64 px are kept, and of these the photograph keeps the best of every cell, then the second best, and
+so on up to its limit: weakly textured fields get points beside richly textured roofs.
+
+Descriptors are stored as bytes of RootSIFT, whose Euclidean distance is the Hellinger distance of the histograms.
+
+Source: Lowe 2004; Arandjelovic & Zisserman 2012.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+
+from schemas.raster import Window
+from tasks.imagery.pyramid import level_to_full
+from tasks.imagery.radiometry import grey_bytes, grey_range
+from tasks.tie_points.records import DESCRIPTOR, Features, Values
+
+cv2.setNumThreads(1)
+
+HALO = 96
+LARGEST = 18.0
+"""Largest diameter of a point, px of the level; its descriptor reaches about 5.3 diameters from the centre."""
+CELL = 64
+_SPARE = 4
+_FIRST_OCTAVE = 255 | (1 << 8)
+"""OpenCV's code of octave -1, layer 1"""
+
+
+@dataclass(frozen=True)
+class Detection:
+    """Where and how a tile is searched: the pyramid level, its shape, the tile's core window in it, and the photograph's limit."""
+
+    level: int
+    shape: tuple[int, int]
+    core: Window
+    max_features: int
+    contrast: float
+
+    @property
+    def window(self) -> Window:
+        """What has to be read of the level."""
+        return self.core.grown(HALO).clipped(self.shape)
+
+    @property
+    def per_cell(self) -> int:
+        """Points that a cell may offer: several times its fair share, so that empty cells can be made up for."""
+        cells = -(-self.shape[0] // CELL) * -(-self.shape[1] // CELL)
+        return max(8, -(-_SPARE * self.max_features // cells))
+
+
+def tile_features(pixels: np.ndarray, overview: np.ndarray, detection: Detection) -> dict[str, Any]:
+    """Features and descriptors of one tile. pixels: `detection.window` of the level; overview: the coarsest level."""
+    grey = grey_bytes(pixels, grey_range(overview))
+    sift = cv2.SIFT_create(nfeatures=0, contrastThreshold=detection.contrast)
+    points = [point for point in sift.detect(grey, None) if point.size <= LARGEST]
+    numbers = np.array([(*point.pt, point.size, point.angle, point.response) for point in points]).reshape(-1, 5)
+    chosen = _strongest_in_core(numbers, detection)
+    descriptors = _descriptors(sift, grey, [points[number] for number in chosen])
+    return {"features": _features(numbers[chosen], detection), "descriptors": Values(descriptors.ravel())}
+
+
+def _strongest_in_core(numbers: np.ndarray, detection: Detection) -> np.ndarray:
+    """Numbers of the points in the core that are among the strongest of their cell, in a fixed order."""
+    core, window = detection.core, detection.window
+    col, row = numbers[:, 0] + window.col, numbers[:, 1] + window.row
+    inside = (col >= core.col) & (col < core.col + core.width) & (row >= core.row) & (row < core.row + core.height)
+    kept = np.flatnonzero(inside)
+    order = kept[np.lexsort((numbers[kept, 3], col[kept], row[kept], -numbers[kept, 4]))]
+    return order[_rank_in_cell(col[order], row[order]) < detection.per_cell]
+
+
+def _rank_in_cell(col: np.ndarray, row: np.ndarray) -> np.ndarray:
+    """How many points of the same cell stand before each one."""
+    cell = (row // CELL).astype(np.int64) * 2**20 + (col // CELL).astype(np.int64)
+    order = np.argsort(cell, kind="stable")
+    _, starts, counts = np.unique(cell[order], return_index=True, return_counts=True)
+    rank = np.empty(len(cell), dtype=np.int64)
+    rank[order] = np.arange(len(cell)) - np.repeat(starts, counts)
+    return rank
+
+
+def _descriptors(sift: Any, grey: np.ndarray, points: list[Any]) -> np.ndarray:
+    """RootSIFT (N, 128) uint8.
+
+    OpenCV builds its pyramid from the finest octave among the points; a dummy point of the finest octave of all keeps that from
+    depending on which points a tile happens to hold.
+    """
+    if not points:
+        return np.empty((0, DESCRIPTOR), dtype=np.uint8)
+    dummy = cv2.KeyPoint(grey.shape[1] / 2, grey.shape[0] / 2, 2.0, 0.0, 0.0, _FIRST_OCTAVE)
+    _, raw = sift.compute(grey, [dummy, *points])
+    raw = raw[1:]
+    shares = raw / np.maximum(raw.sum(axis=1, keepdims=True), 1.0)
+    return np.clip(np.rint(512.0 * np.sqrt(shares)), 0, 255).astype(np.uint8)
+
+
+def _features(numbers: np.ndarray, detection: Detection) -> Features:
+    window, scale = detection.window, 2**detection.level
+    return Features(
+        col=level_to_full(numbers[:, 0] + window.col, detection.level),
+        row=level_to_full(numbers[:, 1] + window.row, detection.level),
+        size=(numbers[:, 2] * scale).astype(np.float32),
+        angle=numbers[:, 3].astype(np.float32),
+        response=numbers[:, 4].astype(np.float32),
+    )
+
+
+def photo_features(features: tuple[Features, ...], descriptors: tuple[Values, ...], level: int, max_features: int) -> dict[str, Any]:
+    """The features of a photograph from those of its tiles: at most `max_features`, evenly distributed, in order of their rows."""
+    col, row, response = (np.concatenate([getattr(part, name) for part in features]) for name in ("col", "row", "response"))
+    by_strength = np.lexsort((col, row, -response))
+    rank = np.empty(len(col), dtype=np.int64)
+    rank[by_strength] = _rank_in_cell(col[by_strength] / 2**level, row[by_strength] / 2**level)
+    best = np.lexsort((col, row, -response, rank))[:max_features]
+    size, angle = (np.concatenate([getattr(part, name) for part in features]) for name in ("size", "angle"))
+    chosen = best[np.lexsort((angle[best], col[best], row[best]))]
+    values = np.concatenate([part.rows(DESCRIPTOR) for part in descriptors])[chosen]
+    return {"features": Features(col[chosen], row[chosen], size[chosen], angle[chosen], response[chosen]), "descriptors": Values(values.ravel())}

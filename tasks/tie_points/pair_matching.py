@@ -1,0 +1,122 @@
+"""Homologous features of two photographs: mutual nearest neighbours, ratio test, epipolar check.
+
+Descriptors are bytes, so all dot products of 128 of them are whole numbers below 2^24 and exact in float32: BLAS computes distances
+fast, and the same on every machine. The epipolar geometry is found robustly (MAGSAC) from ideal image coordinates, the lens
+distortion removed as far as it is known: as an essential matrix (Nister 2004) for calibrated cameras, as a fundamental matrix when a
+camera is nominal only. A pair is accepted by Brown & Lowe's rule, which weighs the agreeing matches against those that chance
+would give.
+
+Source: Lowe 2004 (ratio test); Barath et al. 2020 (MAGSAC++); Brown & Lowe 2007 (acceptance); Nister 2004.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+
+from schemas.camera import Camera, Cameras
+from tasks.geometry.distortion import pixel_to_image
+from tasks.tie_points.records import DESCRIPTOR, Features, PairMatches, PairSummary, Values
+
+cv2.setNumThreads(1)
+
+_BLOCK = 1024
+_FEWEST = 16
+
+
+@dataclass(frozen=True)
+class PairRules:
+    """ratio: largest ratio of best to second best distance; tolerance: distance from the epipolar line, px of the full photograph."""
+
+    ratio: float
+    tolerance: float
+
+
+def match_pair(
+    left: tuple[Features, Values], right: tuple[Features, Values], cameras: Cameras, names: tuple[str, str], rules: PairRules
+) -> dict[str, Any]:
+    """Matches of two photographs and their summary; no matches when the pair is not accepted."""
+    pairs = mutual_matches(left[1].rows(DESCRIPTOR), right[1].rows(DESCRIPTOR), rules.ratio)
+    points = _pixels(left[0])[pairs[:, 0]], _pixels(right[0])[pairs[:, 1]]
+    agree = epipolar_agreement(points, (cameras.of(names[0]), cameras.of(names[1])), rules.tolerance)
+    inliers = int(agree.sum())
+    accepted = inliers >= max(_FEWEST, 8.0 + 0.3 * len(pairs))
+    kept = pairs[agree] if accepted else pairs[:0]
+    summary = PairSummary(left=names[0], right=names[1], tentative=len(pairs), inliers=len(kept))
+    return {"matches": PairMatches(kept[:, 0].astype(np.int32), kept[:, 1].astype(np.int32)), "summary": summary}
+
+
+def _pixels(features: Features) -> np.ndarray:
+    return np.column_stack([features.col, features.row])
+
+
+def mutual_matches(left: np.ndarray, right: np.ndarray, ratio: float) -> np.ndarray:
+    """Rows (M, 2) of descriptors (N, 128) uint8 that are each other's nearest, the nearest closer than `ratio` times the second.
+
+    Sorted by the left number.
+    """
+    if len(left) < 2 or len(right) < 2:
+        return np.empty((0, 2), dtype=np.int64)
+    left, right = left.astype(np.float32), right.astype(np.float32)
+    nearest, first, second = _two_nearest(left, right)
+    back, _, _ = _two_nearest(right, left)
+    mutual = back[nearest] == np.arange(len(left))
+    clear = first < ratio**2 * second
+    chosen = np.flatnonzero(mutual & clear)
+    return np.column_stack([chosen, nearest[chosen]])
+
+
+def _two_nearest(left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """For each left row the number of the nearest right one, and the squared distances of the nearest two."""
+    nearest = np.empty(len(left), dtype=np.int64)
+    first, second = np.empty(len(left)), np.empty(len(left))
+    power = (right**2).sum(axis=1)
+    for start in range(0, len(left), _BLOCK):
+        block = left[start : start + _BLOCK]
+        rows = np.arange(len(block))
+        closeness = block @ right.T
+        closeness *= 2.0
+        closeness -= power
+        own = (block**2).sum(axis=1)
+        best = closeness.argmax(axis=1)
+        part = slice(start, start + len(block))
+        nearest[part], first[part] = best, own - closeness[rows, best]
+        closeness[rows, best] = -np.inf
+        second[part] = own - closeness.max(axis=1)
+    return nearest, first, second
+
+
+def epipolar_agreement(points: tuple[np.ndarray, np.ndarray], cameras: tuple[Camera, Camera], tolerance: float) -> np.ndarray:
+    """Which matches lie within `tolerance` px of their epipolar lines. points: (M, 2) px in each photograph."""
+    if len(points[0]) < _FEWEST:
+        return np.zeros(len(points[0]), dtype=bool)
+    left, right = (pixel_to_image(camera, pixels) for camera, pixels in zip(cameras, points, strict=True))
+    if any(camera.source == "exif" for camera in cameras):
+        matrix, _ = cv2.findFundamentalMat(left, right, cv2.USAC_MAGSAC, tolerance, 0.9999, 5000)
+    else:
+        matrix = _essential(left / cameras[0].c, right / cameras[1].c, tolerance / max(camera.c for camera in cameras))
+        if matrix is not None:
+            scale = [np.diag([1 / camera.c, 1 / camera.c, 1.0]) for camera in cameras]
+            matrix = scale[1] @ matrix @ scale[0]
+    if matrix is None or matrix.shape != (3, 3):
+        return np.zeros(len(left), dtype=bool)
+    return sampson_distance(matrix, left, right) < tolerance
+
+
+def _essential(left: np.ndarray, right: np.ndarray, tolerance: float) -> np.ndarray | None:
+    matrix, _ = cv2.findEssentialMat(left, right, np.eye(3), method=cv2.USAC_MAGSAC, prob=0.9999, threshold=tolerance, maxIters=5000)
+    return matrix
+
+
+def sampson_distance(matrix: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """First-order distance (M,) of points (M, 2) from the epipolar geometry right' F left = 0, in units of the points.
+
+    Source: Hartley & Zisserman 2003, equation 11.9.
+    """
+    ones = np.ones((len(left), 1))
+    in_right = np.hstack([left, ones]) @ matrix.T
+    in_left = np.hstack([right, ones]) @ matrix
+    product = np.abs((np.hstack([right, ones]) * in_right).sum(axis=1))
+    slope = (in_right[:, :2] ** 2).sum(axis=1) + (in_left[:, :2] ** 2).sum(axis=1)
+    return product / np.sqrt(np.maximum(slope, 1e-300))

@@ -1,0 +1,106 @@
+"""The small tables that pass between the jobs of this stage. All pixel coordinates are those of the full photograph."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from schemas.job import Columns
+
+DESCRIPTOR = 128
+"""bytes of one descriptor"""
+
+
+@dataclass(frozen=True)
+class Features(Columns):
+    """Interest points of one photograph or one tile of it."""
+
+    col: np.ndarray
+    row: np.ndarray
+    """float64 px"""
+    size: np.ndarray
+    """float32: diameter, px"""
+    angle: np.ndarray
+    """float32: direction in degrees, clockwise from the columns' direction"""
+    response: np.ndarray
+    """float32: strength"""
+
+
+@dataclass(frozen=True)
+class Values(Columns):
+    """Bytes of many equal records behind each other: descriptors (N x 128) or patches (N x side x side)."""
+
+    values: np.ndarray
+    """uint8"""
+
+    def rows(self, length: int) -> np.ndarray:
+        """(N, length)"""
+        return self.values.reshape(-1, length)
+
+
+@dataclass(frozen=True)
+class PairMatches(Columns):
+    """Features of two photographs that show the same point, by their numbers in the two feature tables."""
+
+    left: np.ndarray
+    right: np.ndarray
+    """int32"""
+
+
+class PairSummary(BaseModel):
+    """How the matching of one pair went."""
+
+    model_config = ConfigDict(frozen=True)
+
+    left: str
+    right: str
+    tentative: int
+    """mutual best matches that pass the ratio test"""
+    inliers: int
+    """of these, matches near their epipolar lines; 0 when the pair was not accepted"""
+
+    @property
+    def accepted(self) -> bool:
+        return self.inliers > 0
+
+
+@dataclass(frozen=True)
+class Observations(Columns):
+    """Features of one photograph that belong to tracks; sorted by track."""
+
+    track: np.ndarray
+    """int32"""
+    reference: np.ndarray
+    """int32: number of the photograph in which the track's point is defined"""
+    col: np.ndarray
+    row: np.ndarray
+    """float64 px"""
+    size: np.ndarray
+    angle: np.ndarray
+    """float32, as in Features"""
+
+
+class Links(BaseModel):
+    """Pairs (reference, other) of photographs that share tracks, by number; what refinement has to be planned for."""
+
+    model_config = ConfigDict(frozen=True)
+
+    pairs: tuple[tuple[int, int], ...]
+    tracks: int
+    conflicts: int
+    """tracks dropped because they met one photograph twice"""
+
+
+@dataclass(frozen=True)
+class Refined(Columns):
+    """Observations of one photograph, matched against the track's reference photograph."""
+
+    track: np.ndarray
+    """int32"""
+    col: np.ndarray
+    row: np.ndarray
+    """float64 px; NaN where the matching failed"""
+    sigma: np.ndarray
+    """float32 px; NaN where the matching failed"""
+    outcome: np.ndarray
+    """uint8: schemas.outcome.Outcome"""

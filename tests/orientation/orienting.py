@@ -1,0 +1,34 @@
+"""Runs the chain of the stage on a simulated block, and compares with truth."""
+
+import numpy as np
+
+from tasks.adjustment.interior import WeightedInterior
+from tasks.geometry.rotation import angles
+from tasks.orientation.block import BlockChoices, orient_block
+from tasks.orientation.pairs import relate_pairs
+
+
+def orient(block, **changes):
+    choices = {"interior": WeightedInterior(kind="weighted"), "gnss_shift": False, "vertical_sigma": 5.0, "rejection": 4.0} | changes
+    relative = relate_pairs(block.photos, block.cameras, block.tie_points, 15)
+    out = orient_block(
+        block.photos, block.cameras, block.tie_points, block.control, relative, "EPSG:2100", BlockChoices(**choices)
+    )
+    return out | {"relative": relative}
+
+
+def standardised_orientation(block, result):
+    """(photos, 6): errors of the exterior orientations in units of their own standard errors."""
+    rows = []
+    for view in block.views:
+        found = result.of(view.name)
+        turn = (np.radians(found.omega_phi_kappa) - angles(view.rotation) + np.pi) % (2 * np.pi) - np.pi
+        sigma = np.sqrt(np.diag(np.array(found.covariance)))
+        rows.append(np.concatenate([np.array(found.centre) - view.centre, turn]) / sigma)
+    return np.array(rows)
+
+
+def ground_errors(block, points):
+    """Errors (n, 3) of the tie points on the ground, and their standard errors."""
+    error = np.column_stack([points.x, points.y, points.z]) - block.ground[points.track]
+    return error, np.column_stack([points.sigma_x, points.sigma_y, points.sigma_z])
