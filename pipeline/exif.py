@@ -17,12 +17,12 @@ def longitude_latitude(tags: dict[str, str]) -> tuple[float, float] | None:
 
 
 def _degrees(text: str, reference: str) -> float | None:
-    """"(46) (50) (33.3855)" and N, S, E or W, to degrees."""
+    """"(46) (50) (33.3855)" and N, S, E or W, to degrees; without a letter, north or east is meant."""
     parts = [float(number) for number in _NUMBER.findall(text)]
-    if not 1 <= len(parts) <= 3 or reference.strip().upper()[:1] not in ("N", "S", "E", "W"):
+    if not 1 <= len(parts) <= 3:
         return None
     size = sum(part / 60**power for power, part in enumerate(parts))
-    return -size if reference.strip().upper()[0] in "SW" else size
+    return -size if reference.strip().upper().startswith(("S", "W")) else size
 
 
 def utm_zone(longitude: float, latitude: float) -> str:

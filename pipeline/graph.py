@@ -65,7 +65,7 @@ class Graph:
     def add_raster(self, spec: RasterSpec) -> None:
         """Announce a raster. Raises GraphError when it was announced differently."""
         known = self.specs.setdefault(spec.name, spec)
-        if known != spec:
+        if not known.same(spec):
             raise GraphError(f"The raster {spec.name} is planned twice and differently: {known} and {spec}.")
 
     def add(self, job: Job | Export) -> PlannedJob | None:

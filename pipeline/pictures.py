@@ -96,13 +96,16 @@ def _paint_hillshade(seen: Overview, picture: Picture, spec: RasterSpec) -> _Pai
     low, high = _limits(heights, picture)
     tint = palette(RELIEF, CODES)[_steps(heights, low, high, CODES)].astype(np.float64)
     cell = abs(spec.transform[0]) * seen.factor if spec.transform else 1.0
-    shaded = np.clip(tint * _shade(heights, cell)[..., None], 0, 255)
+    shaded = np.clip(tint * shade(heights, cell)[..., None], 0, 255)
     bar = _bar(heights, _Scale(low, high, RELIEF, picture.unit or spec.unit))
     return _Painted(jpeg_uri(_composed(shaded, np.isfinite(heights).astype(float))), bar)
 
 
-def _shade(heights: np.ndarray, cell: float) -> np.ndarray:
-    """Brightness about 1. Relief is exaggerated until its steeper slopes show, whatever the terrain."""
+def shade(heights: np.ndarray, cell: float) -> np.ndarray:
+    """Brightness about 1 of heights (rows, cols) m on cells of `cell` m; 1 where there is no height.
+
+    Relief is exaggerated until its steeper slopes show, whatever the terrain.
+    """
     east, south = _slope(heights, 1) / cell, _slope(heights, 0) / cell
     steep = np.hypot(east, south)
     usual = np.nanpercentile(steep, 90) if np.isfinite(steep).any() else 0.0

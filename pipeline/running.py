@@ -11,6 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import psutil
+from pydantic import TypeAdapter
 from rich.console import Console
 
 from pipeline.lock import only_run
@@ -22,9 +23,10 @@ from pipeline.session import Session, now
 from pipeline.summary import write_summary
 from pipeline.table_files import write_whole
 from pipeline.workflow import LoadedWorkflow, image_files, write_workflow
-from schemas.errors import WorkflowError
+from schemas.errors import StoreError, WorkflowError
 
 MIB = 2**20
+FACTS = "jobs/run.json"
 
 
 @dataclass(frozen=True)
@@ -120,6 +122,7 @@ def _ends(session: Session) -> dict:
 
 def write_results(session: Session, facts: RunFacts) -> None:
     """The summary, the report and the facts they were made from."""
+    write_whole(session.folder / FACTS, TypeAdapter(RunFacts).dump_json(facts, indent=1))
     stages = tuple((stage.kind, stage.title) for stage in session.stages)
     write_summary(session.store, stages, facts, session.folder / "summary.json")
     write_report(session.store, stages, facts, session.folder / "report.html")
@@ -138,13 +141,10 @@ def _machine() -> tuple[tuple[str, str], ...]:
 
 
 def rewrite_results(loaded: LoadedWorkflow) -> Path:
-    """Write summary and report again from what is stored; returns the report's path."""
+    """Write summary and report again from what is stored; returns the report's path. Raises StoreError before the first run."""
     session = session_of(loaded)
-    session.plan()
-    workflow = session.folder / "workflow.yaml"
-    facts = RunFacts(
-        project=loaded.project.project, crs=loaded.project.crs, version=version("orthomill"), started=now(), finished=now(),
-        workflow=workflow.read_text() if workflow.exists() else loaded.text, machine=_machine(), scheduler="report only", **_ends(session),
-    )
-    write_results(session, facts)
+    path = session.folder / FACTS
+    if not path.exists():
+        raise StoreError(f"{loaded.project.project} has not been run yet; run it first: orthomill run {loaded.project.project}")
+    write_results(session, TypeAdapter(RunFacts).validate_json(path.read_bytes()))
     return session.folder / "report.html"

@@ -89,7 +89,7 @@ class Session:
         return {name: self.store.birth(name) for name in names if self._raster_holds(name)}
 
     def _raster_holds(self, name: str) -> bool:
-        return self.store.has(name) and self.store.spec(name) == self.graph.specs[name]
+        return self.store.has(name) and self.store.spec(name).same(self.graph.specs[name])
 
     def _outputs_exist(self, planned: PlannedJob) -> bool:
         if isinstance(planned.job, Export):

@@ -52,7 +52,7 @@ class Store:
         """Make the raster unless it exists with the same specification; returns its birth mark. Raises StoreError."""
         try:
             if self.has(spec.name):
-                if self.spec(spec.name) == spec:
+                if self.spec(spec.name).same(spec):
                     return self.birth(spec.name)
                 self.delete(spec.name)
             zarr.open_group(self.rasters, mode="a")

@@ -90,9 +90,10 @@ def _mebibytes(count: int | None) -> float | None:
     return None if count is None else round(count / 2**20, 1)
 
 
-def write_summary(entries: Summary, path: Path) -> None:
-    """Write `summary.json`, whole or not at all. Raises StoreError."""
-    write_whole(path, (json.dumps(entries, indent=1, sort_keys=True, ensure_ascii=False, allow_nan=False) + "\n").encode())
+def write_summary(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunFacts, path: Path) -> None:
+    """Write `summary.json`, whole or not at all. Raises StoreError when the disk refuses."""
+    text = json.dumps(summary(store, stages, run), indent=1, sort_keys=True, ensure_ascii=False, allow_nan=False)
+    write_whole(path, f"{text}\n".encode())
 
 
 INTRODUCTION = """# The figures of `summary.json`

@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from pydantic import ValidationError
+from pydantic_core import to_json
 
 from schemas.errors import StoreError
 from schemas.job import Columns, Table
@@ -23,12 +24,20 @@ def write_whole(path: Path, data: bytes) -> None:
         try:
             with os.fdopen(handle, "wb") as stream:
                 stream.write(data)
+            os.chmod(temporary, 0o666 & ~_umask())
             os.replace(temporary, path)
         except BaseException:
             Path(temporary).unlink(missing_ok=True)
             raise
     except OSError as error:
         raise StoreError(f"{path} cannot be written: {error.strerror}; make room on the disk or make the folder writable, then run again.") from error
+
+
+def _umask() -> int:
+    """The permissions that this process withholds; it can only be read by setting it."""
+    mask = os.umask(0o022)
+    os.umask(mask)
+    return mask
 
 
 def write_table(path: Path, value: Any) -> None:
@@ -39,7 +48,7 @@ def write_table(path: Path, value: Any) -> None:
         pq.write_table(pa.table(columns), sink, compression="zstd")
         write_whole(path, sink.getvalue().to_pybytes())
     else:
-        write_whole(path, value.model_dump_json(indent=1).encode())
+        write_whole(path, to_json(value, indent=1, inf_nan_mode="constants"))
 
 
 def read_table(path: Path, table: Table[Any]) -> Any:

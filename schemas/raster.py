@@ -109,6 +109,10 @@ class RasterSpec(BaseModel):
     readers: tuple[str, ...] | None = None
     """Stages that may read it; None for all. Truth is for `evaluation` only."""
 
+    def same(self, other: "RasterSpec") -> bool:
+        """Whether both describe the same raster; unlike ==, a nodata of NaN equals itself."""
+        return repr(self) == repr(other)
+
     @property
     def chunks(self) -> tuple[int, ...]:
         return (min(self.chunk, self.shape[0]), min(self.chunk, self.shape[1])) + self.shape[2:]

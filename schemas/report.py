@@ -12,7 +12,9 @@ from schemas.job import Table
 
 
 class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    """NaN survives being stored: a curve may have gaps."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="constants")
 
 
 class Figure(_Part):

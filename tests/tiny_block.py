@@ -46,7 +46,7 @@ def block() -> Block:
     for strip in range(2):
         for number in range(3):
             centre = np.array([EAST + (number - 1) * BASE, NORTH + (strip - 0.5) * 105.0, HEIGHT + FLYING]) + random.normal(0, 2, 3)
-            angles = random.normal(0, 1.5, 3) + (0, 0, 180.0 * strip)
+            angles = random.normal(0, 1.5, 3) + np.array([0, 0, 180.0 * strip])
             photos.append(ExteriorOrientation(
                 photo=f"{'ab'[strip]}{number + 1}", centre=tuple(centre), omega_phi_kappa=tuple(angles),
                 covariance=tuple(map(tuple, np.diag([0.02**2] * 3 + [5e-5**2] * 3))), observations=100, residual_px=0.2,

@@ -14,7 +14,7 @@ Source: Brown 1976; Baarda 1968 for the tests; Triggs et al. 2000.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import block_diag, cho_factor, cho_solve
 
 from schemas.errors import GeometryError
 from tasks.adjustment.collinearity import BEHIND, misclosures
@@ -166,10 +166,20 @@ def _moved(network: Network, state: State, linear: Linear, damping: float) -> St
     prior, prior_right = prior_normals(network, state)
     normal += prior
     normal[np.diag_indices_from(normal)] += damping * (diagonal + np.diag(prior))
-    correction = _solve(network, state, normal, right + prior_right)
+    right = _held(network, normal, right + prior_right)
+    correction = _solve(network, state, normal, right)
     if correction is None:
         return None
     return _corrected(network, state, correction, point_corrections(linear, correction, damping))
+
+
+def _held(network: Network, normal: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Cuts the considered parameters off the normal equations, so that their corrections are zero."""
+    considered = network.considered_columns
+    normal[considered] = 0.0
+    normal[:, considered] = 0.0
+    normal[considered, considered] = 1.0
+    return np.where(considered, 0.0, right)
 
 
 def _corrected(network: Network, state: State, correction: np.ndarray, points: np.ndarray) -> State:
@@ -206,13 +216,45 @@ _UNDETERMINED = (
 
 
 def covariance_of(network: Network, state: State, linear: Linear) -> np.ndarray:
-    """(n, n): the inverse of the reduced normal matrix; with respect to the inner constraints in a free network. Raises
-    GeometryError."""
+    """(n, n): the inverse of the reduced normal matrix; with respect to the inner constraints in a free network.
+
+    Considered parameters have no part in it (zero rows); `with_considered` adds theirs. Raises GeometryError.
+    """
     normal = reduced_normals(linear, network.unknowns)[0] + prior_normals(network, state)[0]
+    _held(network, normal, np.zeros(len(normal)))
     scaled, scale, H = _scaled(network, state, normal)
     if not np.isfinite(scaled).all() or np.linalg.cond(scaled) > 1e15:
         raise GeometryError(_UNDETERMINED)
-    return (np.linalg.inv(scaled) - H @ H.T) * scale[:, None] * scale
+    cofactor = (np.linalg.inv(scaled) - H @ H.T) * scale[:, None] * scale
+    considered = network.considered_columns
+    cofactor[considered], cofactor[:, considered] = 0.0, 0.0
+    return cofactor
+
+
+def with_considered(network: Network, linear: Linear, cofactor: np.ndarray) -> np.ndarray:
+    """The covariance (n, n) with the uncertainty of the considered parameters carried into all others.
+
+    The unknowns move by -Q N_uk per unit of a considered parameter; its own covariance is the prior one. Source: Schmidt 1966.
+    """
+    considered = network.considered_columns
+    if not considered.any():
+        return cofactor
+    normal = reduced_normals(linear, network.unknowns)[0]
+    move = -cofactor @ normal[:, considered]
+    move[considered] = np.eye(int(considered.sum()))
+    return cofactor + move @ _considered_covariance(network) @ move.T
+
+
+def _considered_covariance(network: Network) -> np.ndarray:
+    """Prior covariance (k, k) of the considered parameters, camera by camera, in the order of their columns."""
+    blocks = []
+    for free, considered, weight in zip(network.interior.free, network.interior.considered, network.interior.weight, strict=True):
+        chosen = np.flatnonzero(free)
+        inside = np.isin(chosen, np.flatnonzero(considered))
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(weight)[chosen], 1e-300))
+        covariance = np.linalg.inv(weight[np.ix_(chosen, chosen)] * scale[:, None] * scale) * scale[:, None] * scale
+        blocks.append(covariance[np.ix_(inside, inside)])
+    return block_diag(*blocks)
 
 
 def _account(network: Network, state: State, rays: Rays, used: np.ndarray, factors: Factors) -> Adjustment:
@@ -220,7 +262,9 @@ def _account(network: Network, state: State, rays: Rays, used: np.ndarray, facto
     taken = rays.take(used)
     linear = linearised(network, state, taken)
     cofactor = covariance_of(network, state, linear)
-    points, adjusted = point_precision(linear, cofactor)
+    _, adjusted = point_precision(linear, cofactor)
+    cofactor = with_considered(network, linear, cofactor)
+    points, _ = point_precision(linear, cofactor)
     numbers, standardised = np.full((len(rays), 2), np.nan), np.full((len(rays), 2), np.nan)
     numbers[used] = np.clip(1.0 - adjusted * linear.weight[:, None], 1e-6, 1.0)
     residual = misclosures(state, rays, network.camera_of)
@@ -232,7 +276,8 @@ def _account(network: Network, state: State, rays: Rays, used: np.ndarray, facto
 
 def _redundancy(network: Network, rays: Rays) -> int:
     points = len(np.unique(np.concatenate([rays.point, np.flatnonzero(network.point_weight.any(axis=1))])))
-    redundancy = 2 * len(rays) + network.prior_observations - network.unknowns - 3 * points + 7 * network.free
+    redundancy = 2 * len(rays) + network.prior_observations - network.unknowns + int(network.interior.considered.sum())
+    redundancy += 7 * network.free - 3 * points
     if redundancy <= 0:
         raise GeometryError(f"The block has {len(rays)} rays, which is not enough to adjust it; more tie points are needed.")
     return redundancy

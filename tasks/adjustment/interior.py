@@ -53,21 +53,26 @@ def camera_covariance(camera: Camera) -> np.ndarray:
     return np.diag([(NOMINAL_SIGMA[name] * unit.get(name, 1.0)) ** 2 for name in INTERIOR])
 
 
-def interior_prior(cameras: list[Camera], choice: InteriorChoice) -> Interior:
-    """What is known and what is unknown of the interior orientations; `cameras` in the order of the network."""
+def interior_prior(cameras: list[Camera], choice: InteriorChoice, hold_nominal_c: bool = False) -> Interior:
+    """What is known and what is unknown of the interior orientations; `cameras` in the order of the network.
+
+    `hold_nominal_c`: a camera constant from EXIF keeps its value and only lends its uncertainty. Over flat ground without control
+    it is the flying height in disguise, and takes up every small error of the photographs (a rolling shutter) with a far too small
+    formal standard error.
+    """
     value = np.array([camera.interior for camera in cameras])
     free, weight = np.zeros(value.shape, bool), np.zeros((len(cameras), 8, 8))
-    if choice.kind == "fixed":
-        return Interior(value, weight, free)
-    named = np.isin(INTERIOR, choice.parameters)
-    if choice.kind == "free":
-        return Interior(value, weight, free | named)
+    considered = np.zeros(value.shape, bool)
+    named = np.isin(INTERIOR, () if choice.kind == "fixed" else choice.parameters)
+    if choice.kind != "weighted":
+        return Interior(value, weight, free | named, considered)
     for i, camera in enumerate(cameras):
         covariance = camera_covariance(camera)
         free[i] = named & (np.diag(covariance) > 0)
         chosen = np.ix_(free[i], free[i])
         weight[i][chosen] = _inverse(covariance[chosen])
-    return Interior(value, weight, free)
+        considered[i, 0] = free[i, 0] and hold_nominal_c and camera.source == "exif"
+    return Interior(value, weight, free, considered)
 
 
 def _inverse(covariance: np.ndarray) -> np.ndarray:

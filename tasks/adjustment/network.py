@@ -49,11 +49,14 @@ class State:
 @dataclass(frozen=True, eq=False)
 class Interior:
     """What is known of the cameras: `value` (C, 8), `weight` (C, 8, 8) inverse covariance, `free` (C, 8) which parameters are
-    unknowns."""
+    unknowns. `considered` (C, 8) of these keep their value, for the block cannot tell them honestly, but their covariance enters
+    that of everything else.
+    """
 
     value: np.ndarray
     weight: np.ndarray
     free: np.ndarray
+    considered: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +95,13 @@ class Network:
         return 6 * self.photos + int(self.interior.free.sum()) + 3 * self.shift
 
     @property
+    def considered_columns(self) -> np.ndarray:
+        """(n,) bool: the columns of parameters that keep their value."""
+        columns = np.zeros(self.unknowns, bool)
+        columns[self.interior_columns[self.interior.considered]] = True
+        return columns
+
+    @property
     def prior_observations(self) -> int:
         """How many numbers are known beforehand."""
         known = np.diagonal(self.interior.weight, axis1=1, axis2=2) > 0
@@ -99,7 +109,7 @@ class Network:
             (self.centre_weight > 0).sum()
             + (self.point_weight > 0).sum()
             + 2 * (self.vertical_weight > 0).sum()
-            + (known & self.interior.free).sum()
+            + (known & self.interior.free & ~self.interior.considered).sum()
         )
 
 

@@ -5,7 +5,8 @@ the left orthoimage shows what the left photograph sees through the ground point
 for the right one. Two constructions find the point where both look:
 - rays: the rigorous intersection of the two 3-D rays; what keeps them apart is a y-parallax, the test for wrong matches.
 - plan: the published construction. The lines from the nadirs through A' and A'' meet in plan, similar triangles give two heights,
-  their mean is taken. It fails near the line through both nadirs, so points whose angle is flat or sharp are refused.
+  their mean is taken. It fails near the line through both nadirs, so points whose angle is flat or sharp are refused,
+  and near the nadirs themselves.
 No iteration is needed: both are exact for errors of any size.
 
 Source: Skarlatos, PhD thesis, sections 3.4.2 and 3.4.3 (methods/matching_and_dsm_check.md, 1.7); methods/measured.md.
@@ -34,6 +35,8 @@ class PlanCorrection(Settings):
     kind: Literal["plan"] = "plan"
     angle_low: float = setting(13.5, "Least angle of the two nadir lines at the point.", "degrees", ge=0, lt=90)
     angle_high: float = setting(166.5, "Greatest angle of the two nadir lines at the point.", "degrees", gt=90, le=180)
+    nadir: float = setting(0.02, "Least distance from both nadirs, where one photograph tells nothing of height, as a share of "
+                           "the flying height.", ge=0, lt=1)
 
 
 Correction = Annotated[RayCorrection | PlanCorrection, Field(discriminator="kind")]
@@ -93,7 +96,8 @@ def plan_intersection(left: np.ndarray, right: np.ndarray, centres: Centres, set
         from_left = left[:, 2] + (centres.left[2] - left[:, 2]) * (1 - s)
         from_right = right[:, 2] + (centres.right[2] - right[:, 2]) * (1 - u)
         angle = nadir_angle(plan, centres)
-        accepted = (angle >= settings.angle_low) & (angle <= settings.angle_high)
+        off = np.minimum(_off_nadir(left, centres.left), _off_nadir(right, centres.right))
+        accepted = (angle >= settings.angle_low) & (angle <= settings.angle_high) & (off >= settings.nadir)
     return CorrectedPoints(np.column_stack([plan, (from_left + from_right) / 2]), np.abs(from_left - from_right), accepted)
 
 
@@ -101,6 +105,11 @@ def nadir_angle(plan: np.ndarray, centres: Centres) -> np.ndarray:
     """Angle (N,) in degrees at plan points (N, 2) between the directions to the two nadirs."""
     to_left, to_right = centres.left[:2] - plan, centres.right[:2] - plan
     return np.degrees(np.arctan2(np.abs(_cross(to_left, to_right)), (to_left * to_right).sum(axis=1)))
+
+
+def _off_nadir(points: np.ndarray, centre: np.ndarray) -> np.ndarray:
+    """Distance (N,) of points (N, 3) from the nadir as a share of their depth."""
+    return np.hypot(*(points - centre)[:, :2].T) / (centre[2] - points[:, 2])
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:

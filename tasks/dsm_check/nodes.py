@@ -19,13 +19,14 @@ from schemas.raster import MapGrid, Window
 from schemas.settings import Settings, setting
 from tasks.dsm_check.height_correction import Centres, PlanCorrection, RayCorrection, correct
 from tasks.dsm_check.orthoimage import height_at
-from tasks.dsm_check.search import OrthoPair, ShiftSearch, back_search, ortho_pair, shifts
+from tasks.dsm_check.search import OrthoPair, ShiftSearch, distance_back, ortho_pair, shifts
 from tasks.matching.least_squares import LeastSquaresMatching, Matches, match_points
 from tasks.matching.smoothing import reach_of
 
 BANDS = ("dh", "east", "south", "sigma", "correlation", "outcome")
 """of a raster of nodes, float32: correction (m), place of the corrected point against the node (cells), standard error (m), ..."""
 DH, EAST, SOUTH, SIGMA, CORRELATION, OUTCOME = range(6)
+_OUTSIDE, _OCCLUDED = int(Outcome.OUTSIDE), int(Outcome.OCCLUDED)
 
 
 class NodeMatching(Settings):
@@ -96,7 +97,7 @@ def check_nodes(tile: NodeTile, matching: NodeMatching, correction: RayCorrectio
     pixels = tile.pixels()
     outcome = _known(tile, matching, heights, pixels)
     tried = np.flatnonzero(outcome == Outcome.CONVERGED)
-    images = ortho_pair(left, right)
+    images = ortho_pair(left, right, matching.search)
     matches, back = _match(images, pixels[tried], base_direction(tile), matching)
     values = np.full((len(pixels), len(BANDS)), np.nan, np.float32)
     outcome[tried] = matches.outcome
@@ -116,6 +117,15 @@ class _Found:
     back: np.ndarray
 
 
+@dataclass(frozen=True)
+class _Shift:
+    """Standard errors (N,) px of shifts, and the places (N, 2) they lead to, in cells of the whole surface."""
+
+    sigma_col: np.ndarray
+    sigma_row: np.ndarray
+    places: np.ndarray
+
+
 def base_direction(tile: NodeTile) -> np.ndarray:
     """Unit vector (col, row) of the base in the orthoimages; zero for photographs above one another."""
     base = (tile.centres.right - tile.centres.left)[:2] * (1, -1)
@@ -125,88 +135,88 @@ def base_direction(tile: NodeTile) -> np.ndarray:
 def _known(tile: NodeTile, matching: NodeMatching, heights: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     """(N,) uint8: CONVERGED stands for worth trying."""
     outcome = np.full(len(pixels), Outcome.CONVERGED, np.uint8)
-    x, y = tile.grid.centres(Window(tile.seen.row, tile.seen.col, 1, 1))
-    numbers = tile.grid.cell, matching.hidden * tile.grid.cell, matching.halo // tile.pixels_per_cell
+    reach = matching.halo // tile.pixels_per_cell
     for centre in (tile.centres.left, tile.centres.right):
-        _hide(heights, _to_cells(tile, pixels), centre, np.array([x[0], y[0]]), numbers, outcome)
+        col, row = tile.grid.pixel(centre[0], centre[1])
+        place = np.array([col, row, centre[2] / tile.grid.cell, tile.seen.col, tile.seen.row])
+        _hide(heights, _to_cells(tile, pixels), place, (tile.grid.cell, matching.hidden, reach), outcome)
     return outcome
 
 
 @njit(cache=True)
-def _hide(heights, cells, centre, ground, numbers, outcome):
-    """Mark nodes without height (OUTSIDE) and nodes whose ray to `centre` the model cuts (OCCLUDED)."""
+def _hide(heights, cells, centre, numbers, outcome):
+    """Mark nodes without height (OUTSIDE) and nodes whose ray to the centre the model cuts (OCCLUDED); all lengths in cells."""
     cell, tolerance, reach = numbers
     for i in range(cells.shape[0]):
-        z = height_at(heights, cells[i, 1], cells[i, 0])
+        z = height_at(heights, cells[i, 1] - centre[4], cells[i, 0] - centre[3])
         if not np.isfinite(z):
-            outcome[i] = 3
+            outcome[i] = _OUTSIDE
             continue
-        dx = (centre[0] - ground[0]) / cell - cells[i, 0]
-        dy = (ground[1] - centre[1]) / cell - cells[i, 1]
+        dx, dy = centre[0] - cells[i, 0], centre[1] - cells[i, 1]
         distance = np.hypot(dx, dy)
         if distance < 1.0:
             continue
-        rise = (centre[2] - z) / distance
+        rise = (centre[2] - z / cell) / distance
         for k in range(1, int(min(reach, distance)) + 1):
-            col, row = int(np.rint(cells[i, 0] + dx / distance * k)), int(np.rint(cells[i, 1] + dy / distance * k))
+            col = int(np.rint(cells[i, 0] + dx / distance * k) - centre[3])
+            row = int(np.rint(cells[i, 1] + dy / distance * k) - centre[4])
             if row < 0 or col < 0 or row >= heights.shape[0] or col >= heights.shape[1]:
                 break
-            if heights[row, col] > z + rise * k + tolerance:
-                outcome[i] = 9
+            if heights[row, col] > z + (rise * k + tolerance) * cell:
+                outcome[i] = _OCCLUDED
                 break
 
 
 def _match(images: OrthoPair, points: np.ndarray, direction: np.ndarray, matching: NodeMatching) -> tuple[Matches, np.ndarray]:
     """Matches of points (N, 2) and how far from them the search back ends (N,) px."""
-    starts = points + shifts(images, points, direction, matching.search)
+    search = matching.search
+    starts = points + shifts(images, points, direction, search, search.gain)
     matches = match_points(images.left, images.right, points, starts, matching.least_squares)
-    there = np.column_stack([matches.col, matches.row])
-    whole = np.rint(np.where(np.isfinite(there), there, points)).astype(np.int64)
-    returned = there + shifts(images.swapped, whole, direction, back_search(matching.search))
-    return matches, np.hypot(*(returned - points).T)
+    return matches, distance_back(images, points, np.column_stack([matches.col, matches.row]), direction, search)
 
 
 def _correct(tile: NodeTile, matching: NodeMatching, correction: RayCorrection | PlanCorrection, found: _Found, heights: np.ndarray,
              values: np.ndarray, outcome: np.ndarray) -> None:
     """Fill dh, place and sigma of the nodes that pass every test into `values` (N, 6); `outcome` (N,) tells of the others."""
     at, matches, search = found.pixels[found.tried], found.matches, matching.search
-    there = np.column_stack([matches.col, matches.row])
-    across = np.abs((there - at) @ (-base_direction(tile)[1], base_direction(tile)[0]))
-    below = _ground(tile, at, heights)
-    points = correct(below, _ground(tile, there, heights), tile.centres, correction, tile.grid.cell / tile.pixels_per_cell)
-    places = _cells(tile, points.points)
-    dh = points.points[:, 2] - _heights(heights, places)
-    wrong = matches.converged & ~((across <= search.across) & (found.back <= search.back) & points.accepted & np.isfinite(dh))
-    outcome[found.tried[wrong]] = Outcome.INCONSISTENT
-    good = matches.converged & ~wrong
+    moved = _snapped(np.column_stack([matches.col, matches.row]) - at)
+    left, right = _to_cells(tile, at), _to_cells(tile, at + moved)
+    points = correct(_ground(tile, left, heights), _ground(tile, right, heights), tile.centres, correction,
+                     tile.grid.cell / tile.pixels_per_cell)
+    places = _snapped(np.column_stack(tile.grid.pixel(points.points[:, 0], points.points[:, 1])))
+    dh = points.points[:, 2] - _heights(tile, places, heights)
+    across = np.abs(moved @ (-base_direction(tile)[1], base_direction(tile)[0]))
+    right_place = (across <= search.across) & (found.back <= search.back) & points.accepted & np.isfinite(dh)
+    outcome[found.tried[matches.converged & ~right_place]] = Outcome.INCONSISTENT
+    good = matches.converged & right_place
     kept = found.tried[good]
     values[kept, DH] = dh[good]
-    values[kept, EAST:SIGMA] = (places - _to_cells(tile, at))[good]
-    values[kept, SIGMA] = _sigma(tile, matching, heights, places[good], matches, good)
+    values[kept, EAST:SIGMA] = (places - left)[good]
+    shift = _Shift(matches.sigma_col[good], matches.sigma_row[good], places[good])
+    values[kept, SIGMA] = _sigma(tile, matching, shift, heights)
+
+
+def _snapped(values: np.ndarray) -> np.ndarray:
+    """Coordinates rounded to 2^-20: what remains is exact in every tile, wherever its pixels are counted from."""
+    return np.rint(values * 2**20) / 2**20
 
 
 def _to_cells(tile: NodeTile, pixels: np.ndarray) -> np.ndarray:
-    """Orthoimage pixels (N, 2) to cells (col, row) of `tile.seen`."""
-    return (pixels + 0.5) / tile.pixels_per_cell - 0.5
+    """Orthoimage pixels (N, 2) of the arrays given to cells (col, row) of the whole surface."""
+    return (pixels + 0.5) / tile.pixels_per_cell - 0.5 + (tile.seen.col, tile.seen.row)
 
 
-def _ground(tile: NodeTile, pixels: np.ndarray, heights: np.ndarray) -> np.ndarray:
-    """Ground points (N, 3) m of orthoimage pixels (N, 2), on the surface model."""
-    cells = _to_cells(tile, pixels)
-    x = tile.grid.west + (tile.seen.col + cells[:, 0] + 0.5) * tile.grid.cell
-    y = tile.grid.north - (tile.seen.row + cells[:, 1] + 0.5) * tile.grid.cell
-    return np.column_stack([x, y, _heights(heights, cells)])
+def _ground(tile: NodeTile, cells: np.ndarray, heights: np.ndarray) -> np.ndarray:
+    """Ground points (N, 3) m of cells (N, 2) of the whole surface, on the model."""
+    x = tile.grid.west + (cells[:, 0] + 0.5) * tile.grid.cell
+    y = tile.grid.north - (cells[:, 1] + 0.5) * tile.grid.cell
+    return np.column_stack([x, y, _heights(tile, cells, heights)])
 
 
-def _cells(tile: NodeTile, points: np.ndarray) -> np.ndarray:
-    """Ground points (N, 3) m to cells (N, 2) (col, row) of `tile.seen`."""
-    col, row = tile.grid.pixel(points[:, 0], points[:, 1])
-    return np.column_stack([col - tile.seen.col, row - tile.seen.row])
-
-
-def _heights(heights: np.ndarray, cells: np.ndarray) -> np.ndarray:
+def _heights(tile: NodeTile, cells: np.ndarray, heights: np.ndarray) -> np.ndarray:
+    """Heights (N,) m of the model at cells (N, 2) of the whole surface; NaN outside and where it has none."""
     out = np.empty(len(cells))
-    _heights_at(heights, cells, out)
+    _heights_at(heights, cells - (tile.seen.col, tile.seen.row), out)
     return out
 
 
@@ -217,19 +227,18 @@ def _heights_at(heights, cells, out):
         out[i] = height_at(heights, cells[i, 1], cells[i, 0]) if known else np.nan
 
 
-def _sigma(tile: NodeTile, matching: NodeMatching, heights: np.ndarray, places: np.ndarray, matches: Matches,
-           good: np.ndarray) -> np.ndarray:
+def _sigma(tile: NodeTile, matching: NodeMatching, shift: _Shift, heights: np.ndarray) -> np.ndarray:
     """Standard error (m) of dh: that of the shift times height over base, and that of the place times the slope of the model."""
-    pixel = tile.grid.cell / tile.pixels_per_cell
-    across, along = matches.sigma_row[good], matches.sigma_col[good]
-    direction = base_direction(tile)
-    of_shift = np.sqrt((direction[0] * along) ** 2 + (direction[1] * across) ** 2 + matching.least_sigma**2) * pixel
-    depth = (tile.left.centre[2] + tile.right.centre[2]) / 2 - _heights(heights, places)
+    cell, direction = tile.grid.cell, base_direction(tile)
+    along = (direction[0] * shift.sigma_col) ** 2 + (direction[1] * shift.sigma_row) ** 2
+    of_shift = np.sqrt(along + matching.least_sigma**2) * cell / tile.pixels_per_cell
+    depth = (tile.left.centre[2] + tile.right.centre[2]) / 2 - _heights(tile, shift.places, heights)
     base = np.linalg.norm(tile.centres.right - tile.centres.left)
-    return np.hypot(of_shift * depth / base, _steepness(heights, places) / tile.grid.cell * (of_shift + 0.25 * tile.grid.cell))
+    slope = _steepness(shift.places - (tile.seen.col, tile.seen.row), heights) / cell
+    return np.hypot(of_shift * depth / base, slope * (of_shift + 0.25 * cell))
 
 
-def _steepness(heights: np.ndarray, places: np.ndarray) -> np.ndarray:
+def _steepness(places: np.ndarray, heights: np.ndarray) -> np.ndarray:
     """(N,) m: greatest height difference between the cell at `places` (N, 2) and its four neighbours; 0 where none is known."""
     col = np.clip(np.rint(places[:, 0]).astype(int), 1, heights.shape[1] - 2)
     row = np.clip(np.rint(places[:, 1]).astype(int), 1, heights.shape[0] - 2)

@@ -1,6 +1,8 @@
 """What the check tells people: how far the surface agrees with the photographs, and where it does not."""
 
 import math
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -8,7 +10,7 @@ from schemas.outcome import Outcome
 from schemas.raster import MapGrid
 from schemas.report import Chart, Figure, Grid, Picture, StageReport
 from schemas.surface import CORRECTED
-from tasks.dsm_check.areas import SuspiciousArea, suspicious_areas
+from tasks.dsm_check.areas import SuspiciousArea, Trend, fitted_trend, suspicious_areas
 from tasks.dsm_check.coverage import CheckedPairs
 from tasks.dsm_check.statistics import Counts, Summary, TileCounts, added, bin_width, summarised
 
@@ -18,17 +20,29 @@ _LISTED = 20
 _WARNED = 5
 
 
-def report(tiles: tuple[TileCounts, ...], pairs: CheckedPairs, coarse: np.ndarray, grid: MapGrid, block: int) -> StageReport:
-    """Figures, tables, histogram, maps and warnings from the counts of all tiles and the coarse raster (rows, cols, 2)."""
+@dataclass(frozen=True)
+class Blocks:
+    """What the coarse raster's blocks are."""
+
+    grid: MapGrid
+    """of the surface"""
+    size: int
+    """cells along a side"""
+    significance: float
+
+
+def report(tiles: tuple[TileCounts, ...], pairs: CheckedPairs, coarse: np.ndarray, blocks: Blocks) -> StageReport:
+    """Figures, tables, histogram, maps and warnings from the counts of all tiles and the coarse raster (rows, cols, 3)."""
     total = added([tile.dh for tile in tiles])
     whole = summarised(total, pairs.pixel_height)
-    areas = suspicious_areas(coarse, grid, block)
+    trend, plane = fitted_trend(coarse, blocks.grid, blocks.size)
+    areas = suspicious_areas(coarse, plane, blocks.grid, blocks.size, blocks.significance)
     return StageReport(
-        figures=_figures(tiles, whole, pairs, areas),
+        figures=(*_figures(tiles, whole, pairs), *_place_figures(trend, areas)),
         grids=(_pairs_grid(tiles, pairs), _outcomes_grid(tiles, pairs), *_areas_grid(areas)),
         charts=(_histogram(total, pairs.pixel_height),) if whole.number else (),
         pictures=_pictures(pairs, whole),
-        warnings=tuple(_warnings(tiles, whole, pairs, areas)),
+        warnings=(*_surface_warnings(tiles, trend, pairs), *_area_warnings(areas)),
     )
 
 
@@ -40,7 +54,7 @@ def _share(part: int, of: int) -> float:
     return round(100 * part / max(of, 1), 2)
 
 
-def _figures(tiles: tuple[TileCounts, ...], whole: Summary, pairs: CheckedPairs, areas: list[SuspiciousArea]) -> tuple[Figure, ...]:
+def _figures(tiles: tuple[TileCounts, ...], whole: Summary, pairs: CheckedPairs) -> tuple[Figure, ...]:
     heights, checked, changed = (sum(getattr(tile, name) for tile in tiles) for name in ("heights", "checked", "changed"))
     return (
         Figure(name="dh_mean", value=_known(whole.mean), unit="m", sentence="Mean correction: photographs minus surface model."),
@@ -56,12 +70,21 @@ def _figures(tiles: tuple[TileCounts, ...], whole: Summary, pairs: CheckedPairs,
                sentence="Share of the measured cells that could be checked."),
         Figure(name="changed", value=_share(changed, heights), unit="%",
                sentence="Share of the measured cells that the check changed."),
-        Figure(name="suspicious_areas", value=len(areas), headline=True,
-               sentence="Connected areas where the surface is clearly too high or too low."),
-        Figure(name="suspicious_area", value=round(sum(a.area for a in areas), 1), unit="m2", sentence="Their area together."),
         Figure(name="pairs", value=len(pairs.pairs), sentence="Pairs of orthoimages that the check compared."),
         Figure(name="pixel_height", value=_known(pairs.pixel_height), unit="m",
                sentence="Height error that shifts the two orthoimages by one pixel, on average."),
+    )
+
+
+def _place_figures(trend: Trend, areas: list[SuspiciousArea]) -> tuple[Figure, ...]:
+    return (
+        Figure(name="suspicious_areas", value=len(areas), headline=True,
+               sentence="Connected areas where the surface leaves its own trend clearly, too high or too low."),
+        Figure(name="suspicious_area", value=round(sum(a.area for a in areas), 1), unit="m2", sentence="Their area together."),
+        Figure(name="tilt_east", value=_known(trend.east), unit="m/km", sentence="How the correction grows to the east."),
+        Figure(name="tilt_north", value=_known(trend.north), unit="m/km", sentence="How the correction grows to the north."),
+        Figure(name="trend_range", value=_known(trend.range), unit="m",
+               sentence="Difference of the trend of the corrections between the corners of the surface."),
     )
 
 
@@ -98,9 +121,9 @@ def _areas_grid(areas: list[SuspiciousArea]) -> tuple[Grid, ...]:
     if not areas:
         return ()
     rows = tuple((round(a.x, 1), round(a.y, 1), round(a.area, 1), round(a.dh, 2), round(a.extreme, 2),
-                  "too high" if a.dh < 0 else "too low") for a in areas[:_LISTED])
+                  _side(a.dh)) for a in areas[:_LISTED])
     columns = ("X (m)", "Y (m)", "area (m2)", "mean correction (m)", "greatest (m)", "surface is")
-    note = f"The {len(rows)} largest of {len(areas)} by volume. Look at them before the surface is used."
+    note = f"The {len(rows)} largest of {len(areas)} by volume, against the trend of the whole surface: look at them first."
     return (Grid(title="Suspicious areas", columns=columns, rows=rows, note=note),)
 
 
@@ -126,17 +149,25 @@ def _pictures(pairs: CheckedPairs, whole: Summary) -> tuple[Picture, ...]:
     )
 
 
-def _warnings(tiles: tuple[TileCounts, ...], whole: Summary, pairs: CheckedPairs, areas: list[SuspiciousArea]):
+def _surface_warnings(tiles: tuple[TileCounts, ...], trend: Trend, pairs: CheckedPairs) -> Iterator[str]:
     heights, checked = sum(tile.heights for tile in tiles), sum(tile.checked for tile in tiles)
     if checked < 0.5 * heights:
         yield (f"Only {_share(checked, heights):.0f} % of the surface could be checked; the rest lies outside the pairs of "
                "photographs, has too little texture, or is hidden in one of them.")
-    if whole.number and abs(whole.median) > 0.3 * pairs.pixel_height:
-        side = "too high" if whole.median < 0 else "too low"
-        yield f"The surface as a whole is {side} by about {abs(whole.median):.2f} m against the photographs."
+    if abs(trend.middle) > 0.3 * pairs.pixel_height:
+        yield f"The surface as a whole is {_side(trend.middle)} by about {abs(trend.middle):.2f} m against the photographs."
+    if trend.range > 0.5 * pairs.pixel_height:
+        yield (f"The surface is tilted against the photographs: the correction grows by {trend.east:.2f} m per km to the east "
+               f"and by {trend.north:.2f} m per km to the north, {trend.range:.1f} m in all.")
+
+
+def _area_warnings(areas: list[SuspiciousArea]) -> Iterator[str]:
     for area in areas[:_WARNED]:
-        side = "too high" if area.dh < 0 else "too low"
-        yield (f"In the area around X {area.x:.0f}, Y {area.y:.0f} ({area.area:.0f} m2) the surface is {side} by about "
+        yield (f"In the area around X {area.x:.0f}, Y {area.y:.0f} ({area.area:.0f} m2) the surface is {_side(area.dh)} by about "
                f"{abs(area.dh):.1f} m.")
     if len(areas) > _WARNED:
         yield f"{len(areas) - _WARNED} more areas are suspicious; the table lists the largest."
+
+
+def _side(dh: float) -> str:
+    return "too high" if dh < 0 else "too low"

@@ -28,47 +28,86 @@ class ShiftSearch(Settings):
     back: float = setting(1.5, "Greatest distance from the point when searching back.", "orthoimage pixels", gt=0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class HalfSize:
+    """An orthoimage at half size, with the sums that its correlation windows need; arrays (rows, cols)."""
+
+    grey: np.ndarray
+    """float32, 0 without data"""
+    total: np.ndarray
+    squares: np.ndarray
+    """float64: sums of the window around each pixel, NaN where it leaves the image or touches no data"""
+
+
+@dataclass(frozen=True, eq=False)
 class OrthoPair:
-    """Two orthoimages of the same ground (rows, cols) uint8, 0 without data, at full and at half size."""
+    """Two orthoimages of the same ground, (rows, cols) float32, 0 without data, at full and at half size."""
 
     left: np.ndarray
     right: np.ndarray
-    left_half: np.ndarray
-    right_half: np.ndarray
+    left_half: HalfSize
+    right_half: HalfSize
 
     @property
     def swapped(self) -> "OrthoPair":
         return OrthoPair(self.right, self.left, self.right_half, self.left_half)
 
 
-def ortho_pair(left: np.ndarray, right: np.ndarray) -> OrthoPair:
+def ortho_pair(left: np.ndarray, right: np.ndarray, search: ShiftSearch) -> OrthoPair:
     """Both sizes of a pair of orthoimages (rows, cols) uint8; rows and columns must start at even numbers of the whole image."""
-    return OrthoPair(left.astype(np.float32), right.astype(np.float32), half_size(left), half_size(right))
+    halves = [half_size(image, search.window // 2) for image in (left, right)]
+    return OrthoPair(left.astype(np.float32), right.astype(np.float32), *halves)
 
 
-def half_size(image: np.ndarray) -> np.ndarray:
-    """Means of 2 x 2 pixels (rows // 2, cols // 2) float32; 0 where one of them has no data."""
+def half_size(image: np.ndarray, half: int) -> HalfSize:
+    """Means of 2 x 2 pixels, no data where one of them has none, and sums over windows of 2 half + 1 pixels.
+
+    All values are multiples of a quarter, so their sums are exact: no window depends on the tile that it is computed in.
+    """
     rows, cols = image.shape[0] // 2, image.shape[1] // 2
-    blocks = image[: 2 * rows, : 2 * cols].reshape(rows, 2, cols, 2).astype(np.float32)
-    return np.where((blocks > 0).all(axis=(1, 3)), blocks.mean(axis=(1, 3)), np.float32(0))
+    blocks = image[: 2 * rows, : 2 * cols].reshape(rows, 2, cols, 2).astype(np.float64)
+    grey = np.where((blocks > 0).all(axis=(1, 3)), blocks.mean(axis=(1, 3)), 0.0)
+    complete = window_sums((grey == 0).astype(np.float64), half) == 0
+    sums = [np.where(complete, window_sums(values, half), np.nan) for values in (grey, grey**2)]
+    return HalfSize(grey.astype(np.float32), *sums)
 
 
-def back_search(search: ShiftSearch) -> ShiftSearch:
-    """The search back: no shift has no benefit of the doubt there, it would hide a wrong match."""
-    return search.model_copy(update={"gain": 0.0})
+def window_sums(values: np.ndarray, half: int) -> np.ndarray:
+    """Sums (rows, cols) over the window of 2 half + 1 pixels around each; NaN where it leaves the array."""
+    out = np.full(values.shape, np.nan)
+    side = 2 * half + 1
+    if min(values.shape) >= side:
+        upto = np.pad(values, ((1, 0), (1, 0))).cumsum(axis=0).cumsum(axis=1)
+        out[half:-half, half:-half] = upto[side:, side:] - upto[:-side, side:] - upto[side:, :-side] + upto[:-side, :-side]
+    return out
 
 
-def shifts(pair: OrthoPair, points: np.ndarray, direction: np.ndarray, search: ShiftSearch) -> np.ndarray:
-    """Whole-pixel shifts (N, 2) (col, row) int32 from points (N, 2) of the left to the right image; 0 where nothing is better.
+def shifts(pair: OrthoPair, points: np.ndarray, direction: np.ndarray, search: ShiftSearch, gain: float) -> np.ndarray:
+    """Whole-pixel shifts (N, 2) (col, row) int32 from points (N, 2) of the left to the right image.
 
-    direction (2,): unit vector (col, row) along which height errors move points.
+    direction (2,): unit vector (col, row) along which height errors move points. gain: how much better than no shift another must
+    correlate; with 0 the answer is refined at full size even where no shift is best.
     """
     out = np.zeros((len(points), 2), np.int32)
+    a, b = pair.left_half, pair.right_half
+    halves = a.grey, a.total, a.squares, b.grey, b.total, b.squares
     steps = _steps(direction, search.reach)
-    images = pair.left, pair.right, pair.left_half, pair.right_half
-    _search(*images, points.astype(np.int64), steps, (search.window // 2, search.gain), out)
+    _search(pair.left, pair.right, halves, points.astype(np.int64), steps, (search.window // 2, gain), out)
     return out
+
+
+def distance_back(pair: OrthoPair, points: np.ndarray, there: np.ndarray, direction: np.ndarray, search: ShiftSearch) -> np.ndarray:
+    """How far (N,) px from points (N, 2) the search back from their matches `there` (N, 2) ends; NaN for NaN.
+
+    Where the match lies so near the point that no shift back is a return, no shift has the benefit of the doubt; elsewhere that
+    would hide a wrong match.
+    """
+    whole = np.rint(np.where(np.isfinite(there), there, points)).astype(np.int64)
+    far = ~(np.hypot(*(there - points).T) <= search.back)
+    back = np.zeros((len(points), 2), np.int32)
+    for group, gain in ((far, 0.0), (~far, search.gain)):
+        back[group] = shifts(pair.swapped, whole[group], direction, search, gain)
+    return np.hypot(*(there + back - points).T)
 
 
 def _steps(direction: np.ndarray, reach: int) -> np.ndarray:
@@ -80,57 +119,88 @@ def _steps(direction: np.ndarray, reach: int) -> np.ndarray:
 
 
 @njit(cache=True, fastmath={"reassoc", "contract", "nsz", "arcp"})
-def _sums(a, b, ar, ac, br, bc, half):
-    """Five sums over two windows of equal size, and the product of the smallest values (0: one touches no data)."""
-    sa = sb = saa = sbb = sab = np.float32(0.0)
-    low = np.float32(255.0)
+def _product(a, b, ar, ac, br, bc, half):
+    """Sum of products of two windows about the grey value 128."""
+    total = np.float32(0.0)
     for i in range(-half, half + 1):
         for j in range(-half, half + 1):
-            p, q = a[ar + i, ac + j] - np.float32(128.0), b[br + i, bc + j] - np.float32(128.0)
-            low = min(low, min(p, q))
-            sa += p
-            sb += q
-            saa += p * p
-            sbb += q * q
-            sab += p * q
-    return sa, sb, saa, sbb, sab, low
+            total += (a[ar + i, ac + j] - np.float32(128.0)) * (b[br + i, bc + j] - np.float32(128.0))
+    return total
 
 
-@njit(cache=True)
-def correlation(a, b, ar, ac, br, bc, half):
-    """Normalised correlation of the windows around (ar, ac) of `a` and (br, bc) of `b`; -2 outside the images and without data."""
-    for r, c, shape in ((ar, ac, a.shape), (br, bc, b.shape)):
-        if r < half or c < half or r >= shape[0] - half or c >= shape[1] - half:
-            return _NONE
-    sa, sb, saa, sbb, sab, low = _sums(a, b, ar, ac, br, bc, half)
-    if low <= -128.0:
-        return _NONE
-    n = (2 * half + 1) ** 2
+@njit(cache=True, inline="always")
+def _coefficient(product, sa, saa, sb, sbb, n):
+    """Normalised correlation from sums over n pixels; NaN sums and flat windows give -2."""
     power = (saa - sa * sa / n) * (sbb - sb * sb / n)
-    return (sab - sa * sb / n) / np.sqrt(power) if power > 1.0 else _NONE
+    if not power > 1.0:
+        return _NONE
+    return (product - (sa - 128.0 * n) * (sb - 128.0 * n) / n) / np.sqrt(power)
 
 
 @njit(cache=True)
-def _search(left, right, left_half, right_half, points, steps, numbers, out):
+def _window_sums(image, row, col, half):
+    """Sum and sum of squares of the window; NaN where it leaves the image or touches no data."""
+    total = squares = 0.0
+    if row < half or col < half or row >= image.shape[0] - half or col >= image.shape[1] - half:
+        return np.nan, np.nan
+    for i in range(row - half, row + half + 1):
+        for j in range(col - half, col + half + 1):
+            value = image[i, j]
+            if value == 0.0:
+                return np.nan, np.nan
+            total += value
+            squares += value * value
+    return total, squares
+
+
+@njit(cache=True)
+def _coarse(halves, row, col, steps, half, gain):
+    """Number of the step that correlates best at half size; 0 is no shift."""
+    a, at, asq, b, bt, bsq = halves
+    n = (2 * half + 1) ** 2
+    best, step = _NONE, 0
+    if row >= a.shape[0] or col >= a.shape[1] or not np.isfinite(at[row, col]):
+        return 0
+    for k in range(steps.shape[0]):
+        r, c = row + steps[k, 1], col + steps[k, 0]
+        if r < half or c < half or r >= b.shape[0] - half or c >= b.shape[1] - half or not np.isfinite(bt[r, c]):
+            continue
+        found = _coefficient(_product(a, b, row, col, r, c, half), at[row, col], asq[row, col], bt[r, c], bsq[r, c], n)
+        if k == 0:
+            found += gain
+        if found > best:
+            best, step = found, k
+        if best >= 1.0:
+            break
+    return step
+
+
+@njit(cache=True)
+def _fine(left, right, col, row, first, half):
+    """The shift next to `first` (2,) that correlates best at full size; `first` where none can be computed."""
+    n = (2 * half + 1) ** 2
+    best, dc, dr = _NONE, first[0], first[1]
+    sa, saa = _window_sums(left, row, col, half)
+    if not np.isfinite(sa):
+        return dc, dr
+    for m in range(-1, 2):
+        for k in range(-1, 2):
+            c, r = first[0] + k, first[1] + m
+            sb, sbb = _window_sums(right, row + r, col + c, half)
+            if np.isfinite(sb):
+                found = _coefficient(_product(left, right, row, col, row + r, col + c, half), sa, saa, sb, sbb, n)
+                if found > best:
+                    best, dc, dr = found, c, r
+    return dc, dr
+
+
+@njit(cache=True)
+def _search(left, right, halves, points, steps, numbers, out):
     half, gain = numbers
     for i in range(points.shape[0]):
         col, row = points[i, 0], points[i, 1]
-        hc, hr = col // 2, row // 2
-        best, step = _NONE, 0
-        for k in range(steps.shape[0]):
-            found = correlation(left_half, right_half, hr, hc, hr + steps[k, 1], hc + steps[k, 0], half)
-            if k == 0:
-                found += gain
-            if found > best:
-                best, step = found, k
-        if step == 0 and gain > 0.0:
+        if col < 0 or row < 0:
             continue
-        fine, dc, dr = _NONE, 0, 0
-        for m in range(-1, 2):
-            for n in range(-1, 2):
-                c, r = 2 * steps[step, 0] + n, 2 * steps[step, 1] + m
-                found = correlation(left, right, row, col, row + r, col + c, half)
-                if found > fine:
-                    fine, dc, dr = found, c, r
-        if fine > _NONE:
-            out[i, 0], out[i, 1] = dc, dr
+        step = _coarse(halves, row // 2, col // 2, steps, half, gain)
+        if step > 0 or gain == 0.0:
+            out[i, 0], out[i, 1] = _fine(left, right, col, row, 2 * steps[step], half)

@@ -27,7 +27,7 @@ from tasks.dsm_check.coverage import CHECKED_PAIRS, CheckedPair, CheckedPairs, c
 from tasks.dsm_check.height_correction import Correction, RayCorrection
 from tasks.dsm_check.nodes import BANDS, NodeMatching, NodeTile, check_nodes
 from tasks.dsm_check.orthoimage import OrthoTile, ortho_tile
-from tasks.dsm_check.report import DH, PRECISION, report
+from tasks.dsm_check.report import DH, PRECISION, Blocks, report
 from tasks.dsm_check.statistics import TileCounts
 from tasks.dsm_check.tile import CorrectionRule, NodeWindow, correct_tile, take_surface
 from tasks.geometry.footprint import photo_window
@@ -36,7 +36,7 @@ from tasks.geometry.view import block_view
 INPUT = "dsm_check/input"
 """float32 m: the surface under test, wherever it comes from"""
 COARSE = "dsm_check/coarse"
-"""float32 (rows, cols, 2): share and mean of significant corrections in blocks of cells"""
+"""float32 (rows, cols, 3): share checked, mean correction and mean sigma (m) in blocks of cells"""
 
 
 class DensifiedSurface(Settings):
@@ -163,14 +163,14 @@ class DsmCheckStage(Stage):
             yield map_raster(name, plan.grid, "float32", view.project.crs, plan.tile, nodata=float("nan"), unit="m")
         size = block_size(plan.grid.shape)
         shape = tuple(-(-side // size) for side in plan.grid.shape)
-        coarse = RasterSpec(name=COARSE, shape=(*shape, 2), dtype="float32", chunk=plan.tile // size)
+        coarse = RasterSpec(name=COARSE, shape=(*shape, 3), dtype="float32", chunk=plan.tile // size)
         yield coarse
         tiles = list(tiles_of(plan.grid.shape, plan.tile))
         for tile in tiles:
             yield self._answer_tile(plan, tile, size)
         yield Job(self.kind, "report", report, {"tiles": tuple(_counts_table(t) for t in tiles), "pairs": CHECKED_PAIRS,
                                                 "coarse": Raster(COARSE, coarse.full)},
-                  {"report": report_table(self.kind)}, {"grid": plan.grid, "block": size})
+                  {"report": report_table(self.kind)}, {"blocks": Blocks(plan.grid, size, self.significance)})
         yield Export(self.kind, "product", "products/dsm_check.tif", "cog", {"dh": DH, "height": CORRECTED, "sigma": PRECISION})
 
     def _answer_tile(self, plan: _Plan, tile: Tile, size: int) -> Job:

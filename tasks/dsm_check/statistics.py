@@ -1,6 +1,6 @@
 """What the check says in numbers: counts and histograms per tile, which add up to the statistics of the whole.
 
-Strategy. Medians cannot be added, histograms can: corrections are counted in bins of a fiftieth of what one pixel of shift
+Strategy. Medians cannot be added, histograms can: corrections are counted in bins of a two-hundredth of what one pixel of shift
 stands for, so that median and NMAD of any number of tiles are known to that bin.
 """
 
@@ -13,7 +13,7 @@ from schemas.outcome import Outcome
 from tasks.dsm_check.correction_map import CorrectionMap
 from tasks.dsm_check.nodes import DH, OUTCOME, SIGMA
 
-BINS_PER_PIXEL = 50
+BINS_PER_PIXEL = 200
 _LAST_BIN = 100 * BINS_PER_PIXEL
 
 

@@ -61,6 +61,6 @@ def correct_tile(window: Window, pairs: tuple[NodeWindow, ...], rule: Correction
     counted = tuple(count_pair(pair.pair, pair.inner(one), rule.pixel_height) for one, pair in zip(clean, pairs, strict=True))
     return {
         "dh": correction.dh, "precision": correction.sigma, "height": corrected_heights(heights, correction, share),
-        "coarse": blocks(correction.dh, correction.sigma, rule.block, rule.significance),
+        "coarse": blocks(correction.dh, correction.sigma, rule.block),
         "counts": count_tile(heights, correction, share, counted, rule.pixel_height),
     }

@@ -1,7 +1,7 @@
 """Height differences as histograms that can be added, and the measures that are read from the sum.
 
-A tile keeps, per class, a histogram in bins of a hundredth of a cell over +-20 cells and a few exact sums. Sums of histograms give median,
-NMAD and quantiles of the whole to within a bin, without ever holding the whole.
+A tile keeps, per class, a histogram in bins of a hundredth of a cell over +-20 cells and a few exact sums. Sums of histograms give
+median, NMAD and quantiles of the whole to within a bin, without ever holding the whole.
 
 Source: methods/relative_orientation_and_epipolar.md 1.21 (bias, SD, RMS, shares within n sigma);
 methods/matching_and_dsm_check.md 1.10 (95 % of the normal law: 1.96 RMSE) and 1.12; Hoehle & Hoehle 2009 (NMAD, quantiles).
@@ -21,7 +21,8 @@ SIGMAS = (1.0, 3.0, 4.0, 5.0, 6.0, 10.0)
 
 @dataclass(frozen=True)
 class HeightHistogram(Columns):
-    """Non-empty bins: differences whose nearest multiple of the bin width is `bin`, of cells of class `place` (or building `place`)."""
+    """Non-empty bins: differences whose nearest multiple of the bin width is `bin`, of cells of class `place` (or building
+    `place`)."""
 
     place: np.ndarray
     """int32"""
@@ -71,12 +72,14 @@ def histogram(dh: np.ndarray, place: np.ndarray, cell: float) -> HeightHistogram
     limit = REACH * BINS_PER_CELL
     bins = np.clip(np.rint(dh / bin_width(cell)), -limit, limit).astype(np.int64)
     keys, counts = np.unique(place.astype(np.int64) * (4 * limit) + bins + 2 * limit, return_counts=True)
-    return HeightHistogram((keys // (4 * limit)).astype(np.int32), (keys % (4 * limit) - 2 * limit).astype(np.int32), counts.astype(np.int64))
+    return HeightHistogram((keys // (4 * limit)).astype(np.int32), (keys % (4 * limit) - 2 * limit).astype(np.int32),
+                           counts.astype(np.int64))
 
 
 @dataclass(frozen=True)
 class JudgedCells:
-    """Cells of a tile, flat (N,): class, difference dh (m, NaN where nothing was measured), reported precision (m, may be NaN), seen twice."""
+    """Cells of a tile, flat (N,): class, difference dh (m, NaN where nothing was measured), reported precision (m, may be NaN),
+    seen twice."""
 
     place: np.ndarray
     dh: np.ndarray
@@ -93,7 +96,8 @@ def _sums_of(cells: JudgedCells, place: int) -> dict[str, float]:
     rated = measured & np.isfinite(cells.precision[mine]) & (cells.precision[mine] > 0)
     good = dh[measured]
     return {
-        "place": place, "cells": len(dh), "measured": len(good), "seen_twice": twice.sum(), "measured_seen_twice": (twice & measured).sum(),
+        "place": place, "cells": len(dh), "measured": len(good), "seen_twice": twice.sum(),
+        "measured_seen_twice": (twice & measured).sum(),
         "total": good.sum(), "squares": (good**2).sum(), "lowest": good.min(initial=np.inf), "highest": good.max(initial=-np.inf),
         "with_precision": rated.sum(), **{f"within_{k:.0f}": (ratio[rated] <= k).sum() for k in SIGMAS},
     }
@@ -104,7 +108,7 @@ _FLOATS = ("total", "squares", "lowest", "highest")
 
 def _columns(rows: list[dict[str, float]]) -> HeightSums:
     names = HeightSums.__dataclass_fields__
-    types = {name: np.float64 if name in _FLOATS else np.int32 if name == "place" else np.int64 for name in names}
+    types = dict.fromkeys(names, np.int64) | dict.fromkeys(_FLOATS, np.float64) | {"place": np.int32}
     return HeightSums(**{name: np.array([row[name] for row in rows], types[name]) for name in names})
 
 
@@ -118,7 +122,8 @@ def merged_sums(parts: tuple[HeightSums, ...], places: tuple[int, ...]) -> dict[
     together = {name: np.concatenate([getattr(p, name) for p in parts]) for name in HeightSums.__dataclass_fields__}
     mine = np.isin(together["place"], places)
     merged = {name: values[mine].sum() for name, values in together.items() if name not in ("place", "lowest", "highest")}
-    merged["lowest"], merged["highest"] = together["lowest"][mine].min(initial=np.inf), together["highest"][mine].max(initial=-np.inf)
+    merged["lowest"] = together["lowest"][mine].min(initial=np.inf)
+    merged["highest"] = together["highest"][mine].max(initial=-np.inf)
     return {name: float(value) for name, value in merged.items()}
 
 

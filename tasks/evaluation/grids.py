@@ -1,7 +1,8 @@
 """Bringing a reference on its own map grid to the cells that are judged.
 
 Heights: bilinear between four reference cells that belong together, the nearest one where a wall runs between them. Codes: nearest.
-Colours: mean over the judged pixel where the reference is finer, else bicubic. Places are counted from the whole grids, so tiles agree.
+Colours: mean over the judged pixel where the reference is finer, else bicubic. Places are counted from the whole grids, so tiles
+agree.
 """
 
 from dataclasses import dataclass
@@ -70,7 +71,8 @@ def heights_on(heights: np.ndarray, place: Placement) -> np.ndarray:
     cols, rows = place.source_pixels()
     (col, col_in), (row, row_in) = _index(cols, heights.shape[1]), _index(rows, heights.shape[0])
     nearest = heights[np.ix_(row, col)]
-    low_c, low_r = (np.clip(np.floor(p).astype(np.int64), 0, max(n - 2, 0)) for p, n in ((cols, heights.shape[1]), (rows, heights.shape[0])))
+    low_c = np.clip(np.floor(cols).astype(np.int64), 0, max(heights.shape[1] - 2, 0))
+    low_r = np.clip(np.floor(rows).astype(np.int64), 0, max(heights.shape[0] - 2, 0))
     high_c, high_r = np.minimum(low_c + 1, heights.shape[1] - 1), np.minimum(low_r + 1, heights.shape[0] - 1)
     s, t = np.clip(cols - low_c, 0, 1)[None, :], np.clip(rows - low_r, 0, 1)[:, None]
     four = [heights[np.ix_(r, c)] for r in (low_r, high_r) for c in (low_c, high_c)]
@@ -89,7 +91,8 @@ def colours_on(colours: np.ndarray, place: Placement) -> np.ndarray:
     (col, col_in), (row, row_in) = _index(cols, colours.shape[1]), _index(rows, colours.shape[0])
     ratio = place.grid.cell / place.source.cell
     inside = row_in[:, None] & col_in[None, :]
-    if abs(ratio - 1) < SAME and np.abs(cols - col)[col_in].max(initial=0) < SAME and np.abs(rows - row)[row_in].max(initial=0) < SAME:
+    off = max(np.abs(cols - col)[col_in].max(initial=0), np.abs(rows - row)[row_in].max(initial=0))
+    if abs(ratio - 1) < SAME and off < SAME:
         return np.where(inside[..., None], colours[np.ix_(row, col)], np.nan).astype(np.float32)
     order = 1 if ratio > 1.5 else 3
     planes = []

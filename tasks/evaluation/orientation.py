@@ -11,7 +11,8 @@ from tasks.geometry.rotation import angles, rotation_matrix
 
 @dataclass(frozen=True)
 class PhotoDifference:
-    """Block minus truth of one photo: centre (3,) m, rotation (3,) degrees, and standard errors (6,) in m and degrees, NaN if not known."""
+    """Block minus truth of one photo: centre (3,) m, rotation (3,) degrees, and standard errors (6,) in m and degrees, NaN if not
+    known."""
 
     photo: str
     centre: np.ndarray
@@ -68,5 +69,6 @@ def interior_differences(block: Block, truth: Block) -> tuple[InteriorDifference
         seen.add(key)
         mine, true = block.cameras[key], truth.camera_of(name)
         sigma = _sigmas(mine.covariance, len(INTERIOR))
-        rows += [InteriorDifference(key, p, a, b, s) for p, a, b, s in zip(INTERIOR, mine.interior, true.interior, sigma, strict=True)]
+        values = zip(INTERIOR, mine.interior, true.interior, sigma, strict=True)
+        rows += [InteriorDifference(key, *value) for value in values]
     return tuple(rows)

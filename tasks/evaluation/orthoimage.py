@@ -4,9 +4,9 @@
   (and also as they are).
 - Structure: SSIM with a Gaussian window of sigma 1.5 px on the mean of the channels (Wang et al. 2004).
 - Place: least-squares matching of the true image in the orthoimage at nodes of a grid; the shift of each node in ortho pixels.
-- Double projection: a roof that is painted twice lies on ground which some photo cannot see for the building. There, a pixel that is far
-  from its true colour and nearer to that of the roof beside it counts as doubled. The same rule on ground that no building hides from
-  any photo tells how often it strikes by chance.
+- Double projection: a roof that is painted twice lies on ground which some photo cannot see for the building. There, a pixel that
+is far from its true colour and nearer to that of the roof beside it counts as doubled. The same rule on ground that no building
+hides from any photo tells how often it strikes by chance.
 - Vehicles: road pixels far from their vehicle-free truth, where three photos or more see the place.
 """
 
@@ -130,7 +130,8 @@ def fitted(ortho: np.ndarray, fit: GreyFit) -> np.ndarray:
 
 
 def structural_similarity(a: np.ndarray, b: np.ndarray, valid: np.ndarray) -> np.ndarray:
-    """SSIM (rows, cols) of two grey images; NaN where the 11 x 11 window touches a pixel that is not `valid` or leaves the arrays."""
+    """SSIM (rows, cols) of two grey images; NaN where the 11 x 11 window touches a pixel that is not `valid` or leaves the
+    arrays."""
     def smooth(x: np.ndarray) -> np.ndarray:
         return ndimage.gaussian_filter(x, 1.5, truncate=3.4, mode="nearest")
 
@@ -147,8 +148,9 @@ def structural_similarity(a: np.ndarray, b: np.ndarray, valid: np.ndarray) -> np
 class OrthoScene:
     """A window of the orthoimage with what is true there.
 
-    `window` in the ortho grid; `colour` (rows, cols, 3) fitted ortho colours; `truth` likewise, NaN where unknown; `covered` (rows, cols)
-    bool: the orthoimage has a colour; `material` codes; `seen` uint8 number of photos that truly see the pixel, 255 where unknown.
+    `window` in the ortho grid; `colour` (rows, cols, 3) fitted ortho colours; `truth` likewise, NaN where unknown; `covered` (rows,
+    cols) bool: the orthoimage has a colour; `material` codes; `seen` uint8 number of photos that truly see the pixel, 255 where
+    unknown.
     """
 
     window: Window
@@ -175,10 +177,12 @@ def shifts(scene: OrthoScene, core: Window, place: np.ndarray) -> Shifts:
     r, c = row - scene.window.row, col - scene.window.col
     if not len(r):
         return Shifts(*(np.zeros(0, t) for t in (np.int32, np.int32, np.float32, np.float32, np.uint8, np.uint8)))
-    grey, truth = (np.where(scene.judged, np.maximum(x.mean(axis=-1), 1.0), np.nan).astype(np.float32) for x in (scene.colour, scene.truth))
+    grey, truth = (np.where(scene.judged, np.maximum(x.mean(axis=-1), 1.0), np.nan).astype(np.float32)
+                   for x in (scene.colour, scene.truth))
     points = np.column_stack([c, r]).astype(np.float64)
     found = match_points(truth, grey, points, points, MATCHING)
-    return Shifts(col.astype(np.int32), row.astype(np.int32), (found.col - c).astype(np.float32), (found.row - r).astype(np.float32),
+    return Shifts(col.astype(np.int32), row.astype(np.int32), (found.col - c).astype(np.float32),
+                  (found.row - r).astype(np.float32),
                   place[r, c], scene.seen[r, c])
 
 
@@ -226,7 +230,8 @@ def count_ortho(scene: OrthoScene, core: Window, hidden_photos: np.ndarray) -> O
     many, few = road & (seen >= 3), road & (seen < 3) & (seen > 0)
     counts = {
         "ssim_count": np.isfinite(index), "visible": known & (seen > 0), "visible_covered": known & (seen > 0) & covered,
-        "hidden": known & (seen == 0), "hidden_covered": known & (seen == 0) & covered, "shadow": shadow, "shadow_doubled": shadow & twice,
+        "hidden": known & (seen == 0), "hidden_covered": known & (seen == 0) & covered, "shadow": shadow,
+        "shadow_doubled": shadow & twice,
         "free": free, "free_doubled": free & twice, "road_3": many, "road_3_far": many & far, "road_fewer": few,
         "road_fewer_far": few & far, "difference_count": judged,
     }

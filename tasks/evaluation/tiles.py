@@ -43,17 +43,20 @@ def _judge(dh: np.ndarray, known: np.ndarray, cells: JudgedCells, building: np.n
     measured = np.isfinite(cells.dh)
     in_building = np.isfinite(dh) & (building > 0) & known
     return {
-        "dh": dh.astype(np.float32), "sums": height_sums(cells), "histogram": histogram(cells.dh[measured], cells.place[measured], cell),
+        "dh": dh.astype(np.float32), "sums": height_sums(cells),
+        "histogram": histogram(cells.dh[measured], cells.place[measured], cell),
         "buildings": histogram(dh[in_building], building[in_building], cell),
     }
 
 
-def heights_against_truth(height: np.ndarray, precision: np.ndarray, surface: np.ndarray, material: np.ndarray, building: np.ndarray,
+def heights_against_truth(height: np.ndarray, precision: np.ndarray, surface: np.ndarray, material: np.ndarray,
+                          building: np.ndarray,
                           visibility: np.ndarray, place: Placement, core: Window) -> dict[str, object]:
     """Judges the DSM cells `core`.
 
-    height, precision (rows, cols) m at `core`; the truth rasters at the source window of `place`, whose window is `core` with a halo.
-    Returns "dh" (rows, cols) float32, DSM minus truth, "sums", "histogram" per class, "buildings" per building's roof interior.
+    height, precision (rows, cols) m at `core`; the truth rasters at the source window of `place`, whose window is `core` with a
+    halo. Returns "dh" (rows, cols) float32, DSM minus truth, "sums", "histogram" per class, "buildings" per building's roof
+    interior.
     """
     inner = _inside(place.window, core)
     true = heights_on(surface, place)[inner]
@@ -67,7 +70,8 @@ def heights_against_truth(height: np.ndarray, precision: np.ndarray, surface: np
 
 
 def heights_against_file(height: np.ndarray, precision: np.ndarray, reference: np.ndarray, cell: float) -> dict[str, object]:
-    """As `heights_against_truth`, with a reference (rows, cols) m on the same cells, NaN where it has none; all cells are one class."""
+    """As `heights_against_truth`, with a reference (rows, cols) m on the same cells, NaN where it has none; all cells are one
+    class."""
     known = np.isfinite(reference)
     dh = height - reference
     flat = np.full(int(known.sum()), int(PlaceClass.UNKNOWN), np.int64)
@@ -132,7 +136,8 @@ def ortho_against_truth(ortho: np.ndarray, truth: np.ndarray, material: np.ndarr
 
 
 def ortho_against_file(ortho: np.ndarray, reference: np.ndarray, fit: GreyFit, where: OrthoPlace) -> dict[str, object]:
-    """As `ortho_against_truth`, with a reference (rows, cols, 3) on the same pixels and nothing known of materials and visibility."""
+    """As `ortho_against_truth`, with a reference (rows, cols, 3) on the same pixels and nothing known of materials and
+    visibility."""
     nothing = np.zeros(ortho.shape[:2], np.uint8)
     scene = OrthoScene(where.window, fitted(ortho, fit), reference, ortho[..., 3] > 0, nothing, nothing + UNKNOWN_COUNT)
     return _finish(scene, where, np.full(ortho.shape[:2], -1))

@@ -37,6 +37,7 @@ class Material:
     """What the start is made from. `cameras` in the order of `interior`; `camera_of` (P,); `relative` between photos by `names`."""
 
     names: tuple[str, ...]
+    camera_names: tuple[str, ...]
     cameras: list[Camera]
     camera_of: np.ndarray
     interior: Interior
@@ -243,7 +244,8 @@ class _Growth:
 
 def _free_network(material: Material, active: np.ndarray, calibrate: bool) -> Network:
     photos, interior = len(active), material.interior
-    held = replace(interior, free=interior.free & GROWTH_PARAMETERS & (calibrate & interior.weight.any(axis=(1, 2)))[:, None])
+    free = interior.free & GROWTH_PARAMETERS & (calibrate & interior.weight.any(axis=(1, 2)))[:, None]
+    held = replace(interior, free=free, considered=np.zeros_like(free))
     return Network(
         material.camera_of[active],
         held,

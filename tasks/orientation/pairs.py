@@ -4,8 +4,9 @@ start."""
 import cv2
 import numpy as np
 from scipy.sparse import csr_array
+from scipy.special import gammaln
 
-from schemas.camera import Cameras
+from schemas.camera import Camera, Cameras
 from schemas.errors import GeometryError
 from schemas.observations import TiePoints
 from schemas.orientation import RelativeOrientation, RelativeOrientations
@@ -13,7 +14,7 @@ from schemas.photo import Photos
 from tasks.adjustment.network import Rays
 from tasks.geometry.rotation import angles
 from tasks.orientation.measurements import ideal, tie_rays
-from tasks.orientation.relative import Relative, model_points, orient_robust
+from tasks.orientation.relative import Relative, epipolar_distance, model_points, orient_robust
 
 cv2.setNumThreads(1)
 
@@ -60,17 +61,33 @@ def _relate(photos: Photos, cameras: Cameras, rays: Rays, coordinates: np.ndarra
         relative = orient_robust(observations, c_left, c_right, expected=max(1.0, float(np.median(rays.sigma[a]))))
     except GeometryError as error:
         return RelativeOrientation(left=names[0], right=names[1], matches=len(a), kept=0, outcome=str(error))
-    return _row(names, relative, observations)
+    return _row(names, relative, observations, cameras.of(names[1]))
 
 
-def _row(names: tuple[str, str], relative: Relative, observations: np.ndarray) -> RelativeOrientation:
+def chance_agreement(relative: Relative, observations: np.ndarray, camera: Camera) -> float:
+    """log10 of how many relative orientations would keep as many matches as well, were all matches random; below -3: no chance.
+
+    Source: Moisan and Stival 2004, the a contrario test of epipolar geometry.
+    """
+    count, kept = len(observations), int(relative.kept.sum())
+    distance = np.sqrt(2.0) * max(float(epipolar_distance(relative.solution.model, observations[relative.kept]).max()), 0.1)
+    band = min(2.0 * distance * np.hypot(camera.width, camera.height) / (camera.width * camera.height), 1.0)
+    choices = np.log(max(count - 5, 1)) + _log_choose(count, kept) + _log_choose(kept, 5)
+    return float((choices + (kept - 5) * np.log(band)) / np.log(10.0))
+
+
+def _log_choose(n: int, k: int) -> float:
+    return float(gammaln(n + 1) - gammaln(k + 1) - gammaln(n - k + 1))
+
+
+def _row(names: tuple[str, str], relative: Relative, observations: np.ndarray, camera: Camera) -> RelativeOrientation:
     solution, model = relative.solution, relative.solution.model
     kept, base = int(relative.kept.sum()), model.base
     intersection = float(np.degrees(np.median(model_points(model, observations[relative.kept])[1])))
     outcome = (
         "oriented"
-        if kept >= max(8, 0.2 * len(observations))
-        else f"Only {kept} of {len(observations)} matches agree with one relative orientation."
+        if kept >= 8 and chance_agreement(relative, observations, camera) < -3.0
+        else f"Only {kept} of {len(observations)} matches agree with one relative orientation, which may be chance."
     )
     return RelativeOrientation(
         left=names[0],

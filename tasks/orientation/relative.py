@@ -167,7 +167,7 @@ def _five_point_start(
     right = np.ascontiguousarray(observations[:, 2:] / c_right * [1, -1])
     cv2.setRNGSeed(seed)
     essential, mask = cv2.findEssentialMat(
-        left, right, np.eye(3), method=cv2.RANSAC, prob=0.99999, threshold=threshold / (0.5 * (c_left + c_right)), maxIters=20000
+        left, right, np.eye(3), method=cv2.RANSAC, prob=0.99999, threshold=threshold / (0.5 * (c_left + c_right)), maxIters=10000
     )
     if essential is None or essential.shape[0] < 3 or mask.sum() < 6:
         raise GeometryError(

@@ -348,7 +348,7 @@ def _arrows(facts: _Facts, name: str) -> Chart | None:
             "dy": tuple(map(float, dy)),
         },
         caption=f"Arrows are exaggerated; the longest is {np.hypot(dx, dy).max() if len(dx) else 0:.2f} px. A pattern means "
-                f"that the camera "
+        f"that the camera "
         "model does not fit the lens.",
     )
 

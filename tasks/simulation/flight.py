@@ -120,7 +120,8 @@ def scene_settings(flight: FlightSettings, buildings: int) -> SceneSettings:
 def scene_grid(settings: SceneSettings, cell: float) -> MapGrid:
     """The map grid of the scene's rasters."""
     west, south, east, north = scene_bounds(settings)
-    return MapGrid(west=west, north=north, cell=cell, rows=int(np.ceil((north - south) / cell)), cols=int(np.ceil((east - west) / cell)))
+    rows, cols = int(np.ceil((north - south) / cell)), int(np.ceil((east - west) / cell))
+    return MapGrid(west=west, north=north, cell=cell, rows=rows, cols=cols)
 
 
 def true_block(flight: FlightSettings, scene: Scene, crs: str) -> Block:
@@ -142,9 +143,10 @@ def seen_window(view: View, scene: Scene, grid: MapGrid, pixels: Window) -> Wind
         low, high = height_bounds(scene, bounds)
         bounds = _ground_under(view, pixels, low, high)
     margin = 3.0 * grid.cell + 1.0
-    col, row = np.floor(np.array([bounds[0] - grid.west - margin, grid.north - bounds[3] - margin]) / grid.cell / BLOCK).astype(int)
-    right, bottom = np.ceil(np.array([bounds[2] - grid.west + margin, grid.north - bounds[1] + margin]) / grid.cell / BLOCK).astype(int)
-    return Window(int(row) * BLOCK, int(col) * BLOCK, int(bottom - row) * BLOCK, int(right - col) * BLOCK).clipped(grid.shape)
+    first = np.array([grid.north - bounds[3] - margin, bounds[0] - grid.west - margin]) / (grid.cell * BLOCK)
+    last = np.array([grid.north - bounds[1] + margin, bounds[2] - grid.west + margin]) / (grid.cell * BLOCK)
+    (row, col), (bottom, right) = np.floor(first).astype(int).tolist(), np.ceil(last).astype(int).tolist()
+    return Window(row * BLOCK, col * BLOCK, (bottom - row) * BLOCK, (right - col) * BLOCK).clipped(grid.shape)
 
 
 def _ground_under(view: View, pixels: Window, low: float, high: float) -> tuple[float, float, float, float]:

@@ -51,17 +51,18 @@ class PaintedWindow:
 
 
 def painted_window(scene: Scene, grid: MapGrid, window: Window) -> PaintedWindow:
-    """Surface and colours of `window` of `grid`. Independent of the tiling: the surface around it is looked at as far as shadows fall."""
+    """Surface and colours of `window` of `grid`, the same in any tiling: as much around it is looked at as shadows are long."""
     reach = int(np.ceil(SHADOW_REACH / grid.cell))
     grown = Window(window.row - 1, window.col - 1, window.height + 1 + reach, window.width + 1 + reach)
     wide = surface_window(scene, grid, grown)
-    light = _light(wide.height, grid.cell)[1:1 + window.height, 1:1 + window.width]
     inner = slice(1, 1 + window.height), slice(1, 1 + window.width)
+    light = _light(wide.height, grid.cell)[inner]
     surface = SurfaceWindow(*(np.ascontiguousarray(part[inner]) for part in (wide.height, wide.material, wide.building)))
     x, y = grid.centres(window)
     colours = np.empty((*window.shape, 3), np.uint8)
     place = np.array([scene.settings.west, scene.settings.north])
-    _paint(colours, x, y, surface.material, surface.building, light, flat_mosaic(), place, scene.buildings.table, scene.settings.seed)
+    houses, seed = scene.buildings.table, scene.settings.seed
+    _paint(colours, x, y, surface.material, surface.building, light, flat_mosaic(), place, houses, seed)
     return PaintedWindow(surface, colours)
 
 

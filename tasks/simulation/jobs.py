@@ -20,9 +20,10 @@ from schemas.truth import (
 from tasks.simulation.boards import CORNERS, SQUARE, BoardPhoto, render_boards
 from tasks.simulation.flight import BLOCK, FlightSettings, camera_of, exposure, orientations, true_block, views
 from tasks.simulation.ground_texture import PaintedWindow, painted_window
-from tasks.simulation.layout import SceneSettings, scene_of
+from tasks.simulation.layout import SceneSettings
 from tasks.simulation.rendering import Film, render
 from tasks.simulation.scene import SurfaceWindow
+from tasks.simulation.settlement import scene_of
 from tasks.simulation.surveying import SurveyPoint, SurveySettings, find_place, positions, survey
 from tasks.simulation.vehicles import vehicles_of
 from tasks.simulation.visibility import occlusion_reach, visibility
@@ -125,8 +126,9 @@ def report(control: ControlRows, measurements: MeasurementRows, site: Site, surv
         Figure(name="gabled_roofs", value=int((scene.buildings.rise > 0).sum())),
         Figure(name="highest_roof", value=round(float(roofs.max()), 1), unit="m", sentence="Absolute height."),
         Figure(name="trees", value=len(scene.trees)),
-        Figure(name="vehicles_per_photo", value=round(float(np.mean([len(vehicles_of(scene, k)) for k in range(len(views(flight)))])), 1)),
-        Figure(name="board_photos", value=boards[0], sentence=f"Of {boards[1]} boards, {CORNERS[0]} x {CORNERS[1]} corners, squares of {SQUARE} m."),
+        Figure(name="vehicles_per_photo", value=len(vehicles_of(scene, 0)), sentence="In the first photo; about as many in the others."),
+        Figure(name="board_photos", value=boards[0],
+               sentence=f"Of {boards[1]} boards with {CORNERS[0]} x {CORNERS[1]} inner corners and squares of {SQUARE} m."),
         Figure(name="gnss_sigma", value=survey_settings.gnss_sigma, unit="m"),
         Figure(name="control_points", value=survey_settings.control),
         Figure(name="check_points", value=survey_settings.check),
@@ -149,8 +151,8 @@ def _orientation_grid(flight: FlightSettings) -> Grid:
 
 def _camera_grid(flight: FlightSettings) -> Grid:
     camera = camera_of(flight)
-    rows = tuple((name, value) for name, value in zip(("c (px)", "x0 (px)", "y0 (px)", "k1", "k2", "k3", "p1", "p2"), camera.interior, strict=True))
-    return Grid(title="True interior orientation", columns=("parameter", "value"), rows=rows)
+    names = ("c (px)", "x0 (px)", "y0 (px)", "k1", "k2", "k3", "p1", "p2")
+    return Grid(title="True interior orientation", columns=("parameter", "value"), rows=tuple(zip(names, camera.interior, strict=True)))
 
 
 def _map(flight: FlightSettings, control: ControlRows) -> Chart:
@@ -158,14 +160,14 @@ def _map(flight: FlightSettings, control: ControlRows) -> Chart:
     labels = (*(view.photo for view in orientations(flight)), *control.name.tolist())
     x = (*(centre[0] for centre in centres), *control.x.tolist())
     y = (*(centre[1] for centre in centres), *control.y.tolist())
-    return Chart(title="Projection centres, control and check points", style="map", x_label="X (m)", y_label="Y (m)", x=x, series={"y": y},
-                 labels=labels)
+    return Chart(title="Projection centres, control and check points", style="map", x_label="X (m)", y_label="Y (m)",
+                 x=x, series={"y": y}, labels=labels)
 
 
 def _pictures(flight: FlightSettings) -> tuple[Picture, ...]:
-    first = views(flight)[0].name
+    first = photo_raster_name(orientations(flight)[0].photo)
     return (
-        Picture(title="A simulated photograph", raster=photo_raster_name(first), style="rgb", caption=f"{first}, as the pipeline gets it."),
+        Picture(title="A simulated photograph", raster=first, style="rgb", caption="The first one, as the pipeline gets it."),
         Picture(title="True orthoimage", raster=TRUTH_ORTHO, style="rgb", caption="Without vehicles; only the evaluation may read it."),
         Picture(title="True surface", raster=TRUTH_SURFACE, style="hillshade", unit="m"),
         Picture(title="Materials", raster=TRUTH_MATERIAL, style="classes", classes=MATERIAL_CLASSES),

@@ -1,8 +1,8 @@
 """A window of an aerial photograph: rays through four points of every pixel, colours where they meet the scene, optics, film.
 
-1. Rays (traversal.py) start from the true camera, distortion included. A ray that meets the top of a column takes the colours of the
-   scene, interpolated among cells of the same object only; one that meets a wall takes wall colour with windows, so that roofs
-   do not smear down walls.
+1. Rays (traversal.py) start from the true camera, distortion included. A ray that meets the top of a column takes the colours of
+   the scene, interpolated among cells of the same object only; one that meets a wall takes wall colour with windows, so that
+   roofs do not smear down walls.
 2. The lens blurs with a Gaussian of PSF_SIGMA on top of the pixel's own area.
 3. Gain, offset and vignetting of the exposure, then noise hashed from photo, pixel and band.
 Every step is a function of the pixel's own numbers, so tiles fit together bit for bit.
@@ -21,7 +21,7 @@ from tasks.simulation.flight import Exposure
 from tasks.simulation.ground_texture import AMBIENT, SUN, PaintedWindow
 from tasks.simulation.hash_noise import normal_of, uniform_of, value_noise
 from tasks.simulation.layout import Scene
-from tasks.simulation.traversal import NOTHING, TOP, columns_of, first_hit
+from tasks.simulation.traversal import NOTHING, TOP, columns_of, first_hit, safe_start, widened
 from tasks.simulation.vehicles import FIRST_NUMBER, vehicles_of, with_vehicles
 
 PSF_SIGMA = 0.45
@@ -159,11 +159,16 @@ def _cast(out, view, numbers, columns, paint, houses):
     tops, row0, col0 = columns[0], columns[2], columns[3]
     start = max(z0 - top, 0.0)
     ray = np.zeros(3, np.float32)
+    high = widened(columns[1])
     for row in range(out.shape[0]):
         for col in range(out.shape[1]):
             x = (numbers[5] + col - view[13]) / view[12]
             y = (view[14] - (numbers[4] + row)) / view[12]
             x, y = undistort_point(x, y, view[15], view[16], view[17], view[18], view[19])
+            down = -(view[2] * x + view[5] * y - view[8])
+            du = (view[0] * x + view[3] * y - view[6]) / down / cell
+            dv = -(view[1] * x + view[4] * y - view[7]) / down / cell
+            begin = safe_start(high, row0, col0, u0, v0, z0, du, dv, start)
             for part in range(4):
                 xs = x + (0.25 if part & 1 else -0.25) / view[12]
                 ys = y + (0.25 if part & 2 else -0.25) / view[12]
@@ -171,7 +176,7 @@ def _cast(out, view, numbers, columns, paint, houses):
                 dy = view[1] * xs + view[4] * ys - view[7]
                 dz = view[2] * xs + view[5] * ys - view[8]
                 du, dv = dx / -dz / cell, -dy / -dz / cell
-                kind, s, r, c = first_hit(columns, u0, v0, z0, du, dv, start, z0 + 1000.0)
+                kind, s, r, c = first_hit(columns, u0, v0, z0, du, dv, begin, z0 + 1000.0)
                 if kind == NOTHING:
                     continue
                 u, v = u0 + s * du, v0 + s * dv
@@ -236,7 +241,7 @@ def expose(light: np.ndarray, film: Film, view: View, pixels: Window) -> np.ndar
 
 @njit(cache=True)
 def _expose(light, out, gain, optics, place):
-    """`optics`: centre row and column, vignetting over squared corner radius, offset, noise; `place`: first row and column, number."""
+    """`optics`: centre row and column, vignetting over squared corner radius, offset, noise; `place`: first row, first column, seed."""
     for row in range(out.shape[0]):
         for col in range(out.shape[1]):
             down, right = place[0] + row, place[1] + col

@@ -40,20 +40,21 @@ from tasks.simulation.jobs import (
     sight_window,
     survey_block,
 )
-from tasks.simulation.layout import scene_of
+from tasks.simulation.settlement import scene_of
 from tasks.simulation.surveying import SurveySettings, lattice, search_window
 
 _SCENE = {"surface": TRUTH_SURFACE, "material": TRUTH_MATERIAL, "building": TRUTH_BUILDING, "ortho": TRUTH_ORTHO}
 
 
 class SimulationStage(Stage):
-    """A flight over a simulated town near Volos, photographs of chessboards by the same camera, and a survey, all with known truth."""
+    """A flight over a simulated town near Volos, photographs of chessboards by the same camera, and a survey: the truth is known."""
 
     title: ClassVar[str] = "simulated photographs"
 
     kind: Literal["simulation"] = "simulation"
     seed: int = setting(2009, "Everything random follows from this number.", ge=0, le=10**6)
-    pixel_um: float = setting(96.0, "Side of a pixel of the scanned photographs. Scene and flight do not depend on it.", "micrometres", ge=5, le=400)
+    pixel_um: float = setting(96.0, "Side of a pixel of the scanned photographs; scene and flight do not hang on it.", "micrometres",
+                              ge=5, le=400)
     frame_mm: float = setting(230.0, "Side of the frame.", "mm", ge=20, le=300)
     c_mm: float = setting(153.353, "Camera constant.", "mm", ge=15, le=400)
     scale: float = setting(6800.0, "Denominator of the photo scale on the plain.", ge=1000, le=30000)
@@ -75,7 +76,8 @@ class SimulationStage(Stage):
     @model_validator(mode="after")
     def _fits_one_mask(self) -> "SimulationStage":
         if self.strips * self.photos_per_strip > 32:
-            raise ValueError(f"strips x photos_per_strip is {self.strips * self.photos_per_strip}; at most 32 photographs can be simulated")
+            raise ValueError(f"strips x photos_per_strip is {self.strips * self.photos_per_strip}, but at most 32 photographs "
+                             "can be simulated: fewer strips or fewer photos in a strip")
         return self
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
@@ -111,8 +113,8 @@ class SimulationStage(Stage):
         for t in tiles_of(grid.shape, tile):
             wide = sight_window(site, t.window)
             yield Job("simulation", "visibility", see, {"surface": Raster(TRUTH_SURFACE, wide)},
-                      {"visibility": Raster(TRUTH_VISIBILITY, t.window)}, {"site": site, "window": t.window, "wide": wide}, t.row, t.col,
-                      scratch=16 * wide.height * wide.width)
+                      {"visibility": Raster(TRUTH_VISIBILITY, t.window)}, {"site": site, "window": t.window, "wide": wide},
+                      t.row, t.col, scratch=16 * wide.height * wide.width)
 
     def _plan_photos(self, site: Site, tile: int) -> Iterator[RasterSpec | Job | Export]:
         scene = scene_of(site.scene)
@@ -138,15 +140,18 @@ class SimulationStage(Stage):
                 yield Job("simulation", f"board_{number + 1:02d}", photograph_boards, {}, {"photo": Raster(name, t.window)},
                           {"flight": self.flight, "photo": photo, "pixels": t.window}, t.row, t.col,
                           scratch=12 * t.window.height * t.window.width)
-            yield Export("simulation", f"board_{number + 1:02d}_file", f"chessboards/board_{number + 1:02d}.tif", "tiff", {"image": name})
+            file = f"chessboards/board_{number + 1:02d}.tif"
+            yield Export("simulation", f"board_{number + 1:02d}_file", file, "tiff", {"image": name})
 
     def _plan_survey(self, site: Site) -> Iterator[Job | Export]:
         places = []
         for number, node in enumerate(lattice(self.flight, self.control + self.check)):
             window = search_window(site.grid, node)
-            reads = {"surface": Raster(TRUTH_SURFACE, window), "material": Raster(TRUTH_MATERIAL, window), "visible": Raster(TRUTH_VISIBILITY, window)}
+            rasters = {"surface": TRUTH_SURFACE, "material": TRUTH_MATERIAL, "visible": TRUTH_VISIBILITY}
+            reads = {key: Raster(name, window) for key, name in rasters.items()}
             places.append(place_table(number))
-            yield Job("simulation", "place", place_point, reads, {"place": places[-1]}, {"site": site, "node": node, "window": window}, row=number)
+            yield Job("simulation", "place", place_point, reads, {"place": places[-1]},
+                      {"site": site, "node": node, "window": window}, row=number)
         tables = {"positions": POSITIONS_TABLE, "control": CONTROL_TABLE, "measurements": MEASUREMENTS_TABLE}
         yield Job("simulation", "survey", survey_block, {"places": tuple(places)}, tables, {"site": site, "settings": self.survey})
         yield Job("simulation", "report", report, {"control": CONTROL_TABLE, "measurements": MEASUREMENTS_TABLE},
@@ -154,7 +159,6 @@ class SimulationStage(Stage):
                   {"site": site, "survey_settings": self.survey, "boards": (self.board_photos, self.boards, self.noise_sigma)})
         for name, table in tables.items():
             yield Export("simulation", name, f"photographs/{name}.csv", "csv", tables=(table,))
-
 
 
 def _truth_rasters(grid: MapGrid, crs: str, tile: int) -> Iterator[RasterSpec]:

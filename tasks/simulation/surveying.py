@@ -88,7 +88,7 @@ def find_place(node: tuple[float, float], grid: MapGrid, window: Window,
     level = np.hypot(*np.gradient(uniform_filter(height, 5), grid.cell)) < 0.25
     photos = np.bitwise_count(minimum_filter(seen, 3)) * (free & level)
     if photos.max() < 2:
-        raise GeometryError(f"no open ground within {REACH:.0f} m of ({node[0]:.0f}, {node[1]:.0f}) is seen by two simulated photos: "
+        raise GeometryError(f"no open ground within {REACH:.0f} m of ({node[0]:.0f}, {node[1]:.0f}) is seen by two photos: "
                             "ask for fewer ground points, fewer buildings or more overlap")
     x, y = grid.centres(window)
     distance = np.hypot(x[None, :] - node[0], y[:, None] - node[1])
@@ -99,7 +99,7 @@ def find_place(node: tuple[float, float], grid: MapGrid, window: Window,
 
 
 def survey(flight: FlightSettings, settings: SurveySettings, points: tuple[SurveyPoint, ...]) -> tuple[ControlRows, MeasurementRows]:
-    """Surveyed coordinates of the points and their measurements in every photo that truly sees them, both with normal errors."""
+    """Surveyed coordinates and the measurements in every photo that truly sees the points, both with normal errors."""
     generator = np.random.default_rng([flight.seed, 4])
     true = np.array([point.xyz for point in points])
     xyz = (true + generator.normal(0.0, settings.control_sigma, true.shape)).round(4)

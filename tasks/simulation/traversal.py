@@ -18,8 +18,8 @@ from schemas.raster import Window
 from tasks.simulation.flight import BLOCK
 from tasks.simulation.ground_texture import limited_slope
 
-NOTHING, TOP, WALL_EAST_WEST, WALL_NORTH_SOUTH = 0, 1, 2, 3
-"""What a ray met: nothing in the window, the top of a column, a wall crossed in u, a wall crossed in v."""
+NOTHING, TOP, WALL = 0, 1, 2
+"""What a ray met: nothing in the window, the top of a column, the side of one."""
 TOLERANCE = 0.03
 """m"""
 
@@ -28,8 +28,8 @@ TOLERANCE = 0.03
 class Columns:
     """Columns of a window whose first cell is (row, col) of the grid.
 
-    tops float32 (rows, cols, 3): height at the centre (m), slope per cell along u and along v. highest float32: the highest point of
-    each block of BLOCK x BLOCK cells. step: m, a greater difference between neighbours is a wall.
+    tops float32 (rows, cols, 3): height at the centre (m), slope per cell along u and along v. highest float32: the highest
+    point of each block of BLOCK x BLOCK cells. step: m, a greater difference between neighbours is a wall.
     """
 
     tops: np.ndarray
@@ -87,14 +87,13 @@ def _leaves_at(low_u, low_v, size, u0, v0, du, dv):
 
 @njit(cache=True)
 def first_hit(columns, u0, v0, z0, du, dv, start, end):
-    """(kind, s, row, col) of the first column that the ray meets between the depths `start` and `end` (m); row, col in the window."""
+    """What the ray meets first between the depths `start` and `end` (m): (kind, s, row, col), row and col in the window."""
     tops, highest, row0, col0, step = columns
     rows, cols = tops.shape[0], tops.shape[1]
     step_u, step_v = (1 if du > 0.0 else -1), (1 if dv > 0.0 else -1)
     s = start
     bu, bv = int(np.floor((u0 + s * du) / BLOCK)), int(np.floor((v0 + s * dv) / BLOCK))
     first_u, first_v = col0 // BLOCK, row0 // BLOCK
-    entered_u = True
     while s < end:
         iu, iv = bu - first_u, bv - first_v
         if iu < 0 or iv < 0 or iu >= highest.shape[1] or iv >= highest.shape[0]:
@@ -116,22 +115,58 @@ def first_hit(columns, u0, v0, z0, du, dv, start, end):
                 fall = 1.0 + gu * du + gv * dv
                 at_entry = above - s * fall
                 if at_entry < -step:
-                    return (WALL_EAST_WEST if entered_u else WALL_NORTH_SOUTH), s, row, col
+                    return WALL, s, row, col
                 if at_entry <= 0.0:
                     return TOP, s, row, col
                 if above - leave * fall <= 0.0:
                     return TOP, above / fall, row, col
-                s, entered_u = leave, across_u
+                s = leave
                 if across_u:
                     cu += step_u
                 else:
                     cv += step_v
-        s, entered_u = block_end, block_across_u
+        s = block_end
         if block_across_u:
             bu += step_u
         else:
             bv += step_v
     return NOTHING, s, 0, 0
+
+
+@njit(cache=True)
+def widened(highest):
+    """The highest point of each block and of the eight around it."""
+    rows, cols = highest.shape
+    out = np.empty((rows, cols), np.float32)
+    for row in range(rows):
+        for col in range(cols):
+            peak = highest[row, col]
+            for j in range(max(row - 1, 0), min(row + 2, rows)):
+                for i in range(max(col - 1, 0), min(col + 2, cols)):
+                    peak = max(peak, highest[j, i])
+            out[row, col] = peak
+    return out
+
+
+@njit(cache=True)
+def safe_start(high, row0, col0, u0, v0, z0, du, dv, start):
+    """A depth before which no ray that stays within a block of this one meets anything; `high` as from `widened`."""
+    step_u, step_v = (1 if du > 0.0 else -1), (1 if dv > 0.0 else -1)
+    first_u, first_v = col0 // BLOCK, row0 // BLOCK
+    s = start
+    bu, bv = int(np.floor((u0 + s * du) / BLOCK)), int(np.floor((v0 + s * dv) / BLOCK))
+    while True:
+        iu, iv = bu - first_u, bv - first_v
+        if iu < 0 or iv < 0 or iu >= high.shape[1] or iv >= high.shape[0]:
+            return s
+        end, across_u = _leaves_at(bu * BLOCK, bv * BLOCK, BLOCK, u0, v0, du, dv)
+        if z0 - end <= high[iv, iu]:
+            return max(s, z0 - high[iv, iu] - 0.01)
+        s = end
+        if across_u:
+            bu += step_u
+        else:
+            bv += step_v
 
 
 @njit(cache=True)

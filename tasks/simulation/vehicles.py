@@ -15,7 +15,8 @@ from tasks.simulation.scene import SurfaceWindow
 
 FIRST_NUMBER = 60000
 """Vehicles carry building numbers from here on while a photo is rendered."""
-_PAINT = np.array([[236, 236, 232], [206, 208, 210], [120, 122, 128], [34, 34, 38], [168, 34, 32], [40, 64, 120], [200, 178, 60]], np.float64)
+_PAINT = np.array([[236.0, 236.0, 232.0], [206.0, 208.0, 210.0], [120.0, 122.0, 128.0], [34.0, 34.0, 38.0],
+                   [168.0, 34.0, 32.0], [40.0, 64.0, 120.0], [200.0, 178.0, 60.0]])
 _BODY = {"car": (4.4, 1.9, 1.5), "van": (5.8, 2.2, 2.3), "lorry": (9.5, 2.6, 3.3)}
 
 
@@ -47,7 +48,8 @@ def _on_roads(scene: Scene, generator: np.random.Generator) -> np.ndarray:
         lane = np.where(generator.uniform(size=len(along)) < 0.5, -0.48, 0.48) * scene.roads.half_width[k]
         centre, slope = scene.roads.centre_line(k, along)
         across = centre + lane
-        rows.append(np.array([along, across, np.arctan(slope)]) if along_x else np.array([across, along, np.pi / 2 - np.arctan(slope)]))
+        turn = np.arctan(slope)
+        rows.append(np.array([along, across, turn]) if along_x else np.array([across, along, np.pi / 2 - turn]))
     return np.concatenate(rows, axis=1)
 
 

@@ -1,10 +1,10 @@
 """One colour from many: gross errors out, then the weighted mean.
 
-Strategy, per ortho pixel: (1) values of next to no weight are reserves and take no part while better ones exist; (2) of three values or
-more those far from the centre of all are rejected; (3) the best N of the rest are averaged with their weights.
+Strategy, per ortho pixel: (1) values of next to no weight are reserves and take no part while better ones exist; (2) of three
+values or more those far from the centre of all are rejected; (3) the best N of the rest are averaged with their weights.
 
-Colours are vectors: the centre is the mean or the channel-wise median, sigma the root mean square distance from it, so one grey channel
-gives exactly the published rule.
+Colours are vectors: the centre is the mean or the channel-wise median, sigma the root mean square distance from it, so one grey
+channel gives exactly the published rule.
 
 Source: Petsa et al. 2007 (methods/texture_blending.md): M7 rejection, M9 two values, M12 weights, M13 best N.
 """
@@ -27,8 +27,9 @@ _CENTRES = {"none": 0, "mean": 1, "median": 2, "deviation": 3}
 class Rejection:
     """How deviating colours are found.
 
-    `centre`: "mean" or "median" with sigma about the same centre (published), "deviation" for the median with 1.4826 times the median
-    distance in place of sigma (robust), "none" for no rejection. Values nearer than `least` grey levels to the centre always stay.
+    `centre`: "mean" or "median" with sigma about the same centre (published), "deviation" for the median with 1.4826 times the
+    median distance in place of sigma (robust), "none" for no rejection. Values nearer than `least` grey levels to the centre always
+    stay.
     """
 
     centre: Literal["none", "mean", "median", "deviation"] = "mean"
@@ -38,7 +39,8 @@ class Rejection:
 
 @dataclass(frozen=True)
 class Blend:
-    """How the colours of a pixel become one. `power` of the area: 1 or 2; `best` 0: all; `two_limit` grey levels (0: two values are averaged)."""
+    """How the colours of a pixel become one. `power` of the area: 1 or 2; `best` 0: all; `two_limit` grey levels (0: two values are
+    averaged)."""
 
     rejection: Rejection = Rejection()
     power: int = 1
@@ -50,9 +52,9 @@ class Blend:
 class Blended:
     """Blended pixels.
 
-    `colour` (rows, cols, bands) float32; `used`, `rejected` (rows, cols) uint8 counts of values; `share` (photos,) float64, sum over pixels of
-    each photo's part in the colour; `difference` (rows, cols) float32, mean absolute difference of the used values from the colour, NaN
-    where fewer than two were used.
+    `colour` (rows, cols, bands) float32; `used`, `rejected` (rows, cols) uint8 counts of values; `share` (photos,) float64, sum
+    over pixels of each photo's part in the colour; `difference` (rows, cols) float32, mean absolute difference of the used values
+    from the colour, NaN where fewer than two were used.
     """
 
     colour: np.ndarray
@@ -95,10 +97,7 @@ def _keep(values, count, centre_kind, k, least, distance, line, scratch, keep):
     for m in range(count):
         total += distance[m]
         distance[m] = np.sqrt(distance[m] / bands)
-    if centre_kind == 3:
-        sigma = 1.4826 * _median_of(distance, count, scratch)
-    else:
-        sigma = np.sqrt(total / bands / count)
+    sigma = 1.4826 * _median_of(distance, count, scratch) if centre_kind == 3 else np.sqrt(total / bands / count)
     # a value exactly on the limit stays, whatever the rounding of the root
     limit = max(k * sigma * (1.0 + 1e-9) + 1e-9, least)
     left = 0
@@ -182,6 +181,7 @@ def blend(colours: np.ndarray, weights: np.ndarray, how: Blend) -> Blended:
         rejected=np.zeros((rows, cols), np.uint8), share=np.zeros(photos), difference=np.full((rows, cols), np.nan, np.float32),
     )
     rule = how.rejection
-    _blend(np.ascontiguousarray(colours, np.float32), np.ascontiguousarray(weights, np.float32), _CENTRES[rule.centre], rule.k, rule.least,
+    colours, weights = np.ascontiguousarray(colours, np.float32), np.ascontiguousarray(weights, np.float32)
+    _blend(colours, weights, _CENTRES[rule.centre], rule.k, rule.least,
            how.power, how.best, how.two_limit, result.colour, result.used, result.rejected, result.share, result.difference)
     return result

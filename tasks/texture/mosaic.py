@@ -13,10 +13,10 @@ from schemas.orientation import Block
 from schemas.raster import MapGrid, Window
 from tasks.geometry.view import View, block_view
 from tasks.texture.blending import Blend, Blended, blend
-from tasks.texture.extent import TileExtent, dsm_core
+from tasks.texture.extent import TileExtent
 from tasks.texture.radiometry import Radiometry, Samples, balance_block, corrected
 from tasks.texture.sampling import Ground, PhotoPixelsAt, Sampled, ground_of, sample_photo
-from tasks.texture.visibility import HeightModel, bridge_holes, visible_cells, widening_factor
+from tasks.texture.visibility import HeightModel, Targets, bridge_holes, visible_targets, widening_factor
 
 STRIP = 64
 """Ortho rows that are blended at a time."""
@@ -79,33 +79,36 @@ def _views(block: Block, extent: TileExtent) -> list[View]:
 
 @dataclass(frozen=True)
 class _Scene:
-    """A tile's surface and which of it each photo sees, with weight factors beside occlusions, on the DSM cells `core`."""
+    """A tile's ground, and each photo's weight factor on it: 0 hidden, small beside an occlusion, 1 in the open."""
 
-    draped: np.ndarray
-    measured: np.ndarray
-    core: Window
+    ground: Ground
     factors: tuple[np.ndarray, ...]
+
+
+def _targets(ground: Ground, dsm: MapGrid) -> Targets:
+    x, y = ground.grid.centres(ground.window)
+    cols, rows = dsm.pixel(x, y)
+    return Targets(rows, cols, ground.z, np.hypot(ground.dx, ground.dy))
 
 
 def _scene(heights: np.ndarray, extent: TileExtent, views: list[View], rules: TextureRules) -> _Scene:
     bridged = bridge_holes(heights, rules.bridge)
     draped = bridge_holes(heights, rules.drape_gap) if rules.drape_gap else heights
-    surface = np.where(np.isnan(bridged), draped, bridged)
-    core = dsm_core(extent.dsm, extent.divisor, extent.window)
-    rim = core.grown(rules.rim).clipped(extent.dsm.shape)
-    rows = np.arange(rim.row, rim.row + rim.height) - extent.heights.row
-    cols = np.arange(rim.col, rim.col + rim.width) - extent.heights.col
-    model = HeightModel(surface, extent.dsm, extent.heights)
+    model = HeightModel(np.where(np.isnan(bridged), draped, bridged), extent.dsm, extent.heights)
+    rim = extent.window.grown(rules.rim * extent.divisor).clipped(extent.ortho.shape)
+    ground = ground_of(draped, extent.heights, extent.dsm, extent.ortho, rim)
+    targets, core = _targets(ground, extent.dsm), extent.window
     inner = Window(core.row - rim.row, core.col - rim.col, core.height, core.width).slices
-    factors = tuple(_factor(visible_cells(model, view, rows, cols, rules.tolerance), rules)[inner] for view in views)
-    return _Scene(draped, ~np.isnan(heights), core, factors)
+    seen = (visible_targets(model, view, targets, rules.tolerance) for view in views)
+    factors = tuple(_factor(visible, ground.z, rules, extent.divisor)[inner] for visible in seen)
+    return _Scene(ground.part(core), factors)
 
 
-def _factor(visible: np.ndarray, rules: TextureRules) -> np.ndarray:
-    """Weight factor of every cell: 0 hidden, small beside an occlusion, 1 in the open."""
+def _factor(visible: np.ndarray, z: np.ndarray, rules: TextureRules, divisor: int) -> np.ndarray:
     if rules.widening_margin + rules.widening_ramp <= 0:
         return visible.astype(np.float32)
-    widened = widening_factor(visible, rules.widening_margin, rules.widening_ramp)
+    hidden = (visible == 0) & np.isfinite(z)
+    widened = widening_factor(hidden, rules.widening_margin * divisor, rules.widening_ramp * divisor)
     return np.where(visible > 0, np.maximum(widened, RESERVED_WORTH), 0).astype(np.float32)
 
 
@@ -130,13 +133,13 @@ def _photo_on(ground: Ground, part: PhotoPixelsAt, view: View, factor: np.ndarra
 
 
 def _strip(ground: Ground, scene: _Scene, parts: list[PhotoPixelsAt], views: list[View], balance: Radiometry,
-           rules: TextureRules, divisor: int) -> tuple[Blended, np.ndarray]:
+           rules: TextureRules, top: int) -> tuple[Blended, np.ndarray]:
     """The blended strip, and which photos (photos, rows, cols) see it. Colours are in the block's radiometry."""
     bands = _bands(tuple(part.pixels for part in parts))
     colours = np.zeros((len(parts), *ground.z.shape, bands), np.float32)
     weights = np.zeros((len(parts), *ground.z.shape), np.float32)
     for i, (part, view) in enumerate(zip(parts, views, strict=True)):
-        factor = _to_ortho(scene.factors[i], scene.core, divisor, ground.window)
+        factor = scene.factors[i][top: top + len(ground.z)]
         sampled = _photo_on(ground, part, view, factor, rules)
         colours[i] = corrected(sampled.colour, sampled.r2, balance.of(view.name)) * (255.0 / balance.white)
         weights[i] = sampled.worth
@@ -168,8 +171,8 @@ def texture_tile(heights: np.ndarray, block: Block, radiometry: Radiometry, phot
                  rules: TextureRules) -> dict[str, object]:
     """One tile of the orthoimage.
 
-    heights (rows, cols) m at `extent.heights`, NaN in holes; photos: pixels (rows, cols, bands) of `extent.photos`. Returns "ortho" uint8
-    (rows, cols, 4), "coverage", "rejected" and "height_source" uint8 (rows, cols), and "statistics".
+    heights (rows, cols) m at `extent.heights`, NaN in holes; photos: pixels (rows, cols, bands) of `extent.photos`. Returns "ortho"
+    uint8 (rows, cols, 4), "coverage", "rejected" and "height_source" uint8 (rows, cols), and "statistics".
     """
     views = _views(block, extent)
     scene = _scene(heights, extent, views, rules)
@@ -180,13 +183,13 @@ def texture_tile(heights: np.ndarray, block: Block, radiometry: Radiometry, phot
     tally = {"difference_sum": 0.0, "difference_count": 0, "seen": np.zeros(len(parts)), "share": np.zeros(len(parts))}
     for top in range(0, height, STRIP):
         window = Window(extent.window.row + top, extent.window.col, min(STRIP, height - top), width)
-        ground = ground_of(scene.draped, extent.heights, extent.dsm, extent.ortho, window)
-        blended, seeing = _strip(ground, scene, parts, views, radiometry, rules, extent.divisor)
+        ground = scene.ground.part(window)
+        blended, seeing = _strip(ground, scene, parts, views, radiometry, rules, top)
         rows = slice(top, top + window.height)
         outputs["ortho"][rows] = _rgba(blended)
         outputs["coverage"][rows] = seeing.sum(axis=0)
         outputs["rejected"][rows] = blended.rejected
-        measured = _to_ortho(scene.measured, extent.heights, extent.divisor, window)
+        measured = _to_ortho(~np.isnan(heights), extent.heights, extent.divisor, window)
         outputs["height_source"][rows] = np.where(np.isnan(ground.z), NO_HEIGHT, np.where(measured, MEASURED, DRAPED))
         tally["difference_sum"] += float(np.nansum(blended.difference, dtype=np.float64))
         tally["difference_count"] += int(np.isfinite(blended.difference).sum())
@@ -215,14 +218,13 @@ def sample_tile(heights: np.ndarray, block: Block, photos: tuple[np.ndarray, ...
     """
     views = _views(block, extent)
     ground = _every(ground_of(heights, extent.heights, extent.dsm, extent.ortho, extent.window), spacing)
-    cells_row = (np.arange(ground.window.row, ground.window.row + ground.window.height) * spacing) // extent.divisor - extent.heights.row
-    cells_col = (np.arange(ground.window.col, ground.window.col + ground.window.width) * spacing) // extent.divisor - extent.heights.col
     model = HeightModel(bridge_holes(heights, rules.bridge), extent.dsm, extent.heights)
+    targets = _targets(ground, extent.dsm)
     number = (ground.window.row + np.arange(ground.window.height))[:, None] * ground.grid.cols + (
         ground.window.col + np.arange(ground.window.width))
     rows = []
     for pixels, part, view in zip(photos, extent.photos, views, strict=True):
-        seen = visible_cells(model, view, cells_row, cells_col, rules.tolerance)
+        seen = visible_targets(model, view, targets, rules.tolerance)
         sampled = sample_photo(view, PhotoPixelsAt(pixels, part.window, part.level), ground, seen, 0.0)
         mask = sampled.worth > 0
         grey = np.broadcast_to(sampled.colour[mask], (int(mask.sum()), 3))
@@ -245,11 +247,10 @@ def _seen_twice(rows: list[tuple[np.ndarray, ...]]) -> Samples:
 def balance(samples: tuple[Samples, ...], block: Block, deep: bool, method: str, vignetting: bool) -> Radiometry:
     """The radiometry of the block from the samples of all tiles.
 
-    `deep`: the photos have 16 bits; 0 to 255 then stretches from 0 to a little above the brightest thousandth of the samples. `method`
-    "none" leaves the photos' grey values as they are (the stretch remains).
+    `deep`: the photos have 16 bits; 0 to 255 then stretches from 0 to a little above the brightest thousandth of the samples.
+    `method` "none" leaves the photos' grey values as they are (the stretch remains).
     """
-    names = [f for f in ("point", "photo", "r2", "first", "second", "third")]
-    merged = Samples(**{name: np.concatenate([getattr(part, name) for part in samples]) for name in names})
+    merged = Samples(**{name: np.concatenate([getattr(part, name) for part in samples]) for name in Samples.__dataclass_fields__})
     white = 255.0
     if deep:
         white = float(min(1.05 * np.quantile(merged.grey, 0.999), 65535.0)) if len(merged) else 65535.0

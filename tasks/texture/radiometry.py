@@ -1,8 +1,8 @@
 """Radiometric balance of the block: one gain, one offset and one vignetting per photograph and channel, from the ground they share.
 
-Model: the grey value of photo i at a place of ground brightness G is  g = gain_i (1 + v1 r^2 + v2 r^4) G + offset_i,  r from the photo's
-middle in half diagonals. The ground brightness of every sample is unknown too; it is eliminated point by point, as in a bundle
-adjustment, so that noise in g does not pull the gains. Huber weights keep vehicles, leaves and reflections from ruling.
+Model: the grey value of photo i at a place of ground brightness G is  g = gain_i (1 + v1 r^2 + v2 r^4) G + offset_i,  r from the
+photo's middle in half diagonals. The ground brightness of every sample is unknown too; it is eliminated point by point, as in a
+bundle adjustment, so that noise in g does not pull the gains. Huber weights keep vehicles, leaves and reflections from ruling.
 Absolute brightness cannot be known: the gains have the mean 1 and the offsets the mean 0.
 
 Source: the least-squares form of what Petsa et al. 2007 did by equating histograms (methods/texture_blending.md, M19).
@@ -192,8 +192,8 @@ def _photos(names: tuple[str, ...], parameters: np.ndarray, counts: np.ndarray) 
 def balance_block(names: tuple[str, ...], samples: Samples, white: float, vignetting: bool) -> Radiometry:
     """Adjusts the radiometry of all photos together.
 
-    `names` in the order of `Samples.photo`; `white` is the greatest grey value of the photos' dtype (255 or the stretch of 16 bits).
-    Without shared ground every photo keeps gain 1 and offset 0.
+    `names` in the order of `Samples.photo`; `white` is the greatest grey value of the photos' dtype (255 or the stretch of 16
+    bits). Without shared ground every photo keeps gain 1 and offset 0.
     """
     samples = _usable(samples, 0.0, white)
     if not len(samples):

@@ -1,11 +1,11 @@
 """The colour that a photograph has for each ortho pixel, and how much that colour is worth.
 
 Colour: bicubic (Keys 1981, a = -1/2, which reproduces a linear ramp exactly) at the projected place, lens distortion included.
-Worth: the area, in photo pixels, of the ortho cell's piece of surface as projected into the photograph (Petsa et al. 2007, M12; after
-Poulin et al. 1998), times a feather towards the photo's border.
+Worth: the area, in photo pixels, of the ortho cell's piece of surface as projected into the photograph (Petsa et al. 2007, M12;
+after Poulin et al. 1998), times a feather towards the photo's border.
 
-For a piece of surface over the horizontal area A with normal n = (-dz/dx, -dz/dy, 1), seen along d = centre - point at depth w along the
-optical axis, that area is c^2 A (n . d) / w^3: the solid angle A (n . d) / |d|^3 over the cube of the cosine to the axis.
+For a piece of surface over the horizontal area A with normal n = (-dz/dx, -dz/dy, 1), seen along d = centre - point at depth w
+along the optical axis, that area is c^2 A (n . d) / w^3: the solid angle A (n . d) / |d|^3 over the cube of the cosine to the axis.
 """
 
 from dataclasses import dataclass
@@ -26,13 +26,20 @@ LEAST_FACING = 0.05
 
 @dataclass(frozen=True)
 class Ground:
-    """Ortho pixels with heights: `z` (rows, cols) m, NaN where there is none, and the surface's slopes `dx`, `dy` (m per m), float32."""
+    """Ortho pixels with heights: `z` (rows, cols) m, NaN where there is none, and the surface's slopes `dx`, `dy` (m per m),
+    float32."""
 
     grid: MapGrid
     window: Window
     z: np.ndarray
     dx: np.ndarray
     dy: np.ndarray
+
+
+    def part(self, window: Window) -> "Ground":
+        """The pixels of a window (in the ortho grid) that lies within this one."""
+        inner = Window(window.row - self.window.row, window.col - self.window.col, window.height, window.width).slices
+        return Ground(self.grid, window, *(np.ascontiguousarray(values[inner]) for values in (self.z, self.dx, self.dy)))
 
 
 @dataclass(frozen=True)
@@ -115,8 +122,9 @@ def _widest(view: View) -> float:
 class Sampled:
     """What one photograph says about the ground.
 
-    `colour` (rows, cols, bands) float32 grey values as recorded; `worth` (rows, cols) float32, photo px^2 times the border feather, 0
-    where the photograph does not see the pixel; `r2` (rows, cols) float32, squared distance from the photo's middle in half diagonals.
+    `colour` (rows, cols, bands) float32 grey values as recorded; `worth` (rows, cols) float32, photo px^2 times the border feather,
+    0 where the photograph does not see the pixel; `r2` (rows, cols) float32, squared distance from the photo's middle in half
+    diagonals.
     """
 
     colour: np.ndarray
@@ -133,7 +141,8 @@ def sample_photo(view: View, photo: PhotoPixelsAt, ground: Ground, seen: np.ndar
     if photo.pixels.size:
         place, corner = (photo.level, photo.window.col, photo.window.row), (ground.window.row, ground.window.col)
         grid = ground.grid
-        _sample(photo.pixels, place, view.numbers, _widest(view), grid.west, grid.north, grid.cell, corner, ground.z, ground.dx, ground.dy,
+        _sample(photo.pixels, place, view.numbers, _widest(view), grid.west, grid.north, grid.cell, corner, ground.z, ground.dx,
+                ground.dy,
                 np.ascontiguousarray(seen), feather, colour, worth, r2)
     return Sampled(colour, worth, r2)
 

@@ -113,7 +113,7 @@ Rejections = Annotated[KeepAllColours | AboutMean | AboutMedian | AboutMedianRob
 TwoColours = Annotated[AverageTwo | PreferHeavier, Field(discriminator="kind")]
 Balance = Annotated[NoBalance | BlockBalance, Field(discriminator="kind")]
 
-_CENTRE = {"none": "none", "mean": "mean", "median": "median", "robust": "deviation"}
+_CENTRE = {"mean": "mean", "median": "median", "robust": "deviation"}
 
 
 class TextureStage(Stage):
@@ -122,18 +122,32 @@ class TextureStage(Stage):
     title: ClassVar[str] = "true orthoimage"
 
     kind: Literal["texture"] = "texture"
-    cell: float | Literal["auto"] = setting("auto", "Pixel of the orthoimage; must divide the cell of the surface model. auto: about the ground pixel of the photos.", "m")
+    cell: float | Literal["auto"] = setting(
+        "auto", "Pixel of the orthoimage; must divide the cell of the surface model. auto: about the ground pixel of the photos.",
+        "m"
+    )
     holes: Holes = setting(LeaveHoles(), "What happens where the surface model has no height.")
     weights: Weights = setting(ByArea(), "What a photo's colour is worth (Petsa et al. 2007).")
     rejection: Rejections = setting(AboutMean(), "Which colours are left out as gross errors.")
     two_colours: TwoColours = setting(AverageTwo(), "What happens where exactly two photos see a place and disagree.")
     best: int = setting(0, "Only this many photos of the greatest weight are blended; 0 for all.", ge=0, le=64)
     balance: Balance = setting(BlockBalance(), "How the photos are brought to one brightness.")
-    feather: float = setting(0.15, "Width of the border of a photo in which its weight rises from 0, as a share of the photo's shorter side.", ge=0, le=0.5)
-    occlusion_margin: float = setting(1.0, "Cells of the surface model beside an occlusion whose colour is used only if there is no other.", "cells", ge=0, le=32)
-    occlusion_ramp: float = setting(2.0, "Width beyond the margin in which the weight rises to its full value.", "cells", ge=0, le=32)
-    tolerance: float | Literal["auto"] = setting("auto", "How deep a ray may dip below the surface before it counts as hidden. auto: half a cell of the surface model.", "m")
-    bridge: int = setting(24, "Holes are bridged for the visibility test from heights at most this far away.", "cells", ge=0, le=256)
+    feather: float = setting(
+        0.15, "Width of the border of a photo in which its weight rises from 0, as a share of the photo's shorter side.", ge=0,
+        le=0.5
+    )
+    occlusion_margin: float = setting(
+        1.0, "Cells of the surface model beside an occlusion whose colour is used only if there is no other.", "cells", ge=0, le=32
+    )
+    occlusion_ramp: float = setting(
+        2.0, "Width beyond the margin in which the weight rises to its full value.", "cells", ge=0, le=32
+    )
+    tolerance: float | Literal["auto"] = setting(
+        "auto", "How deep a ray may dip below the surface before it counts as hidden. auto: half a cell of the surface model.", "m"
+    )
+    bridge: int = setting(
+        24, "Holes are bridged for the visibility test from heights at most this far away.", "cells", ge=0, le=256
+    )
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         block, surface, photos = view.table(BLOCK), view.table(SURFACE), view.table(PHOTOS)
@@ -168,13 +182,15 @@ class TextureStage(Stage):
 
     def _rules(self, surface: Surface) -> TextureRules:
         cell = surface.grid.cell
-        rejection = Rejection(_CENTRE[self.rejection.kind], getattr(self.rejection, "k", 1.0), getattr(self.rejection, "least", 0.0))
+        rejection = self.rejection
+        colours = Rejection("none") if rejection.kind == "none" else Rejection(_CENTRE[rejection.kind], rejection.k,
+                                                                               rejection.least)
         two = self.two_colours.limit if self.two_colours.kind == "prefer" else 0.0
         return TextureRules(
             tolerance=0.5 * cell if self.tolerance == "auto" else self.tolerance, bridge=self.bridge,
             drape_gap=int(np.ceil(self.holes.max_gap / cell)) if self.holes.kind == "drape" else 0,
             widening_margin=self.occlusion_margin, widening_ramp=self.occlusion_ramp, feather=self.feather,
-            blend=Blend(rejection, 2 if self.weights.kind == "area_squared" else 1, self.best, two),
+            blend=Blend(colours, 2 if self.weights.kind == "area_squared" else 1, self.best, two),
         )
 
     def _spacing(self, ortho: MapGrid) -> int:

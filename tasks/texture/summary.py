@@ -31,9 +31,12 @@ class TextureFacts:
 
 
 def coverage_classes(most: int) -> tuple[tuple[int, str, str], ...]:
-    """Code, colour and meaning of every count up to `most`; counts of three or more share colour and meaning."""
-    names = ("seen by no photo", "seen by one photo", "seen by two photos", "seen by three photos or more")
-    return tuple((count, COVERAGE_COLOURS[min(count, 3)], names[min(count, 3)]) for count in range(max(most, 3) + 1))
+    """Code, colour and meaning of every count up to `most`; counts of three or more share the grey."""
+    names = ("seen by no photo", "seen by one photo", "seen by two photos")
+    return tuple(
+        (count, COVERAGE_COLOURS[min(count, 3)], names[count] if count < 3 else f"seen by {count} photos")
+        for count in range(max(most, 3) + 1)
+    )
 
 
 def _total(statistics: tuple[TileTexture, ...], field: str) -> float:
@@ -53,7 +56,8 @@ def _figures(statistics: tuple[TileTexture, ...], radiometry: Radiometry, facts:
     residual = _total(statistics, "difference_sum") / count if count else None
     return (
         Figure(name="cell", value=facts.cell, unit="m", sentence="Pixel of the orthoimage on the ground."),
-        Figure(name="photo_ground_pixel", value=round(facts.ground_pixel, 4), unit="m", sentence="Pixel of the photos on the ground, median."),
+        Figure(name="photo_ground_pixel", value=round(facts.ground_pixel, 4), unit="m",
+               sentence="Pixel of the photos on the ground, median."),
         Figure(name="pixels", value=int(pixels), sentence="Pixels of the orthoimage."),
         Figure(name="height_share", value=_share(with_height, pixels), unit="%", sentence="Pixels that have a height."),
         Figure(name="draped_share", value=_share(_total(statistics, "draped"), pixels), unit="%",
@@ -63,7 +67,8 @@ def _figures(statistics: tuple[TileTexture, ...], radiometry: Radiometry, facts:
                                              ("3_or_more", "three photos or more")))),
         Figure(name="hidden_share", value=_share(with_height - (pixels - seen[0]), with_height), unit="%",
                sentence="Pixels with a height that no photo sees."),
-        Figure(name="rejected_share", value=_share(rejected, values), unit="%", sentence="Colours rejected as gross errors, of all colours."),
+        Figure(name="rejected_share", value=_share(rejected, values), unit="%",
+               sentence="Colours rejected as gross errors, of all colours."),
         Figure(name="seam_difference", value=None if residual is None else round(residual, 3), unit="grey levels",
                sentence="Mean absolute difference of the blended colours from their blend, after balance and rejection."),
         Figure(name="balance_difference_before", value=_rounded(radiometry.difference_before), unit="grey levels",
@@ -96,7 +101,8 @@ def _photo_grid(statistics: tuple[TileTexture, ...], radiometry: Radiometry) -> 
     columns = ("photo", "pixels seen", "part of the orthoimage %", "gain 1", "gain 2", "gain 3", "offset 1", "offset 2", "offset 3",
                "falloff at the corner", "samples")
     return Grid(title="What each photo gave", columns=columns, rows=rows,
-                note="Gains and offsets are relative to the block's mean; the falloff is the share of light lost (negative) at the corners.")
+                note="Gains and offsets are relative to the block's mean; the falloff is the share of light lost (negative) at "
+                     "the corners.")
 
 
 def _warnings(statistics: tuple[TileTexture, ...], radiometry: Radiometry) -> tuple[str, ...]:
@@ -112,13 +118,13 @@ def _warnings(statistics: tuple[TileTexture, ...], radiometry: Radiometry) -> tu
         warnings.append(f"{_share(hidden, pixels):.1f} % of the orthoimage has a height but is hidden from every photo; "
                         "it stays transparent. More photos with other view directions would fill it.")
     if values and rejected > 0.25 * values:
-        warnings.append(f"{_share(rejected, values):.0f} % of all colours were rejected: heights or orientation may be wrong, or the photos "
-                        "differ in more than brightness.")
+        warnings.append(f"{_share(rejected, values):.0f} % of all colours were rejected: heights or orientation may be wrong, "
+                        "or the photos differ in more than brightness.")
     if len(radiometry.photos) > 1 and not radiometry.points:
         warnings.append("The photos were not brought to one brightness: no ground was seen by two of them, or balance is none.")
     if radiometry.difference_median_after is not None and radiometry.difference_median_after > 10.0:
-        warnings.append(f"After the radiometric balance the photos still differ by {radiometry.difference_median_after:.0f} grey levels "
-                        "(median): seams may show.")
+        warnings.append(f"After the radiometric balance the photos still differ by {radiometry.difference_median_after:.0f} grey "
+                        "levels (median): seams may show.")
     if idle:
         warnings.append(f"No ground of the orthoimage is seen by: {', '.join(idle)}.")
     return tuple(warnings)
@@ -130,11 +136,13 @@ def _pictures(most: int) -> tuple[Picture, ...]:
                 caption="Blended from all photos that see the ground; transparent where none does."),
         Picture(title="Coverage", raster=COVERAGE, style="classes", classes=coverage_classes(most),
                 caption="How many photos see each pixel: more photos are needed where it is red."),
-        Picture(title="Rejected colours", raster=REJECTED, style="classes", caption="Vehicles, people, leaves, and places where heights are wrong.",
+        Picture(title="Rejected colours", raster=REJECTED, style="classes",
+                caption="Vehicles, people, leaves, and places where heights are wrong.",
                 classes=((0, "#ffffff", "none"), (1, "#fdae61", "one"), (2, "#d7191c", "two"),
                          *((n, "#7b1fa2", "three or more") for n in range(3, max(most, 3) + 1)))),
         Picture(title="Where heights come from", raster=HEIGHT_SOURCE, style="classes",
-                classes=((0, "#000000", "no height, no texture"), (1, "#9a9a9a", "measured"), (2, "#fdae61", "interpolated for the texture only"))),
+                classes=((0, "#000000", "no height, no texture"), (1, "#9a9a9a", "measured"),
+                         (2, "#fdae61", "interpolated for the texture only"))),
     )
 
 

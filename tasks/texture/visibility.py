@@ -1,4 +1,4 @@
-"""Which cells of a height model a photograph sees: the ray from the cell to the projection centre must stay above the surface.
+"""Which points of a surface a photograph sees: the ray from the point to the projection centre must stay above the height model.
 
 Strategy: march along the ray, one cell at a time in the direction in which it advances faster, and compare its height with the
 surface (linear between the two cells beside it). Blocks of the model know the greatest height around them, so a ray above it
@@ -14,12 +14,15 @@ ray stands for the triangle look-up. Widening of occlusions: M10, on the ground 
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numba import njit
 from scipy import ndimage
 
 from schemas.raster import MapGrid, Window
 from tasks.geometry.view import View
+
+cv2.setNumThreads(1)
 
 BLOCK = 16
 """Side of the blocks whose greatest height lets a ray jump, cells."""
@@ -62,7 +65,8 @@ def _bridge(heights, gap, out):
 
 
 def bridge_holes(heights: np.ndarray, gap: int) -> np.ndarray:
-    """Heights (rows, cols) with holes filled from the nearest heights in eight directions at most `gap` cells away, by inverse distance.
+    """Heights (rows, cols) with holes filled from the nearest heights in eight directions at most `gap` cells away, by inverse
+    distance.
 
     Where none is that near, NaN stays. The answer at a cell depends on the cells within `gap` only. float32.
     """
@@ -109,36 +113,31 @@ def _surface_at(heights, row0, col0, y, x, by_row, wall):
 
 
 @njit(cache=True)
-def _march(heights, ceiling, top, centre, corner, rows, cols, tolerance, cell, out):
-    height, width = heights.shape
+def _march(heights, ceiling, top, centre, corner, rows, cols, z, slope, tolerance, wall, out):
     # places are counted in the whole model, so that rounding is the same whatever the window
+    height, width = heights.shape
     row0, col0 = corner
-    wall = WALL * cell
     for i in range(rows.size):
         for j in range(cols.size):
-            row, col = rows[i], cols[j]
-            z = heights[row, col]
-            if np.isnan(z) or centre[2] <= z:
+            if np.isnan(z[i, j]) or centre[2] <= z[i, j]:
                 continue
-            dr, dc = centre[1] - (row0 + row), centre[0] - (col0 + col)
+            dr, dc = centre[1] - rows[i], centre[0] - cols[j]
             steps = max(abs(dr), abs(dc))
             if steps < 1.0:
                 out[i, j] = 1
                 continue
-            sr, sc, sz = dr / steps, dc / steps, (centre[2] - z) / steps
-            # noise of the model moves a slope sideways as well, so a steep cell gets a larger tolerance
-            east = heights[row, min(col + 1, width - 1)] - heights[row, max(col - 1, 0)]
-            south = heights[min(row + 1, height - 1), col] - heights[max(row - 1, 0), col]
-            slope = np.sqrt(east * east + south * south) / (2.0 * cell)
-            slope = 0.0 if np.isnan(slope) else min(slope, 2.0)
-            z += tolerance * (1.0 + slope)
+            sr, sc, sz = dr / steps, dc / steps, (centre[2] - z[i, j]) / steps
+            # noise of the model moves a slope sideways as well, so a steep place gets a larger tolerance
+            start = z[i, j] + tolerance * (1.0 + min(slope[i, j], 2.0))
             by_row = abs(dr) >= abs(dc)
-            step, seen = 1.0, True
+            place, ahead = (rows[i], sr) if by_row else (cols[j], sc)
+            step = np.floor(place) + 1.0 - place if ahead > 0 else place - np.ceil(place) + 1.0
+            seen = True
             while step < steps:
-                ray = z + sz * step
+                ray = start + sz * step
                 if ray - 0.5 * sz > top:
                     break
-                y, x = row0 + row + sr * step, col0 + col + sc * step
+                y, x = rows[i] + sr * step, cols[j] + sc * step
                 near_r, near_c = int(np.floor(y + 0.5)) - row0, int(np.floor(x + 0.5)) - col0
                 if near_r < 0 or near_c < 0 or near_r >= height or near_c >= width:
                     break
@@ -146,47 +145,60 @@ def _march(heights, ceiling, top, centre, corner, rows, cols, tolerance, cell, o
                     step += BLOCK - 1
                     continue
                 surface = _surface_at(heights, row0, col0, y, x, by_row, wall)
+                if surface > ray:
+                    seen = False
+                    break
                 # a wall stands between two cells: the ray reaches it half a step before the upper cell's centre
-                if ray >= surface > ray - 0.5 * sz:
+                if surface > ray - 0.5 * sz:
                     before = _surface_at(heights, row0, col0, y - sr, x - sc, by_row, wall)
                     if surface - before > wall:
                         seen = False
                         break
-                if surface > ray:
-                    seen = False
-                    break
                 step += 1.0
             if seen:
                 out[i, j] = 1
 
 
-def visible_cells(model: HeightModel, view: View, rows: np.ndarray, cols: np.ndarray, tolerance: float) -> np.ndarray:
-    """uint8 (len(rows), len(cols)): 1 where the surface leaves the ray of the cell (rows[i], cols[j]) to the view free.
+@dataclass(frozen=True)
+class Targets:
+    """Points on the surface in a grid: `rows` (R,) and `cols` (C,) in cells of the whole height model (float, cell centres are
+    whole).
 
-    Rows and columns count in the model's window. A cell without height is not seen. `tolerance` (m) is how deep a ray may dip
-    below the surface on level ground; it grows with the slope at the cell. Whether the cell falls inside the photograph is
-    not asked here.
+    `z` (R, C) m, NaN for none; `slope` (R, C), m per m.
+    """
+
+    rows: np.ndarray
+    cols: np.ndarray
+    z: np.ndarray
+    slope: np.ndarray
+
+
+def visible_targets(model: HeightModel, view: View, targets: Targets, tolerance: float) -> np.ndarray:
+    """uint8 (R, C): 1 where the surface leaves the ray from the target to the view free.
+
+    A target without height is not seen. `tolerance` (m) is how deep a ray may dip below the surface on level ground; it grows with
+    the slope at the target. Whether the target falls inside the photograph is not asked here.
     """
     heights = np.ascontiguousarray(model.heights, np.float32)
-    col0, row0 = model.grid.pixel(view.centre[0], view.centre[1])
-    centre, corner = np.array([col0, row0, view.centre[2]]), (model.window.row, model.window.col)
-    out = np.zeros((len(rows), len(cols)), np.uint8)
+    out = np.zeros(targets.z.shape, np.uint8)
     if np.isnan(heights).all():
         return out
-    top = float(np.nanmax(heights))
-    rows, cols = np.asarray(rows, np.int64), np.asarray(cols, np.int64)
-    _march(heights, _ceiling(heights), top, centre, corner, rows, cols, tolerance, model.grid.cell, out)
+    centre = np.array([*model.grid.pixel(view.centre[0], view.centre[1]), view.centre[2]])
+    corner, top = (model.window.row, model.window.col), float(np.nanmax(heights))
+    rows, cols = np.asarray(targets.rows, np.float64), np.asarray(targets.cols, np.float64)
+    z, slope = (np.ascontiguousarray(values, np.float32) for values in (targets.z, targets.slope))
+    _march(heights, _ceiling(heights), top, centre, corner, rows, cols, z, slope, tolerance, WALL * model.grid.cell, out)
     return out
 
 
-def widening_factor(visible: np.ndarray, margin: float, ramp: float) -> np.ndarray:
-    """float32 weight factor (rows, cols) that falls towards hidden cells: 0 within `margin` cells of one, 1 from `margin` + `ramp` on.
+def widening_factor(hidden: np.ndarray, margin: float, ramp: float) -> np.ndarray:
+    """float32 weight factor (rows, cols) that falls towards hidden pixels.
 
-    Single hidden cells (specks of a noisy model) do not count: the hidden area is opened by a 2 x 2 window first
-    (Petsa et al. 2007, M10 step 3).
+    0 within `margin` px of a hidden one, 1 from `margin` + `ramp` px on. Single hidden pixels (specks of a noisy model) do not
+    count: the hidden area is opened by a 2 x 2 window first (Petsa et al. 2007, M10 step 3).
     """
-    hidden = ndimage.binary_opening(visible == 0, structure=np.ones((2, 2)))
-    if not hidden.any():
-        return np.ones(visible.shape, np.float32)
-    distance = ndimage.distance_transform_edt(~hidden)
+    opened = cv2.morphologyEx(hidden.astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
+    if not opened.any():
+        return np.ones(hidden.shape, np.float32)
+    distance = cv2.distanceTransform(1 - opened, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     return np.clip((distance - margin) / max(ramp, 1e-6), 0.0, 1.0).astype(np.float32)

@@ -24,8 +24,9 @@ from tasks.tie_points.records import DESCRIPTOR, Features, Values
 cv2.setNumThreads(1)
 
 HALO = 96
-LARGEST = 18.0
-"""Largest diameter of a point, px of the level; its descriptor reaches about 5.3 diameters from the centre."""
+SMALLEST, LARGEST = 2.5, 18.0
+"""Diameters of points, px of the level. A descriptor reaches about 5.3 diameters from its centre; the many points below 2.5 px
+are rarely found again in another photograph."""
 CELL = 64
 _SPARE = 4
 _FIRST_OCTAVE = 255 | (1 << 8)
@@ -58,7 +59,7 @@ def tile_features(pixels: np.ndarray, overview: np.ndarray, detection: Detection
     """Features and descriptors of one tile. pixels: `detection.window` of the level; overview: the coarsest level."""
     grey = grey_bytes(pixels, grey_range(overview))
     sift = cv2.SIFT_create(nfeatures=0, contrastThreshold=detection.contrast)
-    points = [point for point in sift.detect(grey, None) if point.size <= LARGEST]
+    points = [point for point in sift.detect(grey, None) if SMALLEST <= point.size <= LARGEST]
     numbers = np.array([(*point.pt, point.size, point.angle, point.response) for point in points]).reshape(-1, 5)
     chosen = _strongest_in_core(numbers, detection)
     descriptors = _descriptors(sift, grey, [points[number] for number in chosen])

@@ -58,33 +58,33 @@ def mutual_matches(left: np.ndarray, right: np.ndarray, ratio: float) -> np.ndar
     """
     if len(left) < 2 or len(right) < 2:
         return np.empty((0, 2), dtype=np.int64)
-    left, right = left.astype(np.float32), right.astype(np.float32)
-    nearest, first, second = _two_nearest(left, right)
-    back, _, _ = _two_nearest(right, left)
-    mutual = back[nearest] == np.arange(len(left))
-    clear = first < ratio**2 * second
-    chosen = np.flatnonzero(mutual & clear)
+    nearest, first, second, closest = _nearest(left.astype(np.float32), right.astype(np.float32))
+    mutual = first == closest[nearest]
+    chosen = np.flatnonzero(mutual & (first < ratio**2 * second))
+    _, once = np.unique(nearest[chosen], return_index=True)
+    chosen = chosen[np.sort(once)]
     return np.column_stack([chosen, nearest[chosen]])
 
 
-def _two_nearest(left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """For each left row the number of the nearest right one, and the squared distances of the nearest two."""
+def _nearest(left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """For each left row the number of the nearest right one and the squared distances of the nearest two; for each right row the
+    squared distance of the nearest left one. Distances are exact, so that equality tells who is whose."""
     nearest = np.empty(len(left), dtype=np.int64)
-    first, second = np.empty(len(left)), np.empty(len(left))
+    first, second = np.empty(len(left), dtype=np.float32), np.empty(len(left), dtype=np.float32)
+    closest = np.full(len(right), np.inf, dtype=np.float32)
     power = (right**2).sum(axis=1)
     for start in range(0, len(left), _BLOCK):
         block = left[start : start + _BLOCK]
-        rows = np.arange(len(block))
-        closeness = block @ right.T
-        closeness *= 2.0
-        closeness -= power
-        own = (block**2).sum(axis=1)
-        best = closeness.argmax(axis=1)
-        part = slice(start, start + len(block))
-        nearest[part], first[part] = best, own - closeness[rows, best]
-        closeness[rows, best] = -np.inf
-        second[part] = own - closeness.max(axis=1)
-    return nearest, first, second
+        squared = block @ (-2.0 * right.T)
+        squared += power
+        squared += (block**2).sum(axis=1)[:, None]
+        np.minimum(closest, squared.min(axis=0), out=closest)
+        rows, part = np.arange(len(block)), slice(start, start + len(block))
+        nearest[part] = squared.argmin(axis=1)
+        first[part] = squared[rows, nearest[part]]
+        squared[rows, nearest[part]] = np.inf
+        second[part] = squared.min(axis=1)
+    return nearest, first, second, closest
 
 
 def epipolar_agreement(points: tuple[np.ndarray, np.ndarray], cameras: tuple[Camera, Camera], tolerance: float) -> np.ndarray:

@@ -81,7 +81,7 @@ class Observations(Columns):
 
 
 class Links(BaseModel):
-    """Pairs (reference, other) of photographs that share tracks, by number; what refinement has to be planned for."""
+    """Pairs of photographs (lower number, higher number) of which one is the reference of a track that the other shows."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -93,8 +93,10 @@ class Links(BaseModel):
 
 @dataclass(frozen=True)
 class Refined(Columns):
-    """Observations of one photograph, matched against the track's reference photograph."""
+    """Observations matched against the reference photographs of their tracks."""
 
+    photo: np.ndarray
+    """int32: the photograph of the observation"""
     track: np.ndarray
     """int32"""
     col: np.ndarray

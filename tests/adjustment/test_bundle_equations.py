@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from schemas.errors import GeometryError
-from tasks.adjustment.bundle import BlunderTest, adjust, covariance_of, minimise
+from tasks.adjustment.bundle import BlunderTest, adjust, covariance_of, minimise, with_considered
 from tasks.adjustment.collinearity import derivatives, misclosures
 from tasks.adjustment.datum import freedoms, prior_cost, prior_normals
 from tasks.adjustment.network import Interior, Network, Rays, State, ray_columns
@@ -37,7 +37,7 @@ def small_network(seed=0, photos=4, points=30, noise=0.0, free=False, interior_f
     known[:4] = 0 if free else 1 / 0.02**2
     network = Network(
         camera_of,
-        Interior(INTERIOR_VALUES[None], weight, mask),
+        Interior(INTERIOR_VALUES[None], weight, mask, np.zeros_like(mask)),
         centre,
         np.full((photos, 3), 0 if free else 1 / 0.1**2),
         point,
@@ -194,6 +194,27 @@ def test_blunders_are_found_and_the_stated_sigma_is_put_right():
         np.concatenate([np.diag(result.exterior_covariance(p))[:3] for p in range(4)])
     )
     assert np.abs(error).max() < 4
+
+
+def test_considered_camera_constant_moves_the_block_as_its_covariance_says():
+    network, truth, rays = small_network(seed=2, interior_free=(0, 3))
+    considered = np.zeros((1, 8), bool)
+    considered[0, 0] = True
+    network = replace(network, interior=replace(network.interior, considered=considered))
+    linear, column = linearised(network, truth, rays), network.interior_columns[0, 0]
+    estimated = covariance_of(network, truth, linear)
+    total = with_considered(network, linear, estimated)
+    sigma = np.sqrt(total[column, column])
+    assert np.isclose(sigma, 2.0)
+    step = 0.05
+    interior = truth.interior.copy()
+    interior[0, 0] += step
+    state, _ = minimise(network, replace(truth, interior=interior), rays, tolerance=1e-14)
+    assert state.interior[0, 0] == interior[0, 0]
+    moved_by = (state.centre - truth.centre) / step
+    expected = np.array([total[6 * photo : 6 * photo + 3, column] for photo in range(network.photos)]) / sigma**2
+    assert np.abs(moved_by - expected).max() < 0.02 * np.abs(expected).max()
+    assert (np.diag(total) >= np.diag(estimated) - 1e-15).all()
 
 
 def test_redundancy_numbers_sum_to_the_redundancy():

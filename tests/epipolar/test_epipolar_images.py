@@ -134,7 +134,8 @@ def test_the_stage_plans_in_two_steps():
 
 
 def test_sixteen_bit_photographs_get_one_stretch():
-    deep = photos().model_copy(update={"photos": tuple(p.model_copy(update={"dtype": "uint16", "levels": 3}) for p in photos().photos)})
+    sixteen = tuple(p.model_copy(update={"dtype": "uint16", "levels": 3}) for p in photos().photos)
+    deep = photos().model_copy(update={"photos": sixteen})
     tables = {PAIRS.path: choose_pairs(block(), PairChoice(), 0.08), BLOCK.path: block(), PHOTOS.path: deep}
     jobs = [j for j in planned(FakeView(tables)) if isinstance(j, Job)]
     assert sum(j.item.startswith("grey-") for j in jobs) == 6

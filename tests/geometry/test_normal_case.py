@@ -57,7 +57,8 @@ def test_volos_base_to_twelve_digits():
 def test_kappa_does_not_matter(kappas):
     """The epipolar images look along the mean viewing direction whichever way the photographs are turned."""
     camera = Camera(name="c", width=400, height=400, c=500)
-    two = [View(str(k), camera, rotation_matrix(0.02, -0.01, np.radians(k)), np.array([90.0 * i, 5.0, 300.0])) for i, k in enumerate(kappas)]
+    turns = [rotation_matrix(0.02, -0.01, np.radians(kappa)) for kappa in kappas]
+    two = [View(str(i), camera, turn, np.array([90.0 * i, 5.0, 300.0])) for i, turn in enumerate(turns)]
     rotation = base_rotation(two[1].centre - two[0].centre, mean_direction(*two))
     assert rotation[2] @ mean_direction(*two) > 0.9995
     pair = normal_case(two[0], two[1], HeightRange(0, 30))
@@ -130,8 +131,8 @@ def test_row_band_of_the_published_orientations():
 def test_polygons():
     square = np.array([[0, 0], [4, 0], [4, 4], [0, 4.0]]) + 4e5
     assert polygon_area(square) == pytest.approx(16)
-    assert polygon_area(common_polygon(square, square + (2, 2))) == pytest.approx(4, abs=1e-4)
-    assert len(common_polygon(square, square + (9, 0))) == 0
+    assert polygon_area(common_polygon(square, square + 2)) == pytest.approx(4, abs=1e-4)
+    assert len(common_polygon(square, square + np.array([9, 0]))) == 0
 
 
 def test_the_tiny_block_closes():

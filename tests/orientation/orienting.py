@@ -9,10 +9,10 @@ from tasks.orientation.pairs import relate_pairs
 
 
 def orient(block, **changes):
-    choices = {"interior": WeightedInterior(kind="weighted"), "gnss_shift": False, "vertical_sigma": 5.0, "rejection": 4.0} | changes
+    usual = {"interior": WeightedInterior(kind="weighted"), "gnss_shift": False, "vertical_sigma": 5.0, "rejection": 4.0}
     relative = relate_pairs(block.photos, block.cameras, block.tie_points, 15)
     out = orient_block(
-        block.photos, block.cameras, block.tie_points, block.control, relative, "EPSG:2100", BlockChoices(**choices)
+        block.photos, block.cameras, block.tie_points, block.control, relative, "EPSG:2100", BlockChoices(**(usual | changes))
     )
     return out | {"relative": relative}
 

@@ -95,24 +95,15 @@ def simulate(
             role = "control" if len(known) < control else "check"
             noisy = targets[t] + 0.02 * rng.standard_normal(3)
             known.append(ControlPoint(name=f"P{t}", role=role, xyz=tuple(noisy), sigma=(0.02,) * 3, measurements=found))
-    photos = []
-    for v in views:
-        position = None if gnss is None else tuple(v.centre + gnss * rng.standard_normal(3))
-        photos.append(
-            Photo(
-                name=v.name,
-                path=v.name,
-                width=v.camera.width,
-                height=v.camera.height,
-                bands=3,
-                dtype="uint8",
-                camera="cam",
-                position=position,
-                position_sigma=None if gnss is None else (gnss,) * 3,
-            )
-        )
+    photos = [photo_of(v, None if gnss is None else v.centre + gnss * rng.standard_normal(3), gnss) for v in views]
     cameras = Cameras(cameras={"cam": camera}, of_photo={v.name: "cam" for v in views})
     return SimulatedBlock(Photos(photos=tuple(photos)), cameras, ties, Control(points=tuple(known)), views, np.array(truth), bad)
+
+
+def photo_of(v, position=None, sigma=None):
+    known = {} if position is None else {"position": tuple(position), "position_sigma": (sigma,) * 3}
+    size = {"width": v.camera.width, "height": v.camera.height}
+    return Photo(name=v.name, path=v.name, bands=3, dtype="uint8", camera="cam", **size, **known)
 
 
 def view(name, camera, xyz, degrees):

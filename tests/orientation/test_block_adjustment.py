@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from orienting import ground_errors, orient, standardised_orientation
-from simulated_block import DRONE, one_strip, simulate, two_strips, view
+from simulated_block import DRONE, one_strip, photo_of, simulate, two_strips, view
 
 from schemas.errors import GeometryError
 from schemas.observations import Control
 from schemas.photo import Photos
-from tasks.adjustment.interior import FixedInterior, FreeInterior
+from tasks.adjustment.interior import FixedInterior, FreeInterior, WeightedInterior
 from tasks.orientation.report import report
 
 
@@ -70,6 +70,16 @@ def test_one_strip_with_rough_positions_says_that_its_tilt_is_assumed():
     assert np.degrees(sigma[3:].min()) < 2
 
 
+def test_nominal_camera_constant_is_held_without_control_and_its_doubt_reaches_the_ground():
+    block = one_strip(4)
+    out = orient(block)
+    camera = out["block"].cameras["cam"]
+    assert camera.c == 1165.0 and camera.covariance[0][0] == pytest.approx((0.03 * 1165) ** 2)
+    assert any("nominal" in text for text in out["precision"].weaknesses)
+    sure = orient(block, interior=WeightedInterior(kind="weighted", parameters=("k1",)))
+    assert np.median(out["points"].sigma_z) > np.median(sure["points"].sigma_z) + 0.5
+
+
 def test_free_network_without_positions_and_control():
     block = two_strips(2, gnss=None, control=0, check=0)
     result = orient(block, interior=FixedInterior(kind="fixed"))["block"]
@@ -77,8 +87,9 @@ def test_free_network_without_positions_and_control():
     truth = np.array([v.centre for v in block.views])
     found = np.array([result.of(v.name).centre for v in block.views])
     scale = np.linalg.norm(truth[5] - truth[0]) / np.linalg.norm(found[5] - found[0])
-    lengths = [scale * np.linalg.norm(found[i] - found[j]) / np.linalg.norm(truth[i] - truth[j]) for i in range(6) for j in range(i)]
-    assert np.abs(np.array(lengths) - 1).max() < 2e-3
+    first, second = np.triu_indices(6, 1)
+    lengths = [np.linalg.norm(centres[first] - centres[second], axis=1) for centres in (scale * found, truth)]
+    assert np.abs(lengths[0] / lengths[1] - 1).max() < 2e-3
 
 
 def test_positions_alone_hold_two_strips():
@@ -130,10 +141,10 @@ def test_self_calibration_with_control_recovers_the_camera():
 def test_separate_groups_are_kept_apart_and_named():
     far = [view(f"far{i}", DRONE, (417000 + 20 * i, 4357000, 180), (0, 0, 90)) for i in range(3)]
     near = [view(f"near{i}", DRONE, (407000 + 20 * i, 4357000, 180), (0, 0, 90)) for i in range(5)]
-    lone = [view("alone", DRONE, (437000, 4357000, 180), (0, 0, 90))]
+    lone = view("alone", DRONE, (437000, 4357000, 180), (0, 0, 90))
     one = simulate(near, DRONE, 1, gnss=1.0, control=0, check=0, tracks=600)
     two = simulate(far, DRONE, 2, gnss=1.0, control=0, check=0, tracks=600)
-    three = simulate(lone, DRONE, 3, gnss=1.0, control=0, check=0, tracks=0)
+    three = photo_of(lone)
     ties = replace(
         one.tie_points,
         track=np.concatenate([one.tie_points.track, two.tie_points.track + 10000]).astype(np.int32),
@@ -142,8 +153,8 @@ def test_separate_groups_are_kept_apart_and_named():
         row=np.concatenate([one.tie_points.row, two.tie_points.row]),
         sigma=np.concatenate([one.tie_points.sigma, two.tie_points.sigma]),
     )
-    photos = Photos(photos=one.photos.photos + two.photos.photos + three.photos.photos)
-    cameras = one.cameras.model_copy(update={"of_photo": {name: "cam" for name in photos.names}})
+    photos = Photos(photos=(*one.photos.photos, *two.photos.photos, three))
+    cameras = one.cameras.model_copy(update={"of_photo": dict.fromkeys(photos.names, "cam")})
     result = orient(replace(one, photos=photos, cameras=cameras, tie_points=ties))["block"]
     assert result.names == tuple(v.name for v in near)
     reasons = {u.photo: u.reason for u in result.unoriented}
@@ -152,8 +163,9 @@ def test_separate_groups_are_kept_apart_and_named():
 
 
 def test_no_overlap_at_all_is_one_clear_sentence():
-    block = one_strip(0, photos=3, tracks=300)
-    shuffled = replace(block.tie_points, row=np.random.default_rng(1).uniform(0, 1124, len(block.tie_points)))
+    block = one_strip(0, photos=3, tracks=100)
+    col, row = np.random.default_rng(1).uniform(0, [[1999], [1124]], (2, len(block.tie_points)))
+    shuffled = replace(block.tie_points, col=col, row=row)
     with pytest.raises(GeometryError, match="No two photographs could be oriented"):
         orient(replace(block, tie_points=shuffled))
 

@@ -111,7 +111,8 @@ def test_a_vertical_system_travels_with_the_file(tmp_path):
 def test_a_photograph_reads_back_as_it_was(tmp_path, dtype, bands):
     pixels = np.random.default_rng(0).integers(0, np.iinfo(dtype).max, (300, 417, bands), dtype)
     store = MemoryStore().put("p/a", pixels, 128, crs=None, transform=None)
-    with pytest.warns(rasterio.errors.NotGeoreferencedWarning), rasterio.open(opened(store, tmp_path, "tiff", {"image": "p/a"})) as image:
+    path = opened(store, tmp_path, "tiff", {"image": "p/a"})
+    with pytest.warns(rasterio.errors.NotGeoreferencedWarning), rasterio.open(path) as image:
         assert image.crs is None and image.profile["tiled"] and image.count == bands
         np.testing.assert_array_equal(np.moveaxis(image.read(), 0, 2), pixels)
 
@@ -121,8 +122,8 @@ class Endless(MemoryStore):
 
     def __init__(self, rows, cols, chunk):
         super().__init__()
-        self.specs = {"d/z": RasterSpec(name="d/z", shape=(rows, cols), dtype="float32", chunk=chunk, nodata=NAN, crs="EPSG:2100",
-                                        transform=TRANSFORM)}
+        place = {"crs": "EPSG:2100", "transform": TRANSFORM}
+        self.specs = {"d/z": RasterSpec(name="d/z", shape=(rows, cols), dtype="float32", chunk=chunk, nodata=NAN, **place)}
 
     def read(self, name, window):
         self.largest = max(self.largest, window.height * window.width)
@@ -137,7 +138,8 @@ def test_no_more_than_a_chunk_is_read_at_once(tmp_path, fmt, name):
 
 
 def test_a_point_cloud_holds_every_finite_cell_with_colour_and_precision(store, tmp_path):
-    path = opened(store, tmp_path, "laz", {"z": "d/height", "rgb": "t/ortho", "sigma": "d/precision", "count": "d/count"}, "points.laz")
+    rasters = {"z": "d/height", "rgb": "t/ortho", "sigma": "d/precision", "count": "d/count"}
+    path = opened(store, tmp_path, "laz", rasters, "points.laz")
     heights = store.arrays["d/height"]
     cloud = laspy.read(path)
     assert str(cloud.header.version) == "1.4" and cloud.header.point_format.id == 7 and cloud.header.are_points_compressed
@@ -173,7 +175,8 @@ def test_transparent_pixels_do_not_darken_a_point(tmp_path):
     heights, place = cells(64, 64, 1.0, 0.0, 0.0)
     rgb = np.zeros((128, 128, 4), np.uint8)
     rgb[::2, ::2] = (240, 120, 60, 255)
-    store = MemoryStore().put("z", heights, 64, transform=place, nodata=NAN).put("rgb", rgb, 64, transform=(0.5, 0.0, 0.0, 0.0, -0.5, 0.0))
+    store = MemoryStore().put("z", heights, 64, transform=place, nodata=NAN)
+    store.put("rgb", rgb, 64, transform=(0.5, 0.0, 0.0, 0.0, -0.5, 0.0))
     cloud = laspy.read(opened(store, tmp_path, "laz", {"z": "z", "rgb": "rgb"}, "p.laz"))
     assert set(cloud.red) == {240 * 257}
 
@@ -181,7 +184,8 @@ def test_transparent_pixels_do_not_darken_a_point(tmp_path):
 def test_colours_that_do_not_nest_are_refused(tmp_path):
     heights, place = cells(64, 64, 1.0, 0.0, 0.0)
     rgb = np.zeros((64, 64, 4), np.uint8)
-    store = MemoryStore().put("z", heights, 64, transform=place).put("rgb", rgb, 64, transform=(1.0, 0.0, 0.3, 0.0, -1.0, 0.0))
+    store = MemoryStore().put("z", heights, 64, transform=place)
+    store.put("rgb", rgb, 64, transform=(1.0, 0.0, 0.3, 0.0, -1.0, 0.0))
     with pytest.raises(StoreError, match="shares its cell borders"):
         opened(store, tmp_path, "laz", {"z": "z", "rgb": "rgb"}, "p.laz")
 
@@ -209,7 +213,8 @@ ROWS = Rows(np.array(['a, "b"', "Λάρισα"]), np.array([1, -2]), np.array([1
 
 def test_json_is_the_table_for_people(tmp_path):
     table = Table("a/b.json", Speech)
-    export(Export("a", "x", "b.json", "json", tables=(table,)), MemoryStore().put_table(table, Speech(word="ß", value=None)), tmp_path)
+    store = MemoryStore().put_table(table, Speech(word="ß", value=None))
+    export(Export("a", "x", "b.json", "json", tables=(table,)), store, tmp_path)
     assert json.loads((tmp_path / "b.json").read_text()) == {"word": "ß", "value": None}
     assert (tmp_path / "b.json").read_text().startswith('{\n  "word"')
 
@@ -217,7 +222,8 @@ def test_json_is_the_table_for_people(tmp_path):
 def test_csv_reads_back_to_the_same_numbers(tmp_path):
     table = Table("a/rows.parquet", Rows)
     export(Export("a", "x", "rows.csv", "csv", tables=(table,)), MemoryStore().put_table(table, ROWS), tmp_path)
-    assert (tmp_path / "rows.csv").read_text() == 'name,number,x,sigma\n"a, ""b""",1,0.3333333333333333,0.1\nΛάρισα,-2,nan,2.5e-07\n'
+    expected = 'name,number,x,sigma\n"a, ""b""",1,0.3333333333333333,0.1\nΛάρισα,-2,nan,2.5e-07\n'
+    assert (tmp_path / "rows.csv").read_text() == expected
     lines = csv_text(ROWS).splitlines()
     assert float(lines[1].split(",")[-2]) == 1 / 3 and np.float32(lines[2].split(",")[-1]) == np.float32(2.5e-7)
 
@@ -279,7 +285,8 @@ def test_a_full_disk_is_said_and_leaves_nothing(tmp_path, fmt, name):
     """A limit on the size of files stands for the disk: writing beyond it fails in the same place."""
     here = Path(__file__).parent
     environment = os.environ | {"PYTHONPATH": f"{here}:{here.parents[1]}"}
-    done = subprocess.run([sys.executable, "-c", FULL_DISK, str(tmp_path), name, fmt], capture_output=True, text=True, env=environment)
+    command = [sys.executable, "-c", FULL_DISK, str(tmp_path), name, fmt]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment)
     assert "cannot be written" in done.stdout and "make room" in done.stdout, done.stdout + done.stderr
     assert not list(tmp_path.iterdir())
 

@@ -27,6 +27,7 @@ def test_a_new_raster_is_empty_and_remembers_its_specification(store):
     store.create(spec)
     assert np.isnan(store.read(spec.name, spec.full)).all()
     kept = Store(store.folder).spec(spec.name)
+    assert Store(store.folder).create(spec) == store.birth(spec.name), "the same raster must survive a second run"
     assert kept.transform == grid.transform and kept.unit == "m" and store.names() == (spec.name,)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from schemas.camera import Camera
 from schemas.orientation import Block, ExteriorOrientation
-from schemas.raster import MapGrid
+from schemas.raster import MapGrid, Window
 from tasks.geometry.view import View, view_of
 
 BOX = (50.0, 70.0, 52.0, 68.0, 14.0)
@@ -29,9 +29,11 @@ class Vehicle:
 def block(names: str = "abcd") -> Block:
     """The named photos as an oriented block, slightly tilted."""
     photos = tuple(
-        ExteriorOrientation(photo=name, centre=CENTRES[name], omega_phi_kappa=(1.0 - i, 0.5 * i, 10.0 * i)) for i, name in enumerate(names)
+        ExteriorOrientation(photo=name, centre=CENTRES[name], omega_phi_kappa=(1.0 - i, 0.5 * i, 10.0 * i)) for i,
+        name in enumerate(names)
     )
-    return Block(crs="EPSG:2100", cameras={"test": CAMERA}, of_photo=dict.fromkeys(names, "test"), photos=photos, datum="given", sigma0_px=0.1,
+    return Block(crs="EPSG:2100", cameras={"test": CAMERA}, of_photo=dict.fromkeys(names, "test"), photos=photos, datum="given",
+                 sigma0_px=0.1,
                  redundancy=1, iterations=1, ground_low=0.0, ground_high=14.0)
 
 
@@ -46,9 +48,7 @@ def heights(grid: MapGrid = DSM) -> np.ndarray:
     return np.where(inside, BOX[4], 0.0).astype(np.float32)
 
 
-def _full(grid: MapGrid):
-    from schemas.raster import Window
-
+def _full(grid: MapGrid) -> Window:
     return Window(0, 0, grid.rows, grid.cols)
 
 
@@ -70,7 +70,8 @@ def hits_box(origin: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def sees(photo: View, points: np.ndarray) -> np.ndarray:
-    """Brute force: whether the segment from each point (N, 3) to the projection centre misses the box and the photo contains the point."""
+    """Brute force: whether the segment from each point (N, 3) to the projection centre misses the box and the photo contains the
+    point."""
     direction = photo.centre - points
     start = points + 1e-6 * direction
     t, _ = hits_box(start, direction)

@@ -1,0 +1,173 @@
+"""Does the check of the surface find planted errors? A tilt of +-5 m and twenty bumps of +-3 m on the surface of a finished run.
+
+    python benchmarks/planted_errors.py runs/volos
+
+Strategy. The surface that the run measured is deformed, checked by the functions of `dsm_check` in one piece, and the answer is
+compared with what was planted: sign, place and amplitude of every bump, the tilt, and how many cells are called wrong that
+were left alone (false alarms, from the check of the surface as it is). Works on arrays: `check` and `recovered` can be used from a
+notebook with any surface and photographs.
+"""
+
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from schemas.epipolar import PAIRS, EpipolarPairs
+from schemas.orientation import BLOCK, Block
+from schemas.photo import photo_raster
+from schemas.raster import Window
+from schemas.surface import HEIGHT, SURFACE, Surface
+from tasks.dsm_check.areas import block_size
+from tasks.dsm_check.correction_map import NodeGrid
+from tasks.dsm_check.coverage import CheckedPair, CheckedPairs, choose_checked_pairs
+from tasks.dsm_check.nodes import NodeTile, check_nodes
+from tasks.dsm_check.orthoimage import OrthoTile, ortho_tile
+from tasks.dsm_check.stage import DsmCheckStage
+from tasks.dsm_check.tile import CorrectionRule, NodeWindow, correct_tile
+from tasks.simulation.deformation import Bump, Deformation, planted, shape_of
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What a check needs: geometry and photographs (rows, cols, bands) by name."""
+
+    block: Block
+    pairs: EpipolarPairs
+    surface: Surface
+    photographs: dict[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """One planted bump and what the check says of it."""
+
+    planted: float
+    found: float
+    """m, amplitude of the bump in the check's answer, in the sense of the error (not of the correction)"""
+    off: float
+    """m, distance of the place found from the place planted"""
+    checked: float
+    """share of the bump's cells that the check could judge"""
+
+    @property
+    def share(self) -> float:
+        return self.found / self.planted
+
+
+def check(scene: Scene, heights: np.ndarray, stage: DsmCheckStage) -> dict[str, np.ndarray]:
+    """dh, precision and corrected height (rows, cols) m of a surface (rows, cols), checked in one piece."""
+    chosen = choose_checked_pairs(scene.pairs, scene.block, scene.surface, 64, stage.pairs, stage.pixels_per_cell)
+    nodes = tuple(_nodes(scene, heights, stage, chosen, pair) for pair in chosen.pairs)
+    whole = Window(0, 0, *heights.shape)
+    windows = tuple(NodeWindow(p.name, *[_nodes_of(p.window, stage.step)] * 2) for p in chosen.pairs)
+    factor = chosen.pixels_per_cell
+    grid = NodeGrid(stage.step, factor, stage.radius * stage.step, 2 * stage.matching.search.reach / factor)
+    rule = CorrectionRule(stage.apply, stage.significance, grid, block_size(heights.shape), chosen.pixel_height)
+    return correct_tile(whole, windows, rule, heights, nodes)
+
+
+def _nodes_of(window: Window, step: int) -> Window:
+    return Window(window.row // step, window.col // step, -(-window.height // step), -(-window.width // step))
+
+
+def _nodes(scene: Scene, heights: np.ndarray, stage: DsmCheckStage, chosen: CheckedPairs, pair: CheckedPair) -> np.ndarray:
+    block, grid, factor = scene.block, scene.surface.grid, chosen.pixels_per_cell
+    given = pair.window.grown(1).clipped(grid.shape)
+    images = []
+    for name in (pair.left, pair.right):
+        photo = scene.photographs[name]
+        tile = OrthoTile(block.of(name), block.camera_of(name), grid, pair.window, given, factor, Window(0, 0, *photo.shape[:2]))
+        images.append(ortho_tile(tile, heights[given.slices], photo))
+    tile = NodeTile(block.of(pair.left), block.of(pair.right), grid, pair.window, pair.window, factor, stage.step)
+    return check_nodes(tile, stage.matching, stage.correction, *images, heights[pair.window.slices])
+
+
+def recovered(deformation: Deformation, dh: np.ndarray) -> list[Recovery]:
+    """What the corrections (rows, cols) m say of every bump; the tilt planted is taken off first."""
+    x, y = np.meshgrid(*deformation.grid.centres(Window(0, 0, *dh.shape)))
+    error = -dh - deformation.tilt_at(x, y)
+    return [_recovered(bump, x, y, error) for bump in deformation.bumps]
+
+
+def _recovered(bump: Bump, x: np.ndarray, y: np.ndarray, error: np.ndarray) -> Recovery:
+    near = np.hypot(x - bump.x, y - bump.y) < 1.5 * bump.radius
+    x, y, error = x[near], y[near], error[near]
+    shape, known = shape_of(bump, x, y), np.isfinite(error)
+    inside = shape > 0
+    if known[inside].mean() < 0.2:
+        return Recovery(bump.height, 0.0, np.inf, float(known[inside].mean()))
+    found = float((error * shape)[known].sum() / (shape**2)[known].sum())
+    weight = np.clip(error[known] * np.sign(bump.height), 0, None) ** 2
+    weight /= max(weight.sum(), 1e-12)
+    truth = (shape**2)[known] / (shape**2)[known].sum()
+    off = np.hypot(((weight - truth) * x[known]).sum(), ((weight - truth) * y[known]).sum())
+    return Recovery(bump.height, found, float(off), float(known[inside].mean()))
+
+
+def tilt_found(deformation: Deformation, dh: np.ndarray) -> float:
+    """Share of the planted tilt that the corrections hold (1: all of it)."""
+    x, y = np.meshgrid(*deformation.grid.centres(Window(0, 0, *dh.shape)))
+    tilt, error = deformation.tilt_at(x, y), -dh - (deformation.at(x, y) - deformation.tilt_at(x, y))
+    known = np.isfinite(error)
+    error, tilt = error[known] - error[known].mean(), tilt[known] - tilt[known].mean()
+    return float((error * tilt).sum() / (tilt**2).sum())
+
+
+def false_alarms(answer: dict[str, np.ndarray], significance: float = 3.0) -> float:
+    """Share of the checked cells of an untouched surface that are called wrong."""
+    known = np.isfinite(answer["dh"])
+    return float((np.abs(answer["dh"]) > significance * answer["precision"])[known].mean())
+
+
+def open_places(answer: dict[str, np.ndarray], heights: np.ndarray, scene: Scene) -> np.ndarray:
+    """Ground points (N, 2) m where a bump can be seen: the untouched surface is checked, agrees, and is not steep."""
+    grid = scene.surface.grid
+    slope = np.hypot(*np.gradient(heights, grid.cell))
+    good = np.isfinite(answer["dh"]) & (np.abs(answer["dh"]) < 3 * answer["precision"]) & (slope < 0.5)
+    side = max(8, max(grid.shape) // 80)
+    rows, cols = (n // side for n in grid.shape)
+    share = good[: rows * side, : cols * side].reshape(rows, side, cols, side).mean(axis=(1, 3))
+    row, col = np.nonzero(share > 0.9)
+    return np.column_stack([grid.west + (col + 0.5) * side * grid.cell, grid.north - (row + 0.5) * side * grid.cell])
+
+
+def run(scene: Scene, heights: np.ndarray) -> str:
+    """Plant, check, compare; the table as text."""
+    stage, grid = DsmCheckStage(), scene.surface.grid
+    start = time.process_time()
+    untouched = check(scene, heights, stage)
+    seconds = time.process_time() - start
+    deformation = planted(grid, open_places(untouched, heights, scene))
+    x, y = np.meshgrid(*grid.centres(Window(0, 0, *heights.shape)))
+    surface = scene.surface
+    wide = surface.model_copy(update={"height_low": surface.height_low - 10, "height_high": surface.height_high + 10})
+    wrong = (heights + deformation.at(x, y)).astype(np.float32)
+    deformed = check(Scene(scene.block, scene.pairs, wide, scene.photographs), wrong, stage)
+    answer = np.where(np.isfinite(untouched["dh"]), deformed["dh"], np.nan)
+    bumps = recovered(deformation, answer)
+    lines = ["| planted (m) | found (m) | share | off (m) | checked |", "| --- | --- | --- | --- | --- |"]
+    lines += [f"| {b.planted:+.1f} | {b.found:+.2f} | {b.share:.0%} | {b.off:.1f} | {b.checked:.0%} |" for b in bumps]
+    good = sum(b.share >= 0.8 for b in bumps)
+    residual = (answer + deformation.at(x, y))[np.isfinite(answer)]
+    lines += ["", f"{good} of {len(bumps)} bumps with the right sign and 80 % of their amplitude or more; tilt found: "
+              f"{tilt_found(deformation, answer):.1%}; corrections against what was planted: median {np.median(residual):+.3f} m, "
+              f"NMAD {1.4826 * np.median(np.abs(residual - np.median(residual))):.3f} m; false alarms on the untouched surface: "
+              f"{false_alarms(untouched):.2%} of the checked cells; {seconds:.0f} s of CPU for one check."]
+    return "\n".join(lines)
+
+
+def scene_of_run(folder: Path) -> tuple[Scene, np.ndarray]:
+    """The scene and the measured surface (rows, cols) of a finished run."""
+    from pipeline.store import Store
+
+    store = Store(folder)
+    block, pairs, surface = (store.table(table) for table in (BLOCK, PAIRS, SURFACE))
+    read = {name: store.read(photo_raster(name), store.spec(photo_raster(name)).full) for name in block.names}
+    return Scene(block, pairs, surface, read), store.read(HEIGHT, store.spec(HEIGHT).full)
+
+
+if __name__ == "__main__":
+    print(run(*scene_of_run(Path(sys.argv[1]))))

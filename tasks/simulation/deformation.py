@@ -1,0 +1,66 @@
+"""Planted errors of a surface model: a tilt and a number of bumps, to see whether a check finds them.
+
+Strategy. The tilt grows linearly from corner to corner, as a wrong datum or orientation would make it (published: -5 to +5 m over
+1500 m); bumps are raised cosines that alternate in sign, at seeded random places that keep apart. Everything is a pure function of
+position, so any window of any grid can be deformed by itself.
+
+Source: Skarlatos, PhD thesis, 4.4.1 and equation 4.20 (methods/matching_and_dsm_check.md).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from schemas.raster import MapGrid
+
+
+@dataclass(frozen=True)
+class Bump:
+    """A round error of the surface: `height` m at the centre (x, y) m, none beyond `radius` m."""
+
+    x: float
+    y: float
+    radius: float
+    height: float
+
+
+@dataclass(frozen=True)
+class Deformation:
+    """Planted errors: `tilt` m at the north-west corner of the grid, -tilt at the south-east one, and bumps."""
+
+    grid: MapGrid
+    tilt: float
+    bumps: tuple[Bump, ...]
+
+    def tilt_at(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Error (m) of the tilt alone at ground points of any shape."""
+        width, height = self.grid.cols * self.grid.cell, self.grid.rows * self.grid.cell
+        return self.tilt * (1 - (x - self.grid.west) / width - (self.grid.north - y) / height)
+
+    def at(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Error (m) to be added to the true heights at ground points of any shape."""
+        return self.tilt_at(x, y) + sum(bump.height * shape_of(bump, x, y) for bump in self.bumps)
+
+
+def shape_of(bump: Bump, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """1 at the centre of a bump, falling as a cosine to 0 at its radius."""
+    distance = np.minimum(np.hypot(x - bump.x, y - bump.y) / bump.radius, 1.0)
+    return 0.5 * (1 + np.cos(np.pi * distance))
+
+
+def planted(grid: MapGrid, places: np.ndarray, count: int = 20, tilt: float = 5.0, height: float = 3.0,
+            seed: int = 2) -> Deformation:
+    """A tilt of +-`tilt` m and up to `count` bumps of alternating +-`height` m.
+
+    places (N, 2) m: where bumps may stand, e.g. open ground that two photographs see. Bumps keep two and a half radii apart, so
+    there are fewer when the places are crowded; the radius is a fortieth of the longer side of the grid.
+    """
+    radius = max(grid.rows, grid.cols) * grid.cell / 40
+    chosen: list[np.ndarray] = []
+    for place in np.random.default_rng(seed).permutation(places):
+        if all(np.hypot(*(place - other)) > 2.5 * radius for other in chosen):
+            chosen.append(place)
+        if len(chosen) == count:
+            break
+    bumps = tuple(Bump(float(x), float(y), radius, height * (-1) ** k) for k, (x, y) in enumerate(chosen))
+    return Deformation(grid, tilt, bumps)

@@ -1,0 +1,155 @@
+"""Sub-pixel refinement: every observation of a track is matched by least squares against the track's reference photograph.
+
+Patches of the two photographs are laid out in mosaics, with gaps that no window and no smoothing can cross, and matched in one call.
+The affine starts from the difference of the SIFT directions and the ratio of the SIFT sizes; where a point contradicts the median of
+its pair by more than 25 degrees or a factor of 1.4 (two directions at one place), the median is taken.
+
+Where the matching fails, the observation keeps its SIFT position with an accordingly larger standard error, or is dropped: a setting.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from schemas.outcome import Outcome
+from tasks.imagery.pyramid import level_to_full
+from tasks.matching.least_squares import LeastSquaresMatching, match_points
+from tasks.matching.smoothing import reach_of
+from tasks.tie_points.patches import joined_patches, nearest_pixels
+from tasks.tie_points.records import Observations, Refined, Values
+
+_BATCH = 1024
+_DIRECTION_LIMIT, _SIZE_LIMIT = np.radians(25.0), np.log(1.4)
+_ENLARGEMENT = 1.75
+"""How much larger than the window a patch must be: a window turned by 45 degrees and enlarged by a quarter."""
+
+
+@dataclass(frozen=True)
+class PatchRules:
+    """At which pyramid level, in strips of which height, and how patches are matched."""
+
+    level: int
+    tile: int
+    matching: LeastSquaresMatching
+
+    @property
+    def half(self) -> int:
+        """Half side of a patch."""
+        return int(np.ceil(_ENLARGEMENT * self.matching.half + self.matching.max_shift + 2))
+
+    @property
+    def gap(self) -> int:
+        return reach_of(self.matching.smoothing) + 1
+
+
+def refine_pair(
+    observations: tuple[Observations, Observations],
+    left_patches: tuple[Values, ...],
+    right_patches: tuple[Values, ...],
+    photos: tuple[int, int],
+    rules: PatchRules,
+) -> Refined:
+    """Refined observations of either photograph whose track's reference is the other one. photos: their numbers."""
+    patches = [
+        joined_patches(strips, own, rules.level, rules.tile, rules.half)
+        for strips, own in zip((left_patches, right_patches), observations, strict=True)
+    ]
+    parts = []
+    for reference, other in ((0, 1), (1, 0)):
+        shared = _shared(observations[reference], observations[other], photos[reference])
+        chosen = [observations[side].take(rows) for side, rows in zip((reference, other), shared, strict=True)]
+        cut = [patches[side][rows] for side, rows in zip((reference, other), shared, strict=True)]
+        parts.append(refined_observations((chosen[0], chosen[1]), (cut[0], cut[1]), photos[other], rules))
+    names = ("photo", "track", "col", "row", "sigma", "outcome")
+    return Refined(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+
+
+def _shared(reference: Observations, other: Observations, photo: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of both tables that show the same track, for tracks whose reference is `photo`."""
+    _, left, right = np.intersect1d(reference.track, other.track, assume_unique=True, return_indices=True)
+    own = reference.reference[left] == photo
+    return left[own], right[own]
+
+
+def refined_observations(
+    observations: tuple[Observations, Observations], patches: tuple[np.ndarray, np.ndarray], photo: int, rules: PatchRules
+) -> Refined:
+    """Match N patches (N, side, side) of the reference with those of another photograph, row by row.
+
+    observations: of both, row by row the same tracks; photo: number of the other one.
+    """
+    affine = start_affine(*observations)
+    count = len(affine)
+    found = [_match_batch(observations, patches, affine, slice(start, start + _BATCH), rules) for start in range(0, count, _BATCH)]
+    col, row, sigma, outcome = (np.concatenate([part[n] for part in found]) if found else np.empty(0) for n in range(4))
+    return Refined(
+        photo=np.full(count, photo, dtype=np.int32),
+        track=observations[1].track,
+        col=col.astype(np.float64),
+        row=row.astype(np.float64),
+        sigma=sigma.astype(np.float32),
+        outcome=outcome.astype(np.uint8),
+    )
+
+
+def start_affine(reference: Observations, other: Observations) -> np.ndarray:
+    """(N, 4) d other / d reference, col and row by col and row, from sizes and directions of the features."""
+    turn = np.radians(other.angle.astype(np.float64) - reference.angle)
+    growth = np.log(other.size.astype(np.float64) / reference.size)
+    common_turn = _median_direction(turn)
+    common_growth = np.median(growth) if len(growth) else 0.0
+    strange = np.abs(_wrapped(turn - common_turn)) > _DIRECTION_LIMIT
+    turn = np.where(strange, common_turn, turn)
+    growth = np.where(np.abs(growth - common_growth) > _SIZE_LIMIT, common_growth, growth)
+    cos, sin = np.exp(growth) * np.cos(turn), np.exp(growth) * np.sin(turn)
+    return np.column_stack([cos, -sin, sin, cos])
+
+
+def _wrapped(angle: np.ndarray) -> np.ndarray:
+    return np.arctan2(np.sin(angle), np.cos(angle))
+
+
+def _median_direction(turn: np.ndarray) -> float:
+    """Median of angles about their densest direction, so that a minority of opposite ones does not matter."""
+    if not len(turn):
+        return 0.0
+    counts, edges = np.histogram(_wrapped(turn), bins=36, range=(-np.pi, np.pi))
+    smooth = counts + np.roll(counts, 1) + np.roll(counts, -1)
+    centre = edges[int(smooth.argmax())] + np.pi / 36
+    return float(centre + np.median(_wrapped(turn - centre)[np.abs(_wrapped(turn - centre)) < np.pi / 4]))
+
+
+def _match_batch(
+    observations: tuple[Observations, Observations],
+    patches: tuple[np.ndarray, np.ndarray],
+    affine: np.ndarray,
+    part: slice,
+    rules: PatchRules,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """col, row (px of the full photograph), sigma (px), outcome."""
+    (mosaic, origins), (other_mosaic, _) = (_mosaic(stack[part], rules.gap) for stack in patches)
+    (positions, centres), (other_positions, other_centres) = (nearest_pixels(table.take(part), rules.level) for table in observations)
+    points, starts = origins + rules.half + positions - centres, origins + rules.half + other_positions - other_centres
+    found = match_points(mosaic, other_mosaic, points, starts, rules.matching, affine[part])
+    shift = np.column_stack([found.col, found.row]) - starts
+    full = level_to_full(other_positions + shift, rules.level)
+    sigma = np.sqrt((found.sigma_col**2 + found.sigma_row**2) / 2) * 2**rules.level
+    return full[:, 0], full[:, 1], sigma, found.outcome
+
+
+def _mosaic(patches: np.ndarray, gap: int) -> tuple[np.ndarray, np.ndarray]:
+    """Patches (N, side, side) side by side with gaps of no data (0), and the (col, row) of their first pixels (N, 2)."""
+    count, side = patches.shape[:2]
+    pitch, columns = side + gap, max(1, int(np.ceil(np.sqrt(count))))
+    rows = -(-count // columns)
+    tiles = np.zeros((rows * columns, pitch, pitch), dtype=np.uint8)
+    tiles[:count, :side, :side] = patches
+    mosaic = tiles.reshape(rows, columns, pitch, pitch).swapaxes(1, 2).reshape(rows * pitch, columns * pitch)
+    number = np.arange(count)
+    return mosaic, np.column_stack([number % columns, number // columns]).astype(np.float64) * pitch
+
+
+def converged(refined: Refined) -> Refined:
+    """The rows that were matched."""
+    return refined.take(refined.outcome == int(Outcome.CONVERGED))
+

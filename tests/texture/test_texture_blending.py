@@ -1,0 +1,122 @@
+"""Blending: the published numbers, rejection, best N, and the plain twin."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tasks.texture.blending import Blend, Rejection, blend
+
+
+def one_pixel(values, weights=None, how=Blend(Rejection("none"))):
+    """Blends grey values (or colours) of one pixel."""
+    values = np.array(values, np.float32).reshape(len(values), 1, 1, -1)
+    weights = np.ones(len(values)) if weights is None else np.array(weights)
+    return blend(values, weights.astype(np.float32).reshape(-1, 1, 1), how)
+
+
+@pytest.mark.parametrize(("power", "expected"), [(1, 175.0), (2, 190.0)])
+def test_weights_by_area_and_squared_area(power, expected):
+    result = one_pixel([100, 200], [1, 3], Blend(Rejection("none"), power))
+    assert result.colour[0, 0, 0] == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("centre", ["mean", "median", "deviation"])
+def test_a_gross_error_among_five_is_rejected(centre):
+    result = one_pixel([100, 101, 99, 100, 250], how=Blend(Rejection(centre, 1.0, 2.0)))
+    assert result.colour[0, 0, 0] == pytest.approx(100.0)
+    assert result.rejected[0, 0] == 1 and result.used[0, 0] == 4
+
+
+def test_the_published_rule_has_no_floor():
+    result = one_pixel([100, 101, 99, 100, 250], how=Blend(Rejection("mean", 1.0, 0.0)))
+    assert result.rejected[0, 0] == 1
+    assert one_pixel([100, 100, 103], how=Blend(Rejection("mean", 1.0, 0.0))).colour[0, 0, 0] == pytest.approx(100.0)
+
+
+@pytest.mark.parametrize("centre", ["mean", "median", "deviation"])
+def test_fewer_than_three_values_are_never_rejected(centre):
+    assert one_pixel([0, 250], how=Blend(Rejection(centre))).colour[0, 0, 0] == pytest.approx(125.0)
+
+
+@pytest.mark.parametrize("centre", ["mean", "median", "deviation"])
+@pytest.mark.parametrize("vehicle", [0.0, 30.0, 180.0, 255.0])
+def test_of_three_values_the_vehicle_goes(centre, vehicle):
+    result = one_pixel([102.0, vehicle, 98.0], how=Blend(Rejection(centre, 1.0 if centre != "deviation" else 3.0, 8.0)))
+    assert abs(result.colour[0, 0, 0] - 100) < 1e-4
+    assert result.rejected[0, 0] == 1
+
+
+def test_a_vehicle_of_the_roads_brightness_goes_by_its_colour():
+    road, red = [100, 100, 100], [190, 55, 55]
+    result = one_pixel([road, red, road], how=Blend(Rejection("mean", 1.0, 12.0)))
+    assert result.colour[0, 0].tolist() == [100, 100, 100]
+
+
+def test_the_robust_rule_bears_two_different_vehicles_among_five():
+    values = [100, 101, 99, 250, 180]
+    robust = one_pixel(values, how=Blend(Rejection("deviation", 3.0, 8.0)))
+    assert robust.colour[0, 0, 0] == pytest.approx(100.0) and robust.rejected[0, 0] == 2
+
+
+def test_noise_below_the_floor_stays():
+    assert one_pixel([96, 100, 104], how=Blend(Rejection("mean", 1.0, 12.0))).used[0, 0] == 3
+
+
+def test_a_large_k_rejects_nothing():
+    values = [10, 20, 200, 250]
+    assert one_pixel(values, how=Blend(Rejection("mean", 1e9))).colour[0, 0, 0] == pytest.approx(np.mean(values))
+
+
+def test_best_n():
+    values, weights = [10, 20, 30, 40], [1, 4, 3, 2]
+    assert one_pixel(values, weights, Blend(Rejection("none"), best=1)).colour[0, 0, 0] == 20
+    full = one_pixel(values, weights).colour[0, 0, 0]
+    assert one_pixel(values, weights, Blend(Rejection("none"), best=4)).colour[0, 0, 0] == full
+    assert one_pixel(values, weights, Blend(Rejection("none"), best=2)).colour[0, 0, 0] == pytest.approx((4 * 20 + 3 * 30) / 7)
+
+
+def test_two_values_that_disagree():
+    how = Blend(Rejection("mean"), two_limit=40.0)
+    assert one_pixel([100, 180], [2, 1], how).colour[0, 0, 0] == 100
+    assert one_pixel([100, 130], [1, 1], how).colour[0, 0, 0] == 115
+
+
+def test_reserves_serve_only_where_there_is_nothing_better():
+    assert one_pixel([100, 200], [1.0, 1e-3]).colour[0, 0, 0] == 100
+    assert one_pixel([100, 200], [1e-3, 1e-3]).colour[0, 0, 0] == 150
+
+
+def test_a_pixel_that_nobody_sees():
+    result = one_pixel([100, 200], [0, 0])
+    assert result.used[0, 0] == 0 and result.colour[0, 0, 0] == 0 and np.isnan(result.difference[0, 0])
+
+
+def _twin(values: np.ndarray, weights: np.ndarray, rule: Rejection, power: int) -> np.ndarray:
+    """One pixel in plain NumPy: values (N, bands)."""
+    keep = weights > 0.01 * weights.max()
+    values, weights = values[keep], weights[keep]
+    if len(values) >= 3 and rule.centre != "none":
+        centre = values.mean(0) if rule.centre == "mean" else np.median(values, axis=0)
+        distance = np.sqrt(((values - centre) ** 2).mean(1))
+        sigma = 1.4826 * np.median(distance) if rule.centre == "deviation" else np.sqrt((distance**2).mean())
+        good = distance <= max(rule.k * sigma * (1 + 1e-9) + 1e-9, rule.least)
+        if good.any():
+            values, weights = values[good], weights[good]
+    return (weights[:, None] ** power * values).sum(0) / (weights**power).sum()
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 10**6), photos=st.integers(1, 9), centre=st.sampled_from(["none", "mean", "median", "deviation"]),
+       power=st.sampled_from([1, 2]), bands=st.sampled_from([1, 3]))
+def test_the_kernel_agrees_with_its_plain_twin(seed, photos, centre, power, bands):
+    rng = np.random.default_rng(seed)
+    colours = rng.uniform(0, 255, (photos, 3, 4, bands)).astype(np.float32)
+    weights = rng.uniform(0.1, 3, (photos, 3, 4)).astype(np.float32)
+    rule = Rejection(centre, 1.0, 5.0)
+    result = blend(colours, weights, Blend(rule, power))
+    for r in range(3):
+        for c in range(4):
+            expected = _twin(colours[:, r, c].astype(np.float64), weights[:, r, c].astype(np.float64), rule, power)
+            np.testing.assert_allclose(result.colour[r, c], expected, rtol=1e-4)
+    assert result.share.sum() == pytest.approx(12.0, rel=1e-5)
