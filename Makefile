@@ -62,7 +62,7 @@ bench: $(STAMP) ## Measure the figures in benchmarks/results
 	@$(BIN)/python -m benchmarks
 
 docs: $(STAMP) ## Write the generated pages of docs/
-	@$(BIN)/python -m pipeline.settings_reference
+	@$(BIN)/orthomill reference
 
 clean: $(STAMP) ## Remove the results of a project
 	@$(BIN)/orthomill clean $(project)

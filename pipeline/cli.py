@@ -22,6 +22,7 @@ from pipeline.records import Records
 from pipeline.run_facts import RunFacts
 from pipeline.running import MIB, Options, rewrite_results, run_workflow, session_of
 from pipeline.session import Session, key_text
+from pipeline.settings_reference import write_settings_reference
 from pipeline.starting_workflow import write_starting_workflow
 from pipeline.workflow import LoadedWorkflow, load_workflow, resolve_workflow
 from schemas.errors import OrthomillError
@@ -198,8 +199,10 @@ def init(
 ) -> None:
     """Write a commented starting workflow from the photographs' EXIF."""
     with plain_errors(debug):
-        path = write_starting_workflow(name, photos, Path.cwd(), crs)
-        out.print(f"{path} is written; read it, then: orthomill run {name}", soft_wrap=True)
+        start = write_starting_workflow(name, photos, Path.cwd(), STAGES, crs)
+        for note in start.notes:
+            out.print(escape(note), soft_wrap=True)
+        out.print(f"{start.path} is written; read it, then: orthomill run {name}", soft_wrap=True)
 
 
 @app.command()
@@ -212,6 +215,12 @@ def doctor() -> None:
     out.print(lines)
     if not all(row.ok for row in rows):
         raise typer.Exit(1)
+
+
+@app.command(hidden=True)
+def reference(path: Annotated[Path, typer.Argument(help="Where to write the page.")] = Path("docs/settings.md")) -> None:
+    """Write the settings reference from the schemas."""
+    write_settings_reference(STAGES, path)
 
 
 def main() -> None:

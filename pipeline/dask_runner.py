@@ -4,6 +4,7 @@ Dask's keys are the jobs' own keys, so that its dashboard groups progress by sta
 scheduler admits no more jobs to a worker than its memory allows.
 """
 
+import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -26,11 +27,13 @@ class DaskRunner:
         self._futures: dict[Key, Future] = {}
         self._ended = as_completed()
         self._running = 0
+        self._session = uuid.uuid4().hex[:8]
+        """Last part of every Dask key: a cluster may hold the same jobs of another run."""
 
     def submit(self, work: Work, dependencies: tuple[Key, ...], memory: int) -> None:
         before = [self._futures[key] for key in dependencies if key in self._futures]
         future = self._client.submit(
-            execute, work, *before, key=work.job.key, retries=ATTEMPTS - 1, resources={MEMORY: memory}, pure=False,
+            execute, work, *before, key=(*work.job.key, self._session), retries=ATTEMPTS - 1, resources={MEMORY: memory}, pure=False,
         )
         self._futures[work.job.key] = future
         self._ended.add(future)
@@ -43,14 +46,14 @@ class DaskRunner:
     def next(self) -> Finished:
         future = next(self._ended)
         self._running -= 1
-        key = future.key
+        key = future.key[:-1]
         if future.status == "finished":
             return Finished(key, "done")
         error = future.exception()
         if isinstance(error, JobFailed):
             return Finished(key, "failed", error.sentence) if error.key == key else Finished(key, "blocked")
         if isinstance(error, KilledWorker):
-            died_at_own = error.task == key
+            died_at_own = error.task == future.key
             sentence = "its worker died each time it was tried; it may need more memory than --memory allows"
             return Finished(key, "failed", sentence) if died_at_own else Finished(key, "blocked")
         return Finished(key, "failed", f"Dask could not run it ({type(error).__name__}: {error})")

@@ -132,8 +132,8 @@ def adjust(network: Network, start: State, rays: Rays, test: BlunderTest | None 
             stated, centre_weight=stated.centre_weight / factors.position**2, point_weight=stated.point_weight / factors.control**2
         )
     raise GeometryError(
-        f"The blunder tests of the bundle adjustment removed rays in each of {test.rounds} rounds and did not come to an "
-        "end; the tie points hold too many wrong matches."
+        f"The blunder tests of the bundle adjustment removed rays in each of {test.rounds} rounds and did not come to an end; the "
+        "tie points hold too many wrong matches."
     )
 
 

@@ -53,12 +53,12 @@ def camera_covariance(camera: Camera) -> np.ndarray:
     return np.diag([(NOMINAL_SIGMA[name] * unit.get(name, 1.0)) ** 2 for name in INTERIOR])
 
 
-def interior_prior(cameras: list[Camera], choice: InteriorChoice, hold_nominal_c: bool = False) -> Interior:
+def interior_prior(cameras: list[Camera], choice: InteriorChoice, hold_nominal: bool = False) -> Interior:
     """What is known and what is unknown of the interior orientations; `cameras` in the order of the network.
 
-    `hold_nominal_c`: a camera constant from EXIF keeps its value and only lends its uncertainty. Over flat ground without control
-    it is the flying height in disguise, and takes up every small error of the photographs (a rolling shutter) with a far too small
-    formal standard error.
+    `hold_nominal`: c, x0 and y0 from EXIF keep their values and only lend their uncertainty. Over flat ground without control they
+    are flying height and place of the photographs in disguise, and take up every small error (a rolling shutter) with far too
+    small formal standard errors.
     """
     value = np.array([camera.interior for camera in cameras])
     free, weight = np.zeros(value.shape, bool), np.zeros((len(cameras), 8, 8))
@@ -71,7 +71,7 @@ def interior_prior(cameras: list[Camera], choice: InteriorChoice, hold_nominal_c
         free[i] = named & (np.diag(covariance) > 0)
         chosen = np.ix_(free[i], free[i])
         weight[i][chosen] = _inverse(covariance[chosen])
-        considered[i, 0] = free[i, 0] and hold_nominal_c and camera.source == "exif"
+        considered[i, :3] = free[i, :3] & (hold_nominal and camera.source == "exif")
     return Interior(value, weight, free, considered)
 
 

@@ -34,7 +34,7 @@ class NodeMatching(Settings):
 
     search: ShiftSearch = setting(ShiftSearch(), "The search for a start.")
     least_squares: LeastSquaresMatching = setting(
-        LeastSquaresMatching(window=21, max_shift=3.0, min_correlation=0.7), "Matching by least squares from that start."
+        LeastSquaresMatching(window=11, max_shift=3.0, min_correlation=0.7), "Matching by least squares from that start."
     )
     least_sigma: float = setting(
         0.1, "Least standard error of a shift: what resampling leaves, whatever the matching says.", "orthoimage pixels", gt=0

@@ -84,7 +84,7 @@ class DsmCheckStage(Stage):
     step: Literal[2, 4, 8, 16] = setting(4, "Distance of the nodes where the orthoimages are compared.", "cells")
     matching: NodeMatching = setting(NodeMatching(), "How the orthoimages are compared.")
     correction: Correction = setting(RayCorrection(), "How a shift becomes a height.")
-    radius: float = setting(2.0, "How far the correction of a node reaches.", "steps", ge=1.5, le=8)
+    radius: float = setting(1.5, "How far the correction of a node reaches.", "steps", ge=1.25, le=8)
     apply: Literal["all", "significant", "none"] = setting(
         "significant", "Which corrections are added to the surface; below their own standard error they would add noise."
     )

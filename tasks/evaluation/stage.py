@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
-import numpy as np
 from pydantic import Field
 
 from schemas.epipolar import PAIRS
@@ -21,14 +20,11 @@ from tasks.evaluation.accuracy import HeightHistogram, HeightSums
 from tasks.evaluation.classes import HALO as CLASS_HALO
 from tasks.evaluation.grids import Placement, grid_of, placement, readable
 from tasks.evaluation.orthoimage import HALO, GreyFit, GreySums, OrthoCounts, Shifts, fit_grey
+from tasks.evaluation.report import DH, ORTHO_DIFFERENCE, EvaluationFacts, evaluation_report
 from tasks.evaluation.summary import (
-    DH,
-    ORTHO_DIFFERENCE,
-    EvaluationFacts,
     HeightsSummary,
     OrientationSummary,
     OrthoSummary,
-    evaluation_report,
     summarise_heights,
     summarise_orientation,
     summarise_ortho,
@@ -207,4 +203,4 @@ def _truth(place: Placement, **names: str) -> dict[str, Region]:
 
 
 def _scratch(place: Placement, bytes_per_pixel: int) -> int:
-    return int(np.prod(place.window.shape)) * bytes_per_pixel
+    return place.window.height * place.window.width * bytes_per_pixel

@@ -76,45 +76,44 @@ def _costs(left, left_valid, right, right_valid, candidates):
     return cost
 
 
-@njit(cache=True, fastmath=_WHOLE, inline="always")
-def _best(before, k, jump, small):
-    return min(min(before[k + 1], before[k] + small), min(before[k + 2] + small, jump))
-
-
 @njit(cache=True, fastmath=_WHOLE)
-def _step(cost, before, cheapest, after, total, penalties):
-    """One step of four paths: `before`, `after` are four (K + 2,) rows with high walls at both ends, `cheapest` (4,) their lows."""
-    small, large = penalties
-    b0, b1, b2, b3 = before
-    a0, a1, a2, a3 = after
-    c0, c1, c2, c3 = cheapest
-    n0 = n1 = n2 = n3 = np.float32(1e9)
+def _step(before, after, cost, total, penalties):
+    """One step of one path: `before` and `after` (K + 2,) have a high wall at both ends; penalties: lowest of `before`, small, large."""
+    lowest, small, large = penalties
+    jump = lowest + large
     for k in range(cost.size):
-        here = np.float32(cost[k])
-        v0, v1 = here + _best(b0, k, c0 + large, small) - c0, here + _best(b1, k, c1 + large, small) - c1
-        v2, v3 = here + _best(b2, k, c2 + large, small) - c2, here + _best(b3, k, c3 + large, small) - c3
-        a0[k + 1], a1[k + 1], a2[k + 1], a3[k + 1] = v0, v1, v2, v3
-        total[k] += (v0 + v1) + (v2 + v3)
-        n0, n1, n2, n3 = min(n0, v0), min(n1, v1), min(n2, v2), min(n3, v3)
-    return n0, n1, n2, n3
+        best = min(min(before[k + 1], before[k] + small), min(before[k + 2] + small, jump))
+        value = np.float32(cost[k]) + best - lowest
+        after[k + 1] = value
+        total[k] += value
 
 
 @njit(cache=True)
-def _sweep(cost, total, penalties):
+def _lowest(bits):
+    """Least of positive floats by their bit patterns: integers, unlike floats, are compared many at a time."""
+    least = bits[0]
+    for k in range(1, bits.size):
+        least = min(least, bits[k])
+    return least
+
+
+@njit(cache=True)
+def _sweep(cost, total, small, large):
     """Add four paths (along the row and the three from the row above); backwards on reversed views it is the other four."""
     rows, cols, candidates = cost.shape
-    paths, cheapest = np.zeros((2, 4, cols + 2, candidates + 2), np.float32), np.zeros((2, 4, cols + 2), np.float32)
+    paths = np.zeros((2, 4, cols + 2, candidates + 2), np.float32)
     paths[..., 0] = 1e9
     paths[..., candidates + 1] = 1e9
+    bits = paths.view(np.int32)
+    lowest = np.zeros((2, 4, cols + 2), np.float32)
+    lowest_bits = lowest.view(np.int32)
     for r in range(rows):
         now, above = r % 2, (r + 1) % 2
-        new, old = paths[now], paths[above]
         for c in range(1, cols + 1):
-            lows = (cheapest[now, 0, c - 1], cheapest[above, 1, c - 1], cheapest[above, 2, c], cheapest[above, 3, c + 1])
-            lows = _step(cost[r, c - 1], (new[0, c - 1], old[1, c - 1], old[2, c], old[3, c + 1]), lows,
-                         (new[0, c], new[1, c], new[2, c], new[3, c]), total[r, c - 1], penalties)
             for path in range(4):
-                cheapest[now, path, c] = lows[path]
+                row, col = (now, c - 1) if path == 0 else (above, c + path - 2)
+                _step(paths[row, path, col], paths[now, path, c], cost[r, c - 1], total[r, c - 1], (lowest[row, path, col], small, large))
+                lowest_bits[now, path, c] = _lowest(bits[now, path, c])
 
 
 @njit(cache=True)
@@ -190,9 +189,9 @@ def semi_global(left: np.ndarray, right: np.ndarray, settings: SemiGlobal) -> np
     right_code, right_valid = census(right)
     cost = _costs(left_code, left_valid, right_code, right_valid, candidates)
     total = np.zeros(cost.shape, np.float32)
-    penalties = np.float32(settings.small_penalty), np.float32(settings.large_penalty)
-    _sweep(cost, total, penalties)
-    _sweep(cost[::-1, ::-1], total[::-1, ::-1], penalties)
+    small, large = np.float32(settings.small_penalty), np.float32(settings.large_penalty)
+    _sweep(cost, total, small, large)
+    _sweep(cost[::-1, ::-1], total[::-1, ::-1], small, large)
     winners, seen_from_right = _winners(total)
     result = _agreeing(winners, seen_from_right, left_valid, settings.tolerance)
     remove_specks(result, np.float32(1.0), settings.speckle)

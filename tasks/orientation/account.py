@@ -34,6 +34,7 @@ class Problem:
 
     active: np.ndarray
     names: tuple[str, ...]
+    camera_names: tuple[str, ...]
     cameras: list[Camera]
     camera_of: np.ndarray
     rays: Rays
@@ -226,11 +227,9 @@ def _nominal(problem: Problem, result: Adjustment) -> list[str]:
         camera, column = problem.cameras[k], result.network.interior_columns[k, 0]
         share = 100.0 * np.sqrt(result.cofactor[column, column]) / camera.c
         found.append(
-            f"The camera constant of {problem.camera_names[k]} is nominal (from EXIF, {camera.c:.0f} px, within {share:.0f} %) "
-            f"and cannot be told "
-            "from the flying height without control; it kept its value, and heights above and below the mean ground are "
-            "uncertain by the same "
-            "share. Calibrate the camera, or give three control points."
+            f"The camera constant of {problem.camera_names[k]} is nominal (from EXIF, {camera.c:.0f} px, within {share:.0f} %) and "
+            "cannot be told from the flying height without control: it and the principal point kept their values, and heights "
+            "above and below the mean ground are uncertain by the same share. Calibrate the camera, or give three control points."
         )
     return found
 

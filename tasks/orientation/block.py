@@ -11,9 +11,7 @@ import numpy as np
 
 from schemas.camera import Cameras
 from schemas.observations import Control, TiePoints
-from schemas.orientation import (
-    RelativeOrientations,
-)
+from schemas.orientation import RelativeOrientations
 from schemas.photo import Photos
 from schemas.settings import Settings
 from tasks.adjustment.bundle import Adjustment, BlunderTest, adjust
@@ -81,13 +79,13 @@ def _material(
     tie_points: TiePoints,
     relative: RelativeOrientations,
     choices: BlockChoices,
-    hold_nominal_c: bool,
+    hold_nominal: bool,
 ) -> tuple[Material, np.ndarray]:
     rays, tracks = tie_rays(photos, cameras, tie_points)
     used = sorted({cameras.of_photo[name] for name in photos.names})
     camera_of = np.array([used.index(cameras.of_photo[name]) for name in photos.names], np.int64)
     values = [cameras.cameras[name] for name in used]
-    interior = interior_prior(values, choices.interior, hold_nominal_c)
+    interior = interior_prior(values, choices.interior, hold_nominal)
     return Material(photos.names, tuple(used), values, camera_of, interior, rays, len(tracks), relative.pairs), tracks
 
 
@@ -107,9 +105,18 @@ def _problem(material: Material, start: Start, cameras: Cameras, control: Contro
     )
     good = np.concatenate([start.good[inside], np.ones(len(ground), bool)])
     measured = int((number[material.rays.photo] >= 0).sum()) + len(ground)
-    camera_of = material.camera_of[start.photos]
-    ground_numbers = (rays, good, material.points, measured)
-    return Problem(start.photos, names, material.camera_names, material.cameras, camera_of, *ground_numbers, points)
+    return Problem(
+        active=start.photos,
+        names=names,
+        camera_names=material.camera_names,
+        cameras=material.cameras,
+        camera_of=material.camera_of[start.photos],
+        rays=rays,
+        good=good,
+        ties=material.points,
+        measured=measured,
+        control=points,
+    )
 
 
 def _model(start: Start, problem: Problem) -> State:

@@ -67,8 +67,8 @@ def start_block(material: Material) -> Start:
     best = _best_growth(material, groups[0])
     if best is None:
         raise GeometryError(
-            "No pair of photographs gives points that intersect well enough to begin a block; the photographs may have been "
-            "taken from one place, or their tie points are wrong."
+            "No pair of photographs gives points that intersect well enough to begin a block; the photographs may have been taken "
+            "from one place, or their tie points are wrong."
         )
     return Start(best.state, np.flatnonzero(best.placed), best.known, best.good, tuple(_reasons(material, best, groups)))
 
@@ -208,8 +208,8 @@ class _Growth:
         )
         if pose is None or len(pose[2]) < max(LEAST_POINTS, 0.2 * len(index)):
             self.attempts[photo] = (
-                f"{0 if pose is None else len(pose[2])} of its {len(index)} tie points with the block agree on one position, "
-                "which is too few"
+                f"{0 if pose is None else len(pose[2])} of its {len(index)} tie points with the block agree on one position, which "
+                "is too few"
             )
             return False
         self.place(photo, pose[0], pose[1])

@@ -89,8 +89,8 @@ def _free(model: State) -> Datum:
         np.zeros(3),
         True,
         None,
-        "Free network: neither positions nor control hold the block; place, direction and scale are "
-        "arbitrary (the cameras are put 100 units above the ground) and standard errors refer to the block's own shape.",
+        "Free network: neither positions nor control hold the block; place, direction and scale are arbitrary (the cameras are "
+        "put 100 units above the ground) and standard errors refer to the block's own shape.",
         (
             "The block has no datum: its coordinates are not metres in the project's system. Give positions or three control "
             "points.",
@@ -121,9 +121,9 @@ def _weaknesses(
         total = np.degrees(1.0 / np.sqrt(1.0 / turn**2 + 1.0 / vertical**2))
         fixed = "do not fix" if not np.isfinite(turn) or turn > 1.0 else f"fix only to {np.degrees(turn):.1f} degrees"
         found.append(
-            f"The known points lie nearly on one line (collinear projection centres) and {fixed} the tilt about it; it is held "
-            f"by the "
-            f"mean viewing direction and known to about {total:.1f} degrees. Fly a second strip or give control beside the line."
+            "The positions and control lie so close to one line (collinear projection centres), for their standard errors, that "
+            f"they {fixed} the tilt about it; the mean viewing direction holds it, and it is known to about {total:.1f} degrees. "
+            "Fly a second strip, give control beside the line, or state the true precision of the positions."
         )
     if len(control) >= 3:
         spread = np.linalg.svd(control[:, :2] - control[:, :2].mean(axis=0), compute_uv=False)
@@ -132,9 +132,8 @@ def _weaknesses(
     size = float(np.median(np.linalg.norm(residual, axis=1) / sigma))
     if size > 4.0:
         found.append(
-            f"The known positions and the block's shape disagree: the median misfit before the adjustment is {size:.0f} "
-            f"standard errors. "
-            "Positions, their standard errors or the CRS may be wrong."
+            f"The known positions and the block's shape disagree: the median misfit before the adjustment is {size:.0f} standard "
+            "errors. Positions, their standard errors or the CRS may be wrong."
         )
     return tuple(found)
 

@@ -348,8 +348,7 @@ def _arrows(facts: _Facts, name: str) -> Chart | None:
             "dy": tuple(map(float, dy)),
         },
         caption=f"Arrows are exaggerated; the longest is {np.hypot(dx, dy).max() if len(dx) else 0:.2f} px. A pattern means "
-        f"that the camera "
-        "model does not fit the lens.",
+        "that the camera model does not fit the lens.",
     )
 
 
@@ -426,8 +425,8 @@ def _control_warnings(facts: _Facts) -> list[str]:
     found = []
     if not roles:
         found.append(
-            "There is no ground control: absolute position and height are as good as the positions of the photographs, and nothing "
-            "independent checks them."
+            "There is no ground control: absolute position and height are as good as the positions of the photographs, and "
+            "nothing independent checks them."
         )
     elif "check" not in roles:
         found.append(
@@ -439,14 +438,12 @@ def _control_warnings(facts: _Facts) -> list[str]:
         if row is None or row.photos == 0:
             found.append(
                 f"The {point.role} point {point.name} took no part: it has too few measurements in the oriented photographs, or "
-                f"all were "
-                "rejected as blunders; compare its coordinates and its measurements."
+                "all were rejected as blunders; compare its coordinates and its measurements."
             )
         elif any(abs(d) > 4.0 * s + 1e-9 for d, s in zip(row.difference, row.predicted, strict=True)):
             found.append(
-                f"The {point.role} point {point.name} differs from the block by more than four times the predicted standard "
-                f"error; it may "
-                "be wrong."
+                f"The {point.role} point {point.name} differs from the block by more than four times the predicted standard error; "
+                "it may be wrong."
             )
     return found
 
@@ -454,7 +451,7 @@ def _control_warnings(facts: _Facts) -> list[str]:
 def _camera_warnings(facts: _Facts) -> list[str]:
     found = [
         f"{c.first} and {c.second} can hardly be told apart (correlation {c.value:.2f}): their values are not to be used one "
-        f"without the "
+        "without the "
         "other." + (" Control at different heights, or oblique photographs, would part them." if "height" in c.second else "")
         for c in facts.precision.correlations
     ]
@@ -462,15 +459,14 @@ def _camera_warnings(facts: _Facts) -> list[str]:
         before = facts.before.cameras[name]
         if before.source == "exif" and camera.source != "block":
             found.append(
-                f"The camera {name} is known from EXIF only and was not adjusted: heights may bend over the block. Calibrate "
-                f"it, or "
-                "let its interior orientation take part."
+                f"The camera {name} is known from EXIF only and was not adjusted: heights may bend over the block. Calibrate it, "
+                "or let its interior orientation take part."
             )
         if camera.source == "block" and abs(camera.c / before.c - 1.0) > 0.06:
             found.append(
-                f"The adjusted camera constant of {name} is {100 * (camera.c / before.c - 1):+.1f} % off the one it started "
-                f"with; it may have "
-                "taken up other errors (a rolling shutter, wrong heights). Hold it fixed with a calibrated value to compare."
+                f"The adjusted camera constant of {name} is {100 * (camera.c / before.c - 1):+.1f} % off the one it started with; "
+                "it may have taken up other errors (a rolling shutter, wrong heights). Hold it fixed with a calibrated value to "
+                "compare."
             )
     return found
 

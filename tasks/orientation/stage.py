@@ -35,8 +35,8 @@ class Orientation(Stage):
     )
     vertical_sigma: float = setting(
         5.0,
-        "Standard error of the mean viewing direction from the vertical; used only where positions and control lie "
-        "on one line and leave the tilt about it open.",
+        "Standard error of the mean viewing direction from the vertical; used only where positions and control lie on one line "
+        "and leave the tilt about it open.",
         "degrees",
         gt=0,
         le=45,

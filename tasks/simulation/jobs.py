@@ -126,7 +126,7 @@ def report(control: ControlRows, measurements: MeasurementRows, site: Site, surv
         Figure(name="gabled_roofs", value=int((scene.buildings.rise > 0).sum())),
         Figure(name="highest_roof", value=round(float(roofs.max()), 1), unit="m", sentence="Absolute height."),
         Figure(name="trees", value=len(scene.trees)),
-        Figure(name="vehicles_per_photo", value=len(vehicles_of(scene, 0)), sentence="In the first photo; about as many in the others."),
+        Figure(name="vehicles_per_photo", value=len(vehicles_of(scene, 0)), sentence="In the first photo; others have as many."),
         Figure(name="board_photos", value=boards[0],
                sentence=f"Of {boards[1]} boards with {CORNERS[0]} x {CORNERS[1]} inner corners and squares of {SQUARE} m."),
         Figure(name="gnss_sigma", value=survey_settings.gnss_sigma, unit="m"),
@@ -152,7 +152,8 @@ def _orientation_grid(flight: FlightSettings) -> Grid:
 def _camera_grid(flight: FlightSettings) -> Grid:
     camera = camera_of(flight)
     names = ("c (px)", "x0 (px)", "y0 (px)", "k1", "k2", "k3", "p1", "p2")
-    return Grid(title="True interior orientation", columns=("parameter", "value"), rows=tuple(zip(names, camera.interior, strict=True)))
+    rows = tuple(zip(names, camera.interior, strict=True))
+    return Grid(title="True interior orientation", columns=("parameter", "value"), rows=rows)
 
 
 def _map(flight: FlightSettings, control: ControlRows) -> Chart:
@@ -168,7 +169,7 @@ def _pictures(flight: FlightSettings) -> tuple[Picture, ...]:
     first = photo_raster_name(orientations(flight)[0].photo)
     return (
         Picture(title="A simulated photograph", raster=first, style="rgb", caption="The first one, as the pipeline gets it."),
-        Picture(title="True orthoimage", raster=TRUTH_ORTHO, style="rgb", caption="Without vehicles; only the evaluation may read it."),
+        Picture(title="True orthoimage", raster=TRUTH_ORTHO, style="rgb", caption="No vehicles; only the evaluation reads it."),
         Picture(title="True surface", raster=TRUTH_SURFACE, style="hillshade", unit="m"),
         Picture(title="Materials", raster=TRUTH_MATERIAL, style="classes", classes=MATERIAL_CLASSES),
     )

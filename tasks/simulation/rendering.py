@@ -241,7 +241,7 @@ def expose(light: np.ndarray, film: Film, view: View, pixels: Window) -> np.ndar
 
 @njit(cache=True)
 def _expose(light, out, gain, optics, place):
-    """`optics`: centre row and column, vignetting over squared corner radius, offset, noise; `place`: first row, first column, seed."""
+    """`optics`: centre row, column, vignetting over squared corner radius, offset, noise; `place`: first row, column, seed."""
     for row in range(out.shape[0]):
         for col in range(out.shape[1]):
             down, right = place[0] + row, place[1] + col

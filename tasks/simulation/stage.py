@@ -47,13 +47,13 @@ _SCENE = {"surface": TRUTH_SURFACE, "material": TRUTH_MATERIAL, "building": TRUT
 
 
 class SimulationStage(Stage):
-    """A flight over a simulated town near Volos, photographs of chessboards by the same camera, and a survey: the truth is known."""
+    """A flight over a simulated town near Volos, photographs of chessboards by the same camera, and a survey, truth known."""
 
     title: ClassVar[str] = "simulated photographs"
 
     kind: Literal["simulation"] = "simulation"
     seed: int = setting(2009, "Everything random follows from this number.", ge=0, le=10**6)
-    pixel_um: float = setting(96.0, "Side of a pixel of the scanned photographs; scene and flight do not hang on it.", "micrometres",
+    pixel_um: float = setting(96.0, "Side of a pixel of the photographs; the scene does not hang on it.", "micrometres",
                               ge=5, le=400)
     frame_mm: float = setting(230.0, "Side of the frame.", "mm", ge=20, le=300)
     c_mm: float = setting(153.353, "Camera constant.", "mm", ge=15, le=400)

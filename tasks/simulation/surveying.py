@@ -98,15 +98,16 @@ def find_place(node: tuple[float, float], grid: MapGrid, window: Window,
                        photos=tuple(k for k in range(32) if bits >> k & 1))
 
 
-def survey(flight: FlightSettings, settings: SurveySettings, points: tuple[SurveyPoint, ...]) -> tuple[ControlRows, MeasurementRows]:
+def survey(flight: FlightSettings, settings: SurveySettings,
+           points: tuple[SurveyPoint, ...]) -> tuple[ControlRows, MeasurementRows]:
     """Surveyed coordinates and the measurements in every photo that truly sees the points, both with normal errors."""
     generator = np.random.default_rng([flight.seed, 4])
-    true = np.array([point.xyz for point in points])
+    true = np.array([point.xyz for point in points]).reshape(-1, 3)
     xyz = (true + generator.normal(0.0, settings.control_sigma, true.shape)).round(4)
     roles = ["control"] * settings.control + ["check"] * (len(points) - settings.control)
     names = [f"{role[:2].upper()}{k:02d}" for role, k in zip(roles, _counted(roles), strict=True)]
     sigma = np.full(len(points), settings.control_sigma)
-    control = ControlRows(np.array(names), np.array(roles), *xyz.T, sigma, sigma, sigma)
+    control = ControlRows(np.array(names, dtype=str), np.array(roles, dtype=str), *xyz.T, sigma, sigma, sigma)
     return control, _measure(views(flight), names, points, settings.image_sigma, generator)
 
 
@@ -119,9 +120,9 @@ def _measure(photos: tuple[View, ...], names: list[str], points: tuple[SurveyPoi
              generator: np.random.Generator) -> MeasurementRows:
     """Projections of the true points with normal errors, point by point."""
     seen = [(k, photo) for k, point in enumerate(points) for photo in point.photos]
-    true = np.array([photos[photo].project(np.array([points[k].xyz]))[0] for k, photo in seen])
+    true = np.array([photos[photo].project(np.array([points[k].xyz]))[0] for k, photo in seen]).reshape(-1, 2)
     pixels = (true + generator.normal(0.0, sigma, true.shape)).round(3)
-    return MeasurementRows(np.array([names[k] for k, _ in seen]), np.array([photos[photo].name for _, photo in seen]),
+    return MeasurementRows(np.array([names[k] for k, _ in seen], str), np.array([photos[photo].name for _, photo in seen], str),
                            pixels[:, 0], pixels[:, 1], np.full(len(seen), sigma))
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal
 
-import numpy as np
+from math import ceil, sqrt
 from pydantic import Field
 
 from schemas.job import Export, Job, Raster, Table

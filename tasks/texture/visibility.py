@@ -197,7 +197,9 @@ def widening_factor(hidden: np.ndarray, margin: float, ramp: float) -> np.ndarra
     0 within `margin` px of a hidden one, 1 from `margin` + `ramp` px on. Single hidden pixels (specks of a noisy model) do not
     count: the hidden area is opened by a 2 x 2 window first (Petsa et al. 2007, M10 step 3).
     """
-    opened = cv2.morphologyEx(hidden.astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
+    square = np.ones((2, 2), np.uint8)
+    # an even window has no middle: opposite anchors keep the opened area where it was
+    opened = cv2.dilate(cv2.erode(hidden.astype(np.uint8), square, anchor=(0, 0)), square, anchor=(1, 1))
     if not opened.any():
         return np.ones(hidden.shape, np.float32)
     distance = cv2.distanceTransform(1 - opened, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)

@@ -42,25 +42,46 @@ def assemble(
     observations: tuple[Observations, ...], refined: tuple[Refined, ...], weighting: Weighting
 ) -> tuple[TiePoints, RefinementSummary]:
     """Tie points of all photographs, sorted by track, then photograph. observations: one table per photograph."""
+    points, is_reference = _at_sift_positions(observations, weighting)
+    at, col, row, sigma, outcome = _gathered(points, refined)
+    good = outcome == int(Outcome.CONVERGED)
+    moved = np.hypot(col - points.col[at], row - points.row[at])[good]
+    points.col[at[good]], points.row[at[good]] = col[good], row[good]
+    points.sigma[at[good]] = np.hypot(sigma[good], weighting.floor)
+    usable = is_reference.copy()
+    usable[at] = good if weighting.unmatched == "drop" else True
+    summary = RefinementSummary(
+        outcomes={int(code): int((outcome == code).sum()) for code in np.unique(outcome)},
+        median_shift=float(np.median(moved)) if len(moved) else None,
+        median_sigma=float(np.median(sigma[good])) if len(moved) else None,
+    )
+    return _renumbered(points.take(usable)), summary
+
+
+def _at_sift_positions(observations: tuple[Observations, ...], weighting: Weighting) -> tuple[TiePoints, np.ndarray]:
+    """All observations where they were detected, and which of them are references."""
     photo = np.repeat(np.arange(len(observations), dtype=np.int32), [len(table) for table in observations])
     track, reference, col, row = (
         np.concatenate([getattr(table, name) for table in observations]) for name in ("track", "reference", "col", "row")
     )
-    outcome = np.full(len(track), int(Outcome.NOT_TRIED), dtype=np.uint8)
     sigma = np.where(photo == reference, weighting.floor, weighting.unrefined).astype(np.float32)
     order = np.lexsort((photo, track))
-    photo, track, reference, col, row, sigma = (values[order] for values in (photo, track, reference, col, row, sigma))
-    moved = _insert(photo, track, col, row, sigma, outcome, refined, weighting.floor)
-    lost = (photo != reference) & (outcome != int(Outcome.CONVERGED))
-    keep = _usable(track, ~lost if weighting.unmatched == "drop" else np.ones(len(track), dtype=bool))
-    summary = _summary(outcome[photo != reference], moved, sigma[outcome == int(Outcome.CONVERGED)])
-    number = np.unique(track[keep], return_inverse=True)[1].ravel().astype(np.int32)
-    return TiePoints(number, photo[keep], col[keep], row[keep], sigma[keep]), summary
+    return TiePoints(track, photo, col, row, sigma).take(order), (photo == reference)[order]
 
 
-def _insert(
-    photo: np.ndarray, track: np.ndarray, col: np.ndarray, row: np.ndarray, sigma: np.ndarray, outcome: np.ndarray,
-    refined: tuple[Refined, ...], floor: float,
-) -> np.ndarray:  # fmt: skip
-    """Put the refined places into the arrays; returns how far they moved (M,) px."""
-    raise NotImplementedError
+def _gathered(points: TiePoints, refined: tuple[Refined, ...]) -> tuple[np.ndarray, ...]:
+    """Row in `points`, col, row, sigma and outcome of every observation that was matched against its reference."""
+    photo, track, col, row, sigma, outcome = (
+        np.concatenate([getattr(table, name) for table in refined]) for name in ("photo", "track", "col", "row", "sigma", "outcome")
+    )
+    photos = int(points.photo.max(initial=0)) + 1
+    key = points.track.astype(np.int64) * photos + points.photo
+    return np.searchsorted(key, track.astype(np.int64) * photos + photo), col, row, sigma, outcome
+
+
+def _renumbered(points: TiePoints) -> TiePoints:
+    """Without tracks that one photograph alone shows; the others are numbered from 0."""
+    _, inverse, rays = np.unique(points.track, return_inverse=True, return_counts=True)
+    kept = points.take(rays[inverse] >= 2)
+    number = np.unique(kept.track, return_inverse=True)[1].ravel().astype(np.int32)
+    return TiePoints(number, kept.photo, kept.col, kept.row, kept.sigma)

@@ -1,9 +1,9 @@
 """Interest points with descriptors: SIFT, tile by tile, evenly over the photograph.
 
-A tile is searched with a halo that holds the neighbourhood of the largest point that is kept (`LARGEST`), and starts at a multiple of
-16 px, so that every octave is sampled at the same pixels as in the whole photograph: tiling does not change the points. The
-strongest points of each cell of 64 px are kept, and of these the photograph keeps the best of every cell, then the second best, and
-so on up to its limit: weakly textured fields get points beside richly textured roofs.
+A tile is searched with a halo that holds the neighbourhood of the largest point that is kept (`LARGEST`), and starts at a
+multiple of 16 px, so that every octave is sampled at the same pixels as in the whole photograph: tiling does not change the
+points. The strongest points of each cell of 64 px are kept, and of these the photograph keeps the best of every cell, then the
+second best, and so on up to its limit: weakly textured fields get points beside richly textured roofs.
 
 Descriptors are stored as bytes of RootSIFT, whose Euclidean distance is the Hellinger distance of the histograms.
 
@@ -112,7 +112,9 @@ def _features(numbers: np.ndarray, detection: Detection) -> Features:
     )
 
 
-def photo_features(features: tuple[Features, ...], descriptors: tuple[Values, ...], level: int, max_features: int) -> dict[str, Any]:
+def photo_features(
+    features: tuple[Features, ...], descriptors: tuple[Values, ...], level: int, max_features: int
+) -> dict[str, Any]:
     """The features of a photograph from those of its tiles: at most `max_features`, evenly distributed, in order of their rows."""
     col, row, response = (np.concatenate([getattr(part, name) for part in features]) for name in ("col", "row", "response"))
     by_strength = np.lexsort((col, row, -response))
@@ -122,4 +124,7 @@ def photo_features(features: tuple[Features, ...], descriptors: tuple[Values, ..
     size, angle = (np.concatenate([getattr(part, name) for part in features]) for name in ("size", "angle"))
     chosen = best[np.lexsort((angle[best], col[best], row[best]))]
     values = np.concatenate([part.rows(DESCRIPTOR) for part in descriptors])[chosen]
-    return {"features": Features(col[chosen], row[chosen], size[chosen], angle[chosen], response[chosen]), "descriptors": Values(values.ravel())}
+    return {
+        "features": Features(col[chosen], row[chosen], size[chosen], angle[chosen], response[chosen]),
+        "descriptors": Values(values.ravel()),
+    }

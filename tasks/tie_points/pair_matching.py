@@ -1,10 +1,10 @@
 """Homologous features of two photographs: mutual nearest neighbours, ratio test, epipolar check.
 
-Descriptors are bytes, so all dot products of 128 of them are whole numbers below 2^24 and exact in float32: BLAS computes distances
-fast, and the same on every machine. The epipolar geometry is found robustly (MAGSAC) from ideal image coordinates, the lens
-distortion removed as far as it is known: as an essential matrix (Nister 2004) for calibrated cameras, as a fundamental matrix when a
-camera is nominal only. A pair is accepted by Brown & Lowe's rule, which weighs the agreeing matches against those that chance
-would give.
+Descriptors are bytes, so all dot products of 128 of them are whole numbers below 2^24 and exact in float32: BLAS computes
+distances fast, and the same on every machine. The epipolar geometry is found robustly (MAGSAC) from ideal image coordinates,
+the lens distortion removed as far as it is known: as an essential matrix (Nister 2004) for calibrated cameras, as a
+fundamental matrix when a camera is nominal only. A pair is accepted by Brown & Lowe's rule, which weighs the agreeing matches
+against those that chance would give.
 
 Source: Lowe 2004 (ratio test); Barath et al. 2020 (MAGSAC++); Brown & Lowe 2007 (acceptance); Nister 2004.
 """
@@ -27,7 +27,7 @@ _FEWEST = 16
 
 @dataclass(frozen=True)
 class PairRules:
-    """ratio: largest ratio of best to second best distance; tolerance: distance from the epipolar line, px of the full photograph."""
+    """ratio: largest ratio of best to second best distance; tolerance: distance from the epipolar line, full-size px."""
 
     ratio: float
     tolerance: float
@@ -105,7 +105,9 @@ def epipolar_agreement(points: tuple[np.ndarray, np.ndarray], cameras: tuple[Cam
 
 
 def _essential(left: np.ndarray, right: np.ndarray, tolerance: float) -> np.ndarray | None:
-    matrix, _ = cv2.findEssentialMat(left, right, np.eye(3), method=cv2.USAC_MAGSAC, prob=0.9999, threshold=tolerance, maxIters=5000)
+    matrix, _ = cv2.findEssentialMat(
+        left, right, np.eye(3), method=cv2.USAC_MAGSAC, prob=0.9999, threshold=tolerance, maxIters=5000
+    )
     return matrix
 
 

@@ -1,17 +1,17 @@
 """Sub-pixel refinement: every observation of a track is matched by least squares against the track's reference photograph.
 
-Patches of the two photographs are laid out in mosaics, with gaps that no window and no smoothing can cross, and matched in one call.
-The affine starts from the difference of the SIFT directions and the ratio of the SIFT sizes; where a point contradicts the median of
-its pair by more than 25 degrees or a factor of 1.4 (two directions at one place), the median is taken.
+Patches of the two photographs are laid out in mosaics, with gaps that no window and no smoothing can cross, and matched in one
+call. The affine starts from the difference of the SIFT directions and the ratio of the SIFT sizes; where a point contradicts
+the median of its pair by more than 25 degrees or a factor of 1.4 (two directions at one place), the median is taken.
 
-Where the matching fails, the observation keeps its SIFT position with an accordingly larger standard error, or is dropped: a setting.
+Where the matching fails, the observation keeps its SIFT position with an accordingly larger standard error, or is dropped: a
+setting.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from schemas.outcome import Outcome
 from tasks.imagery.pyramid import level_to_full
 from tasks.matching.least_squares import LeastSquaresMatching, match_points
 from tasks.matching.smoothing import reach_of
@@ -26,7 +26,7 @@ _ENLARGEMENT = 1.75
 
 @dataclass(frozen=True)
 class PatchRules:
-    """At which pyramid level, in strips of which height, and how patches are matched."""
+    """At which pyramid level, in strips of which height, and how the patches of a photograph are matched."""
 
     level: int
     tile: int
@@ -47,19 +47,21 @@ def refine_pair(
     left_patches: tuple[Values, ...],
     right_patches: tuple[Values, ...],
     photos: tuple[int, int],
-    rules: PatchRules,
+    rules: tuple[PatchRules, PatchRules],
 ) -> Refined:
     """Refined observations of either photograph whose track's reference is the other one. photos: their numbers."""
     patches = [
-        joined_patches(strips, own, rules.level, rules.tile, rules.half)
-        for strips, own in zip((left_patches, right_patches), observations, strict=True)
+        joined_patches(strips, own, rule.level, rule.tile, rule.half)
+        for strips, own, rule in zip((left_patches, right_patches), observations, rules, strict=True)
     ]
     parts = []
     for reference, other in ((0, 1), (1, 0)):
         shared = _shared(observations[reference], observations[other], photos[reference])
         chosen = [observations[side].take(rows) for side, rows in zip((reference, other), shared, strict=True)]
         cut = [patches[side][rows] for side, rows in zip((reference, other), shared, strict=True)]
-        parts.append(refined_observations((chosen[0], chosen[1]), (cut[0], cut[1]), photos[other], rules))
+        parts.append(
+            refined_observations((chosen[0], chosen[1]), (cut[0], cut[1]), photos[other], (rules[reference], rules[other]))
+        )
     names = ("photo", "track", "col", "row", "sigma", "outcome")
     return Refined(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 
@@ -72,13 +74,16 @@ def _shared(reference: Observations, other: Observations, photo: int) -> tuple[n
 
 
 def refined_observations(
-    observations: tuple[Observations, Observations], patches: tuple[np.ndarray, np.ndarray], photo: int, rules: PatchRules
+    observations: tuple[Observations, Observations],
+    patches: tuple[np.ndarray, np.ndarray],
+    photo: int,
+    rules: tuple[PatchRules, PatchRules],
 ) -> Refined:
     """Match N patches (N, side, side) of the reference with those of another photograph, row by row.
 
     observations: of both, row by row the same tracks; photo: number of the other one.
     """
-    affine = start_affine(*observations)
+    affine = start_affine(*observations) * 2.0 ** (rules[0].level - rules[1].level)
     count = len(affine)
     found = [_match_batch(observations, patches, affine, slice(start, start + _BATCH), rules) for start in range(0, count, _BATCH)]
     col, row, sigma, outcome = (np.concatenate([part[n] for part in found]) if found else np.empty(0) for n in range(4))
@@ -124,16 +129,18 @@ def _match_batch(
     patches: tuple[np.ndarray, np.ndarray],
     affine: np.ndarray,
     part: slice,
-    rules: PatchRules,
+    rules: tuple[PatchRules, PatchRules],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """col, row (px of the full photograph), sigma (px), outcome."""
-    (mosaic, origins), (other_mosaic, _) = (_mosaic(stack[part], rules.gap) for stack in patches)
-    (positions, centres), (other_positions, other_centres) = (nearest_pixels(table.take(part), rules.level) for table in observations)
-    points, starts = origins + rules.half + positions - centres, origins + rules.half + other_positions - other_centres
-    found = match_points(mosaic, other_mosaic, points, starts, rules.matching, affine[part])
+    (mosaic, origins), (other_mosaic, _) = (_mosaic(stack[part], rules[0].gap) for stack in patches)
+    (positions, centres), (other_positions, other_centres) = (
+        nearest_pixels(table.take(part), rule.level) for table, rule in zip(observations, rules, strict=True)
+    )
+    points, starts = origins + rules[0].half + positions - centres, origins + rules[1].half + other_positions - other_centres
+    found = match_points(mosaic, other_mosaic, points, starts, rules[0].matching, affine[part])
     shift = np.column_stack([found.col, found.row]) - starts
-    full = level_to_full(other_positions + shift, rules.level)
-    sigma = np.sqrt((found.sigma_col**2 + found.sigma_row**2) / 2) * 2**rules.level
+    full = level_to_full(other_positions + shift, rules[1].level)
+    sigma = np.sqrt((found.sigma_col**2 + found.sigma_row**2) / 2) * 2 ** rules[1].level
     return full[:, 0], full[:, 1], sigma, found.outcome
 
 
@@ -147,9 +154,3 @@ def _mosaic(patches: np.ndarray, gap: int) -> tuple[np.ndarray, np.ndarray]:
     mosaic = tiles.reshape(rows, columns, pitch, pitch).swapaxes(1, 2).reshape(rows * pitch, columns * pitch)
     number = np.arange(count)
     return mosaic, np.column_stack([number % columns, number // columns]).astype(np.float64) * pitch
-
-
-def converged(refined: Refined) -> Refined:
-    """The rows that were matched."""
-    return refined.take(refined.outcome == int(Outcome.CONVERGED))
-

@@ -1,8 +1,8 @@
 """Tracks: features of many photographs joined to one tie point through their pairwise matches.
 
-Features at the same place of a photograph (SIFT may give a point two directions) count as one. A track is a connected component of
-the matches; one that meets a photograph in two places contains a false match somewhere and is dropped. The reference of a track is the
-photograph that shows it nearest to its centre: there distortion and obliqueness are smallest.
+Features at the same place of a photograph (SIFT may give a point two directions) count as one. A track is a connected
+component of the matches; one that meets a photograph in two places contains a false match somewhere and is dropped. The
+reference of a track is the photograph that shows it nearest to its centre: there distortion and obliqueness are smallest.
 """
 
 from dataclasses import dataclass
@@ -22,23 +22,33 @@ def observation_key(photo: int) -> str:
 
 
 def build_tracks(
-    features: tuple[Features, ...], matches: tuple[PairMatches, ...], pairs: tuple[tuple[int, int], ...], sizes: tuple[tuple[int, int], ...]
+    features: tuple[Features, ...],
+    matches: tuple[PairMatches, ...],
+    pairs: tuple[tuple[int, int], ...],
+    sizes: tuple[tuple[int, int], ...],
 ) -> dict[str, Any]:
     """Observations of every photograph and the links between photographs.
 
-    matches: one per pair of photograph numbers; sizes: (width, height) of the photographs. Raises GeometryError when nothing matches.
+    matches: one per pair of photograph numbers; sizes: (width, height) of the photographs. Raises GeometryError without matches.
     """
     if not any(len(found) for found in matches):
         raise GeometryError(
-            f"None of the {len(pairs)} pairs of the {len(features)} photographs shows common ground: too few points agree in any of them; "
+            f"None of the {len(pairs)} pairs of the {len(features)} photographs shows common ground: too few points "
+            "agree in any of them; "
             "photographs of a block must overlap by half or more."
         )
     nodes = _nodes(features)
     node, track, conflicts = _tracks(nodes, matches, pairs)
+    if not len(track):
+        raise GeometryError(
+            f"All {conflicts} tracks of tie points contradict themselves; the photographs show too many alike things."
+        )
     photo = nodes.photo[node]
     reference = _references(nodes, node, track, np.array(sizes, dtype=float))
     tables = {
-        observation_key(number): _observations(features[number], nodes.feature[node[photo == number]], track[photo == number], reference)
+        observation_key(number): _observations(
+            features[number], nodes.feature[node[photo == number]], track[photo == number], reference
+        )
         for number in range(len(features))
     }
     return {"links": _links(photo, track, reference, conflicts), **tables}
@@ -71,7 +81,9 @@ def _tracks(
 ) -> tuple[np.ndarray, np.ndarray, int]:
     """Places that belong to tracks and the tracks' numbers, sorted by track, then photograph; and how many tracks were dropped."""
     left, right = (
-        np.concatenate([nodes.of_feature[nodes.starts[pair[side]] + getattr(found, name)] for found, pair in zip(matches, pairs, strict=True)])
+        np.concatenate(
+            [nodes.of_feature[nodes.starts[pair[side]] + getattr(found, name)] for found, pair in zip(matches, pairs, strict=True)]
+        )
         for side, name in enumerate(("left", "right"))
     )
     count = len(nodes.photo)

@@ -44,7 +44,7 @@ def project(tile=128, planted=error, hole=True):
     x, y = ground()
     heights = (surface(x, y) + planted(x, y)).astype(np.float32)
     if hole:
-        heights[200:230, 100:140] = np.nan
+        heights[40:70, 290:330] = np.nan
     made.put(HEIGHT, heights)
     for name in block().names:
         made.put(photo_raster(name), photograph(name))
@@ -95,8 +95,9 @@ def test_every_tiling_agrees(tile):
     one, other = checked(128), checked(tile)
     for name in ("dsm_check/dh", "dsm_check/precision", CORRECTED, "dsm_check/coarse"):
         np.testing.assert_array_equal(one.rasters[name], other.rasters[name], err_msg=name)
+    # pairs have windows of whole tiles, so the number of nodes outside the photographs differs, and nothing else
     a, b = (made.tables[report_table("dsm_check").path] for made in (one, other))
-    assert a.warnings == b.warnings and a.grids[1:] == b.grids[1:]
+    assert a.warnings == b.warnings and a.grids[2:] == b.grids[2:]
 
 
 def test_the_report_says_it_in_words():

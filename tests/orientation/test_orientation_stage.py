@@ -1,0 +1,48 @@
+"""The stage plans what it should, from every source of control."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from schemas.job import Export, Job, TextFile
+from schemas.workflow import ControlFromFiles, NoControl, SimulatedControl
+from tasks.orientation.stage import Orientation
+
+FILES = ControlFromFiles(kind="files", points="in/points.csv", measurements="in/measured.csv")
+
+
+def planned(control, **settings):
+    view = SimpleNamespace(project=SimpleNamespace(crs="EPSG:2100", control=control), run_file=lambda path: f"runs/volos/{path}")
+    return list(Orientation(**settings).plan(view))
+
+
+@pytest.mark.parametrize(
+    ("control", "files"),
+    [
+        (NoControl(kind="none"), []),
+        (FILES, ["in/points.csv", "in/measured.csv"]),
+        (SimulatedControl(kind="simulated"), ["runs/volos/photographs/control.csv", "runs/volos/photographs/measurements.csv"]),
+    ],
+)
+def test_control_is_read_from_where_the_project_says(control, files):
+    job = next(item for item in planned(control) if item.item == "control")
+    assert [region.path for region in job.reads.values() if isinstance(region, TextFile)] == files
+
+
+def test_every_table_has_one_writer_and_every_read_a_source():
+    plan = planned(FILES)
+    jobs = [item for item in plan if isinstance(item, Job)]
+    written = [table.path for job in jobs for table in job.writes.values()]
+    assert len(set(written)) == len(written) == 9
+    needed = {region.path for job in jobs for region in job.reads.values() if not isinstance(region, TextFile)}
+    outside = {"photos/photos.json", "calibration/cameras.json", "tie_points/tie_points.parquet"}
+    assert needed <= set(written) | outside
+    assert [item.path for item in plan if isinstance(item, Export)] == ["products/cameras.json"]
+
+
+def test_settings_of_the_workflow_reach_the_block():
+    interior = {"kind": "free", "parameters": ["c", "k1"]}
+    job = next(item for item in planned(FILES, interior=interior, gnss_shift="constant") if item.item == "block")
+    assert job.params["choices"].interior.parameters == ("c", "k1")
+    assert job.params["choices"].gnss_shift
+    job.params["choices"].model_dump_json()

@@ -1,0 +1,219 @@
+"""Colours, worth, radiometry and whole tiles on the box scene."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from box_scene import BOX, CENTRES, DSM, ORTHO, block, heights, true_ortho, view
+from box_scene_stages import GAINS, VIGNETTING, photograph
+
+from schemas.errors import WorkflowError
+from schemas.raster import MapGrid, Window, tiles_of
+from schemas.surface import Surface
+from tasks.texture.blending import Blend, Rejection
+from tasks.texture.extent import PhotoSource, level_window, ortho_grid, photo_level, tile_extent
+from tasks.texture.mosaic import TextureRules, balance, sample_tile, texture_tile
+from tasks.texture.radiometry import PhotoRadiometry, Radiometry, Samples, balance_block, corrected
+from tasks.texture.sampling import Ground, PhotoPixelsAt, ground_of, sample_photo
+
+WHOLE = Window(0, 0, 240, 240)
+RULES = TextureRules(tolerance=0.3, bridge=24, drape_gap=0, widening_margin=1.0, widening_ramp=2.0, feather=0.15,
+                     blend=Blend(Rejection("mean", 1.0, 12.0)))
+SURFACE = Surface(grid=DSM, height_low=-2.0, height_high=16.0)
+SOURCES = [PhotoSource(view(name), 0, (420, 420, 3)) for name in CENTRES]
+
+
+@pytest.fixture(scope="module")
+def photos() -> dict[str, np.ndarray]:
+    return {name: photograph(name) for name in CENTRES}
+
+
+@pytest.fixture(scope="module")
+def radiometry(photos) -> Radiometry:
+    extent = tile_extent(SURFACE, ORTHO, WHOLE, SOURCES, RULES.halo)
+    pixels = tuple(photos[part.name][part.window.slices] for part in extent.photos)
+    samples = sample_tile(heights()[extent.heights.slices], block(), pixels, extent, RULES, 4)
+    return balance((samples,), block(), False, "block", True)
+
+
+def make(photos, radiometry, tile: int = 240, rules: TextureRules = RULES, model: np.ndarray | None = None, sources=SOURCES):
+    """The whole orthoimage from tiles: rasters by name, and the statistics of the tiles."""
+    model = heights() if model is None else model
+    rasters, statistics = {}, []
+    for t in tiles_of(ORTHO.shape, tile):
+        extent = tile_extent(SURFACE, ORTHO, t.window, sources, rules.halo)
+        pixels = tuple(photos[part.name][part.window.slices] for part in extent.photos)
+        result = texture_tile(model[extent.heights.slices], block(), radiometry, pixels, extent, rules)
+        statistics.append(result.pop("statistics"))
+        for name, values in result.items():
+            rasters.setdefault(name, np.zeros((*ORTHO.shape, *values.shape[2:]), values.dtype))[t.window.slices] = values
+    return rasters, statistics
+
+
+@pytest.fixture(scope="module")
+def ortho(photos, radiometry):
+    return make(photos, radiometry)
+
+
+def near(rectangle, metres: float) -> np.ndarray:
+    """Ortho pixels within `metres` of a rectangle (west, east, south, north)."""
+    x, y = ORTHO.centres(WHOLE)
+    w, e, s, n = rectangle
+    return ((x > w - metres) & (x < e + metres))[None, :] & ((y > s - metres) & (y < n + metres))[:, None]
+
+
+def test_bicubic_reproduces_a_ramp():
+    photo = view("b")
+    col, row = np.meshgrid(np.arange(420.0), np.arange(420.0))
+    ramp = (3.0 + 0.25 * col + 0.4 * row).astype(np.float32)[..., None]
+    window = Window(100, 100, 40, 40)
+    ground = ground_of(heights(), Window(0, 0, 120, 120), DSM, ORTHO, window)
+    sampled = sample_photo(photo, PhotoPixelsAt(ramp, Window(0, 0, 420, 420), 0), ground, np.ones((40, 40), np.uint8), 0.0)
+    x, y = ORTHO.centres(window)
+    pixels = photo.project(np.column_stack([*(a.ravel() for a in np.meshgrid(x, y)), ground.z.ravel()]))
+    expected = 3.0 + 0.25 * pixels[:, 0] + 0.4 * pixels[:, 1]
+    np.testing.assert_allclose(sampled.colour[..., 0].ravel(), expected, atol=2e-4)
+
+
+@pytest.mark.parametrize(("dx", "dy"), [(0.0, 0.0), (0.4, 0.0), (-0.3, 0.5)])
+def test_worth_is_the_projected_area_of_the_surface_element(dx, dy):
+    photo = view("a")
+    plain = replace(photo, camera=photo.camera.model_copy(update={"k1": 0.0, "k2": 0.0}))
+    grid, shape = MapGrid(west=50.0, north=60.0, cell=0.2, rows=3, cols=3), (3, 3)
+    z = np.full(shape, 5.0, np.float32)
+    ground = Ground(grid, Window(0, 0, 3, 3), z, np.full(shape, dx, np.float32), np.full(shape, dy, np.float32))
+    pixels = PhotoPixelsAt(np.zeros((420, 420, 1), np.uint8), Window(0, 0, 420, 420), 0)
+    worth = sample_photo(plain, pixels, ground, np.ones(shape, np.uint8), 0.0).worth
+    x, y = grid.centres(ground.window)
+    corners = np.array([[x[1] + sx * 0.1, y[1] + sy * 0.1, 5.0 + dx * sx * 0.1 + dy * sy * 0.1] for sx, sy in
+                        ((-1, -1), (1, -1), (1, 1), (-1, 1))])
+    c, r = plain.project(corners).T
+    area = 0.5 * abs(sum(c[i] * r[(i + 1) % 4] - c[(i + 1) % 4] * r[i] for i in range(4)))
+    assert worth[1, 1] == pytest.approx(area, rel=1e-3)
+
+
+def test_radiometry_finds_gain_offset_and_vignetting(radiometry):
+    mean_gain = np.mean([gain for gain, _ in GAINS.values()])
+    for photo in radiometry.photos:
+        gain, offset = GAINS[photo.photo]
+        np.testing.assert_allclose(photo.gain, gain / mean_gain, atol=0.02)
+        np.testing.assert_allclose(np.add(photo.v1, photo.v2), -VIGNETTING, atol=0.06)
+        assert np.abs(np.subtract(photo.offset, offset)).max() < 4.0
+    assert radiometry.difference_after < 0.25 * radiometry.difference_before
+
+
+def test_radiometry_is_not_moved_by_gross_errors():
+    rng = np.random.default_rng(5)
+    ground = rng.uniform(40, 200, 600)
+    point, photo = np.repeat(np.arange(600), 3), np.tile(np.arange(3), 600).astype(np.int32)
+    gain, offset = np.array([1.1, 1.0, 0.9]), np.array([5.0, 0.0, -5.0])
+    grey = gain[photo] * ground[point] + offset[photo] + rng.normal(0, 1, 1800)
+    grey[rng.random(1800) < 0.05] += 60
+    columns = [grey.clip(4, 250).astype(np.float32)] * 3
+    result = balance_block(("a", "b", "c"), Samples(point, photo, np.zeros(1800, np.float32), *columns), 255.0, False)
+    np.testing.assert_allclose([p.gain[0] for p in result.photos], gain, atol=0.015)
+    np.testing.assert_allclose([p.offset[0] for p in result.photos], offset, atol=2.0)
+
+
+def test_photos_without_common_ground_stay_as_they_are():
+    empty = Samples(np.zeros(0, np.int64), np.zeros(0, np.int32), *(np.zeros(0, np.float32) for _ in range(4)))
+    result = balance_block(("a", "b"), empty, 255.0, True)
+    assert result.photos == (PhotoRadiometry(photo="a"), PhotoRadiometry(photo="b"))
+    grey = np.full((2, 2, 3), 77.0, np.float32)
+    assert (corrected(grey, np.ones((2, 2)), result.photos[0]) == 77).all()
+
+
+def test_the_orthoimage_is_the_true_one(ortho):
+    rasters, _ = ortho
+    colour, alpha = rasters["ortho"][..., :3].astype(float), rasters["ortho"][..., 3] > 0
+    away = alpha & ~(near(BOX[:4], 1.0) & ~near(BOX[:4], -1.0))
+    error = np.abs(colour - true_ortho()).mean(axis=-1)
+    assert alpha.mean() > 0.995
+    assert error[away].mean() < 2.0 and error[away].max() < 20.0
+
+
+def test_the_roof_is_not_projected_twice(ortho):
+    rasters, _ = ortho
+    red = (rasters["ortho"][..., 0] > 150) & (rasters["ortho"][..., 1] < 90) & (rasters["ortho"][..., 3] > 0)
+    assert not red[~near(BOX[:4], 0.6)].any()
+    assert red[near(BOX[:4], -1.0)].all()
+
+
+def test_without_the_visibility_test_it_would_be(photos, radiometry):
+    red_outside = {}
+    for tolerance in (0.3, 1000.0):
+        rasters, _ = make(photos, radiometry, rules=replace(RULES, tolerance=tolerance), sources=SOURCES[:1])
+        red = (rasters["ortho"][..., 0] > 150) & (rasters["ortho"][..., 1] < 90)
+        red_outside[tolerance] = red[~near(BOX[:4], 0.6)].sum()
+    assert red_outside[0.3] == 0 and red_outside[1000.0] > 50
+
+
+@pytest.mark.parametrize("centre", ["mean", "median", "deviation"])
+def test_vehicles_are_suppressed(photos, radiometry, centre):
+    rules = replace(RULES, blend=Blend(Rejection(centre, 3.0 if centre == "deviation" else 1.0, 12.0)))
+    rasters, statistics = make(photos, radiometry, rules=rules)
+    for place in ((80, 85, 30, 33), (30, 35, 90, 93), (38, 43, 90, 93)):
+        where = near(place, 1.0)
+        assert np.abs(rasters["ortho"][..., :3][where] - true_ortho()[where]).max() < 40
+        assert (rasters["rejected"][near(place, -0.6)] == 1).all()
+    assert statistics[0].rejected < 0.01 * statistics[0].values
+
+
+def test_vehicles_stay_without_rejection(photos, radiometry):
+    rasters, _ = make(photos, radiometry, rules=replace(RULES, blend=Blend(Rejection("none"))))
+    where = near((30, 35, 90, 93), -0.6)
+    assert np.abs(rasters["ortho"][..., :3][where] - true_ortho()[where]).mean() > 10
+
+
+@pytest.mark.parametrize("tile", [64, 100])
+def test_tiles_give_bit_for_bit_what_one_tile_gives(photos, radiometry, ortho, tile):
+    noisy = heights() + np.random.default_rng(8).normal(0, 0.2, DSM.shape).astype(np.float32)
+    noisy[20:23, 30:36] = np.nan
+    one, _ = make(photos, radiometry, model=noisy)
+    many, _ = make(photos, radiometry, tile, model=noisy)
+    for name, values in one.items():
+        assert np.array_equal(values, many[name]), name
+
+
+def test_coverage_counts_sum_to_all_pixels(ortho):
+    rasters, statistics = ortho
+    assert sum(statistics[0].seen) == statistics[0].pixels == 240 * 240
+    assert (rasters["coverage"] >= 1).sum() == (rasters["ortho"][..., 3] > 0).sum()
+    assert statistics[0].seen[3] == (rasters["coverage"] >= 3).sum()
+
+
+def test_holes_stay_open_or_are_draped(photos, radiometry):
+    holed = heights()
+    holed[90:96, 20:30] = np.nan
+    place = np.s_[182:190, 42:58]
+    left, _ = make(photos, radiometry, model=holed)
+    draped, statistics = make(photos, radiometry, model=holed, rules=replace(RULES, drape_gap=10))
+    assert (left["ortho"][place][..., 3] == 0).all() and (left["height_source"][place] == 0).all()
+    assert (draped["height_source"][place] == 2).all() and statistics[0].draped == 6 * 10 * 4
+    assert np.abs(draped["ortho"][place][..., :3] - true_ortho()[place]).max() < 20
+
+
+def test_grey_photos_of_16_bits_give_a_grey_orthoimage(photos):
+    deep = {name: (pixels[..., 1:2].astype(np.uint16) * 100) for name, pixels in photos.items()}
+    extent = tile_extent(SURFACE, ORTHO, WHOLE, SOURCES, RULES.halo)
+    pixels = tuple(deep[part.name][part.window.slices] for part in extent.photos)
+    samples = sample_tile(heights()[extent.heights.slices], block(), pixels, extent, RULES, 6)
+    found = balance((samples,), block(), True, "block", True)
+    assert 14000 < found.white < 30000
+    rasters, _ = make(deep, found)
+    colour = rasters["ortho"][..., :3].astype(float)
+    assert (colour[..., 0] == colour[..., 2]).all()
+    assert np.corrcoef(colour[:100, :, 0].ravel(), true_ortho()[:100, :, 1].ravel())[0, 1] > 0.98
+
+
+def test_the_ortho_grid_nests():
+    grid = ortho_grid(DSM, None, 0.65)
+    assert grid.cell == 0.5 and grid.rows == 240 and grid.west == DSM.west
+    assert ortho_grid(DSM, None, 1.3).cell == 1.0 and ortho_grid(DSM, 0.25, 0.65).cell == 0.25
+    with pytest.raises(WorkflowError, match=r"0\.3 m.*use 0\.333333 m or auto"):
+        ortho_grid(DSM, 0.3, 0.65)
+
+
+def test_pyramid_levels_follow_the_ortho_pixel():
+    assert [photo_level(cell, 0.1, 4) for cell in (0.05, 0.1, 0.19, 0.4, 10.0)] == [0, 0, 1, 2, 3]
+    assert level_window(Window(7, 8, 10, 11), 2, (105, 105)) == Window(1, 2, 4, 3)
