@@ -98,8 +98,8 @@ def _lowest(bits):
 
 
 @njit(cache=True)
-def _sweep(cost, total, small, large):
-    """Add four paths (along the row and the three from the row above); backwards on reversed views it is the other four."""
+def _sweep(cost, total, small, large, backwards):
+    """Add four paths: along the row and the three from the row above; read backwards, those are the other four."""
     rows, cols, candidates = cost.shape
     paths = np.zeros((2, 4, cols + 2, candidates + 2), np.float32)
     paths[..., 0] = 1e9
@@ -110,9 +110,11 @@ def _sweep(cost, total, small, large):
     for r in range(rows):
         now, above = r % 2, (r + 1) % 2
         for c in range(1, cols + 1):
+            y, x = (rows - 1 - r, cols - c) if backwards else (r, c - 1)
+            here, sums = cost[y, x], total[y, x]
             for path in range(4):
                 row, col = (now, c - 1) if path == 0 else (above, c + path - 2)
-                _step(paths[row, path, col], paths[now, path, c], cost[r, c - 1], total[r, c - 1], (lowest[row, path, col], small, large))
+                _step(paths[row, path, col], paths[now, path, c], here, sums, (lowest[row, path, col], small, large))
                 lowest_bits[now, path, c] = _lowest(bits[now, path, c])
 
 
@@ -190,8 +192,8 @@ def semi_global(left: np.ndarray, right: np.ndarray, settings: SemiGlobal) -> np
     cost = _costs(left_code, left_valid, right_code, right_valid, candidates)
     total = np.zeros(cost.shape, np.float32)
     small, large = np.float32(settings.small_penalty), np.float32(settings.large_penalty)
-    _sweep(cost, total, small, large)
-    _sweep(cost[::-1, ::-1], total[::-1, ::-1], small, large)
+    _sweep(cost, total, small, large, False)
+    _sweep(cost, total, small, large, True)
     winners, seen_from_right = _winners(total)
     result = _agreeing(winners, seen_from_right, left_valid, settings.tolerance)
     remove_specks(result, np.float32(1.0), settings.speckle)

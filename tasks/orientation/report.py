@@ -1,31 +1,15 @@
 """What a surveyor reads about the block: how precise, how reliable, how well it fits what is known, and what is weak."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from schemas.camera import INTERIOR, Camera, Cameras
 from schemas.observations import Control, GroundPoints, ImageResiduals
 from schemas.orientation import Block, BlockPrecision, GroundResidual, GroundResiduals, RelativeOrientations
 from schemas.photo import Photos
-from schemas.report import Chart, Figure, Grid, StageReport
-from tasks.geometry.view import block_view
-
-CELLS = 3
-"""Each photograph is divided into CELLS x CELLS areas (von Gruber) to judge the distribution of its tie points."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Facts:
-    photos: Photos
-    before: Cameras
-    control: Control
-    relative: RelativeOrientations
-    block: Block
-    points: GroundPoints
-    image: ImageResiduals
-    ground: GroundResiduals
-    precision: BlockPrecision
+from schemas.report import Figure, Grid, StageReport
+from tasks.orientation.report_charts import block_charts
+from tasks.orientation.report_facts import CELLS, Facts, coverage, filled_areas
+from tasks.orientation.report_warnings import block_warnings
 
 
 def report(
@@ -40,7 +24,7 @@ def report(
     precision: BlockPrecision,
 ) -> StageReport:
     """The stage's report."""
-    facts = _Facts(photos, cameras, control, relative, block, points, image_residuals, ground_residuals, precision)
+    facts = Facts(photos, cameras, control, relative, block, points, image_residuals, ground_residuals, precision)
     grids = (
         _cameras(facts),
         _orientations(facts),
@@ -54,17 +38,17 @@ def report(
     return StageReport(
         figures=tuple(_figures(facts)),
         grids=tuple(grid for grid in grids if grid and grid.rows),
-        charts=tuple(_charts(facts)),
-        warnings=tuple(_warnings(facts)),
+        charts=tuple(block_charts(facts)),
+        warnings=tuple(block_warnings(facts)),
     )
 
 
-def _figures(facts: _Facts) -> list[Figure]:
+def _figures(facts: Facts) -> list[Figure]:
     block, precision = facts.block, facts.precision
     pixel = {camera.pixel_um for camera in block.cameras.values()}
     sigma0_um = block.sigma0_px * pixel.pop() if len(pixel) == 1 and None not in pixel else None
     centre = np.array([np.sqrt(np.diag(photo.covariance)[:3]) for photo in block.photos])
-    fractions = _coverage(facts)
+    fractions = coverage(facts)
     figures = [
         Figure(
             name="photos_oriented", value=len(block.photos), sentence=f"of {len(facts.photos.photos)} photographs", headline=True
@@ -144,7 +128,7 @@ def _ground_figures(points: tuple[GroundResidual, ...], word: str) -> list[Figur
     ]
 
 
-def _cameras(facts: _Facts) -> Grid:
+def _cameras(facts: Facts) -> Grid:
     rows = []
     for name, camera in facts.block.cameras.items():
         before, sigma = facts.before.cameras[name], _sigmas(camera)
@@ -176,7 +160,7 @@ def _sigmas(camera: Camera) -> list[float | None]:
     return [float(np.sqrt(v)) if v > 0 else None for v in np.diag(np.array(camera.covariance))]
 
 
-def _orientations(facts: _Facts) -> Grid:
+def _orientations(facts: Facts) -> Grid:
     rows = []
     for photo in facts.block.photos:
         sigma = np.sqrt(np.diag(np.array(photo.covariance)))
@@ -205,7 +189,7 @@ def _orientations(facts: _Facts) -> Grid:
     )
 
 
-def _per_photo(facts: _Facts) -> Grid:
+def _per_photo(facts: Facts) -> Grid:
     names, rows = facts.photos.names, []
     for photo in facts.block.photos:
         own = facts.image.take((facts.image.photo == names.index(photo.photo)) & facts.image.used)
@@ -215,7 +199,15 @@ def _per_photo(facts: _Facts) -> Grid:
         camera = facts.block.camera_of(photo.photo)
         um = photo.residual_px * camera.pixel_um if camera.pixel_um and photo.residual_px else None
         rows.append(
-            (photo.photo, len(own), all_own - len(own), *rms, um, float(size.max()) if len(size) else None, _filled(own, camera))
+            (
+                photo.photo,
+                len(own),
+                all_own - len(own),
+                *rms,
+                um,
+                float(size.max()) if len(size) else None,
+                filled_areas(own, camera),
+            )
         )
     return Grid(
         title="Image residuals",
@@ -233,14 +225,7 @@ def _per_photo(facts: _Facts) -> Grid:
     )
 
 
-def _filled(own: ImageResiduals, camera: Camera) -> int:
-    """How many of the areas of a frame hold tie points."""
-    col = np.clip((own.col / camera.width * CELLS).astype(int), 0, CELLS - 1)
-    row = np.clip((own.row / camera.height * CELLS).astype(int), 0, CELLS - 1)
-    return len(np.unique(row * CELLS + col))
-
-
-def _ground(facts: _Facts, role: str) -> Grid:
+def _ground(facts: Facts, role: str) -> Grid:
     titles = {"control": "Ground control", "check": "Check points (took no part)", "position": "GNSS positions"}
     rows = tuple((p.name, *p.difference, *p.predicted, p.photos, p.residual_px) for p in facts.ground.of_role(role))
     return Grid(
@@ -251,7 +236,7 @@ def _ground(facts: _Facts, role: str) -> Grid:
     )
 
 
-def _relative(facts: _Facts) -> Grid:
+def _relative(facts: Facts) -> Grid:
     rows = tuple(
         (
             f"{p.left} - {p.right}",
@@ -289,214 +274,9 @@ def _relative(facts: _Facts) -> Grid:
     )
 
 
-def _unoriented(facts: _Facts) -> Grid:
+def _unoriented(facts: Facts) -> Grid:
     return Grid(
         title="Photographs that did not join the block",
         columns=("photo", "reason"),
         rows=tuple((u.photo, u.reason) for u in facts.block.unoriented),
     )
-
-
-def _charts(facts: _Facts) -> list[Chart]:
-    charts = [_histogram(facts), *(_arrows(facts, name) for name in facts.block.cameras), _map(facts)]
-    if facts.ground.of_role("check"):
-        charts.append(_check_chart(facts))
-    return [chart for chart in charts if chart]
-
-
-def _histogram(facts: _Facts) -> Chart:
-    used = facts.image.used
-    limit = max(4.0 * facts.block.sigma0_px, 1e-6)
-    edges = np.linspace(-limit, limit, 41)
-    counts = {
-        name: tuple(map(float, np.histogram(v[used], edges)[0]))
-        for name, v in (("col", facts.image.v_col), ("row", facts.image.v_row))
-    }
-    return Chart(
-        title="Image residuals",
-        style="bars",
-        x_label="residual, px",
-        y_label="measurements",
-        x=tuple(map(float, 0.5 * (edges[1:] + edges[:-1]))),
-        series=counts,
-        caption="Of the measurements that took part; a normal law centred on zero is expected.",
-    )
-
-
-def _arrows(facts: _Facts, name: str) -> Chart | None:
-    """Mean residual in a grid of areas over the frame: what the camera model leaves unexplained."""
-    camera = facts.block.cameras[name]
-    numbers = [facts.photos.names.index(photo) for photo, own in facts.block.of_photo.items() if own == name]
-    own = facts.image.take(facts.image.used & np.isin(facts.image.photo, numbers))
-    if not len(own):
-        return None
-    bins = 12
-    col, row = ((v / size * bins).astype(int).clip(0, bins - 1) for v, size in ((own.col, camera.width), (own.row, camera.height)))
-    cell = row * bins + col
-    count = np.bincount(cell, minlength=bins * bins)
-    keep = np.flatnonzero(count >= 3)
-    dx, dy = (np.bincount(cell, v, minlength=bins * bins)[keep] / count[keep] for v in (own.v_col, own.v_row))
-    return Chart(
-        title=f"Mean image residuals over the frame, camera {name}",
-        style="arrows",
-        x_label="col, px",
-        y_label="row, px",
-        x=tuple(float(v) for v in (keep % bins + 0.5) * camera.width / bins),
-        series={
-            "y": tuple(float(v) for v in (keep // bins + 0.5) * camera.height / bins),
-            "dx": tuple(map(float, dx)),
-            "dy": tuple(map(float, dy)),
-        },
-        caption=f"Arrows are exaggerated; the longest is {np.hypot(dx, dy).max() if len(dx) else 0:.2f} px. A pattern means "
-        "that the camera model does not fit the lens.",
-    )
-
-
-def _map(facts: _Facts) -> Chart:
-    centres = [(photo.photo, *photo.centre[:2]) for photo in facts.block.photos]
-    named = centres + [(point.name, *point.xyz[:2]) for point in facts.control.points]
-    return Chart(
-        title="Projection centres and ground points",
-        style="map",
-        x_label="X, m",
-        y_label="Y, m",
-        x=tuple(float(x) for _, x, _ in named),
-        series={"y": tuple(float(y) for _, _, y in named)},
-        labels=tuple(name for name, _, _ in named),
-    )
-
-
-def _check_chart(facts: _Facts) -> Chart:
-    place = {point.name: point.xyz for point in facts.control.points}
-    points = facts.ground.of_role("check")
-    return Chart(
-        title="Check points: differences in plan",
-        style="arrows",
-        x_label="X, m",
-        y_label="Y, m",
-        x=tuple(place[p.name][0] for p in points),
-        series={
-            "y": tuple(place[p.name][1] for p in points),
-            "dx": tuple(p.difference[0] for p in points),
-            "dy": tuple(p.difference[1] for p in points),
-        },
-        caption="Block minus given; arrows are exaggerated.",
-    )
-
-
-def _coverage(facts: _Facts) -> tuple[float, float]:
-    """Percent of the photographed ground (a grid at mean height under the block) that two and three photographs see."""
-    height = 0.5 * (facts.block.ground_low + facts.block.ground_high)
-    views = [block_view(facts.block, name) for name in facts.block.names]
-    corners = np.vstack(
-        [
-            v.at_height(
-                np.array(
-                    [[0, 0], [v.camera.width - 1, 0], [0, v.camera.height - 1], [v.camera.width - 1, v.camera.height - 1]], float
-                ),
-                height,
-            )
-            for v in views
-        ]
-    )
-    corners = corners[np.isfinite(corners).all(axis=1)]
-    if not len(corners):
-        return 0.0, 0.0
-    x, y = (np.linspace(corners[:, k].min(), corners[:, k].max(), 60) for k in (0, 1))
-    ground = np.stack([*np.meshgrid(x, y), np.full((60, 60), height)], axis=-1).reshape(-1, 3)
-    count = np.sum([v.contains(v.project(ground)) for v in views], axis=0)
-    seen = max(int((count >= 1).sum()), 1)
-    return float(100.0 * (count >= 2).sum() / seen), float(100.0 * (count >= 3).sum() / seen)
-
-
-def _warnings(facts: _Facts) -> list[str]:
-    return [
-        *(u.reason for u in facts.block.unoriented),
-        *facts.precision.weaknesses,
-        *_control_warnings(facts),
-        *_camera_warnings(facts),
-        *_photo_warnings(facts),
-        *_factor_warnings(facts),
-    ]
-
-
-def _control_warnings(facts: _Facts) -> list[str]:
-    roles = [point.role for point in facts.control.points]
-    found = []
-    if not roles:
-        found.append(
-            "There is no ground control: absolute position and height are as good as the positions of the photographs, and "
-            "nothing independent checks them."
-        )
-    elif "check" not in roles:
-        found.append(
-            "There are no check points, so nothing independent confirms the block; turn some control points into check points."
-        )
-    tested = {p.name: p for p in facts.ground.points}
-    for point in facts.control.points:
-        row = tested.get(point.name)
-        if row is None or row.photos == 0:
-            found.append(
-                f"The {point.role} point {point.name} took no part: it has too few measurements in the oriented photographs, or "
-                "all were rejected as blunders; compare its coordinates and its measurements."
-            )
-        elif any(abs(d) > 4.0 * s + 1e-9 for d, s in zip(row.difference, row.predicted, strict=True)):
-            found.append(
-                f"The {point.role} point {point.name} differs from the block by more than four times the predicted standard error; "
-                "it may be wrong."
-            )
-    return found
-
-
-def _camera_warnings(facts: _Facts) -> list[str]:
-    found = [
-        f"{c.first} and {c.second} can hardly be told apart (correlation {c.value:.2f}): their values are not to be used one "
-        "without the "
-        "other." + (" Control at different heights, or oblique photographs, would part them." if "height" in c.second else "")
-        for c in facts.precision.correlations
-    ]
-    for name, camera in facts.block.cameras.items():
-        before = facts.before.cameras[name]
-        if before.source == "exif" and camera.source != "block":
-            found.append(
-                f"The camera {name} is known from EXIF only and was not adjusted: heights may bend over the block. Calibrate it, "
-                "or let its interior orientation take part."
-            )
-        if camera.source == "block" and abs(camera.c / before.c - 1.0) > 0.06:
-            found.append(
-                f"The adjusted camera constant of {name} is {100 * (camera.c / before.c - 1):+.1f} % off the one it started with; "
-                "it may have taken up other errors (a rolling shutter, wrong heights). Hold it fixed with a calibrated value to "
-                "compare."
-            )
-    return found
-
-
-def _photo_warnings(facts: _Facts) -> list[str]:
-    names, found = facts.photos.names, []
-    for photo in facts.block.photos:
-        own = facts.image.take((facts.image.photo == names.index(photo.photo)) & facts.image.used)
-        filled = _filled(own, facts.block.camera_of(photo.photo))
-        if len(own) < 30 or filled < 5:
-            found.append(
-                f"{photo.photo} is weakly tied: {len(own)} measurements in {filled} of {CELLS * CELLS} areas of its frame."
-            )
-    two, _ = _coverage(facts)
-    if two < 60.0:
-        found.append(f"Weak overlap: only {two:.0f} % of the photographed ground is seen by two photographs or more.")
-    return found
-
-
-def _factor_warnings(facts: _Facts) -> list[str]:
-    found, precision = [], facts.precision
-    if precision.position_factor > 1.0:
-        found.append(
-            f"The GNSS positions are worse than stated: their standard errors were enlarged {precision.position_factor:.1f} times."
-        )
-    if precision.control_factor > 1.0:
-        found.append(
-            f"The ground control is worse than stated: its standard errors were enlarged {precision.control_factor:.1f} times."
-        )
-    share = precision.rejected / max(precision.rejected + precision.rays, 1)
-    if share > 0.15:
-        found.append(f"{100 * share:.0f} % of the image measurements were rejected; the tie points hold many wrong matches.")
-    return found

@@ -21,7 +21,7 @@ from tasks.orientation.report import report
 SCRATCH = 256 * 2**20
 
 
-class Orientation(Stage):
+class OrientationStage(Stage):
     """Relative orientation of pairs, then a bundle adjustment with control, GNSS positions and check points."""
 
     title: ClassVar[str] = "Orient the photographs as one block"

@@ -188,7 +188,7 @@ def _cast(out, view, numbers, columns, paint, houses):
                         size = cell
                         for octave in range(octaves):
                             noise = value_noise(seed + 61 + octave, u * cell / size, v * cell / size)
-                            factor += np.float32(0.11) * np.float32(noise)
+                            factor += np.float32(0.15) * np.float32(noise)
                             size *= 0.5
                         for band in range(3):
                             ray[band] *= factor

@@ -45,9 +45,9 @@ class TileExtent:
         return round(self.dsm.cell / self.ortho.cell)
 
 
-def ground_pixels(views: Iterable[View], ground: float) -> np.ndarray:
+def ground_pixels(views: Iterable[View], ground: float) -> list[float]:
     """Side of a photo pixel on the ground at height `ground` (m), below the projection centre, one per view."""
-    return np.array([max(view.centre[2] - ground, 0.0) / view.camera.c for view in views])
+    return [float(max(view.centre[2] - ground, 1e-6) / view.camera.c) for view in views]
 
 
 def ortho_grid(dsm: MapGrid, cell: float | None, ground_pixel: float) -> MapGrid:

@@ -1,9 +1,10 @@
 """The stage `texture`: a true orthoimage, blended from every photograph that sees the ground."""
 
 from collections.abc import Iterator
+from math import ceil, sqrt
+from statistics import median
 from typing import Annotated, ClassVar, Literal
 
-from math import ceil, sqrt
 from pydantic import Field
 
 from schemas.job import Export, Job, Raster, Table
@@ -153,7 +154,7 @@ class TextureStage(Stage):
         block, surface, photos = view.table(BLOCK), view.table(SURFACE), view.table(PHOTOS)
         views = [block_view(block, name) for name in block.names]
         pixels = ground_pixels(views, 0.5 * (block.ground_low + block.ground_high))
-        ortho = ortho_grid(surface.grid, None if self.cell == "auto" else self.cell, float(np.median(pixels)))
+        ortho = ortho_grid(surface.grid, None if self.cell == "auto" else self.cell, median(pixels))
         rules, tile = self._rules(surface), view.project.tile
         yield from self._rasters(ortho, block.crs, tile)
         fine = [_source(view, block, photos, name, ortho.cell, size) for name, size in zip(block.names, pixels, strict=True)]
@@ -175,7 +176,7 @@ class TextureStage(Stage):
             extent = tile_extent(surface, ortho, t.window, fine, rules.halo)
             yield Job("texture", "ortho", texture_tile, {**_reads(heights, extent), "radiometry": RADIOMETRY},
                       _writes(t, table), {"extent": extent, "rules": rules}, t.row, t.col, scratch=_scratch(extent))
-        facts = TextureFacts(cell=ortho.cell, dsm_cell=surface.grid.cell, ground_pixel=float(np.median(pixels)), heights=heights)
+        facts = TextureFacts(cell=ortho.cell, dsm_cell=surface.grid.cell, ground_pixel=median(pixels), heights=heights)
         yield Job("texture", "report", texture_report, {"statistics": tuple(statistics), "radiometry": RADIOMETRY},
                   {"report": report_table("texture")}, {"facts": facts})
         yield Export("texture", "ortho_cog", "products/ortho.tif", "cog", {"rgba": ORTHO})
@@ -188,14 +189,14 @@ class TextureStage(Stage):
         two = self.two_colours.limit if self.two_colours.kind == "prefer" else 0.0
         return TextureRules(
             tolerance=0.5 * cell if self.tolerance == "auto" else self.tolerance, bridge=self.bridge,
-            drape_gap=int(np.ceil(self.holes.max_gap / cell)) if self.holes.kind == "drape" else 0,
+            drape_gap=ceil(self.holes.max_gap / cell) if self.holes.kind == "drape" else 0,
             widening_margin=self.occlusion_margin, widening_ramp=self.occlusion_ramp, feather=self.feather,
             blend=Blend(colours, 2 if self.weights.kind == "area_squared" else 1, self.best, two),
         )
 
     def _spacing(self, ortho: MapGrid) -> int:
         wanted = self.balance.spacing if self.balance.kind == "block" else 64
-        return max(wanted, int(np.ceil(np.sqrt(ortho.rows * ortho.cols / SAMPLES_AT_MOST))))
+        return max(wanted, ceil(sqrt(ortho.rows * ortho.cols / SAMPLES_AT_MOST)))
 
     def _rasters(self, ortho: MapGrid, crs: str, tile: int) -> Iterator[RasterSpec]:
         yield map_raster(ORTHO, ortho, "uint8", crs, tile, bands=4)

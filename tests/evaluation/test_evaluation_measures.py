@@ -139,7 +139,8 @@ def test_classes_of_places():
 def test_orientation_differences_in_units_of_their_errors():
     true = block()
     covariance = tuple(map(tuple, np.diag([0.1**2] * 3 + [np.radians(0.01) ** 2] * 3)))
-    moved = true.photos[0].model_copy(update={"centre": tuple(np.add(true.photos[0].centre, (0.1, -0.2, 0.3))), "covariance": covariance,
+    moved = true.photos[0].model_copy(update={"centre": tuple(np.add(true.photos[0].centre, (0.1, -0.2, 0.3))),
+                                              "covariance": covariance,
                                               "omega_phi_kappa": tuple(np.add(true.photos[0].omega_phi_kappa, (0.02, 0, -360.01)))})
     found = photo_differences(true.model_copy(update={"photos": (moved, *true.photos[1:])}), true)
     np.testing.assert_allclose(found[0].ratios, [1, -2, 3, 2, 0, -1], atol=1e-6)

@@ -46,7 +46,7 @@ def test_the_fit_takes_away_brightness_and_psnr_is_what_is_left():
     ortho[:20, :, 3] = 0
     halves = [grey_sums(ortho[rows], truth[rows]) for rows in (slice(0, 90), slice(90, 200))]
     fit = fit_grey(tuple(halves))
-    np.testing.assert_allclose(fit.gain, 1.1, atol=0.02)
+    np.testing.assert_allclose(fit.gain, 1.1, atol=0.04)
     direct = 10 * np.log10(255**2 / ((fitted(ortho, fit) - truth)[20:] ** 2).mean())
     assert fit.psnr == pytest.approx(direct, abs=1e-3) and fit.psnr > fit.psnr_raw + 3
     assert fit.pixels == 180 * 220
@@ -81,7 +81,8 @@ def test_a_planted_shift_is_found(move):
 
 def test_nodes_belong_to_one_tile_each():
     truth = texture()
-    parts = [shifts(scene(truth, truth), core, np.ones(SHAPE, np.uint8)) for core in (Window(0, 0, 100, 220), Window(100, 0, 100, 220))]
+    parts = [shifts(scene(truth, truth), core, np.ones(SHAPE, np.uint8))
+             for core in (Window(0, 0, 100, 220), Window(100, 0, 100, 220))]
     whole = shifts(scene(truth, truth), WHOLE, np.ones(SHAPE, np.uint8))
     assert sum(len(part) for part in parts) == len(whole)
 

@@ -61,7 +61,8 @@ def test_texture_reports_what_was_seen(finished):
 
 def test_the_product_is_a_georeferenced_rgba_file(finished):
     with rasterio.open(finished / "runs/box/products/ortho.tif") as file:
-        assert file.count == 4 and file.crs.to_epsg() == 2100 and file.transform[0] == 0.5 and (file.height, file.width) == (240, 240)
+        assert file.count == 4 and file.crs.to_epsg() == 2100 and file.transform[0] == 0.5 and (file.height, file.width) == (240,
+                                                                                                                             240)
         assert (file.read(4) > 0).mean() > 0.99
 
 
@@ -98,7 +99,8 @@ def test_every_picture_shows_a_raster_that_exists(finished):
 
 def write(path: Path, grid, bands: np.ndarray) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    with rasterio.open(path, "w", driver="GTiff", height=grid.rows, width=grid.cols, count=len(bands), dtype=bands.dtype, crs="EPSG:2100",
+    with rasterio.open(path, "w", driver="GTiff", height=grid.rows, width=grid.cols, count=len(bands), dtype=bands.dtype,
+                       crs="EPSG:2100",
                        transform=rasterio.Affine(*grid.transform)) as file:
         file.write(bands)
 

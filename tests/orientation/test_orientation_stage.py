@@ -6,14 +6,14 @@ import pytest
 
 from schemas.job import Export, Job, TextFile
 from schemas.workflow import ControlFromFiles, NoControl, SimulatedControl
-from tasks.orientation.stage import Orientation
+from tasks.orientation.stage import OrientationStage
 
 FILES = ControlFromFiles(kind="files", points="in/points.csv", measurements="in/measured.csv")
 
 
 def planned(control, **settings):
     view = SimpleNamespace(project=SimpleNamespace(crs="EPSG:2100", control=control), run_file=lambda path: f"runs/volos/{path}")
-    return list(Orientation(**settings).plan(view))
+    return list(OrientationStage(**settings).plan(view))
 
 
 @pytest.mark.parametrize(
@@ -33,7 +33,7 @@ def test_every_table_has_one_writer_and_every_read_a_source():
     plan = planned(FILES)
     jobs = [item for item in plan if isinstance(item, Job)]
     written = [table.path for job in jobs for table in job.writes.values()]
-    assert len(set(written)) == len(written) == 9
+    assert len(set(written)) == len(written) == 8
     needed = {region.path for job in jobs for region in job.reads.values() if not isinstance(region, TextFile)}
     outside = {"photos/photos.json", "calibration/cameras.json", "tie_points/tie_points.parquet"}
     assert needed <= set(written) | outside

@@ -7,8 +7,10 @@ from hypothesis import strategies as st
 
 from tasks.texture.blending import Blend, Rejection, blend
 
+PLAIN = Blend(Rejection("none"))
 
-def one_pixel(values, weights=None, how=Blend(Rejection("none"))):
+
+def one_pixel(values, weights=None, how=PLAIN):
     """Blends grey values (or colours) of one pixel."""
     values = np.array(values, np.float32).reshape(len(values), 1, 1, -1)
     weights = np.ones(len(values)) if weights is None else np.array(weights)

@@ -54,7 +54,8 @@ def _march_by_hand(model: np.ndarray, photo, row: int, col: int, tolerance: floa
 def test_the_kernel_agrees_with_its_plain_twin_on_hills():
     rng = np.random.default_rng(3)
     y, x = np.mgrid[0:120, 0:120]
-    hills = (25 * np.exp(-((x - 55) ** 2 + (y - 60) ** 2) / 120) + 18 * np.exp(-((x - 90) ** 2 + (y - 40) ** 2) / 60)).astype(np.float32)
+    hills = 25 * np.exp(-((x - 55) ** 2 + (y - 60) ** 2) / 120) + 18 * np.exp(-((x - 90) ** 2 + (y - 40) ** 2) / 60)
+    hills = hills.astype(np.float32)
     low = view("a")
     photo = type(low)(low.name, low.camera, low.rotation, np.array([-40.0, 70.0, 60.0]))
     flat = Targets(np.arange(120), np.arange(120), hills, np.zeros_like(hills))

@@ -1,0 +1,97 @@
+"""What is weak in a block, in plain words: datum, control, cameras, overlap, stated precision."""
+
+from tasks.orientation.report_facts import CELLS, Facts, coverage, filled_areas
+
+
+def block_warnings(facts: Facts) -> list[str]:
+    """Whole sentences about what is weak in the block, and what to do."""
+    return [
+        *(u.reason for u in facts.block.unoriented),
+        *facts.precision.weaknesses,
+        *_control_warnings(facts),
+        *_camera_warnings(facts),
+        *_photo_warnings(facts),
+        *_factor_warnings(facts),
+    ]
+
+
+def _control_warnings(facts: Facts) -> list[str]:
+    roles = [point.role for point in facts.control.points]
+    found = []
+    if not roles:
+        found.append(
+            "There is no ground control: absolute position and height are as good as the positions of the photographs, and "
+            "nothing independent checks them."
+        )
+    elif "check" not in roles:
+        found.append(
+            "There are no check points, so nothing independent confirms the block; turn some control points into check points."
+        )
+    tested = {p.name: p for p in facts.ground.points}
+    for point in facts.control.points:
+        row = tested.get(point.name)
+        if row is None or row.photos == 0:
+            found.append(
+                f"The {point.role} point {point.name} took no part: it has too few measurements in the oriented photographs, or "
+                "all were rejected as blunders; compare its coordinates and its measurements."
+            )
+        elif any(abs(d) > 4.0 * s + 1e-9 for d, s in zip(row.difference, row.predicted, strict=True)):
+            found.append(
+                f"The {point.role} point {point.name} differs from the block by more than four times the predicted standard error; "
+                "it may be wrong."
+            )
+    return found
+
+
+def _camera_warnings(facts: Facts) -> list[str]:
+    found = [
+        f"{c.first} and {c.second} can hardly be told apart (correlation {c.value:.2f}): their values are not to be used one "
+        "without the "
+        "other." + (" Control at different heights, or oblique photographs, would part them." if "height" in c.second else "")
+        for c in facts.precision.correlations
+    ]
+    for name, camera in facts.block.cameras.items():
+        before = facts.before.cameras[name]
+        if before.source == "exif" and camera.source != "block":
+            found.append(
+                f"The camera {name} is known from EXIF only and was not adjusted: heights may bend over the block. Calibrate it, "
+                "or let its interior orientation take part."
+            )
+        if camera.source == "block" and abs(camera.c / before.c - 1.0) > 0.06:
+            found.append(
+                f"The adjusted camera constant of {name} is {100 * (camera.c / before.c - 1):+.1f} % off the one it started with; "
+                "it may have taken up other errors (a rolling shutter, wrong heights). Hold it fixed with a calibrated value to "
+                "compare."
+            )
+    return found
+
+
+def _photo_warnings(facts: Facts) -> list[str]:
+    names, found = facts.photos.names, []
+    for photo in facts.block.photos:
+        own = facts.image.take((facts.image.photo == names.index(photo.photo)) & facts.image.used)
+        filled = filled_areas(own, facts.block.camera_of(photo.photo))
+        if len(own) < 30 or filled < 5:
+            found.append(
+                f"{photo.photo} is weakly tied: {len(own)} measurements in {filled} of {CELLS * CELLS} areas of its frame."
+            )
+    two, _ = coverage(facts)
+    if two < 60.0:
+        found.append(f"Weak overlap: only {two:.0f} % of the photographed ground is seen by two photographs or more.")
+    return found
+
+
+def _factor_warnings(facts: Facts) -> list[str]:
+    found, precision = [], facts.precision
+    if precision.position_factor > 1.0:
+        found.append(
+            f"The GNSS positions are worse than stated: their standard errors were enlarged {precision.position_factor:.1f} times."
+        )
+    if precision.control_factor > 1.0:
+        found.append(
+            f"The ground control is worse than stated: its standard errors were enlarged {precision.control_factor:.1f} times."
+        )
+    share = precision.rejected / max(precision.rejected + precision.rays, 1)
+    if share > 0.15:
+        found.append(f"{100 * share:.0f} % of the image measurements were rejected; the tie points hold many wrong matches.")
+    return found

@@ -1,0 +1,115 @@
+"""What headers say: tags to numbers, names, cameras, positions, and every refusal with its sentence."""
+
+import pytest
+
+from schemas.errors import PhotoError, WorkflowError
+from schemas.photo import Header
+from schemas.workflow import NoPositions, PositionsFromExif, PositionsFromFile
+from tasks.photos import exif
+from tasks.photos.index import Limits, index_photos, photo_from_header
+from tasks.photos.positions import read_positions
+
+DRONE = {
+    "Make": "DJI", "Model": "FC300S", "FocalLength": "(3.61)", "FocalLengthIn35mmFilm": "20", "GPSLatitude": "(46) (50) (33.3855)",
+    "GPSLatitudeRef": "N", "GPSLongitude": "(91) (59) (40.4156)", "GPSLongitudeRef": "W", "GPSAltitude": "(198.309)",
+    "GPSAltitudeRef": "0x00", "DateTimeOriginal": "2016:06:23 16:31:59",
+}  # fmt: skip
+LIMITS = Limits(megapixels=50)
+EXIF_POSITIONS = PositionsFromExif(kind="exif")
+
+
+def header(name: str = "a.jpg", **changes) -> Header:
+    facts = {"path": f"photos/{name}", "width": 4000, "height": 2250, "bands": 3, "dtype": "uint8", "tags": DRONE}
+    return Header(**{**facts, **changes})
+
+
+def test_a_drone_photograph_is_read_whole():
+    photos = index_photos((header("DJI_0018.JPG"),), "EPSG:26915", EXIF_POSITIONS, LIMITS)
+    photo = photos["DJI_0018"]
+    assert photo.longitude == pytest.approx(-(91 + 59 / 60 + 40.4156 / 3600))
+    assert photo.position == pytest.approx((576663.10, 5188164.56, 198.309), abs=0.01)
+    assert photo.position_sigma == (3.0, 3.0, 5.0)
+    assert photo.pixel_um == pytest.approx(6.17e3 / 4000)
+    assert photo.camera == "DJI FC300S 3.61 mm 4000 x 2250"
+    assert photo.time == "2016-06-23T16:31:59"
+
+
+def test_gdal_prefixed_tags_mean_the_same():
+    prefixed = {f"EXIF_{name}": value for name, value in DRONE.items()}
+    assert photo_from_header(header(tags=prefixed)) == photo_from_header(header())
+
+
+@pytest.mark.parametrize(
+    "tags",
+    [{}, {"GPSLatitude": "(0) (0) (0)", "GPSLongitude": "(0) (0) (0)"}, {"GPSLatitude": "(nan)", "GPSLongitude": "(1)"},
+     {"GPSLatitude": "(95)", "GPSLongitude": "(10)"}, {"GPSLatitude": "(1) (2) (3) (4)", "GPSLongitude": "(10)"}],
+)  # fmt: skip
+def test_broken_positions_count_as_none(tags):
+    assert exif.longitude_latitude(tags) is None
+
+
+def test_altitude_below_the_sea_and_southern_latitudes_are_negative():
+    assert exif.altitude({"GPSAltitude": "(12.5)", "GPSAltitudeRef": "0x01"}) == -12.5
+    south = {"GPSLatitude": "(33) (30) (0)", "GPSLatitudeRef": "S", "GPSLongitude": "(18)", "GPSLongitudeRef": "E"}
+    assert exif.longitude_latitude(south) == (18.0, -33.5)
+
+
+def test_the_pixel_of_a_reduced_photograph_is_larger():
+    tags = {"Model": "unheard of", "FocalPlaneXResolution": "(5000)", "FocalPlaneResolutionUnit": "3", "PixelXDimension": "6000"}
+    assert photo_from_header(header(tags=tags, width=6000, height=4000)).pixel_um == pytest.approx(2.0)
+    assert photo_from_header(header(tags=tags, width=3000, height=2000)).pixel_um == pytest.approx(4.0)
+
+
+def test_upright_sizes_follow_the_orientation_flag():
+    photo = photo_from_header(header(tags={**DRONE, "Orientation": "6"}))
+    assert (photo.width, photo.height, photo.exif_orientation) == (2250, 4000, 6)
+    assert photo.camera.endswith("turned 6")
+    assert photo_from_header(header(tags={"Orientation": "99"})).exif_orientation == 1
+
+
+def test_all_refusals_are_said_at_once():
+    headers = (header("a.jpg", width=40000), header("b.jpg", dtype="float32"), header("c.jpg", bands=2), header("d.jpg"), header("x/d.tif"))
+    with pytest.raises(PhotoError) as error:
+        index_photos(headers, "EPSG:26915", EXIF_POSITIONS, LIMITS)
+    said = str(error.value)
+    for part in ("photos/a.jpg has 90.0 megapixels", "photos/b.jpg has pixels of type float32", "photos/c.jpg has 2 bands",
+                 "photos/d.jpg and photos/x/d.tif have the same name d"):  # fmt: skip
+        assert part in said
+
+
+@pytest.mark.parametrize(
+    ("crs", "part"),
+    [("EPSG:4326", "degrees"), ("EPSG:4326+5773", "degrees"), ("EPSG:2263", "feet"), ("EPSG:99999", "not known"), ("nonsense", "not known")],
+)
+def test_only_metres_on_a_plane_are_accepted(crs, part):
+    with pytest.raises(WorkflowError, match=part):
+        index_photos((header(),), crs, EXIF_POSITIONS, LIMITS)
+
+
+def test_a_vertical_part_of_the_crs_changes_nothing_in_plan():
+    both = [index_photos((header(),), crs, EXIF_POSITIONS, LIMITS).photos[0].position for crs in ("EPSG:26915", "EPSG:26915+5703")]
+    assert both[0] == both[1]
+
+
+def test_photographs_far_outside_the_crs_are_refused_or_placed_finitely():
+    with pytest.raises(WorkflowError, match="does not reach"):
+        index_photos((header(tags={**DRONE, "GPSLatitude": "(-90)"}),), "EPSG:3395", EXIF_POSITIONS, LIMITS)
+
+
+def test_positions_from_a_file_name_photographs_with_or_without_extension():
+    text = "photo, x, y, z, sigma_x, sigma_y, sigma_z\na.jpg, 1, 2, 3, 0.1, 0.1, 0.2\nother, 4, 5, 6, 1, 1, 1\n"
+    photos = index_photos((header("a.jpg"), header("b.jpg")), "EPSG:2100", PositionsFromFile(kind="file", path="p.csv"), LIMITS, text)
+    assert photos["a"].position == (1.0, 2.0, 3.0) and photos["a"].position_sigma == (0.1, 0.1, 0.2)
+    assert photos["b"].position is None
+    assert index_photos((header(),), "EPSG:2100", NoPositions(kind="none"), LIMITS)["a"].position is None
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [("photo,x,y\n", "no column z"), ("photo,x,y,z,sigma_x,sigma_y,sigma_z\na,1,2,three,1,1,1\n", "Line 2"),
+     ("photo,x,y,z,sigma_x,sigma_y,sigma_z\na,1,2,3,1,1,1\na.jpg,1,2,3,1,1,1\n", "Line 3"), ("", "no column"),
+     ("photo,x,y,z,sigma_x,sigma_y,sigma_z\na,1,2,3,1,0,1\n", "zero or less"), ("photo,x,y,z,sigma_x,sigma_y,sigma_z\na,1,2\n", "Line 2")],
+)  # fmt: skip
+def test_a_wrong_positions_file_names_its_line(text, part):
+    with pytest.raises(WorkflowError, match=part):
+        read_positions(text)

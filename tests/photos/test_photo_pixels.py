@@ -1,0 +1,92 @@
+"""Pixels upright, strip by strip, through the stage's own jobs."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from PIL import Image, ImageOps
+
+from pipeline.image_files import image_files
+from pipeline.runner import SequentialRunner
+from pipeline.session import Session
+from schemas.photo import PHOTOS, photo_raster
+from schemas.raster import Window
+from schemas.report import report_table
+from schemas.workflow import Project
+from tasks.imagery.pyramid import halved
+from tasks.photos.pixels import exposure, upright_strip
+from tasks.photos.stage import PhotosStage
+from tasks.photos.upright import file_window, upright, upright_shape
+
+
+class _Silence:
+    def planned(self, key): ...
+
+    def skipped(self, key): ...
+
+    def finished(self, finished, seconds): ...
+
+
+def _run(root, **project) -> Session:
+    base = {"project": "p", "crs": "EPSG:2100", "photographs": {"kind": "folder", "path": "in"}, "positions": {"kind": "none"}, "tile": 128}
+    session = Session(Project.model_validate({**base, **project}), (PhotosStage(),), root, lambda source: image_files(root, source))
+    session.run(SequentialRunner(2**30), _Silence())
+    return session
+
+
+def _picture(rows: int, cols: int, bands: int = 3) -> np.ndarray:
+    return np.random.default_rng(5).integers(0, 256, (rows, cols, bands), dtype=np.uint8)
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_the_flag_is_obeyed_as_another_reader_obeys_it(orientation):
+    pixels = _picture(7, 11)
+    image = Image.fromarray(pixels)
+    image.getexif()[0x0112] = orientation
+    assert np.array_equal(upright(pixels, orientation), np.asarray(ImageOps.exif_transpose(image)))
+
+
+@settings(max_examples=60, deadline=None)
+@given(orientation=st.integers(1, 8), row=st.integers(0, 8), col=st.integers(0, 8), height=st.integers(1, 9), width=st.integers(1, 9))
+def test_a_window_of_the_file_gives_the_window_of_the_upright_photograph(orientation, row, col, height, width):
+    pixels = _picture(13, 17)
+    window = Window(row, col, height, width).clipped(upright_shape(orientation, 13, 17))
+    part = pixels[file_window(window, orientation, 13, 17).slices]
+    assert np.array_equal(upright_strip(part, orientation, 3), upright(pixels, orientation)[window.slices])
+
+
+@pytest.mark.parametrize("orientation", [1, 6, 8])
+def test_files_become_rasters_with_pyramids(tmp_path, orientation):
+    (tmp_path / "in").mkdir()
+    pixels = _picture(300, 700)
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    Image.fromarray(pixels).save(tmp_path / "in" / "one.png", exif=exif)
+    session = _run(tmp_path)
+    assert not session.failures
+    photo = session.store.table(PHOTOS)["one"]
+    expected = upright(pixels, photo.exif_orientation)
+    assert photo.exif_orientation == orientation and photo.levels == 2
+    for level in range(photo.levels):
+        spec = session.store.spec(photo_raster("one", level))
+        assert np.array_equal(session.store.read(spec.name, spec.full), expected)
+        expected = halved(expected)
+
+
+def test_sixteen_bit_grey_keeps_its_values_and_the_report_warns(tmp_path):
+    (tmp_path / "in").mkdir()
+    pixels = np.arange(200 * 150, dtype=np.uint16).reshape(150, 200) * 2
+    Image.fromarray(pixels).save(tmp_path / "in" / "deep.png")
+    Image.fromarray(_picture(150, 200)).save(tmp_path / "in" / "shallow.jpg")
+    session = _run(tmp_path, positions={"kind": "exif"})
+    assert not session.failures
+    assert np.array_equal(session.store.read(photo_raster("deep"), Window(0, 0, 150, 200))[:, :, 0], pixels)
+    said = " ".join(session.store.table(report_table("photos")).warnings)
+    assert "2 photographs (deep, shallow) without a position" in said and "Grey and colour photographs are mixed" in said
+
+
+def test_exposure_counts_the_ends_of_the_range():
+    overview = np.full((10, 10, 1), 128, dtype=np.uint8)
+    overview[:2], overview[2:3] = 255, 0
+    found = exposure(overview, "a")
+    assert (found.white, found.black) == (pytest.approx(0.2), pytest.approx(0.1))
