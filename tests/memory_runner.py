@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from schemas.job import Job, Raster, Table
-from schemas.raster import RasterSpec
+from schemas.job import Job, MapFile, MapHeader, Raster, Table
+from schemas.raster import MapGrid, RasterSpec
 from schemas.stage import NotYet, Stage
 
 
@@ -21,6 +21,7 @@ class MemoryProject:
     tables: dict[str, Any] = field(default_factory=dict)
     written: dict[str, np.ndarray] = field(default_factory=dict)
     keys: set = field(default_factory=set)
+    files: dict[str, tuple[MapGrid, np.ndarray]] = field(default_factory=dict)
 
     @property
     def project(self):
@@ -33,6 +34,9 @@ class MemoryProject:
 
     def raster(self, name):
         return self.specs[name]
+
+    def has_stage(self, kind):
+        return False
 
     def put(self, name: str, array: np.ndarray) -> None:
         self.rasters[name], self.written[name] = array, np.ones(array.shape[:2], bool)
@@ -69,6 +73,10 @@ class MemoryProject:
     def _read(self, region: Raster | Table):
         if isinstance(region, Table):
             return self.tables[region.path]
+        if isinstance(region, MapHeader):
+            return self.files[region.path][0]
+        if isinstance(region, MapFile):
+            return self.files[region.path][1][region.window.slices]
         array = self.rasters[region.name]
         assert region.window == region.window.clipped(array.shape) and not region.window.empty, region
         assert self.written[region.name][region.window.slices].all(), f"read before it was written: {region}"

@@ -50,7 +50,24 @@ class CheckedPairs(BaseModel):
     """m: the height error that one pixel of shift between the orthoimages stands for"""
 
 
+CHECKED_SURFACE = Table("dsm_check/surface.json", Surface)
+"""The grid and the bounds of height of the surface under test."""
 CHECKED_PAIRS = Table("dsm_check/pairs.json", CheckedPairs)
+
+
+def measured_surface(surface: Surface) -> Surface:
+    """The surface under test is the one that the project measured."""
+    return surface
+
+
+def foreign_surface(grid: MapGrid, block: Block, surface: Surface | None = None) -> Surface:
+    """Where a surface from elsewhere is checked: on its own grid, or on that of the project's surface where there is one.
+
+    Its heights may leave those of the tie points by a seventh of the flying height; higher and lower ones are not seen.
+    """
+    flying = float(np.mean([photo.centre[2] for photo in block.photos])) - (block.ground_low + block.ground_high) / 2
+    low, high = block.ground_low - abs(flying) / 7, block.ground_high + abs(flying) / 7
+    return Surface(grid=surface.grid if surface else grid, height_low=low, height_high=high)
 
 
 def choose_checked_pairs(pairs: EpipolarPairs, block: Block, surface: Surface, tile: int, count: int | None,

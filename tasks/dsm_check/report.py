@@ -104,7 +104,8 @@ def _pairs_grid(tiles: tuple[TileCounts, ...], pairs: CheckedPairs) -> Grid:
         title="The check by pairs", rows=tuple(rows),
         columns=("pair", "base/height", "nodes", "matched (%)", "mean (m)", "std (m)", "median (m)", "NMAD (m)",
                  "within 1 sigma (%)", "within 3 sigma (%)"),
-        note="A mean that differs from pair to pair points at the orientation rather than at the surface.",
+        note="A mean that differs from pair to pair points at the orientation rather than at the surface. What surface and check "
+             "have in common, orientation and camera above all, they cannot tell of each other.",
     )
 
 

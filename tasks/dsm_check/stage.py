@@ -12,8 +12,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from schemas.epipolar import PAIRS, grey_table
-from schemas.errors import WorkflowError
-from schemas.job import Export, Job, Raster, Table
+from schemas.job import Export, Job, MapFile, MapHeader, Raster, Region, Table
 from schemas.orientation import BLOCK, Block
 from schemas.photo import PHOTOS, Photos, photo_raster
 from schemas.raster import MapGrid, RasterSpec, Tile, Window, map_raster, tiles_of
@@ -23,7 +22,15 @@ from schemas.stage import ProjectView, Stage
 from schemas.surface import CORRECTED, HEIGHT, SURFACE, Surface
 from tasks.dsm_check.areas import block_size
 from tasks.dsm_check.correction_map import NodeGrid
-from tasks.dsm_check.coverage import CHECKED_PAIRS, CheckedPair, CheckedPairs, choose_checked_pairs
+from tasks.dsm_check.coverage import (
+    CHECKED_PAIRS,
+    CHECKED_SURFACE,
+    CheckedPair,
+    CheckedPairs,
+    choose_checked_pairs,
+    foreign_surface,
+    measured_surface,
+)
 from tasks.dsm_check.height_correction import Correction, RayCorrection
 from tasks.dsm_check.nodes import BANDS, NodeMatching, NodeTile, check_nodes
 from tasks.dsm_check.orthoimage import OrthoTile, ortho_tile
@@ -46,7 +53,7 @@ class DensifiedSurface(Settings):
 
 
 class SurfaceFile(Settings):
-    """A surface model from elsewhere, in the project's reference system."""
+    """A surface model from elsewhere; it is brought to the grid of the project's own surface where there is one."""
 
     kind: Literal["file"]
     path: str = setting(..., "GeoTIFF with heights, relative to the project's root.")
@@ -91,11 +98,11 @@ class DsmCheckStage(Stage):
     significance: float = setting(3.0, "A correction of so many of its standard errors is significant.", "sigma", ge=1, le=10)
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
-        if self.surface.kind == "file":
-            raise WorkflowError(f"{self.surface.path} cannot be read yet: dsm_check checks the project's own surface.")
-        surface, size = view.table(SURFACE), view.project.tile
-        yield Job(self.kind, "pairs", choose_checked_pairs, {"pairs": PAIRS, "block": BLOCK, "surface": SURFACE},
+        size = view.project.tile
+        yield self._surface(view)
+        yield Job(self.kind, "pairs", choose_checked_pairs, {"pairs": PAIRS, "block": BLOCK, "surface": CHECKED_SURFACE},
                   {"checked": CHECKED_PAIRS}, {"tile": size, "count": self.pairs, "pixels_per_cell": self.pixels_per_cell})
+        surface = view.table(CHECKED_SURFACE)
         yield from self._input(view, surface.grid, size)
         plan = _Plan(view.table(BLOCK), view.table(PHOTOS), surface, view.table(CHECKED_PAIRS), size)
         for pair in plan.pairs.pairs:
@@ -103,12 +110,26 @@ class DsmCheckStage(Stage):
             yield from self._nodes(plan, pair)
         yield from self._answer(view, plan)
 
+    def _surface(self, view: ProjectView) -> Job:
+        writes = {"surface": CHECKED_SURFACE}
+        if self.surface.kind == "densification":
+            return Job(self.kind, "surface", measured_surface, {"surface": SURFACE}, writes)
+        reads: dict[str, Region] = {"grid": MapHeader(self.surface.path, view.project.crs), "block": BLOCK}
+        if view.has_stage("densification"):
+            reads["surface"] = SURFACE
+        return Job(self.kind, "surface", foreign_surface, reads, writes)
+
     def _input(self, view: ProjectView, grid: MapGrid, size: int) -> Iterator[RasterSpec | Job]:
-        """The seam for surfaces from elsewhere: whatever the source, these jobs fill the raster under test."""
+        """Whatever the source, these jobs fill the raster under test."""
         yield map_raster(INPUT, grid, "float32", view.project.crs, size, nodata=float("nan"), unit="m")
         for tile in tiles_of(grid.shape, size):
-            yield Job(self.kind, "input", take_surface, {"heights": Raster(HEIGHT, tile.window)},
+            yield Job(self.kind, "input", take_surface, {"heights": self._source(view, grid, tile.window)},
                       {"input": Raster(INPUT, tile.window)}, row=tile.row, col=tile.col)
+
+    def _source(self, view: ProjectView, grid: MapGrid, window: Window) -> Region:
+        if self.surface.kind == "densification":
+            return Raster(HEIGHT, window)
+        return MapFile(self.surface.path, view.project.crs, grid, window)
 
     def _orthoimages(self, view: ProjectView, plan: _Plan, pair: CheckedPair) -> Iterator[RasterSpec | Job]:
         factor, window, grid = plan.pairs.pixels_per_cell, pair.window, plan.grid

@@ -164,8 +164,8 @@ def _share(part: float, whole: float, unit: float = 100.0) -> float | None:
 
 def _orientation_figures(summary: OrientationSummary) -> list[Figure]:
     words = {
-        "photos": ("", "Photos compared with their true orientation."),
-        "unoriented": ("", "Photos of the scene that did not join the block."),
+        "photos_compared": ("", "Photos compared with their true orientation."),
+        "photos_unoriented": ("", "Photos of the scene that did not join the block."),
         "centre_rmse_plan": ("m", "Projection centres, root mean square distance in plan."),
         "centre_rmse_height": ("m", "Projection centres, root mean square difference in height."),
         "centre_largest": ("m", "Largest difference of a coordinate of a projection centre."),

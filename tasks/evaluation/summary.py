@@ -70,7 +70,7 @@ class OrientationSummary(_Summary):
     places: tuple[tuple[float, float], ...] = ()
     interior: tuple[tuple[str, str, float, float, float | None, float | None], ...] = ()
     """camera, parameter, block, truth, standard error, ratio"""
-    numbers: dict[str, float | None] = {}
+    numbers: dict[str, int | float | None] = {}
 
 
 def rounded(value: float | None, digits: int = 4) -> float | None:
@@ -175,12 +175,12 @@ def summarise_orientation(block: Block, truth: Block) -> OrientationSummary:
     rows = photo_differences(block, truth)
     interior = interior_differences(block, truth)
     if not rows:
-        return OrientationSummary(numbers={"photos": 0.0})
+        return OrientationSummary(numbers={"photos_compared": 0})
     centres, rotations = np.array([r.centre for r in rows]), np.array([r.rotation for r in rows])
     ratios, sigma = np.array([r.ratios for r in rows]), np.array([r.sigma for r in rows])
     inner = np.array([(i.block - i.truth) / i.sigma for i in interior])
     numbers = {
-        "photos": float(len(rows)), "unoriented": float(len(set(truth.names) - set(block.names))),
+        "photos_compared": len(rows), "photos_unoriented": len(set(truth.names) - set(block.names)),
         "centre_rmse_plan": _root(np.hypot(centres[:, 0], centres[:, 1])), "centre_rmse_height": _root(centres[:, 2]),
         "centre_largest": rounded(np.abs(centres).max()), "rotation_rmse": _root(rotations),
         "rotation_largest": rounded(np.abs(rotations).max(), 6),

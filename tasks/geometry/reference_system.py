@@ -13,6 +13,9 @@ from pyproj.exceptions import CRSError
 
 from schemas.errors import WorkflowError
 
+AREA_MARGIN = 5.0
+"""degrees that photographs may lie outside the area of use of the reference system"""
+
 
 @lru_cache(maxsize=16)
 def ground_crs(text: str) -> CRS:
@@ -44,8 +47,9 @@ def ground_crs(text: str) -> CRS:
 def ground_coordinates(crs: str, longitude_latitude: np.ndarray) -> np.ndarray:
     """X, Y (N, 2) in m in the project's system of WGS 84 longitudes and latitudes (N, 2) in degrees.
 
-    Raises WorkflowError when the system does not reach there.
+    Raises WorkflowError when the system does not reach there, or is that of quite another place.
     """
+    _check_area(crs, longitude_latitude)
     transformer = Transformer.from_crs(CRS.from_epsg(4326), ground_crs(crs), always_xy=True)
     x, y = transformer.transform(longitude_latitude[:, 0], longitude_latitude[:, 1])
     xy = np.column_stack([x, y])
@@ -56,6 +60,22 @@ def ground_coordinates(crs: str, longitude_latitude: np.ndarray) -> np.ndarray:
             "where photographs were taken; give the system of the site."
         )
     return xy
+
+
+def _check_area(text: str, longitude_latitude: np.ndarray) -> None:
+    """A projection gives numbers far outside its area, too; they only mean that the wrong system was named."""
+    area = ground_crs(text).area_of_use
+    if area is None or area.west > area.east:
+        return
+    low, high = np.array([area.west, area.south]) - AREA_MARGIN, np.array([area.east, area.north]) + AREA_MARGIN
+    outside = ((longitude_latitude < low) | (longitude_latitude > high)).any(axis=1)
+    if outside.any():
+        longitude, latitude = longitude_latitude[outside][0]
+        raise WorkflowError(
+            f"The reference system crs: {text} is for {area.name.rstrip('.')}, but photographs were taken at longitude "
+            f"{longitude:.4f}, "
+            f"latitude {latitude:.4f}; give the system of the site."
+        )
 
 
 def _unit(crs: CRS) -> str:

@@ -35,6 +35,8 @@ HALO = 64
 """Context on every side of a block: room for the paths of semi-global matching and for windows, px."""
 _COARSEST = 4
 """levels of reduction: 2**4 divides BLOCK and HALO"""
+_MOST = 2
+"""candidates of a level, in units of `DenseMatching.widest_range`"""
 _FREE_ROWS = LeastSquaresMatching(
     window=17, interpolation="bilinear", stop=0.05, max_iterations=12, min_correlation=0.8, min_gradient=1.0
 )
@@ -44,16 +46,18 @@ class DenseMatching(Settings):
     """How a pair of epipolar images is matched densely."""
 
     step: int = setting(2, "Distance of the nodes; 1, 2 or 4.", "px", ge=1, le=4)
-    window: int = setting(11, "Side of the least-squares window; an even number is taken as the next odd one.", "px", ge=5, le=41)
+    window: int = setting(9, "Side of the least-squares window; an even number is taken as the next odd one.", "px", ge=5, le=41)
     smoothing: float = setting(0.8, "Sigma of the Gaussian that both images are smoothed with.", "px", ge=0.0, le=3.0)
     start: SemiGlobal = setting(SemiGlobal(), "Semi-global matching that gives the start values.")
-    start_level: int = setting(1, "Pyramid level of the start values; every level halves the image.", ge=0, le=3)
+    start_level: int = setting(0, "Finest pyramid level of the start values; every level halves the image.", ge=0, le=3)
     widest_range: int = setting(96, "Parallax candidates above which a coarser level narrows the range first.", ge=16, le=512)
-    range_margin: int = setting(8, "Added on both sides to the range that a coarser level found.", "px of that level", ge=1, le=64)
+    range_margin: int = setting(6, "Added on both sides to the range that a coarser level found.", "px of that level", ge=1, le=64)
     max_iterations: int = setting(12, "Iterations after which a node is given up.", ge=1, le=100)
     stop: float = setting(0.03, "Converged when the parallax changes by less than this.", "px", gt=0.0, le=1.0)
     max_shift: float = setting(3.0, "A node that moves further than this from its start is rejected.", "px", gt=0.0)
-    surface_tolerance: float = setting(2.0, "Pixels of the window further off the surface of the node are left out.", "px", gt=0.0)
+    surface_tolerance: float = setting(
+        1.0, "Pixels of the window further off the surface of the node are left out.", "px of the start level", gt=0.0
+    )
     min_support: float = setting(0.3, "Share of the window that must lie on the node's surface.", gt=0.0, le=1.0)
     min_correlation: float = setting(0.6, "Normalised correlation that the matched windows must reach.", ge=0.0, le=1.0)
     min_gradient: float = setting(0.5, "Root mean square grey value gradient along the row.", "grey values per px", ge=0.0)
@@ -96,7 +100,7 @@ def right_window(core: Window, parallaxes: ParallaxRange) -> Window:
 def scratch_bytes(parallaxes: ParallaxRange, settings: DenseMatching) -> int:
     """Working memory of `match_block`, bytes."""
     factor = 2**settings.start_level
-    candidates = (parallaxes.high - parallaxes.low) // factor + 1
+    candidates = min((parallaxes.high - parallaxes.low) // factor + 1, _MOST * settings.widest_range + 1)
     side = (BLOCK + 2 * HALO) // factor
     pixels = (BLOCK + 2 * HALO) * (BLOCK + 2 * HALO + parallaxes.high - parallaxes.low)
     return 6 * side * side * candidates + 40 * pixels
@@ -132,7 +136,10 @@ def match_block(left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, 
 
 
 def start_surface(left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, settings: DenseMatching) -> StartSurface | None:
-    """Whole-pixel parallaxes of a block at the start level, from coarse to fine; None where nothing was found."""
+    """Whole-pixel parallaxes of a block, from coarse to fine; None where nothing was found.
+
+    Ends before the start level where the relief of the block is so great that the candidates would not fit the memory planned.
+    """
     level = settings.start_level
     while level < _COARSEST and (parallaxes.high - parallaxes.low) / 2**level > settings.widest_range:
         level += 1
@@ -145,6 +152,8 @@ def start_surface(left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange
             return surface
         found = _narrowed(surface, found, settings.range_margin)
         level -= 1
+        if (found.high - found.low) / 2**level > _MOST * settings.widest_range:
+            return surface
 
 
 def _level_surface(left: np.ndarray, right: np.ndarray, whole: ParallaxRange, part: ParallaxRange, level: int,

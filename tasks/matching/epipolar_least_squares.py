@@ -42,10 +42,10 @@ class EpipolarLimits:
     min_gradient: float
     smoothing: float
 
-    @property
-    def numbers(self) -> tuple[float, ...]:
+    def numbers_for(self, factor: int) -> tuple[float, ...]:
+        """For the kernel, with a start surface whose pixels are `factor` px wide."""
         return (
-            self.half, self.max_iterations, self.stop, self.max_shift, self.surface_tolerance, self.min_support,
+            self.half, self.max_iterations, self.stop, self.max_shift, self.surface_tolerance * factor, self.min_support,
             self.min_correlation, self.min_gradient,
         )
 
@@ -386,6 +386,6 @@ def match_nodes(left: np.ndarray, right: np.ndarray, start: StartSurface, rows: 
     sigma = max(limits.smoothing, 0.3)
     correlation = np.exp(-np.arange(3) ** 2 / (4.0 * sigma**2)).astype(np.float32)
     rows, cols = np.asarray(rows, np.int64), np.asarray(cols, np.int64)
-    _match_nodes(left, right, start.parallax, start.factor, rows, cols, shift, correlation, limits.numbers,
+    _match_nodes(left, right, start.parallax, start.factor, rows, cols, shift, correlation, limits.numbers_for(start.factor),
                  nodes.parallax, nodes.sigma, nodes.correlation, nodes.outcome)
     return nodes

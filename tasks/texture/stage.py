@@ -123,7 +123,7 @@ class TextureStage(Stage):
     title: ClassVar[str] = "true orthoimage"
 
     kind: Literal["texture"] = "texture"
-    cell: float | Literal["auto"] = setting(
+    cell: Annotated[float, Field(gt=0)] | Literal["auto"] = setting(
         "auto", "Pixel of the orthoimage; must divide the cell of the surface model. auto: about the ground pixel of the photos.",
         "m"
     )
@@ -143,7 +143,7 @@ class TextureStage(Stage):
     occlusion_ramp: float = setting(
         2.0, "Width beyond the margin in which the weight rises to its full value.", "cells", ge=0, le=32
     )
-    tolerance: float | Literal["auto"] = setting(
+    tolerance: Annotated[float, Field(ge=0)] | Literal["auto"] = setting(
         "auto", "How deep a ray may dip below the surface before it counts as hidden. auto: half a cell of the surface model.", "m"
     )
     bridge: int = setting(
@@ -221,8 +221,8 @@ def _writes(tile: Tile, statistics: Table[TileTexture]) -> dict[str, Raster | Ta
 
 
 def _scratch(extent: TileExtent) -> int:
-    """Bytes for two bridged models, visibility per photo, and the colours of one strip."""
+    """Bytes for the bridged models, ground and weight factors of the tile, and the colours of one strip."""
     photos = len(extent.photos)
     cells = extent.heights.height * extent.heights.width
-    core = extent.window.height * extent.window.width
-    return 12 * cells + 8 * photos * core // extent.divisor**2 + 64 * extent.window.width * (photos * 40 + 40)
+    pixels = extent.window.height * extent.window.width
+    return 24 * cells + (48 + 6 * photos) * pixels + 64 * extent.window.width * (photos * 40 + 40)

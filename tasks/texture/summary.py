@@ -66,7 +66,7 @@ def _figures(statistics: tuple[TileTexture, ...], radiometry: Radiometry, facts:
           for i, (name, words) in enumerate((("0", "no photo, or without height"), ("1", "one photo"), ("2", "two photos"),
                                              ("3_or_more", "three photos or more")))),
         Figure(name="hidden_share", value=_share(with_height - (pixels - seen[0]), with_height), unit="%",
-               sentence="Pixels with a height that no photo sees."),
+               sentence="Pixels with a height that no photo sees: outside all photos, or hidden."),
         Figure(name="rejected_share", value=_share(rejected, values), unit="%",
                sentence="Colours rejected as gross errors, of all colours."),
         Figure(name="seam_difference", value=None if residual is None else round(residual, 3), unit="grey levels",
@@ -115,8 +115,8 @@ def _warnings(statistics: tuple[TileTexture, ...], radiometry: Radiometry) -> tu
     if seen[0] == pixels:
         warnings.append("The orthoimage is empty: no photo sees any ground that has a height. Look at the surface model first.")
     if hidden > 0.05 * pixels:
-        warnings.append(f"{_share(hidden, pixels):.1f} % of the orthoimage has a height but is hidden from every photo; "
-                        "it stays transparent. More photos with other view directions would fill it.")
+        warnings.append(f"{_share(hidden, pixels):.1f} % of the orthoimage has a height but is seen by no photo (outside all of "
+                        "them, or hidden by what stands in the way); it stays transparent. More photos would fill it.")
     if values and rejected > 0.25 * values:
         warnings.append(f"{_share(rejected, values):.0f} % of all colours were rejected: heights or orientation may be wrong, "
                         "or the photos differ in more than brightness.")

@@ -1,11 +1,12 @@
 """The stage's result: every observation at its refined place, with an honest standard error.
 
 The reference observation of a track defines its point, so it has no matching error of its own; it gets the floor, as does every
-refined observation beside the precision of its matching. The floor stands for what a matching's own covariance does not see: the
-perspective difference between two windows.
+refined observation beside the precision of its matching. The floor stands for what a matching's own covariance does not see:
+perspective within the window, and lens distortion that nobody knows. It is measured: the median over all pairs of how refined points
+scatter about their epipolar lines, but never less than the setting.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -13,7 +14,7 @@ from pydantic import BaseModel, ConfigDict
 
 from schemas.observations import TiePoints
 from schemas.outcome import Outcome
-from tasks.tie_points.records import Observations, Refined
+from tasks.tie_points.records import Observations, Refined, Scatter
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,12 @@ class Weighting:
     floor: float
     unrefined: float
     unmatched: Literal["keep", "drop"]
+
+
+def with_measured_floor(weighting: Weighting, scatters: tuple[Scatter, ...]) -> Weighting:
+    """The floor raised to the median scatter of the pairs that have one."""
+    known = [scatter.sigma for scatter in scatters if scatter.sigma is not None]
+    return replace(weighting, floor=max([weighting.floor, float(np.median(known))])) if known else weighting
 
 
 class RefinementSummary(BaseModel):

@@ -28,7 +28,7 @@ SMALLEST, LARGEST = 2.5, 18.0
 """Diameters of points, px of the level. A descriptor reaches about 5.3 diameters from its centre; the many points below 2.5 px
 are rarely found again in another photograph."""
 CELL = 64
-_SPARE = 4
+_SPARE = 2
 _FIRST_OCTAVE = 255 | (1 << 8)
 """OpenCV's code of octave -1, layer 1"""
 

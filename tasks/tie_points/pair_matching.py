@@ -17,12 +17,13 @@ import numpy as np
 
 from schemas.camera import Camera, Cameras
 from tasks.geometry.distortion import pixel_to_image
-from tasks.tie_points.records import DESCRIPTOR, Features, PairMatches, PairSummary, Values
+from tasks.tie_points.records import DESCRIPTOR, Features, PairMatches, PairSummary, Scatter, Values
 
 cv2.setNumThreads(1)
 
 _BLOCK = 1024
 _FEWEST = 16
+_FEWEST_FOR_SCATTER = 60
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,7 @@ def epipolar_agreement(points: tuple[np.ndarray, np.ndarray], cameras: tuple[Cam
     """Which matches lie within `tolerance` px of their epipolar lines. points: (M, 2) px in each photograph."""
     if len(points[0]) < _FEWEST:
         return np.zeros(len(points[0]), dtype=bool)
-    left, right = (pixel_to_image(camera, pixels) for camera, pixels in zip(cameras, points, strict=True))
+    left, right = _ideal(points, cameras)
     if any(camera.source == "exif" for camera in cameras):
         matrix, _ = cv2.findFundamentalMat(left, right, cv2.USAC_MAGSAC, tolerance, 0.9999, 5000)
     else:
@@ -102,6 +103,32 @@ def epipolar_agreement(points: tuple[np.ndarray, np.ndarray], cameras: tuple[Cam
     if matrix is None or matrix.shape != (3, 3):
         return np.zeros(len(left), dtype=bool)
     return sampson_distance(matrix, left, right) < tolerance
+
+
+def _ideal(points: tuple[np.ndarray, np.ndarray], cameras: tuple[Camera, Camera]) -> tuple[np.ndarray, np.ndarray]:
+    return pixel_to_image(cameras[0], points[0]), pixel_to_image(cameras[1], points[1])
+
+
+def epipolar_scatter(points: tuple[np.ndarray, np.ndarray], cameras: tuple[Camera, Camera]) -> Scatter:
+    """Robust standard error of a matched coordinate, from what is left about the best fundamental matrix.
+
+    points: (M, 2) px in each photograph, of which one is taken as free of error (it defines the point), so that all of the distance
+    belongs to the other: the Sampson distance shares it between both and is smaller by the root of 2. Lens distortion that the
+    cameras do not describe counts as scatter, and rightly so.
+    """
+    count = len(points[0])
+    if count < _FEWEST_FOR_SCATTER:
+        return Scatter(points=count, sigma=None)
+    left, right = _ideal(points, cameras)
+    matrix, _ = cv2.findFundamentalMat(left, right, cv2.USAC_MAGSAC, 1.0, 0.9999, 5000)
+    if matrix is None or matrix.shape != (3, 3):
+        return Scatter(points=count, sigma=None)
+    near = sampson_distance(matrix, left, right) < 1.0
+    best, _ = cv2.findFundamentalMat(left[near], right[near], cv2.FM_8POINT)
+    if best is None or best.shape != (3, 3):
+        return Scatter(points=count, sigma=None)
+    distance = sampson_distance(best, left[near], right[near])
+    return Scatter(points=count, sigma=float(np.sqrt(2.0) * 1.4826 * np.median(distance)))
 
 
 def _essential(left: np.ndarray, right: np.ndarray, tolerance: float) -> np.ndarray | None:

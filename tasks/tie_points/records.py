@@ -106,3 +106,13 @@ class Refined(Columns):
     """float32 px; NaN where the matching failed"""
     outcome: np.ndarray
     """uint8: schemas.outcome.Outcome"""
+
+
+class Scatter(BaseModel):
+    """How refined observations of a pair scatter about their epipolar lines."""
+
+    model_config = ConfigDict(frozen=True)
+
+    points: int
+    sigma: float | None
+    """robust standard error of a coordinate, px; None with too few points"""

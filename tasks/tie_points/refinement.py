@@ -9,12 +9,16 @@ setting.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from schemas.camera import Cameras
+from schemas.outcome import Outcome
 from tasks.imagery.pyramid import level_to_full
 from tasks.matching.least_squares import LeastSquaresMatching, match_points
 from tasks.matching.smoothing import reach_of
+from tasks.tie_points.pair_matching import epipolar_scatter
 from tasks.tie_points.patches import joined_patches, nearest_pixels
 from tasks.tie_points.records import Observations, Refined, Values
 
@@ -46,15 +50,20 @@ def refine_pair(
     observations: tuple[Observations, Observations],
     left_patches: tuple[Values, ...],
     right_patches: tuple[Values, ...],
+    cameras: Cameras,
     photos: tuple[int, int],
+    names: tuple[str, str],
     rules: tuple[PatchRules, PatchRules],
-) -> Refined:
-    """Refined observations of either photograph whose track's reference is the other one. photos: their numbers."""
+) -> dict[str, Any]:
+    """Refined observations of either photograph whose track's reference is the other one, and their scatter about epipolar lines.
+
+    photos, names: numbers and names of the two; left_patches, right_patches: all strips of either.
+    """
     patches = [
         joined_patches(strips, own, rule.level, rule.tile, rule.half)
         for strips, own, rule in zip((left_patches, right_patches), observations, rules, strict=True)
     ]
-    parts = []
+    parts, ends = [], []
     for reference, other in ((0, 1), (1, 0)):
         shared = _shared(observations[reference], observations[other], photos[reference])
         chosen = [observations[side].take(rows) for side, rows in zip((reference, other), shared, strict=True)]
@@ -62,8 +71,18 @@ def refine_pair(
         parts.append(
             refined_observations((chosen[0], chosen[1]), (cut[0], cut[1]), photos[other], (rules[reference], rules[other]))
         )
-    names = ("photo", "track", "col", "row", "sigma", "outcome")
-    return Refined(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+        ends.append(_left_and_right(chosen[0], parts[-1], reference))
+    columns = ("photo", "track", "col", "row", "sigma", "outcome")
+    refined = Refined(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in columns})
+    points = np.concatenate([end[0] for end in ends]), np.concatenate([end[1] for end in ends])
+    return {"refined": refined, "scatter": epipolar_scatter(points, (cameras.of(names[0]), cameras.of(names[1])))}
+
+
+def _left_and_right(reference: Observations, refined: Refined, side: int) -> tuple[np.ndarray, np.ndarray]:
+    """Matched points (M, 2) px in the left and the right photograph; `side` says which of them is the reference."""
+    good = refined.outcome == int(Outcome.CONVERGED)
+    ends = [np.column_stack([table.col[good], table.row[good]]) for table in (reference, refined)]
+    return (ends[0], ends[1]) if side == 0 else (ends[1], ends[0])
 
 
 def _shared(reference: Observations, other: Observations, photo: int) -> tuple[np.ndarray, np.ndarray]:

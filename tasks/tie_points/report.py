@@ -12,8 +12,8 @@ from schemas.observations import TiePoints
 from schemas.outcome import Outcome
 from schemas.photo import Photos
 from schemas.report import Chart, Figure, Grid, StageReport
-from tasks.tie_points.assembly import RefinementSummary, Weighting, assemble
-from tasks.tie_points.records import Links, Observations, PairSummary, Refined
+from tasks.tie_points.assembly import RefinementSummary, Weighting, assemble, with_measured_floor
+from tasks.tie_points.records import Links, Observations, PairSummary, Refined, Scatter
 
 _CELLS = 8
 _WEAK = 30
@@ -37,13 +37,14 @@ class Strength:
 
 def finish(
     photos: Photos, links: Links, summaries: tuple[PairSummary, ...], observations: tuple[Observations, ...],
-    refined: tuple[Refined, ...], weighting: Weighting,
+    refined: tuple[Refined, ...], scatters: tuple[Scatter, ...], weighting: Weighting,
 ) -> dict[str, Any]:  # fmt: skip
     """The tie points and the stage's report."""
-    points, summary = assemble(observations, refined, weighting)
+    measured = with_measured_floor(weighting, scatters)
+    points, summary = assemble(observations, refined, measured)
     strength = measure(points, photos)
     report = StageReport(
-        figures=_figures(points, strength, links, summaries, summary),
+        figures=(*_figures(points, strength, links, summaries, summary), _floor_figure(measured)),
         grids=(_photo_grid(photos, strength), _pair_grid(summaries), _outcome_grid(summary)),
         charts=(_ray_chart(strength), _block_chart(photos, summaries)),
         warnings=tuple(_warnings(photos, strength, summaries)),
@@ -115,6 +116,11 @@ def _figures(
         ),
         Figure(name="fewest_in_photo", value=int(strength.observations.min()), sentence="Tie points in the weakest photograph."),
     )
+
+
+def _floor_figure(weighting: Weighting) -> Figure:
+    sentence = "Scatter of refined points about their epipolar lines, which every observation's standard error includes."
+    return Figure(name="scatter_px", value=round(weighting.floor, 4), unit="px", sentence=sentence)
 
 
 def _rounded(value: float | None) -> float | None:

@@ -28,7 +28,7 @@ from tasks.tie_points.features import HALO, Detection, photo_features, tile_feat
 from tasks.tie_points.pair_matching import PairRules, match_pair
 from tasks.tie_points.pairs import Neighbourhood, candidate_pairs
 from tasks.tie_points.patches import Strip, strip_patches
-from tasks.tie_points.records import DESCRIPTOR, Features, Links, Observations, PairMatches, PairSummary, Refined, Values
+from tasks.tie_points.records import DESCRIPTOR, Features, Links, Observations, PairMatches, PairSummary, Refined, Scatter, Values
 from tasks.tie_points.refinement import PatchRules, refine_pair
 from tasks.tie_points.report import finish
 from tasks.tie_points.tracks import build_tracks, observation_key
@@ -54,8 +54,9 @@ def _pair_tables(left: str, right: str) -> tuple[Table[PairMatches], Table[PairS
     return Table(f"tie_points/matches/{name}.parquet", PairMatches), Table(f"tie_points/matches/{name}.json", PairSummary)
 
 
-def _refined(left: str, right: str) -> Table[Refined]:
-    return Table(f"tie_points/refined/{left}+{right}.parquet", Refined)
+def _refined_tables(left: str, right: str) -> tuple[Table[Refined], Table[Scatter]]:
+    name = f"tie_points/refined/{left}+{right}"
+    return Table(f"{name}.parquet", Refined), Table(f"{name}.json", Scatter)
 
 
 class TiePointsStage(Stage):
@@ -64,7 +65,7 @@ class TiePointsStage(Stage):
     title: ClassVar[str] = "Tie points"
     kind: Literal["tie_points"] = "tie_points"
     search_side: int = setting(
-        2500, "Points are searched on the pyramid level whose longer side is at most this.", "px", ge=500, le=20000
+        2000, "Points are searched on the pyramid level whose longer side is at most this.", "px", ge=500, le=20000
     )
     max_features: int = setting(8000, "Points searched per photograph.", ge=200, le=100000)
     contrast: float = setting(
@@ -80,11 +81,13 @@ class TiePointsStage(Stage):
         LeastSquaresMatching(max_shift=3.0, min_correlation=0.7),
         "Least-squares matching of each observation against the track's reference.",
     )
-    sigma_floor: float = setting(0.1, "Standard error that no refined observation goes below.", "px", gt=0.0)
+    sigma_floor: float = setting(
+        0.03, "Standard error that no observation goes below; the scatter measured about epipolar lines counts when it is larger.", "px", gt=0.0
+    )
     sigma_unrefined: float = setting(
         0.7, "Standard error of observations that could not be refined.", "px of the searched level", gt=0.0
     )
-    unrefined: Literal["keep", "drop"] = setting("keep", "What becomes of observations that could not be refined.")
+    unrefined: Literal["keep", "drop"] = setting("drop", "What becomes of observations that could not be refined.")
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         """Everything up to the tracks at once; patches and refinement when the tracks tell which photographs are linked."""
@@ -188,14 +191,17 @@ class TiePointsStage(Stage):
         left, right = (photos.photos[number] for number in pair)
         sides = [tuple(_patches(photo.name, number) for number in range(len(self._strips(photo, tile)))) for photo in (left, right)]
         rules = (self._rules(left, tile), self._rules(right, tile))
+        refined, scatter = _refined_tables(left.name, right.name)
         return Job(
             stage=self.kind, item=f"{left.name}+{right.name} refinement", function=refine_pair,
             reads={
                 "observations": (_observations(left.name), _observations(right.name)),
                 "left_patches": sides[0],
                 "right_patches": sides[1],
+                "cameras": CAMERAS,
             },
-            writes={"refined": _refined(left.name, right.name)}, params={"photos": pair, "rules": rules},
+            writes={"refined": refined, "scatter": scatter},
+            params={"photos": pair, "names": (left.name, right.name), "rules": rules},
             scratch=60 * 1024 * (2 * rules[0].half + 8) ** 2,
         )  # fmt: skip
 
@@ -209,7 +215,8 @@ class TiePointsStage(Stage):
                 "links": LINKS,
                 "summaries": tuple(_pair_tables(names[left], names[right])[1] for left, right in pairs),
                 "observations": tuple(_observations(name) for name in names),
-                "refined": tuple(_refined(names[left], names[right]) for left, right in links.pairs),
+                "refined": tuple(_refined_tables(names[left], names[right])[0] for left, right in links.pairs),
+                "scatters": tuple(_refined_tables(names[left], names[right])[1] for left, right in links.pairs),
             },
             writes={"tie_points": TIE_POINTS, "report": report_table(self.kind)},
             params={"weighting": Weighting(self.sigma_floor, self.sigma_unrefined * coarsest, self.unrefined)},

@@ -10,7 +10,7 @@ from tasks.geometry.view import View
 
 CORNERS, SQUARE = (7, 5), 0.1
 CAMERA = Camera(name="t", width=640, height=520, c=520, x0=4.0, y0=-3.0, k1=-0.06)
-VIEW = View("v", CAMERA, rotation_matrix(0.25, -0.2, 0.4), np.array([0.55, 0.75, 2.9]))
+VIEW = View("v", CAMERA, rotation_matrix(0.25, -0.2, 0.4), np.array([-0.58, -0.75, 2.9]))
 PLACES = ((-0.75, 0.1, 0.3), (0.75, 0.15, 2.0))
 
 

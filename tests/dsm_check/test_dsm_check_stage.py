@@ -10,7 +10,7 @@ from memory_runner import MemoryProject
 from tiny_block import EAST, NORTH, block, photograph, photos, surface
 
 from schemas.epipolar import PAIRS
-from schemas.errors import GeometryError, WorkflowError
+from schemas.errors import GeometryError
 from schemas.job import Export
 from schemas.orientation import BLOCK
 from schemas.outcome import Outcome
@@ -194,8 +194,17 @@ def test_a_surface_from_elsewhere_is_refused():
     far = Surface(grid=GRID.model_copy(update={"west": GRID.west + 50_000}), height_low=20, height_high=85)
     with pytest.raises(GeometryError, match="No pair of photographs sees the surface model"):
         choose_checked_pairs(choose_pairs(block(), PairChoice(), 0.08), block(), far, 128, None, None)
-    with pytest.raises(WorkflowError, match=r"other\.tif cannot be read yet"):
-        list(DsmCheckStage(surface=SurfaceFile(kind="file", path="other.tif")).plan(project()))
+
+
+def test_a_surface_file_is_checked_on_its_own_grid():
+    made = project(256)
+    heights = made.rasters.pop(HEIGHT)
+    del made.tables[SURFACE.path]
+    made.files = {"other.tif": (GRID, heights)}
+    made.run(DsmCheckStage(surface=SurfaceFile(kind="file", path="other.tif"), pairs=3))
+    dh, (x, y) = made.rasters["dsm_check/dh"], ground()
+    wrong = (dh + error(x, y))[np.isfinite(dh)]
+    assert len(wrong) > 50000 and np.sqrt((wrong**2).mean()) < 0.1
 
 
 @pytest.mark.slow

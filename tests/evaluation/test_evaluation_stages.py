@@ -7,6 +7,7 @@ import pytest
 import rasterio
 from box_scene import DSM, ORTHO, heights, true_ortho
 from box_scene_stages import GIVEN, GivenStage
+from pydantic import ValidationError
 
 from pipeline.runner import SequentialRunner
 from pipeline.session import Session
@@ -78,7 +79,7 @@ def test_evaluation_finds_a_good_orthoimage(finished):
     f = figures(finished, "evaluation")
     assert f["ortho_psnr"] > 40 and f["ortho_ssim"] > 0.98 and f["ortho_shift_median_px"] < 0.15
     assert f["ortho_doubled_share"] < 1.0 and f["ortho_roads_disturbed_3"] < 0.1 and f["ortho_completeness"] > 99.5
-    assert f["centre_rmse_plan"] == 0 and f["photos"] == 4
+    assert f["centre_rmse_plan"] == 0 and f["photos_compared"] == 4
 
 
 def test_tiles_of_any_size_give_the_same_products(finished, tmp_path):
@@ -112,7 +113,7 @@ def test_files_as_reference(tmp_path):
     run(tmp_path, *GIVEN[1:], TextureStage(), EvaluationStage(reference=reference))
     f = figures(tmp_path, "evaluation")
     assert f["dsm_bias"] == pytest.approx(0.25, abs=0.01) and f["dsm_nmad"] == pytest.approx(0.1, abs=0.01)
-    assert f["ortho_psnr"] > 40 and "ortho_doubled_share" not in f and "photos" not in f
+    assert f["ortho_psnr"] > 40 and "ortho_doubled_share" not in f and "photos_compared" not in f
 
 
 def test_nothing_to_compare_with_is_said(tmp_path):
@@ -129,6 +130,12 @@ def test_truth_without_a_simulation_is_refused(tmp_path):
 def test_an_ortho_cell_that_does_not_nest_is_refused(tmp_path):
     with pytest.raises(WorkflowError, match="must divide"):
         run(tmp_path, *GIVEN[1:], TextureStage(cell=0.3))
+
+
+@pytest.mark.parametrize("wrong", [{"cell": -0.5}, {"tolerance": -1.0}, {"best": -1}, {"holes": {"kind": "fill"}}])
+def test_wrong_settings_of_texture_are_refused(wrong):
+    with pytest.raises(ValidationError):
+        TextureStage(**wrong)
 
 
 def test_draping_fills_the_hole_and_says_so(tmp_path):

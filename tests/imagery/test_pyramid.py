@@ -6,7 +6,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from schemas.raster import tiles_of
-from tasks.imagery.pyramid import full_to_level, halved, halved_shape, halved_window, level_count, level_shape, level_to_full, source_window
+from tasks.imagery.pyramid import (
+    full_to_level,
+    halved,
+    halved_shape,
+    halved_window,
+    level_count,
+    level_shape,
+    level_to_full,
+    source_window,
+)
 
 
 @settings(max_examples=40, deadline=None)
