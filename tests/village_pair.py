@@ -62,7 +62,8 @@ def _texture(size, rng):
         whole = cv2.imread(str(TEXTURE), cv2.IMREAD_REDUCED_GRAYSCALE_2)
         part = whole[2500:2500 + int(size * 1.6), 2200:2200 + int(size * 1.6)]
         return cv2.resize(part, (size, size), interpolation=cv2.INTER_AREA).astype(np.float32)
-    return sum(np.kron(rng.normal(0, 9, (size // k + 1, size // k + 1)), np.ones((k, k)))[:size, :size] for k in (2, 4, 8, 16)) + 120.0
+    blocks = [np.kron(rng.normal(0, 9, (size // k + 1, size // k + 1)), np.ones((k, k)))[:size, :size] for k in (2, 4, 8, 16)]
+    return sum(blocks) + 120.0
 
 
 def _build(height, grey, roof, rng):
@@ -134,7 +135,8 @@ def _cast(height, origin, c, col0, row0, shape, top, bottom):
     return points, wall
 
 
-def render(scene: Scene, pair: EpipolarPair, noise: float = 2.0, gain: float = 0.9, offset: float = 10.0, seed: int = 1) -> RenderedPair:
+def render(scene: Scene, pair: EpipolarPair, noise: float = 2.0, gain: float = 0.9, offset: float = 10.0,
+           seed: int = 1) -> RenderedPair:
     """Both images of the pair, rounded to grey values of 1 to 255, 0 beyond the scene."""
     import cv2
 

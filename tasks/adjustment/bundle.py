@@ -6,7 +6,9 @@ standardised residual (data snooping, the worst ray of a point at a time) and th
 estimated from the residuals and the redundancy they really have (a variance component), until neither changes anything.
 (3) The covariance of all orientations and cameras is the inverse of the reduced normal matrix; points follow from it.
 
-Positions and control keep the standard errors they came with unless they contradict them: then these are enlarged.
+What a person measured or surveyed (positions, control and its image measurements) keeps the standard errors it came with unless
+it contradicts them: then these are enlarged. It is a group of its own, for a matched tie point is often ten times as precise as a
+pointing, and a common factor would throw good control out.
 
 Source: Brown 1976; Baarda 1968 for the tests; Triggs et al. 2000.
 """
@@ -37,9 +39,11 @@ class BlunderTest:
 
 @dataclass(frozen=True, eq=False)
 class Factors:
-    """Estimated by stated standard error, per group of observations."""
+    """Estimated by stated standard error, per group of observations: tie points in the photographs, surveyed points in the
+    photographs, GNSS positions, coordinates of surveyed points."""
 
     image: float = 1.0
+    pointing: float = 1.0
     position: float = 1.0
     control: float = 1.0
 
@@ -68,8 +72,9 @@ class Adjustment:
 
     @property
     def sigma0_px(self) -> float:
-        """Standard error of a typical image coordinate, estimated from the residuals."""
-        return float(self.factors.image * np.sqrt(np.mean(self.rays.sigma[self.used] ** 2)))
+        """Standard error of a typical coordinate of a tie point, estimated from the residuals."""
+        ties = self.used & ~surveyed(self.network, self.rays)
+        return float(self.factors.image * np.sqrt(np.mean(self.rays.sigma[ties if ties.any() else self.used] ** 2)))
 
     def exterior_covariance(self, photo: int) -> np.ndarray:
         """(6, 6) of X, Y, Z and the three rotations in the image system, m and radians."""
@@ -122,12 +127,12 @@ def adjust(network: Network, start: State, rays: Rays, test: BlunderTest | None 
         state, steps = minimise(network, state, rays.take(used))
         iterations += steps
         result = _account(network, state, rays, used, factors)
-        factors, again = _factors(result, stated)
-        bad = _blunders(result, factors.image / result.factors.image * test.limit)
+        factors, again = _factors(result)
+        bad = _blunders(result, _by_group(stated, rays, factors) / _by_group(stated, rays, result.factors) * test.limit)
         used = _enough_rays(network, rays, used & ~bad)
         if not again and not bad.any():
             return replace(result, iterations=iterations, rays=replace(rays, sigma=stated_sigma))
-        rays = replace(rays, sigma=stated_sigma * factors.image)
+        rays = replace(rays, sigma=stated_sigma * _by_group(stated, rays, factors))
         network = replace(
             stated, centre_weight=stated.centre_weight / factors.position**2, point_weight=stated.point_weight / factors.control**2
         )
@@ -138,15 +143,33 @@ def adjust(network: Network, start: State, rays: Rays, test: BlunderTest | None 
 
 
 def _robust_start(network: Network, state: State, rays: Rays, used: np.ndarray, test: BlunderTest) -> tuple[State, int, np.ndarray]:
-    """Huber's solution with the spread of the residuals as unit, three times, ever sharper; then the gross blunders go."""
+    """Huber's solution with the spread of each group's residuals as unit, three times, ever sharper; then the gross blunders go."""
     iterations = 0
     for tolerance in (1e-2, 1e-3, 1e-4):
-        unit = max(spread(_sizes(network, state, rays.take(used))), 0.1)
-        state, steps = minimise(network, state, rays.take(used), test.huber * unit, tolerance)
+        unit = _units(network, state, rays, used, least=0.1)
+        state, steps = minimise(network, state, replace(rays, sigma=rays.sigma * unit).take(used), test.huber, tolerance)
         iterations += steps
-    size = _sizes(network, state, rays)
-    unit = max(spread(size[used]), 1e-3)
-    return state, iterations, _enough_rays(network, rays, used & (size < test.gross * unit))
+    unit = _units(network, state, rays, used, least=1e-3)
+    return state, iterations, _enough_rays(network, rays, used & (_sizes(network, state, rays) < test.gross * unit))
+
+
+def _units(network: Network, state: State, rays: Rays, used: np.ndarray, least: float) -> np.ndarray:
+    """(M,) the spread of the residuals of each ray's group by its stated standard errors; pointings are never taken for better than
+    stated."""
+    size, by_person = _sizes(network, state, rays), surveyed(network, rays)
+    ties, pointings = size[used & ~by_person], size[used & by_person]
+    tie_unit = max(spread(ties), least) if len(ties) else 1.0
+    return np.where(by_person, max(spread(pointings), 1.0) if len(pointings) else 1.0, tie_unit)
+
+
+def surveyed(network: Network, rays: Rays) -> np.ndarray:
+    """(M,) which rays point at surveyed points."""
+    return network.point_weight.any(axis=1)[rays.point]
+
+
+def _by_group(network: Network, rays: Rays, factors: Factors) -> np.ndarray:
+    """(M,) the factor of each ray's group."""
+    return np.where(surveyed(network, rays), factors.pointing, factors.image)
 
 
 def _sizes(network: Network, state: State, rays: Rays) -> np.ndarray:
@@ -283,16 +306,23 @@ def _redundancy(network: Network, rays: Rays) -> int:
     return redundancy
 
 
-def _factors(result: Adjustment, stated: Network) -> tuple[Factors, bool]:
+def _factors(result: Adjustment) -> tuple[Factors, bool]:
     """Estimated by stated standard errors, and whether they differ from those used by more than 1 %."""
-    used, old = result.used, result.factors
-    square = (result.residual[used] ** 2 / result.rays.sigma[used][:, None] ** 2).sum()
-    image = old.image * float(np.sqrt(square / max(result.redundancy_number[used].sum(), 1e-9)))
+    by_person, old = surveyed(result.network, result.rays), result.factors
+    square, redundancy = _image_share(result, result.used & ~by_person)
+    image = old.image * float(np.sqrt(square / redundancy)) if redundancy > 0 else old.image
+    pointing = _enlarged(old.pointing, *_image_share(result, result.used & by_person))
     position = _enlarged(old.position, *_position_share(result))
     control = _enlarged(old.control, *_control_share(result))
-    new = Factors(max(image, 1e-6), position, control)
-    pairs = ((new.image, old.image), (new.position, old.position), (new.control, old.control))
+    new = Factors(max(image, 1e-6), pointing, position, control)
+    pairs = ((new.image, old.image), (pointing, old.pointing), (position, old.position), (control, old.control))
     return new, any(abs(a / b - 1.0) > 0.01 for a, b in pairs)
+
+
+def _image_share(result: Adjustment, chosen: np.ndarray) -> tuple[float, float]:
+    """Weighted square sum and redundancy of the image measurements of the rays `chosen`."""
+    square = (result.residual[chosen] ** 2 / result.rays.sigma[chosen][:, None] ** 2).sum()
+    return float(square), float(result.redundancy_number[chosen].sum())
 
 
 def _position_share(result: Adjustment) -> tuple[float, float]:
@@ -324,8 +354,8 @@ def _enlarged(old: float, square: float, redundancy: float) -> float:
     return float(max(factor, 1.0)) if factor > 1.0 + 2.2 / np.sqrt(redundancy) else 1.0
 
 
-def _blunders(result: Adjustment, limit: float) -> np.ndarray:
-    """The worst ray of every point whose standardised residual is beyond `limit`: one at a time, for a blunder spoils its
+def _blunders(result: Adjustment, limit: np.ndarray) -> np.ndarray:
+    """The worst ray of every point whose standardised residual is beyond its `limit` (M,): one at a time, for a blunder spoils its
     neighbours."""
     worst = np.nan_to_num(np.abs(result.standardised).max(axis=1))
     highest = np.zeros(len(result.state.point))

@@ -16,7 +16,8 @@ import cv2
 import numpy as np
 
 from schemas.job import Columns
-from tasks.imagery.pyramid import full_to_level, halved, level_to_full
+from schemas.raster import Window
+from tasks.imagery.pyramid import full_to_level, halved_shape, halved_window, level_to_full, source_window
 from tasks.imagery.radiometry import grey_bytes, grey_range
 
 cv2.setNumThreads(1)
@@ -26,6 +27,7 @@ _STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 60, 1e-4)
 COARSE_SIDE = 700
 """Longer side in px of the image in which boards are searched first."""
 MOST_BOARDS = 40
+_STRIP = 256
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ class Corners(Columns):
 
 def photo_corners(pixels: np.ndarray, corners: tuple[int, int]) -> Corners:
     """The inner corners of all boards in a photograph (rows, cols, bands). corners: columns, rows of inner corners of a board."""
-    boards = find_boards(grey_bytes(pixels, grey_range(pixels)), corners)
+    boards = find_boards(_grey(pixels), corners)
     columns, rows = (index.ravel().astype(np.int32) for index in np.meshgrid(np.arange(corners[0]), np.arange(corners[1])))
     points = np.concatenate(boards) if boards else np.empty((0, 2))
     return Corners(
@@ -56,11 +58,29 @@ def photo_corners(pixels: np.ndarray, corners: tuple[int, int]) -> Corners:
     )
 
 
+def _grey(pixels: np.ndarray) -> np.ndarray:
+    """The photograph in grey, in strips: floating point copies of a whole photograph would be many times its size."""
+    limits = grey_range(pixels[::8, ::8])
+    image = np.empty(pixels.shape[:2], dtype=np.uint8)
+    for row in range(0, len(image), _STRIP):
+        image[row : row + _STRIP] = grey_bytes(pixels[row : row + _STRIP], limits)
+    return image
+
+
+def _halved(image: np.ndarray) -> np.ndarray:
+    """The next pyramid level, in strips."""
+    half = np.empty(halved_shape(image.shape), dtype=image.dtype)
+    for row in range(0, len(half), _STRIP):
+        window = Window(row, 0, min(_STRIP, len(half) - row), half.shape[1])
+        half[window.slices] = halved_window(image[source_window(window, image.shape).slices], window)
+    return half
+
+
 def find_boards(image: np.ndarray, corners: tuple[int, int]) -> list[np.ndarray]:
     """Corners (columns * rows, 2) (col, row) of every board in a grey image (rows, cols) uint8, left to right by their centres."""
     levels = [image]
     while max(levels[-1].shape) > COARSE_SIDE:
-        levels.append(halved(levels[-1]))
+        levels.append(_halved(levels[-1]))
     boards: list[np.ndarray] = []
     for level in reversed(range(len(levels))):
         known = list(boards)

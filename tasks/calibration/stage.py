@@ -34,6 +34,9 @@ _LENSES: dict[str, tuple[str, ...]] = {
     "brown_k3": ("c", "x0", "y0", "k1", "k2", "k3", "p1", "p2"),
 }
 
+_SEARCH_MEMORY = 300 * 2**20
+"""bytes that the search for boards takes on its reduced images, measured"""
+
 
 def corners_table(name: str) -> Table[Corners]:
     """Where the chessboard corners of a photograph are stored."""
@@ -84,7 +87,8 @@ class CalibrationStage(Stage):
         for path, name in zip(boards.paths, boards.names, strict=True):
             yield Job(
                 stage=self.kind, item=f"corners {name}", function=photo_corners, reads={"pixels": PhotoPixels(path, whole)},
-                writes={"corners": corners_table(name)}, params={"corners": source.corners}, scratch=30 * width * height,
+                writes={"corners": corners_table(name)}, params={"corners": source.corners},
+                scratch=3 * width * height + _SEARCH_MEMORY,
             )  # fmt: skip
         found = tuple(corners_table(name) for name in boards.names)
         settings = BoardCalibration(source.square, _LENSES[self.lens])

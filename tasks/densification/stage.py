@@ -4,7 +4,9 @@ A block of a pair starts when the epipolar tiles under it are stored; a tile of 
 """
 
 from collections.abc import Iterator
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
 
 from schemas.epipolar import PAIRS, EpipolarPair, epipolar_raster
 from schemas.job import Export, Job, Raster, Table
@@ -58,7 +60,9 @@ class DensificationStage(Stage):
     title: ClassVar[str] = "Dense matching and surface model"
 
     kind: Literal["densification"] = "densification"
-    cell: Literal["auto"] | float = setting("auto", "Cell size; auto is a round number near 1.5 ground pixels.", "m")
+    cell: Literal["auto"] | Annotated[float, Field(gt=0)] = setting(
+        "auto", "Cell size; auto is a round number near 1.5 ground pixels.", "m"
+    )
     matching: DenseMatching = setting(DenseMatching(), "Dense matching of a pair.")
     gridding: Gridding = setting(Gridding(), "From the nodes of a pair to map cells.")
     fusion: Fusion = setting(Fusion(), "How the heights of several pairs become one.")

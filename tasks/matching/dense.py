@@ -17,6 +17,7 @@ Source: methods/relative_orientation_and_epipolar.md 1.13 to 1.18; measured.md.
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numba import njit
@@ -45,7 +46,7 @@ _FREE_ROWS = LeastSquaresMatching(
 class DenseMatching(Settings):
     """How a pair of epipolar images is matched densely."""
 
-    step: int = setting(2, "Distance of the nodes; 1, 2 or 4.", "px", ge=1, le=4)
+    step: Literal[1, 2, 4] = setting(2, "Distance of the nodes.", "px")
     window: int = setting(9, "Side of the least-squares window; an even number is taken as the next odd one.", "px", ge=5, le=41)
     smoothing: float = setting(0.8, "Sigma of the Gaussian that both images are smoothed with.", "px", ge=0.0, le=3.0)
     start: SemiGlobal = setting(SemiGlobal(), "Semi-global matching that gives the start values.")

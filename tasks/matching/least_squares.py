@@ -127,6 +127,12 @@ def _numbers(s: LeastSquaresMatching) -> tuple[float, ...]:
 
 
 @njit(cache=True, inline="always")
+def nearest_pixel(x):
+    """Halves always go up: rounding them to even would make a point depend on where its tile begins."""
+    return int(np.floor(x + 0.5))
+
+
+@njit(cache=True, inline="always")
 def cubic_weights(f):
     """Weights of the pixels at -1, 0, 1, 2 for a position f in [0, 1) (Keys 1981, a = -0.5)."""
     g = np.float32(1.0) - f
@@ -308,7 +314,7 @@ def _match_one(left, right, pixel, start, a, numbers, buffers, values):
             normal[i, j] = normal[j, i] = _dot(jacobian[i], jacobian[j])
     if not invert_symmetric(normal, 6, inverse):
         return _SINGULAR, 0
-    base_col, base_row = int(np.rint(start[0])), int(np.rint(start[1]))
+    base_col, base_row = nearest_pixel(start[0]), nearest_pixel(start[1])
     t = np.array([start[0] - base_col, start[1] - base_row])
     begin = t.copy()
     d = np.zeros(6)
@@ -379,7 +385,7 @@ def _match_all(left, right, points, starts, affine, numbers, values, outcome, it
         if not known or np.abs(points[i]).max() > 1e9 or np.abs(starts[i]).max() > 1e9:
             outcome[i] = _OUTSIDE
             continue
-        col, row = int(np.rint(points[i, 0])), int(np.rint(points[i, 1]))
+        col, row = nearest_pixel(points[i, 0]), nearest_pixel(points[i, 1])
         dx, dy = points[i, 0] - col, points[i, 1] - row
         a[:] = affine[i]
         start[0] = starts[i, 0] - (a[0] * dx + a[1] * dy)

@@ -78,7 +78,7 @@ def _costs(left, left_valid, right, right_valid, candidates):
 
 @njit(cache=True, fastmath=_WHOLE)
 def _step(before, after, cost, total, penalties):
-    """One step of one path: `before` and `after` (K + 2,) have a high wall at both ends; penalties: lowest of `before`, small, large."""
+    """One step of one path: `before`, `after` (K + 2,) have a high wall at both ends; penalties: low of `before`, small, large."""
     lowest, small, large = penalties
     jump = lowest + large
     for k in range(cost.size):

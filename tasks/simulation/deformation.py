@@ -48,19 +48,17 @@ def shape_of(bump: Bump, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return 0.5 * (1 + np.cos(np.pi * distance))
 
 
-def planted(grid: MapGrid, places: np.ndarray, count: int = 20, tilt: float = 5.0, height: float = 3.0,
-            seed: int = 2) -> Deformation:
-    """A tilt of +-`tilt` m and up to `count` bumps of alternating +-`height` m.
+def planted(grid: MapGrid, places: np.ndarray, radius: float, count: int = 20, seed: int = 2) -> Deformation:
+    """A tilt of +-5 m and up to `count` bumps of alternating +-3 m and `radius` m.
 
     places (N, 2) m: where bumps may stand, e.g. open ground that two photographs see. Bumps keep two and a half radii apart, so
-    there are fewer when the places are crowded; the radius is a fortieth of the longer side of the grid.
+    there are fewer when the places are crowded.
     """
-    radius = max(grid.rows, grid.cols) * grid.cell / 40
     chosen: list[np.ndarray] = []
     for place in np.random.default_rng(seed).permutation(places):
         if all(np.hypot(*(place - other)) > 2.5 * radius for other in chosen):
             chosen.append(place)
         if len(chosen) == count:
             break
-    bumps = tuple(Bump(float(x), float(y), radius, height * (-1) ** k) for k, (x, y) in enumerate(chosen))
-    return Deformation(grid, tilt, bumps)
+    bumps = tuple(Bump(float(x), float(y), radius, 3.0 * (-1) ** k) for k, (x, y) in enumerate(chosen))
+    return Deformation(grid, 5.0, bumps)

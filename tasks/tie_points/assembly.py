@@ -2,8 +2,8 @@
 
 The reference observation of a track defines its point, so it has no matching error of its own; it gets the floor, as does every
 refined observation beside the precision of its matching. The floor stands for what a matching's own covariance does not see:
-perspective within the window, and lens distortion that nobody knows. It is measured: the median over all pairs of how refined points
-scatter about their epipolar lines, but never less than the setting.
+perspective within the window, and lens distortion that nobody knows. It is measured: the median over all pairs of how refined
+points scatter about their epipolar lines, but never less than the setting.
 """
 
 from dataclasses import dataclass, replace

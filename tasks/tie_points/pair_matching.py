@@ -24,6 +24,7 @@ cv2.setNumThreads(1)
 _BLOCK = 1024
 _FEWEST = 16
 _FEWEST_FOR_SCATTER = 60
+_TRIMMINGS = 4
 
 
 @dataclass(frozen=True)
@@ -121,14 +122,18 @@ def epipolar_scatter(points: tuple[np.ndarray, np.ndarray], cameras: tuple[Camer
         return Scatter(points=count, sigma=None)
     left, right = _ideal(points, cameras)
     matrix, _ = cv2.findFundamentalMat(left, right, cv2.USAC_MAGSAC, 1.0, 0.9999, 5000)
-    if matrix is None or matrix.shape != (3, 3):
-        return Scatter(points=count, sigma=None)
-    near = sampson_distance(matrix, left, right) < 1.0
-    best, _ = cv2.findFundamentalMat(left[near], right[near], cv2.FM_8POINT)
-    if best is None or best.shape != (3, 3):
-        return Scatter(points=count, sigma=None)
-    distance = sampson_distance(best, left[near], right[near])
-    return Scatter(points=count, sigma=float(np.sqrt(2.0) * 1.4826 * np.median(distance)))
+    sigma, limit = None, 1.0
+    for _ in range(_TRIMMINGS):
+        if matrix is None or matrix.shape != (3, 3):
+            break
+        near = sampson_distance(matrix, left, right) < limit
+        if near.sum() < _FEWEST_FOR_SCATTER // 2:
+            break
+        matrix, _ = cv2.findFundamentalMat(left[near], right[near], cv2.FM_8POINT)
+        if matrix is not None and matrix.shape == (3, 3):
+            sigma = float(np.sqrt(2.0) * 1.4826 * np.median(sampson_distance(matrix, left, right)))
+            limit = 3.0 * sigma
+    return Scatter(points=count, sigma=sigma)
 
 
 def _essential(left: np.ndarray, right: np.ndarray, tolerance: float) -> np.ndarray | None:

@@ -82,7 +82,7 @@ class TiePointsStage(Stage):
         "Least-squares matching of each observation against the track's reference.",
     )
     sigma_floor: float = setting(
-        0.03, "Standard error that no observation goes below; the scatter measured about epipolar lines counts when it is larger.", "px", gt=0.0
+        0.03, "Standard error that no observation goes below; the scatter about epipolar lines counts when larger.", "px", gt=0.0
     )
     sigma_unrefined: float = setting(
         0.7, "Standard error of observations that could not be refined.", "px of the searched level", gt=0.0

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy import ndimage
+from village_pair import normal_case, render, village
 
 from schemas.outcome import Outcome
 from schemas.raster import Window
@@ -22,7 +23,6 @@ from tasks.matching.dense import (
 )
 from tasks.matching.semi_global import SemiGlobal, _costs, _sweep, census, remove_specks, semi_global
 from tasks.matching.smoothing import with_gaps
-from village_pair import normal_case, render, village
 
 CONES = Path(__file__).parents[3] / "shared" / "data" / "cones"
 
@@ -40,7 +40,8 @@ def match(rendered, core, matching, right_rows=0.0):
     parallaxes = ParallaxRange.around(pair.parallax_low + offset, pair.parallax_high + offset)
     right_image = rendered.right
     if right_rows:
-        right_image = ndimage.shift(right_image.astype(float), (right_rows, 0), order=3, mode="nearest").clip(1, 255).astype(np.uint8)
+        moved = ndimage.shift(right_image.astype(float), (right_rows, 0), order=3, mode="nearest")
+        right_image = moved.clip(1, 255).astype(np.uint8)
     wanted = left_window(core), right_window(core, parallaxes)
     read = [w.clipped(image.shape) for w, image in zip(wanted, (rendered.left, right_image), strict=True)]
     blocks = [placed(image[r.slices], r, w) for image, r, w in zip((rendered.left, right_image), read, wanted, strict=True)]
@@ -132,7 +133,8 @@ def plain_paths(cost, small, large):
                 inside = 0 <= r - dr < rows and 0 <= c - dc < cols
                 before = path[r - dr, c - dc] if inside else np.zeros(candidates)
                 lower, upper = np.r_[1e9, before[:-1]] + small, np.r_[before[1:], 1e9] + small
-                path[r, c] = cost[r, c] + np.min([before, lower, upper, np.full(candidates, before.min() + large)], axis=0) - before.min()
+                best = np.min([before, lower, upper, np.full(candidates, before.min() + large)], axis=0)
+                path[r, c] = cost[r, c] + best - before.min()
         total += path
     return total
 
@@ -150,8 +152,7 @@ def test_costs_are_counts_of_differing_signs():
     left, right = random.normal(100, 9, (9, 12)).astype(np.float32), random.normal(100, 9, (9, 16)).astype(np.float32)
     (a, good), (b, fine) = census(left), census(right)
     cost = _costs(a, good, b, fine, 5)
-    signs = [left[r - 3:r + 4, c - 3:c + 4] < left[r, c] for r, c in ((4, 5),)][0]
-    other = [right[1:8, c - 3:c + 4] < right[4, c] for c in (5 + 4 - 2,)][0]
+    signs, other = left[1:8, 2:9] < left[4, 5], right[1:8, 4:11] < right[4, 5 + 4 - 2]
     assert cost[4, 5, 2] == (signs != other).sum()
     assert (cost[0] == 24).all()
 

@@ -122,7 +122,8 @@ def test_positions_from_a_file_name_photographs_with_or_without_extension():
     ("text", "part"),
     [("photo,x,y\n", "no column z"), ("photo,x,y,z,sigma_x,sigma_y,sigma_z\na,1,2,three,1,1,1\n", "Line 2"),
      ("photo,x,y,z,sigma_x,sigma_y,sigma_z\na,1,2,3,1,1,1\na.jpg,1,2,3,1,1,1\n", "Line 3"), ("", "no column"),
-     ("photo,x,y,z,sigma_x,sigma_y,sigma_z\na,1,2,3,1,0,1\n", "zero or less"), ("photo,x,y,z,sigma_x,sigma_y,sigma_z\na,1,2\n", "Line 2")],
+     ("photo,x,y,z,sigma_x,sigma_y,sigma_z\na,1,2,3,1,0,1\n", "zero or less"),
+     ("photo,x,y,z,sigma_x,sigma_y,sigma_z\na,1,2\n", "Line 2")],
 )  # fmt: skip
 def test_a_wrong_positions_file_names_its_line(text, part):
     with pytest.raises(WorkflowError, match=part):

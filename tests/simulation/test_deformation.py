@@ -15,12 +15,12 @@ def places():
 
 
 def test_twenty_bumps_of_alternating_sign():
-    made = planted(GRID, places())
+    made = planted(GRID, places(), 20.0)
     assert [b.height for b in made.bumps] == [3.0, -3.0] * 10
     xy = np.array([(b.x, b.y) for b in made.bumps])
     apart = np.hypot(*(xy[:, None] - xy[None]).transpose(2, 0, 1)) + 1e9 * np.eye(20)
     assert apart.min() > 2.5 * made.bumps[0].radius
-    assert made == planted(GRID, places())
+    assert made == planted(GRID, places(), 20.0)
 
 
 def test_tilt_and_bumps_add():
@@ -32,7 +32,7 @@ def test_tilt_and_bumps_add():
 
 
 def test_a_window_sees_what_the_whole_sees():
-    made = planted(GRID, places())
+    made = planted(GRID, places(), 20.0)
     whole = made.at(*np.meshgrid(*GRID.centres(Window(0, 0, *GRID.shape))))
     window = Window(100, 37, 50, 60)
     np.testing.assert_array_equal(made.at(*np.meshgrid(*GRID.centres(window))), whole[window.slices])

@@ -1,0 +1,201 @@
+"""Intersection, gridding, fusion, spikes, filling and the grid itself, each against an answer that can be written down."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from schemas.epipolar import EpipolarPair, EpipolarPairs
+from schemas.errors import GeometryError
+from schemas.orientation import Block
+from schemas.raster import MapGrid, Window
+from tasks.densification.filling import Interpolate, NoFill, fill
+from tasks.densification.fusion import FusedCells, Fusion, fuse
+from tasks.densification.gridding import Gridding, HeightCells, Target, grid_nodes
+from tasks.densification.normal_case import NodesOnGround, nodes_on_ground
+from tasks.densification.spike_filter import SpikeFilter, spikes
+from tasks.densification.surface_grid import height_bounds, pair_bounds, pleasant_cell, surface_of
+from tasks.geometry.epipolar_window import box_corners, left_pixels, node_window
+from tasks.geometry.normal_case import intersect_pair
+from tasks.geometry.rotation import rotation_matrix
+
+PAIR = EpipolarPair(
+    name="a-b", left="a", right="b", rotation=tuple(map(tuple, rotation_matrix(0.02, -0.015, 0.4).tolist())),
+    left_centre=(4000.0, 7000.0, 1000.0), right_centre=(4400.0, 7200.0, 1010.0), base=450.0, c=1500.0, row0=600.3, left_col0=300.7,
+    right_col0=900.1, rows=1200, left_cols=1100, right_cols=1100, parallax_low=640.0, parallax_high=760.0, base_height=0.46,
+    row_sigma=0.0,
+)
+EMPTY = np.float32(np.nan)
+
+
+def test_intersection_agrees_with_the_geometry_room():
+    parallax = np.random.default_rng(0).uniform(650, 750, (6, 9)).astype(np.float32)
+    parallax[2, 3] = EMPTY
+    window = Window(20, 40, 6, 9)
+    ground = nodes_on_ground(PAIR, np.stack([parallax, np.full_like(parallax, 0.1)], axis=-1), window, 2)
+    col, row = np.meshgrid(2 * np.arange(40, 49), 2 * np.arange(20, 26))
+    expected = intersect_pair(PAIR, np.column_stack([col.ravel(), row.ravel()]), parallax.ravel().astype(float)).reshape(6, 9, 3)
+    assert np.allclose(np.stack([ground.x, ground.y, ground.z], axis=-1), expected, atol=1e-6, equal_nan=True)
+    assert np.isnan(ground.sigma[2, 3]) and np.isfinite(ground.sigma).sum() == 53
+
+
+def test_the_standard_error_of_a_height_is_that_of_many_trials():
+    trials = np.random.default_rng(1).normal(700.0, 0.2, (200, 200)).astype(np.float32)
+    pair = PAIR.model_copy(update={"row_sigma": 0.0})
+    flat = np.stack([trials, np.full_like(trials, 0.2)], axis=-1)
+    one = Window(100, 100, 1, 1)
+    heights = [nodes_on_ground(pair, flat[r:r + 1, c:c + 1], one, 2).z[0, 0] for r in range(0, 200, 5) for c in range(0, 200, 5)]
+    sigma = nodes_on_ground(pair, flat[:1, :1], one, 2).sigma[0, 0]
+    assert np.std(heights) == pytest.approx(sigma, rel=0.06)
+    shared = nodes_on_ground(pair.model_copy(update={"row_sigma": 0.2}), flat[:1, :1], one, 2).sigma[0, 0]
+    assert shared == pytest.approx(np.sqrt(2) * sigma, rel=1e-3)
+
+
+@settings(max_examples=60, deadline=None)
+@given(row=st.integers(0, 400), col=st.integers(0, 400), node=st.tuples(st.integers(0, 599), st.integers(0, 549)),
+       p=st.floats(640, 760))
+def test_no_node_over_a_map_window_lies_outside_its_node_window(row, col, node, p):
+    grid, window = MapGrid(west=3900.0, north=7500.0, cell=1.0, rows=600, cols=600), Window(row, col, 60, 60)
+    point = intersect_pair(PAIR, np.array([[node[1] * 2.0, node[0] * 2.0]]), np.array([p]))[0]
+    at = grid.pixel(point[0], point[1])
+    over = -0.5 <= at[0] - col < 59.5 and -0.5 <= at[1] - row < 59.5
+    found = node_window(PAIR, 2, box_corners(grid, window, point[2] - 1, point[2] + 1))
+    inside = found.row <= node[0] < found.row + found.height and found.col <= node[1] < found.col + found.width
+    assert inside or not over
+
+
+def test_left_pixels_undo_the_intersection():
+    pixels = np.array([[10.0, 20.0], [900.5, 1100.25]])
+    assert np.allclose(left_pixels(PAIR, intersect_pair(PAIR, pixels, np.array([660.0, 740.0]))), pixels)
+    assert np.isnan(left_pixels(PAIR, np.array([[4000.0, 7000.0, 2000.0]]))).all()
+
+
+def sloping_nodes(jump=0.0):
+    """Nodes on z = 50 + 0.3 x - 0.2 y every 1.3 m; from column 20 on `jump` m higher, with a parallax to match."""
+    x, y = np.meshgrid(0.4 + 1.3 * np.arange(40), 60.2 - 1.3 * np.arange(40))
+    high = np.arange(40) >= 20
+    z = 50 + 0.3 * x - 0.2 * y + jump * high
+    return NodesOnGround(x, y, z, np.full(x.shape, np.float32(0.2)), (700 + jump * high + 0 * x).astype(np.float32))
+
+
+GRID = MapGrid(west=0.0, north=60.0, cell=1.0, rows=60, cols=60)
+
+
+def gridded(nodes, window=None, rules=None):
+    return grid_nodes(nodes, 1.3, Target(GRID, window or Window(0, 0, 60, 60), (0.0, 200.0)), rules or Gridding())
+
+
+def test_a_plane_is_gridded_exactly():
+    cells = gridded(sloping_nodes())
+    x, y = np.meshgrid(*GRID.centres(Window(0, 0, 60, 60)))
+    inner = slice(10, 40), slice(3, 48)
+    assert np.allclose(cells.height[inner], (50 + 0.3 * x - 0.2 * y)[inner], atol=1e-9)
+    assert np.allclose(cells.sigma[inner], 0.2)
+
+
+def test_nothing_hangs_between_roof_and_ground():
+    x, y = np.meshgrid(*GRID.centres(Window(0, 0, 60, 60)))
+    above = (gridded(sloping_nodes(jump=10.0)).height - (50 + 0.3 * x - 0.2 * y))[10:40, 3:48]
+    assert np.isfinite(above).all()
+    assert ((np.abs(above) < 0.6) | (np.abs(above - 10.0) < 0.6)).all()
+
+
+def test_heights_out_of_bounds_are_left_out():
+    target = Target(GRID, Window(0, 0, 60, 60), (0.0, 45.0))
+    assert np.nanmax(grid_nodes(sloping_nodes(), 1.3, target, Gridding()).height) < 46.0
+
+
+@settings(max_examples=20, deadline=None)
+@given(row=st.integers(0, 40), col=st.integers(0, 40), size=st.integers(1, 20))
+def test_gridding_a_window_is_a_window_of_the_whole(row, col, size):
+    nodes, window = sloping_nodes(jump=6.0), Window(row, col, size, size)
+    assert np.array_equal(gridded(nodes, window).height, gridded(nodes).height[window.slices], equal_nan=True)
+
+
+def fused(*heights, sigma=0.1, **changes):
+    pairs = tuple(HeightCells(np.array([[h]], dtype=np.float64), np.array([[sigma]], dtype=np.float32)) for h in heights)
+    cells = fuse(pairs, (1, 1), 1.0, Fusion(**changes))
+    return cells.height[0, 0], cells.precision[0, 0], int(cells.count[0, 0]), int(cells.provenance[0, 0])
+
+
+def test_pairs_that_agree_are_averaged():
+    height, precision, count, provenance = fused(10.0, 10.2)
+    assert (height, count, provenance) == (pytest.approx(10.1), 2, 2)
+    assert 0.0707 <= precision < 0.15
+    assert fused(10.0, 10.0)[1] == pytest.approx(0.1 / np.sqrt(2))
+
+
+def test_one_pair_and_none():
+    assert fused(10.0) == (pytest.approx(10.0), pytest.approx(0.1), 1, 1)
+    height, precision, count, provenance = fused(np.nan, np.nan)
+    assert np.isnan(height) and np.isnan(precision) and (count, provenance) == (0, 0)
+    assert np.isnan(fuse((), (2, 3), 1.0, Fusion()).height).all()
+
+
+def test_two_that_agree_beat_one_blunder_and_a_dispute_is_named():
+    assert fused(10.0, 10.1, 25.0)[2:] == (2, 2)
+    assert fused(10.0, 25.0)[2:] == (1, 3)
+    assert fused(10.0, 10.1, 25.0, 31.0)[2:] == (2, 3)
+
+
+def test_a_lone_spike_goes_and_a_roof_stays():
+    height = np.random.default_rng(2).normal(50, 0.05, (40, 40)).astype(np.float32)
+    height[20:30, 5:17] += 8.0
+    height[8, 8], height[9, 30] = 62.0, 41.0
+    found = spikes(height, 1.0, SpikeFilter())
+    assert found[8, 8] and found[9, 30]
+    assert found.sum() == 2
+
+
+def test_spikes_agree_with_the_plain_rule():
+    height = np.random.default_rng(3).normal(0, 1, (15, 15)).astype(np.float32)
+    height[np.random.default_rng(4).random(height.shape) < 0.3] = EMPTY
+    rules = SpikeFilter(radius=2, rounds=1, sigmas=1.5, floor=0.0)
+    found = spikes(height, 1.0, rules)
+    for r, c in np.argwhere(np.isfinite(height)):
+        circle = [(y, x) for y in range(15) for x in range(15) if 0 < (y - r) ** 2 + (x - c) ** 2 <= 4]
+        near = [height[at] for at in circle if np.isfinite(height[at])]
+        lonely = len(near) < rules.min_neighbours
+        assert found[r, c] == (lonely or abs(height[r, c] - np.mean(near)) > 1.5 * np.std(near, ddof=1))
+
+
+def test_gaps_are_filled_only_when_asked_for_and_only_within_reach():
+    x = np.arange(30, dtype=np.float32)
+    height = np.tile(100 + 0.5 * x, (30, 1))
+    height[10:14, 12:16] = EMPTY
+    height[:, 24:] = EMPTY
+    known = np.isfinite(height)
+    cells = FusedCells(height, np.where(known, np.float32(0.1), EMPTY), known.astype(np.uint8), known.astype(np.uint8))
+    assert fill(cells, 1.0, NoFill()) is cells
+    filled = fill(cells, 1.0, Interpolate(kind="interpolate", max_gap=6.0))
+    hole = slice(10, 14), slice(12, 16)
+    assert np.abs(filled.height[hole] - (100 + 0.5 * x[12:16])).max() < 0.3
+    assert (filled.provenance[hole] == 4).all() and (filled.count[hole] == 0).all() and (filled.precision[hole] >= 0.1).all()
+    assert np.isnan(filled.height[:, 26:]).all()
+    assert np.array_equal(filled.height[known], height[known])
+
+
+def block(low=20.0, high=60.0):
+    return Block(crs="EPSG:2100", cameras={}, of_photo={}, photos=(), datum="free", sigma0_px=0.3, redundancy=9, iterations=1,
+                 ground_low=low, ground_high=high)
+
+
+def test_the_grid_holds_what_the_pair_sees():
+    surface = surface_of(block(), EpipolarPairs(pairs=(PAIR,)), None)
+    grid = surface.grid
+    west, south, east, north = pair_bounds(PAIR, 20.0, 60.0)
+    assert grid.west <= west < grid.west + grid.cell and grid.north - grid.cell < north <= grid.north
+    assert grid.cols * grid.cell >= east - grid.west and grid.rows * grid.cell >= grid.north - south
+    assert grid.cell == 1.0 and surface_of(block(), EpipolarPairs(pairs=(PAIR,)), 0.4).grid.cell == 0.4
+    assert surface.height_low < 20.0 < 60.0 < surface.height_high
+    assert height_bounds(EpipolarPairs(pairs=(PAIR,))) == (surface.height_low, surface.height_high)
+
+
+@pytest.mark.parametrize(("pixel", "cell"), [(0.65, 1.0), (0.02, 0.025), (0.031, 0.05), (0.1, 0.2), (1.5, 2.5)])
+def test_cells_have_pleasant_sizes(pixel, cell):
+    assert pleasant_cell(pixel) == pytest.approx(cell)
+
+
+def test_without_pairs_there_is_one_clear_sentence():
+    with pytest.raises(GeometryError, match="epipolar report"):
+        surface_of(block(), EpipolarPairs(pairs=()), None)

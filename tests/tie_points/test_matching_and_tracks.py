@@ -1,0 +1,166 @@
+"""Pairs, matches and tracks on inputs small enough to know the answer."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from schemas.errors import GeometryError
+from schemas.observations import TiePoints
+from schemas.photo import PHOTOS, Photo, Photos
+from schemas.stage import NotYet
+from tasks.tie_points.assembly import Weighting, assemble, with_measured_floor
+from tasks.tie_points.pair_matching import mutual_matches
+from tasks.tie_points.pairs import Neighbourhood, candidate_pairs
+from tasks.tie_points.records import Features, Observations, PairMatches, PairSummary, Refined, Scatter
+from tasks.tie_points.refinement import start_affine
+from tasks.tie_points.report import measure, shared_points
+from tasks.tie_points.stage import TiePointsStage
+from tasks.tie_points.tracks import build_tracks, observation_key
+
+
+def photos(count: int, position=lambda number: None) -> Photos:
+    return Photos(
+        photos=tuple(
+            Photo(name=f"p{n}", path=f"p{n}.jpg", width=100, height=80, bands=1, dtype="uint8", camera="c", position=position(n))
+            for n in range(count)
+        )
+    )
+
+
+def features(*places: tuple[float, float]) -> Features:
+    col, row = np.array(places, dtype=float).T
+    one = np.ones(len(places), dtype=np.float32)
+    return Features(col, row, one, 0 * one, one)
+
+
+def matches(*pairs: tuple[int, int]) -> PairMatches:
+    left, right = np.array(pairs, dtype=np.int32).reshape(-1, 2).T
+    return PairMatches(left, right)
+
+
+@settings(max_examples=30, deadline=None)
+@given(count=st.integers(2, 40), other=st.integers(2, 40), seed=st.integers(0, 1000))
+def test_mutual_matches_agree_with_a_plain_search(count, other, seed):
+    generator = np.random.default_rng(seed)
+    left = generator.integers(0, 256, (count, 128), dtype=np.uint8)
+    right = generator.integers(0, 256, (other, 128), dtype=np.uint8)
+    copied = min(count, other) // 2
+    right[:copied] = np.clip(left[:copied].astype(int) + generator.integers(-6, 7, (copied, 128)), 0, 255)
+    squared = ((left[:, None].astype(np.int64) - right[None].astype(np.int64)) ** 2).sum(axis=2)
+    expected = []
+    for number, row in enumerate(squared):
+        best = row.argmin()
+        if squared[:, best].argmin() == number and row[best] < 0.64 * np.delete(row, best).min():
+            expected.append((number, best))
+    assert mutual_matches(left, right, 0.8).tolist() == [list(pair) for pair in expected]
+
+
+def test_repeated_texture_is_not_matched():
+    same = np.tile(np.arange(128, dtype=np.uint8), (6, 1))
+    assert len(mutual_matches(same, same, 0.8)) == 0
+    assert len(mutual_matches(same[:1], same, 0.8)) == 0
+
+
+def test_few_photographs_are_compared_with_all():
+    assert candidate_pairs(photos(4), Neighbourhood(20, 5)) == ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
+
+
+def test_many_photographs_grow_linearly_and_follow_positions():
+    grid = photos(400, lambda n: (50.0 * (n % 20), 60.0 * (n // 20), 500.0))
+    pairs = candidate_pairs(grid, Neighbourhood(20, 8))
+    assert len(pairs) < 400 * 8
+    assert (0, 20) in pairs and (0, 399) not in pairs
+    assert all(left < right for left, right in pairs) and len(set(pairs)) == len(pairs)
+
+
+def test_photographs_without_positions_are_compared_in_sequence():
+    pairs = candidate_pairs(photos(50), Neighbourhood(20, 6))
+    assert (0, 6) in pairs and (0, 7) not in pairs and len(pairs) == 49 + 48 + 47 + 46 + 45 + 44
+    mixed = photos(50, lambda n: (10.0 * n, 0.0, 100.0) if n != 30 else None)
+    assert {(30, 36), (24, 30)} & set(candidate_pairs(mixed, Neighbourhood(20, 6)))
+
+
+def test_tracks_run_over_photographs_and_contradictions_are_dropped():
+    tables = (features((10, 10), (50, 40), (90, 70)), features((12, 10), (52, 40), (52, 44)), features((14, 10), (54, 40)))
+    found = (matches((0, 0), (1, 1)), matches((1, 1)), matches((0, 0), (2, 1)))
+    result = build_tracks(tables, found, ((0, 1), (0, 2), (1, 2)), ((100, 80),) * 3)
+    assert result["links"].conflicts == 1 and result["links"].tracks == 1
+    for number in range(3):
+        own = result[observation_key(number)]
+        assert own.track.tolist() == [0] and own.col[0] == 10 + 2 * number
+    assert result[observation_key(0)].reference.tolist() == [2], "the photograph that shows the point nearest to its centre"
+    assert result["links"].pairs == ((0, 2), (1, 2))
+
+
+def test_two_directions_at_one_place_are_one_point():
+    tables = (features((10, 10), (10, 10)), features((12, 10)), features((14, 10)))
+    found = (matches((0, 0)), matches((1, 0)))
+    result = build_tracks(tables, found, ((0, 1), (0, 2)), ((100, 80),) * 3)
+    assert result["links"].tracks == 1 and result["links"].conflicts == 0
+    assert [len(result[observation_key(number)]) for number in range(3)] == [1, 1, 1]
+
+
+def test_no_common_ground_is_one_sentence():
+    with pytest.raises(GeometryError, match="None of the 1 pairs of the 2 photographs shows common ground"):
+        build_tracks((features((1, 1)), features((1, 1))), (matches(),), ((0, 1),), ((100, 80),) * 2)
+
+
+def test_a_single_photograph_is_named():
+    class View:
+        class project:  # noqa: N801
+            tile = 128
+
+        def table(self, table):
+            if table == PHOTOS:
+                return photos(1)
+            raise NotYet
+
+    with pytest.raises(GeometryError, match=r"single photograph \(p0\)"):
+        list(TiePointsStage().plan(View()))
+
+
+def test_the_start_affine_turns_and_enlarges_and_distrusts_strangers():
+    one = np.ones(20, dtype=np.float32)
+    base = Observations(np.arange(20), np.zeros(20), 0.0 * one, 0.0 * one, 2 * one, 350 * one)
+    angle = np.full(20, 20.0, dtype=np.float32)
+    angle[0] = 200.0
+    other = Observations(np.arange(20), np.zeros(20), 0.0 * one, 0.0 * one, 3 * one, angle)
+    affine = start_affine(base, other)
+    turn = np.radians(30)
+    expected = 1.5 * np.array([np.cos(turn), -np.sin(turn), np.sin(turn), np.cos(turn)])
+    assert affine == pytest.approx(np.tile(expected, (20, 1)), abs=1e-6)
+
+
+def test_unrefined_observations_are_kept_wide_or_dropped():
+    one = np.zeros(2)
+    left = Observations(np.array([0, 1], np.int32), np.zeros(2, np.int32), one + 5, one + 6, one + 2, one)
+    right = Observations(np.array([0, 1], np.int32), np.zeros(2, np.int32), one + 7, one + 8, one + 2, one)
+    refined = Refined(np.ones(2, np.int32), np.array([0, 1], np.int32), np.array([7.5, np.nan]), np.array([8.5, np.nan]),
+                      np.array([0.04, np.nan], np.float32), np.array([1, 7], np.uint8))  # fmt: skip
+    kept, summary = assemble((left, right), (refined,), Weighting(0.03, 0.7, "keep"))
+    assert kept.col.tolist() == [5, 7.5, 5, 7] and kept.sigma == pytest.approx([0.03, 0.05, 0.03, 0.7])
+    assert summary.outcomes == {1: 1, 7: 1}
+    dropped, _ = assemble((left, right), (refined,), Weighting(0.03, 0.7, "drop"))
+    assert dropped.col.tolist() == [5, 7.5] and dropped.track.tolist() == [0, 0]
+
+
+def test_the_floor_is_the_median_scatter_but_never_below_the_setting():
+    weighting = Weighting(0.03, 0.7, "drop")
+    scatters = tuple(Scatter(points=100, sigma=sigma) for sigma in (0.2, None, 0.3, 0.1))
+    assert with_measured_floor(weighting, scatters).floor == pytest.approx(0.2)
+    assert with_measured_floor(weighting, (Scatter(points=3, sigma=None),)).floor == 0.03
+
+
+def test_strength_of_photographs_counts_shared_points():
+    points = TiePoints(
+        np.repeat(np.arange(40), 2), np.tile([0, 1], 40), np.linspace(0, 99, 80), np.linspace(0, 79, 80), np.ones(80)
+    )
+    assert shared_points(points, 3).tolist() == [[0, 40, 0], [40, 0, 0], [0, 0, 0]]
+    strength = measure(points, photos(3))
+    assert strength.partners.tolist() == [1, 1, 0] and strength.block[2] == -1
+    assert strength.observations.tolist() == [40, 40, 0]
+
+
+def test_a_pair_is_accepted_only_with_inliers():
+    assert not PairSummary(left="a", right="b", tentative=20, inliers=0).accepted
