@@ -91,4 +91,4 @@ async def _declare_memory(memory: int, dask_worker: object = None) -> None:
 
 
 def _one_thread_each() -> dict[str, str]:
-    return {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")}
+    return dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")

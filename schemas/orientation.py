@@ -32,6 +32,17 @@ class Unoriented(BaseModel):
     reason: str
 
 
+class JointCovariance(BaseModel):
+    """How the errors of two photographs go together: what a weak datum does to both alike is no error between them."""
+
+    model_config = ConfigDict(frozen=True)
+
+    first: str
+    second: str
+    covariance: tuple[tuple[float, ...], ...]
+    """6 x 6: rows X, Y, Z, omega, phi, kappa of the first, columns those of the second; m and radians"""
+
+
 class Block(BaseModel):
     """Photographs oriented together in the project's CRS."""
 
@@ -51,6 +62,8 @@ class Block(BaseModel):
     ground_low: float
     ground_high: float
     """robust range of tie point heights, m"""
+    joint: tuple[JointCovariance, ...] = ()
+    """of the pairs of photographs that share tie points"""
 
     @property
     def names(self) -> tuple[str, ...]:

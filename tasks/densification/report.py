@@ -157,13 +157,14 @@ def _pictures() -> tuple[Picture, ...]:
 
 def _warnings(pairs: EpipolarPairs, matching: tuple[MatchingStatistics, ...], cells: SurfaceStatistics) -> list[str]:
     found = []
-    for pair, part in zip(pairs.pairs, matching, strict=True):
-        share, y = completeness(part), y_parallax(part)
-        if share is None or share < COMPLETE_ENOUGH:
-            found.append(f"Pair {pair.name}: only {100 * (share or 0):.0f} % of its nodes were matched; look for water, wood, "
-                         "repeated patterns or photographs that differ much.")
-        if y is not None and abs(y) > Y_PARALLAX_LIMIT:
-            found.append(f"Pair {pair.name}: the orientation left a y-parallax of {y:.2f} px; heights of this pair may be biased.")
+    rows = list(zip((pair.name for pair in pairs.pairs), matching, strict=True))
+    poor = sorted((completeness(part) or 0.0, name) for name, part in rows if (completeness(part) or 0.0) < COMPLETE_ENOUGH)
+    if poor:
+        worst = ", ".join(f"{name} {100 * share:.0f} %" for share, name in poor[:3])
+        found.append(f"In {len(poor)} of {len(rows)} pairs fewer than {100 * COMPLETE_ENOUGH:.0f} % of the nodes were matched (worst: {worst}); "
+                     "look for water, wood, repeated patterns or photographs that differ much.")
+    found += [f"Pair {name}: the orientation left a y-parallax of {y_parallax(part):.2f} px; heights of this pair may be biased."
+              for name, part in rows if abs(y_parallax(part) or 0.0) > Y_PARALLAX_LIMIT]
     known = sum(cells.provenance) - cells.provenance[EMPTY]
     if known == 0:
         found.append("The surface model is empty: no pair could be matched. Check the orientation and the heights of the block.")

@@ -2,7 +2,8 @@
 
 A cell is compared with the mean and the standard deviation of the cells in a circle around it, itself left out (else a lone spike
 among few neighbours could never be found); beyond k sigma it goes. Karfis repeats until nothing changes; the number of rounds
-is fixed here, because a fixpoint would let one tile feel the next one but one. Cells with too few neighbours go too.
+is fixed here, because a fixpoint would let one tile feel the next one but one. Cells with too few neighbours that support them
+go too: wrong matches in woods and on water stand alone, or among others that contradict each other, and no deviation shows them.
 
 Source: Karfis 2009 (methods/relative_orientation_and_epipolar.md 1.19).
 """
@@ -19,7 +20,8 @@ class SpikeFilter(Settings):
     radius: float = setting(4.0, "Radius of the circle of neighbours.", "cells", ge=1.0, le=30.0)
     sigmas: float = setting(3.0, "Standard deviations of the neighbours by which a height may leave their mean.", gt=0.0)
     rounds: int = setting(2, "How often the filter runs.", ge=0, le=10)
-    min_neighbours: int = setting(6, "A height with fewer neighbours is removed.", ge=0)
+    min_support: int = setting(10, "A height that fewer neighbours support is removed.", "cells", ge=0)
+    support_slope: float = setting(1.5, "A neighbour supports a height when the slope between them is at most this.", gt=0.0)
     floor: float = setting(0.3, "Deviations below this share of the cell size are never spikes.", "cells", ge=0.0)
 
     @property
@@ -29,23 +31,24 @@ class SpikeFilter(Settings):
 
 
 @njit(cache=True)
-def _spikes(height, rows, cols, sigmas, min_neighbours, floor):
+def _spikes(height, rows, cols, reach, sigmas, min_support, floor):
     out = np.zeros(height.shape, np.bool_)
     for r in range(height.shape[0]):
         for c in range(height.shape[1]):
             here = np.float64(height[r, c])
             if here != here:
                 continue
-            n, total, squares = 0, 0.0, 0.0
+            n, support, total, squares = 0, 0, 0.0, 0.0
             for k in range(rows.size):
                 y, x = r + rows[k], c + cols[k]
                 if 0 <= y < height.shape[0] and 0 <= x < height.shape[1] and height[y, x] == height[y, x]:
                     d = np.float64(height[y, x]) - here
                     n += 1
+                    support += abs(d) <= reach[k]
                     total += d
                     squares += d * d
-            if n < min_neighbours or n < 2:
-                out[r, c] = n < min_neighbours
+            if support < min_support or n < 2:
+                out[r, c] = support < min_support
                 continue
             mean = total / n
             deviation = np.sqrt(max(squares / n - mean * mean, 0.0) * n / (n - 1))
@@ -58,9 +61,11 @@ def spikes(height: np.ndarray, cell: float, settings: SpikeFilter) -> np.ndarray
     reach = int(np.ceil(settings.radius))
     y, x = np.mgrid[-reach:reach + 1, -reach:reach + 1]
     near = (x**2 + y**2 <= settings.radius**2) & ((x != 0) | (y != 0))
+    floor = settings.floor * cell
+    support = settings.support_slope * cell * np.hypot(x, y)[near] + floor
     kept, found = height.copy(), np.zeros(height.shape, bool)
     for _ in range(settings.rounds):
-        now = _spikes(kept, y[near], x[near], settings.sigmas, settings.min_neighbours, settings.floor * cell)
+        now = _spikes(kept, y[near], x[near], support, settings.sigmas, settings.min_support, floor)
         kept[now] = np.nan
         found |= now
     return found

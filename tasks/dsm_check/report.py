@@ -61,7 +61,7 @@ def _figures(tiles: tuple[TileCounts, ...], whole: Summary, pairs: CheckedPairs)
         Figure(name="dh_std", value=_known(whole.std), unit="m", sentence="Standard deviation of the corrections."),
         Figure(name="dh_median", value=_known(whole.median), unit="m", sentence="Median correction."),
         Figure(name="dh_nmad", value=_known(whole.nmad), unit="m", headline=True,
-               sentence="Robust spread of the corrections: how well surface and photographs agree, without reference data."),
+               sentence="Robust spread of the corrections: agreement of surface and photographs, not the accuracy of the surface."),
         Figure(name="dh_within_1_sigma", value=_known(100 * whole.within_1, 1), unit="%",
                sentence="Cells whose correction is below its own standard error (68 % if only chance were at work)."),
         Figure(name="dh_within_3_sigma", value=_known(100 * whole.within_3, 1), unit="%",
@@ -104,8 +104,9 @@ def _pairs_grid(tiles: tuple[TileCounts, ...], pairs: CheckedPairs) -> Grid:
         title="The check by pairs", rows=tuple(rows),
         columns=("pair", "base/height", "nodes", "matched (%)", "mean (m)", "std (m)", "median (m)", "NMAD (m)",
                  "within 1 sigma (%)", "within 3 sigma (%)"),
-        note="A mean that differs from pair to pair points at the orientation rather than at the surface. What surface and check "
-             "have in common, orientation and camera above all, they cannot tell of each other.",
+        note="A mean that differs from pair to pair points at the orientation rather than at the surface. Errors that surface and "
+             "check share stay unseen: orientation and camera, and, where the surface was matched in the same photographs, what "
+             "matching gets wrong at building edges, in trees and in narrow gaps.",
     )
 
 

@@ -1,8 +1,8 @@
 """How far homologous points may leave their common row, as the orientation's precision lets expect.
 
 Strategy. The covariance of each photograph's exterior orientation is carried to the row coordinate of ground points at the border
-of the common images: turns by Karfis' row partials, shifts of the centre by their projection. The two photographs count as
-independent, which over-states what a weak datum does to both alike: the figure is an upper bound.
+of the common images: turns by Karfis' row partials, shifts of the centre by their projection. The joint covariance of the two takes out what a
+weak datum does to both alike; where it is not known they count as independent, and the figure is an upper bound.
 
 Source: Karfis 2009, section 6.5 (methods/relative_orientation_and_epipolar.md, 1.14).
 """
@@ -24,15 +24,26 @@ def row_sigma(pair: EpipolarPair, block: Block) -> float:
     x = np.array([0.0, pair.left_cols / 2, pair.left_cols - 1.0]) - pair.left_col0
     y = pair.row0 - np.array([0.0, pair.rows / 2, pair.rows - 1.0])
     left = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    shift = (left - (parallax, 0.0), left)
-    variance = row_variance(pair, photos[0], shift[1], parallax) + row_variance(pair, photos[1], shift[0], parallax)
+    right = left - (parallax, 0.0)
+    partials = np.hstack([-row_change(pair, photos[0], left, parallax), row_change(pair, photos[1], right, parallax)])
+    variance = np.einsum("ni,ij,nj->n", partials, _covariance(block, *photos), partials)
     return float(np.sqrt(variance.max()))
 
 
-def row_variance(pair: EpipolarPair, photo: ExteriorOrientation, xy: np.ndarray, parallax: float) -> np.ndarray:
-    """Variance (N,) px^2 of the epipolar y of image points xy (N, 2) from the covariance of one photograph."""
-    partials = np.hstack([_by_centre(pair, xy, parallax), row_partials(xy, pair.c) @ _turns(pair, photo)])
-    return np.einsum("ni,ij,nj->n", partials, np.array(photo.covariance), partials)
+def row_change(pair: EpipolarPair, photo: ExteriorOrientation, xy: np.ndarray, parallax: float) -> np.ndarray:
+    """(N, 6): change (px) of the epipolar y of image points xy (N, 2) by X, Y, Z, omega, phi and kappa of one photograph."""
+    return np.hstack([_by_centre(pair, xy, parallax), row_partials(xy, pair.c) @ _turns(pair, photo)])
+
+
+def _covariance(block: Block, left: ExteriorOrientation, right: ExteriorOrientation) -> np.ndarray:
+    """(12, 12) of both photographs."""
+    joint = np.zeros((6, 6))
+    for known in block.joint:
+        if (known.first, known.second) == (left.photo, right.photo):
+            joint = np.array(known.covariance)
+        elif (known.second, known.first) == (left.photo, right.photo):
+            joint = np.array(known.covariance).T
+    return np.block([[np.array(left.covariance), joint], [joint.T, np.array(right.covariance)]])
 
 
 def _by_centre(pair: EpipolarPair, xy: np.ndarray, parallax: float) -> np.ndarray:

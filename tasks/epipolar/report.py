@@ -125,17 +125,24 @@ def _pictures(pair: EpipolarPair) -> tuple[Picture, ...]:
 
 
 def _warnings(block: Block, pairs: EpipolarPairs, rows: dict[str, RowResiduals]):
-    for pair in pairs.pairs:
-        found = rows[pair.name]
-        if found.points and found.rms > PARALLAX_LIMIT:
-            yield (f"Homologous points of the pair {pair.name} leave their row by {found.rms:.2f} px (root mean square): "
-                   "the orientation or the lens distortion does not fit; matching will lose points there.")
-        if not found.points:
-            yield f"No tie points connect the pair {pair.name} directly: its y-parallax could not be checked."
-        if pair.row_sigma > BAND_LIMIT:
-            yield (f"The orientation of the pair {pair.name} lets expect y-parallaxes of up to {pair.row_sigma:.1f} px, "
-                   "more than one row; more or better distributed tie points or control would help.")
+    off_row = {pair.name: rows[pair.name].rms for pair in pairs.pairs if rows[pair.name].points and rows[pair.name].rms > PARALLAX_LIMIT}
+    if off_row:
+        yield (f"Homologous points leave their row by more than {PARALLAX_LIMIT} px (root mean square) in {_worst(off_row, len(pairs.pairs))}: "
+               "the orientation or the lens distortion does not fit there, or tie points are wrong; matching will lose points.")
+    wide = {pair.name: pair.row_sigma for pair in pairs.pairs if pair.row_sigma > BAND_LIMIT}
+    if wide:
+        yield (f"The precision of the orientation lets expect y-parallaxes of more than one row in {_worst(wide, len(pairs.pairs))}; "
+               "more or better distributed tie points or control would help.")
+    unchecked = [pair.name for pair in pairs.pairs if not rows[pair.name].points]
+    if unchecked:
+        yield f"No tie points connect {', '.join(unchecked)} directly: their y-parallax could not be checked."
     used = {name for pair in pairs.pairs for name in (pair.left, pair.right)}
-    for name in block.names:
-        if name not in used:
-            yield f"The photograph {name} takes part in no pair: it does not help to measure the surface."
+    idle = [name for name in block.names if name not in used]
+    if idle:
+        yield f"In no pair, and so of no help to measure the surface: {', '.join(idle)}."
+
+
+def _worst(values: dict[str, float], pairs: int) -> str:
+    """How many pairs, and the three worst of them."""
+    worst = sorted(values, key=values.__getitem__, reverse=True)[:3]
+    return f"{len(values)} of {pairs} pairs (worst: {', '.join(f'{name} {values[name]:.2f} px' for name in worst)})"

@@ -1,6 +1,7 @@
 """The account of an adjusted block: the tables that leave the stage, in the project's CRS."""
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from schemas.orientation import (
     ExteriorOrientation,
     GroundResidual,
     GroundResiduals,
+    JointCovariance,
     Unoriented,
 )
 from tasks.adjustment.bundle import Adjustment
@@ -62,6 +64,7 @@ def _positions_of(rays: Rays, part: Rays) -> np.ndarray:
 def block_table(
     crs: str, cameras: Cameras, problem: Problem, unoriented: tuple[Unoriented, ...], result: Adjustment, datum: Datum
 ) -> Block:
+    """The block as later stages read it."""
     tie = np.unique(result.rays.point[result.used & (result.rays.point < problem.ties)])
     low, high = np.percentile(result.state.point[tie, 2], [0.5, 99.5]) + datum.origin[2]
     return Block(
@@ -76,13 +79,40 @@ def block_table(
         iterations=result.iterations,
         ground_low=float(low),
         ground_high=float(high),
+        joint=_joint(problem, result),
     )
+
+
+def _joint(problem: Problem, result: Adjustment) -> tuple[JointCovariance, ...]:
+    """The covariance between the photographs of every pair that shares a used tie point."""
+    shared = {pair for own in _photos_of_points(result) for pair in combinations(own, 2)}
+    turns = [_to_angles(result.state.rotation[photo]) for photo in range(len(problem.names))]
+    found = []
+    for a, b in sorted(shared):
+        covariance = turns[a] @ result.cofactor[6 * a : 6 * a + 6, 6 * b : 6 * b + 6] @ turns[b].T
+        rows = tuple(tuple(map(float, row)) for row in covariance)
+        found.append(JointCovariance(first=problem.names[a], second=problem.names[b], covariance=rows))
+    return tuple(found)
+
+
+def _photos_of_points(result: Adjustment) -> set[tuple[int, ...]]:
+    """The different sets of photographs, ascending, that see a point together."""
+    point, photo = result.rays.point[result.used], result.rays.photo[result.used]
+    order = np.lexsort((photo, point))
+    starts = np.flatnonzero(np.diff(point[order], prepend=-1))
+    return {tuple(map(int, own)) for own in np.split(photo[order], starts[1:])}
+
+
+def _to_angles(rotation: np.ndarray) -> np.ndarray:
+    """(6, 6): from the unknowns of the adjustment to X, Y, Z, omega, phi, kappa."""
+    turned = np.eye(6)
+    turned[3:, 3:] = angles_from_vector(rotation)
+    return turned
 
 
 def _exterior(problem: Problem, result: Adjustment, datum: Datum, photo: int) -> ExteriorOrientation:
     R = result.state.rotation[photo]
-    to_angles = np.eye(6)
-    to_angles[3:, 3:] = angles_from_vector(R)
+    to_angles = _to_angles(R)
     covariance = to_angles @ result.exterior_covariance(photo) @ to_angles.T
     own = result.used & (result.rays.photo == photo)
     return ExteriorOrientation(

@@ -150,13 +150,25 @@ def test_a_lone_spike_goes_and_a_roof_stays():
 def test_spikes_agree_with_the_plain_rule():
     height = np.random.default_rng(3).normal(0, 1, (15, 15)).astype(np.float32)
     height[np.random.default_rng(4).random(height.shape) < 0.3] = EMPTY
-    rules = SpikeFilter(radius=2, rounds=1, sigmas=1.5, floor=0.0)
+    rules = SpikeFilter(radius=2, rounds=1, sigmas=1.5, floor=0.0, min_support=4)
     found = spikes(height, 1.0, rules)
     for r, c in np.argwhere(np.isfinite(height)):
         circle = [(y, x) for y in range(15) for x in range(15) if 0 < (y - r) ** 2 + (x - c) ** 2 <= 4]
         near = [height[at] for at in circle if np.isfinite(height[at])]
-        lonely = len(near) < rules.min_neighbours
+        slopes = [abs(height[at] - height[r, c]) / np.hypot(at[0] - r, at[1] - c) for at in circle if np.isfinite(height[at])]
+        lonely = sum(slope <= rules.support_slope for slope in slopes) < rules.min_support
         assert found[r, c] == (lonely or abs(height[r, c] - np.mean(near)) > 1.5 * np.std(near, ddof=1))
+
+
+def test_wrong_matches_that_contradict_each_other_go():
+    rng = np.random.default_rng(5)
+    height = np.full((60, 60), EMPTY, np.float32)
+    height[5:25, 5:25] = 50 + rng.normal(0, 0.1, (20, 20))
+    wood = rng.random((60, 30)) < 0.4
+    height[:, 30:][wood] = rng.uniform(40, 60, wood.sum())
+    found = spikes(height, 1.0, SpikeFilter())
+    assert not found[5:25, 5:25].any()
+    assert found[:, 30:][wood].mean() > 0.95
 
 
 def test_gaps_are_filled_only_when_asked_for_and_only_within_reach():

@@ -6,7 +6,7 @@ from tiny_block import block, photos, tie_points
 
 from schemas.errors import GeometryError
 from tasks.epipolar.parallax import common_measurements, row_residuals, summary
-from tasks.epipolar.precision import row_sigma, row_variance
+from tasks.epipolar.precision import row_change, row_sigma
 from tasks.epipolar.report import report
 from tasks.epipolar.selection import Candidate, PairChoice, best_pairs, choose_pairs, why_not
 from tasks.geometry.normal_case import epipolar_view
@@ -70,7 +70,7 @@ def test_tie_points_of_a_pair():
     assert summary(np.array([])).points == 0
 
 
-def test_row_variance_against_numbers():
+def test_row_change_against_numbers():
     """The partials of the row against differences of a moved photograph."""
     pair = choose_pairs(block(), PairChoice(), 0.08).pairs[0]
     photo = block().of(pair.left)
@@ -88,8 +88,7 @@ def test_row_variance_against_numbers():
         moved = photo.model_copy(update={"centre": tuple(centre), "omega_phi_kappa": tuple(angles)})
         observed = view_of(moved, block().camera_of(pair.left)).project(ground)
         by_number = (epipolar.from_photo(observed)[:, 1] - (pair.row0 - xy[:, 1])) / step
-        only = photo.model_copy(update={"covariance": tuple(map(tuple, np.diag([float(i == k) for i in range(6)])))})
-        np.testing.assert_allclose(np.sqrt(row_variance(pair, only, xy, parallax)), np.abs(by_number), rtol=2e-3, atol=1e-3)
+        np.testing.assert_allclose(np.abs(row_change(pair, photo, xy, parallax)[:, k]), np.abs(by_number), rtol=2e-3, atol=1e-3)
 
 
 def test_row_sigma_without_covariance_is_sigma0():
@@ -106,5 +105,14 @@ def test_report_warns_in_sentences():
     loud = report(block(), pairs, tie_points(2.0), photos())
     assert any("leave their row" in sentence for sentence in loud.warnings)
     weak = pairs.model_copy(update={"pairs": tuple(p.model_copy(update={"row_sigma": 2.5}) for p in pairs.pairs)})
-    assert any("2.5 px" in sentence for sentence in report(block(), weak, tie_points(0.1), photos()).warnings)
+    assert any("2.50 px" in sentence for sentence in report(block(), weak, tie_points(0.1), photos()).warnings)
     assert {f.name: f.value for f in quiet.figures}["pairs"] == len(pairs.pairs)
+
+
+def test_what_moves_both_photographs_alike_moves_no_row():
+    pair = choose_pairs(block(), PairChoice(), 0.08).pairs[0]
+    shift = tuple(map(tuple, np.diag([100.0, 100.0, 100.0, 0.0, 0.0, 0.0])))
+    photos = tuple(p.model_copy(update={"covariance": shift}) for p in block().photos)
+    joint = (JointCovariance(first=pair.right, second=pair.left, covariance=shift),)
+    assert row_sigma(pair, block().model_copy(update={"photos": photos, "joint": joint})) < 1e-6
+    assert row_sigma(pair, block().model_copy(update={"photos": photos})) > 1.0

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from toy_stages import SmoothStage, SourceStage, SumStage, TOTAL
+from toy_stages import TOTAL, SmoothStage, SourceStage, SumStage
 
 from pipeline.runner import SequentialRunner
 from pipeline.session import Session
