@@ -5,6 +5,7 @@ import pytest
 from tiny_block import block, photos, tie_points
 
 from schemas.errors import GeometryError
+from schemas.orientation import JointCovariance
 from tasks.epipolar.parallax import common_measurements, row_residuals, summary
 from tasks.epipolar.precision import row_change, row_sigma
 from tasks.epipolar.report import report
