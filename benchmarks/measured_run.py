@@ -41,7 +41,8 @@ def project_root(folder: Path, *workflows: str) -> Path:
 def orthomill(root: Path, *words: str) -> MeasuredRun:
     """Run `orthomill WORDS` in `root`."""
     started = time.monotonic()
-    process = subprocess.Popen([Path(sys.executable).parent / "orthomill", *words], cwd=root, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    command = [Path(sys.executable).parent / "orthomill", *words]
+    process = subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     peak = [0]
     watcher = threading.Thread(target=_watch, args=(process.pid, peak), daemon=True)
     watcher.start()
@@ -69,7 +70,8 @@ def summary(root: Path, project: str) -> dict:
 
 def machine() -> str:
     """One line about the machine that figures were measured on."""
-    model = next((line.split(":")[1].strip() for line in Path("/proc/cpuinfo").read_text().splitlines() if line.startswith("model name")), "")
+    lines = Path("/proc/cpuinfo").read_text().splitlines()
+    model = next((line.split(":")[1].strip() for line in lines if line.startswith("model name")), "")
     return (f"{os.cpu_count()} cores ({model or platform.machine()}), {psutil.virtual_memory().total / 2**30:.0f} GiB, "
             f"Python {platform.python_version()}, {time.strftime('%Y-%m-%d')}")
 

@@ -26,7 +26,8 @@ def digests(run: Path) -> dict[str, str]:
     store = Store(run)
     found = {name: hashlib.sha256(store.read(name, store.spec(name).full).tobytes()).hexdigest() for name in store.names()}
     tables = run / "tables"
-    return found | {path.relative_to(tables).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in tables.rglob("*") if path.is_file()}
+    files = [path for path in tables.rglob("*") if path.is_file()]
+    return found | {path.relative_to(tables).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 
 def run_variant(folder: Path, words: tuple[str, ...], tile: int | None = None) -> Path:
@@ -64,8 +65,10 @@ def main() -> None:
             shared = sorted(set(reference) & set(found))
             differ = [what for what in shared if reference[what] != found[what]]
             lines.append(f"| {name} | {len(shared)} | {len(shared) - len(differ)} | {len(differ)} |")
-            details += [f"- {name}: `{what}` {difference(runs['sequential'], run, what) if '.' not in what else 'differs'}" for what in differ]
-        write_result("same_everywhere", "\n".join(lines + [""] + details) + "\n")
+            for what in differ:
+                how = "differs" if "." in what else difference(runs["sequential"], run, what)
+                details.append(f"- {name}: `{what}` {how}")
+        write_result("same_everywhere", "\n".join([*lines, "", *details]) + "\n")
 
 
 if __name__ == "__main__":

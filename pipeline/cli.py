@@ -29,8 +29,10 @@ from schemas.errors import OrthomillError
 from schemas.job import Export
 from tasks.catalogue import STAGES
 
-app = typer.Typer(help="From overlapping photographs to a checked surface model and a blended true orthoimage.", no_args_is_help=True,
-                  add_completion=False, pretty_exceptions_enable=False)
+app = typer.Typer(
+    help="From overlapping photographs to a checked surface model and a blended true orthoimage.",
+    no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
+)
 out = Console(highlight=False)
 err = Console(stderr=True, highlight=False)
 
@@ -38,6 +40,10 @@ Name = Annotated[str, typer.Argument(help="Project name (workflows/<name>.yaml) 
 Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
 From = Annotated[str | None, typer.Option("--from", help="Run this stage and all after it again, changed or not.")]
 Until = Annotated[str | None, typer.Option(help="Stop after this stage.")]
+Sequential = Annotated[bool, typer.Option("--sequential", help="One job after the other in this process, without Dask.")]
+RasterName = Annotated[
+    str | None, typer.Argument(help="A raster of the store, e.g. densification/precision; without it, all products.")
+]
 
 
 @contextmanager
@@ -66,7 +72,7 @@ def run(
     until: Until = None,
     workers: Annotated[int, typer.Option(help="Worker processes; 0 is one for each core.", min=0)] = 0,
     memory: Annotated[int, typer.Option(help="Memory that one worker may use, in MiB.", min=256)] = 1500,
-    sequential: Annotated[bool, typer.Option("--sequential", help="One job after the other in this process, without Dask.")] = False,
+    sequential: Sequential = False,
     scheduler: Annotated[str | None, typer.Option(help="Address of an existing Dask scheduler, e.g. tcp://10.0.0.5:8786.")] = None,
     port: Annotated[int, typer.Option(help="Port of the dashboard; a taken one moves on.")] = 8787,
     debug: Debug = False,
@@ -83,8 +89,8 @@ def run(
 
 def _conclude(facts: RunFacts, folder: Path) -> None:
     done, skipped = sum(s.done for s in facts.stages), sum(s.skipped for s in facts.stages)
-    out.print(f"{done} jobs run, {skipped} unchanged, {len(facts.failures)} failed in {facts.seconds:.0f} s; report: {folder / 'report.html'}",
-              soft_wrap=True)
+    counts = f"{done} jobs run, {skipped} unchanged, {len(facts.failures)} failed in {facts.seconds:.0f} s"
+    out.print(f"{counts}; report: {folder / 'report.html'}", soft_wrap=True)
     for failure in facts.failures:
         err.print(f"[red]failed[/red] {escape(failure.key)}: {escape(failure.sentence)}", soft_wrap=True)
     if not facts.complete:
@@ -125,8 +131,9 @@ def status(name: Name, debug: Debug = False) -> None:
         for stage in loaded.stages:
             records = Records(folder).of_stage(stage.kind)
             failed = [record for record in records if record.status == "failed"]
-            last = f"{key_text((failed[-1].stage, failed[-1].item, failed[-1].row, failed[-1].col))}: {failed[-1].error}" if failed else ""
-            lines.add_row(stage.kind, str(len(records) - len(failed)), str(len(failed)), f"{sum(r.seconds for r in records):.1f}", escape(last))
+            last = f"{key_text(failed[-1].key)}: {failed[-1].error}" if failed else ""
+            seconds = sum(record.seconds for record in records)
+            lines.add_row(stage.kind, str(len(records) - len(failed)), str(len(failed)), f"{seconds:.1f}", escape(last))
         out.print(lines)
         dashboard = folder / "jobs" / "dashboard.txt"
         out.print(f"running now; dashboard: {dashboard.read_text()}" if dashboard.exists() else "not running", soft_wrap=True)
@@ -142,7 +149,7 @@ def report(name: Name, debug: Debug = False) -> None:
 @app.command()
 def export(
     name: Name,
-    raster: Annotated[str | None, typer.Argument(help="A raster of the store, e.g. densification/precision; without it, all products.")] = None,
+    raster: RasterName = None,
     path: Annotated[str | None, typer.Argument(help="File in the run's folder; default products/<raster>.tif.")] = None,
     debug: Debug = False,
 ) -> None:
@@ -186,8 +193,8 @@ def dashboard(name: Name, debug: Debug = False) -> None:
     with plain_errors(debug):
         loaded = _load(name)
         address = loaded.root / "runs" / loaded.project.project / "jobs" / "dashboard.txt"
-        out.print(address.read_text() if address.exists() else f"{loaded.project.project} is not running; start it with: orthomill run {name}",
-                  soft_wrap=True)
+        idle = f"{loaded.project.project} is not running; start it with: orthomill run {name}"
+        out.print(address.read_text() if address.exists() else idle, soft_wrap=True)
 
 
 @app.command()

@@ -78,7 +78,9 @@ def remote_client(address: str, memory: int) -> Iterator[Client]:
     try:
         client = Client(address, timeout="20s")
     except (OSError, TimeoutError, ValueError) as error:
-        raise ResourceError(f"No Dask scheduler answers at {address} ({error}); start one with 'dask scheduler' or leave --scheduler out.") from error
+        raise ResourceError(
+            f"No Dask scheduler answers at {address} ({error}); start one with 'dask scheduler' or leave --scheduler out."
+        ) from error
     with client:
         if not client.scheduler_info(n_workers=-1)["workers"]:
             raise ResourceError(f"The Dask scheduler at {address} has no workers; start some with 'dask worker {address}'.")

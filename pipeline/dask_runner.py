@@ -33,7 +33,8 @@ class DaskRunner:
     def submit(self, work: Work, dependencies: tuple[Key, ...], memory: int) -> None:
         before = [self._futures[key] for key in dependencies if key in self._futures]
         future = self._client.submit(
-            execute, work, *before, key=(*work.job.key, self._session), retries=ATTEMPTS - 1, resources={MEMORY: memory}, pure=False,
+            execute, work, *before, key=(*work.job.key, self._session), retries=ATTEMPTS - 1, resources={MEMORY: memory},
+            pure=False,
         )
         self._futures[work.job.key] = future
         self._ended.add(future)

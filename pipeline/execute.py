@@ -58,7 +58,7 @@ def _put(records: Records, record: Record) -> None:
     try:
         records.put(record)
     except StoreError as error:
-        raise JobFailed((record.stage, record.item, record.row, record.col), str(error)) from None
+        raise JobFailed(record.key, str(error)) from None
 
 
 def _perform(work: Work) -> dict[str, str]:
@@ -120,7 +120,8 @@ def _write(store: Store, region: Raster | Table, value: Any) -> None:
 
 def _record(work: Work, status: str, started: float, **more: Any) -> Record:
     stage, item, row, col = work.job.key
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     return Record(
-        stage=stage, item=item, row=row, col=col, status=status, fingerprint=work.fingerprint, reason=work.reason, started=started,
-        seconds=time.time() - started, worker=str(os.getpid()), peak_bytes=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024, **more,
+        stage=stage, item=item, row=row, col=col, status=status, fingerprint=work.fingerprint, reason=work.reason,
+        started=started, seconds=time.time() - started, worker=str(os.getpid()), peak_bytes=peak, **more,
     )

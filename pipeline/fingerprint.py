@@ -52,7 +52,9 @@ def _plain(value: Any) -> Any:
         return [_plain(item) for item in value]
     if value is None or isinstance(value, str | int | float | bool):
         return value
-    raise TypeError(f"a parameter of type {type(value).__name__} has no fingerprint; pass numbers, text, tuples, settings or frozen values")
+    raise TypeError(
+        f"a parameter of type {type(value).__name__} has no fingerprint; pass numbers, text, tuples, settings or frozen values"
+    )
 
 
 @cache

@@ -160,7 +160,9 @@ class Graph:
         try:
             return [], fp.of_file(self.root / region.path)
         except OSError as error:
-            raise WorkflowError(f"{region.path} cannot be read ({error.strerror}); put the file there or correct the workflow.") from error
+            raise WorkflowError(
+                f"{region.path} cannot be read ({error.strerror}); put the file there or correct the workflow."
+            ) from error
 
     def _chunk_writer(self, stage: str, name: str, chunk: tuple[int, int]) -> Key:
         key = self._chunk_writers.get((name, *chunk))

@@ -16,14 +16,18 @@ def only_run(folder: Path) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         stream = (folder / ".lock").open("a+")
     except OSError as error:
-        raise ResourceError(f"The folder {folder} cannot be written ({error.strerror}); make it writable or choose another project folder.") from error
+        raise ResourceError(
+            f"The folder {folder} cannot be written ({error.strerror}); make it writable or choose another project folder."
+        ) from error
     with stream:
         try:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             stream.seek(0)
             owner = stream.read().strip() or "unknown"
-            raise ResourceError(f"{folder.name} is being run already (process {owner}); wait for it to end, or stop it first.") from None
+            raise ResourceError(
+                f"{folder.name} is being run already (process {owner}); wait for it to end, or stop it first."
+            ) from None
         stream.truncate(0)
         stream.write(str(os.getpid()))
         stream.flush()

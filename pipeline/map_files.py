@@ -22,7 +22,8 @@ def read_map_grid(path: Path, crs: str) -> MapGrid:
     with _opened(path) as source:
         west, south, east, north = transform_bounds(source.crs, _horizontal(crs), *source.bounds)
         cell = max((east - west) / source.width, (north - south) / source.height)
-    return MapGrid(west=west, north=north, cell=cell, rows=max(1, round((north - south) / cell)), cols=max(1, round((east - west) / cell)))
+    rows, cols = (max(1, round(length / cell)) for length in (north - south, east - west))
+    return MapGrid(west=west, north=north, cell=cell, rows=rows, cols=cols)
 
 
 def read_map(path: Path, region: MapFile) -> np.ndarray:
@@ -35,7 +36,8 @@ def read_map(path: Path, region: MapFile) -> np.ndarray:
             source, crs=_horizontal(region.crs), transform=Affine(*grid.transform), width=grid.cols, height=grid.rows,
             resampling=Resampling.bilinear, nodata=np.nan, dtype="float32",
         ) as warped:
-            bands = warped.read(list(range(1, region.bands + 1)), window=FileWindow(window.col, window.row, window.width, window.height))
+            part = FileWindow(window.col, window.row, window.width, window.height)
+            bands = warped.read(list(range(1, region.bands + 1)), window=part)
     return bands[0] if region.bands == 1 else np.ascontiguousarray(np.moveaxis(bands, 0, -1))
 
 
@@ -54,5 +56,7 @@ def _opened(path: Path) -> rasterio.DatasetReader:
         known = False
     if not known:
         source.close()
-        raise WorkflowError(f"{path} does not say its coordinate reference system; assign one (for example with gdal_edit) and run again.")
+        raise WorkflowError(
+            f"{path} does not say its coordinate reference system; assign one (for example with gdal_edit) and run again."
+        )
     return source

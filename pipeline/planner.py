@@ -66,7 +66,9 @@ class Planner:
         earlier = self.stages[: [stage.kind for stage in self.stages].index(kind)]
         if all(stage.kind in self.complete for stage in earlier):
             maker = what.split()[2].split("/")[0]
-            raise WorkflowError(f"The stage '{kind}' needs {what}, which no stage of this workflow makes; add the stage '{maker}' before it.")
+            raise WorkflowError(
+                f"The stage '{kind}' needs {what}, which no stage of this workflow makes; add the stage '{maker}' before it."
+            )
         self.waiting_for[kind] = what
 
     # What a stage may ask while it plans (schemas.stage.ProjectView)
@@ -89,7 +91,9 @@ class Planner:
             return self.list_images(source)
         if "simulation" not in self.complete:
             if not self.has_stage("simulation"):
-                raise WorkflowError("The photographs are simulated, but the workflow has no stage 'simulation'; add it as the first stage.")
+                raise WorkflowError(
+                    "The photographs are simulated, but the workflow has no stage 'simulation'; add it as the first stage."
+                )
             raise NotYet("the simulated photographs")
         files = self.graph.exported_files(simulated_folder)
         return tuple(path for path in files if PurePosixPath(path).suffix.lower() in IMAGE_SUFFIXES)

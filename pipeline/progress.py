@@ -82,8 +82,8 @@ class Progress:
             print(f"[{time.monotonic() - self._started:6.1f} s] {kind:14} {self._state(count)}", file=sys.stderr, flush=True)
 
     def _state(self, count: StageCount) -> str:
-        parts = [f"{count.ended}/{count.planned} jobs"]
-        parts += [f"{number} {word}" for number, word in ((count.skipped, "unchanged"), (count.failed, "failed"), (count.blocked, "blocked")) if number]
+        numbers = ((count.skipped, "unchanged"), (count.failed, "failed"), (count.blocked, "blocked"))
+        parts = [f"{count.ended}/{count.planned} jobs", *(f"{number} {word}" for number, word in numbers if number)]
         left = self.remaining(count)
         if left is not None and count.ended < count.planned:
             parts.append(f"about {left:.0f} s left")
@@ -95,5 +95,6 @@ class Progress:
             share = count.ended / count.planned if count.planned else 0.0
             bar = "━" * round(20 * share)
             colour = "red" if count.failed else "green" if count.planned and share == 1.0 else "cyan"
-            lines.add_row(f"[bold]{kind}[/bold]", f"[{colour}]{bar:<20}[/{colour}]", self._state(count) if count.planned else "[dim]not planned yet[/dim]")
+            state = self._state(count) if count.planned else "[dim]not planned yet[/dim]"
+            lines.add_row(f"[bold]{kind}[/bold]", f"[{colour}]{bar:<20}[/{colour}]", state)
         return lines

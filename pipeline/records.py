@@ -52,6 +52,10 @@ class Record(BaseModel):
     error: str = ""
     traceback: str = ""
 
+    @property
+    def key(self) -> Key:
+        return self.stage, self.item, self.row, self.col
+
 
 class Records:
     """The records of one run's folder."""
@@ -71,7 +75,7 @@ class Records:
             return None
 
     def put(self, record: Record) -> None:
-        write_whole(self.path((record.stage, record.item, record.row, record.col)), record.model_dump_json().encode())
+        write_whole(self.path(record.key), record.model_dump_json().encode())
 
     def remove(self, key: Key) -> None:
         self.path(key).unlink(missing_ok=True)

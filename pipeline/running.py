@@ -98,9 +98,11 @@ def _on_dask(folder: Path, options: Options, out: Console) -> Iterator[Runner]:
     from pipeline.dask_runner import DaskRunner, kept_report
 
     if options.scheduler:
-        place, client_of = f"the cluster at {options.scheduler}", remote_client(options.scheduler, options.memory)
+        place = f"the cluster at {options.scheduler}"
+        client_of = remote_client(options.scheduler, options.memory)
     else:
-        place, client_of = f"{options.processes} processes on this machine", local_client(options.processes, options.memory, options.port)
+        place = f"{options.processes} processes on this machine"
+        client_of = local_client(options.processes, options.memory, options.port)
     address = folder / "jobs" / "dashboard.txt"
     with client_of as client:
         runner = DaskRunner(client, options.memory, place)

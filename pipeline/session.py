@@ -80,7 +80,8 @@ class Session:
     def _reason(self, planned: PlannedJob) -> str | None:
         if planned.job.stage in self.forced:
             return "asked for"
-        return reason_to_run(self.records.get(planned.key), planned.fingerprint, self._births(planned), self._outputs_exist(planned))
+        record = self.records.get(planned.key)
+        return reason_to_run(record, planned.fingerprint, self._births(planned), self._outputs_exist(planned))
 
     def _births(self, planned: PlannedJob) -> dict[str, str]:
         if isinstance(planned.job, Export):
@@ -145,8 +146,8 @@ class Session:
         free = shutil.disk_usage(self.folder).free
         if self.pending and needed + DISK_RESERVE > free:
             raise ResourceError(
-                f"The disk of {self.folder} has {free / 2**20:.0f} MiB free, but about {(needed + DISK_RESERVE) / 2**20:.0f} MiB are needed; "
-                "make room, then run again."
+                f"The disk of {self.folder} has {free / 2**20:.0f} MiB free, but about "
+                f"{(needed + DISK_RESERVE) / 2**20:.0f} MiB are needed; make room, then run again."
             )
 
     def _note(self, finished: Finished, watcher: Watcher) -> None:

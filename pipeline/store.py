@@ -63,7 +63,9 @@ class Store:
                             "crs": spec.crs, "transform": spec.transform, "unit": spec.unit, "nodata": _nodata_text(spec)},
             )
         except OSError as error:
-            raise StoreError(f"The raster {spec.name} cannot be made in {self.rasters}: {error.strerror}; make room or make it writable.") from error
+            raise StoreError(
+                f"The raster {spec.name} cannot be made in {self.rasters}: {error.strerror}; make room or make it writable."
+            ) from error
         return self.birth(spec.name)
 
     def delete(self, name: str) -> None:
@@ -107,7 +109,9 @@ class Store:
         try:
             array[window.slices] = values
         except OSError as error:
-            raise StoreError(f"The raster {name} cannot be written: {error.strerror}; make room on the disk, then run again.") from error
+            raise StoreError(
+                f"The raster {name} cannot be written: {error.strerror}; make room on the disk, then run again."
+            ) from error
 
     def has_table(self, table: Table[Any]) -> bool:
         return self.table_path(table).exists()

@@ -30,7 +30,9 @@ def write_whole(path: Path, data: bytes) -> None:
             Path(temporary).unlink(missing_ok=True)
             raise
     except OSError as error:
-        raise StoreError(f"{path} cannot be written: {error.strerror}; make room on the disk or make the folder writable, then run again.") from error
+        raise StoreError(
+            f"{path} cannot be written: {error.strerror}; make room on the disk or make the folder writable, then run again."
+        ) from error
 
 
 def _umask() -> int:

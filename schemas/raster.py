@@ -115,7 +115,7 @@ class RasterSpec(BaseModel):
 
     @property
     def chunks(self) -> tuple[int, ...]:
-        return (min(self.chunk, self.shape[0]), min(self.chunk, self.shape[1])) + self.shape[2:]
+        return (min(self.chunk, self.shape[0]), min(self.chunk, self.shape[1]), *self.shape[2:])
 
     @property
     def full(self) -> Window:
@@ -126,8 +126,10 @@ class RasterSpec(BaseModel):
         return window.height * window.width * bands * np.dtype(self.dtype).itemsize
 
 
-def map_raster(name: str, grid: MapGrid, dtype: str, crs: str, chunk: int, nodata: float | None = None, unit: str = "", bands: int = 0,
-               readers: tuple[str, ...] | None = None) -> RasterSpec:
+def map_raster(
+    name: str, grid: MapGrid, dtype: str, crs: str, chunk: int, nodata: float | None = None, unit: str = "", bands: int = 0,
+    readers: tuple[str, ...] | None = None,
+) -> RasterSpec:
     """A raster on `grid`, with `bands` bands (0: a plain 2-D array)."""
     shape = (*grid.shape, bands) if bands else grid.shape
     return RasterSpec(name=name, shape=shape, dtype=dtype, chunk=chunk, nodata=nodata, unit=unit, crs=crs,

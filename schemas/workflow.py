@@ -68,7 +68,9 @@ class CameraFromChessboards(Settings):
 
     kind: Literal["chessboards"]
     photographs: Photographs = setting(..., "Photographs of the chessboard, taken with the same camera and focus.")
-    corners: tuple[int, int] = setting(..., "Inner corners of the board: columns, rows. They must differ, so that the board has one origin.")
+    corners: tuple[int, int] = setting(
+        ..., "Inner corners of the board: columns, rows. They must differ, so that the board has one origin."
+    )
     square: float = setting(..., "Side of a square.", "m", gt=0)
 
 

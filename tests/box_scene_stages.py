@@ -11,7 +11,7 @@ from schemas.orientation import BLOCK
 from schemas.photo import PHOTOS, Photo, Photos, photo_raster
 from schemas.raster import MapGrid, RasterSpec, Window, map_raster
 from schemas.stage import Stage
-from schemas.surface import HEIGHT, PRECISION, SURFACE, Surface
+from schemas.surface import COUNT, HEIGHT, PRECISION, SURFACE, Surface
 from schemas.truth import (
     TRUTH_BLOCK,
     TRUTH_BUILDING,
@@ -67,7 +67,8 @@ def give_heights(seed: int, hole: bool) -> dict[str, np.ndarray]:
     z = heights(DSM) + np.random.default_rng(seed).normal(0, 0.1, DSM.shape).astype(np.float32)
     if hole:
         z[10:16, 10:18] = np.nan
-    return {HEIGHT: z.astype(np.float32), PRECISION: np.where(np.isnan(z), np.nan, np.float32(0.1)).astype(np.float32)}
+    known = np.isfinite(z)
+    return {HEIGHT: z.astype(np.float32), PRECISION: np.where(known, np.float32(0.1), np.float32(np.nan)), COUNT: known.astype(np.uint8)}
 
 
 def give_block() -> object:
@@ -117,7 +118,7 @@ class GivenStage(Stage):
 
     def _densification(self) -> Iterator[RasterSpec | Job]:
         yield Job("densification", "grid", give_surface, {}, {"surface": SURFACE})
-        specs = [_whole(name, DSM, "float32") for name in (HEIGHT, PRECISION)]
+        specs = [_whole(name, DSM, dtype) for name, dtype in ((HEIGHT, "float32"), (PRECISION, "float32"), (COUNT, "uint8"))]
         yield from specs
         yield Job("densification", "heights", give_heights, {}, {s.name: Raster(s.name, s.full) for s in specs},
                   {"seed": 5, "hole": self.hole})

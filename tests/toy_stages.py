@@ -44,7 +44,8 @@ def make_tile(window: Window, factor: float, pause: float, poison: tuple[int, in
 
 def smooth_tile(values: np.ndarray, read: Window, window: Window) -> np.ndarray:
     padded = np.pad(values, 1, mode="edge")
-    mean = sum(padded[1 + i: padded.shape[0] - 1 + i, 1 + j: padded.shape[1] - 1 + j] for i in (-1, 0, 1) for j in (-1, 0, 1)) / np.float32(9)
+    rows, cols = values.shape
+    mean = sum(padded[i: rows + i, j: cols + j] for i in range(3) for j in range(3)) / np.float32(9)
     top, left = window.row - read.row, window.col - read.col
     return mean[top: top + window.height, left: left + window.width].astype(np.float32)
 
@@ -88,8 +89,10 @@ class SmoothStage(Stage):
         yield spec
         for tile in tiles_of(spec.shape, view.project.tile):
             read = tile.window.grown(1).clipped(spec.shape)
-            yield Job("smooth", "tile", smooth_tile, {"values": Raster(source.name, read)}, {"mean": Raster(spec.name, tile.window)},
-                      {"read": read, "window": tile.window}, tile.row, tile.col)
+            yield Job(
+                "smooth", "tile", smooth_tile, {"values": Raster(source.name, read)},
+                {"mean": Raster(spec.name, tile.window)}, {"read": read, "window": tile.window}, tile.row, tile.col,
+            )
         yield Export("smooth", "file", "products/smooth.tif", "tiff", rasters={"value": spec.name})
 
 

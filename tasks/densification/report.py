@@ -161,8 +161,8 @@ def _warnings(pairs: EpipolarPairs, matching: tuple[MatchingStatistics, ...], ce
     poor = sorted((completeness(part) or 0.0, name) for name, part in rows if (completeness(part) or 0.0) < COMPLETE_ENOUGH)
     if poor:
         worst = ", ".join(f"{name} {100 * share:.0f} %" for share, name in poor[:3])
-        found.append(f"In {len(poor)} of {len(rows)} pairs fewer than {100 * COMPLETE_ENOUGH:.0f} % of the nodes were matched (worst: {worst}); "
-                     "look for water, wood, repeated patterns or photographs that differ much.")
+        found.append(f"In {len(poor)} of {len(rows)} pairs fewer than {100 * COMPLETE_ENOUGH:.0f} % of the nodes were matched "
+                     f"(worst: {worst}); look for water, wood, repeated patterns or photographs that differ much.")
     found += [f"Pair {name}: the orientation left a y-parallax of {y_parallax(part):.2f} px; heights of this pair may be biased."
               for name, part in rows if abs(y_parallax(part) or 0.0) > Y_PARALLAX_LIMIT]
     known = sum(cells.provenance) - cells.provenance[EMPTY]

@@ -125,14 +125,16 @@ def _pictures(pair: EpipolarPair) -> tuple[Picture, ...]:
 
 
 def _warnings(block: Block, pairs: EpipolarPairs, rows: dict[str, RowResiduals]):
-    off_row = {pair.name: rows[pair.name].rms for pair in pairs.pairs if rows[pair.name].points and rows[pair.name].rms > PARALLAX_LIMIT}
+    measured = [(pair.name, rows[pair.name]) for pair in pairs.pairs]
+    off_row = {name: row.rms for name, row in measured if row.points and row.rms > PARALLAX_LIMIT}
     if off_row:
-        yield (f"Homologous points leave their row by more than {PARALLAX_LIMIT} px (root mean square) in {_worst(off_row, len(pairs.pairs))}: "
-               "the orientation or the lens distortion does not fit there, or tie points are wrong; matching will lose points.")
+        yield (f"Homologous points leave their row by more than {PARALLAX_LIMIT} px (root mean square) in "
+               f"{_worst(off_row, len(pairs.pairs))}: the orientation or the lens distortion does not fit there, "
+               "or tie points are wrong; matching will lose points.")
     wide = {pair.name: pair.row_sigma for pair in pairs.pairs if pair.row_sigma > BAND_LIMIT}
     if wide:
-        yield (f"The precision of the orientation lets expect y-parallaxes of more than one row in {_worst(wide, len(pairs.pairs))}; "
-               "more or better distributed tie points or control would help.")
+        yield ("The precision of the orientation lets expect y-parallaxes of more than one row in "
+               f"{_worst(wide, len(pairs.pairs))}; more or better distributed tie points or control would help.")
     unchecked = [pair.name for pair in pairs.pairs if not rows[pair.name].points]
     if unchecked:
         yield f"No tie points connect {', '.join(unchecked)} directly: their y-parallax could not be checked."

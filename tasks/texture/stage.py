@@ -14,7 +14,7 @@ from schemas.raster import MapGrid, RasterSpec, Tile, map_raster, tiles_of
 from schemas.report import report_table
 from schemas.settings import Settings, setting
 from schemas.stage import ProjectView, Stage
-from schemas.surface import CORRECTED, HEIGHT, ORTHO, SURFACE, Surface
+from schemas.surface import CORRECTED, COUNT, HEIGHT, ORTHO, PRECISION, SURFACE, Surface
 from tasks.geometry.view import block_view
 from tasks.texture.blending import Blend, Rejection
 from tasks.texture.extent import PhotoSource, TileExtent, ground_pixels, ortho_grid, photo_level, tile_extent
@@ -180,6 +180,7 @@ class TextureStage(Stage):
         yield Job("texture", "report", texture_report, {"statistics": tuple(statistics), "radiometry": RADIOMETRY},
                   {"report": report_table("texture")}, {"facts": facts})
         yield Export("texture", "ortho_cog", "products/ortho.tif", "cog", {"rgba": ORTHO})
+        yield Export("texture", "points", "products/points.laz", "laz", {"z": heights, "rgb": ORTHO, "precision": PRECISION, "pairs": COUNT})
 
     def _rules(self, surface: Surface) -> TextureRules:
         cell = surface.grid.cell

@@ -100,7 +100,7 @@ def test_a_failed_tile_blocks_only_what_needs_it(tmp_path):
 
 
 def test_a_missing_stage_is_named(tmp_path):
-    with pytest.raises(WorkflowError, match="'sum' needs the raster smooth/numbers.*add the stage 'smooth'"):
+    with pytest.raises(WorkflowError, match=r"'sum' needs the raster smooth/numbers.*add the stage 'smooth'"):
         run_in(tmp_path, SourceStage(), SumStage())
 
 

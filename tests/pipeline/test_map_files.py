@@ -35,7 +35,8 @@ def test_outside_the_file_is_nan(tmp_path):
 
 
 def test_the_bounds_become_a_grid(tmp_path):
-    assert read_map_grid(write_ramp(tmp_path / "ramp.tif"), "EPSG:2100") == MapGrid(west=1000.0, north=2000.0, cell=1.0, rows=50, cols=60)
+    grid = read_map_grid(write_ramp(tmp_path / "ramp.tif"), "EPSG:2100")
+    assert grid == MapGrid(west=1000.0, north=2000.0, cell=1.0, rows=50, cols=60)
 
 
 def test_a_file_without_crs_and_no_geotiff_are_refused(tmp_path):

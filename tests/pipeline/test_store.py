@@ -39,7 +39,10 @@ def test_writing_whole_chunks_comes_back(store):
     assert np.array_equal(store.read("a/b", Window(10, 20, 50, 60)), values[10:60, 20:80])
 
 
-@pytest.mark.parametrize("window", [Window(1, 0, 31, 32), Window(0, 0, 32, 33), Window(96, 64, 3, 26), Window(0, 0, 128, 90), Window(0, 0, 0, 0)])
+CUTTING = [Window(1, 0, 31, 32), Window(0, 0, 32, 33), Window(96, 64, 3, 26), Window(0, 0, 128, 90), Window(0, 0, 0, 0)]
+
+
+@pytest.mark.parametrize("window", CUTTING)
 def test_a_write_that_cuts_a_chunk_is_refused(store, window):
     store.create(spec_of())
     with pytest.raises(StoreError, match="whole chunks"):
@@ -104,7 +107,8 @@ def test_columns_of_different_length_cannot_be_built():
 
 
 def record_of(**more) -> Record:
-    return Record(stage="s", item="i/j", row=0, col=1, status="done", fingerprint=Fingerprint(settings="a", code="b", inputs="c"), reason="", **more)
+    fingerprint = Fingerprint(settings="a", code="b", inputs="c")
+    return Record(stage="s", item="i/j", row=0, col=1, status="done", fingerprint=fingerprint, reason="", **more)
 
 
 def test_records_come_back_and_broken_ones_do_not_count(tmp_path):
