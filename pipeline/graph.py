@@ -10,6 +10,7 @@ from itertools import product
 from pathlib import Path
 
 from pipeline import fingerprint as fp
+from pipeline.export import export as export_file
 from pipeline.records import Fingerprint, Key
 from pipeline.store import aligned
 from schemas.errors import OrthomillError, ResourceError, WorkflowError
@@ -117,7 +118,7 @@ class Graph:
         tables = [table.path for table in export.tables]
         fingerprint = Fingerprint(
             settings=fp.digest(export.path, export.format, fp.of_value(export.rasters), *tables),
-            code=fp.digest("export 1"),
+            code=fp.of_code(export_file),
             inputs=fp.digest(*(self.jobs[key].fingerprint.text for key in keys)),
         )
         return PlannedJob(export, tuple(keys), fingerprint, PROCESS_BYTES + EXPORT_BYTES, 0)

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from schemas.camera import Camera
-from schemas.observations import TiePoints
+from schemas.observations import ImageResiduals
 from schemas.orientation import Block, ExteriorOrientation
 from schemas.photo import Photo, Photos
 from tasks.geometry.view import View, block_view
@@ -86,7 +86,7 @@ def photograph(name: str) -> np.ndarray:
 
 
 
-def tie_points(sigma: float = 0.0, count: int = 400) -> TiePoints:
+def tie_points(sigma: float = 0.0, count: int = 400) -> ImageResiduals:
     """Measurements of random ground points in every photograph that sees them, sorted by track and photo."""
     random = np.random.default_rng(3)
     x, y = EAST + random.uniform(-250, 250, count), NORTH + random.uniform(-200, 200, count)
@@ -99,5 +99,6 @@ def tie_points(sigma: float = 0.0, count: int = 400) -> TiePoints:
         rows.append(np.column_stack([inside, np.full(len(inside), number), measured]))
     table = np.concatenate(rows)
     table = table[np.lexsort((table[:, 1], table[:, 0]))]
-    return TiePoints(track=table[:, 0].astype(np.int32), photo=table[:, 1].astype(np.int32), col=table[:, 2], row=table[:, 3],
-                     sigma=np.full(len(table), max(sigma, 0.1), np.float32))
+    nothing = np.zeros(len(table), np.float32)
+    return ImageResiduals(track=table[:, 0].astype(np.int32), photo=table[:, 1].astype(np.int32), col=table[:, 2], row=table[:, 3],
+                          v_col=nothing, v_row=nothing, standardised=nothing, used=np.ones(len(table), bool))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from schemas.epipolar import EpipolarPair
-from schemas.observations import TiePoints
+from schemas.observations import ImageResiduals
 from schemas.orientation import Block
 from tasks.geometry.normal_case import epipolar_view
 from tasks.geometry.view import block_view
@@ -25,7 +25,7 @@ class RowResiduals:
     greatest: float
 
 
-def row_residuals(pair: EpipolarPair, block: Block, ties: TiePoints, photos: tuple[str, ...]) -> np.ndarray:
+def row_residuals(pair: EpipolarPair, block: Block, ties: ImageResiduals, photos: tuple[str, ...]) -> np.ndarray:
     """y_left - y_right (N,) px of the tie points that both photographs of a pair measured; `photos` are the names by number."""
     left, right = common_measurements(ties, photos.index(pair.left), photos.index(pair.right))
     rows = [epipolar_view(pair, side, block_view(block, name)).from_photo(np.column_stack([ties.col[at], ties.row[at]]))[:, 1]
@@ -33,20 +33,17 @@ def row_residuals(pair: EpipolarPair, block: Block, ties: TiePoints, photos: tup
     return rows[1] - rows[0]
 
 
-def common_measurements(ties: TiePoints, left: int, right: int) -> tuple[np.ndarray, np.ndarray]:
+def common_measurements(ties: ImageResiduals, left: int, right: int) -> tuple[np.ndarray, np.ndarray]:
     """Rows of the table (N,), (N,) that measure the same tie point in the photographs `left` and `right` (numbers)."""
     in_left, in_right = np.flatnonzero(ties.photo == left), np.flatnonzero(ties.photo == right)
     _, at_left, at_right = np.intersect1d(ties.track[in_left], ties.track[in_right], return_indices=True)
     return in_left[at_left], in_right[at_right]
 
 
-def summary(residuals: np.ndarray, limit: float = 20.0) -> RowResiduals:
-    """RMS, median and greatest of residual y-parallaxes (N,) px.
-
-    Tie points beyond `limit` px are mismatches that the block adjustment refused; they say nothing of the geometry.
-    """
-    good = residuals[np.abs(residuals) < limit]
-    if not len(good):
+def summary(residuals: np.ndarray) -> RowResiduals:
+    """RMS, median and greatest of residual y-parallaxes (N,) px."""
+    if not len(residuals):
         return RowResiduals(0, *[float("nan")] * 4)
-    size = np.abs(good)
-    return RowResiduals(len(good), float(good.mean()), float(np.sqrt((good**2).mean())), float(np.median(size)), float(size.max()))
+    size = np.abs(residuals)
+    rms = float(np.sqrt((residuals**2).mean()))
+    return RowResiduals(len(residuals), float(residuals.mean()), rms, float(np.median(size)), float(size.max()))

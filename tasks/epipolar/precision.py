@@ -1,8 +1,8 @@
 """How far homologous points may leave their common row, as the orientation's precision lets expect.
 
 Strategy. The covariance of each photograph's exterior orientation is carried to the row coordinate of ground points at the border
-of the common images: turns by Karfis' row partials, shifts of the centre by their projection. The joint covariance of the two takes out what a
-weak datum does to both alike; where it is not known they count as independent, and the figure is an upper bound.
+of the common images: turns by Karfis' row partials, shifts of the centre by their projection. The joint covariance of the two
+takes out what a weak datum does to both alike; where it is not known they count as independent, and the figure is an upper bound.
 
 Source: Karfis 2009, section 6.5 (methods/relative_orientation_and_epipolar.md, 1.14).
 """

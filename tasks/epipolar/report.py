@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from schemas.epipolar import EpipolarPair, EpipolarPairs, epipolar_raster
-from schemas.observations import TiePoints
+from schemas.observations import ImageResiduals
 from schemas.orientation import Block
 from schemas.photo import Photos
 from schemas.report import Chart, Figure, Grid, Picture, StageReport
@@ -19,8 +19,9 @@ BAND_LIMIT = 1.0
 """px: half-width of the row band that matching along rows can bear"""
 
 
-def report(block: Block, pairs: EpipolarPairs, ties: TiePoints, photos: Photos) -> StageReport:
-    """Tables, figures and warnings of the epipolar pairs."""
+def report(block: Block, pairs: EpipolarPairs, measured: ImageResiduals, photos: Photos) -> StageReport:
+    """Tables, figures and warnings of the epipolar pairs; y-parallaxes are those of the tie points that the block adjustment kept."""
+    ties = measured.take(measured.used & (measured.track >= 0))
     residuals = {pair.name: row_residuals(pair, block, ties, photos.names) for pair in pairs.pairs}
     rows = {name: summary(values) for name, values in residuals.items()}
     return StageReport(
@@ -48,7 +49,7 @@ def _figures(pairs: EpipolarPairs, every: RowResiduals) -> tuple[Figure, ...]:
     return (
         Figure(name="pairs", value=len(used), sentence="Pairs of photographs that are matched.", headline=True),
         Figure(name="pairs_not_used", value=len(pairs.not_used), sentence="Pairs that share ground but are not matched."),
-        Figure(name="tie_points", value=every.points, sentence="Tie point measurements in the y-parallax check, over all pairs."),
+        Figure(name="tie_points", value=every.points, sentence="Tie points in the y-parallax check, over all pairs; those that the block adjustment rejected are left out."),
         Figure(name="y_parallax_rms", value=_known(every.rms, 3), unit="px", headline=True,
                sentence="Root mean square y-parallax of the tie points: how far homologous points leave their common row."),
         Figure(name="y_parallax_median", value=_known(every.median, 3), unit="px", sentence="Median of the absolute y-parallaxes."),

@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 
 from schemas.epipolar import PAIRS, EpipolarPair, epipolar_raster, grey_table
 from schemas.job import Export, Job, Raster
-from schemas.observations import TIE_POINTS
+from schemas.observations import IMAGE_RESIDUALS
 from schemas.orientation import BLOCK, Block
 from schemas.photo import PHOTOS, Photos, photo_raster
 from schemas.raster import RasterSpec, Tile, tiles_of
@@ -38,7 +38,7 @@ class EpipolarStage(Stage):
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         yield Job(self.kind, "pairs", choose_pairs, {"block": BLOCK}, {"pairs": PAIRS},
                   {"choice": self.pairs, "height_margin": self.height_margin})
-        yield Job(self.kind, "report", report, {"block": BLOCK, "pairs": PAIRS, "ties": TIE_POINTS, "photos": PHOTOS},
+        yield Job(self.kind, "report", report, {"block": BLOCK, "pairs": PAIRS, "measured": IMAGE_RESIDUALS, "photos": PHOTOS},
                   {"report": report_table(self.kind)})
         pairs, block, photos = view.table(PAIRS), view.table(BLOCK), view.table(PHOTOS)
         yield from self._ranges(view, photos, pairs.pairs)

@@ -18,7 +18,7 @@ from pipeline.lock import only_run
 
 SHIPPED = Path(__file__).parents[2] / "workflows" / "photographs" / "brighton"
 WORKFLOW = {
-    "project": "site", "crs": "EPSG:32630", "photographs": {"kind": "folder", "path": "photos"}, "tile": 256,
+    "project": "site", "crs": "EPSG:32615", "photographs": {"kind": "folder", "path": "photos"}, "tile": 256,
     "stages": ["photos", "calibration", "tie_points", "orientation"],
 }
 

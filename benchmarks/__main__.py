@@ -1,0 +1,16 @@
+"""All benchmarks, one after the other: `make bench`."""
+
+import sys
+
+from benchmarks import memory_growth, same_everywhere, volos
+
+
+def main() -> None:
+    """Run those named on the command line, or all."""
+    known = {"volos": volos.main, "same_everywhere": same_everywhere.main, "memory_growth": memory_growth.main}
+    for name in sys.argv[1:] or known:
+        known[name]()
+
+
+if __name__ == "__main__":
+    main()
