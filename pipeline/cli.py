@@ -4,6 +4,7 @@ Every error that orthomill can explain is one sentence and an exit code: 1 for f
 130 for Ctrl-C. A traceback is shown with --debug only.
 """
 
+import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,15 +18,16 @@ from rich.table import Table as Lines
 from pipeline.clean import clean_run
 from pipeline.doctor import doctor as examine
 from pipeline.export import export as export_file
-from pipeline.lock import only_run
+from pipeline.lock import is_running, only_run
 from pipeline.records import Records
 from pipeline.run_facts import RunFacts
-from pipeline.running import MIB, Options, rewrite_results, run_workflow, session_of
+from pipeline.running import DASHBOARD, MIB, Options, check_stage_names, rewrite_results, run_workflow, session_of
 from pipeline.session import Session, key_text
 from pipeline.settings_reference import write_settings_reference
 from pipeline.starting_workflow import write_starting_workflow
+from pipeline.summary import summary_markdown
 from pipeline.workflow import LoadedWorkflow, load_workflow, resolve_workflow
-from schemas.errors import OrthomillError
+from schemas.errors import OrthomillError, StoreError
 from schemas.job import Export
 from tasks.catalogue import STAGES
 
@@ -82,7 +84,7 @@ def run(
         loaded = _load(name)
         options = Options(from_stage, until, workers, memory * MIB, sequential, scheduler, port)
         facts = run_workflow(loaded, options, out, err)
-        _conclude(facts, loaded.root / "runs" / loaded.project.project)
+        _conclude(facts, loaded.run_folder)
     if not facts.complete:
         raise typer.Exit(1)
 
@@ -94,7 +96,8 @@ def _conclude(facts: RunFacts, folder: Path) -> None:
     for failure in facts.failures:
         err.print(f"[red]failed[/red] {escape(failure.key)}: {escape(failure.sentence)}", soft_wrap=True)
     if not facts.complete:
-        err.print("The project is not complete. What did not depend on the failed jobs is done; mend the cause and run again.")
+        err.print("The project is not complete. What did not depend on the failed jobs is done; mend the cause and run again.",
+                  soft_wrap=True)
 
 
 @app.command()
@@ -126,7 +129,7 @@ def status(name: Name, debug: Debug = False) -> None:
     """Show what is done, what failed and why, also while a run is going on."""
     with plain_errors(debug):
         loaded = _load(name)
-        folder = loaded.root / "runs" / loaded.project.project
+        folder = loaded.run_folder
         lines = Lines("stage", "done", "failed", "seconds", "last error", box=None)
         for stage in loaded.stages:
             records = Records(folder).of_stage(stage.kind)
@@ -135,8 +138,15 @@ def status(name: Name, debug: Debug = False) -> None:
             seconds = sum(record.seconds for record in records)
             lines.add_row(stage.kind, str(len(records) - len(failed)), str(len(failed)), f"{seconds:.1f}", escape(last))
         out.print(lines)
-        dashboard = folder / "jobs" / "dashboard.txt"
-        out.print(f"running now; dashboard: {dashboard.read_text()}" if dashboard.exists() else "not running", soft_wrap=True)
+        address = _dashboard_address(folder)
+        going_on = f"running now; dashboard: {address}" if address else "running now"
+        out.print(going_on if is_running(folder) else "not running", soft_wrap=True)
+
+
+def _dashboard_address(folder: Path) -> str:
+    """The address that a run on Dask keeps while it is going on; empty where there is none."""
+    path = folder / DASHBOARD
+    return path.read_text() if is_running(folder) and path.exists() else ""
 
 
 @app.command()
@@ -156,10 +166,11 @@ def export(
     """Write products again, or any raster of the store as a GeoTIFF."""
     with plain_errors(debug):
         session = session_of(_load(name))
+        chosen = _exports(session, raster, path)
         with only_run(session.folder):
-            for chosen in _exports(session, raster, path):
-                export_file(chosen, session.store, session.folder)
-                out.print(str(session.folder / chosen.path), soft_wrap=True)
+            for job in chosen:
+                export_file(job, session.store, session.folder)
+                out.print(str(session.folder / job.path), soft_wrap=True)
 
 
 def _exports(session: Session, raster: str | None, path: str | None) -> list[Export]:
@@ -168,8 +179,12 @@ def _exports(session: Session, raster: str | None, path: str | None) -> list[Exp
         target = path or f"products/{raster.replace('/', '_')}.tif"
         return [Export("export", raster, target, "cog", rasters={"value": raster})]
     session.plan()
-    ready = [p.job for p in session.graph.jobs.values() if isinstance(p.job, Export) and p.job.path.startswith("products/")]
-    return [job for job in ready if all(session.store.has(name) for name in job.rasters.values())]
+    planned = [p.job for p in session.graph.jobs.values() if isinstance(p.job, Export) and p.job.path.startswith("products/")]
+    store = session.store
+    ready = [job for job in planned if all(map(store.has, job.rasters.values())) and all(map(store.has_table, job.tables))]
+    if not ready:
+        raise StoreError(f"{session.folder.name} has no products yet; run it first: orthomill run {session.folder.name}")
+    return ready
 
 
 @app.command()
@@ -180,21 +195,20 @@ def clean(
 ) -> None:
     """Remove a project's results; its photographs and workflow stay."""
     with plain_errors(debug):
-        loaded = _load(name)
-        folder = loaded.root / "runs" / loaded.project.project
-        with only_run(folder):
-            clean_run(folder, tuple(stage) if stage else None)
-        out.print(f"removed from {folder}: {', '.join(stage) if stage else 'everything'}", soft_wrap=True)
+        loaded, stages = _load(name), tuple(stage or ())
+        check_stage_names(loaded, stages)
+        clean_run(loaded.run_folder, stages)
+        out.print(f"removed from {loaded.run_folder}: {', '.join(stages) or 'everything'}", soft_wrap=True)
 
 
 @app.command()
 def dashboard(name: Name, debug: Debug = False) -> None:
     """Print the address of the dashboard of a run that is going on."""
     with plain_errors(debug):
-        loaded = _load(name)
-        address = loaded.root / "runs" / loaded.project.project / "jobs" / "dashboard.txt"
-        idle = f"{loaded.project.project} is not running; start it with: orthomill run {name}"
-        out.print(address.read_text() if address.exists() else idle, soft_wrap=True)
+        folder = _load(name).run_folder
+        none = f"{folder.name} is running without Dask, so there is no dashboard; see: orthomill status {name}"
+        idle = f"{folder.name} is not running; start it with: orthomill run {name}"
+        out.print(_dashboard_address(folder) or (none if is_running(folder) else idle), soft_wrap=True)
 
 
 @app.command()
@@ -228,6 +242,16 @@ def doctor() -> None:
 def reference(path: Annotated[Path, typer.Argument(help="Where to write the page.")] = Path("docs/settings.md")) -> None:
     """Write the settings reference from the schemas."""
     write_settings_reference(STAGES, path)
+
+
+@app.command(hidden=True)
+def figures(name: Name, path: Annotated[Path, typer.Argument(help="Where to write the page.")] = Path("docs/summary.md"),
+            debug: Debug = False) -> None:
+    """Write the page of all names in summary.json from a finished run."""
+    with plain_errors(debug):
+        loaded = _load(name)
+        summary = json.loads((loaded.root / "runs" / loaded.project.project / "summary.json").read_text())
+        path.write_text(summary_markdown(summary))
 
 
 def main() -> None:

@@ -19,7 +19,7 @@ from schemas.errors import WorkflowError
 
 _BOUNDS = {
     "greater_than": ("gt", "greater than"), "greater_than_equal": ("ge", "at least"), "less_than": ("lt", "less than"),
-    "less_than_equal": ("le", "at most"), "multiple_of": ("multiple_of", "a multiple of"),
+    "less_than_equal": ("le", "at most"),
 }
 _METRES = {"m": 1.0, "metre": 1.0, "metres": 1.0, "meter": 1.0, "meters": 1.0, "km": 1000.0, "dm": 0.1, "cm": 0.01, "mm": 0.001,
            "um": 1e-6, "µm": 1e-6, "micrometres": 1e-6}

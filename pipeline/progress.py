@@ -63,7 +63,6 @@ class Progress:
             count.seconds += seconds
         elif finished.status == "failed":
             count.failed += 1
-            self._console.print(f"[red]failed[/red] {'/'.join(map(str, finished.key))}: {finished.sentence}", soft_wrap=True)
         else:
             count.blocked += 1
         if not self._live:

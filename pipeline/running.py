@@ -15,6 +15,7 @@ from pydantic import TypeAdapter
 from rich.console import Console
 
 from pipeline.lock import only_run
+from pipeline.mistakes import did_you_mean
 from pipeline.progress import Progress
 from pipeline.report import write_report
 from pipeline.run_facts import RunFacts
@@ -27,6 +28,8 @@ from schemas.errors import StoreError, WorkflowError
 
 MIB = 2**20
 FACTS = "jobs/run.json"
+DASHBOARD = "jobs/dashboard.txt"
+"""Holds the address of the dashboard while a run on Dask is going on."""
 
 
 @dataclass(frozen=True)
@@ -47,14 +50,24 @@ class Options:
 
 
 def session_of(loaded: LoadedWorkflow, from_stage: str | None = None, until: str | None = None) -> Session:
-    """A session of the stages that were asked for. Raises WorkflowError for stages that are not in the workflow."""
+    """A session of the stages that were asked for. Raises WorkflowError for stages that the workflow does not have."""
+    check_stage_names(loaded, tuple(name for name in (from_stage, until) if name is not None))
     kinds = [stage.kind for stage in loaded.stages]
-    for name in (from_stage, until):
-        if name is not None and name not in kinds:
-            raise WorkflowError(f"There is no stage '{name}' in {loaded.path.name}; its stages are {', '.join(kinds)}.")
-    last = kinds.index(until) + 1 if until else len(kinds)
-    forced = frozenset(kinds[kinds.index(from_stage):last]) if from_stage else frozenset()
-    return Session(loaded.project, loaded.stages[:last], loaded.root, partial(image_files, loaded.root), forced)
+    first = kinds.index(from_stage) if from_stage else len(kinds)
+    last = kinds.index(until) if until else len(kinds) - 1
+    if from_stage and first > last:
+        raise WorkflowError(f"--from {from_stage} comes after --until {until}, so nothing would run; exchange the two.")
+    forced = frozenset(kinds[first:last + 1])
+    return Session(loaded.project, loaded.stages[:last + 1], loaded.root, partial(image_files, loaded.root), forced)
+
+
+def check_stage_names(loaded: LoadedWorkflow, names: tuple[str, ...]) -> None:
+    """Raises WorkflowError for a name that is no stage of the workflow."""
+    kinds = [stage.kind for stage in loaded.stages]
+    for name in names:
+        if name not in kinds:
+            meant = did_you_mean(name, kinds)
+            raise WorkflowError(f"There is no stage '{name}' in {loaded.path.name}{meant} Its stages are {', '.join(kinds)}.")
 
 
 def run_workflow(loaded: LoadedWorkflow, options: Options, out: Console, err: Console) -> RunFacts:
@@ -66,13 +79,25 @@ def run_workflow(loaded: LoadedWorkflow, options: Options, out: Console, err: Co
             project=loaded.project.project, crs=loaded.project.crs, version=version("orthomill"), started=now(),
             workflow=(session.folder / "workflow.yaml").read_text(), machine=_machine(),
         )
+        (session.folder / DASHBOARD).unlink(missing_ok=True)
         clock = time.monotonic()
         session.plan()
         if session.pending:
-            facts = replace(facts, scheduler=_run(session, options, out, err))
+            with _facts_of_an_interruption(session, facts):
+                facts = replace(facts, scheduler=_run(session, options, out, err))
         facts = replace(facts, finished=now(), seconds=time.monotonic() - clock, **_ends(session))
         write_results(session, facts)
     return facts
+
+
+@contextmanager
+def _facts_of_an_interruption(session: Session, facts: RunFacts) -> Iterator[None]:
+    """A run that is stopped leaves its facts, so that `orthomill report` can show what is there."""
+    try:
+        yield
+    except BaseException:
+        write_facts(session, replace(facts, **_ends(session)))
+        raise
 
 
 def _run(session: Session, options: Options, out: Console, err: Console) -> str:
@@ -103,7 +128,7 @@ def _on_dask(folder: Path, options: Options, out: Console) -> Iterator[Runner]:
     else:
         place = f"{options.processes} processes on this machine"
         client_of = local_client(options.processes, options.memory, options.port)
-    address = folder / "jobs" / "dashboard.txt"
+    address = folder / DASHBOARD
     with client_of as client:
         runner = DaskRunner(client, options.memory, place)
         out.print(f"dashboard: {client.dashboard_link}", soft_wrap=True)
@@ -122,9 +147,14 @@ def _ends(session: Session) -> dict:
     return {"stages": stages, "failures": session.failure_list(), "peak_bytes": max(peaks, default=None)}
 
 
-def write_results(session: Session, facts: RunFacts) -> None:
-    """The summary, the report and the facts they were made from."""
+def write_facts(session: Session, facts: RunFacts) -> None:
+    """What summary and report are made from, besides the store."""
     write_whole(session.folder / FACTS, TypeAdapter(RunFacts).dump_json(facts, indent=1))
+
+
+def write_results(session: Session, facts: RunFacts) -> None:
+    """The facts, the summary and the report."""
+    write_facts(session, facts)
     stages = tuple((stage.kind, stage.title) for stage in session.stages)
     write_summary(session.store, stages, facts, session.folder / "summary.json")
     write_report(session.store, stages, facts, session.folder / "report.html")

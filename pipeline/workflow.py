@@ -40,6 +40,11 @@ class LoadedWorkflow:
     root: Path
     text: str
 
+    @property
+    def run_folder(self) -> Path:
+        """Where the results go."""
+        return self.root / "runs" / self.project.project
+
 
 def resolve_workflow(name_or_path: str, cwd: Path) -> Path:
     """The file of a workflow: "volos" is workflows/volos.yaml below `cwd`; anything with a suffix or a slash is a path.

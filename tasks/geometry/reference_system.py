@@ -72,9 +72,9 @@ def _check_area(text: str, longitude_latitude: np.ndarray) -> None:
     if outside.any():
         longitude, latitude = longitude_latitude[outside][0]
         raise WorkflowError(
-            f"The reference system crs: {text} is for {area.name.rstrip('.')}, but photographs were taken at longitude "
-            f"{longitude:.4f}, "
-            f"latitude {latitude:.4f}; give the system of the site."
+            f"The reference system crs: {text} is for longitudes {area.west:g} to {area.east:g} and latitudes {area.south:g} to "
+            f"{area.north:g} degrees, but photographs were taken at longitude {longitude:.4f}, latitude {latitude:.4f}; give the "
+            "system of the site."
         )
 
 

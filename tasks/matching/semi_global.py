@@ -8,15 +8,17 @@ The claim of the system is not here but in the refinement by least squares; this
 Source: Hirschmueller 2008 (paths, left-right check); Zabih & Woodfill 1994 (census).
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numba import njit
 
 from schemas.settings import Settings, setting
 
-_WHOLE = {"reassoc", "nsz", "nnan"}
-"""The path costs are whole numbers in float32, so that reordering changes nothing."""
 CENSUS_HALF = 3
-_BITS = (2 * CENSUS_HALF + 1) ** 2 - 1
+UNIT = 16
+"""Every pixel has a multiple of so many candidates, because as many are worked on at a time."""
+_WALL, _NONE = np.int16(10000), np.int32(2**31 - 1)
 
 
 class SemiGlobal(Settings):
@@ -26,6 +28,15 @@ class SemiGlobal(Settings):
     large_penalty: int = setting(40, "Cost of a larger parallax jump between neighbours.", "census bits", ge=0, le=400)
     tolerance: int = setting(1, "Largest difference of the parallaxes found from left and from right.", "px", ge=0, le=8)
     speckle: int = setting(60, "Connected patches with fewer pixels are removed.", "px", ge=0)
+    blank: int = setting(24, "Cost of a candidate outside the other image.", "census bits", ge=0, le=48)
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """First and last candidate number (H, W) int that every pixel may take; `semi_global` may add a few."""
+
+    first: np.ndarray
+    last: np.ndarray
 
 
 @njit(cache=True)
@@ -59,89 +70,97 @@ def _bits(v):
 
 
 @njit(cache=True)
-def _costs(left, left_valid, right, right_valid, candidates):
-    """Hamming distances (H, W, K) uint8, half the bits without data; candidate k of left column x is right column x + K - 1 - k."""
+def _costs(left, right, right_valid, low, offset, blank):
+    """Packed Hamming distances uint8 of every pixel's candidates, `blank` where the right image has no data."""
     rows, cols = left.shape
-    cost = np.full((rows, cols, candidates), np.uint8(_BITS // 2), np.uint8)
+    cost = np.empty(offset[-1], np.uint8)
     for r in range(rows):
         backwards, usable = right[r, ::-1].copy(), right_valid[r, ::-1].copy()
         for c in range(cols):
-            if not left_valid[r, c]:
-                continue
-            mine, first, row = left[r, c], cols - 1 - c, cost[r, c]
-            theirs, good = backwards[first:first + candidates], usable[first:first + candidates]
-            for k in range(candidates):
+            begin, end = offset[r * cols + c], offset[r * cols + c + 1]
+            mine, first = left[r, c], cols - 1 - c + low[r, c]
+            here, theirs, good = cost[begin:end], backwards[first:first + end - begin], usable[first:first + end - begin]
+            for k in range(end - begin):
                 bits = _bits(mine ^ theirs[k])
-                row[k] = np.uint8(bits) if good[k] else np.uint8(_BITS // 2)
+                here[k] = np.uint8(bits) if good[k] else blank
     return cost
 
 
-@njit(cache=True, fastmath=_WHOLE)
-def _step(before, after, cost, total, penalties):
-    """One step of one path: `before`, `after` (K + 2,) have a high wall at both ends; penalties: low of `before`, small, large."""
-    lowest, small, large = penalties
-    jump = lowest + large
+@njit(cache=True, inline="always")
+def _step(before, after, cost, total, lowest, small, large):
+    """One step of one path over n candidates; `before` (n + 2,) has the neighbours on both sides. Returns the lowest of `after`.
+
+    All in 16 bits, which LLVM works on 16 at a time; the sums stay far below 32000.
+    """
+    jump, least = np.int16(lowest + large), np.int16(32000)
     for k in range(cost.size):
-        best = min(min(before[k + 1], before[k] + small), min(before[k + 2] + small, jump))
-        value = np.float32(cost[k]) + best - lowest
-        after[k + 1] = value
-        total[k] += value
-
-
-@njit(cache=True)
-def _lowest(bits):
-    """Least of positive floats by their bit patterns: integers, unlike floats, are compared many at a time."""
-    least = bits[0]
-    for k in range(1, bits.size):
-        least = min(least, bits[k])
+        best = min(min(before[k + 1], np.int16(before[k] + small)), min(np.int16(before[k + 2] + small), jump))
+        value = np.int16(np.int16(cost[k]) + np.int16(best - lowest))
+        after[k] = value
+        total[k] = np.int16(total[k] + value)
+        least = min(least, value)
     return least
 
 
 @njit(cache=True)
-def _sweep(cost, total, small, large, backwards):
-    """Add four paths: along the row and the three from the row above; read backwards, those are the other four."""
-    rows, cols, candidates = cost.shape
-    paths = np.zeros((2, 4, cols + 2, candidates + 2), np.float32)
-    paths[..., 0] = 1e9
-    paths[..., candidates + 1] = 1e9
-    bits = paths.view(np.int32)
-    lowest = np.zeros((2, 4, cols + 2), np.float32)
-    lowest_bits = lowest.view(np.int32)
+def _sweep(cost, total, low, offset, candidates, small, large, backwards):
+    """Add four paths: along the row and the three from the row above; read backwards, those are the other four.
+
+    Two rows of paths are kept, with a wall wherever a pixel has no candidate, so that neighbours may differ in their ranges.
+    """
+    rows, cols = low.shape
+    paths = np.full((2, cols + 2, 4, candidates + 2), _WALL, np.int16)
+    lowest, ranges = np.zeros((2, cols + 2, 4), np.int16), np.zeros((2, cols + 2, 2), np.int64)
     for r in range(rows):
         now, above = r % 2, (r + 1) % 2
         for c in range(1, cols + 1):
             y, x = (rows - 1 - r, cols - c) if backwards else (r, c - 1)
-            here, sums = cost[y, x], total[y, x]
+            begin, end = offset[y * cols + x], offset[y * cols + x + 1]
+            first, last = np.int64(low[y, x]), low[y, x] + end - begin
+            old_first, old_last = ranges[now, c, 0], ranges[now, c, 1]
+            if old_first != first or old_last != last:
+                for path in range(4):
+                    paths[now, c, path, old_first + 1:old_last + 1] = _WALL
+                ranges[now, c, 0], ranges[now, c, 1] = first, last
+            lowest[now, c, :] = 0
+            if begin == end:
+                continue
+            here, sums = cost[begin:end], total[begin:end]
             for path in range(4):
                 row, col = (now, c - 1) if path == 0 else (above, c + path - 2)
-                _step(paths[row, path, col], paths[now, path, c], here, sums, (lowest[row, path, col], small, large))
-                lowest_bits[now, path, c] = _lowest(bits[now, path, c])
+                lowest[now, c, path] = _step(paths[row, col, path, first:last + 2], paths[now, c, path, first + 1:last + 1], here, sums,
+                                             lowest[row, col, path], small, large)
 
 
 @njit(cache=True)
-def _winners(total):
-    """Cheapest candidate of every left pixel (H, W) and of every right pixel (H, W + K - 1), int16."""
-    rows, cols, candidates = total.shape
-    left = np.zeros((rows, cols), np.int16)
-    right = np.full((rows, cols + candidates - 1), np.int16(-1), np.int16)
-    best = np.empty(cols + candidates - 1, np.float32)
+def _winners(total, low, offset, right_valid, candidates):
+    """Cheapest candidate of every left pixel (H, W) and of every right pixel (H, W + K - 1), int16; -1 where there is none.
+
+    Sum and candidate are compared as one number, sum * 4096 + candidate: many at a time, and of equal sums the first wins.
+    """
+    rows, cols = low.shape
+    left, right = np.full((rows, cols), np.int16(-1), np.int16), np.full(right_valid.shape, np.int16(-1), np.int16)
+    best = np.empty(cols + candidates - 1, np.int32)
     for r in range(rows):
-        best[:] = 1e9
+        best[:] = _NONE
         for c in range(cols):
-            here, rays, seen = total[r, c], best[c:c + candidates], right[r, c:c + candidates]
-            lowest, winner = here[0], 0
-            for k in range(candidates):
-                value = here[k]
-                if value < lowest:
-                    lowest, winner = value, k
-                if value < rays[candidates - 1 - k]:
-                    rays[candidates - 1 - k], seen[candidates - 1 - k] = value, k
-            left[r, c] = winner
+            begin, end = offset[r * cols + c], offset[r * cols + c + 1]
+            first, lowest = low[r, c], _NONE
+            here, rays = total[begin:end], best[c + candidates - first - (end - begin):c + candidates - first]
+            for k in range(rays.size):
+                number = np.int32(np.int32(here[rays.size - 1 - k]) * 4096 + np.int32(first + rays.size - 1 - k))
+                lowest = min(lowest, number)
+                rays[k] = min(rays[k], number)
+            if lowest < _NONE and right_valid[r, c + candidates - 1 - lowest % 4096]:
+                left[r, c] = lowest % 4096
+        for x in range(best.size):
+            if best[x] < _NONE:
+                right[r, x] = best[x] % 4096
     return left, right
 
 
 @njit(cache=True)
-def _agreeing(left, right, left_valid, tolerance):
+def _agreeing(left, right, tolerance):
     """Winners (H, W) float32 where left and right agree, NaN elsewhere."""
     rows, cols = left.shape
     candidates = right.shape[1] - cols + 1
@@ -149,7 +168,7 @@ def _agreeing(left, right, left_valid, tolerance):
     for r in range(rows):
         for c in range(cols):
             k = left[r, c]
-            if left_valid[r, c] and abs(right[r, c + candidates - 1 - k] - k) <= tolerance:
+            if k >= 0 and abs(right[r, c + candidates - 1 - k] - k) <= tolerance:
                 out[r, c] = k
     return out
 
@@ -180,21 +199,34 @@ def remove_specks(parallax, step, smallest):
                 parallax[stack[i] // cols, stack[i] % cols] = np.nan
 
 
-def semi_global(left: np.ndarray, right: np.ndarray, settings: SemiGlobal) -> np.ndarray:
+def semi_global(left: np.ndarray, right: np.ndarray, settings: SemiGlobal, ranges: Candidates | None = None) -> np.ndarray:
     """Candidate numbers (H, W) float32 of a left image, NaN where none is trusted.
 
     left (H, W), right (H, W + K - 1), float32 with NaN without data: the right window begins so that candidate k of left column x
-    is right column x + K - 1 - k. K >= 2.
+    is right column x + K - 1 - k. 2 <= K < 4096. ranges: the candidates that each pixel may take (all, if None).
     """
     candidates = right.shape[1] - left.shape[1] + 1
+    padded = -(-candidates // UNIT) * UNIT
     left_code, left_valid = census(left)
-    right_code, right_valid = census(right)
-    cost = _costs(left_code, left_valid, right_code, right_valid, candidates)
-    total = np.zeros(cost.shape, np.float32)
-    small, large = np.float32(settings.small_penalty), np.float32(settings.large_penalty)
-    _sweep(cost, total, small, large, False)
-    _sweep(cost, total, small, large, True)
-    winners, seen_from_right = _winners(total)
-    result = _agreeing(winners, seen_from_right, left_valid, settings.tolerance)
+    right_code, right_valid = (np.pad(array, ((0, 0), (padded - candidates, 0))) for array in census(right))
+    low, offset = _packing(left_valid, padded, ranges)
+    cost = _costs(left_code, right_code, right_valid, low, offset, np.uint8(settings.blank))
+    total = np.zeros(cost.shape, np.int16)
+    small, large = np.int16(settings.small_penalty), np.int16(settings.large_penalty)
+    _sweep(cost, total, low, offset, padded, small, large, False)
+    _sweep(cost, total, low, offset, padded, small, large, True)
+    winners, seen_from_right = _winners(total, low, offset, right_valid, padded)
+    result = _agreeing(winners, seen_from_right, settings.tolerance)
     remove_specks(result, np.float32(1.0), settings.speckle)
     return result
+
+
+def _packing(valid: np.ndarray, padded: int, ranges: Candidates | None) -> tuple[np.ndarray, np.ndarray]:
+    """First candidate (H, W) int32 of every pixel, and where its candidates begin in the packed costs (H * W + 1,)."""
+    if ranges is None:
+        count = np.where(valid, padded, 0)
+        low = np.zeros(valid.shape, np.int32)
+    else:
+        count = np.where(valid, np.clip(-(-(ranges.last - ranges.first + 1) // UNIT) * UNIT, UNIT, padded), 0)
+        low = np.clip(ranges.first, 0, padded - count).astype(np.int32)
+    return low, np.concatenate([[0], np.cumsum(count.ravel(), dtype=np.int64)])

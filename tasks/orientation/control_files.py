@@ -113,6 +113,6 @@ def _mistake(name: str, word: str, photo: Photo | None, values: tuple[float, ...
     if values and not (-0.5 <= values[0] <= photo.width - 0.5 and -0.5 <= values[1] <= photo.height - 0.5):
         return (
             f"is measured at col {values[0]:g}, row {values[1]:g}, outside of {photo.name}, which has {photo.width} columns and "
-            f"{photo.height} rows."
+            f"{photo.height} rows; correct the line or take it out."
         )
     return None

@@ -123,7 +123,7 @@ def test_blocks_without_data_or_texture_are_empty():
 
 
 def plain_paths(cost, small, large):
-    """Eight paths, written down as the paper has them."""
+    """Eight paths, written down as the paper has them; a path that begins pays a jump, whichever candidate it takes."""
     rows, cols, candidates = cost.shape
     total = np.zeros(cost.shape)
     for dr, dc in ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)):
@@ -131,27 +131,38 @@ def plain_paths(cost, small, large):
         for r in range(rows) if dr >= 0 else range(rows - 1, -1, -1):
             for c in range(cols) if dc >= 0 else range(cols - 1, -1, -1):
                 inside = 0 <= r - dr < rows and 0 <= c - dc < cols
-                before = path[r - dr, c - dc] if inside else np.zeros(candidates)
+                before = path[r - dr, c - dc] if inside else np.full(candidates, 1e9)
                 lower, upper = np.r_[1e9, before[:-1]] + small, np.r_[before[1:], 1e9] + small
-                best = np.min([before, lower, upper, np.full(candidates, before.min() + large)], axis=0)
-                path[r, c] = cost[r, c] + best - before.min()
+                best = np.min([before - before.min(), lower - before.min(), upper - before.min(), np.full(candidates, large)], axis=0)
+                path[r, c] = cost[r, c] + (best if inside else large)
         total += path
     return total
 
 
 def test_paths_agree_with_their_twin():
     cost = np.random.default_rng(0).integers(0, 48, (9, 11, 7)).astype(np.uint8)
-    total = np.zeros(cost.shape, np.float32)
+    total, low, offset = np.zeros(cost.size, np.int16), np.zeros((9, 11), np.int32), 7 * np.arange(9 * 11 + 1)
     for backwards in (False, True):
-        _sweep(cost, total, np.float32(8), np.float32(40), backwards)
-    assert np.array_equal(total, plain_paths(cost, 8, 40))
+        _sweep(cost.ravel(), total, low, offset, 7, np.int16(8), np.int16(40), backwards)
+    assert np.array_equal(total.reshape(cost.shape), plain_paths(cost, 8, 40))
+
+
+def test_paths_between_different_ranges_see_walls():
+    random = np.random.default_rng(2)
+    cost, low = random.integers(0, 48, (9, 11, 16)).astype(np.uint8), random.integers(0, 11, (9, 11)).astype(np.int32)
+    allowed = (np.arange(16) >= low[..., None]) & (np.arange(16) < low[..., None] + 6)
+    total, offset = np.zeros(allowed.sum(), np.int16), 6 * np.arange(9 * 11 + 1)
+    for backwards in (False, True):
+        _sweep(cost[allowed], total, low, offset, 16, np.int16(8), np.int16(40), backwards)
+    walled = np.where(allowed, cost, 1e6)
+    assert np.array_equal(total, plain_paths(walled, 8, 40)[allowed])
 
 
 def test_costs_are_counts_of_differing_signs():
     random = np.random.default_rng(1)
     left, right = random.normal(100, 9, (9, 12)).astype(np.float32), random.normal(100, 9, (9, 16)).astype(np.float32)
-    (a, good), (b, fine) = census(left), census(right)
-    cost = _costs(a, good, b, fine, 5)
+    (a, _), (b, fine) = census(left), census(right)
+    cost = _costs(a, b, fine, np.zeros((9, 12), np.int32), 5 * np.arange(9 * 12 + 1), np.uint8(24)).reshape(9, 12, 5)
     signs, other = left[1:8, 2:9] < left[4, 5], right[1:8, 4:11] < right[4, 5 + 4 - 2]
     assert cost[4, 5, 2] == (signs != other).sum()
     assert (cost[0] == 24).all()
