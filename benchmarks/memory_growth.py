@@ -1,4 +1,7 @@
-"""Does memory grow with the project? The small simulated project against one of four times the area: `python -m benchmarks.memory_growth`."""
+"""Does memory grow with the project? The small simulated project against one of four times the area.
+
+Run with `python -m benchmarks.memory_growth`.
+"""
 
 import tempfile
 from pathlib import Path
@@ -39,7 +42,7 @@ def main() -> None:
         "| | small | large | ratio |", "| --- | --- | --- | --- |",
         f"| photographs | 6 | {LARGE['strips'] * LARGE['photos_per_strip']} | 4 |",
         f"| cells with a height | {cells[0]} | {cells[1]} | {cells[1] / cells[0]:.2f} |",
-        f"| largest worker ({small_figures['run.peak_memory']['unit']}) | {workers[0]:.0f} | {workers[1]:.0f} | {workers[1] / workers[0]:.3f} |",
+        f"| largest worker (MiB) | {workers[0]:.0f} | {workers[1]:.0f} | {workers[1] / workers[0]:.3f} |",
         f"| largest process of any kind (MiB) | {small.peak_bytes / 2**20:.0f} | {large.peak_bytes / 2**20:.0f} "
         f"| {large.peak_bytes / small.peak_bytes:.3f} |",
         f"| seconds | {small.seconds:.0f} | {large.seconds:.0f} | {large.seconds / small.seconds:.2f} |",

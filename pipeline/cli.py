@@ -5,6 +5,7 @@ Every error that orthomill can explain is one sentence and an exit code: 1 for f
 """
 
 import json
+import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -256,4 +257,5 @@ def figures(name: Name, path: Annotated[Path, typer.Argument(help="Where to writ
 
 def main() -> None:
     """Entry point of the command."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a batch system's polite stop is answered like Ctrl-C
     app()

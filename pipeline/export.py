@@ -33,6 +33,9 @@ from schemas.raster import RasterSpec, Window, tiles_of
 GDAL_CACHE = 64 * 2**20
 """GDAL's block cache, bytes: enough for a row of blocks of 100 thousand columns, and a bound on memory."""
 
+_PASSING = {"compress": "zstd", "zstd_level": 1}
+"""How a file is compressed that is deleted again at once: not at all would be a little faster, but could fill a disk."""
+
 COLOURS = {3: ("red", "green", "blue"), 4: ("red", "green", "blue", "alpha")}
 
 
@@ -70,6 +73,14 @@ def _renamed_when_whole(path: Path) -> Iterator[Path]:
         temporary = Path(scratch) / path.name
         yield temporary
         os.replace(temporary, path)
+
+
+@contextmanager
+def _gdal() -> Iterator[None]:
+    """GDAL with a bounded cache. Photographs have no place on the ground, and that is nothing to be warned of."""
+    with rasterio.Env(GDAL_CACHEMAX=GDAL_CACHE), warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        yield
 
 
 # --- rasters -----------------------------------------------------------------------------------------------------------------
@@ -161,13 +172,13 @@ def _type_and_nodata(specs: tuple[RasterSpec, ...]) -> tuple[np.dtype, float | N
 
 def _write_cog(export: Export, store: ReadableStore, path: Path) -> None:
     stack = stack_of(export, store)
-    with rasterio.Env(GDAL_CACHEMAX=GDAL_CACHE), _renamed_when_whole(path) as temporary:
+    with _gdal(), _renamed_when_whole(path) as temporary:
         plain = temporary.with_suffix(".plain.tif")
         profile = {"crs": stack.first.crs, "nodata": stack.nodata}
         if stack.first.transform is not None:
             profile["transform"] = rasterio.Affine(*stack.first.transform)
-        _write_tiled(stack, store, plain, profile | {"compress": "lzw"})
-        rasterio.shutil.copy(plain, temporary, driver="COG", compress="deflate", level=6, predictor="yes", blocksize=512,
+        _write_tiled(stack, store, plain, profile | _PASSING)
+        rasterio.shutil.copy(plain, temporary, driver="COG", compress="deflate", level=1, predictor="yes", blocksize=512,
                              overview_resampling="nearest" if stack.has_codes else "average", bigtiff="if_safer",
                              statistics="no" if stack.is_picture else "yes")
 
@@ -176,9 +187,9 @@ def _write_tiff(export: Export, store: ReadableStore, path: Path) -> None:
     stack = stack_of(export, store)
     if len(stack.specs) != 1:
         raise StoreError(f"{export.path} is to be a plain TIFF of {len(stack.specs)} rasters; it holds exactly one.")
-    with rasterio.Env(GDAL_CACHEMAX=GDAL_CACHE), _renamed_when_whole(path) as temporary, warnings.catch_warnings():
-        warnings.simplefilter("ignore", NotGeoreferencedWarning)
-        _write_tiled(stack, store, temporary, {"compress": "deflate", "zlevel": 1})
+    with _gdal(), _renamed_when_whole(path) as temporary:
+        predictor = 3 if stack.dtype.kind == "f" else 2
+        _write_tiled(stack, store, temporary, {"compress": "deflate", "zlevel": 1, "predictor": predictor})
 
 
 def _write_tiled(stack: Stack, store: ReadableStore, path: Path, profile: dict) -> None:
@@ -187,7 +198,7 @@ def _write_tiled(stack: Stack, store: ReadableStore, path: Path, profile: dict) 
     profile = profile | {
         "driver": "GTiff", "height": stack.first.shape[0], "width": stack.first.shape[1], "count": stack.bands,
         "dtype": stack.dtype, "tiled": True, "blockxsize": max(block, 64), "blockysize": max(block, 64),
-        "interleave": "pixel", "bigtiff": "if_safer", "predictor": 3 if stack.dtype.kind == "f" else 2,
+        "interleave": "pixel", "bigtiff": "if_safer",
     }
     if stack.is_picture:
         profile["photometric"] = "rgb"

@@ -61,6 +61,7 @@ class Graph:
         self.jobs: dict[Key, PlannedJob] = {}
         self._chunk_writers: dict[tuple[str, int, int], Key] = {}
         self._table_writers: dict[str, Key] = {}
+        self._table_readers: dict[str, tuple[str, ...] | None] = {}
         self._file_writers: dict[str, Key] = {}
 
     def add_raster(self, spec: RasterSpec) -> None:
@@ -137,11 +138,16 @@ class Graph:
             raise NoWriter(f"the raster {name}", stage)
         return self.specs[name]
 
+    def check_table_reader(self, stage: str, path: str) -> None:
+        """Raises GraphError when a stage may not read a table."""
+        _check_allowed(stage, path, self._table_readers.get(path))
+
     def _check_reader(self, job: Job, region: Region) -> None:
+        if isinstance(region, Table):
+            self.check_table_reader(job.stage, region.path)
         if isinstance(region, Raster):
             spec = self._known(job.stage, region.name)
-            if spec.readers is not None and job.stage not in spec.readers:
-                raise GraphError(f"The stage {job.stage} may not read {region.name}; only {', '.join(spec.readers)} may.")
+            _check_allowed(job.stage, region.name, spec.readers)
             if region.window.empty or region.window.clipped(spec.shape) != region.window:
                 raise GraphError(f"{job.key} reads {region.window} of {region.name}, which has the shape {spec.shape}.")
 
@@ -184,6 +190,7 @@ class Graph:
         for output in job.writes.values():
             if isinstance(output, Table):
                 self._claim(self._table_writers, output.path, job.key)
+                self._table_readers[output.path] = output.readers
                 continue
             spec = self.specs[output.name]
             if not aligned(output.window, spec.shape, spec.chunks):
@@ -195,6 +202,11 @@ class Graph:
         other = writers.setdefault(what, key)
         if other != key:
             raise GraphError(f"{what} has two writers: {other} and {key}.")
+
+
+def _check_allowed(stage: str, name: str, readers: tuple[str, ...] | None) -> None:
+    if readers is not None and stage not in readers:
+        raise GraphError(f"The stage {stage} may not read {name}; only {', '.join(readers)} may.")
 
 
 def check_memory(planned: PlannedJob, limit: int) -> None:

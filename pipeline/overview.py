@@ -40,7 +40,7 @@ def overview(store: ReadableStore, name: str, limit: int, nearest: bool) -> Over
     total, count, area = np.zeros((rows, cols, bands)), np.zeros((rows, cols, 1)), np.zeros((rows, cols, 1))
     reduced = _thinned if nearest else _summed
     for tile in tiles_of(spec.shape, max(spec.chunk, 64)):
-        place, values, present, pixels = reduced(spec, *_pixels(store, spec, tile.window), tile.window, factor)
+        place, values, present, pixels = reduced(spec, _bands(store.read(spec.name, tile.window)), tile.window, factor)
         total[place] += values
         count[place] += present
         area[place] += pixels
@@ -49,41 +49,62 @@ def overview(store: ReadableStore, name: str, limit: int, nearest: bool) -> Over
     return Overview(means if len(spec.shape) == 3 else means[..., 0], (count / np.maximum(area, 1))[..., 0], factor)
 
 
-def _pixels(store: ReadableStore, spec: RasterSpec, window: Window) -> tuple[np.ndarray, np.ndarray]:
-    """Values (h, w, bands) float64, 0 where absent, and presence (h, w, 1)."""
-    raw = store.read(spec.name, window)
-    raw = raw[..., None] if raw.ndim == 2 else raw
-    present = np.isfinite(raw).all(axis=2, keepdims=True)
-    if spec.nodata is not None:
+def _bands(raw: np.ndarray) -> np.ndarray:
+    return raw[..., None] if raw.ndim == 2 else raw
+
+
+def _present(spec: RasterSpec, raw: np.ndarray) -> np.ndarray:
+    """Which pixels (h, w, 1) have a value."""
+    present = np.isfinite(raw).all(axis=2, keepdims=True) if raw.dtype.kind == "f" else np.ones((*raw.shape[:2], 1), bool)
+    if spec.nodata is not None and spec.nodata == spec.nodata:
         present &= (raw != spec.nodata).any(axis=2, keepdims=True)
     if raw.shape[2] == 4:
         present &= raw[..., 3:] > 0
-    return np.where(present, raw, 0).astype(np.float64), present.astype(np.float64)
+    return present
 
 
-def _summed(spec: RasterSpec, values: np.ndarray, present: np.ndarray, window: Window, factor: int) -> Reduced:
+def _summed(spec: RasterSpec, raw: np.ndarray, window: Window, factor: int) -> Reduced:
     """Sums over the blocks that the window touches; a block cut by two windows gets a part from each."""
-    rows, row_starts = _blocks(window.row, window.height, factor)
-    cols, col_starts = _blocks(window.col, window.width, factor)
+    rows, high = _blocks(window.row, window.height, factor)
+    cols, wide = _blocks(window.col, window.width, factor)
+    area = np.outer(high, wide)[..., None]
+    present = _present(spec, raw)
+    if present.all():
+        return (rows, cols), _block_sums(raw, window, factor), area, area
+    return (rows, cols), _block_sums(np.where(present, raw, 0), window, factor), _block_sums(present, window, factor), area
 
-    def sums(array: np.ndarray) -> np.ndarray:
-        return np.add.reduceat(np.add.reduceat(array, row_starts, axis=0), col_starts, axis=1)
 
-    return (rows, cols), sums(values), sums(present), sums(np.ones_like(present))
+def _block_sums(array: np.ndarray, window: Window, factor: int) -> np.ndarray:
+    """Sums over the blocks (rows, cols, bands) float64 of the pixels of a window: all first rows of blocks at once, then all
+    second rows, and so on; columns likewise."""
+    lines = _sums_along(array, window.row, factor)
+    return _sums_along(lines.swapaxes(0, 1), window.col, factor).swapaxes(0, 1)
+
+
+def _sums_along(array: np.ndarray, start: int, factor: int) -> np.ndarray:
+    """Sums over blocks along the first axis, whose first line is number `start` of the whole raster."""
+    out = np.zeros(((start + len(array) - 1) // factor - start // factor + 1, *array.shape[1:]))
+    for first in range(min(factor, len(array))):
+        part = array[first::factor]
+        block = (start + first) // factor - start // factor
+        out[block:block + len(part)] += part
+    return out
 
 
 def _blocks(start: int, length: int, factor: int) -> tuple[slice, np.ndarray]:
-    """Which blocks the pixels from `start` belong to, and where each block begins among them."""
-    block = np.arange(start, start + length) // factor
-    return slice(int(block[0]), int(block[-1]) + 1), np.flatnonzero(np.diff(block, prepend=block[0] - 1))
+    """Which blocks the pixels from `start` belong to, and how many of them fall in each."""
+    first, last = start // factor, (start + length - 1) // factor
+    borders = np.clip(np.arange(first, last + 2) * factor, start, start + length)
+    return slice(first, last + 1), np.diff(borders)
 
 
-def _thinned(spec: RasterSpec, values: np.ndarray, present: np.ndarray, window: Window, factor: int) -> Reduced:
+def _thinned(spec: RasterSpec, raw: np.ndarray, window: Window, factor: int) -> Reduced:
     """The middle pixels of the blocks whose middle lies in the window."""
     rows, row_pick = _middles(window.row, window.height, factor, spec.shape[0])
     cols, col_pick = _middles(window.col, window.width, factor, spec.shape[1])
-    picked = np.ix_(row_pick, col_pick)
-    return (rows, cols), values[picked], present[picked], np.ones_like(present[picked])
+    picked = raw[np.ix_(row_pick, col_pick)]
+    present = _present(spec, picked)
+    return (rows, cols), np.where(present, picked, 0), present, np.ones_like(present)
 
 
 def _middles(start: int, length: int, factor: int, size: int) -> tuple[slice, np.ndarray]:

@@ -34,6 +34,8 @@ class Planner:
     def __post_init__(self) -> None:
         self.complete: set[str] = set()
         self.waiting_for: dict[str, str] = {}
+        self._asking = ""
+        """the stage that is being planned"""
 
     @property
     def open_stages(self) -> tuple[Stage, ...]:
@@ -46,6 +48,7 @@ class Planner:
         """
         new: list[PlannedJob] = []
         for stage in self.open_stages:
+            self._asking = stage.kind
             try:
                 for item in stage.plan(self):
                     if isinstance(item, RasterSpec):
@@ -77,6 +80,7 @@ class Planner:
         key = self.graph.writer_of_table(table.path)
         if key is None:
             raise NoWriter(f"the table {table.path}", "")
+        self.graph.check_table_reader(self._asking, table.path)
         if not self.is_done(key):
             raise NotYet(f"the table {table.path}")
         return self.store.table(table)

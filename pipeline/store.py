@@ -58,7 +58,7 @@ class Store:
             zarr.open_group(self.rasters, mode="a")
             self._arrays[spec.name] = zarr.create_array(
                 self.rasters, name=spec.name, shape=spec.shape, chunks=spec.chunks, dtype=spec.dtype,
-                fill_value=_fill_value(spec), compressors=BloscCodec(cname="zstd", clevel=1, shuffle="shuffle"),
+                fill_value=_fill_value(spec), compressors=BloscCodec(cname="lz4", clevel=1, shuffle="shuffle"),
                 attributes={"spec": spec.model_dump(mode="json"), "birth": uuid.uuid4().hex,
                             "crs": spec.crs, "transform": spec.transform, "unit": spec.unit, "nodata": _nodata_text(spec)},
             )

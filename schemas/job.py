@@ -30,6 +30,8 @@ class Table(Generic[T]):
 
     path: str
     type: type[T]
+    readers: tuple[str, ...] | None = None
+    """stages that may read it; None: all. What its writer says counts."""
 
 
 @dataclass(frozen=True)

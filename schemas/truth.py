@@ -1,7 +1,7 @@
 """What is known of a simulated scene: names, types and codes of its truth, and the tables that a survey would hand over.
 
-The truth rasters carry `readers=TRUTH_READERS`: only `simulation` and `evaluation` may read them. All of them lie on one
-`MapGrid` (TRUTH_GRID); a height is that of the cell's centre.
+Rasters and tables of the truth carry `readers=TRUTH_READERS`: only `simulation` and `evaluation` may read them. The rasters lie
+on one `MapGrid` (TRUTH_GRID); a height is that of the cell's centre.
 """
 
 from dataclasses import dataclass
@@ -97,8 +97,8 @@ class MeasurementRows(Columns):
     """float64, px"""
 
 
-TRUTH_GRID = Table("truth/grid.json", MapGrid)
-TRUTH_BLOCK = Table("truth/block.json", Block)
+TRUTH_GRID = Table("truth/grid.json", MapGrid, TRUTH_READERS)
+TRUTH_BLOCK = Table("truth/block.json", Block, TRUTH_READERS)
 """True orientations and camera (source "truth"); sigma0_px 0; photos in the order of the visibility bits; ground_low and
 ground_high are the lowest and highest of the bare ground and everything on it."""
 POSITIONS_TABLE = Table("simulation/positions.parquet", PositionRows)

@@ -68,7 +68,8 @@ def give_heights(seed: int, hole: bool) -> dict[str, np.ndarray]:
     if hole:
         z[10:16, 10:18] = np.nan
     known = np.isfinite(z)
-    return {HEIGHT: z.astype(np.float32), PRECISION: np.where(known, np.float32(0.1), np.float32(np.nan)), COUNT: known.astype(np.uint8)}
+    precision = np.where(known, np.float32(0.1), np.float32(np.nan))
+    return {HEIGHT: z.astype(np.float32), PRECISION: precision, COUNT: known.astype(np.uint8)}
 
 
 def give_block() -> object:

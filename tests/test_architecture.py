@@ -62,6 +62,11 @@ def test_the_engine_knows_no_photogrammetry(path):
     assert imports_any(path, "tasks") <= allowed
 
 
+@pytest.mark.parametrize("path", modules(*(f"tasks/{name}" for name in (*SHARED, *STAGES) if name != "evaluation")), ids=relative)
+def test_no_stage_but_the_evaluation_knows_the_truth(path):
+    assert not imports_any(path, "schemas.truth")
+
+
 def test_only_two_files_import_dask():
     found = {path.name for path in modules("pipeline") if imports_any(path, "dask", "distributed")}
     assert found == {"dask_runner.py", "dask_cluster.py"}

@@ -26,6 +26,9 @@ from tasks.adjustment.normal_equations import Linear, linearised, point_correcti
 from tasks.adjustment.robust import huber_cost, huber_weights, spread
 from tasks.geometry.rotation_vector import rotation_of_vector
 
+NEGLIGIBLE = 1e-3
+"""A step that gains less, in squares of standard errors, moves no unknown by more than some hundredths of its standard error."""
+
 
 @dataclass(frozen=True)
 class BlunderTest:
@@ -87,7 +90,8 @@ def minimise(
     """Levenberg-Marquardt from `start`; `huber` in standard errors. Returns the state and the number of iterations.
 
     Stops when a step gains less than `tolerance` of the cost. Reweighting with Huber's weights converges slowly and needs no sharp
-    end.
+    end: it may stop after `most` iterations. Weak blocks (a short strip without control) creep along a curved valley; there the
+    end is where a step gains NEGLIGIBLE.
 
     Every point with rays needs two of them (or a prior). Raises GeometryError when the observations do not determine the unknowns,
     or when `most` iterations do not converge.
@@ -111,6 +115,8 @@ def minimise(
         if gain <= tolerance * cost + 1e-15 * len(rays) and damping <= 1e-3:
             return state, iteration
         damping = damping * 0.1 if damping > 1e-9 else 0.0
+    if np.isfinite(huber) or gain <= NEGLIGIBLE:
+        return state, most
     raise GeometryError(f"The bundle adjustment did not converge in {most} iterations; look at its tie points and starting values.")
 
 

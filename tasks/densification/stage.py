@@ -121,7 +121,8 @@ class DensificationStage(Stage):
             yield self._tile(surface, pairs, tile, tables[-1])
         yield Job(self.kind, "cells", sum_surface, {"parts": tuple(tables)}, {"sum": CELLS})
         yield Export(self.kind, "dsm", "products/dsm.tif", "cog", rasters={"height": HEIGHT, "precision": PRECISION})
-        yield Export(self.kind, "provenance", "products/dsm_provenance.tif", "cog", rasters={"provenance": PROVENANCE, "count": COUNT})
+        yield Export(self.kind, "provenance", "products/dsm_provenance.tif", "cog",
+                     rasters={"provenance": PROVENANCE, "count": COUNT})
 
     def _tile(self, surface: Surface, pairs: tuple[EpipolarPair, ...], tile: Tile, table: Table[SurfaceStatistics]) -> Job:
         work = tile.window.grown(self.rules.halo(surface.grid.cell)).clipped(surface.grid.shape)

@@ -20,7 +20,7 @@ BAND_LIMIT = 1.0
 
 
 def report(block: Block, pairs: EpipolarPairs, measured: ImageResiduals, photos: Photos) -> StageReport:
-    """Tables, figures and warnings of the epipolar pairs; y-parallaxes are those of the tie points that the block adjustment kept."""
+    """Tables, figures and warnings of the epipolar pairs; y-parallaxes are of the tie points that the block adjustment kept."""
     ties = measured.take(measured.used & (measured.track >= 0))
     residuals = {pair.name: row_residuals(pair, block, ties, photos.names) for pair in pairs.pairs}
     rows = {name: summary(values) for name, values in residuals.items()}
@@ -49,7 +49,8 @@ def _figures(pairs: EpipolarPairs, every: RowResiduals) -> tuple[Figure, ...]:
     return (
         Figure(name="pairs", value=len(used), sentence="Pairs of photographs that are matched.", headline=True),
         Figure(name="pairs_not_used", value=len(pairs.not_used), sentence="Pairs that share ground but are not matched."),
-        Figure(name="tie_points", value=every.points, sentence="Tie points in the y-parallax check, over all pairs; those that the block adjustment rejected are left out."),
+        Figure(name="tie_points", value=every.points, 
+               sentence="Tie points in the y-parallax check, over all pairs; those that the adjustment rejected are left out."),
         Figure(name="y_parallax_rms", value=_known(every.rms, 3), unit="px", headline=True,
                sentence="Root mean square y-parallax of the tie points: how far homologous points leave their common row."),
         Figure(name="y_parallax_median", value=_known(every.median, 3), unit="px", sentence="Median of the absolute y-parallaxes."),
@@ -132,9 +133,9 @@ def _warnings(block: Block, pairs: EpipolarPairs, rows: dict[str, RowResiduals])
         yield (f"Homologous points leave their row by more than {PARALLAX_LIMIT} px (root mean square) in "
                f"{_worst(off_row, len(pairs.pairs))}: the orientation or the lens distortion does not fit there, "
                "or tie points are wrong; matching will lose points.")
-    wide = {pair.name: pair.row_sigma for pair in pairs.pairs if pair.row_sigma > BAND_LIMIT}
+    wide = {pair.name: pair.row_sigma for pair in pairs.pairs if pair.row_sigma > BAND_LIMIT and not rows[pair.name].points}
     if wide:
-        yield ("The precision of the orientation lets expect y-parallaxes of more than one row in "
+        yield (f"No tie points check, and the precision of the orientation lets expect, y-parallaxes of more than one row in "
                f"{_worst(wide, len(pairs.pairs))}; more or better distributed tie points or control would help.")
     unchecked = [pair.name for pair in pairs.pairs if not rows[pair.name].points]
     if unchecked:

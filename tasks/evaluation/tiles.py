@@ -16,6 +16,7 @@ from tasks.evaluation.orthoimage import (
     GreyFit,
     GreySums,
     OrthoScene,
+    channel_mean,
     count_ortho,
     fitted,
     grey_sums,
@@ -118,7 +119,7 @@ def _distance_to(mask: np.ndarray) -> np.ndarray:
 def _finish(scene: OrthoScene, where: OrthoPlace, hidden: np.ndarray) -> dict[str, object]:
     inner = _inside(where.window, where.core)
     classes = place_classes(scene.material)
-    difference = np.where(scene.judged, (scene.colour - scene.truth).mean(axis=-1), np.nan)[inner]
+    difference = np.where(scene.judged[inner], channel_mean(scene.colour[inner] - scene.truth[inner]), np.nan)
     return {"counts": count_ortho(scene, where.core, hidden), "shifts": shifts(scene, where.core, classes),
             "difference": difference.astype(np.float32)}
 

@@ -64,7 +64,8 @@ def ground_coordinates(crs: str, longitude_latitude: np.ndarray) -> np.ndarray:
 
 def _check_area(text: str, longitude_latitude: np.ndarray) -> None:
     """A projection gives numbers far outside its area, too; they only mean that the wrong system was named."""
-    area = ground_crs(text).area_of_use
+    crs = ground_crs(text)
+    area = crs.area_of_use
     if area is None or area.west > area.east:
         return
     low, high = np.array([area.west, area.south]) - AREA_MARGIN, np.array([area.east, area.north]) + AREA_MARGIN
@@ -72,9 +73,9 @@ def _check_area(text: str, longitude_latitude: np.ndarray) -> None:
     if outside.any():
         longitude, latitude = longitude_latitude[outside][0]
         raise WorkflowError(
-            f"The reference system crs: {text} is for longitudes {area.west:g} to {area.east:g} and latitudes {area.south:g} to "
-            f"{area.north:g} degrees, but photographs were taken at longitude {longitude:.4f}, latitude {latitude:.4f}; give the "
-            "system of the site."
+            f"The reference system crs: {text} ({crs.name}) is for longitudes {area.west:g} to {area.east:g} and latitudes "
+            f"{area.south:g} to {area.north:g}, but photographs were taken at longitude {longitude:.4f}, latitude {latitude:.4f}; "
+            "give the system of the site."
         )
 
 

@@ -9,7 +9,9 @@ Strategy
 - A residual y-parallax (orientation is never perfect) is measured in the block by least-squares matching of a sparse grid with free
   rows, and the right block is moved by its median.
 - Refinement: least-squares matching of every node on its own surface (epipolar_least_squares.py).
-- Last, a node must agree with some of its neighbours, and its standard error must be within the limit.
+- A node must agree with some of its neighbours, and its standard error must be within the limit.
+- Where the finest level finds next to nothing over the width of a window (leaves move and hide each other, crowns do not), a
+  coarser level is matched the same way and answers with its own, larger standard error. Never in the strips beside edges.
 
 Parallaxes here are column left - column right of the two rasters, px ("column parallax").
 
@@ -21,13 +23,14 @@ from typing import Literal
 
 import numpy as np
 from numba import njit
+from scipy import ndimage
 
 from schemas.outcome import Outcome
 from schemas.raster import Window
 from schemas.settings import Settings, setting
 from tasks.matching.epipolar_least_squares import EpipolarLimits, NodeParallaxes, StartSurface, match_nodes
 from tasks.matching.least_squares import LeastSquaresMatching, PreparedImage, cubic_weights, match_points
-from tasks.matching.semi_global import SemiGlobal, semi_global
+from tasks.matching.semi_global import SemiGlobal, remove_specks, semi_global
 from tasks.matching.smoothing import smoothed, with_gaps
 
 BLOCK = 256
@@ -38,6 +41,8 @@ _COARSEST = 4
 """levels of reduction: 2**4 divides BLOCK and HALO"""
 _MOST = 2
 """candidates of a level, in units of `DenseMatching.widest_range`"""
+_LEAST_PATCH = 16
+"""pixels of a coarse level below which a patch says nothing"""
 _FREE_ROWS = LeastSquaresMatching(
     window=17, interpolation="bilinear", stop=0.05, max_iterations=12, min_correlation=0.8, min_gradient=1.0
 )
@@ -48,7 +53,8 @@ class DenseMatching(Settings):
 
     step: Literal[1, 2, 4] = setting(2, "Distance of the nodes.", "px")
     window: int = setting(9, "Side of the least-squares window; an even number is taken as the next odd one.", "px", ge=5, le=41)
-    smoothing: float = setting(0.8, "Sigma of the Gaussian that both images are smoothed with.", "px", ge=0.0, le=3.0)
+    edge_window: int = setting(5, "Side of the window where the surface breaks within the other.", "px", ge=5, le=41)
+    smoothing: float = setting(0.5, "Sigma of the Gaussian that both images are smoothed with.", "px", ge=0.0, le=3.0)
     start: SemiGlobal = setting(SemiGlobal(), "Semi-global matching that gives the start values.")
     start_level: int = setting(0, "Finest pyramid level of the start values; every level halves the image.", ge=0, le=3)
     widest_range: int = setting(96, "Parallax candidates above which a coarser level narrows the range first.", ge=16, le=512)
@@ -65,12 +71,28 @@ class DenseMatching(Settings):
     max_sigma: float = setting(0.5, "Largest standard error of a parallax.", "px", gt=0.0)
     min_neighbours: int = setting(3, "Of the eight neighbours of a node, how many must agree with it.", ge=0, le=8)
     neighbour_tolerance: float = setting(1.5, "Largest parallax difference of neighbours that agree.", "px", gt=0.0)
+    coarse_level: int = setting(0, "Pyramid level that answers where the finest finds nothing; 0: none.", ge=0, le=4)
+    coarse_sigma: float = setting(0.3, "Least standard error of such an answer.", "px of that level", gt=0.0)
+    coarse_correlation: float = setting(0.65, "Normalised correlation that such an answer must reach.", ge=0.0, le=1.0)
+    coarse_gradient: float = setting(
+        10.0, "Root mean square gradient along the row that it needs; foliage has it, water has not.", "grey values per px", ge=0.0
+    )
+    coarse_below: float = setting(
+        0.25, "The coarser level is asked where a smaller share of the nodes around is matched.", ge=0.0, le=1.0
+    )
+
+    @property
+    def at_coarse_level(self) -> "DenseMatching":
+        """Crowns have no straight edges: one window; patches count in pixels of that level; only strong texture is believed."""
+        speckle = max(self.start.speckle // 4**self.coarse_level, _LEAST_PATCH)
+        start = self.start.model_copy(update={"speckle": speckle})
+        return self.model_copy(update={"edge_window": self.window, "min_gradient": self.coarse_gradient, "start": start})
 
     @property
     def limits(self) -> EpipolarLimits:
         return EpipolarLimits(
-            self.window // 2, self.max_iterations, self.stop, self.max_shift, self.surface_tolerance, self.min_support,
-            self.min_correlation, self.min_gradient, self.smoothing,
+            self.window // 2, min(self.edge_window, self.window) // 2, self.max_iterations, self.stop, self.max_shift,
+            self.surface_tolerance, self.min_support, self.min_correlation, self.min_gradient, self.smoothing,
         )
 
 
@@ -132,8 +154,48 @@ def match_block(left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, 
         grey_right = moved_rows(grey_right, np.float32(y_parallax))
     ring = settings.step
     rows, cols = (HALO - ring + settings.step * np.arange(n + 2) for n in shape)
-    nodes = match_nodes(grey_left, grey_right, start, rows, cols, parallaxes.high, settings.limits)
-    return BlockMatch(consistent(nodes, settings), y_parallax)
+    nodes = consistent(match_nodes(grey_left, grey_right, start, rows, cols, parallaxes.high, settings.limits), settings)
+    wanted = barren(nodes, settings)
+    if wanted.any():
+        coarse = coarse_nodes(grey_left, grey_right, parallaxes, shape, settings)
+        nodes = _completed(nodes, coarse, wanted)
+    return BlockMatch(nodes, y_parallax)
+
+
+def barren(nodes: NodeParallaxes, settings: DenseMatching) -> np.ndarray:
+    """Unmatched nodes (rows, cols) bool around which, over the width of a coarse window, hardly any node is matched."""
+    if settings.coarse_level == 0:
+        return np.zeros(nodes.parallax.shape, bool)
+    width = settings.window * 2**settings.coarse_level // settings.step
+    matched = np.isfinite(nodes.parallax)
+    share = ndimage.uniform_filter(matched.astype(np.float64), width, mode="nearest")
+    return ~matched & (share < settings.coarse_below) & (nodes.outcome != Outcome.OUTSIDE)
+
+
+def coarse_nodes(left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, shape: tuple[int, int],
+                 settings: DenseMatching) -> NodeParallaxes:
+    """The nodes of a block as the coarse level sees them: its nearest pixel's parallax, never better than `coarse_sigma`."""
+    level, factor = settings.coarse_level, 2**settings.coarse_level
+    settings = settings.at_coarse_level
+    start = _level_surface(left, right, parallaxes, parallaxes, level, settings)
+    start = StartSurface(start.parallax / np.float32(factor), 1)
+    rows, cols = (HALO // factor - 1 + np.arange((n * settings.step - 1) // factor + 3) for n in shape)
+    found = match_nodes(reduced(left, level), reduced(right, level), start, rows, cols, parallaxes.high // factor, settings.limits)
+    found = consistent(found, settings)
+    remove_specks(found.parallax, np.float32(settings.neighbour_tolerance), settings.start.speckle)
+    nearest = np.ix_(*(settings.step * np.arange(n) // factor for n in shape))
+    parallax, correlation = found.parallax[nearest] * np.float32(factor), found.correlation[nearest]
+    sigma = np.maximum(found.sigma[nearest], np.float32(settings.coarse_sigma)) * np.float32(factor)
+    unlike = ~(correlation >= settings.coarse_correlation)
+    parallax[unlike], sigma[unlike] = np.nan, np.nan
+    return NodeParallaxes(parallax, sigma, correlation, found.outcome[nearest])
+
+
+def _completed(nodes: NodeParallaxes, coarse: NodeParallaxes, wanted: np.ndarray) -> NodeParallaxes:
+    taken = wanted & np.isfinite(coarse.parallax)
+    return NodeParallaxes(*(np.where(taken, new, old) for old, new in (
+        (nodes.parallax, coarse.parallax), (nodes.sigma, coarse.sigma), (nodes.correlation, coarse.correlation),
+        (nodes.outcome, coarse.outcome))))
 
 
 def start_surface(left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, settings: DenseMatching) -> StartSurface | None:

@@ -4,7 +4,7 @@ Strategy
 - Rows are homologous, so the unknowns are the parallax and its derivatives along and across the row; resampling is one-dimensional.
 - A start surface (whole-pixel parallaxes of semi-global matching) gives every node its start plane, and its *support*: the pixels
   of the window that lie on the same surface as the node. At a roof edge the window keeps the roof and drops the ground, so that
-  parallaxes do not smear over the wall.
+  parallaxes do not smear over the wall. Where it would have to drop more than a little, a smaller window takes its place.
 - Where the start surface is empty or breaks within a pixel or two, the surfaces on both sides are tried, and the one whose grey
   values fit best at the node itself (not in the window as a whole) is kept.
 - Otherwise as in least_squares.py: inverse-compositional, gain and offset eliminated, covariance with correlated residuals.
@@ -26,6 +26,8 @@ _NOT_CONVERGED, _MOVED_TOO_FAR, _SINGULAR = int(Outcome.NOT_CONVERGED), int(Outc
 _LOW_CORRELATION, _INCONSISTENT, _NOT_TRIED = int(Outcome.LOW_CORRELATION), int(Outcome.INCONSISTENT), int(Outcome.NOT_TRIED)
 _CENTRE = 1
 """half the side of the patch at the node in which surfaces compete"""
+_WHOLE = 0.85
+"""share of the window on the node's surface below which the smaller window is taken"""
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,7 @@ class EpipolarLimits:
     """What the kernel needs of the settings: see `tasks.matching.dense.DenseMatching` for their meaning and units."""
 
     half: int
+    edge_half: int
     max_iterations: int
     stop: float
     max_shift: float
@@ -46,7 +49,7 @@ class EpipolarLimits:
         """For the kernel, with a start surface whose pixels are `factor` px wide."""
         return (
             self.half, self.max_iterations, self.stop, self.max_shift, self.surface_tolerance * factor, self.min_support,
-            self.min_correlation, self.min_gradient,
+            self.min_correlation, self.min_gradient, self.edge_half,
         )
 
 
@@ -238,13 +241,12 @@ def _misfit(template, patch, scale, half, mask, mean_left, mean_right, left, rig
 
 
 @njit(cache=True)
-def _refine(left, right, row, col, shift, plane, count, numbers, buffers, values):
+def _refine(left, right, row, col, shift, half, plane, count, numbers, buffers, values):
     """Refine the plane of a node; values: parallax, sigma, correlation, misfit at the node, sigma0. Returns the outcome.
 
     The right column of left column c at parallax q is c + shift - q.
     """
-    half, max_iterations, stop, max_shift, _, _, min_correlation, min_gradient = numbers
-    half = int(half)
+    _, max_iterations, stop, max_shift, _, _, min_correlation, min_gradient, _ = numbers
     mask, template, patch, influence, jacobian, normal, inverse, correlation = buffers
     power, gradient = _template(left, row, col, half, mask, count, template, jacobian)
     if not (gradient > count * min_gradient * min_gradient and power > 1e-6 * count):
@@ -327,39 +329,56 @@ def _hypotheses(window, half, reach, found):
 
 
 @njit(cache=True)
-def _match_nodes(left, right, start, factor, rows, cols, shift, correlation, numbers, parallax, sigma, likeness, outcome):
-    half, tolerance, min_support = int(numbers[0]), numbers[4], numbers[5]
+def _buffers(half, correlation):
     n = (2 * half + 1) ** 2
-    window, found = np.empty(n, np.float32), np.empty(3, np.float32)
-    buffers = (np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32),
-               np.empty((3, n), np.float32), np.empty((3, 3)), np.empty((3, 3)), correlation)
-    guess, plane, sums, values = np.empty(3), np.empty(3), np.empty(9), np.empty(5)
+    return (np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32),
+            np.empty((3, n), np.float32), np.empty((3, 3)), np.empty((3, 3)), correlation)
+
+
+@njit(cache=True)
+def _surface(left, row, col, half, window, level, tolerance, plane, scratch, mask):
+    """The plane of the surface at `level` in a window and its support; the number of its pixels, 0 when there is no plane."""
+    guess, sums = scratch
+    guess[:] = 0.0
+    if not _plane(window, half, level, tolerance + 0.1 * half, guess, plane, sums):
+        return 0
+    guess[:] = plane
+    _plane(window, half, level, tolerance, guess, plane, sums)
+    return _support(left, row, col, half, window, level, plane, tolerance, mask)
+
+
+@njit(cache=True)
+def _match_nodes(left, right, start, factor, rows, cols, shift, correlation, numbers, parallax, sigma, likeness, outcome):
+    wide, edge, tolerance, min_support = int(numbers[0]), int(numbers[8]), numbers[4], numbers[5]
+    found = np.empty(3, np.float32)
+    window, edge_window = np.empty((2 * wide + 1) ** 2, np.float32), np.empty((2 * edge + 1) ** 2, np.float32)
+    wide_buffers, edge_buffers = _buffers(wide, correlation), _buffers(edge, correlation)
+    plane, scratch, values = np.empty(3), (np.empty(3), np.empty(9)), np.empty(5)
     for i in range(rows.size):
         for j in range(cols.size):
             row, col = rows[i], cols[j]
-            inside = half < row < left.shape[0] - half - 1 and half < col < left.shape[1] - half - 1
+            inside = wide < row < left.shape[0] - wide - 1 and wide < col < left.shape[1] - wide - 1
             if not inside or np.isnan(left[row, col]):
                 outcome[i, j] = _OUTSIDE
                 continue
-            _surface_window(start, factor, row, col, half, window)
-            count = _hypotheses(window, half, min(half, 2 * factor), found)
+            _surface_window(start, factor, row, col, wide, window)
+            count = _hypotheses(window, wide, min(wide, 2 * factor), found)
             if count == 0:
-                count = _hypotheses(window, half, half, found)
+                count = _hypotheses(window, wide, wide, found)
             best = np.inf
             outcome[i, j] = _NOT_TRIED
             for h in range(count):
-                level = np.float64(found[h])
-                guess[:] = 0.0
-                if not _plane(window, half, level, tolerance + 0.1 * half, guess, plane, sums):
-                    continue
-                guess[:] = plane
-                _plane(window, half, level, tolerance, guess, plane, sums)
-                support = _support(left, row, col, half, window, level, plane, tolerance, buffers[0])
-                if support < min_support * n:
+                level, half, buffers = np.float64(found[h]), wide, wide_buffers
+                support = _surface(left, row, col, half, window, level, tolerance, plane, scratch, buffers[0])
+                if edge < wide and support < _WHOLE * window.size:
+                    half, buffers = edge, edge_buffers
+                    _surface_window(start, factor, row, col, half, edge_window)
+                    support = _surface(left, row, col, half, edge_window, level, tolerance, plane, scratch, buffers[0])
+                if support < min_support * (2 * half + 1) ** 2 or support < 6:
                     continue
                 plane[0] += level
                 values[:] = np.nan
-                result = _refine(left, right, row, col, shift, plane, support, numbers, buffers, values)
+                result = _refine(left, right, row, col, shift, half, plane, support, numbers, buffers, values)
                 if result == _CONVERGED and values[3] < best:
                     best = values[3]
                     outcome[i, j] = result

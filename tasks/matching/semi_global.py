@@ -8,8 +8,6 @@ The claim of the system is not here but in the refinement by least squares; this
 Source: Hirschmueller 2008 (paths, left-right check); Zabih & Woodfill 1994 (census).
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numba import njit
 
@@ -28,15 +26,9 @@ class SemiGlobal(Settings):
     large_penalty: int = setting(40, "Cost of a larger parallax jump between neighbours.", "census bits", ge=0, le=400)
     tolerance: int = setting(1, "Largest difference of the parallaxes found from left and from right.", "px", ge=0, le=8)
     speckle: int = setting(60, "Connected patches with fewer pixels are removed.", "px", ge=0)
-    blank: int = setting(24, "Cost of a candidate outside the other image.", "census bits", ge=0, le=48)
-
-
-@dataclass(frozen=True)
-class Candidates:
-    """First and last candidate number (H, W) int that every pixel may take; `semi_global` may add a few."""
-
-    first: np.ndarray
-    last: np.ndarray
+    blank: int = setting(
+        14, "Cost of a candidate outside the other image; low, so that only a good match beats it.", "census bits", ge=0, le=48
+    )
 
 
 @njit(cache=True)
@@ -128,8 +120,8 @@ def _sweep(cost, total, low, offset, candidates, small, large, backwards):
             here, sums = cost[begin:end], total[begin:end]
             for path in range(4):
                 row, col = (now, c - 1) if path == 0 else (above, c + path - 2)
-                lowest[now, c, path] = _step(paths[row, col, path, first:last + 2], paths[now, c, path, first + 1:last + 1], here, sums,
-                                             lowest[row, col, path], small, large)
+                before, after = paths[row, col, path, first:last + 2], paths[now, c, path, first + 1:last + 1]
+                lowest[now, c, path] = _step(before, after, here, sums, lowest[row, col, path], small, large)
 
 
 @njit(cache=True)
@@ -199,17 +191,17 @@ def remove_specks(parallax, step, smallest):
                 parallax[stack[i] // cols, stack[i] % cols] = np.nan
 
 
-def semi_global(left: np.ndarray, right: np.ndarray, settings: SemiGlobal, ranges: Candidates | None = None) -> np.ndarray:
+def semi_global(left: np.ndarray, right: np.ndarray, settings: SemiGlobal) -> np.ndarray:
     """Candidate numbers (H, W) float32 of a left image, NaN where none is trusted.
 
     left (H, W), right (H, W + K - 1), float32 with NaN without data: the right window begins so that candidate k of left column x
-    is right column x + K - 1 - k. 2 <= K < 4096. ranges: the candidates that each pixel may take (all, if None).
+    is right column x + K - 1 - k. 2 <= K < 4096.
     """
     candidates = right.shape[1] - left.shape[1] + 1
     padded = -(-candidates // UNIT) * UNIT
     left_code, left_valid = census(left)
     right_code, right_valid = (np.pad(array, ((0, 0), (padded - candidates, 0))) for array in census(right))
-    low, offset = _packing(left_valid, padded, ranges)
+    low, offset = _packing(left_valid, padded)
     cost = _costs(left_code, right_code, right_valid, low, offset, np.uint8(settings.blank))
     total = np.zeros(cost.shape, np.int16)
     small, large = np.int16(settings.small_penalty), np.int16(settings.large_penalty)
@@ -221,12 +213,7 @@ def semi_global(left: np.ndarray, right: np.ndarray, settings: SemiGlobal, range
     return result
 
 
-def _packing(valid: np.ndarray, padded: int, ranges: Candidates | None) -> tuple[np.ndarray, np.ndarray]:
+def _packing(valid: np.ndarray, padded: int) -> tuple[np.ndarray, np.ndarray]:
     """First candidate (H, W) int32 of every pixel, and where its candidates begin in the packed costs (H * W + 1,)."""
-    if ranges is None:
-        count = np.where(valid, padded, 0)
-        low = np.zeros(valid.shape, np.int32)
-    else:
-        count = np.where(valid, np.clip(-(-(ranges.last - ranges.first + 1) // UNIT) * UNIT, UNIT, padded), 0)
-        low = np.clip(ranges.first, 0, padded - count).astype(np.int32)
-    return low, np.concatenate([[0], np.cumsum(count.ravel(), dtype=np.int64)])
+    count = np.where(valid, padded, 0)
+    return np.zeros(valid.shape, np.int32), np.concatenate([[0], np.cumsum(count.ravel(), dtype=np.int64)])

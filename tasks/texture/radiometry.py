@@ -81,10 +81,12 @@ RADIOMETRY = Table("texture/radiometry.json", Radiometry)
 
 def corrected(grey: np.ndarray, r2: np.ndarray, photo: PhotoRadiometry) -> np.ndarray:
     """Grey values (..., bands) of a photo at `r2` (...) brought to the block's radiometry; bands 1 or 3. float32."""
-    bands = grey.shape[-1]
-    gain, offset, v1, v2 = (np.array(values[:bands], np.float32) for values in (photo.gain, photo.offset, photo.v1, photo.v2))
-    r2 = r2[..., None].astype(np.float32)
-    return (grey - offset) / (gain * (1 + r2 * (v1 + r2 * v2)))
+    out = np.empty(grey.shape, np.result_type(grey, np.float32))
+    r2 = r2.astype(np.float32)
+    for band in range(grey.shape[-1]):
+        gain, offset, v1, v2 = (np.float32(values[band]) for values in (photo.gain, photo.offset, photo.v1, photo.v2))
+        out[..., band] = (grey[..., band] - offset) / (gain * (1 + r2 * (v1 + r2 * v2)))
+    return out
 
 
 def _grouped(point: np.ndarray) -> tuple[np.ndarray, int]:

@@ -180,7 +180,15 @@ def _slopes(heights: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
     dx = (down[:, 2:] - down[:, :-2]) / (6.0 * cell)
     dy = (across[:-2] - across[2:]) / (6.0 * cell)
     steepness = np.maximum(np.hypot(dx, dy) / STEEPEST, 1.0)
-    return (np.nan_to_num(dx / steepness).astype(np.float32), np.nan_to_num(dy / steepness).astype(np.float32))
+    missing = np.isnan(steepness)
+    return tuple(np.where(missing, 0.0, slope / steepness).astype(np.float32) for slope in (dx, dy))
+
+
+def _slopes_at(heights: np.ndarray, cell: float, rows: np.ndarray, cols: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The slopes of the cells `rows` x `cols` (ascending), computed for these and their neighbours only."""
+    top, left = max(int(rows[0]) - 1, 0), max(int(cols[0]) - 1, 0)
+    slopes = _slopes(heights[top: rows[-1] + 2, left: cols[-1] + 2], cell)
+    return tuple(slope[np.ix_(rows - top, cols - left)] for slope in slopes)
 
 
 def ground_of(heights: np.ndarray, heights_window: Window, dsm: MapGrid, ortho: MapGrid, window: Window) -> Ground:
@@ -194,7 +202,6 @@ def ground_of(heights: np.ndarray, heights_window: Window, dsm: MapGrid, ortho: 
     z = np.empty(window.shape, np.float32)
     corner, first = (heights_window.row, heights_window.col), (window.row, window.col)
     _drape(heights, corner, first, divisor, WALL * dsm.cell, z)
-    dx, dy = _slopes(heights, dsm.cell)
     rows = np.arange(window.row, window.row + window.height) // divisor - heights_window.row
     cols = np.arange(window.col, window.col + window.width) // divisor - heights_window.col
-    return Ground(ortho, window, z, np.ascontiguousarray(dx[np.ix_(rows, cols)]), np.ascontiguousarray(dy[np.ix_(rows, cols)]))
+    return Ground(ortho, window, z, *_slopes_at(heights, dsm.cell, rows, cols))

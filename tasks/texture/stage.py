@@ -180,7 +180,8 @@ class TextureStage(Stage):
         yield Job("texture", "report", texture_report, {"statistics": tuple(statistics), "radiometry": RADIOMETRY},
                   {"report": report_table("texture")}, {"facts": facts})
         yield Export("texture", "ortho_cog", "products/ortho.tif", "cog", {"rgba": ORTHO})
-        yield Export("texture", "points", "products/points.laz", "laz", {"z": heights, "rgb": ORTHO, "precision": PRECISION, "pairs": COUNT})
+        yield Export("texture", "points", "products/points.laz", "laz",
+                     {"z": heights, "rgb": ORTHO, "precision": PRECISION, "pairs": COUNT})
 
     def _rules(self, surface: Surface) -> TextureRules:
         cell = surface.grid.cell

@@ -40,28 +40,38 @@ class HeightModel:
 
 
 @njit(cache=True)
-def _bridge(heights, gap, out):
+def _sweep(heights, gap, downwards, total, weights):
+    """Adds, for every hole, the nearest heights of four of its eight directions: those that lie behind a sweep over rows and
+    columns, which carries steps and height along each direction instead of searching for them. A sweep back adds the other four."""
     rows, cols = heights.shape
-    for r in range(rows):
-        for c in range(cols):
+    steps = np.full((2, 3, cols + 2), gap + 1)
+    value = np.zeros((2, 3, cols + 2), heights.dtype)
+    for i in range(rows):
+        r = i if downwards else rows - 1 - i
+        now, before = i % 2, 1 - i % 2
+        aside, height_aside = gap + 1, heights[r, 0]
+        for j in range(cols):
+            c = j if downwards else cols - 1 - j
             if not np.isnan(heights[r, c]):
-                out[r, c] = heights[r, c]
+                steps[now, :, c + 1] = 0
+                value[now, :, c + 1] = heights[r, c]
+                aside, height_aside = 0, heights[r, c]
                 continue
-            total, weights = 0.0, 0.0
-            for dr in range(-1, 2):
-                for dc in range(-1, 2):
-                    if dr == 0 and dc == 0:
-                        continue
-                    for step in range(1, gap + 1):
-                        i, j = r + dr * step, c + dc * step
-                        if i < 0 or j < 0 or i >= rows or j >= cols:
-                            break
-                        if not np.isnan(heights[i, j]):
-                            weight = 1.0 / (step * np.sqrt(float(dr * dr + dc * dc)))
-                            total += weight * heights[i, j]
-                            weights += weight
-                            break
-            out[r, c] = total / weights if weights > 0.0 else np.nan
+            aside = min(aside + 1, gap + 1)
+            if not downwards and aside <= gap:
+                total[r, c] += 1.0 / aside * height_aside
+                weights[r, c] += 1.0 / aside
+            for k in range(3):
+                near = min(steps[before, k, c + k] + 1, gap + 1)
+                steps[now, k, c + 1] = near
+                value[now, k, c + 1] = value[before, k, c + k]
+                if near <= gap:
+                    weight = 1.0 / (near * (1.0 if k == 1 else np.sqrt(2.0)))
+                    total[r, c] += weight * value[now, k, c + 1]
+                    weights[r, c] += weight
+            if downwards and aside <= gap:
+                total[r, c] += 1.0 / aside * height_aside
+                weights[r, c] += 1.0 / aside
 
 
 def bridge_holes(heights: np.ndarray, gap: int) -> np.ndarray:
@@ -70,9 +80,15 @@ def bridge_holes(heights: np.ndarray, gap: int) -> np.ndarray:
 
     Where none is that near, NaN stays. The answer at a cell depends on the cells within `gap` only. float32.
     """
-    out = np.empty(heights.shape, np.float32)
-    _bridge(np.ascontiguousarray(heights, np.float32), gap, out)
-    return out
+    heights = np.ascontiguousarray(heights, np.float32)
+    holes = np.isnan(heights)
+    if not holes.any():
+        return heights
+    total, weights = np.zeros(heights.shape), np.zeros(heights.shape)
+    for downwards in (True, False):
+        _sweep(heights, gap, downwards, total, weights)
+    with np.errstate(invalid="ignore"):
+        return np.where(holes, total / weights, heights).astype(np.float32)
 
 
 def _ceiling(heights: np.ndarray) -> np.ndarray:

@@ -133,7 +133,7 @@ def plain_paths(cost, small, large):
                 inside = 0 <= r - dr < rows and 0 <= c - dc < cols
                 before = path[r - dr, c - dc] if inside else np.full(candidates, 1e9)
                 lower, upper = np.r_[1e9, before[:-1]] + small, np.r_[before[1:], 1e9] + small
-                best = np.min([before - before.min(), lower - before.min(), upper - before.min(), np.full(candidates, large)], axis=0)
+                best = np.minimum(np.min([before, lower, upper], axis=0) - before.min(), large)
                 path[r, c] = cost[r, c] + (best if inside else large)
         total += path
     return total

@@ -104,7 +104,7 @@ def test_a_vertical_part_of_the_crs_changes_nothing_in_plan():
 
 
 def test_the_system_of_another_country_is_refused():
-    with pytest.raises(WorkflowError, match=r"Greece.*longitude -91\.99"):
+    with pytest.raises(WorkflowError, match=r"Greek Grid.*latitudes 34\.88 to 41\.75.*longitude -91\.99"):
         index_photos((header(),), "EPSG:2100", EXIF_POSITIONS, LIMITS)
 
 

@@ -9,13 +9,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from toy_stages import TOTAL, SmoothStage, SourceStage, SumStage
+from toy_stages import TOTAL, Size, SmoothStage, SourceStage, SumStage, Total
 
+from pipeline.graph import Graph, GraphError
 from pipeline.runner import SequentialRunner
 from pipeline.session import Session
 from pipeline.store import Store
+from pipeline.workflow import load_workflow
+from pipeline.workflow_checks import kind_of
 from schemas.errors import ResourceError, WorkflowError
+from schemas.job import Job, Raster, Table
+from schemas.orientation import Block
+from schemas.raster import Window
+from schemas.truth import TRUTH_BLOCK, TRUTH_ORTHO, TRUTH_SURFACE, TRUTH_VISIBILITY
 from schemas.workflow import Project
+from tasks.catalogue import STAGES
 
 MEMORY = 1500 * 2**20
 
@@ -116,6 +124,50 @@ def test_planning_writes_nothing(tmp_path):
     assert len(session.pending) == 1
     assert session.planner.waiting_for["source"] == "the table source/size.json"
     assert not (tmp_path / "runs").exists()
+
+
+def spy(**seen) -> Total:
+    return Total(total=0.0)
+
+
+def planned_simulation(root: Path) -> Graph:
+    """The graph of the simulated project before anything has run; nothing is written."""
+    catalogue = load_workflow(Path(__file__).parents[2] / "workflows" / "volos_small.yaml", STAGES)
+    session = Session(catalogue.project, catalogue.stages, root, lambda source: ())
+    session.plan()
+    return session.graph
+
+
+@pytest.mark.parametrize("region", [
+    Raster(TRUTH_SURFACE, Window(0, 0, 64, 64)), Raster(TRUTH_ORTHO, Window(0, 0, 64, 64)),
+    Raster(TRUTH_VISIBILITY, Window(0, 0, 64, 64)), TRUTH_BLOCK, Table("truth/block.json", Block),
+], ids=str)
+def test_the_truth_is_for_the_evaluation_only(tmp_path, region):
+    graph = planned_simulation(tmp_path)
+    for stage in (kind_of(stage) for stage in STAGES):
+        job = Job(stage, "spy", spy, {"truth": region}, {"total": Table(f"{stage}/spy.json", Total)})
+        if stage in ("simulation", "evaluation"):
+            assert graph.add(job)
+        else:
+            with pytest.raises(GraphError, match=f"The stage {stage} may not read truth/"):
+                graph.add(job)
+
+
+class PeepingStage(SumStage):
+    """Looks at a table of another stage while it plans."""
+
+    def plan(self, view):
+        view.table(PRIVATE)
+        yield from super().plan(view)
+
+
+PRIVATE = Table("source/size.json", Size, readers=("source", "smooth"))
+
+
+def test_planning_may_not_look_at_what_is_not_for_it(tmp_path, monkeypatch):
+    monkeypatch.setattr("toy_stages.SIZE", PRIVATE)
+    with pytest.raises(GraphError, match=r"The stage sum may not read source/size\.json; only source, smooth may"):
+        run_in(tmp_path, SourceStage(), SmoothStage(), PeepingStage())
 
 
 @pytest.fixture(scope="module")

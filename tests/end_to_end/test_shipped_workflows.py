@@ -1,0 +1,39 @@
+"""Every workflow that is shipped can be planned as it is, and planning leaves no trace."""
+
+from pathlib import Path
+
+import pytest
+from small_site import command
+
+from pipeline.running import session_of
+from pipeline.workflow import load_workflow
+from tasks.catalogue import STAGES
+
+WORKFLOWS = Path(__file__).parents[2] / "workflows"
+
+
+@pytest.fixture
+def root(tmp_path, monkeypatch):
+    """A root of its own with all that is shipped; the current folder."""
+    (tmp_path / "workflows").symlink_to(WORKFLOWS)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in WORKFLOWS.glob("*.yaml")))
+def test_a_shipped_workflow_can_be_planned(root, name):
+    said = command("plan", name)
+    assert "not done yet" in said and "texture" in said
+    assert [path.name for path in root.iterdir()] == ["workflows"]
+
+
+def test_the_four_projects_are_shipped():
+    assert {path.stem for path in WORKFLOWS.glob("*.yaml")} >= {"volos", "volos_small", "volos_full", "brighton"}
+
+
+def test_the_full_scene_fits_the_memory_of_a_worker(root):
+    session = session_of(load_workflow(root / "workflows" / "volos_full.yaml", STAGES))
+    session.plan()
+    sides = {spec.shape[0] for name, spec in session.graph.specs.items() if name.startswith("simulation/") and "volos" in name}
+    assert sides == {15333}
+    assert max(planned.memory for planned in session.pending) < 1500 * 2**20

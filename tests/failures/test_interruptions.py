@@ -1,0 +1,93 @@
+"""Runs that are stopped on the way, by people or by the machine: what is done is kept, and the end is the same bit for bit."""
+
+import os
+import resource
+import signal
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+from small_site import command, make_site, results_of, start_command
+
+
+@pytest.fixture
+def site(tmp_path, monkeypatch):
+    monkeypatch.chdir(make_site(tmp_path))
+    return tmp_path
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """What a run gives that nobody disturbs, one job after the other."""
+    root = make_site(tmp_path_factory.mktemp("undisturbed"))
+    _, errors = (process := start_command(root, "run", "site", "--sequential")).communicate(timeout=120)
+    assert process.returncode == 0, errors
+    return results_of(root)
+
+
+def started(site: Path, jobs: int = 3):
+    """A run on two workers that has done some jobs already and has many still to do."""
+    process = start_command(site, "run", "site", "--workers", "2")
+    records = site / "runs" / "site" / "jobs"
+    deadline = time.monotonic() + 120
+    while len(list(records.glob("*/*.json"))) < jobs and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert process.poll() is None, process.communicate()
+    return process
+
+
+def workers_of(process) -> list[psutil.Process]:
+    return [child for child in psutil.Process(process.pid).children(recursive=True) if "spawn_main" in " ".join(child.cmdline())]
+
+
+def assert_goes_on_to(undisturbed: dict[str, bytes], site: Path) -> None:
+    records = (site / "runs" / "site" / "jobs").glob("*/*.json")
+    kept = sum('"status":"done"' in record.read_text() for record in records)
+    assert kept
+    assert f" {kept} unchanged, 0 failed" in command("run", "site", "--sequential")
+    assert results_of(site) == undisturbed
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_a_stopped_run_says_so_in_one_sentence_and_goes_on(site, undisturbed, how):
+    process = started(site)
+    if how is signal.SIGINT:
+        os.killpg(process.pid, how)  # a terminal sends Ctrl-C to all processes, not only to the first
+    else:
+        process.terminate()
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert errors.endswith("Stopped. Finished tiles are kept; run the same command again to go on.\n")
+    assert "Traceback" not in errors and "leaked" not in errors
+    assert "not running" in command("status", "site")
+    assert "report.html" in command("report", "site")
+    assert_goes_on_to(undisturbed, site)
+
+
+def test_a_killed_run_leaves_no_process_and_goes_on(site, undisturbed):
+    process = started(site)
+    workers = workers_of(process)
+    assert workers
+    process.kill()
+    process.communicate(timeout=60)
+    _, alive = psutil.wait_procs(workers, timeout=60)
+    assert not alive
+    assert "not running" in command("status", "site") and "is not running" in command("dashboard", "site")
+    assert_goes_on_to(undisturbed, site)
+
+
+def test_a_killed_worker_costs_nothing_but_time(site, undisturbed):
+    process = started(site)
+    workers_of(process)[0].kill()
+    said, errors = process.communicate(timeout=180)
+    assert process.returncode == 0 and " 0 failed" in said, errors
+    assert results_of(site) == undisturbed
+
+
+def test_a_disk_that_fills_up_on_the_way_is_told_and_loses_nothing(site, undisturbed):
+    limit = {"preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))}
+    said, errors = (process := start_command(site, "run", "site", "--sequential", **limit)).communicate(timeout=120)
+    assert process.returncode == 1 and "Traceback" not in errors + said
+    assert "cannot be written: File too large; make room on the disk, then run again." in errors
+    assert_goes_on_to(undisturbed, site)
