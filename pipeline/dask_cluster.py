@@ -5,7 +5,6 @@ because numba kernels and OpenCV gain nothing from sharing a process, and memory
 """
 
 import logging
-import os
 import signal
 import socket
 import threading
@@ -52,7 +51,6 @@ def free_port(wanted: int) -> int:
 def local_client(workers: int, memory: int, port: int) -> Iterator[Client]:
     """A client of `workers` processes with `memory` bytes each; the dashboard listens on `port` or the next free one."""
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    os.environ.update(_one_thread_each())
     with dask.config.set(_SETTINGS):
         with _deaf_to_ctrl_c():
             cluster = LocalCluster(
@@ -94,7 +92,3 @@ def remote_client(address: str, memory: int) -> Iterator[Client]:
 
 async def _declare_memory(memory: int, dask_worker: object = None) -> None:
     await dask_worker.set_resources(**{MEMORY: memory})
-
-
-def _one_thread_each() -> dict[str, str]:
-    return dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")

@@ -34,7 +34,7 @@ _LENSES: dict[str, tuple[str, ...]] = {
     "brown_k3": ("c", "x0", "y0", "k1", "k2", "k3", "p1", "p2"),
 }
 
-_SEARCH_MEMORY = 300 * 2**20
+_SEARCH_MEMORY = 120 * 2**20
 """bytes that the search for boards takes on its reduced images, measured"""
 
 

@@ -10,10 +10,13 @@ Source: normalised correlation and back-matching: Karfis 2009, 4.3.1 and 4.4; me
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numba import njit
 
 from schemas.settings import Settings, setting
+
+cv2.setNumThreads(1)
 
 _NONE = -2.0
 
@@ -65,20 +68,23 @@ def half_size(image: np.ndarray, half: int) -> HalfSize:
     All values are multiples of a quarter, so their sums are exact: no window depends on the tile that it is computed in.
     """
     rows, cols = image.shape[0] // 2, image.shape[1] // 2
-    blocks = image[: 2 * rows, : 2 * cols].reshape(rows, 2, cols, 2).astype(np.float64)
-    grey = np.where((blocks > 0).all(axis=(1, 3)), blocks.mean(axis=(1, 3)), 0.0)
-    complete = window_sums((grey == 0).astype(np.float64), half) == 0
-    sums = [np.where(complete, window_sums(values, half), np.nan) for values in (grey, grey**2)]
+    quarters = [image[r:2 * rows:2, c:2 * cols:2] for r in (0, 1) for c in (0, 1)]
+    mean = sum(quarter.astype(np.float64) for quarter in quarters) / 4.0
+    grey = np.where(np.minimum.reduce(quarters) > 0, mean, 0.0)
+    incomplete = cv2.dilate((grey == 0).astype(np.uint8), np.ones((2 * half + 1, 2 * half + 1), np.uint8)) > 0
+    sums = [window_sums(values, half) for values in (grey, grey**2)]
+    for values in sums:
+        values[incomplete] = np.nan
     return HalfSize(grey.astype(np.float32), *sums)
 
 
 def window_sums(values: np.ndarray, half: int) -> np.ndarray:
-    """Sums (rows, cols) over the window of 2 half + 1 pixels around each; NaN where it leaves the array."""
-    out = np.full(values.shape, np.nan)
+    """Sums (rows, cols) float64 over the window of 2 half + 1 pixels around each; NaN where it leaves the array."""
     side = 2 * half + 1
-    if min(values.shape) >= side:
-        upto = np.pad(values, ((1, 0), (1, 0))).cumsum(axis=0).cumsum(axis=1)
-        out[half:-half, half:-half] = upto[side:, side:] - upto[:-side, side:] - upto[side:, :-side] + upto[:-side, :-side]
+    if min(values.shape) < side:
+        return np.full(values.shape, np.nan)
+    out = cv2.boxFilter(values, cv2.CV_64F, (side, side), normalize=False, borderType=cv2.BORDER_CONSTANT)
+    out[:half], out[-half:], out[:, :half], out[:, -half:] = np.nan, np.nan, np.nan, np.nan
     return out
 
 

@@ -154,7 +154,7 @@ class DsmCheckStage(Stage):
         what = OrthoTile(plan.block.of(photo), plan.block.camera_of(photo), plan.grid, window, heights, factor, seen)
         return Job(self.kind, f"ortho-{pair.name}-{side}", ortho_tile, reads,
                    {"ortho": Raster(ortho_raster(pair.name, side), tile.window.scaled(factor))}, {"tile": what},
-                   row=tile.row, col=tile.col, scratch=seen.height * seen.width * 12)
+                   row=tile.row, col=tile.col, scratch=seen.height * seen.width * 24)
 
     def _nodes(self, plan: _Plan, pair: CheckedPair) -> Iterator[RasterSpec | Job]:
         shape = tuple(-(-side // self.step) for side in pair.window.shape)
@@ -174,7 +174,7 @@ class DsmCheckStage(Stage):
         return Job(self.kind, f"nodes-{pair.name}", check_nodes, reads,
                    {"nodes": Raster(node_raster(pair.name), self._of_nodes(tile.window))},
                    {"tile": what, "matching": self.matching, "correction": self.correction},
-                   row=tile.row, col=tile.col, scratch=seen.height * seen.width * (8 + 30 * factor**2))
+                   row=tile.row, col=tile.col, scratch=seen.height * seen.width * (8 + 45 * factor**2))
 
     def _of_nodes(self, window: Window) -> Window:
         return _coarser(window, self.step)
@@ -191,7 +191,8 @@ class DsmCheckStage(Stage):
             yield self._answer_tile(plan, tile, size)
         yield Job(self.kind, "report", report, {"tiles": tuple(_counts_table(t) for t in tiles), "pairs": CHECKED_PAIRS,
                                                 "coarse": Raster(COARSE, coarse.full)},
-                  {"report": report_table(self.kind)}, {"blocks": Blocks(plan.grid, size, self.significance)})
+                  {"report": report_table(self.kind)}, {"blocks": Blocks(plan.grid, size, self.significance)},
+                  scratch=16 * coarse.bytes_of(coarse.full))
         yield Export(self.kind, "product", "products/dsm_check.tif", "cog", {"dh": DH, "height": CORRECTED, "sigma": PRECISION})
 
     def _answer_tile(self, plan: _Plan, tile: Tile, size: int) -> Job:
@@ -210,7 +211,7 @@ class DsmCheckStage(Stage):
             {"dh": Raster(DH, tile.window), "precision": Raster(PRECISION, tile.window), "height": Raster(CORRECTED, tile.window),
              "coarse": Raster(COARSE, blocks), "counts": _counts_table(tile)},
             {"window": tile.window, "pairs": tuple(windows), "rule": rule}, row=tile.row, col=tile.col,
-            scratch=tile.window.width * 64 * 96 + tile.window.height * tile.window.width * 24,
+            scratch=tile.window.width * 64 * 96 + tile.window.height * tile.window.width * 64,
         )
 
     def _nodes_near(self, plan: _Plan, pair: CheckedPair, window: Window, halo: int) -> tuple[NodeWindow, Raster]:

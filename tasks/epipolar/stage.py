@@ -72,6 +72,6 @@ class EpipolarStage(Stage):
             self.kind, f"{pair.name}-{side}", resample_tile, reads,
             {"image": Raster(epipolar_raster(pair.name, side), tile.window)},
             {"tile": of_pair, "photo_window": window, "bicubic": self.interpolation == "bicubic"},
-            row=tile.row, col=tile.col, scratch=window.height * window.width * 12,
+            row=tile.row, col=tile.col, scratch=window.height * window.width * 30,
         )
 

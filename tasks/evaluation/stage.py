@@ -149,7 +149,7 @@ class EvaluationStage(Stage):
         truth = _truth(place, surface=TRUTH_SURFACE, material=TRUTH_MATERIAL, building=TRUTH_BUILDING, visibility=TRUTH_VISIBILITY)
         return Job("evaluation", item, heights_against_truth, {**own, **truth}, writes, {"place": place, "core": t.window}, t.row,
                    t.col,
-                   scratch=_scratch(place, 60))
+                   scratch=_scratch(place, 75))
 
     def _ortho(self, view: ProjectView, parts: dict[str, Table]) -> Iterator[RasterSpec | Job]:
         nothing = self.reference.kind == "none" or (self.reference.kind == "file" and self.reference.ortho is None)

@@ -17,8 +17,10 @@ def grey(pixels: np.ndarray) -> np.ndarray:
         return pixels.astype(np.float32)
     if pixels.shape[2] == 1:
         return pixels[:, :, 0].astype(np.float32)
-    red, green, blue = (pixels[:, :, band].astype(np.float32) for band in range(3))
-    return LUMA[0] * red + LUMA[1] * green + LUMA[2] * blue
+    total = np.multiply(pixels[:, :, 0], LUMA[0], dtype=np.float32)
+    for band in (1, 2):
+        total += np.multiply(pixels[:, :, band], LUMA[band], dtype=np.float32)
+    return total
 
 
 def grey_range(overview: np.ndarray) -> tuple[float, float]:

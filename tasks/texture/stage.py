@@ -168,10 +168,11 @@ class TextureStage(Stage):
         for t, table in zip(tiles, samples, strict=True):
             extent = tile_extent(surface, ortho, t.window, coarse, rules.halo)
             yield Job("texture", "samples", sample_tile, _reads(heights, extent), {"samples": table},
-                      {"extent": extent, "rules": rules, "spacing": spacing}, t.row, t.col)
+                      {"extent": extent, "rules": rules, "spacing": spacing}, t.row, t.col, scratch=_sample_scratch(extent))
         vignetting = self.balance.kind == "block" and self.balance.vignetting
         yield Job("texture", "balance", balance, {"samples": tuple(samples), "block": BLOCK}, {"radiometry": RADIOMETRY},
-                  {"deep": deep, "method": self.balance.kind, "vignetting": vignetting})
+                  {"deep": deep, "method": self.balance.kind, "vignetting": vignetting},
+                  scratch=250 * SAMPLES_AT_MOST * min(len(block.names), 12))
         for t, table in zip(tiles, statistics, strict=True):
             extent = tile_extent(surface, ortho, t.window, fine, rules.halo)
             yield Job("texture", "ortho", texture_tile, {**_reads(heights, extent), "radiometry": RADIOMETRY},
@@ -220,6 +221,11 @@ def _reads(heights: str, extent: TileExtent) -> dict[str, object]:
 def _writes(tile: Tile, statistics: Table[TileTexture]) -> dict[str, Raster | Table]:
     rasters = {"ortho": ORTHO, "coverage": COVERAGE, "rejected": REJECTED, "height_source": HEIGHT_SOURCE}
     return {**{key: Raster(name, tile.window) for key, name in rasters.items()}, "statistics": statistics}
+
+
+def _sample_scratch(extent: TileExtent) -> int:
+    """Bytes for the bridged model and the ground of the tile."""
+    return 64 * extent.heights.height * extent.heights.width + 16 * extent.window.height * extent.window.width
 
 
 def _scratch(extent: TileExtent) -> int:

@@ -33,6 +33,16 @@ _FIRST_OCTAVE = 255 | (1 << 8)
 """OpenCV's code of octave -1, layer 1"""
 
 
+def searched_side(shape: tuple[int, int], tile: int) -> int:
+    """Side of the tiles that are searched, px: the longer side of the level in equal parts of about `tile`, up to a multiple of 16.
+
+    The halo costs as much as it is wide, whatever it surrounds: a narrow last tile would be all halo.
+    """
+    longer = max(shape)
+    parts = max(1, round(longer / tile))
+    return -(-longer // (16 * parts)) * 16
+
+
 @dataclass(frozen=True)
 class Detection:
     """Where and how a tile is searched: the pyramid level, its shape, the tile's core window in it, and the photograph's limit."""

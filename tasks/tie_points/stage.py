@@ -24,7 +24,7 @@ from schemas.stage import ProjectView, Stage
 from tasks.imagery.pyramid import level_shape
 from tasks.matching.least_squares import LeastSquaresMatching
 from tasks.tie_points.assembly import Weighting
-from tasks.tie_points.features import HALO, Detection, photo_features, tile_features
+from tasks.tie_points.features import HALO, Detection, photo_features, searched_side, tile_features
 from tasks.tie_points.pair_matching import PairRules, match_pair
 from tasks.tie_points.pairs import Neighbourhood, candidate_pairs
 from tasks.tie_points.patches import Strip, strip_patches
@@ -123,7 +123,8 @@ class TiePointsStage(Stage):
         level = self._level(photo)
         shape = level_shape((photo.height, photo.width), level)
         parts = []
-        for cell in tiles_of(shape, tile):
+        side = searched_side(shape, tile)
+        for cell in tiles_of(shape, side):
             detection = Detection(level, shape, cell.window, self.max_features, self.contrast)
             features, descriptors = _features(f"{photo.name}/{cell.row}-{cell.col}")
             parts.append((features, descriptors))
@@ -131,7 +132,7 @@ class TiePointsStage(Stage):
                 stage=self.kind, item=f"{photo.name} features", row=cell.row, col=cell.col, function=tile_features,
                 reads={"pixels": Raster(photo_raster(photo.name, level), detection.window), "overview": _overview(photo)},
                 writes={"features": features, "descriptors": descriptors}, params={"detection": detection},
-                scratch=200 * (min(tile, shape[0]) + 2 * HALO) * (min(tile, shape[1]) + 2 * HALO),
+                scratch=200 * (min(side, shape[0]) + 2 * HALO) * (min(side, shape[1]) + 2 * HALO),
             )  # fmt: skip
         features, descriptors = _features(photo.name)
         yield Job(
@@ -163,7 +164,7 @@ class TiePointsStage(Stage):
             },
             writes={"links": LINKS, **writes},
             params={"pairs": pairs, "sizes": tuple((photo.width, photo.height) for photo in photos.photos)},
-            scratch=200 * self.max_features * len(names),
+            scratch=300 * self.max_features * len(names),
         )  # fmt: skip
 
     def _rules(self, photo: Photo, tile: int) -> PatchRules:
@@ -220,7 +221,7 @@ class TiePointsStage(Stage):
             },
             writes={"tie_points": TIE_POINTS, "report": report_table(self.kind)},
             params={"weighting": Weighting(self.sigma_floor, self.sigma_unrefined * coarsest, self.unrefined)},
-            scratch=400 * links.tracks,
+            scratch=700 * links.tracks,
         )  # fmt: skip
 
 
