@@ -91,7 +91,7 @@ class PhotosStage(Stage):
                 reads={"pixels": source},
                 writes={"strip": Raster(name, window)},
                 params={"orientation": photo.exif_orientation, "bands": photo.bands},
-                scratch=window.height * window.width * photo.bands * np.dtype(photo.dtype).itemsize,
+                scratch=2 * window.height * window.width * photo.bands,
             )
 
     def _level_jobs(self, photo: Photo, level: int, tile: int) -> Iterator[Job]:
