@@ -78,7 +78,7 @@ def main() -> None:
     lines = ["# volos against its truth", "", f"`python -m benchmarks.volos`; {machine()}. Times vary with the load.", "",
              "| what | to reach | measured | reached | figure |", "| --- | --- | --- | --- | --- |",
              *run_rows(first, second, again), *(row(goal, figures) for goal in GOALS)]
-    stages = [name.split(".")[1] for name in figures if name.startswith("run.") and name.endswith(".work_seconds")]
+    stages = [name.split(".")[1] for name in figures if name.count(".") == 2 and name.endswith(".work_seconds")]
     lines += ["", "| stage | jobs | work (s) | peak memory of a worker |", "| --- | --- | --- | --- |"]
     for stage in stages:
         jobs, seconds, peak = (figures[f"run.{stage}.{what}"] for what in ("jobs", "work_seconds", "peak_memory"))
