@@ -5,7 +5,6 @@ Every error that orthomill can explain is one sentence and an exit code: 1 for f
 """
 
 import json
-import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +18,7 @@ from rich.table import Table as Lines
 from pipeline.clean import clean_run
 from pipeline.doctor import doctor as examine
 from pipeline.export import export as export_file
+from pipeline.interruption import listen
 from pipeline.lock import is_running, only_run
 from pipeline.records import Records
 from pipeline.run_facts import RunFacts
@@ -257,5 +257,5 @@ def figures(name: Name, path: Annotated[Path, typer.Argument(help="Where to writ
 
 def main() -> None:
     """Entry point of the command."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a batch system's polite stop is answered like Ctrl-C
+    listen()
     app()

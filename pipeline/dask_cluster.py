@@ -7,9 +7,9 @@ because numba kernels and OpenCV gain nothing from sharing a process, and memory
 import logging
 import signal
 import socket
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from multiprocessing import resource_tracker
 
 import dask
 from distributed import Client, LocalCluster
@@ -63,15 +63,14 @@ def local_client(workers: int, memory: int, port: int) -> Iterator[Client]:
 
 @contextmanager
 def _deaf_to_ctrl_c() -> Iterator[None]:
-    """Processes started inside ignore Ctrl-C, which a terminal sends to all of them: only this process is to answer it."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """Threads started inside, and all processes that these start, never get Ctrl-C, which a terminal sends to everybody: only
+    this thread is to answer it, as soon as it is through here."""
+    resource_tracker.ensure_running()  # started by a thread inside, it would make that thread hear again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager

@@ -45,7 +45,7 @@ class DaskRunner:
         return self._running > 0
 
     def next(self) -> Finished:
-        future = next(self._ended)
+        future = self._next_ended()
         self._running -= 1
         key = future.key[:-1]
         if future.status == "finished":
@@ -58,6 +58,14 @@ class DaskRunner:
             sentence = "its worker died each time it was tried; it may need more memory than --memory allows"
             return Finished(key, "failed", sentence) if died_at_own else Finished(key, "blocked")
         return Finished(key, "failed", f"Dask could not run it ({type(error).__name__}: {error})")
+
+    def _next_ended(self) -> Future:
+        """The next future that has ended and is still so: Dask takes back what it said of jobs whose worker died since."""
+        while True:
+            future = next(self._ended)
+            if future.status in ("finished", "error", "cancelled"):
+                return future
+            self._ended.add(future)
 
     def close(self) -> None:
         self._client.cancel(list(self._futures.values()), force=True)

@@ -26,6 +26,8 @@ class Work:
     folder: Path
     fingerprint: Fingerprint
     reason: str
+    run: str = ""
+    """mark of the run that asks for it"""
 
 
 class JobFailed(Exception):
@@ -39,9 +41,12 @@ class JobFailed(Exception):
 def execute(work: Work, *dependencies: object) -> Key:
     """Do one job and record it; returns its key. Raises JobFailed.
 
-    `dependencies` are the results of the jobs before it: keys, never data.
+    `dependencies` are the results of the jobs before it: keys, never data. A job that this run has done already is not done again:
+    Dask asks for all jobs of a worker again that died, because their answers, the keys, died with it.
     """
     records = Records(work.folder)
+    if _is_done(work, records):
+        return work.job.key
     started = time.time()
     records.remove(work.job.key)
     try:
@@ -52,6 +57,11 @@ def execute(work: Work, *dependencies: object) -> Key:
         raise JobFailed(work.job.key, sentence) from None
     _put(records, _record(work, "done", started, births=births))
     return work.job.key
+
+
+def _is_done(work: Work, records: Records) -> bool:
+    record = records.get(work.job.key)
+    return bool(work.run) and record is not None and record.status == "done" and record.run == work.run
 
 
 def _put(records: Records, record: Record) -> None:
@@ -122,6 +132,6 @@ def _record(work: Work, status: str, started: float, **more: Any) -> Record:
     stage, item, row, col = work.job.key
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     return Record(
-        stage=stage, item=item, row=row, col=col, status=status, fingerprint=work.fingerprint, reason=work.reason,
+        stage=stage, item=item, row=row, col=col, status=status, fingerprint=work.fingerprint, reason=work.reason, run=work.run,
         started=started, seconds=time.time() - started, worker=str(os.getpid()), peak_bytes=peak, **more,
     )

@@ -17,8 +17,9 @@ from schemas.errors import OrthomillError, ResourceError, WorkflowError
 from schemas.job import Export, Job, MapFile, MapHeader, PhotoHeader, PhotoPixels, Raster, Region, Table, TextFile
 from schemas.raster import RasterSpec, Window
 
-PROCESS_BYTES = 350 * 2**20
-"""What a worker process holds before it does anything: the interpreter, compiled kernels, libraries."""
+PROCESS_BYTES = 600 * 2**20
+"""What a worker process holds beside its job, measured at the end of a run: the interpreter, libraries and compiled kernels (350
+MiB), and what the allocator keeps of earlier jobs for the next one."""
 EXPORT_BYTES = 200 * 2**20
 
 

@@ -41,6 +41,8 @@ class Record(BaseModel):
     status: Literal["done", "failed"]
     fingerprint: Fingerprint
     reason: str
+    run: str = ""
+    """mark of the run that did it"""
     births: dict[str, str] = {}
     """raster -> birth mark of the raster that was written"""
     started: float = 0.0

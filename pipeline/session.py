@@ -5,6 +5,7 @@ All stages that can be planned are in flight together; the session only ever wai
 
 import shutil
 import time
+import uuid
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Protocol
 
 from pipeline.execute import Work
 from pipeline.graph import Graph, PlannedJob, check_memory
+from pipeline.interruption import stop_if_asked
 from pipeline.planner import Planner
 from pipeline.records import Key, Records, reason_to_run
 from pipeline.run_facts import Failure, StageRun
@@ -57,6 +59,7 @@ class Session:
         self.store = Store(self.folder)
         self.records = Records(self.folder)
         self._announced = 0
+        self._mark = uuid.uuid4().hex
         self.graph = Graph(self.root, relative)
         self.planner = Planner(self.project, self.stages, self.graph, self.store, self._holds, self.list_images)
 
@@ -112,6 +115,7 @@ class Session:
         """Run all that has to run. Failures are gathered, not raised; ResourceError before anything is submitted."""
         self._plan_and_submit(runner, watcher)
         while runner.busy:
+            stop_if_asked()
             finished = runner.next()
             self._note(finished, watcher)
             if finished.status == "done" and self._unlocks(finished.key):
@@ -127,7 +131,7 @@ class Session:
         self._announced = len(self.graph.jobs)
         for planned in self.pending:
             self._create_outputs(planned)
-            work = Work(planned.job, self.root, self.folder, planned.fingerprint, self.reasons[planned.key])
+            work = Work(planned.job, self.root, self.folder, planned.fingerprint, self.reasons[planned.key], self._mark)
             runner.submit(work, planned.dependencies, planned.memory)
         self.pending.clear()
 

@@ -1,6 +1,7 @@
 """A project of three small real photographs, and the command as people use it: what the tests of the front door share."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -52,6 +53,13 @@ def command(*words: str, code: int = 0) -> str:
     assert result.exit_code == code, said
     assert "Traceback" not in said
     return said
+
+
+def counts(said: str) -> tuple[int, int, int]:
+    """Jobs run, unchanged and failed, of what a run said at its end."""
+    found = re.search(r"(\d+) jobs run, (\d+) unchanged, (\d+) failed", said)
+    assert found, said
+    return tuple(map(int, found.groups()))
 
 
 def start_command(root: Path, *words: str, **options) -> subprocess.Popen:

@@ -124,7 +124,7 @@ def _steps(direction: np.ndarray, reach: int) -> np.ndarray:
     return steps[np.argsort((steps**2).sum(axis=1), kind="stable")]
 
 
-@njit(cache=True, fastmath={"reassoc", "contract", "nsz", "arcp"})
+@njit(cache=True, forceinline=True, fastmath={"reassoc", "contract", "nsz", "arcp"})
 def _product(a, b, ar, ac, br, bc, half):
     """Sum of products of two windows about the grey value 128."""
     total = np.float32(0.0)
@@ -159,7 +159,7 @@ def _window_sums(image, row, col, half):
     return total, squares
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _coarse(halves, row, col, steps, half, gain):
     """Number of the step that correlates best at half size; 0 is no shift."""
     a, at, asq, b, bt, bsq = halves
@@ -181,7 +181,7 @@ def _coarse(halves, row, col, steps, half, gain):
     return step
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _fine(left, right, col, row, first, half):
     """The shift next to `first` (2,) that correlates best at full size; `first` where none can be computed."""
     n = (2 * half + 1) ** 2

