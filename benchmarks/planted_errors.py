@@ -1,6 +1,8 @@
 """Does the check of the surface find planted errors? A tilt of +-5 m and twenty bumps of +-3 m on the surface of a finished run.
 
-    python benchmarks/planted_errors.py runs/volos
+    python -m benchmarks.planted_errors runs/volos
+
+The benchmark of the embedded project calls it on its own run and keeps the page.
 
 Strategy. The surface that the run measured is deformed, checked by the functions of `dsm_check` in one piece, and the answer is
 compared with what was planted: sign, place and amplitude of every bump, and the tilt. How much of a bump comes back depends on
@@ -16,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.measured_run import machine, write_result
 from schemas.epipolar import PAIRS, EpipolarPairs
 from schemas.orientation import BLOCK, Block
 from schemas.photo import photo_raster
@@ -186,5 +189,14 @@ def scene_of_run(folder: Path) -> tuple[Scene, np.ndarray]:
     return Scene(block, pairs, surface, read), store.read(HEIGHT, store.spec(HEIGHT).full)
 
 
+def write_page(folder: Path) -> None:
+    """Measure on a finished run and keep the page."""
+    write_result("planted_errors", "\n".join([
+        "# Does the check find planted errors?", "", f"`python -m benchmarks.planted_errors {folder.name}`; {machine()}.", "",
+        "A tilt of +-5 m and twenty bumps of +-3 m of each radius, planted on the measured surface.", "",
+        run(*scene_of_run(folder)),
+    ]) + "\n")
+
+
 if __name__ == "__main__":
-    print(run(*scene_of_run(Path(sys.argv[1]))))
+    write_page(Path(sys.argv[1]))

@@ -5,15 +5,19 @@ Run with `python -m benchmarks.same_everywhere`. Uses the small simulated projec
 
 import hashlib
 import tempfile
+from collections import Counter
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 import yaml
 
-from benchmarks.measured_run import machine, orthomill, project_root, write_result
+from benchmarks.measured_run import ROOT, machine, orthomill, project_root, write_result
 from pipeline.store import Store
 
 PROJECT = "volos_small"
+OWN_TILE = yaml.safe_load((ROOT / "workflows" / f"{PROJECT}.yaml").read_text())["tile"]
+TILES = (2 * OWN_TILE, 4 * OWN_TILE)
 VARIANTS = {
     "sequential": ("--sequential",),
     "1 worker": ("--workers", "1"),
@@ -43,32 +47,43 @@ def run_variant(folder: Path, words: tuple[str, ...], tile: int | None = None) -
 
 
 def difference(first: Path, second: Path, name: str) -> str:
-    """How much a raster of two runs differs."""
+    """How much a raster of two runs differs, in one line."""
     one, two = (Store(run).read(name, Store(run).spec(name).full).astype(np.float64) for run in (first, second))
     if one.shape != two.shape:
         return f"shapes {one.shape} and {two.shape}"
-    gaps = np.isnan(one) != np.isnan(two)
-    return f"largest difference {np.nanmax(np.abs(one - two)):.3g}, {int(gaps.sum())} cells empty in only one"
+    off, gaps = np.abs(one - two), np.isnan(one) != np.isnan(two)
+    share, alone = np.nanmean(off > 0), int(gaps.sum())
+    return f"largest difference {np.nanmax(off):.3g}, {share:.3%} of the values differ, {alone} are empty in only one"
+
+
+def compared(reference: Path, run: Path, name: str) -> tuple[str, list[str]]:
+    """The line of the table for a run, and lines that tell what differs: each raster, and how many tables of each stage.
+
+    Per-tile tables stand for other tiles when the tile size differs, so only those that both runs have are compared.
+    """
+    expected, found = digests(reference), digests(run)
+    shared = sorted(set(expected) & set(found))
+    differ = [what for what in shared if expected[what] != found[what]]
+    rasters = [what for what in differ if "." not in what]
+    tables = Counter(what.split("/")[0] for what in differ if "." in what)
+    details = [f"- {name}: raster `{what}`: {difference(reference, run, what)}" for what in rasters]
+    details += [f"- {name}: {count} tables of `{stage}`" for stage, count in tables.items()]
+    return f"| {name} | {len(shared)} | {len(shared) - len(differ)} | {len(differ)} |", details
 
 
 def main() -> None:
     """Run all variants and write the page."""
     with tempfile.TemporaryDirectory() as scratch:
         runs = {name: run_variant(Path(scratch) / name.replace(" ", "_"), words) for name, words in VARIANTS.items()}
-        runs["tile 1024"] = run_variant(Path(scratch) / "tile_1024", ("--workers", "2"), tile=1024)
-        reference = digests(runs["sequential"])
-        lines = ["# The same products, whoever runs them", "", f"`python -m benchmarks.same_everywhere`; {machine()}.", "",
-                 "| against sequential | rasters and tables | equal | differ |", "| --- | --- | --- | --- |"]
-        details = []
-        for name, run in list(runs.items())[1:]:
-            found = digests(run)
-            shared = sorted(set(reference) & set(found))
-            differ = [what for what in shared if reference[what] != found[what]]
-            lines.append(f"| {name} | {len(shared)} | {len(shared) - len(differ)} | {len(differ)} |")
-            for what in differ:
-                how = "differs" if "." in what else difference(runs["sequential"], run, what)
-                details.append(f"- {name}: `{what}` {how}")
-        write_result("same_everywhere", "\n".join([*lines, "", *details]) + "\n")
+        for tile in TILES:
+            runs[f"tile {tile}"] = run_variant(Path(scratch) / f"tile_{tile}", ("--workers", "2"), tile)
+        reference = runs.pop("sequential")
+        rows, details = zip(*(compared(reference, run, name) for name, run in runs.items()), strict=True)
+    write_result("same_everywhere", "\n".join([
+        "# The same products, whoever runs them", "", f"`python -m benchmarks.same_everywhere`; {machine()}.", "",
+        f"Project `{PROJECT}`, whose own tile is {OWN_TILE} px.", "",
+        "| against sequential | rasters and tables | equal | differ |", "| --- | --- | --- | --- |", *rows, "", *chain(*details),
+    ]) + "\n")
 
 
 if __name__ == "__main__":

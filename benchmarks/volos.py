@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchmarks import planted_errors
 from benchmarks.measured_run import MeasuredRun, machine, orthomill, project_root, summary, write_result
 
 PROJECT = "volos"
@@ -75,6 +76,7 @@ def main() -> None:
         figures = summary(root, PROJECT)
         second = orthomill(root, "run", PROJECT)
         again = summary(root, PROJECT)
+        planted_errors.write_page(root / "runs" / PROJECT)
     lines = ["# volos against its truth", "", f"`python -m benchmarks.volos`; {machine()}. Times vary with the load.", "",
              "| what | to reach | measured | reached | figure |", "| --- | --- | --- | --- | --- |",
              *run_rows(first, second, again), *(row(goal, figures) for goal in GOALS)]

@@ -1,9 +1,11 @@
 """Interest points with descriptors: SIFT, tile by tile, evenly over the photograph.
 
-A tile is searched with a halo that holds the neighbourhood of the largest point that is kept (`LARGEST`), and starts at a
-multiple of 16 px, so that every octave is sampled at the same pixels as in the whole photograph: tiling does not change the
-points. The strongest points of each cell of 64 px are kept, and of these the photograph keeps the best of every cell, then the
-second best, and so on up to its limit: weakly textured fields get points beside richly textured roofs.
+A part of a photograph is searched with a halo that holds the neighbourhood of the largest point that is kept (`LARGEST`), and
+starts at a multiple of 16 px, so that every octave is sampled at the same pixels as in the whole photograph: the division does
+not change the points beyond the rounding of OpenCV's filters. So that not even that depends on the project's tiles, the parts
+have a size of their own (`SEARCHED`). The strongest points of each cell of 64 px are kept, and of these the photograph keeps the
+best of every cell, then the second best, and so on up to its limit: weakly textured fields get points beside richly textured
+roofs.
 
 Descriptors are stored as bytes of RootSIFT, whose Euclidean distance is the Hellinger distance of the histograms.
 
@@ -24,6 +26,8 @@ from tasks.tie_points.records import DESCRIPTOR, Features, Values
 cv2.setNumThreads(1)
 
 HALO = 96
+SEARCHED = 512
+"""Side of the parts that are searched, px of the level, about"""
 SMALLEST, LARGEST = 2.5, 18.0
 """Diameters of points, px of the level. A descriptor reaches about 5.3 diameters from its centre; the many points below 2.5 px
 are rarely found again in another photograph."""
@@ -33,13 +37,13 @@ _FIRST_OCTAVE = 255 | (1 << 8)
 """OpenCV's code of octave -1, layer 1"""
 
 
-def searched_side(shape: tuple[int, int], tile: int) -> int:
-    """Side of the tiles that are searched, px: the longer side of the level in equal parts of about `tile`, up to a multiple of 16.
+def searched_side(shape: tuple[int, int]) -> int:
+    """Side of the parts that are searched, px: the longer side of the level in equal parts, up to a multiple of 16.
 
-    The halo costs as much as it is wide, whatever it surrounds: a narrow last tile would be all halo.
+    The halo costs as much as it is wide, whatever it surrounds: a narrow last part would be all halo.
     """
     longer = max(shape)
-    parts = max(1, round(longer / tile))
+    parts = max(1, round(longer / SEARCHED))
     return -(-longer // (16 * parts)) * 16
 
 

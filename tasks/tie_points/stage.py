@@ -98,7 +98,7 @@ class TiePointsStage(Stage):
                 "overlap, so add more."
             )
         for photo in photos.photos:
-            yield from self._feature_jobs(photo, tile)
+            yield from self._feature_jobs(photo)
         pairs = candidate_pairs(photos, Neighbourhood(self.all_pairs_up_to, self.nearest))
         for left, right in pairs:
             yield self._pair_job(photos.photos[left], photos.photos[right])
@@ -119,11 +119,11 @@ class TiePointsStage(Stage):
         """Refinement goes one level finer than the search, as far as its pull-in range reaches."""
         return max(0, self._level(photo) - 1)
 
-    def _feature_jobs(self, photo: Photo, tile: int) -> Iterator[Job]:
+    def _feature_jobs(self, photo: Photo) -> Iterator[Job]:
         level = self._level(photo)
         shape = level_shape((photo.height, photo.width), level)
         parts = []
-        side = searched_side(shape, tile)
+        side = searched_side(shape)
         for cell in tiles_of(shape, side):
             detection = Detection(level, shape, cell.window, self.max_features, self.contrast)
             features, descriptors = _features(f"{photo.name}/{cell.row}-{cell.col}")
