@@ -13,11 +13,15 @@ from multiprocessing import resource_tracker
 
 import dask
 from distributed import Client, LocalCluster
+from distributed.comm import CommClosedError
 
 from schemas.errors import ResourceError
 
 MEMORY = "orthomill_memory"
 """Name of the worker resource, in bytes."""
+
+ANSWER = "20s"
+"""How long the scheduler of an existing cluster may take to answer."""
 
 _SETTINGS = {
     "distributed.scheduler.allowed-failures": 2,
@@ -76,17 +80,25 @@ def _deaf_to_ctrl_c() -> Iterator[None]:
 @contextmanager
 def remote_client(address: str, memory: int) -> Iterator[Client]:
     """A client of an existing cluster whose workers see the project's folder. Raises ResourceError."""
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
-        client = Client(address, timeout="20s")
+        client = Client(address, timeout=ANSWER)
     except (OSError, TimeoutError, ValueError) as error:
         raise ResourceError(
             f"No Dask scheduler answers at {address} ({error}); start one with 'dask scheduler' or leave --scheduler out."
         ) from error
-    with client:
-        if not client.scheduler_info(n_workers=-1)["workers"]:
-            raise ResourceError(f"The Dask scheduler at {address} has no workers; start some with 'dask worker {address}'.")
-        client.run(_declare_memory, memory)
-        yield client
+    try:
+        with client:
+            if not client.scheduler_info(n_workers=-1)["workers"]:
+                raise ResourceError(f"The Dask scheduler at {address} has no workers; start some with 'dask worker {address}'.")
+            client.run(_declare_memory, memory)
+            yield client
+    except CommClosedError as error:
+        raise ResourceError(
+            f"The Dask scheduler at {address} was lost in the middle of the run; finished tiles are kept, so see to the cluster "
+            "and run the same command again to go on."
+        ) from error
 
 
 async def _declare_memory(memory: int, dask_worker: object = None) -> None:

@@ -10,6 +10,7 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 from distributed import Client, Future, KilledWorker, as_completed, performance_report
+from distributed.comm import CommClosedError
 
 from pipeline.dask_cluster import MEMORY
 from pipeline.execute import JobFailed, Work, execute
@@ -46,6 +47,8 @@ class DaskRunner:
 
     def next(self) -> Finished:
         future = self._next_ended()
+        if future.cancelled():
+            raise CommClosedError("the scheduler was lost, and with it what it was asked for")
         self._running -= 1
         key = future.key[:-1]
         if future.status == "finished":
@@ -68,7 +71,8 @@ class DaskRunner:
             self._ended.add(future)
 
     def close(self) -> None:
-        self._client.cancel(list(self._futures.values()), force=True)
+        if self._client.status == "running":
+            self._client.cancel(list(self._futures.values()), force=True)
         self._futures.clear()
 
 

@@ -1,0 +1,58 @@
+"""A run on a cluster that somebody else started: the same results, and one sentence when its scheduler goes away."""
+
+import json
+import subprocess
+import sys
+import time
+
+import pytest
+from small_site import command, make_site, results_of, start_command
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture
+def cluster(tmp_path):
+    """A scheduler with two workers, as processes of their own; (its process, its address)."""
+    file = tmp_path / "scheduler.json"
+    common = ["--scheduler-file", str(file), "--no-dashboard"]
+    silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    scheduler = subprocess.Popen(
+        [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0", *common], **silent
+    )
+    workers = subprocess.Popen(
+        [sys.executable, "-m", "distributed.cli.dask_worker", "--nworkers", "2", "--nthreads", "1", *common], cwd=tmp_path, **silent
+    )
+    deadline = time.monotonic() + 60
+    while not file.exists() and time.monotonic() < deadline:
+        time.sleep(0.1)
+    time.sleep(3)
+    yield scheduler, json.loads(file.read_text())["address"]
+    for process in (workers, scheduler):
+        process.terminate()
+        process.wait(timeout=30)
+
+
+def test_another_cluster_gives_the_same_and_its_loss_is_one_sentence(cluster, tmp_path):
+    scheduler, address = cluster
+    here, there = make_site(tmp_path / "here"), make_site(tmp_path / "there")
+    _, errors = (alone := start_command(here, "run", "site", "--sequential")).communicate(timeout=120)
+    assert alone.returncode == 0, errors
+    said, errors = (run := start_command(there, "run", "site", "--scheduler", address)).communicate(timeout=120)
+    assert run.returncode == 0 and " 0 failed" in said, errors
+    assert results_of(there) == results_of(here)
+
+    run = start_command(there, "run", "site", "--from", "photos", "--scheduler", address)
+    while "dashboard" not in run.stdout.readline():
+        assert run.poll() is None
+    scheduler.kill()
+    _, errors = run.communicate(timeout=120)
+    assert run.returncode != 0 and "Traceback" not in errors
+    assert f"The Dask scheduler at {address} was lost in the middle of the run; finished tiles are kept" in errors
+
+
+def test_a_scheduler_that_does_not_answer_is_named(tmp_path, monkeypatch):
+    monkeypatch.chdir(make_site(tmp_path))
+    monkeypatch.setattr("pipeline.dask_cluster.ANSWER", "2s")
+    said = command("run", "site", "--scheduler", "tcp://127.0.0.1:9", code=2)
+    assert "No Dask scheduler answers at tcp://127.0.0.1:9" in said
