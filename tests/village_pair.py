@@ -97,7 +97,7 @@ def normal_case(size: int, c: float = 1597.0, base: float = 582.0, flying_height
         left_centre=left, right_centre=(left[0] + base, left[1], left[2]), base=base, c=c, row0=centre,
         left_col0=centre - base / 2 * c / flying_height + 0.25, right_col0=centre + base / 2 * c / flying_height - 0.4,
         rows=pixels, left_cols=pixels, right_cols=pixels, parallax_low=low, parallax_high=high, base_height=base / flying_height,
-        row_sigma=0.1,
+        row_sigma=0.0,
     )
 
 

@@ -13,7 +13,7 @@ from tasks.densification.filling import Interpolate, NoFill, fill
 from tasks.densification.fusion import FusedCells, Fusion, fuse
 from tasks.densification.gridding import Gridding, HeightCells, Target, grid_nodes
 from tasks.densification.normal_case import NodesOnGround, nodes_on_ground
-from tasks.densification.spike_filter import SpikeFilter, spikes
+from tasks.densification.spike_filter import SpikeFilter, spikes, stray
 from tasks.densification.surface_grid import height_bounds, pair_bounds, pleasant_cell, surface_of
 from tasks.geometry.epipolar_window import box_corners, left_pixels, node_window
 from tasks.geometry.normal_case import intersect_pair
@@ -211,3 +211,35 @@ def test_cells_have_pleasant_sizes(pixel, cell):
 def test_without_pairs_there_is_one_clear_sentence():
     with pytest.raises(GeometryError, match="epipolar report"):
         surface_of(block(), EpipolarPairs(pairs=()), None)
+
+
+def hill_with(radius: float, height: float, side: int = 90) -> tuple[np.ndarray, np.ndarray]:
+    """A gently sloping surface (side, side) float32 with a flat-topped column in its middle, and where the column stands."""
+    y, x = np.mgrid[:side, :side]
+    column = np.hypot(x - side / 2, y - side / 2) < radius
+    return (0.1 * x + 0.05 * y + height * column).astype(np.float32), column
+
+
+@pytest.mark.parametrize(("radius", "goes"), [(4.0, True), (20.0, False)])
+def test_a_patch_without_support_in_the_wider_circle_goes_and_a_building_stays(radius, goes):
+    heights, column = hill_with(radius, 40.0)
+    found = stray(heights, 1.0, SpikeFilter())
+    assert found[column].mean() == goes and not found[~column].any()
+    assert not stray(heights, 1.0, SpikeFilter(far_radius=0.0)).any()
+
+
+def test_support_in_the_wider_circle_against_its_plain_twin():
+    rng, settings = np.random.default_rng(4), SpikeFilter(far_radius=6.0, far_support=0.4)
+    heights = rng.normal(0.0, 12.0, (24, 30)).astype(np.float32)
+    heights[rng.random(heights.shape) < 0.2] = np.nan
+    expected = np.zeros(heights.shape, bool)
+    steps = [(r, c) for r in range(-6, 7, 2) for c in range(-6, 7, 2) if 0 < np.hypot(r, c) <= 6.0]
+    for row, col in np.argwhere(np.isfinite(heights)):
+        support = 0
+        for r, c in steps:
+            if 0 <= row + r < 24 and 0 <= col + c < 30:
+                reach = np.float32(settings.far_slope * np.hypot(r, c) + settings.floor)
+                support += abs(heights[row + r, col + c] - heights[row, col]) <= reach
+        expected[row, col] = support < np.ceil(settings.far_support * len(steps))
+    found = stray(heights, 1.0, settings)
+    assert np.array_equal(found, expected) and 0 < found.sum() < np.isfinite(heights).sum()

@@ -193,3 +193,48 @@ def test_real_stereo_with_laboratory_truth():
     both = np.isfinite(found) & (truth > 0)
     assert both.mean() > 0.75
     assert (np.abs(found - truth)[both] > 1.5).mean() < 0.06
+
+
+def test_a_smaller_window_at_edges_keeps_walls_steep(rendered):
+    core = Window(BLOCK, BLOCK, BLOCK, BLOCK)
+    beside = ndimage.binary_dilation(rendered.wall, iterations=6)[core.slices][::2, ::2]
+    wrong = []
+    for edge_window in (5, 9):
+        error = errors(rendered, match(rendered, core, DenseMatching(edge_window=edge_window)), 2)[beside]
+        wrong.append((np.abs(error[np.isfinite(error)]) > 2.0).mean())
+    assert wrong[0] < wrong[1]
+
+
+def foliage(shift: int = 24):
+    """Two images of one pattern of blobs, `shift` px apart; in their middle each has fine detail of its own, as moving leaves do.
+
+    Returns left, right, and where the leaves are.
+    """
+    rng, side = np.random.default_rng(6), BLOCK + 2 * HALO
+    blobs = ndimage.gaussian_filter(rng.normal(size=(side, side + 64)), 7.0)
+    fine = ndimage.gaussian_filter(rng.normal(size=(side, side + 64)), 0.8)
+    leaves = np.zeros((side, side + 64), bool)
+    leaves[HALO + 60:-HALO - 60, HALO + 90:-HALO - 110] = True
+
+    def image(detail):
+        grey = 128 + 30 * blobs / blobs.std() + 18 * np.where(leaves, detail, fine) / fine.std()
+        return np.clip(np.rint(grey), 1, 255).astype(np.uint8)
+
+    own = [ndimage.gaussian_filter(rng.normal(size=fine.shape), 0.8) for _ in range(2)]
+    left, right = image(own[0])[:, shift:shift + side], image(own[1])
+    return left, right[:, :side + 48], leaves[:, shift:shift + side]
+
+
+def test_a_coarser_level_answers_where_the_finest_finds_nothing_and_says_how_well():
+    left, right, leaves = foliage()
+    nodes = leaves[HALO:-HALO:2, HALO:-HALO:2]
+    inner = ndimage.binary_erosion(nodes, iterations=8)
+    outer = ~ndimage.binary_dilation(nodes, iterations=12)
+    fine, coarse = (match_block(left, right, ParallaxRange(0, 48), DenseMatching(coarse_level=level)).nodes for level in (0, 3))
+    assert np.isfinite(fine.parallax[inner]).mean() < 0.3
+    answered = np.isfinite(coarse.parallax) & np.isnan(fine.parallax)
+    assert answered[inner].mean() > 0.5
+    assert (coarse.sigma[answered] >= np.float32(0.3 * 8)).all()
+    truth = np.nanmedian(fine.parallax[outer])
+    assert np.median(np.abs(coarse.parallax[answered] - truth)) < 2.0
+    assert np.array_equal(coarse.parallax[outer], fine.parallax[outer], equal_nan=True)
