@@ -1,0 +1,3 @@
+"""stub"""
+def match_forward(*a):
+    raise NotImplementedError
