@@ -179,6 +179,8 @@ def _influence(block, pad, xs, ys, weights, grey_share, offset, out):
     w3, w4, w5 = np.float32(weights[3]), np.float32(weights[4]), np.float32(weights[5])
     share, constant = np.float32(grey_share), np.float32(offset)
     body = out[pad:pad + grey.size]
+    out[:pad] = np.float32(0.0)
+    out[pad + grey.size:] = np.float32(0.0)
     for i in range(grey.size):
         slope = gx[i] * (w0 + w1 * xs[i] + w2 * ys[i]) + gy[i] * (w3 + w4 * xs[i] + w5 * ys[i])
         body[i] = slope - inside[i] * (share * grey[i] + constant)
@@ -362,10 +364,9 @@ def _match_one(left, right, flat, col, row, half, place, start, a, rules, blocks
             values[REFERENCE_COL], values[REFERENCE_ROW] = col + px, row + py
             values[COL] = base_col + (t[0] + a[0] * px + a[1] * py)
             values[ROW] = base_row + (t[1] + a[2] * px + a[3] * py)
-            influence, pad = blurs[:, :n + 4 * pitch], 2 * pitch
-            influence[0, :pad], influence[1, :pad] = np.float32(0.0), np.float32(0.0)
-            influence[0, pad + n:], influence[1, pad + n:] = np.float32(0.0), np.float32(0.0)
-            influence[2, pad + n + pad - 2:] = np.float32(0.0)
+            pad, size = 2 * pitch, n + 4 * pitch
+            on_x, on_y, along, blurred = blurs[0, :size], blurs[1, :size], blurs[2, :size], blurs[3, :size]
+            along[size - 2:] = np.float32(0.0)
             for axis in range(2):
                 d[:] = 0.0
                 d[3 * axis] = 1.0
@@ -378,12 +379,11 @@ def _match_one(left, right, flat, col, row, half, place, start, a, rules, blocks
                         share += d[k] * grey_sums[k] / power if rules.radiometry == 2 else 0.0
                         offset += d[k] * plain[k] / count
                     offset -= share * mean
-                _influence(block, pad, xs, ys, d, share, offset, influence[axis])
-            _blurred(influence[0], pitch, kernel[0], kernel[1], influence[2], influence[3])
-            xx = _dot(influence[0, pad:pad + n], influence[3, pad:pad + n])
-            xy = _dot(influence[1, pad:pad + n], influence[3, pad:pad + n])
-            _blurred(influence[1], pitch, kernel[0], kernel[1], influence[2], influence[3])
-            yy = _dot(influence[1, pad:pad + n], influence[3, pad:pad + n])
+                _influence(block, pad, xs, ys, d, share, offset, on_x if axis == 0 else on_y)
+            _blurred(on_x, pitch, kernel[0], kernel[1], along, blurred)
+            xx, xy = _dot(on_x[pad:pad + n], blurred[pad:pad + n]), _dot(on_y[pad:pad + n], blurred[pad:pad + n])
+            _blurred(on_y, pitch, kernel[0], kernel[1], along, blurred)
+            yy = _dot(on_y[pad:pad + n], blurred[pad:pad + n])
             xx, xy, yy = max(xx, 0.0) * sigma0**2, xy * sigma0**2, max(yy, 0.0) * sigma0**2
             values[VAR_COL] = a[0] * a[0] * xx + 2.0 * a[0] * a[1] * xy + a[1] * a[1] * yy
             values[VAR_ROW] = a[2] * a[2] * xx + 2.0 * a[2] * a[3] * xy + a[3] * a[3] * yy
