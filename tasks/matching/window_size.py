@@ -23,6 +23,8 @@ from tasks.matching.window_measures import Growth, border_rooms, data_rooms, ent
 
 _BATCH = 16384
 """points that are measured at a time"""
+_SMALL = 6
+"""half size up to which all points are measured; larger windows only where none of these was accepted"""
 
 
 class FixedWindow(Settings):
@@ -181,10 +183,25 @@ def growth_of(image: GreyLevels, pixels: np.ndarray, sizing: SingleWindow) -> Gr
 
 def _sized(image: GreyLevels, pixels: np.ndarray, sizing: SingleWindow) -> tuple[np.ndarray, np.ndarray]:
     growth = growth_of(image, pixels, sizing)
-    chosen = chosen_size(image.levels, growth, sizing)
+    chosen = _chosen_in_two(image.levels, growth, sizing)
     outcome = np.where(growth.rooms < growth.last, Outcome.OUTSIDE, Outcome.LOW_TEXTURE)
     half = np.where(chosen > 0, growth.first - 1 + chosen, 0)
     return half, np.where(chosen > 0, Outcome.NOT_TRIED, outcome)
+
+
+def _chosen_in_two(levels: np.ndarray, growth: Growth, sizing: SingleWindow) -> np.ndarray:
+    """As `chosen_size`, but most windows are small, and large ones need not be measured then.
+
+    The statistical rules look at all sizes before they choose one.
+    """
+    if isinstance(sizing, StatisticalWindow) or not growth.first <= _SMALL < growth.last:
+        return chosen_size(levels, growth, sizing)
+    small = Growth(growth.pixels, np.minimum(growth.rooms, _SMALL), growth.first, _SMALL)
+    chosen = chosen_size(levels, small, sizing)
+    others = np.flatnonzero((chosen == 0) & (growth.rooms > _SMALL))
+    large = Growth(growth.pixels[others], growth.rooms[others], growth.first, growth.last)
+    chosen[others] = chosen_size(levels, large, sizing)
+    return chosen
 
 
 def chosen_size(levels: np.ndarray, growth: Growth, sizing: SingleWindow) -> np.ndarray:

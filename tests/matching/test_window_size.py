@@ -20,9 +20,11 @@ from tasks.matching.window_size import (
     FoerstnerWindow,
     StatisticalWindow,
     WindowSizing,
+    chosen_size,
     entropy_choice,
     foerstner_choice,
     grey_levels,
+    growth_of,
     statistical_choice,
     window_sizes,
 )
@@ -366,6 +368,16 @@ def test_levels_are_the_published_ones():
     half = np.array([3, 4, 5, 6, 0])
     assert published_levels(half, EntropyWindow(largest=13)).tolist() == [0, 63, 127, 191, 255]
     assert published_levels(np.arange(3, 18), EntropyWindow()).tolist() == list(range(0, 239, 17))
+
+
+@pytest.mark.parametrize("sizing", (*METHODS[:4], EntropyWindow(min_gain=0.01, min_entropy=4.5)), ids=lambda sizing: sizing.kind)
+def test_a_choice_in_two_goes_is_the_choice_among_all_sizes(sizing):
+    image = grey_levels(scene(9))
+    pixels = np.argwhere(np.ones((90, 110), bool))[:, ::-1]
+    growth_to_last = growth_of(image, pixels, sizing)
+    chosen = chosen_size(image.levels, growth_to_last, sizing)
+    half = np.where(chosen > 0, growth_to_last.first - 1 + chosen, 0)
+    assert (window_sizes(image, pixels, sizing).half == half).all()
 
 
 @pytest.mark.parametrize("sizing", METHODS, ids=lambda sizing: sizing.kind)
