@@ -17,7 +17,7 @@ matching_and_dsm_check.md 1.3, 1.4).
 import numpy as np
 from numba import njit
 
-from tasks.matching.resampling_kernels import bicubic, bilinear, leaves, nearest_pixel
+from tasks.matching.resampling_kernels import bicubic, bilinear, leaves, nearest_pixel, on_lattice
 from tasks.matching.results import (
     A12, B21, COL, CONVERGED, CORRELATION, COVARIANCE, GAIN, LOW_CORRELATION, LOW_TEXTURE, MOVED_TOO_FAR, NOT_CONVERGED, OFFSET,
     OUTSIDE, REFERENCE_COL, REFERENCE_ROW, ROW, SIGMA0, SINGULAR, VAR_COL, VAR_ROW,
@@ -285,7 +285,8 @@ def _match_one(images, pixel, half, place, start, a, rules, scratch, values):
                 return LOW_CORRELATION, iteration
             px, py = _centroid(seen, n) if rules.centroid else place
             values[REFERENCE_COL], values[REFERENCE_ROW] = col + px, row + py
-            values[COL], values[ROW] = base_col + (t0 + a[0] * px + a[1] * py), base_row + (t1 + a[2] * px + a[3] * py)
+            values[COL] = base_col + on_lattice(t0 + a[0] * px + a[1] * py)
+            values[ROW] = base_row + on_lattice(t1 + a[2] * px + a[3] * py)
             xx, yy, xy = _shift_cofactors(lower, rules.shift_only, estimated, px, py, line)
             values[VAR_COL], values[VAR_ROW], values[COVARIANCE] = variance * xx, variance * yy, variance * xy
             return CONVERGED, iteration

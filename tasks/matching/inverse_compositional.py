@@ -19,7 +19,7 @@ Source: Baker & Matthews 2004; methods/matching_windows.md 2.1 (rows 1 to 3); ma
 import numpy as np
 from numba import njit
 
-from tasks.matching.resampling_kernels import EXACT, bicubic, bilinear, leaves, nearest_pixel
+from tasks.matching.resampling_kernels import EXACT, bicubic, bilinear, leaves, nearest_pixel, on_lattice
 from tasks.matching.results import (
     A12, B21, COL, CONVERGED, CORRELATION, COVARIANCE, GAIN, LOW_CORRELATION, LOW_TEXTURE, MOVED_TOO_FAR, NOT_CONVERGED, OFFSET,
     OUTSIDE, REFERENCE_COL, REFERENCE_ROW, ROW, SIGMA0, SINGULAR, VAR_COL, VAR_ROW,
@@ -362,8 +362,8 @@ def _match_one(left, right, flat, col, row, half, place, start, a, rules, blocks
                 weight = moments[0, 0] + moments[2, 0]
                 px, py = (moments[0, 1] + moments[2, 1]) / weight, (moments[0, 2] + moments[2, 2]) / weight
             values[REFERENCE_COL], values[REFERENCE_ROW] = col + px, row + py
-            values[COL] = base_col + (t[0] + a[0] * px + a[1] * py)
-            values[ROW] = base_row + (t[1] + a[2] * px + a[3] * py)
+            values[COL] = base_col + on_lattice(t[0] + a[0] * px + a[1] * py)
+            values[ROW] = base_row + on_lattice(t[1] + a[2] * px + a[3] * py)
             pad, size = 2 * pitch, n + 4 * pitch
             on_x, on_y, along, blurred = blurs[0, :size], blurs[1, :size], blurs[2, :size], blurs[3, :size]
             along[size - 2:] = np.float32(0.0)

@@ -80,8 +80,9 @@ class PreparedPair:
         return cls(prepare(left.pixels, settings), prepare(right.pixels, settings), left.origin, right.origin, settings)
 
     def match(self, points: np.ndarray, starts: np.ndarray, affine: np.ndarray | None = None) -> Matches:
-        """`match_points` with all positions in pixels of the photographs."""
-        found = match_points(self.left, self.right, points - self.left_origin, starts - self.right_origin, self.settings, affine)
+        """`match_points` with all positions in pixels of the photographs; points without a start (NaN) are NOT_TRIED."""
+        half = np.where(np.isfinite(starts).all(axis=1), self.settings.half, 0)
+        found = match_points(self.left, self.right, points - self.left_origin, starts - self.right_origin, self.settings, affine, half)
         return moved(found, self.left_origin, self.right_origin)
 
 

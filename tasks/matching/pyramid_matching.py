@@ -1,4 +1,4 @@
-"""Coarse-to-fine matching of a grid of nodes: no seeds, no orientation, no epipolar images; the affine comes down with the position.
+"""Coarse-to-fine matching of a grid of nodes: no seeds, no orientation, no epipolar images; the affine comes down too.
 
 Strategy
 - Both parts are halved by means of 2 x 2 pixels on an absolute grid. On the coarsest level every node is tried from a small lattice
@@ -213,8 +213,8 @@ def _check_origins(left: ImagePart, right: ImagePart, settings: PyramidMatching)
     unit = 2**settings.levels
     for part in (left, right):
         if part.col % unit or part.row % unit:
-            raise ValueError(f"a part begins at column {part.col}, row {part.row}; with {settings.levels} coarser levels both must be "
-                             f"multiples of {unit}")
+            raise ValueError(f"a part begins at column {part.col}, row {part.row}; with {settings.levels} coarser levels both must "
+                             f"be multiples of {unit}")
 
 
 @njit(cache=True)
@@ -228,7 +228,7 @@ def _predict(right, affine, solved, places, step, out, out_affine):
         out_affine[i, :] = 0.0
         for r in range(max(first_row, 0), min(first_row + 2, rows)):
             for c in range(max(first_col, 0), min(first_col + 2, cols)):
-                if not right[r, c, 0] == right[r, c, 0]:
+                if np.isnan(right[r, c, 0]):
                     continue
                 dx, dy = places[i, 0] - c, places[i, 1] - r
                 weight = (1.0 - abs(dx)) * (1.0 - abs(dy)) * (1.0 if solved[r, c] else _UNSOLVED)

@@ -26,6 +26,12 @@ def nearest_pixel(x):
 
 
 @njit(cache=True, inline="always")
+def on_lattice(x):
+    """Rounded to 2^-32 px, so that adding any column or row of an image is exact: a tile returns the very number of the whole."""
+    return np.floor(x * 4294967296.0 + 0.5) / 4294967296.0
+
+
+@njit(cache=True, inline="always")
 def cubic_weights(f):
     """Weights of the pixels at -1, 0, 1, 2 for a position f in [0, 1)."""
     g = np.float32(1.0) - f

@@ -147,7 +147,8 @@ def right_window(left: Window, margin: int) -> Window:
     cols = np.append(np.arange(left.col, left.col + left.width, _LATTICE), left.col + left.width)
     lattice = np.column_stack([part.ravel() for part in np.meshgrid(cols, rows)])
     right = true_matches(lattice)
-    first, last = np.floor(right.min(axis=0)).astype(int) - 1, np.ceil(right.max(axis=0)).astype(int) + 1
+    first = [int(value) for value in np.floor(right.min(axis=0)) - 1]
+    last = [int(value) for value in np.ceil(right.max(axis=0)) + 1]
     return Window(first[1], first[0], last[1] - first[1], last[0] - first[0]).grown(margin).clipped((SIDE, SIDE))
 
 

@@ -40,7 +40,7 @@ def test_the_surface_is_found_without_seeds(parts):
     grid = NodeGrid.within(parts[0], 8, margin=10)
     found = match_pyramid(*parts, grid, search_range(grid), SETTINGS)
     errors = np.abs(found.position - true_matches(grid.points()))[found.converged]
-    assert found.converged.mean() > 0.985
+    assert found.converged.mean() > 0.97
     assert np.median(errors[:, 0]) < 0.06
     assert (errors[:, 0] > 0.5).mean() < 0.002
 
@@ -76,7 +76,7 @@ def test_what_cannot_be_matched_has_an_outcome_and_no_position(parts):
     inside = ((grid.points() - left.origin >= [310, 410]) & (grid.points() - left.origin < [590, 690])).all(axis=1)
     without = (grid.points() - left.origin < 190).all(axis=1)
     assert not found.converged[inside | without].any()
-    assert set(found.outcome[inside]) <= {Outcome.LOW_TEXTURE, Outcome.NOT_TRIED}
+    assert set(found.outcome[inside]) <= {Outcome.LOW_TEXTURE, Outcome.NOT_TRIED, Outcome.INCONSISTENT}
     assert np.isnan(found.position[~found.converged]).all()
     assert found.converged[~(inside | without)].mean() > 0.85
 
