@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from schemas.outcome import Outcome
-from tasks.matching.least_squares import LeastSquaresMatching, Matches, PreparedImage, match_points, prepare
+from tasks.matching.least_squares import Matches, PreparedImage, match_points, prepare
+from tasks.matching.match_tables import moved
+from tasks.matching.matching_model import LeastSquaresMatching
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,12 +59,6 @@ class NodeGrid:
         cols, rows = np.meshgrid(self.col + np.arange(self.cols), self.row + np.arange(self.rows))
         return np.column_stack([cols.ravel(), rows.ravel()]) * float(self.step)
 
-    def inner(self, table: np.ndarray, nodes: int) -> np.ndarray:
-        """Of a table (rows * cols, ...) of this grid, the part that belongs to the grid `nodes` smaller on every side."""
-        grid = table.reshape(*self.shape, *table.shape[1:])
-        inner = grid[nodes:self.rows - nodes, nodes:self.cols - nodes]
-        return inner.reshape(-1, *table.shape[1:])
-
 
 @dataclass(frozen=True, eq=False)
 class PreparedPair:
@@ -82,35 +77,9 @@ class PreparedPair:
     def match(self, points: np.ndarray, starts: np.ndarray, affine: np.ndarray | None = None) -> Matches:
         """`match_points` with all positions in pixels of the photographs; points without a start (NaN) are NOT_TRIED."""
         half = np.where(np.isfinite(starts).all(axis=1), self.settings.half, 0)
-        found = match_points(self.left, self.right, points - self.left_origin, starts - self.right_origin, self.settings, affine, half)
+        found = match_points(self.left, self.right, points - self.left_origin, starts - self.right_origin, self.settings, affine,
+                             half)
         return moved(found, self.left_origin, self.right_origin)
-
-
-def moved(found: Matches, left: np.ndarray, right: np.ndarray) -> Matches:
-    """The same matches with their positions moved by (col, row) in the left and in the right image."""
-    return Matches(**{**found.__dict__, "col": found.col + right[0], "row": found.row + right[1],
-                      "reference": found.reference + left})
-
-
-def merged(old: Matches, new: Matches, rows: np.ndarray) -> Matches:
-    """`old` with its rows (bool or int) replaced by those of `new`."""
-    tables = {}
-    for name, table in old.__dict__.items():
-        tables[name] = table.copy()
-        tables[name][rows] = new.__dict__[name]
-    return Matches(**tables)
-
-
-def taken(matches: Matches, rows: np.ndarray) -> Matches:
-    """Some rows of matches."""
-    return Matches(**{name: table[rows] for name, table in matches.__dict__.items()})
-
-
-def rejected(matches: Matches, rows: np.ndarray, outcome: Outcome) -> Matches:
-    """The same with other outcome, and without position and precision, in some rows (bool)."""
-    new = taken(matches, rows)
-    blank = {name: np.full_like(new.__dict__[name], np.nan) for name in ("col", "row", "covariance")}
-    return merged(matches, Matches(**{**new.__dict__, **blank, "outcome": np.full(len(new), outcome, np.uint8)}), rows)
 
 
 @njit(cache=True)

@@ -23,8 +23,9 @@ from numba import njit
 from schemas.outcome import Outcome
 from schemas.settings import Settings, setting
 from tasks.matching.least_squares import Matches
+from tasks.matching.match_tables import merged, rejected, taken
 from tasks.matching.matching_model import LeastSquaresMatching
-from tasks.matching.node_grid import ImagePart, NodeGrid, PreparedPair, agreement, from_neighbours, merged, rejected, taken
+from tasks.matching.node_grid import ImagePart, NodeGrid, PreparedPair, agreement, from_neighbours
 from tasks.matching.smoothing import reach_of, with_gaps
 
 _UNSOLVED = 1e-3
