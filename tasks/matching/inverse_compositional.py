@@ -16,21 +16,92 @@ Strategy
 Source: Baker & Matthews 2004; methods/matching_windows.md 2.1 (rows 1 to 3); matching_and_dsm_check.md 1.3, 1.4.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
 from tasks.matching.resampling_kernels import EXACT, bicubic, bilinear, leaves, nearest_pixel, on_lattice
 from tasks.matching.results import (
-    A12, B21, COL, CONVERGED, CORRELATION, COVARIANCE, GAIN, LOW_CORRELATION, LOW_TEXTURE, MOVED_TOO_FAR, NOT_CONVERGED, OFFSET,
-    OUTSIDE, REFERENCE_COL, REFERENCE_ROW, ROW, SIGMA0, SINGULAR, VAR_COL, VAR_ROW,
+    A12, A21, B12, B21, COL, CONVERGED, CORRELATION, COVARIANCE, GAIN, LOW_CORRELATION, LOW_TEXTURE, MOVED_TOO_FAR, NOT_CONVERGED,
+    OFFSET, OUTSIDE, REFERENCE_COL, REFERENCE_ROW, ROW, SIGMA0, SINGULAR, VAR_COL, VAR_ROW,
 )
 from tasks.matching.small_systems import factor, solve
-from tasks.matching.window_shape import ellipse_axes, ellipse_window, square_window
+from tasks.matching.window_shape import ellipse_axes, ellipse_window, pixels_of, square_window
 
 _PAD = 2
 """Zeros between the rows of a block, at least: the correlation of residuals reaches that far."""
 _FLAT = 1e-6
 """Variance of grey values below which a window is taken as constant."""
+_ZERO = np.float32(0.0)
+
+
+class Template(NamedTuple):
+    """What a window is when its block has been cut."""
+
+    reach_x: int
+    reach_y: int
+    n: int
+    """floats of its block"""
+    count: int
+    """its pixels"""
+    level: float
+    """grey value that the block counts from"""
+    mean: float
+    """of the block's pixels"""
+    power: float
+    """sum of squares of the grey values about their mean"""
+
+
+class Work(NamedTuple):
+    """Arrays that every point uses again."""
+
+    spans: np.ndarray
+    drawn: np.ndarray
+    """reach of the square whose coordinates are in place"""
+    xs: np.ndarray
+    ys: np.ndarray
+    grey: np.ndarray
+    gx: np.ndarray
+    gy: np.ndarray
+    inside: np.ndarray
+    patch: np.ndarray
+    moments: np.ndarray
+    plain: np.ndarray
+    """sums of the derivatives"""
+    likewise: np.ndarray
+    """sums of the derivatives times the centred grey values"""
+    normal: np.ndarray
+    lower: np.ndarray
+    d: np.ndarray
+    on_x: np.ndarray
+    on_y: np.ndarray
+    """influence of the residuals on both shifts, between zeros"""
+    along: np.ndarray
+    blurred: np.ndarray
+    kernel: tuple[float, float]
+    """correlation of residuals one and two pixels apart"""
+
+
+@njit(cache=True)
+def _work(reach, smoothing):
+    """Arrays for windows that reach `reach` px from their centre."""
+    size = _pitch(reach) * (2 * reach + 1)
+    longer = size + 4 * _pitch(reach)
+    sigma = max(smoothing, 0.3)
+    kernel = np.float32(np.exp(-1.0 / (4.0 * sigma * sigma))), np.float32(np.exp(-1.0 / (sigma * sigma)))
+    return Work(
+        np.empty((2 * reach + 1, 2), np.int64), np.zeros(1, np.int64), np.empty(size, np.float32), np.empty(size, np.float32),
+        np.zeros(size, np.float32), np.zeros(size, np.float32), np.zeros(size, np.float32), np.zeros(size, np.float32),
+        np.zeros(size, np.float32), np.empty((3, 6)), np.empty(6), np.empty(6), np.empty((6, 6)), np.empty((6, 6)), np.empty(6),
+        np.zeros(longer, np.float32), np.zeros(longer, np.float32), np.zeros(longer, np.float32), np.zeros(longer, np.float32),
+        kernel,
+    )
+
+
+@njit(cache=True, inline="always")
+def _unknowns(rules):
+    return (2 if rules.shift_only else 6) + (0 if rules.radiometry == 0 else 2)
 
 
 @njit(cache=True, inline="always")
@@ -130,9 +201,8 @@ def _normal_matrix(moments, normal):
 
 
 @njit(cache=True)
-def _without_radiometry(normal, sums, power, count):
+def _without_radiometry(normal, plain, grey, power, count):
     """Make the normal matrix that of derivatives orthogonal to a constant and to the window (of centred power `power`)."""
-    plain, grey = sums
     for i in range(6):
         for j in range(i + 1):
             normal[i, j] -= plain[i] * plain[j] / count + grey[i] * grey[j] / power
@@ -140,15 +210,18 @@ def _without_radiometry(normal, sums, power, count):
 
 
 @njit(cache=True, forceinline=True, fastmath=EXACT)
-def _warp(flat, width, origin, t, a, use_bicubic, reach, spans, patch):
-    """Fill the block `patch` with the right image at origin + t + A (x, y); returns the grey value it counts from.
+def _warp(flat, width, base, t, a, use_bicubic, reach, spans, patch):
+    """Fill the block `patch` with the right image at base + t + A (x, y); returns the grey value it counts from.
 
-    flat, width: the right image; origin: index of the pixel that t (px) is counted from.
+    flat, width: the right image; base: the whole pixel (col, row) that t (px) is counted from.
     """
+    whole_x, whole_y = int(np.floor(t[0])), int(np.floor(t[1]))
+    rest_x, rest_y = t[0] - whole_x, t[1] - whole_y
+    origin = (base[1] + whole_y) * width + base[0] + whole_x
     reach_x, reach_y = reach
     pitch = _pitch(reach_x)
     step_x, step_y = np.float32(a[0]), np.float32(a[2])
-    level = flat[np.uint64(origin + int(np.floor(t[1])) * width + int(np.floor(t[0])))]
+    level = flat[np.uint64(origin)]
     stride = np.uint64(width)
     for j in range(2 * reach_y + 1):
         first, last = spans[j]
@@ -156,7 +229,7 @@ def _warp(flat, width, origin, t, a, use_bicubic, reach, spans, patch):
         if count < 1:
             continue
         y = j - reach_y
-        u0, v0 = np.float32(t[0] + a[1] * y + a[0] * first), np.float32(t[1] + a[3] * y + a[2] * first)
+        u0, v0 = np.float32(rest_x + a[1] * y + a[0] * first), np.float32(rest_y + a[3] * y + a[2] * first)
         line = patch[j * pitch + reach_x + first:j * pitch + reach_x + last + 1]
         if use_bicubic:
             for i in range(count):
@@ -209,11 +282,6 @@ def _dot(p, q):
     return total
 
 
-@njit(cache=True, inline="always")
-def _limited(value, limit):
-    return min(max(value, -limit), limit)
-
-
 @njit(cache=True)
 def _compose(a, d):
     """A <- A (I + D)^-1 for the affine a (4,) and the correction d (6,); returns its area."""
@@ -238,108 +306,180 @@ def _solve(lower, shift_only, d):
 
 
 @njit(cache=True, forceinline=True)
-def _match_one(left, right, flat, col, row, half, place, start, a, rules, blocks, scratch, values):
-    """Match the window about the whole pixel (col, row) from `start` (2,); returns (outcome, iterations).
+def _template(left, col, row, half, axes, rules, work):
+    """Cut the window, and build and factor its normal matrix; returns (outcome, template), CONVERGED when it can be matched."""
+    if rules.ellipse:
+        reach_x, reach_y = ellipse_window(half, axes, 0.0, 0.0, work.spans)
+    else:
+        reach_x, reach_y = square_window(half, work.spans)
+    n = _pitch(reach_x) * (2 * reach_y + 1)
+    template = Template(reach_x, reach_y, n, 0, 0.0, 0.0, 0.0)
+    if not (reach_x < col < left.shape[1] - reach_x - 1 and reach_y < row < left.shape[0] - reach_y - 1):
+        return OUTSIDE, template
+    grey, gx, gy, inside = work.grey[:n], work.gx[:n], work.gy[:n], work.inside[:n]
+    xs, ys, moments = work.xs[:n], work.ys[:n], work.moments
+    if rules.ellipse or work.drawn[0] != reach_x:
+        _coordinates(reach_x, reach_y, xs, ys)
+        work.drawn[0] = reach_x
+        grey[:], gx[:], gy[:], inside[:], work.patch[:n] = _ZERO, _ZERO, _ZERO, _ZERO, _ZERO
+    level = _cut(left, col, row, (reach_x, reach_y), work.spans, (grey, gx, gy, inside))
+    _second_moments(gx, gx, xs, ys, moments[0])
+    _second_moments(gx, gy, xs, ys, moments[1])
+    _second_moments(gy, gy, xs, ys, moments[2])
+    count = pixels_of(work.spans, 2 * reach_y + 1)
+    total, power, _ = _sums(grey, grey)
+    mean = total / count
+    power -= total * mean
+    gxx, gxy, gyy = moments[0, 0], moments[1, 0], moments[2, 0]
+    if not (power < np.inf and gxx + gyy < np.inf):
+        return OUTSIDE, template
+    weakest = 0.5 * (gxx + gyy) - np.sqrt(0.25 * (gxx - gyy) ** 2 + gxy * gxy)
+    if weakest <= count * rules.min_gradient**2 or power <= _FLAT * count:
+        return LOW_TEXTURE, template
+    _gradient_moments(gx, gy, inside, xs, ys, work.plain)
+    _gradient_moments(gx, gy, grey, xs, ys, work.likewise)
+    for k in range(6):
+        work.likewise[k] -= mean * work.plain[k]
+    _normal_matrix(moments, work.normal)
+    if rules.radiometry == 2:
+        _without_radiometry(work.normal, work.plain, work.likewise, power, count)
+    if rules.shift_only:
+        work.normal[1, 0], work.normal[1, 1] = work.normal[3, 0], work.normal[3, 3]
+    if count <= _unknowns(rules) or not factor(work.normal, 2 if rules.shift_only else 6, work.lower):
+        return SINGULAR, template
+    return CONVERGED, Template(reach_x, reach_y, n, count, np.float64(level), mean, power)
 
-    place: the point, from that pixel. a (4,): the affine, taken from its start to its solution.
+
+@njit(cache=True)
+def _axes(rules, work):
+    """Axes of the ellipse that the cofactors of both shifts ask for."""
+    d = work.d
+    d[:] = 0.0
+    d[0] = 1.0
+    _solve(work.lower, rules.shift_only, d)
+    var_x, covariance = d[0], d[3]
+    d[:] = 0.0
+    d[3] = 1.0
+    _solve(work.lower, rules.shift_only, d)
+    return ellipse_axes(var_x, d[3], covariance, rules.max_axis_ratio, rules.across)
+
+
+@njit(cache=True, forceinline=True)
+def _correction(template, level_right, rules, work, values):
+    """Right sides of the normal equations from the warped window, solved into work.d.
+
+    Returns the outcome so far and the sum of squares of the residuals; correlation, gain and offset go to `values`.
     """
-    spans, coordinates, drawn, blurs, d, moments, plain, grey_sums, patch_sums, normal, lower, kernel = scratch
-    base_col, base_row = nearest_pixel(start[0]), nearest_pixel(start[1])
-    width = right.shape[1]
-    origin = base_row * width + base_col
-    t = start
-    t[0], t[1] = start[0] - base_col, start[1] - base_row
+    n, count, mean, power = template.n, template.count, template.mean, template.power
+    d, plain, likewise = work.d, work.plain, work.likewise
+    patch = work.patch[:n]
+    total_right, power_right, product = _sums(patch, work.grey[:n])
+    mean_right = total_right / count
+    power_right -= total_right * mean_right
+    product -= total_right * mean
+    if not (abs(product) < np.inf and power_right < np.inf):
+        return OUTSIDE, np.inf
+    if power_right <= _FLAT * count:
+        return LOW_TEXTURE, np.inf
+    likeness, scale = product / np.sqrt(power * power_right), np.sqrt(power / power_right)
+    gain = product / power
+    values[CORRELATION], values[GAIN], values[OFFSET] = likeness, gain, mean_right + level_right - gain * (mean + template.level)
+    _gradient_moments(work.gx[:n], work.gy[:n], patch, work.xs[:n], work.ys[:n], d)
+    if rules.radiometry == 0:
+        brighter = level_right - template.level - mean
+        residual = power_right - 2.0 * product + power + count * (mean_right + brighter) ** 2
+        for k in range(6):
+            d[k] += brighter * plain[k] - likewise[k]
+    elif rules.radiometry == 1:
+        residual = 2.0 * power * (1.0 - likeness)
+        for k in range(6):
+            d[k] = scale * (d[k] - mean_right * plain[k]) - likewise[k]
+    else:
+        rho = min(max(likeness, 1e-3), 1.0)
+        residual = power * (1.0 / (rho * rho) - 1.0)
+        for k in range(6):
+            d[k] = scale * (d[k] - mean_right * plain[k] - likewise[k] * product / power)
+    _solve(work.lower, rules.shift_only, d)
+    return CONVERGED, residual
+
+
+@njit(cache=True, forceinline=True)
+def _cofactors(template, px, py, rules, work):
+    """Cofactors (xx, xy, yy) of the shift of the place (px, py) of the window, with the correlation of the residuals."""
+    n, d = template.n, work.d
+    block = work.grey[:n], work.gx[:n], work.gy[:n], work.inside[:n]
+    pitch = _pitch(template.reach_x)
+    pad, size = 2 * pitch, n + 4 * pitch
+    on_x, on_y, along, blurred = work.on_x[:size], work.on_y[:size], work.along[:size], work.blurred[:size]
+    along[size - 2:] = _ZERO
+    for axis in range(2):
+        d[:] = 0.0
+        d[3 * axis] = 1.0
+        if not rules.shift_only:
+            d[3 * axis + 1], d[3 * axis + 2] = px, py
+        _solve(work.lower, rules.shift_only, d)
+        share, constant = 0.0, 0.0
+        if rules.radiometry > 0:
+            for k in range(6):
+                share += d[k] * work.likewise[k] / template.power if rules.radiometry == 2 else 0.0
+                constant += d[k] * work.plain[k] / template.count
+            constant -= share * template.mean
+        _influence(block, pad, work.xs[:n], work.ys[:n], d, share, constant, on_x if axis == 0 else on_y)
+    near, far = work.kernel
+    _blurred(on_x, pitch, near, far, along, blurred)
+    xx, xy = _dot(on_x[pad:pad + n], blurred[pad:pad + n]), _dot(on_y[pad:pad + n], blurred[pad:pad + n])
+    _blurred(on_y, pitch, near, far, along, blurred)
+    yy = _dot(on_y[pad:pad + n], blurred[pad:pad + n])
+    return max(xx, _ZERO), xy, max(yy, _ZERO)
+
+
+@njit(cache=True, forceinline=True)
+def _finish(template, variance, pixel, place, base, t, a, rules, work, values):
+    """Write position, reference and covariance of a matched window."""
+    px, py = place
+    if rules.centroid:
+        m = work.moments
+        weight = m[0, 0] + m[2, 0]
+        px, py = (m[0, 1] + m[2, 1]) / weight, (m[0, 2] + m[2, 2]) / weight
+    values[REFERENCE_COL], values[REFERENCE_ROW] = pixel[0] + px, pixel[1] + py
+    values[COL] = base[0] + on_lattice(t[0] + a[0] * px + a[1] * py)
+    values[ROW] = base[1] + on_lattice(t[1] + a[2] * px + a[3] * py)
+    xx, xy, yy = _cofactors(template, px, py, rules, work)
+    values[VAR_COL] = variance * (a[0] * a[0] * xx + 2.0 * a[0] * a[1] * xy + a[1] * a[1] * yy)
+    values[VAR_ROW] = variance * (a[2] * a[2] * xx + 2.0 * a[2] * a[3] * xy + a[3] * a[3] * yy)
+    values[COVARIANCE] = variance * (a[0] * a[2] * xx + (a[0] * a[3] + a[1] * a[2]) * xy + a[1] * a[3] * yy)
+
+
+@njit(cache=True, forceinline=True)
+def _match_one(left, right, flat, pixel, half, place, t, a, rules, work, values):
+    """Match the window about the whole pixel (col, row); returns (outcome, iterations).
+
+    place: the point, from that pixel. t (2,), a (4,): right position of the pixel and affine, from their start to the solution.
+    """
+    base = nearest_pixel(t[0]), nearest_pixel(t[1])
+    t[0] -= base[0]
+    t[1] -= base[1]
     begin_x, begin_y = t[0], t[1]
-    unknowns = (2 if rules.shift_only else 6) + (0 if rules.radiometry == 0 else 2)
-    ratio, cos, sin = 1.0, 1.0, 0.0
+    axes, d = (1.0, 1.0, 0.0), work.d
+    template = Template(0, 0, 0, 0, 0.0, 0.0, 0.0)
     for iteration in range(1, rules.max_iterations + 1):
         if iteration == 1 or rules.ellipse:
+            outcome, template = _template(left, pixel[0], pixel[1], half, axes, rules, work)
+            if outcome != CONVERGED:
+                return outcome, iteration - 1
             if rules.ellipse:
-                reach = ellipse_window(half, (ratio, cos, sin), 0.0, 0.0, spans)
-            else:
-                reach = square_window(half, spans)
-            reach_x, reach_y = reach
-            if not (reach_x < col < left.shape[1] - reach_x - 1 and reach_y < row < left.shape[0] - reach_y - 1):
-                return OUTSIDE, iteration - 1
-            pitch = _pitch(reach_x)
-            n = pitch * (2 * reach_y + 1)
-            xs, ys = coordinates[0, :n], coordinates[1, :n]
-            if rules.ellipse or drawn[0] != reach_x:
-                _coordinates(reach_x, reach_y, xs, ys)
-                drawn[0] = reach_x
-                blocks[:, :n] = np.float32(0.0)
-            block = (blocks[0, :n], blocks[1, :n], blocks[2, :n], blocks[3, :n])
-            grey, gx, gy, inside = block
-            patch = blocks[4, :n]
-            level = _cut(left, col, row, reach, spans, block)
-            _second_moments(gx, gx, xs, ys, moments[0])
-            _second_moments(gx, gy, xs, ys, moments[1])
-            _second_moments(gy, gy, xs, ys, moments[2])
-            count = 0
-            for j in range(2 * reach_y + 1):
-                count += max(spans[j, 1] - spans[j, 0] + 1, 0)
-            total, power, _ = _sums(grey, grey)
-            mean = total / count
-            power -= total * mean
-            gxx, gxy, gyy = moments[0, 0], moments[1, 0], moments[2, 0]
-            if not (power == power and gxx == gxx and gyy == gyy and gxx + gyy < np.inf):
-                return OUTSIDE, iteration - 1
-            weakest = 0.5 * (gxx + gyy) - np.sqrt(0.25 * (gxx - gyy) ** 2 + gxy * gxy)
-            if weakest <= count * rules.min_gradient**2 or power <= _FLAT * count:
-                return LOW_TEXTURE, iteration - 1
-            _normal_matrix(moments, normal)
-            _gradient_moments(gx, gy, inside, xs, ys, plain)
-            _gradient_moments(gx, gy, grey, xs, ys, grey_sums)
-            for k in range(6):
-                grey_sums[k] -= mean * plain[k]
-            if rules.radiometry == 2:
-                _without_radiometry(normal, (plain, grey_sums), power, count)
-            if rules.shift_only:
-                normal[0, 1], normal[1, 0], normal[1, 1] = normal[0, 3], normal[3, 0], normal[3, 3]
-            if count <= unknowns or not factor(normal, 2 if rules.shift_only else 6, lower):
-                return SINGULAR, iteration - 1
-            if rules.ellipse:
-                d[:] = 0.0
-                d[0] = 1.0
-                _solve(lower, rules.shift_only, d)
-                var_x, covariance = d[0], d[3]
-                d[:] = 0.0
-                d[3] = 1.0
-                _solve(lower, rules.shift_only, d)
-                ratio, cos, sin = ellipse_axes(var_x, d[3], covariance, rules.max_axis_ratio, rules.across)
-        if leaves(right.shape, base_col + t[0], base_row + t[1], reach_x * abs(a[0]) + reach_y * abs(a[1]),
-                  reach_x * abs(a[2]) + reach_y * abs(a[3])):
+                axes = _axes(rules, work)
+        reach = template.reach_x, template.reach_y
+        if leaves(right.shape, base[0] + t[0], base[1] + t[1], reach[0] * abs(a[0]) + reach[1] * abs(a[1]),
+                  reach[0] * abs(a[2]) + reach[1] * abs(a[3])):
             return OUTSIDE, iteration
-        level_right = _warp(flat, width, origin, t, a, rules.bicubic, reach, spans, patch)
-        total_right, power_right, product = _sums(patch, grey)
-        mean_right = total_right / count
-        power_right -= total_right * mean_right
-        product -= total_right * mean
-        if not abs(product) < np.inf or not power_right < np.inf:
-            return OUTSIDE, iteration
-        if power_right <= _FLAT * count:
-            return LOW_TEXTURE, iteration
-        likeness = product / np.sqrt(power * power_right)
-        values[CORRELATION] = likeness
-        _gradient_moments(gx, gy, patch, xs, ys, patch_sums)
-        scale = np.sqrt(power / power_right)
-        if rules.radiometry == 0:
-            difference = level_right - level - mean
-            for k in range(6):
-                d[k] = patch_sums[k] + difference * plain[k] - grey_sums[k]
-            residual = power_right - 2.0 * product + power + count * (mean_right + difference) ** 2
-        elif rules.radiometry == 1:
-            for k in range(6):
-                d[k] = scale * (patch_sums[k] - mean_right * plain[k]) - grey_sums[k]
-            residual = 2.0 * power * (1.0 - likeness)
-        else:
-            for k in range(6):
-                d[k] = scale * (patch_sums[k] - mean_right * plain[k] - grey_sums[k] * product / power)
-            rho = min(max(likeness, 1e-3), 1.0)
-            residual = power * (1.0 / (rho * rho) - 1.0)
-        _solve(lower, rules.shift_only, d)
+        level_right = _warp(flat, right.shape[1], base, t, a, rules.bicubic, reach, work.spans, work.patch)
+        outcome, residual = _correction(template, level_right, rules, work, values)
+        if outcome != CONVERGED:
+            return outcome, iteration
         for k in range(6):
-            d[k] = _limited(d[k], rules.max_step if k % 3 == 0 else rules.max_affine_step)
+            limit = rules.max_step if k % 3 == 0 else rules.max_affine_step
+            d[k] = min(max(d[k], -limit), limit)
         area = _compose(a, d)
         move_x, move_y = a[0] * d[0] + a[1] * d[3], a[2] * d[0] + a[3] * d[3]
         t[0] -= move_x
@@ -349,45 +489,12 @@ def _match_one(left, right, flat, col, row, half, place, start, a, rules, blocks
         if not (abs(t[0] - begin_x) <= rules.max_shift and abs(t[1] - begin_y) <= rules.max_shift):
             return MOVED_TOO_FAR, iteration
         if abs(move_x) < rules.stop and abs(move_y) < rules.stop:
-            sigma0 = np.sqrt(max(residual, 0.0) / (count - unknowns))
-            values[SIGMA0] = sigma0
-            gain = product / power
-            values[GAIN] = gain
-            values[OFFSET] = mean_right + level_right - gain * (mean + level)
-            values[A12], values[A12 + 1], values[A12 + 2], values[B21] = a[0], a[1], a[2], a[3]
-            if likeness < rules.min_correlation:
+            variance = max(residual, 0.0) / (template.count - _unknowns(rules))
+            values[SIGMA0] = np.sqrt(variance)
+            values[A12], values[A21], values[B12], values[B21] = a[0], a[1], a[2], a[3]
+            if values[CORRELATION] < rules.min_correlation:
                 return LOW_CORRELATION, iteration
-            px, py = place
-            if rules.centroid:
-                weight = moments[0, 0] + moments[2, 0]
-                px, py = (moments[0, 1] + moments[2, 1]) / weight, (moments[0, 2] + moments[2, 2]) / weight
-            values[REFERENCE_COL], values[REFERENCE_ROW] = col + px, row + py
-            values[COL] = base_col + on_lattice(t[0] + a[0] * px + a[1] * py)
-            values[ROW] = base_row + on_lattice(t[1] + a[2] * px + a[3] * py)
-            pad, size = 2 * pitch, n + 4 * pitch
-            on_x, on_y, along, blurred = blurs[0, :size], blurs[1, :size], blurs[2, :size], blurs[3, :size]
-            along[size - 2:] = np.float32(0.0)
-            for axis in range(2):
-                d[:] = 0.0
-                d[3 * axis] = 1.0
-                if not rules.shift_only:
-                    d[3 * axis + 1], d[3 * axis + 2] = px, py
-                _solve(lower, rules.shift_only, d)
-                share, offset = 0.0, 0.0
-                if rules.radiometry > 0:
-                    for k in range(6):
-                        share += d[k] * grey_sums[k] / power if rules.radiometry == 2 else 0.0
-                        offset += d[k] * plain[k] / count
-                    offset -= share * mean
-                _influence(block, pad, xs, ys, d, share, offset, on_x if axis == 0 else on_y)
-            _blurred(on_x, pitch, kernel[0], kernel[1], along, blurred)
-            xx, xy = _dot(on_x[pad:pad + n], blurred[pad:pad + n]), _dot(on_y[pad:pad + n], blurred[pad:pad + n])
-            _blurred(on_y, pitch, kernel[0], kernel[1], along, blurred)
-            yy = _dot(on_y[pad:pad + n], blurred[pad:pad + n])
-            xx, xy, yy = max(xx, 0.0) * sigma0**2, xy * sigma0**2, max(yy, 0.0) * sigma0**2
-            values[VAR_COL] = a[0] * a[0] * xx + 2.0 * a[0] * a[1] * xy + a[1] * a[1] * yy
-            values[VAR_ROW] = a[2] * a[2] * xx + 2.0 * a[2] * a[3] * xy + a[3] * a[3] * yy
-            values[COVARIANCE] = a[0] * a[2] * xx + (a[0] * a[3] + a[1] * a[2]) * xy + a[1] * a[3] * yy
+            _finish(template, variance, pixel, place, base, t, a, rules, work, values)
             return CONVERGED, iteration
     return NOT_CONVERGED, rules.max_iterations
 
@@ -399,25 +506,14 @@ def match_inverse(left, right, points, starts, affine, half, reach, rules, value
     affine (N, 4): start values. half (N,): half sides of the windows; reach: the most that one of them covers. Points whose
     `outcome` (N,) is CONVERGED are tried; `values` (N, results.COLUMNS), `outcome` and `iterations` (N,) are filled.
     """
-    size = _pitch(reach) * (2 * reach + 1)
-    sigma = max(rules.smoothing, 0.3)
-    kernel = np.array([np.exp(-1.0 / (4.0 * sigma * sigma)), np.exp(-1.0 / (sigma * sigma))]).astype(np.float32)
-    blocks = np.zeros((5, size), np.float32)
-    scratch = (
-        np.empty((2 * reach + 1, 2), np.int64), np.empty((2, size), np.float32), np.zeros(1, np.int64),
-        np.zeros((4, size + 4 * _pitch(reach)), np.float32), np.empty(6), np.empty((3, 6)), np.empty(6), np.empty(6), np.empty(6),
-        np.empty((6, 6)), np.empty((6, 6)), kernel,
-    )
-    flat = right.ravel()
-    start, a = np.empty(2), np.empty(4)
+    work, flat = _work(reach, rules.smoothing), right.ravel()
+    t, a = np.empty(2), np.empty(4)
     for i in range(points.shape[0]):
         if outcome[i] != CONVERGED:
             continue
-        col, row = nearest_pixel(points[i, 0]), nearest_pixel(points[i, 1])
-        px, py = points[i, 0] - col, points[i, 1] - row
+        pixel = nearest_pixel(points[i, 0]), nearest_pixel(points[i, 1])
+        place = points[i, 0] - pixel[0], points[i, 1] - pixel[1]
         a[:] = affine[i]
-        start[0] = starts[i, 0] - (a[0] * px + a[1] * py)
-        start[1] = starts[i, 1] - (a[2] * px + a[3] * py)
-        outcome[i], iterations[i] = _match_one(
-            left, right, flat, col, row, half[i], (px, py), start, a, rules, blocks, scratch, values[i]
-        )
+        t[0] = starts[i, 0] - (a[0] * place[0] + a[1] * place[1])
+        t[1] = starts[i, 1] - (a[2] * place[0] + a[3] * place[1])
+        outcome[i], iterations[i] = _match_one(left, right, flat, pixel, half[i], place, t, a, rules, work, values[i])

@@ -100,7 +100,10 @@ def match_points(left: np.ndarray | PreparedImage, right: np.ndarray | PreparedI
     in `Matches.affine`, None for identity. half: (N,) half sides of the windows, 0 where a point has none and is not tried; None
     for `settings.window` everywhere. Never raises on the contents of images or points: every point gets its outcome.
     """
-    left, right = (image if isinstance(image, PreparedImage) else prepare(image, settings) for image in (left, right))
+    left, right = (
+        np.ascontiguousarray((image if isinstance(image, PreparedImage) else prepare(image, settings)).grey)
+        for image in (left, right)
+    )
     points, starts = (np.array(table, dtype=np.float64).reshape(-1, 2) for table in (points, starts))
     count = len(points)
     affine = np.tile([1.0, 0.0, 0.0, 1.0], (count, 1)) if affine is None else np.array(affine, dtype=np.float64).reshape(-1, 4)
@@ -110,7 +113,7 @@ def match_points(left: np.ndarray | PreparedImage, right: np.ndarray | PreparedI
     outcome, iterations = _before(points, starts, affine, half), np.zeros(count, np.uint8)
     reach = reach_of_window(int(half.max(initial=1)), settings.shape)
     kernel = match_forward if isinstance(settings.formulation, Forward) else match_inverse
-    kernel(left.grey, right.grey, points, starts, affine, half, reach, rules_of(settings), values, outcome, iterations)
+    kernel(left, right, points, starts, affine, half, reach, rules_of(settings), values, outcome, iterations)
     return _matches(values, half, iterations, outcome)
 
 

@@ -74,9 +74,12 @@ class PreparedPair:
     def of(cls, left: ImagePart, right: ImagePart, settings: LeastSquaresMatching) -> "PreparedPair":
         return cls(prepare(left.pixels, settings), prepare(right.pixels, settings), left.origin, right.origin, settings)
 
-    def match(self, points: np.ndarray, starts: np.ndarray, affine: np.ndarray | None = None) -> Matches:
-        """`match_points` with all positions in pixels of the photographs; points without a start (NaN) are NOT_TRIED."""
-        half = np.where(np.isfinite(starts).all(axis=1), self.settings.half, 0)
+    def match(self, points: np.ndarray, starts: np.ndarray, affine: np.ndarray | None = None, half: int | None = None) -> Matches:
+        """`match_points` with all positions in pixels of the photographs; points without a start (NaN) are NOT_TRIED.
+
+        half: half side of the windows, None for that of the settings.
+        """
+        half = np.where(np.isfinite(starts).all(axis=1), self.settings.half if half is None else half, 0)
         found = match_points(self.left, self.right, points - self.left_origin, starts - self.right_origin, self.settings, affine,
                              half)
         return moved(found, self.left_origin, self.right_origin)

@@ -6,7 +6,7 @@ Strategy
 - From level to level a node starts where the four nodes of the coarser level around it predict it: their positions carried over by
   their affines, weighted as in bilinear interpolation. Starts are then good to a fraction of a pixel, and one or two iterations do.
 - On each level a node must be predicted by some of its neighbours. Nodes that fail get one more attempt from what their solved
-  neighbours predict. A node that stays unsolved hands down its own start, so that texture seen only on finer levels is not lost.
+  neighbours predict, and weak ones from their own solution, both with a wide window. A node that stays unsolved hands down its own start, so that texture seen only on finer levels is not lost.
 - All of this looks a fixed number of nodes to the side: a part with its `halo` gives what the whole photograph gives.
 
 For surfaces that are mostly smooth, and for photographs whose orientation is not known. Roofs and walls belong to dense.py, whose
@@ -46,6 +46,8 @@ class PyramidMatching(Settings):
     start_spacing: float = setting(
         3.0, "Distance of the starts that cover the search range on the coarsest level.", "px of that level", gt=0.0
     )
+    weak_sigma: float = setting(0.1, "Standard error above which a node is tried with the wide window.", "px of the level", gt=0.0)
+    wide_window: int = setting(31, "Side of the window for failed and for weak nodes.", "px of the level", ge=5, le=101)
     min_neighbours: int = setting(2, "Of the eight neighbours of a node, how many must predict it.", ge=0, le=8)
     neighbour_tolerance: float = setting(0.75, "Largest difference from a neighbour's prediction.", "px of the level", gt=0.0)
 
@@ -99,8 +101,8 @@ def halo(settings: PyramidMatching, step: int) -> int:
     reach = _RING * step
     for level in range(1, settings.levels + 1):
         reach += (_RING + 1) * settings.coarse_step * 2**level
-    window = settings.coarse.reach + reach_of(settings.coarse.smoothing) + 2
-    return reach + max(window * 2**settings.levels, settings.fine.reach + reach_of(settings.fine.smoothing) + 2)
+    window = settings.wide_window // 2 + 2 + reach_of(max(settings.coarse.smoothing, settings.fine.smoothing))
+    return reach + window * 2**settings.levels
 
 
 def match_pyramid(left: ImagePart, right: ImagePart, grid: NodeGrid, search: SearchRange, settings: PyramidMatching) -> Matches:
@@ -158,17 +160,19 @@ def _field(left: ImagePart, right: ImagePart, grid: NodeGrid, search: SearchRang
 
 
 def _solved(pair: PreparedPair, grid: NodeGrid, starts: np.ndarray, affine: np.ndarray, settings: PyramidMatching) -> Matches:
-    """Match nodes, reject those that their neighbours contradict, and try these once more from what their neighbours predict."""
+    """Match nodes, reject those that their neighbours contradict, and give failed and weak ones a second attempt."""
     points = grid.points()
     first = _agreeing(pair.match(points, starts, affine), grid, settings)
-    again_starts, again_affine = starts.copy(), affine.copy()
-    open_nodes = ~first.converged & (first.outcome != Outcome.OUTSIDE)
-    tables = _as_grid(grid, first.converged, first.position, first.affine, open_nodes, again_starts, again_affine)
-    again = from_neighbours(*tables[:3], float(grid.step), *tables[3:]).ravel()
-    if not again.any():
-        return first
-    second = pair.match(points[again], again_starts[again], again_affine[again])
-    return _agreeing(merged(first, second, again), grid, settings)
+    weak = first.converged & ~(np.fmax(first.sigma_col, first.sigma_row) <= settings.weak_sigma)
+    starts[weak], affine[weak] = first.position[weak], first.affine[weak]
+    failed = ~first.converged & (first.outcome != Outcome.OUTSIDE)
+    from_neighbours(*_as_grid(grid, first.converged, first.position, first.affine), float(grid.step),
+                    *_as_grid(grid, failed, starts, affine))
+    again = weak | failed
+    second = pair.match(points[again], starts[again], affine[again], settings.wide_window // 2)
+    better = second.converged | failed[again]
+    again[again] = better
+    return _agreeing(merged(first, taken(second, better), again), grid, settings)
 
 
 def _agreeing(found: Matches, grid: NodeGrid, settings: PyramidMatching) -> Matches:

@@ -70,10 +70,10 @@ def bicubic(flat, width, k, f, g):
 def leaves(shape, centre_x, centre_y, reach_x, reach_y):
     """Whether a window about (centre_x, centre_y), with the reach of the interpolation, leaves an image of that shape.
 
-    True for NaN as well.
+    True for NaN as well. A thousandth of a pixel is kept for the rounding of coordinates to float32.
     """
     inside = (
-        centre_x - reach_x >= 1 and centre_x + reach_x < shape[1] - 2
-        and centre_y - reach_y >= 1 and centre_y + reach_y < shape[0] - 2
+        centre_x - reach_x >= 1.001 and centre_x + reach_x < shape[1] - 2.001
+        and centre_y - reach_y >= 1.001 and centre_y + reach_y < shape[0] - 2.001
     )
     return not inside
