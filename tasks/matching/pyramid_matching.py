@@ -5,8 +5,9 @@ Strategy
   of starts that covers the search range, and the start that correlates best wins.
 - From level to level a node starts where the four nodes of the coarser level around it predict it: their positions carried over by
   their affines, weighted as in bilinear interpolation. Starts are then good to a fraction of a pixel, and one or two iterations do.
-- On each level a node must be predicted by some of its neighbours. Nodes that fail get one more attempt from what their solved
-  neighbours predict, and weak ones from their own solution, both with a wide window. A node that stays unsolved hands down its own start, so that texture seen only on finer levels is not lost.
+- On each level a node must be predicted by some of its neighbours. Nodes that fail get a second attempt from what their solved
+  neighbours predict, and weak ones from their own solution, both with a wide window: it bridges ground of little texture. A node
+  that stays unsolved hands down its own start, so that texture seen only on finer levels is not lost.
 - All of this looks a fixed number of nodes to the side: a part with its `halo` gives what the whole photograph gives.
 
 For surfaces that are mostly smooth, and for photographs whose orientation is not known. Roofs and walls belong to dense.py, whose
@@ -32,8 +33,8 @@ _UNSOLVED = 1e-3
 """Weight of a node that only hands down its start, beside solved ones."""
 _RING = 3
 """Nodes to either side that one level looks at: agreement, second attempt, agreement again."""
-_COARSE = LeastSquaresMatching(window=15, interpolation="bilinear", stop=0.1, max_iterations=10, max_shift=4.0)
-_FINE = LeastSquaresMatching(window=15, smoothing=0.6, interpolation="bicubic", max_iterations=10, max_shift=2.0)
+_COARSE = LeastSquaresMatching(window=11, interpolation="bilinear", stop=0.2, max_iterations=10, max_shift=4.0)
+_FINE = LeastSquaresMatching(window=15, smoothing=0.6, interpolation="bicubic", stop=0.05, max_iterations=10, max_shift=2.0)
 
 
 class PyramidMatching(Settings):
