@@ -19,7 +19,7 @@ from schemas.outcome import Outcome
 from tasks.matching import results as column
 from tasks.matching.forward_matching import match_forward
 from tasks.matching.inverse_compositional import match_inverse
-from tasks.matching.matching_model import MOST_HALF, Forward, LeastSquaresMatching, reach_of_window, rules_of
+from tasks.matching.matching_model import LEAST_AREA, MOST_HALF, Forward, LeastSquaresMatching, reach_of_window, rules_of
 from tasks.matching.smoothing import smoothed, with_gaps
 
 _FARTHEST = 1e9
@@ -114,13 +114,24 @@ def match_points(left: np.ndarray | PreparedImage, right: np.ndarray | PreparedI
     reach = reach_of_window(int(half.max(initial=1)), settings.shape)
     kernel = match_forward if isinstance(settings.formulation, Forward) else match_inverse
     kernel(left, right, points, starts, affine, half, reach, rules_of(settings), values, outcome, iterations)
+    _refuse_overflow(values, outcome)
     return _matches(values, half, iterations, outcome)
+
+
+def _refuse_overflow(values: np.ndarray, outcome: np.ndarray) -> None:
+    """Grey values near the end of float32 can leave an infinite gain or variance behind: such a point is not a match."""
+    with np.errstate(over="ignore"):
+        broken = (outcome == Outcome.CONVERGED) & ~np.isfinite(values.astype(np.float32)).all(axis=1)
+    outcome[broken] = Outcome.NOT_CONVERGED
+    values[broken] = np.nan
 
 
 def _before(points: np.ndarray, starts: np.ndarray, affine: np.ndarray, half: np.ndarray) -> np.ndarray:
     """(N,) uint8 outcomes before anything is tried: CONVERGED stands for worth trying."""
     outcome = np.full(len(points), Outcome.CONVERGED, np.uint8)
     known = (np.abs(points) < _FARTHEST).all(axis=1) & (np.abs(starts) < _FARTHEST).all(axis=1) & np.isfinite(affine).all(axis=1)
+    area = affine[:, 0] * affine[:, 3] - affine[:, 1] * affine[:, 2]
+    outcome[~((area > LEAST_AREA) & (area < 1.0 / LEAST_AREA))] = Outcome.NOT_CONVERGED
     outcome[~known] = Outcome.OUTSIDE
     outcome[half < 1] = Outcome.NOT_TRIED
     return outcome

@@ -14,6 +14,8 @@ from schemas.settings import Settings, setting
 
 MOST_HALF = 60
 """Half side of the largest window, px."""
+LEAST_AREA = 0.1
+"""A window that the affine shrinks or enlarges beyond this area, or its inverse, has gone astray."""
 _NO_LIMIT = 1e6
 
 

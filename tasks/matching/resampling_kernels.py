@@ -19,13 +19,13 @@ loads it from the cache may call two differently optimised copies, whose sums di
 """
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def nearest_pixel(x):
     """Halves always go up: rounding them to even would make a point depend on where its tile begins."""
     return int(np.floor(x + 0.5))
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def cubic_weights(f):
     """Weights of the pixels at -1, 0, 1, 2 for a position f in [0, 1)."""
     g = np.float32(1.0) - f
@@ -36,7 +36,7 @@ def cubic_weights(f):
     )
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def bilinear(flat, width, k, f, g):
     """The value at (f, g) in [0, 1)^2 right of and below the pixel of index k (uint64) in an image `width` (uint64) wide."""
     one = np.uint64(1)
@@ -45,7 +45,7 @@ def bilinear(flat, width, k, f, g):
     return top + g * (bottom - top)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def bicubic(flat, width, k, f, g):
     """As `bilinear`, from 4 x 4 pixels; may overshoot their range."""
     one, two = np.uint64(1), np.uint64(2)
@@ -60,7 +60,7 @@ def bicubic(flat, width, k, f, g):
     )
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def leaves(shape, centre_x, centre_y, reach_x, reach_y):
     """Whether a window about (centre_x, centre_y), with the reach of the interpolation, leaves an image of that shape.
 
