@@ -66,9 +66,6 @@ class LeastSquaresMatching(Settings):
         "Exposure: taken as equal; right window brought to the mean and standard deviation of the left; or gain and offset as "
         "two more unknowns.",
     )
-    reference: Literal["point", "centroid"] = setting(
-        "point", "Which place of the window is handed over as the pair of points: the point, or the centroid of squared gradients."
-    )
     smoothing: float = setting(0.8, "Sigma of the Gaussian that both images are smoothed with.", "px", ge=0.0, le=5.0)
     interpolation: Literal["bilinear", "bicubic"] = setting("bicubic", "How an image is resampled.")
     max_iterations: int = setting(20, "Iterations after which a point is given up.", ge=1, le=200)
@@ -141,13 +138,16 @@ class Rules(NamedTuple):
     min_gradient: float
 
 
-def rules_of(settings: LeastSquaresMatching) -> Rules:
-    """The settings as the kernels take them; the sizes of windows go beside them, point by point."""
+def rules_of(settings: LeastSquaresMatching, centroid: bool) -> Rules:
+    """The settings as the kernels take them; the sizes of windows go beside them, point by point.
+
+    centroid: whether the centroid of the window's squared gradients is handed over in place of the point.
+    """
     shape, formulation = settings.shape, settings.formulation
     ellipse = isinstance(shape, Ellipse)
     return Rules(
         shift_only=settings.geometry == "shift", radiometry=("none", "normalised", "estimated").index(settings.radiometry),
-        centroid=settings.reference == "centroid", bicubic=settings.interpolation == "bicubic",
+        centroid=centroid, bicubic=settings.interpolation == "bicubic",
         whole_pixels=isinstance(formulation, Forward) and formulation.gradients == "whole_pixels", ellipse=ellipse,
         across=ellipse and shape.major_axis == "across", max_axis_ratio=float(shape.max_axis_ratio) if ellipse else 1.0,
         smoothing=settings.smoothing, max_iterations=settings.max_iterations, stop=settings.stop, max_step=settings.max_step,
