@@ -46,7 +46,7 @@ class NodeMatching(Settings):
     def halo(self) -> int:
         """Pixels around a tile of orthoimage that its nodes look at; even, so that half-size pixels keep their places."""
         lsm = self.least_squares
-        window = int(np.ceil(lsm.half * 1.5 + lsm.max_shift)) + reach_of(lsm.smoothing) + 3
+        window = int(np.ceil(lsm.reach * 1.5 + lsm.max_shift)) + reach_of(lsm.smoothing) + 3
         correlation = 2 * (self.search.window // 2) + 4
         return 2 * int(np.ceil((2 * self.search.reach + 4 + max(window, correlation)) / 2))
 

@@ -17,11 +17,9 @@ matching_and_dsm_check.md 1.3, 1.4).
 import numpy as np
 from numba import njit
 
+from tasks.matching import results
+from tasks.matching.matching_model import LEAST_AREA
 from tasks.matching.resampling_kernels import bicubic, bilinear, leaves, nearest_pixel, on_lattice
-from tasks.matching.results import (
-    A12, B21, COL, CONVERGED, CORRELATION, COVARIANCE, GAIN, LOW_CORRELATION, LOW_TEXTURE, MOVED_TOO_FAR, NOT_CONVERGED, OFFSET,
-    OUTSIDE, REFERENCE_COL, REFERENCE_ROW, ROW, SIGMA0, SINGULAR, VAR_COL, VAR_ROW,
-)
 from tasks.matching.small_systems import factor, solve
 from tasks.matching.window_shape import ellipse_axes, ellipse_window, square_window
 
@@ -31,7 +29,7 @@ _FLAT = 1e-6
 """Variance of grey values below which a window is taken as constant."""
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def _value(flat, width, origin, u, v, cubic):
     """The grey value at (u, v) px from the pixel of index `origin`."""
     c, r = np.floor(u), np.floor(v)
@@ -41,7 +39,7 @@ def _value(flat, width, origin, u, v, cubic):
     return bilinear(flat, np.uint64(width), k, np.float32(u - c), np.float32(v - r))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _resampled(images, at, a, reach, spans, cubic, patch, seen):
     """Observations of a window on whole left pixels; their number, -1 where the window leaves an image.
 
@@ -78,7 +76,7 @@ def _resampled(images, at, a, reach, spans, cubic, patch, seen):
     return n
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _at_whole_pixels(images, at, centre, a, reach, spans, cubic, seen):
     """As `_resampled`, of a window on the whole right pixels about `centre` (col, row)."""
     left, right, flat, _ = images
@@ -107,7 +105,7 @@ def _at_whole_pixels(images, at, centre, a, reach, spans, cubic, seen):
     return n
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _grey_moments(seen, n):
     """Means of f and g, and their centred powers and product."""
     f, g = seen[_F, :n], seen[_G, :n]
@@ -124,7 +122,7 @@ def _grey_moments(seen, n):
     return mean_f, mean_g, ff, gg, fg
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _weakest_gradient(seen, n):
     """Sum of squares of the gradients in the direction that has the least; NaN where no data was touched."""
     xx, xy, yy = 0.0, 0.0, 0.0
@@ -136,7 +134,7 @@ def _weakest_gradient(seen, n):
     return 0.5 * (xx + yy) - np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _adjust(seen, n, radiometry, mean_g, shift_only, estimated, system):
     """Normal equations of the observations, solved; the sum of squared residuals, NaN where they are singular.
 
@@ -173,7 +171,7 @@ def _adjust(seen, n, radiometry, mean_g, shift_only, estimated, system):
     return max(power, 0.0)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _spread(d, shift_only):
     """Bring a solution of two shifts (and gain, offset) to the places that it has in that of the affine."""
     if shift_only:
@@ -182,7 +180,7 @@ def _spread(d, shift_only):
         d[1], d[2], d[4], d[5] = 0.0, 0.0, 0.0, 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _shift_cofactors(lower, shift_only, estimated, px, py, z):
     """Cofactors (xx, yy, xy) of the shift of the place (px, py) of the window."""
     unknowns = (2 if shift_only else 6) + (2 if estimated else 0)
@@ -201,7 +199,7 @@ def _shift_cofactors(lower, shift_only, estimated, px, py, z):
     return found[0], on_y, found[1]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _centroid(seen, n):
     """Mean place of the window's pixels, weighted by their squared gradients."""
     weight, x, y = 0.0, 0.0, 0.0
@@ -213,12 +211,12 @@ def _centroid(seen, n):
     return x / weight, y / weight
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def _limited(value, limit):
     return min(max(value, -limit), limit)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _match_one(images, pixel, half, place, start, a, rules, scratch, values):
     """Match the window about the whole pixel (col, row) from `start` (2,); returns (outcome, iterations).
 
@@ -246,14 +244,14 @@ def _match_one(images, pixel, half, place, start, a, rules, scratch, values):
         else:
             n = _resampled(images, at, a, reach, spans, rules.bicubic, patch, seen)
         if n < 0:
-            return OUTSIDE, iteration
+            return results.OUTSIDE, iteration
         mean_f, mean_g, ff, gg, fg = _grey_moments(seen, n)
         weakest = _weakest_gradient(seen, n)
         if not (ff < np.inf and gg < np.inf and weakest < np.inf):
-            return OUTSIDE, iteration
+            return results.OUTSIDE, iteration
         if weakest <= n * rules.min_gradient**2 or ff <= _FLAT * n or gg <= _FLAT * n:
-            return LOW_TEXTURE, iteration
-        values[CORRELATION] = fg / np.sqrt(ff * gg)
+            return results.LOW_TEXTURE, iteration
+        values[results.CORRELATION] = fg / np.sqrt(ff * gg)
         if rules.radiometry == 1:
             gain = np.sqrt(ff / gg)
             offset = mean_f - gain * mean_g
@@ -261,7 +259,7 @@ def _match_one(images, pixel, half, place, start, a, rules, scratch, values):
         if n > unknowns:
             residual = _adjust(seen, n, (gain, offset), mean_g, rules.shift_only, estimated, (normal, lower, line, d))
         if residual != residual:
-            return SINGULAR, iteration
+            return results.SINGULAR, iteration
         gain += d[6]
         offset += d[7] - d[6] * mean_g
         for k in range(6):
@@ -272,31 +270,32 @@ def _match_one(images, pixel, half, place, start, a, rules, scratch, values):
         a[1] += d[2]
         a[2] += d[4]
         a[3] += d[5]
-        if not 0.1 < a[0] * a[3] - a[1] * a[2] < 10.0:
-            return NOT_CONVERGED, iteration
+        if not LEAST_AREA < a[0] * a[3] - a[1] * a[2] < 1.0 / LEAST_AREA:
+            return results.NOT_CONVERGED, iteration
         if not (abs(t0 - begin_x) <= rules.max_shift and abs(t1 - begin_y) <= rules.max_shift):
-            return MOVED_TOO_FAR, iteration
+            return results.MOVED_TOO_FAR, iteration
         if abs(d[0]) < rules.stop and abs(d[3]) < rules.stop:
             variance = residual / (n - unknowns)
-            values[SIGMA0] = np.sqrt(variance)
-            values[GAIN], values[OFFSET] = 1.0 / gain, -offset / gain
-            values[A12], values[A12 + 1], values[A12 + 2], values[B21] = a[0], a[1], a[2], a[3]
-            if values[CORRELATION] < rules.min_correlation:
-                return LOW_CORRELATION, iteration
+            values[results.SIGMA0] = np.sqrt(variance)
+            values[results.GAIN], values[results.OFFSET] = 1.0 / gain, -offset / gain
+            values[results.A12], values[results.A21], values[results.B12], values[results.B21] = a[0], a[1], a[2], a[3]
+            if values[results.CORRELATION] < rules.min_correlation:
+                return results.LOW_CORRELATION, iteration
             px, py = _centroid(seen, n) if rules.centroid else place
-            values[REFERENCE_COL], values[REFERENCE_ROW] = col + px, row + py
-            values[COL] = base_col + on_lattice(t0 + a[0] * px + a[1] * py)
-            values[ROW] = base_row + on_lattice(t1 + a[2] * px + a[3] * py)
+            values[results.REFERENCE_COL], values[results.REFERENCE_ROW] = col + px, row + py
+            values[results.COL] = base_col + on_lattice(t0 + a[0] * px + a[1] * py)
+            values[results.ROW] = base_row + on_lattice(t1 + a[2] * px + a[3] * py)
             xx, yy, xy = _shift_cofactors(lower, rules.shift_only, estimated, px, py, line)
-            values[VAR_COL], values[VAR_ROW], values[COVARIANCE] = variance * xx, variance * yy, variance * xy
-            return CONVERGED, iteration
+            values[results.VAR_COL], values[results.VAR_ROW] = variance * xx, variance * yy
+            values[results.COVARIANCE] = variance * xy
+            return results.CONVERGED, iteration
         if rules.ellipse:
             xx, yy, xy = _shift_cofactors(lower, rules.shift_only, estimated, 0.0, 0.0, line)
             axes = ellipse_axes(xx, yy, xy, rules.max_axis_ratio, rules.across)
-    return NOT_CONVERGED, rules.max_iterations
+    return results.NOT_CONVERGED, rules.max_iterations
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def match_forward(left, right, points, starts, affine, half, reach, rules, values, outcome, iterations):
     """Match points (N, 2) of `left` in `right`: arguments as of `inverse_compositional.match_inverse`."""
     side = 2 * reach + 1
@@ -307,7 +306,7 @@ def match_forward(left, right, points, starts, affine, half, reach, rules, value
     images = (left, right, left.ravel(), right.ravel())
     start, a = np.empty(2), np.empty(4)
     for i in range(points.shape[0]):
-        if outcome[i] != CONVERGED:
+        if outcome[i] != results.CONVERGED:
             continue
         col, row = nearest_pixel(points[i, 0]), nearest_pixel(points[i, 1])
         px, py = points[i, 0] - col, points[i, 1] - row

@@ -12,6 +12,7 @@ Source: methods/matching_windows.md 2.1; matching_and_dsm_check.md 1.3, 1.4.
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from schemas.outcome import Outcome
 from tasks.matching import results as column
 from tasks.matching.forward_matching import match_forward
 from tasks.matching.inverse_compositional import match_inverse
-from tasks.matching.matching_model import MOST_HALF, Forward, LeastSquaresMatching, reach_of_window, rules_of
+from tasks.matching.matching_model import LEAST_AREA, MOST_HALF, Forward, LeastSquaresMatching, reach_of_window, rules_of
 from tasks.matching.smoothing import smoothed, with_gaps
 
 _FARTHEST = 1e9
@@ -92,13 +93,17 @@ def prepare(image: np.ndarray, settings: LeastSquaresMatching, mask: np.ndarray 
 
 
 def match_points(left: np.ndarray | PreparedImage, right: np.ndarray | PreparedImage, points: np.ndarray, starts: np.ndarray,
-                 settings: LeastSquaresMatching, affine: np.ndarray | None = None, half: np.ndarray | None = None) -> Matches:
+                 settings: LeastSquaresMatching, affine: np.ndarray | None = None, half: np.ndarray | None = None,
+                 reference: Literal["point", "centroid"] = "point") -> Matches:
     """Match points of the left image in the right one.
 
     left, right: (H, W) of uint8, uint16 or float32, of any two sizes, 0 or NaN is no data; or images from `prepare`.
     points, starts: (N, 2) (col, row) in px, left positions and where to start in the right image. affine: (N, 4) start values as
     in `Matches.affine`, None for identity. half: (N,) half sides of the windows, 0 where a point has none and is not tried; None
-    for `settings.window` everywhere. Never raises on the contents of images or points: every point gets its outcome.
+    for `settings.window` everywhere. reference: the place in the left window whose match is handed over, the point itself or the
+    centroid of the squared gradients, where the window tells most (`Matches.reference` says where that is).
+
+    Never raises on the contents of images or points: every point gets its outcome.
     """
     left, right = (
         np.ascontiguousarray((image if isinstance(image, PreparedImage) else prepare(image, settings)).grey)
@@ -112,15 +117,27 @@ def match_points(left: np.ndarray | PreparedImage, right: np.ndarray | PreparedI
     values[:, column.REFERENCE_COL], values[:, column.REFERENCE_ROW] = points[:, 0], points[:, 1]
     outcome, iterations = _before(points, starts, affine, half), np.zeros(count, np.uint8)
     reach = reach_of_window(int(half.max(initial=1)), settings.shape)
+    rules = rules_of(settings, centroid=reference == "centroid")
     kernel = match_forward if isinstance(settings.formulation, Forward) else match_inverse
-    kernel(left, right, points, starts, affine, half, reach, rules_of(settings), values, outcome, iterations)
+    kernel(left, right, points, starts, affine, half, reach, rules, values, outcome, iterations)
+    _refuse_overflow(values, outcome)
     return _matches(values, half, iterations, outcome)
+
+
+def _refuse_overflow(values: np.ndarray, outcome: np.ndarray) -> None:
+    """Grey values near the end of float32 can leave an infinite gain or variance behind: such a point is not a match."""
+    with np.errstate(over="ignore"):
+        broken = (outcome == Outcome.CONVERGED) & ~np.isfinite(values.astype(np.float32)).all(axis=1)
+    outcome[broken] = Outcome.NOT_CONVERGED
+    values[broken] = np.nan
 
 
 def _before(points: np.ndarray, starts: np.ndarray, affine: np.ndarray, half: np.ndarray) -> np.ndarray:
     """(N,) uint8 outcomes before anything is tried: CONVERGED stands for worth trying."""
     outcome = np.full(len(points), Outcome.CONVERGED, np.uint8)
     known = (np.abs(points) < _FARTHEST).all(axis=1) & (np.abs(starts) < _FARTHEST).all(axis=1) & np.isfinite(affine).all(axis=1)
+    area = affine[:, 0] * affine[:, 3] - affine[:, 1] * affine[:, 2]
+    outcome[~((area > LEAST_AREA) & (area < 1.0 / LEAST_AREA))] = Outcome.NOT_CONVERGED
     outcome[~known] = Outcome.OUTSIDE
     outcome[half < 1] = Outcome.NOT_TRIED
     return outcome

@@ -14,6 +14,8 @@ from schemas.settings import Settings, setting
 
 MOST_HALF = 60
 """Half side of the largest window, px."""
+LEAST_AREA = 0.1
+"""A window that the affine shrinks or enlarges beyond this area, or its inverse, has gone astray."""
 _NO_LIMIT = 1e6
 
 
@@ -63,9 +65,6 @@ class LeastSquaresMatching(Settings):
         "estimated",
         "Exposure: taken as equal; right window brought to the mean and standard deviation of the left; or gain and offset as "
         "two more unknowns.",
-    )
-    reference: Literal["point", "centroid"] = setting(
-        "point", "Which place of the window is handed over as the pair of points: the point, or the centroid of squared gradients."
     )
     smoothing: float = setting(0.8, "Sigma of the Gaussian that both images are smoothed with.", "px", ge=0.0, le=5.0)
     interpolation: Literal["bilinear", "bicubic"] = setting("bicubic", "How an image is resampled.")
@@ -139,13 +138,16 @@ class Rules(NamedTuple):
     min_gradient: float
 
 
-def rules_of(settings: LeastSquaresMatching) -> Rules:
-    """The settings as the kernels take them; the sizes of windows go beside them, point by point."""
+def rules_of(settings: LeastSquaresMatching, centroid: bool) -> Rules:
+    """The settings as the kernels take them; the sizes of windows go beside them, point by point.
+
+    centroid: whether the centroid of the window's squared gradients is handed over in place of the point.
+    """
     shape, formulation = settings.shape, settings.formulation
     ellipse = isinstance(shape, Ellipse)
     return Rules(
         shift_only=settings.geometry == "shift", radiometry=("none", "normalised", "estimated").index(settings.radiometry),
-        centroid=settings.reference == "centroid", bicubic=settings.interpolation == "bicubic",
+        centroid=centroid, bicubic=settings.interpolation == "bicubic",
         whole_pixels=isinstance(formulation, Forward) and formulation.gradients == "whole_pixels", ellipse=ellipse,
         across=ellipse and shape.major_axis == "across", max_axis_ratio=float(shape.max_axis_ratio) if ellipse else 1.0,
         smoothing=settings.smoothing, max_iterations=settings.max_iterations, stop=settings.stop, max_step=settings.max_step,

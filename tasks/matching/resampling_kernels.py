@@ -19,19 +19,19 @@ loads it from the cache may call two differently optimised copies, whose sums di
 """
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def nearest_pixel(x):
     """Halves always go up: rounding them to even would make a point depend on where its tile begins."""
     return int(np.floor(x + 0.5))
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def on_lattice(x):
     """Rounded to 2^-32 px, so that adding any column or row of an image is exact: a tile returns the very number of the whole."""
     return np.floor(x * 4294967296.0 + 0.5) / 4294967296.0
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def cubic_weights(f):
     """Weights of the pixels at -1, 0, 1, 2 for a position f in [0, 1)."""
     g = np.float32(1.0) - f
@@ -42,7 +42,7 @@ def cubic_weights(f):
     )
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def bilinear(flat, width, k, f, g):
     """The value at (f, g) in [0, 1)^2 right of and below the pixel of index k (uint64) in an image `width` (uint64) wide."""
     one = np.uint64(1)
@@ -51,7 +51,7 @@ def bilinear(flat, width, k, f, g):
     return top + g * (bottom - top)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def bicubic(flat, width, k, f, g):
     """As `bilinear`, from 4 x 4 pixels; may overshoot their range."""
     one, two = np.uint64(1), np.uint64(2)
@@ -66,7 +66,7 @@ def bicubic(flat, width, k, f, g):
     )
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def leaves(shape, centre_x, centre_y, reach_x, reach_y):
     """Whether a window about (centre_x, centre_y), with the reach of the interpolation, leaves an image of that shape.
 

@@ -10,7 +10,7 @@ from numba import njit
 _PIVOT = 1e-6
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def factor(matrix, size, lower):
     """Factor the leading `size` rows of a symmetric matrix; False where it is not positive definite.
 
@@ -31,7 +31,7 @@ def factor(matrix, size, lower):
     return True
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def solve(lower, size, x):
     """Overwrite the right side `x` (size,) with the solution."""
     for i in range(size):
@@ -46,7 +46,7 @@ def solve(lower, size, x):
         x[i] = total * lower[i, i]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def invert(matrix, size, lower, inverse):
     """Invert the leading `size` rows of a positive definite matrix; False where it is not. `lower` is scratch."""
     if not factor(matrix, size, lower):

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def square_window(half, spans):
     """Spans of a square: spans[j] = first and last column of row j - half, all relative to the centre; returns its reaches."""
     for j in range(2 * half + 1):
@@ -19,7 +19,7 @@ def square_window(half, spans):
     return half, half
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def ellipse_window(half, axes, offset_x, offset_y, spans):
     """Spans of an ellipse with the area of the square of half side `half`.
 
@@ -46,7 +46,7 @@ def ellipse_window(half, axes, offset_x, offset_y, spans):
     return reach_x, reach_y
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def ellipse_axes(var_x, var_y, covariance, max_ratio, across):
     """Ratio of the axes and direction (cos, sin) of the long one, along the greatest uncertainty of a shift or across it."""
     middle, half_difference = 0.5 * (var_x + var_y), 0.5 * (var_x - var_y)
@@ -61,7 +61,7 @@ def ellipse_axes(var_x, var_y, covariance, max_ratio, across):
     return ratio, np.cos(theta), np.sin(theta)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def pixels_of(spans, rows):
     """Number of pixels of a window."""
     count = 0

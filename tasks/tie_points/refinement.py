@@ -40,7 +40,7 @@ class PatchRules:
     @property
     def half(self) -> int:
         """Half side of a patch."""
-        return int(np.ceil(_ENLARGEMENT * self.matching.half + self.matching.max_shift + 2))
+        return int(np.ceil(_ENLARGEMENT * self.matching.reach + self.matching.max_shift + 2))
 
     @property
     def gap(self) -> int:

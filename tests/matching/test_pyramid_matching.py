@@ -11,6 +11,7 @@ from tasks.simulation.dissertation_pair import NOISY, PairCrop, ground_texture, 
 from tasks.simulation.dissertation_surface import true_matches
 
 SETTINGS = PyramidMatching(levels=3)
+NARROW = PyramidMatching(levels=2, wide_window=21)
 MARGIN = 24
 
 
@@ -50,14 +51,14 @@ def test_a_part_with_its_halo_gives_what_the_whole_gives(parts):
     whole_grid = NodeGrid.within(left, 8, margin=10)
     search = search_range(whole_grid)
     core = NodeGrid(whole_grid.row + 48, whole_grid.col + 50, 22, 19, 8)
-    reach = halo(SETTINGS, 8)
+    reach = halo(NARROW, 8)
     first_row, first_col = (max(8 * node - reach, start) // 8 * 8 for node, start in ((core.row, left.row), (core.col, left.col)))
     last_row, last_col = 8 * (core.row + core.rows) + reach, 8 * (core.col + core.cols) + reach
     cut = ImagePart(left.pixels[first_row - left.row:last_row - left.row, first_col - left.col:last_col - left.col], first_col,
                     first_row)
     assert cut.pixels.size < 0.8 * left.pixels.size
     moved_right = ImagePart(right.pixels[16:, 8:], right.col + 8, right.row + 16)
-    whole, alone = (match_pyramid(*pair, grid, search, SETTINGS) for pair, grid in
+    whole, alone = (match_pyramid(*pair, grid, search, NARROW) for pair, grid in
                     (((left, right), whole_grid), ((cut, moved_right), core)))
     rows, cols = (slice(at, at + n) for at, n in ((48, 22), (50, 19)))
     for name in ("col", "row", "covariance", "affine", "outcome"):
@@ -73,8 +74,8 @@ def test_what_cannot_be_matched_has_an_outcome_and_no_position(parts):
     blank[:200, :200] = 0
     grid = NodeGrid.within(left, 8, margin=10)
     found = match_pyramid(ImagePart(blank, left.col, left.row), right, grid, search_range(grid), SETTINGS)
-    inside = ((grid.points() - left.origin >= [310, 410]) & (grid.points() - left.origin < [590, 690])).all(axis=1)
-    without = (grid.points() - left.origin < 190).all(axis=1)
+    inside = ((grid.points() - left.origin >= [320, 420]) & (grid.points() - left.origin < [580, 680])).all(axis=1)
+    without = (grid.points() - left.origin < 182).all(axis=1)
     assert not found.converged[inside | without].any()
     assert set(found.outcome[inside]) <= {Outcome.LOW_TEXTURE, Outcome.NOT_TRIED, Outcome.INCONSISTENT}
     assert np.isnan(found.position[~found.converged]).all()
