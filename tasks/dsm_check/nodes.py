@@ -20,7 +20,8 @@ from schemas.settings import Settings, setting
 from tasks.dsm_check.height_correction import Centres, PlanCorrection, RayCorrection, correct
 from tasks.dsm_check.orthoimage import height_at
 from tasks.dsm_check.search import OrthoPair, ShiftSearch, distance_back, ortho_pair, shifts
-from tasks.matching.least_squares import LeastSquaresMatching, Matches, match_points
+from tasks.matching.least_squares import Matches, match_points
+from tasks.matching.matching_model import LeastSquaresMatching
 from tasks.matching.smoothing import reach_of
 
 BANDS = ("dh", "east", "south", "sigma", "correlation", "outcome")
@@ -45,7 +46,7 @@ class NodeMatching(Settings):
     def halo(self) -> int:
         """Pixels around a tile of orthoimage that its nodes look at; even, so that half-size pixels keep their places."""
         lsm = self.least_squares
-        window = int(np.ceil(lsm.half * 1.5 + lsm.max_shift)) + reach_of(lsm.smoothing) + 3
+        window = int(np.ceil(lsm.reach * 1.5 + lsm.max_shift)) + reach_of(lsm.smoothing) + 3
         correlation = 2 * (self.search.window // 2) + 4
         return 2 * int(np.ceil((2 * self.search.reach + 4 + max(window, correlation)) / 2))
 

@@ -29,7 +29,9 @@ from schemas.outcome import Outcome
 from schemas.raster import Window
 from schemas.settings import Settings, setting
 from tasks.matching.epipolar_least_squares import EpipolarLimits, NodeParallaxes, StartSurface, match_nodes
-from tasks.matching.least_squares import LeastSquaresMatching, PreparedImage, cubic_weights, match_points
+from tasks.matching.least_squares import PreparedImage, match_points
+from tasks.matching.matching_model import LeastSquaresMatching
+from tasks.matching.resampling_kernels import cubic_weights
 from tasks.matching.semi_global import SemiGlobal, remove_specks, semi_global
 from tasks.matching.smoothing import smoothed, with_gaps
 

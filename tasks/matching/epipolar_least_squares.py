@@ -18,9 +18,9 @@ import numpy as np
 from numba import njit
 
 from schemas.outcome import Outcome
-from tasks.matching.least_squares import cubic_weights, invert_symmetric
+from tasks.matching.resampling_kernels import EXACT, cubic_weights
+from tasks.matching.small_systems import invert
 
-_EXACT = {"reassoc", "contract", "nsz", "arcp"}
 _CONVERGED, _LOW_TEXTURE, _OUTSIDE = int(Outcome.CONVERGED), int(Outcome.LOW_TEXTURE), int(Outcome.OUTSIDE)
 _NOT_CONVERGED, _MOVED_TOO_FAR, _SINGULAR = int(Outcome.NOT_CONVERGED), int(Outcome.MOVED_TOO_FAR), int(Outcome.SINGULAR)
 _LOW_CORRELATION, _INCONSISTENT, _NOT_TRIED = int(Outcome.LOW_CORRELATION), int(Outcome.INCONSISTENT), int(Outcome.NOT_TRIED)
@@ -140,7 +140,7 @@ def _support(left, row, col, half, window, level, plane, tolerance, mask):
     return count
 
 
-@njit(cache=True, forceinline=True, fastmath=_EXACT)
+@njit(cache=True, forceinline=True, fastmath=EXACT)
 def _centre_masked(p, mask, count):
     total = np.float32(0.0)
     for i in range(p.size):
@@ -151,7 +151,7 @@ def _centre_masked(p, mask, count):
     return mean
 
 
-@njit(cache=True, forceinline=True, fastmath=_EXACT)
+@njit(cache=True, forceinline=True, fastmath=EXACT)
 def _dot(p, q):
     total = np.float32(0.0)
     for i in range(p.size):
@@ -207,7 +207,7 @@ def _warp(right, row, base, t, a, b, half, mask, patch):
     return True
 
 
-@njit(cache=True, forceinline=True, fastmath=_EXACT)
+@njit(cache=True, forceinline=True, fastmath=EXACT)
 def _correlated_power(influence, window, correlation):
     """a' C a of the influence a (n,), C the correlation of pixels by their distance, up to 2 px each way."""
     total = _dot(influence, influence)
@@ -247,7 +247,7 @@ def _refine(left, right, row, col, shift, half, plane, count, numbers, buffers, 
     The right column of left column c at parallax q is c + shift - q.
     """
     _, max_iterations, stop, max_shift, _, _, min_correlation, min_gradient, _ = numbers
-    mask, template, patch, influence, jacobian, normal, inverse, correlation = buffers
+    mask, template, patch, influence, jacobian, normal, lower, inverse, correlation = buffers
     power, gradient = _template(left, row, col, half, mask, count, template, jacobian)
     if not (gradient > count * min_gradient * min_gradient and power > 1e-6 * count):
         return _LOW_TEXTURE
@@ -255,7 +255,7 @@ def _refine(left, right, row, col, shift, half, plane, count, numbers, buffers, 
         for j in range(i + 1):
             normal[i, j] = normal[j, i] = _dot(jacobian[i], jacobian[j])
         normal[i, i] *= 1.001
-    if not invert_symmetric(normal, 3, inverse):
+    if not invert(normal, 3, lower, inverse):
         return _SINGULAR
     base = int(col + shift - np.rint(plane[0]))
     t, a, b = np.rint(plane[0]) - plane[0], 1.0 - plane[1], -plane[2]
@@ -332,7 +332,7 @@ def _hypotheses(window, half, reach, found):
 def _buffers(half, correlation):
     n = (2 * half + 1) ** 2
     return (np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32),
-            np.empty((3, n), np.float32), np.empty((3, 3)), np.empty((3, 3)), correlation)
+            np.empty((3, n), np.float32), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), correlation)
 
 
 @njit(cache=True)

@@ -16,7 +16,8 @@ import numpy as np
 from schemas.camera import Cameras
 from schemas.outcome import Outcome
 from tasks.imagery.pyramid import level_to_full
-from tasks.matching.least_squares import LeastSquaresMatching, match_points
+from tasks.matching.least_squares import match_points
+from tasks.matching.matching_model import LeastSquaresMatching
 from tasks.matching.smoothing import reach_of
 from tasks.tie_points.pair_matching import epipolar_scatter
 from tasks.tie_points.patches import joined_patches, nearest_pixels
@@ -39,7 +40,7 @@ class PatchRules:
     @property
     def half(self) -> int:
         """Half side of a patch."""
-        return int(np.ceil(_ENLARGEMENT * self.matching.half + self.matching.max_shift + 2))
+        return int(np.ceil(_ENLARGEMENT * self.matching.reach + self.matching.max_shift + 2))
 
     @property
     def gap(self) -> int:

@@ -22,7 +22,7 @@ from schemas.report import report_table
 from schemas.settings import setting
 from schemas.stage import ProjectView, Stage
 from tasks.imagery.pyramid import level_shape
-from tasks.matching.least_squares import LeastSquaresMatching
+from tasks.matching.matching_model import LeastSquaresMatching
 from tasks.tie_points.assembly import Weighting
 from tasks.tie_points.features import HALO, Detection, photo_features, searched_side, tile_features
 from tasks.tie_points.pair_matching import PairRules, match_pair

@@ -1,0 +1,316 @@
+"""Forward least-squares matching: the form of the textbooks and of the dissertation, in float64.
+
+Strategy
+- Every pixel of the window is one observation f - g = gx (da11 + x da12 + y da21) + gy (db11 + x db12 + y db21), with f of the left
+  image, g of the right one, x and y counted from the centre of the left window. Corrections are added to the affine.
+- Two ways to come to the observations. `resampled`: the window lies on whole pixels of the left image, the right one is resampled,
+  and the gradients are central differences of what was resampled (carried to the axes of the right image). `whole_pixels`: the
+  window lies on whole pixels of the right image, where the gradients are taken, and the left one is resampled through the inverse
+  affine. An ellipse is re-shaped in every iteration from the covariance of both shifts; the first one is a circle.
+- Gain and offset, where estimated, act on the right image (f = gain g + offset), beginning with 1 and 0.
+- The covariance is the formal one of the adjustment: optimistic, as the sources say.
+
+Source: Skarlatos, PhD thesis, 2.7.4 to 2.7.7, 3.1.7, 4.2.4.2 (methods/matching_windows.md 2.1, rows 1 to 3;
+matching_and_dsm_check.md 1.3, 1.4).
+"""
+
+import numpy as np
+from numba import njit
+
+from tasks.matching import results
+from tasks.matching.matching_model import LEAST_AREA
+from tasks.matching.resampling_kernels import bicubic, bilinear, leaves, nearest_pixel, on_lattice
+from tasks.matching.small_systems import factor, solve
+from tasks.matching.window_shape import ellipse_axes, ellipse_window, square_window
+
+_F, _G, _GX, _GY, _X, _Y = range(6)
+"""Rows of the table of observations."""
+_FLAT = 1e-6
+"""Variance of grey values below which a window is taken as constant."""
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _value(flat, width, origin, u, v, cubic):
+    """The grey value at (u, v) px from the pixel of index `origin`."""
+    c, r = np.floor(u), np.floor(v)
+    k = np.uint64(origin + int(r) * width + int(c))
+    if cubic:
+        return bicubic(flat, np.uint64(width), k, np.float32(u - c), np.float32(v - r))
+    return bilinear(flat, np.uint64(width), k, np.float32(u - c), np.float32(v - r))
+
+
+@njit(cache=True, error_model="numpy")
+def _resampled(images, at, a, reach, spans, cubic, patch, seen):
+    """Observations of a window on whole left pixels; their number, -1 where the window leaves an image.
+
+    images: left, right, and both flat. at: col, row of the left centre; col, row and the remainder t of the right one.
+    seen (6, n): the table to be filled. patch: scratch for the right window and a ring of one pixel.
+    """
+    left, right, _, flat = images
+    col, row, base_col, base_row, t0, t1 = at
+    reach_x, reach_y = reach
+    if not (reach_x <= col < left.shape[1] - reach_x and reach_y <= row < left.shape[0] - reach_y):
+        return -1
+    ring_x, ring_y = reach_x + 1, reach_y + 1
+    if leaves(right.shape, base_col + t0, base_row + t1, ring_x * abs(a[0]) + ring_y * abs(a[1]),
+              ring_x * abs(a[2]) + ring_y * abs(a[3])):
+        return -1
+    width = right.shape[1]
+    origin = base_row * width + base_col
+    for j in range(2 * ring_y + 1):
+        y = j - ring_y
+        for i in range(2 * ring_x + 1):
+            x = i - ring_x
+            patch[j, i] = _value(flat, width, origin, t0 + a[0] * x + a[1] * y, t1 + a[2] * x + a[3] * y, cubic)
+    area = a[0] * a[3] - a[1] * a[2]
+    n = 0
+    for j in range(2 * reach_y + 1):
+        y = j - reach_y
+        for x in range(spans[j, 0], spans[j, 1] + 1):
+            i = x + ring_x
+            along, down = 0.5 * (patch[j + 1, i + 1] - patch[j + 1, i - 1]), 0.5 * (patch[j + 2, i] - patch[j, i])
+            seen[_F, n], seen[_G, n] = left[row + y, col + x], patch[j + 1, i]
+            seen[_GX, n], seen[_GY, n] = (a[3] * along - a[2] * down) / area, (a[0] * down - a[1] * along) / area
+            seen[_X, n], seen[_Y, n] = x, y
+            n += 1
+    return n
+
+
+@njit(cache=True, error_model="numpy")
+def _at_whole_pixels(images, at, centre, a, reach, spans, cubic, seen):
+    """As `_resampled`, of a window on the whole right pixels about `centre` (col, row)."""
+    left, right, flat, _ = images
+    col, row, base_col, base_row, t0, t1 = at
+    reach_x, reach_y = reach
+    if not (reach_x < centre[0] < right.shape[1] - reach_x - 1 and reach_y < centre[1] < right.shape[0] - reach_y - 1):
+        return -1
+    area = a[0] * a[3] - a[1] * a[2]
+    i0, i1, i2, i3 = a[3] / area, -a[1] / area, -a[2] / area, a[0] / area
+    dx, dy = centre[0] - base_col - t0, centre[1] - base_row - t1
+    if leaves(left.shape, col + i0 * dx + i1 * dy, row + i2 * dx + i3 * dy, reach_x * abs(i0) + reach_y * abs(i1),
+              reach_x * abs(i2) + reach_y * abs(i3)):
+        return -1
+    width = left.shape[1]
+    origin = row * width + col
+    n = 0
+    for j in range(2 * reach_y + 1):
+        r = centre[1] + j - reach_y
+        for i in range(spans[j, 0], spans[j, 1] + 1):
+            c = centre[0] + i
+            x, y = i0 * (dx + i) + i1 * (dy + j - reach_y), i2 * (dx + i) + i3 * (dy + j - reach_y)
+            seen[_F, n], seen[_G, n] = _value(flat, width, origin, x, y, cubic), right[r, c]
+            seen[_GX, n], seen[_GY, n] = 0.5 * (right[r, c + 1] - right[r, c - 1]), 0.5 * (right[r + 1, c] - right[r - 1, c])
+            seen[_X, n], seen[_Y, n] = x, y
+            n += 1
+    return n
+
+
+@njit(cache=True, error_model="numpy")
+def _grey_moments(seen, n):
+    """Means of f and g, and their centred powers and product."""
+    f, g = seen[_F, :n], seen[_G, :n]
+    mean_f, mean_g, ff, gg, fg = 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(n):
+        mean_f += f[k]
+        mean_g += g[k]
+    mean_f, mean_g = mean_f / n, mean_g / n
+    for k in range(n):
+        u, v = f[k] - mean_f, g[k] - mean_g
+        ff += u * u
+        gg += v * v
+        fg += u * v
+    return mean_f, mean_g, ff, gg, fg
+
+
+@njit(cache=True, error_model="numpy")
+def _weakest_gradient(seen, n):
+    """Sum of squares of the gradients in the direction that has the least; NaN where no data was touched."""
+    xx, xy, yy = 0.0, 0.0, 0.0
+    for k in range(n):
+        gx, gy = seen[_GX, k], seen[_GY, k]
+        xx += gx * gx
+        xy += gx * gy
+        yy += gy * gy
+    return 0.5 * (xx + yy) - np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
+
+
+@njit(cache=True, error_model="numpy")
+def _adjust(seen, n, radiometry, mean_g, shift_only, estimated, system):
+    """Normal equations of the observations, solved; the sum of squared residuals, NaN where they are singular.
+
+    radiometry: gain and offset of the right image. system: normal matrix, its factor, the row of one observation, and the
+    solution in the order da11, da12, da21, db11, db12, db21, gain, offset (the last two of centred grey values).
+    """
+    normal, lower, line, d = system
+    gain, offset = radiometry
+    geometric = 2 if shift_only else 6
+    unknowns = geometric + (2 if estimated else 0)
+    normal[:], d[:] = 0.0, 0.0
+    power = 0.0
+    for k in range(n):
+        gx, gy, x, y = gain * seen[_GX, k], gain * seen[_GY, k], seen[_X, k], seen[_Y, k]
+        if shift_only:
+            line[0], line[1] = gx, gy
+        else:
+            line[0], line[1], line[2], line[3], line[4], line[5] = gx, gx * x, gx * y, gy, gy * x, gy * y
+        if estimated:
+            line[geometric], line[geometric + 1] = seen[_G, k] - mean_g, 1.0
+        difference = seen[_F, k] - gain * seen[_G, k] - offset
+        power += difference * difference
+        for i in range(unknowns):
+            d[i] += line[i] * difference
+            for j in range(i + 1):
+                normal[i, j] += line[i] * line[j]
+    if not factor(normal, unknowns, lower):
+        return np.nan
+    line[:] = d
+    solve(lower, unknowns, d)
+    for i in range(unknowns):
+        power -= line[i] * d[i]
+    _spread(d, shift_only)
+    return max(power, 0.0)
+
+
+@njit(cache=True, error_model="numpy")
+def _spread(d, shift_only):
+    """Bring a solution of two shifts (and gain, offset) to the places that it has in that of the affine."""
+    if shift_only:
+        d[6], d[7] = d[2], d[3]
+        d[3] = d[1]
+        d[1], d[2], d[4], d[5] = 0.0, 0.0, 0.0, 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def _shift_cofactors(lower, shift_only, estimated, px, py, z):
+    """Cofactors (xx, yy, xy) of the shift of the place (px, py) of the window."""
+    unknowns = (2 if shift_only else 6) + (2 if estimated else 0)
+    found = (0.0, 0.0)
+    for axis in range(2):
+        z[:] = 0.0
+        if shift_only:
+            z[axis] = 1.0
+        else:
+            z[3 * axis], z[3 * axis + 1], z[3 * axis + 2] = 1.0, px, py
+        solve(lower, unknowns, z)
+        _spread(z, shift_only)
+        on_x, on_y = z[0] + px * z[1] + py * z[2], z[3] + px * z[4] + py * z[5]
+        if axis == 0:
+            found = (on_x, on_y)
+    return found[0], on_y, found[1]
+
+
+@njit(cache=True, error_model="numpy")
+def _centroid(seen, n):
+    """Mean place of the window's pixels, weighted by their squared gradients."""
+    weight, x, y = 0.0, 0.0, 0.0
+    for k in range(n):
+        w = seen[_GX, k] ** 2 + seen[_GY, k] ** 2
+        weight += w
+        x += w * seen[_X, k]
+        y += w * seen[_Y, k]
+    return x / weight, y / weight
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _limited(value, limit):
+    return min(max(value, -limit), limit)
+
+
+@njit(cache=True, error_model="numpy")
+def _match_one(images, pixel, half, place, start, a, rules, scratch, values):
+    """Match the window about the whole pixel (col, row) from `start` (2,); returns (outcome, iterations).
+
+    place: the point, from that pixel. a (4,): the affine, taken from its start to its solution.
+    """
+    spans, patch, seen, normal, lower, line, d = scratch
+    col, row = pixel
+    base_col, base_row = nearest_pixel(start[0]), nearest_pixel(start[1])
+    t0, t1 = start[0] - base_col, start[1] - base_row
+    begin_x, begin_y = t0, t1
+    estimated = rules.radiometry == 2
+    unknowns = (2 if rules.shift_only else 6) + (2 if estimated else 0)
+    gain, offset, axes = 1.0, 0.0, (1.0, 1.0, 0.0)
+    for iteration in range(1, rules.max_iterations + 1):
+        centre = (nearest_pixel(base_col + t0), nearest_pixel(base_row + t1)) if rules.whole_pixels else (base_col, base_row)
+        if rules.ellipse and rules.whole_pixels:
+            reach = ellipse_window(half, axes, base_col + t0 - centre[0], base_row + t1 - centre[1], spans)
+        elif rules.ellipse:
+            reach = ellipse_window(half, axes, 0.0, 0.0, spans)
+        else:
+            reach = square_window(half, spans)
+        at = (col, row, base_col, base_row, t0, t1)
+        if rules.whole_pixels:
+            n = _at_whole_pixels(images, at, centre, a, reach, spans, rules.bicubic, seen)
+        else:
+            n = _resampled(images, at, a, reach, spans, rules.bicubic, patch, seen)
+        if n < 0:
+            return results.OUTSIDE, iteration
+        mean_f, mean_g, ff, gg, fg = _grey_moments(seen, n)
+        weakest = _weakest_gradient(seen, n)
+        if not (ff < np.inf and gg < np.inf and weakest < np.inf):
+            return results.OUTSIDE, iteration
+        if weakest <= n * rules.min_gradient**2 or ff <= _FLAT * n or gg <= _FLAT * n:
+            return results.LOW_TEXTURE, iteration
+        values[results.CORRELATION] = fg / np.sqrt(ff * gg)
+        if rules.radiometry == 1:
+            gain = np.sqrt(ff / gg)
+            offset = mean_f - gain * mean_g
+        residual = np.nan
+        if n > unknowns:
+            residual = _adjust(seen, n, (gain, offset), mean_g, rules.shift_only, estimated, (normal, lower, line, d))
+        if residual != residual:
+            return results.SINGULAR, iteration
+        gain += d[6]
+        offset += d[7] - d[6] * mean_g
+        for k in range(6):
+            d[k] = _limited(d[k], rules.max_step if k % 3 == 0 else rules.max_affine_step)
+        t0 += d[0]
+        t1 += d[3]
+        a[0] += d[1]
+        a[1] += d[2]
+        a[2] += d[4]
+        a[3] += d[5]
+        if not LEAST_AREA < a[0] * a[3] - a[1] * a[2] < 1.0 / LEAST_AREA:
+            return results.NOT_CONVERGED, iteration
+        if not (abs(t0 - begin_x) <= rules.max_shift and abs(t1 - begin_y) <= rules.max_shift):
+            return results.MOVED_TOO_FAR, iteration
+        if abs(d[0]) < rules.stop and abs(d[3]) < rules.stop:
+            variance = residual / (n - unknowns)
+            values[results.SIGMA0] = np.sqrt(variance)
+            values[results.GAIN], values[results.OFFSET] = 1.0 / gain, -offset / gain
+            values[results.A12], values[results.A21], values[results.B12], values[results.B21] = a[0], a[1], a[2], a[3]
+            if values[results.CORRELATION] < rules.min_correlation:
+                return results.LOW_CORRELATION, iteration
+            px, py = _centroid(seen, n) if rules.centroid else place
+            values[results.REFERENCE_COL], values[results.REFERENCE_ROW] = col + px, row + py
+            values[results.COL] = base_col + on_lattice(t0 + a[0] * px + a[1] * py)
+            values[results.ROW] = base_row + on_lattice(t1 + a[2] * px + a[3] * py)
+            xx, yy, xy = _shift_cofactors(lower, rules.shift_only, estimated, px, py, line)
+            values[results.VAR_COL], values[results.VAR_ROW] = variance * xx, variance * yy
+            values[results.COVARIANCE] = variance * xy
+            return results.CONVERGED, iteration
+        if rules.ellipse:
+            xx, yy, xy = _shift_cofactors(lower, rules.shift_only, estimated, 0.0, 0.0, line)
+            axes = ellipse_axes(xx, yy, xy, rules.max_axis_ratio, rules.across)
+    return results.NOT_CONVERGED, rules.max_iterations
+
+
+@njit(cache=True, error_model="numpy")
+def match_forward(left, right, points, starts, affine, half, reach, rules, values, outcome, iterations):
+    """Match points (N, 2) of `left` in `right`: arguments as of `inverse_compositional.match_inverse`."""
+    side = 2 * reach + 1
+    scratch = (
+        np.empty((side, 2), np.int64), np.empty((side + 2, side + 2), np.float32), np.empty((6, side * side)), np.empty((8, 8)),
+        np.empty((8, 8)), np.empty(8), np.empty(8),
+    )
+    images = (left, right, left.ravel(), right.ravel())
+    start, a = np.empty(2), np.empty(4)
+    for i in range(points.shape[0]):
+        if outcome[i] != results.CONVERGED:
+            continue
+        col, row = nearest_pixel(points[i, 0]), nearest_pixel(points[i, 1])
+        px, py = points[i, 0] - col, points[i, 1] - row
+        a[:] = affine[i]
+        start[0] = starts[i, 0] - (a[0] * px + a[1] * py)
+        start[1] = starts[i, 1] - (a[2] * px + a[3] * py)
+        outcome[i], iterations[i] = _match_one(images, (col, row), half[i], (px, py), start, a, rules, scratch, values[i])

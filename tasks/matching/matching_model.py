@@ -1,0 +1,156 @@
+"""What least-squares matching is asked to do: unknowns, formulation, window, limits. And the recipes that have names.
+
+Strategy. Every choice of the literature is one field, so that the published recipe and the recommended one are two values of one
+type and what lies between them can be measured. Defaults are the recommended values; `published` gives those of the dissertation.
+
+Source: Skarlatos, PhD thesis (methods/matching_windows.md 2.1; matching_and_dsm_check.md 1.3, 1.4); methods/measured.md.
+"""
+
+from typing import Annotated, Literal, NamedTuple
+
+from pydantic import Field
+
+from schemas.settings import Settings, setting
+
+MOST_HALF = 60
+"""Half side of the largest window, px."""
+LEAST_AREA = 0.1
+"""A window that the affine shrinks or enlarges beyond this area, or its inverse, has gone astray."""
+_NO_LIMIT = 1e6
+
+
+class InverseCompositional(Settings):
+    """Gradients of the left window at its own pixels; the normal matrix belongs to the window and is factored once."""
+
+    kind: Literal["inverse_compositional"] = "inverse_compositional"
+
+
+class Forward(Settings):
+    """The textbook's form: gradients of the right image, a new normal matrix in every iteration."""
+
+    kind: Literal["forward"] = "forward"
+    gradients: Literal["resampled", "whole_pixels"] = setting(
+        "whole_pixels",
+        "Central differences of the right window after its resampling, or at whole pixels of the right image: then the left "
+        "one is resampled.",
+    )
+
+
+class Square(Settings):
+    """A square window."""
+
+    kind: Literal["square"] = "square"
+
+
+class Ellipse(Settings):
+    """An ellipse of the area of the square, re-shaped in every iteration from the covariance of the two shifts."""
+
+    kind: Literal["ellipse"] = "ellipse"
+    major_axis: Literal["along", "across"] = setting("along", "Direction of the long axis, to that of the greatest uncertainty.")
+    max_axis_ratio: float = setting(4.0, "Limit of the ratio of the axes; a straight edge would have none.", ge=1.0, le=8.0)
+
+
+Formulation = Annotated[InverseCompositional | Forward, Field(discriminator="kind")]
+Shape = Annotated[Square | Ellipse, Field(discriminator="kind")]
+
+
+class LeastSquaresMatching(Settings):
+    """How points are matched by least squares."""
+
+    window: int = setting(21, "Side of the window; an even number is taken as the next odd one.", "px", ge=5, le=2 * MOST_HALF + 1)
+    shape: Shape = setting(Square(), "Shape of the window.")
+    formulation: Formulation = setting(InverseCompositional(), "Where the gradients come from.")
+    geometry: Literal["shift", "affine"] = setting("affine", "Geometric unknowns: two shifts, or six parameters of an affine.")
+    radiometry: Literal["none", "normalised", "estimated"] = setting(
+        "estimated",
+        "Exposure: taken as equal; right window brought to the mean and standard deviation of the left; or gain and offset as "
+        "two more unknowns.",
+    )
+    smoothing: float = setting(0.8, "Sigma of the Gaussian that both images are smoothed with.", "px", ge=0.0, le=5.0)
+    interpolation: Literal["bilinear", "bicubic"] = setting("bicubic", "How an image is resampled.")
+    max_iterations: int = setting(20, "Iterations after which a point is given up.", ge=1, le=200)
+    stop: float = setting(0.02, "Converged when both shifts change by less than this.", "px", gt=0.0, le=1.0)
+    max_step: float = setting(3.0, "Limit of the shift of one iteration.", "px", gt=0.0)
+    max_affine_step: float = setting(0.1, "Limit of the change of the other four parameters in one iteration.", gt=0.0)
+    max_shift: float = setting(6.0, "A point that moves further than this from its start is rejected.", "px", gt=0.0)
+    min_correlation: float = setting(0.6, "Normalised correlation that the matched windows must reach.", ge=-1.0, le=1.0)
+    min_gradient: float = setting(
+        0.3, "Root mean square grey value gradient that a window must have in every direction.", "grey values per px", ge=0.0
+    )
+
+    @property
+    def half(self) -> int:
+        return self.window // 2
+
+    @property
+    def reach(self) -> int:
+        """Pixels to either side of its centre that a window of this size and shape can cover."""
+        return reach_of_window(self.half, self.shape)
+
+
+def reach_of_window(half: int, shape: Square | Ellipse) -> int:
+    """Pixels to either side of the centre that a window can cover: those of the longest ellipse of the square's area."""
+    if isinstance(shape, Square):
+        return half
+    return int((2 * half + 1) * (shape.max_axis_ratio / 3.141592653589793) ** 0.5) + 2
+
+
+def published(window: int, shape: Square | Ellipse | None = None, limited: bool = True) -> LeastSquaresMatching:
+    """The recipe of the dissertation: six unknowns, raw grey values, bilinear, stop at 0.1 px, at most 14 iterations.
+
+    Squares take the gradients of the resampled right window; ellipses lie in the right image and take them at its whole pixels.
+    `limited`: with the limits of 3 px and 0.1 per iteration (all of section 4.3.2.1 and later) or without (before it).
+    """
+    shape = Square() if shape is None else shape
+    forward = Forward(gradients="resampled" if isinstance(shape, Square) else "whole_pixels")
+    return LeastSquaresMatching(
+        window=window, shape=shape, formulation=forward, radiometry="none", smoothing=0.0, interpolation="bilinear",
+        max_iterations=14, stop=0.1, max_step=3.0 if limited else _NO_LIMIT, max_affine_step=0.1 if limited else _NO_LIMIT,
+        max_shift=_NO_LIMIT, min_correlation=-1.0, min_gradient=0.0,
+    )
+
+
+PUBLISHED = published(27)
+"""The published square recipe at its best size."""
+RECOMMENDED = LeastSquaresMatching()
+"""Inverse-compositional, smoothed, bicubic, gain and offset estimated, stop at 0.02 px, limits of 3 px and 0.1."""
+
+
+class Rules(NamedTuple):
+    """The settings as the kernels take them."""
+
+    shift_only: bool
+    radiometry: int
+    """0 none, 1 normalised, 2 estimated"""
+    centroid: bool
+    bicubic: bool
+    whole_pixels: bool
+    ellipse: bool
+    across: bool
+    max_axis_ratio: float
+    smoothing: float
+    max_iterations: int
+    stop: float
+    max_step: float
+    max_affine_step: float
+    max_shift: float
+    min_correlation: float
+    min_gradient: float
+
+
+def rules_of(settings: LeastSquaresMatching, centroid: bool) -> Rules:
+    """The settings as the kernels take them; the sizes of windows go beside them, point by point.
+
+    centroid: whether the centroid of the window's squared gradients is handed over in place of the point.
+    """
+    shape, formulation = settings.shape, settings.formulation
+    ellipse = isinstance(shape, Ellipse)
+    return Rules(
+        shift_only=settings.geometry == "shift", radiometry=("none", "normalised", "estimated").index(settings.radiometry),
+        centroid=centroid, bicubic=settings.interpolation == "bicubic",
+        whole_pixels=isinstance(formulation, Forward) and formulation.gradients == "whole_pixels", ellipse=ellipse,
+        across=ellipse and shape.major_axis == "across", max_axis_ratio=float(shape.max_axis_ratio) if ellipse else 1.0,
+        smoothing=settings.smoothing, max_iterations=settings.max_iterations, stop=settings.stop, max_step=settings.max_step,
+        max_affine_step=settings.max_affine_step, max_shift=settings.max_shift, min_correlation=settings.min_correlation,
+        min_gradient=settings.min_gradient,
+    )

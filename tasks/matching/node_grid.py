@@ -1,0 +1,141 @@
+"""What the matching strategies share: parts of photographs, a regular grid of nodes, and predictions from solved nodes.
+
+Everything is counted in pixels of the whole photograph and nodes lie on whole pixels that are multiples of the step, so that a
+part with its halo sees the nodes, the starts and the windows that the whole sees.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from tasks.matching.least_squares import Matches, PreparedImage, match_points, prepare
+from tasks.matching.match_tables import moved
+from tasks.matching.matching_model import LeastSquaresMatching
+
+
+@dataclass(frozen=True, eq=False)
+class ImagePart:
+    """Grey pixels (H, W) of any dtype, 0 or NaN is no data, and where their upper-left one lies in the photograph."""
+
+    pixels: np.ndarray
+    col: int = 0
+    row: int = 0
+
+    @property
+    def origin(self) -> np.ndarray:
+        """(2,) (col, row) in the photograph"""
+        return np.array([self.col, self.row], dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class NodeGrid:
+    """Nodes at the left pixels step * (row + i), step * (col + j), i < rows, j < cols."""
+
+    row: int
+    col: int
+    rows: int
+    cols: int
+    step: int
+
+    @classmethod
+    def within(cls, part: ImagePart, step: int, margin: int = 0) -> "NodeGrid":
+        """The nodes at least `margin` px inside a part."""
+        (row, rows), (col, cols) = (
+            (-(-(first + margin) // step), (first + size - 1 - margin) // step - -(-(first + margin) // step) + 1)
+            for first, size in zip((part.row, part.col), part.pixels.shape, strict=True)
+        )
+        return cls(row, col, max(rows, 0), max(cols, 0), step)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.rows, self.cols
+
+    def grown(self, nodes: int) -> "NodeGrid":
+        return NodeGrid(self.row - nodes, self.col - nodes, self.rows + 2 * nodes, self.cols + 2 * nodes, self.step)
+
+    def points(self) -> np.ndarray:
+        """(rows * cols, 2) float64 (col, row), row by row, px"""
+        cols, rows = np.meshgrid(self.col + np.arange(self.cols), self.row + np.arange(self.rows))
+        return np.column_stack([cols.ravel(), rows.ravel()]) * float(self.step)
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedPair:
+    """Two parts made ready for one recipe, to be used in many calls."""
+
+    left: PreparedImage
+    right: PreparedImage
+    left_origin: np.ndarray
+    right_origin: np.ndarray
+    settings: LeastSquaresMatching
+
+    @classmethod
+    def of(cls, left: ImagePart, right: ImagePart, settings: LeastSquaresMatching) -> "PreparedPair":
+        return cls(prepare(left.pixels, settings), prepare(right.pixels, settings), left.origin, right.origin, settings)
+
+    def match(self, points: np.ndarray, starts: np.ndarray, affine: np.ndarray | None = None, half: int | None = None) -> Matches:
+        """`match_points` with all positions in pixels of the photographs; points without a start (NaN) are NOT_TRIED.
+
+        half: half side of the windows, None for that of the settings.
+        """
+        half = np.where(np.isfinite(starts).all(axis=1), self.settings.half if half is None else half, 0)
+        found = match_points(self.left, self.right, points - self.left_origin, starts - self.right_origin, self.settings, affine,
+                             half)
+        return moved(found, self.left_origin, self.right_origin)
+
+
+@njit(cache=True)
+def agreement(solved, right, affine, step, tolerance):
+    """How many of the eight neighbours of a node predict its position within `tolerance` px: (rows, cols) uint8.
+
+    solved (rows, cols) bool, right (rows, cols, 2), affine (rows, cols, 4); step: distance of the nodes, px.
+    """
+    rows, cols = solved.shape
+    count = np.zeros((rows, cols), np.uint8)
+    for r in range(rows):
+        for c in range(cols):
+            if not solved[r, c]:
+                continue
+            for y in range(max(r - 1, 0), min(r + 2, rows)):
+                for x in range(max(c - 1, 0), min(c + 2, cols)):
+                    if (y == r and x == c) or not solved[y, x]:
+                        continue
+                    dx, dy = (c - x) * step, (r - y) * step
+                    a = affine[y, x]
+                    off_x = right[y, x, 0] + (a[0] * dx + a[1] * dy) - right[r, c, 0]
+                    off_y = right[y, x, 1] + (a[2] * dx + a[3] * dy) - right[r, c, 1]
+                    if abs(off_x) <= tolerance and abs(off_y) <= tolerance:
+                        count[r, c] += 1
+    return count
+
+
+@njit(cache=True)
+def from_neighbours(solved, right, affine, step, wanted, start, start_affine):
+    """Give wanted nodes (rows, cols) bool that have solved neighbours the mean of their predictions; returns which got one.
+
+    start (rows, cols, 2) and start_affine (rows, cols, 4) are overwritten there.
+    """
+    rows, cols = solved.shape
+    given = np.zeros((rows, cols), np.bool_)
+    for r in range(rows):
+        for c in range(cols):
+            if not wanted[r, c]:
+                continue
+            n, px, py, a0, a1, a2, a3 = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for y in range(max(r - 1, 0), min(r + 2, rows)):
+                for x in range(max(c - 1, 0), min(c + 2, cols)):
+                    if (y == r and x == c) or not solved[y, x]:
+                        continue
+                    dx, dy = (c - x) * step, (r - y) * step
+                    a = affine[y, x]
+                    px += right[y, x, 0] + (a[0] * dx + a[1] * dy)
+                    py += right[y, x, 1] + (a[2] * dx + a[3] * dy)
+                    a0, a1, a2, a3 = a0 + a[0], a1 + a[1], a2 + a[2], a3 + a[3]
+                    n += 1
+            if n > 0:
+                given[r, c] = True
+                start[r, c, 0], start[r, c, 1] = px / n, py / n
+                start_affine[r, c, 0], start_affine[r, c, 1] = a0 / n, a1 / n
+                start_affine[r, c, 2], start_affine[r, c, 3] = a2 / n, a3 / n
+    return given

@@ -1,0 +1,164 @@
+"""Region growing: from a few seeds over all ground that can be matched, and over nothing else.
+
+Strategy
+- The best waiting node of a region is matched from what a solved neighbour predicts (position and affine); if that succeeds, its
+  own neighbours wait (growth_queue.py: published priorities, one to three levels of distance).
+- A region is a square of the grid on an absolute lattice, and grows by itself, so that all regions take a step together and one
+  call matches a node of each. When all have ended, ground without seeds is entered from solved nodes of the regions around it,
+  once more in each of a fixed number of `crossings`. A node therefore depends on a known surrounding: a part with its `halo` gives
+  what the whole gives. With `region` 0 the whole grid is one region, as published: for seeds measured by hand.
+- Seeds need not be given: `found_seeds` takes them from the coarse levels of the pyramid, on a lattice of every region.
+
+Compared with the pyramid, growing leaves out what cannot be matched instead of asking it at every level, and starts from the full
+affine of a neighbour; it needs seeds, and single nodes are handed out one after the other.
+
+Source: methods/matching_and_dsm_check.md 1.5; Otto & Chau 1989; Skarlatos.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from schemas.outcome import Outcome
+from schemas.settings import Settings, setting
+from tasks.matching.growth_queue import SEED, Queues, pop_each, push, push_neighbours, queues_for
+from tasks.matching.least_squares import Matches
+from tasks.matching.match_tables import rejected
+from tasks.matching.matching_model import LeastSquaresMatching
+from tasks.matching.node_grid import ImagePart, NodeGrid, PreparedPair, agreement
+from tasks.matching.pyramid_matching import PyramidMatching, SearchRange, coarse_field
+from tasks.matching.pyramid_matching import halo as pyramid_halo
+from tasks.matching.smoothing import reach_of
+
+_MATCHING = LeastSquaresMatching(window=21, smoothing=0.6, max_shift=2.0)
+
+
+class RegionGrowing(Settings):
+    """How regions grow."""
+
+    levels: int = setting(2, "Distances from a solved node, in steps, at which its neighbours are tried.", ge=1, le=3)
+    region: int = setting(32, "Side of the regions that grow by themselves; 0: one region.", "nodes", ge=0, le=4096)
+    crossings: int = setting(2, "How often growth may enter ground without seeds from the regions around it.", ge=0, le=16)
+    seeds: int = setting(2, "Seeds along each side of a region, when they are not given.", ge=1, le=64)
+    matching: LeastSquaresMatching = setting(_MATCHING, "Least-squares matching of the nodes.")
+    min_neighbours: int = setting(0, "Of the eight neighbours of a node, how many must predict it.", ge=0, le=8)
+    neighbour_tolerance: float = setting(0.75, "Largest difference from a neighbour's prediction.", "px", gt=0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Seeds:
+    """Where growth begins."""
+
+    points: np.ndarray
+    """(M, 2) left positions (col, row), px; the nearest node is meant"""
+    right: np.ndarray
+    """(M, 2) right positions, px; need be good to a pixel or two only"""
+    affine: np.ndarray | None = None
+    """(M, 4) as in `Matches.affine`, None for identity"""
+
+
+def halo(settings: RegionGrowing, step: int, pyramid: PyramidMatching | None = None) -> int:
+    """Pixels around its nodes that a part of the left photograph needs to give what the whole gives.
+
+    pyramid: the settings of `found_seeds`; None when seeds are given. Raises ValueError for one region, which has no such bound.
+    """
+    if settings.region == 0:
+        raise ValueError("one region for the whole grid: every node depends on the whole photograph; set `region` to work in parts")
+    nodes = settings.region * (settings.crossings + 1) + 1
+    window = settings.matching.reach + reach_of(settings.matching.smoothing) + 2
+    return nodes * step + (window if pyramid is None else max(window, pyramid_halo(pyramid, step) + 2 * step))
+
+
+def grow(left: ImagePart, right: ImagePart, grid: NodeGrid, seeds: Seeds, settings: RegionGrowing) -> Matches:
+    """Match the nodes of a grid that growth reaches: one row per node, row by row; positions in pixels of the photographs.
+
+    For work in parts the grid must cover whole regions, `region_cover` of the nodes that are wanted. Nodes that are never reached
+    are NOT_TRIED; seeds outside of the grid are passed over.
+    """
+    pair = PreparedPair.of(left, right, settings.matching)
+    points, queues = grid.points(), queues_for(_regions(grid, settings))
+    found = pair.match(points, np.full_like(points, np.nan))
+    _plant(queues, grid, seeds)
+    found = _grown(pair, points, queues, grid, found, settings)
+    for _ in range(settings.crossings if settings.region else 0):
+        solved = np.flatnonzero(found.converged)
+        push_neighbours(queues, grid.cols, float(grid.step), settings.levels, solved, found.position[solved],
+                        found.affine[solved].astype(np.float64), True)
+        found = _grown(pair, points, queues, grid, found, settings)
+    return _agreeing(found, grid, settings)
+
+
+def found_seeds(left: ImagePart, right: ImagePart, grid: NodeGrid, search: SearchRange, settings: RegionGrowing,
+                pyramid: PyramidMatching) -> Seeds:
+    """Seeds on a lattice of the grid, `settings.seeds` along each side of every region, from the coarse levels of a pyramid."""
+    nodes = grid.points()[_seed_nodes(grid, settings)]
+    if len(nodes) == 0:
+        return Seeds(np.empty((0, 2)), np.empty((0, 2)))
+    predicted, affine = coarse_field(left, right, nodes, search, pyramid).below(nodes)
+    known = np.isfinite(predicted).all(axis=1)
+    return Seeds(nodes[known], predicted[known], affine[known])
+
+
+def region_cover(grid: NodeGrid, settings: RegionGrowing) -> NodeGrid:
+    """The grid that `grow` needs to give the nodes of `grid` as it would give them in the whole: whole regions around it."""
+    side, around = settings.region, settings.crossings + 1
+    if side == 0:
+        return grid
+    (row, rows), (col, cols) = (
+        ((first // side - around) * side, ((first + count - 1) // side - first // side + 1 + 2 * around) * side)
+        for first, count in ((grid.row, grid.rows), (grid.col, grid.cols))
+    )
+    return NodeGrid(row, col, rows, cols, grid.step)
+
+
+def _regions(grid: NodeGrid, settings: RegionGrowing) -> np.ndarray:
+    """(rows * cols,) number of the region of every node."""
+    if settings.region == 0:
+        return np.zeros(grid.rows * grid.cols, np.int32)
+    rows, cols = ((first + np.arange(count)) // settings.region - first // settings.region
+                  for first, count in ((grid.row, grid.rows), (grid.col, grid.cols)))
+    return (rows[:, None] * (cols.max(initial=0) + 1) + cols).ravel()
+
+
+def _seed_nodes(grid: NodeGrid, settings: RegionGrowing) -> np.ndarray:
+    """(rows * cols,) bool: the nodes of the lattice of seeds."""
+    def of_line(first: int, count: int) -> np.ndarray:
+        side = settings.region or max(count, 1)
+        place = (first * bool(settings.region) + np.arange(count)) % side
+        return np.isin(place, side * (2 * np.arange(settings.seeds) + 1) // (2 * settings.seeds))
+
+    return (of_line(grid.row, grid.rows)[:, None] & of_line(grid.col, grid.cols)).ravel()
+
+
+def _plant(queues: Queues, grid: NodeGrid, seeds: Seeds) -> None:
+    """Let the nodes nearest to the seeds wait, with the seeds' positions moved to them."""
+    affine = np.tile([1.0, 0.0, 0.0, 1.0], (len(seeds.points), 1)) if seeds.affine is None else np.asarray(seeds.affine, np.float64)
+    nearest = np.floor(seeds.points / grid.step + 0.5).astype(np.int64)
+    for (x, y), (dx, dy), right, a in zip(nearest, nearest * grid.step - seeds.points, seeds.right, affine, strict=True):
+        row, col = y - grid.row, x - grid.col
+        if 0 <= row < grid.rows and 0 <= col < grid.cols:
+            moved_col, moved_row = right[0] + a[0] * dx + a[1] * dy, right[1] + a[2] * dx + a[3] * dy
+            push(queues, row * grid.cols + col, SEED, moved_col, moved_row, a)
+
+
+def _grown(pair: PreparedPair, points: np.ndarray, queues: Queues, grid: NodeGrid, found: Matches,
+           settings: RegionGrowing) -> Matches:
+    """Grow all regions until nobody waits; `found` is filled in place."""
+    active = np.arange(len(queues.first))
+    popped = np.empty(len(active), np.int64)
+    while count := pop_each(queues, active, popped):
+        active, nodes = active[:count], popped[:count].copy()
+        new = pair.match(points[nodes], queues.start[nodes], queues.affine[nodes])
+        for name, table in found.__dict__.items():
+            table[nodes] = new.__dict__[name]
+        solved = new.converged
+        push_neighbours(queues, grid.cols, float(grid.step), settings.levels, nodes[solved], new.position[solved],
+                        new.affine[solved].astype(np.float64), False)
+    return found
+
+
+def _agreeing(found: Matches, grid: NodeGrid, settings: RegionGrowing) -> Matches:
+    """Reject nodes that their neighbours contradict."""
+    tables = (table.reshape(*grid.shape, *table.shape[1:]) for table in (found.converged, found.position, found.affine))
+    count = agreement(*tables, float(grid.step), settings.neighbour_tolerance).ravel()
+    return rejected(found, found.converged & (count < settings.min_neighbours), Outcome.INCONSISTENT)

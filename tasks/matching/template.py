@@ -1,0 +1,184 @@
+"""The left window of inverse-compositional matching: cut, differentiated, its normal matrix built and factored.
+
+Strategy
+- Gradients are central differences of the left window at its own whole pixels: nothing is resampled before it is differentiated.
+- Gain and offset are eliminated: the derivatives are made orthogonal to the window and to a constant by correcting the moments,
+  which is the same as estimating both with the geometric unknowns.
+
+Source: Baker & Matthews 2004; methods/matching_windows.md 2.1 (rows 1 to 3).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from tasks.matching import results
+from tasks.matching.shift_precision import residual_correlation
+from tasks.matching.small_systems import factor, solve
+from tasks.matching.window_block import block_coordinates, block_pitch, cut_window, gradient_moments, grey_sums, second_moments
+from tasks.matching.window_shape import ellipse_axes, ellipse_window, pixels_of, square_window
+
+FLAT = 1e-6
+"""Variance of grey values below which a window is taken as constant."""
+ZERO = np.float32(0.0)
+
+
+class Template(NamedTuple):
+    """What a window is when its block has been cut."""
+
+    reach_x: int
+    reach_y: int
+    n: int
+    """floats of its block"""
+    count: int
+    """its pixels"""
+    level: float
+    """grey value that the block counts from"""
+    mean: float
+    """of the block's pixels"""
+    power: float
+    """sum of squares of the grey values about their mean"""
+
+
+class Work(NamedTuple):
+    """Arrays that every point uses again."""
+
+    spans: np.ndarray
+    drawn: np.ndarray
+    """reach of the square whose coordinates are in place"""
+    xs: np.ndarray
+    ys: np.ndarray
+    grey: np.ndarray
+    gx: np.ndarray
+    gy: np.ndarray
+    inside: np.ndarray
+    patch: np.ndarray
+    moments: np.ndarray
+    plain: np.ndarray
+    """sums of the derivatives"""
+    likewise: np.ndarray
+    """sums of the derivatives times the centred grey values"""
+    normal: np.ndarray
+    lower: np.ndarray
+    d: np.ndarray
+    on_x: np.ndarray
+    on_y: np.ndarray
+    """influence of the residuals on both shifts, between zeros"""
+    along: np.ndarray
+    blurred: np.ndarray
+    kernel: tuple[float, float]
+    """correlation of residuals one and two pixels apart"""
+
+
+@njit(cache=True, error_model="numpy")
+def work_for(reach, smoothing):
+    """Arrays for windows that reach `reach` px from their centre."""
+    size = block_pitch(reach) * (2 * reach + 1)
+    longer = size + 4 * block_pitch(reach)
+    return Work(
+        np.empty((2 * reach + 1, 2), np.int64), np.zeros(1, np.int64), np.empty(size, np.float32), np.empty(size, np.float32),
+        np.zeros(size, np.float32), np.zeros(size, np.float32), np.zeros(size, np.float32), np.zeros(size, np.float32),
+        np.zeros(size, np.float32), np.empty((3, 6)), np.empty(6), np.empty(6), np.empty((6, 6)), np.empty((6, 6)), np.empty(6),
+        np.zeros(longer, np.float32), np.zeros(longer, np.float32), np.zeros(longer, np.float32), np.zeros(longer, np.float32),
+        residual_correlation(smoothing),
+    )
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def unknowns_of(rules):
+    return (2 if rules.shift_only else 6) + (0 if rules.radiometry == 0 else 2)
+
+
+@njit(cache=True, error_model="numpy")
+def solve_shift(lower, shift_only, d):
+    """Overwrite the right side d (6,) with the corrections; those of the affine are 0 when there are shifts only."""
+    if not shift_only:
+        solve(lower, 6, d)
+        return
+    d[1] = d[3]
+    solve(lower, 2, d)
+    d[3] = d[1]
+    d[1], d[2], d[4], d[5] = 0.0, 0.0, 0.0, 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def _normal_matrix(moments, normal):
+    """The 6 x 6 normal matrix of the derivatives from the moments of gx gx, gx gy and gy gy."""
+    for k in range(3):
+        m = moments[k]
+        r, c = 3 * (k // 2), 3 * ((k + 1) // 2)
+        normal[r, c], normal[r, c + 1], normal[r, c + 2] = m[0], m[1], m[2]
+        normal[r + 1, c], normal[r + 1, c + 1], normal[r + 1, c + 2] = m[1], m[3], m[4]
+        normal[r + 2, c], normal[r + 2, c + 1], normal[r + 2, c + 2] = m[2], m[4], m[5]
+    for i in range(3):
+        for j in range(3):
+            normal[3 + i, j] = normal[j, 3 + i]
+
+
+@njit(cache=True, error_model="numpy")
+def _without_radiometry(normal, plain, grey, power, count):
+    """Make the normal matrix that of derivatives orthogonal to a constant and to the window (of centred power `power`)."""
+    for i in range(6):
+        for j in range(i + 1):
+            normal[i, j] -= plain[i] * plain[j] / count + grey[i] * grey[j] / power
+            normal[j, i] = normal[i, j]
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def build_template(left, col, row, half, axes, rules, work):
+    """Cut the window, and build and factor its normal matrix; returns (outcome, template), CONVERGED when it can be matched."""
+    if rules.ellipse:
+        reach_x, reach_y = ellipse_window(half, axes, 0.0, 0.0, work.spans)
+    else:
+        reach_x, reach_y = square_window(half, work.spans)
+    n = block_pitch(reach_x) * (2 * reach_y + 1)
+    template = Template(reach_x, reach_y, n, 0, 0.0, 0.0, 0.0)
+    if not (reach_x < col < left.shape[1] - reach_x - 1 and reach_y < row < left.shape[0] - reach_y - 1):
+        return results.OUTSIDE, template
+    grey, gx, gy, inside = work.grey[:n], work.gx[:n], work.gy[:n], work.inside[:n]
+    xs, ys, moments = work.xs[:n], work.ys[:n], work.moments
+    if rules.ellipse or work.drawn[0] != reach_x:
+        block_coordinates(reach_x, reach_y, xs, ys)
+        work.drawn[0] = reach_x
+        grey[:], gx[:], gy[:], inside[:], work.patch[:n] = ZERO, ZERO, ZERO, ZERO, ZERO
+    level = cut_window(left, col, row, (reach_x, reach_y), work.spans, (grey, gx, gy, inside))
+    second_moments(gx, gx, xs, ys, moments[0])
+    second_moments(gx, gy, xs, ys, moments[1])
+    second_moments(gy, gy, xs, ys, moments[2])
+    count = pixels_of(work.spans, 2 * reach_y + 1)
+    total, power, _ = grey_sums(grey, grey)
+    mean = total / count
+    power -= total * mean
+    gxx, gxy, gyy = moments[0, 0], moments[1, 0], moments[2, 0]
+    if not (power < np.inf and gxx + gyy < np.inf):
+        return results.OUTSIDE, template
+    weakest = 0.5 * (gxx + gyy) - np.sqrt(0.25 * (gxx - gyy) ** 2 + gxy * gxy)
+    if weakest <= count * rules.min_gradient**2 or power <= FLAT * count:
+        return results.LOW_TEXTURE, template
+    gradient_moments(gx, gy, inside, xs, ys, work.plain)
+    gradient_moments(gx, gy, grey, xs, ys, work.likewise)
+    for k in range(6):
+        work.likewise[k] -= mean * work.plain[k]
+    _normal_matrix(moments, work.normal)
+    if rules.radiometry == 2:
+        _without_radiometry(work.normal, work.plain, work.likewise, power, count)
+    if rules.shift_only:
+        work.normal[1, 0], work.normal[1, 1] = work.normal[3, 0], work.normal[3, 3]
+    if count <= unknowns_of(rules) or not factor(work.normal, 2 if rules.shift_only else 6, work.lower):
+        return results.SINGULAR, template
+    return results.CONVERGED, Template(reach_x, reach_y, n, count, np.float64(level), mean, power)
+
+
+@njit(cache=True, error_model="numpy")
+def ellipse_of(rules, work):
+    """Axes of the ellipse that the cofactors of both shifts ask for."""
+    d = work.d
+    d[:] = 0.0
+    d[0] = 1.0
+    solve_shift(work.lower, rules.shift_only, d)
+    var_x, covariance = d[0], d[3]
+    d[:] = 0.0
+    d[3] = 1.0
+    solve_shift(work.lower, rules.shift_only, d)
+    return ellipse_axes(var_x, d[3], covariance, rules.max_axis_ratio, rules.across)
