@@ -11,7 +11,7 @@ observations by unknowns. What is left after elimination is small (6 per photo) 
 Source: Brown 1976; Baarda 1968; Kawka 2021, S11 and S12 (methods/calibration.md).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -138,7 +138,7 @@ def _cost(network: BoardNetwork, state: BoardState, corners: BoardCorners, limit
 def _prior_weight(network: BoardNetwork) -> np.ndarray:
     """(3,) px^2/m^2: weights of a board's corner when an image coordinate has weight 1."""
     sigma = np.array(network.local_sigma)
-    return np.where(sigma > 0, (network.image_sigma / np.maximum(sigma, 1e-300)) ** 2, 0.0)
+    return np.divide(network.image_sigma, sigma, out=np.zeros(3), where=sigma > 0) ** 2
 
 
 def _prior_miss(network: BoardNetwork, state: BoardState) -> np.ndarray:

@@ -1,8 +1,8 @@
 """Photographs of boards: what is observed, what is unknown, and which columns of the normal equations belong to whom.
 
 A board is a set of points in a system of its own; its pose takes them into the system of board 0, which is the datum (origin, axes
-and scale). Boards of one plane have three unknowns each (two shifts and a turn), boards anywhere in space six, board 0 none. One
-board, several on a plane and several in space differ by nothing but these columns.
+and scale). Boards of one plane have three unknowns each (two shifts and a turn), boards anywhere in space six, boards of
+known places ("fixed") and board 0 none. One board, several on a plane and several in space differ by nothing but these columns.
 
 Source: Kawka 2021, sections 2.53 to 2.60 (methods/calibration.md, S11).
 """
@@ -16,8 +16,8 @@ from schemas.camera import INTERIOR
 
 PARAMETERS = (*INTERIOR, "affinity", "skew")
 """Order of the interior parameters here: x = x0 + c ((1 + affinity) xd + skew yd), y = y0 + c yd."""
-Arrangement = Literal["plane", "space"]
-_BOARD_COLUMNS: dict[str, tuple[int, ...]] = {"plane": (0, 1, 5), "space": (0, 1, 2, 3, 4, 5)}
+Arrangement = Literal["plane", "space", "fixed"]
+_BOARD_COLUMNS: dict[str, tuple[int, ...]] = {"plane": (0, 1, 5), "space": (0, 1, 2, 3, 4, 5), "fixed": ()}
 """Which of three shifts and three rotations are unknown."""
 
 

@@ -78,7 +78,7 @@ def find_boards(levels: list[np.ndarray], corners: tuple[int, int], boards: int 
     most = boards or MOST_BOARDS
     started = False
     for level in reversed(range(len(levels))):
-        if len(found) >= most or started and not boards or max(levels[level].shape) > _FINE_SIDE and level < len(levels) - 1:
+        if len(found) >= most or (started and not boards) or (max(levels[level].shape) > _FINE_SIDE and level < len(levels) - 1):
             break
         started = started or bool(found)
         for smooth in (False, True):

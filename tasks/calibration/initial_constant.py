@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 
-
 @dataclass(frozen=True, eq=False)
 class ConstantEstimate:
     """`c` px; `c1`, `c2` (P,) px of the photos, NaN where a photo gives none; `sigma1`, `sigma2` their spread after rejection."""

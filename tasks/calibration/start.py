@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tasks.adjustment.board_network import BoardCorners, BoardNetwork, BoardState
+from tasks.adjustment.board_network import BoardCorners, BoardState
 from tasks.calibration.initial_constant import ConstantEstimate, constant_from_conic, constants, estimate
 from tasks.calibration.initial_pose import pose_of_homography
 from tasks.calibration.naming import Naming
