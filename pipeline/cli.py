@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table as Lines
 
+from pipeline.calibrating import BoardsSaid, calibration_workflow
 from pipeline.clean import clean_run
 from pipeline.doctor import doctor as examine
 from pipeline.export import export as export_file
@@ -102,6 +103,47 @@ def _conclude(facts: RunFacts, folder: Path) -> None:
     if not facts.complete:
         err.print("The project is not complete. What did not depend on the failed jobs is done; mend the cause and run again.",
                   soft_wrap=True)
+
+
+@app.command()
+def calibrate(
+    photos: Annotated[list[Path], typer.Argument(help="Photographs of the chessboards, or folders of them.")],
+    corners: Annotated[str, typer.Option(help="Inner corners of a board: columns x rows, e.g. 5x6.")],
+    square: Annotated[float, typer.Option(help="Side of a square, m.")],
+    boards: Annotated[int, typer.Option(help="Equal boards that lie there together; 0: as many as are found.")] = 0,
+    arrangement: Annotated[str, typer.Option(help="plane: all on one plane; space: anywhere, but fixed.")] = "plane",
+    parameters: Annotated[str, typer.Option(help="Interior parameters, e.g. c,x0,y0,k1,k2,p1,p2; chosen when left out.")] = "",
+    name: Annotated[str, typer.Option(help="Results go to runs/<name>.")] = "calibration",
+    workers: Annotated[int, typer.Option(help="Worker processes; 0 is one for each core.", min=0)] = 0,
+    memory: Annotated[int, typer.Option(help="Memory that one worker may use, in MiB.", min=256)] = 1500,
+    sequential: Sequential = False,
+    debug: Debug = False,
+) -> None:
+    """Calibrate a camera from photographs of one or several chessboards."""
+    with plain_errors(debug):
+        said = BoardsSaid(corners, square, boards, arrangement, parameters)
+        loaded = calibration_workflow(name, photos, said, Path.cwd(), STAGES)
+        facts = run_workflow(loaded, Options(None, None, workers, memory * MIB, sequential), out, err)
+        _conclude(facts, loaded.run_folder)
+        _print_calibration(loaded.run_folder)
+    if not facts.complete:
+        raise typer.Exit(1)
+
+
+def _print_calibration(folder: Path) -> None:
+    """The parameters with their standard errors, as far as the run has come."""
+    path = folder / "products" / "calibration.json"
+    if not path.exists():
+        return
+    record = json.loads(path.read_text())
+    lines = Lines("parameter", "value", "standard error", box=None)
+    for number, (name, value) in enumerate(zip(record["parameters"], record["values"], strict=True)):
+        sigma = record["covariance"][number][number] ** 0.5
+        if sigma > 0:
+            lines.add_row(name, f"{value:.7g}", f"{sigma:.2g}")
+    out.print(lines)
+    held = "" if record["held_out"] is None else f", held out {record['held_out']:.3f} px RMS"
+    out.print(f"sigma0 {record['sigma0']:.3f} px{held}, {record['redundancy']} redundant observations")
 
 
 @app.command()

@@ -31,6 +31,10 @@ class Camera(BaseModel):
     k3: float = 0.0
     p1: float = 0.0
     p2: float = 0.0
+    affinity: float = 0.0
+    """x is scaled by 1 + affinity against y. Only a calibration estimates it; the other stages refuse cameras that have it."""
+    skew: float = 0.0
+    """x grows by skew * y for axes that are not perpendicular; like `affinity`."""
     pixel_um: float | None = None
     """Side of a pixel on the sensor or scan in micrometres, where it is known."""
     source: Literal["file", "exif", "chessboards", "given", "block", "truth"] = "given"

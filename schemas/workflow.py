@@ -64,14 +64,20 @@ class CameraGiven(Settings):
 
 
 class CameraFromChessboards(Settings):
-    """Calibration from photographs of a chessboard."""
+    """Calibration from photographs of one chessboard, or of several equal ones that keep their places."""
 
     kind: Literal["chessboards"]
-    photographs: Photographs = setting(..., "Photographs of the chessboard, taken with the same camera and focus.")
+    photographs: Photographs = setting(..., "Photographs of the chessboards, taken with the same camera and focus.")
     corners: tuple[int, int] = setting(
-        ..., "Inner corners of the board: columns, rows. They must differ, so that the board has one origin."
+        ..., "Inner corners of a board: columns, rows. One must be even and one odd, so that the board has one origin."
     )
     square: float = setting(..., "Side of a square.", "m", gt=0)
+    boards: int = setting(0, "Equal boards that lie there together; 0: as many as the photographs show.", ge=0, le=40)
+    arrangement: Literal["plane", "space"] = setting(
+        "plane", "Whether the boards lie on one plane, at places and angles that need not be known, or anywhere in space."
+    )
+    sigma_in_plane: float = setting(0.0, "Standard error of the corners of a board within its plane; 0: exact.", "m", ge=0)
+    sigma_height: float = setting(0.0, "Standard error of the corners of a board out of its plane; 0: flat.", "m", ge=0)
 
 
 CameraSource = Annotated[CameraFromExif | CameraFromFile | CameraGiven | CameraFromChessboards, Field(discriminator="kind")]

@@ -40,6 +40,12 @@ def cameras_for(photos: Photos, sources: Mapping[str, Camera]) -> Cameras:
             f"photographs: {names}; "
             "take them out of the workflow or give the camera that took them."
         )
+    sheared = sorted({camera.name for camera in sources.values() if camera.affinity or camera.skew})
+    if sheared:
+        raise PhotoError(
+            f"The camera {sheared[0]} has an affinity or a skew, which the stages after the calibration do not know; calibrate "
+            "without these two parameters for a project with photographs."
+        )
     first = {photo.camera: photo for photo in reversed(photos.photos)}
     cameras = {name: fitted(sources[name], photo) for name, photo in sorted(first.items())}
     return Cameras(cameras=cameras, of_photo={photo.name: photo.camera for photo in photos.photos})

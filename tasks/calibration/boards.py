@@ -1,11 +1,13 @@
-"""All chessboards in one photograph: their inner corners to a few hundredths of a pixel.
+"""All chessboards in one photograph, each with its origin: inner corners to a few hundredths of a pixel.
 
-Strategy: boards are found on a reduced image, where OpenCV's sector-based detector (Duda & Frese 2018) is fast and sure. It gives
-one board at a time, so each one found is painted over, up to the outer edge of its squares, and the search goes on until nothing
-is found. The search ends one level after the first that found boards: small boards get a second chance. Each corner is then
-refined in the full image as the saddle point of its neighbourhood (Foerstner's gradient condition, OpenCV's cornerSubPix), in a
-window that follows the spacing of the corners; on rendered boards with known corners that is twice as precise as the detector's
-own sub-pixel step, and free of its outliers.
+Strategy. Boards are searched from a coarse pyramid level down, where OpenCV's sector-based detector (Duda & Frese 2018) is fast and
+sure; it gives one board at a time, so each one found is painted over, up to the outer edge of its squares, and the search goes on.
+A smoothed copy of a level is searched as well: noise and sharp texture hide boards. The search ends when all boards are found, or
+one level after the first that gave any. Corners are refined from level to level down to the full image.
+
+What looks like a board is then tested: the squares around every corner must alternate (else it is no board), and must stop
+alternating beyond the outer corners (else the board is larger than was said). Numbering is made unique: seen from the front, x
+along the columns, y along the rows, counter-clockwise, and the first square black.
 
 NORMALIZE_IMAGE is left out on purpose: it loses boards (methods/measured.md). So is ACCURACY: it searches an enlarged image, which
 takes three times as long, for places that are refined in the full image anyway.
@@ -16,51 +18,40 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from schemas.job import Columns
 from schemas.raster import Window
+from tasks.calibration.homographies import applied, homography
+from tasks.calibration.saddles import contrast, refined, signs, spacings
 from tasks.imagery.pyramid import full_to_level, halved_shape, halved_window, level_to_full, source_window
 from tasks.imagery.radiometry import grey_bytes, grey_range
 
 cv2.setNumThreads(1)
 
 _SEARCH = cv2.CALIB_CB_EXHAUSTIVE
-_STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 60, 1e-4)
-COARSE_SIDE = 700
+COARSE_SIDE = 450
 """Longer side in px of the image in which boards are searched first."""
+_FINE_SIDE = 2600
+"""And of the one in which they are searched last."""
 MOST_BOARDS = 40
 _STRIP = 256
+_SMOOTH = 1.3
+_WRONG_CORNERS = 0.1
+"""Share of corners whose squares may not alternate; of one row or column, half."""
+_BEND = 0.35
+"""Largest change of spacing from one square to the next, as a share of it."""
 
 
-@dataclass(frozen=True)
-class Corners(Columns):
-    """Chessboard corners of one photograph, board after board, row by row."""
+@dataclass(frozen=True, eq=False)
+class FoundBoards:
+    """Corners (B, rows, cols, 2) (col, row) px of all boards, left to right, and how many were refused: no boards after all, and
+    boards with more corners than was said."""
 
-    board: np.ndarray
-    """int32: number of the board in the photograph"""
-    column: np.ndarray
-    row: np.ndarray
-    """int32: place of the corner on its board"""
-    x: np.ndarray
-    y: np.ndarray
-    """float64: pixel coordinates (col, row)"""
+    corners: np.ndarray
+    false: int
+    larger: int
 
 
-def photo_corners(pixels: np.ndarray, corners: tuple[int, int]) -> Corners:
-    """The inner corners of all boards in a photograph (rows, cols, bands). corners: columns, rows of inner corners of a board."""
-    boards = find_boards(_grey(pixels), corners)
-    columns, rows = (index.ravel().astype(np.int32) for index in np.meshgrid(np.arange(corners[0]), np.arange(corners[1])))
-    points = np.concatenate(boards) if boards else np.empty((0, 2))
-    return Corners(
-        board=np.repeat(np.arange(len(boards), dtype=np.int32), len(columns)),
-        column=np.tile(columns, len(boards)),
-        row=np.tile(rows, len(boards)),
-        x=points[:, 0],
-        y=points[:, 1],
-    )
-
-
-def _grey(pixels: np.ndarray) -> np.ndarray:
-    """The photograph in grey, in strips: floating point copies of a whole photograph would be many times its size."""
+def grey_image(pixels: np.ndarray) -> np.ndarray:
+    """The photograph in grey uint8, in strips: floating point copies of a whole photograph would be many times its size."""
     limits = grey_range(pixels[::8, ::8])
     image = np.empty(pixels.shape[:2], dtype=np.uint8)
     for row in range(0, len(image), _STRIP):
@@ -68,67 +59,126 @@ def _grey(pixels: np.ndarray) -> np.ndarray:
     return image
 
 
-def _halved(image: np.ndarray) -> np.ndarray:
-    """The next pyramid level, in strips."""
-    half = np.empty(halved_shape(image.shape), dtype=image.dtype)
-    for row in range(0, len(half), _STRIP):
-        window = Window(row, 0, min(_STRIP, len(half) - row), half.shape[1])
-        half[window.slices] = halved_window(image[source_window(window, image.shape).slices], window)
-    return half
-
-
-def find_boards(image: np.ndarray, corners: tuple[int, int]) -> list[np.ndarray]:
-    """Corners (columns * rows, 2) (col, row) of every board in a grey image (rows, cols) uint8, left to right by their centres."""
+def pyramid(image: np.ndarray, below: int) -> list[np.ndarray]:
+    """The image and its halves until the longer side is at most `below`, made in strips."""
     levels = [image]
-    while max(levels[-1].shape) > COARSE_SIDE:
-        levels.append(_halved(levels[-1]))
-    boards: list[np.ndarray] = []
+    while max(levels[-1].shape) > below:
+        half = np.empty(halved_shape(levels[-1].shape), dtype=image.dtype)
+        for row in range(0, len(half), _STRIP):
+            window = Window(row, 0, min(_STRIP, len(half) - row), half.shape[1])
+            half[window.slices] = halved_window(levels[-1][source_window(window, levels[-1].shape).slices], window)
+        levels.append(half)
+    return levels
+
+
+def find_boards(levels: list[np.ndarray], corners: tuple[int, int], boards: int = 0) -> FoundBoards:
+    """Every board with `corners` (columns, rows) in a photograph, given as its pyramid; at most `boards` unless that is 0."""
+    found: list[np.ndarray] = []
+    refused = [0, 0]
+    most = boards or MOST_BOARDS
+    started = False
     for level in reversed(range(len(levels))):
-        known = list(boards)
-        search = levels[level].copy()
-        for board in known:
-            _paint_over(search, full_to_level(board, level), corners)
-        boards += [refined(image, level_to_full(board, level), corners) for board in _search(search, corners)]
-        if known:
+        if len(found) >= most or (started and not boards) or (max(levels[level].shape) > _FINE_SIDE and level < len(levels) - 1):
             break
-    return sorted(boards, key=lambda board: tuple(board.mean(axis=0)))
+        started = started or bool(found)
+        for smooth in (False, True):
+            search = cv2.GaussianBlur(levels[level], (0, 0), _SMOOTH) if smooth else levels[level].copy()
+            for board in found:
+                _paint_over(search, full_to_level(board, level))
+            for board in _searched(search, corners, most - len(found)):
+                fine = _through_levels(board, levels, level)
+                reason = _refusal(levels[0], fine)
+                if reason is None:
+                    found.append(numbered(levels[0], fine))
+                else:
+                    refused[reason] += 1
+    found.sort(key=lambda board: tuple(board.reshape(-1, 2).mean(axis=0)))
+    shape = (0, corners[1], corners[0], 2)
+    return FoundBoards(np.array(found) if found else np.empty(shape), refused[0], refused[1])
 
 
-def _search(image: np.ndarray, corners: tuple[int, int]) -> list[np.ndarray]:
-    """Boards of one image, which is painted over on the way."""
+def _searched(image: np.ndarray, corners: tuple[int, int], most: int) -> list[np.ndarray]:
+    """Boards (rows, cols, 2) of one image, which is painted over on the way."""
     boards: list[np.ndarray] = []
-    while len(boards) < MOST_BOARDS:
+    while len(boards) < most:
         found, points = cv2.findChessboardCornersSB(image, corners, flags=_SEARCH)
         if not found:
             break
-        board = points.reshape(-1, 2).astype(np.float64)
-        _paint_over(image, board, corners)
-        boards.append(board)
+        boards.append(points.reshape(corners[1], corners[0], 2).astype(np.float64))
+        _paint_over(image, boards[-1])
     return boards
 
 
-def _paint_over(image: np.ndarray, board: np.ndarray, corners: tuple[int, int]) -> None:
-    cv2.fillConvexPoly(image, _outline(board, corners), float(np.median(image)))
+def _paint_over(image: np.ndarray, board: np.ndarray) -> None:
+    rows, cols = board.shape[:2]
+    H = homography(board_grid((cols, rows)), board.reshape(-1, 2))
+    low, right, bottom = -1.2, cols + 0.2, rows + 0.2
+    edge = applied(H, np.array([[low, low], [right, low], [right, bottom], [low, bottom]]))
+    cv2.fillConvexPoly(image, np.rint(np.clip(edge, -20000, 20000)).astype(np.int32), float(np.median(image)))
 
 
-def _outline(board: np.ndarray, corners: tuple[int, int]) -> np.ndarray:
-    """The outer edge of a board's squares (4, 2) int32: the grid of its corners extended by a little more than one square."""
-    columns, rows = corners
-    homography, _ = cv2.findHomography(board_grid(corners), board)
-    low, right, bottom = -1.2, columns + 0.2, rows + 0.2
-    edge = np.array([[[low, low], [right, low], [right, bottom], [low, bottom]]])
-    return np.rint(cv2.perspectiveTransform(edge, homography)[0]).astype(np.int32)
+def _through_levels(board: np.ndarray, levels: list[np.ndarray], level: int) -> np.ndarray:
+    """Corners of a level in the full image, refined in each level between."""
+    full = level_to_full(board, level)
+    for finer in reversed(range(level)):
+        full = level_to_full(refined(levels[finer], full_to_level(full, finer)), finer)
+    return refined(levels[0], full) if level == 0 else full
 
 
-def refined(image: np.ndarray, board: np.ndarray, corners: tuple[int, int]) -> np.ndarray:
-    """Corners (N, 2) as saddle points of `image`; a corner that runs away from its start by more than its window stays there."""
-    grid = board.reshape(corners[1], corners[0], 2)
-    spacing = min(np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1))
-    half = int(np.clip(0.4 * spacing, 2, 11))
-    points = cv2.cornerSubPix(image, board.astype(np.float32).reshape(-1, 1, 2), (half, half), (-1, -1), _STOP)
-    points = points.reshape(-1, 2).astype(np.float64)
-    ran_away = np.abs(points - board).max(axis=1) > half
-    return np.where(ran_away[:, None], board, points)
+def _refusal(image: np.ndarray, board: np.ndarray) -> int | None:
+    """None for a board, 0 for what is none, 1 for a part of a larger one."""
+    rows, cols = board.shape[:2]
+    across, down = spacings(board)
+    pattern = contrast(image, board, across, down) * signs(rows, cols)
+    pattern = pattern if np.nansum(pattern) >= 0 else -pattern
+    strength = np.nanmedian(pattern)
+    if not strength > 4.0 or not _regular(board):
+        return 0
+    wrong = np.nan_to_num(pattern, nan=strength) < 0.35 * strength
+    if wrong.mean() > _WRONG_CORNERS or max(wrong.mean(axis=0).max(), wrong.mean(axis=1).max()) >= 0.5:
+        return 0
+    return 1 if _goes_on(image, board, strength) else None
+
+
+def _regular(board: np.ndarray) -> bool:
+    """Whether spacings change as slowly along rows and columns as perspective and distortion let them."""
+    for grid in (board, board.swapaxes(0, 1)):
+        step = np.diff(grid, axis=0)
+        length = np.linalg.norm(step, axis=2)
+        change = np.linalg.norm(np.diff(step, axis=0), axis=2)
+        if (change > _BEND * np.minimum(length[1:], length[:-1])).any():
+            return False
+    return True
+
+
+def _goes_on(image: np.ndarray, board: np.ndarray, strength: float) -> bool:
+    """Whether the squares go on alternating beyond one of the four sides."""
+    rows, cols = board.shape[:2]
+    for turned in (board, board[::-1], board.swapaxes(0, 1), board.swapaxes(0, 1)[::-1]):
+        if len(turned) < 3:
+            continue
+        outside = 3.0 * turned[0] - 3.0 * turned[1] + turned[2]
+        across, down = np.gradient(outside, axis=0), turned[0] - outside
+        ring = np.abs(contrast(image, outside, across, down))[1:-1]
+        seen = np.isfinite(ring)
+        if seen.sum() >= 2 and np.mean(ring[seen] > 0.6 * strength) > 0.7:
+            return True
+    return False
+
+
+def numbered(image: np.ndarray, board: np.ndarray) -> np.ndarray:
+    """The board (rows, cols, 2) with its unique numbering: y counter-clockwise of x when seen upright, the first square black."""
+    rows, cols = board.shape[:2]
+    across, down = board[:, -1].mean(axis=0) - board[:, 0].mean(axis=0), board[-1].mean(axis=0) - board[0].mean(axis=0)
+    if across[0] * down[1] - across[1] * down[0] > 0:
+        board = board[::-1]
+    pattern = contrast(image, board, *spacings(board)) * signs(rows, cols)
+    return board if np.nansum(pattern) >= 0 else board[::-1, ::-1]
+
+
+def symmetric(corners: tuple[int, int]) -> bool:
+    """Whether a board looks the same after half a turn, so that no corner can be called its first."""
+    return (corners[0] + corners[1]) % 2 == 0
 
 
 def board_grid(corners: tuple[int, int]) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What the report says of the cameras: parameters with standard errors, the distortion curve, and how good the boards are."""
+"""What the report says of cameras, wherever they come from: parameters with standard errors, and the distortion curve."""
 
 from collections import Counter
 
@@ -8,7 +8,6 @@ from schemas.camera import INTERIOR, Camera, Cameras
 from schemas.photo import Photos
 from schemas.report import Chart, Figure, Grid, StageReport
 from tasks.calibration.nominal import nominal_constant
-from tasks.calibration.plane_views import HeldOut, Solution
 from tasks.geometry.distortion import image_to_pixel
 
 _UNITS = {"c": "px", "x0": "px", "y0": "px"}
@@ -16,7 +15,6 @@ _SOURCES = {
     "exif": "nominal, from EXIF", "file": "from a file", "given": "typed into the workflow", "chessboards": "from chessboards",
     "block": "from a block adjustment", "truth": "the simulated truth",
 }  # fmt: skip
-_CELLS = 8
 
 
 def cameras_report(cameras: Cameras, photos: Photos, sources: dict[str, Camera]) -> StageReport:
@@ -25,23 +23,6 @@ def cameras_report(cameras: Cameras, photos: Photos, sources: dict[str, Camera])
     figures = (Figure(name="cameras", value=len(shown), sentence="Interior orientations in use."), *_camera_figures(shown))
     warnings = [*_scale_warnings(cameras, sources), *_nominal_warnings(shown, photos)]
     return StageReport(figures=figures, grids=_camera_grids(cameras), charts=(_distortion_chart(shown),), warnings=tuple(warnings))
-
-
-def chessboards_report(
-    cameras: Cameras, photos: Photos, sources: dict[str, Camera], solution: Solution, check: HeldOut | None
-) -> StageReport:
-    """The report for a calibration from chessboards."""
-    plain = cameras_report(cameras, photos, sources)
-    camera = next(iter(sources.values()))
-    size = (camera.width, camera.height)
-    return plain.model_copy(
-        update={
-            "figures": (*_board_figures(solution, check), *plain.figures),
-            "grids": (*plain.grids, _board_grid(solution, size)),
-            "charts": (*plain.charts, _corner_chart(solution), _residual_chart(solution, size)),
-            "warnings": (*_board_warnings(solution, check, size), *plain.warnings),
-        }
-    )
 
 
 def _camera_figures(cameras: tuple[Camera, ...]) -> tuple[Figure, ...]:
@@ -137,101 +118,3 @@ def _nominal_warnings(cameras: tuple[Camera, ...], photos: Photos) -> list[str]:
                 f"size, but {second[0]:.0f} px by the 35 mm equivalent."
             )
     return warnings
-
-
-def _board_figures(solution: Solution, check: HeldOut | None) -> tuple[Figure, ...]:
-    corners = sum(len(view.pixels) for view in solution.views)
-    return (
-        Figure(name="boards", value=len(solution.views), sentence="Chessboards found in all calibration photographs."),
-        Figure(name="corners", value=corners, sentence="Corners used."),
-        Figure(name="corners_rejected", value=solution.rejected, sentence="Corners left out beyond four robust sigma."),
-        Figure(
-            name="sigma0_px", value=round(solution.sigma0, 4), unit="px", sentence="Sigma of a corner coordinate.", headline=True
-        ),
-        Figure(
-            name="held_out_px", value=round(check.rms, 4) if check else None, unit="px",
-            sentence="Root mean square on photographs that took no part in the calibration (each half measured with the other).",
-        ),
-        Figure(
-            name="c_halves_difference", value=round(check.c_second - check.c_first, 3) if check else None, unit="px",
-            sentence="Difference of the camera constants of two halves: an honest measure beside the formal sigma.",
-        ),
-    )  # fmt: skip
-
-
-def _board_grid(solution: Solution, size: tuple[int, int]) -> Grid:
-    residuals = solution.residuals(size)
-    rows = []
-    for name in sorted({view.photo for view in solution.views}):
-        own = [residual for view, residual in zip(solution.views, residuals, strict=True) if view.photo == name]
-        stacked = np.concatenate(own)
-        rows.append(
-            (name, len(own), len(stacked), round(float(np.sqrt((stacked**2).mean())), 4), round(float(np.abs(stacked).max()), 3))
-        )
-    return Grid(
-        title="Calibration photographs", columns=("photo", "boards", "corners", "RMS (px)", "largest (px)"), rows=tuple(rows)
-    )
-
-
-def _corner_chart(solution: Solution) -> Chart:
-    pixels = np.concatenate([view.pixels for view in solution.views])
-    return Chart(
-        title="Corners over the frame", style="points", x_label="column (px)", y_label="row (px, downwards negative)",
-        x=tuple(pixels[:, 0].round(1).tolist()), series={"corners": tuple((-pixels[:, 1]).round(1).tolist())},
-        caption="Empty parts of the frame are extrapolated.",
-    )  # fmt: skip
-
-
-def _residual_chart(solution: Solution, size: tuple[int, int]) -> Chart:
-    """Mean residual per cell of the frame: what is left in common to all photographs is not noise but the model."""
-    pixels = np.concatenate([view.pixels for view in solution.views])
-    residuals = np.concatenate(solution.residuals(size))
-    cell = np.clip((pixels / size * _CELLS).astype(int), 0, _CELLS - 1)
-    number = cell[:, 1] * _CELLS + cell[:, 0]
-    count = np.bincount(number, minlength=_CELLS**2)
-    known = np.flatnonzero(count >= 5)
-    mean = np.column_stack([np.bincount(number, residuals[:, axis], _CELLS**2)[known] / count[known] for axis in (0, 1)])
-    centre = (np.column_stack([known % _CELLS, known // _CELLS]) + 0.5) / _CELLS * size
-    series = {"y": -centre[:, 1], "dx": mean[:, 0], "dy": -mean[:, 1]}
-    return Chart(
-        title="Mean residuals over the frame", style="arrows", x_label="column (px)", y_label="row (px, downwards negative)",
-        x=tuple(centre[:, 0].round(1).tolist()), series={name: tuple(value.round(4).tolist()) for name, value in series.items()},
-        caption="Arrows that agree over neighbouring cells show distortion that the model does not describe.",
-    )  # fmt: skip
-
-
-def _board_warnings(solution: Solution, check: HeldOut | None, size: tuple[int, int]) -> list[str]:
-    warnings = []
-    covered = _coverage(solution, size)
-    if covered < 0.6:
-        warnings.append(
-            f"Corners fall into only {100 * covered:.0f} % of the frame's {_CELLS} x {_CELLS} cells; distortion "
-            "elsewhere is extrapolated."
-        )
-    if _tilt(solution) < 10.0:
-        warnings.append(
-            "The boards lie nearly parallel to the sensor in all photographs; the camera constant is weakly "
-            "determined. Tilt the camera."
-        )
-    if check is None:
-        warnings.append("There are too few photographs of boards to check the calibration on some that take no part.")
-    elif check.rms > 2.0 * solution.sigma0:
-        warnings.append(
-            f"Photographs that took no part fit {check.rms / solution.sigma0:.1f} times worse than those that did; the "
-            "standard errors of "
-            "the interior orientation are too small by about as much."
-        )
-    return warnings
-
-
-def _coverage(solution: Solution, size: tuple[int, int]) -> float:
-    cell = np.clip((np.concatenate([view.pixels for view in solution.views]) / size * _CELLS).astype(int), 0, _CELLS - 1)
-    return len(np.unique(cell[:, 1] * _CELLS + cell[:, 0])) / _CELLS**2
-
-
-def _tilt(solution: Solution) -> float:
-    """Largest angle between a board and the sensor, degrees."""
-    angle = np.linalg.norm(solution.poses[:, :3], axis=1)
-    axis = solution.poses[:, :3] / np.maximum(angle, 1e-12)[:, None]
-    normal_z = np.cos(angle) + axis[:, 2] ** 2 * (1.0 - np.cos(angle))
-    return float(np.degrees(np.arccos(np.clip(np.abs(normal_z), 0.0, 1.0)).max()))

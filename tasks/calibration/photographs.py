@@ -1,0 +1,103 @@
+"""The jobs on one photograph of boards: all corners of it, corners that were missed, and the drawing of the result."""
+
+from typing import Any
+
+import numpy as np
+
+from tasks.calibration.boards import COARSE_SIDE, board_grid, find_boards, grey_image, pyramid
+from tasks.calibration.saddles import contrast, edge_blur, refined, signs, spacings
+from tasks.calibration.tables import Arranged, Corners, PhotoSearch
+from tasks.imagery.pyramid import full_to_level, level_shape
+
+OVERVIEW_SIDE = 1100
+"""Longer side in px, at most, of the reduced photographs that the report shows."""
+_LEAST_SHARE = 0.5
+"""Contrast of a corner that was looked for, as a share of what the photograph's whole boards have."""
+
+
+def overview_level(size: tuple[int, int]) -> int:
+    """The pyramid level that the report shows."""
+    level = 0
+    while max(level_shape((size[1], size[0]), level)) > OVERVIEW_SIDE:
+        level += 1
+    return level
+
+
+def photo_corners(pixels: np.ndarray, photo: str, corners: tuple[int, int], boards: int) -> dict[str, Any]:
+    """All boards of a photograph (rows, cols, bands): corners, what became of the search, and the reduced photograph.
+
+    corners: columns, rows of inner corners of a board; boards: how many there are at most, 0 for unknown.
+    """
+    levels = pyramid(grey_image(pixels), min(COARSE_SIDE, OVERVIEW_SIDE))
+    found = find_boards(levels, corners, boards)
+    blurs = [edge_blur(levels[0], board) for board in found.corners]
+    search = PhotoSearch(
+        photo=photo, boards=len(found.corners), false=found.false, larger=found.larger,
+        blur=float(np.median(blurs)) if blurs else None, overexposed=_overexposed(pixels, found.corners),
+    )  # fmt: skip
+    overview = levels[overview_level((pixels.shape[1], pixels.shape[0]))]
+    return {"corners": corners_of_boards(found.corners, corners), "search": search, "overview": overview}
+
+
+def corners_of_boards(boards: np.ndarray, corners: tuple[int, int]) -> Corners:
+    """Boards (B, rows, cols, 2) as a table."""
+    grid = board_grid(corners).astype(np.int32)
+    points = boards.reshape(-1, 2)
+    return Corners(
+        board=np.repeat(np.arange(len(boards), dtype=np.int32), len(grid)),
+        column=np.tile(grid[:, 0], len(boards)),
+        row=np.tile(grid[:, 1], len(boards)),
+        x=points[:, 0].copy(),
+        y=points[:, 1].copy(),
+    )
+
+
+def _overexposed(pixels: np.ndarray, boards: np.ndarray) -> float:
+    """Share of the pixels of the boards that are as bright as can be; half of a board is white."""
+    top = np.iinfo(pixels.dtype).max
+    shares = []
+    for board in boards:
+        low = np.floor(board.reshape(-1, 2).min(axis=0)).astype(int).clip(0)
+        high = np.ceil(board.reshape(-1, 2).max(axis=0)).astype(int)
+        part = pixels[low[1] : high[1] : 3, low[0] : high[0] : 3]
+        shares.append(float((part == top).all(axis=-1).mean()))
+    return float(np.mean(shares)) if shares else 0.0
+
+
+def complete_corners(pixels: np.ndarray, arranged: Arranged, photo: str, corners: tuple[int, int]) -> Corners:
+    """Corners of the boards that a photograph (rows, cols, bands) shows cut or did not give away, at the places where the others say
+    that they are. A corner counts where the squares around it alternate as they should."""
+    image = grey_image(pixels)
+    own = next(known for known in arranged.photos if known.photo == photo)
+    parts = []
+    for prediction in own.predictions:
+        points, good = looked_for(image, np.array(prediction.pixels).reshape(corners[1], corners[0], 2))
+        row, column = np.nonzero(good)
+        parts.append((np.full(len(row), prediction.board), column, row, *points[good].T))
+    merged = [np.concatenate(part) for part in zip(*parts, strict=True)]
+    return Corners(*(part.astype(np.int32) for part in merged[:3]), *merged[3:])
+
+
+def looked_for(image: np.ndarray, grid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Places (rows, cols, 2) of the corners of a board and which of them (rows, cols) are there, from where they should be; NaN for
+    corners that the photo cannot show."""
+    across, down = spacings(grid)
+    start = np.where(np.isfinite(grid), grid, -1e6)
+    expected = contrast(image, grid, across, down) * signs(*grid.shape[:2])
+    spacing = np.sqrt(np.abs(across[..., 0] * down[..., 1] - across[..., 1] * down[..., 0]))
+    points = np.full_like(grid, np.nan)
+    for row, column in np.argwhere(np.isfinite(expected) & np.isfinite(spacing)):
+        half = spacing[row, column]
+        patch = start[row, column] + np.array([[[0.0, 0.0], [half, 0.0]], [[0.0, half], [half, half]]])
+        points[row, column] = refined(image, patch)[0, 0]
+    settled = contrast(image, points, across, down) * signs(*grid.shape[:2])
+    strength = np.nanmedian(np.where(settled > 0, settled, np.nan)) if (settled > 0).any() else np.inf
+    with np.errstate(invalid="ignore"):
+        near = np.linalg.norm(points - grid, axis=2) < 0.25 * spacing
+        good = near & (settled > _LEAST_SHARE * strength) & (settled > 8.0)
+    return points, good & (good.mean() > 0.1)
+
+
+def to_overview(pixels: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """Pixels (..., 2) of the photograph in its reduced image."""
+    return full_to_level(pixels, overview_level(size))

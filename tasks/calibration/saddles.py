@@ -1,0 +1,88 @@
+"""What a chessboard corner looks like: a saddle of grey values between four squares; sub-pixel places and checks of corners.
+
+A corner is refined as the saddle point of its neighbourhood (Foerstner's gradient condition, OpenCV's cornerSubPix), in a window
+that follows the spacing of the corners. Whether a place is a corner at all, and of which colours, is asked of the middles of the
+four squares around it: opposite ones are alike, neighbouring ones are not.
+"""
+
+import cv2
+import numpy as np
+
+cv2.setNumThreads(1)
+
+_STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 60, 1e-4)
+_LARGEST_HALF_WINDOW = 11
+_SQUARE = 0.35
+"""Where a square is sampled, in its sides from the corner."""
+
+
+def spacings(grid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vectors (rows, cols, 2) px along a grid of corners (rows, cols, 2), from column to column and from row to row."""
+    return np.gradient(grid, axis=1), np.gradient(grid, axis=0)
+
+
+def refined(image: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """Corners (rows, cols, 2) (col, row) as saddle points of a grey image (rows, cols) uint8.
+
+    A corner that runs away from its start by more than its window stays there.
+    """
+    across, down = spacings(grid)
+    spacing = min(np.linalg.norm(across, axis=2).min(), np.linalg.norm(down, axis=2).min())
+    half = int(np.clip(0.4 * spacing, 2, _LARGEST_HALF_WINDOW))
+    start = grid.reshape(-1, 1, 2)
+    inside = ((start[:, 0] >= 0) & (start[:, 0] <= np.array(image.shape[::-1]) - 1)).all(axis=1)
+    points = start[:, 0].copy()
+    if inside.any():
+        found = cv2.cornerSubPix(image, start[inside].astype(np.float32), (half, half), (-1, -1), _STOP)
+        points[inside] = found.reshape(-1, 2).astype(np.float64)
+    ran_away = np.abs(points - start[:, 0]).max(axis=1) > half
+    return np.where(ran_away[:, None], start[:, 0], points).reshape(grid.shape)
+
+
+def contrast(image: np.ndarray, points: np.ndarray, across: np.ndarray, down: np.ndarray) -> np.ndarray:
+    """Signed contrast (...,) of corners: half of (square before + square behind - the two beside), in grey values; less the
+    differences of opposite squares. Negative where the squares before and behind are black; NaN where a square leaves the image.
+
+    points, across, down: (..., 2); the square "before" lies at -across - down.
+    """
+    grey = np.stack([
+        sampled(image, points + _SQUARE * (side * across + rest * down)) for side, rest in ((-1, -1), (1, 1), (1, -1), (-1, 1))
+    ])  # fmt: skip
+    pattern = (grey[0] + grey[1] - grey[2] - grey[3]) / 2.0
+    unlike = (np.abs(grey[0] - grey[1]) + np.abs(grey[2] - grey[3])) / 2.0
+    return np.sign(pattern) * np.maximum(np.abs(pattern) - unlike, 0.0)
+
+
+def sampled(image: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Grey values (...,) at points (..., 2) (col, row), bilinear; NaN outside."""
+    flat = points.reshape(-1, 2)
+    rows, cols = image.shape
+    col, row = np.floor(flat[:, 0]), np.floor(flat[:, 1])
+    with np.errstate(invalid="ignore"):
+        inside = (col >= 0) & (row >= 0) & (col < cols - 1) & (row < rows - 1)
+    j, i = np.where(inside, col, 0).astype(int), np.where(inside, row, 0).astype(int)
+    u, v = flat[:, 0] - j, flat[:, 1] - i
+    top = (1 - u) * image[i, j] + u * image[i, j + 1]
+    bottom = (1 - u) * image[i + 1, j] + u * image[i + 1, j + 1]
+    return np.where(inside, (1 - v) * top + v * bottom, np.nan).reshape(points.shape[:-1])
+
+
+def signs(rows: int, cols: int) -> np.ndarray:
+    """(rows, cols) -1 and +1: the sign that `contrast` has on a board whose first square is black."""
+    return np.where(np.add.outer(np.arange(rows), np.arange(cols)) % 2 == 0, -1.0, 1.0)
+
+
+def edge_blur(image: np.ndarray, grid: np.ndarray) -> float:
+    """Standard deviation (px) of the blur across the edges between neighbouring corners (rows, cols, 2); NaN if it cannot be told."""
+    middle = (grid[:, 1:] + grid[:, :-1]) / 2.0
+    along = grid[:, 1:] - grid[:, :-1]
+    length = np.linalg.norm(along, axis=2)
+    normal = np.stack([-along[..., 1], along[..., 0]], axis=-1) / length[..., None]
+    reach = np.arange(-0.35, 0.3501, 0.02)
+    profile = np.stack([sampled(image, middle + step * length[..., None] * normal) for step in reach], axis=-1)
+    rise = np.abs(profile[..., -4:].mean(axis=-1) - profile[..., :4].mean(axis=-1))
+    slope = np.abs(np.diff(profile, axis=-1)).max(axis=-1) / (0.02 * length)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sigma = rise / (np.sqrt(2.0 * np.pi) * slope)
+    sigma = sigma[np.isfinite(sigma)]
+    return float(np.median(sigma)) if len(sigma) else float("nan")

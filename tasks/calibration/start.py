@@ -1,0 +1,73 @@
+"""From named boards to the observations and starting values of the bundle.
+
+The camera constant comes from the homographies; principal point and distortion start at zero. Homographies know nothing of
+distortion, so that with a wide lens, or photos that look straight down, the constant may be far off: the bundle is then tried from
+other constants as well, and the one with the least residuals is the answer.
+
+Source: Kawka 2021, S8 to S11 (methods/calibration.md).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tasks.adjustment.board_network import BoardCorners, BoardState
+from tasks.calibration.initial_constant import ConstantEstimate, constant_from_conic, constants, estimate
+from tasks.calibration.initial_pose import pose_of_homography
+from tasks.calibration.naming import Naming
+
+_OTHER_CONSTANTS = (0.8, 1.3, 0.5, 2.2)
+"""Camera constants to try when the homographies fail, in units of the longer side of the photo: lenses from wide to tele."""
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """`photo` (Q,) the numbers of the photos that take part; `corners` of these; `states` with different constants, the likeliest
+    first; what the homographies say of the constant."""
+
+    photo: np.ndarray
+    corners: BoardCorners
+    states: tuple[BoardState, ...]
+    constant: ConstantEstimate
+
+
+def start_of(found: list[np.ndarray], naming: Naming, local: np.ndarray, size: tuple[int, int]) -> Start:
+    """found: per photo (B, N, 2) px from the image centre, y up; local: (N, 2) m; size: width, height of the photos."""
+    used = np.array([photo for photo, named in enumerate(naming.photos) if named.homography is not None])
+    homographies = [naming.photos[photo].homography for photo in used]
+    pairs = np.array([constants(H) for H in homographies]).reshape(-1, 2)
+    constant = estimate(pairs[:, 0], pairs[:, 1])
+    likely = [constant.c, constant_from_conic(homographies), *(factor * max(size) for factor in _OTHER_CONSTANTS)]
+    sensible = [c for c in likely if np.isfinite(c) and 0.2 * max(size) < c < 20.0 * max(size)]
+    corners = corners_of([found[photo] for photo in used], [naming.photos[photo].names for photo in used])
+    states = tuple(_state(homographies, naming, local, corners, c) for c in sensible)
+    return Start(used, corners, states, constant)
+
+
+def corners_of(found: list[np.ndarray], names: list[np.ndarray]) -> BoardCorners:
+    """The corners of all named boards, sorted by board, corner and photo."""
+    photo, board, corner, xy = [], [], [], []
+    for number, (boards, own) in enumerate(zip(found, names, strict=True)):
+        for name in np.flatnonzero(own >= 0):
+            count = len(boards[name])
+            photo.append(np.full(count, number))
+            board.append(np.full(count, own[name]))
+            corner.append(np.arange(count))
+            xy.append(boards[name])
+    merged = BoardCorners(*(np.concatenate(part) for part in (photo, board, corner, xy)))
+    return merged.take(np.lexsort((merged.photo, merged.corner, merged.board)))
+
+
+def _state(homographies: list[np.ndarray], naming: Naming, local: np.ndarray, corners: BoardCorners, c: float) -> BoardState:
+    poses = [pose_of_homography(H, c, np.zeros(2)) for H in homographies]
+    cos, sin = np.cos(naming.motions[:, 0]), np.sin(naming.motions[:, 0])
+    zero, one = np.zeros_like(cos), np.ones_like(cos)
+    turn = np.stack([cos, -sin, zero, sin, cos, zero, zero, zero, one], axis=1).reshape(-1, 3, 3)
+    shift = np.column_stack([naming.motions[:, 1:], zero])
+    flat = np.column_stack([local, np.zeros(len(local))])
+    interior = np.zeros(10)
+    interior[0] = c
+    return BoardState(
+        np.array([R for R, _ in poses]), np.array([centre for _, centre in poses]), turn, shift,
+        np.broadcast_to(flat, (len(cos), *flat.shape)).copy(), interior,
+    )  # fmt: skip
