@@ -17,10 +17,10 @@ from schemas.orientation import (
     JointCovariance,
     Unoriented,
 )
-from tasks.adjustment.bundle import Adjustment
 from tasks.adjustment.collinearity import misclosures
 from tasks.adjustment.datum import position_misclosures
 from tasks.adjustment.network import Rays
+from tasks.adjustment.result import Adjustment
 from tasks.geometry.rotation import angles
 from tasks.geometry.rotation_vector import angles_from_vector
 from tasks.orientation.georeference import Datum

@@ -14,9 +14,10 @@ from schemas.observations import Control, TiePoints
 from schemas.orientation import RelativeOrientations
 from schemas.photo import Photos
 from schemas.settings import Settings
-from tasks.adjustment.bundle import Adjustment, BlunderTest, adjust
+from tasks.adjustment.bundle import BlunderTest, adjust
 from tasks.adjustment.interior import InteriorChoice, interior_prior
 from tasks.adjustment.network import Network, Rays, State
+from tasks.adjustment.result import Adjustment
 from tasks.orientation.account import (
     Problem,
     block_precision,

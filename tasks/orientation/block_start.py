@@ -17,8 +17,8 @@ from scipy.sparse.csgraph import connected_components
 from schemas.camera import INTERIOR, Camera
 from schemas.errors import GeometryError
 from schemas.orientation import RelativeOrientation, Unoriented
-from tasks.adjustment.bundle import minimise
 from tasks.adjustment.collinearity import misclosures
+from tasks.adjustment.minimise import minimise
 from tasks.adjustment.network import Interior, Network, Rays, State
 from tasks.adjustment.robust import spread
 from tasks.geometry.rotation import rotation_matrix

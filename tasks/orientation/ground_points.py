@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from schemas.camera import Camera
-from tasks.adjustment.bundle import Adjustment
 from tasks.adjustment.collinearity import misclosures
 from tasks.adjustment.network import Network, Rays, State
 from tasks.adjustment.normal_equations import linearised, point_corrections, point_precision
+from tasks.adjustment.result import Adjustment
 from tasks.geometry.intersection import intersect_rays
 from tasks.orientation.measurements import ideal, with_interior
 
