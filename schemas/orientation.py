@@ -21,6 +21,9 @@ class ExteriorOrientation(BaseModel):
     observations: int = 0
     residual_px: float | None = None
     """root mean square of its image residuals"""
+    with_interior: dict[str, tuple[tuple[float, ...], ...]] = {}
+    """camera -> 6 x 8: how its errors go together with those of the camera's interior orientation (order of INTERIOR, px); for
+    cameras that were adjusted in the block"""
 
 
 class Unoriented(BaseModel):
@@ -64,6 +67,11 @@ class Block(BaseModel):
     """robust range of tie point heights, m"""
     joint: tuple[JointCovariance, ...] = ()
     """of the pairs of photographs that share tie points"""
+    joint_cameras: tuple[JointCovariance, ...] = ()
+    """of the pairs of cameras that were adjusted: 8 x 8 in the order of INTERIOR"""
+    groups: tuple[tuple[str, ...], ...] = ()
+    """photographs that hang together by tie points, the largest group first; several groups are held by their positions and
+    control only"""
 
     @property
     def names(self) -> tuple[str, ...]:

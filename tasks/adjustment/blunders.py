@@ -1,9 +1,9 @@
 """Which observations contradict all others: rays one by one, positions and surveyed points as a whole.
 
 A ray is tested by its standardised residuals (data snooping). A position or a surveyed point is tested by the square form of its
-misfit with the covariance of that misfit; it is measured in units of its group's usual misfit where that is larger than stated, so
-that optimistic standard errors make no blunders of good points. The worst goes first and alone, for a blunder spoils its neighbours;
-what it leaves must still hold the block.
+misfit with the covariance of that misfit; it is measured in units of its group's usual misfit where that is larger than stated,
+so that optimistic standard errors make no blunders of good points. The worst goes first and alone, for a blunder spoils its
+neighbours; what it leaves must still hold the block.
 
 Source: Baarda 1968.
 """

@@ -45,11 +45,10 @@ def linearised(
         jg = np.concatenate([jg, np.where(kept[:, None, None], jp, 0.0)], axis=2)
         jp = np.where(kept[:, None, None], 0.0, jp)
         point_weight[network.kept] = 0.0
-    touched = (columns >= 0).any(axis=0)
     return Linear(
         rays.first(len(state.point)),
-        columns if touched.all() else np.ascontiguousarray(columns[:, touched]),
-        jg if touched.all() else np.ascontiguousarray(jg[:, :, touched]),
+        columns,
+        jg,
         jp,
         misclosures(state, rays, network.camera_of),
         factor / rays.sigma**2,

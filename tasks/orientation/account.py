@@ -80,6 +80,7 @@ def block_table(
         ground_low=float(low),
         ground_high=float(high),
         joint=_joint(problem, result),
+        joint_cameras=_joint_cameras(problem, result),
     )
 
 
@@ -90,9 +91,34 @@ def _joint(problem: Problem, result: Adjustment) -> tuple[JointCovariance, ...]:
     found = []
     for a, b in sorted(shared):
         covariance = turns[a] @ result.cofactor[6 * a : 6 * a + 6, 6 * b : 6 * b + 6] @ turns[b].T
-        rows = tuple(tuple(map(float, row)) for row in covariance)
-        found.append(JointCovariance(first=problem.names[a], second=problem.names[b], covariance=rows))
+        found.append(JointCovariance(first=problem.names[a], second=problem.names[b], covariance=_rows(covariance)))
     return tuple(found)
+
+
+def _joint_cameras(problem: Problem, result: Adjustment) -> tuple[JointCovariance, ...]:
+    """The covariance between the interior orientations of every two cameras that were adjusted."""
+    columns = _adjusted_cameras(problem, result)
+    return tuple(
+        JointCovariance(
+            first=problem.camera_names[a], second=problem.camera_names[b], covariance=_rows(_spread(result, columns[a], columns[b]))
+        )
+        for a, b in combinations(columns, 2)
+    )
+
+
+def _adjusted_cameras(problem: Problem, result: Adjustment) -> dict[int, np.ndarray]:
+    """The columns (8,) of the interior orientation of the cameras that were adjusted; -1 for parameters that were not."""
+    return {k: own for k, own in enumerate(result.network.interior_columns) if (own >= 0).any() and k in problem.camera_of}
+
+
+def _spread(result: Adjustment, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """The covariance of the unknowns in `rows` and `columns`; 0 where there is none (-1)."""
+    inside = (rows >= 0)[:, None] & (columns >= 0)
+    return np.where(inside, result.cofactor[np.ix_(rows, columns)], 0.0)
+
+
+def _rows(matrix: np.ndarray) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(map(float, row)) for row in matrix)
 
 
 def _photos_of_points(result: Adjustment) -> set[tuple[int, ...]]:
@@ -119,9 +145,13 @@ def _exterior(problem: Problem, result: Adjustment, datum: Datum, photo: int) ->
         photo=problem.names[photo],
         centre=tuple(map(float, result.state.centre[photo] + datum.origin)),
         omega_phi_kappa=tuple(float(v) for v in np.degrees(angles(R))),
-        covariance=tuple(tuple(map(float, row)) for row in 0.5 * (covariance + covariance.T)),
+        covariance=_rows(0.5 * (covariance + covariance.T)),
         observations=int(own.sum()),
         residual_px=float(np.sqrt((result.residual[own] ** 2).mean())) if own.any() else None,
+        with_interior={
+            problem.camera_names[k]: _rows(to_angles @ _spread(result, 6 * photo + np.arange(6), columns))
+            for k, columns in _adjusted_cameras(problem, result).items()
+        },
     )
 
 
@@ -133,14 +163,11 @@ def _cameras(cameras: Cameras, problem: Problem, result: Adjustment) -> dict[str
         if (columns < 0).all() or k not in problem.camera_of:
             out[name] = camera
             continue
-        covariance = np.zeros((8, 8))
-        free = columns >= 0
-        covariance[np.ix_(free, free)] = result.cofactor[np.ix_(columns[free], columns[free])]
         out[name] = with_interior(camera, result.state.interior[k]).model_copy(
             update={
                 "source": "block",
                 "sigma0": result.sigma0_px,
-                "covariance": tuple(tuple(map(float, row)) for row in covariance),
+                "covariance": _rows(_spread(result, columns, columns)),
             }
         )
     return {name: out[name] for name in sorted(out) if name in {cameras.of_photo[photo] for photo in problem.names}}
