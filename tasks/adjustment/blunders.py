@@ -14,7 +14,9 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from tasks.adjustment.datum import position_misclosures, prior_sizes
-from tasks.adjustment.network import Network, Rays, State
+from tasks.adjustment.minimise import sizes
+from tasks.adjustment.network import NO_DISTANCES, Network, Rays, State
+from tasks.adjustment.normal_equations import linearised, point_corrections, point_precision
 from tasks.adjustment.result import Adjustment, Blunder, surveyed
 from tasks.adjustment.variance_components import position_covariance
 
@@ -41,14 +43,39 @@ def surveyed_blunder(result: Adjustment, limit: float) -> Blunder | None:
     return worst_of(result.network, found)
 
 
-def gross_blunder(network: Network, state: State, limit: float) -> Blunder | None:
-    """The same on a robust solution, by the plain misfit."""
-    size, found = prior_sizes(network, state), []
-    for kind, values in (("control", size.point), ("position", size.centre)):
-        own = np.flatnonzero(_weights(network, kind).any(axis=1))
-        unit = _unit(values[own])
-        found += [Blunder(kind, int(i), float(values[i])) for i in own if values[i] > limit * unit]
-    return worst_of(network, found)
+def gross_blunder(network: Network, state: State, rays: Rays, limit: float) -> Blunder | None:
+    """The same on a robust solution: positions by their plain misfit, surveyed points by what their own rays say without the
+    coordinates (a precise coordinate would drag its rays along, and these would look wrong).
+
+    A surveyed point whose rays do not meet has a wrong pointing, which is a matter of the rays.
+    """
+    centres = np.flatnonzero(network.centre_weight.any(axis=1))
+    found = _far("position", centres, prior_sizes(network, state).centre[centres], limit)
+    return worst_of(network, found + _far("control", *_apart(network, state, rays, limit), limit))
+
+
+def _far(kind: str, number: np.ndarray, size: np.ndarray, limit: float) -> list[Blunder]:
+    unit = _unit(size)
+    return [Blunder(kind, int(i), float(s)) for i, s in zip(number, size, strict=True) if s > limit * unit]
+
+
+def _apart(network: Network, state: State, rays: Rays, limit: float) -> tuple[np.ndarray, np.ndarray]:
+    """Surveyed points (n,) whose rays meet, and how far these meet from the given coordinates, in standard errors."""
+    rays = rays.take(network.point_weight.any(axis=1)[rays.point])
+    count = np.bincount(rays.point, minlength=len(network.point))
+    rays = rays.take(count[rays.point] >= 2)
+    bare = replace(network, point_weight=np.zeros_like(network.point_weight), kept=network.kept[:0], distances=NO_DISTANCES)
+    nothing = np.zeros(bare.unknowns)
+    for _ in range(6):
+        state = replace(state, point=state.point + point_corrections(linearised(bare, state, rays), nothing))
+    covariance, _ = point_precision(linearised(bare, state, rays), np.zeros((bare.unknowns, bare.unknowns)))
+    worst = np.zeros(len(network.point))
+    np.maximum.at(worst, rays.point, sizes(bare, state, rays))
+    number = np.flatnonzero((count >= 2) & (worst < limit) & (worst > 0.0))
+    away, weight = (network.point - state.point)[number], network.point_weight[number]
+    given = np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0)
+    spread = covariance[number] + given[:, None] * np.eye(3)
+    return number, np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", away, np.linalg.inv(spread), away), 0.0))
 
 
 def worst_of(network: Network, found: list[Blunder]) -> Blunder | None:
@@ -79,15 +106,12 @@ def enough_rays(network: Network, rays: Rays, used: np.ndarray) -> np.ndarray:
     return used & ((count >= 2) | network.point_weight.any(axis=1))[rays.point]
 
 
-def _weights(network: Network, kind: str) -> np.ndarray:
-    return network.point_weight if kind == "control" else network.centre_weight
-
-
 def _tested(kind: str, number: np.ndarray, square: np.ndarray, dof: np.ndarray, limit: float) -> list[Blunder]:
     size = np.sqrt(square)
     beyond = np.sqrt(chi2.isf(2.0 * norm.sf(limit), np.maximum(dof, 1)))
     unit = _unit(size[dof > 0])
-    return [Blunder(kind, int(i), float(s / unit)) for i, s, b, f in zip(number, size, beyond, dof, strict=True) if f and s > b * unit]
+    far = (dof > 0) & (size > beyond * unit)
+    return [Blunder(kind, int(i), float(s / unit)) for i, s in zip(number[far], size[far], strict=True)]
 
 
 def _unit(size: np.ndarray) -> float:

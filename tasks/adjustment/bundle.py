@@ -31,10 +31,13 @@ from tasks.adjustment.variance_components import estimated, settled
 
 @dataclass(frozen=True)
 class BlunderTest:
-    """When a ray is a blunder: Huber's limit and the rejection limits, in standard errors; and how many rounds are allowed."""
+    """When an observation is a blunder: Huber's limit and the rejection limits, in standard errors; and how many rounds are
+    allowed. `apart`: the limit for surveyed points and positions on the robust solution, below that of rays (`gross`): a wrong
+    coordinate must not take its rays along."""
 
     huber: float = 2.0
     gross: float = 8.0
+    apart: float = 6.0
     limit: float = 4.0
     rounds: int = 15
 
@@ -92,10 +95,11 @@ def _robust_solution(network: Network, state: State, rays: Rays, test: BlunderTe
         unit = _units(network, state, rays, used, least=0.1)
         state, steps = minimise(network, state, replace(rays, sigma=rays.sigma * unit).take(used), test.huber, tolerance)
         iterations += steps
-    while (found := gross_blunder(network, state, test.gross)) is not None:
+    scaled = replace(rays, sigma=rays.sigma * unit).take(used)
+    while (found := gross_blunder(network, state, scaled, test.apart)) is not None:
         network = without(network, found)
         blunders.append(found)
-        state, steps = minimise(network, state, replace(rays, sigma=rays.sigma * unit).take(used), test.huber, tolerance)
+        state, steps = minimise(network, state, scaled, test.huber, tolerance)
         iterations += steps
     unit = _units(network, state, rays, used, least=1e-3)
     used = enough_rays(network, rays, used & (sizes(network, state, rays) < test.gross * unit))

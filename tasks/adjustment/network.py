@@ -8,7 +8,8 @@ shift of the GNSS positions, the lever arm of the antenna, and the points that a
 whose joint covariance is wanted). All other points are eliminated.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -46,6 +47,10 @@ class State:
     interior: np.ndarray
     shift: np.ndarray
     lever: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+    def with_lever(self, lever: np.ndarray) -> "State":
+        """The state with another lever arm (3,)."""
+        return replace(self, lever=lever)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +106,14 @@ class Network:
     kept: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
     distances: Distances = NO_DISTANCES
     named: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
+
+    def with_lever(self, lever: Sequence[float], sigma: float, shift: bool) -> "Network":
+        """The network whose positions are those of an antenna: its lever arm (3,) m with a standard error (0: exactly known), and
+        whether all positions have a common shift. A free network has neither."""
+        if self.free or not self.centre_weight.any():
+            return self
+        weight = np.full(3, 1.0 / sigma**2 if sigma > 0 else 0.0)
+        return replace(self, lever=np.array(lever, float), lever_weight=weight, shift=shift)
 
     @property
     def pointed(self) -> np.ndarray:
