@@ -49,7 +49,7 @@ class ControlPoint(BaseModel):
 
     name: str
     role: str
-    """control or check"""
+    """control, check, or tie: known by its measurements in photographs only (`xyz` and `sigma` say nothing)"""
     xyz: tuple[float, float, float]
     sigma: tuple[float, float, float]
     """m"""
@@ -57,12 +57,24 @@ class ControlPoint(BaseModel):
     """photo -> (col, row, sigma), px"""
 
 
+class Distance(BaseModel):
+    """A distance measured between two points of `Control`, m."""
+
+    model_config = ConfigDict(frozen=True)
+
+    first: str
+    second: str
+    length: float
+    sigma: float
+
+
 class Control(BaseModel):
-    """All ground control and check points of a project (empty when there is none)."""
+    """All ground control and check points of a project, and measured distances (empty when there are none)."""
 
     model_config = ConfigDict(frozen=True)
 
     points: tuple[ControlPoint, ...] = ()
+    distances: tuple[Distance, ...] = ()
 
 
 TIE_POINTS = Table("tie_points/tie_points.parquet", TiePoints)

@@ -21,6 +21,9 @@ class ExteriorOrientation(BaseModel):
     observations: int = 0
     residual_px: float | None = None
     """root mean square of its image residuals"""
+    with_interior: dict[str, tuple[tuple[float, ...], ...]] = {}
+    """camera -> 6 x 8: how its errors go together with those of the camera's interior orientation (order of INTERIOR, px); for
+    cameras that were adjusted in the block"""
 
 
 class Unoriented(BaseModel):
@@ -64,6 +67,11 @@ class Block(BaseModel):
     """robust range of tie point heights, m"""
     joint: tuple[JointCovariance, ...] = ()
     """of the pairs of photographs that share tie points"""
+    joint_cameras: tuple[JointCovariance, ...] = ()
+    """of the pairs of cameras that were adjusted: 8 x 8 in the order of INTERIOR"""
+    groups: tuple[tuple[str, ...], ...] = ()
+    """photographs that hang together by tie points, the largest group first; several groups are held by their positions and
+    control only"""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -136,12 +144,26 @@ class GroundResidual(BaseModel):
     """root mean square of its image residuals"""
 
 
+class DistanceResidual(BaseModel):
+    """A measured distance against the adjusted block: block minus given, m."""
+
+    model_config = ConfigDict(frozen=True)
+
+    first: str
+    second: str
+    length: float
+    difference: float
+    predicted: float
+    """standard error of the difference that the adjustment predicts, m"""
+
+
 class GroundResiduals(BaseModel):
     """How the block fits what is known on the ground and in the air."""
 
     model_config = ConfigDict(frozen=True)
 
     points: tuple[GroundResidual, ...] = ()
+    distances: tuple[DistanceResidual, ...] = ()
 
     def of_role(self, role: str) -> tuple[GroundResidual, ...]:
         return tuple(point for point in self.points if point.role == role)
@@ -155,6 +177,38 @@ class Correlation(BaseModel):
     first: str
     second: str
     value: float
+
+
+class ObservationGroup(BaseModel):
+    """A group of observations in the balance of the adjustment."""
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    count: int
+    """numbers observed"""
+    redundancy: float
+    """its part of the redundancy"""
+    factor: float
+    """estimated by stated standard error"""
+
+
+class LargestResidual(BaseModel):
+    """One of the measurements in photographs that fit worst among those that took part."""
+
+    model_config = ConfigDict(frozen=True)
+
+    point: str
+    """name of a surveyed point, or "tie point" and its number"""
+    photo: str
+    axis: str
+    """x or y, image coordinates"""
+    residual_px: float
+    standardised: float
+    redundancy_number: float
+    """the share of an error of this measurement that its own residual shows"""
+    detectable_px: float
+    """the smallest error of it that the test would find"""
 
 
 class BlockPrecision(BaseModel):
@@ -173,9 +227,27 @@ class BlockPrecision(BaseModel):
     correlations: tuple[Correlation, ...] = ()
     """of 0.9 or more"""
     weaknesses: tuple[str, ...] = ()
-    """sentences about datum and start"""
+    """sentences about datum, start and what was set aside"""
+    lever_arm: tuple[float, float, float] | None = None
+    """from the projection centre to the antenna in the image system (x right, y up, z backwards), m; where it was used"""
+    lever_arm_sigma: tuple[float, float, float] | None = None
+    groups: tuple[ObservationGroup, ...] = ()
+    largest: tuple[LargestResidual, ...] = ()
+    """largest standardised residuals, the worst first"""
+    blunders: tuple[str, ...] = ()
+    """names of the positions and control points that contradicted the block and took no part"""
+
+
+class SeparateBlocks(BaseModel):
+    """Groups of photographs that nothing connects to the project's system: each a free block of its own, with its own tie
+    points."""
+
+    model_config = ConfigDict(frozen=True)
+
+    blocks: tuple[Block, ...] = ()
 
 
 RELATIVE = Table("orientation/relative.json", RelativeOrientations)
 GROUND_RESIDUALS = Table("orientation/ground_residuals.json", GroundResiduals)
 BLOCK_PRECISION = Table("orientation/precision.json", BlockPrecision)
+SEPARATE_BLOCKS = Table("orientation/separate_blocks.json", SeparateBlocks)

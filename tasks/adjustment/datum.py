@@ -1,45 +1,111 @@
-"""What holds the block in space: weighted positions, control, a wish for verticality; or inner constraints when nothing does."""
+"""What is known beside the rays: weighted positions, control, distances, a wish for verticality; or inner constraints when nothing
+holds the block in space.
+
+Robust factors scale the weights of whole positions and whole surveyed points: a wrong one must not drag the block along while it
+has not been found.
+"""
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from tasks.adjustment.network import Network, State
+from tasks.adjustment.robust import huber_cost, huber_weights
 from tasks.geometry.rotation_vector import skew
 
 
-def prior_normals(network: Network, state: State) -> tuple[np.ndarray, np.ndarray]:
-    """Normal matrix (n, n) and right-hand side (n,) of all that is known beforehand, but for the points (they carry their own)."""
+@dataclass(frozen=True, eq=False)
+class PriorFactors:
+    """Robust factors of the weights of the positions (P,) and the surveyed points (N,)."""
+
+    centre: np.ndarray
+    point: np.ndarray
+
+
+def prior_sizes(network: Network, state: State) -> PriorFactors:
+    """Lengths of the misclosures of positions and surveyed points, in standard errors; 0 where nothing is known."""
+    position = (network.centre_weight * position_misclosures(network, state) ** 2).sum(axis=1)
+    return PriorFactors(
+        np.sqrt(position), np.sqrt((network.point_weight * (network.point - state.point) ** 2).sum(axis=1))
+    )
+
+
+def prior_factors(network: Network, state: State, huber: float) -> PriorFactors:
+    """Huber's factors of all that was surveyed; 1 for an infinite limit."""
+    size = prior_sizes(network, state)
+    return PriorFactors(huber_weights(size.centre, huber), huber_weights(size.point, huber))
+
+
+def prior_normals(network: Network, state: State, factors: PriorFactors | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Normal matrix (n, n) and right-hand side (n,) of all that is known beforehand, but for eliminated points (they carry their
+    own)."""
+    factors = factors or prior_factors(network, state, np.inf)
     normal, right = np.zeros((network.unknowns, network.unknowns)), np.zeros(network.unknowns)
-    _add_positions(network, state, normal, right)
+    _add_positions(network, state, factors.centre, normal, right)
     _add_verticality(network, state, normal, right)
     _add_interior(network, state, normal, right)
+    _add_lever(network, state, normal, right)
+    _add_kept_points(network, state, factors.point, normal, right)
+    _add_distances(network, state, normal, right)
     return normal, right
 
 
-def prior_cost(network: Network, state: State) -> float:
-    """Weighted sum of squares of the misclosures of all that is known beforehand, points included."""
-    value = network.interior.value - state.interior
+def prior_cost(network: Network, state: State, huber: float = np.inf) -> float:
+    """Weighted sum of squares (of Huber's loss for what was surveyed) of all that is known beforehand, points included."""
+    value, size = network.interior.value - state.interior, prior_sizes(network, state)
     return float(
-        (network.centre_weight * position_misclosures(network, state) ** 2).sum()
-        + (network.point_weight * (network.point - state.point) ** 2).sum()
+        huber_cost(size.centre, huber)
+        + huber_cost(size.point, huber)
         + (network.vertical_weight * (state.rotation[:, 2, :2] ** 2).sum(axis=1)).sum()
         + np.einsum("ci,cij,cj->", value, network.interior.weight, value)
+        + (network.lever_weight * (network.lever - state.lever) ** 2).sum()
+        + (network.distances.weight * distance_misclosures(network, state) ** 2).sum()
     )
 
 
 def position_misclosures(network: Network, state: State) -> np.ndarray:
-    """GNSS position minus (projection centre + shift), (P, 3) m; meaningless where the weight is 0."""
-    return np.where(network.centre_weight > 0, network.centre - state.centre - state.shift, 0.0)
+    """GNSS position minus (projection centre + lever arm + shift), (P, 3) m; meaningless where the weight is 0."""
+    antenna = state.centre + np.einsum("pji,j->pi", state.rotation, state.lever) + state.shift
+    return np.where(network.centre_weight > 0, network.centre - antenna, 0.0)
 
 
-def _add_positions(network: Network, state: State, normal: np.ndarray, right: np.ndarray) -> None:
+def position_derivatives(network: Network, state: State, photo: int) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives (3, m) of the antenna's place by the unknowns in the columns (m,)."""
+    blocks, columns = [np.eye(3)], [6 * photo + np.arange(3)]
+    if state.lever.any() or len(network.lever_columns):
+        blocks.append(state.rotation[photo].T @ skew(state.lever))
+        columns.append(6 * photo + 3 + np.arange(3))
+    if len(network.lever_columns):
+        blocks.append(state.rotation[photo].T)
+        columns.append(network.lever_columns)
+    if network.shift:
+        blocks.append(np.eye(3))
+        columns.append(network.shift_columns)
+    return np.hstack(blocks), np.concatenate(columns)
+
+
+def distance_misclosures(network: Network, state: State) -> np.ndarray:
+    """Measured minus computed distances (D,), m."""
+    first, second = network.distances.ends.T
+    return network.distances.length - np.linalg.norm(state.point[second] - state.point[first], axis=1)
+
+
+def distance_derivatives(network: Network, state: State) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives (D, 6) of the distances by their ends in the columns (D, 6)."""
+    first, second = network.distances.ends.T
+    along = state.point[second] - state.point[first]
+    along = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
+    place = np.searchsorted(network.kept, network.distances.ends)
+    return np.hstack([-along, along]), network.kept_columns[place].reshape(-1, 6)
+
+
+def _add_positions(network: Network, state: State, factor: np.ndarray, normal: np.ndarray, right: np.ndarray) -> None:
     misclosure = position_misclosures(network, state)
     for photo in np.flatnonzero(network.centre_weight.any(axis=1)):
-        own = 6 * photo + np.arange(3)
-        rows = [own, network.unknowns - 3 + np.arange(3)] if network.shift else [own]
-        for a in rows:
-            right[a] += network.centre_weight[photo] * misclosure[photo]
-            for b in rows:
-                normal[a, b] += network.centre_weight[photo]
+        J, columns = position_derivatives(network, state, photo)
+        weighted = J.T * (factor[photo] * network.centre_weight[photo])
+        right[columns] += weighted @ misclosure[photo]
+        normal[np.ix_(columns, columns)] += weighted @ J
 
 
 def _add_verticality(network: Network, state: State, normal: np.ndarray, right: np.ndarray) -> None:
@@ -61,14 +127,45 @@ def _add_interior(network: Network, state: State, normal: np.ndarray, right: np.
         right[columns[free]] += (weight @ value)[free]
 
 
+def _add_lever(network: Network, state: State, normal: np.ndarray, right: np.ndarray) -> None:
+    columns = network.lever_columns
+    if len(columns):
+        normal[columns, columns] += network.lever_weight
+        right[columns] += network.lever_weight * (network.lever - state.lever)
+
+
+def _add_kept_points(network: Network, state: State, factor: np.ndarray, normal: np.ndarray, right: np.ndarray) -> None:
+    columns = network.kept_columns.ravel()
+    weight = (factor[:, None] * network.point_weight)[network.kept].ravel()
+    normal[columns, columns] += weight
+    right[columns] += weight * (network.point - state.point)[network.kept].ravel()
+
+
+def _add_distances(network: Network, state: State, normal: np.ndarray, right: np.ndarray) -> None:
+    if not len(network.distances):
+        return
+    misclosure = distance_misclosures(network, state)
+    for J, columns, weight, value in zip(
+        *distance_derivatives(network, state), network.distances.weight, misclosure, strict=True
+    ):
+        normal[np.ix_(columns, columns)] += weight * np.outer(J, J)
+        right[columns] += weight * value * J
+
+
 def freedoms(network: Network, state: State) -> np.ndarray:
-    """(n, 7): how the unknowns move when the whole block is shifted, turned and scaled; what measurements in photographs cannot
-    see."""
+    """(n, 7 or 6): how the unknowns move when the whole block is shifted, turned and (without distances) scaled; what measurements
+    in photographs cannot see."""
     H = np.zeros((network.unknowns, 7))
-    lever = state.centre - state.centre.mean(axis=0)
+    middle = state.centre.mean(axis=0)
     for photo in range(network.photos):
-        H[6 * photo : 6 * photo + 3, :3] = np.eye(3)
-        H[6 * photo : 6 * photo + 3, 3:6] = -skew(lever[photo])
+        _add_freedom(H, 6 * photo + np.arange(3), state.centre[photo] - middle)
         H[6 * photo + 3 : 6 * photo + 6, 3:6] = -state.rotation[photo]
-        H[6 * photo : 6 * photo + 3, 6] = lever[photo]
-    return H
+    for columns, point in zip(network.kept_columns, network.kept, strict=True):
+        _add_freedom(H, columns, state.point[point] - middle)
+    return H[:, : network.freedoms]
+
+
+def _add_freedom(H: np.ndarray, rows: np.ndarray, lever: np.ndarray) -> None:
+    H[rows, :3] = np.eye(3)
+    H[rows, 3:6] = -skew(lever)
+    H[rows, 6] = lever

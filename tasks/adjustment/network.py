@@ -3,11 +3,13 @@
 Coordinates are local (a constant offset near the block is taken off first), so that float64 keeps a tenth of a micrometre.
 Rotations are corrected by small rotation vectors in the image system, which has no singular attitude; angles are for people.
 
-Order of the unknowns of the reduced system: six per photo (X, Y, Z, three rotations), then the free interior parameters, then the
-shift of the GNSS positions. Points are eliminated.
+Order of the unknowns of the reduced system: six per photo (X, Y, Z, three rotations), then the free interior parameters, the
+shift of the GNSS positions, the lever arm of the antenna, and the points that are kept (ends of measured distances, and points
+whose joint covariance is wanted). All other points are eliminated.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -37,13 +39,33 @@ class Rays:
 @dataclass(frozen=True, eq=False)
 class State:
     """Values of the unknowns: `rotation` (P, 3, 3), `centre` (P, 3), `point` (N, 3), `interior` (C, 8) in the order of INTERIOR,
-    `shift` (3,)."""
+    `shift` (3,) m, `lever` (3,) m from the projection centre to the antenna in the image system (x right, y up, z backwards)."""
 
     rotation: np.ndarray
     centre: np.ndarray
     point: np.ndarray
     interior: np.ndarray
     shift: np.ndarray
+    lever: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+    def with_lever(self, lever: np.ndarray) -> "State":
+        """The state with another lever arm (3,)."""
+        return replace(self, lever=lever)
+
+
+@dataclass(frozen=True, eq=False)
+class Distances:
+    """Distances measured between points: `ends` (D, 2) point numbers, `length` (D,) m, `weight` (D,) 1/m^2."""
+
+    ends: np.ndarray
+    length: np.ndarray
+    weight: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.length)
+
+
+NO_DISTANCES = Distances(np.zeros((0, 2), np.int64), np.zeros(0), np.zeros(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +86,10 @@ class Network:
     """What is known beforehand; weights are inverse variances, 0 for nothing known.
 
     camera_of (P,); centre, centre_weight (P, 3) GNSS positions; point, point_weight (N, 3) control; vertical_weight (P,) 1/rad^2 of
-    the wish that a photograph looks straight down; shift: whether the GNSS positions have a common shift; free: no datum, the seven
-    freedoms are held by inner constraints.
+    the wish that a photograph looks straight down; shift: whether the GNSS positions have a common shift; free: no datum, the
+    freedoms are held by inner constraints. lever (3,) m as in `State`, an unknown where lever_weight (3,) 1/m^2 is above 0; kept
+    (K,) ascending numbers of the points that stay among the unknowns, ends of `distances` among them; named: numbers of points
+    that a person measured in the photographs, beside those with known coordinates.
     """
 
     camera_of: np.ndarray
@@ -77,6 +101,26 @@ class Network:
     vertical_weight: np.ndarray
     shift: bool = False
     free: bool = False
+    lever: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    lever_weight: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    kept: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
+    distances: Distances = NO_DISTANCES
+    named: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
+
+    def with_lever(self, lever: Sequence[float], sigma: float, shift: bool) -> "Network":
+        """The network whose positions are those of an antenna: its lever arm (3,) m with a standard error (0: exactly known), and
+        whether all positions have a common shift. A free network has neither."""
+        if self.free or not self.centre_weight.any():
+            return self
+        weight = np.full(3, 1.0 / sigma**2 if sigma > 0 else 0.0)
+        return replace(self, lever=np.array(lever, float), lever_weight=weight, shift=shift)
+
+    @property
+    def pointed(self) -> np.ndarray:
+        """(N,) bool: points that a person measured in the photographs."""
+        by_person = self.point_weight.any(axis=1)
+        by_person[self.named] = True
+        return by_person
 
     @property
     def photos(self) -> int:
@@ -90,9 +134,27 @@ class Network:
         return columns
 
     @property
+    def shift_columns(self) -> np.ndarray:
+        """The columns of the shift; none without one."""
+        return 6 * self.photos + int(self.interior.free.sum()) + np.arange(3 * self.shift)
+
+    @property
+    def lever_columns(self) -> np.ndarray:
+        """The columns of the lever arm; none where it is known."""
+        first = 6 * self.photos + int(self.interior.free.sum()) + 3 * self.shift
+        return first + np.arange(3 * bool(self.lever_weight.all()))
+
+    @property
+    def kept_columns(self) -> np.ndarray:
+        """(K, 3): the columns of the kept points."""
+        first = self.unknowns - 3 * len(self.kept)
+        return first + np.arange(3 * len(self.kept)).reshape(-1, 3)
+
+    @property
     def unknowns(self) -> int:
         """Unknowns of the reduced system."""
-        return 6 * self.photos + int(self.interior.free.sum()) + 3 * self.shift
+        alone = 3 * (self.shift + bool(self.lever_weight.all()) + len(self.kept))
+        return 6 * self.photos + int(self.interior.free.sum()) + alone
 
     @property
     def considered_columns(self) -> np.ndarray:
@@ -100,6 +162,11 @@ class Network:
         columns = np.zeros(self.unknowns, bool)
         columns[self.interior_columns[self.interior.considered]] = True
         return columns
+
+    @property
+    def freedoms(self) -> int:
+        """The rank defect of a free network: place, direction, and scale unless a distance gives it."""
+        return (6 if len(self.distances) else 7) * self.free
 
     @property
     def prior_observations(self) -> int:
@@ -110,10 +177,18 @@ class Network:
             + (self.point_weight > 0).sum()
             + 2 * (self.vertical_weight > 0).sum()
             + (known & self.interior.free & ~self.interior.considered).sum()
+            + len(self.lever_columns)
+            + len(self.distances)
         )
 
 
 def ray_columns(network: Network, rays: Rays) -> np.ndarray:
-    """(M, 14): the columns of the unknowns that each ray touches: its photo's six, its camera's eight (-1: fixed)."""
+    """(M, 14), or (M, 17) with kept points: the columns of the unknowns that each ray touches: its photo's six, its camera's eight,
+    its point's three where it is kept (-1: fixed, or eliminated)."""
     exterior = 6 * rays.photo[:, None].astype(np.int64) + np.arange(6)
-    return np.hstack([exterior, network.interior_columns[network.camera_of[rays.photo]]])
+    columns = [exterior, network.interior_columns[network.camera_of[rays.photo]]]
+    if len(network.kept):
+        own = np.full((len(network.point), 3), -1, np.int64)
+        own[network.kept] = network.kept_columns
+        columns.append(own[rays.point])
+    return np.hstack(columns)

@@ -1,8 +1,9 @@
 """Normal equations of a bundle with the points eliminated (Schur's complement), and the way back to points and their precision.
 
 A point touches only the photographs that see it, so that its 3 x 3 block is inverted on the spot and its part of the reduced
-system added; nothing of the size (points x photos) is ever stored. All sums over pairs of rays are bilinear: rays need not be
-merged by photo or camera before.
+system added; nothing of the size (points x photos) is ever stored. What the rays of a point have in common (their camera) is
+merged before pairs are summed: the cost of a point grows with the square of the unknowns it touches, and only the upper half of
+the matrix is summed. Kept points are not eliminated: they are columns like a photograph's.
 
 Source: Brown 1976, "The bundle adjustment: progress and prospects"; Triggs et al. 2000, section 6.
 """
@@ -31,19 +32,27 @@ class Linear:
     point_misclosure: np.ndarray
 
 
-def linearised(network: Network, state: State, rays: Rays, factor: np.ndarray | float = 1.0) -> Linear:
-    """The observations linearised at `state`; `factor` (M,) are robust factors of the weights."""
+def linearised(
+    network: Network, state: State, rays: Rays, factor: np.ndarray | float = 1.0, point_factor: np.ndarray | float = 1.0
+) -> Linear:
+    """The observations linearised at `state`; `factor` (M,) and `point_factor` (N,) are robust factors of the weights of rays and
+    of surveyed points."""
     columns = ray_columns(network, rays)
     jg, jp = derivatives(state, rays, network.camera_of)
-    used = (columns >= 0).any(axis=0)
+    point_weight = network.point_weight * np.broadcast_to(point_factor, len(network.point))[:, None]
+    if len(network.kept):
+        kept = columns[:, 14] >= 0
+        jg = np.concatenate([jg, np.where(kept[:, None, None], jp, 0.0)], axis=2)
+        jp = np.where(kept[:, None, None], 0.0, jp)
+        point_weight[network.kept] = 0.0
     return Linear(
         rays.first(len(state.point)),
-        np.ascontiguousarray(columns[:, used]),
-        np.ascontiguousarray(jg[:, :, used]),
+        columns,
+        jg,
         jp,
         misclosures(state, rays, network.camera_of),
         factor / rays.sigma**2,
-        network.point_weight,
+        point_weight,
         network.point - state.point,
     )
 
@@ -90,52 +99,82 @@ def _cross(i, jg, jp, weight, W):
 
 
 @njit(cache=True)
+def _merged(start, stop, columns, jg, jp, weight, place, own, W):
+    """The different unknowns `own` (m,) that rays start to stop touch and their blocks W (m, 3) with the point; returns m.
+
+    `place` (n,) is -1 everywhere before and holds the positions in `own` afterwards.
+    """
+    m = 0
+    for i in range(start, stop):
+        for a in range(columns.shape[1]):
+            column = columns[i, a]
+            if column < 0:
+                continue
+            at = place[column]
+            if at < 0:
+                at = m
+                place[column], own[m] = m, column
+                W[m, 0], W[m, 1], W[m, 2] = 0.0, 0.0, 0.0
+                m += 1
+            for b in range(3):
+                W[at, b] += weight[i] * (jg[i, 0, a] * jp[i, 0, b] + jg[i, 1, a] * jp[i, 1, b])
+    return m
+
+
+@njit(cache=True)
+def _direct(start, stop, columns, jg, misclosure, weight, normal, right, diagonal):
+    """Adds what the rays say without regard to their point; upper half."""
+    for i in range(start, stop):
+        for a in range(columns.shape[1]):
+            ca = columns[i, a]
+            if ca < 0:
+                continue
+            right[ca] += weight[i] * (jg[i, 0, a] * misclosure[i, 0] + jg[i, 1, a] * misclosure[i, 1])
+            diagonal[ca] += weight[i] * (jg[i, 0, a] * jg[i, 0, a] + jg[i, 1, a] * jg[i, 1, a])
+            for b in range(a, columns.shape[1]):
+                cb = columns[i, b]
+                if cb >= 0:
+                    normal[min(ca, cb), max(ca, cb)] += weight[i] * (jg[i, 0, a] * jg[i, 0, b] + jg[i, 1, a] * jg[i, 1, b])
+
+
+@njit(cache=True)
+def _longest(first):
+    longest = 0
+    for point in range(len(first) - 1):
+        longest = max(longest, first[point + 1] - first[point])
+    return longest
+
+
+@njit(cache=True)
 def _reduced(first, columns, jg, jp, misclosure, weight, prior_weight, prior_misclosure, damping, unknowns):
     normal = np.zeros((unknowns, unknowns))
     right = np.zeros(unknowns)
     diagonal = np.zeros(unknowns)
-    k = jg.shape[2]
-    V, inverse, vb, y = np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty(3)
-    longest = 0
-    for point in range(len(first) - 1):
-        longest = max(longest, first[point + 1] - first[point])
-    W, Z = np.empty((longest, k, 3)), np.empty((longest, k, 3))
+    V, inverse, vb, y, z = np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
+    most = _longest(first) * jg.shape[2]
+    place, own, W = np.full(unknowns, -1), np.empty(most, np.int64), np.empty((most, 3))
     for point in range(len(first) - 1):
         start, stop = first[point], first[point + 1]
         if start == stop:
             continue
         _point_block(point, first, jp, misclosure, weight, prior_weight, prior_misclosure, damping, V, vb)
         _invert(V, inverse)
-        y[:] = inverse @ vb
-        for i in range(start, stop):
-            _cross(i, jg, jp, weight, W[i - start])
-            for a in range(k):
-                for b in range(3):
-                    Z[i - start, a, b] = (
-                        W[i - start, a, 0] * inverse[0, b] + W[i - start, a, 1] * inverse[1, b] + W[i - start, a, 2] * inverse[2, b]
-                    )
-        for i in range(start, stop):
-            for a in range(k):
-                ca = columns[i, a]
-                if ca < 0:
-                    continue
-                right[ca] += weight[i] * (jg[i, 0, a] * misclosure[i, 0] + jg[i, 1, a] * misclosure[i, 1])
-                right[ca] -= W[i - start, a, 0] * y[0] + W[i - start, a, 1] * y[1] + W[i - start, a, 2] * y[2]
-                for b in range(k):
-                    if columns[i, b] >= 0:
-                        term = weight[i] * (jg[i, 0, a] * jg[i, 0, b] + jg[i, 1, a] * jg[i, 1, b])
-                        normal[ca, columns[i, b]] += term
-                        if a == b:
-                            diagonal[ca] += term
-                for j in range(start, stop):
-                    for b in range(k):
-                        cb = columns[j, b]
-                        if cb >= 0:
-                            normal[ca, cb] -= (
-                                Z[i - start, a, 0] * W[j - start, b, 0]
-                                + Z[i - start, a, 1] * W[j - start, b, 1]
-                                + Z[i - start, a, 2] * W[j - start, b, 2]
-                            )
+        for a in range(3):
+            y[a] = inverse[a, 0] * vb[0] + inverse[a, 1] * vb[1] + inverse[a, 2] * vb[2]
+        _direct(start, stop, columns, jg, misclosure, weight, normal, right, diagonal)
+        m = _merged(start, stop, columns, jg, jp, weight, place, own, W)
+        for a in range(m):
+            ca = own[a]
+            place[ca] = -1
+            right[ca] -= W[a, 0] * y[0] + W[a, 1] * y[1] + W[a, 2] * y[2]
+            for b in range(3):
+                z[b] = W[a, 0] * inverse[0, b] + W[a, 1] * inverse[1, b] + W[a, 2] * inverse[2, b]
+            for b in range(a, m):
+                cb = own[b]
+                normal[min(ca, cb), max(ca, cb)] -= z[0] * W[b, 0] + z[1] * W[b, 1] + z[2] * W[b, 2]
+    for a in range(unknowns):
+        for b in range(a):
+            normal[a, b] = normal[b, a]
     return normal, right, diagonal
 
 
@@ -163,52 +202,51 @@ def _precision(first, columns, jg, jp, misclosure, weight, prior_weight, prior_m
     points = np.zeros((len(first) - 1, 3, 3))
     adjusted = np.zeros((len(weight), 2))
     k = jg.shape[2]
-    V, inverse, vb, W = np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty((k, 3))
-    longest = 0
-    for point in range(len(first) - 1):
-        longest = max(longest, first[point + 1] - first[point])
-    Z, QZ = np.empty((longest, k, 3)), np.empty((longest, k, 3))
+    V, inverse, vb = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    most = _longest(first) * k
+    place, own, W = np.full(len(cofactor), -1), np.empty(most, np.int64), np.empty((most, 3))
+    Z, QZ = np.empty((most, 3)), np.empty((most, 3))
     for point in range(len(first) - 1):
         start, stop = first[point], first[point + 1]
         if start == stop:
             continue
         _point_block(point, first, jp, misclosure, weight, prior_weight, prior_misclosure, 0.0, V, vb)
         _invert(V, inverse)
-        for i in range(start, stop):
-            _cross(i, jg, jp, weight, W)
-            Z[i - start] = W @ inverse
-        Q = inverse.copy()
-        for i in range(start, stop):
-            for a in range(k):
-                QZ[i - start, a] = 0.0
-                ca = columns[i, a]
-                if ca < 0:
-                    continue
-                for j in range(start, stop):
-                    for b in range(k):
-                        if columns[j, b] >= 0:
-                            q = cofactor[ca, columns[j, b]]
-                            for d in range(3):
-                                QZ[i - start, a, d] += q * Z[j - start, b, d]
+        m = _merged(start, stop, columns, jg, jp, weight, place, own, W)
+        for a in range(m):
+            for b in range(3):
+                Z[a, b] = W[a, 0] * inverse[0, b] + W[a, 1] * inverse[1, b] + W[a, 2] * inverse[2, b]
+                QZ[a, b] = 0.0
+        for a in range(m):
+            for b in range(m):
+                q = cofactor[own[a], own[b]]
                 for d in range(3):
-                    for e in range(3):
-                        Q[d, e] += Z[i - start, a, d] * QZ[i - start, a, e]
+                    QZ[a, d] += q * Z[b, d]
+        Q = inverse.copy()
+        for a in range(m):
+            for d in range(3):
+                for e in range(3):
+                    Q[d, e] += Z[a, d] * QZ[a, e]
         points[point] = Q
         for i in range(start, stop):
-            for m in range(2):
+            for n in range(2):
                 total = 0.0
                 for a in range(k):
-                    if columns[i, a] < 0:
+                    ca = columns[i, a]
+                    if ca < 0:
                         continue
-                    for b in range(k):
+                    for b in range(a, k):
                         if columns[i, b] >= 0:
-                            total += jg[i, m, a] * cofactor[columns[i, a], columns[i, b]] * jg[i, m, b]
+                            twice = 1.0 if a == b else 2.0
+                            total += twice * jg[i, n, a] * cofactor[ca, columns[i, b]] * jg[i, n, b]
                     for d in range(3):
-                        total -= 2.0 * jg[i, m, a] * QZ[i - start, a, d] * jp[i, m, d]
+                        total -= 2.0 * jg[i, n, a] * QZ[place[ca], d] * jp[i, n, d]
                 for d in range(3):
                     for e in range(3):
-                        total += jp[i, m, d] * Q[d, e] * jp[i, m, e]
-                adjusted[i, m] = total
+                        total += jp[i, n, d] * Q[d, e] * jp[i, n, e]
+                adjusted[i, n] = total
+        for a in range(m):
+            place[own[a]] = -1
     return points, adjusted
 
 

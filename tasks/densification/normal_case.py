@@ -2,8 +2,8 @@
 
 A node's point lies on its left ray at (x, y, -c) B / p from the left projection centre, so an error of the parallax moves it along
 that ray by distance / p: sigma_Z = |dZ| sigma_p / p. The parallax error has a matching part (per node) and an orientation part,
-which all nodes of the pair share; the latter is taken to be as large as the expected y-parallax, up to a limit: what a weak datum
-adds to it (no control, positions on a line) moves all pairs alike and must not let heights agree that do not.
+which all nodes of the pair share; the latter is taken to be as large as the expected y-parallax, which knows nothing of a weak
+datum or a doubtful camera constant: these move all pairs alike and must not let heights agree that do not.
 
 Source: Karfis 2009 (methods/relative_orientation_and_epipolar.md 1.12, 1.17), with rotation and left centre to the ground.
 """
@@ -15,9 +15,6 @@ from numba import njit
 
 from schemas.epipolar import EpipolarPair
 from schemas.raster import Window
-
-_MOST_SHARED = 0.5
-"""px; matching along rows would hardly work beyond"""
 
 
 @dataclass(frozen=True)
@@ -56,7 +53,7 @@ def nodes_on_ground(pair: EpipolarPair, nodes: np.ndarray, window: Window, step:
     """
     shape = nodes.shape[:2]
     xyz, sigma = np.full((3, *shape), np.nan), np.full(shape, np.nan, np.float32)
-    numbers = np.array([pair.base, pair.c, pair.left_col0, pair.row0, min(pair.row_sigma, _MOST_SHARED)])
+    numbers = np.array([pair.base, pair.c, pair.left_col0, pair.row0, pair.row_sigma])
     parallax = np.ascontiguousarray(nodes[..., 0])
     _intersect(parallax, np.ascontiguousarray(nodes[..., 1]), np.array([window.row, window.col], np.float64), float(step),
                np.array(pair.rotation), np.array(pair.left_centre), numbers, xyz, sigma)

@@ -1,33 +1,51 @@
 """How far homologous points may leave their common row, as the orientation's precision lets expect.
 
-Strategy. The covariance of each photograph's exterior orientation is carried to the row coordinate of ground points at the border
-of the common images: turns by Karfis' row partials, shifts of the centre by their projection. The joint covariance of the two
-takes out what a weak datum does to both alike; where it is not known they count as independent, and the figure is an upper bound.
+Strategy. The errors of both exterior orientations and of the interior orientation are carried to the row coordinate of ground
+points at the border of the common images: turns by Karfis' row partials, shifts of the centre by their projection, the interior
+orientation by the collinearity equations. Their joint covariance takes out what a weak datum does to both photographs alike, and
+what a doubtful camera constant does to orientation and camera together; where it is not known they count as independent, and the
+figure is an upper bound. An interior orientation that was not adjusted in the block has no part in it.
 
 Source: Karfis 2009, section 6.5 (methods/relative_orientation_and_epipolar.md, 1.14).
 """
 
 import numpy as np
 
+from schemas.camera import INTERIOR
 from schemas.epipolar import EpipolarPair
-from schemas.orientation import Block, ExteriorOrientation
-from tasks.geometry.normal_case import row_partials
+from schemas.orientation import Block, ExteriorOrientation, JointCovariance
+from tasks.geometry.normal_case import Side, epipolar_view, row_partials
 from tasks.geometry.rotation import rotation_derivatives, rotation_matrix
+from tasks.geometry.view import View, view_of
 
 
 def row_sigma(pair: EpipolarPair, block: Block) -> float:
     """Greatest standard error (px) of the y-parallax in a pair; the block's sigma0 where the orientation has no covariance."""
-    photos = block.of(pair.left), block.of(pair.right)
-    if any(photo.covariance is None for photo in photos):
+    if any(block.of(name).covariance is None for name in (pair.left, pair.right)):
         return block.sigma0_px
-    parallax = (pair.parallax_low + pair.parallax_high) / 2
+    return float(row_sigmas(pair, block, border_points(pair)).max())
+
+
+def border_points(pair: EpipolarPair) -> np.ndarray:
+    """(9, 2): corners, middles of the edges and centre of the left image, epipolar x and y, px."""
     x = np.array([0.0, pair.left_cols / 2, pair.left_cols - 1.0]) - pair.left_col0
     y = pair.row0 - np.array([0.0, pair.rows / 2, pair.rows - 1.0])
-    left = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def row_sigmas(pair: EpipolarPair, block: Block, left: np.ndarray) -> np.ndarray:
+    """(N,) px: standard error of the y-parallax of left image points (N, 2) at the mean parallax of the pair."""
+    photos, parallax = (block.of(pair.left), block.of(pair.right)), (pair.parallax_low + pair.parallax_high) / 2
     right = left - (parallax, 0.0)
-    partials = np.hstack([-row_change(pair, photos[0], left, parallax), row_change(pair, photos[1], right, parallax)])
-    variance = np.einsum("ni,ij,nj->n", partials, _covariance(block, *photos), partials)
-    return float(np.sqrt(variance.max()))
+    cameras = tuple(dict.fromkeys(block.of_photo[photo.photo] for photo in photos))
+    partials = np.zeros((len(left), 12 + 8 * len(cameras)))
+    for side, photo, xy, first, sign in (("left", photos[0], left, 0, -1.0), ("right", photos[1], right, 6, 1.0)):
+        partials[:, first : first + 6] = sign * row_change(pair, photo, xy, parallax)
+        own = 12 + 8 * cameras.index(block.of_photo[photo.photo])
+        view = view_of(photo, block.camera_of(photo.photo))
+        partials[:, own : own + 8] += sign * interior_row_change(pair, side, view, xy)
+    variance = np.einsum("ni,ij,nj->n", partials, _covariance(block, photos, cameras), partials)
+    return np.sqrt(np.maximum(variance, 0.0))
 
 
 def row_change(pair: EpipolarPair, photo: ExteriorOrientation, xy: np.ndarray, parallax: float) -> np.ndarray:
@@ -35,15 +53,56 @@ def row_change(pair: EpipolarPair, photo: ExteriorOrientation, xy: np.ndarray, p
     return np.hstack([_by_centre(pair, xy, parallax), row_partials(xy, pair.c) @ _turns(pair, photo)])
 
 
-def _covariance(block: Block, left: ExteriorOrientation, right: ExteriorOrientation) -> np.ndarray:
-    """(12, 12) of both photographs."""
-    joint = np.zeros((6, 6))
-    for known in block.joint:
-        if (known.first, known.second) == (left.photo, right.photo):
-            joint = np.array(known.covariance)
-        elif (known.second, known.first) == (left.photo, right.photo):
-            joint = np.array(known.covariance).T
-    return np.block([[np.array(left.covariance), joint], [joint.T, np.array(right.covariance)]])
+def interior_row_change(pair: EpipolarPair, side: Side, view: View, xy: np.ndarray) -> np.ndarray:
+    """(N, 8): change of the epipolar y of image points xy (N, 2) by the interior parameters (order of INTERIOR): the same ray,
+    imaged by the camera with and without the change, by central differences."""
+    epipolar = epipolar_view(pair, side, view)
+    along = np.column_stack([xy, np.full(len(xy), -pair.c)]) @ np.array(pair.rotation) + view.centre
+    out = np.empty((len(xy), 8))
+    for k, name in enumerate(INTERIOR):
+        step = 0.01 if k < 3 else 1e-6
+        pixels = [
+            View(view.name, view.camera.model_copy(update={name: getattr(view.camera, name) + move}), view.rotation, view.centre)
+            .project(along)
+            for move in (step, -step)
+        ]
+        rows = [epipolar.from_photo(observed)[:, 1] for observed in pixels]
+        out[:, k] = -(rows[0] - rows[1]) / (2.0 * step)
+    return out
+
+
+def _covariance(block: Block, photos: tuple[ExteriorOrientation, ...], cameras: tuple[str, ...]) -> np.ndarray:
+    """(12 + 8 per camera, the same): both exterior orientations, then the different interior orientations."""
+    size = 12 + 8 * len(cameras)
+    total = np.zeros((size, size))
+    for i, photo in enumerate(photos):
+        total[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] = photo.covariance
+        for k, camera in enumerate(cameras):
+            if camera in photo.with_interior:
+                _put(total, 6 * i, 12 + 8 * k, np.array(photo.with_interior[camera]))
+    _put(total, 0, 6, _joint(block.joint, photos[0].photo, photos[1].photo, 6))
+    for k, camera in enumerate(cameras):
+        known = block.cameras[camera]
+        if known.source == "block" and known.covariance is not None:
+            total[12 + 8 * k : 20 + 8 * k, 12 + 8 * k : 20 + 8 * k] = known.covariance
+    if len(cameras) == 2:
+        _put(total, 12, 20, _joint(block.joint_cameras, *cameras, 8))
+    return total
+
+
+def _put(total: np.ndarray, row: int, column: int, part: np.ndarray) -> None:
+    total[row : row + part.shape[0], column : column + part.shape[1]] = part
+    total[column : column + part.shape[1], row : row + part.shape[0]] = part.T
+
+
+def _joint(known: tuple[JointCovariance, ...], first: str, second: str, size: int) -> np.ndarray:
+    """The joint covariance of two names, in this order; zero where it is not known."""
+    for entry in known:
+        if (entry.first, entry.second) == (first, second):
+            return np.array(entry.covariance)
+        if (entry.second, entry.first) == (first, second):
+            return np.array(entry.covariance).T
+    return np.zeros((size, size))
 
 
 def _by_centre(pair: EpipolarPair, xy: np.ndarray, parallax: float) -> np.ndarray:

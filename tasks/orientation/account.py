@@ -1,49 +1,20 @@
-"""The account of an adjusted block: the tables that leave the stage, in the project's CRS."""
+"""The tables of an adjusted block that leave the stage, in the project's CRS: orientations, cameras, points, residuals."""
 
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
-from schemas.camera import INTERIOR, Camera, Cameras
-from schemas.observations import Control, ControlPoint, GroundPoints, ImageResiduals
-from schemas.orientation import (
-    Block,
-    BlockPrecision,
-    Correlation,
-    ExteriorOrientation,
-    GroundResidual,
-    GroundResiduals,
-    JointCovariance,
-    Unoriented,
-)
-from tasks.adjustment.bundle import Adjustment
+from schemas.camera import Camera
+from schemas.observations import Control, GroundPoints, ImageResiduals
+from schemas.orientation import Block, ExteriorOrientation, JointCovariance, Unoriented
 from tasks.adjustment.collinearity import misclosures
-from tasks.adjustment.datum import position_misclosures
 from tasks.adjustment.network import Rays
+from tasks.adjustment.result import Adjustment
 from tasks.geometry.rotation import angles
 from tasks.geometry.rotation_vector import angles_from_vector
+from tasks.orientation.assembly import Account, Problem
 from tasks.orientation.georeference import Datum
-from tasks.orientation.ground_points import approximate_points, intersect_ground
-from tasks.orientation.measurements import ground_rays, with_interior
-
-
-@dataclass(frozen=True, eq=False)
-class Problem:
-    """The block in local numbers: `active` (p,) numbers of its photos, `names` of them, `rays` of tie points and control, `good`
-    (M,) after the start, `ties` the number of tie points, `measured` the number of all rays of its photos, also of points that were
-    never intersected."""
-
-    active: np.ndarray
-    names: tuple[str, ...]
-    camera_names: tuple[str, ...]
-    cameras: list[Camera]
-    camera_of: np.ndarray
-    rays: Rays
-    good: np.ndarray
-    ties: int
-    measured: int
-    control: list[ControlPoint]
+from tasks.orientation.measurements import with_interior
 
 
 def _used(problem: Problem, result: Adjustment) -> tuple[np.ndarray, np.ndarray]:
@@ -61,16 +32,15 @@ def _positions_of(rays: Rays, part: Rays) -> np.ndarray:
     return np.searchsorted(rays.point.astype(np.int64) * photos + rays.photo, part.point.astype(np.int64) * photos + part.photo)
 
 
-def block_table(
-    crs: str, cameras: Cameras, problem: Problem, unoriented: tuple[Unoriented, ...], result: Adjustment, datum: Datum
-) -> Block:
+def block_table(crs: str, account: Account, unoriented: tuple[Unoriented, ...]) -> Block:
     """The block as later stages read it."""
+    problem, result, datum = account.problem, account.result, account.datum
     tie = np.unique(result.rays.point[result.used & (result.rays.point < problem.ties)])
     low, high = np.percentile(result.state.point[tie, 2], [0.5, 99.5]) + datum.origin[2]
     return Block(
         crs=crs,
-        cameras=_cameras(cameras, problem, result),
-        of_photo={name: cameras.of_photo[name] for name in problem.names},
+        cameras=_cameras(account),
+        of_photo={name: account.cameras.of_photo[name] for name in problem.names},
         photos=tuple(_exterior(problem, result, datum, i) for i in range(len(problem.names))),
         unoriented=unoriented,
         datum=datum.sentence,
@@ -80,6 +50,8 @@ def block_table(
         ground_low=float(low),
         ground_high=float(high),
         joint=_joint(problem, result),
+        joint_cameras=_joint_cameras(problem, result),
+        groups=problem.groups,
     )
 
 
@@ -90,9 +62,34 @@ def _joint(problem: Problem, result: Adjustment) -> tuple[JointCovariance, ...]:
     found = []
     for a, b in sorted(shared):
         covariance = turns[a] @ result.cofactor[6 * a : 6 * a + 6, 6 * b : 6 * b + 6] @ turns[b].T
-        rows = tuple(tuple(map(float, row)) for row in covariance)
-        found.append(JointCovariance(first=problem.names[a], second=problem.names[b], covariance=rows))
+        found.append(JointCovariance(first=problem.names[a], second=problem.names[b], covariance=_rows(covariance)))
     return tuple(found)
+
+
+def _joint_cameras(problem: Problem, result: Adjustment) -> tuple[JointCovariance, ...]:
+    """The covariance between the interior orientations of every two cameras that were adjusted."""
+    columns = _adjusted_cameras(problem, result)
+    return tuple(
+        JointCovariance(
+            first=problem.camera_names[a], second=problem.camera_names[b], covariance=_rows(_spread(result, columns[a], columns[b]))
+        )
+        for a, b in combinations(columns, 2)
+    )
+
+
+def _adjusted_cameras(problem: Problem, result: Adjustment) -> dict[int, np.ndarray]:
+    """The columns (8,) of the interior orientation of the cameras that were adjusted; -1 for parameters that were not."""
+    return {k: own for k, own in enumerate(result.network.interior_columns) if (own >= 0).any() and k in problem.camera_of}
+
+
+def _spread(result: Adjustment, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """The covariance of the unknowns in `rows` and `columns`; 0 where there is none (-1)."""
+    inside = (rows >= 0)[:, None] & (columns >= 0)
+    return np.where(inside, result.cofactor[np.ix_(rows, columns)], 0.0)
+
+
+def _rows(matrix: np.ndarray) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(map(float, row)) for row in matrix)
 
 
 def _photos_of_points(result: Adjustment) -> set[tuple[int, ...]]:
@@ -119,34 +116,37 @@ def _exterior(problem: Problem, result: Adjustment, datum: Datum, photo: int) ->
         photo=problem.names[photo],
         centre=tuple(map(float, result.state.centre[photo] + datum.origin)),
         omega_phi_kappa=tuple(float(v) for v in np.degrees(angles(R))),
-        covariance=tuple(tuple(map(float, row)) for row in 0.5 * (covariance + covariance.T)),
+        covariance=_rows(0.5 * (covariance + covariance.T)),
         observations=int(own.sum()),
         residual_px=float(np.sqrt((result.residual[own] ** 2).mean())) if own.any() else None,
+        with_interior={
+            problem.camera_names[k]: _rows(to_angles @ _spread(result, 6 * photo + np.arange(6), columns))
+            for k, columns in _adjusted_cameras(problem, result).items()
+        },
     )
 
 
-def _cameras(cameras: Cameras, problem: Problem, result: Adjustment) -> dict[str, Camera]:
+def _cameras(account: Account) -> dict[str, Camera]:
     """The cameras as adjusted: values and covariance where they took part, untouched where they were fixed."""
-    out = {}
+    cameras, problem, result, out = account.cameras, account.problem, account.result, {}
     for k, columns in enumerate(result.network.interior_columns):
         camera, name = problem.cameras[k], problem.camera_names[k]
         if (columns < 0).all() or k not in problem.camera_of:
             out[name] = camera
             continue
-        covariance = np.zeros((8, 8))
-        free = columns >= 0
-        covariance[np.ix_(free, free)] = result.cofactor[np.ix_(columns[free], columns[free])]
         out[name] = with_interior(camera, result.state.interior[k]).model_copy(
             update={
                 "source": "block",
                 "sigma0": result.sigma0_px,
-                "covariance": tuple(tuple(map(float, row)) for row in covariance),
+                "covariance": _rows(_spread(result, columns, columns)),
             }
         )
     return {name: out[name] for name in sorted(out) if name in {cameras.of_photo[photo] for photo in problem.names}}
 
 
-def ground_points(problem: Problem, result: Adjustment, datum: Datum, tracks: np.ndarray) -> GroundPoints:
+def ground_points(account: Account, tracks: np.ndarray) -> GroundPoints:
+    """The tie points with two rays or more."""
+    problem, result, datum = account.problem, account.result, account.datum
     rays, square = result.rays, (result.residual**2).mean(axis=1)
     count = np.bincount(rays.point[result.used], minlength=len(result.state.point))[: problem.ties]
     total = np.bincount(rays.point[result.used], square[result.used], minlength=len(result.state.point))[: problem.ties]
@@ -162,12 +162,14 @@ def ground_points(problem: Problem, result: Adjustment, datum: Datum, tracks: np
     )
 
 
-def image_residuals(problem: Problem, result: Adjustment, tracks: np.ndarray, control: Control) -> ImageResiduals:
+def image_residuals(account: Account, tracks: np.ndarray, control: Control) -> ImageResiduals:
+    """All measurements in the photographs of the block, used or not."""
+    problem, result = account.problem, account.result
     used, standardised = _used(problem, result)
     rays = problem.rays
     v = -misclosures(result.state, rays, problem.camera_of) * [1.0, -1.0]
     place = {point.name: i for i, point in enumerate(control.points)}
-    ground = np.array([-1 - place[point.name] for point in problem.control], np.int64)
+    ground = np.array([-1 - place[point.name] for point in problem.surveyed], np.int64)
     track = np.concatenate([tracks, ground])[rays.point]
     size = np.array([(problem.cameras[k].width, problem.cameras[k].height) for k in problem.camera_of])[rays.photo]
     order = np.argsort(track, kind="stable")
@@ -181,105 +183,3 @@ def image_residuals(problem: Problem, result: Adjustment, tracks: np.ndarray, co
         standardised.astype(np.float32),
         used,
     ).take(order)
-
-
-def ground_residuals(cameras: Cameras, problem: Problem, result: Adjustment, datum: Datum, control: Control) -> GroundResiduals:
-    found = [] if datum.free else [*_control_rows(problem, result), *_position_rows(problem, result)]
-    return GroundResiduals(points=(*found, *([] if datum.free else _check_rows(cameras, problem, result, datum, control))))
-
-
-def _control_rows(problem: Problem, result: Adjustment) -> list[GroundResidual]:
-    rows = []
-    for i, point in enumerate(problem.control):
-        number = problem.ties + i
-        own = result.used & (result.rays.point == number)
-        difference = result.state.point[number] - result.network.point[number]
-        variance = 1.0 / result.network.point_weight[number] - np.diag(result.point_covariance[number])
-        rows.append(_residual(point.name, "control", difference, variance, int(own.sum()), result.residual[own]))
-    return rows
-
-
-def _position_rows(problem: Problem, result: Adjustment) -> list[GroundResidual]:
-    misclosure, rows = -position_misclosures(result.network, result.state), []
-    for i in np.flatnonzero(result.network.centre_weight.all(axis=1)):
-        variance = 1.0 / result.network.centre_weight[i] - np.diag(result.exterior_covariance(i))[:3]
-        rows.append(_residual(problem.names[i], "position", misclosure[i], variance, 1, np.zeros((0, 2))))
-    return rows
-
-
-def _check_rows(cameras: Cameras, problem: Problem, result: Adjustment, datum: Datum, control: Control) -> list[GroundResidual]:
-    points = [point for point in control.points if point.role == "check"]
-    rays = ground_rays(points, {name: i for i, name in enumerate(problem.names)}, cameras)
-    start = approximate_points(result.state, problem.cameras, problem.camera_of, rays, len(points))
-    found, rows = intersect_ground(result, start, rays), []
-    for i, point in enumerate(points):
-        if np.isfinite(found.point[i]).all():
-            difference = found.point[i] + datum.origin - point.xyz
-            variance = np.diag(found.covariance[i]) + np.square(point.sigma)
-            rows.append(
-                _residual(point.name, "check", difference, variance, int((rays.point == i).sum()), found.residual[rays.point == i])
-            )
-    return rows
-
-
-def _residual(
-    name: str, role: str, difference: np.ndarray, variance: np.ndarray, photos: int, residual: np.ndarray
-) -> GroundResidual:
-    return GroundResidual(
-        name=name,
-        role=role,
-        difference=tuple(map(float, difference)),
-        predicted=tuple(map(float, np.sqrt(np.maximum(variance, 0.0)))),
-        photos=photos,
-        residual_px=float(np.sqrt((residual**2).mean())) if len(residual) else None,
-    )
-
-
-def block_precision(problem: Problem, result: Adjustment, datum: Datum) -> BlockPrecision:
-    shift = result.network.shift
-    return BlockPrecision(
-        image_factor=result.factors.image,
-        position_factor=result.factors.position,
-        control_factor=result.factors.control,
-        rays=int(result.used.sum()),
-        rejected=int(problem.measured - result.used.sum()),
-        gnss_shift=tuple(map(float, result.state.shift)) if shift else None,
-        gnss_shift_sigma=tuple(map(float, np.sqrt(np.diag(result.cofactor)[-3:]))) if shift else None,
-        correlations=tuple(_correlations(problem, result)),
-        weaknesses=(*datum.weaknesses, *_nominal(problem, result)),
-    )
-
-
-def _nominal(problem: Problem, result: Adjustment) -> list[str]:
-    """A sentence for every camera constant that was only considered."""
-    found = []
-    for k in np.flatnonzero(result.network.interior.considered[:, 0]):
-        camera, column = problem.cameras[k], result.network.interior_columns[k, 0]
-        share = 100.0 * np.sqrt(result.cofactor[column, column]) / camera.c
-        found.append(
-            f"The camera constant of {problem.camera_names[k]} is nominal (from EXIF, {camera.c:.0f} px, within {share:.0f} %) and "
-            "cannot be told from the flying height without control: it and the principal point kept their values, and heights "
-            "above and below the mean ground are uncertain by the same share. Calibrate the camera, or give three control points."
-        )
-    return found
-
-
-def _correlations(problem: Problem, result: Adjustment) -> list[Correlation]:
-    """Interior parameters against each other, against the mean height of the centres, and that of 0.9 or more only."""
-    names, rows, size = [], [], len(result.cofactor)
-    for k, columns in enumerate(result.network.interior_columns):
-        names += [f"{INTERIOR[i]} of {problem.cameras[k].name}" for i in np.flatnonzero(columns >= 0)]
-        rows += [np.eye(size)[columns[i]] for i in np.flatnonzero(columns >= 0)]
-    photos = len(problem.names)
-    names.append("the mean height of the projection centres")
-    rows.append(np.bincount(6 * np.arange(photos) + 2, minlength=size) / photos)
-    J = np.array(rows)
-    covariance = J @ result.cofactor @ J.T
-    scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    correlation = covariance / np.outer(scale, scale)
-    return [
-        Correlation(first=names[i], second=names[j], value=float(correlation[i, j]))
-        for i in range(len(names))
-        for j in range(i + 1, len(names))
-        if abs(correlation[i, j]) >= 0.9
-    ]

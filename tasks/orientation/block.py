@@ -1,46 +1,59 @@
-"""The block: start, datum, bundle, and the account of it in tables.
+"""The block: starts, datum, bundle, and the account of it in tables.
 
-Photographs are renumbered to those that joined, control points follow the tie points, and coordinates are local while numbers are
-crunched; all that leaves this file is in the project's CRS again.
+Photographs are renumbered to those that joined, surveyed points follow the tie points, and coordinates are local while numbers are
+crunched; all that leaves this file is in the project's CRS again. Groups of photographs that no tie point connects are adjusted
+together where positions or control place them in the project's system; the others become free blocks of their own.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from schemas.camera import Cameras
+from schemas.errors import GeometryError
 from schemas.observations import Control, TiePoints
-from schemas.orientation import RelativeOrientations
+from schemas.orientation import Block, RelativeOrientations, SeparateBlocks
 from schemas.photo import Photos
 from schemas.settings import Settings
-from tasks.adjustment.bundle import Adjustment, BlunderTest, adjust
+from tasks.adjustment.bundle import BlunderTest, adjust
 from tasks.adjustment.interior import InteriorChoice, interior_prior
-from tasks.adjustment.network import Network, Rays, State
-from tasks.orientation.account import (
-    Problem,
-    block_precision,
-    block_table,
-    ground_points,
-    ground_residuals,
-    image_residuals,
-)
-from tasks.orientation.block_start import Material, Start, start_block
-from tasks.orientation.georeference import Datum, Known, choose_datum, held, to_datum
-from tasks.orientation.ground_points import approximate_points
-from tasks.orientation.measurements import ground_rays, tie_rays
+from tasks.adjustment.minimise import UNDETERMINED
+from tasks.geometry.rotation import rotation_matrix
+from tasks.orientation.account import block_table, ground_points, image_residuals
+from tasks.orientation.account_ground import ground_residuals
+from tasks.orientation.account_precision import block_precision
+from tasks.orientation.assembly import Account, Part, known_of, problem_of, starting_values
+from tasks.orientation.block_start import Given, Material, Start, start_blocks
+from tasks.orientation.georeference import choose_datum
+from tasks.orientation.measurements import tie_rays
+from tasks.orientation.self_calibration import determined, held_fixed
 
 cv2.setNumThreads(1)
 
 
 class BlockChoices(Settings):
     """What the workflow decides: the part of the interior orientation, a common shift of the GNSS positions, the standard error of
-    the mean viewing direction where it is needed (degrees), and the limit of the blunder test in standard errors."""
+    the mean viewing direction where it is needed (degrees), the limit of the blunder test in standard errors, and the lever arm
+    of the antenna (m, image system) with its standard error (0: exactly known)."""
 
     interior: InteriorChoice
     gnss_shift: bool
     vertical_sigma: float
     rejection: float
+    lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    lever_sigma: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Input:
+    """What every part of the block is made from."""
+
+    photos: Photos
+    cameras: Cameras
+    control: Control
+    material: Material
+    choices: BlockChoices
 
 
 def orient_block(
@@ -51,25 +64,29 @@ def orient_block(
     relative: RelativeOrientations,
     crs: str,
     choices: BlockChoices,
+    given: Block | None = None,
 ) -> dict[str, object]:
-    """Orients all photographs that can be oriented. Returns the tables block, points, image_residuals, ground_residuals, precision.
+    """Orients all photographs that can be oriented; `given`: approximate exterior orientations to begin with. Returns the tables
+    block, points, image_residuals, ground_residuals, precision and separate.
 
     Raises GeometryError when there is no block at all or its observations do not determine it.
     """
     usable = [point for point in control.points if point.role == "control" and len(point.measurements) >= 2]
     material, tracks = _material(photos, cameras, tie_points, relative, choices, len(usable) < 3)
-    start = start_block(material)
-    problem = _problem(material, start, cameras, control)
-    model = _model(start, problem)
-    known = _known(photos, cameras, problem, model)
-    datum = choose_datum(model, known, np.radians(choices.vertical_sigma), choices.gnss_shift)
-    result = _adjusted(problem, material, model, known, datum, choices)
+    have = _Input(photos, cameras, control, material, choices)
+    approximate, origin = _given(photos, given)
+    starts, unoriented = start_blocks(material, approximate)
+    parts = [_part(have, start, origin if i == 0 else None) for i, start in enumerate(starts)]
+    joined = [part for part in parts if not part.datum.free] or parts[:1]
+    account = _adjusted(have, joined)
+    apart = tuple(block_table(crs, _adjusted(have, [part]), ()) for part in parts if all(part is not p for p in joined))
     return {
-        "block": block_table(crs, cameras, problem, start.unoriented, result, datum),
-        "points": ground_points(problem, result, datum, tracks),
-        "image_residuals": image_residuals(problem, result, tracks, control),
-        "ground_residuals": ground_residuals(cameras, problem, result, datum, control),
-        "precision": block_precision(problem, result, datum),
+        "block": block_table(crs, account, unoriented),
+        "points": ground_points(account, tracks),
+        "image_residuals": image_residuals(account, tracks, control),
+        "ground_residuals": ground_residuals(account, control),
+        "precision": block_precision(account, tracks, apart),
+        "separate": SeparateBlocks(blocks=apart),
     }
 
 
@@ -89,81 +106,43 @@ def _material(
     return Material(photos.names, tuple(used), values, camera_of, interior, rays, len(tracks), relative.pairs), tracks
 
 
-def _problem(material: Material, start: Start, cameras: Cameras, control: Control) -> Problem:
-    number = np.full(len(material.names), -1, np.int32)
-    number[start.photos] = np.arange(len(start.photos))
-    inside = (number[material.rays.photo] >= 0) & start.known[material.rays.point]
-    ties = material.rays.take(inside)
-    names = tuple(material.names[i] for i in start.photos)
-    points = [point for point in control.points if point.role == "control"]
-    ground = ground_rays(points, {name: i for i, name in enumerate(names)}, cameras)
-    rays = Rays(
-        np.concatenate([ties.point, ground.point + material.points]).astype(np.int32),
-        np.concatenate([number[ties.photo], ground.photo]).astype(np.int32),
-        np.vstack([ties.xy, ground.xy]),
-        np.concatenate([ties.sigma, ground.sigma]),
-    )
-    good = np.concatenate([start.good[inside], np.ones(len(ground), bool)])
-    measured = int((number[material.rays.photo] >= 0).sum()) + len(ground)
-    return Problem(
-        active=start.photos,
-        names=names,
-        camera_names=material.camera_names,
-        cameras=material.cameras,
-        camera_of=material.camera_of[start.photos],
-        rays=rays,
-        good=good,
-        ties=material.points,
-        measured=measured,
-        control=points,
-    )
+def _given(photos: Photos, given: Block | None) -> tuple[Given | None, np.ndarray | None]:
+    """The approximate orientations in local coordinates, and their origin (3,)."""
+    if given is None:
+        return None, None
+    rotation, centre = np.tile(np.eye(3), (len(photos.names), 1, 1)), np.zeros((len(photos.names), 3))
+    known = np.isin(photos.names, given.names)
+    for i in np.flatnonzero(known):
+        own = given.of(photos.names[i])
+        rotation[i], centre[i] = rotation_matrix(*np.radians(own.omega_phi_kappa)), own.centre
+    origin = np.round(centre[known].mean(axis=0)) if known.any() else np.zeros(3)
+    return Given(rotation, centre - origin, known), origin
 
 
-def _model(start: Start, problem: Problem) -> State:
-    """The start's state with the photographs of the block only."""
-    return replace(
-        start.state,
-        rotation=start.state.rotation[problem.active],
-        centre=start.state.centre[problem.active],
-        point=np.where(start.known[:, None], start.state.point, np.nan),
-    )
+def _part(have: _Input, start: Start, origin: np.ndarray | None) -> Part:
+    model, known = known_of(have.photos, have.cameras, have.material, start, have.control)
+    datum = choose_datum(model, known, np.radians(have.choices.vertical_sigma), have.choices.gnss_shift, origin)
+    return Part(start, model, known, datum)
 
 
-def _known(photos: Photos, cameras: Cameras, problem: Problem, model: State) -> Known:
-    unknown = (np.nan,) * 3
-    rows = [photos[name] for name in problem.names]
-    both = [photo.position is not None and photo.position_sigma is not None for photo in rows]
-    position = np.array([photo.position if ok else unknown for photo, ok in zip(rows, both, strict=True)], float)
-    sigma = np.array([photo.position_sigma if ok else unknown for photo, ok in zip(rows, both, strict=True)], float)
-    rays = ground_rays(problem.control, {name: i for i, name in enumerate(problem.names)}, cameras)
-    placed = approximate_points(model, problem.cameras, problem.camera_of, rays, len(problem.control))
-    return Known(
-        position,
-        sigma,
-        np.array([p.xyz for p in problem.control]).reshape(-1, 3),
-        np.array([p.sigma for p in problem.control]).reshape(-1, 3),
-        placed,
-    )
-
-
-def _adjusted(problem: Problem, material: Material, model: State, known: Known, datum: Datum, choices: BlockChoices) -> Adjustment:
-    present = np.isin(np.arange(len(problem.cameras)), problem.camera_of)[:, None]
-    interior = replace(material.interior, free=material.interior.free & present, considered=material.interior.considered & present)
-    count, p = problem.ties + len(problem.control), len(problem.names)
-    state = to_datum(model, datum)
-    points = np.vstack([np.nan_to_num(state.point), known.control - datum.origin])
-    if datum.free:
-        points[problem.ties :] = np.nan_to_num(datum.similarity.apply(known.control_model))
-    network = Network(
-        problem.camera_of,
-        interior,
-        np.zeros((p, 3)),
-        np.zeros((p, 3)),
-        np.zeros((count, 3)),
-        np.zeros((count, 3)),
-        np.zeros(p),
-        shift=choices.gnss_shift and not datum.free,
-    )
-    network = held(network, known, datum, problem.ties)
-    good = problem.good if not datum.free else problem.good & (problem.rays.point < problem.ties)
-    return adjust(network, replace(state, point=points), problem.rays.take(good), BlunderTest(limit=choices.rejection))
+def _adjusted(have: _Input, parts: list[Part]) -> Account:
+    """The adjustment of parts that share a datum."""
+    choices = have.choices
+    if choices.gnss_shift and not any(part.known.placed.sum() >= 3 for part in parts):
+        raise GeometryError(
+            "A shift of the GNSS positions can only be told apart with 3 or more control points; "
+            f"{max(int(part.known.placed.sum()) for part in parts)} can be used here."
+        )
+    problem, datum = problem_of(have.material, parts, have.cameras, have.control)
+    network, state, good = starting_values(have.material, problem, parts, datum)
+    network = network.with_lever(choices.lever_arm, choices.lever_sigma, choices.gnss_shift)
+    network, remarks = determined(network, state, problem.rays.take(good), problem.camera_names)
+    rays, test = problem.rays.take(good), BlunderTest(limit=choices.rejection)
+    try:
+        result = adjust(network, state.with_lever(network.lever), rays, test)
+    except GeometryError as error:
+        if str(error) != UNDETERMINED or not network.interior.free.any():
+            raise
+        network, more = held_fixed(network, problem.camera_names)
+        remarks, result = (*remarks, *more), adjust(network, state.with_lever(network.lever), rays, test)
+    return Account(have.cameras, problem, result, datum, remarks)

@@ -2,8 +2,10 @@
 
 Strategy: connected groups of photographs are found; the largest is built from its strongest pair (many tie points that intersect
 well): triangulate, resect the photograph that sees most known points, triangulate, and so on, with a robust bundle whenever the
-block has grown by a third. The model lives in the system of the first photograph, in units of its base; `georeference` takes it to
-the ground. Every photograph that does not join is named with its reason.
+block has grown by a third. What is left is grouped and built again, until no two photographs hang together: every group is kept,
+each in the system of its first photograph and in units of its base; `georeference` takes them to the ground. Where approximate
+exterior orientations are given, they are the start, and the tolerances begin as wide as these are rough. Every photograph that
+does not join is named with its reason.
 """
 
 from collections.abc import Iterator
@@ -17,8 +19,8 @@ from scipy.sparse.csgraph import connected_components
 from schemas.camera import INTERIOR, Camera
 from schemas.errors import GeometryError
 from schemas.orientation import RelativeOrientation, Unoriented
-from tasks.adjustment.bundle import minimise
 from tasks.adjustment.collinearity import misclosures
+from tasks.adjustment.minimise import minimise
 from tasks.adjustment.network import Interior, Network, Rays, State
 from tasks.adjustment.robust import spread
 from tasks.geometry.rotation import rotation_matrix
@@ -28,6 +30,8 @@ from tasks.orientation.relative import FLIP
 cv2.setNumThreads(1)
 LEAST_ANGLE = np.radians(1.5)
 LEAST_POINTS = 8
+ROUGH = (64.0, 16.0, 4.0, 2.0)
+"""How much wider than at the end the tolerances are while given orientations are refined."""
 GROWTH_PARAMETERS = np.array(INTERIOR) == "k1"
 """While a free block grows only radial distortion is adjusted: flat ground seen from above cannot tell c from the flying height."""
 
@@ -49,35 +53,66 @@ class Material:
 @dataclass(frozen=True, eq=False)
 class Start:
     """A model of the block in a system of its own: `photos` (p,) numbers of those that joined (the state's arrays hold all photos;
-    the others are meaningless), `known` (N,) points, `good` (M,) rays, and why the others did not join."""
+    the others are meaningless), `known` (N,) points, `good` (M,) rays."""
 
     state: State
     photos: np.ndarray
     known: np.ndarray
     good: np.ndarray
-    unoriented: tuple[Unoriented, ...]
 
 
-def start_block(material: Material) -> Start:
-    """The largest group of photographs, oriented in a system of its own. Raises GeometryError when no two photographs can be
-    oriented."""
-    groups = _groups(material)
+@dataclass(frozen=True, eq=False)
+class Given:
+    """Approximate exterior orientations: `rotation` (P, 3, 3), `centre` (P, 3) local m, of the photographs `known` (P,) bool."""
+
+    rotation: np.ndarray
+    centre: np.ndarray
+    known: np.ndarray
+
+
+def start_blocks(material: Material, given: Given | None = None) -> tuple[list[Start], tuple[Unoriented, ...]]:
+    """All groups of photographs, the largest first, each oriented in a system of its own (that of `given` where they come from it),
+    and the photographs that are in none. Raises GeometryError when no two photographs can be oriented."""
+    free, found, last = np.ones(len(material.names), bool), [], None
+    if given is not None and given.known.sum() >= 2:
+        growth = _from_given(material, given)
+        found, free, last = [growth], free & ~growth.placed, growth
+    tried: set[int] = set()
+    while (group := _next_group(material, free, tried)) is not None:
+        growth = _best_growth(material, group, free)
+        if growth is None:
+            tried.update(int(photo) for photo in group)
+            continue
+        found.append(growth)
+        last = last or growth
+        free &= ~growth.placed
+    if last is None:
+        raise GeometryError(_no_block(material))
+    starts = [Start(g.state, np.flatnonzero(g.placed), g.known, g.good) for g in sorted(found, key=lambda g: -g.placed.sum())]
+    return starts, tuple(_reasons(material, last, np.flatnonzero(free)))
+
+
+def _next_group(material: Material, free: np.ndarray, tried: set[int]) -> np.ndarray | None:
+    """The largest group of two or more photographs that are still free and were not tried in vain."""
+    groups = [group for group in _groups(material, free) if len(group) >= 2 and not tried.issuperset(map(int, group))]
+    return groups[0] if groups else None
+
+
+def _no_block(material: Material) -> str:
+    groups = _groups(material, np.ones(len(material.names), bool))
     if not groups or len(groups[0]) < 2:
-        raise GeometryError("No two photographs could be oriented to each other, so there is no block; " + _best_failure(material))
-    best = _best_growth(material, groups[0])
-    if best is None:
-        raise GeometryError(
-            "No pair of photographs gives points that intersect well enough to begin a block; the photographs may have been taken "
-            "from one place, or their tie points are wrong."
-        )
-    return Start(best.state, np.flatnonzero(best.placed), best.known, best.good, tuple(_reasons(material, best, groups)))
+        return "No two photographs could be oriented to each other, so there is no block; " + _best_failure(material)
+    return (
+        "No pair of photographs gives points that intersect well enough to begin a block; the photographs may have been taken "
+        "from one place, their tie points may be wrong, or the camera constant may be far from the truth."
+    )
 
 
-def _best_growth(material: Material, group: np.ndarray) -> "_Growth | None":
-    """The growth that placed most photographs; the first that placed the whole group ends the search."""
+def _best_growth(material: Material, group: np.ndarray, free: np.ndarray) -> "_Growth | None":
+    """The growth among the `free` photographs that placed most; the first that placed the whole group ends the search."""
     best = None
     for seed in _seeds(material, group):
-        growth = _grow(material, seed)
+        growth = _grow(material, seed, free)
         if growth is not None and (best is None or growth.placed.sum() > best.placed.sum()):
             best = growth
         if best is not None and best.placed[group].all():
@@ -92,12 +127,12 @@ def _best_failure(material: Material) -> str:
     return f"the best pair, {best.left} and {best.right}, failed: {best.outcome}"
 
 
-def _groups(material: Material) -> list[np.ndarray]:
-    """Photographs connected by oriented pairs, the largest group first."""
-    pairs = _oriented_pairs(material)
+def _groups(material: Material, free: np.ndarray) -> list[np.ndarray]:
+    """The `free` photographs connected by oriented pairs, the largest group first."""
+    pairs = [pair for pair in _oriented_pairs(material) if free[pair[0]] and free[pair[1]]]
     graph = csr_array((np.ones(len(pairs)), ([i for i, _, _ in pairs], [j for _, j, _ in pairs])), shape=(len(material.names),) * 2)
     _, label = connected_components(graph, directed=False)
-    groups = [np.flatnonzero(label == k) for k in np.unique(label)]
+    groups = [np.flatnonzero((label == k) & free) for k in np.unique(label[free])]
     return sorted(groups, key=lambda group: -len(group))
 
 
@@ -108,16 +143,16 @@ def _oriented_pairs(material: Material) -> list[tuple[int, int, RelativeOrientat
 
 def _seeds(material: Material, group: np.ndarray) -> list[tuple[int, int, RelativeOrientation]]:
     """Up to three pairs to begin with: many kept matches, rays that meet at 6 degrees or more."""
-    inside = [pair for pair in _oriented_pairs(material) if pair[0] in group]
+    inside = [pair for pair in _oriented_pairs(material) if pair[0] in group and pair[1] in group]
     return sorted(inside, key=lambda pair: -pair[2].kept * min(pair[2].intersection_deg / 6.0, 1.0))[:3]
 
 
 class _Growth:
     """A block while it grows: orientation of the placed photographs, known points, rays still believed."""
 
-    def __init__(self, material: Material):
+    def __init__(self, material: Material, free: np.ndarray):
         photos = len(material.names)
-        self.material, self.rays = material, material.rays
+        self.material, self.rays, self.free = material, material.rays, free
         self.state = State(
             np.tile(np.eye(3), (photos, 1, 1)),
             np.zeros((photos, 3)),
@@ -282,9 +317,30 @@ def _resection(points: np.ndarray, ideal_xy: np.ndarray, threshold: float) -> tu
     return FLIP @ R, origin - R.T @ tvec[:, 0], keep
 
 
-def _grow(material: Material, seed: tuple[int, int, RelativeOrientation]) -> _Growth | None:
-    """The block that grows from one pair; None when the pair does not hold."""
-    growth = _Growth(material)
+def _from_given(material: Material, given: Given) -> _Growth:
+    """The block that begins with approximate orientations: tolerances shrink from coarse to fine, then the others join."""
+    growth = _Growth(material, np.ones(len(material.names), bool))
+    for photo in np.flatnonzero(given.known):
+        growth.place(int(photo), given.rotation[photo], given.centre[photo])
+    for growth.slack in ROUGH:
+        growth.known[:], growth.good[:] = False, True
+        growth.triangulate()
+        growth.bundle()
+    _extend(growth)
+    _finish(growth)
+    return growth
+
+
+def _finish(growth: _Growth) -> None:
+    growth.slack = 1.0
+    for _ in range(2):
+        growth.triangulate()
+        growth.bundle()
+
+
+def _grow(material: Material, seed: tuple[int, int, RelativeOrientation], free: np.ndarray) -> _Growth | None:
+    """The block that grows from one pair among the `free` photographs; None when the pair does not hold."""
+    growth = _Growth(material, free)
     left, right, pair = seed
     growth.place(left, np.eye(3), np.zeros(3))
     growth.place(right, rotation_matrix(*np.radians(pair.omega_phi_kappa)), np.array(pair.base))
@@ -294,10 +350,7 @@ def _grow(material: Material, seed: tuple[int, int, RelativeOrientation]) -> _Gr
     try:
         growth.bundle()
         _extend(growth)
-        growth.slack = 1.0
-        for _ in range(2):
-            growth.triangulate()
-            growth.bundle()
+        _finish(growth)
     except GeometryError:
         return None
     return growth
@@ -308,34 +361,32 @@ def _extend(growth: _Growth) -> None:
     last = growth.placed.sum()
     while True:
         seen = np.bincount(growth.rays.photo[growth.good & growth.known[growth.rays.point]], minlength=len(growth.placed))
-        waiting = np.flatnonzero(~growth.placed)
+        waiting = np.flatnonzero(~growth.placed & growth.free)
         added = next((photo for photo in waiting[np.argsort(-seen[waiting], kind="stable")] if growth.resect(int(photo))), None)
         if added is None:
             return
         growth.triangulate()
-        if growth.placed.sum() >= max(1.34 * last, last + 1) or growth.placed.all():
+        if growth.placed.sum() >= max(1.34 * last, last + 1) or growth.placed[growth.free].all():
             growth.bundle()
             growth.triangulate()
             last = growth.placed.sum()
 
 
-def _reasons(material: Material, growth: _Growth, groups: list[np.ndarray]) -> Iterator[Unoriented]:
-    """One sentence for every photograph outside the block."""
-    for photo in np.flatnonzero(~growth.placed):
-        yield Unoriented(photo=material.names[photo], reason=_reason(material, growth, groups, int(photo)))
+def _reasons(material: Material, growth: _Growth, left: np.ndarray) -> Iterator[Unoriented]:
+    """One sentence for every photograph that is `left` outside of all groups."""
+    for photo in left:
+        yield Unoriented(photo=material.names[photo], reason=_reason(material, growth, int(photo)))
 
 
-def _reason(material: Material, growth: _Growth, groups: list[np.ndarray], photo: int) -> str:
+def _reason(material: Material, growth: _Growth, photo: int) -> str:
     name = material.names[photo]
     if not (material.rays.photo == photo).any():
         return f"{name} has no tie points: it overlaps no other photograph, or has too little texture."
-    group = next(group for group in groups if photo in group)
-    if len(group) == 1:
-        own = [pair for pair in material.relative if name in (pair.left, pair.right)]
-        best = max(own, key=lambda pair: pair.kept, default=None)
-        other = "" if best is None else f" (best: {best.kept} matches with {best.right if best.left == name else best.left} agree)"
-        return f"{name} could not be oriented to any other photograph{other}; its overlap is too small or its matches are wrong."
-    if not growth.placed[group].any():
-        others = ", ".join(material.names[i] for i in group if i != photo)
-        return f"{name} belongs to a separate group with {others}, which no reliable tie points connect to the block."
+    own = [pair for pair in material.relative if name in (pair.left, pair.right)]
+    if not any(pair.oriented for pair in own):
+        best = max(own, key=lambda pair: pair.matches, default=None)
+        if best is None:
+            return f"{name} shares too few tie points with any other photograph; its overlap is too small."
+        other = best.right if best.left == name else best.left
+        return f"{name} could not be oriented to any other photograph (best: {other}): {best.outcome}"
     return f"{name} did not join the block: {growth.attempts.get(photo, 'its resection failed')}."

@@ -9,30 +9,39 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from schemas.errors import GeometryError
 from tasks.adjustment.network import Network, State
-from tasks.orientation.similarity import Similarity, Upward, fit_similarity, turn_precision
+from tasks.orientation.similarity import Similarity, Upward, consensus, fit_similarity, turn_precision
 
 WEAK_TURN = np.radians(1.0)
+FAR = 5.0
+"""A known point that misses the consensus by this many times what it may miss is set aside."""
 
 
 @dataclass(frozen=True, eq=False)
 class Known:
     """What is known in the project's system: `position`, `position_sigma` (P, 3) of the placed photographs (NaN: unknown);
-    `control`,
-    `control_sigma` (n, 3) of the control points; `control_model` (n, 3) where the model has them (NaN: cannot be intersected)."""
+    `control`, `control_sigma` (n, 3) of the surveyed points (NaN and inf: only measured in photographs); `control_model` (n, 3)
+    where the model has them (NaN: cannot be intersected); `distances`: numbers of two surveyed points, length, standard error, m.
+    """
 
     position: np.ndarray
     position_sigma: np.ndarray
     control: np.ndarray
     control_sigma: np.ndarray
     control_model: np.ndarray
+    distances: tuple[tuple[int, int, float, float], ...] = ()
+
+    @property
+    def placed(self) -> np.ndarray:
+        """(n,) bool: control points that the model has, too."""
+        return np.isfinite(self.control_model).all(axis=1) & np.isfinite(self.control).all(axis=1)
 
 
 @dataclass(frozen=True, eq=False)
 class Datum:
     """Where the block goes: `similarity` into local coordinates, `origin` (3,) to be added to these, whether it is free, the
-    standard error of the assumed verticality (rad; None: not assumed), and the sentences for people."""
+    standard error of the assumed verticality (rad; None: not assumed), the sentences for people, and which positions (P,) and
+    control points (n,) are set aside because they lie elsewhere."""
 
     similarity: Similarity
     origin: np.ndarray
@@ -40,34 +49,39 @@ class Datum:
     vertical_sigma: float | None
     sentence: str
     weaknesses: tuple[str, ...]
+    positions_aside: np.ndarray
+    control_aside: np.ndarray
 
 
-def choose_datum(model: State, known: Known, vertical_sigma: float, shift: bool) -> Datum:
-    """What holds the block; `vertical_sigma` (rad) is used only where the known points leave a rotation open. Raises
-    GeometryError."""
-    has = np.isfinite(known.position).all(axis=1)
-    placed = np.isfinite(known.control_model).all(axis=1)
-    if shift and placed.sum() < 3:
-        raise GeometryError(
-            f"A shift of the GNSS positions can only be told apart with 3 or more control points; {placed.sum()} can be used here."
-        )
+def choose_datum(model: State, known: Known, vertical_sigma: float, shift: bool, origin: np.ndarray | None = None) -> Datum:
+    """What holds the block; `vertical_sigma` (rad) is used only where the known points leave a rotation open. `shift`: the
+    positions may all be off by one vector. `origin` (3,): the model already stands in a system of its own, by this much off."""
+    has, placed = np.isfinite(known.position).all(axis=1), known.placed
+    position = _without_shift(model, known) if shift and placed.sum() >= 3 else known.position
     source = np.vstack([model.centre[has], known.control_model[placed]])
     if len(source) < 2 or np.ptp(source, axis=0).max() == 0:
-        return _free(model)
-    target = np.vstack([known.position[has], known.control[placed]])
-    origin = np.round(target.mean(axis=0))
-    extent = float(np.linalg.norm(np.ptp(target, axis=0)))
-    sigma = np.maximum(
-        np.sqrt((np.vstack([known.position_sigma[has], known.control_sigma[placed]]) ** 2).mean(axis=1)), 1e-4 * extent
-    )
-    turn = turn_precision(target, sigma)
+        return _free(model, known, origin)
+    target = np.vstack([position[has], known.control[placed]])
+    trusted = np.arange(len(source)) >= has.sum()
+    origin = np.round(np.median(target[trusted] if trusted.sum() >= 3 else target, axis=0))
+    sigma = np.sqrt((np.vstack([known.position_sigma[has], known.control_sigma[placed]]) ** 2).mean(axis=1))
+    upward, none = Upward(_mean_up(model), 1.0 / vertical_sigma**2), Upward(_mean_up(model), 0.0)
+    on_a_line = turn_precision(target, np.maximum(sigma, 1e-6)) > WEAK_TURN
+    near = consensus(source, target - origin, np.maximum(sigma, 1e-6), upward if on_a_line else none, trusted) < FAR
+    if near.sum() < 2:
+        near[:] = True
+    extent = float(np.linalg.norm(np.ptp(target[near], axis=0)))
+    sigma = np.maximum(sigma, 1e-4 * extent)
+    turn = turn_precision(target[near], sigma[near])
     weak = turn > WEAK_TURN
-    upward = Upward(_mean_up(model), 1.0 / vertical_sigma**2 if weak else 0.0)
-    similarity = fit_similarity(source, target - origin, sigma, upward)
-    weaknesses = _weaknesses(weak, turn, vertical_sigma, known.control[placed], sigma, similarity.apply(source) - (target - origin))
-    return Datum(
-        similarity, origin, False, vertical_sigma if weak else None, _sentence(int(has.sum()), int(placed.sum()), weak), weaknesses
-    )
+    similarity = fit_similarity(source[near], (target - origin)[near], sigma[near], upward if weak else none)
+    misfit = (similarity.apply(source) - (target - origin))[near]
+    aside = np.zeros(len(has), bool), np.zeros(len(placed), bool)
+    aside[0][has], aside[1][placed] = ~near[~trusted], ~near[trusted]
+    weaknesses = _weaknesses(weak, turn, vertical_sigma, known.control[placed & ~aside[1]], sigma[near], misfit)
+    positions, control = int((has & ~aside[0]).sum()), int((placed & ~aside[1]).sum())
+    sentence = _sentence(positions, control, weak)
+    return Datum(similarity, origin, False, vertical_sigma if weak else None, sentence, weaknesses, *aside)
 
 
 def _mean_up(model: State) -> np.ndarray:
@@ -76,26 +90,64 @@ def _mean_up(model: State) -> np.ndarray:
     return up / max(float(np.linalg.norm(up)), 1e-12)
 
 
-def _free(model: State) -> Datum:
+def _without_shift(model: State, known: Known) -> np.ndarray:
+    """The positions (P, 3) less their median distance from where the control alone puts the photographs."""
+    placed, level = known.placed, Upward(np.array([0.0, 0.0, 1.0]), 0.0)
+    sigma = np.sqrt((known.control_sigma[placed] ** 2).mean(axis=1))
+    origin = known.control[placed].mean(axis=0)
+    fit = fit_similarity(known.control_model[placed], known.control[placed] - origin, sigma, level)
+    off = known.position - (fit.apply(model.centre) + origin)
+    return known.position - (np.nanmedian(off, axis=0) if np.isfinite(off).any() else 0.0)
+
+
+def _free(model: State, known: Known, origin: np.ndarray | None) -> Datum:
+    """No datum: an upright system of our own, or that of given orientations; to scale where distances were measured."""
+    length = _scale_of_distances(known)
+    if origin is not None:
+        similarity, what = Similarity(1.0, np.eye(3), np.zeros(3)), "place, direction and scale are those of the given orientation"
+    else:
+        rotation, height = _upright(model)
+        similarity = Similarity(length or 100.0 / max(abs(height), 1e-9), rotation, np.zeros(3))
+        what = "place and direction are arbitrary" if length else (
+            "place, direction and scale are arbitrary (the cameras are put 100 units above the ground)"
+        )
+    scaled = f"; {len(known.distances)} measured distances give the scale" if length else ""
+    weak = (
+        "The block has a scale but no place: its coordinates are metres in a system of its own. "
+        if length
+        else "The block has no datum: its coordinates are not metres in the project's system. "
+    ) + "Give positions or three control points."
+    return Datum(
+        similarity,
+        np.zeros(3) if origin is None else origin,
+        True,
+        None,
+        f"Free network: neither positions nor control hold the block; {what}{scaled}; standard errors refer to the block's own "
+        "shape.",
+        (weak,),
+        np.isfinite(known.position).all(axis=1),
+        known.placed,
+    )
+
+
+def _upright(model: State) -> tuple[np.ndarray, float]:
+    """A rotation (3, 3) that puts the mean viewing direction down, and the height of the cameras above the ground."""
     up = _mean_up(model)
     east = model.centre[-1] - model.centre[0]
     east = east - up * (east @ up)
     east = east / max(float(np.linalg.norm(east)), 1e-12)
-    rotation = np.stack([east, np.cross(up, east), up])
-    height = float(np.median((model.centre.mean(axis=0) - model.point[np.isfinite(model.point).all(axis=1)]) @ up))
-    similarity = Similarity(100.0 / max(abs(height), 1e-9), rotation, np.zeros(3))
-    return Datum(
-        similarity,
-        np.zeros(3),
-        True,
-        None,
-        "Free network: neither positions nor control hold the block; place, direction and scale are arbitrary (the cameras are "
-        "put 100 units above the ground) and standard errors refer to the block's own shape.",
-        (
-            "The block has no datum: its coordinates are not metres in the project's system. Give positions or three control "
-            "points.",
-        ),
-    )
+    ground = model.point[np.isfinite(model.point).all(axis=1)]
+    return np.stack([east, np.cross(up, east), up]), float(np.median((model.centre.mean(axis=0) - ground) @ up))
+
+
+def _scale_of_distances(known: Known) -> float | None:
+    """Measured by model length, the median of all distances that the model has; None without any."""
+    found = []
+    for first, second, length, _ in known.distances:
+        model = np.linalg.norm(known.control_model[second] - known.control_model[first])
+        if np.isfinite(model) and model > 0:
+            found.append(length / model)
+    return float(np.median(found)) if found else None
 
 
 def _sentence(positions: int, control: int, weak: bool) -> str:
@@ -148,17 +200,17 @@ def to_datum(model: State, datum: Datum) -> State:
     )
 
 
-def held(network: Network, known: Known, datum: Datum, first_control: int) -> Network:
-    """The network with the weights that the datum calls for; control points are rows from `first_control` on. Local coordinates."""
+def held(network: Network, known: Known, datum: Datum, first_surveyed: int) -> Network:
+    """The network with the weights that the datum calls for; surveyed points are rows from `first_surveyed` on. Local
+    coordinates."""
+    named = first_surveyed + np.arange(len(known.control))
     if datum.free:
-        return replace(network, free=True)
+        return replace(network, free=True, named=named)
     has = np.isfinite(known.position).all(axis=1)
+    usable = (has & ~datum.positions_aside)[:, None]
     centre = np.where(has[:, None], known.position - datum.origin, 0.0)
-    weight = np.where(has[:, None], 1.0 / np.where(has[:, None], known.position_sigma, 1.0) ** 2, 0.0)
+    weight = np.where(usable, 1.0 / np.where(usable, known.position_sigma, 1.0) ** 2, 0.0)
     point, point_weight = network.point.copy(), network.point_weight.copy()
-    point[first_control:] = known.control - datum.origin
-    point_weight[first_control:] = 1.0 / known.control_sigma**2
-    vertical = np.zeros(len(centre))
-    if datum.vertical_sigma is not None:
-        vertical[:] = 1.0 / (datum.vertical_sigma**2 * len(centre))
-    return replace(network, centre=centre, centre_weight=weight, point=point, point_weight=point_weight, vertical_weight=vertical)
+    point[first_surveyed:] = np.nan_to_num(known.control - datum.origin)
+    point_weight[first_surveyed:] = np.where(datum.control_aside[:, None], 0.0, 1.0 / known.control_sigma**2)
+    return replace(network, centre=centre, centre_weight=weight, point=point, point_weight=point_weight, named=named)

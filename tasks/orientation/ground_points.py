@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from schemas.camera import Camera
-from tasks.adjustment.bundle import Adjustment
 from tasks.adjustment.collinearity import misclosures
-from tasks.adjustment.network import Network, Rays, State
+from tasks.adjustment.network import NO_DISTANCES, Network, Rays, State
 from tasks.adjustment.normal_equations import linearised, point_corrections, point_precision
+from tasks.adjustment.result import Adjustment
 from tasks.geometry.intersection import intersect_rays
 from tasks.orientation.measurements import ideal, with_interior
 
@@ -59,4 +59,6 @@ def intersect_ground(result: Adjustment, start: np.ndarray, rays: Rays) -> Inter
 
 
 def _without_points(network: Network, count: int) -> Network:
-    return replace(network, point=np.zeros((count, 3)), point_weight=np.zeros((count, 3)))
+    none = network.kept[:0]
+    nothing = np.zeros((count, 3))
+    return replace(network, point=nothing, point_weight=nothing, kept=none, named=none, distances=NO_DISTANCES)

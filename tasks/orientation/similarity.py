@@ -4,6 +4,7 @@ Points fix what they can; a direction that ought to be vertical helps where all 
 rotation about it. Source: Horn 1987 / Umeyama 1991 for the closed form.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,6 +46,39 @@ def fit_similarity(model: np.ndarray, ground: np.ndarray, sigma: np.ndarray, upw
         limit = 2.0 * max(1.0, float(np.median(size)) / 1.54)
         weight = np.where(size <= limit, 1.0, limit / np.maximum(size, limit)) / sigma**2
     return result
+
+
+def consensus(model: np.ndarray, ground: np.ndarray, sigma: np.ndarray, upward: Upward, trusted: np.ndarray) -> np.ndarray:
+    """(n,) how far each point misses the similarity that most points agree on, in units of what it may miss.
+
+    A point may miss by three standard errors and by a fiftieth of the model's extent, for a free model bends. `trusted` (n,) bool
+    (surveyed control) wins over the others where three or more of it agree among themselves, for a whole set of positions may be
+    wrong alike. All points, the trusted ones, the others, and seeded triples are tried. Raises GeometryError.
+    """
+    if len(model) < 4:
+        return np.zeros(len(model))
+    best, lowest = None, np.inf
+    for own, bonus in _samples(trusted):
+        fit = fit_similarity(model[own], ground[own], sigma[own], upward)
+        allowed = 3.0 * sigma + 0.02 * fit.scale * float(np.linalg.norm(np.ptp(model, axis=0)))
+        miss = np.linalg.norm(fit.apply(model) - ground, axis=1) / allowed
+        agreed = (miss[trusted] < 1.0).sum() >= max(3, 0.7 * trusted.sum())
+        loss = float(np.minimum(miss, 1.0).sum()) - bonus - (len(model) if agreed else 0.0)
+        if loss < lowest:
+            best, lowest = miss, loss
+    return best
+
+
+def _samples(trusted: np.ndarray) -> Iterator[tuple[np.ndarray, float]]:
+    """Sets of points to begin with; all points together win a tie."""
+    everything = np.arange(len(trusted))
+    yield everything, 1e-6
+    for own in (np.flatnonzero(trusted), np.flatnonzero(~trusted)):
+        if 3 <= len(own) < len(trusted):
+            yield own, 0.0
+    rng = np.random.default_rng(11)
+    for _ in range(60):
+        yield rng.choice(everything, 3, replace=False), 0.0
 
 
 def _closed_form(model: np.ndarray, ground: np.ndarray, weight: np.ndarray, upward: Upward) -> Similarity:

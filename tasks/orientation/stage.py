@@ -6,7 +6,7 @@ from typing import ClassVar, Literal
 from schemas.camera import CAMERAS
 from schemas.job import Export, Job, Region, TextFile
 from schemas.observations import CONTROL, GROUND_POINTS, IMAGE_RESIDUALS, TIE_POINTS
-from schemas.orientation import BLOCK, BLOCK_PRECISION, GROUND_RESIDUALS, RELATIVE
+from schemas.orientation import BLOCK, BLOCK_PRECISION, GROUND_RESIDUALS, RELATIVE, SEPARATE_BLOCKS
 from schemas.photo import PHOTOS
 from schemas.raster import RasterSpec
 from schemas.report import report_table
@@ -32,6 +32,14 @@ class OrientationStage(Stage):
     )
     gnss_shift: Literal["none", "constant"] = setting(
         "none", "Whether the GNSS positions have a common shift that is adjusted; needs control."
+    )
+    lever_arm: tuple[float, float, float] = setting(
+        (0.0, 0.0, 0.0),
+        "From the projection centre to the GNSS antenna, in the image system: x right, y up, z backwards, away from the ground.",
+        "m",
+    )
+    lever_sigma: float = setting(
+        0.0, "Standard error of the lever arm, which is then adjusted; 0 takes it for exactly known.", "m", ge=0
     )
     vertical_sigma: float = setting(
         5.0,
@@ -61,6 +69,8 @@ class OrientationStage(Stage):
             gnss_shift=self.gnss_shift == "constant",
             vertical_sigma=self.vertical_sigma,
             rejection=self.rejection,
+            lever_arm=self.lever_arm,
+            lever_sigma=self.lever_sigma,
         )
         yield Job(
             "orientation",
@@ -73,6 +83,7 @@ class OrientationStage(Stage):
                 "image_residuals": IMAGE_RESIDUALS,
                 "ground_residuals": GROUND_RESIDUALS,
                 "precision": BLOCK_PRECISION,
+                "separate": SEPARATE_BLOCKS,
             },
             params={"crs": view.project.crs, "choices": choices},
             scratch=SCRATCH,

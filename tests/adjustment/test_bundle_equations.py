@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from schemas.errors import GeometryError
-from tasks.adjustment.bundle import BlunderTest, adjust, covariance_of, minimise, with_considered
+from tasks.adjustment.bundle import BlunderTest, adjust
 from tasks.adjustment.collinearity import derivatives, misclosures
 from tasks.adjustment.datum import freedoms, prior_cost, prior_normals
+from tasks.adjustment.minimise import minimise
 from tasks.adjustment.network import Interior, Network, Rays, State, ray_columns
 from tasks.adjustment.normal_equations import linearised, point_corrections, point_precision, reduced_normals
+from tasks.adjustment.precision import covariance_of, with_considered
 from tasks.geometry.rotation import rotation_matrix
 from tasks.geometry.rotation_vector import angles_from_vector, rotation_of_vector, vector_of_rotation
 

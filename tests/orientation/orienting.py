@@ -8,12 +8,11 @@ from tasks.orientation.block import BlockChoices, orient_block
 from tasks.orientation.pairs import relate_pairs
 
 
-def orient(block, **changes):
+def orient(block, given=None, **changes):
     usual = {"interior": WeightedInterior(kind="weighted"), "gnss_shift": False, "vertical_sigma": 5.0, "rejection": 4.0}
     relative = relate_pairs(block.photos, block.cameras, block.tie_points, 15)
-    out = orient_block(
-        block.photos, block.cameras, block.tie_points, block.control, relative, "EPSG:2100", BlockChoices(**(usual | changes))
-    )
+    choices = BlockChoices(**(usual | changes))
+    out = orient_block(block.photos, block.cameras, block.tie_points, block.control, relative, "EPSG:2100", choices, given)
     return out | {"relative": relative}
 
 

@@ -138,12 +138,13 @@ def test_self_calibration_with_control_recovers_the_camera():
     assert camera.k2 == block.cameras.cameras["cam"].k2
 
 
-def test_separate_groups_are_kept_apart_and_named():
+def two_groups_and_a_lone_photograph(gnss):
+    """Five photos, three others ten kilometres away (with positions of `gnss`), and one without tie points."""
     far = [view(f"far{i}", DRONE, (417000 + 20 * i, 4357000, 180), (0, 0, 90)) for i in range(3)]
     near = [view(f"near{i}", DRONE, (407000 + 20 * i, 4357000, 180), (0, 0, 90)) for i in range(5)]
     lone = view("alone", DRONE, (437000, 4357000, 180), (0, 0, 90))
     one = simulate(near, DRONE, 1, gnss=1.0, control=0, check=0, tracks=600)
-    two = simulate(far, DRONE, 2, gnss=1.0, control=0, check=0, tracks=600)
+    two = simulate(far, DRONE, 2, gnss=gnss, control=0, check=0, tracks=600)
     three = photo_of(lone)
     ties = replace(
         one.tie_points,
@@ -155,11 +156,27 @@ def test_separate_groups_are_kept_apart_and_named():
     )
     photos = Photos(photos=(*one.photos.photos, *two.photos.photos, three))
     cameras = one.cameras.model_copy(update={"of_photo": dict.fromkeys(photos.names, "cam")})
-    result = orient(replace(one, photos=photos, cameras=cameras, tie_points=ties))["block"]
-    assert result.names == tuple(v.name for v in near)
-    reasons = {u.photo: u.reason for u in result.unoriented}
-    assert set(reasons) == {"far0", "far1", "far2", "alone"}
-    assert "separate group" in reasons["far1"] and "no tie points" in reasons["alone"]
+    return replace(one, photos=photos, cameras=cameras, tie_points=ties), [*near, *far]
+
+
+def test_separate_groups_with_positions_share_one_system_and_are_named():
+    block, views = two_groups_and_a_lone_photograph(gnss=1.0)
+    out = orient(block)
+    result = out["block"]
+    assert set(result.names) == {v.name for v in views}
+    assert result.groups == (tuple(f"near{i}" for i in range(5)), tuple(f"far{i}" for i in range(3)))
+    assert np.abs(standardised_orientation(replace(block, views=views), result)).max() < 4.5
+    assert any("2 groups" in text and "far1" in text for text in out["precision"].weaknesses)
+    assert [u.photo for u in result.unoriented] == ["alone"] and "no tie points" in result.unoriented[0].reason
+
+
+def test_a_group_without_positions_is_kept_as_a_block_of_its_own():
+    block, _ = two_groups_and_a_lone_photograph(gnss=None)
+    out = orient(block)
+    assert out["block"].names == tuple(f"near{i}" for i in range(5))
+    (separate,) = out["separate"].blocks
+    assert separate.names == ("far0", "far1", "far2") and separate.datum.startswith("Free network")
+    assert any("free block of its own" in text and "far1" in text for text in out["precision"].weaknesses)
 
 
 def test_no_overlap_at_all_is_one_clear_sentence():
@@ -172,7 +189,7 @@ def test_no_overlap_at_all_is_one_clear_sentence():
 
 def test_the_account_agrees_with_the_block(volos_like):
     block, out = volos_like
-    told = report(block.photos, block.cameras, block.control, **out)
+    told = report(block.photos, block.cameras, block.control, **{name: out[name] for name in out if name != "separate"})
     figures = {figure.name: figure.value for figure in told.figures}
     assert figures["photos_oriented"] == 6
     assert figures["sigma0_um"] == pytest.approx(96 * out["block"].sigma0_px)

@@ -33,7 +33,7 @@ def test_every_table_has_one_writer_and_every_read_a_source():
     plan = planned(FILES)
     jobs = [item for item in plan if isinstance(item, Job)]
     written = [table.path for job in jobs for table in job.writes.values()]
-    assert len(set(written)) == len(written) == 8
+    assert len(set(written)) == len(written) == 9
     needed = {region.path for job in jobs for region in job.reads.values() if not isinstance(region, TextFile)}
     outside = {"photos/photos.json", "calibration/cameras.json", "tie_points/tie_points.parquet"}
     assert needed <= set(written) | outside

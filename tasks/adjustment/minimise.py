@@ -1,0 +1,123 @@
+"""Levenberg-Marquardt on the reduced normal equations, with Huber's weights while blunders may be about.
+
+Rays lose their pull one by one; what was surveyed (a position, a control point) loses it as a whole. Source: Brown 1976; Triggs et
+al. 2000.
+"""
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from schemas.errors import GeometryError
+from tasks.adjustment.collinearity import BEHIND, misclosures
+from tasks.adjustment.datum import PriorFactors, freedoms, prior_cost, prior_factors, prior_normals
+from tasks.adjustment.network import Network, Rays, State
+from tasks.adjustment.normal_equations import Linear, linearised, point_corrections, reduced_normals
+from tasks.adjustment.robust import huber_cost, huber_weights
+from tasks.geometry.rotation_vector import rotation_of_vector
+
+NEGLIGIBLE = 1e-3
+"""A step that gains less, in squares of standard errors, moves no unknown by more than some hundredths of its standard error."""
+
+UNDETERMINED = (
+    "The block is not determined by its observations: a photograph hangs on too few or badly spread tie points, or an interior "
+    "parameter cannot be told from the positions; hold the interior orientation fixed, or give control."
+)
+
+
+def minimise(
+    network: Network, start: State, rays: Rays, huber: float = np.inf, tolerance: float = 1e-9, most: int = 100
+) -> tuple[State, int]:
+    """Levenberg-Marquardt from `start`; `huber` in standard errors. Returns the state and the number of iterations.
+
+    Stops when a step gains less than `tolerance` of the cost. Reweighting with Huber's weights converges slowly and needs no sharp
+    end: it may stop after `most` iterations. Weak blocks (a short strip without control) creep along a curved valley; there the
+    end is where a step gains NEGLIGIBLE.
+
+    Every point with rays needs two of them (or a prior). Raises GeometryError when the observations do not determine the unknowns,
+    or when `most` iterations do not converge.
+    """
+    state, damping = start, 1e-4
+    cost = _cost(network, state, rays, huber)
+    for iteration in range(1, most + 1):
+        factors = prior_factors(network, state, huber)
+        linear = linearised(network, state, rays, huber_weights(sizes(network, state, rays), huber), factors.point)
+        while True:
+            trial = _moved(network, state, linear, factors, damping)
+            trial_cost = np.inf if trial is None else _cost(network, trial, rays, huber)
+            if trial_cost <= cost * (1.0 + 1e-12) or damping > 1e8:
+                break
+            damping = max(damping, 1e-7) * 10.0
+        if damping > 1e8:
+            if trial is None:
+                raise GeometryError(UNDETERMINED)
+            return state, iteration
+        gain, state, cost = cost - trial_cost, trial, trial_cost
+        if gain <= tolerance * cost + 1e-15 * len(rays) and damping <= 1e-3:
+            return state, iteration
+        damping = damping * 0.1 if damping > 1e-9 else 0.0
+    if np.isfinite(huber) or gain <= NEGLIGIBLE:
+        return state, most
+    raise GeometryError(f"The bundle adjustment did not converge in {most} iterations; look at its tie points and starting values.")
+
+
+def sizes(network: Network, state: State, rays: Rays) -> np.ndarray:
+    """(M,) lengths of the rays' misclosures in stated standard errors."""
+    return np.linalg.norm(misclosures(state, rays, network.camera_of), axis=1) / rays.sigma
+
+
+def _cost(network: Network, state: State, rays: Rays, huber: float) -> float:
+    size = sizes(network, state, rays)
+    if (size * rays.sigma >= BEHIND).any():
+        return np.inf
+    return huber_cost(size, huber) + prior_cost(network, state, huber)
+
+
+def _moved(network: Network, state: State, linear: Linear, factors: PriorFactors, damping: float) -> State | None:
+    """The state after one damped step; None where the normal equations are singular at this damping."""
+    normal, right, diagonal = reduced_normals(linear, network.unknowns, damping)
+    prior, prior_right = prior_normals(network, state, factors)
+    normal += prior
+    normal[np.diag_indices_from(normal)] += damping * (diagonal + np.diag(prior))
+    right = held(network, normal, right + prior_right)
+    correction = _solve(network, state, normal, right)
+    if correction is None:
+        return None
+    return _corrected(network, state, correction, point_corrections(linear, correction, damping))
+
+
+def held(network: Network, normal: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Cuts the considered parameters off the normal equations, so that their corrections are zero."""
+    considered = network.considered_columns
+    normal[considered] = 0.0
+    normal[:, considered] = 0.0
+    normal[considered, considered] = 1.0
+    return np.where(considered, 0.0, right)
+
+
+def _corrected(network: Network, state: State, correction: np.ndarray, points: np.ndarray) -> State:
+    photo = correction[: 6 * network.photos].reshape(-1, 6)
+    turned = np.array([rotation_of_vector(w) @ R for w, R in zip(photo[:, 3:], state.rotation, strict=True)])
+    interior = state.interior.copy()
+    interior[network.interior.free] += correction[6 * network.photos : 6 * network.photos + int(network.interior.free.sum())]
+    shift = state.shift + correction[network.shift_columns] if network.shift else state.shift
+    lever = state.lever + correction[network.lever_columns] if len(network.lever_columns) else state.lever
+    points[network.kept] = correction[network.kept_columns]
+    return State(turned, state.centre + photo[:, :3], state.point + points, interior, shift, lever)
+
+
+def scaled(network: Network, state: State, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The normal matrix with unit diagonal, the scale (n,), and the unit freedoms (n, 7, 6 or 0) that inner constraints hold."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    normal = normal * scale[:, None] * scale
+    if not network.free:
+        return normal, scale, np.zeros((len(scale), 0))
+    H = np.linalg.qr(freedoms(network, state) / scale[:, None])[0]
+    return normal + H @ H.T, scale, H
+
+
+def _solve(network: Network, state: State, normal: np.ndarray, right: np.ndarray) -> np.ndarray | None:
+    normal, scale, _ = scaled(network, state, normal)
+    try:
+        return scale * cho_solve(cho_factor(normal, overwrite_a=True), scale * right)
+    except (np.linalg.LinAlgError, ValueError):
+        return None

@@ -1,0 +1,99 @@
+"""The account on the ground and in the air: control, check points, positions and distances against the adjusted block."""
+
+import numpy as np
+
+from schemas.observations import Control
+from schemas.orientation import DistanceResidual, GroundResidual, GroundResiduals
+from tasks.adjustment.datum import distance_derivatives, distance_misclosures, position_misclosures
+from tasks.adjustment.variance_components import position_covariance
+from tasks.orientation.assembly import Account
+from tasks.orientation.ground_points import approximate_points, intersect_ground
+from tasks.orientation.measurements import ground_rays
+
+
+def ground_residuals(account: Account, control: Control) -> GroundResiduals:
+    """How the block fits what is known; what was set aside or thrown out is compared all the same."""
+    distances = tuple(_distance_rows(account))
+    if account.datum.free:
+        return GroundResiduals(distances=distances)
+    rows = (*control_rows(account), *position_rows(account), *_check_rows(account, control))
+    return GroundResiduals(points=rows, distances=distances)
+
+
+def control_rows(account: Account) -> list[GroundResidual]:
+    """Control points, those that were set aside too."""
+    problem, result, known, rows = account.problem, account.result, account.problem.known, []
+    for i, point in enumerate(problem.surveyed):
+        number, weight = problem.ties + i, result.network.point_weight[problem.ties + i]
+        own = result.used & (result.rays.point == number)
+        took_part = bool(weight.any())
+        if point.role != "control" or not (took_part or own.any()):
+            continue
+        difference = result.state.point[number] + account.datum.origin - known.control[i]
+        spread = np.diag(result.point_covariance[number])
+        variance = 1.0 / weight - spread if took_part else known.control_sigma[i] ** 2 + spread
+        rows.append(_residual(point.name, "control", difference, variance, int(own.sum()), result.residual[own]))
+    return rows
+
+
+def position_rows(account: Account) -> list[GroundResidual]:
+    """Positions of the photographs, those that were set aside too."""
+    problem, result, rows = account.problem, account.result, []
+    state, network = result.state, result.network
+    antenna = state.centre + np.einsum("pji,j->pi", state.rotation, state.lever) + state.shift + account.datum.origin
+    for i in np.flatnonzero(np.isfinite(problem.known.position).all(axis=1)):
+        weight, spread = network.centre_weight[i], np.diag(position_covariance(result, i))
+        variance = 1.0 / weight - spread if weight.all() else problem.known.position_sigma[i] ** 2 + spread
+        difference = -position_misclosures(network, state)[i] if weight.all() else antenna[i] - problem.known.position[i]
+        rows.append(_residual(problem.names[i], "position", difference, variance, 1, np.zeros((0, 2))))
+    return rows
+
+
+def _check_rows(account: Account, control: Control) -> list[GroundResidual]:
+    problem, result = account.problem, account.result
+    points = [point for point in control.points if point.role == "check"]
+    rays = ground_rays(points, {name: i for i, name in enumerate(problem.names)}, account.cameras)
+    start = approximate_points(result.state, problem.cameras, problem.camera_of, rays, len(points))
+    found, rows = intersect_ground(result, start, rays), []
+    for i, point in enumerate(points):
+        if np.isfinite(found.point[i]).all():
+            difference = found.point[i] + account.datum.origin - point.xyz
+            variance = np.diag(found.covariance[i]) + np.square(point.sigma)
+            own = rays.point == i
+            rows.append(_residual(point.name, "check", difference, variance, int(own.sum()), found.residual[own]))
+    return rows
+
+
+def _distance_rows(account: Account) -> list[DistanceResidual]:
+    network, state, problem = account.result.network, account.result.state, account.problem
+    if not len(network.distances):
+        return []
+    J, columns = distance_derivatives(network, state)
+    misclosure, rows = distance_misclosures(network, state), []
+    for i, (first, second) in enumerate(network.distances.ends - problem.ties):
+        spread = J[i] @ account.result.cofactor[np.ix_(columns[i], columns[i])] @ J[i]
+        predicted = np.sqrt(max(1.0 / network.distances.weight[i] - spread, 0.0))
+        names = problem.surveyed[first].name, problem.surveyed[second].name
+        rows.append(
+            DistanceResidual(
+                first=names[0],
+                second=names[1],
+                length=float(network.distances.length[i]),
+                difference=float(-misclosure[i]),
+                predicted=float(predicted),
+            )
+        )
+    return rows
+
+
+def _residual(
+    name: str, role: str, difference: np.ndarray, variance: np.ndarray, photos: int, residual: np.ndarray
+) -> GroundResidual:
+    return GroundResidual(
+        name=name,
+        role=role,
+        difference=tuple(map(float, difference)),
+        predicted=tuple(map(float, np.sqrt(np.maximum(variance, 0.0)))),
+        photos=photos,
+        residual_px=float(np.sqrt((residual**2).mean())) if len(residual) else None,
+    )

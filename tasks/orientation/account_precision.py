@@ -1,0 +1,184 @@
+"""The account of the adjustment itself: groups of observations, worst residuals, blunders by name, and what is weak."""
+
+import numpy as np
+
+from schemas.camera import INTERIOR
+from schemas.orientation import Block, BlockPrecision, Correlation, GroundResidual, LargestResidual, ObservationGroup
+from tasks.adjustment.result import Adjustment
+from tasks.orientation.account_ground import control_rows, position_rows
+from tasks.orientation.assembly import Account, Problem
+
+WORST = 12
+"""How many of the largest standardised residuals are named."""
+SINGLE = 5
+"""More positions than these that were set aside are summed up in one sentence."""
+MOVED = 5.0
+"""A camera constant that left its stated value by more of its standard errors contradicts it."""
+
+
+def block_precision(account: Account, tracks: np.ndarray, apart: tuple[Block, ...]) -> BlockPrecision:
+    """The table of the adjustment's own account; `apart`: blocks that nothing connects to the project's system."""
+    problem, result = account.problem, account.result
+    network, factors = result.network, result.factors
+    blunders = [] if account.datum.free else _blunders(account)
+    return BlockPrecision(
+        image_factor=factors.image,
+        position_factor=factors.position,
+        control_factor=factors.control,
+        rays=int(result.used.sum()),
+        rejected=int(problem.measured - result.used.sum()),
+        gnss_shift=tuple(map(float, result.state.shift)) if network.shift else None,
+        gnss_shift_sigma=_sigmas(result, network.shift_columns),
+        lever_arm=tuple(map(float, result.state.lever)) if result.state.lever.any() or len(network.lever_columns) else None,
+        lever_arm_sigma=_sigmas(result, network.lever_columns),
+        groups=tuple(
+            ObservationGroup(name=g.name, count=g.count, redundancy=g.redundancy, factor=g.factor) for g in result.groups
+        ),
+        largest=tuple(_largest(problem, result, tracks)),
+        correlations=tuple(_correlations(problem, result)),
+        blunders=tuple(row.name for row in blunders),
+        weaknesses=(
+            *account.datum.weaknesses,
+            *_blunder_sentences(account, blunders),
+            *account.remarks,
+            *_nominal(problem, result),
+            *_contradicted(account),
+            *_unconnected(problem, apart),
+        ),
+    )
+
+
+def _sigmas(result: Adjustment, columns: np.ndarray) -> tuple[float, float, float] | None:
+    return tuple(map(float, np.sqrt(np.diag(result.cofactor)[columns]))) if len(columns) else None
+
+
+def _largest(problem: Problem, result: Adjustment, tracks: np.ndarray) -> list[LargestResidual]:
+    size, detectable = np.nan_to_num(np.abs(result.standardised)), result.detectable
+    rows = []
+    for place in np.argsort(-size, axis=None)[:WORST]:
+        ray, axis = divmod(int(place), 2)
+        point = int(result.rays.point[ray])
+        tie = point < problem.ties
+        rows.append(
+            LargestResidual(
+                point=f"tie point {tracks[point]}" if tie else problem.surveyed[point - problem.ties].name,
+                photo=problem.names[result.rays.photo[ray]],
+                axis="xy"[axis],
+                residual_px=float(result.residual[ray, axis]),
+                standardised=float(result.standardised[ray, axis]),
+                redundancy_number=float(result.redundancy_number[ray, axis]),
+                detectable_px=float(detectable[ray, axis]),
+            )
+        )
+    return [row for row in rows if np.isfinite(row.standardised)]
+
+
+def _blunders(account: Account) -> list[GroundResidual]:
+    """Control points and positions that took no part because they contradict the block, with how they miss it."""
+    result, problem = account.result, account.problem
+    control = {
+        problem.surveyed[i].name for i in np.flatnonzero(~result.network.point_weight[problem.ties :].any(axis=1))
+    }
+    positions = {problem.names[i] for i in np.flatnonzero(~result.network.centre_weight.any(axis=1))}
+    return [row for row in control_rows(account) if row.name in control] + [
+        row for row in position_rows(account) if row.name in positions
+    ]
+
+
+def _blunder_sentences(account: Account, blunders: list[GroundResidual]) -> list[str]:
+    found = []
+    positions = [row for row in blunders if row.role == "position"]
+    for row in blunders:
+        if row.role == "control":
+            found.append(
+                f"The control point {row.name} contradicts the block {_misses(row)}; it took no part. Compare its coordinates "
+                "(name, CRS, height system) and its measurements in the photographs."
+            )
+    if len(positions) > SINGLE:
+        away = np.median([row.difference for row in positions], axis=0)
+        found.append(
+            f"The positions of {len(positions)} photographs contradict the block: they lie {_length(float(np.linalg.norm(away)))} "
+            "from where everything else puts these photographs, and took no part. They are of another place or in another CRS, or "
+            "the control is; compare one photograph with a map."
+        )
+        return found
+    return found + [
+        f"The position of {row.name} contradicts the block {_misses(row)}; it took no part. Correct it or leave it out."
+        for row in positions
+    ]
+
+
+def _misses(row: GroundResidual) -> str:
+    ratio = max(abs(d) / max(s, 1e-9) for d, s in zip(row.difference, row.predicted, strict=True))
+    there = ", ".join(f"{value:+.2f}" for value in row.difference)
+    return f"(block minus given: {there} m in X, Y, Z; {ratio:.0f} times the predicted standard error)"
+
+
+def _length(metres: float) -> str:
+    return f"{metres / 1000.0:.1f} km" if metres >= 1000.0 else f"{metres:.0f} m"
+
+
+def _nominal(problem: Problem, result: Adjustment) -> list[str]:
+    """A sentence for every camera constant that was only considered."""
+    found = []
+    for k in np.flatnonzero(result.network.interior.considered[:, 0]):
+        camera, column = problem.cameras[k], result.network.interior_columns[k, 0]
+        share = 100.0 * np.sqrt(result.cofactor[column, column]) / camera.c
+        found.append(
+            f"The camera constant of {problem.camera_names[k]} is nominal (from EXIF, {camera.c:.0f} px, within {share:.0f} %) and "
+            "cannot be told from the flying height without control: it and the principal point kept their values, and heights "
+            "above and below the mean ground are uncertain by the same share. Calibrate the camera, or give three control points."
+        )
+    return found
+
+
+def _contradicted(account: Account) -> list[str]:
+    """A sentence for every camera constant that the block contradicts."""
+    interior, found = account.result.network.interior, []
+    for k in np.flatnonzero(interior.free[:, 0] & ~interior.considered[:, 0]):
+        given, c = interior.value[k, 0], account.result.state.interior[k, 0]
+        weight = interior.weight[k][np.ix_(interior.free[k], interior.free[k])]
+        sigma = np.sqrt(np.linalg.pinv(weight, hermitian=True)[0, 0]) if weight.any() else 0.05 * given
+        if abs(c - given) > MOVED * sigma:
+            found.append(
+                f"The block contradicts the camera constant of {account.problem.camera_names[k]}: {given:.0f} px were given, "
+                f"{c:.0f} px fit. Look for a wrong focal length, zoom or photograph size, or calibrate the camera."
+            )
+    return found
+
+
+def _unconnected(problem: Problem, apart: tuple[Block, ...]) -> list[str]:
+    found = []
+    if len(problem.groups) > 1:
+        others = "; ".join(", ".join(group) for group in problem.groups[1:])
+        found.append(
+            f"The photographs form {len(problem.groups)} groups which no reliable tie points connect; each is held by its own "
+            f"positions and control only. Beside the largest: {others}. Photographs between them would join them."
+        )
+    for block in apart:
+        found.append(
+            f"{', '.join(block.names)} form a separate group which neither tie points nor positions or control connect to the "
+            "block; it is kept as a free block of its own and takes no part in later stages."
+        )
+    return found
+
+
+def _correlations(problem: Problem, result: Adjustment) -> list[Correlation]:
+    """Interior parameters against each other, against the mean height of the centres, and that of 0.9 or more only."""
+    names, rows, size = [], [], len(result.cofactor)
+    for k, columns in enumerate(result.network.interior_columns):
+        names += [f"{INTERIOR[i]} of {problem.cameras[k].name}" for i in np.flatnonzero(columns >= 0)]
+        rows += [np.eye(size)[columns[i]] for i in np.flatnonzero(columns >= 0)]
+    photos = len(problem.names)
+    names.append("the mean height of the projection centres")
+    rows.append(np.bincount(6 * np.arange(photos) + 2, minlength=size) / photos)
+    J = np.array(rows)
+    covariance = J @ result.cofactor @ J.T
+    scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    correlation = covariance / np.outer(scale, scale)
+    return [
+        Correlation(first=names[i], second=names[j], value=float(correlation[i, j]))
+        for i in range(len(names))
+        for j in range(i + 1, len(names))
+        if abs(correlation[i, j]) >= 0.9
+    ]

@@ -1,0 +1,228 @@
+"""From starts and datums to the numbers of one adjustment.
+
+Every part has its photographs, its model and its datum; parts that share the project's system are put side by side. A tie point
+belongs to one part, and only the rays of that part's photographs are believed; surveyed points belong to all.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from schemas.camera import Camera, Cameras
+from schemas.observations import Control, ControlPoint
+from schemas.photo import Photos
+from tasks.adjustment.collinearity import BEHIND, misclosures
+from tasks.adjustment.network import Distances, Network, Rays, State
+from tasks.adjustment.result import Adjustment
+from tasks.orientation.block_start import Material, Start
+from tasks.orientation.georeference import Datum, Known, held
+from tasks.orientation.ground_points import approximate_points
+from tasks.orientation.measurements import ground_rays
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A group of photographs: its start, its model (photographs of the group only), what is known of it, and its datum."""
+
+    start: Start
+    model: State
+    known: Known
+    datum: Datum
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """The block in local numbers: `active` (p,) numbers of its photos, `names` of them, `rays` of tie points and surveyed points,
+    `good` (M,) after the start, `ties` the number of tie points, `measured` the number of all rays of its photos, also of points
+    that were never intersected; `surveyed`: points that a person measured, but for check points; `groups`: names by part."""
+
+    active: np.ndarray
+    names: tuple[str, ...]
+    camera_names: tuple[str, ...]
+    cameras: list[Camera]
+    camera_of: np.ndarray
+    rays: Rays
+    good: np.ndarray
+    ties: int
+    measured: int
+    surveyed: list[ControlPoint]
+    known: Known
+    distances: tuple[tuple[int, int, float, float], ...]
+    groups: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Account:
+    """All that the tables are made from; `remarks`: sentences about the interior orientation."""
+
+    cameras: Cameras
+    problem: Problem
+    result: Adjustment
+    datum: Datum
+    remarks: tuple[str, ...]
+
+
+def taking_part(control: Control) -> list[ControlPoint]:
+    """The control points, and the points of which only distances are known."""
+    ends = {name for distance in control.distances for name in (distance.first, distance.second)}
+    return [point for point in control.points if point.role == "control" or (point.role == "tie" and point.name in ends)]
+
+
+def known_of(photos: Photos, cameras: Cameras, material: Material, start: Start, control: Control) -> tuple[State, Known]:
+    """The model of a start, with its photographs only, and what is known of these and of the ground."""
+    model = replace(
+        start.state,
+        rotation=start.state.rotation[start.photos],
+        centre=start.state.centre[start.photos],
+        point=np.where(start.known[:, None], start.state.point, np.nan),
+    )
+    names = tuple(material.names[i] for i in start.photos)
+    points = taking_part(control)
+    rays = ground_rays(points, {name: i for i, name in enumerate(names)}, cameras)
+    camera_of = material.camera_of[start.photos]
+    placed = approximate_points(model, material.cameras, camera_of, rays, len(points))
+    return model, Known(*_positions(photos, names), *_coordinates(points), placed, _lengths(points, control))
+
+
+def _positions(photos: Photos, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+    unknown = (np.nan,) * 3
+    rows = [photos[name] for name in names]
+    both = [photo.position is not None and photo.position_sigma is not None for photo in rows]
+    position = np.array([photo.position if ok else unknown for photo, ok in zip(rows, both, strict=True)], float)
+    sigma = np.array([photo.position_sigma if ok else unknown for photo, ok in zip(rows, both, strict=True)], float)
+    return position, sigma
+
+
+def _coordinates(points: list[ControlPoint]) -> tuple[np.ndarray, np.ndarray]:
+    """Coordinates (n, 3) and standard errors (n, 3); NaN and inf for points that were not surveyed."""
+    nothing, open_ = (np.nan,) * 3, (np.inf,) * 3
+    xyz = [p.xyz if p.role == "control" else nothing for p in points]
+    sigma = [p.sigma if p.role == "control" else open_ for p in points]
+    return np.array(xyz, float).reshape(-1, 3), np.array(sigma, float).reshape(-1, 3)
+
+
+def _lengths(points: list[ControlPoint], control: Control) -> tuple[tuple[int, int, float, float], ...]:
+    """Distances by the numbers of their ends; those to points that take no part are left out."""
+    number = {point.name: i for i, point in enumerate(points)}
+    return tuple(
+        (number[d.first], number[d.second], d.length, d.sigma)
+        for d in control.distances
+        if d.first in number and d.second in number and d.first != d.second
+    )
+
+
+def problem_of(material: Material, parts: list[Part], cameras: Cameras, control: Control) -> tuple[Problem, Datum]:
+    """The problem of several parts and their common datum: the first part's, with what all of them set aside."""
+    active = np.sort(np.concatenate([part.start.photos for part in parts]))
+    number, part_of = np.full(len(material.names), -1, np.int32), np.full(len(material.names), -1)
+    number[active] = np.arange(len(active))
+    owner = np.full(material.points, -1)
+    for i, part in enumerate(parts):
+        part_of[part.start.photos] = i
+        owner[part.start.known & (owner < 0)] = i
+    inside = (number[material.rays.photo] >= 0) & (owner[material.rays.point] >= 0)
+    ties = material.rays.take(inside)
+    trust = np.stack([part.start.good for part in parts])[np.maximum(part_of[ties.photo], 0), np.flatnonzero(inside)]
+    names = tuple(material.names[i] for i in active)
+    points = taking_part(control)
+    ground = ground_rays(points, {name: i for i, name in enumerate(names)}, cameras)
+    rays = Rays(
+        np.concatenate([ties.point, ground.point + material.points]).astype(np.int32),
+        np.concatenate([number[ties.photo], ground.photo]).astype(np.int32),
+        np.vstack([ties.xy, ground.xy]),
+        np.concatenate([ties.sigma, ground.sigma]),
+    )
+    known = _known_together(parts, number, len(active))
+    problem = Problem(
+        active=active,
+        names=names,
+        camera_names=material.camera_names,
+        cameras=material.cameras,
+        camera_of=material.camera_of[active],
+        rays=rays,
+        good=np.concatenate([trust & (owner[ties.point] == part_of[ties.photo]), np.ones(len(ground), bool)]),
+        ties=material.points,
+        measured=int((number[material.rays.photo] >= 0).sum()) + len(ground),
+        surveyed=points,
+        known=known,
+        distances=known.distances,
+        groups=tuple(tuple(material.names[i] for i in part.start.photos) for part in parts),
+    )
+    return problem, _datum_together(parts, number, len(active))
+
+
+def _known_together(parts: list[Part], number: np.ndarray, photos: int) -> Known:
+    position, sigma = np.full((photos, 3), np.nan), np.full((photos, 3), np.nan)
+    model = np.full_like(parts[0].known.control, np.nan)
+    for part in parts:
+        own = number[part.start.photos]
+        position[own], sigma[own] = part.known.position, part.known.position_sigma
+        in_first = part.datum.similarity.apply(part.known.control_model) + part.datum.origin - parts[0].datum.origin
+        model = np.where(np.isfinite(model), model, in_first)
+    first = parts[0].known
+    return Known(position, sigma, first.control, first.control_sigma, model, first.distances)
+
+
+def _datum_together(parts: list[Part], number: np.ndarray, photos: int) -> Datum:
+    """A control point is set aside where it is far from its place in a part, and near it in none."""
+    positions = np.ones(photos, bool)
+    for part in parts:
+        positions[number[part.start.photos]] = part.datum.positions_aside
+    far = np.any([part.datum.control_aside for part in parts], axis=0)
+    near = np.any([part.known.placed & ~part.datum.control_aside for part in parts], axis=0)
+    weaknesses = tuple(dict.fromkeys(text for part in parts for text in part.datum.weaknesses))
+    return replace(parts[0].datum, positions_aside=positions, control_aside=far & ~near, weaknesses=weaknesses)
+
+
+def starting_values(material: Material, problem: Problem, parts: list[Part], datum: Datum) -> tuple[Network, State, np.ndarray]:
+    """The network, the state to begin with, and (M,) which rays take part."""
+    photos, count = len(problem.names), problem.ties + len(problem.surveyed)
+    rotation, centre, point = np.zeros((photos, 3, 3)), np.zeros((photos, 3)), np.zeros((count, 3))
+    vertical, filled = np.zeros(photos), np.zeros(count, bool)
+    for part in parts:
+        own = np.searchsorted(problem.active, part.start.photos)
+        fit, offset = part.datum.similarity, part.datum.origin - datum.origin
+        rotation[own] = part.model.rotation @ fit.rotation.T
+        centre[own] = fit.apply(part.model.centre) + offset
+        fresh = part.start.known & ~filled[: problem.ties]
+        point[: problem.ties][fresh] = fit.apply(part.model.point[fresh]) + offset
+        filled[: problem.ties] |= fresh
+        if part.datum.vertical_sigma is not None:
+            vertical[own] = 1.0 / (part.datum.vertical_sigma**2 * len(own))
+    known = problem.known
+    surveyed = np.where(np.isfinite(known.control_model), known.control_model, known.control - datum.origin)
+    point[problem.ties :] = np.nan_to_num(surveyed)
+    state = State(rotation, centre, point, parts[0].model.interior, np.zeros(3))
+    network = _network(material, problem, vertical, count)
+    network = held(network, known, datum, problem.ties)
+    good = problem.good & _placed(problem, network, state, np.isfinite(surveyed).all(axis=1))
+    return _with_distances(network, problem, datum, good), state, good
+
+
+def _network(material: Material, problem: Problem, vertical: np.ndarray, count: int) -> Network:
+    present = np.isin(np.arange(len(problem.cameras)), problem.camera_of)[:, None]
+    interior = replace(material.interior, free=material.interior.free & present, considered=material.interior.considered & present)
+    none, nothing = np.zeros((len(problem.names), 3)), np.zeros((count, 3))
+    return Network(problem.camera_of, interior, none, none, nothing, nothing, vertical)
+
+
+def _placed(problem: Problem, network: Network, state: State, finite: np.ndarray) -> np.ndarray:
+    """(M,) rays of tie points, and those of surveyed points that have a place before the camera and hang on enough."""
+    rays = problem.rays
+    of_person = rays.point >= problem.ties
+    ahead = np.abs(misclosures(state, rays, network.camera_of)).max(axis=1) < BEHIND
+    good = ~of_person | (ahead & finite[np.maximum(rays.point - problem.ties, 0)] if len(finite) else ~of_person)
+    count = np.bincount(rays.point[good & of_person], minlength=len(network.point))
+    return good & (~of_person | network.point_weight.any(axis=1)[rays.point] | (count[rays.point] >= 2))
+
+
+def _with_distances(network: Network, problem: Problem, datum: Datum, good: np.ndarray) -> Network:
+    """The network with the distances whose ends are both determined; these ends stay among the unknowns."""
+    seen = np.bincount(problem.rays.point[good], minlength=len(network.point)) > 0
+    rows = [(a + problem.ties, b + problem.ties, *rest) for a, b, *rest in problem.distances]
+    rows = [row for row in rows if seen[row[0]] and seen[row[1]]]
+    if not rows:
+        return network
+    ends = np.array([row[:2] for row in rows], np.int64)
+    length, sigma = np.array([row[2:] for row in rows]).T
+    return replace(network, kept=np.unique(ends), distances=Distances(ends, length, 1.0 / sigma**2))

@@ -1,0 +1,202 @@
+"""Control with blunders, positions of another place, a lever arm, distances, approximate orientations: found, used, and named."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from orienting import orient, standardised_orientation
+from simulated_block import one_strip, two_strips
+
+from schemas.observations import Control, Distance
+from schemas.orientation import ExteriorOrientation
+from schemas.photo import Photos
+from tasks.adjustment.interior import FixedInterior
+from tasks.geometry.rotation import angles
+
+FIXED = FixedInterior(kind="fixed")
+
+
+def with_control(block, change, distances=()):
+    """The block with control points changed by `change(number among the control points, point)`."""
+    control = [p for p in block.control.points if p.role == "control"]
+    points = tuple(change(control.index(p), p) if p in control else p for p in block.control.points)
+    return replace(block, control=Control(points=points, distances=distances))
+
+
+def with_positions(block, change):
+    photos = tuple(
+        p.model_copy(update={"position": tuple(np.array(p.position) + change(i))}) for i, p in enumerate(block.photos.photos)
+    )
+    return replace(block, photos=Photos(photos=photos))
+
+
+@pytest.mark.parametrize("error", [(2.0, 0, 0), (0, 0, -4.0), (0, 40, 0), (3000.0, -500, 0)])
+def test_a_blunder_in_control_is_found_and_named(error):
+    block = two_strips(11)
+    name = [p.name for p in block.control.points if p.role == "control"][2]
+    wrong = with_control(
+        block, lambda i, p: p.model_copy(update={"xyz": tuple(np.array(p.xyz) + error)}) if p.name == name else p
+    )
+    out = orient(wrong)
+    assert out["precision"].blunders == (name,)
+    assert any(name in text and "contradicts the block" in text for text in out["precision"].weaknesses)
+    row = next(p for p in out["ground_residuals"].points if p.name == name)
+    assert np.abs((np.array(row.difference) + error) / row.predicted).max() < 4.5
+    assert np.abs(standardised_orientation(block, out["block"])).max() < 4.5
+    assert out["precision"].control_factor == 1.0
+
+
+def test_two_swapped_control_points_are_both_found():
+    block = two_strips(12)
+    control = [p for p in block.control.points if p.role == "control"]
+    swapped = with_control(block, lambda i, p: p.model_copy(update={"xyz": control[1 - i].xyz}) if i < 2 else p)
+    out = orient(swapped)
+    assert set(out["precision"].blunders) == {control[0].name, control[1].name}
+    assert np.abs(standardised_orientation(block, out["block"])).max() < 4.5
+
+
+def test_a_wrong_measurement_of_a_control_point_is_not_blamed_on_its_coordinates():
+    block = two_strips(13)
+    point = next(p for p in block.control.points if p.role == "control" and len(p.measurements) >= 4)
+    photo = next(iter(point.measurements))
+    col, row, sigma = point.measurements[photo]
+    wrong = with_control(
+        block,
+        lambda i, p: p.model_copy(update={"measurements": {**p.measurements, photo: (col + 15, row, sigma)}}) if p == point else p,
+    )
+    out = orient(wrong)
+    assert out["precision"].blunders == ()
+    image, number = out["image_residuals"], -1 - [p.name for p in block.control.points].index(point.name)
+    own = image.take(image.track == number)
+    assert (own.used == (own.photo != block.photos.names.index(photo))).all()
+
+
+def test_good_control_stays():
+    for seed in range(3):
+        assert orient(two_strips(20 + seed))["precision"].blunders == ()
+
+
+def test_one_position_of_another_place_is_named_and_the_block_stands():
+    block = with_positions(two_strips(14), lambda i: (12000.0, 0, 0) if i == 2 else (0, 0, 0))
+    out = orient(block)
+    assert len(out["block"].photos) == 6
+    assert out["precision"].blunders == (block.photos.names[2],)
+    assert np.abs(standardised_orientation(block, out["block"])).max() < 4.5
+
+
+def test_positions_of_another_place_lose_against_control():
+    block = with_positions(two_strips(15), lambda i: (50000.0, -20000.0, 300.0))
+    out = orient(block)
+    assert set(out["precision"].blunders) == set(block.photos.names)
+    assert any("53.9 km" in text and "another CRS" in text for text in out["precision"].weaknesses)
+    assert np.abs(standardised_orientation(block, out["block"])).max() < 4.5
+
+
+def test_a_small_error_of_one_position_is_found():
+    block = with_positions(two_strips(16, control=0), lambda i: (0, 0, 3.0) if i == 4 else (0, 0, 0))
+    out = orient(block)
+    assert out["precision"].blunders == (block.photos.names[4],)
+
+
+def antennas(block, lever):
+    """The block with positions of an antenna at `lever` (3,) m in the image system."""
+    return with_positions(block, lambda i: block.views[i].rotation.T @ np.array(lever))
+
+
+def test_a_known_lever_arm_is_taken_off():
+    block = antennas(two_strips(17, control=0), (2.0, -1.0, 3.0))
+    out = orient(block, lever_arm=(2.0, -1.0, 3.0))
+    assert np.abs(standardised_orientation(block, out["block"])).max() < 4.5
+    assert out["precision"].lever_arm == (2.0, -1.0, 3.0) and out["precision"].lever_arm_sigma is None
+    height = [photo.centre[2] - v.centre[2] for photo, v in zip(orient(block)["block"].photos, block.views, strict=True)]
+    assert np.mean(height) > 2.5
+
+
+def test_a_rough_lever_arm_is_adjusted():
+    block = antennas(two_strips(18), (2.0, -1.0, 3.0))
+    out = orient(block, lever_arm=(1.5, -1.5, 2.5), lever_sigma=0.5)
+    error = (np.array(out["precision"].lever_arm) - (2.0, -1.0, 3.0)) / out["precision"].lever_arm_sigma
+    assert np.abs(error).max() < 4 and max(out["precision"].lever_arm_sigma) < 0.4
+    assert np.abs(standardised_orientation(block, out["block"])).max() < 4.5
+
+
+def ends_of(block):
+    """The control points farthest apart and the distance between their true places (0.02 m noise on each)."""
+    points = [p for p in block.control.points if p.role == "control"]
+    pairs = [(np.linalg.norm(np.subtract(a.xyz, b.xyz)), a, b) for i, a in enumerate(points) for b in points[:i]]
+    return max(pairs, key=lambda pair: pair[0])
+
+
+def test_a_distance_gives_a_free_network_its_scale():
+    block = two_strips(19, gnss=None)
+    length, first, second = ends_of(block)
+    free = with_control(
+        block, lambda i, p: p.model_copy(update={"role": "tie", "xyz": (0.0, 0.0, 0.0)}),
+        (Distance(first=first.name, second=second.name, length=length, sigma=0.03),),
+    )
+    out = orient(free, interior=FIXED)
+    result, truth = out["block"], np.array([v.centre for v in block.views])
+    assert result.datum.startswith("Free network") and "1 measured distances" in result.datum
+    found = np.array([result.of(v.name).centre for v in block.views])
+    i, j = np.triu_indices(6, 1)
+    assert np.abs(np.linalg.norm(found[i] - found[j], axis=1) / np.linalg.norm(truth[i] - truth[j], axis=1) - 1).max() < 4e-3
+    assert abs(out["ground_residuals"].distances[0].difference) < 0.03
+
+
+def test_a_distance_takes_part_beside_control():
+    block = two_strips(21)
+    length, first, second = ends_of(block)
+    out = orient(with_control(block, lambda i, p: p, (Distance(first=first.name, second=second.name, length=length, sigma=0.02),)))
+    row = out["ground_residuals"].distances[0]
+    assert abs(row.difference) < 4 * row.predicted
+    assert next(g for g in out["precision"].groups if g.name == "distances").count == 1
+    assert np.abs(standardised_orientation(block, out["block"])).max() < 4.5
+
+
+def test_groups_share_the_redundancy(volos_like):
+    out = volos_like[1]
+    groups = out["precision"].groups
+    assert {g.name for g in groups} == {
+        "tie points in photographs", "surveyed points in photographs", "GNSS positions", "surveyed coordinates"
+    }
+    total = sum(g.redundancy for g in groups)
+    assert total == pytest.approx(out["block"].redundancy, rel=0.01)
+
+
+def test_the_worst_residuals_are_named_with_their_reliability(volos_like):
+    block, out = volos_like
+    worst = out["precision"].largest
+    assert len(worst) == 12 and abs(worst[0].standardised) == max(abs(row.standardised) for row in worst)
+    assert all(row.photo in block.photos.names and 0 < row.redundancy_number <= 1 for row in worst)
+    assert all(row.detectable_px > 4.13 * 0.25 for row in worst)
+
+
+@pytest.mark.parametrize("datum", ["control", "free"])
+def test_approximate_orientations_are_a_start(datum):
+    block = two_strips(22) if datum == "control" else two_strips(22, control=0, check=0, gnss=None)
+    rng = np.random.default_rng(3)
+    truth = orient(two_strips(22))["block"]
+    rough = tuple(
+        ExteriorOrientation(
+            photo=v.name,
+            centre=tuple(v.centre + 10 * rng.standard_normal(3)),
+            omega_phi_kappa=tuple(np.degrees(angles(v.rotation)) + 1.0 * rng.standard_normal(3)),
+        )
+        for v in block.views
+    )
+    out = orient(block, given=truth.model_copy(update={"photos": rough}), interior=FIXED)
+    assert len(out["block"].photos) == 6
+    if datum == "control":
+        found = np.array([out["block"].of(v.name).centre for v in block.views])
+        assert np.abs(found - [v.centre for v in block.views]).max() < 2.0
+    else:
+        assert "given orientation" in out["block"].datum
+        shift = np.array([out["block"].of(v.name).centre for v in block.views]) - [v.centre for v in block.views]
+        assert np.abs(shift).max() < 60.0
+
+
+def test_a_strip_keeps_its_tilt_with_a_wrong_position():
+    block = with_positions(one_strip(3), lambda i: (0, 0, 400.0) if i == 3 else (0, 0, 0))
+    out = orient(block)
+    assert block.photos.names[3] in out["precision"].blunders
+    assert len(out["block"].photos) == 8
