@@ -4,7 +4,7 @@ import numpy as np
 
 from schemas.camera import INTERIOR, Camera, Cameras
 from schemas.observations import Control, GroundPoints, ImageResiduals
-from schemas.orientation import Block, BlockPrecision, GroundResidual, GroundResiduals, RelativeOrientations
+from schemas.orientation import Block, BlockPrecision, ExteriorOrientation, GroundResidual, GroundResiduals, RelativeOrientations
 from schemas.photo import Photos
 from schemas.report import Figure, Grid, StageReport
 from tasks.orientation.report_charts import block_charts
@@ -47,7 +47,7 @@ def _figures(facts: Facts) -> list[Figure]:
     block, precision = facts.block, facts.precision
     pixel = {camera.pixel_um for camera in block.cameras.values()}
     sigma0_um = block.sigma0_px * pixel.pop() if len(pixel) == 1 and None not in pixel else None
-    centre = np.array([np.sqrt(np.diag(photo.covariance)[:3]) for photo in block.photos])
+    centre = np.array([_exterior_sigmas(photo)[:3] for photo in block.photos])
     fractions = coverage(facts)
     figures = [
         Figure(
@@ -83,18 +83,18 @@ def _figures(facts: Facts) -> list[Figure]:
         Figure(name="image_measurements_rejected", value=precision.rejected),
         Figure(
             name="centre_sigma_plan",
-            value=float(np.median(np.hypot(centre[:, 0], centre[:, 1]))),
+            value=_median(np.hypot(centre[:, 0], centre[:, 1])),
             unit="m",
             sentence="Median standard error of the projection centres in plan.",
         ),
-        Figure(name="centre_sigma_height", value=float(np.median(centre[:, 2])), unit="m"),
+        Figure(name="centre_sigma_height", value=_median(centre[:, 2]), unit="m"),
         Figure(
             name="ground_sigma_plan",
-            value=float(np.median(np.hypot(facts.points.sigma_x, facts.points.sigma_y))),
+            value=_median(np.hypot(facts.points.sigma_x, facts.points.sigma_y)),
             unit="m",
             sentence="Median standard error of the tie points in plan, with the effect of the orientation.",
         ),
-        Figure(name="ground_sigma_height", value=float(np.median(facts.points.sigma_z)), unit="m"),
+        Figure(name="ground_sigma_height", value=_median(facts.points.sigma_z), unit="m"),
         Figure(
             name="covered_by_two",
             value=fractions[0],
@@ -106,6 +106,19 @@ def _figures(facts: Facts) -> list[Figure]:
     for role, word in (("control", "control"), ("check", "check"), ("position", "gnss")):
         figures += _ground_figures(facts.ground.of_role(role), word)
     return figures
+
+
+def _median(values: np.ndarray) -> float | None:
+    """The median of the numbers that are known."""
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else None
+
+
+def _exterior_sigmas(photo: ExteriorOrientation) -> np.ndarray:
+    """(6,) standard errors of X, Y, Z in m and of omega, phi, kappa in degrees; NaN where they are not known."""
+    if photo.covariance is None:
+        return np.full(6, np.nan)
+    return np.sqrt(np.diag(np.array(photo.covariance))) * np.repeat([1.0, np.degrees(1.0)], 3)
 
 
 def _ground_figures(points: tuple[GroundResidual, ...], word: str) -> list[Figure]:
@@ -131,7 +144,7 @@ def _ground_figures(points: tuple[GroundResidual, ...], word: str) -> list[Figur
 def _cameras(facts: Facts) -> Grid:
     rows = []
     for name, camera in facts.block.cameras.items():
-        before, sigma = facts.before.cameras[name], _sigmas(camera)
+        before, sigma = facts.before.cameras.get(name, camera), _sigmas(camera)
         rows += [
             (name, parameter, before.interior[i], camera.interior[i], sigma[i], camera.interior[i] - before.interior[i])
             for i, parameter in enumerate(INTERIOR)
@@ -163,10 +176,8 @@ def _sigmas(camera: Camera) -> list[float | None]:
 def _orientations(facts: Facts) -> Grid:
     rows = []
     for photo in facts.block.photos:
-        sigma = np.sqrt(np.diag(np.array(photo.covariance)))
-        rows.append(
-            (photo.photo, *photo.centre, *map(float, sigma[:3]), *photo.omega_phi_kappa, *(float(v) for v in np.degrees(sigma[3:])))
-        )
+        sigma = [float(v) if np.isfinite(v) else None for v in _exterior_sigmas(photo)]
+        rows.append((photo.photo, *photo.centre, *sigma[:3], *photo.omega_phi_kappa, *sigma[3:]))
     return Grid(
         title="Exterior orientation",
         columns=(

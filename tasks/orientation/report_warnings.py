@@ -51,7 +51,7 @@ def _camera_warnings(facts: Facts) -> list[str]:
         for c in facts.precision.correlations
     ]
     for name, camera in facts.block.cameras.items():
-        before = facts.before.cameras[name]
+        before = facts.before.cameras.get(name, camera)
         if before.source == "exif" and camera.source != "block":
             found.append(
                 f"The camera {name} is known from EXIF only and was not adjusted: heights may bend over the block. Calibrate it, "

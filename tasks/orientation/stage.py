@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import ClassVar, Literal
 
 from schemas.camera import CAMERAS
-from schemas.job import Export, Job, Region, TextFile
+from schemas.job import Export, Job, Region, Table, TextFile
 from schemas.observations import CONTROL, GROUND_POINTS, IMAGE_RESIDUALS, TIE_POINTS
 from schemas.orientation import BLOCK, BLOCK_PRECISION, GROUND_RESIDUALS, RELATIVE
 from schemas.photo import PHOTOS
@@ -15,10 +15,20 @@ from schemas.stage import ProjectView, Stage
 from tasks.adjustment.interior import InteriorChoice, WeightedInterior
 from tasks.orientation.block import BlockChoices, orient_block
 from tasks.orientation.control_files import no_control, read_control
-from tasks.orientation.pairs import relate_pairs
+from tasks.orientation.held_block import hold_block
+from tasks.orientation.pairs import no_pairs, relate_pairs
+from tasks.orientation.products import PRODUCTS, block_products, product_table
 from tasks.orientation.report import report
+from tasks.orientation.sources import Adjusted, ExteriorSource
 
 SCRATCH = 256 * 2**20
+BLOCK_TABLES: dict[str, Table] = {
+    "block": BLOCK,
+    "points": GROUND_POINTS,
+    "image_residuals": IMAGE_RESIDUALS,
+    "ground_residuals": GROUND_RESIDUALS,
+    "precision": BLOCK_PRECISION,
+}
 
 
 class OrientationStage(Stage):
@@ -26,6 +36,9 @@ class OrientationStage(Stage):
 
     title: ClassVar[str] = "Orient the photographs as one block"
     kind: Literal["orientation"] = "orientation"
+    exterior: ExteriorSource = setting(
+        Adjusted(kind="adjusted"), "Where the exterior orientation comes from: the own adjustment, or a file of another program."
+    )
     least_matches: int = setting(15, "Pairs that share fewer tie points are not related.", "tie points", ge=6)
     interior: InteriorChoice = setting(
         WeightedInterior(kind="weighted"), "How the interior orientation takes part in the adjustment."
@@ -47,6 +60,36 @@ class OrientationStage(Stage):
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         yield self._control(view)
+        yield from self._adjusted_jobs(view) if self.exterior.kind == "adjusted" else self._held_jobs(view)
+        yield Job(
+            "orientation",
+            "report",
+            report,
+            reads={
+                "photos": PHOTOS,
+                "cameras": CAMERAS,
+                "control": CONTROL,
+                "relative": RELATIVE,
+                "block": BLOCK,
+                "points": GROUND_POINTS,
+                "image_residuals": IMAGE_RESIDUALS,
+                "ground_residuals": GROUND_RESIDUALS,
+                "precision": BLOCK_PRECISION,
+            },
+            writes={"report": report_table("orientation")},
+        )
+        yield Job(
+            "orientation",
+            "products",
+            block_products,
+            reads={"photos": PHOTOS, "block": BLOCK, "points": GROUND_POINTS},
+            writes={name: product_table(name) for name in PRODUCTS},
+        )
+        yield Export("orientation", "cameras", "products/cameras.json", "json", tables=(BLOCK,))
+        for name, path in PRODUCTS.items():
+            yield Export("orientation", name, f"products/{path}", "text", tables=(product_table(name),))
+
+    def _adjusted_jobs(self, view: ProjectView) -> Iterator[Job]:
         yield Job(
             "orientation",
             "pairs",
@@ -67,34 +110,27 @@ class OrientationStage(Stage):
             "block",
             orient_block,
             reads={"photos": PHOTOS, "cameras": CAMERAS, "tie_points": TIE_POINTS, "control": CONTROL, "relative": RELATIVE},
-            writes={
-                "block": BLOCK,
-                "points": GROUND_POINTS,
-                "image_residuals": IMAGE_RESIDUALS,
-                "ground_residuals": GROUND_RESIDUALS,
-                "precision": BLOCK_PRECISION,
-            },
+            writes=dict(BLOCK_TABLES),
             params={"crs": view.project.crs, "choices": choices},
             scratch=SCRATCH,
         )
+
+    def _held_jobs(self, view: ProjectView) -> Iterator[Job]:
+        """The block of another program; the own tie points examine it, where the workflow has them."""
+        yield Job("orientation", "pairs", no_pairs, reads={}, writes={"relative": RELATIVE})
+        texts = tuple(TextFile(path) for path in self.exterior.files)
+        reads: dict[str, Region | tuple[Region, ...]] = {"photos": PHOTOS, "cameras": CAMERAS, "control": CONTROL, "texts": texts}
+        if view.has_stage("tie_points"):
+            reads["tie_points"] = TIE_POINTS
         yield Job(
             "orientation",
-            "report",
-            report,
-            reads={
-                "photos": PHOTOS,
-                "cameras": CAMERAS,
-                "control": CONTROL,
-                "relative": RELATIVE,
-                "block": BLOCK,
-                "points": GROUND_POINTS,
-                "image_residuals": IMAGE_RESIDUALS,
-                "ground_residuals": GROUND_RESIDUALS,
-                "precision": BLOCK_PRECISION,
-            },
-            writes={"report": report_table("orientation")},
+            "block",
+            hold_block,
+            reads=reads,
+            writes=dict(BLOCK_TABLES),
+            params={"crs": view.project.crs, "source": self.exterior},
+            scratch=SCRATCH,
         )
-        yield Export("orientation", "cameras", "products/cameras.json", "json", tables=(BLOCK,))
 
     def _control(self, view: ProjectView) -> Job:
         source = view.project.control
