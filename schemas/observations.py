@@ -63,6 +63,8 @@ class Control(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     points: tuple[ControlPoint, ...] = ()
+    remarks: tuple[str, ...] = ()
+    """whole sentences about what could not be used, and about the reference system"""
 
 
 TIE_POINTS = Table("tie_points/tie_points.parquet", TiePoints)

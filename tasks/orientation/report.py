@@ -7,6 +7,7 @@ from schemas.observations import Control, GroundPoints, ImageResiduals
 from schemas.orientation import Block, BlockPrecision, ExteriorOrientation, GroundResidual, GroundResiduals, RelativeOrientations
 from schemas.photo import Photos
 from schemas.report import Figure, Grid, StageReport
+from tasks.geometry.survey_system import vertical_name
 from tasks.orientation.report_charts import block_charts
 from tasks.orientation.report_facts import CELLS, Facts, coverage, filled_areas
 from tasks.orientation.report_warnings import block_warnings
@@ -55,6 +56,12 @@ def _figures(facts: Facts) -> list[Figure]:
         ),
         Figure(name="photos_unoriented", value=len(block.unoriented)),
         Figure(name="datum", value=block.datum),
+        Figure(
+            name="height_reference",
+            value=vertical_name(block.crs) or "not stated",
+            sentence="What heights count from. Not stated: from where the heights of control or positions count; state it as the "
+            "part of crs after a plus sign.",
+        ),
         Figure(
             name="sigma0_px",
             value=block.sigma0_px,

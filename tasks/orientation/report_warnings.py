@@ -8,6 +8,7 @@ def block_warnings(facts: Facts) -> list[str]:
     return [
         *(u.reason for u in facts.block.unoriented),
         *facts.precision.weaknesses,
+        *facts.control.remarks,
         *_control_warnings(facts),
         *_camera_warnings(facts),
         *_photo_warnings(facts),

@@ -1,11 +1,11 @@
 """Stage `orientation`: pairs are related one by one, then all photographs become one block in the project's system."""
 
-from collections.abc import Iterator
-from typing import ClassVar, Literal
+from collections.abc import Callable, Iterator
+from typing import Any, ClassVar, Literal
 
 from schemas.camera import CAMERAS
 from schemas.job import Export, Job, Region, Table, TextFile
-from schemas.observations import CONTROL, GROUND_POINTS, IMAGE_RESIDUALS, TIE_POINTS
+from schemas.observations import CONTROL, GROUND_POINTS, IMAGE_RESIDUALS, TIE_POINTS, Control
 from schemas.orientation import BLOCK, BLOCK_PRECISION, GROUND_RESIDUALS, RELATIVE
 from schemas.photo import PHOTOS
 from schemas.raster import RasterSpec
@@ -14,7 +14,8 @@ from schemas.settings import setting
 from schemas.stage import ProjectView, Stage
 from tasks.adjustment.interior import InteriorChoice, WeightedInterior
 from tasks.orientation.block import BlockChoices, orient_block
-from tasks.orientation.control_files import no_control, read_control
+from tasks.orientation.control_files import no_control
+from tasks.orientation.control_system import control_from_files, control_from_list
 from tasks.orientation.held_block import hold_block
 from tasks.orientation.pairs import no_pairs, relate_pairs
 from tasks.orientation.products import PRODUCTS, block_products, product_table
@@ -22,6 +23,7 @@ from tasks.orientation.report import report
 from tasks.orientation.sources import Adjusted, ExteriorSource
 
 SCRATCH = 256 * 2**20
+_SIMULATED = ("photographs/control.csv", "photographs/measurements.csv")
 BLOCK_TABLES: dict[str, Table] = {
     "block": BLOCK,
     "points": GROUND_POINTS,
@@ -136,9 +138,16 @@ class OrientationStage(Stage):
         source = view.project.control
         if source.kind == "none":
             return Job("orientation", "control", no_control, reads={}, writes={"control": CONTROL})
+        if source.kind == "gcp_list":
+            reads: dict[str, Region] = {"photos": PHOTOS, "text": TextFile(source.path)}
+            return _control_job(control_from_list, reads, {"source": source, "crs": view.project.crs})
         if source.kind == "simulated":
-            points, measurements = view.run_file("photographs/control.csv"), view.run_file("photographs/measurements.csv")
+            own, points, measurements = None, view.run_file(_SIMULATED[0]), view.run_file(_SIMULATED[1])
         else:
-            points, measurements = source.points, source.measurements
-        reads: dict[str, Region] = {"photos": PHOTOS, "points": TextFile(points), "measurements": TextFile(measurements)}
-        return Job("orientation", "control", read_control, reads=reads, writes={"control": CONTROL})
+            own, points, measurements = source.crs, source.points, source.measurements
+        reads = {"photos": PHOTOS, "points": TextFile(points), "measurements": TextFile(measurements)}
+        return _control_job(control_from_files, reads, {"own": own, "crs": view.project.crs})
+
+
+def _control_job(function: Callable[..., Control], reads: dict[str, Region], params: dict[str, Any]) -> Job:
+    return Job("orientation", "control", function, reads=reads, writes={"control": CONTROL}, params=params)
