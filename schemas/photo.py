@@ -42,6 +42,8 @@ class Photo(BaseModel):
     position: tuple[float, float, float] | None = None
     """Projection centre X, Y, Z in the project's CRS from GNSS or EXIF, m."""
     position_sigma: tuple[float, float, float] | None = None
+    attitude: tuple[float, float, float] | None = None
+    """omega, phi, kappa in degrees, rough: from the positions file or the tags of the gimbal"""
     scan: tuple[float, float, float, float, float, float] | None = None
     """A scan in the frame of its fiducial marks: col = s0 + s1 col_file + s2 row_file, row = s3 + s4 col_file + s5 row_file, where
     col_file, row_file are pixels of the file and col, row those used everywhere else. None: the pixels of the upright file."""

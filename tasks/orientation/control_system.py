@@ -60,6 +60,7 @@ def _on_another_site(given: np.ndarray, xyz: np.ndarray, photos: Photos, own: st
     fits = where_they_would_lie(given, crs, site[:2])
     advice = f"they would lie there {fits}" if fits else "check the reference system, the order of the axes and the zone"
     return (
-        f"The {len(xyz)} control points, read as {own}, lie {distance / 1000:.0f} km from where the photographs were taken; {advice}. "
+        f"The {len(xyz)} control points, read as {own}, lie {distance / 1000:.0f} km from where the photographs were taken; "
+        f"{advice}. "
         "They were set aside, and the block is held without them."
     )

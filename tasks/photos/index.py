@@ -15,7 +15,7 @@ from schemas.workflow import NoPositions, Positions
 from tasks.geometry.reference_system import ground_coordinates, ground_crs
 from tasks.imagery.pyramid import level_count
 from tasks.photos import exif
-from tasks.photos.positions import read_positions
+from tasks.photos.positions import Position, read_positions
 from tasks.photos.sensors import sensor_width_mm
 from tasks.photos.upright import upright_shape
 
@@ -50,6 +50,7 @@ def photo_from_header(header: Header) -> Photo:
         latitude=place[1] if place else None,
         altitude=exif.altitude(tags),
         time=exif.time(tags),
+        attitude=exif.gimbal_attitude(tags),
         levels=level_count((rows, cols)),
     )
 
@@ -134,10 +135,14 @@ def _placed_by_gps(photos: list[Photo], crs: str, sigma: tuple[float, float, flo
 
 def _placed_by_file(photos: list[Photo], text: str) -> list[Photo]:
     positions = read_positions(text)
-    return [
-        _placed(photo, positions[photo.name].xyz, positions[photo.name].sigma) if photo.name in positions else photo
-        for photo in photos
-    ]
+    return [_placed_as(photo, positions.get(photo.name)) for photo in photos]
+
+
+def _placed_as(photo: Photo, position: Position | None) -> Photo:
+    if position is None:
+        return photo
+    placed = _placed(photo, position.xyz, position.sigma)
+    return placed if position.attitude is None else placed.model_copy(update={"attitude": position.attitude})
 
 
 def _placed(photo: Photo, xyz: tuple[float, float, float] | None, sigma: tuple[float, float, float]) -> Photo:

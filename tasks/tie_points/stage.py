@@ -23,10 +23,11 @@ from schemas.settings import setting
 from schemas.stage import ProjectView, Stage
 from tasks.imagery.pyramid import level_shape
 from tasks.matching.least_squares import LeastSquaresMatching
+from tasks.tie_points.appearance import SAMPLE, WORDS, Candidates, Signature, alike, sample, signature, vocabulary
 from tasks.tie_points.assembly import Weighting
 from tasks.tie_points.features import HALO, Detection, photo_features, searched_side, tile_features
 from tasks.tie_points.pair_matching import PairRules, match_pair
-from tasks.tie_points.pairs import Neighbourhood, candidate_pairs
+from tasks.tie_points.pairs import Neighbourhood, candidate_pairs, needs_appearance
 from tasks.tie_points.patches import Strip, strip_patches
 from tasks.tie_points.records import DESCRIPTOR, Features, Links, Observations, PairMatches, PairSummary, Refined, Scatter, Values
 from tasks.tie_points.refinement import PatchRules, refine_pair
@@ -34,6 +35,8 @@ from tasks.tie_points.report import finish
 from tasks.tie_points.tracks import build_tracks, observation_key
 
 LINKS = Table("tie_points/links.json", Links)
+CANDIDATES = Table("tie_points/candidates.json", Candidates)
+VOCABULARY = Table("tie_points/appearance/vocabulary.parquet", Values)
 
 
 def _features(name: str) -> tuple[Table[Features], Table[Values]]:
@@ -75,8 +78,15 @@ class TiePointsStage(Stage):
     epipolar_tolerance: float = setting(
         1.5, "Distance from the epipolar line up to which a match agrees.", "px of the searched level", gt=0.0
     )
-    all_pairs_up_to: int = setting(20, "Up to this many photographs every pair is compared.", "photographs", ge=2)
-    nearest: int = setting(10, "Beyond, each photograph is compared with this many nearest ones.", "photographs", ge=2, le=100)
+    all_pairs_up_to: int = setting(15, "Up to this many photographs every pair is compared.", "photographs", ge=2)
+    nearest: int = setting(
+        10,
+        "Beyond, each photograph is compared with this many others: those that look at the nearest places, or those most like it "
+        "where its position is not known.",
+        "photographs",
+        ge=2,
+        le=100,
+    )
     refinement: LeastSquaresMatching = setting(
         LeastSquaresMatching(max_shift=3.0, min_correlation=0.7),
         "Least-squares matching of each observation against the track's reference.",
@@ -99,7 +109,12 @@ class TiePointsStage(Stage):
             )
         for photo in photos.photos:
             yield from self._feature_jobs(photo, tile)
-        pairs = candidate_pairs(photos, Neighbourhood(self.all_pairs_up_to, self.nearest))
+        neighbourhood = Neighbourhood(self.all_pairs_up_to, self.nearest)
+        if needs_appearance(photos, neighbourhood):
+            yield from self._appearance_jobs(photos, neighbourhood)
+            pairs = view.table(CANDIDATES).pairs
+        else:
+            pairs = candidate_pairs(photos, neighbourhood)
         for left, right in pairs:
             yield self._pair_job(photos.photos[left], photos.photos[right])
         yield self._track_job(photos, pairs)
@@ -140,6 +155,25 @@ class TiePointsStage(Stage):
             reads={"features": tuple(part[0] for part in parts), "descriptors": tuple(part[1] for part in parts)},
             writes={"features": features, "descriptors": descriptors}, params={"level": level, "max_features": self.max_features},
             scratch=16 * DESCRIPTOR * self.max_features,
+        )  # fmt: skip
+
+    def _appearance_jobs(self, photos: Photos, neighbourhood: Neighbourhood) -> Iterator[Job]:
+        """One signature per photograph, from heaps that a sample of all photographs forms."""
+        samples = {name: Table(f"tie_points/appearance/sample/{name}.parquet", Values) for name in photos.names}
+        signatures = {name: Table(f"tie_points/appearance/{name}.parquet", Signature) for name in photos.names}
+        size = 4 * DESCRIPTOR * self.max_features
+        for name in photos.names:
+            yield Job(self.kind, f"{name} sample", sample, {"photo": _features(name)}, {"sample": samples[name]}, scratch=size)
+        yield Job(
+            self.kind, "vocabulary", vocabulary, {"samples": tuple(samples.values())}, {"words": VOCABULARY},
+            scratch=8 * (DESCRIPTOR + WORDS) * SAMPLE * len(photos.names),
+        )  # fmt: skip
+        for name in photos.names:
+            reads = {"photo": _features(name), "words": VOCABULARY}
+            yield Job(self.kind, f"{name} signature", signature, reads, {"signature": signatures[name]}, scratch=4 * size)
+        yield Job(
+            self.kind, "alike", alike, {"photos": PHOTOS, "signatures": tuple(signatures.values())}, {"candidates": CANDIDATES},
+            {"neighbourhood": neighbourhood}, scratch=8 * WORDS * DESCRIPTOR * len(photos.names),
         )  # fmt: skip
 
     def _pair_job(self, left: Photo, right: Photo) -> Job:

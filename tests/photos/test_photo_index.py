@@ -128,3 +128,19 @@ def test_positions_from_a_file_name_photographs_with_or_without_extension():
 def test_a_wrong_positions_file_names_its_line(text, part):
     with pytest.raises(WorkflowError, match=part):
         read_positions(text)
+
+
+def test_the_gimbal_tells_where_a_drone_looks():
+    assert exif.gimbal_attitude({}) is None
+    down = exif.gimbal_attitude({"GimbalYawDegree": "+90.0", "GimbalPitchDegree": "-90.0"})
+    assert down == pytest.approx((0.0, 0.0, -90.0), abs=1e-6), "looking down with the top of the frame to the east"
+    omega, phi, kappa = exif.gimbal_attitude({"GimbalYawDegree": "0", "GimbalPitchDegree": "-30"})
+    assert (omega, phi, kappa) == pytest.approx((60.0, 0.0, 0.0), abs=1e-6), "looking north and 30 degrees down"
+
+
+def test_a_positions_file_may_tell_attitudes():
+    text = "photo,x,y,z,sigma_x,sigma_y,sigma_z,omega,phi,kappa\na,1,2,3,1,1,1,10,20,30\nb,1,2,3,1,1,1,,,\n"
+    read = read_positions(text)
+    assert read["a"].attitude == (10.0, 20.0, 30.0) and read["b"].attitude is None
+    with pytest.raises(WorkflowError, match="Line 2 of the positions file gives 10, steep, 30 for omega, phi, kappa"):
+        read_positions(text.replace("20", "steep"))
