@@ -47,6 +47,8 @@ class Photo(BaseModel):
     scan: tuple[float, float, float, float, float, float] | None = None
     """A scan in the frame of its fiducial marks: col = s0 + s1 col_file + s2 row_file, row = s3 + s4 col_file + s5 row_file, where
     col_file, row_file are pixels of the file and col, row those used everywhere else. None: the pixels of the upright file."""
+    scan_size: tuple[int, int] | None = None
+    """width and height of the file of a scan"""
     levels: int = 1
     """Pyramid levels stored: rasters `photos/<name>/0` (full size) to `photos/<name>/<levels - 1>`, each halved."""
 
@@ -69,6 +71,8 @@ class Photos(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     photos: tuple[Photo, ...]
+    remarks: tuple[str, ...] = ()
+    """whole sentences about files and positions that were set aside"""
 
     def __getitem__(self, name: str) -> Photo:
         return next(photo for photo in self.photos if photo.name == name)

@@ -76,5 +76,5 @@ def degrees_of(to_map: Transformer, xy: np.ndarray) -> np.ndarray:
 def reference_of(crs: str, point: np.ndarray) -> Reference:
     """The reference point at X, Y, height (3,) of the map."""
     to_map = Transformer.from_crs(CRS.from_epsg(4326), ground_crs(crs), always_xy=True)
-    (lon, lat), = degrees_of(to_map, point[None, :2])
+    ((lon, lat),) = degrees_of(to_map, point[None, :2])
     return Reference(float(lat), float(lon), float(point[2]))

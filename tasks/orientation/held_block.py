@@ -145,9 +145,7 @@ def _factor(ties: Intersected, measured: Measured, used: np.ndarray) -> float:
     return float(np.sqrt(np.nansum(size**2) / redundancy))
 
 
-def _block(
-    photos: Photos, held: Held, ties: Intersected, used: np.ndarray, factor: float, crs: str, source: HeldSource
-) -> Block:
+def _block(photos: Photos, held: Held, ties: Intersected, used: np.ndarray, factor: float, crs: str, source: HeldSource) -> Block:
     low, high = _heights(ties, held, source)
     cameras: dict[str, Camera] = {view.camera.name: view.camera for view in held.views}
     names = {view.name for view in held.views}

@@ -35,7 +35,7 @@ def read_positions(text: str) -> dict[str, Position]:
         )
     positions: dict[str, Position] = {}
     for row in reader:
-        name = _stem(row["photo"])
+        name = photo_stem(row["photo"])
         if name in positions:
             raise WorkflowError(
                 f"Line {reader.line_num} of the positions file names the photograph {name} a second time; keep one of the lines."
@@ -44,7 +44,8 @@ def read_positions(text: str) -> dict[str, Position]:
     return positions
 
 
-def _stem(name: str | None) -> str:
+def photo_stem(name: str | None) -> str:
+    """The name of a photograph without the extension of an image file."""
     head, dot, tail = (name or "").strip().rpartition(".")
     return head if dot and tail.lower() in {"jpg", "jpeg", "tif", "tiff", "png"} else (name or "").strip()
 

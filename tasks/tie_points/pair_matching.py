@@ -24,6 +24,8 @@ cv2.setNumThreads(1)
 _BLOCK = 256
 """rows of distances at a time: 8 MB of them with 8000 points stay in the cache"""
 _FEWEST = 16
+_STILL = 1.5
+"""px"""
 _FEWEST_FOR_SCATTER = 60
 _TRIMMINGS = 4
 
@@ -44,10 +46,19 @@ def match_pair(
     points = _pixels(left[0])[pairs[:, 0]], _pixels(right[0])[pairs[:, 1]]
     agree = epipolar_agreement(points, (cameras.of(names[0]), cameras.of(names[1])), rules.tolerance)
     inliers = int(agree.sum())
-    accepted = inliers >= max(_FEWEST, 8.0 + 0.3 * len(pairs))
+    alike = stand_still(points)
+    accepted = not alike and inliers >= max(_FEWEST, 8.0 + 0.3 * len(pairs))
     kept = pairs[agree] if accepted else pairs[:0]
-    summary = PairSummary(left=names[0], right=names[1], tentative=len(pairs), inliers=len(kept))
+    summary = PairSummary(left=names[0], right=names[1], tentative=len(pairs), inliers=len(kept), alike=alike)
     return {"matches": PairMatches(kept[:, 0].astype(np.int32), kept[:, 1].astype(np.int32)), "summary": summary}
+
+
+def stand_still(points: tuple[np.ndarray, np.ndarray]) -> bool:
+    """Whether most matches (M, 2) px have the same place in both photographs: then they show no parallax, and a link between them
+    would only count the same measurements twice."""
+    if len(points[0]) < _FEWEST:
+        return False
+    return bool((np.abs(points[0] - points[1]).max(axis=1) < _STILL).mean() > 0.7)
 
 
 def _pixels(features: Features) -> np.ndarray:

@@ -10,6 +10,7 @@ import psutil
 import pytest
 from small_site import command, make_site, results_of, start_command
 
+
 @pytest.fixture
 def site(tmp_path, monkeypatch):
     monkeypatch.chdir(make_site(tmp_path))

@@ -164,8 +164,8 @@ def test_photographs_that_exif_turns_leave_as_their_files_are(orientation):
     in_file, file_pose = file_view(photo, camera, pose)
     assert (in_file.width, in_file.height) == (640, 480)
     ground = np.array([[12.0, 24.0, 3.0]])
-    (col, row), = View("a", camera, pose.rotation, pose.centre).project(ground)
-    (file_col, file_row), = View("a", in_file, file_pose.rotation, file_pose.centre).project(ground)
+    ((col, row),) = View("a", camera, pose.rotation, pose.centre).project(ground)
+    ((file_col, file_row),) = View("a", in_file, file_pose.rotation, file_pose.centre).project(ground)
     upright = {
         1: (file_col, file_row),
         3: (639 - file_col, 479 - file_row),

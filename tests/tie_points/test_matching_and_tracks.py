@@ -11,11 +11,11 @@ from schemas.photo import PHOTOS, Photo, Photos
 from schemas.stage import NotYet
 from tasks.tie_points.appearance import alike, sample, signature, vocabulary
 from tasks.tie_points.assembly import Weighting, assemble, with_measured_floor
-from tasks.tie_points.pair_matching import mutual_matches
+from tasks.tie_points.pair_matching import mutual_matches, stand_still
 from tasks.tie_points.pairs import Neighbourhood, candidate_pairs, looked_at, needs_appearance
 from tasks.tie_points.records import Features, Observations, PairMatches, PairSummary, Refined, Scatter, Values
 from tasks.tie_points.refinement import start_affine
-from tasks.tie_points.report import measure, shared_points
+from tasks.tie_points.report import distribution_index, measure, shared_points
 from tasks.tie_points.stage import TiePointsStage
 from tasks.tie_points.tracks import build_tracks, observation_key
 
@@ -104,7 +104,7 @@ def described(scene, seed, count=600):
 
 
 def test_photographs_without_positions_are_paired_by_appearance():
-    """Sixty photographs of six scenes, shuffled: almost all pairs that the search names are of one scene; their number is linear."""
+    """Sixty photographs of six scenes, shuffled: almost all pairs that the search names are of one scene."""
     scenes = np.random.default_rng(2).permutation(np.repeat(np.arange(6), 10))
     features = [described(scene, seed) for seed, scene in enumerate(scenes.tolist())]
     words = vocabulary(tuple(sample(one) for one in features))
@@ -206,3 +206,27 @@ def test_strength_of_photographs_counts_shared_points():
 
 def test_a_pair_is_accepted_only_with_inliers():
     assert not PairSummary(left="a", right="b", tentative=20, inliers=0).accepted
+
+
+def test_the_distribution_index_is_one_for_even_and_zero_for_one_corner():
+    def points(col, row):
+        zero = np.zeros(len(col), np.int32)
+        return TiePoints(
+            np.arange(len(col), dtype=np.int32), zero, np.asarray(col, float), np.asarray(row, float), zero.astype(np.float32)
+        )
+
+    col, row = (v.ravel() for v in np.meshgrid(np.arange(5.0, 90.0, 10.0), np.arange(5.0, 90.0, 10.0)))
+    size = np.array([90, 90])
+    assert distribution_index(points(col, row), size) == pytest.approx(1.0)
+    assert distribution_index(points(col / 3.1, row / 3.1), size) == 0.0
+    half = col < 30
+    assert distribution_index(points(col[half], row[half]), size) == pytest.approx(0.5)
+    assert distribution_index(points([], []), size) == 0.0
+
+
+def test_matches_at_the_same_place_tell_the_same_picture():
+    rng = np.random.default_rng(1)
+    here = rng.uniform(0, 1000, (100, 2))
+    assert stand_still((here, here + rng.normal(0, 0.2, here.shape)))
+    assert not stand_still((here, here + np.array([5.0, 0.0]))), "a small base is a base"
+    assert not stand_still((here[:10], here[:10]))

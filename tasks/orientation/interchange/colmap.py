@@ -98,9 +98,7 @@ def write_colmap(block: ForeignBlock, files: dict[str, str], origin: np.ndarray,
         rotation = Y_DOWN @ pose.rotation
         numbers = [*quaternion(rotation), *(-rotation @ (pose.centre - origin))]
         images.append(f"{i} {' '.join(repr(float(v)) for v in numbers)} {number[block.cameras[name].name]} {files[name]}\n\n")
-    points = [
-        f"{i} {x:.4f} {y:.4f} {z:.4f} 128 128 128 -1\n" for i, (x, y, z) in enumerate((block.points - origin).tolist(), 1)
-    ]
+    points = [f"{i} {x:.4f} {y:.4f} {z:.4f} 128 128 128 -1\n" for i, (x, y, z) in enumerate((block.points - origin).tolist(), 1)]
     cameras = {c.name: c for c in block.cameras.values()}
     return {
         "cameras.txt": "".join(_camera_line(number[name], camera) for name, camera in cameras.items()),
