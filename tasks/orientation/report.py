@@ -10,6 +10,7 @@ from schemas.report import Figure, Grid, StageReport
 from tasks.geometry.survey_system import vertical_name
 from tasks.orientation.report_charts import block_charts
 from tasks.orientation.report_facts import CELLS, Facts, coverage, filled_areas
+from tasks.orientation.report_overlap import overlap_picture
 from tasks.orientation.report_warnings import block_warnings
 
 
@@ -28,6 +29,7 @@ def report(
     facts = Facts(photos, cameras, control, relative, block, points, image_residuals, ground_residuals, precision)
     grids = (
         _cameras(facts),
+        *_interior_correlations(facts),
         _orientations(facts),
         _per_photo(facts),
         _ground(facts, "control"),
@@ -40,6 +42,7 @@ def report(
         figures=tuple(_figures(facts)),
         grids=tuple(grid for grid in grids if grid and grid.rows),
         charts=tuple(block_charts(facts)),
+        pictures=(overlap_picture(),),
         warnings=tuple(block_warnings(facts)),
     )
 
@@ -172,6 +175,28 @@ def _cameras(facts: Facts) -> Grid:
         rows=tuple(rows),
         note="c, x0, y0 in pixels. No standard error: the parameter was held fixed.",
     )
+
+
+def _interior_correlations(facts: Facts) -> list[Grid]:
+    """One table for every camera that was adjusted."""
+    grids = []
+    for name, camera in facts.block.cameras.items():
+        free = [i for i, sigma in enumerate(_sigmas(camera)) if sigma]
+        if len(free) < 2:
+            continue
+        covariance = np.array(camera.covariance)[np.ix_(free, free)]
+        scale = np.sqrt(np.diag(covariance))
+        values = covariance / np.outer(scale, scale)
+        rows = tuple((INTERIOR[i], *(round(float(v), 2) for v in values[k])) for k, i in enumerate(free))
+        grids.append(
+            Grid(
+                title=f"Correlations of the interior orientation, camera {name}",
+                columns=("", *(INTERIOR[i] for i in free)),
+                rows=rows,
+                note="Near 1 or -1: only the two together are known.",
+            )
+        )
+    return grids
 
 
 def _sigmas(camera: Camera) -> list[float | None]:

@@ -4,11 +4,11 @@ from collections.abc import Callable, Iterator
 from typing import Any, ClassVar, Literal
 
 from schemas.camera import CAMERAS
-from schemas.job import Export, Job, Region, Table, TextFile
+from schemas.job import Export, Job, Raster, Region, Table, TextFile
 from schemas.observations import CONTROL, GROUND_POINTS, IMAGE_RESIDUALS, TIE_POINTS, Control
 from schemas.orientation import BLOCK, BLOCK_PRECISION, GROUND_RESIDUALS, RELATIVE
 from schemas.photo import PHOTOS
-from schemas.raster import RasterSpec
+from schemas.raster import RasterSpec, Window
 from schemas.report import report_table
 from schemas.settings import setting
 from schemas.stage import ProjectView, Stage
@@ -20,6 +20,7 @@ from tasks.orientation.held_block import hold_block
 from tasks.orientation.pairs import no_pairs, relate_pairs
 from tasks.orientation.products import PRODUCTS, block_products, product_table
 from tasks.orientation.report import report
+from tasks.orientation.report_overlap import OVERLAP, SIDE, overlap_map
 from tasks.orientation.sources import Adjusted, ExteriorSource
 
 SCRATCH = 256 * 2**20
@@ -86,6 +87,15 @@ class OrientationStage(Stage):
             block_products,
             reads={"photos": PHOTOS, "block": BLOCK, "points": GROUND_POINTS},
             writes={name: product_table(name) for name in PRODUCTS},
+        )
+        yield RasterSpec(name=OVERLAP, shape=(SIDE, SIDE), dtype="uint8", chunk=SIDE)
+        yield Job(
+            "orientation",
+            "overlap",
+            overlap_map,
+            reads={"block": BLOCK},
+            writes={"map": Raster(OVERLAP, Window(0, 0, SIDE, SIDE))},
+            scratch=64 * SIDE * SIDE,
         )
         yield Export("orientation", "cameras", "products/cameras.json", "json", tables=(BLOCK,))
         for name, path in PRODUCTS.items():
