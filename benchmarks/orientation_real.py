@@ -14,7 +14,9 @@ import os
 import resource
 import shutil
 import subprocess
+import sys
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -108,13 +110,13 @@ def _warm(root: Path) -> None:
     _run(root, "warm", REDUCED, "DJI_003[0-2]*", parts, "weighted")
 
 
-def brighton(root: Path, folder: Path, name: str, with_peer: bool) -> Row:
+def brighton(root: Path, folder: Path, name: str) -> Row:
     """Drone photographs from EXIF alone."""
     parts = {"crs": "EPSG:32615", "cameras": "{kind: exif}", "positions": "{kind: exif}", "control": "{kind: none}"}
     run, cpu = _run(root, name, folder, "*.JPG", parts, "weighted")
     plan, height = (figure(run, "orientation", f"gnss_rmse_{word}") for word in ("plan", "height"))
     known = f"GPS residuals {plan:.2f} m in plan, {height:.2f} m in height"
-    return _row(name, run, cpu, known, _peer(root, folder, "OPENCV", "", False) if with_peer else None)
+    return _row(name, run, cpu, known, _peer(root, folder, "OPENCV", "", False))
 
 
 def fountain(root: Path) -> Row:
@@ -183,17 +185,20 @@ def _page(rows: list[Row]) -> str:
 
 
 def main() -> None:
-    """All blocks, one after the other; those whose photographs are absent are named."""
+    """The blocks named on the command line, or all; the page is written after each, so that a long run may be stopped."""
+    found = DATA.exists()
+    blocks: dict[str, Callable[[Path], Row]] = {"brighton_reduced": lambda root: brighton(root, REDUCED, "brighton_reduced")}
+    if found:
+        blocks |= {"brighton_full": lambda root: brighton(root, DATA / "brighton", "brighton_full")}
+        blocks |= {"fountain_p11": fountain, "ngi": ngi, "stone_wall": stone_wall}
+    else:
+        print(f"The shared photographs are not at {DATA}; only the reduced Brighton block is measured.")
+    rows: list[Row] = []
     with tempfile.TemporaryDirectory(prefix="orthomill_orientation_") as folder:
-        root = Path(folder)
-        _warm(root / "warm")
-        rows = [brighton(root / "reduced", REDUCED, "brighton_reduced", True)]
-        if DATA.exists():
-            rows.append(brighton(root / "full", DATA / "brighton", "brighton_full", False))
-            rows += [fountain(root / "fountain"), ngi(root / "ngi"), stone_wall(root / "stone_wall")]
-        else:
-            print(f"The shared photographs are not at {DATA}; only the reduced Brighton block was measured.")
-    write_result("orientation_real", _page(rows))
+        _warm(Path(folder) / "warm")
+        for name in sys.argv[1:] or blocks:
+            rows.append(blocks[name](Path(folder) / name))
+            write_result("orientation_real", _page(rows))
 
 
 if __name__ == "__main__":
