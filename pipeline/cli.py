@@ -18,6 +18,7 @@ from rich.table import Table as Lines
 from pipeline.clean import clean_run
 from pipeline.doctor import doctor as examine
 from pipeline.export import export as export_file
+from pipeline.inspect import GuardedPhoto, picture_path, write_map
 from pipeline.interruption import listen
 from pipeline.lock import is_running, only_run
 from pipeline.records import Records
@@ -30,12 +31,14 @@ from pipeline.summary import summary_markdown
 from pipeline.workflow import LoadedWorkflow, load_workflow, resolve_workflow
 from schemas.errors import OrthomillError, StoreError
 from schemas.job import Export
-from tasks.catalogue import STAGES
+from tasks.catalogue import STAGES, Method, share_of, sizing_of, window_size_map
 
 app = typer.Typer(
     help="From overlapping photographs to a checked surface model and a blended true orthoimage.",
     no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
 )
+inspect = typer.Typer(help="Look at a single photograph, without a project.", no_args_is_help=True)
+app.add_typer(inspect, name="inspect")
 out = Console(highlight=False)
 err = Console(stderr=True, highlight=False)
 
@@ -225,6 +228,23 @@ def init(
         for note in start.notes:
             out.print(escape(note), soft_wrap=True)
         out.print(f"{start.path} is written; read it, then: orthomill run {name}", soft_wrap=True)
+
+
+@inspect.command("window-size")
+def inspect_window_size(
+    photo: Annotated[Path, typer.Argument(help="A photograph: JPEG, TIFF or PNG.")],
+    method: Annotated[Method, typer.Option(help="How the matching window is sized.")] = Method.FOERSTNER,
+    largest: Annotated[int, typer.Option("--max", help="Side of the largest window, px.", min=7, max=101)] = 35,
+    limit: Annotated[float | None, typer.Option(help="Limit of the method in place of its default.")] = None,
+    assigned: Annotated[float | None, typer.Option(help="Find the limit that gives a window to this per cent of pixels.")] = None,
+    output: Annotated[Path | None, typer.Option(help="The PNG to write; default in the current folder.")] = None,
+    debug: Debug = False,
+) -> None:
+    """Map the size of the matching window at every pixel: dark is small, light is large, white is none."""
+    with plain_errors(debug):
+        path = picture_path(photo, f"window_size_{method}", output)
+        found = window_size_map(GuardedPhoto(photo), sizing_of(method, largest, limit), share_of(assigned, limit))
+        write_map(found, path, out, err)
 
 
 @app.command()

@@ -56,6 +56,12 @@ def test_stages_never_import_each_other(path):
     assert not imports_any(path, *others)
 
 
+def test_inspections_stand_above_the_stages_and_below_the_catalogue():
+    below = [path for path in modules("schemas", "tasks", "pipeline") if relative(path) != "tasks/catalogue.py"]
+    assert not [relative(path) for path in below if path.parent.name != "inspections" and imports_any(path, "tasks.inspections")]
+    assert not [relative(path) for path in modules("tasks/inspections") if imports_any(path, "tasks.catalogue")]
+
+
 @pytest.mark.parametrize("path", modules("pipeline"), ids=relative)
 def test_the_engine_knows_no_photogrammetry(path):
     allowed = {"tasks.catalogue"} if path.name == "cli.py" else set()

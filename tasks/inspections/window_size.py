@@ -1,0 +1,182 @@
+"""The map of matching window sizes of a photograph: where would which window be used, and where none?
+
+Strategy: the photograph is read in strips with a halo, upright and as grey values of 8 bits, just as its matching will see it.
+Where a share of the pixels is to get a window, a first pass finds the limit on a regular grid of pixels; pixels so near to the
+border that the largest window does not fit are left out of that share.
+
+Source: methods/matching_windows.md 2.2 (row 8); Skarlatos.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from pydantic import ValidationError
+
+from schemas.errors import PhotoError, WorkflowError
+from schemas.inspection import PhotoFile, PhotoMap
+from schemas.raster import Window
+from tasks.imagery.radiometry import grey_bytes, grey_range
+from tasks.matching.window_calibration import LIMITS, Calibration, calibrated, last_limits
+from tasks.matching.window_map import halo, published_levels, size_map
+from tasks.matching.window_size import (
+    CombinedWindow,
+    EntropyWindow,
+    FixedWindow,
+    FoerstnerWindow,
+    GreyLevels,
+    StatisticalWindow,
+    WindowSizing,
+    grey_levels,
+)
+from tasks.photos.exif import orientation
+from tasks.photos.upright import file_window, upright, upright_shape
+
+_STRIP = 2_000_000
+"""pixels of a strip"""
+_LEAST_ROWS = 16
+_SAMPLES = 200
+"""points of the calibrating grid along the shorter side"""
+_OVERVIEW = 512
+"""pixels along the longer side from which the range of 16-bit photographs is found"""
+
+
+class Method(StrEnum):
+    """How the window is sized."""
+
+    STATISTICAL = "statistical"
+    ENTROPY = "entropy"
+    FOERSTNER = "foerstner"
+    COMBINED = "combined"
+
+
+_METHODS: dict[Method, type[StatisticalWindow] | type[EntropyWindow] | type[FoerstnerWindow]] = {
+    Method.STATISTICAL: StatisticalWindow, Method.ENTROPY: EntropyWindow, Method.FOERSTNER: FoerstnerWindow,
+}
+
+
+def sizing_of(method: Method, largest: int, limit: float | None = None) -> WindowSizing:
+    """The sizing of a method up to windows of `largest` px, with its defaults or with `limit` in place of its limit.
+
+    Raises WorkflowError for a limit that the method cannot have.
+    """
+    if method is Method.COMBINED:
+        if limit is not None:
+            raise WorkflowError("The combined method has two limits, so a single one cannot be given; give a share (assigned).")
+        parts = CombinedWindow()
+        return CombinedWindow(
+            foerstner=parts.foerstner.model_copy(update={"largest": largest}),
+            entropy=parts.entropy.model_copy(update={"largest": largest}),
+        )
+    kind = _METHODS[method]
+    sizing = kind(largest=largest)
+    try:
+        return sizing if limit is None else kind.model_validate({**sizing.model_dump(), LIMITS[kind]: limit})
+    except ValidationError as error:
+        reason = error.errors()[0]["msg"]
+        raise WorkflowError(f"{limit:g} cannot be the limit {LIMITS[kind]} of the {method} method: {reason}.") from error
+
+
+@dataclass(frozen=True)
+class _Upright:
+    """A photograph in upright strips of grey levels."""
+
+    file: PhotoFile
+    limits: tuple[float, float] = (0.0, 255.0)
+
+    @property
+    def flag(self) -> int:
+        return orientation(self.file.header.tags)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return upright_shape(self.flag, self.file.header.height, self.file.header.width)
+
+    def strips(self) -> Iterator[Window]:
+        rows, cols = self.shape
+        height = max(_LEAST_ROWS, _STRIP // cols)
+        for row in range(0, rows, height):
+            yield Window(row, 0, min(height, rows - row), cols)
+
+    def pixels(self, window: Window) -> np.ndarray:
+        header = self.file.header
+        return upright(self.file.read(file_window(window, self.flag, header.height, header.width)), self.flag)
+
+    def levels(self, strip: Window, reach: int) -> tuple[GreyLevels, Window]:
+        """Grey levels of a strip with `reach` px around it, and where in them the strip lies."""
+        read = strip.grown(reach).clipped(self.shape)
+        core = Window(strip.row - read.row, strip.col - read.col, strip.height, strip.width)
+        return grey_levels(grey_bytes(self.pixels(read), self.limits)), core
+
+    def stretched(self) -> "_Upright":
+        """The same photograph with the grey values found that become 0 and 255: needed for 16 bits."""
+        if self.file.header.dtype == "uint8":
+            return self
+        every = -(-max(self.shape) // _OVERVIEW)
+        parts = [self.pixels(strip)[-strip.row % every :: every, ::every] for strip in self.strips()]
+        return _Upright(self.file, grey_range(np.concatenate(parts)))
+
+
+def window_size_map(file: PhotoFile, sizing: WindowSizing, share: float | None = None) -> PhotoMap:
+    """The map of window sizes as `published_levels`; with `share` (0 to 1), the limit is calibrated to that share of the pixels.
+
+    Raises PhotoError for a photograph that holds no window of the largest size, or that cannot be decoded.
+    """
+    photo = _Upright(file)
+    side = 2 * sizing.halves[-1] + 1
+    if min(photo.shape) < side + 2:
+        size = f"{photo.shape[1]} x {photo.shape[0]} px"
+        raise PhotoError(f"{file.header.path} has {size}, too few for windows of {side} x {side} px; choose a smaller maximum.")
+    photo = photo.stretched()
+    notes: tuple[str, ...] = ()
+    if share is not None:
+        found = _calibrated(photo, sizing, share)
+        sizing, notes = found.sizing, (_share_sentence(found),)
+    labels = dict(zip((int(level) for level in published_levels(np.array(sizing.halves), sizing)),
+                      (f"{2 * half + 1} x {2 * half + 1}" for half in sizing.halves), strict=True))
+    return PhotoMap(photo.shape, _strips(photo, sizing), {**labels, 255: "none"}, (*notes, _limit_sentence(sizing)))
+
+
+def _strips(photo: _Upright, sizing: WindowSizing) -> Iterator[np.ndarray]:
+    for strip in photo.strips():
+        yield published_levels(size_map(*photo.levels(strip, halo(sizing)), sizing), sizing)
+
+
+def _calibrated(photo: _Upright, sizing: WindowSizing, share: float) -> Calibration:
+    reach = halo(sizing)
+    step = max(1, min(photo.shape) // _SAMPLES)
+    rows, cols = (np.arange(reach, side - reach, step) for side in photo.shape)
+    found = []
+    for strip in photo.strips():
+        image, core = photo.levels(strip, reach)
+        inside = rows[(rows >= strip.row) & (rows < strip.row + strip.height)] - strip.row + core.row
+        found.append(last_limits(image, np.column_stack([np.tile(cols, len(inside)), np.repeat(inside, len(cols))]), sizing))
+    return calibrated(sizing, np.concatenate(found), share)
+
+
+def _share_sentence(found: Calibration) -> str:
+    return f"The limit gives a window to {100 * found.share:.1f} % of the pixels that lie away from the border."
+
+
+def _limit_sentence(sizing: WindowSizing) -> str:
+    if isinstance(sizing, CombinedWindow):
+        return f"{_limit_sentence(sizing.foerstner)} {_limit_sentence(sizing.entropy)}"
+    if isinstance(sizing, FixedWindow):
+        return f"Every window has {sizing.window} px."
+    field = LIMITS[type(sizing)]
+    extra = type(sizing).model_fields[field].json_schema_extra
+    unit = str(extra["unit"]) if isinstance(extra, dict) else ""
+    return f"{field} of the {sizing.kind} method is {getattr(sizing, field):.5g} {unit}."
+
+
+def share_of(assigned: float | None, limit: float | None) -> float | None:
+    """A share (0 to 1) from per cent. Raises WorkflowError when a limit is given as well, or it is not between 0 and 100."""
+    if assigned is None:
+        return None
+    if limit is not None:
+        raise WorkflowError("Either a limit or the share of pixels with a window can be given, not both; leave one out.")
+    if not (math.isfinite(assigned) and 0.0 < assigned <= 100.0):
+        raise WorkflowError(f"{assigned:g} % of the pixels cannot be given a window; say more than 0 and at most 100.")
+    return assigned / 100.0

@@ -1,0 +1,42 @@
+"""Maps of window sizes: the window of every pixel of an image, made in tiles.
+
+Strategy: a tile is read with a halo of the largest window, and every pixel of its core is a point. A window that the halo does
+not hold would leave the image, so a tile gives what the whole image gives.
+
+Source: methods/matching_windows.md 2.2 (row 8).
+"""
+
+import numpy as np
+
+from schemas.raster import Window
+from tasks.matching.window_size import GreyLevels, WindowSizing, window_sizes
+
+_ROWS = 64
+"""rows of a tile that are sized at a time"""
+
+
+def halo(sizing: WindowSizing) -> int:
+    """Pixels that are needed around a tile: the largest window, and one more for gradients."""
+    return sizing.halves[-1] + 1
+
+
+def size_map(image: GreyLevels, core: Window, sizing: WindowSizing) -> np.ndarray:
+    """(height, width) uint8 half sizes of the pixels of `core` in an image that reaches `halo` px beyond it; 0 without a window."""
+    cols = np.arange(core.col, core.col + core.width)
+    out = np.zeros(core.shape, np.uint8)
+    for start in range(0, core.height, _ROWS):
+        rows = np.arange(core.row + start, core.row + min(start + _ROWS, core.height))
+        points = np.column_stack([np.tile(cols, len(rows)), np.repeat(rows, len(cols))])
+        out[start : start + len(rows)] = window_sizes(image, points, sizing).half.reshape(len(rows), len(cols))
+    return out
+
+
+def published_levels(half: np.ndarray, sizing: WindowSizing) -> np.ndarray:
+    """Grey levels uint8 of half sizes, spread evenly: 0 is the smallest window of the method, 255 is none.
+
+    K sizes have the levels floor(255 k / K), k = 0 ... K - 1: up to 13 x 13 they are 0, 63, 127 and 191.
+    """
+    halves = sizing.halves
+    levels = np.full(256, 255, np.uint8)
+    levels[list(halves)] = 255 * np.arange(len(halves)) // len(halves)
+    return levels[half]

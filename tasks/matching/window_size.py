@@ -1,0 +1,261 @@
+"""The size of the matching window, chosen point by point from the template image alone.
+
+Strategy: odd squares grow about the point, and the first that its method accepts is the window. What windows contain is measured
+for all sizes at once (window_measures.py); a method is then one rule on rows of numbers, and so is the search for the limit that
+gives a window to a wanted share of the points (window_calibration.py). Windows that leave the image or touch pixels without data
+are never accepted. All methods count in grey levels of 8 bits.
+
+Which to take: Foerstner's weight says how precisely a window can be matched, and gives the best matches; entropy is closest to
+what a person would choose; the statistical rules follow single outlying pixels and are here for comparison.
+
+Source: methods/matching_windows.md 2.2 (rows 5 to 8); matching_and_dsm_check.md 1.2; Skarlatos.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from schemas.outcome import Outcome
+from schemas.settings import Settings, setting
+from tasks.matching.window_measures import Growth, border_rooms, data_rooms, entropy, gradient_weights, statistics
+
+_BATCH = 16384
+"""points that are measured at a time"""
+_SMALL = 6
+"""half size up to which all points are measured; larger windows only where none of these was accepted"""
+
+
+class FixedWindow(Settings):
+    """The same window for every point."""
+
+    kind: Literal["fixed"] = "fixed"
+    window: int = setting(21, "Side of the window; an even number is taken as the next odd one.", "px", ge=5, le=101)
+
+    @property
+    def halves(self) -> tuple[int, ...]:
+        return (self.window // 2,)
+
+
+class GrowingWindow(Settings):
+    """Windows between two sizes; an even side is taken as the next odd one."""
+
+    smallest: int = setting(7, "Side of the smallest window that is tried.", "px", ge=5, le=101)
+    largest: int = setting(35, "Side of the largest window that is tried.", "px", ge=5, le=101)
+
+    @model_validator(mode="after")
+    def _grows(self) -> "GrowingWindow":
+        if self.smallest // 2 > self.largest // 2:
+            raise ValueError(f"smallest is {self.smallest} and largest is {self.largest}; smallest must not be the larger one")
+        return self
+
+    @property
+    def halves(self) -> tuple[int, ...]:
+        """Half sizes that are tried, in rising order."""
+        return tuple(range(self.smallest // 2, self.largest // 2 + 1))
+
+
+class StatisticalWindow(GrowingWindow):
+    """The size at which the range crosses the mean; else the first with enough scatter; else the first of enough range."""
+
+    kind: Literal["statistical"] = "statistical"
+    min_deviation: float = setting(25.0, "Standard deviation that a window must exceed.", "grey levels", ge=0.0, le=255.0)
+    min_excess: float = setting(40.0, "By how much the range must exceed the mean otherwise.", "grey levels", ge=0.0, le=255.0)
+
+
+class EntropyWindow(GrowingWindow):
+    """The first window with enough entropy of its grey levels."""
+
+    kind: Literal["entropy"] = "entropy"
+    min_entropy: float = setting(4.0, "Entropy that a window must exceed.", "nats", ge=0.0, le=6.0)
+    min_gain: float = setting(
+        0.0, "A window whose entropy grew by less than this from the size before is accepted as well; 0 leaves this rule out.",
+        "nats", ge=0.0, le=1.0,
+    )
+    min_stalled: float = setting(3.0, "Entropy that a window accepted for its small gain must have.", "nats", ge=0.0, le=6.0)
+
+
+class FoerstnerWindow(GrowingWindow):
+    """The first window whose gradients determine both coordinates: weight and roundness of Foerstner's operator."""
+
+    kind: Literal["foerstner"] = "foerstner"
+    min_weight: float = setting(
+        2000.0, "Weight that a window must exceed; noise of s grey levels leaves s / sqrt(weight) px.", "grey levels^2 / px^2",
+        ge=0.0,
+    )
+    min_roundness: float = setting(
+        0.5, "Roundness of the error ellipse that a window must exceed: 0 is a straight edge, 1 a circle.", ge=0.0, lt=1.0
+    )
+
+
+class CombinedWindow(Settings):
+    """The larger of two windows, one determined by gradients and one rich in grey levels; none where one of them is missing."""
+
+    kind: Literal["combined"] = "combined"
+    foerstner: FoerstnerWindow = setting(FoerstnerWindow(), "The window that determines both coordinates.")
+    entropy: EntropyWindow = setting(EntropyWindow(min_entropy=3.5), "The window that is rich in grey levels.")
+
+    @property
+    def halves(self) -> tuple[int, ...]:
+        return tuple(sorted({*self.foerstner.halves, *self.entropy.halves}))
+
+
+SingleWindow = FixedWindow | StatisticalWindow | EntropyWindow | FoerstnerWindow
+WindowSizing = Annotated[SingleWindow | CombinedWindow, Field(discriminator="kind")]
+
+
+@dataclass(frozen=True)
+class GreyLevels:
+    """An image as the methods count it, made once for many points."""
+
+    levels: np.ndarray
+    """(H, W) int16: 0 to 255, -1 without data"""
+    complete: bool
+    """no pixel is without data"""
+
+
+@dataclass(frozen=True)
+class WindowSizes:
+    """One row per point."""
+
+    half: np.ndarray
+    """(N,) uint8: half size of the window, whose side is 2 half + 1; 0 without a window"""
+    outcome: np.ndarray
+    """(N,) uint8 `Outcome`: NOT_TRIED with a window (matching decides), LOW_TEXTURE, or OUTSIDE where larger windows that might
+    have done leave the image or touch pixels without data"""
+
+    @property
+    def assigned(self) -> np.ndarray:
+        """(N,) bool"""
+        return self.half > 0
+
+
+def grey_levels(image: np.ndarray, mask: np.ndarray | None = None, limits: tuple[float, float] = (0.0, 255.0)) -> GreyLevels:
+    """Grey levels of an image (H, W) of any dtype.
+
+    `limits` become 0 and 255, and what lies beyond is clipped (16 bits: `tasks.imagery.radiometry.grey_range`). NaN, infinity and
+    False of `mask` (H, W) are no data.
+    """
+    low, high = limits
+    grey = np.asarray(image)
+    if grey.dtype == np.uint8 and limits == (0.0, 255.0):
+        levels, good = grey.astype(np.int16), np.ones(grey.shape, dtype=bool)
+    else:
+        good = np.isfinite(grey)
+        stretched = (np.where(good, grey, low).astype(np.float32) - np.float32(low)) * np.float32(255.0 / (high - low))
+        levels = np.clip(np.rint(stretched), 0, 255).astype(np.int16)
+    if mask is not None:
+        good = good & np.asarray(mask, dtype=bool)
+    levels[~good] = -1
+    return GreyLevels(levels, bool(good.all()))
+
+
+def window_sizes(image: GreyLevels, points: np.ndarray, sizing: WindowSizing) -> WindowSizes:
+    """Windows of points (N, 2) (col, row) px, each centred on the nearest pixel. Never raises on what image or points contain."""
+    if isinstance(sizing, CombinedWindow):
+        return _larger(window_sizes(image, points, sizing.foerstner), window_sizes(image, points, sizing.entropy))
+    pixels = nearest_pixels(points, image.levels.shape)
+    half, outcome = np.zeros(len(pixels), np.uint8), np.zeros(len(pixels), np.uint8)
+    for start in range(0, len(pixels), _BATCH):
+        part = slice(start, start + _BATCH)
+        half[part], outcome[part] = _sized(image, pixels[part], sizing)
+    return WindowSizes(half, outcome)
+
+
+def nearest_pixels(points: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """(N, 2) int64 (col, row) nearest to points (N, 2); (-1, -1) outside an image of `shape` and where a point is not finite."""
+    points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+    nearest = np.floor(points + 0.5)
+    inside = ((nearest >= 0) & (nearest < [shape[1], shape[0]])).all(axis=1)
+    return np.where(inside[:, None], nearest, -1).astype(np.int64)
+
+
+def growth_of(image: GreyLevels, pixels: np.ndarray, sizing: SingleWindow) -> Growth:
+    """How far the windows of pixels (N, 2) may grow; gradients need one pixel around them."""
+    margin = int(isinstance(sizing, FoerstnerWindow))
+    last = sizing.halves[-1]
+    rooms = border_rooms(image.levels.shape, pixels, last + margin)
+    if not image.complete:
+        rooms = data_rooms(image.levels, pixels, rooms)
+    return Growth(pixels, np.maximum(rooms - margin, -1), sizing.halves[0], last)
+
+
+def _sized(image: GreyLevels, pixels: np.ndarray, sizing: SingleWindow) -> tuple[np.ndarray, np.ndarray]:
+    growth = growth_of(image, pixels, sizing)
+    chosen = _chosen_in_two(image.levels, growth, sizing)
+    outcome = np.where(growth.rooms < growth.last, Outcome.OUTSIDE, Outcome.LOW_TEXTURE)
+    half = np.where(chosen > 0, growth.first - 1 + chosen, 0)
+    return half, np.where(chosen > 0, Outcome.NOT_TRIED, outcome)
+
+
+def _chosen_in_two(levels: np.ndarray, growth: Growth, sizing: SingleWindow) -> np.ndarray:
+    """As `chosen_size`, but most windows are small, and large ones need not be measured then.
+
+    The statistical rules look at all sizes before they choose one.
+    """
+    if isinstance(sizing, StatisticalWindow) or not growth.first <= _SMALL < growth.last:
+        return chosen_size(levels, growth, sizing)
+    small = Growth(growth.pixels, np.minimum(growth.rooms, _SMALL), growth.first, _SMALL)
+    chosen = chosen_size(levels, small, sizing)
+    others = np.flatnonzero((chosen == 0) & (growth.rooms > _SMALL))
+    large = Growth(growth.pixels[others], growth.rooms[others], growth.first, growth.last)
+    chosen[others] = chosen_size(levels, large, sizing)
+    return chosen
+
+
+def chosen_size(levels: np.ndarray, growth: Growth, sizing: SingleWindow) -> np.ndarray:
+    """(N,) column of the measures (see window_measures.py) whose window is chosen; 0 for none."""
+    if isinstance(sizing, StatisticalWindow):
+        return statistical_choice(*statistics(levels, growth), sizing)
+    if isinstance(sizing, EntropyWindow):
+        return entropy_choice(entropy(levels, growth), sizing)
+    if isinstance(sizing, FoerstnerWindow):
+        return foerstner_choice(*gradient_weights(levels, growth), sizing)
+    return (growth.rooms >= growth.last).astype(np.int64)
+
+
+def crossings(mean: np.ndarray, spread: np.ndarray) -> np.ndarray:
+    """(N, sizes) bool: the range reaches the mean here and did not at the size before."""
+    crossing = np.zeros(mean.shape, dtype=bool)
+    crossing[:, 1:] = (spread[:, 1:] >= mean[:, 1:]) & (spread[:, :-1] < mean[:, :-1])
+    return crossing
+
+
+def statistical_choice(mean: np.ndarray, deviation: np.ndarray, spread: np.ndarray, sizing: StatisticalWindow) -> np.ndarray:
+    """The crossing of range and mean goes before all; then the scatter; then the excess of the range. Measures are (N, sizes)."""
+    chosen = _first(crossings(mean, spread))
+    for passes in (deviation > sizing.min_deviation, spread > mean + sizing.min_excess):
+        chosen = np.where(chosen > 0, chosen, _first(passes))
+    return chosen
+
+
+def stalled(values: np.ndarray, sizing: EntropyWindow) -> np.ndarray:
+    """(N, sizes) bool: the entropy grew by less than the least gain, at a window of some entropy."""
+    stalls = np.zeros(values.shape, dtype=bool)
+    if sizing.min_gain > 0.0:
+        stalls[:, 1:] = (np.diff(values, axis=1) < sizing.min_gain) & (values[:, 1:] > sizing.min_stalled)
+    return stalls
+
+
+def entropy_choice(values: np.ndarray, sizing: EntropyWindow) -> np.ndarray:
+    """Enough entropy, or little hope of more. values: (N, sizes) nats."""
+    return _first((values > sizing.min_entropy) | stalled(values, sizing))
+
+
+def foerstner_choice(weight: np.ndarray, roundness: np.ndarray, sizing: FoerstnerWindow) -> np.ndarray:
+    """Enough weight and roundness, measures (N, sizes)."""
+    return _first((weight > sizing.min_weight) & (roundness > sizing.min_roundness))
+
+
+def _first(passes: np.ndarray) -> np.ndarray:
+    """First column but the leading one that passes; 0 for none. Measures of windows that do not fit are NaN and never pass."""
+    allowed = passes[:, 1:]
+    return np.where(allowed.any(axis=1), allowed.argmax(axis=1) + 1, 0)
+
+
+def _larger(one: WindowSizes, other: WindowSizes) -> WindowSizes:
+    both = one.assigned & other.assigned
+    return WindowSizes(
+        np.where(both, np.maximum(one.half, other.half), 0).astype(np.uint8), np.where(one.assigned, other.outcome, one.outcome)
+    )
