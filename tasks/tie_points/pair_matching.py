@@ -43,7 +43,14 @@ def match_pair(
 ) -> dict[str, Any]:
     """Matches of two photographs and their summary; no matches when the pair is not accepted."""
     pairs = mutual_matches(left[1].rows(DESCRIPTOR), right[1].rows(DESCRIPTOR), rules.ratio)
-    points = _pixels(left[0])[pairs[:, 0]], _pixels(right[0])[pairs[:, 1]]
+    return accepted_matches(left[0], right[0], pairs, cameras, names, rules)
+
+
+def accepted_matches(
+    left: Features, right: Features, pairs: np.ndarray, cameras: Cameras, names: tuple[str, str], rules: PairRules
+) -> dict[str, Any]:
+    """What is left of matches (M, 2), numbers of features, after the epipolar check: table and summary."""
+    points = _pixels(left)[pairs[:, 0]], _pixels(right)[pairs[:, 1]]
     agree = epipolar_agreement(points, (cameras.of(names[0]), cameras.of(names[1])), rules.tolerance)
     inliers = int(agree.sum())
     alike = stand_still(points)
