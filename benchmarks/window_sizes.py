@@ -15,7 +15,8 @@ from schemas.raster import Window
 from tasks.imagery.radiometry import grey_bytes
 from tasks.matching.correlation import Correlation, correlate
 from tasks.matching.interest_points import FoerstnerPoints, HarrisPoints, interest_points
-from tasks.matching.least_squares import LeastSquaresMatching, match_points
+from tasks.matching.least_squares import match_points
+from tasks.matching.matching_model import LeastSquaresMatching
 from tasks.matching.window_calibration import LIMITS, calibrated, last_limits
 from tasks.matching.window_map import size_map
 from tasks.matching.window_size import CombinedWindow, EntropyWindow, FoerstnerWindow, StatisticalWindow, grey_levels, window_sizes
@@ -109,7 +110,7 @@ def main() -> None:
         f"`make bench-window-sizes`; {machine()}; one thread, CPU time; {POINTS} points of a photograph of {cols} x {rows} px "
         f"({PHOTO.stem}).", "",
         "## The sizers", "",
-        "All sizes: 7 x 7 to 35 x 35, whatever is accepted. The choice: default limits, large windows only where small ones fail.", "",
+        "All sizes: 7 x 7 to 35 x 35, whatever is accepted. The choice: default limits, large windows where small ones fail.", "",
         *sizer_table(grey, points), "", "## Calibrated limits", "", *calibration_table(grey, points), "",
         "## Maps of whole photographs", "", *map_lines(grey), "",
         "## Interest points and correlation", "", *point_lines(grey, points), "",

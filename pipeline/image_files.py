@@ -9,6 +9,7 @@ mean is the business of those who read them.
 import fnmatch
 import mmap
 import os
+import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -38,6 +39,8 @@ _GDAL = {
     "GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR",
     "GDAL_PAM_ENABLED": "NO",
 }
+
+_GIMBAL = re.compile(r"(Gimbal(?:Yaw|Pitch|Roll)Degree)\s*(?:=\s*\"|>)\s*([-+]?\d+(?:\.\d+)?)")
 
 
 def is_image_name(name: str) -> bool:
@@ -166,7 +169,12 @@ def _tags(dataset: rasterio.DatasetReader) -> dict[str, str]:
     for tiff, exif in (("TIFFTAG_MAKE", "Make"), ("TIFFTAG_MODEL", "Model"), ("TIFFTAG_DATETIME", "DateTime")):
         if tiff in found:
             tags.setdefault(exif, found[tiff])
-    return tags
+    return {**tags, **_gimbal_tags(dataset.tags(ns="xml:XMP"))}
+
+
+def _gimbal_tags(xmp: dict[str, str]) -> dict[str, str]:
+    """How a drone's camera was held: GimbalYawDegree, GimbalPitchDegree and GimbalRollDegree, as attributes or as elements."""
+    return dict(_GIMBAL.findall(next(iter(xmp.values()), "")))
 
 
 def _check_jpeg_end(path: Path) -> None:

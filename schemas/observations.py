@@ -75,6 +75,8 @@ class Control(BaseModel):
 
     points: tuple[ControlPoint, ...] = ()
     distances: tuple[Distance, ...] = ()
+    remarks: tuple[str, ...] = ()
+    """whole sentences about what could not be used, and about the reference system"""
 
 
 TIE_POINTS = Table("tie_points/tie_points.parquet", TiePoints)

@@ -42,8 +42,27 @@ class Photo(BaseModel):
     position: tuple[float, float, float] | None = None
     """Projection centre X, Y, Z in the project's CRS from GNSS or EXIF, m."""
     position_sigma: tuple[float, float, float] | None = None
+    attitude: tuple[float, float, float] | None = None
+    """omega, phi, kappa in degrees, rough: from the positions file or the tags of the gimbal"""
+    scan: tuple[float, float, float, float, float, float] | None = None
+    """A scan in the frame of its fiducial marks: col = s0 + s1 col_file + s2 row_file, row = s3 + s4 col_file + s5 row_file, where
+    col_file, row_file are pixels of the file and col, row those used everywhere else. None: the pixels of the upright file."""
+    scan_size: tuple[int, int] | None = None
+    """width and height of the file of a scan"""
     levels: int = 1
     """Pyramid levels stored: rasters `photos/<name>/0` (full size) to `photos/<name>/<levels - 1>`, each halved."""
+
+
+    def from_file(self, col: float, row: float) -> tuple[float, float]:
+        """Where a pixel of the (upright) file lies in the photograph as it is used."""
+        if self.scan is None:
+            return col, row
+        s = self.scan
+        return s[0] + s[1] * col + s[2] * row, s[3] + s[4] * col + s[5] * row
+
+    def holds(self, col: float, row: float) -> bool:
+        """Whether a place lies on the photograph, border pixels to their outer edge."""
+        return -0.5 <= col <= self.width - 0.5 and -0.5 <= row <= self.height - 0.5
 
 
 class Photos(BaseModel):
@@ -52,6 +71,8 @@ class Photos(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     photos: tuple[Photo, ...]
+    remarks: tuple[str, ...] = ()
+    """whole sentences about files and positions that were set aside"""
 
     def __getitem__(self, name: str) -> Photo:
         return next(photo for photo in self.photos if photo.name == name)

@@ -119,6 +119,23 @@ class ControlFromFiles(Settings):
     kind: Literal["files"]
     points: str = setting(..., "CSV with the columns name, role (control or check), x, y, z, sigma_x, sigma_y, sigma_z.")
     measurements: str = setting(..., "CSV with the columns name, photo, col, row, sigma (pixels).")
+    crs: str | None = setting(
+        None, "Reference system of the points, e.g. EPSG:4326 or EPSG:2100+5773; the project's own where it is not named."
+    )
+
+
+class ControlFromGcpList(Settings):
+    """Ground control as OpenDroneMap writes it: the reference system, then lines of X Y Z, col row, photograph and name."""
+
+    kind: Literal["gcp_list"]
+    path: str = setting(..., "The file gcp_list.txt.")
+    sigma_plan: float = setting(0.03, "Standard error of the points in X and Y.", "m", gt=0)
+    sigma_height: float = setting(0.05, "Standard error of the points in Z.", "m", gt=0)
+    sigma_px: float = setting(1.0, "Standard error of their measurements in the photographs.", "px", gt=0)
+    check: tuple[str, ...] = setting((), "Names of the points that are check points and take no part in the adjustment.")
+    origin: Literal["centre", "corner"] = setting(
+        "centre", "What has pixel coordinates (0, 0): the centre of the upper left pixel (as OpenDroneMap takes it), or its corner."
+    )
 
 
 class NoControl(Settings):
@@ -133,7 +150,7 @@ class SimulatedControl(Settings):
     kind: Literal["simulated"]
 
 
-ControlSource = Annotated[ControlFromFiles | NoControl | SimulatedControl, Field(discriminator="kind")]
+ControlSource = Annotated[ControlFromFiles | ControlFromGcpList | NoControl | SimulatedControl, Field(discriminator="kind")]
 
 
 class Project(Settings):

@@ -12,7 +12,7 @@ from schemas.camera import INTERIOR, Camera, Cameras
 from schemas.errors import PhotoError, WorkflowError
 from schemas.photo import Photo, Photos
 from schemas.workflow import CameraGiven
-from tasks.calibration.assignment import file_size
+from tasks.geometry.camera_change import file_size
 
 _SHARE_FROM_PIXEL, _SHARE_FROM_35MM = 0.02, 0.05
 """Relative standard error of a camera constant from a focal length and a pixel size, and from a 35 mm equivalent."""

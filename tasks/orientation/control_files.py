@@ -1,4 +1,8 @@
-"""Ground control and check points from two CSV texts. All mistakes are gathered and told together, one sentence each."""
+"""Ground control and check points from two CSV texts. All mistakes are gathered and told together, one sentence each.
+
+Measurements are pixels of the file; where the photograph was put into another frame (a scan into that of its fiducial marks), they
+follow.
+"""
 
 import csv
 import io
@@ -36,6 +40,16 @@ def read_control(photos: Photos, points: str, measurements: str) -> Control:
 def no_control() -> Control:
     """A project without ground control."""
     return Control()
+
+
+def photos_by_word(photos: Photos) -> dict[str, Photo]:
+    """Photographs by the words that name them: file name with and without extension."""
+    return {word: photo for photo in photos.photos for word in (PurePosixPath(photo.path).name, photo.name)}
+
+
+def in_photographs(measurements: dict[str, tuple[float, float, float]], photos: Photos) -> dict[str, tuple[float, float, float]]:
+    """Measurements in pixels of the files, in the photographs as they are used here."""
+    return {name: (*photos[name].from_file(col, row), sigma) for name, (col, row, sigma) in measurements.items()}
 
 
 def _rows(text: str, columns: tuple[str, ...], what: str, mistakes: list[str]) -> list[tuple[int, dict[str, str]]]:
@@ -88,13 +102,13 @@ def _points(text: str, mistakes: list[str]) -> dict[str, ControlPoint]:
 def _measurements(
     text: str, known: dict[str, ControlPoint], photos: Photos, mistakes: list[str]
 ) -> dict[str, dict[str, tuple[float, float, float]]]:
-    of_name = {word: photo for photo in photos.photos for word in (PurePosixPath(photo.path).name, photo.name)}
+    of_name = photos_by_word(photos)
     measured: dict[str, dict[str, tuple[float, float, float]]] = {name: {} for name in known}
     for line, row in _rows(text, MEASUREMENT_COLUMNS, "control measurements", mistakes):
         name, photo = row["name"], of_name.get(row.get("photo", ""))
         where = f"Control measurements file, line {line}, point {name} "
         values = _numbers(row, MEASUREMENT_COLUMNS[2:], where.strip(), mistakes)
-        mistake = _mistake(name, row.get("photo", ""), photo, values, measured)
+        mistake = measurement_mistake(name, row.get("photo", ""), photo, values, measured)
         if mistake:
             mistakes.append(f"{where}{mistake}")
         elif values and photo:
@@ -102,7 +116,9 @@ def _measurements(
     return measured
 
 
-def _mistake(name: str, word: str, photo: Photo | None, values: tuple[float, ...] | None, measured: dict[str, dict]) -> str | None:
+def measurement_mistake(
+    name: str, word: str, photo: Photo | None, values: tuple[float, ...] | None, measured: dict[str, dict]
+) -> str | None:
     """What is wrong with one measurement, as the end of a sentence."""
     if name not in measured:
         return "is not in the control points file."
@@ -110,7 +126,7 @@ def _mistake(name: str, word: str, photo: Photo | None, values: tuple[float, ...
         return f"is measured in the photograph '{word}', which the project does not have."
     if photo.name in measured[name]:
         return f"is measured twice in {photo.name}; one measurement is needed."
-    if values and not (-0.5 <= values[0] <= photo.width - 0.5 and -0.5 <= values[1] <= photo.height - 0.5):
+    if values and not photo.holds(*photo.from_file(values[0], values[1])):
         return (
             f"is measured at col {values[0]:g}, row {values[1]:g}, outside of {photo.name}, which has {photo.width} columns and "
             f"{photo.height} rows; correct the line or take it out."

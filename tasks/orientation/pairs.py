@@ -27,6 +27,11 @@ def relate_pairs(photos: Photos, cameras: Cameras, tie_points: TiePoints, least:
     return RelativeOrientations(pairs=tuple(sorted(pairs, key=lambda pair: -pair.kept)))
 
 
+def no_pairs() -> RelativeOrientations:
+    """A block whose photographs were not related here."""
+    return RelativeOrientations()
+
+
 def ideal_coordinates(photos: Photos, cameras: Cameras, rays: Rays) -> np.ndarray:
     """(M, 2) ideal image coordinates in units of c."""
     out = np.empty_like(rays.xy)

@@ -4,11 +4,13 @@ import numpy as np
 
 from schemas.camera import INTERIOR, Camera, Cameras
 from schemas.observations import Control, GroundPoints, ImageResiduals
-from schemas.orientation import Block, BlockPrecision, GroundResidual, GroundResiduals, RelativeOrientations
+from schemas.orientation import Block, BlockPrecision, ExteriorOrientation, GroundResidual, GroundResiduals, RelativeOrientations
 from schemas.photo import Photos
 from schemas.report import Figure, Grid, StageReport
+from tasks.geometry.survey_system import vertical_name
 from tasks.orientation.report_charts import block_charts
 from tasks.orientation.report_facts import CELLS, Facts, coverage, filled_areas
+from tasks.orientation.report_overlap import overlap_picture
 from tasks.orientation.report_warnings import block_warnings
 
 
@@ -27,6 +29,7 @@ def report(
     facts = Facts(photos, cameras, control, relative, block, points, image_residuals, ground_residuals, precision)
     grids = (
         _cameras(facts),
+        *_interior_correlations(facts),
         _orientations(facts),
         _per_photo(facts),
         _ground(facts, "control"),
@@ -39,6 +42,7 @@ def report(
         figures=tuple(_figures(facts)),
         grids=tuple(grid for grid in grids if grid and grid.rows),
         charts=tuple(block_charts(facts)),
+        pictures=(overlap_picture(),),
         warnings=tuple(block_warnings(facts)),
     )
 
@@ -47,7 +51,7 @@ def _figures(facts: Facts) -> list[Figure]:
     block, precision = facts.block, facts.precision
     pixel = {camera.pixel_um for camera in block.cameras.values()}
     sigma0_um = block.sigma0_px * pixel.pop() if len(pixel) == 1 and None not in pixel else None
-    centre = np.array([np.sqrt(np.diag(photo.covariance)[:3]) for photo in block.photos])
+    centre = np.array([_exterior_sigmas(photo)[:3] for photo in block.photos])
     fractions = coverage(facts)
     figures = [
         Figure(
@@ -55,6 +59,12 @@ def _figures(facts: Facts) -> list[Figure]:
         ),
         Figure(name="photos_unoriented", value=len(block.unoriented)),
         Figure(name="datum", value=block.datum),
+        Figure(
+            name="height_reference",
+            value=vertical_name(block.crs) or "not stated",
+            sentence="What heights count from. Not stated: from where the heights of control or positions count; state it as the "
+            "part of crs after a plus sign.",
+        ),
         Figure(
             name="sigma0_px",
             value=block.sigma0_px,
@@ -83,18 +93,18 @@ def _figures(facts: Facts) -> list[Figure]:
         Figure(name="image_measurements_rejected", value=precision.rejected),
         Figure(
             name="centre_sigma_plan",
-            value=float(np.median(np.hypot(centre[:, 0], centre[:, 1]))),
+            value=_median(np.hypot(centre[:, 0], centre[:, 1])),
             unit="m",
             sentence="Median standard error of the projection centres in plan.",
         ),
-        Figure(name="centre_sigma_height", value=float(np.median(centre[:, 2])), unit="m"),
+        Figure(name="centre_sigma_height", value=_median(centre[:, 2]), unit="m"),
         Figure(
             name="ground_sigma_plan",
-            value=float(np.median(np.hypot(facts.points.sigma_x, facts.points.sigma_y))),
+            value=_median(np.hypot(facts.points.sigma_x, facts.points.sigma_y)),
             unit="m",
             sentence="Median standard error of the tie points in plan, with the effect of the orientation.",
         ),
-        Figure(name="ground_sigma_height", value=float(np.median(facts.points.sigma_z)), unit="m"),
+        Figure(name="ground_sigma_height", value=_median(facts.points.sigma_z), unit="m"),
         Figure(
             name="covered_by_two",
             value=fractions[0],
@@ -106,6 +116,19 @@ def _figures(facts: Facts) -> list[Figure]:
     for role, word in (("control", "control"), ("check", "check"), ("position", "gnss")):
         figures += _ground_figures(facts.ground.of_role(role), word)
     return figures
+
+
+def _median(values: np.ndarray) -> float | None:
+    """The median of the numbers that are known."""
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else None
+
+
+def _exterior_sigmas(photo: ExteriorOrientation) -> np.ndarray:
+    """(6,) standard errors of X, Y, Z in m and of omega, phi, kappa in degrees; NaN where they are not known."""
+    if photo.covariance is None:
+        return np.full(6, np.nan)
+    return np.sqrt(np.diag(np.array(photo.covariance))) * np.repeat([1.0, np.degrees(1.0)], 3)
 
 
 def _ground_figures(points: tuple[GroundResidual, ...], word: str) -> list[Figure]:
@@ -131,7 +154,7 @@ def _ground_figures(points: tuple[GroundResidual, ...], word: str) -> list[Figur
 def _cameras(facts: Facts) -> Grid:
     rows = []
     for name, camera in facts.block.cameras.items():
-        before, sigma = facts.before.cameras[name], _sigmas(camera)
+        before, sigma = facts.before.cameras.get(name, camera), _sigmas(camera)
         rows += [
             (name, parameter, before.interior[i], camera.interior[i], sigma[i], camera.interior[i] - before.interior[i])
             for i, parameter in enumerate(INTERIOR)
@@ -154,6 +177,28 @@ def _cameras(facts: Facts) -> Grid:
     )
 
 
+def _interior_correlations(facts: Facts) -> list[Grid]:
+    """One table for every camera that was adjusted."""
+    grids = []
+    for name, camera in facts.block.cameras.items():
+        free = [i for i, sigma in enumerate(_sigmas(camera)) if sigma]
+        if len(free) < 2:
+            continue
+        covariance = np.array(camera.covariance)[np.ix_(free, free)]
+        scale = np.sqrt(np.diag(covariance))
+        values = covariance / np.outer(scale, scale)
+        rows = tuple((INTERIOR[i], *(round(float(v), 2) for v in values[k])) for k, i in enumerate(free))
+        grids.append(
+            Grid(
+                title=f"Correlations of the interior orientation, camera {name}",
+                columns=("", *(INTERIOR[i] for i in free)),
+                rows=rows,
+                note="Near 1 or -1: only the two together are known.",
+            )
+        )
+    return grids
+
+
 def _sigmas(camera: Camera) -> list[float | None]:
     if camera.source != "block" or camera.covariance is None:
         return [None] * len(INTERIOR)
@@ -163,10 +208,8 @@ def _sigmas(camera: Camera) -> list[float | None]:
 def _orientations(facts: Facts) -> Grid:
     rows = []
     for photo in facts.block.photos:
-        sigma = np.sqrt(np.diag(np.array(photo.covariance)))
-        rows.append(
-            (photo.photo, *photo.centre, *map(float, sigma[:3]), *photo.omega_phi_kappa, *(float(v) for v in np.degrees(sigma[3:])))
-        )
+        sigma = [float(v) if np.isfinite(v) else None for v in _exterior_sigmas(photo)]
+        rows.append((photo.photo, *photo.centre, *sigma[:3], *photo.omega_phi_kappa, *sigma[3:]))
     return Grid(
         title="Exterior orientation",
         columns=(

@@ -1,6 +1,11 @@
 """What is weak in a block, in plain words: datum, control, cameras, overlap, stated precision."""
 
+import numpy as np
+
 from tasks.orientation.report_facts import CELLS, Facts, coverage, filled_areas
+
+ONE_SIDED = 0.2
+"""Share of the block's frame that control must cover"""
 
 
 def block_warnings(facts: Facts) -> list[str]:
@@ -8,6 +13,7 @@ def block_warnings(facts: Facts) -> list[str]:
     return [
         *(u.reason for u in facts.block.unoriented),
         *facts.precision.weaknesses,
+        *facts.control.remarks,
         *_control_warnings(facts),
         *_camera_warnings(facts),
         *_photo_warnings(facts),
@@ -27,6 +33,7 @@ def _control_warnings(facts: Facts) -> list[str]:
         found.append(
             "There are no check points, so nothing independent confirms the block; turn some control points into check points."
         )
+    found += _one_sided(facts)
     tested = {p.name: p for p in facts.ground.points}
     for point in facts.control.points:
         row = tested.get(point.name)
@@ -43,6 +50,26 @@ def _control_warnings(facts: Facts) -> list[str]:
     return found
 
 
+def _one_sided(facts: Facts) -> list[str]:
+    """Control that frames only a small part of the block: beside it, the block hangs out like a lever."""
+    control = np.array([point.xyz for point in facts.control.points if point.role == "control"]).reshape(-1, 3)[:, :2]
+    ties = np.column_stack([facts.points.x, facts.points.y])
+    if len(control) < 3 or len(ties) < 10:
+        return []
+    low, high = np.percentile(ties, [2, 98], axis=0)
+    share = float(
+        np.prod(np.clip(np.minimum(control.max(axis=0), high) - np.maximum(control.min(axis=0), low), 0, None) / (high - low))
+    )
+    if share >= ONE_SIDED:
+        return []
+    side = "north" if control[:, 1].mean() > ties[:, 1].mean() else "south"
+    side += "-east" if control[:, 0].mean() > ties[:, 0].mean() else "-west"
+    return [
+        f"The control is one-sided: its frame covers {100 * share:.0f} % of the block's, towards the {side}. Away from it errors "
+        "grow; add control on the other side."
+    ]
+
+
 def _camera_warnings(facts: Facts) -> list[str]:
     found = [
         f"{c.first} and {c.second} can hardly be told apart (correlation {c.value:.2f}): their values are not to be used one "
@@ -51,7 +78,7 @@ def _camera_warnings(facts: Facts) -> list[str]:
         for c in facts.precision.correlations
     ]
     for name, camera in facts.block.cameras.items():
-        before = facts.before.cameras[name]
+        before = facts.before.cameras.get(name, camera)
         if before.source == "exif" and camera.source != "block":
             found.append(
                 f"The camera {name} is known from EXIF only and was not adjusted: heights may bend over the block. Calibrate it, "

@@ -1,24 +1,37 @@
 """Stage `orientation`: pairs are related one by one, then all photographs become one block in the project's system."""
 
-from collections.abc import Iterator
-from typing import ClassVar, Literal
+from collections.abc import Callable, Iterator
+from typing import Any, ClassVar, Literal
 
 from schemas.camera import CAMERAS
-from schemas.job import Export, Job, Region, TextFile
-from schemas.observations import CONTROL, GROUND_POINTS, IMAGE_RESIDUALS, TIE_POINTS
+from schemas.job import Export, Job, Raster, Region, Table, TextFile
+from schemas.observations import CONTROL, GROUND_POINTS, IMAGE_RESIDUALS, TIE_POINTS, Control
 from schemas.orientation import BLOCK, BLOCK_PRECISION, GROUND_RESIDUALS, RELATIVE, SEPARATE_BLOCKS
 from schemas.photo import PHOTOS
-from schemas.raster import RasterSpec
+from schemas.raster import RasterSpec, Window
 from schemas.report import report_table
 from schemas.settings import setting
 from schemas.stage import ProjectView, Stage
 from tasks.adjustment.interior import InteriorChoice, WeightedInterior
 from tasks.orientation.block import BlockChoices, orient_block
-from tasks.orientation.control_files import no_control, read_control
-from tasks.orientation.pairs import relate_pairs
+from tasks.orientation.control_files import no_control
+from tasks.orientation.control_system import control_from_files, control_from_list
+from tasks.orientation.held_block import hold_block
+from tasks.orientation.pairs import no_pairs, relate_pairs
+from tasks.orientation.products import PRODUCTS, block_products, product_table
 from tasks.orientation.report import report
+from tasks.orientation.report_overlap import OVERLAP, SIDE, overlap_map
+from tasks.orientation.sources import Adjusted, ExteriorSource
 
 SCRATCH = 256 * 2**20
+_SIMULATED = ("photographs/control.csv", "photographs/measurements.csv")
+BLOCK_TABLES: dict[str, Table] = {
+    "block": BLOCK,
+    "points": GROUND_POINTS,
+    "image_residuals": IMAGE_RESIDUALS,
+    "ground_residuals": GROUND_RESIDUALS,
+    "precision": BLOCK_PRECISION,
+}
 
 
 class OrientationStage(Stage):
@@ -26,6 +39,9 @@ class OrientationStage(Stage):
 
     title: ClassVar[str] = "Orient the photographs as one block"
     kind: Literal["orientation"] = "orientation"
+    exterior: ExteriorSource = setting(
+        Adjusted(kind="adjusted"), "Where the exterior orientation comes from: the own adjustment, or a file of another program."
+    )
     least_matches: int = setting(15, "Pairs that share fewer tie points are not related.", "tie points", ge=6)
     interior: InteriorChoice = setting(
         WeightedInterior(kind="weighted"), "How the interior orientation takes part in the adjustment."
@@ -55,6 +71,45 @@ class OrientationStage(Stage):
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         yield self._control(view)
+        yield from self._adjusted_jobs(view) if self.exterior.kind == "adjusted" else self._held_jobs(view)
+        yield Job(
+            "orientation",
+            "report",
+            report,
+            reads={
+                "photos": PHOTOS,
+                "cameras": CAMERAS,
+                "control": CONTROL,
+                "relative": RELATIVE,
+                "block": BLOCK,
+                "points": GROUND_POINTS,
+                "image_residuals": IMAGE_RESIDUALS,
+                "ground_residuals": GROUND_RESIDUALS,
+                "precision": BLOCK_PRECISION,
+            },
+            writes={"report": report_table("orientation")},
+        )
+        yield Job(
+            "orientation",
+            "products",
+            block_products,
+            reads={"photos": PHOTOS, "block": BLOCK, "points": GROUND_POINTS},
+            writes={name: product_table(name) for name in PRODUCTS},
+        )
+        yield RasterSpec(name=OVERLAP, shape=(SIDE, SIDE), dtype="uint8", chunk=SIDE)
+        yield Job(
+            "orientation",
+            "overlap",
+            overlap_map,
+            reads={"block": BLOCK},
+            writes={"map": Raster(OVERLAP, Window(0, 0, SIDE, SIDE))},
+            scratch=64 * SIDE * SIDE,
+        )
+        yield Export("orientation", "cameras", "products/cameras.json", "json", tables=(BLOCK,))
+        for name, path in PRODUCTS.items():
+            yield Export("orientation", name, f"products/{path}", "text", tables=(product_table(name),))
+
+    def _adjusted_jobs(self, view: ProjectView) -> Iterator[Job]:
         yield Job(
             "orientation",
             "pairs",
@@ -77,43 +132,42 @@ class OrientationStage(Stage):
             "block",
             orient_block,
             reads={"photos": PHOTOS, "cameras": CAMERAS, "tie_points": TIE_POINTS, "control": CONTROL, "relative": RELATIVE},
-            writes={
-                "block": BLOCK,
-                "points": GROUND_POINTS,
-                "image_residuals": IMAGE_RESIDUALS,
-                "ground_residuals": GROUND_RESIDUALS,
-                "precision": BLOCK_PRECISION,
-                "separate": SEPARATE_BLOCKS,
-            },
+            writes=BLOCK_TABLES | {"separate": SEPARATE_BLOCKS},
             params={"crs": view.project.crs, "choices": choices},
             scratch=SCRATCH,
         )
+
+    def _held_jobs(self, view: ProjectView) -> Iterator[Job]:
+        """The block of another program; the own tie points examine it, where the workflow has them."""
+        yield Job("orientation", "pairs", no_pairs, reads={}, writes={"relative": RELATIVE})
+        texts = tuple(TextFile(path) for path in self.exterior.files)
+        reads: dict[str, Region | tuple[Region, ...]] = {"photos": PHOTOS, "cameras": CAMERAS, "control": CONTROL, "texts": texts}
+        if view.has_stage("tie_points"):
+            reads["tie_points"] = TIE_POINTS
         yield Job(
             "orientation",
-            "report",
-            report,
-            reads={
-                "photos": PHOTOS,
-                "cameras": CAMERAS,
-                "control": CONTROL,
-                "relative": RELATIVE,
-                "block": BLOCK,
-                "points": GROUND_POINTS,
-                "image_residuals": IMAGE_RESIDUALS,
-                "ground_residuals": GROUND_RESIDUALS,
-                "precision": BLOCK_PRECISION,
-            },
-            writes={"report": report_table("orientation")},
+            "block",
+            hold_block,
+            reads=reads,
+            writes=dict(BLOCK_TABLES),
+            params={"crs": view.project.crs, "source": self.exterior},
+            scratch=SCRATCH,
         )
-        yield Export("orientation", "cameras", "products/cameras.json", "json", tables=(BLOCK,))
 
     def _control(self, view: ProjectView) -> Job:
         source = view.project.control
         if source.kind == "none":
             return Job("orientation", "control", no_control, reads={}, writes={"control": CONTROL})
+        if source.kind == "gcp_list":
+            reads: dict[str, Region] = {"photos": PHOTOS, "text": TextFile(source.path)}
+            return _control_job(control_from_list, reads, {"source": source, "crs": view.project.crs})
         if source.kind == "simulated":
-            points, measurements = view.run_file("photographs/control.csv"), view.run_file("photographs/measurements.csv")
+            own, points, measurements = None, view.run_file(_SIMULATED[0]), view.run_file(_SIMULATED[1])
         else:
-            points, measurements = source.points, source.measurements
-        reads: dict[str, Region] = {"photos": PHOTOS, "points": TextFile(points), "measurements": TextFile(measurements)}
-        return Job("orientation", "control", read_control, reads=reads, writes={"control": CONTROL})
+            own, points, measurements = source.crs, source.points, source.measurements
+        reads = {"photos": PHOTOS, "points": TextFile(points), "measurements": TextFile(measurements)}
+        return _control_job(control_from_files, reads, {"own": own, "crs": view.project.crs})
+
+
+def _control_job(function: Callable[..., Control], reads: dict[str, Region], params: dict[str, Any]) -> Job:
+    return Job("orientation", "control", function, reads=reads, writes={"control": CONTROL}, params=params)

@@ -7,6 +7,10 @@ A tag that is absent, empty, zero where zero is impossible, or not a number coun
 import re
 from collections.abc import Mapping
 
+import numpy as np
+
+from tasks.geometry.rotation import angles
+
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
 _FOCAL_PLANE_UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 """EXIF FocalPlaneResolutionUnit: inch, centimetre, millimetre, micrometre"""
@@ -61,6 +65,19 @@ def altitude(tags: Mapping[str, str]) -> float | None:
         return None
     below = word(tags, "GPSAltitudeRef").lower() in {"1", "0x01"}
     return -found[0] if below else found[0]
+
+
+def gimbal_attitude(tags: Mapping[str, str]) -> tuple[float, float, float] | None:
+    """omega, phi, kappa in degrees of a drone's camera from the yaw (clockwise from north) and pitch (-90: straight down) of its
+    gimbal; rough, for roll and the convergence of the map are left out. None without the tags."""
+    yaw, pitch = numbers(tags, "GimbalYawDegree"), numbers(tags, "GimbalPitchDegree")
+    if not yaw or not pitch:
+        return None
+    y, p = np.radians(yaw[0]), np.radians(pitch[0])
+    forward = np.array([np.sin(y) * np.cos(p), np.cos(y) * np.cos(p), np.sin(p)])
+    right = np.array([np.cos(y), -np.sin(y), 0.0])
+    omega, phi, kappa = np.degrees(angles(np.array([right, np.cross(right, forward), -forward])))
+    return float(omega), float(phi), float(kappa)
 
 
 def time(tags: Mapping[str, str]) -> str | None:

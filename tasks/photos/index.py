@@ -15,9 +15,16 @@ from schemas.workflow import NoPositions, Positions
 from tasks.geometry.reference_system import ground_coordinates, ground_crs
 from tasks.imagery.pyramid import level_count
 from tasks.photos import exif
-from tasks.photos.positions import read_positions
+from tasks.photos.coordinates import Digital, ImageCoordinates
+from tasks.photos.positions import Position, read_positions
+from tasks.photos.scans import Fitted, Scans, in_mark_frame, in_principal_frame
 from tasks.photos.sensors import sensor_width_mm
 from tasks.photos.upright import upright_shape
+
+_DIGITAL = Digital(kind="digital")
+_KM_PER_DEGREE = 111.2
+_STRAY_KM, _STRAY_SHARE = 20.0, 20.0
+"""A position strays when it is farther from the middle than so many km, and than so many times the median distance."""
 
 
 @dataclass(frozen=True)
@@ -50,29 +57,54 @@ def photo_from_header(header: Header) -> Photo:
         latitude=place[1] if place else None,
         altitude=exif.altitude(tags),
         time=exif.time(tags),
+        attitude=exif.gimbal_attitude(tags),
         levels=level_count((rows, cols)),
     )
 
 
 def index_photos(
-    headers: tuple[Header, ...], crs: str, positions: Positions, limits: Limits, positions_text: str | None = None
-) -> Photos:
-    """All photographs of a project, in the order of `headers`.
+    headers: tuple[Header, ...],
+    crs: str,
+    positions: Positions,
+    limits: Limits,
+    positions_text: str | None = None,
+    coordinates: ImageCoordinates = _DIGITAL,
+    scan_texts: tuple[str, ...] = (),
+) -> dict[str, Photos | Scans]:
+    """All photographs of a project, in the order of `headers`, and how scans lay.
 
-    positions_text: the CSV file, for the kinds that read one. Raises PhotoError naming every photograph that cannot be used,
-    WorkflowError for the CRS and the positions file.
+    positions_text: the CSV file, for the kinds that read one; scan_texts: the files of `coordinates`. Raises PhotoError naming
+    every photograph that cannot be used, WorkflowError for the CRS and the positions file.
     """
     ground_crs(crs)
     refusals = [sentence for header in headers if (sentence := _refusal(header, limits))]
     photos = [photo_from_header(header) for header in headers]
-    refusals += _duplicates(photos)
     if refusals:
         raise PhotoError(" ".join(refusals))
+    photos, remarks = _without_duplicates(photos)
     if positions.kind == "exif":
+        photos, strays = _without_strays(photos)
+        remarks += strays
         photos = _placed_by_gps(photos, crs, (positions.sigma_plan, positions.sigma_plan, positions.sigma_height))
     elif not isinstance(positions, NoPositions):
         photos = _placed_by_file(photos, positions_text or "")
-    return Photos(photos=tuple(photos))
+    fitted = _fitted(photos, coordinates, scan_texts)
+    framed = [one.photo for one in fitted] or photos
+    leveled = (photo.model_copy(update={"levels": level_count((photo.height, photo.width))}) for photo in framed)
+    scans = Scans(scans=tuple(one.scan for one in fitted))
+    return {"photos": Photos(photos=tuple(leveled), remarks=tuple(remarks)), "scans": scans}
+
+
+def _fitted(photos: list[Photo], coordinates: ImageCoordinates, texts: tuple[str, ...]) -> list[Fitted]:
+    """Scans in their common frame; nothing for digital photographs."""
+    if coordinates.kind == "digital":
+        return []
+    turned = [photo.name for photo in photos if photo.exif_orientation != 1]
+    if turned:
+        raise PhotoError(f"{', '.join(turned[:8])}: scans must not be turned by an EXIF flag; save them as they were scanned.")
+    if coordinates.kind == "fiducial_marks":
+        return in_mark_frame(photos, *texts, coordinates.pixel_um)
+    return in_principal_frame(photos, *texts, coordinates.pixel_um)
 
 
 def _refusal(header: Header, limits: Limits) -> str | None:
@@ -94,16 +126,39 @@ def _refusal(header: Header, limits: Limits) -> str | None:
     return None
 
 
-def _duplicates(photos: list[Photo]) -> list[str]:
+def _without_duplicates(photos: list[Photo]) -> tuple[list[Photo], list[str]]:
+    """The first photograph of every name, and a sentence for each one that was set aside."""
     first: dict[str, Photo] = {}
     sentences = []
     for photo in photos:
         twin = first.setdefault(photo.name, photo)
         if twin is not photo:
             sentences.append(
-                f"{twin.path} and {photo.path} have the same name {photo.name}, by which everything refers to them; rename one."
+                f"{twin.path} and {photo.path} have the same name {photo.name}, by which everything refers to them: the second was "
+                "set aside; rename it if it is another photograph."
             )
-    return sentences
+    return list(first.values()), sentences
+
+
+def _without_strays(photos: list[Photo]) -> tuple[list[Photo], list[str]]:
+    """Photographs without the GPS positions that lie far from all others: a receiver that had no fix yet, or a photograph of
+    another place. Where half of them stray, nobody knows who is right, and all are kept."""
+    tagged = [photo for photo in photos if photo.longitude is not None]
+    if len(tagged) < 4:
+        return photos, []
+    degrees = np.array([(photo.longitude, photo.latitude) for photo in tagged])
+    middle = np.median(degrees, axis=0)
+    east = (degrees[:, 0] - middle[0] + 180.0) % 360.0 - 180.0
+    km = _KM_PER_DEGREE * np.hypot(east * np.cos(np.radians(middle[1])), degrees[:, 1] - middle[1])
+    far = km > max(_STRAY_KM, _STRAY_SHARE * float(np.median(km)))
+    strays = {tagged[i].name: float(km[i]) for i in np.flatnonzero(far)} if 2 * far.sum() < len(tagged) else {}
+    nowhere = {"longitude": None, "latitude": None}
+    kept = [photo.model_copy(update=nowhere) if photo.name in strays else photo for photo in photos]
+    return kept, [
+        f"The GPS tag of {name} lies {distance:.0f} km from the other photographs and was left out; the "
+        "photograph itself takes part."
+        for name, distance in strays.items()
+    ]
 
 
 def _camera_name(header: Header, orientation: int) -> str:
@@ -134,10 +189,14 @@ def _placed_by_gps(photos: list[Photo], crs: str, sigma: tuple[float, float, flo
 
 def _placed_by_file(photos: list[Photo], text: str) -> list[Photo]:
     positions = read_positions(text)
-    return [
-        _placed(photo, positions[photo.name].xyz, positions[photo.name].sigma) if photo.name in positions else photo
-        for photo in photos
-    ]
+    return [_placed_as(photo, positions.get(photo.name)) for photo in photos]
+
+
+def _placed_as(photo: Photo, position: Position | None) -> Photo:
+    if position is None:
+        return photo
+    placed = _placed(photo, position.xyz, position.sigma)
+    return placed if position.attitude is None else placed.model_copy(update={"attitude": position.attitude})
 
 
 def _placed(photo: Photo, xyz: tuple[float, float, float] | None, sigma: tuple[float, float, float]) -> Photo:

@@ -7,16 +7,19 @@ from dataclasses import dataclass
 from schemas.errors import WorkflowError
 
 COLUMNS = ("photo", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
+ANGLES = ("omega", "phi", "kappa")
+"""columns that may stand there besides: a rough attitude, which tells where an oblique photograph looks"""
 
 Triple = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class Position:
-    """A projection centre and its standard errors, m."""
+    """A projection centre and its standard errors, m; omega, phi, kappa in degrees where the file has them."""
 
     xyz: Triple
     sigma: Triple
+    attitude: Triple | None = None
 
 
 def read_positions(text: str) -> dict[str, Position]:
@@ -32,7 +35,7 @@ def read_positions(text: str) -> dict[str, Position]:
         )
     positions: dict[str, Position] = {}
     for row in reader:
-        name = _stem(row["photo"])
+        name = photo_stem(row["photo"])
         if name in positions:
             raise WorkflowError(
                 f"Line {reader.line_num} of the positions file names the photograph {name} a second time; keep one of the lines."
@@ -41,7 +44,8 @@ def read_positions(text: str) -> dict[str, Position]:
     return positions
 
 
-def _stem(name: str | None) -> str:
+def photo_stem(name: str | None) -> str:
+    """The name of a photograph without the extension of an image file."""
     head, dot, tail = (name or "").strip().rpartition(".")
     return head if dot and tail.lower() in {"jpg", "jpeg", "tif", "tiff", "png"} else (name or "").strip()
 
@@ -57,4 +61,18 @@ def _position(row: dict[str, str], line: int) -> Position:
         raise WorkflowError(
             f"Line {line} of the positions file gives a standard error of zero or less; every one must be above zero."
         )
-    return Position((x, y, z), (sigma[0], sigma[1], sigma[2]))
+    return Position((x, y, z), (sigma[0], sigma[1], sigma[2]), _attitude(row, line))
+
+
+def _attitude(row: dict[str, str], line: int) -> Triple | None:
+    words = [(row.get(name) or "").strip() for name in ANGLES]
+    if not any(words):
+        return None
+    try:
+        omega, phi, kappa = map(float, words)
+    except ValueError:
+        raise WorkflowError(
+            f"Line {line} of the positions file gives {', '.join(words)} for omega, phi, kappa; give three angles in "
+            "degrees or none."
+        ) from None
+    return omega, phi, kappa

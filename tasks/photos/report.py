@@ -7,19 +7,47 @@ import numpy as np
 from schemas.photo import Photo, Photos, photo_raster
 from schemas.report import Chart, Figure, Grid, Picture, StageReport
 from tasks.photos.pixels import Exposure
+from tasks.photos.scans import Scans
 
 PICTURES = 6
 
 
-def photos_report(photos: Photos, exposures: tuple[Exposure, ...], positions_kind: str) -> StageReport:
+def photos_report(photos: Photos, scans: Scans, exposures: tuple[Exposure, ...], positions_kind: str) -> StageReport:
     """The report of the stage. exposures: in the order of the photographs."""
     return StageReport(
         figures=_figures(photos),
-        grids=(_photo_grid(photos, exposures), _camera_grid(photos)),
+        grids=(_photo_grid(photos, exposures), _camera_grid(photos), *((_scan_grid(scans),) if scans.scans else ())),
         charts=_charts(photos),
         pictures=_pictures(photos),
-        warnings=(*_header_warnings(photos, positions_kind), *_exposure_warnings(exposures)),
+        warnings=(
+            *photos.remarks,
+            *_header_warnings(photos, positions_kind),
+            *_exposure_warnings(exposures),
+            *_scan_warnings(scans),
+        ),
     )
+
+
+def _scan_grid(scans: Scans) -> Grid:
+    rows = tuple((one.photo, one.marks, one.rms_um, one.turn_deg, one.col_um, one.row_um) for one in scans.scans)
+    return Grid(
+        title="Scans",
+        columns=("photo", "marks", "sigma of a mark, micrometres", "turn of the scan, degrees", "pixel along rows, micrometres",
+                 "pixel along columns, micrometres"),
+        rows=rows,
+        note="The affine transformation from the scan to the calibrated marks; three marks fit without a residual.",
+    )  # fmt: skip
+
+
+def _scan_warnings(scans: Scans) -> list[str]:
+    pixel = [max(one.col_um or 0.0, one.row_um or 0.0) for one in scans.scans]
+    bad = [f"{one.photo} ({one.rms_um:.0f})" for one, p in zip(scans.scans, pixel, strict=True) if (one.rms_um or 0.0) > 2 * p]
+    if not bad:
+        return []
+    return [
+        f"The fiducial marks of {', '.join(bad[:8])} fit an affine transformation worse than two pixels (micrometres in brackets): "
+        "a mark was measured wrongly or exchanged, or the film is deformed unevenly."
+    ]
 
 
 def _figures(photos: Photos) -> tuple[Figure, ...]:

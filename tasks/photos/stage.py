@@ -15,10 +15,14 @@ from schemas.settings import setting
 from schemas.stage import ProjectView, Stage
 from tasks.geometry.reference_system import ground_crs
 from tasks.imagery.pyramid import level_shape, source_window
+from tasks.photos.coordinates import Digital, ImageCoordinates
 from tasks.photos.index import Limits, index_photos
 from tasks.photos.pixels import Exposure, exposure, level_tile, upright_strip
 from tasks.photos.report import photos_report
+from tasks.photos.scans import Scans, scan_tile, scan_window
 from tasks.photos.upright import file_window, turned, upright_shape
+
+SCANS = Table("photos/scans.json", Scans)
 
 
 def exposure_table(photo: str) -> Table[Exposure]:
@@ -31,6 +35,9 @@ class PhotosStage(Stage):
 
     title: ClassVar[str] = "Reading the photographs"
     kind: Literal["photos"] = "photos"
+    coordinates: ImageCoordinates = setting(
+        Digital(kind="digital"), "How image coordinates follow from pixels: digital cameras, or scans of film photographs."
+    )
     max_megapixels: float = setting(
         400.0, "Photographs with more pixels are refused, as a guard against files that are not meant.", "megapixels", gt=0
     )
@@ -46,25 +53,28 @@ class PhotosStage(Stage):
             stage=self.kind,
             item="report",
             function=photos_report,
-            reads={"photos": PHOTOS, "exposures": tuple(exposure_table(name) for name in photos.names)},
+            reads={"photos": PHOTOS, "scans": SCANS, "exposures": tuple(exposure_table(name) for name in photos.names)},
             writes={"report": report_table(self.kind)},
             params={"positions_kind": view.project.positions.kind},
         )
 
     def _index_job(self, view: ProjectView) -> Job:
         headers = tuple(PhotoHeader(path) for path in view.image_files(view.project.photographs))
-        reads: dict[str, Region | tuple[Region, ...]] = {"headers": headers, **_positions_file(view)}
+        texts = tuple(TextFile(path) for path in self.coordinates.files)
+        reads: dict[str, Region | tuple[Region, ...]] = {"headers": headers, "scan_texts": texts, **_positions_file(view)}
         params: dict[str, Any] = {
             "crs": view.project.crs,
             "positions": view.project.positions,
             "limits": Limits(self.max_megapixels),
+            "coordinates": self.coordinates,
         }
-        return Job(stage=self.kind, item="index", function=index_photos, reads=reads, writes={"photos": PHOTOS}, params=params)
+        writes: dict[str, Raster | Table] = {"photos": PHOTOS, "scans": SCANS}
+        return Job(stage=self.kind, item="index", function=index_photos, reads=reads, writes=writes, params=params)
 
     def _pixel_jobs(self, photo: Photo, tile: int) -> Iterator[RasterSpec | Job]:
         for level in range(photo.levels):
             yield _level_spec(photo, level, tile)
-        yield from self._strip_jobs(photo, tile)
+        yield from self._strip_jobs(photo, tile) if photo.scan is None else self._scan_jobs(photo, tile)
         for level in range(1, photo.levels):
             yield from self._level_jobs(photo, level, tile)
         top = _level_spec(photo, photo.levels - 1, tile)
@@ -92,6 +102,23 @@ class PhotosStage(Stage):
                 writes={"strip": Raster(name, window)},
                 params={"orientation": photo.exif_orientation, "bands": photo.bands},
                 scratch=2 * window.height * window.width * photo.bands,
+            )
+
+    def _scan_jobs(self, photo: Photo, tile: int) -> Iterator[Job]:
+        """The tiles of a scan in the frame of its marks, each from the part of the file that it needs."""
+        spec = _level_spec(photo, 0, tile)
+        for cell in tiles_of(spec.shape, tile):
+            source = scan_window(photo, cell.window)
+            yield Job(
+                stage=self.kind,
+                item=f"{photo.name} scan",
+                row=cell.row,
+                col=cell.col,
+                function=scan_tile,
+                reads={} if source.empty else {"pixels": PhotoPixels(photo.path, source)},
+                writes={"tile": Raster(spec.name, cell.window)},
+                params={"photo": photo, "window": cell.window, "source": source},
+                scratch=(16 * source.height * source.width + 48 * tile * tile) * photo.bands,
             )
 
     def _level_jobs(self, photo: Photo, level: int, tile: int) -> Iterator[Job]:

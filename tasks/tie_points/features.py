@@ -90,6 +90,12 @@ def _strongest_in_core(numbers: np.ndarray, detection: Detection) -> np.ndarray:
     return order[_rank_in_cell(col[order], row[order]) < detection.per_cell]
 
 
+def strongest_in_cells(col: np.ndarray, row: np.ndarray, strength: np.ndarray, per_cell: int) -> np.ndarray:
+    """Numbers of the points, px of the level, that are among the `per_cell` strongest of their cell, in a fixed order."""
+    order = np.lexsort((col, row, -strength))
+    return order[_rank_in_cell(col[order], row[order]) < per_cell]
+
+
 def _rank_in_cell(col: np.ndarray, row: np.ndarray) -> np.ndarray:
     """How many points of the same cell stand before each one."""
     cell = (row // CELL).astype(np.int64) * 2**20 + (col // CELL).astype(np.int64)

@@ -58,6 +58,8 @@ class PairSummary(BaseModel):
     """mutual best matches that pass the ratio test"""
     inliers: int
     """of these, matches near their epipolar lines; 0 when the pair was not accepted"""
+    alike: bool = False
+    """whether the two stand still: the same picture twice, or two from one place with the same view"""
 
     @property
     def accepted(self) -> bool:

@@ -16,6 +16,8 @@ from tasks.tie_points.assembly import RefinementSummary, Weighting, assemble, wi
 from tasks.tie_points.records import Links, Observations, PairSummary, Refined, Scatter
 
 _CELLS = 8
+_GRUBER = 3
+"""areas along each side of a frame (von Gruber)"""
 _WEAK = 30
 """Tie points below which a photograph or a pair hangs on too little."""
 
@@ -33,6 +35,8 @@ class Strength:
     """number of the connected part of the block; -1 for photographs without tie points"""
     rays: np.ndarray
     """photographs per tie point (by tie point)"""
+    evenness: np.ndarray
+    """distribution index: 1 when the nine von Gruber areas of the frame hold equally many tie points, 0 when one holds all"""
 
 
 def finish(
@@ -58,8 +62,8 @@ def measure(points: TiePoints, photos: Photos) -> Strength:
     shared = shared_points(points, count)
     observations = np.bincount(points.photo, minlength=count)
     _, block = connected_components(coo_array(shared >= _WEAK // 2), directed=False)
-    sizes = np.array([(photo.width, photo.height) for photo in photos.photos])[points.photo]
-    cell = np.clip(np.column_stack([points.col, points.row]) / sizes * _CELLS, 0, _CELLS - 1).astype(int)
+    frame = np.array([(photo.width, photo.height) for photo in photos.photos])
+    cell = np.clip(np.column_stack([points.col, points.row]) / frame[points.photo] * _CELLS, 0, _CELLS - 1).astype(int)
     filled = np.unique(np.column_stack([points.photo, cell]), axis=0)[:, 0]
     return Strength(
         observations=observations,
@@ -67,7 +71,19 @@ def measure(points: TiePoints, photos: Photos) -> Strength:
         coverage=np.bincount(filled, minlength=count) / _CELLS**2,
         block=np.where(observations > 0, block, -1),
         rays=np.bincount(points.track),
+        evenness=np.array([distribution_index(points.take(points.photo == number), size) for number, size in enumerate(frame)]),
     )
+
+
+def distribution_index(own: TiePoints, size: np.ndarray) -> float:
+    """How evenly the points of one photograph of `size` (width, height) fill its von Gruber areas: the entropy of their shares in
+    units of that of equal shares."""
+    if not len(own):
+        return 0.0
+    area = np.clip(np.column_stack([own.col, own.row]) / size * _GRUBER, 0, _GRUBER - 1).astype(int)
+    count = np.bincount(area[:, 1] * _GRUBER + area[:, 0], minlength=_GRUBER**2)
+    share = count[count > 0] / len(own)
+    return float(-(share * np.log(share)).sum() / np.log(_GRUBER**2)) + 0.0
 
 
 def shared_points(points: TiePoints, photos: int) -> np.ndarray:
@@ -114,6 +130,11 @@ def _figures(
         Figure(
             name="connected_parts", value=_parts(strength), sentence="Parts of the block without enough tie points between them."
         ),
+        Figure(
+            name="distribution_index",
+            value=_rounded(float(np.median(strength.evenness))),
+            sentence="How evenly the nine von Gruber areas of a frame are filled, median over the photographs; 1: equally.",
+        ),
         Figure(name="fewest_in_photo", value=int(strength.observations.min()), sentence="Tie points in the weakest photograph."),
     )
 
@@ -133,17 +154,18 @@ def _parts(strength: Strength) -> int:
 
 def _photo_grid(photos: Photos, strength: Strength) -> Grid:
     rows = tuple(
-        (name, int(count), int(partners), round(100 * float(share)))
-        for name, count, partners, share in zip(
-            photos.names, strength.observations, strength.partners, strength.coverage, strict=True
+        (name, int(count), int(partners), round(100 * float(share)), round(float(even), 2))
+        for name, count, partners, share, even in zip(
+            photos.names, strength.observations, strength.partners, strength.coverage, strength.evenness, strict=True
         )
     )
-    columns = ("photo", "tie points", "photographs tied to it", "frame covered (%)")
+    columns = ("photo", "tie points", "photographs tied to it", "frame covered (%)", "distribution index")
     return Grid(
         title="Photographs",
         columns=columns,
         rows=rows,
-        note=f"Tied: {_WEAK} common tie points or more. Covered: of {_CELLS} x {_CELLS} cells.",
+        note=f"Tied: {_WEAK} common tie points or more. Covered: of {_CELLS} x {_CELLS} cells. Distribution index: entropy of the "
+        "nine von Gruber areas, 1 when all hold equally many.",
     )
 
 
@@ -186,7 +208,12 @@ def _warnings(photos: Photos, strength: Strength, summaries: tuple[PairSummary, 
         for name, share, count in zip(photos.names, strength.coverage, strength.observations, strict=True)
         if count and share < 0.25
     ]
-    warnings = []
+    warnings = [
+        f"{pair.left} and {pair.right} are the same picture, or two from one place: they are not compared with each other, and "
+        "what they measure counts twice. Take one of them out."
+        for pair in summaries
+        if pair.alike
+    ]
     if lonely:
         warnings.append(f"No other photograph shows common ground with {_named(lonely)}: it will not join the block.")
     if weak:

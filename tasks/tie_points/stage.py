@@ -10,7 +10,9 @@ Only the first and the patch jobs see pixels, a tile or a strip of tiles at a ti
 """
 
 from collections.abc import Iterator
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field
 
 from schemas.camera import CAMERAS
 from schemas.errors import GeometryError
@@ -19,14 +21,16 @@ from schemas.observations import TIE_POINTS
 from schemas.photo import PHOTOS, Photo, Photos, photo_raster
 from schemas.raster import RasterSpec, Window, tiles_of
 from schemas.report import report_table
-from schemas.settings import setting
+from schemas.settings import Settings, setting
 from schemas.stage import ProjectView, Stage
 from tasks.imagery.pyramid import level_shape
 from tasks.matching.matching_model import LeastSquaresMatching
+from tasks.tie_points.appearance import SAMPLE, WORDS, Candidates, Signature, alike, sample, signature, vocabulary
 from tasks.tie_points.assembly import Weighting
+from tasks.tie_points.correlation_search import CorrelationSearch, correlate_pair, tile_interest_points
 from tasks.tie_points.features import HALO, Detection, photo_features, searched_side, tile_features
 from tasks.tie_points.pair_matching import PairRules, match_pair
-from tasks.tie_points.pairs import Neighbourhood, candidate_pairs
+from tasks.tie_points.pairs import Neighbourhood, candidate_pairs, needs_appearance
 from tasks.tie_points.patches import Strip, strip_patches
 from tasks.tie_points.records import DESCRIPTOR, Features, Links, Observations, PairMatches, PairSummary, Refined, Scatter, Values
 from tasks.tie_points.refinement import PatchRules, refine_pair
@@ -34,6 +38,8 @@ from tasks.tie_points.report import finish
 from tasks.tie_points.tracks import build_tracks, observation_key
 
 LINKS = Table("tie_points/links.json", Links)
+CANDIDATES = Table("tie_points/candidates.json", Candidates)
+VOCABULARY = Table("tie_points/appearance/vocabulary.parquet", Values)
 
 
 def _features(name: str) -> tuple[Table[Features], Table[Values]]:
@@ -59,11 +65,25 @@ def _refined_tables(left: str, right: str) -> tuple[Table[Refined], Table[Scatte
     return Table(f"{name}.parquet", Refined), Table(f"{name}.json", Scatter)
 
 
+class FeatureSearch(Settings):
+    """Features with descriptors, whatever their scale and direction."""
+
+    kind: Literal["features"]
+
+
+Search = Annotated[FeatureSearch | CorrelationSearch, Field(discriminator="kind")]
+
+
 class TiePointsStage(Stage):
     """Finds and refines points that two or more photographs show."""
 
     title: ClassVar[str] = "Tie points"
     kind: Literal["tie_points"] = "tie_points"
+    search: Search = setting(
+        FeatureSearch(kind="features"),
+        "How points are found and matched: features with descriptors for photographs in any position, or the published interest "
+        "points and correlation for near-vertical ones.",
+    )
     search_side: int = setting(
         2000, "Points are searched on the pyramid level whose longer side is at most this.", "px", ge=500, le=20000
     )
@@ -75,8 +95,15 @@ class TiePointsStage(Stage):
     epipolar_tolerance: float = setting(
         1.5, "Distance from the epipolar line up to which a match agrees.", "px of the searched level", gt=0.0
     )
-    all_pairs_up_to: int = setting(20, "Up to this many photographs every pair is compared.", "photographs", ge=2)
-    nearest: int = setting(10, "Beyond, each photograph is compared with this many nearest ones.", "photographs", ge=2, le=100)
+    all_pairs_up_to: int = setting(15, "Up to this many photographs every pair is compared.", "photographs", ge=2)
+    nearest: int = setting(
+        10,
+        "Beyond, each photograph is compared with this many others: those that look at the nearest places, or those most like it "
+        "where its position is not known.",
+        "photographs",
+        ge=2,
+        le=100,
+    )
     refinement: LeastSquaresMatching = setting(
         LeastSquaresMatching(max_shift=3.0, min_correlation=0.7),
         "Least-squares matching of each observation against the track's reference.",
@@ -99,7 +126,12 @@ class TiePointsStage(Stage):
             )
         for photo in photos.photos:
             yield from self._feature_jobs(photo)
-        pairs = candidate_pairs(photos, Neighbourhood(self.all_pairs_up_to, self.nearest))
+        neighbourhood = Neighbourhood(self.all_pairs_up_to, self.nearest)
+        if needs_appearance(photos, neighbourhood):
+            yield from self._appearance_jobs(photos, neighbourhood)
+            pairs = view.table(CANDIDATES).pairs
+        else:
+            pairs = candidate_pairs(photos, neighbourhood)
         for left, right in pairs:
             yield self._pair_job(photos.photos[left], photos.photos[right])
         yield self._track_job(photos, pairs)
@@ -123,15 +155,17 @@ class TiePointsStage(Stage):
         level = self._level(photo)
         shape = level_shape((photo.height, photo.width), level)
         parts = []
+        by_features = self.search.kind == "features"
+        function, more = (tile_features, {}) if by_features else (tile_interest_points, {"search": self.search})
         side = searched_side(shape)
         for cell in tiles_of(shape, side):
             detection = Detection(level, shape, cell.window, self.max_features, self.contrast)
             features, descriptors = _features(f"{photo.name}/{cell.row}-{cell.col}")
             parts.append((features, descriptors))
             yield Job(
-                stage=self.kind, item=f"{photo.name} features", row=cell.row, col=cell.col, function=tile_features,
+                stage=self.kind, item=f"{photo.name} features", row=cell.row, col=cell.col, function=function,
                 reads={"pixels": Raster(photo_raster(photo.name, level), detection.window), "overview": _overview(photo)},
-                writes={"features": features, "descriptors": descriptors}, params={"detection": detection},
+                writes={"features": features, "descriptors": descriptors}, params={"detection": detection, **more},
                 scratch=200 * (min(side, shape[0]) + 2 * HALO) * (min(side, shape[1]) + 2 * HALO),
             )  # fmt: skip
         features, descriptors = _features(photo.name)
@@ -142,7 +176,28 @@ class TiePointsStage(Stage):
             scratch=16 * DESCRIPTOR * self.max_features,
         )  # fmt: skip
 
+    def _appearance_jobs(self, photos: Photos, neighbourhood: Neighbourhood) -> Iterator[Job]:
+        """One signature per photograph, from heaps that a sample of all photographs forms."""
+        samples = {name: Table(f"tie_points/appearance/sample/{name}.parquet", Values) for name in photos.names}
+        signatures = {name: Table(f"tie_points/appearance/{name}.parquet", Signature) for name in photos.names}
+        size = 4 * DESCRIPTOR * self.max_features
+        for name in photos.names:
+            yield Job(self.kind, f"{name} sample", sample, {"photo": _features(name)}, {"sample": samples[name]}, scratch=size)
+        yield Job(
+            self.kind, "vocabulary", vocabulary, {"samples": tuple(samples.values())}, {"words": VOCABULARY},
+            scratch=8 * (DESCRIPTOR + WORDS) * SAMPLE * len(photos.names),
+        )  # fmt: skip
+        for name in photos.names:
+            reads = {"photo": _features(name), "words": VOCABULARY}
+            yield Job(self.kind, f"{name} signature", signature, reads, {"signature": signatures[name]}, scratch=4 * size)
+        yield Job(
+            self.kind, "alike", alike, {"photos": PHOTOS, "signatures": tuple(signatures.values())}, {"candidates": CANDIDATES},
+            {"neighbourhood": neighbourhood}, scratch=8 * WORDS * DESCRIPTOR * len(photos.names),
+        )  # fmt: skip
+
     def _pair_job(self, left: Photo, right: Photo) -> Job:
+        if self.search.kind == "correlation":
+            return self._correlation_job(left, right)
         matches, summary = _pair_tables(left.name, right.name)
         scale = 2 ** max(self._level(left), self._level(right))
         return Job(
@@ -151,6 +206,27 @@ class TiePointsStage(Stage):
             writes={"matches": matches, "summary": summary},
             params={"names": (left.name, right.name), "rules": PairRules(self.ratio, self.epipolar_tolerance * scale)},
             scratch=(3 * 4 * 1024 + 16 * DESCRIPTOR) * self.max_features,
+        )  # fmt: skip
+
+    def _correlation_job(self, left: Photo, right: Photo) -> Job:
+        """Both photographs whole on the searched level, whose size is bounded."""
+        matches, summary = _pair_tables(left.name, right.name)
+        levels = self._level(left), self._level(right)
+        shapes = [level_shape((photo.height, photo.width), level) for photo, level in zip((left, right), levels, strict=True)]
+        pixels = [
+            Raster(photo_raster(photo.name, level), Window(0, 0, *shape))
+            for photo, level, shape in zip((left, right), levels, shapes, strict=True)
+        ]
+        rules = PairRules(self.ratio, self.epipolar_tolerance * 2 ** max(levels))
+        return Job(
+            stage=self.kind, item=f"{left.name}+{right.name} matches", function=correlate_pair,
+            reads={
+                "left": _features(left.name)[0], "right": _features(right.name)[0],
+                "left_pixels": pixels[0], "right_pixels": pixels[1], "cameras": CAMERAS,
+            },
+            writes={"matches": matches, "summary": summary},
+            params={"names": (left.name, right.name), "levels": levels, "rules": rules, "search": self.search},
+            scratch=16 * sum(height * width for height, width in shapes) + 80 * self.search.correlation.search**2,
         )  # fmt: skip
 
     def _track_job(self, photos: Photos, pairs: tuple[tuple[int, int], ...]) -> Job:

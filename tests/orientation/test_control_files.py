@@ -7,9 +7,7 @@ from schemas.photo import Photo, Photos
 from tasks.orientation.control_files import read_control
 
 PHOTOS = Photos(
-    photos=tuple(
-        Photo(name=n, path=f"in/{n}.jpg", width=100, height=80, bands=3, dtype="uint8", camera="c") for n in ("a", "b")
-    )
+    photos=tuple(Photo(name=n, path=f"in/{n}.jpg", width=100, height=80, bands=3, dtype="uint8", camera="c") for n in ("a", "b"))
 )
 POINTS = "name,role,x,y,z,sigma_x,sigma_y,sigma_z\nP1,control,1,2,3,0.1,0.1,0.2\nP2,check,4,5,6,0.1,0.1,0.2\n"
 MEASURED = "name,photo,col,row,sigma\nP1,a,10,20,0.5\nP1,b.jpg,11,21,0.5\nP2,a,30,40,0.3\n"

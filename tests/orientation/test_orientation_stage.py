@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from schemas.job import Export, Job, TextFile
+from schemas.job import Export, Job, Table, TextFile
 from schemas.workflow import ControlFromFiles, NoControl, SimulatedControl
 from tasks.orientation.stage import OrientationStage
 
@@ -32,12 +32,29 @@ def test_control_is_read_from_where_the_project_says(control, files):
 def test_every_table_has_one_writer_and_every_read_a_source():
     plan = planned(FILES)
     jobs = [item for item in plan if isinstance(item, Job)]
-    written = [table.path for job in jobs for table in job.writes.values()]
-    assert len(set(written)) == len(written) == 9
+    written = [table.path for job in jobs for table in job.writes.values() if isinstance(table, Table)]
+    assert len(set(written)) == len(written) == 14
     needed = {region.path for job in jobs for region in job.reads.values() if not isinstance(region, TextFile)}
     outside = {"photos/photos.json", "calibration/cameras.json", "tie_points/tie_points.parquet"}
     assert needed <= set(written) | outside
-    assert [item.path for item in plan if isinstance(item, Export)] == ["products/cameras.json"]
+    assert [item.path for item in plan if isinstance(item, Export)] == [
+        "products/cameras.json",
+        "products/exterior_orientation.csv",
+        "products/colmap/cameras.txt",
+        "products/colmap/images.txt",
+        "products/colmap/points3D.txt",
+        "products/opensfm/reconstruction.json",
+    ]
+
+
+@pytest.mark.parametrize("has_tie_points", [True, False])
+def test_a_foreign_orientation_needs_no_tie_points(has_tie_points):
+    project = SimpleNamespace(crs="EPSG:2100", control=NoControl(kind="none"))
+    view = SimpleNamespace(project=project, has_stage=lambda kind: has_tie_points)
+    exterior = {"kind": "colmap", "cameras_path": "c.txt", "images_path": "i.txt"}
+    block = next(item for item in OrientationStage(exterior=exterior).plan(view) if item.item == "block")
+    assert [region.path for region in block.reads["texts"]] == ["c.txt", "i.txt"]
+    assert ("tie_points" in block.reads) == has_tie_points
 
 
 def test_settings_of_the_workflow_reach_the_block():

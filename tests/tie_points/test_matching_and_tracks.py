@@ -9,12 +9,13 @@ from schemas.errors import GeometryError
 from schemas.observations import TiePoints
 from schemas.photo import PHOTOS, Photo, Photos
 from schemas.stage import NotYet
+from tasks.tie_points.appearance import alike, sample, signature, vocabulary
 from tasks.tie_points.assembly import Weighting, assemble, with_measured_floor
-from tasks.tie_points.pair_matching import mutual_matches
-from tasks.tie_points.pairs import Neighbourhood, candidate_pairs
-from tasks.tie_points.records import Features, Observations, PairMatches, PairSummary, Refined, Scatter
+from tasks.tie_points.pair_matching import mutual_matches, stand_still
+from tasks.tie_points.pairs import Neighbourhood, candidate_pairs, looked_at, needs_appearance
+from tasks.tie_points.records import Features, Observations, PairMatches, PairSummary, Refined, Scatter, Values
 from tasks.tie_points.refinement import start_affine
-from tasks.tie_points.report import measure, shared_points
+from tasks.tie_points.report import distribution_index, measure, shared_points
 from tasks.tie_points.stage import TiePointsStage
 from tasks.tie_points.tracks import build_tracks, observation_key
 
@@ -74,11 +75,52 @@ def test_many_photographs_grow_linearly_and_follow_positions():
     assert all(left < right for left, right in pairs) and len(set(pairs)) == len(pairs)
 
 
-def test_photographs_without_positions_are_compared_in_sequence():
-    pairs = candidate_pairs(photos(50), Neighbourhood(20, 6))
-    assert (0, 6) in pairs and (0, 7) not in pairs and len(pairs) == 49 + 48 + 47 + 46 + 45 + 44
-    mixed = photos(50, lambda n: (10.0 * n, 0.0, 100.0) if n != 30 else None)
-    assert {(30, 36), (24, 30)} & set(candidate_pairs(mixed, Neighbourhood(20, 6)))
+def test_neighbours_in_sequence_are_compared_whatever_is_known():
+    assert candidate_pairs(photos(50), Neighbourhood(20, 6))[:3] == ((0, 1), (0, 2), (1, 2))
+    assert needs_appearance(photos(50), Neighbourhood(20, 6)) and not needs_appearance(photos(20), Neighbourhood(20, 6))
+    assert not needs_appearance(photos(50, lambda n: (10.0 * n, 0.0, 100.0)), Neighbourhood(20, 6))
+
+
+def test_oblique_photographs_are_paired_by_where_they_look():
+    """Two strips 240 m apart whose cameras look at the ground between them; or away from each other."""
+    row = photos(40, lambda n: (40.0 * (n % 20), 240.0 * (n // 20), 100.0)).photos
+    for turn, least, most in ((45.0, 20, 200), (-45.0, 0, 3)):
+        tilted = [p.model_copy(update={"attitude": (turn if n < 20 else -turn, 0.0, 0.0)}) for n, p in enumerate(row)]
+        across = [pair for pair in candidate_pairs(Photos(photos=tuple(tilted)), Neighbourhood(10, 6)) if pair[0] < 20 <= pair[1]]
+        assert least <= len(across) <= most
+    assert np.allclose(looked_at(tilted)[[3, 23]], [[120.0, -120.0], [120.0, 360.0]])
+
+
+def described(scene, seed, count=600):
+    """Features of a photograph of one of several scenes: half of its descriptors are the scene's own, a little changed."""
+    rng = np.random.default_rng(seed)
+    own = np.random.default_rng(1000 + scene).gamma(0.6, 40.0, (count // 2, 128))[rng.permutation(count // 2)[: count // 3]]
+    other = rng.gamma(0.6, 40.0, (count - len(own), 128))
+    descriptors = np.vstack([own + rng.normal(0, 6, own.shape), other]).clip(0, 255).astype(np.uint8)
+    place = rng.uniform(0, 1000, (2, count))
+    size = np.concatenate([np.full(len(own), 9.0), np.full(len(other), 5.0)]).astype(np.float32)
+    zero = np.zeros(count, np.float32)
+    return Features(*place, size, zero, zero), Values(descriptors.ravel())
+
+
+def test_photographs_without_positions_are_paired_by_appearance():
+    """Sixty photographs of six scenes, shuffled: almost all pairs that the search names are of one scene."""
+    scenes = np.random.default_rng(2).permutation(np.repeat(np.arange(6), 10))
+    features = [described(scene, seed) for seed, scene in enumerate(scenes.tolist())]
+    words = vocabulary(tuple(sample(one) for one in features))
+    found = alike(photos(60), tuple(signature(one, words) for one in features), Neighbourhood(15, 6)).pairs
+    searched = [pair for pair in found if pair[1] - pair[0] > 2]
+    right = [scenes[left] == scenes[right] for left, right in searched]
+    assert np.mean(right) > 0.9 and len(found) <= 60 * 6 + 60 * 2
+
+
+def test_a_placed_photograph_needs_no_search_by_appearance():
+    features = [described(0, seed) for seed in range(30)]
+    words = vocabulary(tuple(sample(one) for one in features))
+    mixed = photos(30, lambda n: (10.0 * n, 0.0, 100.0) if n != 12 else None)
+    found = set(alike(mixed, tuple(signature(one, words) for one in features), Neighbourhood(15, 4)).pairs)
+    assert len([pair for pair in found - set(candidate_pairs(mixed, Neighbourhood(15, 4))) if 12 in pair]) >= 1
+    assert all(12 in pair for pair in found - set(candidate_pairs(mixed, Neighbourhood(15, 4))))
 
 
 def test_tracks_run_over_photographs_and_contradictions_are_dropped():
@@ -164,3 +206,27 @@ def test_strength_of_photographs_counts_shared_points():
 
 def test_a_pair_is_accepted_only_with_inliers():
     assert not PairSummary(left="a", right="b", tentative=20, inliers=0).accepted
+
+
+def test_the_distribution_index_is_one_for_even_and_zero_for_one_corner():
+    def points(col, row):
+        zero = np.zeros(len(col), np.int32)
+        return TiePoints(
+            np.arange(len(col), dtype=np.int32), zero, np.asarray(col, float), np.asarray(row, float), zero.astype(np.float32)
+        )
+
+    col, row = (v.ravel() for v in np.meshgrid(np.arange(5.0, 90.0, 10.0), np.arange(5.0, 90.0, 10.0)))
+    size = np.array([90, 90])
+    assert distribution_index(points(col, row), size) == pytest.approx(1.0)
+    assert distribution_index(points(col / 3.1, row / 3.1), size) == 0.0
+    half = col < 30
+    assert distribution_index(points(col[half], row[half]), size) == pytest.approx(0.5)
+    assert distribution_index(points([], []), size) == 0.0
+
+
+def test_matches_at_the_same_place_tell_the_same_picture():
+    rng = np.random.default_rng(1)
+    here = rng.uniform(0, 1000, (100, 2))
+    assert stand_still((here, here + rng.normal(0, 0.2, here.shape)))
+    assert not stand_still((here, here + np.array([5.0, 0.0]))), "a small base is a base"
+    assert not stand_still((here[:10], here[:10]))

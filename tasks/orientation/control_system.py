@@ -1,0 +1,66 @@
+"""Control in the project's reference system, and told when it cannot be: a wrong system puts points on another site.
+
+Control that lies far from where the photographs were taken is set aside with a sentence that says in which system it would fit; the
+block is then held by the positions.
+"""
+
+import numpy as np
+
+from schemas.observations import Control
+from schemas.photo import Photos
+from schemas.workflow import ControlFromGcpList
+from tasks.geometry.survey_system import carried, survey_crs, where_they_would_lie
+from tasks.orientation.control_files import in_photographs, read_control
+from tasks.orientation.gcp_list import read_gcp_list
+
+_FAR = 10.0
+"""Control is on another site when it lies farther from the photographs than this many times their flying height and extent."""
+_LEAST_FAR = 3000.0
+"""m"""
+
+
+def control_from_files(photos: Photos, points: str, measurements: str, own: str | None, crs: str) -> Control:
+    """Control of two CSV texts in the project's system, `own` that of the texts (None: the same). Raises WorkflowError."""
+    return _in_project(read_control(photos, points, measurements), photos, own or crs, crs)
+
+
+def control_from_list(photos: Photos, text: str, source: ControlFromGcpList, crs: str) -> Control:
+    """Control of a GCP list in the project's system. Raises WorkflowError."""
+    found = read_gcp_list(photos, text, source)
+    survey_crs(found.crs)
+    return _in_project(found.control, photos, found.crs, crs)
+
+
+def _in_project(control: Control, photos: Photos, own: str, crs: str) -> Control:
+    """Coordinates in the project's system, measurements in the photographs as they are used here."""
+    if not control.points:
+        return control
+    given = np.array([point.xyz for point in control.points])
+    xyz, sentence = carried(given, own, crs)
+    stranger = _on_another_site(given, xyz, photos, own, crs)
+    if stranger:
+        return Control(points=(), remarks=(stranger,))
+    points = (
+        point.model_copy(update={"xyz": tuple(map(float, place)), "measurements": in_photographs(point.measurements, photos)})
+        for point, place in zip(control.points, xyz, strict=True)
+    )
+    return Control(points=tuple(points), remarks=(sentence,) if sentence else ())
+
+
+def _on_another_site(given: np.ndarray, xyz: np.ndarray, photos: Photos, own: str, crs: str) -> str | None:
+    """A sentence when the control lies far from the photographs' positions; None when it does not, or nothing is known."""
+    places = np.array([photo.position for photo in photos.photos if photo.position is not None]).reshape(-1, 3)
+    if not len(places):
+        return None
+    site = np.median(places, axis=0)
+    reach = np.linalg.norm(np.ptp(places[:, :2], axis=0)) + abs(float(np.median(places[:, 2])))
+    distance = float(np.median(np.linalg.norm(xyz[:, :2] - site[:2], axis=1)))
+    if distance <= max(_FAR * reach, _LEAST_FAR):
+        return None
+    fits = where_they_would_lie(given, crs, site[:2])
+    advice = f"they would lie there {fits}" if fits else "check the reference system, the order of the axes and the zone"
+    return (
+        f"The {len(xyz)} control points, read as {own}, lie {distance / 1000:.0f} km from where the photographs were taken; "
+        f"{advice}. "
+        "They were set aside, and the block is held without them."
+    )

@@ -1,0 +1,114 @@
+"""COLMAP's text model: cameras.txt, images.txt, points3D.txt.
+
+COLMAP's pixels have their origin at the upper left corner of the upper left pixel, so that its centre is (0.5, 0.5); the camera
+looks along +z with y down; a quaternion (w, x, y, z) and a translation take world to camera. Distortion is OpenCV's.
+Source: COLMAP's documentation, "Output format" and camera models.
+"""
+
+import numpy as np
+
+from schemas.camera import Camera
+from schemas.errors import WorkflowError
+from tasks.geometry.rotation_quaternion import quaternion, rotation_of_quaternion
+from tasks.orientation.interchange.foreign_block import Y_DOWN, ForeignBlock, Pose, photo_name
+
+_LENS = {
+    "SIMPLE_PINHOLE": ("f", "cx", "cy"),
+    "PINHOLE": ("fx", "fy", "cx", "cy"),
+    "SIMPLE_RADIAL": ("f", "cx", "cy", "k1"),
+    "RADIAL": ("f", "cx", "cy", "k1", "k2"),
+    "OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"),
+    "FULL_OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
+}
+"""Camera models that Brown's lens can express, and the order of their numbers."""
+_ORIGIN = "# Coordinates are those of the reference system less the origin:"
+
+
+def read_colmap(cameras: str, images: str, points: str = "") -> ForeignBlock:
+    """The texts of cameras.txt, images.txt and (where there is one) points3D.txt as a block. Raises WorkflowError."""
+    known: dict[str, Camera] = {}
+    remarks: list[str] = []
+    for line in _lines(cameras):
+        number, camera = _camera(line, remarks)
+        known[number] = camera
+    origin = _origin(images)
+    poses, of_photo = {}, {}
+    for line in _pose_lines(images):
+        words = line.split(maxsplit=9)
+        if len(words) < 10 or words[8] not in known:
+            raise WorkflowError(
+                f"A line of images.txt is not an image of COLMAP's text model: '{line[:80]}'; it must hold IMAGE_ID, QW QX QY QZ, "
+                "TX TY TZ, CAMERA_ID of cameras.txt, and NAME. Binary models become text with `colmap model_converter`."
+            )
+        rotation = rotation_of_quaternion(np.array(words[1:5], float))
+        name = photo_name(words[9])
+        poses[name] = Pose(Y_DOWN @ rotation, origin - rotation.T @ np.array(words[5:8], float))
+        of_photo[name] = known[words[8]]
+    rows = [line.split() for line in _lines(points)]
+    errors = [float(row[7]) for row in rows if float(row[7]) >= 0.0]
+    xyz = np.array([row[1:4] for row in rows], float).reshape(-1, 3) + origin
+    return ForeignBlock(poses, of_photo, xyz, float(np.mean(errors)) if errors else None, tuple(dict.fromkeys(remarks)))
+
+
+def _lines(text: str) -> list[str]:
+    return [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+
+
+def _pose_lines(text: str) -> list[str]:
+    """Every second line of images.txt, of which the others list points and may be empty."""
+    return [line for line in [line for line in text.splitlines() if not line.startswith("#")][::2] if line.strip()]
+
+
+def _origin(text: str) -> np.ndarray:
+    line = next((line for line in text.splitlines() if line.startswith(_ORIGIN)), "")
+    return np.array(line.removeprefix(_ORIGIN).split()[:3], float) if line else np.zeros(3)
+
+
+def _camera(line: str, remarks: list[str]) -> tuple[str, Camera]:
+    number, model, width, height, *numbers = line.split()
+    if model not in _LENS or len(numbers) != len(_LENS[model]):
+        raise WorkflowError(
+            f"cameras.txt has a camera of the model {model}, whose lens Brown's distortion cannot express; models that can be read "
+            f"are {', '.join(_LENS)}."
+        )
+    value = dict(zip(_LENS[model], map(float, numbers), strict=True))
+    if any(abs(value.get(name, 0.0)) > 1e-12 for name in ("k4", "k5", "k6")):
+        raise WorkflowError(f"Camera {number} of cameras.txt has k4, k5 or k6, which Brown's distortion does not know.")
+    fx, fy = value.get("f", value.get("fx", 0.0)), value.get("f", value.get("fy", 0.0))
+    if abs(fx / fy - 1.0) > 1e-6:
+        off = 0.5 * abs(fx - fy) / max(fx, fy) * 0.5 * max(float(width), float(height))
+        remarks.append(
+            f"Camera {number} has two camera constants, {fx:.2f} and {fy:.2f} px; their mean is taken, which is {off:.1f} px wrong "
+            "at the border of the frame."
+        )
+    lens = {name: value.get(name, 0.0) for name in ("k1", "k2", "k3", "p1", "p2")}
+    camera = Camera(
+        name=f"camera {number}", width=int(width), height=int(height), c=0.5 * (fx + fy),
+        x0=value["cx"] - int(width) / 2, y0=int(height) / 2 - value["cy"], source="file", **lens,
+    )  # fmt: skip
+    return number, camera
+
+
+def write_colmap(block: ForeignBlock, files: dict[str, str], origin: np.ndarray, crs: str) -> dict[str, str]:
+    """The three texts by their file names; `files`: photograph -> file name; `origin` (3,) is taken off all coordinates."""
+    number = {camera.name: i + 1 for i, camera in enumerate({c.name: c for c in block.cameras.values()}.values())}
+    note = f"{_ORIGIN} {origin[0]:.3f} {origin[1]:.3f} {origin[2]:.3f} of {crs}\n"
+    images = [note]
+    for i, (name, pose) in enumerate(block.poses.items(), 1):
+        rotation = Y_DOWN @ pose.rotation
+        numbers = [*quaternion(rotation), *(-rotation @ (pose.centre - origin))]
+        images.append(f"{i} {' '.join(repr(float(v)) for v in numbers)} {number[block.cameras[name].name]} {files[name]}\n\n")
+    points = [f"{i} {x:.4f} {y:.4f} {z:.4f} 128 128 128 -1\n" for i, (x, y, z) in enumerate((block.points - origin).tolist(), 1)]
+    cameras = {c.name: c for c in block.cameras.values()}
+    return {
+        "cameras.txt": "".join(_camera_line(number[name], camera) for name, camera in cameras.items()),
+        "images.txt": "".join(images),
+        "points3D.txt": note + "".join(points),
+    }
+
+
+def _camera_line(number: int, camera: Camera) -> str:
+    cx, cy = camera.x0 + camera.width / 2, camera.height / 2 - camera.y0
+    lens = (camera.k1, camera.k2, camera.p1, camera.p2, camera.k3, 0.0, 0.0, 0.0)
+    numbers = " ".join(repr(float(v)) for v in (camera.c, camera.c, cx, cy, *lens))
+    return f"{number} FULL_OPENCV {camera.width} {camera.height} {numbers}\n"

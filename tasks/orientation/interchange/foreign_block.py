@@ -1,0 +1,96 @@
+"""A block as another program has it, in this project's conventions: the value that all readers give and all writers take.
+
+Other programs open image files as they are, whatever EXIF says of turning them; photographs here are upright. What enters is turned
+upright, what leaves is turned back. A camera of another size than the photographs (reduced since) is scaled.
+"""
+
+from dataclasses import dataclass
+from pathlib import PurePath
+
+import numpy as np
+
+from schemas.camera import Camera
+from schemas.errors import WorkflowError
+from schemas.photo import Photo, Photos
+from tasks.geometry.camera_change import TURN, file_size, scaled, turned
+
+Y_DOWN = np.diag([1.0, -1.0, -1.0])
+"""From a camera that looks along +z with y down to one that looks along -z with y up, and back."""
+MIRRORED = (2, 4, 5, 7)
+"""EXIF orientations that mirror a photograph"""
+_SAME_SHAPE = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """`rotation` (3, 3) world to image, `centre` (3,) of a photograph; `sigma` (6,) standard errors of X, Y, Z (m) and omega, phi,
+    kappa (rad) where the file states them."""
+
+    rotation: np.ndarray
+    centre: np.ndarray
+    sigma: np.ndarray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ForeignBlock:
+    """Poses by the name of the photograph, its camera by the same name (none: the project's own), points (N, 3) that the program
+    found, the mean reprojection error that it states (px), and sentences about what could not be carried over."""
+
+    poses: dict[str, Pose]
+    cameras: dict[str, Camera]
+    points: np.ndarray
+    error_px: float | None = None
+    remarks: tuple[str, ...] = ()
+
+
+def photo_name(word: str) -> str:
+    """The name by which photographs are known here: a path without folders and without an extension of an image file."""
+    path = PurePath(word.strip().replace("\\", "/"))
+    return path.stem if path.suffix.lower() in {".jpg", ".jpeg", ".tif", ".tiff", ".png", ".dng"} else path.name
+
+
+def upright_block(block: ForeignBlock, photos: Photos) -> ForeignBlock:
+    """The block of the project's photographs only, upright and in their size. Raises WorkflowError when none of them is in it, or
+    when a camera has another shape than its photograph."""
+    known = {photo.name: photo for photo in photos.photos if photo.name in block.poses}
+    if not known:
+        raise WorkflowError(
+            f"None of the {len(photos.photos)} photographs of the project ({', '.join(photos.names[:3])}, ...) is in the block to "
+            f"be read, which has {', '.join(list(block.poses)[:3])}, ...; photographs are joined by their file names."
+        )
+    poses = {name: _turned_pose(block.poses[name], photo, "to upright") for name, photo in known.items()}
+    cameras = {name: _upright_camera(block.cameras[name], photo) for name, photo in known.items() if name in block.cameras}
+    return ForeignBlock(poses, cameras, block.points, block.error_px, block.remarks)
+
+
+def file_view(photo: Photo, camera: Camera, pose: Pose) -> tuple[Camera, Pose]:
+    """Camera and pose of a photograph as a program sees it that opens the file as it is."""
+    turn = _inverse_flag(photo.exif_orientation)
+    return turned(camera, turn), _turned_pose(pose, photo, "to file")
+
+
+def _inverse_flag(orientation: int) -> int:
+    """The EXIF flag that undoes another one: quarter turns undo each other, all others themselves."""
+    return {6: 8, 8: 6}.get(orientation, orientation)
+
+
+def _turned_pose(pose: Pose, photo: Photo, way: str) -> Pose:
+    flag = photo.exif_orientation if way == "to upright" else _inverse_flag(photo.exif_orientation)
+    turn = np.eye(3)
+    turn[:2, :2] = TURN[flag]
+    if np.linalg.det(turn) < 0:
+        raise WorkflowError(
+            f"{photo.name} is mirrored by its EXIF orientation {flag}, which no orientation in space can express for another "
+            "program; save the photograph upright first."
+        )
+    return Pose(turn @ pose.rotation, pose.centre, pose.sigma)
+
+
+def _upright_camera(camera: Camera, photo: Photo) -> Camera:
+    width, height = file_size(photo)
+    if abs(width / camera.width * camera.height / height - 1.0) > _SAME_SHAPE:
+        raise WorkflowError(
+            f"The camera {camera.name} of the block to be read has {camera.width} x {camera.height} pixels, but {photo.name} has "
+            f"{width} x {height}: another shape; read the block of these photographs."
+        )
+    return turned(scaled(camera, (width, height)), photo.exif_orientation)

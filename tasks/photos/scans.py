@@ -1,0 +1,164 @@
+"""Scanned film photographs: from pixels of the scan to image coordinates, and the frame that all scans of a camera share.
+
+The camera had fiducial marks with calibrated image coordinates (mm). An affine transformation from the scan to them takes out how
+the film lay on the scanner and how it shrank evenly. Or only the principal pixel is known, where the lines between opposite marks
+cross: then scans are shifted. Either way every photograph is resampled once, to a frame with square pixels whose middle is the
+origin of the image coordinates; everything behind works as with a digital camera, and one interior orientation serves all
+photographs.
+
+Source: Karfis 2009, sections 1.3 and 5.2 (methods/relative_orientation_and_epipolar.md, 1.2: option A and option B).
+"""
+
+import csv
+import io
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from schemas.errors import WorkflowError
+from schemas.photo import Photo
+from schemas.raster import Window
+from tasks.imagery.resampling import sample_cubic
+from tasks.photos.positions import photo_stem
+
+_REACH = 3
+"""px that the cubic kernel and rounding need about a window"""
+
+
+class Scan(BaseModel):
+    """How the scan of a photograph lies to its marks."""
+
+    model_config = ConfigDict(frozen=True)
+
+    photo: str
+    marks: int
+    rms_um: float | None
+    """of the residuals at the marks; None with three marks, which fit exactly, or with a principal pixel"""
+    turn_deg: float
+    col_um: float | None
+    row_um: float | None
+    """size of a pixel of the scan along its columns and rows"""
+
+
+class Scans(BaseModel):
+    """All scans of a project; empty for digital photographs."""
+
+    model_config = ConfigDict(frozen=True)
+
+    scans: tuple[Scan, ...] = ()
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A photograph in the common frame, and how its scan lay."""
+
+    photo: Photo
+    scan: Scan
+
+
+def in_mark_frame(photos: list[Photo], marks_text: str, measured_text: str, pixel_um: float) -> list[Fitted]:
+    """Every photograph in the frame of its fiducial marks, with pixels of `pixel_um`. Raises WorkflowError."""
+    marks = {row["mark"]: _xy(row, ("x", "y")) for row in _rows(marks_text, ("mark", "x", "y"), "fiducial marks")}
+    measured: dict[str, dict[str, np.ndarray]] = {}
+    for row in _rows(measured_text, ("photo", "mark", "col", "row"), "mark measurements"):
+        if row["mark"] not in marks:
+            raise WorkflowError(f"The mark {row['mark']} is measured in {row['photo']}, but has no calibrated coordinates.")
+        measured.setdefault(photo_stem(row["photo"]), {})[row["mark"]] = _xy(row, ("col", "row"))
+    few = [photo.name for photo in photos if len(measured.get(photo.name, {})) < 3]
+    if few:
+        raise WorkflowError(f"{', '.join(few[:8])}: fewer than three fiducial marks are measured, but three are needed.")
+    half = np.ceil(1000.0 * np.abs(np.array(list(marks.values()))).max(axis=0) / pixel_um).astype(int)
+    return [_by_marks(photo, marks, measured[photo.name], pixel_um, half) for photo in photos]
+
+
+def _by_marks(photo: Photo, marks: dict[str, np.ndarray], own: dict[str, np.ndarray], pixel_um: float, half: np.ndarray) -> Fitted:
+    pixels, mm = np.array(list(own.values())), np.array([marks[name] for name in own])
+    design = np.column_stack([np.ones(len(pixels)), pixels])
+    affine, _, rank, _ = np.linalg.lstsq(design, mm, rcond=None)
+    if rank < 3 or np.linalg.matrix_rank(pixels - pixels.mean(axis=0), tol=1.0) < 2:
+        raise WorkflowError(f"The fiducial marks of {photo.name} lie on one line; measure a mark beside it.")
+    residual = 1000.0 * (design @ affine - mm)
+    redundancy = 2 * len(pixels) - 6
+    along_col, along_row = affine[1], affine[2]
+    scan = Scan(
+        photo=photo.name,
+        marks=len(pixels),
+        rms_um=float(np.sqrt((residual**2).sum() / redundancy)) if redundancy else None,
+        turn_deg=float(np.degrees(np.arctan2(along_col[1], along_col[0]))),
+        col_um=float(1000.0 * np.linalg.norm(along_col)),
+        row_um=float(1000.0 * np.linalg.norm(along_row)),
+    )
+    to_frame = 1000.0 / pixel_um * affine * [1.0, -1.0]
+    to_frame[0] += half
+    return Fitted(_framed(photo, to_frame, half, pixel_um), scan)
+
+
+def in_principal_frame(photos: list[Photo], measured_text: str, pixel_um: float | None) -> list[Fitted]:
+    """Every photograph shifted so that its principal pixel is the middle of the frame. Raises WorkflowError."""
+    rows = _rows(measured_text, ("photo", "col", "row"), "principal pixels")
+    principal = {photo_stem(row["photo"]): _xy(row, ("col", "row")) for row in rows}
+    missing = [photo.name for photo in photos if photo.name not in principal]
+    if missing:
+        raise WorkflowError(f"The file of principal pixels does not name {', '.join(missing[:8])}.")
+    sizes = np.array([(photo.width, photo.height) for photo in photos])
+    places = np.array([principal[photo.name] for photo in photos])
+    half = np.ceil(np.maximum(places, sizes - 1 - places).max(axis=0)).astype(int)
+    found = []
+    for photo, place in zip(photos, places, strict=True):
+        to_frame = np.array([half - place, [1.0, 0.0], [0.0, 1.0]])
+        scan = Scan(photo=photo.name, marks=0, rms_um=None, turn_deg=0.0, col_um=pixel_um, row_um=pixel_um)
+        found.append(Fitted(_framed(photo, to_frame, half, pixel_um), scan))
+    return found
+
+
+def _framed(photo: Photo, to_frame: np.ndarray, half: np.ndarray, pixel_um: float | None) -> Photo:
+    """`to_frame` (3, 2): rows for 1, col and row of the file, columns for col and row of the frame."""
+    width, height = (2 * half + 1).tolist()
+    coefficients = tuple(float(v) for v in to_frame.T.ravel())
+    camera = f"scan {width} x {height}"
+    changes = {"width": width, "height": height, "scan": coefficients, "scan_size": (photo.width, photo.height), "camera": camera}
+    return photo.model_copy(update={**changes, "pixel_um": pixel_um or photo.pixel_um})
+
+
+def _rows(text: str, columns: tuple[str, ...], what: str) -> list[dict[str, str]]:
+    lines = [line for line in text.lstrip("\ufeff").splitlines() if line.strip() and not line.startswith("#")]
+    reader = csv.DictReader(io.StringIO("\n".join(lines)), skipinitialspace=True)
+    missing = [name for name in columns if name not in (reader.fieldnames or ())]
+    if missing:
+        raise WorkflowError(f"The file of {what} has no column {', '.join(missing)}; its first line names {', '.join(columns)}.")
+    return [{name: (value or "").strip() for name, value in row.items() if name} for row in reader]
+
+
+def _xy(row: dict[str, str], names: tuple[str, str]) -> np.ndarray:
+    try:
+        return np.array([float(row[name]) for name in names])
+    except ValueError:
+        raise WorkflowError(f"'{row[names[0]]}, {row[names[1]]}' must be two numbers ({', '.join(names)}): {row}.") from None
+
+
+def to_file(photo: Photo, pixels: np.ndarray) -> np.ndarray:
+    """Places (N, 2) (col, row) of the frame in the scan."""
+    s = np.array(photo.scan).reshape(2, 3)
+    return (pixels - s[:, 0]) @ np.linalg.inv(s[:, 1:]).T
+
+
+def scan_window(photo: Photo, window: Window) -> Window:
+    """What of the scan a window of the frame needs; empty where the scan does not reach."""
+    cols, rows = (window.col, window.col + window.width - 1), (window.row, window.row + window.height - 1)
+    places = to_file(photo, np.array([(col, row) for col in cols for row in rows], dtype=float))
+    low, high = np.floor(places.min(axis=0)).astype(int) - _REACH, np.ceil(places.max(axis=0)).astype(int) + _REACH
+    width, height = photo.scan_size
+    return Window(int(low[1]), int(low[0]), int(high[1] - low[1] + 1), int(high[0] - low[0] + 1)).clipped((height, width))
+
+
+def scan_tile(photo: Photo, window: Window, source: Window, pixels: np.ndarray | None = None) -> np.ndarray:
+    """A window of the frame from `source` of the scan: (rows, cols, bands); 0 where the scan does not reach."""
+    shape = (window.height, window.width, photo.bands)
+    if pixels is None:
+        return np.zeros(shape, photo.dtype)
+    row, col = np.mgrid[window.row : window.row + window.height, window.col : window.col + window.width]
+    places = to_file(photo, np.column_stack([col.ravel(), row.ravel()]).astype(float)) - [source.col, source.row]
+    values = sample_cubic(pixels[:, :, : photo.bands].astype(np.float64), places)
+    full = np.iinfo(photo.dtype).max
+    return np.nan_to_num(np.clip(np.rint(values), 0, full)).reshape(shape).astype(photo.dtype)
