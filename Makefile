@@ -61,6 +61,9 @@ format: $(STAMP) ## Mend what the linter can mend
 bench: $(STAMP) ## Measure the figures in benchmarks/results
 	@$(BIN)/python -m benchmarks
 
+bench-matching: $(STAMP) ## Measure matching beside the published experiments (options="--quick")
+	@$(BIN)/python -m benchmarks.matching $(options)
+
 bench-window-sizes: $(STAMP) ## Measure what choosing a matching window costs
 	@$(BIN)/python -m benchmarks.window_sizes
 

@@ -1,4 +1,4 @@
-"""Whole images matched by what the strategies are measured against: OpenCV's semi-global matching, and the pipeline's densification.
+"""What the strategies are measured against, on whole images: OpenCV's semi-global matching, and the pipeline's densification.
 
 Both take a pair whose rows are homologous and give parallaxes (column left - column right, px), NaN where they accept nothing.
 """
