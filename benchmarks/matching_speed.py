@@ -47,7 +47,10 @@ def tracker(band: Band, size: int) -> Callable[[], object]:
     points, starts = (np.ascontiguousarray(table, dtype=np.float32).reshape(-1, 1, 2) for table in (band.points, band.starts))
     limits = cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.02
     options = {"winSize": (size, size), "maxLevel": 0, "criteria": limits, "flags": cv2.OPTFLOW_USE_INITIAL_FLOW}
-    return lambda: cv2.calcOpticalFlowPyrLK(band.crop.left, band.crop.right, points, starts.copy(), **options)
+    shape = np.maximum(band.crop.left.shape, band.crop.right.shape)
+    left, right = (np.pad(image, [(0, whole - part) for whole, part in zip(shape, image.shape, strict=True)])
+                   for image in (band.crop.left, band.crop.right))
+    return lambda: cv2.calcOpticalFlowPyrLK(left, right, points, starts.copy(), **options)
 
 
 def speed_page(band: Band) -> list[str]:
