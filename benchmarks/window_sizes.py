@@ -109,7 +109,7 @@ def main() -> None:
         f"`make bench-window-sizes`; {machine()}; one thread, CPU time; {POINTS} points of a photograph of {cols} x {rows} px "
         f"({PHOTO.stem}).", "",
         "## The sizers", "",
-        "All sizes: 7 x 7 to 35 x 35, whatever is accepted. The choice: default limits, large windows only where small ones fail.", "",
+        "All sizes: 7 x 7 to 35 x 35, whatever is accepted. The choice: default limits, large windows where small ones fail.", "",
         *sizer_table(grey, points), "", "## Calibrated limits", "", *calibration_table(grey, points), "",
         "## Maps of whole photographs", "", *map_lines(grey), "",
         "## Interest points and correlation", "", *point_lines(grey, points), "",

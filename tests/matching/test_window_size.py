@@ -364,6 +364,17 @@ def test_calibration_refuses_what_makes_no_sense():
         calibrated(EntropyWindow(), last_limits(image, np.empty((0, 2)), EntropyWindow()), 0.5)
 
 
+@given(st.integers(0, 5), st.floats(0.0, 1.0), st.floats(0.0, 1.0))
+@settings(max_examples=15, deadline=None)
+def test_a_higher_limit_never_makes_a_window_smaller(seed, one, other):
+    image, points = grey_levels(scene(seed)), np.random.default_rng(seed).uniform(0, 89, (200, 2))
+    low, high = sorted((one, other))
+    for kind, name, scale in ((EntropyWindow, "min_entropy", 5.0), (FoerstnerWindow, "min_weight", 1e5)):
+        small, large = (window_sizes(image, points, kind(**{name: limit * scale})) for limit in (low, high))
+        assert not (large.assigned & ~small.assigned).any()
+        assert (large.half[large.assigned] >= small.half[large.assigned]).all()
+
+
 def test_levels_are_the_published_ones():
     half = np.array([3, 4, 5, 6, 0])
     assert published_levels(half, EntropyWindow(largest=13)).tolist() == [0, 63, 127, 191, 255]
