@@ -2,12 +2,15 @@
 
 import sys
 
-from benchmarks import memory_growth, same_everywhere, volos
+from benchmarks import matching_speed, memory_growth, same_everywhere, volos
 
 
 def main() -> None:
     """Run those named on the command line, or all."""
-    known = {"volos": volos.main, "same_everywhere": same_everywhere.main, "memory_growth": memory_growth.main}
+    known = {
+        "volos": volos.main, "same_everywhere": same_everywhere.main, "memory_growth": memory_growth.main,
+        "matching_speed": matching_speed.main,
+    }
     for name in sys.argv[1:] or known:
         known[name]()
 
