@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from benchmarks.matching_experiment import Experiment
-from benchmarks.matching_speed import speed_page
+from benchmarks.matching_speed import speed_table
 from benchmarks.matching_surfaces import DENSE_WINDOW, QUICK_WINDOW, cones, dense_page, extraction_page, motorcycle, real_page
 from benchmarks.matching_windows import strategy_page, window_page
 from benchmarks.measured_run import ROOT, machine, write_result
@@ -29,7 +29,7 @@ TITLES = {
 }
 
 
-def arguments() -> argparse.Namespace:
+def arguments(words: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.matching")
     parser.add_argument("--quick", action="store_true", help="a small part only")
     parser.add_argument("--texture", type=Path, help="orthophoto with 0.169 m pixels; the shipped one by default")
@@ -37,7 +37,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--sections", nargs="+", choices=list(TITLES), default=list(TITLES))
     parser.add_argument("--cones", type=Path, default=ROOT.parent / "shared" / "data" / "cones", help="folder of Middlebury Cones")
     parser.add_argument("--motorcycle", type=Path, default=Path("motorcycle"), help="folder skimage/data of scikit-image")
-    return parser.parse_args()
+    return parser.parse_args(words)
 
 
 def sections(options: argparse.Namespace) -> dict[str, Callable[[], list[str]]]:
@@ -52,7 +52,7 @@ def sections(options: argparse.Namespace) -> dict[str, Callable[[], list[str]]]:
         "windows": lambda: [size, "", *window_page(experiment)],
         "extraction": lambda: [f"Texture {texture.name}.", "", *extraction_page(texture, part)],
         "dense": lambda: [f"Texture {texture.name}.", "", *dense_page(texture, part or DENSE_WINDOW)],
-        "speed": lambda: [size, "", *speed_page(next(experiment.bands()))],
+        "speed": lambda: [speed_table()],
         "real": lambda: real_page(pairs),
     }
 
@@ -68,9 +68,9 @@ def page(folder: Path, notes: str) -> str:
     return "\n".join(lines)
 
 
-def main() -> None:
-    """Measure the sections asked for, keep each, and put the page together."""
-    options = arguments()
+def main(words: list[str] | None = None) -> None:
+    """Measure the sections asked for, keep each, and put the page together. words: the command line, None for the real one."""
+    options = arguments(words)
     folder = KEPT / ("quick" if options.quick else "full")
     folder.mkdir(parents=True, exist_ok=True)
     measure = sections(options)

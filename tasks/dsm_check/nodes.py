@@ -120,10 +120,9 @@ class _Found:
 
 @dataclass(frozen=True)
 class _Shift:
-    """Standard errors (N,) px of shifts, and the places (N, 2) they lead to, in cells of the whole surface."""
+    """Covariances (N, 2, 2) px^2 of shifts, and the places (N, 2) they lead to, in cells of the whole surface."""
 
-    sigma_col: np.ndarray
-    sigma_row: np.ndarray
+    covariance: np.ndarray
     places: np.ndarray
 
 
@@ -173,14 +172,14 @@ def _match(images: OrthoPair, points: np.ndarray, direction: np.ndarray, matchin
     search = matching.search
     starts = points + shifts(images, points, direction, search, search.gain)
     matches = match_points(images.left, images.right, points, starts, matching.least_squares)
-    return matches, distance_back(images, points, np.column_stack([matches.col, matches.row]), direction, search)
+    return matches, distance_back(images, points, matches.position, direction, search)
 
 
 def _correct(tile: NodeTile, matching: NodeMatching, correction: RayCorrection | PlanCorrection, found: _Found, heights: np.ndarray,
              values: np.ndarray, outcome: np.ndarray) -> None:
     """Fill dh, place and sigma of the nodes that pass every test into `values` (N, 6); `outcome` (N,) tells of the others."""
     at, matches, search = found.pixels[found.tried], found.matches, matching.search
-    moved = _snapped(np.column_stack([matches.col, matches.row]) - at)
+    moved = _snapped(matches.position - at)
     left, right = _to_cells(tile, at), _to_cells(tile, at + moved)
     points = correct(_ground(tile, left, heights), _ground(tile, right, heights), tile.centres, correction,
                      tile.grid.cell / tile.pixels_per_cell)
@@ -193,7 +192,7 @@ def _correct(tile: NodeTile, matching: NodeMatching, correction: RayCorrection |
     kept = found.tried[good]
     values[kept, DH] = dh[good]
     values[kept, EAST:SIGMA] = (places - left)[good]
-    shift = _Shift(matches.sigma_col[good], matches.sigma_row[good], places[good])
+    shift = _Shift(matches.covariance[good], places[good])
     values[kept, SIGMA] = _sigma(tile, matching, shift, heights)
 
 
@@ -231,7 +230,7 @@ def _heights_at(heights, cells, out):
 def _sigma(tile: NodeTile, matching: NodeMatching, shift: _Shift, heights: np.ndarray) -> np.ndarray:
     """Standard error (m) of dh: that of the shift times height over base, and that of the place times the slope of the model."""
     cell, direction = tile.grid.cell, base_direction(tile)
-    along = (direction[0] * shift.sigma_col) ** 2 + (direction[1] * shift.sigma_row) ** 2
+    along = np.maximum(np.einsum("i,nij,j->n", direction, shift.covariance, direction), 0.0)
     of_shift = np.sqrt(along + matching.least_sigma**2) * cell / tile.pixels_per_cell
     depth = (tile.left.centre[2] + tile.right.centre[2]) / 2 - _heights(tile, shift.places, heights)
     base = np.linalg.norm(tile.centres.right - tile.centres.left)

@@ -7,7 +7,7 @@ Strategy
   parallaxes do not smear over the wall. Where it would have to drop more than a little, a smaller window takes its place.
 - Where the start surface is empty or breaks within a pixel or two, the surfaces on both sides are tried, and the one whose grey
   values fit best at the node itself (not in the window as a whole) is kept.
-- Otherwise as in least_squares.py: inverse-compositional, gain and offset eliminated, covariance with correlated residuals.
+- Otherwise as in inverse_compositional.py: inverse-compositional, gain and offset eliminated, covariance with correlated residuals.
 
 Source: methods/matching_windows.md 2.1; relative_orientation_and_epipolar.md 1.18; the support is our own.
 """
@@ -19,6 +19,7 @@ from numba import njit
 
 from schemas.outcome import Outcome
 from tasks.matching.resampling_kernels import EXACT, cubic_weights
+from tasks.matching.shift_precision import dot
 from tasks.matching.small_systems import invert
 
 _CONVERGED, _LOW_TEXTURE, _OUTSIDE = int(Outcome.CONVERGED), int(Outcome.LOW_TEXTURE), int(Outcome.OUTSIDE)
@@ -151,14 +152,6 @@ def _centre_masked(p, mask, count):
     return mean
 
 
-@njit(cache=True, forceinline=True, fastmath=EXACT)
-def _dot(p, q):
-    total = np.float32(0.0)
-    for i in range(p.size):
-        total += p[i] * q[i]
-    return total
-
-
 @njit(cache=True, forceinline=True)
 def _template(left, row, col, half, mask, count, template, jacobian):
     """Template (n,) and derivatives (3, n), zero outside the support; returns its power and that of the row gradients."""
@@ -173,12 +166,12 @@ def _template(left, row, col, half, mask, count, template, jacobian):
                 template[i], gx = np.float32(0.0), np.float32(0.0)
             jacobian[0, i], jacobian[1, i], jacobian[2, i] = gx, gx * np.float32(x), gx * np.float32(y)
             i += 1
-    gradient = _dot(jacobian[0], jacobian[0])
+    gradient = dot(jacobian[0], jacobian[0])
     _centre_masked(template, mask, count)
-    power = _dot(template, template)
+    power = dot(template, template)
     for k in range(3):
         _centre_masked(jacobian[k], mask, count)
-        share = _dot(jacobian[k], template) / max(power, np.float32(1e-12))
+        share = dot(jacobian[k], template) / max(power, np.float32(1e-12))
         for i in range(template.size):
             jacobian[k, i] -= share * template[i]
     return power, gradient
@@ -210,7 +203,7 @@ def _warp(right, row, base, t, a, b, half, mask, patch):
 @njit(cache=True, forceinline=True, fastmath=EXACT)
 def _correlated_power(influence, window, correlation):
     """a' C a of the influence a (n,), C the correlation of pixels by their distance, up to 2 px each way."""
-    total = _dot(influence, influence)
+    total = dot(influence, influence)
     for dy in range(3):
         for dx in range(-2, 3):
             if dy == 0 and dx <= 0:
@@ -253,7 +246,7 @@ def _refine(left, right, row, col, shift, half, plane, count, numbers, buffers, 
         return _LOW_TEXTURE
     for i in range(3):
         for j in range(i + 1):
-            normal[i, j] = normal[j, i] = _dot(jacobian[i], jacobian[j])
+            normal[i, j] = normal[j, i] = dot(jacobian[i], jacobian[j])
         normal[i, i] *= 1.001
     if not invert(normal, 3, lower, inverse):
         return _SINGULAR
@@ -266,12 +259,12 @@ def _refine(left, right, row, col, shift, half, plane, count, numbers, buffers, 
         mean_right = _centre_masked(patch, mask, count)
         if mean_right != mean_right:
             return _OUTSIDE
-        power_right = _dot(patch, patch)
+        power_right = dot(patch, patch)
         if power_right <= 1e-6 * count:
             return _LOW_TEXTURE
         scale = np.sqrt(power / power_right)
-        values[2] = _dot(template, patch) / np.sqrt(power * power_right)
-        j0, j1, j2 = _dot(jacobian[0], patch) * scale, _dot(jacobian[1], patch) * scale, _dot(jacobian[2], patch) * scale
+        values[2] = dot(template, patch) / np.sqrt(power * power_right)
+        j0, j1, j2 = dot(jacobian[0], patch) * scale, dot(jacobian[1], patch) * scale, dot(jacobian[2], patch) * scale
         d0 = inverse[0, 0] * j0 + inverse[0, 1] * j1 + inverse[0, 2] * j2
         d1 = inverse[1, 0] * j0 + inverse[1, 1] * j1 + inverse[1, 2] * j2
         d2 = inverse[2, 0] * j0 + inverse[2, 1] * j1 + inverse[2, 2] * j2

@@ -158,7 +158,7 @@ def _match_batch(
     )
     points, starts = origins + rules[0].half + positions - centres, origins + rules[1].half + other_positions - other_centres
     found = match_points(mosaic, other_mosaic, points, starts, rules[0].matching, affine[part])
-    shift = np.column_stack([found.col, found.row]) - starts
+    shift = found.position - starts
     full = level_to_full(other_positions + shift, rules[1].level)
     sigma = np.sqrt((found.sigma_col**2 + found.sigma_row**2) / 2) * 2 ** rules[1].level
     return full[:, 0], full[:, 1], sigma, found.outcome
