@@ -2,7 +2,8 @@
 
     python -m benchmarks.matching [--quick] [--texture PATH] [--every N] [--sections NAMES] [--cones DIR] [--motorcycle DIR]
 
-`--quick` measures a small part in a minute. `--every N` tests every n-th of the ten bands of the experiment. Sections: strategies,
+`--quick` measures a small part in a minute. `--every N` tests every n-th of the ten bands of the
+experiment, and extracts the middle of the overlap only. Sections: strategies,
 windows, extraction, dense, speed, real; each is kept in .cache/matching when it is done, so that a long run may be made in
 pieces, and the page is put together from all that are there. Real pairs are measured where they are found.
 """
@@ -13,7 +14,16 @@ from pathlib import Path
 
 from benchmarks.matching_experiment import Experiment
 from benchmarks.matching_speed import speed_table
-from benchmarks.matching_surfaces import DENSE_WINDOW, QUICK_WINDOW, cones, dense_page, extraction_page, motorcycle, real_page
+from benchmarks.matching_surfaces import (
+    DENSE_WINDOW,
+    PART_WINDOW,
+    QUICK_WINDOW,
+    cones,
+    dense_page,
+    extraction_page,
+    motorcycle,
+    real_page,
+)
 from benchmarks.matching_windows import strategy_page, window_page
 from benchmarks.measured_run import ROOT, machine, write_result
 from tasks.simulation.dissertation_pair import ground_texture
@@ -45,13 +55,13 @@ def sections(options: argparse.Namespace) -> dict[str, Callable[[], list[str]]]:
     texture = ground_texture(options.texture)
     experiment = Experiment.quick(texture) if options.quick else Experiment.full(texture, options.every)
     size = f"{len(experiment.points)} points, texture {texture.name}."
-    part = QUICK_WINDOW if options.quick else None
+    part = QUICK_WINDOW if options.quick else PART_WINDOW if options.every > 1 else None
     pairs = [pair for pair in (cones(options.cones), motorcycle(options.motorcycle)) if pair is not None]
     return {
         "strategies": lambda: [size, "", *strategy_page(experiment)],
         "windows": lambda: [size, "", *window_page(experiment)],
         "extraction": lambda: [f"Texture {texture.name}.", "", *extraction_page(texture, part)],
-        "dense": lambda: [f"Texture {texture.name}.", "", *dense_page(texture, part or DENSE_WINDOW)],
+        "dense": lambda: [f"Texture {texture.name}.", "", *dense_page(texture, QUICK_WINDOW if options.quick else DENSE_WINDOW)],
         "speed": lambda: [speed_table()],
         "real": lambda: real_page(pairs),
     }

@@ -26,6 +26,7 @@ from tasks.simulation.dissertation_pair import CLEAN, NOISY, GroundTexture, Pair
 from tasks.simulation.dissertation_surface import Photo, intersected, surface_points, true_matches
 
 DENSE_WINDOW, QUICK_WINDOW = Window(3900, 6000, 3072, 3072), Window(4600, 7000, 560, 560)
+PART_WINDOW = Window(3000, 4700, 4000, 5800)
 _MARGIN, _SEARCH, _STEP = 36, 20, 4
 _PYRAMID = PyramidMatching()
 FAST = _PYRAMID.model_copy(update={"fine": _PYRAMID.fine.model_copy(update={"window": 11, "stop": 0.1})})
