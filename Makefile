@@ -9,6 +9,7 @@ options ?=
 
 .DEFAULT_GOAL := help
 .PHONY: help setup run plan status report export dashboard doctor test test-fast test-slow lint format bench bench-orientation bench-window-sizes docs clean clean-all
+.PHONY: help setup run plan status report export dashboard doctor test test-fast test-slow lint format bench bench-matching bench-matching-speed bench-window-sizes docs clean clean-all
 
 help: ## List all targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-18s %s\n", $$1, $$2}'
@@ -64,8 +65,14 @@ bench: $(STAMP) ## Measure the figures in benchmarks/results
 bench-orientation: $(STAMP) ## Orientation of real photographs, beside COLMAP where it is installed
 	@$(BIN)/python -m benchmarks.orientation_real
 
+bench-matching: $(STAMP) ## Measure matching beside the published experiments (options="--quick")
+	@$(BIN)/python -m benchmarks.matching $(options)
+
 bench-window-sizes: $(STAMP) ## Measure what choosing a matching window costs
 	@$(BIN)/python -m benchmarks.window_sizes
+
+bench-matching-speed: $(STAMP) ## Measure the points per second of least-squares matching
+	@$(BIN)/python -m benchmarks matching_speed
 
 docs: $(STAMP) ## Write the generated pages of docs/
 	@$(BIN)/orthomill reference

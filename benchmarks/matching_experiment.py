@@ -36,9 +36,10 @@ class Experiment:
     points: np.ndarray
 
     @classmethod
-    def full(cls, texture: GroundTexture) -> "Experiment":
-        """The 10 m grid of the overlap."""
-        return cls(texture, check_points(110.4, 26))
+    def full(cls, texture: GroundTexture, every: int = 1) -> "Experiment":
+        """The 10 m grid of the overlap, in every n-th of ten bands of rows."""
+        points = check_points(110.4, 26)
+        return cls(texture, points[points[:, 1] // _BAND % every == every // 2])
 
     @classmethod
     def quick(cls, texture: GroundTexture) -> "Experiment":

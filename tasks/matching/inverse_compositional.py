@@ -3,7 +3,7 @@
 Strategy
 - Gradients and normal matrix belong to the left window alone (template.py): nothing is resampled before it is differentiated, which
   is the weak spot of the published recipe (methods/measured.md). With a square both are made once per point, and an iteration is
-  one warp and a few sums. An ellipse takes its shape from the inverse, so there they are made anew in every iteration.
+  one warp and a few sums. An ellipse takes its shape from the inverse, so there they are made anew in the first iterations.
 - The right window is brought to the left one's contrast, so that a step is right before the gain is known.
 - The covariance is that of correlated residuals (shift_precision.py).
 
@@ -20,6 +20,8 @@ from tasks.matching.shift_precision import correlated, dot, influence
 from tasks.matching.template import FLAT, ZERO, Template, build_template, ellipse_of, solve_shift, unknowns_of, work_for
 from tasks.matching.window_block import block_pitch, gradient_moments, grey_sums, warp_window
 
+_RESHAPED = 5
+"""Iterations after which an ellipse keeps its shape: small ones can go to and fro between two, for ever."""
 
 @njit(cache=True, error_model="numpy")
 def _compose(a, d):
@@ -132,7 +134,7 @@ def _match_one(left, right, flat, pixel, half, place, t, a, rules, work, values)
     axes, d = (1.0, 1.0, 0.0), work.d
     template = Template(0, 0, 0, 0, 0.0, 0.0, 0.0)
     for iteration in range(1, rules.max_iterations + 1):
-        if iteration == 1 or rules.ellipse:
+        if iteration == 1 or (rules.ellipse and iteration <= _RESHAPED):
             outcome, template = build_template(left, pixel[0], pixel[1], half, axes, rules, work)
             if outcome != results.CONVERGED:
                 return outcome, iteration - 1

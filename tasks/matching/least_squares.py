@@ -103,7 +103,8 @@ def match_points(left: np.ndarray | PreparedImage, right: np.ndarray | PreparedI
     for `settings.window` everywhere. reference: the place in the left window whose match is handed over, the point itself or the
     centroid of the squared gradients, where the window tells most (`Matches.reference` says where that is).
 
-    Never raises on the contents of images or points: every point gets its outcome.
+    Never raises on the contents of images or points: every point gets its outcome. ValueError when tables differ in length or an
+    image has not two dimensions.
     """
     left, right = (
         np.ascontiguousarray((image if isinstance(image, PreparedImage) else prepare(image, settings)).grey)
@@ -113,6 +114,7 @@ def match_points(left: np.ndarray | PreparedImage, right: np.ndarray | PreparedI
     count = len(points)
     affine = np.tile([1.0, 0.0, 0.0, 1.0], (count, 1)) if affine is None else np.array(affine, dtype=np.float64).reshape(-1, 4)
     half = np.full(count, settings.half) if half is None else np.clip(np.asarray(half, dtype=np.int64).reshape(-1), 0, MOST_HALF)
+    _check_shapes((left, right), count, (starts, affine, half))
     values = np.full((count, column.COLUMNS), np.nan)
     values[:, column.REFERENCE_COL], values[:, column.REFERENCE_ROW] = points[:, 0], points[:, 1]
     outcome, iterations = _before(points, starts, affine, half), np.zeros(count, np.uint8)
@@ -130,6 +132,14 @@ def _refuse_overflow(values: np.ndarray, outcome: np.ndarray) -> None:
         broken = (outcome == Outcome.CONVERGED) & ~np.isfinite(values.astype(np.float32)).all(axis=1)
     outcome[broken] = Outcome.NOT_CONVERGED
     values[broken] = np.nan
+
+
+def _check_shapes(images: tuple[np.ndarray, ...], count: int, tables: tuple[np.ndarray, ...]) -> None:
+    """The kernels trust their arguments: what does not fit together must not reach them."""
+    if any(image.ndim != 2 for image in images):
+        raise ValueError(f"Images to match have rows and columns only, not shapes {[image.shape for image in images]}.")
+    if any(len(table) != count for table in tables):
+        raise ValueError(f"{count} points need as many starts, affines and window sizes, not {[len(table) for table in tables]}.")
 
 
 def _before(points: np.ndarray, starts: np.ndarray, affine: np.ndarray, half: np.ndarray) -> np.ndarray:

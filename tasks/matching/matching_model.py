@@ -43,7 +43,10 @@ class Square(Settings):
 
 
 class Ellipse(Settings):
-    """An ellipse of the area of the square, re-shaped in every iteration from the covariance of the two shifts."""
+    """An ellipse of the area of the square, re-shaped in every iteration from the covariance of the two shifts.
+
+    The inverse-compositional form lets it keep its shape after five iterations.
+    """
 
     kind: Literal["ellipse"] = "ellipse"
     major_axis: Literal["along", "across"] = setting("along", "Direction of the long axis, to that of the greatest uncertainty.")
