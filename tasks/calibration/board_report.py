@@ -65,10 +65,11 @@ def _figures(account: Account) -> tuple[Figure, ...]:
         Figure(name="sigma0_px", value=round(result.sigma0, 4), unit="px", sentence="Standard error of a corner coordinate.", headline=True),
         Figure(name="rms_px", value=round(result.rms, 4), unit="px", sentence="Root mean square length of the residual vectors."),
         Figure(name="redundancy", value=result.redundancy, sentence="Observations less unknowns."),
-        Figure(name="iterations", value=result.iterations, sentence="Iterations of the adjustment, robust ones included."),
+        Figure(name="iterations", value=result.iterations, sentence="Of the adjustment, before corners were rejected one by one."),
+        Figure(name="rejection_rounds", value=result.rounds, sentence="Adjustments after that, each without the corners rejected."),
         Figure(name="initial_c", value=_plain(account.constant.c), unit="px", sentence="Camera constant from homographies, before the adjustment."),
         Figure(
-            name="held_out_px", value=_plain(check.rms if check else None), unit="px",
+            name="held_out_px", value=_plain(check.rms if check else None), unit="px", headline=True,
             sentence="Root mean square length of the residual vectors of photographs that took no part in the calibration (each half "
             "measured with the other).",
         ),
@@ -160,7 +161,7 @@ def _unused(account: Account) -> tuple[Grid, ...]:
             rows.append((search.photo, "photograph", f"no whole board with {shape} inner corners was found"))
         elif own.photo not in account.photos:
             rows.append((search.photo, "photograph", "its boards do not fit the places of the others"))
-        elif strangers:
+        elif strangers and sum(photo == search.photo for photo, _ in used) < account.arranged.boards:
             rows.append((search.photo, f"{strangers} boards", "they do not fit the places of the others, or are more than was stated"))
         elif not own.certain:
             rows.append((search.photo, "other boards", "only one whole board is seen, so that cut ones cannot be told apart"))

@@ -23,10 +23,10 @@ def homography(plane: np.ndarray, xy: np.ndarray) -> np.ndarray:
         np.hstack([p, one, zero, -q[:, :1] * p, -q[:, :1]]),
         np.hstack([zero, p, one, -q[:, 1:] * p, -q[:, 1:]]),
     ])  # fmt: skip
-    _, singular, V = np.linalg.svd(rows, full_matrices=len(rows) < 9)
-    if len(p) < 4 or singular[min(7, len(singular) - 1)] < 1e-9 * singular[0]:
+    values, vectors = np.linalg.eigh(rows.T @ rows)
+    if len(p) < 4 or values[1] < 1e-14 * values[-1]:
         raise GeometryError("Four corners or more that do not lie on one line are needed for a homography.")
-    H = np.linalg.solve(U, V[-1].reshape(3, 3)) @ T
+    H = np.linalg.solve(U, vectors[:, 0].reshape(3, 3)) @ T
     return H / H[2, 2]
 
 

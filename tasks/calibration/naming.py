@@ -22,8 +22,8 @@ from tasks.calibration.homographies import applied, homography, moved, refined_t
 
 _NEAR = 0.4
 """Largest mean distance of a board's corners from where they are predicted, in sizes of the board in the photo."""
-_FIT = 0.12
-"""The same after all boards of the photo were fitted together."""
+LOOSE, STRICT = 0.12, 0.02
+"""The same after all boards of the photo were fitted together: with distortion that is not known yet, and without any."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,9 +44,9 @@ class Naming:
     photos: tuple[NamedPhoto, ...]
 
 
-def name_boards(found: list[np.ndarray], local: np.ndarray, boards: int) -> Naming:
+def name_boards(found: list[np.ndarray], local: np.ndarray, boards: int, fit: float = LOOSE) -> Naming:
     """Names the boards of all photos. found: per photo (B, N, 2) px from the image centre, y up, all corners of whole boards;
-    local: (N, 2) m. `boards` that there are; 0: as many as the photos show.
+    local: (N, 2) m. `boards` that there are; 0: as many as the photos show. `fit`: LOOSE or STRICT.
 
     Raises GeometryError when no photo shows a board.
     """
@@ -55,8 +55,8 @@ def name_boards(found: list[np.ndarray], local: np.ndarray, boards: int) -> Nami
         raise GeometryError("No photograph shows a whole chessboard; check the number of inner corners.")
     motions = _map_of(found[order[0]], local)
     for photo in order[1:]:
-        motions = _extended(motions, _named(found[photo], motions, local), found[photo], local)
-    photos = [_named(xy, motions, local) for xy in found]
+        motions = _extended(motions, _named(found[photo], motions, local, fit), found[photo], local)
+    photos = [_named(xy, motions, local, fit) for xy in found]
     motions, photos = _without_strangers(motions, photos, boards)
     return _averaged(motions, photos, found, local)
 
@@ -76,7 +76,7 @@ def _map_of(xy: np.ndarray, local: np.ndarray) -> np.ndarray:
     return np.array(motions)
 
 
-def _named(xy: np.ndarray, motions: np.ndarray, local: np.ndarray) -> NamedPhoto:
+def _named(xy: np.ndarray, motions: np.ndarray, local: np.ndarray, fit: float) -> NamedPhoto:
     """The best of all trials."""
     best, score = NamedPhoto(np.full(len(xy), -1), None, False), (0, -np.inf)
     plane = np.array([moved(motion, local) for motion in motions])
@@ -85,9 +85,9 @@ def _named(xy: np.ndarray, motions: np.ndarray, local: np.ndarray) -> NamedPhoto
         for name in range(len(motions)):
             names, H, misfit = _grown((board, name), xy, plane, size)
             trial = (int((names >= 0).sum()), -misfit)
-            if trial > score and misfit < _FIT:
+            if trial > score and misfit < fit:
                 best, score = NamedPhoto(names, H, trial[0] > 1 or len(motions) == 1), trial
-        if score[0] == len(xy) and score[1] > -_FIT / 10:
+        if score[0] == len(xy) and score[1] > -fit / 10:
             break
     return best
 

@@ -91,7 +91,8 @@ class CalibrationStage(Stage):
                         source.sigma_height)  # fmt: skip
         corners = tuple(corners_table(name) for name in boards.names)
         yield Job(
-            stage=self.kind, item="arrangement", function=arrange, reads={"boards": BOARD_PHOTOS, "corners": corners},
+            stage=self.kind, item="arrangement", function=arrange,
+            reads={"boards": BOARD_PHOTOS, "corners": corners, "searches": tuple(search_table(name) for name in boards.names)},
             writes={"arranged": ARRANGED}, params={"target": target},
         )  # fmt: skip
         incomplete = view.table(ARRANGED).incomplete
