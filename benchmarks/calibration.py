@@ -1,7 +1,7 @@
 """Calibration from several boards: accuracy over many seeds, corners of rendered photos, real photos beside OpenCV, and time.
 
-Run with `make bench-calibration`; the page goes to benchmarks/results/calibration.md. Real photographs are looked for in ../shared/data
-(or ORTHOMILL_DATA) and in /usr/share/doc/opencv-doc (or OPENCV_DOC); what is absent is said to be absent.
+Run with `make bench-calibration`; the page goes to benchmarks/results/calibration.md. Real photographs are looked for in
+../shared/data (or ORTHOMILL_DATA) and in /usr/share/doc/opencv-doc (or OPENCV_DOC); what is absent is said to be absent.
 """
 
 import glob
@@ -28,7 +28,16 @@ from tasks.calibration.judgement import MODELS, held_out
 from tasks.calibration.precision import correlations
 from tasks.calibration.solving import Target, solve
 from tasks.simulation.board_rendering import BoardFilm, photograph_floor
-from tasks.simulation.board_scene import FIVE_BOARDS, PUBLISHED, SIX_BOARDS, BoardSetup, BoardType, floor_corners, places_of, views_of
+from tasks.simulation.board_scene import (
+    FIVE_BOARDS,
+    PUBLISHED,
+    SIX_BOARDS,
+    BoardSetup,
+    BoardType,
+    floor_corners,
+    places_of,
+    views_of,
+)
 
 ROOT = Path(__file__).parent.parent
 DATA = Path(os.environ.get("ORTHOMILL_DATA", ROOT.parent / "shared" / "data"))
@@ -88,9 +97,11 @@ def monte_carlo(setup: BoardSetup) -> str:
     table = correlations(result)
     interior = table.typical[:3, [table.columns.index(n) for n in ("tX", "tY", "theta")]]
     x0_phi = table.typical[1, table.columns.index("phi")]
-    return (f"| {setup.name} | {setup.photos} | {setup.boards} | {(size <= 1).mean():.0%} | {(size <= 3).mean():.1%} | "
-            f"{min(ratio):.3f} to {max(ratio):.3f} | {max(iterations)} | {right} of {SEEDS} | {np.median(sigma_c):.2f} | "
-            f"{interior.max():.0%} | {x0_phi:.0%} | {seconds / SEEDS:.2f} |")
+    return (
+        f"| {setup.name} | {setup.photos} | {setup.boards} | {(size <= 1).mean():.0%} | {(size <= 3).mean():.1%} | "
+        f"{min(ratio):.3f} to {max(ratio):.3f} | {max(iterations)} | {right} of {SEEDS} | {np.median(sigma_c):.2f} | "
+        f"{interior.max():.0%} | {x0_phi:.0%} | {seconds / SEEDS:.2f} |"
+    )
 
 
 def one_board_instead() -> str:
@@ -98,26 +109,34 @@ def one_board_instead() -> str:
     several = arrangement_of((c := corners_of(SIX_BOARDS, 0.38, 0)).found, c.target).result
     board = BoardType((12, 9), 0.1, 0.02)
     alone = arrangement_of((c := corners_of(replace(SIX_BOARDS, boards=1, board=board), 0.38, 0)).found, c.target).result
-    small = arrangement_of((c := corners_of(replace(SIX_BOARDS, boards=1, tilt=(5.0, 15.0), turned=False, board=board), 0.38, 0)).found,
+    small = arrangement_of((c := corners_of(replace(SIX_BOARDS, boards=1, tilt=(5.0, 15.0), turned=False, board=board), 0.38,
+        0)).found,
                            c.target).result  # fmt: skip
     values = []
     for result in (several, alone, small):
         table = correlations(result)
         values.append(table.typical[table.rows.index("x0"), table.columns.index("phi")])
-    return (f"Correlation of x0 with phi: {values[0]:.0%} with six boards, {values[1]:.0%} with one board of their extent, "
-            f"{values[2]:.0%} with one board, little tilt and no turns.")
+    return (
+        f"Correlation of x0 with phi: {values[0]:.0%} with six boards, {values[1]:.0%} with one board of their extent, "
+        f"{values[2]:.0%} with one board, little tilt and no turns."
+    )
 
 
 def poor_geometry() -> Iterator[str]:
     """Five photos that look almost straight down, not turned, as in the published hard cases."""
-    for name, tilt in (("5 photos, tilt below 3 degrees, not turned", (0.3, 3.0)), ("5 photos, tilt 3 to 8 degrees, not turned", (3.0, 8.0))):
+    for name, tilt in (
+        ("5 photos, tilt below 3 degrees, not turned", (0.3, 3.0)),
+        ("5 photos, tilt 3 to 8 degrees, not turned", (3.0, 8.0)),
+    ):
         corners = corners_of(replace(FIVE_BOARDS, photos=5, tilt=tilt, turned=False), 0.45, 1)
         known = arrangement_of(corners.found, corners.target)
         result, c = known.result, FIVE_BOARDS.camera.c
         sigma = float(np.sqrt(result.interior_covariance[0, 0]))
         said = " ".join(geometry_warnings(result, geometry(result, corners.target)))
-        yield (f"| {name} | {known.constant.c:.0f} | {known.iterations} | {result.state.interior[0]:.1f} +- {sigma:.1f} ({c}) | "
-               f"{abs(result.state.interior[0] - c) / sigma:.1f} | {said} |")
+        yield (
+            f"| {name} | {known.constant.c:.0f} | {known.iterations} | {result.state.interior[0]:.1f} +- {sigma:.1f} ({c}) | "
+            f"{abs(result.state.interior[0] - c) / sigma:.1f} | {said} |"
+        )
 
 
 def rendered_accuracy() -> Iterator[str]:
@@ -132,11 +151,14 @@ def rendered_accuracy() -> Iterator[str]:
             film = BoardFilm(0.7, 2.0, seed=number)
             image = photograph_floor(view, places_of(setup), setup.board, film, Window(0, 0, camera.height, camera.width))
             true = np.array([view.project(board) for board in floor])
-            for board in find_boards(pyramid(image, COARSE_SIDE), setup.board.corners, setup.boards).corners.reshape(-1, true.shape[1], 2):
+            for board in find_boards(pyramid(image, COARSE_SIDE), setup.board.corners, setup.boards).corners.reshape(
+                -1, true.shape[1], 2
+            ):
                 miss.append(board - true[np.linalg.norm(true - board, axis=2).mean(axis=1).argmin()])
                 found += 1
         size = np.linalg.norm(np.concatenate(miss), axis=1)
-        yield f"| {camera.width} x {camera.height} | {found} of {4 * setup.boards} | {np.sqrt((size**2).mean()):.4f} | {size.max():.3f} |"
+        rms = float(np.sqrt((size**2).mean()))
+        yield f"| {camera.width} x {camera.height} | {found} of {4 * setup.boards} | {rms:.4f} | {size.max():.3f} |"
 
 
 def real_sets() -> dict[str, list[str]]:
@@ -162,7 +184,7 @@ def real_row(name: str, files: list[str]) -> Iterator[str]:
     found = [own for own in boards if len(own)]
     target = Target(images[0].shape[::-1], (9, 6), 0.03, 1)
     xy = [target.centred(own.reshape(-1, 54, 2)) for own in found]
-    free = MODELS[3]
+    free = (*MODELS[3], "affinity")  # as many as OpenCV has, which gives x and y constants of their own
     start = time.process_time()
     known = arrangement_of(xy, target)
     result = solve(target, (known.result.state,), known.start.corners, free)
@@ -174,10 +196,15 @@ def real_row(name: str, files: list[str]) -> Iterator[str]:
     peer, matrix, lens, *_ = cv2.calibrateCameraExtended([solid] * len(points), points, target.size, None, None)[:5]
     peer_seconds = time.process_time() - start
     everything = float(np.sqrt((result.residual**2).sum(axis=1).mean()))
-    yield (f"| {name} | orthomill | {len(found)} of {len(files)} | {result.rms:.4f} ({everything:.4f}) | {check.rms:.4f} ({check.rms_all:.4f}) "
-           f"| {_numbers(result)} | {search:.1f} + {seconds:.1f} |")
-    yield (f"| | OpenCV, same corners | | {peer:.4f} | {_peer_held_out(points, solid, target.size):.4f} | c {matrix[0, 0]:.2f} "
-           f"(y {matrix[1, 1]:.2f}), k1 {lens.ravel()[0]:.4f} | {peer_seconds:.1f} |")
+    yield (
+        f"| {name} | orthomill | {len(found)} of {len(files)} | {result.rms:.4f} ({everything:.4f}) | {check.rms:.4f} "
+        f"({check.rms_all:.4f}) "
+        f"| {_numbers(result)} | {search:.1f} + {seconds:.1f} |"
+    )
+    yield (
+        f"| | OpenCV, same corners | | {peer:.4f} | {_peer_held_out(points, solid, target.size):.4f} | c {matrix[0, 0]:.2f} "
+        f"(y {matrix[1, 1]:.2f}), k1 {lens.ravel()[0]:.4f} | {peer_seconds:.1f} |"
+    )
 
 
 def _numbers(result: BoardAdjustment) -> str:
@@ -221,28 +248,35 @@ def large_photos() -> str:
     start = time.process_time()
     solve(corners.target, known.start.states, known.start.corners, MODELS[1])
     bundle = time.process_time() - start
-    return (f"20 megapixels, five boards: {', '.join(f'{n} boards in {s:.1f} s' for s, n in spent)} of CPU for the search; the bundle of 34 "
-            f"photos ({len(known.start.corners)} corners) takes {bundle:.1f} s.")
+    return (
+        f"20 megapixels, five boards: {', '.join(f'{n} boards in {s:.1f} s' for s, n in spent)} of CPU for the search; the "
+        f"bundle of 34 "
+        f"photos ({len(known.start.corners)} corners) takes {bundle:.1f} s."
+    )
 
 
 def page() -> str:
     """The whole page as Markdown."""
     lines = [
         "# Calibration from several chessboards", "",
-        f"Measured by `make bench-calibration` on {platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}, OpenCV "
+        f"Measured by `make bench-calibration` on {platform.machine()}, {os.cpu_count()} cores, Python "
+        f"{platform.python_version()}, OpenCV "
         f"{cv2.__version__}; seconds are CPU seconds of one core.", "",
         f"## Published set-ups, {SEEDS} seeds each (places of boards, photos and noise)", "",
-        "Noise of a corner coordinate is the published sigma0; five parameters c, x0, y0, k1, k2. Published standard errors of c: 1.4 px "
+        "Noise of a corner coordinate is the published sigma0; five parameters c, x0, y0, k1, k2. Published standard errors of "
+        "c: 1.4 px "
         "(7 photos, 12 boards), 0.5 px (14), 0.6 px (16), 0.5 px (34).", "",
         "| set-up | photos | boards | within 1 sigma | within 3 | sigma0 / noise | most iterations | all named | sigma of c (px) | "
         "interior, in-plane | x0, phi | s |", "| --- " * 12 + "|",
         *(monte_carlo(setup) for setup in PUBLISHED), "", one_board_instead(), "",
-        "## Poor geometry", "", "| case | initial c | iterations | c (truth) | error / sigma | what the report says |", "| --- " * 6 + "|",
+        "## Poor geometry", "", "| case | initial c | iterations | c (truth) | error / sigma | what the report says |", "| --- " "
+        "* 6 + "|",
         *poor_geometry(), "",
         "## Corners of rendered photos (noise sigma 2, blur 0.7 px)", "", "| photo | boards found | RMS (px) | largest (px) |",
         "| --- " * 4 + "|", *rendered_accuracy(), "",
         "## Real photographs", "",
-        "RMS is the root mean square length of the residual vectors, of the corners used and (in brackets) of all. Held out: each half of the "
+        "RMS is the root mean square length of the residual vectors, of the corners used and (in brackets) of all. Held out: "
+        "each half of the "
         "photographs measured with the calibration of the other.", "",
         "| photographs | by | boards | RMS (px) | held out (px) | parameters | s |", "| --- " * 7 + "|",
         *(row for name, files in real_sets().items() for row in real_row(name, files)), "",

@@ -26,7 +26,8 @@ from tasks.geometry.rotation_vector import rotation_of_vector
 _SINGULAR = 1e-13
 """Least eigenvalue of the normal matrix with unit diagonal, below which double precision solves nothing."""
 _NEGLIGIBLE = 1e-2
-"""A gain in squares of sigma0: the last step moved no unknown by more than a tenth of its standard error, and the next one, as steps
+"""A gain in squares of sigma0: the last step moved no unknown by more than a tenth of its standard error, and the next one, as
+steps
 shrink quadratically, would move it by far less."""
 _UNDETERMINED = (
     "The chessboards do not determine the camera: all photographs see them from nearly the same direction, or too few corners are "
@@ -50,7 +51,8 @@ class CornerTest:
 class BoardAdjustment:
     """The adjusted calibration. `used` (M,) marks the corners that took part; `residual` (M, 2) px observed minus computed of all;
     `standardised` (M, 2) is NaN for those that did not. `covariance` (n, n) of the unknowns in the order of the network's columns,
-    sigma0 included; `sigma0` px; `iterations` until all corners were adjusted, robustly first; `rounds` of rejections after that."""
+    sigma0 included; `sigma0` px; `iterations` until all corners were adjusted, robustly first; `rounds` of rejections after
+    that."""
 
     network: BoardNetwork
     state: BoardState
@@ -105,8 +107,10 @@ def minimise(
         if gain <= enough + 1e-14 * len(corners) and damping <= 1e-2:
             return state, iteration
         damping = damping * 0.1 if damping > 1e-9 else 0.0
-    raise GeometryError(f"The calibration from chessboards did not converge in {most} iterations; photograph boards tilted in "
-                        "different directions and over the whole frame.")
+    raise GeometryError(
+        f"The calibration from chessboards did not converge in {most} iterations; photograph boards tilted in "
+        "different directions and over the whole frame."
+    )
 
 
 def _step(
@@ -134,7 +138,9 @@ def _cost(network: BoardNetwork, state: BoardState, corners: BoardCorners, limit
     miss = misclosures(state, corners)
     if not np.isfinite(miss).all() or (np.abs(miss) >= BEHIND).any():
         return np.inf
-    return huber_cost(np.linalg.norm(miss, axis=1), limit) + float((_prior_weight(network) * _prior_miss(network, state) ** 2).sum())
+    return huber_cost(np.linalg.norm(miss, axis=1), limit) + float(
+        (_prior_weight(network) * _prior_miss(network, state) ** 2).sum()
+    )
 
 
 def _prior_weight(network: BoardNetwork) -> np.ndarray:
@@ -168,8 +174,16 @@ def _linearised(network: BoardNetwork, state: BoardState, corners: BoardCorners,
         by_corner = np.where(held, 0.0, by_corner)
         prior = np.broadcast_to(np.where(held, 1.0, weights), (boards * count, 3)).copy()
         prior_miss = np.where(held, 0.0, _prior_miss(network, state)).reshape(-1, 3)
-    return Linear(first.astype(np.int64), np.ascontiguousarray(columns[:, touched]), np.ascontiguousarray(by_unknowns[:, :, touched]),
-                  by_corner, miss, weight, prior, prior_miss)
+    return Linear(
+        first.astype(np.int64),
+        np.ascontiguousarray(columns[:, touched]),
+        np.ascontiguousarray(by_unknowns[:, :, touched]),
+        by_corner,
+        miss,
+        weight,
+        prior,
+        prior_miss,
+    )
 
 
 def _moved(network: BoardNetwork, state: BoardState, linear: Linear, damping: float) -> BoardState | None:

@@ -43,7 +43,8 @@ class Arrangement:
 
 
 def arrangement_of(found: list[np.ndarray], target: Target) -> Arrangement:
-    """Boards named twice: as they are measured, and, once a first calibration knows the distortion, free of it. Wide lenses bend the
+    """Boards named twice: as they are measured, and, once a first calibration knows the distortion, free of it. Wide lenses bend
+    the
     plane of the boards so much that a homography does not carry from one to the next.
 
     Raises GeometryError when there are too few boards, or when they do not determine the camera.
@@ -92,8 +93,10 @@ def _seen(searches: tuple[PhotoSearch, ...], target: Target) -> str:
     """What was found at all, for a person who has to guess what went wrong."""
     boards, larger = sum(search.boards for search in searches), sum(search.larger for search in searches)
     more = f", and {larger} with more corners than that" if larger else ""
-    return (f"(Of {len(searches)} photographs {sum(search.boards > 0 for search in searches)} show whole boards with "
-            f"{target.corners[0]} x {target.corners[1]} inner corners, {boards} boards in all{more}.)")
+    return (
+        f"(Of {len(searches)} photographs {sum(search.boards > 0 for search in searches)} show whole boards with "
+        f"{target.corners[0]} x {target.corners[1]} inner corners, {boards} boards in all{more}.)"
+    )
 
 
 def _predictions(result: BoardAdjustment, target: Target, photo: int) -> tuple[Prediction, ...]:

@@ -81,7 +81,7 @@ def find_boards(levels: list[np.ndarray], corners: tuple[int, int], boards: int 
         if max(levels[level].shape) > _FINE_SIDE and level < len(levels) - 1:
             break
         for smooth in (False, True):
-            if len(found) >= most or smooth and found:
+            if len(found) >= most or (smooth and found):
                 break
             search = cv2.GaussianBlur(levels[level], (0, 0), _SMOOTH) if smooth else levels[level].copy()
             for board in found:
@@ -93,7 +93,7 @@ def find_boards(levels: list[np.ndarray], corners: tuple[int, int], boards: int 
                     found.append(numbered(levels[0], fine))
                 else:
                     refused[reason] += 1
-        if len(found) >= most or known and len(found) == known:
+        if len(found) >= most or (known and len(found) == known):
             break
     found.sort(key=lambda board: tuple(board.reshape(-1, 2).mean(axis=0)))
     shape = (0, corners[1], corners[0], 2)
@@ -156,7 +156,6 @@ def _regular(board: np.ndarray) -> bool:
 
 def _goes_on(image: np.ndarray, board: np.ndarray, strength: float) -> bool:
     """Whether the squares go on alternating beyond one of the four sides."""
-    rows, cols = board.shape[:2]
     for turned in (board, board[::-1], board.swapaxes(0, 1), board.swapaxes(0, 1)[::-1]):
         if len(turned) < 3:
             continue

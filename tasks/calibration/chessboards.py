@@ -1,7 +1,7 @@
 """The last job of a calibration from chessboards: all corners of all photographs, adjusted, judged, recorded.
 
-Whole boards come from the search, cut and missed ones from the second look. Every board and photograph that takes no part is listed with
-its reason.
+Whole boards come from the search, cut and missed ones from the second look. Every board and photograph that takes no part is
+listed with its reason.
 """
 
 from dataclasses import dataclass, replace
@@ -80,8 +80,14 @@ def _with_completed(
 
 
 def from_chessboards(
-    boards: BoardPhotos, arranged: Arranged, corners: tuple[Corners, ...], completed: tuple[Corners, ...],
-    searches: tuple[PhotoSearch, ...], target: Target, model: Model, photos: Photos | None = None,
+    boards: BoardPhotos,
+    arranged: Arranged,
+    corners: tuple[Corners, ...],
+    completed: tuple[Corners, ...],
+    searches: tuple[PhotoSearch, ...],
+    target: Target,
+    model: Model,
+    photos: Photos | None = None,
 ) -> dict[str, Any]:
     """Cameras, records and report of a calibration. Without `photos` the camera stands alone.
 

@@ -15,7 +15,8 @@ _TURN, _SHIFT = np.radians(1e-3), 1e-3
 
 
 def homography(plane: np.ndarray, xy: np.ndarray) -> np.ndarray:
-    """(3, 3) from points (N, 2) of a plane to image coordinates (N, 2), by least squares. Raises GeometryError when there is none."""
+    """(3, 3) from points (N, 2) of a plane to image coordinates (N, 2), by least squares. Raises GeometryError when there is
+    none."""
     T, U = _normalising(plane), _normalising(xy)
     p, q = applied(T, plane), applied(U, xy)
     one, zero = np.ones((len(p), 1)), np.zeros((len(p), 3))
@@ -59,9 +60,7 @@ def _rotation(angle: float) -> np.ndarray:
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
-def refined_together(
-    H: np.ndarray, motions: np.ndarray, local: np.ndarray, xy: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def refined_together(H: np.ndarray, motions: np.ndarray, local: np.ndarray, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """One photo's homography and the motions (B, 3) of its boards, adjusted together; the first board is held (S6).
 
     local: (N, 2) m corners of a board; xy: (B, N, 2) their image coordinates. What does not improve is not taken over.

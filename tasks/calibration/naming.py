@@ -1,12 +1,12 @@
 """Which board of one photo is which board of another: boards look alike, only their places tell them apart.
 
-Strategy. The photo with the most boards gives a first map of them. A board has an origin and axes of its own, so that one board of a
-photo taken for one board of the map already fixes a homography, turn and all; the nearest board that it predicts well is added, the
-homography is fitted again, and so on outwards. Distortion and the error of the extrapolation are thus taken up as they grow. Every
-pair of a photo's board and a map's board is tried; the trial that names most boards wins, and among equals the one that fits best.
-That is one-to-one by construction, needs no principal axes (which exchange places when they are nearly equally long), cannot be
-turned by 180 degrees, cannot be mirrored, and does not mind missing boards. Boards that the map lacks are added by photos that name
-at least two others; then all photos are named again with the whole map.
+Strategy. The photo with the most boards gives a first map of them. A board has an origin and axes of its own, so that one board of
+a photo taken for one board of the map already fixes a homography, turn and all; the nearest board that it predicts well is added,
+the homography is fitted again, and so on outwards. Distortion and the error of the extrapolation are thus taken up as they grow.
+Every pair of a photo's board and a map's board is tried; the trial that names most boards wins, and among equals the one that fits
+best. That is one-to-one by construction, needs no principal axes (which exchange places when they are nearly equally long), cannot
+be turned by 180 degrees, cannot be mirrored, and does not mind missing boards. Boards that the map lacks are added by photos that
+name at least two others; then all photos are named again with the whole map.
 
 A photo with a single board cannot say which one it is, and need not: equal boards serve alike, its pose is its own anyway.
 
@@ -28,7 +28,8 @@ LOOSE, STRICT = 0.12, 0.02
 
 @dataclass(frozen=True, eq=False)
 class NamedPhoto:
-    """`names` (B,): the number of the board in the map for every board found, -1 for none. `homography` (3, 3) from the map's plane to
+    """`names` (B,): the number of the board in the map for every board found, -1 for none. `homography` (3, 3) from the map's
+    plane to
     the photo, None when nothing could be named. `certain`: False when a single board was named, for it could be any."""
 
     names: np.ndarray
@@ -92,9 +93,7 @@ def _named(xy: np.ndarray, motions: np.ndarray, local: np.ndarray, fit: float) -
     return best
 
 
-def _grown(
-    start: tuple[int, int], xy: np.ndarray, plane: np.ndarray, size: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float]:
+def _grown(start: tuple[int, int], xy: np.ndarray, plane: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Names (B,), homography and mean misfit (in sizes of a board) that follow from one pair."""
     names = np.full(len(xy), -1)
     names[start[0]] = start[1]
@@ -121,9 +120,7 @@ def _extended(motions: np.ndarray, named: NamedPhoto, xy: np.ndarray, local: np.
     return np.vstack([motions, *(rigid_motion(local, applied(back, xy[board]))[None] for board in unknown)])
 
 
-def _without_strangers(
-    motions: np.ndarray, photos: list[NamedPhoto], boards: int
-) -> tuple[np.ndarray, list[NamedPhoto]]:
+def _without_strangers(motions: np.ndarray, photos: list[NamedPhoto], boards: int) -> tuple[np.ndarray, list[NamedPhoto]]:
     """Only the `boards` that most photos show (what else was found is no board), the most central one first."""
     times = np.array([sum(name in photo.names for photo in photos) for name in range(len(motions))])
     kept = np.argsort(-times, kind="stable")[: boards or len(motions)]

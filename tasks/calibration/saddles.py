@@ -73,7 +73,8 @@ def signs(rows: int, cols: int) -> np.ndarray:
 
 
 def edge_blur(image: np.ndarray, grid: np.ndarray) -> float:
-    """Standard deviation (px) of the blur across the edges between neighbouring corners (rows, cols, 2); NaN if it cannot be told."""
+    """Standard deviation (px) of the blur across the edges between neighbouring corners (rows, cols, 2); NaN if it cannot be
+    told."""
     middle = (grid[:, 1:] + grid[:, :-1]) / 2.0
     along = grid[:, 1:] - grid[:, :-1]
     length = np.maximum(np.linalg.norm(along, axis=2), 1e-9)

@@ -1,4 +1,5 @@
-"""The bundle of photographs of boards: derivatives, recovery, precision that means what it says, wrong corners, uncertain boards."""
+"""The bundle of photographs of boards: derivatives, recovery, precision that means what it says, wrong corners, uncertain
+boards."""
 
 from dataclasses import replace
 
@@ -32,10 +33,15 @@ def truth(photos: int = 8, boards: int = 3, height: float = 0.0) -> BoardState:
 
 def all_corners(state: BoardState, noise: float = 0.0, seed: int = 0) -> BoardCorners:
     boards, count = state.local.shape[:2]
-    board, corner, photo = (part.ravel() for part in np.meshgrid(np.arange(boards), np.arange(count), np.arange(len(state.rotation)),
+    board, corner, photo = (part.ravel() for part in np.meshgrid(np.arange(boards), np.arange(count),
+        np.arange(len(state.rotation)),
                                                                 indexing="ij"))  # fmt: skip
     empty = BoardCorners(photo, board, corner, np.zeros((len(photo), 2)))
-    xy = projected(state, empty) + np.random.default_rng(seed).normal(0.0, noise, (len(photo), 2)) if noise else projected(state, empty)
+    xy = (
+        projected(state, empty) + np.random.default_rng(seed).normal(0.0, noise, (len(photo), 2))
+        if noise
+        else projected(state, empty)
+    )
     return replace(empty, xy=xy)
 
 
@@ -46,7 +52,7 @@ def network(state: BoardState, free=FREE, arrangement="plane", **rest) -> BoardN
 def disturbed(state: BoardState, free=FREE) -> BoardState:
     """Starting values as a homography gives them: 5 % wrong c, no distortion, poses and boards off by some per cent."""
     generator = np.random.default_rng(3)
-    start = state.with_interior(c=1.05 * state.interior[0], **{name: 0.0 for name in free[1:]})
+    start = state.with_interior(c=1.05 * state.interior[0], **dict.fromkeys(free[1:], 0.0))
     turned = np.array([rotation_of_vector(generator.normal(0, 0.02, 3)) @ R for R in state.rotation])
     moved = state.shift + np.vstack([np.zeros(3), generator.normal(0, 0.01, (len(state.shift) - 1, 3)) * [1, 1, 0]])
     return replace(start, rotation=turned, centre=state.centre + generator.normal(0, 0.02, state.centre.shape), shift=moved)
@@ -63,7 +69,9 @@ def test_derivatives_agree_with_differences():
     by_unknowns, by_corner = derivatives(state, corners)
     step = 1e-6
     for column in range(22):
-        difference = (projected(stepped(state, column, step), corners) - projected(stepped(state, column, -step), corners)) / (2 * step)
+        difference = (projected(stepped(state, column, step), corners) - projected(stepped(state, column, -step), corners)) / (
+            2 * step
+        )
         scale = max(np.abs(by_unknowns[:, :, column]).max(), 1.0)
         assert np.abs(by_unknowns[:, :, column] - difference).max() < 1e-6 * scale, column
     for axis in range(3):
@@ -152,5 +160,7 @@ def test_photos_of_one_direction_are_refused_or_say_so():
 def test_fixed_boards_and_cameras_leave_the_photos():
     state = plain(truth())
     corners = all_corners(state)
-    settled, _ = minimise(network(state, (), "fixed"), replace(disturbed(state), interior=state.interior, shift=state.shift), corners)
+    settled, _ = minimise(
+        network(state, (), "fixed"), replace(disturbed(state), interior=state.interior, shift=state.shift), corners
+    )
     assert settled.centre == pytest.approx(state.centre, abs=1e-7) and (settled.interior == state.interior).all()

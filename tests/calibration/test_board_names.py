@@ -16,7 +16,16 @@ from tasks.calibration.initial_pose import pose_of_homography
 from tasks.calibration.naming import moved_back, name_boards
 from tasks.calibration.solving import Target
 from tasks.geometry.rotation import rotation_matrix
-from tasks.simulation.board_scene import FIVE_BOARDS, PUBLISHED, SIX_BOARDS, TWELVE_BOARDS, BoardSetup, floor_corners, places_of, views_of
+from tasks.simulation.board_scene import (
+    FIVE_BOARDS,
+    PUBLISHED,
+    SIX_BOARDS,
+    TWELVE_BOARDS,
+    BoardSetup,
+    floor_corners,
+    places_of,
+    views_of,
+)
 
 
 def corners(setup: BoardSetup, noise: float = 0.3, seed: int = 0, missing: float = 0.0):

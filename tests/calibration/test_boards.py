@@ -39,7 +39,8 @@ def test_boards_are_found_to_a_few_hundredths_with_their_origin_in_any_rotation(
     assert found.corners.shape == (3, 5, 6, 2) and (found.false, found.larger) == (0, 0)
     miss = [np.linalg.norm(truth(here) - board.reshape(-1, 2), axis=2).max(axis=1).min() for board in found.corners]
     assert max(miss) < 0.2, "every corner, by its own number"
-    nearest = np.array([board.reshape(-1, 2) - truth(here)[np.linalg.norm(truth(here) - board.reshape(-1, 2), axis=2).mean(axis=1).argmin()]
+    nearest = np.array([board.reshape(-1, 2) - truth(here)[np.linalg.norm(truth(here) - board.reshape(-1, 2),
+        axis=2).mean(axis=1).argmin()]
                         for board in found.corners])  # fmt: skip
     assert np.sqrt((nearest**2).sum(axis=-1).mean()) < 0.05
 
@@ -82,7 +83,9 @@ def test_cut_and_missed_boards_are_found_where_they_have_to_be():
     points, good = looked_for(image, shifted.reshape(5, 6, 2))
     assert good.sum() >= 0.6 * inside[cut].sum() and not good.ravel()[~near.contains(places[cut], 0.0)].any()
     assert np.abs(points[good] - places[cut].reshape(5, 6, 2)[good]).max() < 0.35
-    own = ArrangedPhoto(photo="p", names=(), certain=True, predictions=(Prediction(board=2, pixels=tuple(map(tuple, shifted.tolist()))),))
+    own = ArrangedPhoto(
+        photo="p", names=(), certain=True, predictions=(Prediction(board=2, pixels=tuple(map(tuple, shifted.tolist()))),)
+    )
     table = complete_corners(image[:, :, None], Arranged(boards=3, photos=(own,)), "p", BOARD.corners)
     assert len(table) == good.sum() and set(table.board) == {2}
 

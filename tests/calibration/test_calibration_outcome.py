@@ -49,7 +49,7 @@ def test_held_out_photographs_choose_the_model_that_made_them(solved):
 
 
 def test_too_few_photographs_are_refused_or_not_judged(solved):
-    target, result = solved
+    target, _ = solved
     few = replace(EASY, photos=4)
     known = arrangement_of(corners(few)[1], target)
     assert held_out(known.result, target, MODELS[0]) is None
@@ -67,7 +67,9 @@ def test_no_boards_at_all_say_what_was_found():
 
 def test_good_photographs_raise_no_warning_and_poor_ones_say_why(solved):
     target, result = solved
-    assert [text for text in geometry_warnings(result, geometry(result, target)) if "cells" not in text and "Strong" not in text] == []
+    assert [
+        text for text in geometry_warnings(result, geometry(result, target)) if "cells" not in text and "Strong" not in text
+    ] == []
     flat, found = corners(replace(EASY, tilt=(1.0, 4.0), turned=False, photos=6))
     known = arrangement_of(found, flat)
     said = " ".join(geometry_warnings(known.result, geometry(known.result, flat)))
@@ -102,12 +104,23 @@ def test_opencv_reads_its_file_and_sees_the_same(tmp_path):
     matrix, lens = file.getNode("camera_matrix").mat(), file.getNode("distortion_coefficients").mat()
     points = np.random.default_rng(0).uniform(-0.4, 0.4, (20, 2))
     ours = image_to_pixel(SHEARED, 700.0 * points)
-    theirs, _ = cv2.projectPoints(np.column_stack([points[:, 0], -points[:, 1], np.ones(20)]), np.zeros(3), np.zeros(3), matrix, lens)
+    theirs, _ = cv2.projectPoints(
+        np.column_stack([points[:, 0], -points[:, 1], np.ones(20)]), np.zeros(3), np.zeros(3), matrix, lens
+    )
     assert theirs.reshape(-1, 2) == pytest.approx(ours, abs=1e-9)
 
 
 def test_other_programs_get_their_own_words(solved):
-    assert colmap_cameras(SHEARED).splitlines()[1].split()[:8] == ["1", "FULL_OPENCV", "800", "600", "700.0", "700.0", "405.0", "304.0"]
+    assert colmap_cameras(SHEARED).splitlines()[1].split()[:8] == [
+        "1",
+        "FULL_OPENCV",
+        "800",
+        "600",
+        "700.0",
+        "700.0",
+        "405.0",
+        "304.0",
+    ]
     assert '"focal_x": 0.875' in opensfm_camera(SHEARED) and '"c_y": 0.005' in opensfm_camera(SHEARED)
     assert "<p1>-0.002</p1>" in agisoft_xml(SHEARED) and "<cx>5.0</cx>" in agisoft_xml(SHEARED)
     target, result = solved

@@ -13,7 +13,8 @@ from schemas.raster import Window
 from tasks.simulation.board_rendering import BoardFilm, photograph_floor
 from tasks.simulation.board_scene import SIX_BOARDS, places_of, views_of
 
-CAMERA = SIX_BOARDS.camera.model_copy(update={"width": 720, "height": 480, "c": 610.0, "x0": 3.0, "y0": -2.0, "k1": -0.1, "k2": 0.03})
+CAMERA = SIX_BOARDS.camera.model_copy(update={"width": 720, "height": 480, "c": 610.0, "x0": 3.0, "y0": -2.0, "k1": -0.1,
+    "k2": 0.03})
 SETUP = replace(SIX_BOARDS, camera=CAMERA, boards=3, photos=6, share=0.7, seed=3)
 
 
