@@ -269,8 +269,8 @@ def page() -> str:
         "| set-up | photos | boards | within 1 sigma | within 3 | sigma0 / noise | most iterations | all named | sigma of c (px) | "
         "interior, in-plane | x0, phi | s |", "| --- " * 12 + "|",
         *(monte_carlo(setup) for setup in PUBLISHED), "", one_board_instead(), "",
-        "## Poor geometry", "", "| case | initial c | iterations | c (truth) | error / sigma | what the report says |", "| --- " "
-        "* 6 + "|",
+        "## Poor geometry", "", "| case | initial c | iterations | c (truth) | error / sigma | what the report says |",
+        "| --- " * 6 + "|",
         *poor_geometry(), "",
         "## Corners of rendered photos (noise sigma 2, blur 0.7 px)", "", "| photo | boards found | RMS (px) | largest (px) |",
         "| --- " * 4 + "|", *rendered_accuracy(), "",
