@@ -293,12 +293,12 @@ def _cell_chart(result: BoardAdjustment, target: Target) -> Chart:
 
 def _vector_chart(result: BoardAdjustment, target: Target) -> Chart:
     pixels, residual = target.pixels(result.corners.xy[result.used]), result.residual[result.used]
-    some = np.arange(0, len(pixels), max(1, len(pixels) // 1200))
+    some = np.arange(0, len(pixels), max(1, len(pixels) // 400))
     series = {"y": -pixels[some, 1], "dx": residual[some, 0], "dy": residual[some, 1]}
     return Chart(
         title="Residual vectors", style="arrows", x_label="column (px)", y_label="row (px, downwards negative)",
         x=tuple(pixels[some, 0].round(1).tolist()), series={name: tuple(value.round(4).tolist()) for name, value in series.items()},
-        caption="Corners of all photographs, up to 1200 of them.",
+        caption="Corners of all photographs, some 400 of them.",
     )  # fmt: skip
 
 
