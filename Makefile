@@ -8,8 +8,7 @@ project ?= volos
 options ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run plan status report export dashboard doctor test test-fast test-slow lint format bench bench-orientation bench-window-sizes docs clean clean-all
-.PHONY: help setup run plan status report export dashboard doctor test test-fast test-slow lint format bench bench-matching bench-matching-speed bench-window-sizes docs clean clean-all
+.PHONY: help setup run plan status report export dashboard doctor test test-fast test-slow lint format bench bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration docs clean clean-all
 
 help: ## List all targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-18s %s\n", $$1, $$2}'
@@ -73,6 +72,9 @@ bench-window-sizes: $(STAMP) ## Measure what choosing a matching window costs
 
 bench-matching-speed: $(STAMP) ## Measure the points per second of least-squares matching
 	@$(BIN)/python -m benchmarks matching_speed
+
+bench-calibration: $(STAMP) ## Measure the calibration beside OpenCV: many seeds, rendered and real photographs
+	@$(BIN)/python -m benchmarks.calibration
 
 docs: $(STAMP) ## Write the generated pages of docs/
 	@$(BIN)/orthomill reference

@@ -1,6 +1,7 @@
 """The workflow of a calibration alone: photographs of chessboards, one stage, no project around it.
 
-It is made from the command line and never was a file; the run writes it beside its results like any other, so that it can be run again.
+It is made from the command line and never was a file; the run writes it beside its results like any other, so that it can be run
+again.
 """
 
 import os

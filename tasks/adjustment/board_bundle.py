@@ -11,7 +11,7 @@ observations by unknowns. What is left after elimination is small (6 per photo) 
 Source: Brown 1976; Baarda 1968; Kawka 2021, S11 and S12 (methods/calibration.md).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -25,8 +25,10 @@ from tasks.geometry.rotation_vector import rotation_of_vector
 
 _SINGULAR = 1e-13
 """Least eigenvalue of the normal matrix with unit diagonal, below which double precision solves nothing."""
-_NEGLIGIBLE = 1e-4
-"""A gain in squares of sigma0 that moves no unknown by more than a hundredth of its standard error."""
+_NEGLIGIBLE = 1e-2
+"""A gain in squares of sigma0: the last step moved no unknown by more than a tenth of its standard error, and the next one, as
+steps
+shrink quadratically, would move it by far less."""
 _UNDETERMINED = (
     "The chessboards do not determine the camera: all photographs see them from nearly the same direction, or too few corners are "
     "left; photograph them tilted in different directions, turned by 90 degrees, and over the whole frame."
@@ -49,7 +51,8 @@ class CornerTest:
 class BoardAdjustment:
     """The adjusted calibration. `used` (M,) marks the corners that took part; `residual` (M, 2) px observed minus computed of all;
     `standardised` (M, 2) is NaN for those that did not. `covariance` (n, n) of the unknowns in the order of the network's columns,
-    sigma0 included; `sigma0` px; `iterations` of the least-squares solution."""
+    sigma0 included; `sigma0` px; `iterations` until all corners were adjusted, robustly first; `rounds` of rejections after
+    that."""
 
     network: BoardNetwork
     state: BoardState
@@ -61,6 +64,7 @@ class BoardAdjustment:
     sigma0: float
     redundancy: int
     iterations: int
+    rounds: int = 0
 
     @property
     def interior_covariance(self) -> np.ndarray:
@@ -103,8 +107,10 @@ def minimise(
         if gain <= enough + 1e-14 * len(corners) and damping <= 1e-2:
             return state, iteration
         damping = damping * 0.1 if damping > 1e-9 else 0.0
-    raise GeometryError(f"The calibration from chessboards did not converge in {most} iterations; photograph boards tilted in "
-                        "different directions and over the whole frame.")
+    raise GeometryError(
+        f"The calibration from chessboards did not converge in {most} iterations; photograph boards tilted in "
+        "different directions and over the whole frame."
+    )
 
 
 def _step(
@@ -132,7 +138,9 @@ def _cost(network: BoardNetwork, state: BoardState, corners: BoardCorners, limit
     miss = misclosures(state, corners)
     if not np.isfinite(miss).all() or (np.abs(miss) >= BEHIND).any():
         return np.inf
-    return huber_cost(np.linalg.norm(miss, axis=1), limit) + float((_prior_weight(network) * _prior_miss(network, state) ** 2).sum())
+    return huber_cost(np.linalg.norm(miss, axis=1), limit) + float(
+        (_prior_weight(network) * _prior_miss(network, state) ** 2).sum()
+    )
 
 
 def _prior_weight(network: BoardNetwork) -> np.ndarray:
@@ -166,8 +174,16 @@ def _linearised(network: BoardNetwork, state: BoardState, corners: BoardCorners,
         by_corner = np.where(held, 0.0, by_corner)
         prior = np.broadcast_to(np.where(held, 1.0, weights), (boards * count, 3)).copy()
         prior_miss = np.where(held, 0.0, _prior_miss(network, state)).reshape(-1, 3)
-    return Linear(first.astype(np.int64), np.ascontiguousarray(columns[:, touched]), np.ascontiguousarray(by_unknowns[:, :, touched]),
-                  by_corner, miss, weight, prior, prior_miss)
+    return Linear(
+        first.astype(np.int64),
+        np.ascontiguousarray(columns[:, touched]),
+        np.ascontiguousarray(by_unknowns[:, :, touched]),
+        by_corner,
+        miss,
+        weight,
+        prior,
+        prior_miss,
+    )
 
 
 def _moved(network: BoardNetwork, state: BoardState, linear: Linear, damping: float) -> BoardState | None:
@@ -204,13 +220,13 @@ def adjust(network: BoardNetwork, start: BoardState, corners: BoardCorners, test
     determine the unknowns, or the adjustment does not converge.
     """
     test = test or CornerTest()
-    state, robust = minimise(network, start, corners, test)
+    state, iterations = minimise(network, start, corners, test)
     size = np.linalg.norm(misclosures(state, corners), axis=1)
     used = size <= test.gross * max(spread(size), test.floor)
-    for _ in range(test.rounds):
+    for rounds in range(test.rounds):
         state, steps = minimise(network, state, corners.take(used))
-        robust += steps
-        result = _account(network, state, corners, used, robust)
+        iterations += 0 if rounds else steps
+        result = replace(_account(network, state, corners, used, iterations), rounds=rounds)
         bad = np.nan_to_num(np.abs(result.standardised).max(axis=1), nan=0.0) > test.limit
         bad &= np.abs(result.residual).max(axis=1) > test.floor
         if not bad.any():

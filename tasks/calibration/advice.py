@@ -1,8 +1,8 @@
 """What is weak about a calibration, in plain sentences, and what to photograph instead.
 
-Geometry first: how far the photographs are tilted against the plane of the boards, in how many directions, how far they are turned about
-their axes, how much of the frame the corners cover. Then what the adjustment itself shows: correlations, halves that differ, held-out
-residuals, boards that are not flat, photographs that are blurred or overexposed.
+Geometry first: how far the photographs are tilted against the plane of the boards, in how many directions, how far they are turned
+about their axes, how much of the frame the corners cover. Then what the adjustment itself shows: correlations, halves that differ,
+held-out residuals, boards that are not flat, photographs that are blurred or overexposed.
 """
 
 from dataclasses import dataclass
@@ -25,8 +25,10 @@ _BLURRED, _OVEREXPOSED = 2.5, 0.25
 
 @dataclass(frozen=True)
 class Geometry:
-    """`tilt`: median and largest angle between photo and boards, `turned`: largest difference of kappa (0 to 90 degrees and beyond), both
-    in degrees; `directions`: of four quadrants, in how many photos are tilted by 5 degrees or more; `coverage`: share of the frame."""
+    """`tilt`: median and largest angle between photo and boards, `turned`: largest difference of kappa (0 to 90 degrees and
+    beyond), both
+    in degrees; `directions`: of four quadrants, in how many photos are tilted by 5 degrees or more; `coverage`: share of the
+    frame."""
 
     tilt_median: float
     tilt_largest: float
@@ -60,25 +62,32 @@ def geometry_warnings(result: BoardAdjustment, shape: Geometry) -> list[str]:
     out = []
     if shape.tilt_largest < _TILTED:
         out.append(
-            f"All photographs look straight down on the boards (largest tilt {shape.tilt_largest:.1f} degrees): c and the distance Z0 "
+            f"All photographs look straight down on the boards (largest tilt {shape.tilt_largest:.1f} degrees): c and the "
+            f"distance Z0 "
             "cannot be separated; tilt the camera by 20 to 40 degrees in different directions."
         )
     elif shape.tilt_median < _TILTED:
         out.append(
-            f"Most photographs look straight down on the boards (median tilt {shape.tilt_median:.1f} degrees): c and the distance Z0 "
+            f"Most photographs look straight down on the boards (median tilt {shape.tilt_median:.1f} degrees): c and the "
+            f"distance Z0 "
             "hang together; add photographs tilted by 20 to 40 degrees."
         )
     elif shape.directions < 3:
-        out.append("The photographs are tilted towards one side only: the principal point and the tilt hang together; tilt the camera "
-                   "towards all four sides.")
+        out.append(
+            "The photographs are tilted towards one side only: the principal point and the tilt hang together; tilt the camera "
+            "towards all four sides."
+        )
     if shape.turned < _TURNED:
         out.append(
-            f"The camera was not turned about its axis (kappa differs by {shape.turned:.0f} degrees at most): x0 hangs together with "
+            f"The camera was not turned about its axis (kappa differs by {shape.turned:.0f} degrees at most): x0 hangs together "
+            f"with "
             "phi and y0 with omega; take some photographs turned by 90 degrees."
         )
     if shape.coverage < _COVERED:
-        out.append(f"Corners fall into only {100 * shape.coverage:.0f} % of the frame's {CELLS} x {CELLS} cells; distortion elsewhere is "
-                   "extrapolated.")
+        out.append(
+            f"Corners fall into only {100 * shape.coverage:.0f} % of the frame's {CELLS} x {CELLS} cells; distortion elsewhere is "
+            "extrapolated."
+        )
     return out + _tied(result)
 
 
@@ -101,20 +110,28 @@ def result_warnings(result: BoardAdjustment, check: HeldOut | None, target: Targ
         out.append("There are too few photographs of boards to check the calibration on some that take no part.")
     else:
         if check.rms > 1.5 * result.rms:
-            out.append(f"Photographs that took no part fit {check.rms / result.rms:.1f} times worse than those that did; the standard "
-                       "errors of the interior orientation are too small by about as much.")
+            out.append(
+                f"Photographs that took no part fit {check.rms / result.rms:.1f} times worse than those that did; the standard "
+                "errors of the interior orientation are too small by about as much."
+            )
         name, ratio = check.worst
         if ratio > 4.0:
-            out.append(f"Two halves of the photographs differ in {name} by {ratio:.1f} of its formal standard errors: formal precision "
-                       "flatters; take the difference of the halves for the precision.")
+            out.append(
+                f"Two halves of the photographs differ in {name} by {ratio:.1f} of its formal standard errors: formal precision "
+                "flatters; take the difference of the halves for the precision."
+            )
     share = float(1.0 - result.used.mean())
     if share > 0.05:
-        out.append(f"{100 * share:.0f} % of the corners were rejected: look for boards that are not flat, moved between photographs, or "
-                   "are not all of one size.")
+        out.append(
+            f"{100 * share:.0f} % of the corners were rejected: look for boards that are not flat, moved between photographs, or "
+            "are not all of one size."
+        )
     scale = max(target.size) / 5000.0
     if result.sigma0 > max(1.0, 1.5 * scale):
-        out.append(f"sigma0 is {result.sigma0:.2f} px, far more than corners are uncertain: the boards moved, are warped or of different "
-                   "size, the lens was refocused, or the distortion model does not suit the lens.")
+        out.append(
+            f"sigma0 is {result.sigma0:.2f} px, far more than corners are uncertain: the boards moved, are warped or of different "
+            "size, the lens was refocused, or the distortion model does not suit the lens."
+        )
     return out + _uneven_boards(result)
 
 
@@ -124,8 +141,14 @@ def _uneven_boards(result: BoardAdjustment) -> list[str]:
     typical = [float(np.median(size[result.corners.board == board])) for board in range(result.network.boards)]
     middle = float(np.median(typical))
     bad = [str(board + 1) for board, value in enumerate(typical) if len(typical) > 2 and value > 2.5 * middle]
-    return [f"The residuals of board {', '.join(bad)} are more than 2.5 times those of the others: it is warped, of another size, or moved."
-            ] if bad else []
+    return (
+        [
+            f"The residuals of board {', '.join(bad)} are more than 2.5 times those of the others: it is warped, of another "
+            f"size, or moved."
+        ]
+        if bad
+        else []
+    )
 
 
 def search_warnings(searches: tuple[PhotoSearch, ...]) -> list[str]:
@@ -133,15 +156,21 @@ def search_warnings(searches: tuple[PhotoSearch, ...]) -> list[str]:
     out = []
     blurred = [f"{s.photo} ({s.blur:.1f} px)" for s in searches if s.blur is not None and s.blur > _BLURRED]
     if blurred:
-        out.append(f"Blurred, by the standard deviation of the edges of the squares: {_some(blurred)}; use photographs in focus and "
-                   "without motion.")
+        out.append(
+            f"Blurred, by the standard deviation of the edges of the squares: {_some(blurred)}; use photographs in focus and "
+            "without motion."
+        )
     bright = [f"{s.photo} ({100 * s.overexposed:.0f} %)" for s in searches if s.overexposed > _OVEREXPOSED]
     if bright:
-        out.append(f"Overexposed, by the share of the boards that is as bright as can be: {_some(bright)}; bright squares grow and shift "
-                   "the corners, so expose less.")
+        out.append(
+            f"Overexposed, by the share of the boards that is as bright as can be: {_some(bright)}; bright squares grow and shift "
+            "the corners, so expose less."
+        )
     larger = [s.photo for s in searches if s.larger]
     if larger:
-        out.append(f"Boards with more corners than stated were found and left out in {_some(larger)}; check the number of inner corners.")
+        out.append(
+            f"Boards with more corners than stated were found and left out in {_some(larger)}; check the number of inner corners."
+        )
     return out
 
 

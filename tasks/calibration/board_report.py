@@ -39,10 +39,15 @@ def chessboards_report(plain: StageReport, account: Account) -> StageReport:
     """The report of the cameras, with all that the chessboards say of them."""
     result, target = account.result, account.target
     shape = geometry(result, target)
-    warnings = [*geometry_warnings(result, shape), *result_warnings(result, account.check, target), *search_warnings(account.searches)]
+    warnings = [
+        *geometry_warnings(result, shape),
+        *result_warnings(result, account.check, target),
+        *search_warnings(account.searches),
+    ]
     grids = (_parameters(account), *plain.grids, _models(account), _exterior(account), _boards(account), _photographs(account),
              *_unused(account))  # fmt: skip
-    charts = (*plain.charts, _curve(account), _correlation_chart(result), _corner_chart(result, target), _cell_chart(result, target),
+    charts = (*plain.charts, _curve(account), _correlation_chart(result), _corner_chart(result, target), _cell_chart(result,
+        target),
               _vector_chart(result, target), _histogram(result))  # fmt: skip
     return plain.model_copy(update={
         "figures": (*_figures(account), *plain.figures), "grids": grids, "charts": charts, "pictures": _pictures(account),
@@ -57,19 +62,24 @@ def _figures(account: Account) -> tuple[Figure, ...]:
     images = len({(p, b) for p, b in zip(result.corners.photo.tolist(), result.corners.board.tolist(), strict=True)})
     return (
         Figure(name="board_photos", value=len(account.photos), sentence="Calibration photographs used."),
-        Figure(name="board_photos_unused", value=len(account.searches) - len(account.photos), sentence="Those left out, with reasons below."),
+        Figure(name="board_photos_unused", value=len(account.searches) - len(account.photos),
+            sentence="Those left out, with reasons below."),
         Figure(name="boards", value=images, sentence="Images of chessboards used, whole or cut, in all calibration photographs."),
         Figure(name="boards_on_site", value=result.network.boards, sentence="Different boards told apart."),
         Figure(name="corners", value=int(result.used.sum()), sentence="Corners used."),
-        Figure(name="corners_rejected", value=int((~result.used).sum()), sentence="Corners rejected by their standardised residuals."),
-        Figure(name="sigma0_px", value=round(result.sigma0, 4), unit="px", sentence="Standard error of a corner coordinate.", headline=True),
+        Figure(name="corners_rejected", value=int((~result.used).sum()),
+            sentence="Corners rejected by their standardised residuals."),
+        Figure(name="sigma0_px", value=round(result.sigma0, 4), unit="px", sentence="Standard error of a corner coordinate.",
+            headline=True),
         Figure(name="rms_px", value=round(result.rms, 4), unit="px", sentence="Root mean square length of the residual vectors."),
         Figure(name="redundancy", value=result.redundancy, sentence="Observations less unknowns."),
-        Figure(name="iterations", value=result.iterations, sentence="Iterations of the adjustment, robust ones included."),
-        Figure(name="initial_c", value=_plain(account.constant.c), unit="px", sentence="Camera constant from homographies, before the adjustment."),
+        Figure(name="iterations", value=result.iterations, sentence="Of the adjustment, before corners were rejected one by one."),
+        Figure(name="rejection_rounds", value=result.rounds, sentence="Adjustments after that, each without the corners rejected."),
+        Figure(name="initial_c", value=_plain(account.constant.c), unit="px",
+            sentence="Camera constant from homographies, before the adjustment."),
         Figure(
-            name="held_out_px", value=_plain(check.rms if check else None), unit="px",
-            sentence="Root mean square length of the residual vectors of photographs that took no part in the calibration (each half "
+            name="held_out_px", value=_plain(check.rms if check else None), unit="px", headline=True,
+            sentence="Root mean square length of the residual vectors of photographs that took no part (each half of them "
             "measured with the other).",
         ),
         Figure(
@@ -81,8 +91,10 @@ def _figures(account: Account) -> tuple[Figure, ...]:
         Figure(name="balanced_c", value=_plain(result.state.interior[0] + _balance(account)[1]), unit="px",
                sentence="Camera constant of the balanced distortion curve; for comparison only."),
         Figure(name="coverage", value=round(shape.coverage, 3), sentence="Share of the frame that corners cover."),
-        Figure(name="largest_tilt", value=round(shape.tilt_largest, 1), unit="degrees", sentence="Between a photograph and the boards."),
-        Figure(name="kappa_range", value=round(shape.turned, 1), unit="degrees", sentence="How far photographs are turned against each other."),
+        Figure(name="largest_tilt", value=round(shape.tilt_largest, 1), unit="degrees",
+            sentence="Between a photograph and the boards."),
+        Figure(name="kappa_range", value=round(shape.turned, 1), unit="degrees",
+            sentence="How far photographs are turned against each other."),
     )  # fmt: skip
 
 
@@ -102,15 +114,23 @@ def _parameters(account: Account) -> Grid:
             unit = "px" if name in ("c", "x0", "y0") else f"px^-{power[name]}" if name in power else ""
             halves = _plain(check.difference[number] / per, 3) if check else None
             rows.append((name, _plain(result.state.interior[number] / per, 7), _plain(sigma[number] / per, 3), halves, unit))
-    return Grid(title="Interior orientation in pixels", columns=("parameter", "value", "standard error", "halves differ by", "unit"),
-                rows=tuple(rows), note="x right, y up, from the image centre; distortion with the radius in pixels.")
+    return Grid(
+        title="Interior orientation in pixels",
+        columns=("parameter", "value", "standard error", "halves differ by", "unit"),
+        rows=tuple(rows),
+        note="x right, y up, from the image centre; distortion with the radius in pixels.",
+    )
 
 
 def _models(account: Account) -> Grid:
     rows = tuple((", ".join(model), _plain(check.rms if check else None, 4), "used" if model == account.result.network.free else "")
                  for model, check in account.judged.items())  # fmt: skip
-    return Grid(title="Distortion models by photographs that took no part", columns=("parameters", "held-out RMS (px)", ""), rows=rows,
-                note="A larger model is worth its parameters when it fits held-out photographs better by 0.2 % or more.")
+    return Grid(
+        title="Distortion models by photographs that took no part",
+        columns=("parameters", "held-out RMS (px)", ""),
+        rows=rows,
+        note="A larger model is worth its parameters when it fits held-out photographs better by 0.2 % or more.",
+    )
 
 
 def _exterior(account: Account) -> Grid:
@@ -119,9 +139,23 @@ def _exterior(account: Account) -> Grid:
         value, sigma = photo_precision(account.result, photo)
         rows.append((name, *(round(float(v), 4) for v in value[:3]), *(round(float(v), 3) for v in np.degrees(value[3:])),
                      _plain(sigma[:3].max(), 2), _plain(np.degrees(sigma[3:]).max(), 2)))  # fmt: skip
-    columns = ("photo", "X0 (m)", "Y0 (m)", "Z0 (m)", "omega (deg)", "phi (deg)", "kappa (deg)", "sigma, place (m)", "sigma, angle (deg)")
-    return Grid(title="Exterior orientation of the calibration photographs", columns=columns, rows=tuple(rows),
-                note="In the system of board 1: origin at its first corner, x along its columns. The larger standard error of three.")
+    columns = (
+        "photo",
+        "X0 (m)",
+        "Y0 (m)",
+        "Z0 (m)",
+        "omega (deg)",
+        "phi (deg)",
+        "kappa (deg)",
+        "sigma, place (m)",
+        "sigma, angle (deg)",
+    )
+    return Grid(
+        title="Exterior orientation of the calibration photographs",
+        columns=columns,
+        rows=tuple(rows),
+        note="In the system of board 1: origin at its first corner, x along its columns. The larger standard error of three.",
+    )
 
 
 def _boards(account: Account) -> Grid:
@@ -131,7 +165,17 @@ def _boards(account: Account) -> Grid:
         size = np.linalg.norm(account.result.residual[account.result.corners.board == board], axis=1)
         rows.append((board + 1, *(round(float(v), 5) for v in value[:3]), *(round(float(v), 3) for v in np.degrees(value[3:])),
                      _plain(sigma[:3].max(), 2), _plain(float(np.median(size)), 3)))  # fmt: skip
-    columns = ("board", "tX (m)", "tY (m)", "tZ (m)", "turn x (deg)", "turn y (deg)", "theta (deg)", "sigma, place (m)", "residual, median (px)")
+    columns = (
+        "board",
+        "tX (m)",
+        "tY (m)",
+        "tZ (m)",
+        "turn x (deg)",
+        "turn y (deg)",
+        "theta (deg)",
+        "sigma, place (m)",
+        "residual, median (px)",
+    )
     return Grid(title="Boards", columns=columns, rows=tuple(rows), note="Board 1 lies in the middle and holds the system.")
 
 
@@ -144,8 +188,19 @@ def _photographs(account: Account) -> Grid:
         search = next(search for search in account.searches if search.photo == name)
         rows.append((name, len(np.unique(result.corners.board[own])), int(own.sum()), int((own & ~result.used).sum()),
                      _plain(float(np.sqrt((size**2).mean())), 3) if len(size) else None, _plain(size.max(initial=0.0), 3),
-                     _plain(search.blur, 2), _plain(account.constant.c1[photo], 5), _plain(account.constant.c2[photo], 5)))  # fmt: skip
-    columns = ("photo", "boards", "corners", "rejected", "RMS (px)", "largest (px)", "edge blur (px)", "initial c1 (px)", "initial c2 (px)")
+                     _plain(search.blur, 2), _plain(account.constant.c1[photo], 5), _plain(account.constant.c2[photo],
+                         5)))  # fmt: skip
+    columns = (
+        "photo",
+        "boards",
+        "corners",
+        "rejected",
+        "RMS (px)",
+        "largest (px)",
+        "edge blur (px)",
+        "initial c1 (px)",
+        "initial c2 (px)",
+    )
     return Grid(title="Calibration photographs", columns=columns, rows=tuple(rows))
 
 
@@ -153,15 +208,20 @@ def _unused(account: Account) -> tuple[Grid, ...]:
     """Every photograph and board that takes no part, with its reason."""
     rows, shape = [], "{} x {}".format(*account.target.corners)
     predicted = {(own.photo, prediction.board) for own in account.arranged.photos for prediction in own.predictions}
-    used = {(account.photos[p], b) for p, b in zip(account.result.corners.photo.tolist(), account.result.corners.board.tolist(), strict=True)}
+    used = {
+        (account.photos[p], b)
+        for p, b in zip(account.result.corners.photo.tolist(), account.result.corners.board.tolist(), strict=True)
+    }
     for search, own in zip(account.searches, account.arranged.photos, strict=True):
         strangers = sum(name < 0 for name in own.names)
         if not search.boards:
             rows.append((search.photo, "photograph", f"no whole board with {shape} inner corners was found"))
         elif own.photo not in account.photos:
             rows.append((search.photo, "photograph", "its boards do not fit the places of the others"))
-        elif strangers:
-            rows.append((search.photo, f"{strangers} boards", "they do not fit the places of the others, or are more than was stated"))
+        elif strangers and sum(photo == search.photo for photo, _ in used) < account.arranged.boards:
+            rows.append(
+                (search.photo, f"{strangers} boards", "they do not fit the places of the others, or are more than was stated")
+            )
         elif not own.certain:
             rows.append((search.photo, "other boards", "only one whole board is seen, so that cut ones cannot be told apart"))
         if search.false:
@@ -187,9 +247,15 @@ def _curve(account: Account) -> Chart:
     r = np.linspace(0.0, 0.5 * float(np.hypot(*account.target.size)), 60)
     series = {"as adjusted": displacement(r, interior[0], tuple(interior[3:6])),
               f"balanced, c {change:+.1f} px": balanced(r, interior[0], tuple(interior[3:6]), change)}  # fmt: skip
-    return Chart(title="Balanced radial distortion", style="lines", x_label="ideal radius (px)", y_label="displacement (px)",
-                 x=tuple(r.round(1).tolist()), series={name: tuple(y.round(4).tolist()) for name, y in series.items()},
-                 caption=f"Balanced over a radius of {radius:.0f} px ({RADIUS_SHARE:g} of half the diagonal); for comparison only.")
+    return Chart(
+        title="Balanced radial distortion",
+        style="lines",
+        x_label="ideal radius (px)",
+        y_label="displacement (px)",
+        x=tuple(r.round(1).tolist()),
+        series={name: tuple(y.round(4).tolist()) for name, y in series.items()},
+        caption=f"Balanced over a radius of {radius:.0f} px ({RADIUS_SHARE:g} of half the diagonal); for comparison only.",
+    )
 
 
 def _correlation_chart(result: BoardAdjustment) -> Chart:
@@ -197,7 +263,7 @@ def _correlation_chart(result: BoardAdjustment) -> Chart:
     series = {row: tuple((100 * table.typical[number]).round(1).tolist()) for number, row in enumerate(table.rows) if number < 6}
     return Chart(title="Correlations of the interior orientation", style="bars", x_label="", y_label="|correlation| (%)",
                  x=tuple(float(i) for i in range(len(table.columns))), labels=table.columns, series=series,
-                 caption="With exterior orientations (root mean square over the photographs), places of the boards (over the boards), and "
+                 caption="With exterior orientations (root mean square over photographs), places of boards (over boards), and "
                  "each other.")  # fmt: skip
 
 
@@ -227,12 +293,12 @@ def _cell_chart(result: BoardAdjustment, target: Target) -> Chart:
 
 def _vector_chart(result: BoardAdjustment, target: Target) -> Chart:
     pixels, residual = target.pixels(result.corners.xy[result.used]), result.residual[result.used]
-    some = np.arange(0, len(pixels), max(1, len(pixels) // 1200))
+    some = np.arange(0, len(pixels), max(1, len(pixels) // 400))
     series = {"y": -pixels[some, 1], "dx": residual[some, 0], "dy": residual[some, 1]}
     return Chart(
         title="Residual vectors", style="arrows", x_label="column (px)", y_label="row (px, downwards negative)",
         x=tuple(pixels[some, 0].round(1).tolist()), series={name: tuple(value.round(4).tolist()) for name, value in series.items()},
-        caption="Corners of all photographs, up to 1200 of them.",
+        caption="Corners of all photographs, some 400 of them.",
     )  # fmt: skip
 
 
@@ -240,8 +306,14 @@ def _histogram(result: BoardAdjustment) -> Chart:
     values = result.residual[result.used].ravel()
     reach = 4.0 * max(result.sigma0, 1e-9)
     count, edges = np.histogram(np.clip(values, -reach, reach), bins=33, range=(-reach, reach))
-    return Chart(title="Residuals of the corners", style="bars", x_label="residual of a coordinate (px)", y_label="corners",
-                 x=tuple(edges.round(4).tolist()), series={"corners": tuple(count.tolist())})
+    return Chart(
+        title="Residuals of the corners",
+        style="bars",
+        x_label="residual of a coordinate (px)",
+        y_label="corners",
+        x=tuple(edges.round(4).tolist()),
+        series={"corners": tuple(count.tolist())},
+    )
 
 
 def _pictures(account: Account) -> tuple[Picture, ...]:

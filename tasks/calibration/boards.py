@@ -2,8 +2,8 @@
 
 Strategy. Boards are searched from a coarse pyramid level down, where OpenCV's sector-based detector (Duda & Frese 2018) is fast and
 sure; it gives one board at a time, so each one found is painted over, up to the outer edge of its squares, and the search goes on.
-A smoothed copy of a level is searched as well: noise and sharp texture hide boards. The search ends when all boards are found, or
-one level after the first that gave any. Corners are refined from level to level down to the full image.
+As long as none is found, a smoothed copy of a level is searched as well: noise and sharp texture hide boards. The search ends
+when all boards are found, or with a level that adds none. Corners are refined from level to level down to the full image.
 
 What looks like a board is then tested: the squares around every corner must alternate (else it is no board), and must stop
 alternating beyond the outer corners (else the board is larger than was said). Numbering is made unique: seen from the front, x
@@ -29,7 +29,7 @@ cv2.setNumThreads(1)
 _SEARCH = cv2.CALIB_CB_EXHAUSTIVE
 COARSE_SIDE = 450
 """Longer side in px of the image in which boards are searched first."""
-_FINE_SIDE = 2600
+_FINE_SIDE = 2000
 """And of the one in which they are searched last."""
 MOST_BOARDS = 40
 _STRIP = 256
@@ -76,12 +76,13 @@ def find_boards(levels: list[np.ndarray], corners: tuple[int, int], boards: int 
     found: list[np.ndarray] = []
     refused = [0, 0]
     most = boards or MOST_BOARDS
-    started = False
     for level in reversed(range(len(levels))):
-        if len(found) >= most or (started and not boards) or (max(levels[level].shape) > _FINE_SIDE and level < len(levels) - 1):
+        known = len(found)
+        if max(levels[level].shape) > _FINE_SIDE and level < len(levels) - 1:
             break
-        started = started or bool(found)
         for smooth in (False, True):
+            if len(found) >= most or (smooth and found):
+                break
             search = cv2.GaussianBlur(levels[level], (0, 0), _SMOOTH) if smooth else levels[level].copy()
             for board in found:
                 _paint_over(search, full_to_level(board, level))
@@ -92,6 +93,8 @@ def find_boards(levels: list[np.ndarray], corners: tuple[int, int], boards: int 
                     found.append(numbered(levels[0], fine))
                 else:
                     refused[reason] += 1
+        if len(found) >= most or (known and len(found) == known):
+            break
     found.sort(key=lambda board: tuple(board.reshape(-1, 2).mean(axis=0)))
     shape = (0, corners[1], corners[0], 2)
     return FoundBoards(np.array(found) if found else np.empty(shape), refused[0], refused[1])
@@ -153,7 +156,6 @@ def _regular(board: np.ndarray) -> bool:
 
 def _goes_on(image: np.ndarray, board: np.ndarray, strength: float) -> bool:
     """Whether the squares go on alternating beyond one of the four sides."""
-    rows, cols = board.shape[:2]
     for turned in (board, board[::-1], board.swapaxes(0, 1), board.swapaxes(0, 1)[::-1]):
         if len(turned) < 3:
             continue

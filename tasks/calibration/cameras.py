@@ -1,4 +1,5 @@
-"""Cameras that are known already: from EXIF, from a file, typed in. Each function gives a dict with the cameras and their report."""
+"""Cameras that are known already: from EXIF, from a file, typed in. Each function gives a dict with the cameras and their
+report."""
 
 from typing import Any
 

@@ -1,30 +1,28 @@
 """The last job of a calibration from chessboards: all corners of all photographs, adjusted, judged, recorded.
 
-Whole boards come from the search, cut and missed ones from the second look. Every board and photograph that takes no part is listed with
-its reason.
+Whole boards come from the search, cut and missed ones from the second look. Every board and photograph that takes no part is
+listed with its reason.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from schemas.camera import INTERIOR, Camera, Cameras
-from schemas.errors import GeometryError, PhotoError
+from schemas.errors import PhotoError
 from schemas.photo import Header, Photos
 from tasks.adjustment.board_bundle import BoardAdjustment
 from tasks.adjustment.board_network import PARAMETERS, BoardCorners
-from tasks.calibration.arranging import found_boards
+from tasks.calibration.arranging import arrangement_of, found_boards
 from tasks.calibration.assignment import cameras_for
 from tasks.calibration.board_report import Account, chessboards_report
 from tasks.calibration.exchange import WRITERS
 from tasks.calibration.initial_constant import ConstantEstimate
 from tasks.calibration.judgement import MODELS, HeldOut, choice, compare
-from tasks.calibration.naming import name_boards
 from tasks.calibration.precision import board_precision, photo_precision
 from tasks.calibration.report import cameras_report
 from tasks.calibration.solving import Target, solve
-from tasks.calibration.start import start_of
 from tasks.calibration.tables import Arranged, BoardPhotos, Calibration, CornerResiduals, Corners, PhotoSearch, Pose, TextPage
 
 
@@ -48,21 +46,20 @@ def index_board_photos(headers: tuple[Header, ...]) -> BoardPhotos:
 
 
 def calibrate(
-    boards: BoardPhotos, arranged: Arranged, corners: tuple[Corners, ...], completed: tuple[Corners, ...], target: Target, model: Model
+    arranged: Arranged, corners: tuple[Corners, ...], completed: tuple[Corners, ...], target: Target, model: Model
 ) -> tuple[BoardAdjustment, ConstantEstimate, np.ndarray, dict[tuple[str, ...], HeldOut | None]]:
     """The adjustment, what the homographies said of c, the numbers of the photographs used, and the held-out checks of the models.
 
     Raises GeometryError when the boards do not determine the camera.
     """
-    found = found_boards(corners, target)
-    naming = name_boards(found, target.local, target.boards)
-    start = start_of(found, naming, target.local, target.size)
-    measured = _with_completed(start.corners, arranged, completed, start.photo, target)
-    first = solve(target, start.states, measured, model.free or MODELS[-1])
+    known = arrangement_of(found_boards(corners, target), target)
+    measured = _with_completed(known.start.corners, arranged, completed, known.start.photo, target)
+    first = solve(target, (known.result.state,), measured, model.free or MODELS[-1])
     judged = compare(first, target)
     free = model.free or choice(judged)
     result = first if free == first.network.free else solve(target, (first.state.with_interior(**_held(free)),), measured, free)
-    return result, start.constant, start.photo, judged
+    used = known.start.photo
+    return result, replace(known.constant, c1=known.constant.c1[used], c2=known.constant.c2[used]), used, judged
 
 
 def _held(free: tuple[str, ...]) -> dict[str, float]:
@@ -83,17 +80,20 @@ def _with_completed(
 
 
 def from_chessboards(
-    boards: BoardPhotos, arranged: Arranged, corners: tuple[Corners, ...], completed: tuple[Corners, ...],
-    searches: tuple[PhotoSearch, ...], target: Target, model: Model, photos: Photos | None = None,
+    boards: BoardPhotos,
+    arranged: Arranged,
+    corners: tuple[Corners, ...],
+    completed: tuple[Corners, ...],
+    searches: tuple[PhotoSearch, ...],
+    target: Target,
+    model: Model,
+    photos: Photos | None = None,
 ) -> dict[str, Any]:
     """Cameras, records and report of a calibration. Without `photos` the camera stands alone.
 
     Raises GeometryError when the boards do not determine the camera, PhotoError for photographs that do not fit it.
     """  # fmt: skip
-    try:
-        result, constant, used, judged = calibrate(boards, arranged, corners, completed, target, model)
-    except GeometryError as error:
-        raise GeometryError(f"{error} {_seen(searches, target)}") from error
+    result, constant, used, judged = calibrate(arranged, corners, completed, target, model)
     camera = camera_of(result, "chessboards", target.size)
     names = [boards.names[photo] for photo in used]
     check = judged[result.network.free]
@@ -111,14 +111,6 @@ def from_chessboards(
         "calibration": calibration_record(result, camera, names, check, target), "residuals": residual_table(result, names, target),
         **pages,
     }  # fmt: skip
-
-
-def _seen(searches: tuple[PhotoSearch, ...], target: Target) -> str:
-    """What was found at all, for a person who has to guess what went wrong."""
-    boards, larger = sum(search.boards for search in searches), sum(search.larger for search in searches)
-    more = f", and {larger} with more corners than that" if larger else ""
-    return (f"(Of {len(searches)} photographs {sum(search.boards > 0 for search in searches)} show whole boards with "
-            f"{target.corners[0]} x {target.corners[1]} inner corners, {boards} boards in all{more}.)")
 
 
 def camera_of(result: BoardAdjustment, name: str, size: tuple[int, int]) -> Camera:

@@ -6,7 +6,16 @@ import numpy as np
 from tasks.calibration.photographs import to_overview
 from tasks.calibration.tables import CornerResiduals
 
-_COLOURS = ((230, 80, 60), (60, 140, 230), (70, 180, 80), (220, 160, 40), (160, 90, 200), (40, 180, 180), (200, 100, 140), (130, 130, 60))
+_COLOURS = (
+    (230, 80, 60),
+    (60, 140, 230),
+    (70, 180, 80),
+    (220, 160, 40),
+    (160, 90, 200),
+    (40, 180, 180),
+    (200, 100, 140),
+    (130, 130, 60),
+)
 _RESIDUAL_LENGTH = 16.0
 """px of the drawing that a usual residual takes."""
 
@@ -33,7 +42,9 @@ def _draw_board(picture: np.ndarray, board: CornerResiduals, size: tuple[int, in
         else:
             cv2.drawMarker(picture, _at(place), (220, 0, 0), cv2.MARKER_TILTED_CROSS, 9, 1, cv2.LINE_AA)
     _draw_axes(picture, board, places, colour)
-    cv2.putText(picture, str(int(board.board[0]) + 1), _at(places.mean(axis=0)), cv2.FONT_HERSHEY_SIMPLEX, 0.9, colour, 2, cv2.LINE_AA)
+    cv2.putText(
+        picture, str(int(board.board[0]) + 1), _at(places.mean(axis=0)), cv2.FONT_HERSHEY_SIMPLEX, 0.9, colour, 2, cv2.LINE_AA
+    )
 
 
 def _draw_axes(picture: np.ndarray, board: CornerResiduals, places: np.ndarray, colour: tuple[int, int, int]) -> None:
@@ -48,4 +59,4 @@ def _draw_axes(picture: np.ndarray, board: CornerResiduals, places: np.ndarray, 
 
 
 def _at(place: np.ndarray) -> tuple[int, int]:
-    return int(round(float(place[0]))), int(round(float(place[1])))
+    return round(float(place[0])), round(float(place[1]))

@@ -1,8 +1,8 @@
 """The calibrated camera in the words of other programs.
 
-OpenCV, COLMAP and OpenSfM put y downwards; their principal point lies in the file's pixels (COLMAP: the upper-left pixel's corner is
-the origin, not its centre). Distortion numbers are OpenCV's in all of them; Agisoft's p1 and p2 change places, and its b1, b2 are
-affinity and skew in px.
+OpenCV, COLMAP and OpenSfM put y downwards; their principal point lies in the file's pixels (COLMAP: the upper-left pixel's corner
+is the origin, not its centre). Distortion numbers are OpenCV's in all of them; Agisoft's p1 and p2 change places, and its b1, b2
+are affinity and skew in px.
 """
 
 import json
@@ -38,7 +38,13 @@ def opencv_yaml(camera: Camera) -> str:
 
 def _matrix(name: str, values: list[float], columns: int) -> list[str]:
     data = ", ".join(repr(float(value)) for value in values)
-    return [f"{name}: !!opencv-matrix", f"   rows: {len(values) // columns}", f"   cols: {columns}", "   dt: d", f"   data: [ {data} ]"]
+    return [
+        f"{name}: !!opencv-matrix",
+        f"   rows: {len(values) // columns}",
+        f"   cols: {columns}",
+        "   dt: d",
+        f"   data: [ {data} ]",
+    ]
 
 
 def colmap_cameras(camera: Camera) -> str:
@@ -70,8 +76,10 @@ def agisoft_xml(camera: Camera) -> str:
         "k1": camera.k1, "k2": camera.k2, "k3": camera.k3, "p1": camera.p2, "p2": camera.p1,
     }  # fmt: skip
     body = "\n".join(f"  <{name}>{value!r}</{name}>" for name, value in numbers.items())
-    return (f'<?xml version="1.0" encoding="UTF-8"?>\n<calibration>\n  <projection>frame</projection>\n  <width>{camera.width}</width>'
-            f"\n  <height>{camera.height}</height>\n{body}\n</calibration>\n")
+    return (
+        f'<?xml version="1.0" encoding="UTF-8"?>\n<calibration>\n  <projection>frame</projection>\n  <width>{camera.width}</width>'
+        f"\n  <height>{camera.height}</height>\n{body}\n</calibration>\n"
+    )
 
 
 WRITERS = {

@@ -15,7 +15,8 @@ _TURN, _SHIFT = np.radians(1e-3), 1e-3
 
 
 def homography(plane: np.ndarray, xy: np.ndarray) -> np.ndarray:
-    """(3, 3) from points (N, 2) of a plane to image coordinates (N, 2), by least squares. Raises GeometryError when there is none."""
+    """(3, 3) from points (N, 2) of a plane to image coordinates (N, 2), by least squares. Raises GeometryError when there is
+    none."""
     T, U = _normalising(plane), _normalising(xy)
     p, q = applied(T, plane), applied(U, xy)
     one, zero = np.ones((len(p), 1)), np.zeros((len(p), 3))
@@ -23,10 +24,10 @@ def homography(plane: np.ndarray, xy: np.ndarray) -> np.ndarray:
         np.hstack([p, one, zero, -q[:, :1] * p, -q[:, :1]]),
         np.hstack([zero, p, one, -q[:, 1:] * p, -q[:, 1:]]),
     ])  # fmt: skip
-    _, singular, V = np.linalg.svd(rows, full_matrices=len(rows) < 9)
-    if len(p) < 4 or singular[min(7, len(singular) - 1)] < 1e-9 * singular[0]:
+    values, vectors = np.linalg.eigh(rows.T @ rows)
+    if len(p) < 4 or values[1] < 1e-14 * values[-1]:
         raise GeometryError("Four corners or more that do not lie on one line are needed for a homography.")
-    H = np.linalg.solve(U, V[-1].reshape(3, 3)) @ T
+    H = np.linalg.solve(U, vectors[:, 0].reshape(3, 3)) @ T
     return H / H[2, 2]
 
 
@@ -59,9 +60,7 @@ def _rotation(angle: float) -> np.ndarray:
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
-def refined_together(
-    H: np.ndarray, motions: np.ndarray, local: np.ndarray, xy: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def refined_together(H: np.ndarray, motions: np.ndarray, local: np.ndarray, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """One photo's homography and the motions (B, 3) of its boards, adjusted together; the first board is held (S6).
 
     local: (N, 2) m corners of a board; xy: (B, N, 2) their image coordinates. What does not improve is not taken over.

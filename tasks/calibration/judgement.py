@@ -1,9 +1,9 @@
 """How far the formal precision can be trusted: what photographs say that took no part, and which model that speaks for.
 
-Each half of the photographs (every second one) calibrates, and the other half is measured with it: of these photos only the exterior
-orientation is estimated, interior parameters and places of the boards are those of the first half. A model that is too small or
-too large shows there, while its own residuals flatter it. The difference of the halves' parameters, held against its formal
-standard error, shows what the formal precision leaves out.
+Each half of the photographs (every second one) calibrates, and the other half is measured with it: of these photos only the
+exterior orientation is estimated, interior parameters and places of the boards are those of the first half. A model that is too
+small or too large shows there, while its own residuals flatter it. The difference of the halves' parameters, held against its
+formal standard error, shows what the formal precision leaves out.
 """
 
 from dataclasses import dataclass, replace
@@ -28,7 +28,8 @@ _WORTH = 0.998
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """`rms` px, root mean square length of the residual vectors of photographs that took no part, of the corners that the adjustment
+    """`rms` px, root mean square length of the residual vectors of photographs that took no part, of the corners that the
+    adjustment
     of all uses, and `rms_all` of all corners; `difference` (10,) of the
     parameters of the two halves, second minus first, and its formal standard error `sigma` (10,), in the order of PARAMETERS."""
 
@@ -99,7 +100,8 @@ def compare(result: BoardAdjustment, target: Target) -> dict[tuple[str, ...], He
 
 
 def choice(judged: dict[tuple[str, ...], HeldOut | None]) -> tuple[str, ...]:
-    """The simplest model that no larger one beats by more than two thousandths; the published five parameters when nothing is known."""
+    """The simplest model that no larger one beats by more than two thousandths; the published five parameters when nothing is
+    known."""
     best = MODELS[0]
     for model in MODELS[1:]:
         if judged.get(model) is None:

@@ -1,12 +1,12 @@
 """Which board of one photo is which board of another: boards look alike, only their places tell them apart.
 
-Strategy. The photo with the most boards gives a first map of them. A board has an origin and axes of its own, so that one board of a
-photo taken for one board of the map already fixes a homography, turn and all; the nearest board that it predicts well is added, the
-homography is fitted again, and so on outwards. Distortion and the error of the extrapolation are thus taken up as they grow. Every
-pair of a photo's board and a map's board is tried; the trial that names most boards wins, and among equals the one that fits best.
-That is one-to-one by construction, needs no principal axes (which exchange places when they are nearly equally long), cannot be
-turned by 180 degrees, cannot be mirrored, and does not mind missing boards. Boards that the map lacks are added by photos that name
-at least two others; then all photos are named again with the whole map.
+Strategy. The photo with the most boards gives a first map of them. A board has an origin and axes of its own, so that one board of
+a photo taken for one board of the map already fixes a homography, turn and all; the nearest board that it predicts well is added,
+the homography is fitted again, and so on outwards. Distortion and the error of the extrapolation are thus taken up as they grow.
+Every pair of a photo's board and a map's board is tried; the trial that names most boards wins, and among equals the one that fits
+best. That is one-to-one by construction, needs no principal axes (which exchange places when they are nearly equally long), cannot
+be turned by 180 degrees, cannot be mirrored, and does not mind missing boards. Boards that the map lacks are added by photos that
+name at least two others; then all photos are named again with the whole map.
 
 A photo with a single board cannot say which one it is, and need not: equal boards serve alike, its pose is its own anyway.
 
@@ -22,13 +22,14 @@ from tasks.calibration.homographies import applied, homography, moved, refined_t
 
 _NEAR = 0.4
 """Largest mean distance of a board's corners from where they are predicted, in sizes of the board in the photo."""
-_FIT = 0.12
-"""The same after all boards of the photo were fitted together."""
+LOOSE, STRICT = 0.12, 0.02
+"""The same after all boards of the photo were fitted together: with distortion that is not known yet, and without any."""
 
 
 @dataclass(frozen=True, eq=False)
 class NamedPhoto:
-    """`names` (B,): the number of the board in the map for every board found, -1 for none. `homography` (3, 3) from the map's plane to
+    """`names` (B,): the number of the board in the map for every board found, -1 for none. `homography` (3, 3) from the map's
+    plane to
     the photo, None when nothing could be named. `certain`: False when a single board was named, for it could be any."""
 
     names: np.ndarray
@@ -44,9 +45,9 @@ class Naming:
     photos: tuple[NamedPhoto, ...]
 
 
-def name_boards(found: list[np.ndarray], local: np.ndarray, boards: int) -> Naming:
+def name_boards(found: list[np.ndarray], local: np.ndarray, boards: int, fit: float = LOOSE) -> Naming:
     """Names the boards of all photos. found: per photo (B, N, 2) px from the image centre, y up, all corners of whole boards;
-    local: (N, 2) m. `boards` that there are; 0: as many as the photos show.
+    local: (N, 2) m. `boards` that there are; 0: as many as the photos show. `fit`: LOOSE or STRICT.
 
     Raises GeometryError when no photo shows a board.
     """
@@ -55,8 +56,8 @@ def name_boards(found: list[np.ndarray], local: np.ndarray, boards: int) -> Nami
         raise GeometryError("No photograph shows a whole chessboard; check the number of inner corners.")
     motions = _map_of(found[order[0]], local)
     for photo in order[1:]:
-        motions = _extended(motions, _named(found[photo], motions, local), found[photo], local)
-    photos = [_named(xy, motions, local) for xy in found]
+        motions = _extended(motions, _named(found[photo], motions, local, fit), found[photo], local)
+    photos = [_named(xy, motions, local, fit) for xy in found]
     motions, photos = _without_strangers(motions, photos, boards)
     return _averaged(motions, photos, found, local)
 
@@ -76,7 +77,7 @@ def _map_of(xy: np.ndarray, local: np.ndarray) -> np.ndarray:
     return np.array(motions)
 
 
-def _named(xy: np.ndarray, motions: np.ndarray, local: np.ndarray) -> NamedPhoto:
+def _named(xy: np.ndarray, motions: np.ndarray, local: np.ndarray, fit: float) -> NamedPhoto:
     """The best of all trials."""
     best, score = NamedPhoto(np.full(len(xy), -1), None, False), (0, -np.inf)
     plane = np.array([moved(motion, local) for motion in motions])
@@ -85,16 +86,14 @@ def _named(xy: np.ndarray, motions: np.ndarray, local: np.ndarray) -> NamedPhoto
         for name in range(len(motions)):
             names, H, misfit = _grown((board, name), xy, plane, size)
             trial = (int((names >= 0).sum()), -misfit)
-            if trial > score and misfit < _FIT:
+            if trial > score and misfit < fit:
                 best, score = NamedPhoto(names, H, trial[0] > 1 or len(motions) == 1), trial
-        if score[0] == len(xy) and score[1] > -_FIT / 10:
+        if score[0] == len(xy) and score[1] > -fit / 10:
             break
     return best
 
 
-def _grown(
-    start: tuple[int, int], xy: np.ndarray, plane: np.ndarray, size: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float]:
+def _grown(start: tuple[int, int], xy: np.ndarray, plane: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Names (B,), homography and mean misfit (in sizes of a board) that follow from one pair."""
     names = np.full(len(xy), -1)
     names[start[0]] = start[1]
@@ -121,9 +120,7 @@ def _extended(motions: np.ndarray, named: NamedPhoto, xy: np.ndarray, local: np.
     return np.vstack([motions, *(rigid_motion(local, applied(back, xy[board]))[None] for board in unknown)])
 
 
-def _without_strangers(
-    motions: np.ndarray, photos: list[NamedPhoto], boards: int
-) -> tuple[np.ndarray, list[NamedPhoto]]:
+def _without_strangers(motions: np.ndarray, photos: list[NamedPhoto], boards: int) -> tuple[np.ndarray, list[NamedPhoto]]:
     """Only the `boards` that most photos show (what else was found is no board), the most central one first."""
     times = np.array([sum(name in photo.names for photo in photos) for name in range(len(motions))])
     kept = np.argsort(-times, kind="stable")[: boards or len(motions)]

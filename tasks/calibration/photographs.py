@@ -65,7 +65,8 @@ def _overexposed(pixels: np.ndarray, boards: np.ndarray) -> float:
 
 
 def complete_corners(pixels: np.ndarray, arranged: Arranged, photo: str, corners: tuple[int, int]) -> Corners:
-    """Corners of the boards that a photograph (rows, cols, bands) shows cut or did not give away, at the places where the others say
+    """Corners of the boards that a photograph (rows, cols, bands) shows cut or did not give away, at the places where the others
+    say
     that they are. A corner counts where the squares around it alternate as they should."""
     image = grey_image(pixels)
     own = next(known for known in arranged.photos if known.photo == photo)

@@ -15,7 +15,8 @@ IN_PLANE = ("tX", "tY", "theta")
 
 @dataclass(frozen=True, eq=False)
 class Correlations:
-    """|correlation| of the interior parameters `rows` with the exterior orientations and the boards: `typical` (root mean square) and
+    """|correlation| of the interior parameters `rows` with the exterior orientations and the boards: `typical` (root mean square)
+    and
     `largest` over photos or boards, (rows, columns)."""
 
     rows: tuple[str, ...]

@@ -73,10 +73,11 @@ def signs(rows: int, cols: int) -> np.ndarray:
 
 
 def edge_blur(image: np.ndarray, grid: np.ndarray) -> float:
-    """Standard deviation (px) of the blur across the edges between neighbouring corners (rows, cols, 2); NaN if it cannot be told."""
+    """Standard deviation (px) of the blur across the edges between neighbouring corners (rows, cols, 2); NaN if it cannot be
+    told."""
     middle = (grid[:, 1:] + grid[:, :-1]) / 2.0
     along = grid[:, 1:] - grid[:, :-1]
-    length = np.linalg.norm(along, axis=2)
+    length = np.maximum(np.linalg.norm(along, axis=2), 1e-9)
     normal = np.stack([-along[..., 1], along[..., 0]], axis=-1) / length[..., None]
     reach = np.arange(-0.35, 0.3501, 0.02)
     profile = np.stack([sampled(image, middle + step * length[..., None] * normal) for step in reach], axis=-1)

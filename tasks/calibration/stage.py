@@ -91,7 +91,8 @@ class CalibrationStage(Stage):
                         source.sigma_height)  # fmt: skip
         corners = tuple(corners_table(name) for name in boards.names)
         yield Job(
-            stage=self.kind, item="arrangement", function=arrange, reads={"boards": BOARD_PHOTOS, "corners": corners},
+            stage=self.kind, item="arrangement", function=arrange,
+            reads={"boards": BOARD_PHOTOS, "corners": corners, "searches": tuple(search_table(name) for name in boards.names)},
             writes={"arranged": ARRANGED}, params={"target": target},
         )  # fmt: skip
         incomplete = view.table(ARRANGED).incomplete
@@ -115,7 +116,8 @@ class CalibrationStage(Stage):
                 stage=self.kind, item=f"corners {name}", function=photo_corners,
                 reads={"pixels": PhotoPixels(path, Window(0, 0, height, width))},
                 writes={"corners": corners_table(name), "search": search_table(name), "overview": Raster(spec.name, spec.full)},
-                params={"photo": name, "corners": source.corners, "boards": source.boards}, scratch=3 * width * height + _SEARCH_MEMORY,
+                params={"photo": name, "corners": source.corners, "boards": source.boards},
+                    scratch=3 * width * height + _SEARCH_MEMORY,
             )  # fmt: skip
 
     def _second_looks(self, boards: BoardPhotos, incomplete: tuple[str, ...], source: CameraFromChessboards) -> Iterator[Job]:
@@ -170,6 +172,7 @@ def _check_board(source: CameraFromChessboards) -> None:
     columns, rows = source.corners
     if symmetric(source.corners) or min(columns, rows) < 3:
         raise WorkflowError(
-            f"The chessboard has {columns} x {rows} inner corners; one of the two numbers must be even and the other odd, and both 3 at "
+            f"The chessboard has {columns} x {rows} inner corners; one of the two numbers must be even and the other odd, and "
+            f"both 3 at "
             "least: a board that looks the same after half a turn has no first corner, and its images cannot be told apart."
         )

@@ -7,7 +7,7 @@ other constants as well, and the one with the least residuals is the answer.
 Source: Kawka 2021, S8 to S11 (methods/calibration.md).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,13 +35,22 @@ def start_of(found: list[np.ndarray], naming: Naming, local: np.ndarray, size: t
     """found: per photo (B, N, 2) px from the image centre, y up; local: (N, 2) m; size: width, height of the photos."""
     used = np.array([photo for photo, named in enumerate(naming.photos) if named.homography is not None])
     homographies = [naming.photos[photo].homography for photo in used]
-    pairs = np.array([constants(H) for H in homographies]).reshape(-1, 2)
+    pairs = np.full((len(found), 2), np.nan)
+    pairs[used] = np.array([constants(H) for H in homographies]).reshape(-1, 2)
     constant = estimate(pairs[:, 0], pairs[:, 1])
     likely = [constant.c, constant_from_conic(homographies), *(factor * max(size) for factor in _OTHER_CONSTANTS)]
     sensible = [c for c in likely if np.isfinite(c) and 0.2 * max(size) < c < 20.0 * max(size)]
     corners = corners_of([found[photo] for photo in used], [naming.photos[photo].names for photo in used])
-    states = tuple(_state(homographies, naming, local, corners, c) for c in sensible)
+    states = tuple(_state(homographies, naming, local, c) for c in sensible)
     return Start(used, corners, states, constant)
+
+
+def restart_of(found: list[np.ndarray], naming: Naming, local: np.ndarray, interior: np.ndarray) -> Start:
+    """The start from interior parameters (10,) that are known already; `naming` comes from image coordinates free of distortion."""
+    used = np.array([photo for photo, named in enumerate(naming.photos) if named.homography is not None])
+    corners = corners_of([found[photo] for photo in used], [naming.photos[photo].names for photo in used])
+    state = _state([naming.photos[photo].homography for photo in used], naming, local, float(interior[0]))
+    return Start(used, corners, (replace(state, interior=interior.copy()),), estimate(np.empty(0), np.empty(0)))
 
 
 def corners_of(found: list[np.ndarray], names: list[np.ndarray]) -> BoardCorners:
@@ -58,7 +67,7 @@ def corners_of(found: list[np.ndarray], names: list[np.ndarray]) -> BoardCorners
     return merged.take(np.lexsort((merged.photo, merged.corner, merged.board)))
 
 
-def _state(homographies: list[np.ndarray], naming: Naming, local: np.ndarray, corners: BoardCorners, c: float) -> BoardState:
+def _state(homographies: list[np.ndarray], naming: Naming, local: np.ndarray, c: float) -> BoardState:
     poses = [pose_of_homography(H, c, np.zeros(2)) for H in homographies]
     cos, sin = np.cos(naming.motions[:, 0]), np.sin(naming.motions[:, 0])
     zero, one = np.zeros_like(cos), np.ones_like(cos)

@@ -95,8 +95,9 @@ def _cast_floor(light, view, corner, places, kind, seed):
             if edge < 1.5 * depth / view[12] / down:
                 grey = 0.0
                 for part in range(16):
-                    xs = (corner[1] + col + (part % 4 - 1.5) * 0.25 - view[13]) / view[12]
-                    ys = (view[14] - (corner[0] + row + (part // 4 - 1.5) * 0.25)) / view[12]
+                    # Sixteen different columns and rows, so that an edge along either covers by sixteenths and not by quarters.
+                    dx, dy = (part % 4 + (part // 4 + 0.5) / 4.0) / 4.0 - 0.5, (part // 4 + (part % 4 + 0.5) / 4.0) / 4.0 - 0.5
+                    xs, ys = (corner[1] + col + dx - view[13]) / view[12], (view[14] - corner[0] - row - dy) / view[12]
                     xs, ys = undistort_point(xs, ys, view[15], view[16], view[17], view[18], view[19])
                     depth = view[11] / -(view[2] * xs + view[5] * ys - view[8])
                     sample, _ = _floor_at(view[9] + depth * (view[0] * xs + view[3] * ys - view[6]),

@@ -11,7 +11,8 @@ from schemas.photo import Header, Photo, Photos
 from schemas.settings import Settings
 from schemas.workflow import CameraFromChessboards, CameraGiven
 from tasks.calibration.assignment import fitted
-from tasks.calibration.cameras import as_given, from_exif, from_file, index_board_photos
+from tasks.calibration.cameras import as_given, from_exif, from_file
+from tasks.calibration.chessboards import index_board_photos
 from tasks.calibration.stage import CalibrationStage
 from tasks.geometry.camera_change import scaled, turned
 from tasks.geometry.distortion import image_to_pixel
