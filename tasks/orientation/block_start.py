@@ -73,7 +73,9 @@ class Given:
 def start_blocks(material: Material, given: Given | None = None) -> tuple[list[Start], tuple[Unoriented, ...]]:
     """All groups of photographs, the largest first, each oriented in a system of its own (that of `given` where they come from it),
     and the photographs that are in none. Raises GeometryError when no two photographs can be oriented."""
+    twice = _given_twice(material)
     free, found, last = np.ones(len(material.names), bool), [], None
+    free[list(twice)] = False
     if given is not None and given.known.sum() >= 2:
         growth = _from_given(material, given)
         found, free, last = [growth], free & ~growth.placed, growth
@@ -89,7 +91,18 @@ def start_blocks(material: Material, given: Given | None = None) -> tuple[list[S
     if last is None:
         raise GeometryError(_no_block(material))
     starts = [Start(g.state, np.flatnonzero(g.placed), g.known, g.good) for g in sorted(found, key=lambda g: -g.placed.sum())]
-    return starts, tuple(_reasons(material, last, np.flatnonzero(free)))
+    copies = tuple(Unoriented(photo=material.names[photo], reason=reason) for photo, reason in sorted(twice.items()))
+    return starts, (*copies, *_reasons(material, last, np.flatnonzero(free)))
+
+
+def _given_twice(material: Material) -> dict[int, str]:
+    """Photographs that are copies of others, with the sentence; the first of several copies stays."""
+    number = {name: i for i, name in enumerate(material.names)}
+    found: dict[int, str] = {}
+    for pair in sorted((p for p in material.relative if p.same_photo), key=lambda p: (number[p.left], number[p.right])):
+        if number[pair.left] not in found:
+            found.setdefault(number[pair.right], pair.outcome)
+    return found
 
 
 def _next_group(material: Material, free: np.ndarray, tried: set[int]) -> np.ndarray | None:
