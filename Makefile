@@ -8,7 +8,7 @@ project ?= volos
 options ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run plan status report export dashboard doctor test test-fast test-slow lint format bench docs clean clean-all
+.PHONY: help setup run plan status report export dashboard doctor test test-fast test-slow lint format bench bench-orientation-simulated docs clean clean-all
 
 help: ## List all targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-12s %s\n", $$1, $$2}'
@@ -60,6 +60,9 @@ format: $(STAMP) ## Mend what the linter can mend
 
 bench: $(STAMP) ## Measure the figures in benchmarks/results
 	@$(BIN)/python -m benchmarks
+
+bench-orientation-simulated: $(STAMP) ## Orientation on simulated measurements: precision that is true, growth
+	@$(BIN)/python -m benchmarks.orientation_simulated
 
 docs: $(STAMP) ## Write the generated pages of docs/
 	@$(BIN)/orthomill reference

@@ -81,8 +81,8 @@ def _without_base(names: tuple[str, str], turned: Turned, matches: int) -> Relat
         outcome = f"{names[1]} is the same photograph as {names[0]} ({where}); leave one of them out."
     else:
         outcome = (
-            f"{names[0]} and {names[1]} were taken from one place (pure rotation): {kept} of {matches} matches show no parallax, so "
-            "they give no points on the ground. Photographs from other places are needed."
+            f"{names[0]} and {names[1]} were taken from one place (pure rotation): {kept} of {matches} matches show no parallax, "
+            "so they give no points on the ground. Photographs from other places are needed."
         )
     turn = tuple(float(v) for v in np.degrees(angles(turned.rotation)))
     return RelativeOrientation(
