@@ -113,6 +113,8 @@ class RelativeOrientation(BaseModel):
     sigma0_px: float | None = None
     intersection_deg: float = 0.0
     """median angle at which homologous rays meet"""
+    same_photo: bool = False
+    """both are one and the same photograph, given twice"""
 
     @property
     def oriented(self) -> bool:

@@ -89,6 +89,38 @@ def worst_of(network: Network, found: list[Blunder]) -> Blunder | None:
     return ranked[0]
 
 
+def acquitted(result: Adjustment, blunders: list[Blunder], stated: Network, first: Network, limit: float) -> Network:
+    """The `stated` network with those blunders put back (weights of the `first` network) that agree with the final solution: they
+    were thrown out while something else, a camera constant, was still wrong."""
+    misclosure = first.centre - (antennas(result))
+    for blunder in blunders:
+        i, position = blunder.number, blunder.kind == "position"
+        weight = (first.centre_weight if position else first.point_weight)[i]
+        away = misclosure[i] if position else first.point[i] - result.state.point[i]
+        spread = position_covariance(result, i) if position else result.point_covariance[i]
+        given = np.diag(np.divide(1.0, weight, out=np.zeros(3), where=weight > 0))
+        square = away @ np.linalg.solve(spread + given, away)
+        if square < chi2.isf(2.0 * norm.sf(limit), 3) and (position or spread.any()):
+            stated = _put_back(stated, first, blunder)
+    return stated
+
+
+def antennas(result: Adjustment) -> np.ndarray:
+    """(P, 3) where the antennas are by the solution, local m."""
+    state = result.state
+    return state.centre + np.einsum("pji,j->pi", state.rotation, state.lever) + state.shift
+
+
+def _put_back(stated: Network, first: Network, blunder: Blunder) -> Network:
+    if blunder.kind == "position":
+        weight = stated.centre_weight.copy()
+        weight[blunder.number] = first.centre_weight[blunder.number]
+        return replace(stated, centre_weight=weight)
+    weight = stated.point_weight.copy()
+    weight[blunder.number] = first.point_weight[blunder.number]
+    return replace(stated, point_weight=weight)
+
+
 def without(network: Network, blunder: Blunder) -> Network:
     """The network that knows nothing of the blunder; a control point stays as a point that a person measured."""
     if blunder.kind == "position":

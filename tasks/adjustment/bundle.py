@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from schemas.errors import GeometryError
-from tasks.adjustment.blunders import enough_rays, gross_blunder, ray_blunders, surveyed_blunder, without
+from tasks.adjustment.blunders import acquitted, enough_rays, gross_blunder, ray_blunders, surveyed_blunder, without
 from tasks.adjustment.collinearity import misclosures
 from tasks.adjustment.minimise import minimise, sizes
 from tasks.adjustment.network import Distances, Network, Rays, State
@@ -62,6 +62,7 @@ def adjust(network: Network, start: State, rays: Rays, test: BlunderTest | None 
     robust = _robust_solution(network, start, rays, test)
     stated, state, used = robust.network, robust.state, robust.used
     blunders, iterations, factors, rounds = list(robust.blunders), robust.iterations, Factors(), 0
+    pardoned = False
     while rounds < test.rounds:
         weighted, scaled_rays = _weighted(stated, factors), replace(rays, sigma=rays.sigma * _by_group(stated, rays, factors))
         state, steps = minimise(weighted, state, scaled_rays.take(used))
@@ -78,6 +79,11 @@ def adjust(network: Network, start: State, rays: Rays, test: BlunderTest | None 
         bad = ray_blunders(result, _by_group(stated, rays, fresh) / _by_group(stated, rays, factors) * test.limit)
         used = enough_rays(stated, rays, used & ~bad)
         if settled(fresh, factors) and not bad.any():
+            back = stated if pardoned else acquitted(result, blunders, stated, network, test.limit)
+            if back is not stated:
+                blunders = [b for b in blunders if not _knows(back, b)]
+                stated, pardoned = back, True
+                continue
             return replace(
                 result, iterations=iterations, rays=rays, factors=fresh, groups=groups, blunders=tuple(blunders)
             )
@@ -86,6 +92,11 @@ def adjust(network: Network, start: State, rays: Rays, test: BlunderTest | None 
         f"The blunder tests of the bundle adjustment removed rays in each of {test.rounds} rounds and did not come to an end; the "
         "tie points hold too many wrong matches."
     )
+
+
+def _knows(network: Network, blunder: Blunder) -> bool:
+    """Whether the network has the observation in question."""
+    return bool((network.centre_weight if blunder.kind == "position" else network.point_weight)[blunder.number].any())
 
 
 def _robust_solution(network: Network, state: State, rays: Rays, test: BlunderTest) -> _Robust:

@@ -10,6 +10,8 @@ from tasks.orientation.assembly import Account, Problem
 
 WORST = 12
 """How many of the largest standardised residuals are named."""
+AGREES = 3.0
+"""What was set aside but lies within this many predicted standard errors of the final block is no blunder."""
 SINGLE = 5
 """More positions than these that were set aside are summed up in one sentence."""
 MOVED = 5.0
@@ -80,9 +82,9 @@ def _blunders(account: Account) -> list[GroundResidual]:
         problem.surveyed[i].name for i in np.flatnonzero(~result.network.point_weight[problem.ties :].any(axis=1))
     }
     positions = {problem.names[i] for i in np.flatnonzero(~result.network.centre_weight.any(axis=1))}
-    return [row for row in control_rows(account) if row.name in control] + [
-        row for row in position_rows(account) if row.name in positions
-    ]
+    rows = [row for row in control_rows(account) if row.name in control]
+    rows += [row for row in position_rows(account) if row.name in positions]
+    return [row for row in rows if _ratio(row) > AGREES]
 
 
 def _blunder_sentences(account: Account, blunders: list[GroundResidual]) -> list[str]:
@@ -94,6 +96,8 @@ def _blunder_sentences(account: Account, blunders: list[GroundResidual]) -> list
                 f"The control point {row.name} contradicts the block {_misses(row)}; it took no part. Compare its coordinates "
                 "(name, CRS, height system) and its measurements in the photographs."
             )
+    if len(positions) > 2 and (scaled := _wrong_camera_constant(account, positions)):
+        return [*found, scaled]
     if len(positions) > SINGLE:
         away = np.median([row.difference for row in positions], axis=0)
         found.append(
@@ -108,10 +112,35 @@ def _blunder_sentences(account: Account, blunders: list[GroundResidual]) -> list
     ]
 
 
+def _wrong_camera_constant(account: Account, positions: list[GroundResidual]) -> str | None:
+    """A sentence where positions and control contradict each other along the viewing direction, as a wrong focal length makes
+    them."""
+    state, problem = account.result.state, account.problem
+    up = state.rotation[:, 2].mean(axis=0)
+    up = up / np.linalg.norm(up)
+    seen = np.unique(account.result.rays.point[account.result.used])
+    height = float((state.centre.mean(axis=0) - np.median(state.point[seen], axis=0)) @ up)
+    away = np.median([row.difference for row in positions], axis=0)
+    along = float(away @ up)
+    if abs(along) < 0.1 * height or np.linalg.norm(away - along * up) > 0.3 * abs(along):
+        return None
+    c = [problem.cameras[k].c for k in np.unique(problem.camera_of)]
+    fits = ", ".join(f"{value * (1.0 - along / height):.0f} px instead of {value:.0f} px" for value in c)
+    return (
+        f"The positions of {len(positions)} photographs and the control contradict each other by {abs(along):.0f} m along the "
+        f"viewing direction, {100 * abs(along) / height:.0f} % of the distance to the ground, as they do with a wrong camera "
+        f"constant ({fits} would fit) or with heights in another system. The positions took no part; look for a wrong focal length "
+        "or photograph size."
+    )
+
+
+def _ratio(row: GroundResidual) -> float:
+    return max(abs(d) / max(s, 1e-9) for d, s in zip(row.difference, row.predicted, strict=True))
+
+
 def _misses(row: GroundResidual) -> str:
-    ratio = max(abs(d) / max(s, 1e-9) for d, s in zip(row.difference, row.predicted, strict=True))
     there = ", ".join(f"{value:+.2f}" for value in row.difference)
-    return f"(block minus given: {there} m in X, Y, Z; {ratio:.0f} times the predicted standard error)"
+    return f"(block minus given: {there} m in X, Y, Z; {_ratio(row):.0f} times the predicted standard error)"
 
 
 def _length(metres: float) -> str:

@@ -14,9 +14,10 @@ from schemas.photo import Photos
 from tasks.adjustment.collinearity import BEHIND, misclosures
 from tasks.adjustment.network import Distances, Network, Rays, State
 from tasks.adjustment.result import Adjustment
-from tasks.orientation.block_start import Material, Start
+from tasks.orientation.block_start import Start
 from tasks.orientation.georeference import Datum, Known, held
 from tasks.orientation.ground_points import approximate_points
+from tasks.orientation.growth import Material
 from tasks.orientation.measurements import ground_rays
 
 

@@ -24,8 +24,9 @@ from tasks.orientation.account import block_table, ground_points, image_residual
 from tasks.orientation.account_ground import ground_residuals
 from tasks.orientation.account_precision import block_precision
 from tasks.orientation.assembly import Account, Part, known_of, problem_of, starting_values
-from tasks.orientation.block_start import Given, Material, Start, start_blocks
+from tasks.orientation.block_start import Start, start_blocks
 from tasks.orientation.georeference import choose_datum
+from tasks.orientation.growth import Given, Material
 from tasks.orientation.measurements import tie_rays
 from tasks.orientation.self_calibration import determined, held_fixed
 

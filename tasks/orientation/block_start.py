@@ -9,45 +9,16 @@ does not join is named with its reason.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from schemas.camera import INTERIOR, Camera
 from schemas.errors import GeometryError
 from schemas.orientation import RelativeOrientation, Unoriented
-from tasks.adjustment.collinearity import misclosures
-from tasks.adjustment.minimise import minimise
-from tasks.adjustment.network import Interior, Network, Rays, State
-from tasks.adjustment.robust import spread
-from tasks.geometry.rotation import rotation_matrix
-from tasks.orientation.measurements import ideal, with_interior
-from tasks.orientation.relative import FLIP
-
-cv2.setNumThreads(1)
-LEAST_ANGLE = np.radians(1.5)
-LEAST_POINTS = 8
-ROUGH = (64.0, 16.0, 4.0, 2.0)
-"""How much wider than at the end the tolerances are while given orientations are refined."""
-GROWTH_PARAMETERS = np.array(INTERIOR) == "k1"
-"""While a free block grows only radial distortion is adjusted: flat ground seen from above cannot tell c from the flying height."""
-
-
-@dataclass(frozen=True, eq=False)
-class Material:
-    """What the start is made from. `cameras` in the order of `interior`; `camera_of` (P,); `relative` between photos by `names`."""
-
-    names: tuple[str, ...]
-    camera_names: tuple[str, ...]
-    cameras: list[Camera]
-    camera_of: np.ndarray
-    interior: Interior
-    rays: Rays
-    points: int
-    relative: tuple[RelativeOrientation, ...]
+from tasks.adjustment.network import State
+from tasks.orientation.growth import Given, Growth, Material, from_given, grow
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,21 +32,14 @@ class Start:
     good: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
-class Given:
-    """Approximate exterior orientations: `rotation` (P, 3, 3), `centre` (P, 3) local m, of the photographs `known` (P,) bool."""
-
-    rotation: np.ndarray
-    centre: np.ndarray
-    known: np.ndarray
-
-
 def start_blocks(material: Material, given: Given | None = None) -> tuple[list[Start], tuple[Unoriented, ...]]:
     """All groups of photographs, the largest first, each oriented in a system of its own (that of `given` where they come from it),
     and the photographs that are in none. Raises GeometryError when no two photographs can be oriented."""
+    twice = _given_twice(material)
     free, found, last = np.ones(len(material.names), bool), [], None
+    free[list(twice)] = False
     if given is not None and given.known.sum() >= 2:
-        growth = _from_given(material, given)
+        growth = from_given(material, given)
         found, free, last = [growth], free & ~growth.placed, growth
     tried: set[int] = set()
     while (group := _next_group(material, free, tried)) is not None:
@@ -89,7 +53,18 @@ def start_blocks(material: Material, given: Given | None = None) -> tuple[list[S
     if last is None:
         raise GeometryError(_no_block(material))
     starts = [Start(g.state, np.flatnonzero(g.placed), g.known, g.good) for g in sorted(found, key=lambda g: -g.placed.sum())]
-    return starts, tuple(_reasons(material, last, np.flatnonzero(free)))
+    copies = tuple(Unoriented(photo=material.names[photo], reason=reason) for photo, reason in sorted(twice.items()))
+    return starts, (*copies, *_reasons(material, last, np.flatnonzero(free)))
+
+
+def _given_twice(material: Material) -> dict[int, str]:
+    """Photographs that are copies of others, with the sentence; the first of several copies stays."""
+    number = {name: i for i, name in enumerate(material.names)}
+    found: dict[int, str] = {}
+    for pair in sorted((p for p in material.relative if p.same_photo), key=lambda p: (number[p.left], number[p.right])):
+        if number[pair.left] not in found:
+            found.setdefault(number[pair.right], pair.outcome)
+    return found
 
 
 def _next_group(material: Material, free: np.ndarray, tried: set[int]) -> np.ndarray | None:
@@ -108,11 +83,11 @@ def _no_block(material: Material) -> str:
     )
 
 
-def _best_growth(material: Material, group: np.ndarray, free: np.ndarray) -> "_Growth | None":
+def _best_growth(material: Material, group: np.ndarray, free: np.ndarray) -> Growth | None:
     """The growth among the `free` photographs that placed most; the first that placed the whole group ends the search."""
     best = None
     for seed in _seeds(material, group):
-        growth = _grow(material, seed, free)
+        growth = grow(material, seed, free)
         if growth is not None and (best is None or growth.placed.sum() > best.placed.sum()):
             best = growth
         if best is not None and best.placed[group].all():
@@ -147,238 +122,13 @@ def _seeds(material: Material, group: np.ndarray) -> list[tuple[int, int, Relati
     return sorted(inside, key=lambda pair: -pair[2].kept * min(pair[2].intersection_deg / 6.0, 1.0))[:3]
 
 
-class _Growth:
-    """A block while it grows: orientation of the placed photographs, known points, rays still believed."""
-
-    def __init__(self, material: Material, free: np.ndarray):
-        photos = len(material.names)
-        self.material, self.rays, self.free = material, material.rays, free
-        self.state = State(
-            np.tile(np.eye(3), (photos, 1, 1)),
-            np.zeros((photos, 3)),
-            np.zeros((material.points, 3)),
-            material.interior.value.copy(),
-            np.zeros(3),
-        )
-        self.placed = np.zeros(photos, bool)
-        self.known = np.zeros(material.points, bool)
-        self.good = np.ones(len(self.rays), bool)
-        self.attempts: dict[int, str] = {}
-        self.refresh()
-
-    def refresh(self) -> None:
-        """Ideal coordinates (M, 2) in units of c with the present interior orientations."""
-        self.ideal = np.empty_like(self.rays.xy)
-        for k, camera in enumerate(self.material.cameras):
-            own = self.material.camera_of[self.rays.photo] == k
-            self.ideal[own] = ideal(with_interior(camera, self.state.interior[k]), self.rays.xy[own])
-
-    @property
-    def tolerance(self) -> np.ndarray:
-        """(M,) px: beyond this a ray is not believed while starting values are rough."""
-        return np.maximum(4.0, 8.0 * self.rays.sigma) * self.slack
-
-    slack = 2.0
-
-    def place(self, photo: int, rotation: np.ndarray, centre: np.ndarray) -> None:
-        self.state.rotation[photo], self.state.centre[photo] = rotation, centre
-        self.placed[photo] = True
-
-    def misfit(self, index: np.ndarray) -> np.ndarray:
-        return np.linalg.norm(misclosures(self.state, self.rays.take(index), self.material.camera_of), axis=1)
-
-    def triangulate(self) -> None:
-        """Intersects points that are not known yet but seen by two placed photographs or more; a point of three or more may lose
-        its worst ray."""
-        for _ in range(3):
-            index = np.flatnonzero(self.good & self.placed[self.rays.photo] & ~self.known[self.rays.point])
-            count = np.bincount(self.rays.point[index], minlength=len(self.known))
-            index = index[count[self.rays.point[index]] >= 2]
-            if not len(index):
-                return
-            points, wide = self._intersect(index)
-            self.state.point[wide] = points[wide]
-            misfit = self.misfit(index) / self.tolerance[index]
-            worst = np.zeros(len(self.known))
-            np.maximum.at(worst, self.rays.point[index], misfit)
-            self.known |= wide & (worst < 1.0)
-            lose = (
-                (misfit == worst[self.rays.point[index]])
-                & (misfit >= 1.0)
-                & (count[self.rays.point[index]] >= 3)
-                & wide[self.rays.point[index]]
-            )
-            if not lose.any():
-                return
-            self.good[index[lose]] = False
-
-    def _intersect(self, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Points (N, 3) nearest to the rays at `index`, and which of them see rays that differ by LEAST_ANGLE."""
-        photo, point = self.rays.photo[index], self.rays.point[index]
-        directions = np.einsum("ni,nij->nj", np.column_stack([self.ideal[index], -np.ones(len(index))]), self.state.rotation[photo])
-        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-        projector = np.eye(3) - directions[:, :, None] * directions[:, None, :]
-        normal, right, mean = np.zeros((len(self.known), 3, 3)), np.zeros((len(self.known), 3)), np.zeros((len(self.known), 3))
-        np.add.at(normal, point, projector)
-        np.add.at(right, point, np.einsum("nij,nj->ni", projector, self.state.centre[photo]))
-        np.add.at(mean, point, directions)
-        mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12)
-        off_axis = np.zeros(len(self.known))
-        np.maximum.at(off_axis, point, np.arccos(np.clip((directions * mean[point]).sum(axis=1), -1, 1)))
-        wide = off_axis > 0.5 * LEAST_ANGLE
-        points = np.zeros_like(right)
-        points[wide] = np.linalg.solve(normal[wide], right[wide][..., None])[..., 0]
-        return points, wide
-
-    def resect(self, photo: int) -> bool:
-        """Places a photograph by the known points that it sees: seeded P3P samples, then least squares on those that agree."""
-        index = np.flatnonzero((self.rays.photo == photo) & self.known[self.rays.point] & self.good)
-        if len(index) < LEAST_POINTS:
-            self.attempts[photo] = f"only {len(index)} of its tie points are known in the block; {LEAST_POINTS} are needed"
-            return False
-        pose = _resection(
-            self.state.point[self.rays.point[index]],
-            self.ideal[index],
-            float(np.median(self.tolerance[index])) / self.state.interior[self.material.camera_of[photo], 0],
-        )
-        if pose is None or len(pose[2]) < max(LEAST_POINTS, 0.2 * len(index)):
-            self.attempts[photo] = (
-                f"{0 if pose is None else len(pose[2])} of its {len(index)} tie points with the block agree on one position, which "
-                "is too few"
-            )
-            return False
-        self.place(photo, pose[0], pose[1])
-        self.good[index[self.misfit(index) > self.tolerance[index]]] = False
-        return True
-
-    def bundle(self) -> None:
-        """A robust free adjustment of all that is placed; rays that do not fit afterwards are dropped, and points with fewer than
-        two rays."""
-        index = np.flatnonzero(self.good & self.placed[self.rays.photo] & self.known[self.rays.point])
-        active = np.flatnonzero(self.placed)
-        number = np.full(len(self.placed), -1)
-        number[active] = np.arange(len(active))
-        rays = self.rays.take(index)
-        rays = replace(rays, photo=number[rays.photo].astype(np.int32))
-        sub = replace(self.state, rotation=self.state.rotation[active], centre=self.state.centre[active])
-        network = _free_network(self.material, active, self.placed.sum() >= 4)
-        unit = max(spread(self.misfit(index) / rays.sigma), 0.5)
-        sub, _ = minimise(network, sub, rays, 2.0 * unit, tolerance=1e-4)
-        self.state.rotation[active], self.state.centre[active] = sub.rotation, sub.centre
-        self.state = replace(self.state, point=sub.point, interior=sub.interior)
-        self.refresh()
-        self.forget(index)
-
-    def forget(self, index: np.ndarray) -> None:
-        misfit = self.misfit(index)
-        unit = max(spread(misfit), 0.3)
-        self.good[index[misfit > np.maximum(8.0 * unit, 3.0)]] = False
-        alive = np.bincount(self.rays.point[index[self.good[index]]], minlength=len(self.known)) >= 2
-        self.known &= alive
-
-
-def _free_network(material: Material, active: np.ndarray, calibrate: bool) -> Network:
-    photos, interior = len(active), material.interior
-    free = interior.free & GROWTH_PARAMETERS & (calibrate & interior.weight.any(axis=(1, 2)))[:, None]
-    held = replace(interior, free=free, considered=np.zeros_like(free))
-    return Network(
-        material.camera_of[active],
-        held,
-        np.zeros((photos, 3)),
-        np.zeros((photos, 3)),
-        np.zeros((material.points, 3)),
-        np.zeros((material.points, 3)),
-        np.zeros(photos),
-        free=True,
-    )
-
-
-def _resection(points: np.ndarray, ideal_xy: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Rotation, centre and the agreeing numbers from points (n, 3) and ideal coordinates (n, 2) in units of c; None when nothing
-    agrees."""
-    cv2.setRNGSeed(7)
-    origin = np.median(points, axis=0)
-    vision = np.ascontiguousarray(ideal_xy * [1.0, -1.0])
-    found, rvec, tvec, inliers = cv2.solvePnPRansac(
-        points - origin,
-        vision,
-        np.eye(3),
-        None,
-        iterationsCount=2000,
-        reprojectionError=threshold,
-        confidence=0.9999,
-        flags=cv2.SOLVEPNP_AP3P,
-    )
-    if not found or inliers is None or len(inliers) < 6:
-        return None
-    keep = np.asarray(inliers).ravel()
-    rvec, tvec = cv2.solvePnPRefineLM((points - origin)[keep], vision[keep], np.eye(3), None, rvec, tvec)
-    R = cv2.Rodrigues(rvec)[0]
-    return FLIP @ R, origin - R.T @ tvec[:, 0], keep
-
-
-def _from_given(material: Material, given: Given) -> _Growth:
-    """The block that begins with approximate orientations: tolerances shrink from coarse to fine, then the others join."""
-    growth = _Growth(material, np.ones(len(material.names), bool))
-    for photo in np.flatnonzero(given.known):
-        growth.place(int(photo), given.rotation[photo], given.centre[photo])
-    for growth.slack in ROUGH:
-        growth.known[:], growth.good[:] = False, True
-        growth.triangulate()
-        growth.bundle()
-    _extend(growth)
-    _finish(growth)
-    return growth
-
-
-def _finish(growth: _Growth) -> None:
-    growth.slack = 1.0
-    for _ in range(2):
-        growth.triangulate()
-        growth.bundle()
-
-
-def _grow(material: Material, seed: tuple[int, int, RelativeOrientation], free: np.ndarray) -> _Growth | None:
-    """The block that grows from one pair among the `free` photographs; None when the pair does not hold."""
-    growth = _Growth(material, free)
-    left, right, pair = seed
-    growth.place(left, np.eye(3), np.zeros(3))
-    growth.place(right, rotation_matrix(*np.radians(pair.omega_phi_kappa)), np.array(pair.base))
-    growth.triangulate()
-    if growth.known.sum() < LEAST_POINTS:
-        return None
-    try:
-        growth.bundle()
-        _extend(growth)
-        _finish(growth)
-    except GeometryError:
-        return None
-    return growth
-
-
-def _extend(growth: _Growth) -> None:
-    """Adds photographs, those first that see most known points, until none can be added."""
-    last = growth.placed.sum()
-    while True:
-        seen = np.bincount(growth.rays.photo[growth.good & growth.known[growth.rays.point]], minlength=len(growth.placed))
-        waiting = np.flatnonzero(~growth.placed & growth.free)
-        added = next((photo for photo in waiting[np.argsort(-seen[waiting], kind="stable")] if growth.resect(int(photo))), None)
-        if added is None:
-            return
-        growth.triangulate()
-        if growth.placed.sum() >= max(1.34 * last, last + 1) or growth.placed[growth.free].all():
-            growth.bundle()
-            growth.triangulate()
-            last = growth.placed.sum()
-
-
-def _reasons(material: Material, growth: _Growth, left: np.ndarray) -> Iterator[Unoriented]:
+def _reasons(material: Material, growth: Growth, left: np.ndarray) -> Iterator[Unoriented]:
     """One sentence for every photograph that is `left` outside of all groups."""
     for photo in left:
         yield Unoriented(photo=material.names[photo], reason=_reason(material, growth, int(photo)))
 
 
-def _reason(material: Material, growth: _Growth, photo: int) -> str:
+def _reason(material: Material, growth: Growth, photo: int) -> str:
     name = material.names[photo]
     if not (material.rays.photo == photo).any():
         return f"{name} has no tie points: it overlaps no other photograph, or has too little texture."

@@ -13,6 +13,10 @@ from tasks.adjustment.network import Network, State
 from tasks.orientation.similarity import Similarity, Upward, consensus, fit_similarity, turn_precision
 
 WEAK_TURN = np.radians(1.0)
+CROWDED = (
+    "The positions of the photographs lie closer together than their own standard errors, so they give neither scale nor direction "
+    "and were not used. Correct them, or state their true precision."
+)
 FAR = 5.0
 """A known point that misses the consensus by this many times what it may miss is set aside."""
 
@@ -62,9 +66,12 @@ def choose_datum(model: State, known: Known, vertical_sigma: float, shift: bool,
     if len(source) < 2 or np.ptp(source, axis=0).max() == 0:
         return _free(model, known, origin)
     target = np.vstack([position[has], known.control[placed]])
+    sigma = np.sqrt((np.vstack([known.position_sigma[has], known.control_sigma[placed]]) ** 2).mean(axis=1))
+    if np.linalg.norm(np.ptp(target, axis=0)) < 3.0 * np.median(sigma):
+        free = _free(model, known, origin)
+        return replace(free, weaknesses=(*free.weaknesses, CROWDED))
     trusted = np.arange(len(source)) >= has.sum()
     origin = np.round(np.median(target[trusted] if trusted.sum() >= 3 else target, axis=0))
-    sigma = np.sqrt((np.vstack([known.position_sigma[has], known.control_sigma[placed]]) ** 2).mean(axis=1))
     upward, none = Upward(_mean_up(model), 1.0 / vertical_sigma**2), Upward(_mean_up(model), 0.0)
     on_a_line = turn_precision(target, np.maximum(sigma, 1e-6)) > WEAK_TURN
     near = consensus(source, target - origin, np.maximum(sigma, 1e-6), upward if on_a_line else none, trusted) < FAR

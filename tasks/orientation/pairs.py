@@ -15,8 +15,11 @@ from tasks.adjustment.network import Rays
 from tasks.geometry.rotation import angles
 from tasks.orientation.measurements import ideal, tie_rays
 from tasks.orientation.relative import Relative, epipolar_distance, model_points, orient_robust
+from tasks.orientation.turning import Turned, turn_only
 
 cv2.setNumThreads(1)
+NO_PARALLAX = 0.9
+"""A pair without a base: a mere turn of the camera explains this share of the matches that any relative orientation explains."""
 
 
 def relate_pairs(photos: Photos, cameras: Cameras, tie_points: TiePoints, least: int) -> RelativeOrientations:
@@ -62,11 +65,34 @@ def _relate(photos: Photos, cameras: Cameras, rays: Rays, coordinates: np.ndarra
     a, b = common_rays(rays, *pair)
     c_left, c_right = (cameras.of(name).c for name in names)
     observations = np.hstack([coordinates[a] * c_left, coordinates[b] * c_right])
+    expected = max(1.0, float(np.median(rays.sigma[a])))
+    turned = turn_only(observations, c_left, c_right, 3.0 * expected)
     try:
-        relative = orient_robust(observations, c_left, c_right, expected=max(1.0, float(np.median(rays.sigma[a]))))
+        relative = orient_robust(observations, c_left, c_right, expected)
     except GeometryError as error:
-        return RelativeOrientation(left=names[0], right=names[1], matches=len(a), kept=0, outcome=str(error))
+        if turned.kept.sum() < 8:
+            return RelativeOrientation(left=names[0], right=names[1], matches=len(a), kept=0, outcome=str(error))
+        return _without_base(names, turned, len(a))
+    if turned.kept.sum() >= max(8, NO_PARALLAX * relative.kept.sum()):
+        return _without_base(names, turned, len(a))
     return _row(names, relative, observations, cameras.of(names[1]))
+
+
+def _without_base(names: tuple[str, str], turned: Turned, matches: int) -> RelativeOrientation:
+    """The row of a pair whose rays do not intersect: the same photograph twice, or a camera that only turned."""
+    kept = int(turned.kept.sum())
+    if turned.same:
+        where = f"{kept} tie points lie at the same place"
+        outcome = f"{names[1]} is the same photograph as {names[0]} ({where}); leave one of them out."
+    else:
+        outcome = (
+            f"{names[0]} and {names[1]} were taken from one place (pure rotation): {kept} of {matches} matches show no parallax, "
+            "so they give no points on the ground. Photographs from other places are needed."
+        )
+    turn = tuple(float(v) for v in np.degrees(angles(turned.rotation)))
+    return RelativeOrientation(
+        left=names[0], right=names[1], matches=matches, kept=kept, outcome=outcome, omega_phi_kappa=turn, same_photo=turned.same
+    )
 
 
 def chance_agreement(relative: Relative, observations: np.ndarray, camera: Camera) -> float:

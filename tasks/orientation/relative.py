@@ -19,51 +19,13 @@ from schemas.errors import GeometryError
 from tasks.adjustment.mixed_model import MixedSolution, solve_mixed
 from tasks.adjustment.robust import spread
 from tasks.geometry.intersection import intersect_rays
-from tasks.geometry.rotation import rotation_derivatives, rotation_matrix
 from tasks.geometry.rotation_vector import rotation_of_vector
+from tasks.orientation.relative_forms import DependentOrientation, FiveRotations, coplanarity, directions
 
+LIMIT = 3.29
+"""A match farther from its epipolar line, in standard errors, is wrong; a right one is so in one of a thousand cases."""
 FLIP = np.diag([1.0, -1.0, -1.0])
 """Between our image system (y up, looking along -z) and computer vision's (y down, looking along z)."""
-
-
-@dataclass(frozen=True)
-class DependentOrientation:
-    """Unknowns (b_y, b_z, omega, phi, kappa), radians, b_x = 1; camera constants in px."""
-
-    c_left: float
-    c_right: float
-    by: float = 0.0
-    bz: float = 0.0
-    omega: float = 0.0
-    phi: float = 0.0
-    kappa: float = 0.0
-
-    @property
-    def unknowns(self) -> np.ndarray:
-        return np.array([self.by, self.bz, self.omega, self.phi, self.kappa])
-
-    @property
-    def rotation(self) -> np.ndarray:
-        """Left image system to right image system."""
-        return rotation_matrix(self.omega, self.phi, self.kappa)
-
-    @property
-    def base(self) -> np.ndarray:
-        """Unit vector to the right projection centre, left image system."""
-        base = np.array([1.0, self.by, self.bz])
-        return base / np.linalg.norm(base)
-
-    def moved(self, correction: np.ndarray) -> "DependentOrientation":
-        return DependentOrientation(self.c_left, self.c_right, *(self.unknowns + correction))
-
-    def evaluate(self, observations: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """F = c v + y w - b_y (x w + c u) + b_z (x v - y u), its derivatives by the unknowns (s, 5) and the observations (s, 4)."""
-        left, right = _directions(observations, self.c_left, self.c_right)
-        base = np.array([1.0, self.by, self.bz])
-        F, by_observation, by_turned = _coplanarity(left, right, base, self.rotation)
-        normal = np.cross(left, right @ self.rotation)
-        by_angle = [(by_turned * (right @ D)).sum(axis=1) for D in rotation_derivatives(self.omega, self.phi, self.kappa)]
-        return F, np.column_stack([normal[:, 1], normal[:, 2], *by_angle]), by_observation
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,28 +50,11 @@ class GeneralOrientation:
 
     def evaluate(self, observations: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The coplanarity of base and both rays, its derivatives by the unknowns (s, 5) and the observations (s, 4)."""
-        left, right = _directions(observations, self.c_left, self.c_right)
-        F, by_observation, by_turned = _coplanarity(left, right, self.base, self.rotation)
+        left, right = directions(observations, self.c_left, self.c_right)
+        F, by_observation, by_turned = coplanarity(left, right, self.base, self.rotation)
         by_base = np.cross(left, right @ self.rotation) @ self.across.T
         by_rotation = np.cross(by_turned @ self.rotation.T, right)
         return F, np.hstack([by_base, by_rotation]), by_observation
-
-
-def _directions(observations: np.ndarray, c_left: float, c_right: float) -> tuple[np.ndarray, np.ndarray]:
-    s = len(observations)
-    return (
-        np.column_stack([observations[:, :2], np.full(s, -c_left)]),
-        np.column_stack([observations[:, 2:], np.full(s, -c_right)]),
-    )
-
-
-def _coplanarity(left: np.ndarray, right: np.ndarray, base: np.ndarray, R: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """F = base . (left x R' right); dF/dobservations (s, 4); dF/d(R' right) (s, 3)."""
-    turned = right @ R
-    F = np.cross(left, turned) @ base
-    by_left = np.cross(turned, base)
-    by_turned = np.cross(base, left)
-    return F, np.hstack([by_left[:, :2], (by_turned @ R.T)[:, :2]]), by_turned
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,11 +83,32 @@ def orient_dependent(observations: np.ndarray, c_left: float, c_right: float, li
         model = solution.model
 
 
+def orient_snooped(
+    start: DependentOrientation | GeneralOrientation | FiveRotations,
+    observations: np.ndarray,
+    sigma: np.ndarray | None = None,
+    limit: float = 3.29,
+) -> Relative:
+    """Data snooping: the match with the largest standardised discrepancy beyond `limit` goes, one at a time, from a good `start`.
+
+    Unlike the published test it knows how much of an error each match shows in its own discrepancy. `sigma` (s, 4): standard errors
+    of the coordinates. Source: Baarda 1968. Raises GeometryError as `solve_mixed`.
+    """
+    kept, model = np.ones(len(observations), bool), start
+    while True:
+        solution = solve_mixed(model, observations[kept], limit=1e-10, sigma=None if sigma is None else sigma[kept])
+        size = np.abs(solution.standardised)
+        if solution.redundancy < 2 or size.max() <= limit:
+            return Relative(solution, kept)
+        kept[np.flatnonzero(kept)[size.argmax()]] = False
+        model = solution.model
+
+
 def orient_robust(observations: np.ndarray, c_left: float, c_right: float, expected: float = 1.0, seed: int = 7) -> Relative:
     """Relative orientation for any geometry and with most matches wrong.
 
     A seeded five-point search (threshold three times `expected`, the standard error of a coordinate in px), then the mixed model on
-    those matches whose distance from their epipolar lines is within 3 robust standard errors, until the set no longer changes.
+    those matches whose distance from their epipolar lines is within LIMIT standard errors, until the set no longer changes.
     Raises GeometryError.
     """
     model, kept = _five_point_start(observations, c_left, c_right, 3.0 * expected, seed)
@@ -150,12 +116,19 @@ def orient_robust(observations: np.ndarray, c_left: float, c_right: float, expec
         solution = solve_mixed(model, observations[kept], limit=1e-10)
         model = solution.model
         distance = epipolar_distance(model, observations)
-        unit = min(max(1.4826 * float(np.median(distance[kept])), 0.02 * expected), 1.5 * expected)
-        fresh = (distance < 3.0 * unit) & in_front(model, observations)
+        unit = min(max(_unit(solution, distance[kept]), 0.02 * expected), 1.5 * expected)
+        fresh = (distance < LIMIT * unit) & in_front(model, observations)
         if (fresh == kept).all() or fresh.sum() < 6:
             break
         kept = fresh
     return Relative(solve_mixed(model, observations[kept], limit=1e-10), kept)
+
+
+def _unit(solution: MixedSolution, distance: np.ndarray) -> float:
+    """Standard error of the distances from the epipolar lines: by their median, for wrong matches lie among them, but with the
+    degrees of freedom that the orientation took."""
+    share = solution.redundancy / max(len(distance), 1)
+    return 1.4826 * float(np.median(distance)) / np.sqrt(max(share, 0.1))
 
 
 def _five_point_start(
@@ -189,7 +162,7 @@ def epipolar_distance(model: DependentOrientation | GeneralOrientation, observat
 
 def model_points(model: DependentOrientation | GeneralOrientation, observations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Points (s, 3) in the left image system for a base of length 1, and the angles (s,) rad at which their rays meet."""
-    left, right = _directions(observations, model.c_left, model.c_right)
+    left, right = directions(observations, model.c_left, model.c_right)
     rays = np.stack([left, right @ model.rotation])
     rays /= np.linalg.norm(rays, axis=2, keepdims=True)
     centres = np.zeros_like(rays)

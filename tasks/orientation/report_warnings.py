@@ -42,7 +42,9 @@ def _control_warnings(facts: Facts) -> list[str]:
                 f"The {point.role} point {point.name} took no part: it has too few measurements in the oriented photographs, or "
                 "all were rejected as blunders; compare its coordinates and its measurements."
             )
-        elif any(abs(d) > 4.0 * s + 1e-9 for d, s in zip(row.difference, row.predicted, strict=True)):
+        elif point.name not in facts.precision.blunders and any(
+            abs(d) > 4.0 * s + 1e-9 for d, s in zip(row.difference, row.predicted, strict=True)
+        ):
             found.append(
                 f"The {point.role} point {point.name} differs from the block by more than four times the predicted standard error; "
                 "it may be wrong."

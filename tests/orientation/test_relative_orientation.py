@@ -4,8 +4,18 @@ import numpy as np
 import pytest
 
 from schemas.errors import GeometryError
+from tasks.adjustment.mixed_model import solve_mixed
 from tasks.geometry.rotation import rotation_matrix
-from tasks.orientation.relative import DependentOrientation, GeneralOrientation, orient_dependent, orient_robust
+from tasks.orientation.relative import GeneralOrientation, orient_dependent, orient_robust, orient_snooped
+from tasks.orientation.relative_forms import (
+    DependentOrientation,
+    FiveRotations,
+    dependent_form,
+    derived_precision,
+    five_rotation_form,
+    from_exterior,
+    smallest_rotation,
+)
 
 VOLOS = (0.0382, -0.0084, *np.radians([0.9721, 0.6725, 1.8082]))
 KEA = (-0.0450, -0.0085, *np.radians([1.6902, -0.0555, -2.5862]))
@@ -32,8 +42,6 @@ def test_noise_free_pairs_are_recovered_from_zero_starts(truth):
 
 
 def test_sigma0_and_standard_errors_are_honest():
-    from tasks.adjustment.mixed_model import solve_mixed
-
     ratios, sigmas = [], []
     for seed in range(40):
         solution = solve_mixed(DependentOrientation(C, C), matches(VOLOS, 1062, seed, 0.17))
@@ -58,6 +66,7 @@ def test_five_matches_are_exact_and_four_are_refused():
     [
         DependentOrientation(C, 1.1 * C, 0.04, -0.01, 0.02, 0.03, -0.05),
         GeneralOrientation(C, 1.1 * C, np.array([0.3, 0.9, 0.1]) / np.sqrt(0.91), rotation_matrix(0.3, -0.2, 1.5)),
+        FiveRotations(C, 1.1 * C, 0.02, -0.03, 0.04, 0.01, -0.02),
     ],
 )
 def test_analytic_derivatives_equal_numeric_ones(model):
@@ -108,3 +117,88 @@ def test_robust_start_finds_36_right_matches_among_154(seed):
     R = rotation_matrix(*KEA[2:])
     turn = np.degrees(np.arccos(np.clip((np.trace(R @ relative.solution.model.rotation.T) - 1) / 2, -1, 1)))
     assert turn < 0.3
+
+
+@pytest.mark.parametrize("truth", [VOLOS, KEA])
+def test_five_rotations_say_the_same_as_the_dependent_form(truth):
+    observations = matches(truth, 200, 4, 0.17)
+    five = solve_mixed(FiveRotations(C, C), observations)
+    dependent = solve_mixed(DependentOrientation(C, C), observations)
+    assert five.iterations <= 6 and five.sigma0 == pytest.approx(dependent.sigma0, rel=1e-9)
+    again = dependent_form(five.model.base, five.model.rotation, C, C)
+    assert np.abs(again.unknowns - dependent.model.unknowns).max() < 1e-9
+    back = five_rotation_form(dependent.model.base, dependent.model.rotation, C, C)
+    assert np.abs(back.unknowns - five.model.unknowns).max() < 1e-9
+
+
+def test_five_rotations_begin_with_the_published_parallax_equation():
+    observations = matches(VOLOS, 50, 6)
+    observations[:, 3] = observations[:, 1]
+    x1, y1, x2, y2 = observations.T
+    F, A, _ = FiveRotations(C, C).evaluate(observations)
+    published = np.column_stack([-x1, x2, x1 * y1 / C, -x2 * y2 / C, C + y2**2 / C])
+    assert np.abs(F).max() < 1e-6
+    assert np.abs(np.abs(A / C) - np.abs(published)).max() < 1e-9 * C
+    assert (np.sign(A * published).min(axis=0) == np.sign(A * published).max(axis=0)).all()
+
+
+def test_the_smallest_rotation_is_a_rotation_onto_the_other_vector():
+    rng = np.random.default_rng(1)
+    for first, second in rng.standard_normal((20, 2, 3)):
+        first, second = first / np.linalg.norm(first), second / np.linalg.norm(second)
+        R = smallest_rotation(first, second)
+        assert np.allclose(R @ R.T, np.eye(3), atol=1e-10) and np.linalg.det(R) > 0
+        assert np.allclose(R @ first, second, atol=1e-10)
+        assert np.isclose(np.arccos((np.trace(R) - 1) / 2), np.arccos(first @ second), atol=1e-6)
+
+
+def test_relative_orientation_follows_from_exterior_orientation_with_its_precision():
+    rng = np.random.default_rng(8)
+    exterior = np.array([4e5, 4.3e6, 1100, 0.02, -0.01, 3.0, 4e5 - 580, 4.3e6 + 40, 1105, 0.01, 0.03, 3.05])
+    base, rotation = from_exterior(exterior)
+    left, right = rotation_matrix(*exterior[3:6]), rotation_matrix(*exterior[9:12])
+    assert np.allclose(base, left @ (exterior[6:9] - exterior[:3]) / np.linalg.norm(exterior[6:9] - exterior[:3]))
+    assert np.allclose(rotation, right @ left.T)
+    scatter = rng.standard_normal((12, 12)) * np.tile([0.05, 0.05, 0.05, 1e-4, 1e-4, 1e-4], 2)[:, None]
+    covariance = scatter @ scatter.T
+
+    def form(b, R):
+        return dependent_form(b, R, C, C).unknowns
+
+    values, own = derived_precision(exterior, covariance, form)
+    drawn = np.array([form(*from_exterior(exterior + scatter @ rng.standard_normal(12))) for _ in range(4000)])
+    assert np.allclose(values, form(base, rotation))
+    assert np.abs(np.cov(drawn.T) / np.sqrt(np.outer(np.diag(own), np.diag(own))) - own / np.sqrt(
+        np.outer(np.diag(own), np.diag(own)))).max() < 0.1
+    together = np.block([[np.eye(3), np.zeros((3, 3)), np.eye(3), np.zeros((3, 3))], [np.zeros((3, 12))]] * 2)
+    assert np.abs(derived_precision(exterior, together.T @ together, form)[1]).max() < 1e-8
+
+
+def test_data_snooping_removes_blunders_and_says_what_it_could_have_found():
+    observations = matches(VOLOS, 300, 12, 0.17)
+    rng = np.random.default_rng(5)
+    observations[-12:, 3] += rng.choice([-1, 1], 12) * rng.uniform(2, 20, 12)
+    relative = orient_snooped(DependentOrientation(C, C), observations)
+    assert not relative.kept[-12:].any() and relative.kept[:-12].mean() > 0.99
+    solution = relative.solution
+    assert solution.redundancy_number.sum() == pytest.approx(solution.redundancy, abs=1e-6)
+    assert 0.9 < np.std(solution.standardised) < 1.1
+    smallest = solution.detectable[:, 3]
+    assert 0.17 * 4.13 < np.median(smallest) < 0.17 * 4.13 * 1.6
+    with_error = observations[relative.kept].copy()
+    with_error[40, 3] += 1.3 * smallest[40]
+    assert np.abs(solve_mixed(solution.model, with_error).standardised).argmax() == 40
+
+
+def test_weights_of_the_matches_reach_the_covariance():
+    rng = np.random.default_rng(3)
+    ratios = []
+    for seed in range(30):
+        observations = matches(VOLOS, 200, seed)
+        sigma = np.repeat(np.where(rng.random(200) < 0.5, 0.05, 0.6)[:, None], 4, axis=1)
+        solution = solve_mixed(DependentOrientation(C, C), observations + sigma * rng.standard_normal((200, 4)), sigma=sigma)
+        assert 0.8 < solution.sigma0 < 1.2
+        ratios.append((solution.model.unknowns - VOLOS) / solution.standard_errors)
+    assert 0.75 < np.std(ratios) < 1.25
+    equal = solve_mixed(DependentOrientation(C, C), observations + sigma * rng.standard_normal((200, 4)))
+    assert (solution.standard_errors < 0.5 * equal.standard_errors).all()

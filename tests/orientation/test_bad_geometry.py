@@ -1,0 +1,146 @@
+"""Geometry that does not hold: named with advice, and the rest of the block still oriented."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from orienting import orient, standardised_orientation
+from simulated_block import DRONE, TRUE_CAMERA, calibrated, one_strip, photo_of, simulate, two_strips, view
+
+from schemas.errors import GeometryError
+from schemas.photo import Photos
+from tasks.adjustment.interior import FixedInterior, FreeInterior
+
+FIXED = FixedInterior(kind="fixed")
+
+
+def names_of(out):
+    return set(out["block"].names)
+
+
+def test_a_photograph_given_twice_is_left_out():
+    block = two_strips(31)
+    ties, n = block.tie_points, len(block.photos.photos)
+    own = ties.take(ties.photo == 1)
+    both = [np.concatenate([getattr(ties, f), getattr(own, f)]) for f in ("track", "col", "row", "sigma")]
+    photo = np.concatenate([ties.photo, np.full(len(own), n, np.int32)])
+    copy = block.photos.photos[1].model_copy(update={"name": "copy"})
+    cameras = block.cameras.model_copy(update={"of_photo": block.cameras.of_photo | {"copy": "cam"}})
+    doubled = replace(
+        block,
+        tie_points=type(ties)(both[0], photo, *both[1:]),
+        photos=Photos(photos=(*block.photos.photos, copy)),
+        cameras=cameras,
+    )
+    out = orient(doubled)
+    assert names_of(out) == {v.name for v in block.views}
+    (left,) = out["block"].unoriented
+    assert left.photo == "copy" and "same photograph as s0_1" in left.reason
+    assert np.abs(standardised_orientation(block, out["block"])).max() < 4.5
+
+
+def turned_views(count):
+    """Photographs from one place, the camera turned a little between them."""
+    return [view(f"t{i}", DRONE, (407000, 4357000, 180), (3 * i, -2 * i, 90 + 5 * i)) for i in range(count)]
+
+
+def test_pure_rotation_is_named():
+    block = simulate(turned_views(3), DRONE, 1, gnss=None, control=0, check=0, tracks=400)
+    with pytest.raises(GeometryError, match="taken from one place"):
+        orient(block)
+
+
+def test_a_turned_photograph_joins_a_block_that_has_a_base():
+    strip = [view(f"d{i}", DRONE, (407000 + 20 * i, 4357000, 180), (0, 0, 90)) for i in range(5)]
+    extra = view("turned", DRONE, (407040, 4357000, 180), (4, 3, 95))
+    block = simulate([*strip, extra], DRONE, 2, gnss=1.0, control=0, check=0, tracks=900)
+    out = orient(block, interior=FIXED)
+    pair = next(p for p in out["relative"].pairs if {p.left, p.right} == {"d2", "turned"})
+    assert "pure rotation" in pair.outcome and not pair.oriented
+    assert len(names_of(out)) == 6
+    assert np.abs(standardised_orientation(block, out["block"])).max() < 4.5
+
+
+def on_a_line(block, photo):
+    """The block in which `photo` sees only tie points on a line of its frame."""
+    ties = block.tie_points
+    bad = (ties.photo == photo) & (np.abs(ties.row - 560) > 0.6)
+    return replace(block, tie_points=ties.take(~bad))
+
+
+def test_a_photograph_with_all_points_on_a_line_is_named_and_the_rest_stands():
+    block = one_strip(5, tracks=6000)
+    out = orient(on_a_line(block, 7), interior=FIXED)
+    assert len(names_of(out)) >= 7
+    if "d7" not in names_of(out):
+        (left,) = out["block"].unoriented
+        assert left.photo == "d7" and ("line" in left.reason or "too few" in left.reason)
+
+
+def flat(seed):
+    """One strip over a plane with a fully free camera and nothing but positions."""
+    rng = np.random.default_rng(seed)
+    views = [view(f"d{i}", DRONE, (407000 + 20 * i, 4357000 + rng.normal(0, 3), 180), (0, 0, 90)) for i in range(6)]
+    block = simulate(views, DRONE, seed, gnss=3.0, control=0, check=0, tracks=800)
+    points = block.ground.copy()
+    points[:, 2] = 100.0
+    ties = block.tie_points
+    col, row = ties.col.copy(), ties.row.copy()
+    for i, v in enumerate(views):
+        own = ties.photo == i
+        pixels = v.project(points[ties.track[own]]) + 0.3 * rng.standard_normal((own.sum(), 2))
+        col[own], row[own] = pixels.T
+    return replace(block, tie_points=replace(ties, col=col, row=row), ground=points)
+
+
+def test_a_free_camera_constant_over_a_plane_is_held_and_named():
+    out = orient(flat(3), interior=FreeInterior(kind="free", parameters=("c", "x0", "y0", "k1")))
+    assert len(names_of(out)) == 6
+    assert out["block"].cameras["cam"].c == DRONE.c
+    assert any("Self-calibration" in text and "kept their values" in text for text in out["precision"].weaknesses)
+
+
+def test_a_free_camera_constant_with_control_is_found():
+    block = two_strips(33)
+    out = orient(block, interior=FreeInterior(kind="free", parameters=("c", "x0", "y0", "k1", "k2")))
+    camera = out["block"].cameras["cam"]
+    sigma = np.sqrt(np.diag(np.array(camera.covariance)))
+    assert abs(camera.c - TRUE_CAMERA.c) < 4 * sigma[0]
+    assert not any("Self-calibration" in text for text in out["precision"].weaknesses)
+
+
+def with_focal_length(block, factor, source):
+    camera = calibrated(TRUE_CAMERA, np.random.default_rng(1))
+    wrong = camera.model_copy(update={"c": factor * camera.c, "covariance": None, "source": source})
+    return replace(block, cameras=block.cameras.model_copy(update={"cameras": {"cam": wrong}}))
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_a_rough_focal_length_wrong_by_two_is_mended_and_named(factor):
+    block = two_strips(34)
+    out = orient(with_focal_length(block, factor, "exif"))
+    assert out["block"].cameras["cam"].c == pytest.approx(TRUE_CAMERA.c, rel=0.05)
+    assert any("contradicts the camera constant of cam" in text for text in out["precision"].weaknesses)
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_a_fixed_focal_length_wrong_by_two_is_named(factor):
+    out = orient(with_focal_length(two_strips(34), factor, "given"))
+    (text,) = [text for text in out["precision"].weaknesses if "wrong camera constant" in text]
+    assert "px would fit" in text or "would fit" in text
+
+
+def test_positions_that_are_all_alike_do_not_place_a_block():
+    block = two_strips(35, control=0, check=0)
+    same = tuple(p.model_copy(update={"position": (0.0, 0.0, 0.0)}) for p in block.photos.photos)
+    out = orient(replace(block, photos=Photos(photos=same)), interior=FIXED)
+    assert len(names_of(out)) == 6 and out["block"].datum.startswith("Free network")
+    assert any("closer together" in text for text in out["precision"].weaknesses)
+
+
+def test_a_photograph_without_tie_points_leaves_the_rest():
+    block = two_strips(36)
+    lone = photo_of(view("lone", TRUE_CAMERA, (500000, 4357000, 1138), (0, 0, 0)))
+    cameras = block.cameras.model_copy(update={"of_photo": block.cameras.of_photo | {"lone": "cam"}})
+    out = orient(replace(block, photos=Photos(photos=(*block.photos.photos, lone)), cameras=cameras))
+    assert len(names_of(out)) == 6 and out["block"].unoriented[0].photo == "lone"
