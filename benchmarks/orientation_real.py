@@ -99,7 +99,7 @@ def _peer(root: Path, folder: Path, model: str, camera: str, fixed: bool) -> dic
     job["out"] = str(root / "colmap")
     (root / "colmap.json").write_text(json.dumps(job))
     subprocess.run([PEER, Path(__file__).with_name("colmap_block.py"), root / "colmap.json"], check=True, capture_output=True)
-    return json.loads((root / "colmap" / "result.json").read_text())
+    return {**json.loads((root / "colmap" / "result.json").read_text()), "total": len(names)}
 
 
 def row_of(name: str, run: Path, cpu: float, known: str, peer: dict | None = None, peer_known: str = "") -> Row:
@@ -183,7 +183,7 @@ def page(rows: list[Row], failures: list[str]) -> str:
         if r.peer:
             p = r.peer
             table.append(
-                f"| {r.name}, COLMAP {p['version']} | {p['photos']} | {p['points']} | {p['error_px']:.3f} | {p['cpu_seconds']:.0f} "
+                f"| {r.name}, COLMAP {p['version']} | {p['photos']} of {p['total']} | {p['points']} | {p['error_px']:.3f} | {p['cpu_seconds']:.0f} "
                 f"| {r.peer_known} |"
             )
     missing = [line for failure in failures for line in ("", failure)]
