@@ -183,8 +183,8 @@ def page(rows: list[Row], failures: list[str]) -> str:
         if r.peer:
             p = r.peer
             table.append(
-                f"| {r.name}, COLMAP {p['version']} | {p['photos']} of {p['total']} | {p['points']} | {p['error_px']:.3f} | {p['cpu_seconds']:.0f} "
-                f"| {r.peer_known} |"
+                f"| {r.name}, COLMAP {p['version']} | {p['photos']} of {p['total']} | {p['points']} | {p['error_px']:.3f} "
+                f"| {p['cpu_seconds']:.0f} | {r.peer_known} |"
             )
     missing = [line for failure in failures for line in ("", failure)]
     missing += [] if PEER.exists() else ["", "COLMAP was not installed in this run; see benchmarks/orientation_real.py."]
