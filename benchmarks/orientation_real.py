@@ -46,6 +46,10 @@ NGI_GSD = 5.9
 """m"""
 
 
+class NotOriented(Exception):
+    """A run failed; what it said."""
+
+
 @dataclass(frozen=True)
 class Row:
     """One block. `known`: what the truth says, in words; `peer`: COLMAP's result.json, if it ran."""
@@ -81,7 +85,8 @@ def _run(root: Path, name: str, folder: Path, pattern: str, parts: dict[str, str
     run = orthomill(root, "run", name)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     if run.code:
-        raise SystemExit(f"{name} failed:\n{run.output[-3000:]}")
+        said = [line for line in run.output.splitlines() if line.startswith("failed ")]
+        raise NotOriented(said[-1] if said else run.output[-300:])
     return root / "runs" / name, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
@@ -94,10 +99,10 @@ def _peer(root: Path, folder: Path, model: str, camera: str, fixed: bool) -> dic
     job["out"] = str(root / "colmap")
     (root / "colmap.json").write_text(json.dumps(job))
     subprocess.run([PEER, Path(__file__).with_name("colmap_block.py"), root / "colmap.json"], check=True, capture_output=True)
-    return json.loads((root / "colmap" / "result.json").read_text())
+    return {**json.loads((root / "colmap" / "result.json").read_text()), "total": len(names)}
 
 
-def _row(name: str, run: Path, cpu: float, known: str, peer: dict | None = None, peer_known: str = "") -> Row:
+def row_of(name: str, run: Path, cpu: float, known: str, peer: dict | None = None, peer_known: str = "") -> Row:
     block = Block.model_validate_json((run / "tables/orientation/block.json").read_bytes())
     total = len(block.photos) + len(block.unoriented)
     points = int(figure(run, "orientation", "tie_points") or 0)
@@ -116,7 +121,7 @@ def brighton(root: Path, folder: Path, name: str) -> Row:
     run, cpu = _run(root, name, folder, "*.JPG", parts, "weighted")
     plan, height = (figure(run, "orientation", f"gnss_rmse_{word}") for word in ("plan", "height"))
     known = f"GPS residuals {plan:.2f} m in plan, {height:.2f} m in height"
-    return _row(name, run, cpu, known, _peer(root, folder, "OPENCV", "", False))
+    return row_of(name, run, cpu, known, _peer(root, folder, "OPENCV", "", False))
 
 
 def fountain(root: Path) -> Row:
@@ -129,7 +134,7 @@ def fountain(root: Path) -> Row:
     peer = _peer(root, folder, "PINHOLE", ",".join(map(str, K)), True)
     theirs = _words(agreement(colmap_poses(root / "colmap" / "images.txt"), truth), 1000.0, "mm") if peer else ""
     own = _words(agreement(block_poses(run / "tables/orientation/block.json"), truth), 1000.0, "mm")
-    return _row("fountain_p11", run, cpu, own, peer, theirs)
+    return row_of("fountain_p11", run, cpu, own, peer, theirs)
 
 
 def ngi(root: Path) -> Row:
@@ -137,7 +142,7 @@ def ngi(root: Path) -> Row:
     parts = {"crs": "EPSG:2048", "cameras": "{kind: given, c: 833.333}", "positions": "{kind: none}"}
     run, cpu = _run(root, "ngi", DATA / "ngi", "*_RGB.tif", parts, "fixed")
     found = agreement(block_poses(run / "tables/orientation/block.json"), angle_file_poses(DATA / "ngi" / "camera_pos_ori.txt"))
-    return _row("ngi", run, cpu, _words(found, 1.0, f"m (GSD {NGI_GSD} m)"))
+    return row_of("ngi", run, cpu, _words(found, 1.0, f"m (GSD {NGI_GSD} m)"))
 
 
 def stone_wall(root: Path) -> Row:
@@ -151,7 +156,7 @@ def stone_wall(root: Path) -> Row:
         "control": "{kind: files, points: control/points.csv, measurements: control/measured.csv}",
     }  # fmt: skip
     run, cpu = _run(root, "stone_wall", DATA / "stone_wall", "*.JPG", parts, "weighted")
-    return _row("stone_wall", run, cpu, _against_micmac(run))
+    return row_of("stone_wall", run, cpu, _against_micmac(run))
 
 
 def _against_micmac(run: Path) -> str:
@@ -169,7 +174,8 @@ def _words(found: Agreement, factor: float, unit: str) -> str:
             f"{found.angle_mean:.3f} degrees on average, largest {found.angle_largest:.3f}")  # fmt: skip
 
 
-def _page(rows: list[Row]) -> str:
+def page(rows: list[Row], failures: list[str]) -> str:
+    """The page of results."""
     head = ["# Orientation of real photographs", "", f"`make bench-orientation`, {machine()}.", ""]
     table = ["| block | photos | tie points | mean residual px | CPU s | what is known |", "| --- | --- | --- | --- | --- | --- |"]
     for r in rows:
@@ -177,10 +183,11 @@ def _page(rows: list[Row]) -> str:
         if r.peer:
             p = r.peer
             table.append(
-                f"| {r.name}, COLMAP {p['version']} | {p['photos']} | {p['points']} | {p['error_px']:.3f} | {p['cpu_seconds']:.0f} "
-                f"| {r.peer_known} |"
+                f"| {r.name}, COLMAP {p['version']} | {p['photos']} of {p['total']} | {p['points']} | {p['error_px']:.3f} "
+                f"| {p['cpu_seconds']:.0f} | {r.peer_known} |"
             )
-    missing = [] if PEER.exists() else ["", "COLMAP was not installed in this run; see benchmarks/orientation_real.py."]
+    missing = [line for failure in failures for line in ("", failure)]
+    missing += [] if PEER.exists() else ["", "COLMAP was not installed in this run; see benchmarks/orientation_real.py."]
     return "\n".join([*head, *table, *missing, ""])
 
 
@@ -194,11 +201,15 @@ def main() -> None:
     else:
         print(f"The shared photographs are not at {DATA}; only the reduced Brighton block is measured.")
     rows: list[Row] = []
+    failures: list[str] = []
     with tempfile.TemporaryDirectory(prefix="orthomill_orientation_") as folder:
         _warm(Path(folder) / "warm")
         for name in sys.argv[1:] or blocks:
-            rows.append(blocks[name](Path(folder) / name))
-            write_result("orientation_real", _page(rows))
+            try:
+                rows.append(blocks[name](Path(folder) / name))
+            except NotOriented as error:
+                failures.append(f"{name} was not oriented: {error}")
+            write_result("orientation_real", page(rows, failures))
 
 
 if __name__ == "__main__":

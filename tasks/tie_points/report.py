@@ -209,8 +209,8 @@ def _warnings(photos: Photos, strength: Strength, summaries: tuple[PairSummary, 
         if count and share < 0.25
     ]
     warnings = [
-        f"{pair.left} and {pair.right} are the same picture, or two from one place: they are not compared with each other, and "
-        "what they measure counts twice. Take one of them out."
+        f"{pair.left} and {pair.right} are the same picture, or two from one place: {pair.right} is left out, for it would only "
+        "repeat the measurements of the other. Take one of them out of the project."
         for pair in summaries
         if pair.alike
     ]

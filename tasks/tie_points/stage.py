@@ -237,6 +237,7 @@ class TiePointsStage(Stage):
             reads={
                 "features": tuple(_features(name)[0] for name in names),
                 "matches": tuple(_pair_tables(names[left], names[right])[0] for left, right in pairs),
+                "summaries": tuple(_pair_tables(names[left], names[right])[1] for left, right in pairs),
             },
             writes={"links": LINKS, **writes},
             params={"pairs": pairs, "sizes": tuple((photo.width, photo.height) for photo in photos.photos)},

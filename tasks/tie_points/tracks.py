@@ -13,7 +13,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from schemas.errors import GeometryError
-from tasks.tie_points.records import Features, Links, Observations, PairMatches
+from tasks.tie_points.records import Features, Links, Observations, PairMatches, PairSummary
 
 
 def observation_key(photo: int) -> str:
@@ -26,11 +26,16 @@ def build_tracks(
     matches: tuple[PairMatches, ...],
     pairs: tuple[tuple[int, int], ...],
     sizes: tuple[tuple[int, int], ...],
+    summaries: tuple[PairSummary, ...] = (),
 ) -> dict[str, Any]:
     """Observations of every photograph and the links between photographs.
 
-    matches: one per pair of photograph numbers; sizes: (width, height) of the photographs. Raises GeometryError without matches.
+    matches, summaries: one per pair of photograph numbers; sizes: (width, height) of the photographs. Of two photographs that stand
+    still against each other the second is left out: its measurements would repeat those of the first, errors and all. Raises
+    GeometryError without matches.
     """
+    twins = {right for (_, right), summary in zip(pairs, summaries, strict=False) if summary.alike}
+    matches = tuple(found.take(slice(0)) if twins & set(pair) else found for found, pair in zip(matches, pairs, strict=True))
     if not any(len(found) for found in matches):
         raise GeometryError(
             f"None of the {len(pairs)} pairs of the {len(features)} photographs shows common ground: too few points "

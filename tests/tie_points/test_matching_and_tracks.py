@@ -230,3 +230,12 @@ def test_matches_at_the_same_place_tell_the_same_picture():
     assert stand_still((here, here + rng.normal(0, 0.2, here.shape)))
     assert not stand_still((here, here + np.array([5.0, 0.0]))), "a small base is a base"
     assert not stand_still((here[:10], here[:10]))
+
+
+def test_a_twin_takes_no_part_in_tracks():
+    tables = tuple(Features(*(np.arange(20.0) * k for k in (1, 2)), *(np.ones(20, np.float32),) * 3) for _ in range(3))
+    same = PairMatches(np.arange(20, dtype=np.int32), np.arange(20, dtype=np.int32))
+    pairs = ((0, 1), (0, 2), (1, 2))
+    summaries = tuple(PairSummary(left=str(i), right=str(j), tentative=20, inliers=20, alike=(i, j) == (0, 1)) for i, j in pairs)
+    tracks = build_tracks(tables, (same, same, same), pairs, ((100, 100),) * 3, summaries)
+    assert [len(tracks[observation_key(number)]) for number in range(3)] == [20, 0, 20]
