@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from schemas.raster import Window
-from tasks.matching.least_squares import Matches
+from tasks.matching.least_squares.matching import Matches
 from tasks.simulation.dissertation_pair import CLEAN, GroundTexture, PairCrop, Radiometry, check_points, pair_crop
 from tasks.simulation.dissertation_surface import Photo, intersected, surface_points, true_matches
 

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from schemas.raster import Window
-from tasks.matching.dense import BLOCK, DenseMatching, ParallaxRange, left_window, match_block, placed, right_window
+from tasks.matching.dense.blocks import BLOCK, DenseMatching, ParallaxRange, left_window, match_block, placed, right_window
 
 
 def semi_global_opencv(left: np.ndarray, right: np.ndarray, low: float, high: float, checked: bool = False) -> np.ndarray:

@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 
 from benchmarks.measured_run import ROOT, machine, write_result
-from tasks.matching.least_squares import match_points, prepare
-from tasks.matching.matching_model import Ellipse, LeastSquaresMatching, published
+from tasks.matching.least_squares.matching import match_points, prepare
+from tasks.matching.least_squares.model import Ellipse, LeastSquaresMatching, published
 
 AFFINE = np.array([[0.97, -0.03], [0.02, 1.03]])
 SHIFT = np.array([3.3, -4.7])

@@ -16,12 +16,12 @@ from benchmarks.matching_peers import densification, semi_global_opencv
 from benchmarks.matching_published import EXTRACTION
 from benchmarks.matching_windows import SHAPES
 from schemas.raster import Window
-from tasks.matching.dense import DenseMatching
-from tasks.matching.least_squares import Matches
-from tasks.matching.matching_model import published
-from tasks.matching.node_grid import ImagePart, NodeGrid
-from tasks.matching.pyramid_matching import PyramidMatching, SearchRange, match_pyramid
-from tasks.matching.region_growing import RegionGrowing, Seeds, found_seeds, grow
+from tasks.matching.dense.blocks import DenseMatching
+from tasks.matching.least_squares.matching import Matches
+from tasks.matching.least_squares.model import published
+from tasks.matching.strategies.node_grid import ImagePart, NodeGrid
+from tasks.matching.strategies.pyramid import PyramidMatching, SearchRange, match_pyramid
+from tasks.matching.strategies.region_growing import RegionGrowing, Seeds, found_seeds, grow
 from tasks.simulation.dissertation_pair import CLEAN, NOISY, GroundTexture, PairCrop, check_points, pair_crop
 from tasks.simulation.dissertation_surface import Photo, intersected, surface_points, true_matches
 

@@ -15,11 +15,11 @@ import numpy as np
 from benchmarks import matching_published as published_tables
 from benchmarks.matching_experiment import Experiment, Score, score
 from benchmarks.matching_published import Published
-from tasks.matching.cascade import CascadeMatching, match_cascade
-from tasks.matching.least_squares import PreparedImage, match_points, prepare
-from tasks.matching.matching_model import Ellipse, LeastSquaresMatching, Square, published
-from tasks.matching.window_calibration import calibrated, last_limits
-from tasks.matching.window_size import (
+from tasks.matching.least_squares.matching import PreparedImage, match_points, prepare
+from tasks.matching.least_squares.model import Ellipse, LeastSquaresMatching, Square, published
+from tasks.matching.strategies.cascade import CascadeMatching, match_cascade
+from tasks.matching.windows.calibration import calibrated, last_limits
+from tasks.matching.windows.sizes import (
     CombinedWindow,
     EntropyWindow,
     FoerstnerWindow,

@@ -13,13 +13,20 @@ from benchmarks.measured_run import ROOT, machine, write_result
 from pipeline.image_files import read_header, read_pixels
 from schemas.raster import Window
 from tasks.imagery.radiometry import grey_bytes
-from tasks.matching.correlation import Correlation, correlate
-from tasks.matching.interest_points import FoerstnerPoints, HarrisPoints, interest_points
-from tasks.matching.least_squares import match_points
-from tasks.matching.matching_model import LeastSquaresMatching
-from tasks.matching.window_calibration import LIMITS, calibrated, last_limits
-from tasks.matching.window_map import size_map
-from tasks.matching.window_size import CombinedWindow, EntropyWindow, FoerstnerWindow, StatisticalWindow, grey_levels, window_sizes
+from tasks.matching.least_squares.matching import match_points
+from tasks.matching.least_squares.model import LeastSquaresMatching
+from tasks.matching.points.correlation import Correlation, correlate
+from tasks.matching.points.interest_points import FoerstnerPoints, HarrisPoints, interest_points
+from tasks.matching.windows.calibration import LIMITS, calibrated, last_limits
+from tasks.matching.windows.size_map import size_map
+from tasks.matching.windows.sizes import (
+    CombinedWindow,
+    EntropyWindow,
+    FoerstnerWindow,
+    StatisticalWindow,
+    grey_levels,
+    window_sizes,
+)
 
 PHOTO = ROOT / "workflows" / "photographs" / "brighton" / "DJI_0018.JPG"
 POINTS, REPETITIONS, SHARE = 20_000, 5, 0.95

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict
 from schemas.epipolar import EpipolarPair
 from schemas.outcome import Outcome
 from schemas.raster import Window
-from tasks.matching.dense import BLOCK, DenseMatching, ParallaxRange, left_window, match_block, placed, right_window
+from tasks.matching.dense.blocks import BLOCK, DenseMatching, ParallaxRange, left_window, match_block, placed, right_window
 
 PRECISION_EDGES = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5)
 """classes of the standard error of a parallax, px"""

@@ -34,7 +34,7 @@ from tasks.densification.surface_tile import (
     surface_scratch,
 )
 from tasks.geometry.epipolar_window import box_corners, node_window, nodes_shape
-from tasks.matching.dense import BLOCK, DenseMatching, scratch_bytes
+from tasks.matching.dense.blocks import BLOCK, DenseMatching, scratch_bytes
 
 CELLS = Table("densification/cells.json", SurfaceStatistics)
 

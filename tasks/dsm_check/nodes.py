@@ -20,8 +20,8 @@ from schemas.settings import Settings, setting
 from tasks.dsm_check.height_correction import Centres, PlanCorrection, RayCorrection, correct
 from tasks.dsm_check.orthoimage import height_at
 from tasks.dsm_check.search import OrthoPair, ShiftSearch, distance_back, ortho_pair, shifts
-from tasks.matching.least_squares import Matches, match_points
-from tasks.matching.matching_model import LeastSquaresMatching
+from tasks.matching.least_squares.matching import Matches, match_points
+from tasks.matching.least_squares.model import LeastSquaresMatching
 from tasks.matching.smoothing import reach_of
 
 BANDS = ("dh", "east", "south", "sigma", "correlation", "outcome")

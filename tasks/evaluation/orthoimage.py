@@ -22,8 +22,8 @@ from schemas.orientation import Block
 from schemas.raster import Window
 from schemas.truth import OPEN_MATERIALS, Material
 from tasks.geometry.view import block_view
-from tasks.matching.least_squares import match_points
-from tasks.matching.matching_model import LeastSquaresMatching
+from tasks.matching.least_squares.matching import match_points
+from tasks.matching.least_squares.model import LeastSquaresMatching
 
 HALO = 34
 """Pixels around a tile: the matching window with its smoothing and pull-in range, and the way to the nearest roof."""

@@ -19,9 +19,9 @@ from schemas.errors import PhotoError, WorkflowError
 from schemas.inspection import PhotoFile, PhotoMap
 from schemas.raster import Window
 from tasks.imagery.radiometry import grey_bytes, grey_range
-from tasks.matching.window_calibration import LIMITS, Calibration, calibrated, last_limits
-from tasks.matching.window_map import halo, published_levels, size_map
-from tasks.matching.window_size import (
+from tasks.matching.windows.calibration import LIMITS, Calibration, calibrated, last_limits
+from tasks.matching.windows.size_map import halo, published_levels, size_map
+from tasks.matching.windows.sizes import (
     CombinedWindow,
     EntropyWindow,
     FixedWindow,

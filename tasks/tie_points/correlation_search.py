@@ -19,8 +19,8 @@ from schemas.camera import Cameras
 from schemas.settings import Settings, setting
 from tasks.imagery.pyramid import full_to_level, level_to_full
 from tasks.imagery.radiometry import grey_bytes, grey_range
-from tasks.matching.correlation import Correlation, correlate, correlation_surface
-from tasks.matching.interest_points import HarrisPoints, interest_points
+from tasks.matching.points.correlation import Correlation, correlate, correlation_surface
+from tasks.matching.points.interest_points import HarrisPoints, interest_points
 from tasks.tie_points.features import Detection, strongest_in_cells
 from tasks.tie_points.pair_matching import PairRules, accepted_matches
 from tasks.tie_points.records import DESCRIPTOR, Features, Values

@@ -16,8 +16,8 @@ import numpy as np
 from schemas.camera import Cameras
 from schemas.outcome import Outcome
 from tasks.imagery.pyramid import level_to_full
-from tasks.matching.least_squares import match_points
-from tasks.matching.matching_model import LeastSquaresMatching
+from tasks.matching.least_squares.matching import match_points
+from tasks.matching.least_squares.model import LeastSquaresMatching
 from tasks.matching.smoothing import reach_of
 from tasks.tie_points.pair_matching import epipolar_scatter
 from tasks.tie_points.patches import joined_patches, nearest_pixels

@@ -24,7 +24,7 @@ from schemas.report import report_table
 from schemas.settings import Settings, setting
 from schemas.stage import ProjectView, Stage
 from tasks.imagery.pyramid import level_shape
-from tasks.matching.matching_model import LeastSquaresMatching
+from tasks.matching.least_squares.model import LeastSquaresMatching
 from tasks.tie_points.appearance import SAMPLE, WORDS, Candidates, Signature, alike, sample, signature, vocabulary
 from tasks.tie_points.assembly import Weighting
 from tasks.tie_points.correlation_search import CorrelationSearch, correlate_pair, tile_interest_points

@@ -13,7 +13,7 @@ from schemas.report import report_table
 from schemas.surface import COUNT, HEIGHT, PRECISION, PROVENANCE, SURFACE
 from tasks.densification.filling import Interpolate
 from tasks.densification.stage import DensificationStage, nodes_raster, outcome_raster
-from tasks.matching.dense import DenseMatching
+from tasks.matching.dense.blocks import DenseMatching
 
 STAGE = DensificationStage(matching=DenseMatching(step=4))
 

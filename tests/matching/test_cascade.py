@@ -5,8 +5,8 @@ import pytest
 
 from schemas.outcome import Outcome
 from schemas.raster import Window
-from tasks.matching.cascade import CascadeMatching, match_cascade
-from tasks.matching.least_squares import match_points
+from tasks.matching.least_squares.matching import match_points
+from tasks.matching.strategies.cascade import CascadeMatching, match_cascade
 from tasks.simulation.dissertation_pair import PairCrop, ground_texture, pair_crop
 from tasks.simulation.dissertation_surface import true_matches
 

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from schemas.outcome import Outcome
-from tasks.matching.correlation import Correlation, correlate, correlation_surface
-from tasks.matching.sub_pixel import paraboloid_peaks
+from tasks.matching.points.correlation import Correlation, correlate, correlation_surface
+from tasks.matching.points.sub_pixel import paraboloid_peaks
 
 SETTINGS = Correlation(template=15, search=45)
 

@@ -9,7 +9,7 @@ from village_pair import normal_case, render, village
 
 from schemas.outcome import Outcome
 from schemas.raster import Window
-from tasks.matching.dense import (
+from tasks.matching.dense.blocks import (
     BLOCK,
     HALO,
     DenseMatching,
@@ -21,7 +21,7 @@ from tasks.matching.dense import (
     right_window,
     scratch_bytes,
 )
-from tasks.matching.semi_global import SemiGlobal, _costs, _sweep, census, remove_specks, semi_global
+from tasks.matching.dense.semi_global import SemiGlobal, _costs, _sweep, census, remove_specks, semi_global
 from tasks.matching.smoothing import with_gaps
 
 CONES = Path(__file__).parents[3] / "shared" / "data" / "cones"

@@ -5,7 +5,8 @@ import pytest
 from scipy import ndimage
 
 from schemas.raster import Window, tiles_of
-from tasks.matching.interest_points import (
+from tasks.matching.points.distribution import GridDistribution, GruberDistribution, distributed, gruber_areas
+from tasks.matching.points.interest_points import (
     FoerstnerPoints,
     HarrisPoints,
     InterestPoints,
@@ -14,7 +15,6 @@ from tasks.matching.interest_points import (
     strength,
     structure_tensor,
 )
-from tasks.matching.point_distribution import GridDistribution, GruberDistribution, distributed, gruber_areas
 
 DETECTORS = (HarrisPoints(), FoerstnerPoints())
 each_detector = pytest.mark.parametrize("detector", DETECTORS, ids=lambda detector: detector.kind)

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from schemas.outcome import Outcome
-from tasks.matching.least_squares import PreparedImage, match_points, prepare
-from tasks.matching.matching_model import (
+from tasks.matching.least_squares.matching import PreparedImage, match_points, prepare
+from tasks.matching.least_squares.model import (
     PUBLISHED,
     RECOMMENDED,
     Ellipse,

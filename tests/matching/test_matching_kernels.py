@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from tasks.matching.least_squares import PreparedImage, match_points
-from tasks.matching.matching_model import Forward, LeastSquaresMatching
-from tasks.matching.small_systems import factor, invert, solve
+from tasks.matching.least_squares.matching import PreparedImage, match_points
+from tasks.matching.least_squares.model import Forward, LeastSquaresMatching
+from tasks.matching.least_squares.small_systems import factor, invert, solve
 
 HALF, PIXEL, START = 4, np.array([30, 28]), np.array([31.3, 27.6])
 AFFINE = np.array([1.02, -0.03, 0.01, 0.98])

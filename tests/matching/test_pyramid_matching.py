@@ -5,8 +5,8 @@ import pytest
 
 from schemas.outcome import Outcome
 from schemas.raster import Window
-from tasks.matching.node_grid import ImagePart, NodeGrid
-from tasks.matching.pyramid_matching import PyramidMatching, SearchRange, halo, halved_part, match_pyramid
+from tasks.matching.strategies.node_grid import ImagePart, NodeGrid
+from tasks.matching.strategies.pyramid import PyramidMatching, SearchRange, halo, halved_part, match_pyramid
 from tasks.simulation.dissertation_pair import NOISY, PairCrop, ground_texture, pair_crop
 from tasks.simulation.dissertation_surface import true_matches
 

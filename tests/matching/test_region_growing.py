@@ -5,10 +5,10 @@ import pytest
 
 from schemas.outcome import Outcome
 from schemas.raster import Window
-from tasks.matching.growth_queue import pop_each, push, push_neighbours, queues_for
-from tasks.matching.node_grid import ImagePart, NodeGrid
-from tasks.matching.pyramid_matching import PyramidMatching, SearchRange
-from tasks.matching.region_growing import RegionGrowing, Seeds, found_seeds, grow, halo, region_cover
+from tasks.matching.strategies.growth_queue import pop_each, push, push_neighbours, queues_for
+from tasks.matching.strategies.node_grid import ImagePart, NodeGrid
+from tasks.matching.strategies.pyramid import PyramidMatching, SearchRange
+from tasks.matching.strategies.region_growing import RegionGrowing, Seeds, found_seeds, grow, halo, region_cover
 from tasks.simulation.dissertation_pair import PairCrop, ground_texture, pair_crop
 from tasks.simulation.dissertation_surface import true_matches
 

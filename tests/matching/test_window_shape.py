@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tasks.matching.matching_model import Ellipse, Square, reach_of_window
-from tasks.matching.window_shape import ellipse_axes, ellipse_window, pixels_of, square_window
+from tasks.matching.least_squares.model import Ellipse, Square, reach_of_window
+from tasks.matching.least_squares.window_shape import ellipse_axes, ellipse_window, pixels_of, square_window
 
 
 def members(half, ratio, angle, offset=(0.0, 0.0)):

@@ -10,10 +10,10 @@ from scipy import ndimage
 from schemas.errors import WorkflowError
 from schemas.outcome import Outcome
 from schemas.raster import Window, tiles_of
-from tasks.matching.window_calibration import calibrated, last_limits
-from tasks.matching.window_map import halo, published_levels, size_map
-from tasks.matching.window_measures import Growth, border_rooms, data_rooms, entropy, gradient_weights, statistics
-from tasks.matching.window_size import (
+from tasks.matching.windows.calibration import calibrated, last_limits
+from tasks.matching.windows.measures import Growth, border_rooms, data_rooms, entropy, gradient_weights, statistics
+from tasks.matching.windows.size_map import halo, published_levels, size_map
+from tasks.matching.windows.sizes import (
     CombinedWindow,
     EntropyWindow,
     FixedWindow,

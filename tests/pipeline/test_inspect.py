@@ -16,8 +16,8 @@ from pipeline.cli import app
 from schemas.raster import Window
 from tasks.inspections import window_size
 from tasks.inspections.window_size import Method, sizing_of
-from tasks.matching.window_map import published_levels, size_map
-from tasks.matching.window_size import grey_levels
+from tasks.matching.windows.size_map import published_levels, size_map
+from tasks.matching.windows.sizes import grey_levels
 
 
 def photograph() -> np.ndarray:

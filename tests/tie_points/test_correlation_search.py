@@ -7,8 +7,8 @@ from textured_plane import CAMERA, NAMES, cameras, photograph, texture, true_par
 from schemas.raster import Window, tiles_of
 from tasks.geometry.rotation import rotation_matrix
 from tasks.geometry.view import View
-from tasks.matching.correlation import Correlation
-from tasks.matching.interest_points import HarrisPoints
+from tasks.matching.points.correlation import Correlation
+from tasks.matching.points.interest_points import HarrisPoints
 from tasks.tie_points.correlation_search import CorrelationSearch, correlate_pair, mean_parallax, tile_interest_points
 from tasks.tie_points.features import Detection, photo_features
 from tasks.tie_points.pair_matching import PairRules

@@ -6,7 +6,7 @@ from textured_plane import CAMERA, NAMES, cameras, photograph, texture, true_par
 
 from schemas.outcome import Outcome
 from schemas.raster import Window, tiles_of
-from tasks.matching.matching_model import LeastSquaresMatching
+from tasks.matching.least_squares.model import LeastSquaresMatching
 from tasks.tie_points.assembly import Weighting, assemble
 from tasks.tie_points.features import CELL, Detection, photo_features, tile_features
 from tasks.tie_points.pair_matching import PairRules, epipolar_agreement, epipolar_scatter, match_pair

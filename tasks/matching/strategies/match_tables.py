@@ -3,7 +3,7 @@
 import numpy as np
 
 from schemas.outcome import Outcome
-from tasks.matching.least_squares import Matches
+from tasks.matching.least_squares.matching import Matches
 
 
 def moved(found: Matches, left: np.ndarray, right: np.ndarray) -> Matches:

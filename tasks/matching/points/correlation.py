@@ -20,8 +20,8 @@ import numpy as np
 
 from schemas.outcome import Outcome
 from schemas.settings import Settings, setting
+from tasks.matching.points.sub_pixel import paraboloid_peaks
 from tasks.matching.smoothing import with_gaps
-from tasks.matching.sub_pixel import paraboloid_peaks
 
 cv2.setNumThreads(1)
 

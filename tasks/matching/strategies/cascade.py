@@ -12,9 +12,9 @@ Source: methods/measured.md, window experiments.
 import numpy as np
 
 from schemas.settings import Settings, setting
-from tasks.matching.least_squares import Matches, match_points, prepare
-from tasks.matching.match_tables import merged
-from tasks.matching.matching_model import LeastSquaresMatching
+from tasks.matching.least_squares.matching import Matches, match_points, prepare
+from tasks.matching.least_squares.model import LeastSquaresMatching
+from tasks.matching.strategies.match_tables import merged
 
 _FIND = LeastSquaresMatching(window=27, smoothing=1.2, interpolation="bilinear", stop=0.05, min_gradient=0.1)
 _MEASURE = LeastSquaresMatching(window=21, smoothing=0.6, max_shift=1.5, min_gradient=0.1)

@@ -10,7 +10,7 @@ Strategy
 import numpy as np
 from numba import njit
 
-from tasks.matching.resampling_kernels import EXACT, bicubic, bilinear
+from tasks.matching.least_squares.resampling import EXACT, bicubic, bilinear
 
 PAD = 2
 """Zeros between the rows of a block, at least: the correlation of residuals reaches that far."""

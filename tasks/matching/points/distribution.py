@@ -13,7 +13,7 @@ from pydantic import Field
 
 from schemas.raster import Window
 from schemas.settings import Settings, setting
-from tasks.matching.interest_points import InterestPoints
+from tasks.matching.points.interest_points import InterestPoints
 
 
 class GridDistribution(Settings):

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from schemas.errors import WorkflowError
-from tasks.matching.window_measures import entropy, gradient_weights, statistics
-from tasks.matching.window_size import (
+from tasks.matching.windows.measures import entropy, gradient_weights, statistics
+from tasks.matching.windows.sizes import (
     CombinedWindow,
     EntropyWindow,
     FixedWindow,

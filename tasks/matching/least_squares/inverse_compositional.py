@@ -13,12 +13,21 @@ Source: Baker & Matthews 2004; methods/matching_windows.md 2.1 (rows 1 to 3); ma
 import numpy as np
 from numba import njit
 
-from tasks.matching import results
-from tasks.matching.matching_model import LEAST_AREA
-from tasks.matching.resampling_kernels import leaves, nearest_pixel, on_lattice
-from tasks.matching.shift_precision import correlated, dot, influence
-from tasks.matching.template import FLAT, ZERO, Template, build_template, ellipse_of, solve_shift, unknowns_of, work_for
-from tasks.matching.window_block import block_pitch, gradient_moments, grey_sums, warp_window
+from tasks.matching.least_squares import results
+from tasks.matching.least_squares.model import LEAST_AREA
+from tasks.matching.least_squares.resampling import leaves, nearest_pixel, on_lattice
+from tasks.matching.least_squares.shift_precision import correlated, dot, influence
+from tasks.matching.least_squares.template import (
+    FLAT,
+    ZERO,
+    Template,
+    build_template,
+    ellipse_of,
+    solve_shift,
+    unknowns_of,
+    work_for,
+)
+from tasks.matching.least_squares.window_block import block_pitch, gradient_moments, grey_sums, warp_window
 
 _RESHAPED = 5
 """Iterations after which an ellipse keeps its shape: small ones can go to and fro between two, for ever."""

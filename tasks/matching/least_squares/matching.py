@@ -17,10 +17,10 @@ from typing import Literal
 import numpy as np
 
 from schemas.outcome import Outcome
-from tasks.matching import results as column
-from tasks.matching.forward_matching import match_forward
-from tasks.matching.inverse_compositional import match_inverse
-from tasks.matching.matching_model import LEAST_AREA, MOST_HALF, Forward, LeastSquaresMatching, reach_of_window, rules_of
+from tasks.matching.least_squares import results as column
+from tasks.matching.least_squares.forward import match_forward
+from tasks.matching.least_squares.inverse_compositional import match_inverse
+from tasks.matching.least_squares.model import LEAST_AREA, MOST_HALF, Forward, LeastSquaresMatching, reach_of_window, rules_of
 from tasks.matching.smoothing import smoothed, with_gaps
 
 _FARTHEST = 1e9

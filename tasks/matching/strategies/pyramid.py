@@ -23,11 +23,11 @@ from numba import njit
 
 from schemas.outcome import Outcome
 from schemas.settings import Settings, setting
-from tasks.matching.least_squares import Matches
-from tasks.matching.match_tables import merged, rejected, taken
-from tasks.matching.matching_model import LeastSquaresMatching
-from tasks.matching.node_grid import ImagePart, NodeGrid, PreparedPair, agreement, from_neighbours
+from tasks.matching.least_squares.matching import Matches
+from tasks.matching.least_squares.model import LeastSquaresMatching
 from tasks.matching.smoothing import reach_of, with_gaps
+from tasks.matching.strategies.match_tables import merged, rejected, taken
+from tasks.matching.strategies.node_grid import ImagePart, NodeGrid, PreparedPair, agreement, from_neighbours
 
 _UNSOLVED = 1e-3
 """Weight of a node that only hands down its start, beside solved ones."""

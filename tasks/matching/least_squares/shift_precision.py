@@ -8,7 +8,7 @@ noise after the Gaussian, cut at two pixels, separable, so that C a is one short
 import numpy as np
 from numba import njit
 
-from tasks.matching.resampling_kernels import EXACT
+from tasks.matching.least_squares.resampling import EXACT
 
 
 @njit(cache=True, error_model="numpy")

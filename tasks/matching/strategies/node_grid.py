@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from tasks.matching.least_squares import Matches, PreparedImage, match_points, prepare
-from tasks.matching.match_tables import moved
-from tasks.matching.matching_model import LeastSquaresMatching
+from tasks.matching.least_squares.matching import Matches, PreparedImage, match_points, prepare
+from tasks.matching.least_squares.model import LeastSquaresMatching
+from tasks.matching.strategies.match_tables import moved
 
 
 @dataclass(frozen=True, eq=False)

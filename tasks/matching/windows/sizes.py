@@ -19,7 +19,7 @@ from pydantic import Field, model_validator
 
 from schemas.outcome import Outcome
 from schemas.settings import Settings, setting
-from tasks.matching.window_measures import Growth, border_rooms, data_rooms, entropy, gradient_weights, statistics
+from tasks.matching.windows.measures import Growth, border_rooms, data_rooms, entropy, gradient_weights, statistics
 
 _BATCH = 16384
 """points that are measured at a time"""

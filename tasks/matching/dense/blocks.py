@@ -28,11 +28,11 @@ from scipy import ndimage
 from schemas.outcome import Outcome
 from schemas.raster import Window
 from schemas.settings import Settings, setting
-from tasks.matching.epipolar_least_squares import EpipolarLimits, NodeParallaxes, StartSurface, match_nodes
-from tasks.matching.least_squares import PreparedImage, match_points
-from tasks.matching.matching_model import LeastSquaresMatching
-from tasks.matching.resampling_kernels import cubic_weights
-from tasks.matching.semi_global import SemiGlobal, remove_specks, semi_global
+from tasks.matching.dense.epipolar_least_squares import EpipolarLimits, NodeParallaxes, StartSurface, match_nodes
+from tasks.matching.dense.semi_global import SemiGlobal, remove_specks, semi_global
+from tasks.matching.least_squares.matching import PreparedImage, match_points
+from tasks.matching.least_squares.model import LeastSquaresMatching
+from tasks.matching.least_squares.resampling import cubic_weights
 from tasks.matching.smoothing import smoothed, with_gaps
 
 BLOCK = 256

@@ -13,11 +13,18 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from tasks.matching import results
-from tasks.matching.shift_precision import residual_correlation
-from tasks.matching.small_systems import factor, solve
-from tasks.matching.window_block import block_coordinates, block_pitch, cut_window, gradient_moments, grey_sums, second_moments
-from tasks.matching.window_shape import ellipse_axes, ellipse_window, pixels_of, square_window
+from tasks.matching.least_squares import results
+from tasks.matching.least_squares.shift_precision import residual_correlation
+from tasks.matching.least_squares.small_systems import factor, solve
+from tasks.matching.least_squares.window_block import (
+    block_coordinates,
+    block_pitch,
+    cut_window,
+    gradient_moments,
+    grey_sums,
+    second_moments,
+)
+from tasks.matching.least_squares.window_shape import ellipse_axes, ellipse_window, pixels_of, square_window
 
 FLAT = 1e-6
 """Variance of grey values below which a window is taken as constant."""

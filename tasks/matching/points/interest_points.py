@@ -23,8 +23,8 @@ from pydantic import Field
 
 from schemas.raster import Window
 from schemas.settings import Settings, setting
+from tasks.matching.points.sub_pixel import paraboloid_peaks
 from tasks.matching.smoothing import reach_of, smoothed, with_gaps
-from tasks.matching.sub_pixel import paraboloid_peaks
 
 _PREWITT = 6.0
 """the mask's answer to a slope of one grey value per px"""

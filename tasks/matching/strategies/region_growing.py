@@ -21,14 +21,14 @@ import numpy as np
 
 from schemas.outcome import Outcome
 from schemas.settings import Settings, setting
-from tasks.matching.growth_queue import SEED, Queues, pop_each, push, push_neighbours, queues_for
-from tasks.matching.least_squares import Matches
-from tasks.matching.match_tables import rejected
-from tasks.matching.matching_model import LeastSquaresMatching
-from tasks.matching.node_grid import ImagePart, NodeGrid, PreparedPair, agreement
-from tasks.matching.pyramid_matching import PyramidMatching, SearchRange, coarse_field
-from tasks.matching.pyramid_matching import halo as pyramid_halo
+from tasks.matching.least_squares.matching import Matches
+from tasks.matching.least_squares.model import LeastSquaresMatching
 from tasks.matching.smoothing import reach_of
+from tasks.matching.strategies.growth_queue import SEED, Queues, pop_each, push, push_neighbours, queues_for
+from tasks.matching.strategies.match_tables import rejected
+from tasks.matching.strategies.node_grid import ImagePart, NodeGrid, PreparedPair, agreement
+from tasks.matching.strategies.pyramid import PyramidMatching, SearchRange, coarse_field
+from tasks.matching.strategies.pyramid import halo as pyramid_halo
 
 _MATCHING = LeastSquaresMatching(window=21, smoothing=0.6, max_shift=2.0)
 

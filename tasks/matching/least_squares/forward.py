@@ -17,11 +17,11 @@ matching_and_dsm_check.md 1.3, 1.4).
 import numpy as np
 from numba import njit
 
-from tasks.matching import results
-from tasks.matching.matching_model import LEAST_AREA
-from tasks.matching.resampling_kernels import bicubic, bilinear, leaves, nearest_pixel, on_lattice
-from tasks.matching.small_systems import factor, solve
-from tasks.matching.window_shape import ellipse_axes, ellipse_window, square_window
+from tasks.matching.least_squares import results
+from tasks.matching.least_squares.model import LEAST_AREA
+from tasks.matching.least_squares.resampling import bicubic, bilinear, leaves, nearest_pixel, on_lattice
+from tasks.matching.least_squares.small_systems import factor, solve
+from tasks.matching.least_squares.window_shape import ellipse_axes, ellipse_window, square_window
 
 _F, _G, _GX, _GY, _X, _Y = range(6)
 """Rows of the table of observations."""

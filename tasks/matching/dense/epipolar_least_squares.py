@@ -18,9 +18,9 @@ import numpy as np
 from numba import njit
 
 from schemas.outcome import Outcome
-from tasks.matching.resampling_kernels import EXACT, cubic_weights
-from tasks.matching.shift_precision import dot
-from tasks.matching.small_systems import invert
+from tasks.matching.least_squares.resampling import EXACT, cubic_weights
+from tasks.matching.least_squares.shift_precision import dot
+from tasks.matching.least_squares.small_systems import invert
 
 _CONVERGED, _LOW_TEXTURE, _OUTSIDE = int(Outcome.CONVERGED), int(Outcome.LOW_TEXTURE), int(Outcome.OUTSIDE)
 _NOT_CONVERGED, _MOVED_TOO_FAR, _SINGULAR = int(Outcome.NOT_CONVERGED), int(Outcome.MOVED_TOO_FAR), int(Outcome.SINGULAR)
@@ -33,7 +33,7 @@ _WHOLE = 0.85
 
 @dataclass(frozen=True)
 class EpipolarLimits:
-    """What the kernel needs of the settings: see `tasks.matching.dense.DenseMatching` for their meaning and units."""
+    """What the kernel needs of the settings: see `tasks.matching.dense.blocks.DenseMatching` for their meaning and units."""
 
     half: int
     edge_half: int

@@ -1,0 +1,1 @@
+"""Interest points, their even distribution, and normalised correlation with matching back."""
