@@ -10,7 +10,7 @@ Strategy
   that stays unsolved hands down its own start, so that texture seen only on finer levels is not lost.
 - All of this looks a fixed number of nodes to the side: a part with its `halo` gives what the whole photograph gives.
 
-For surfaces that are mostly smooth, and for photographs whose orientation is not known. Roofs and walls belong to dense.py, whose
+For surfaces that are mostly smooth, and for photographs whose orientation is not known. Roofs and walls belong to `dense`, whose
 windows keep to one surface; growing from seeds (region_growing.py) is for ground of which only parts can be matched.
 
 Source: methods/matching_windows.md 2.8.1 (T5); measured.md, dense surface.
