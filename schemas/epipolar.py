@@ -39,6 +39,9 @@ class EpipolarPair(BaseModel):
     """base over mean height above ground"""
     row_sigma: float
     """expected y-parallax from the orientation's precision, px"""
+    height_sigmas: tuple[float, ...] = ()
+    """standard errors of heights by the orientation, m: (9,) at three rows and three columns of the left image, from the upper left
+    to the lower right corner; empty where the orientation has no covariance"""
 
 
 class EpipolarPairs(BaseModel):

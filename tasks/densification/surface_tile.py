@@ -11,7 +11,7 @@ from schemas.surface import PROVENANCE_CODES, Surface
 from tasks.densification.filling import Filling, fill
 from tasks.densification.fusion import EMPTY, FusedCells, Fusion, fuse
 from tasks.densification.gridding import Gridding, HeightCells, Target, grid_nodes
-from tasks.densification.normal_case import nodes_on_ground
+from tasks.densification.normal_case import nodes_on_ground, orientation_sigma
 from tasks.densification.spike_filter import SpikeFilter, spikes
 from tasks.densification.surface_grid import ground_pixel
 
@@ -73,7 +73,7 @@ def make_surface(tile: SurfaceTile, rules: SurfaceRules, nodes: tuple[np.ndarray
     """Height, precision, count and provenance of a tile, and its statistics; nodes: one array per piece."""
     cell = tile.surface.grid.cell
     pairs = tuple(_pair_cells(tile, piece, array, rules) for piece, array in zip(tile.pieces, nodes, strict=True))
-    fused = fuse(pairs, tile.work.shape, cell, rules.fusion)
+    fused = _with_orientation(fuse(pairs, tile.work.shape, cell, rules.fusion), pairs, tile)
     spiky = spikes(fused.height, cell, rules.spikes)
     cells = _cropped(fill(_without(fused, spiky), cell, rules.fill), tile)
     inner = _inner(tile)
@@ -87,6 +87,18 @@ def _pair_cells(tile: SurfaceTile, piece: PairPiece, nodes: np.ndarray, rules: S
     ground = nodes_on_ground(piece.pair, nodes, piece.nodes, piece.step)
     target = Target(tile.surface.grid, tile.work, (tile.surface.height_low, tile.surface.height_high))
     return grid_nodes(ground, ground_pixel(piece.pair) * piece.step, target, rules.gridding)
+
+
+def _with_orientation(cells: FusedCells, pairs: tuple[HeightCells, ...], tile: SurfaceTile) -> FusedCells:
+    """The cells with the part of their standard errors that the orientation brings: mean variance of the pairs that see them."""
+    x, y = np.meshgrid(*tile.surface.grid.centres(tile.work))
+    total, count = np.zeros(tile.work.shape), np.zeros(tile.work.shape)
+    for piece, pair in zip(tile.pieces, pairs, strict=True):
+        seen = np.isfinite(pair.height)
+        total[seen] += orientation_sigma(piece.pair, x[seen], y[seen], cells.height[seen]) ** 2
+        count += seen
+    precision = np.sqrt(cells.precision**2 + total / np.maximum(count, 1.0)).astype(np.float32)
+    return FusedCells(cells.height, precision, cells.count, cells.provenance)
 
 
 def _without(cells: FusedCells, spiky: np.ndarray) -> FusedCells:

@@ -44,7 +44,7 @@ def row_sigmas(pair: EpipolarPair, block: Block, left: np.ndarray) -> np.ndarray
         own = 12 + 8 * cameras.index(block.of_photo[photo.photo])
         view = view_of(photo, block.camera_of(photo.photo))
         partials[:, own : own + 8] += sign * interior_row_change(pair, side, view, xy)
-    variance = np.einsum("ni,ij,nj->n", partials, _covariance(block, photos, cameras), partials)
+    variance = np.einsum("ni,ij,nj->n", partials, joint_covariance(block, photos, cameras), partials)
     return np.sqrt(np.maximum(variance, 0.0))
 
 
@@ -71,7 +71,7 @@ def interior_row_change(pair: EpipolarPair, side: Side, view: View, xy: np.ndarr
     return out
 
 
-def _covariance(block: Block, photos: tuple[ExteriorOrientation, ...], cameras: tuple[str, ...]) -> np.ndarray:
+def joint_covariance(block: Block, photos: tuple[ExteriorOrientation, ...], cameras: tuple[str, ...]) -> np.ndarray:
     """(12 + 8 per camera, the same): both exterior orientations, then the different interior orientations."""
     size = 12 + 8 * len(cameras)
     total = np.zeros((size, size))

@@ -14,6 +14,7 @@ from schemas.epipolar import EpipolarPair, EpipolarPairs
 from schemas.errors import GeometryError
 from schemas.orientation import Block
 from schemas.settings import Settings, setting
+from tasks.epipolar.height_precision import height_sigmas
 from tasks.epipolar.precision import row_sigma
 from tasks.geometry.normal_case import HeightRange, border_pixels, common_polygon, convex, in_order, normal_case, polygon_area
 from tasks.geometry.view import View, block_view
@@ -164,7 +165,7 @@ def _take(candidate: Candidate, count: dict[int, int], limit: int) -> bool:
 def _pair(block: Block, views: list[View], candidate: Candidate, heights: HeightRange) -> EpipolarPair:
     left, right = in_order(views[candidate.first], views[candidate.second])
     pair = normal_case(left, right, heights)
-    return pair.model_copy(update={"row_sigma": row_sigma(pair, block)})
+    return pair.model_copy(update={"row_sigma": row_sigma(pair, block), "height_sigmas": height_sigmas(pair, block)})
 
 
 def _name(views: list[View], candidate: Candidate) -> str:

@@ -1,0 +1,84 @@
+"""How far the heights of a pair may be off because of the orientation: the part of their error that all nodes share.
+
+Strategy. A point is intersected from its two pixels, which stay what they are when the orientation changes. With A the change of
+the four pixel coordinates by the ground point and B that by both exterior orientations and the interior orientation, an error e of
+these moves the point by -(A'A)^-1 A'B e. The joint covariance of e, as in precision.py, gives the standard error of the height at
+nine places of the pair, between which it is interpolated: the datum, weak geometry and a doubtful camera constant are all in it.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from schemas.camera import INTERIOR
+from schemas.epipolar import EpipolarPair
+from schemas.orientation import Block, ExteriorOrientation
+from tasks.epipolar.precision import border_points, joint_covariance
+from tasks.geometry.normal_case import intersect_pair
+from tasks.geometry.rotation import rotation_matrix
+from tasks.geometry.view import View, block_view
+
+_STEPS = (1e-3,) * 3 + (1e-7,) * 3
+"""m and radians, for central differences by the exterior orientation"""
+
+
+def height_sigmas(pair: EpipolarPair, block: Block) -> tuple[float, ...]:
+    """(9,) m: standard errors of heights by the orientation, at the rows (top, middle, bottom) and columns (left, middle, right) of
+    the left image, at the mean parallax. Empty where the orientation has no covariance."""
+    photos = block.of(pair.left), block.of(pair.right)
+    if any(photo.covariance is None for photo in photos):
+        return ()
+    xy = border_points(pair)
+    pixels = np.column_stack([xy[:, 0] + pair.left_col0, pair.row0 - xy[:, 1]])
+    parallax = np.full(len(xy), (pair.parallax_low + pair.parallax_high) / 2)
+    ground = intersect_pair(pair, pixels, parallax)
+    cameras = tuple(dict.fromkeys(block.of_photo[photo.photo] for photo in photos))
+    by_point, by_orientation = _derivatives(block, photos, cameras, ground)
+    influence = -np.linalg.pinv(by_point)[:, 2:3] @ by_orientation
+    variance = np.einsum("nij,jk,nik->n", influence, joint_covariance(block, photos, cameras), influence)
+    return tuple(np.sqrt(np.maximum(variance, 0.0)).tolist())
+
+
+def _derivatives(
+    block: Block, photos: tuple[ExteriorOrientation, ...], cameras: tuple[str, ...], ground: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of the 4 pixel coordinates by the ground point (N, 4, 3) and by the unknowns of joint_covariance (N, 4, 12 + 8 k)."""
+    by_point = np.zeros((len(ground), 4, 3))
+    by_orientation = np.zeros((len(ground), 4, 12 + 8 * len(cameras)))
+    for k, photo in enumerate(photos):
+        rows, view = slice(2 * k, 2 * k + 2), block_view(block, photo.photo)
+        by_point[:, rows] = _by_point(view, ground)
+        by_orientation[:, rows, 6 * k : 6 * k + 3] = -by_point[:, rows]
+        by_orientation[:, rows, 6 * k + 3 : 6 * k + 6] = _by_angles(view, photo, ground)
+        own = 12 + 8 * cameras.index(block.of_photo[photo.photo])
+        by_orientation[:, rows, own : own + 8] = _by_interior(view, ground)
+    return by_point, by_orientation
+
+
+def _by_point(view: View, ground: np.ndarray) -> np.ndarray:
+    """(N, 2, 3)"""
+    out = np.empty((len(ground), 2, 3))
+    for k, step in enumerate(_STEPS[:3]):
+        move = np.eye(3)[k] * step
+        out[:, :, k] = (view.project(ground + move) - view.project(ground - move)) / (2 * step)
+    return out
+
+
+def _by_angles(view: View, photo: ExteriorOrientation, ground: np.ndarray) -> np.ndarray:
+    """(N, 2, 3): by omega, phi and kappa in radians."""
+    out, angles = np.empty((len(ground), 2, 3)), np.radians(photo.omega_phi_kappa)
+    for k, step in enumerate(_STEPS[3:]):
+        moves = step * np.eye(3)[k], -step * np.eye(3)[k]
+        turned = [replace(view, rotation=rotation_matrix(*(angles + move))) for move in moves]
+        out[:, :, k] = (turned[0].project(ground) - turned[1].project(ground)) / (2 * step)
+    return out
+
+
+def _by_interior(view: View, ground: np.ndarray) -> np.ndarray:
+    """(N, 2, 8): by the interior parameters in the order of INTERIOR."""
+    out = np.empty((len(ground), 2, 8))
+    for k, name in enumerate(INTERIOR):
+        step, value = (0.01 if k < 3 else 1e-6), getattr(view.camera, name)
+        changed = [replace(view, camera=view.camera.model_copy(update={name: value + move})) for move in (step, -step)]
+        out[:, :, k] = (changed[0].project(ground) - changed[1].project(ground)) / (2 * step)
+    return out
