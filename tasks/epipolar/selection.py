@@ -31,6 +31,10 @@ class PairChoice(Settings):
     per_photo: int = setting(4, "Pairs that a photograph takes part in, at most; the best are taken first.", ge=1)
 
 
+_MOST_ROOM = 0.35
+"""share of the flying height; what stands higher is hardly seen by two photographs"""
+
+
 @dataclass(frozen=True)
 class Candidate:
     """Two photographs, by number in the block, with what their pair would give."""
@@ -58,19 +62,21 @@ class Footprint:
     """m, at the middle of the photograph"""
 
 
-def block_heights(block: Block, margin: float) -> HeightRange:
-    """The heights that a pair must see: those of the block, widened by `margin` of the mean flying height."""
-    flying = np.mean([photo.centre[2] for photo in block.photos]) - (block.ground_low + block.ground_high) / 2
-    spare = margin * float(abs(flying))
-    return HeightRange(block.ground_low - spare, block.ground_high + spare)
+def block_heights(block: Block, margin: float, room: float = 0.0) -> HeightRange:
+    """The heights that a pair must see: those of the block, widened by `margin` of the mean flying height, and upwards by
+    `room` (m) where that is more, but never so that it comes near the camera."""
+    flying = abs(float(np.mean([photo.centre[2] for photo in block.photos]) - (block.ground_low + block.ground_high) / 2))
+    spare = margin * flying
+    return HeightRange(block.ground_low - spare, block.ground_high + max(spare, min(room, _MOST_ROOM * flying)))
 
 
-def choose_pairs(block: Block, choice: PairChoice, height_margin: float) -> EpipolarPairs:
+def choose_pairs(block: Block, choice: PairChoice, height_margin: float, height_room: float = 0.0) -> EpipolarPairs:
     """The epipolar geometry of every useful pair, and why others are not used.
 
-    `height_margin` widens the block's heights, as a share of the flying height. Raises GeometryError when no pair is useful.
+    `height_margin` widens the block's heights, as a share of the flying height; `height_room` (m) upwards. Raises GeometryError
+    when no pair is useful.
     """
-    heights = block_heights(block, height_margin)
+    heights = block_heights(block, height_margin, height_room)
     views = [block_view(block, name) for name in block.names]
     found = candidates(views, heights.mean)
     useful = [c for c in found if not why_not(c, choice)]

@@ -33,11 +33,14 @@ class EpipolarStage(Stage):
     height_margin: float = setting(
         0.08, "How far the surface may leave the heights of the tie points, as a share of the flying height.", ge=0, le=0.5
     )
+    height_room: float = setting(
+        25.0, "How far crowns and roofs may stand above the highest tie points, which are mostly on the ground.", "m", ge=0
+    )
     interpolation: Literal["bicubic", "bilinear"] = setting("bicubic", "How photographs are resampled.")
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         yield Job(self.kind, "pairs", choose_pairs, {"block": BLOCK}, {"pairs": PAIRS},
-                  {"choice": self.pairs, "height_margin": self.height_margin})
+                  {"choice": self.pairs, "height_margin": self.height_margin, "height_room": self.height_room})
         yield Job(self.kind, "report", report, {"block": BLOCK, "pairs": PAIRS, "measured": IMAGE_RESIDUALS, "photos": PHOTOS},
                   {"report": report_table(self.kind)})
         pairs, block, photos = view.table(PAIRS), view.table(BLOCK), view.table(PHOTOS)
