@@ -164,11 +164,12 @@ def _surface_warnings(tiles: tuple[TileCounts, ...], trend: Trend, pairs: Checke
 
 
 def _area_warnings(areas: list[SuspiciousArea]) -> Iterator[str]:
-    for area in areas[:_WARNED]:
-        yield (f"In the area around X {area.x:.0f}, Y {area.y:.0f} ({area.area:.0f} m2) the surface is {_side(area.dh)} by about "
-               f"{abs(area.dh):.1f} m.")
-    if len(areas) > _WARNED:
-        yield f"{len(areas) - _WARNED} more areas are suspicious; the table lists the largest."
+    if not areas:
+        return
+    named = "; ".join(f"{_side(area.dh)} by about {abs(area.dh):.2g} m over {area.area:.2g} m2 at X {area.x:.0f}, Y {area.y:.0f}"
+                      for area in areas[:_WARNED])
+    more = f"; {len(areas) - _WARNED} more areas stand in the table" if len(areas) > _WARNED else ""
+    yield f"Photographs and surface disagree in places: the surface is {named}{more}."
 
 
 def _side(dh: float) -> str:
