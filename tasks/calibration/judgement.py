@@ -23,7 +23,7 @@ MODELS: tuple[tuple[str, ...], ...] = (
 )
 """What is chosen from, simplest first."""
 _WORTH = 0.998
-"""A larger model has to bring the held-out residuals below this share of the smaller one's."""
+"""Models are equally good when the held-out residuals of the best are at least this share of theirs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,12 +100,10 @@ def compare(result: BoardAdjustment, target: Target) -> dict[tuple[str, ...], He
 
 
 def choice(judged: dict[tuple[str, ...], HeldOut | None]) -> tuple[str, ...]:
-    """The simplest model that no larger one beats by more than two thousandths; the published five parameters when nothing is
-    known."""
-    best = MODELS[0]
-    for model in MODELS[1:]:
-        if judged.get(model) is None:
-            continue
-        if judged[best] is None or judged[model].rms < _WORTH * judged[best].rms:
-            best = model
-    return best
+    """The largest model that is as good as the best, within two thousandths; the published five parameters when nothing is known.
+
+    What a parameter does that was left out, no standard error tells; one that is not needed only widens those of the others.
+    """
+    known = {model: judged[model].rms for model in MODELS if judged.get(model) is not None}
+    good = [model for model, rms in known.items() if rms <= min(known.values()) / _WORTH]
+    return good[-1] if good else MODELS[0]

@@ -108,10 +108,8 @@ def test_one_process_and_dask_agree_bit_for_bit(run, tmp_path):
     one, two = results_of(alone.root, PROJECT), results_of(run.root, PROJECT)
     assert sorted(one) == sorted(two)
     assert [name for name in one if one[name] != two[name]] == []
-    products = sorted(path.name for path in (run.folder / "products").iterdir())
-    different = [name for name in products
-                 if (run.folder / "products" / name).read_bytes() != (alone.folder / "products" / name).read_bytes()]
-    assert different == []
+    products = [path.relative_to(run.folder) for path in sorted((run.folder / "products").rglob("*")) if path.is_file()]
+    assert [name for name in products if (run.folder / name).read_bytes() != (alone.folder / name).read_bytes()] == []
 
 
 # --- what was measured -------------------------------------------------------------------------------------------------------

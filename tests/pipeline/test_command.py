@@ -141,7 +141,7 @@ def test_export_before_any_run_says_what_to_do(fresh):
 def test_export_writes_products_again_and_any_raster(done):
     cameras = done / "runs" / "site" / "products" / "cameras.json"
     cameras.unlink()
-    assert command("export", "site") == str(cameras) and cameras.exists()
+    assert str(cameras) in command("export", "site").split() and cameras.exists()
     name = photographs(done)[0].stem
     file = command("export", "site", f"photos/{name}/0")
     with pytest.warns(NotGeoreferencedWarning), rasterio.open(file) as picture:
