@@ -12,9 +12,9 @@ from tasks.adjustment.network import Interior
 
 Parameter = Literal["c", "x0", "y0", "k1", "k2", "k3", "p1", "p2"]
 
-NOMINAL_SIGMA = {"c": 0.03, "x0": 0.01, "y0": 0.01, "k1": 0.1, "k2": 0.1, "k3": 0.1, "p1": 0.003, "p2": 0.003}
+NOMINAL_SIGMA = {"c": 0.03, "x0": 0.01, "y0": 0.01, "k1": 0.1, "k2": 0.1, "k3": 0.0, "p1": 0.003, "p2": 0.003}
 """Standard errors of a camera that is known from EXIF only: c in units of c, x0 and y0 in units of the width, the others as
-numbers."""
+numbers. Its k3 is held at 0: with k1 and k2 free and nothing known of any, it would only follow the noise at the border."""
 
 
 class FixedInterior(Settings):
@@ -29,7 +29,8 @@ class WeightedInterior(Settings):
 
     kind: Literal["weighted"]
     parameters: tuple[Parameter, ...] = setting(
-        ("c", "x0", "y0", "k1", "k2", "p1", "p2"), "Interior parameters to be adjusted.", min_length=1
+        ("c", "x0", "y0", "k1", "k2", "k3", "p1", "p2"), "Interior parameters to be adjusted, of those that the calibration knows.",
+        min_length=1,
     )
 
 
