@@ -24,6 +24,8 @@ _NEAR = 0.4
 """Largest mean distance of a board's corners from where they are predicted, in sizes of the board in the photo."""
 LOOSE, STRICT = 0.12, 0.02
 """The same after all boards of the photo were fitted together: with distortion that is not known yet, and without any."""
+_AMBIGUOUS = 2.0
+"""Another naming of as many boards that fits up to so many times worse makes a photo ambiguous."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,19 +80,31 @@ def _map_of(xy: np.ndarray, local: np.ndarray) -> np.ndarray:
 
 
 def _named(xy: np.ndarray, motions: np.ndarray, local: np.ndarray, fit: float) -> NamedPhoto:
-    """The best of all trials."""
-    best, score = NamedPhoto(np.full(len(xy), -1), None, False), (0, -np.inf)
+    """The best of all trials; of an ambiguous photo only its most central board, which may be any."""
+    best, score, second = NamedPhoto(np.full(len(xy), -1), None, False), (0, -np.inf), -np.inf
     plane = np.array([moved(motion, local) for motion in motions])
     size = np.array([np.linalg.norm(np.ptp(board, axis=0)) for board in xy])
     for board in range(len(xy)):
         for name in range(len(motions)):
             names, H, misfit = _grown((board, name), xy, plane, size)
             trial = (int((names >= 0).sum()), -misfit)
-            if trial > score and misfit < fit:
+            if misfit >= fit or trial[0] < score[0] or np.array_equal(names, best.names):
+                continue
+            if trial > score:
+                second = score[1] if trial[0] == score[0] else -np.inf
                 best, score = NamedPhoto(names, H, trial[0] > 1 or len(motions) == 1), trial
-        if score[0] == len(xy) and score[1] > -fit / 10:
-            break
-    return best
+            else:
+                second = max(second, trial[1])
+    ambiguous = score[0] > 1 and second > _AMBIGUOUS * score[1]
+    return _most_central(best, xy) if ambiguous else best
+
+
+def _most_central(photo: NamedPhoto, xy: np.ndarray) -> NamedPhoto:
+    """The photo with a single name: two boards that lie to each other nearly as they do after exchanging places can be named in two
+    ways, and a homography takes up the difference."""
+    named = np.flatnonzero(photo.names >= 0)
+    board = named[np.linalg.norm(xy[named].mean(axis=1), axis=1).argmin()]
+    return NamedPhoto(np.where(np.arange(len(xy)) == board, photo.names, -1), photo.homography, False)
 
 
 def _grown(start: tuple[int, int], xy: np.ndarray, plane: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
