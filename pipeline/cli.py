@@ -125,9 +125,9 @@ def calibrate(
         loaded = calibration_workflow(name, photos, said, Path.cwd(), STAGES)
         facts = run_workflow(loaded, Options(None, None, workers, memory * MIB, sequential), out, err)
         _conclude(facts, loaded.run_folder)
-        _print_calibration(loaded.run_folder)
     if not facts.complete:
         raise typer.Exit(1)
+    _print_calibration(loaded.run_folder)
 
 
 def _print_calibration(folder: Path) -> None:

@@ -120,7 +120,7 @@ class _Counter:
 
 def _section(store: ReadableStore, stage: StageTitle, run: RunFacts, bars: _Counter) -> Section:
     kind, title = stage
-    reported = store.has_table(report_table(kind))
+    reported = run.stage(kind).reported and store.has_table(report_table(kind))
     report = store.table(report_table(kind)) if reported else StageReport()
     return Section(
         kind, title, _state(run.stage(kind), reported), run.stage(kind), report,

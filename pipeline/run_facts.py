@@ -24,6 +24,8 @@ class StageRun:
     """work of its jobs added up, s; skipped jobs count nothing"""
     peak_bytes: int | None = None
     """largest memory of a worker while one of its jobs ran"""
+    reported: bool = True
+    """whether its report, where there is one, tells of what it holds now and not of an earlier run"""
 
     @property
     def waiting(self) -> int:

@@ -21,6 +21,7 @@ from pipeline.runner import Finished, Runner
 from pipeline.store import Store
 from schemas.errors import ResourceError
 from schemas.job import Export, Raster, Table
+from schemas.report import report_table
 from schemas.stage import Stage
 from schemas.workflow import Photographs, Project
 
@@ -176,8 +177,13 @@ class Session:
         return StageRun(
             kind, jobs=len(keys), done=len(ran), skipped=sum(key in self.skipped for key in keys),
             failed=sum(key in self.failures for key in keys), seconds=sum(record.seconds for record in ran),
-            peak_bytes=max((record.peak_bytes for record in ran), default=None),
+            peak_bytes=max((record.peak_bytes for record in ran), default=None), reported=self._reported(keys),
         )
+
+    def _reported(self, keys: list[Key]) -> bool:
+        """Whether the job among `keys` that writes the stage's report is done; what lies there otherwise is of an earlier run."""
+        jobs = {key: self.graph.jobs[key].job for key in keys if key in self.done or key in self.skipped}
+        return any(not isinstance(job, Export) and report_table(key[0]) in job.writes.values() for key, job in jobs.items())
 
     def failure_list(self) -> tuple[Failure, ...]:
         return tuple(Failure(key[0], key_text(key), sentence) for key, sentence in self.failures.items())

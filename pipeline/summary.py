@@ -25,7 +25,7 @@ def summary(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunFacts)
     entries = [(f"run.{figure.name}", figure) for figure in _run_figures(run)]
     for kind, _ in stages:
         entries += [(f"run.{kind}.{figure.name}", figure) for figure in _stage_figures(run.stage(kind))]
-        if store.has_table(report_table(kind)):
+        if run.stage(kind).reported and store.has_table(report_table(kind)):
             entries += _unique(kind, store.table(report_table(kind)).figures)
     return {name: _entry(figure) for name, figure in sorted(entries, key=lambda entry: entry[0])}
 

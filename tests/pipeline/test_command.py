@@ -1,5 +1,6 @@
 """The command `orthomill` as people type it, each of its words at least once, on a small real project."""
 
+import json
 import re
 import shutil
 
@@ -117,6 +118,16 @@ def test_an_address_that_a_killed_run_left_is_not_believed(done):
     assert "not running" in command("dashboard", "site")
     command("run", "site", "--sequential")
     assert not (done / "runs" / "site" / DASHBOARD).exists()
+
+
+def test_figures_of_an_earlier_run_are_not_told_of_a_stage_that_failed_since(done):
+    summary = done / "runs" / "site" / "summary.json"
+    assert any(name.startswith("orientation.") for name in json.loads(summary.read_text()))
+    photographs(done)[0].write_bytes(photographs(done)[0].read_bytes()[:9000])
+    command("run", "site", "--sequential", code=1)
+    figures = json.loads(summary.read_text())
+    assert not any(name.startswith(("orientation.", "tie_points.")) for name in figures)
+    assert figures["run.complete"]["value"] is False
 
 
 def test_report_before_any_run_says_what_to_do(fresh):
