@@ -82,8 +82,8 @@ def main() -> None:
     write_result("same_everywhere", "\n".join([
         "# The same products, whoever runs them", "", f"`python -m benchmarks.same_everywhere`; {machine()}.", "",
         f"Project `{PROJECT}`, whose own tile is {OWN_TILE} px.", "",
-        "With other tiles every product is the same. What differs are tables of single tiles, and the extent of the working",
-        "orthoimages of `dsm_check`, which cover whole tiles.", "",
+        "What differs is listed below. Tables of single tiles stand for other ground when tiles are larger, and the working",
+        "orthoimages of `dsm_check` cover whole tiles, so their extent follows the tile.", "",
         "| against sequential | rasters and tables | equal | differ |", "| --- | --- | --- | --- |", *rows, "", *chain(*details),
     ]) + "\n")
 
