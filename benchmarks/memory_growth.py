@@ -38,7 +38,7 @@ def main() -> None:
     cells = [figures["densification.cells_with_height"]["value"] for figures in (small_figures, large_figures)]
     workers = [figures["run.peak_memory"]["value"] for figures in (small_figures, large_figures)]
     write_result("memory_growth", "\n".join([
-        "# Memory does not grow with the project", "", f"`python -m benchmarks.memory_growth`; {machine()}.", "",
+        "# Memory against the size of the project", "", f"`python -m benchmarks.memory_growth`; {machine()}.", "",
         "| | small | large | ratio |", "| --- | --- | --- | --- |",
         f"| photographs | 6 | {LARGE['strips'] * LARGE['photos_per_strip']} | 4 |",
         f"| cells with a height | {cells[0]} | {cells[1]} | {cells[1] / cells[0]:.2f} |",
