@@ -129,7 +129,7 @@ def _models(account: Account) -> Grid:
         title="Distortion models by photographs that took no part",
         columns=("parameters", "held-out RMS (px)", ""),
         rows=rows,
-        note="A larger model is worth its parameters when it fits held-out photographs better by 0.2 % or more.",
+        note="The largest model is used that fits held-out photographs as well as the best, within 0.2 %.",
     )
 
 
