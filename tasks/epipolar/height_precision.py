@@ -7,13 +7,13 @@ nine places of the pair, between which it is interpolated: the datum, weak geome
 """
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from schemas.camera import INTERIOR
 from schemas.epipolar import EpipolarPair
 from schemas.orientation import Block, ExteriorOrientation
-from tasks.epipolar.precision import border_points, joint_covariance
+from tasks.epipolar.precision import border_points, by_interior, joint_covariance
 from tasks.geometry.normal_case import intersect_pair
 from tasks.geometry.rotation import rotation_matrix
 from tasks.geometry.view import View, block_view
@@ -51,7 +51,7 @@ def _derivatives(
         by_orientation[:, rows, 6 * k : 6 * k + 3] = -by_point[:, rows]
         by_orientation[:, rows, 6 * k + 3 : 6 * k + 6] = _by_angles(view, photo, ground)
         own = 12 + 8 * cameras.index(block.of_photo[photo.photo])
-        by_orientation[:, rows, own : own + 8] = _by_interior(view, ground)
+        by_orientation[:, rows, own : own + 8] = by_interior(view, partial(View.project, points=ground))
     return by_point, by_orientation
 
 
@@ -71,14 +71,4 @@ def _by_angles(view: View, photo: ExteriorOrientation, ground: np.ndarray) -> np
         moves = step * np.eye(3)[k], -step * np.eye(3)[k]
         turned = [replace(view, rotation=rotation_matrix(*(angles + move))) for move in moves]
         out[:, :, k] = (turned[0].project(ground) - turned[1].project(ground)) / (2 * step)
-    return out
-
-
-def _by_interior(view: View, ground: np.ndarray) -> np.ndarray:
-    """(N, 2, 8): by the interior parameters in the order of INTERIOR."""
-    out = np.empty((len(ground), 2, 8))
-    for k, name in enumerate(INTERIOR):
-        step, value = (0.01 if k < 3 else 1e-6), getattr(view.camera, name)
-        changed = [replace(view, camera=view.camera.model_copy(update={name: value + move})) for move in (step, -step)]
-        out[:, :, k] = (changed[0].project(ground) - changed[1].project(ground)) / (2 * step)
     return out

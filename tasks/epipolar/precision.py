@@ -9,6 +9,9 @@ figure is an upper bound. An interior orientation that was not adjusted in the b
 Source: Karfis 2009, section 6.5 (methods/relative_orientation_and_epipolar.md, 1.14).
 """
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 
 from schemas.camera import INTERIOR
@@ -58,17 +61,17 @@ def interior_row_change(pair: EpipolarPair, side: Side, view: View, xy: np.ndarr
     imaged by the camera with and without the change, by central differences."""
     epipolar = epipolar_view(pair, side, view)
     along = np.column_stack([xy, np.full(len(xy), -pair.c)]) @ np.array(pair.rotation) + view.centre
-    out = np.empty((len(xy), 8))
+    return -by_interior(view, lambda changed: epipolar.from_photo(changed.project(along))[:, 1])
+
+
+def by_interior(view: View, measured: Callable[[View], np.ndarray]) -> np.ndarray:
+    """(..., 8): central differences of what is `measured` (...) with a view by its interior parameters (order of INTERIOR)."""
+    parts = []
     for k, name in enumerate(INTERIOR):
-        step = 0.01 if k < 3 else 1e-6
-        pixels = [
-            View(view.name, view.camera.model_copy(update={name: getattr(view.camera, name) + move}), view.rotation, view.centre)
-            .project(along)
-            for move in (step, -step)
-        ]
-        rows = [epipolar.from_photo(observed)[:, 1] for observed in pixels]
-        out[:, k] = -(rows[0] - rows[1]) / (2.0 * step)
-    return out
+        step, value = (0.01 if k < 3 else 1e-6), getattr(view.camera, name)
+        more, less = (replace(view, camera=view.camera.model_copy(update={name: value + move})) for move in (step, -step))
+        parts.append((measured(more) - measured(less)) / (2 * step))
+    return np.stack(parts, axis=-1)
 
 
 def joint_covariance(block: Block, photos: tuple[ExteriorOrientation, ...], cameras: tuple[str, ...]) -> np.ndarray:
