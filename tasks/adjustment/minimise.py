@@ -18,6 +18,10 @@ from tasks.geometry.rotation_vector import rotation_of_vector
 NEGLIGIBLE = 1e-3
 """A step that gains less, in squares of standard errors, moves no unknown by more than some hundredths of its standard error."""
 
+EASE, GENTLE = 0.1, 1.0 / 3.0
+"""How the damping shrinks after a step: fast while every step succeeds, gently once one failed, for in a curved valley damping that
+falls too far fails at every other step. It grows by 2, 4, 8 (Nielsen 1999)."""
+
 UNDETERMINED = (
     "The block is not determined by its observations: a photograph hangs on too few or badly spread tie points, or an interior "
     "parameter cannot be told from the positions; hold the interior orientation fixed, or give control."
@@ -36,17 +40,17 @@ def minimise(
     Every point with rays needs two of them (or a prior). Raises GeometryError when the observations do not determine the unknowns,
     or when `most` iterations do not converge.
     """
-    state, damping = start, 1e-4
+    state, damping, ease = start, 1e-4, EASE
     cost = _cost(network, state, rays, huber)
     for iteration in range(1, most + 1):
-        factors = prior_factors(network, state, huber)
+        factors, growth = prior_factors(network, state, huber), 2.0
         linear = linearised(network, state, rays, huber_weights(sizes(network, state, rays), huber), factors.point)
         while True:
             trial = _moved(network, state, linear, factors, damping)
             trial_cost = np.inf if trial is None else _cost(network, trial, rays, huber)
             if trial_cost <= cost * (1.0 + 1e-12) or damping > 1e8:
                 break
-            damping = max(damping, 1e-7) * 10.0
+            damping, growth, ease = max(damping, 1e-9) * growth, 2.0 * growth, GENTLE
         if damping > 1e8:
             if trial is None:
                 raise GeometryError(UNDETERMINED)
@@ -54,7 +58,7 @@ def minimise(
         gain, state, cost = cost - trial_cost, trial, trial_cost
         if gain <= tolerance * cost + 1e-15 * len(rays) and damping <= 1e-3:
             return state, iteration
-        damping = damping * 0.1 if damping > 1e-9 else 0.0
+        damping = damping * ease if damping > 1e-9 else 0.0
     if np.isfinite(huber) or gain <= NEGLIGIBLE:
         return state, most
     raise GeometryError(f"The bundle adjustment did not converge in {most} iterations; look at its tie points and starting values.")
