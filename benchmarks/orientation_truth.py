@@ -91,27 +91,6 @@ def agreement(own: dict[str, Pose], truth: dict[str, Pose]) -> Agreement:
     return Agreement(len(names), rms, float(distance.max()), float(angle.mean()), float(angle.max()))
 
 
-def stone_wall_control(folder: Path, width: int) -> tuple[str, str]:
-    """The two CSV texts of the named points of the wall; the photographs are turned upright by EXIF (8), their files are not.
-
-    The source states no errors; 1 cm and 2 px are what MicMac's own orientation leaves at them.
-    """
-    ground = {
-        one.findtext("NamePt").strip(): one.findtext("Pt") for one in ET.parse(folder / "Ground-Pts3D.xml").iter("OneAppuisDAF")
-    }
-    rows, measured = ["name,photo,col,row,sigma"], set()
-    for photo in ET.parse(folder / "GroundMeasure.xml").iter("MesureAppuiFlottant1Im"):
-        for one in photo.iter("OneMesureAF1I"):
-            name = one.findtext("NamePt").strip()
-            if name in ground:
-                col, row = map(float, one.findtext("PtIm").split())
-                rows.append(f"{name},{photo.findtext('NameIm').strip()},{row!r},{width - 1 - col!r},2.0")
-                measured.add(name)
-    points = ["name,role,x,y,z,sigma_x,sigma_y,sigma_z"]
-    points += [",".join([name, "control", *ground[name].split(), "0.01", "0.01", "0.01"]) for name in ground if name in measured]
-    return "\n".join(points) + "\n", "\n".join(rows) + "\n"
-
-
 def mean_residual(run: Path) -> float:
     """Mean length of the image residuals that took part, px: what COLMAP calls its reprojection error."""
     import pyarrow.parquet as parquet
