@@ -117,8 +117,15 @@ class ControlFromFiles(Settings):
     """Ground control and check points from two CSV files."""
 
     kind: Literal["files"]
-    points: str = setting(..., "CSV with the columns name, role (control or check), x, y, z, sigma_x, sigma_y, sigma_z.")
+    points: str = setting(
+        ...,
+        "CSV with the columns name, role (control, check or tie), x, y, z, sigma_x, sigma_y, sigma_z; a tie point is only measured in "
+        "photographs, and its numbers stay empty.",
+    )
     measurements: str = setting(..., "CSV with the columns name, photo, col, row, sigma (pixels).")
+    distances: str | None = setting(
+        None, "CSV with the columns from, to, metres, sigma: distances measured between points of this control, in space."
+    )
     crs: str | None = setting(
         None, "Reference system of the points, e.g. EPSG:4326 or EPSG:2100+5773; the project's own where it is not named."
     )

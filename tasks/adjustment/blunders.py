@@ -8,17 +8,17 @@ neighbours; what it leaves must still hold the block.
 Source: Baarda 1968.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import chi2, norm
 
-from tasks.adjustment.datum import position_misclosures, prior_sizes
+from tasks.adjustment.datum import distance_misclosures, position_misclosures, prior_sizes
 from tasks.adjustment.minimise import sizes
 from tasks.adjustment.network import NO_DISTANCES, Network, Rays, State
 from tasks.adjustment.normal_equations import linearised, point_corrections, point_precision
 from tasks.adjustment.result import Adjustment, Blunder, surveyed
-from tasks.adjustment.variance_components import position_covariance
+from tasks.adjustment.variance_components import distance_variances, position_covariance
 
 CHECKABLE = 0.02
 """A combination of coordinates with a smaller redundancy number cannot be tested."""
@@ -37,21 +37,24 @@ def ray_blunders(result: Adjustment, limit: np.ndarray) -> np.ndarray:
 
 
 def surveyed_blunder(result: Adjustment, limit: float) -> Blunder | None:
-    """The position or surveyed point that contradicts the rest most, beyond `limit` standard errors (of a single number)."""
-    found = [*_tested("control", *_control_misfits(result), limit), *_tested("position", *_position_misfits(result), limit)]
-    found = [blunder for blunder in found if blunder.kind == "position" or not _pointing_is_worse(result, blunder)]
-    return worst_of(result.network, found)
+    """The position, surveyed point or distance that contradicts the rest most, beyond `limit` standard errors (of a single
+    number)."""
+    control = _tested("control", *_control_misfits(result), limit)
+    control = [blunder for blunder in control if not _pointing_is_worse(result, blunder)]
+    positions = _tested("position", *_position_misfits(result), limit)
+    return worst_of(result.network, [*control, *positions, *_tested("distance", *_distance_misfits(result), limit)])
 
 
 def gross_blunder(network: Network, state: State, rays: Rays, limit: float) -> Blunder | None:
-    """The same on a robust solution: positions by their plain misfit, surveyed points by what their own rays say without the
-    coordinates (a precise coordinate would drag its rays along, and these would look wrong).
+    """The same on a robust solution: positions by their plain misfit, surveyed points and distances by what the rays of the points
+    say without them (a precise coordinate or distance would drag these rays along, and they would look wrong).
 
     A surveyed point whose rays do not meet has a wrong pointing, which is a matter of the rays.
     """
-    centres = np.flatnonzero(network.centre_weight.any(axis=1))
+    centres, met = np.flatnonzero(network.centre_weight.any(axis=1)), _met(network, state, rays, limit)
     found = _far("position", centres, prior_sizes(network, state).centre[centres], limit)
-    return worst_of(network, found + _far("control", *_apart(network, state, rays, limit), limit))
+    found += _far("control", *_apart(network, met), limit)
+    return worst_of(network, found + _far("distance", *_stretched(network, met), limit))
 
 
 def _far(kind: str, number: np.ndarray, size: np.ndarray, limit: float) -> list[Blunder]:
@@ -59,9 +62,18 @@ def _far(kind: str, number: np.ndarray, size: np.ndarray, limit: float) -> list[
     return [Blunder(kind, int(i), float(s)) for i, s in zip(number, size, strict=True) if s > limit * unit]
 
 
-def _apart(network: Network, state: State, rays: Rays, limit: float) -> tuple[np.ndarray, np.ndarray]:
-    """Surveyed points (n,) whose rays meet, and how far these meet from the given coordinates, in standard errors."""
-    rays = rays.take(network.point_weight.any(axis=1)[rays.point])
+@dataclass(frozen=True, eq=False)
+class _Met:
+    """Points that a person measured, as their rays alone put them: `point` (N, 3), `covariance` (N, 3, 3), `good` (N,) bool: their
+    rays meet."""
+
+    point: np.ndarray
+    covariance: np.ndarray
+    good: np.ndarray
+
+
+def _met(network: Network, state: State, rays: Rays, limit: float) -> _Met:
+    rays = rays.take(network.pointed[rays.point])
     count = np.bincount(rays.point, minlength=len(network.point))
     rays = rays.take(count[rays.point] >= 2)
     bare = replace(network, point_weight=np.zeros_like(network.point_weight), kept=network.kept[:0], distances=NO_DISTANCES)
@@ -71,17 +83,38 @@ def _apart(network: Network, state: State, rays: Rays, limit: float) -> tuple[np
     covariance, _ = point_precision(linearised(bare, state, rays), np.zeros((bare.unknowns, bare.unknowns)))
     worst = np.zeros(len(network.point))
     np.maximum.at(worst, rays.point, sizes(bare, state, rays))
-    number = np.flatnonzero((count >= 2) & (worst < limit) & (worst > 0.0))
-    away, weight = (network.point - state.point)[number], network.point_weight[number]
+    return _Met(state.point, covariance, (count >= 2) & (worst < limit) & (worst > 0.0))
+
+
+def _apart(network: Network, met: _Met) -> tuple[np.ndarray, np.ndarray]:
+    """Surveyed points (n,) whose rays meet, and how far these meet from the given coordinates, in standard errors."""
+    number = np.flatnonzero(met.good & network.point_weight.any(axis=1))
+    away, weight = (network.point - met.point)[number], network.point_weight[number]
     given = np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0)
-    spread = covariance[number] + given[:, None] * np.eye(3)
+    spread = met.covariance[number] + given[:, None] * np.eye(3)
     return number, np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", away, np.linalg.inv(spread), away), 0.0))
+
+
+def _stretched(network: Network, met: _Met) -> tuple[np.ndarray, np.ndarray]:
+    """Distances (n,) whose ends' rays meet, and how far these ends are from the given length, in standard errors."""
+    ends, length, weight = network.distances.ends, network.distances.length, network.distances.weight
+    number = np.flatnonzero(met.good[ends].all(axis=1) & (weight > 0))
+    along = met.point[ends[number, 1]] - met.point[ends[number, 0]]
+    found = np.linalg.norm(along, axis=1)
+    along /= np.maximum(found, 1e-12)[:, None]
+    spread = np.einsum("ni,nij,nj->n", along, met.covariance[ends[number]].sum(axis=1), along)
+    return number, np.abs(length[number] - found) / np.sqrt(spread + 1.0 / weight[number])
 
 
 def worst_of(network: Network, found: list[Blunder]) -> Blunder | None:
     """The largest misfit, if the rest still holds the block without it and it stands out clearly where few are left."""
     ranked = sorted(found, key=lambda blunder: -blunder.misfit)
-    left = int(network.centre_weight.any(axis=1).sum() + network.point_weight.any(axis=1).sum()) - 1
+    if ranked and ranked[0].kind == "distance" and not network.free:
+        return ranked[0]
+    if network.free:
+        left = int((network.distances.weight > 0).sum())
+    else:
+        left = int(network.centre_weight.any(axis=1).sum() + network.point_weight.any(axis=1).sum()) - 1
     if not ranked or left < 3:
         return None
     if left < 5 and len(ranked) > 1 and ranked[0].misfit < CLEAR * ranked[1].misfit:
@@ -92,17 +125,24 @@ def worst_of(network: Network, found: list[Blunder]) -> Blunder | None:
 def acquitted(result: Adjustment, blunders: list[Blunder], stated: Network, first: Network, limit: float) -> Network:
     """The `stated` network with those blunders put back (weights of the `first` network) that agree with the final solution: they
     were thrown out while something else, a camera constant, was still wrong."""
-    misclosure = first.centre - (antennas(result))
     for blunder in blunders:
-        i, position = blunder.number, blunder.kind == "position"
-        weight = (first.centre_weight if position else first.point_weight)[i]
-        away = misclosure[i] if position else first.point[i] - result.state.point[i]
-        spread = position_covariance(result, i) if position else result.point_covariance[i]
-        given = np.diag(np.divide(1.0, weight, out=np.zeros(3), where=weight > 0))
+        away, spread = _away(result, first, blunder)
+        weight = np.atleast_1d(weights_of(first, blunder.kind)[blunder.number])
+        given = np.diag(np.divide(1.0, weight, out=np.zeros(len(weight)), where=weight > 0))
         square = away @ np.linalg.solve(spread + given, away)
-        if square < chi2.isf(2.0 * norm.sf(limit), 3) and (position or spread.any()):
-            stated = _put_back(stated, first, blunder)
+        if square < chi2.isf(2.0 * norm.sf(limit), len(away)) and spread.any():
+            stated = _with_weight(stated, blunder, weights_of(first, blunder.kind)[blunder.number])
     return stated
+
+
+def _away(result: Adjustment, first: Network, blunder: Blunder) -> tuple[np.ndarray, np.ndarray]:
+    """How far something surveyed is from the solution (d,), and the covariance (d, d) of its adjusted value."""
+    i = blunder.number
+    if blunder.kind == "position":
+        return first.centre[i] - antennas(result)[i], position_covariance(result, i)
+    if blunder.kind == "distance":
+        return distance_misclosures(first, result.state)[[i]], distance_variances(result)[i].reshape(1, 1)
+    return first.point[i] - result.state.point[i], result.point_covariance[i]
 
 
 def antennas(result: Adjustment) -> np.ndarray:
@@ -111,25 +151,26 @@ def antennas(result: Adjustment) -> np.ndarray:
     return state.centre + np.einsum("pji,j->pi", state.rotation, state.lever) + state.shift
 
 
-def _put_back(stated: Network, first: Network, blunder: Blunder) -> Network:
+def weights_of(network: Network, kind: str) -> np.ndarray:
+    """Weights of what was surveyed: positions (P, 3), control (N, 3) or distances (D,)."""
+    return {"position": network.centre_weight, "control": network.point_weight, "distance": network.distances.weight}[kind]
+
+
+def _with_weight(network: Network, blunder: Blunder, weight: np.ndarray | float) -> Network:
+    """The network in which the observation in question has another weight."""
+    weights = weights_of(network, blunder.kind).copy()
+    weights[blunder.number] = weight
     if blunder.kind == "position":
-        weight = stated.centre_weight.copy()
-        weight[blunder.number] = first.centre_weight[blunder.number]
-        return replace(stated, centre_weight=weight)
-    weight = stated.point_weight.copy()
-    weight[blunder.number] = first.point_weight[blunder.number]
-    return replace(stated, point_weight=weight)
+        return replace(network, centre_weight=weights)
+    if blunder.kind == "distance":
+        return replace(network, distances=replace(network.distances, weight=weights))
+    return replace(network, point_weight=weights)
 
 
 def without(network: Network, blunder: Blunder) -> Network:
     """The network that knows nothing of the blunder; a control point stays as a point that a person measured."""
-    if blunder.kind == "position":
-        weight = network.centre_weight.copy()
-        weight[blunder.number] = 0.0
-        return replace(network, centre_weight=weight)
-    weight = network.point_weight.copy()
-    weight[blunder.number] = 0.0
-    return replace(network, point_weight=weight, named=np.append(network.named, blunder.number))
+    changed = _with_weight(network, blunder, 0.0)
+    return replace(changed, named=np.append(network.named, blunder.number)) if blunder.kind == "control" else changed
 
 
 def enough_rays(network: Network, rays: Rays, used: np.ndarray) -> np.ndarray:
@@ -163,6 +204,14 @@ def _position_misfits(result: Adjustment) -> tuple[np.ndarray, np.ndarray, np.nd
     number = np.flatnonzero(network.centre_weight.any(axis=1))
     rows = [_square(network.centre_weight[i], misclosure[i], position_covariance(result, i)) for i in number]
     return _columns(number, rows)
+
+
+def _distance_misfits(result: Adjustment) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    weight, misclosure = result.network.distances.weight, distance_misclosures(result.network, result.state)
+    redundancy = 1.0 - weight * distance_variances(result)
+    tested = (weight > 0) & (redundancy > CHECKABLE)
+    square = weight * misclosure**2 / np.maximum(redundancy, CHECKABLE)
+    return np.flatnonzero(tested), square[tested], np.ones(int(tested.sum()), int)
 
 
 def _columns(number: np.ndarray, rows: list[tuple[float, int]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from schemas.errors import GeometryError
-from tasks.adjustment.blunders import acquitted, enough_rays, gross_blunder, ray_blunders, surveyed_blunder, without
+from tasks.adjustment.blunders import acquitted, enough_rays, gross_blunder, ray_blunders, surveyed_blunder, weights_of, without
 from tasks.adjustment.collinearity import misclosures
 from tasks.adjustment.minimise import minimise, sizes
 from tasks.adjustment.network import Distances, Network, Rays, State
@@ -96,7 +96,7 @@ def adjust(network: Network, start: State, rays: Rays, test: BlunderTest | None 
 
 def _knows(network: Network, blunder: Blunder) -> bool:
     """Whether the network has the observation in question."""
-    return bool((network.centre_weight if blunder.kind == "position" else network.point_weight)[blunder.number].any())
+    return bool(np.any(weights_of(network, blunder.kind)[blunder.number]))
 
 
 def _robust_solution(network: Network, state: State, rays: Rays, test: BlunderTest) -> _Robust:

@@ -16,24 +16,25 @@ from tasks.geometry.rotation_vector import skew
 
 @dataclass(frozen=True, eq=False)
 class PriorFactors:
-    """Robust factors of the weights of the positions (P,) and the surveyed points (N,)."""
+    """Robust factors of the weights of the positions (P,), the surveyed points (N,) and the distances (D,)."""
 
     centre: np.ndarray
     point: np.ndarray
+    distance: np.ndarray
 
 
 def prior_sizes(network: Network, state: State) -> PriorFactors:
-    """Lengths of the misclosures of positions and surveyed points, in standard errors; 0 where nothing is known."""
+    """Lengths of the misclosures of positions, surveyed points and distances, in standard errors; 0 where nothing is known."""
     position = (network.centre_weight * position_misclosures(network, state) ** 2).sum(axis=1)
-    return PriorFactors(
-        np.sqrt(position), np.sqrt((network.point_weight * (network.point - state.point) ** 2).sum(axis=1))
-    )
+    point = (network.point_weight * (network.point - state.point) ** 2).sum(axis=1)
+    distance = network.distances.weight * distance_misclosures(network, state) ** 2
+    return PriorFactors(np.sqrt(position), np.sqrt(point), np.sqrt(distance))
 
 
 def prior_factors(network: Network, state: State, huber: float) -> PriorFactors:
     """Huber's factors of all that was surveyed; 1 for an infinite limit."""
     size = prior_sizes(network, state)
-    return PriorFactors(huber_weights(size.centre, huber), huber_weights(size.point, huber))
+    return PriorFactors(*(huber_weights(each, huber) for each in (size.centre, size.point, size.distance)))
 
 
 def prior_normals(network: Network, state: State, factors: PriorFactors | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -46,7 +47,7 @@ def prior_normals(network: Network, state: State, factors: PriorFactors | None =
     _add_interior(network, state, normal, right)
     _add_lever(network, state, normal, right)
     _add_kept_points(network, state, factors.point, normal, right)
-    _add_distances(network, state, normal, right)
+    _add_distances(network, state, factors.distance, normal, right)
     return normal, right
 
 
@@ -59,7 +60,7 @@ def prior_cost(network: Network, state: State, huber: float = np.inf) -> float:
         + (network.vertical_weight * (state.rotation[:, 2, :2] ** 2).sum(axis=1)).sum()
         + np.einsum("ci,cij,cj->", value, network.interior.weight, value)
         + (network.lever_weight * (network.lever - state.lever) ** 2).sum()
-        + (network.distances.weight * distance_misclosures(network, state) ** 2).sum()
+        + huber_cost(size.distance, huber)
     )
 
 
@@ -141,12 +142,12 @@ def _add_kept_points(network: Network, state: State, factor: np.ndarray, normal:
     right[columns] += weight * (network.point - state.point)[network.kept].ravel()
 
 
-def _add_distances(network: Network, state: State, normal: np.ndarray, right: np.ndarray) -> None:
+def _add_distances(network: Network, state: State, factor: np.ndarray, normal: np.ndarray, right: np.ndarray) -> None:
     if not len(network.distances):
         return
     misclosure = distance_misclosures(network, state)
     for J, columns, weight, value in zip(
-        *distance_derivatives(network, state), network.distances.weight, misclosure, strict=True
+        *distance_derivatives(network, state), factor * network.distances.weight, misclosure, strict=True
     ):
         normal[np.ix_(columns, columns)] += weight * np.outer(J, J)
         right[columns] += weight * value * J

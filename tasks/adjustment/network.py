@@ -55,7 +55,8 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Distances:
-    """Distances measured between points: `ends` (D, 2) point numbers, `length` (D,) m, `weight` (D,) 1/m^2."""
+    """Distances measured between points: `ends` (D, 2) point numbers, `length` (D,) m, `weight` (D,) 1/m^2, 0 for one that takes no
+    part."""
 
     ends: np.ndarray
     length: np.ndarray
@@ -166,7 +167,7 @@ class Network:
     @property
     def freedoms(self) -> int:
         """The rank defect of a free network: place, direction, and scale unless a distance gives it."""
-        return (6 if len(self.distances) else 7) * self.free
+        return (6 if self.distances.weight.any() else 7) * self.free
 
     @property
     def prior_observations(self) -> int:
@@ -178,7 +179,7 @@ class Network:
             + 2 * (self.vertical_weight > 0).sum()
             + (known & self.interior.free & ~self.interior.considered).sum()
             + len(self.lever_columns)
-            + len(self.distances)
+            + (self.distances.weight > 0).sum()
         )
 
 

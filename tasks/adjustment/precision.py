@@ -25,13 +25,13 @@ def covariance_of(network: Network, state: State, linear: Linear) -> np.ndarray:
     normal = reduced_normals(linear, network.unknowns)[0] + prior_normals(network, state)[0]
     held(network, normal, np.zeros(len(normal)))
     matrix, scale, H = scaled(network, state, normal)
-    cofactor = (_inverse(matrix) - H @ H.T) * scale[:, None] * scale
+    cofactor = (inverse_of(matrix) - H @ H.T) * scale[:, None] * scale
     considered = network.considered_columns
     cofactor[considered], cofactor[:, considered] = 0.0, 0.0
     return cofactor
 
 
-def _inverse(matrix: np.ndarray) -> np.ndarray:
+def inverse_of(matrix: np.ndarray) -> np.ndarray:
     """Inverse of a symmetric positive matrix with unit diagonal; its condition is judged by the norms of matrix and inverse."""
     try:
         inverse = cho_solve(cho_factor(matrix), np.eye(len(matrix)), overwrite_b=True)
@@ -60,7 +60,7 @@ def _considered_covariance(network: Network) -> np.ndarray:
     """Prior covariance (k, k) of the considered parameters, camera by camera, in the order of their columns."""
     blocks = []
     for free, considered, weight in zip(network.interior.free, network.interior.considered, network.interior.weight, strict=True):
-        chosen = np.flatnonzero(free)
+        chosen = np.flatnonzero(free & (np.diag(weight) > 0))
         inside = np.isin(chosen, np.flatnonzero(considered))
         scale = 1.0 / np.sqrt(np.maximum(np.diag(weight)[chosen], 1e-300))
         covariance = np.linalg.inv(weight[np.ix_(chosen, chosen)] * scale[:, None] * scale) * scale[:, None] * scale

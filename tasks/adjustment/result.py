@@ -35,8 +35,8 @@ class Group:
 
 @dataclass(frozen=True)
 class Blunder:
-    """Something surveyed that contradicts the rest: `kind` position or control, the `number` of its photo or point, and its misfit
-    in standard errors."""
+    """Something surveyed that contradicts the rest: `kind` position, control or distance, the `number` of its photo, point or
+    distance, and its misfit in standard errors."""
 
     kind: str
     number: int
@@ -72,12 +72,14 @@ class Adjustment:
         return float(self.factors.image * np.sqrt(np.mean(self.rays.sigma[ties if ties.any() else self.used] ** 2)))
 
     @property
+    def ray_sigma(self) -> np.ndarray:
+        """(M,) px: the standard errors of the measurements as they were estimated."""
+        return self.rays.sigma * np.where(surveyed(self.network, self.rays), self.factors.pointing, self.factors.image)
+
+    @property
     def detectable(self) -> np.ndarray:
         """(M, 2) px: the smallest error of a coordinate that the test would find, its inner reliability (Baarda 1968)."""
-        sigma = self.rays.sigma[:, None] * np.where(surveyed(self.network, self.rays), self.factors.pointing, self.factors.image)[
-            :, None
-        ]
-        return NONCENTRALITY * sigma / np.sqrt(self.redundancy_number)
+        return NONCENTRALITY * self.ray_sigma[:, None] / np.sqrt(self.redundancy_number)
 
     def exterior_covariance(self, photo: int) -> np.ndarray:
         """(6, 6) of X, Y, Z and the three rotations in the image system, m and radians."""

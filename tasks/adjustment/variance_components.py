@@ -22,7 +22,7 @@ def estimated(result: Adjustment) -> tuple[Factors, tuple[Group, ...]]:
     rest = [_enlarged(f, *share) for f, share in zip((old.pointing, old.position, old.control, old.distance), shares, strict=True)]
     new = Factors(max(image, 1e-6), *rest)
     counts = (2 * int(ties.sum()), 2 * int(pointings.sum()), _known(result.network.centre_weight),
-              _known(result.network.point_weight), len(result.network.distances))
+              _known(result.network.point_weight), _known(result.network.distances.weight))
     names = ("tie points in photographs", "surveyed points in photographs", "GNSS positions", "surveyed coordinates", "distances")
     parts = (redundancy, *(share[1] for share in shares))
     factors = (new.image, *rest)
@@ -68,13 +68,15 @@ def _control_share(result: Adjustment) -> tuple[float, float]:
 
 
 def _distance_share(result: Adjustment) -> tuple[float, float]:
-    distances = result.network.distances
-    if not len(distances):
-        return 0.0, 0.0
-    square = (distances.weight * distance_misclosures(result.network, result.state) ** 2).sum()
+    weight = result.network.distances.weight
+    square = (weight * distance_misclosures(result.network, result.state) ** 2).sum()
+    return float(square), float((1.0 - weight * distance_variances(result))[weight > 0].sum())
+
+
+def distance_variances(result: Adjustment) -> np.ndarray:
+    """(D,) m^2 of the adjusted distances."""
     J, columns = distance_derivatives(result.network, result.state)
-    variance = [j @ result.cofactor[np.ix_(c, c)] @ j for j, c in zip(J, columns, strict=True)]
-    return float(square), float((1.0 - distances.weight * variance).sum())
+    return np.array([j @ result.cofactor[np.ix_(c, c)] @ j for j, c in zip(J, columns, strict=True)])
 
 
 def _enlarged(old: float, square: float, redundancy: float) -> float:

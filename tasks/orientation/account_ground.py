@@ -4,8 +4,8 @@ import numpy as np
 
 from schemas.observations import Control
 from schemas.orientation import DistanceResidual, GroundResidual, GroundResiduals
-from tasks.adjustment.datum import distance_derivatives, distance_misclosures, position_misclosures
-from tasks.adjustment.variance_components import position_covariance
+from tasks.adjustment.datum import distance_misclosures, position_misclosures
+from tasks.adjustment.variance_components import distance_variances, position_covariance
 from tasks.orientation.assembly import Account
 from tasks.orientation.ground_points import approximate_points, intersect_ground
 from tasks.orientation.measurements import ground_rays
@@ -13,7 +13,7 @@ from tasks.orientation.measurements import ground_rays
 
 def ground_residuals(account: Account, control: Control) -> GroundResiduals:
     """How the block fits what is known; what was set aside or thrown out is compared all the same."""
-    distances = tuple(_distance_rows(account))
+    distances = tuple(distance_rows(account))
     if account.datum.free:
         return GroundResiduals(distances=distances)
     rows = (*control_rows(account), *position_rows(account), *_check_rows(account, control))
@@ -64,15 +64,14 @@ def _check_rows(account: Account, control: Control) -> list[GroundResidual]:
     return rows
 
 
-def _distance_rows(account: Account) -> list[DistanceResidual]:
+def distance_rows(account: Account) -> list[DistanceResidual]:
     network, state, problem = account.result.network, account.result.state, account.problem
-    if not len(network.distances):
-        return []
-    J, columns = distance_derivatives(network, state)
-    misclosure, rows = distance_misclosures(network, state), []
-    for i, (first, second) in enumerate(network.distances.ends - problem.ties):
-        spread = J[i] @ account.result.cofactor[np.ix_(columns[i], columns[i])] @ J[i]
-        predicted = np.sqrt(max(1.0 / network.distances.weight[i] - spread, 0.0))
+    misclosure, spread, rows = distance_misclosures(network, state), distance_variances(account.result), []
+    stated = {(first, second): sigma for first, second, _, sigma in problem.distances}
+    for i, (first, second) in enumerate((network.distances.ends - problem.ties).tolist()):
+        weight = network.distances.weight[i]
+        variance = 1.0 / weight - spread[i] if weight > 0 else stated[first, second] ** 2 + spread[i]
+        predicted = np.sqrt(max(variance, 0.0))
         names = problem.surveyed[first].name, problem.surveyed[second].name
         rows.append(
             DistanceResidual(

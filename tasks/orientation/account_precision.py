@@ -3,19 +3,28 @@
 import numpy as np
 
 from schemas.camera import INTERIOR
-from schemas.orientation import Block, BlockPrecision, Correlation, GroundResidual, LargestResidual, ObservationGroup
+from schemas.orientation import (
+    Block,
+    BlockPrecision,
+    Correlation,
+    DistanceResidual,
+    GroundResidual,
+    LargestResidual,
+    ObservationGroup,
+)
 from tasks.adjustment.result import Adjustment
-from tasks.orientation.account_ground import control_rows, position_rows
+from tasks.orientation.account_ground import control_rows, distance_rows, position_rows
 from tasks.orientation.assembly import Account, Problem
+from tasks.orientation.camera_constant import MOVED, given_sigmas
 
 WORST = 12
 """How many of the largest standardised residuals are named."""
 AGREES = 3.0
 """What was set aside but lies within this many predicted standard errors of the final block is no blunder."""
+UNLIKELY = 4.0
+"""A distance that misses the block by more of its predicted standard errors is told."""
 SINGLE = 5
 """More positions than these that were set aside are summed up in one sentence."""
-MOVED = 5.0
-"""A camera constant that left its stated value by more of its standard errors contradicts it."""
 
 
 def block_precision(account: Account, tracks: np.ndarray, apart: tuple[Block, ...]) -> BlockPrecision:
@@ -23,6 +32,7 @@ def block_precision(account: Account, tracks: np.ndarray, apart: tuple[Block, ..
     problem, result = account.problem, account.result
     network, factors = result.network, result.factors
     blunders = [] if account.datum.free else _blunders(account)
+    distances = [row for row, weight in zip(distance_rows(account), network.distances.weight, strict=True) if weight == 0]
     return BlockPrecision(
         image_factor=factors.image,
         position_factor=factors.position,
@@ -38,13 +48,14 @@ def block_precision(account: Account, tracks: np.ndarray, apart: tuple[Block, ..
         ),
         largest=tuple(_largest(problem, result, tracks)),
         correlations=tuple(_correlations(problem, result)),
-        blunders=tuple(row.name for row in blunders),
+        blunders=(*(row.name for row in blunders), *(f"{row.first} - {row.second}" for row in distances)),
         weaknesses=(
             *account.datum.weaknesses,
             *_blunder_sentences(account, blunders),
+            *_distance_sentences(account, distances),
             *account.remarks,
             *_nominal(problem, result),
-            *_contradicted(account),
+            *_moved_principal_points(account),
             *_unconnected(problem, apart),
         ),
     )
@@ -112,6 +123,24 @@ def _blunder_sentences(account: Account, blunders: list[GroundResidual]) -> list
     ]
 
 
+def _distance_sentences(account: Account, wrong: list[DistanceResidual]) -> list[str]:
+    """A sentence for every distance that was thrown out, and for those that miss the block but cannot be told from others."""
+    found = []
+    for row in distance_rows(account):
+        misfit = abs(row.difference) / max(row.predicted, 1e-9)
+        if row in wrong:
+            end = "it took no part. Compare it with its two points"
+        elif misfit > UNLIKELY:
+            end = "too few others tell which of them is wrong. Measure it again"
+        else:
+            continue
+        found.append(
+            f"The distance from {row.first} to {row.second} ({row.length:.3f} m) contradicts the block (block minus given: "
+            f"{row.difference:+.3f} m, {misfit:.0f} times the predicted standard error); {end}."
+        )
+    return found
+
+
 def _wrong_camera_constant(account: Account, positions: list[GroundResidual]) -> str | None:
     """A sentence where positions and control contradict each other along the viewing direction, as a wrong focal length makes
     them."""
@@ -161,18 +190,18 @@ def _nominal(problem: Problem, result: Adjustment) -> list[str]:
     return found
 
 
-def _contradicted(account: Account) -> list[str]:
-    """A sentence for every camera constant that the block contradicts."""
+def _moved_principal_points(account: Account) -> list[str]:
+    """A sentence for every principal point that left its stated place by many of its standard errors."""
     interior, found = account.result.network.interior, []
-    for k in np.flatnonzero(interior.free[:, 0] & ~interior.considered[:, 0]):
-        given, c = interior.value[k, 0], account.result.state.interior[k, 0]
-        weight = interior.weight[k][np.ix_(interior.free[k], interior.free[k])]
-        sigma = np.sqrt(np.linalg.pinv(weight, hermitian=True)[0, 0]) if weight.any() else 0.05 * given
-        if abs(c - given) > MOVED * sigma:
-            found.append(
-                f"The block contradicts the camera constant of {account.problem.camera_names[k]}: {given:.0f} px were given, "
-                f"{c:.0f} px fit. Look for a wrong focal length, zoom or photograph size, or calibrate the camera."
-            )
+    known = np.diagonal(interior.weight, axis1=1, axis2=2)[:, 1:3] > 0
+    free = interior.free[:, 1:3] & ~interior.considered[:, 1:3] & known
+    away = account.result.state.interior[:, 1:3] - interior.value[:, 1:3]
+    for k in np.flatnonzero((free & (np.abs(away) > MOVED * given_sigmas(account.result.network, (1, 2)))).any(axis=1)):
+        found.append(
+            f"The principal point of {account.problem.camera_names[k]} moved {np.linalg.norm(away[k]):.0f} px from its stated "
+            "place, many times its standard error: the block can hardly tell it from tangential distortion and the direction of "
+            "the photographs, and systematic errors push it. Calibrate the camera, or hold x0 and y0 to compare."
+        )
     return found
 
 

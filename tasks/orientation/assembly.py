@@ -64,9 +64,10 @@ class Account:
 
 
 def taking_part(control: Control) -> list[ControlPoint]:
-    """The control points, and the points of which only distances are known."""
-    ends = {name for distance in control.distances for name in (distance.first, distance.second)}
-    return [point for point in control.points if point.role == "control" or (point.role == "tie" and point.name in ends)]
+    """The control points, and the tie points that a person measured in two photographs or more."""
+    return [
+        point for point in control.points if point.role == "control" or (point.role == "tie" and len(point.measurements) >= 2)
+    ]
 
 
 def known_of(photos: Photos, cameras: Cameras, material: Material, start: Start, control: Control) -> tuple[State, Known]:

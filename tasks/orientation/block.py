@@ -5,6 +5,7 @@ crunched; all that leaves this file is in the project's CRS again. Groups of pho
 together where positions or control place them in the project's system; the others become free blocks of their own.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import cv2
@@ -13,20 +14,23 @@ import numpy as np
 from schemas.camera import Cameras
 from schemas.errors import GeometryError
 from schemas.observations import Control, TiePoints
-from schemas.orientation import Block, RelativeOrientations, SeparateBlocks
+from schemas.orientation import RelativeOrientations, SeparateBlocks
 from schemas.photo import Photos
 from schemas.settings import Settings
 from tasks.adjustment.bundle import BlunderTest, adjust
 from tasks.adjustment.interior import InteriorChoice, interior_prior
 from tasks.adjustment.minimise import UNDETERMINED
-from tasks.geometry.rotation import rotation_matrix
+from tasks.adjustment.network import Network
+from tasks.adjustment.result import Adjustment
 from tasks.orientation.account import block_table, ground_points, image_residuals
 from tasks.orientation.account_ground import ground_residuals
 from tasks.orientation.account_precision import block_precision
 from tasks.orientation.assembly import Account, Part, known_of, problem_of, starting_values
 from tasks.orientation.block_start import Start, start_blocks
+from tasks.orientation.camera_constant import contradicted_constants, doubtful_constants, sentence, with_free_constants
 from tasks.orientation.georeference import choose_datum
 from tasks.orientation.growth import Given, Material
+from tasks.orientation.interchange.foreign_block import Pose
 from tasks.orientation.measurements import tie_rays
 from tasks.orientation.self_calibration import determined, held_fixed
 
@@ -65,7 +69,7 @@ def orient_block(
     relative: RelativeOrientations,
     crs: str,
     choices: BlockChoices,
-    given: Block | None = None,
+    given: Mapping[str, Pose] | None = None,
 ) -> dict[str, object]:
     """Orients all photographs that can be oriented; `given`: approximate exterior orientations to begin with. Returns the tables
     block, points, image_residuals, ground_residuals, precision and separate.
@@ -107,15 +111,15 @@ def _material(
     return Material(photos.names, tuple(used), values, camera_of, interior, rays, len(tracks), relative.pairs), tracks
 
 
-def _given(photos: Photos, given: Block | None) -> tuple[Given | None, np.ndarray | None]:
+def _given(photos: Photos, given: Mapping[str, Pose] | None) -> tuple[Given | None, np.ndarray | None]:
     """The approximate orientations in local coordinates, and their origin (3,)."""
     if given is None:
         return None, None
     rotation, centre = np.tile(np.eye(3), (len(photos.names), 1, 1)), np.zeros((len(photos.names), 3))
-    known = np.isin(photos.names, given.names)
+    known = np.array([name in given for name in photos.names])
     for i in np.flatnonzero(known):
-        own = given.of(photos.names[i])
-        rotation[i], centre[i] = rotation_matrix(*np.radians(own.omega_phi_kappa)), own.centre
+        own = given[photos.names[i]]
+        rotation[i], centre[i] = own.rotation, own.centre
     origin = np.round(centre[known].mean(axis=0)) if known.any() else np.zeros(3)
     return Given(rotation, centre - origin, known), origin
 
@@ -139,11 +143,35 @@ def _adjusted(have: _Input, parts: list[Part]) -> Account:
     network = network.with_lever(choices.lever_arm, choices.lever_sigma, choices.gnss_shift)
     network, remarks = determined(network, state, problem.rays.take(good), problem.camera_names)
     rays, test = problem.rays.take(good), BlunderTest(limit=choices.rejection)
+    state = state.with_lever(network.lever)
     try:
-        result = adjust(network, state.with_lever(network.lever), rays, test)
+        result = adjust(network, state, rays, test)
     except GeometryError as error:
         if str(error) != UNDETERMINED or not network.interior.free.any():
             raise
         network, more = held_fixed(network, problem.camera_names)
-        remarks, result = (*remarks, *more), adjust(network, state.with_lever(network.lever), rays, test)
-    return Account(have.cameras, problem, result, datum, remarks)
+        remarks, result = (*remarks, *more), adjust(network, state, rays, test)
+    result, more = _with_tested_constants(network, result, test, problem.camera_names, choices.interior.kind == "fixed")
+    return Account(have.cameras, problem, result, datum, (*remarks, *more))
+
+
+def _with_tested_constants(
+    network: Network, result: Adjustment, test: BlunderTest, names: tuple[str, ...], held: bool
+) -> tuple[Adjustment, tuple[str, ...]]:
+    """The adjustment without the camera constants that the block contradicts (unless they are to be `held`), and sentences."""
+    doubtful = doubtful_constants(result)
+    if not doubtful.any():
+        return result, ()
+    try:
+        freed = adjust(with_free_constants(network, doubtful), result.state, result.rays, test)
+    except GeometryError:
+        return result, ()
+    wrong = contradicted_constants(network, freed, doubtful)
+    if not wrong.any():
+        return result, ()
+    sigma = np.sqrt(np.diag(freed.cofactor)[freed.network.interior_columns[:, 0]])
+    told = tuple(
+        sentence(names[k], network.interior.value[k, 0], freed.state.interior[k, 0], sigma[k], not held)
+        for k in np.flatnonzero(wrong)
+    )
+    return (result if held else freed), told

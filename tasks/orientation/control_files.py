@@ -1,4 +1,4 @@
-"""Ground control and check points from two CSV texts. All mistakes are gathered and told together, one sentence each.
+"""Ground control, check points and measured distances from CSV texts. All mistakes are told together, one sentence each.
 
 Measurements are pixels of the file; where the photograph was put into another frame (a scan into that of its fiducial marks), they
 follow.
@@ -7,21 +7,25 @@ follow.
 import csv
 import io
 import math
+from collections.abc import Iterator
 from pathlib import PurePosixPath
 
 from schemas.errors import WorkflowError
-from schemas.observations import Control, ControlPoint
+from schemas.observations import Control, ControlPoint, Distance
 from schemas.photo import Photo, Photos
 
 POINT_COLUMNS = ("name", "role", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
 MEASUREMENT_COLUMNS = ("name", "photo", "col", "row", "sigma")
+DISTANCE_COLUMNS = ("from", "to", "metres", "sigma")
+ROLES = ("control", "check", "tie")
 
 
-def read_control(photos: Photos, points: str, measurements: str) -> Control:
-    """Control and check points with their image measurements.
+def read_control(photos: Photos, points: str, measurements: str, distances: str | None = None) -> Control:
+    """Control, check and tie points with their image measurements, and distances between them.
 
-    `points`: CSV text with POINT_COLUMNS (m); `measurements`: CSV text with MEASUREMENT_COLUMNS (px). Photographs are named with or
-    without extension. Raises WorkflowError that lists every mistake in the two texts.
+    `points`: CSV text with POINT_COLUMNS (m); `measurements`: CSV text with MEASUREMENT_COLUMNS (px); `distances`: CSV text with
+    DISTANCE_COLUMNS (m). Photographs are named with or without extension. Raises WorkflowError that lists every mistake in the
+    texts.
     """
     mistakes: list[str] = []
     known = _points(points, mistakes)
@@ -32,9 +36,11 @@ def read_control(photos: Photos, points: str, measurements: str) -> Control:
         for name in known
         if not measured[name] and not any(f"point {name} " in text for text in mistakes)
     ]
+    points_of = {name: point.model_copy(update={"measurements": measured[name]}) for name, point in known.items()}
+    lengths = () if distances is None else tuple(_distances(distances, points_of, mistakes))
     if mistakes:
         raise WorkflowError("\n".join(mistakes))
-    return Control(points=tuple(point.model_copy(update={"measurements": measured[name]}) for name, point in known.items()))
+    return Control(points=tuple(points_of.values()), distances=lengths)
 
 
 def no_control() -> Control:
@@ -90,8 +96,11 @@ def _points(text: str, mistakes: list[str]) -> dict[str, ControlPoint]:
         if row["name"] in known:
             mistakes.append(f"{where}occurs twice; names must differ.")
             continue
-        if row.get("role") not in ("control", "check"):
-            mistakes.append(f"{where}has the role '{row.get('role', '')}'; allowed are control and check.")
+        if row.get("role") not in ROLES:
+            mistakes.append(f"{where}has the role '{row.get('role', '')}'; allowed are control, check and tie.")
+            continue
+        if row["role"] == "tie":
+            known[row["name"]] = ControlPoint(name=row["name"], role="tie", xyz=(0.0,) * 3, sigma=(0.0,) * 3, measurements={})
             continue
         values = _numbers(row, POINT_COLUMNS[2:], where.strip(), mistakes)
         if values:
@@ -114,6 +123,33 @@ def _measurements(
         elif values and photo:
             measured[name][photo.name] = values
     return measured
+
+
+def _distances(text: str, known: dict[str, ControlPoint], mistakes: list[str]) -> Iterator[Distance]:
+    for line, row in _rows(text, DISTANCE_COLUMNS, "distances", mistakes):
+        ends = row["from"], row.get("to", "")
+        where = f"Distances file, line {line}, {ends[0]} to {ends[1]}: "
+        values = _numbers(row, DISTANCE_COLUMNS[2:], where.removesuffix(": "), mistakes)
+        mistake = _distance_mistake(ends, values, known)
+        if mistake:
+            mistakes.append(f"{where}{mistake}")
+        elif values:
+            yield Distance(first=ends[0], second=ends[1], length=values[0], sigma=values[1])
+
+
+def _distance_mistake(ends: tuple[str, str], values: tuple[float, ...] | None, known: dict[str, ControlPoint]) -> str | None:
+    for name in ends:
+        if name not in known:
+            return f"the point '{name}' is not in the control points file."
+        if known[name].role == "check":
+            return f"{name} is a check point, which takes no part in the adjustment; give it the role control or tie."
+        if len(known[name].measurements) < (2 if known[name].role == "tie" else 1):
+            return f"{name} is measured in {len(known[name].measurements)} photographs, but needs two."
+    if ends[0] == ends[1]:
+        return "a distance needs two different points."
+    if values and values[0] <= 0:
+        return f"metres is {values[0]:g}, which must be a positive number."
+    return None
 
 
 def measurement_mistake(

@@ -19,9 +19,11 @@ _LEAST_FAR = 3000.0
 """m"""
 
 
-def control_from_files(photos: Photos, points: str, measurements: str, own: str | None, crs: str) -> Control:
-    """Control of two CSV texts in the project's system, `own` that of the texts (None: the same). Raises WorkflowError."""
-    return _in_project(read_control(photos, points, measurements), photos, own or crs, crs)
+def control_from_files(
+    photos: Photos, points: str, measurements: str, own: str | None, crs: str, distances: str | None = None
+) -> Control:
+    """Control of CSV texts in the project's system, `own` that of the texts (None: the same). Raises WorkflowError."""
+    return _in_project(read_control(photos, points, measurements, distances), photos, own or crs, crs)
 
 
 def control_from_list(photos: Photos, text: str, source: ControlFromGcpList, crs: str) -> Control:
@@ -32,19 +34,29 @@ def control_from_list(photos: Photos, text: str, source: ControlFromGcpList, crs
 
 
 def _in_project(control: Control, photos: Photos, own: str, crs: str) -> Control:
-    """Coordinates in the project's system, measurements in the photographs as they are used here."""
-    if not control.points:
-        return control
-    given = np.array([point.xyz for point in control.points])
-    xyz, sentence = carried(given, own, crs)
-    stranger = _on_another_site(given, xyz, photos, own, crs)
-    if stranger:
-        return Control(points=(), remarks=(stranger,))
+    """Coordinates in the project's system, measurements in the photographs as they are used here. Points on another site keep
+    their distances and become tie points."""
+    surveyed = [point for point in control.points if point.role != "tie"]
+    placed, remark = {}, None
+    if surveyed:
+        given = np.array([point.xyz for point in surveyed])
+        xyz, remark = carried(given, own, crs)
+        stranger = _on_another_site(given, xyz, photos, own, crs)
+        remark = stranger or remark
+        placed = {} if stranger else {point.name: tuple(map(float, place)) for point, place in zip(surveyed, xyz, strict=True)}
+    ends = {name for distance in control.distances for name in (distance.first, distance.second)}
     points = (
-        point.model_copy(update={"xyz": tuple(map(float, place)), "measurements": in_photographs(point.measurements, photos)})
-        for point, place in zip(control.points, xyz, strict=True)
+        point.model_copy(
+            update={
+                "xyz": placed.get(point.name, (0.0, 0.0, 0.0)),
+                "role": point.role if point.name in placed else "tie",
+                "measurements": in_photographs(point.measurements, photos),
+            }
+        )
+        for point in control.points
+        if point.role == "tie" or point.name in placed or point.name in ends
     )
-    return Control(points=tuple(points), remarks=(sentence,) if sentence else ())
+    return Control(points=tuple(points), distances=control.distances, remarks=(remark,) if remark else ())
 
 
 def _on_another_site(given: np.ndarray, xyz: np.ndarray, photos: Photos, own: str, crs: str) -> str | None:

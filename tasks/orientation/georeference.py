@@ -17,6 +17,8 @@ CROWDED = (
     "The positions of the photographs lie closer together than their own standard errors, so they give neither scale nor direction "
     "and were not used. Correct them, or state their true precision."
 )
+BENDS = 0.02
+"""A free model bends by this share of its extent before anything holds it."""
 FAR = 5.0
 """A known point that misses the consensus by this many times what it may miss is set aside."""
 
@@ -85,7 +87,7 @@ def choose_datum(model: State, known: Known, vertical_sigma: float, shift: bool,
     misfit = (similarity.apply(source) - (target - origin))[near]
     aside = np.zeros(len(has), bool), np.zeros(len(placed), bool)
     aside[0][has], aside[1][placed] = ~near[~trusted], ~near[trusted]
-    weaknesses = _weaknesses(weak, turn, vertical_sigma, known.control[placed & ~aside[1]], sigma[near], misfit)
+    weaknesses = _weaknesses(weak, turn, vertical_sigma, known.control[placed & ~aside[1]], sigma[near], misfit, extent)
     positions, control = int((has & ~aside[0]).sum()), int((placed & ~aside[1]).sum())
     sentence = _sentence(positions, control, weak)
     return Datum(similarity, origin, False, vertical_sigma if weak else None, sentence, weaknesses, *aside)
@@ -173,7 +175,7 @@ def _sentence(positions: int, control: int, weak: bool) -> str:
 
 
 def _weaknesses(
-    weak: bool, turn: float, vertical: float, control: np.ndarray, sigma: np.ndarray, residual: np.ndarray
+    weak: bool, turn: float, vertical: float, control: np.ndarray, sigma: np.ndarray, residual: np.ndarray, extent: float
 ) -> tuple[str, ...]:
     found = []
     if weak:
@@ -188,8 +190,9 @@ def _weaknesses(
         spread = np.linalg.svd(control[:, :2] - control[:, :2].mean(axis=0), compute_uv=False)
         if spread[1] < 0.1 * spread[0]:
             found.append("The control is one-sided: its points lie nearly on one line. Add control away from that line.")
-    size = float(np.median(np.linalg.norm(residual, axis=1) / sigma))
-    if size > 4.0:
+    length = np.linalg.norm(residual, axis=1)
+    size = float(np.median(length / sigma))
+    if size > 4.0 and np.median(length) > BENDS * extent:
         found.append(
             f"The known positions and the block's shape disagree: the median misfit before the adjustment is {size:.0f} standard "
             "errors. Positions, their standard errors or the CRS may be wrong."

@@ -25,6 +25,10 @@ LEAST_ANGLE = np.radians(1.5)
 LEAST_POINTS = 8
 ROUGH = (64.0, 16.0, 4.0, 2.0)
 """How much wider than at the end the tolerances are while given orientations are refined."""
+STRANGE_START = (
+    "The tie points contradict the exterior orientation that was given as a start: hardly any of them intersect. It may be of "
+    "other photographs or in another convention of angles; leave it out, and the photographs are oriented from their tie points."
+)
 GROWTH_PARAMETERS = np.array(INTERIOR) == "k1"
 """While a free block grows only radial distortion is adjusted: flat ground seen from above cannot tell c from the flying height."""
 
@@ -174,6 +178,11 @@ class Growth:
         self.refresh()
         self.forget(index)
 
+    def expel(self) -> None:
+        """Takes out photographs that hang on too few known points."""
+        seen = np.bincount(self.rays.photo[self.good & self.known[self.rays.point]], minlength=len(self.placed))
+        self.placed &= seen >= LEAST_POINTS
+
     def forget(self, index: np.ndarray) -> None:
         misfit = self.misfit(index)
         unit = max(spread(misfit), 0.3)
@@ -201,14 +210,21 @@ def grow(material: Material, seed: tuple[int, int, RelativeOrientation], free: n
 
 
 def from_given(material: Material, given: Given) -> Growth:
-    """The block that begins with approximate orientations: tolerances shrink from coarse to fine, then the others join."""
+    """The block that begins with approximate orientations: tolerances shrink from coarse to fine; photographs that contradict the
+    others then are taken out, and join again by their tie points like those without a start.
+
+    Raises GeometryError where the tie points contradict the orientations.
+    """
     growth = Growth(material, np.ones(len(material.names), bool))
     for photo in np.flatnonzero(given.known):
         growth.place(int(photo), given.rotation[photo], given.centre[photo])
     for growth.slack in ROUGH:
         growth.known[:], growth.good[:] = False, True
         growth.triangulate()
+        if growth.known.sum() < LEAST_POINTS:
+            raise GeometryError(STRANGE_START)
         growth.bundle()
+        growth.expel()
     _extend(growth)
     _finish(growth)
     return growth

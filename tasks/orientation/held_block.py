@@ -218,7 +218,7 @@ def _ground(views: list[View], control: Control) -> list[GroundResidual]:
     """Surveyed points intersected with the held orientation: none of them takes part, whatever its role."""
     number = {view.name: i for i, view in enumerate(views)}
     rows = []
-    for point in control.points:
+    for point in (point for point in control.points if point.role != "tie"):
         own = [(number[name], value) for name, value in point.measurements.items() if name in number]
         if len(own) < 2:
             continue

@@ -11,6 +11,7 @@ from tasks.orientation.interchange.foreign_block import ForeignBlock
 from tasks.orientation.interchange.opensfm import read_opensfm
 
 _PLACED = "project: its coordinates are those of the project; positions: it is fitted to the positions of its photographs."
+_USE = "held: taken as it is and examined; start: starting values of the own adjustment, which needs the stage tie_points."
 _GROUND = "Lowest and highest ground height; needed only where neither tie points nor points of the file tell it."
 
 
@@ -26,6 +27,7 @@ class FromAngles(Settings):
     kind: Literal["csv"]
     path: str = setting(..., "CSV with the columns photo, x, y, z, omega, phi, kappa (and sigma_x to sigma_kappa where known).")
     placed: Literal["project", "positions"] = setting("project", _PLACED)
+    use: Literal["held", "start"] = setting("held", _USE)
     ground: tuple[float, float] | None = setting(None, _GROUND, "m")
 
     @property
@@ -45,6 +47,7 @@ class FromColmap(Settings):
     images_path: str = setting(..., "COLMAP's images.txt.")
     points_path: str | None = setting(None, "COLMAP's points3D.txt: tells the height of the ground where there are no tie points.")
     placed: Literal["project", "positions"] = setting("positions", _PLACED)
+    use: Literal["held", "start"] = setting("held", _USE)
     ground: tuple[float, float] | None = setting(None, _GROUND, "m")
 
     @property
@@ -63,6 +66,7 @@ class FromOpensfm(Settings):
     path: str = setting(..., "The file opensfm/reconstruction.json.")
     reference_path: str | None = setting(None, "OpenSfM's reference_lla.json, where the reconstruction does not hold it.")
     placed: Literal["project", "positions"] = setting("project", _PLACED)
+    use: Literal["held", "start"] = setting("held", _USE)
     ground: tuple[float, float] | None = setting(None, _GROUND, "m")
 
     @property

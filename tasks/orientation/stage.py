@@ -22,6 +22,7 @@ from tasks.orientation.products import PRODUCTS, block_products, product_table
 from tasks.orientation.report import report
 from tasks.orientation.report_overlap import OVERLAP, SIDE, overlap_map
 from tasks.orientation.sources import Adjusted, ExteriorSource
+from tasks.orientation.started_block import orient_from
 
 SCRATCH = 256 * 2**20
 _SIMULATED = ("photographs/control.csv", "photographs/measurements.csv")
@@ -40,7 +41,8 @@ class OrientationStage(Stage):
     title: ClassVar[str] = "Orient the photographs as one block"
     kind: Literal["orientation"] = "orientation"
     exterior: ExteriorSource = setting(
-        Adjusted(kind="adjusted"), "Where the exterior orientation comes from: the own adjustment, or a file of another program."
+        Adjusted(kind="adjusted"),
+        "Where the exterior orientation comes from: the own adjustment, or a file of another program, which is held or a start.",
     )
     least_matches: int = setting(15, "Pairs that share fewer tie points are not related.", "tie points", ge=6)
     interior: InteriorChoice = setting(
@@ -71,7 +73,8 @@ class OrientationStage(Stage):
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         yield self._control(view)
-        yield from self._adjusted_jobs(view) if self.exterior.kind == "adjusted" else self._held_jobs(view)
+        held = self.exterior.kind != "adjusted" and self.exterior.use == "held"
+        yield from self._held_jobs(view) if held else self._adjusted_jobs(view)
         yield Job(
             "orientation",
             "report",
@@ -127,13 +130,21 @@ class OrientationStage(Stage):
             lever_arm=self.lever_arm,
             lever_sigma=self.lever_sigma,
         )
+        function: Callable[..., dict[str, object]] = orient_block
+        reads: dict[str, Region | tuple[Region, ...]] = {
+            "photos": PHOTOS, "cameras": CAMERAS, "tie_points": TIE_POINTS, "control": CONTROL, "relative": RELATIVE
+        }  # fmt: skip
+        params: dict[str, Any] = {"crs": view.project.crs, "choices": choices}
+        if self.exterior.kind != "adjusted":
+            function, params = orient_from, params | {"source": self.exterior}
+            reads["texts"] = tuple(TextFile(path) for path in self.exterior.files)
         yield Job(
             "orientation",
             "block",
-            orient_block,
-            reads={"photos": PHOTOS, "cameras": CAMERAS, "tie_points": TIE_POINTS, "control": CONTROL, "relative": RELATIVE},
+            function,
+            reads=reads,
             writes=BLOCK_TABLES | {"separate": SEPARATE_BLOCKS},
-            params={"crs": view.project.crs, "choices": choices},
+            params=params,
             scratch=SCRATCH,
         )
 
@@ -162,10 +173,12 @@ class OrientationStage(Stage):
             reads: dict[str, Region] = {"photos": PHOTOS, "text": TextFile(source.path)}
             return _control_job(control_from_list, reads, {"source": source, "crs": view.project.crs})
         if source.kind == "simulated":
-            own, points, measurements = None, view.run_file(_SIMULATED[0]), view.run_file(_SIMULATED[1])
+            own, points, measurements, distances = None, view.run_file(_SIMULATED[0]), view.run_file(_SIMULATED[1]), None
         else:
-            own, points, measurements = source.crs, source.points, source.measurements
+            own, points, measurements, distances = source.crs, source.points, source.measurements, source.distances
         reads = {"photos": PHOTOS, "points": TextFile(points), "measurements": TextFile(measurements)}
+        if distances:
+            reads["distances"] = TextFile(distances)
         return _control_job(control_from_files, reads, {"own": own, "crs": view.project.crs})
 
 

@@ -31,7 +31,7 @@ def test_points_and_measurements_are_put_together():
         (POINTS + "P3,control,1,2,3,1,1,1\n", MEASURED, "Control point P3 is outside all photographs"),
         (POINTS.replace("0.2\nP2", "0\nP2"), MEASURED, "sigma_z is '0', which must be a positive number"),
         (POINTS.replace("4,5,6", "4,east,6"), MEASURED, "y is 'east', which must be a number"),
-        (POINTS.replace("check", "chek"), MEASURED, "role 'chek'; allowed are control and check"),
+        (POINTS.replace("check", "chek"), MEASURED, "role 'chek'; allowed are control, check and tie"),
         (POINTS.replace("sigma_z", "sz"), MEASURED, "lacks the column"),
         ("", MEASURED, "lacks the column"),
     ],

@@ -1,6 +1,7 @@
 """Control with blunders, positions of another place, a lever arm, distances, approximate orientations: found, used, and named."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -8,10 +9,10 @@ from orienting import orient, standardised_orientation
 from simulated_block import one_strip, two_strips
 
 from schemas.observations import Control, Distance
-from schemas.orientation import ExteriorOrientation
 from schemas.photo import Photos
 from tasks.adjustment.interior import FixedInterior
-from tasks.geometry.rotation import angles
+from tasks.geometry.rotation_vector import rotation_of_vector
+from tasks.orientation.interchange.foreign_block import Pose
 
 FIXED = FixedInterior(kind="fixed")
 
@@ -175,16 +176,13 @@ def test_the_worst_residuals_are_named_with_their_reliability(volos_like):
 def test_approximate_orientations_are_a_start(datum):
     block = two_strips(22) if datum == "control" else two_strips(22, control=0, check=0, gnss=None)
     rng = np.random.default_rng(3)
-    truth = orient(two_strips(22))["block"]
-    rough = tuple(
-        ExteriorOrientation(
-            photo=v.name,
-            centre=tuple(v.centre + 10 * rng.standard_normal(3)),
-            omega_phi_kappa=tuple(np.degrees(angles(v.rotation)) + 1.0 * rng.standard_normal(3)),
+    rough = {
+        v.name: Pose(
+            rotation_of_vector(np.radians(1.0) * rng.standard_normal(3)) @ v.rotation, v.centre + 10 * rng.standard_normal(3)
         )
         for v in block.views
-    )
-    out = orient(block, given=truth.model_copy(update={"photos": rough}), interior=FIXED)
+    }
+    out = orient(block, given=rough, interior=FIXED)
     assert len(out["block"].photos) == 6
     if datum == "control":
         found = np.array([out["block"].of(v.name).centre for v in block.views])
@@ -200,3 +198,30 @@ def test_a_strip_keeps_its_tilt_with_a_wrong_position():
     out = orient(block)
     assert block.photos.names[3] in out["precision"].blunders
     assert len(out["block"].photos) == 8
+
+
+def test_a_wrong_distance_beside_control_is_named_and_blames_no_control():
+    block = two_strips(21)
+    length, first, second = ends_of(block)
+    wrong = Distance(first=first.name, second=second.name, length=length + 1.0, sigma=0.02)
+    out = orient(with_control(block, lambda i, p: p, (wrong,)))
+    assert out["precision"].blunders == (f"{first.name} - {second.name}",)
+    assert any("The distance from" in text and "took no part" in text for text in out["precision"].weaknesses)
+    row = out["ground_residuals"].distances[0]
+    assert row.difference == pytest.approx(-1.0, abs=4 * row.predicted)
+    assert np.abs(standardised_orientation(block, out["block"])).max() < 4.5
+
+
+def test_of_many_distances_in_a_free_network_the_wrong_one_is_named():
+    block = two_strips(23, gnss=None)
+    points = [p for p in block.control.points if p.role == "control"]
+    distances = [
+        Distance(first=a.name, second=b.name, length=float(np.linalg.norm(np.subtract(a.xyz, b.xyz))), sigma=0.03)
+        for a, b in pairwise(points)
+    ]
+    distances[2] = distances[2].model_copy(update={"length": distances[2].length * 1.05})
+    out = orient(
+        with_control(block, lambda i, p: p.model_copy(update={"role": "tie", "xyz": (0.0, 0.0, 0.0)}), tuple(distances)),
+        interior=FIXED,
+    )
+    assert out["precision"].blunders == (f"{distances[2].first} - {distances[2].second}",)

@@ -1,0 +1,99 @@
+"""Camera constants that the block contradicts: a zoom lens, a wrong tag, photographs of another size than their camera.
+
+A camera constant that was given is an observation like any other, and it is tested like one: where the adjusted value leaves the
+given one by many of its standard errors, or where a held one pulls at its bonds, the block is adjusted once more with nothing known
+of it. What then fits, and is well determined, decides. A prior that is wrong by a factor of two would otherwise bend the block
+towards itself, and positions and control would be blamed for it.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from schemas.errors import GeometryError
+from tasks.adjustment.datum import prior_normals
+from tasks.adjustment.interior import NOMINAL_SIGMA
+from tasks.adjustment.minimise import held, scaled
+from tasks.adjustment.network import Network
+from tasks.adjustment.normal_equations import linearised, reduced_normals
+from tasks.adjustment.precision import inverse_of
+from tasks.adjustment.result import Adjustment
+
+DETERMINED = 3.0
+"""A free camera constant decides where it is this many of its own standard errors from the given one."""
+MOVED = 5.0
+"""A camera constant that left its given value by more of its standard errors contradicts it."""
+
+
+def doubtful_constants(result: Adjustment) -> np.ndarray:
+    """(C,) bool: cameras whose constant was moved far from its given value, or would move far if it were let free."""
+    interior = result.network.interior
+    moved = np.abs(result.state.interior[:, 0] - interior.value[:, 0])
+    present = np.isin(np.arange(len(interior.value)), result.network.camera_of)
+    adjusted = interior.free[:, 0] & ~interior.considered[:, 0]
+    known = np.diagonal(interior.weight, axis1=1, axis2=2)[:, 0] > 0
+    found = present & adjusted & known & (moved > MOVED * given_sigmas(result.network)[:, 0])
+    if (present & ~adjusted).any():
+        step, sigma = _pull(result, present & ~adjusted)
+        found |= present & ~adjusted & (np.abs(step) > MOVED * sigma) & (np.abs(step) > given_sigmas(result.network)[:, 0])
+    return found
+
+
+def given_sigmas(network: Network, parameters: tuple[int, ...] = (0,)) -> np.ndarray:
+    """(C, k) standard errors of given interior parameters (numbers in INTERIOR); for a camera constant of which none is stated the
+    nominal one, for others inf."""
+    weight, value = network.interior.weight, network.interior.value
+    sigma = np.full(value.shape, np.inf)
+    sigma[:, 0] = NOMINAL_SIGMA["c"] * value[:, 0]
+    for k, own in enumerate(weight):
+        known = np.flatnonzero(np.diag(own) > 0)
+        scale = 1.0 / np.sqrt(np.diag(own)[known])
+        covariance = np.linalg.pinv(own[np.ix_(known, known)] * scale[:, None] * scale, hermitian=True)
+        sigma[k, known] = np.sqrt(np.diag(covariance)) * scale
+    return sigma[:, list(parameters)]
+
+
+def with_free_constants(network: Network, cameras: np.ndarray) -> Network:
+    """The network with the constants of `cameras` (C,) bool free and nothing known of them."""
+    interior = network.interior
+    free, weight, considered = interior.free.copy(), interior.weight.copy(), interior.considered.copy()
+    free[cameras, 0], considered[cameras, 0] = True, False
+    weight[cameras, 0], weight[cameras, :, 0] = 0.0, 0.0
+    return replace(network, interior=replace(interior, free=free, weight=weight, considered=considered))
+
+
+def contradicted_constants(network: Network, freed: Adjustment, cameras: np.ndarray) -> np.ndarray:
+    """(C,) bool: those of `cameras` whose free constant is far from the one that `network` was given, and well determined."""
+    column = freed.network.interior_columns[:, 0]
+    sigma = np.where(column >= 0, np.sqrt(np.maximum(np.diag(freed.cofactor)[column], 0.0)), np.inf)
+    moved = np.abs(freed.state.interior[:, 0] - network.interior.value[:, 0])
+    return cameras & (moved > MOVED * given_sigmas(network)[:, 0]) & (moved > DETERMINED * sigma)
+
+
+def sentence(name: str, given: float, fits: float, sigma: float, used: bool) -> str:
+    """What is said of a contradicted camera constant; `used`: whether the block was adjusted with the one that fits."""
+    end = "which was used" if used else "but the workflow holds it"
+    return (
+        f"The block contradicts the camera constant of {name}: {given:.0f} px were given, {fits:.0f} px (standard error "
+        f"{sigma:.0f} px) fit, {end}. Look for a wrong focal length, zoom or photograph size, or calibrate the camera."
+    )
+
+
+def _pull(result: Adjustment, cameras: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(C,) how far the constants would move in one step if they were free, and the standard errors of these steps, px; 0 and inf
+    where they are not determined."""
+    network, state = with_free_constants(result.network, cameras), result.state
+    linear = linearised(network, state, replace(result.rays, sigma=result.ray_sigma).take(result.used))
+    normal, right, _ = reduced_normals(linear, network.unknowns)
+    prior, prior_right = prior_normals(network, state)
+    normal += prior
+    right = held(network, normal, right + prior_right)
+    matrix, scale, H = scaled(network, state, normal)
+    nothing = np.zeros(len(cameras)), np.full(len(cameras), np.inf)
+    try:
+        cofactor = (inverse_of(matrix) - H @ H.T) * scale[:, None] * scale
+    except GeometryError:
+        return nothing
+    column = network.interior_columns[:, 0]
+    step, sigma = cofactor @ right, np.sqrt(np.maximum(np.diag(cofactor), 0.0))
+    return np.where(cameras, step[column], 0.0), np.where(cameras, sigma[column], np.inf)
