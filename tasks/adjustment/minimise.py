@@ -13,6 +13,7 @@ from tasks.adjustment.datum import PriorFactors, freedoms, prior_cost, prior_fac
 from tasks.adjustment.network import Network, Rays, State
 from tasks.adjustment.normal_equations import Linear, linearised, point_corrections, reduced_normals
 from tasks.adjustment.robust import huber_cost, huber_weights
+from tasks.adjustment.whole_block import settled_whole
 from tasks.geometry.rotation_vector import rotation_of_vector
 
 NEGLIGIBLE = 1e-3
@@ -40,7 +41,7 @@ def minimise(
     Every point with rays needs two of them (or a prior). Raises GeometryError when the observations do not determine the unknowns,
     or when `most` iterations do not converge.
     """
-    state, damping, ease = start, 1e-4, EASE
+    state, damping, ease = settled_whole(network, start, huber), 1e-4, EASE
     cost = _cost(network, state, rays, huber)
     for iteration in range(1, most + 1):
         factors, growth = prior_factors(network, state, huber), 2.0
@@ -55,6 +56,9 @@ def minimise(
             if trial is None:
                 raise GeometryError(UNDETERMINED)
             return state, iteration
+        if growth > 2.0:
+            trial = settled_whole(network, trial, huber)
+            trial_cost = _cost(network, trial, rays, huber)
         gain, state, cost = cost - trial_cost, trial, trial_cost
         if gain <= tolerance * cost + 1e-15 * len(rays) and damping <= 1e-3:
             return state, iteration

@@ -107,8 +107,8 @@ def _blunder_sentences(account: Account, blunders: list[GroundResidual]) -> list
                 f"The control point {row.name} contradicts the block {_misses(row)}; it took no part. Compare its coordinates "
                 "(name, CRS, height system) and its measurements in the photographs."
             )
-    if len(positions) > 2 and (scaled := _wrong_camera_constant(account, positions)):
-        return [*found, scaled]
+    if len(positions) > 2 and (along := _along_the_view(account, positions)):
+        return [*found, along]
     if len(positions) > SINGLE:
         away = np.median([row.difference for row in positions], axis=0)
         found.append(
@@ -141,25 +141,18 @@ def _distance_sentences(account: Account, wrong: list[DistanceResidual]) -> list
     return found
 
 
-def _wrong_camera_constant(account: Account, positions: list[GroundResidual]) -> str | None:
-    """A sentence where positions and control contradict each other along the viewing direction, as a wrong focal length makes
-    them."""
-    state, problem = account.result.state, account.problem
-    up = state.rotation[:, 2].mean(axis=0)
+def _along_the_view(account: Account, positions: list[GroundResidual]) -> str | None:
+    """A sentence where positions and control contradict each other along the viewing direction only."""
+    up = account.result.state.rotation[:, 2].mean(axis=0)
     up = up / np.linalg.norm(up)
-    seen = np.unique(account.result.rays.point[account.result.used])
-    height = float((state.centre.mean(axis=0) - np.median(state.point[seen], axis=0)) @ up)
     away = np.median([row.difference for row in positions], axis=0)
     along = float(away @ up)
-    if abs(along) < 0.1 * height or np.linalg.norm(away - along * up) > 0.3 * abs(along):
+    if np.linalg.norm(away - along * up) > 0.3 * abs(along):
         return None
-    c = [problem.cameras[k].c for k in np.unique(problem.camera_of)]
-    fits = ", ".join(f"{value * (1.0 - along / height):.0f} px instead of {value:.0f} px" for value in c)
     return (
-        f"The positions of {len(positions)} photographs and the control contradict each other by {abs(along):.0f} m along the "
-        f"viewing direction, {100 * abs(along) / height:.0f} % of the distance to the ground, as they do with a wrong camera "
-        f"constant ({fits} would fit) or with heights in another system. The positions took no part; look for a wrong focal length "
-        "or photograph size."
+        f"The positions of {len(positions)} photographs contradict the control by {abs(along):.1f} m along the viewing direction "
+        "and hardly across it, as heights in two systems do (above the ellipsoid and above the sea), or a wrong camera constant. The "
+        "positions took no part; compare the systems, and the focal length."
     )
 
 

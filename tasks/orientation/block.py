@@ -17,22 +17,19 @@ from schemas.observations import Control, TiePoints
 from schemas.orientation import RelativeOrientations, SeparateBlocks
 from schemas.photo import Photos
 from schemas.settings import Settings
-from tasks.adjustment.bundle import BlunderTest, adjust
+from tasks.adjustment.bundle import BlunderTest
 from tasks.adjustment.interior import InteriorChoice, interior_prior
-from tasks.adjustment.minimise import UNDETERMINED
-from tasks.adjustment.network import Network
-from tasks.adjustment.result import Adjustment
 from tasks.orientation.account import block_table, ground_points, image_residuals
 from tasks.orientation.account_ground import ground_residuals
 from tasks.orientation.account_precision import block_precision
 from tasks.orientation.assembly import Account, Part, known_of, problem_of, starting_values
 from tasks.orientation.block_start import Start, start_blocks
-from tasks.orientation.camera_constant import contradicted_constants, doubtful_constants, sentence, with_free_constants
+from tasks.orientation.camera_constant import adjust_tested
 from tasks.orientation.georeference import choose_datum
 from tasks.orientation.growth import Given, Material
 from tasks.orientation.interchange.foreign_block import Pose
 from tasks.orientation.measurements import tie_rays
-from tasks.orientation.self_calibration import determined, held_fixed
+from tasks.orientation.self_calibration import determined
 
 cv2.setNumThreads(1)
 
@@ -143,35 +140,7 @@ def _adjusted(have: _Input, parts: list[Part]) -> Account:
     network = network.with_lever(choices.lever_arm, choices.lever_sigma, choices.gnss_shift)
     network, remarks = determined(network, state, problem.rays.take(good), problem.camera_names)
     rays, test = problem.rays.take(good), BlunderTest(limit=choices.rejection)
-    state = state.with_lever(network.lever)
-    try:
-        result = adjust(network, state, rays, test)
-    except GeometryError as error:
-        if str(error) != UNDETERMINED or not network.interior.free.any():
-            raise
-        network, more = held_fixed(network, problem.camera_names)
-        remarks, result = (*remarks, *more), adjust(network, state, rays, test)
-    result, more = _with_tested_constants(network, result, test, problem.camera_names, choices.interior.kind == "fixed")
-    return Account(have.cameras, problem, result, datum, (*remarks, *more))
-
-
-def _with_tested_constants(
-    network: Network, result: Adjustment, test: BlunderTest, names: tuple[str, ...], held: bool
-) -> tuple[Adjustment, tuple[str, ...]]:
-    """The adjustment without the camera constants that the block contradicts (unless they are to be `held`), and sentences."""
-    doubtful = doubtful_constants(result)
-    if not doubtful.any():
-        return result, ()
-    try:
-        freed = adjust(with_free_constants(network, doubtful), result.state, result.rays, test)
-    except GeometryError:
-        return result, ()
-    wrong = contradicted_constants(network, freed, doubtful)
-    if not wrong.any():
-        return result, ()
-    sigma = np.sqrt(np.diag(freed.cofactor)[freed.network.interior_columns[:, 0]])
-    told = tuple(
-        sentence(names[k], network.interior.value[k, 0], freed.state.interior[k, 0], sigma[k], not held)
-        for k in np.flatnonzero(wrong)
+    result, more = adjust_tested(
+        network, state.with_lever(network.lever), rays, test, problem.camera_names, choices.interior.kind == "fixed"
     )
-    return (result if held else freed), told
+    return Account(have.cameras, problem, result, datum, (*remarks, *more))

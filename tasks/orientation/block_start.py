@@ -9,7 +9,7 @@ does not join is named with its reason.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -19,6 +19,11 @@ from schemas.errors import GeometryError
 from schemas.orientation import RelativeOrientation, Unoriented
 from tasks.adjustment.network import State
 from tasks.orientation.growth import Given, Growth, Material, from_given, grow
+
+TRUSTED = 0.7
+"""A smaller share of measurements that fit makes the camera constants doubtful."""
+OTHER_CONSTANTS = (0.5, 2.0)
+BETTER = 1.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +37,48 @@ class Start:
     good: np.ndarray
 
 
-def start_blocks(material: Material, given: Given | None = None) -> tuple[list[Start], tuple[Unoriented, ...]]:
+Blocks = tuple[list[Start], tuple[Unoriented, ...]]
+
+
+def start_blocks(material: Material, given: Given | None = None) -> Blocks:
     """All groups of photographs, the largest first, each oriented in a system of its own (that of `given` where they come from it),
-    and the photographs that are in none. Raises GeometryError when no two photographs can be oriented."""
+    and the photographs that are in none. Where many measurements do not fit, camera constants half and twice as large are tried,
+    and kept where far more fits. Raises GeometryError when no two photographs can be oriented."""
+    try:
+        best, failure = _blocks(material, given), None
+    except GeometryError as error:
+        best, failure = None, error
+    if given is None and _believed(material, best) < TRUSTED:
+        for factor in OTHER_CONSTANTS:
+            other = _tried(material, factor)
+            if _believed(material, other) > BETTER * _believed(material, best):
+                best = other
+    if best is None:
+        raise failure or GeometryError(_no_block(material))
+    return best
+
+
+def _tried(material: Material, factor: float) -> Blocks | None:
+    """The blocks with camera constants multiplied by `factor`; None without any."""
+    value = material.interior.value.copy()
+    value[:, 0] *= factor
+    try:
+        return _blocks(replace(material, interior=replace(material.interior, value=value)), None)
+    except GeometryError:
+        return None
+
+
+def _believed(material: Material, blocks: Blocks | None) -> float:
+    """The share of all measurements that fit."""
+    if blocks is None:
+        return 0.0
+    rays, good = material.rays, np.zeros(len(material.rays), bool)
+    for start in blocks[0]:
+        good |= start.good & start.known[rays.point] & np.isin(rays.photo, start.photos)
+    return float(good.mean())
+
+
+def _blocks(material: Material, given: Given | None) -> Blocks:
     twice = _given_twice(material)
     free, found, last = np.ones(len(material.names), bool), [], None
     free[list(twice)] = False

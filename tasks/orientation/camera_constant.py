@@ -11,18 +11,71 @@ from dataclasses import replace
 import numpy as np
 
 from schemas.errors import GeometryError
+from tasks.adjustment.bundle import BlunderTest, adjust
 from tasks.adjustment.datum import prior_normals
 from tasks.adjustment.interior import NOMINAL_SIGMA
-from tasks.adjustment.minimise import held, scaled
-from tasks.adjustment.network import Network
+from tasks.adjustment.minimise import UNDETERMINED, scaled
+from tasks.adjustment.minimise import held as without_considered
+from tasks.adjustment.network import Network, Rays, State
 from tasks.adjustment.normal_equations import linearised, reduced_normals
 from tasks.adjustment.precision import inverse_of
 from tasks.adjustment.result import Adjustment
+from tasks.orientation.self_calibration import held_fixed
 
 DETERMINED = 3.0
 """A free camera constant decides where it is this many of its own standard errors from the given one."""
 MOVED = 5.0
 """A camera constant that left its given value by more of its standard errors contradicts it."""
+
+
+def adjust_tested(
+    network: Network, state: State, rays: Rays, test: BlunderTest, names: tuple[str, ...], held: bool
+) -> tuple[Adjustment, tuple[str, ...]]:
+    """The adjustment without the camera constants that it contradicts, unless they are to be `held`, and sentences about the
+    interior orientation. A `state` with other constants than the given ones says that the tie points fitted these better.
+
+    Raises GeometryError as `adjust`.
+    """
+    begun = state.interior[:, 0] != network.interior.value[:, 0]
+    freed, told = _freed(network, state, rays, test, names, begun, held)
+    if freed is not None and not held:
+        return freed, told
+    interior = np.where(begun[:, None], network.interior.value, state.interior)
+    result, remarks = _determined(network, replace(state, interior=interior), rays, test, names)
+    if freed is None:
+        freed, told = _freed(network, result.state, rays, test, names, doubtful_constants(result), held)
+    return (result if freed is None or held else freed), (*remarks, *told)
+
+
+def _determined(
+    network: Network, state: State, rays: Rays, test: BlunderTest, names: tuple[str, ...]
+) -> tuple[Adjustment, tuple[str, ...]]:
+    """The adjustment; with all interior orientations held where they are not determined."""
+    try:
+        return adjust(network, state, rays, test), ()
+    except GeometryError as error:
+        if str(error) != UNDETERMINED or not network.interior.free.any():
+            raise
+        network, remarks = held_fixed(network, names)
+        return adjust(network, state, rays, test), remarks
+
+
+def _freed(
+    network: Network, state: State, rays: Rays, test: BlunderTest, names: tuple[str, ...], doubtful: np.ndarray, held: bool
+) -> tuple[Adjustment | None, tuple[str, ...]]:
+    """The adjustment with nothing known of the `doubtful` (C,) constants, and a sentence for each that it contradicts; None where
+    it contradicts none."""
+    if not doubtful.any():
+        return None, ()
+    try:
+        freed = adjust(with_free_constants(network, doubtful), state, rays, test)
+    except GeometryError:
+        return None, ()
+    sigma = np.sqrt(np.diag(freed.cofactor)[freed.network.interior_columns[:, 0]])
+    given, fits = network.interior.value[:, 0], freed.state.interior[:, 0]
+    wrong = doubtful & (np.abs(fits - given) > np.maximum(MOVED * given_sigmas(network)[:, 0], DETERMINED * sigma))
+    told = tuple(_sentence(names[k], given[k], fits[k], sigma[k], held) for k in np.flatnonzero(wrong))
+    return (freed, told) if told else (None, ())
 
 
 def doubtful_constants(result: Adjustment) -> np.ndarray:
@@ -62,17 +115,8 @@ def with_free_constants(network: Network, cameras: np.ndarray) -> Network:
     return replace(network, interior=replace(interior, free=free, weight=weight, considered=considered))
 
 
-def contradicted_constants(network: Network, freed: Adjustment, cameras: np.ndarray) -> np.ndarray:
-    """(C,) bool: those of `cameras` whose free constant is far from the one that `network` was given, and well determined."""
-    column = freed.network.interior_columns[:, 0]
-    sigma = np.where(column >= 0, np.sqrt(np.maximum(np.diag(freed.cofactor)[column], 0.0)), np.inf)
-    moved = np.abs(freed.state.interior[:, 0] - network.interior.value[:, 0])
-    return cameras & (moved > MOVED * given_sigmas(network)[:, 0]) & (moved > DETERMINED * sigma)
-
-
-def sentence(name: str, given: float, fits: float, sigma: float, used: bool) -> str:
-    """What is said of a contradicted camera constant; `used`: whether the block was adjusted with the one that fits."""
-    end = "which was used" if used else "but the workflow holds it"
+def _sentence(name: str, given: float, fits: float, sigma: float, held: bool) -> str:
+    end = "but the workflow holds it" if held else "which was used"
     return (
         f"The block contradicts the camera constant of {name}: {given:.0f} px were given, {fits:.0f} px (standard error "
         f"{sigma:.0f} px) fit, {end}. Look for a wrong focal length, zoom or photograph size, or calibrate the camera."
@@ -87,7 +131,7 @@ def _pull(result: Adjustment, cameras: np.ndarray) -> tuple[np.ndarray, np.ndarr
     normal, right, _ = reduced_normals(linear, network.unknowns)
     prior, prior_right = prior_normals(network, state)
     normal += prior
-    right = held(network, normal, right + prior_right)
+    right = without_considered(network, normal, right + prior_right)
     matrix, scale, H = scaled(network, state, normal)
     nothing = np.zeros(len(cameras)), np.full(len(cameras), np.inf)
     try:

@@ -115,19 +115,41 @@ def with_focal_length(block, factor, source):
     return replace(block, cameras=block.cameras.model_copy(update={"cameras": {"cam": wrong}}))
 
 
+KNOWN = {"control": {}, "positions": {"control": 0, "check": 0}, "nothing": {"gnss": None, "control": 0, "check": 0}}
+
+
+def told_constant(out):
+    """The one sentence about a contradicted camera constant."""
+    (text,) = [text for text in out["precision"].weaknesses if "contradicts the camera constant of cam" in text]
+    assert "Look for a wrong focal length" in text
+    return text
+
+
+@pytest.mark.parametrize("known", KNOWN)
 @pytest.mark.parametrize("factor", [0.5, 2.0])
-def test_a_rough_focal_length_wrong_by_two_is_mended_and_named(factor):
-    block = two_strips(34)
+def test_a_rough_focal_length_wrong_by_two_is_named_and_mended_whatever_holds_the_block(factor, known):
+    block = two_strips(34, **KNOWN[known])
     out = orient(with_focal_length(block, factor, "exif"))
-    assert out["block"].cameras["cam"].c == pytest.approx(TRUE_CAMERA.c, rel=0.05)
-    assert any("contradicts the camera constant of cam" in text for text in out["precision"].weaknesses)
+    assert "which was used" in told_constant(out)
+    assert len(names_of(out)) == 6 and out["precision"].blunders == ()
+    camera = out["block"].cameras["cam"]
+    assert camera.c == pytest.approx(TRUE_CAMERA.c, rel=0.01)
+    assert abs(camera.c - TRUE_CAMERA.c) < 4 * np.sqrt(camera.covariance[0][0])
+    if known != "nothing":
+        assert np.abs(standardised_orientation(block, out["block"])).max() < 4.5
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
-def test_a_fixed_focal_length_wrong_by_two_is_named(factor):
-    out = orient(with_focal_length(two_strips(34), factor, "given"))
-    (text,) = [text for text in out["precision"].weaknesses if "wrong camera constant" in text]
-    assert "px would fit" in text or "would fit" in text
+def test_a_held_focal_length_wrong_by_two_is_named_and_held(factor):
+    out = orient(with_focal_length(two_strips(34), factor, "given"), interior=FIXED)
+    assert "the workflow holds it" in told_constant(out)
+    assert out["block"].cameras["cam"].c == pytest.approx(factor * TRUE_CAMERA.c, rel=0.01)
+
+
+def test_a_right_focal_length_is_not_blamed():
+    for known in KNOWN.values():
+        out = orient(with_focal_length(two_strips(37, **known), 1.0, "exif"))
+        assert not any("contradicts the camera constant" in text for text in out["precision"].weaknesses)
 
 
 def test_positions_that_are_all_alike_do_not_place_a_block():

@@ -1,0 +1,49 @@
+"""The block moved, turned and scaled as a whole to where positions and control want it.
+
+Rays do not notice such a motion, and what is known beforehand often says little about it (the tilt of a strip). Steps in single
+unknowns follow it badly: every point would have to go round the same circle together, and a linear step leaves the circle. Taken by
+itself it has seven unknowns and is cheap.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from tasks.adjustment.datum import distance_misclosures, position_misclosures, prior_cost, prior_factors
+from tasks.adjustment.network import Network, State
+from tasks.geometry.rotation_vector import rotation_of_vector
+
+
+def settled_whole(network: Network, state: State, huber: float = np.inf) -> State:
+    """The state after the motion that fits everything known beforehand best; unchanged where nothing is gained, or in a free
+    network."""
+    if network.free:
+        return state
+    factors = prior_factors(network, state, huber)
+    surveyed = np.flatnonzero(network.point_weight.any(axis=1))
+    middle = state.centre.mean(axis=0)
+    size = max(float(np.linalg.norm(state.centre - middle, axis=1).mean()), 1e-6)
+
+    def misfits(motion: np.ndarray) -> np.ndarray:
+        moved = _moved(state, motion, middle, size, surveyed)
+        known = [
+            np.sqrt(factors.centre[:, None] * network.centre_weight) * position_misclosures(network, moved),
+            np.sqrt(factors.point[surveyed, None] * network.point_weight[surveyed]) * (network.point - moved.point)[surveyed],
+            np.sqrt(network.vertical_weight)[:, None] * moved.rotation[:, 2, :2],
+            np.sqrt(factors.distance * network.distances.weight) * distance_misclosures(network, moved),
+        ]
+        return np.concatenate([part.ravel() for part in known])
+
+    motion = least_squares(misfits, np.zeros(7), method="lm" if len(misfits(np.zeros(7))) >= 7 else "trf").x
+    moved = _moved(state, motion, middle, size, np.arange(len(state.point)))
+    return moved if prior_cost(network, moved, huber) < prior_cost(network, state, huber) else state
+
+
+def _moved(state: State, motion: np.ndarray, middle: np.ndarray, size: float, points: np.ndarray) -> State:
+    """Shift (in units of `size`), rotation vector and logarithm of the scale applied to all photographs and to `points`."""
+    turn, scale = rotation_of_vector(motion[3:6]), np.exp(motion[6])
+    point = state.point.copy()
+    point[points] = middle + size * motion[:3] + scale * (state.point[points] - middle) @ turn.T
+    centre = middle + size * motion[:3] + scale * (state.centre - middle) @ turn.T
+    return replace(state, rotation=state.rotation @ turn.T, centre=centre, point=point)
