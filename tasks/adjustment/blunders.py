@@ -20,7 +20,7 @@ from tasks.adjustment.normal_equations import linearised, point_corrections, poi
 from tasks.adjustment.result import Adjustment, Blunder, surveyed
 from tasks.adjustment.variance_components import distance_variances, position_covariance
 
-CHECKABLE = 0.02
+CHECKABLE = 1e-3
 """A combination of coordinates with a smaller redundancy number cannot be tested."""
 MEDIAN = 1.538
 """Median length of a three-dimensional normal vector, in standard errors."""
@@ -36,13 +36,24 @@ def ray_blunders(result: Adjustment, limit: np.ndarray) -> np.ndarray:
     return (worst > limit) & (worst == highest[result.rays.point])
 
 
-def surveyed_blunder(result: Adjustment, limit: float) -> Blunder | None:
+def surveyed_blunder(result: Adjustment, limit: float, by_group: bool = True) -> Blunder | None:
     """The position, surveyed point or distance that contradicts the rest most, beyond `limit` standard errors (of a single
-    number)."""
-    control = _tested("control", *_control_misfits(result), limit)
-    control = [blunder for blunder in control if not _pointing_is_worse(result, blunder)]
-    positions = _tested("position", *_position_misfits(result), limit)
-    return worst_of(result.network, [*control, *positions, *_tested("distance", *_distance_misfits(result), limit)])
+    number); `by_group`: in units of its group's usual misfit, which a blunder enlarges, too."""
+    found = [
+        blunder
+        for kind, misfits in _MISFITS.items()
+        for blunder in _tested(kind, *misfits(result), limit, by_group)
+        if kind != "control" or not _pointing_is_worse(result, blunder)
+    ]
+    return worst_of(result.network, found)
+
+
+def stands_out(rest: Adjustment, first: Network, blunder: Blunder, limit: float) -> bool:
+    """Whether something that had no part in `rest` (its weight is in the `first` network) contradicts it by the usual misfit of
+    those of its kind that had."""
+    square, numbers = _square_away(rest, first, blunder)
+    _, others, dof = _MISFITS[blunder.kind](rest)
+    return square > chi2.isf(2.0 * norm.sf(limit), numbers) * _unit(np.sqrt(others[dof > 0])) ** 2
 
 
 def gross_blunder(network: Network, state: State, rays: Rays, limit: float) -> Blunder | None:
@@ -126,13 +137,21 @@ def acquitted(result: Adjustment, blunders: list[Blunder], stated: Network, firs
     """The `stated` network with those blunders put back (weights of the `first` network) that agree with the final solution: they
     were thrown out while something else, a camera constant, was still wrong."""
     for blunder in blunders:
-        away, spread = _away(result, first, blunder)
-        weight = np.atleast_1d(weights_of(first, blunder.kind)[blunder.number])
-        given = np.diag(np.divide(1.0, weight, out=np.zeros(len(weight)), where=weight > 0))
-        square = away @ np.linalg.solve(spread + given, away)
-        if square < chi2.isf(2.0 * norm.sf(limit), len(away)) and spread.any():
+        square, numbers = _square_away(result, first, blunder)
+        if square < chi2.isf(2.0 * norm.sf(limit), numbers):
             stated = _with_weight(stated, blunder, weights_of(first, blunder.kind)[blunder.number])
     return stated
+
+
+def _square_away(result: Adjustment, first: Network, blunder: Blunder) -> tuple[float, int]:
+    """The square form of how far something that had no part is from the solution, and of how many numbers; inf where the solution
+    has no place for it."""
+    away, spread = _away(result, first, blunder)
+    if not spread.any():
+        return np.inf, len(away)
+    weight = np.atleast_1d(weights_of(first, blunder.kind)[blunder.number])
+    given = np.diag(np.divide(1.0, weight, out=np.zeros(len(weight)), where=weight > 0))
+    return float(away @ np.linalg.solve(spread + given, away)), len(away)
 
 
 def _away(result: Adjustment, first: Network, blunder: Blunder) -> tuple[np.ndarray, np.ndarray]:
@@ -179,10 +198,12 @@ def enough_rays(network: Network, rays: Rays, used: np.ndarray) -> np.ndarray:
     return used & ((count >= 2) | network.point_weight.any(axis=1))[rays.point]
 
 
-def _tested(kind: str, number: np.ndarray, square: np.ndarray, dof: np.ndarray, limit: float) -> list[Blunder]:
+def _tested(
+    kind: str, number: np.ndarray, square: np.ndarray, dof: np.ndarray, limit: float, by_group: bool
+) -> list[Blunder]:
     size = np.sqrt(square)
     beyond = np.sqrt(chi2.isf(2.0 * norm.sf(limit), np.maximum(dof, 1)))
-    unit = _unit(size[dof > 0])
+    unit = _unit(size[dof > 0]) if by_group else 1.0
     far = (dof > 0) & (size > beyond * unit)
     return [Blunder(kind, int(i), float(s / unit)) for i, s in zip(number[far], size[far], strict=True)]
 
@@ -212,6 +233,9 @@ def _distance_misfits(result: Adjustment) -> tuple[np.ndarray, np.ndarray, np.nd
     tested = (weight > 0) & (redundancy > CHECKABLE)
     square = weight * misclosure**2 / np.maximum(redundancy, CHECKABLE)
     return np.flatnonzero(tested), square[tested], np.ones(int(tested.sum()), int)
+
+
+_MISFITS = {"control": _control_misfits, "position": _position_misfits, "distance": _distance_misfits}
 
 
 def _columns(number: np.ndarray, rows: list[tuple[float, int]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

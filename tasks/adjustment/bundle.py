@@ -18,7 +18,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from schemas.errors import GeometryError
-from tasks.adjustment.blunders import acquitted, enough_rays, gross_blunder, ray_blunders, surveyed_blunder, weights_of, without
+from tasks.adjustment.blunders import (
+    acquitted,
+    enough_rays,
+    gross_blunder,
+    ray_blunders,
+    stands_out,
+    surveyed_blunder,
+    weights_of,
+    without,
+)
 from tasks.adjustment.collinearity import misclosures
 from tasks.adjustment.minimise import minimise, sizes
 from tasks.adjustment.network import Distances, Network, Rays, State
@@ -62,13 +71,19 @@ def adjust(network: Network, start: State, rays: Rays, test: BlunderTest | None 
     robust = _robust_solution(network, start, rays, test)
     stated, state, used = robust.network, robust.state, robust.used
     blunders, iterations, factors, rounds = list(robust.blunders), robust.iterations, Factors(), 0
-    pardoned = False
+    pardoned, cleared = False, set()
     while rounds < test.rounds:
         weighted, scaled_rays = _weighted(stated, factors), replace(rays, sigma=rays.sigma * _by_group(stated, rays, factors))
         state, steps = minimise(weighted, state, scaled_rays.take(used))
         iterations += steps
         result = _account(weighted, state, scaled_rays, used, factors)
         found = surveyed_blunder(result, test.limit)
+        suspect = surveyed_blunder(result, test.limit, by_group=False) if found is None else None
+        if suspect is not None and (suspect.kind, suspect.number) not in cleared:
+            steps, wrong = _without_suspect(stated, factors, state, scaled_rays, used, suspect, test.limit)
+            iterations += steps
+            cleared.add((suspect.kind, suspect.number))
+            found = suspect if wrong else None
         if found is not None:
             blunders.append(found)
             stated = without(stated, found)
@@ -94,6 +109,16 @@ def adjust(network: Network, start: State, rays: Rays, test: BlunderTest | None 
     )
 
 
+def _without_suspect(
+    stated: Network, factors: Factors, state: State, rays: Rays, used: np.ndarray, suspect: Blunder, limit: float
+) -> tuple[int, bool]:
+    """The iterations, and whether the suspect contradicts the block that is adjusted without it."""
+    rest = without(_weighted(stated, factors), suspect)
+    used = enough_rays(rest, rays, used)
+    state, steps = minimise(rest, state, rays.take(used))
+    return steps, stands_out(_account(rest, state, rays, used, factors), _weighted(stated, factors), suspect, limit)
+
+
 def _knows(network: Network, blunder: Blunder) -> bool:
     """Whether the network has the observation in question."""
     return bool(np.any(weights_of(network, blunder.kind)[blunder.number]))
@@ -102,7 +127,7 @@ def _knows(network: Network, blunder: Blunder) -> bool:
 def _robust_solution(network: Network, state: State, rays: Rays, test: BlunderTest) -> _Robust:
     """Huber's solution with the spread of each group's residuals as unit, three times, ever sharper; then the gross blunders go."""
     used, iterations, blunders = enough_rays(network, rays, np.ones(len(rays), bool)), 0, []
-    for tolerance in (1e-2, 1e-3, 1e-4):
+    for tolerance in (1e-2, 1e-2, 1e-3):
         unit = _units(network, state, rays, used, least=0.1)
         state, steps = minimise(network, state, replace(rays, sigma=rays.sigma * unit).take(used), test.huber, tolerance)
         iterations += steps

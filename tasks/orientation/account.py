@@ -17,13 +17,11 @@ from tasks.orientation.georeference import Datum
 from tasks.orientation.measurements import with_interior
 
 
-def _used(problem: Problem, result: Adjustment) -> tuple[np.ndarray, np.ndarray]:
-    """(M,) which rays of the problem took part to the end, and the larger standardised residual of each (NaN otherwise)."""
-    used, standardised = np.zeros(len(problem.rays), bool), np.full(len(problem.rays), np.nan)
-    taken = _positions_of(problem.rays, result.rays)
-    used[taken] = result.used
-    standardised[taken] = np.abs(result.standardised).max(axis=1)
-    return used, standardised
+def rays_used(problem: Problem, result: Adjustment) -> np.ndarray:
+    """(M,) bool: which rays of the problem took part to the end."""
+    used = np.zeros(len(problem.rays), bool)
+    used[_positions_of(problem.rays, result.rays)] = result.used
+    return used
 
 
 def _positions_of(rays: Rays, part: Rays) -> np.ndarray:
@@ -165,8 +163,9 @@ def ground_points(account: Account, tracks: np.ndarray) -> GroundPoints:
 def image_residuals(account: Account, tracks: np.ndarray, control: Control) -> ImageResiduals:
     """All measurements in the photographs of the block, used or not."""
     problem, result = account.problem, account.result
-    used, standardised = _used(problem, result)
-    rays = problem.rays
+    rays, used = problem.rays, rays_used(problem, result)
+    standardised = np.full(len(rays), np.nan)
+    standardised[_positions_of(rays, result.rays)] = np.abs(result.standardised).max(axis=1)
     v = -misclosures(result.state, rays, problem.camera_of) * [1.0, -1.0]
     place = {point.name: i for i, point in enumerate(control.points)}
     ground = np.array([-1 - place[point.name] for point in problem.surveyed], np.int64)

@@ -3,36 +3,28 @@
 import numpy as np
 
 from schemas.camera import INTERIOR
-from schemas.orientation import (
-    Block,
-    BlockPrecision,
-    Correlation,
-    DistanceResidual,
-    GroundResidual,
-    LargestResidual,
-    ObservationGroup,
-)
+from schemas.orientation import Block, BlockPrecision, Correlation, LargestResidual, ObservationGroup
 from tasks.adjustment.result import Adjustment
-from tasks.orientation.account_ground import control_rows, distance_rows, position_rows
+from tasks.orientation.account_blunders import (
+    blunder_sentences,
+    distance_blunders,
+    distance_sentences,
+    pointing_sentences,
+    surveyed_blunders,
+)
 from tasks.orientation.assembly import Account, Problem
 from tasks.orientation.camera_constant import MOVED, given_sigmas
 
 WORST = 12
 """How many of the largest standardised residuals are named."""
-AGREES = 3.0
-"""What was set aside but lies within this many predicted standard errors of the final block is no blunder."""
-UNLIKELY = 4.0
-"""A distance that misses the block by more of its predicted standard errors is told."""
-SINGLE = 5
-"""More positions than these that were set aside are summed up in one sentence."""
 
 
 def block_precision(account: Account, tracks: np.ndarray, apart: tuple[Block, ...]) -> BlockPrecision:
     """The table of the adjustment's own account; `apart`: blocks that nothing connects to the project's system."""
     problem, result = account.problem, account.result
     network, factors = result.network, result.factors
-    blunders = [] if account.datum.free else _blunders(account)
-    distances = [row for row, weight in zip(distance_rows(account), network.distances.weight, strict=True) if weight == 0]
+    blunders = [] if account.datum.free else surveyed_blunders(account)
+    distances = distance_blunders(account)
     return BlockPrecision(
         image_factor=factors.image,
         position_factor=factors.position,
@@ -51,8 +43,9 @@ def block_precision(account: Account, tracks: np.ndarray, apart: tuple[Block, ..
         blunders=(*(row.name for row in blunders), *(f"{row.first} - {row.second}" for row in distances)),
         weaknesses=(
             *account.datum.weaknesses,
-            *_blunder_sentences(account, blunders),
-            *_distance_sentences(account, distances),
+            *blunder_sentences(account, blunders),
+            *distance_sentences(account, distances),
+            *pointing_sentences(account, blunders),
             *account.remarks,
             *_nominal(problem, result),
             *_moved_principal_points(account),
@@ -84,89 +77,6 @@ def _largest(problem: Problem, result: Adjustment, tracks: np.ndarray) -> list[L
             )
         )
     return [row for row in rows if np.isfinite(row.standardised)]
-
-
-def _blunders(account: Account) -> list[GroundResidual]:
-    """Control points and positions that took no part because they contradict the block, with how they miss it."""
-    result, problem = account.result, account.problem
-    control = {
-        problem.surveyed[i].name for i in np.flatnonzero(~result.network.point_weight[problem.ties :].any(axis=1))
-    }
-    positions = {problem.names[i] for i in np.flatnonzero(~result.network.centre_weight.any(axis=1))}
-    rows = [row for row in control_rows(account) if row.name in control]
-    rows += [row for row in position_rows(account) if row.name in positions]
-    return [row for row in rows if _ratio(row) > AGREES]
-
-
-def _blunder_sentences(account: Account, blunders: list[GroundResidual]) -> list[str]:
-    found = []
-    positions = [row for row in blunders if row.role == "position"]
-    for row in blunders:
-        if row.role == "control":
-            found.append(
-                f"The control point {row.name} contradicts the block {_misses(row)}; it took no part. Compare its coordinates "
-                "(name, CRS, height system) and its measurements in the photographs."
-            )
-    if len(positions) > 2 and (along := _along_the_view(account, positions)):
-        return [*found, along]
-    if len(positions) > SINGLE:
-        away = np.median([row.difference for row in positions], axis=0)
-        found.append(
-            f"The positions of {len(positions)} photographs contradict the block: they lie {_length(float(np.linalg.norm(away)))} "
-            "from where everything else puts these photographs, and took no part. They are of another place or in another CRS, or "
-            "the control is; compare one photograph with a map."
-        )
-        return found
-    return found + [
-        f"The position of {row.name} contradicts the block {_misses(row)}; it took no part. Correct it or leave it out."
-        for row in positions
-    ]
-
-
-def _distance_sentences(account: Account, wrong: list[DistanceResidual]) -> list[str]:
-    """A sentence for every distance that was thrown out, and for those that miss the block but cannot be told from others."""
-    found = []
-    for row in distance_rows(account):
-        misfit = abs(row.difference) / max(row.predicted, 1e-9)
-        if row in wrong:
-            end = "it took no part. Compare it with its two points"
-        elif misfit > UNLIKELY:
-            end = "too few others tell which of them is wrong. Measure it again"
-        else:
-            continue
-        found.append(
-            f"The distance from {row.first} to {row.second} ({row.length:.3f} m) contradicts the block (block minus given: "
-            f"{row.difference:+.3f} m, {misfit:.0f} times the predicted standard error); {end}."
-        )
-    return found
-
-
-def _along_the_view(account: Account, positions: list[GroundResidual]) -> str | None:
-    """A sentence where positions and control contradict each other along the viewing direction only."""
-    up = account.result.state.rotation[:, 2].mean(axis=0)
-    up = up / np.linalg.norm(up)
-    away = np.median([row.difference for row in positions], axis=0)
-    along = float(away @ up)
-    if np.linalg.norm(away - along * up) > 0.3 * abs(along):
-        return None
-    return (
-        f"The positions of {len(positions)} photographs contradict the control by {abs(along):.1f} m along the viewing direction "
-        "and hardly across it, as heights in two systems do (above the ellipsoid and above the sea), or a wrong camera constant. The "
-        "positions took no part; compare the systems, and the focal length."
-    )
-
-
-def _ratio(row: GroundResidual) -> float:
-    return max(abs(d) / max(s, 1e-9) for d, s in zip(row.difference, row.predicted, strict=True))
-
-
-def _misses(row: GroundResidual) -> str:
-    there = ", ".join(f"{value:+.2f}" for value in row.difference)
-    return f"(block minus given: {there} m in X, Y, Z; {_ratio(row):.0f} times the predicted standard error)"
-
-
-def _length(metres: float) -> str:
-    return f"{metres / 1000.0:.1f} km" if metres >= 1000.0 else f"{metres:.0f} m"
 
 
 def _nominal(problem: Problem, result: Adjustment) -> list[str]:

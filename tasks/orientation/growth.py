@@ -221,9 +221,12 @@ def from_given(material: Material, given: Given) -> Growth:
     for growth.slack in ROUGH:
         growth.known[:], growth.good[:] = False, True
         growth.triangulate()
-        if growth.known.sum() < LEAST_POINTS:
+        if growth.placed.sum() < 2 or growth.known.sum() < LEAST_POINTS:
             raise GeometryError(STRANGE_START)
-        growth.bundle()
+        try:
+            growth.bundle()
+        except GeometryError:
+            raise GeometryError(STRANGE_START) from None
         growth.expel()
     _extend(growth)
     _finish(growth)

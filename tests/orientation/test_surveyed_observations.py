@@ -8,6 +8,7 @@ import pytest
 from orienting import orient, standardised_orientation
 from simulated_block import one_strip, two_strips
 
+from schemas.errors import GeometryError
 from schemas.observations import Control, Distance
 from schemas.photo import Photos
 from tasks.adjustment.interior import FixedInterior
@@ -31,14 +32,33 @@ def with_positions(block, change):
     return replace(block, photos=Photos(photos=photos))
 
 
-@pytest.mark.parametrize("error", [(2.0, 0, 0), (0, 0, -4.0), (0, 40, 0), (3000.0, -500, 0)])
-def test_a_blunder_in_control_is_found_and_named(error):
-    block = two_strips(11)
-    name = [p.name for p in block.control.points if p.role == "control"][2]
-    wrong = with_control(
+def with_blunder(block, name, error):
+    return with_control(
         block, lambda i, p: p.model_copy(update={"xyz": tuple(np.array(p.xyz) + error)}) if p.name == name else p
     )
-    out = orient(wrong)
+
+
+@pytest.mark.parametrize(("number", "axis"), [(2, 0), (2, 2), (4, 1), (5, 2)])
+def test_a_blunder_in_control_is_named_as_soon_as_reliability_lets_it_be(number, axis):
+    """The block tells how well a coordinate is checked: its residual has the standard error s_v, the coordinate s, and an error
+    shows in the test as error * s_v / s^2. At 10 of these it must be named (the limit of the test is 4 for one number, about 5 for
+    three); at 2 nothing may be, for good points have as much."""
+    block = two_strips(11)
+    point = [p for p in block.control.points if p.role == "control"][number]
+    row = next(p for p in orient(block)["ground_residuals"].points if p.name == point.name)
+    unit = np.eye(3)[axis] * point.sigma[axis] ** 2 / row.predicted[axis]
+    assert 0.02 < unit.sum() < 0.4
+    found = orient(with_blunder(block, point.name, 10 * unit))
+    assert found["precision"].blunders == (point.name,)
+    assert np.abs(standardised_orientation(block, found["block"])).max() < 4.5
+    assert orient(with_blunder(block, point.name, 2 * unit))["precision"].blunders == ()
+
+
+@pytest.mark.parametrize("error", [(0, 40, 0), (3000.0, -500, 0), (3949896.0, -3949940.0, 0)])
+def test_a_gross_blunder_in_control_is_found_and_named(error):
+    block = two_strips(11)
+    name = [p.name for p in block.control.points if p.role == "control"][2]
+    out = orient(with_blunder(block, name, error))
     assert out["precision"].blunders == (name,)
     assert any(name in text and "contradicts the block" in text for text in out["precision"].weaknesses)
     row = next(p for p in out["ground_residuals"].points if p.name == name)
@@ -70,6 +90,8 @@ def test_a_wrong_measurement_of_a_control_point_is_not_blamed_on_its_coordinates
     image, number = out["image_residuals"], -1 - [p.name for p in block.control.points].index(point.name)
     own = image.take(image.track == number)
     assert (own.used == (own.photo != block.photos.names.index(photo))).all()
+    (text,) = [text for text in out["precision"].weaknesses if "measurements of the control point" in text]
+    assert f"1 of {len(point.measurements)} measurements of the control point {point.name}" in text and photo in text
 
 
 def test_good_control_stays():
@@ -225,3 +247,44 @@ def test_of_many_distances_in_a_free_network_the_wrong_one_is_named():
         interior=FIXED,
     )
     assert out["precision"].blunders == (f"{distances[2].first} - {distances[2].second}",)
+
+
+def test_several_blunders_of_different_kinds_are_all_named_and_no_other():
+    """Swapped axes, a wrong height, and one wrong pointing, without positions to help."""
+    block = two_strips(24, gnss=None)
+    names = [p.name for p in block.control.points if p.role == "control"]
+
+    def spoilt(i, p):
+        if i == 0:
+            return p.model_copy(update={"xyz": (p.xyz[1], p.xyz[0], p.xyz[2])})
+        if i == 7:
+            return p.model_copy(update={"xyz": (p.xyz[0], p.xyz[1], p.xyz[2] + 8.0)})
+        if i == 3:
+            photo, (col, row, sigma) = next(iter(p.measurements.items()))
+            return p.model_copy(update={"measurements": {**p.measurements, photo: (col + 60, row + 30, sigma)}})
+        return p
+
+    out = orient(with_control(block, spoilt))
+    assert set(out["precision"].blunders) == {names[0], names[7]}
+    assert np.abs(standardised_orientation(block, out["block"])).max() < 4.5
+
+
+def test_a_rough_start_with_one_photograph_elsewhere_still_orients_all():
+    block, rng = two_strips(25), np.random.default_rng(5)
+    rough = {
+        v.name: Pose(
+            rotation_of_vector(np.radians(1.0) * rng.standard_normal(3)) @ v.rotation, v.centre + 10 * rng.standard_normal(3)
+        )
+        for v in block.views
+    }
+    rough["s0_1"] = Pose(rough["s1_1"].rotation, rough["s0_1"].centre + np.array([0.0, 0.0, 500.0]))
+    out = orient(block, given=rough)
+    assert len(out["block"].photos) == 6
+    assert np.abs(standardised_orientation(block, out["block"])).max() < 4.5
+
+
+def test_a_start_in_another_convention_of_angles_is_told():
+    block = two_strips(26)
+    upside_down = {v.name: Pose(np.diag([1.0, -1.0, -1.0]) @ v.rotation, v.centre) for v in block.views}
+    with pytest.raises(GeometryError, match="another convention of angles"):
+        orient(block, given=upside_down)
