@@ -172,8 +172,8 @@ def _from_named_points(wall: Wall) -> str:
     """Resection and intersection from the named points alone, against MicMac's orientation."""
     centre, turn, point = (np.abs(part) for part in compared(wall).standardised)
     return (
-        f"from the named points alone: resection within {centre.max():.1f} (centres) and {turn.max():.1f} (attitudes), intersection "
-        f"within {point.max():.1f} standard errors of MicMac's"
+        f"from the named points alone: resection within {centre.max():.1f} (centres) and {turn.max():.1f} (attitudes), "
+        f"intersection within {point.max():.1f} standard errors of MicMac's"
     )
 
 

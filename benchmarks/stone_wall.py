@@ -93,9 +93,8 @@ def micmac_camera(path: Path) -> Camera:
     radius = np.linspace(0.0, 0.5 * np.hypot(*SIZE), 200)
     bend = sum(k * radius ** (2 * i + 3) for i, k in enumerate(terms))
     k1, k2, k3 = np.linalg.lstsq(c * np.stack([(radius / c) ** p for p in (3, 5, 7)], axis=1), bend, rcond=None)[0]
-    return Camera(
-        name="micmac", width=SIZE[0], height=SIZE[1], c=c, x0=col - (SIZE[0] - 1) / 2, y0=(SIZE[1] - 1) / 2 - row, k1=k1, k2=k2, k3=k3
-    )
+    x0, y0 = col - (SIZE[0] - 1) / 2, (SIZE[1] - 1) / 2 - row
+    return Camera(name="micmac", width=SIZE[0], height=SIZE[1], c=c, x0=x0, y0=y0, k1=k1, k2=k2, k3=k3)
 
 
 def control_texts(wall: Wall) -> tuple[str, str]:

@@ -25,6 +25,8 @@ LEAST_ANGLE = np.radians(1.5)
 LEAST_POINTS = 8
 ROUGH = (64.0, 16.0, 4.0, 2.0)
 """How much wider than at the end the tolerances are while given orientations are refined."""
+LEAST_SHARE = 0.5
+"""A start is given up where fewer of the measurements fit in the end."""
 STRANGE_START = (
     "The tie points contradict the exterior orientation that was given as a start: hardly any of them intersect. It may be of "
     "other photographs or in another convention of angles; leave it out, and the photographs are oriented from their tie points."
@@ -81,6 +83,12 @@ class Growth:
         for k, camera in enumerate(self.material.cameras):
             own = self.material.camera_of[self.rays.photo] == k
             self.ideal[own] = ideal(with_interior(camera, self.state.interior[k]), self.rays.xy[own])
+        self.good &= self.seen
+
+    @property
+    def seen(self) -> np.ndarray:
+        """(M,) bool: rays that the present distortion can be taken off from."""
+        return np.isfinite(self.ideal).all(axis=1)
 
     @property
     def tolerance(self) -> np.ndarray:
@@ -218,18 +226,19 @@ def from_given(material: Material, given: Given) -> Growth:
     growth = Growth(material, np.ones(len(material.names), bool))
     for photo in np.flatnonzero(given.known):
         growth.place(int(photo), given.rotation[photo], given.centre[photo])
-    for growth.slack in ROUGH:
-        growth.known[:], growth.good[:] = False, True
-        growth.triangulate()
-        if growth.placed.sum() < 2 or growth.known.sum() < LEAST_POINTS:
-            raise GeometryError(STRANGE_START)
-        try:
+    try:
+        for growth.slack in ROUGH:
+            growth.known[:], growth.good[:] = False, growth.seen
+            growth.triangulate()
             growth.bundle()
-        except GeometryError:
-            raise GeometryError(STRANGE_START) from None
-        growth.expel()
-    _extend(growth)
-    _finish(growth)
+            growth.expel()
+        _extend(growth)
+        _finish(growth)
+    except GeometryError:
+        raise GeometryError(STRANGE_START) from None
+    of_placed = growth.placed[growth.rays.photo]
+    if growth.placed.sum() < 2 or (growth.good & growth.known[growth.rays.point])[of_placed].mean() < LEAST_SHARE:
+        raise GeometryError(STRANGE_START)
     return growth
 
 

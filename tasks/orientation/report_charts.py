@@ -143,7 +143,7 @@ def _graph(facts: Facts) -> Chart | None:
 
 def _map(facts: Facts) -> Chart:
     centres = [(photo.photo, *photo.centre[:2]) for photo in facts.block.photos]
-    named = centres + [(point.name, *point.xyz[:2]) for point in facts.control.points]
+    named = centres + [(point.name, *point.xyz[:2]) for point in facts.control.points if point.role != "tie"]
     return Chart(
         title="Projection centres and ground points",
         style="map",

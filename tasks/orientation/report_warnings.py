@@ -22,7 +22,7 @@ def block_warnings(facts: Facts) -> list[str]:
 
 
 def _control_warnings(facts: Facts) -> list[str]:
-    roles = [point.role for point in facts.control.points]
+    roles = [point.role for point in facts.control.points if point.role != "tie"]
     found = []
     if not roles:
         found.append(
@@ -35,7 +35,7 @@ def _control_warnings(facts: Facts) -> list[str]:
         )
     found += _one_sided(facts)
     tested = {p.name: p for p in facts.ground.points}
-    for point in facts.control.points:
+    for point in (point for point in facts.control.points if point.role != "tie"):
         row = tested.get(point.name)
         if row is None or row.photos == 0:
             found.append(

@@ -3,8 +3,10 @@
 import pytest
 
 from schemas.errors import WorkflowError
+from schemas.observations import Distance
 from schemas.photo import Photo, Photos
 from tasks.orientation.control_files import read_control
+from tasks.orientation.control_system import control_from_files
 
 PHOTOS = Photos(
     photos=tuple(Photo(name=n, path=f"in/{n}.jpg", width=100, height=80, bands=3, dtype="uint8", camera="c") for n in ("a", "b"))
@@ -45,3 +47,36 @@ def test_all_mistakes_are_told_together():
     with pytest.raises(WorkflowError) as told:
         read_control(PHOTOS, POINTS + "P3,control,1,2,3,1,1,1\n", MEASURED + "P1,zzz,1,1,1\nP2,b,200,10,1\n")
     assert len(str(told.value).splitlines()) == 3
+
+
+TIES = POINTS + "P3,tie,,,,,,\n"
+SEEN = MEASURED + "P3,a,50,60,1\nP3,b,51,60,1\n"
+LENGTHS = "from,to,metres,sigma\nP1,P3,12.5,0.01\n"
+
+
+def test_distances_and_tie_points_are_read():
+    control = read_control(PHOTOS, TIES, SEEN, LENGTHS)
+    assert control.points[2].role == "tie"
+    assert control.distances == (Distance(first="P1", second="P3", length=12.5, sigma=0.01),)
+
+
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        ("P1,P9,1,1", "line 3, P1 to P9: the point 'P9' is not in the control points file"),
+        ("P1,P2,1,1", "P2 is a check point, which takes no part"),
+        ("P1,P1,1,1", "needs two different points"),
+        ("P1,P3,-4,1", "metres is -4, which must be a positive number"),
+        ("P1,P3,4,0", "sigma is '0', which must be a positive number"),
+    ],
+)
+def test_every_mistake_of_a_distance_is_one_sentence(line, sentence):
+    with pytest.raises(WorkflowError, match=sentence):
+        read_control(PHOTOS, TIES, SEEN, LENGTHS + line + "\n")
+
+
+def test_distances_of_control_on_another_site_still_count():
+    here = Photos(photos=tuple(p.model_copy(update={"position": (5e5, 4e6, 100.0)}) for p in PHOTOS.photos))
+    control = control_from_files(here, TIES, SEEN, None, "EPSG:32634", LENGTHS)
+    assert [(p.name, p.role) for p in control.points] == [("P1", "tie"), ("P3", "tie")]
+    assert len(control.distances) == 1 and "set aside" in control.remarks[0]

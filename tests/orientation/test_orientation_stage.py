@@ -7,6 +7,7 @@ import pytest
 from schemas.job import Export, Job, Table, TextFile
 from schemas.workflow import ControlFromFiles, NoControl, SimulatedControl
 from tasks.orientation.stage import OrientationStage
+from tasks.orientation.started_block import orient_from
 
 FILES = ControlFromFiles(kind="files", points="in/points.csv", measurements="in/measured.csv")
 
@@ -21,6 +22,7 @@ def planned(control, **settings):
     [
         (NoControl(kind="none"), []),
         (FILES, ["in/points.csv", "in/measured.csv"]),
+        (FILES.model_copy(update={"distances": "in/d.csv"}), ["in/points.csv", "in/measured.csv", "in/d.csv"]),
         (SimulatedControl(kind="simulated"), ["runs/volos/photographs/control.csv", "runs/volos/photographs/measurements.csv"]),
     ],
 )
@@ -55,6 +57,13 @@ def test_a_foreign_orientation_needs_no_tie_points(has_tie_points):
     block = next(item for item in OrientationStage(exterior=exterior).plan(view) if item.item == "block")
     assert [region.path for region in block.reads["texts"]] == ["c.txt", "i.txt"]
     assert ("tie_points" in block.reads) == has_tie_points
+
+
+def test_a_foreign_orientation_may_be_a_start():
+    exterior = {"kind": "csv", "path": "ori.csv", "use": "start"}
+    block = next(item for item in planned(FILES, exterior=exterior) if item.item == "block")
+    assert block.function is orient_from and [region.path for region in block.reads["texts"]] == ["ori.csv"]
+    assert block.params["source"].path == "ori.csv" and "tie_points" in block.reads
 
 
 def test_settings_of_the_workflow_reach_the_block():

@@ -12,8 +12,13 @@ from schemas.errors import GeometryError
 from schemas.observations import Control, Distance
 from schemas.photo import Photos
 from tasks.adjustment.interior import FixedInterior
+from tasks.geometry.rotation import angles
 from tasks.geometry.rotation_vector import rotation_of_vector
+from tasks.orientation.block import BlockChoices
 from tasks.orientation.interchange.foreign_block import Pose
+from tasks.orientation.pairs import relate_pairs
+from tasks.orientation.sources import FromAngles
+from tasks.orientation.started_block import orient_from
 
 FIXED = FixedInterior(kind="fixed")
 
@@ -288,3 +293,21 @@ def test_a_start_in_another_convention_of_angles_is_told():
     upside_down = {v.name: Pose(np.diag([1.0, -1.0, -1.0]) @ v.rotation, v.centre) for v in block.views}
     with pytest.raises(GeometryError, match="another convention of angles"):
         orient(block, given=upside_down)
+
+
+def test_a_table_of_angles_is_a_start():
+    block = two_strips(27)
+    rng = np.random.default_rng(6)
+    lines = ["photo,x,y,z,omega,phi,kappa"]
+    for v in block.views:
+        numbers = [*(v.centre + 8 * rng.standard_normal(3)), *(np.degrees(angles(v.rotation)) + rng.standard_normal(3))]
+        lines.append(",".join([v.name, *map(str, numbers)]))
+    source = FromAngles(kind="csv", path="ori.csv", use="start")
+    relative = relate_pairs(block.photos, block.cameras, block.tie_points, 15)
+    choices = BlockChoices(interior=FIXED, gnss_shift=False, vertical_sigma=5.0, rejection=4.0)
+    texts = ("\n".join(lines[:-1]),)
+    out = orient_from(
+        block.photos, block.cameras, block.tie_points, block.control, relative, texts, "EPSG:2100", choices, source
+    )
+    assert len(out["block"].photos) == 6 and out["block"].sigma0_px == pytest.approx(0.3, rel=0.1)
+    assert out["block"].datum.startswith("Control")
