@@ -1,6 +1,7 @@
 """Orientation on simulated measurements: is what the adjustment says of itself true, and how does it grow?
 
-`python -m benchmarks.orientation_simulated [part ...]`; parts: pairs, kea, volos, growth. Without photographs: only geometry and
+`python -m benchmarks.orientation_simulated [part ...] [from=N]`; parts: pairs, kea, volos, growth; N: the first seed, for another
+draw of the same study. Without photographs: only geometry and
 noise, so that hundreds of seeds are cheap. Results go to benchmarks/results/orientation_simulated.md.
 """
 
@@ -34,7 +35,7 @@ SIZES = ((5, 10, 25_000), (10, 10, 50_000), (10, 20, 100_000), (20, 20, 200_000)
 """Strips, photographs in a strip, points of the growth study."""
 
 
-def pairs(seeds: int = 200) -> list[str]:
+def pairs(first: int, seeds: int = 200) -> list[str]:
     """The published pairs: noise-free from zero starts; with noise, sigma0 and standard errors."""
     rows = []
     for name, truth, c, base_height in (("Volos", VOLOS, C, 582 / 1029), ("Kea", KEA, C_KEA, 829 / 1525)):
@@ -42,7 +43,7 @@ def pairs(seeds: int = 200) -> list[str]:
         dependent, five = solve_mixed(DependentOrientation(c, c), exact), solve_mixed(FiveRotations(c, c), exact)
         error = np.abs(dependent.model.unknowns - truth).max()
         sigmas, ratios = [], []
-        for seed in range(seeds):
+        for seed in range(first, first + seeds):
             solution = solve_mixed(DependentOrientation(c, c), matches(truth, 1062, seed, 0.17, base_height, c))
             sigmas.append(solution.sigma0)
             ratios.append((solution.model.unknowns - truth) / solution.standard_errors)
@@ -62,11 +63,11 @@ def pairs(seeds: int = 200) -> list[str]:
     ]
 
 
-def kea(seeds: int = 100) -> list[str]:
+def kea(first: int, seeds: int = 100) -> list[str]:
     """154 matches of which 118 are wrong."""
     R, found, turns, kept = rotation_matrix(*KEA[2:]), 0, [], []
     started = time.process_time()
-    for seed in range(seeds):
+    for seed in range(first, first + seeds):
         relative = orient_robust(kea_case(seed), C_KEA, C_KEA)
         turn = np.degrees(np.arccos(np.clip((np.trace(R @ relative.solution.model.rotation.T) - 1) / 2, -1, 1)))
         right, wrong = int(relative.kept[:36].sum()), int(relative.kept[36:].sum())
@@ -85,10 +86,10 @@ def kea(seeds: int = 100) -> list[str]:
     ]
 
 
-def volos(seeds: int = 100) -> list[str]:
+def volos(first: int, seeds: int = 100) -> list[str]:
     """The volos block with new noise in every seed: all standard errors against the scatter of the errors."""
     orientation, checks, interior, sigma0, oriented, free_c = [], [], [], [], [], []
-    for seed in range(seeds):
+    for seed in range(first, first + seeds):
         block = two_strips(1000 + seed)
         out = orient(block)
         oriented.append(len(out["block"].photos))
@@ -99,7 +100,7 @@ def volos(seeds: int = 100) -> list[str]:
         sigma = np.sqrt(np.diag(np.array(camera.covariance)))
         error = np.array(camera.interior) - truth.interior
         interior.append(np.where(sigma > 0, error / np.where(sigma > 0, sigma, 1.0), np.nan))
-        if seed < 30:
+        if seed < first + 30:
             calibrated = orient(block, interior=FreeInterior(kind="free"))["block"].cameras["cam"]
             free_c.append((calibrated.c - truth.c) / np.sqrt(calibrated.covariance[0][0]))
     spread = np.sqrt((np.array(orientation) ** 2).mean(axis=(0, 1)))
@@ -126,7 +127,7 @@ def volos(seeds: int = 100) -> list[str]:
     ]
 
 
-def growth() -> list[str]:
+def growth(_: int) -> list[str]:
     """Time and memory of one adjustment by the number of photographs, each in a process of its own."""
     rows = []
     for strips, per, points in SIZES:
@@ -158,9 +159,10 @@ PARTS = {"pairs": pairs, "kea": kea, "volos": volos, "growth": growth}
 
 def main() -> None:
     """Measure the parts named on the command line, or all, and write the page."""
-    text = ["# Orientation on simulated measurements", "", f"`make bench-orientation-simulated`, {machine()}", ""]
-    for name in sys.argv[1:] or PARTS:
-        text += [*PARTS[name](), ""]
+    first = next((int(word.removeprefix("from=")) for word in sys.argv[1:] if word.startswith("from=")), 0)
+    text = ["# Orientation on simulated measurements", "", f"`make bench-orientation-simulated`, {machine()}; first seed {first}", ""]
+    for name in [word for word in sys.argv[1:] if word in PARTS] or PARTS:
+        text += [*PARTS[name](first), ""]
     write_result("orientation_simulated", "\n".join(text))
 
 

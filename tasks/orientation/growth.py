@@ -17,7 +17,7 @@ from tasks.adjustment.minimise import minimise
 from tasks.adjustment.network import Interior, Network, Rays, State
 from tasks.adjustment.robust import spread
 from tasks.geometry.rotation import rotation_matrix
-from tasks.orientation.measurements import ideal, with_interior
+from tasks.orientation.measurements import ideal, on_a_line, with_interior
 from tasks.orientation.relative import FLIP
 
 cv2.setNumThreads(1)
@@ -162,6 +162,13 @@ class Growth:
             self.attempts[photo] = (
                 f"{0 if pose is None else len(pose[2])} of its {len(index)} tie points with the block agree on one position, which "
                 "is too few"
+            )
+            return False
+        agreed, c = index[pose[2]], self.state.interior[self.material.camera_of[photo], 0]
+        if on_a_line(c * self.ideal[agreed], float(np.median(self.tolerance[agreed]))):
+            self.attempts[photo] = (
+                "its tie points with the block lie on one line of its frame, which leaves its turn about this line open; it "
+                "needs tie points all over its frame"
             )
             return False
         self.place(photo, pose[0], pose[1])

@@ -50,3 +50,10 @@ def ideal(camera: Camera, xy: np.ndarray) -> np.ndarray:
     """Distorted coordinates from the image centre (N, 2) to ideal ones from the principal point, in units of c."""
     pixels = np.column_stack([xy[:, 0] + (camera.width - 1) / 2, (camera.height - 1) / 2 - xy[:, 1]])
     return pixel_to_image(camera, pixels) / camera.c
+
+
+def on_a_line(xy: np.ndarray, width: float) -> bool:
+    """Whether half of the points (n, 2) lie within `width` of the line that fits all of them best."""
+    offset = xy - np.median(xy, axis=0)
+    across = np.linalg.svd(offset, full_matrices=False)[2][1]
+    return bool(np.median(np.abs(offset @ across)) < width)

@@ -13,7 +13,7 @@ from schemas.orientation import RelativeOrientation, RelativeOrientations
 from schemas.photo import Photos
 from tasks.adjustment.network import Rays
 from tasks.geometry.rotation import angles
-from tasks.orientation.measurements import ideal, tie_rays
+from tasks.orientation.measurements import ideal, on_a_line, tie_rays
 from tasks.orientation.relative import Relative, epipolar_distance, model_points, orient_robust
 from tasks.orientation.turning import Turned, turn_only
 
@@ -66,6 +66,13 @@ def _relate(photos: Photos, cameras: Cameras, rays: Rays, coordinates: np.ndarra
     c_left, c_right = (cameras.of(name).c for name in names)
     observations = np.hstack([coordinates[a] * c_left, coordinates[b] * c_right])
     expected = max(1.0, float(np.median(rays.sigma[a])))
+    narrow = next((n for n, xy in zip(names, np.hsplit(observations, 2), strict=True) if on_a_line(xy, 3.0 * expected)), None)
+    if narrow:
+        outcome = (
+            f"the {len(a)} matches of {names[0]} and {names[1]} lie on one line in {narrow}, which leaves the relative orientation "
+            "open; tie points all over the frame are needed."
+        )
+        return RelativeOrientation(left=names[0], right=names[1], matches=len(a), kept=0, outcome=outcome)
     turned = turn_only(observations, c_left, c_right, 3.0 * expected)
     try:
         relative = orient_robust(observations, c_left, c_right, expected)

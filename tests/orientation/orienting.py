@@ -31,3 +31,18 @@ def ground_errors(block, points):
     """Errors (n, 3) of the tie points on the ground, and their standard errors."""
     error = np.column_stack([points.x, points.y, points.z]) - block.ground[points.track]
     return error, np.column_stack([points.sigma_x, points.sigma_y, points.sigma_z])
+
+
+def standardised_lengths(block, result, scale=1.0):
+    """(pairs,) errors of the distances between projection centres in units of their standard errors, for pairs that share tie
+    points; `scale`: true by found."""
+    truth, rows = {v.name: v.centre for v in block.views}, []
+    for pair in result.joint:
+        own = [np.array(result.of(name).centre) for name in (pair.first, pair.second)]
+        along = own[1] - own[0]
+        length = np.linalg.norm(along)
+        single = sum(np.array(result.of(name).covariance)[:3, :3] for name in (pair.first, pair.second))
+        cross = np.array(pair.covariance)[:3, :3]
+        sigma = np.sqrt(along @ (single - cross - cross.T) @ along) / length
+        rows.append((length - np.linalg.norm(truth[pair.second] - truth[pair.first]) / scale) / sigma)
+    return np.array(rows)
