@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from orienting import orient, standardised_orientation
+from orienting import orient, standardised_lengths, standardised_orientation
 from simulated_block import one_strip, two_strips
 
 from schemas.errors import GeometryError
@@ -144,7 +144,7 @@ def test_a_rough_lever_arm_is_adjusted():
     block = antennas(two_strips(18), (2.0, -1.0, 3.0))
     out = orient(block, lever_arm=(1.5, -1.5, 2.5), lever_sigma=0.5)
     error = (np.array(out["precision"].lever_arm) - (2.0, -1.0, 3.0)) / out["precision"].lever_arm_sigma
-    assert np.abs(error).max() < 4 and max(out["precision"].lever_arm_sigma) < 0.4
+    assert np.abs(error).max() < 4 and max(out["precision"].lever_arm_sigma) < 0.3
     assert np.abs(standardised_orientation(block, out["block"])).max() < 4.5
 
 
@@ -156,18 +156,16 @@ def ends_of(block):
 
 
 def test_a_distance_gives_a_free_network_its_scale():
-    block = two_strips(19, gnss=None)
+    block = two_strips(19, np.zeros(8), gnss=None)
     length, first, second = ends_of(block)
     free = with_control(
         block, lambda i, p: p.model_copy(update={"role": "tie", "xyz": (0.0, 0.0, 0.0)}),
         (Distance(first=first.name, second=second.name, length=length, sigma=0.03),),
     )
     out = orient(free, interior=FIXED)
-    result, truth = out["block"], np.array([v.centre for v in block.views])
+    result = out["block"]
     assert result.datum.startswith("Free network") and "1 measured distances" in result.datum
-    found = np.array([result.of(v.name).centre for v in block.views])
-    i, j = np.triu_indices(6, 1)
-    assert np.abs(np.linalg.norm(found[i] - found[j], axis=1) / np.linalg.norm(truth[i] - truth[j], axis=1) - 1).max() < 4e-3
+    assert np.abs(standardised_lengths(block, result)).max() < 4
     assert abs(out["ground_residuals"].distances[0].difference) < 0.03
 
 
