@@ -11,7 +11,7 @@ Source: Baarda 1968.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2, norm
+from scipy.special import chdtri, ndtr
 
 from tasks.adjustment.datum import distance_misclosures, position_misclosures, prior_sizes
 from tasks.adjustment.minimise import sizes
@@ -53,7 +53,7 @@ def stands_out(rest: Adjustment, first: Network, blunder: Blunder, limit: float)
     those of its kind that had."""
     square, numbers = _square_away(rest, first, blunder)
     _, others, dof = _MISFITS[blunder.kind](rest)
-    return square > chi2.isf(2.0 * norm.sf(limit), numbers) * _unit(np.sqrt(others[dof > 0])) ** 2
+    return square > _largest_square(limit, numbers) * _unit(np.sqrt(others[dof > 0])) ** 2
 
 
 def gross_blunder(network: Network, state: State, rays: Rays, limit: float) -> Blunder | None:
@@ -138,7 +138,7 @@ def acquitted(result: Adjustment, blunders: list[Blunder], stated: Network, firs
     were thrown out while something else, a camera constant, was still wrong."""
     for blunder in blunders:
         square, numbers = _square_away(result, first, blunder)
-        if square < chi2.isf(2.0 * norm.sf(limit), numbers):
+        if square < _largest_square(limit, numbers):
             stated = _with_weight(stated, blunder, weights_of(first, blunder.kind)[blunder.number])
     return stated
 
@@ -202,7 +202,7 @@ def _tested(
     kind: str, number: np.ndarray, square: np.ndarray, dof: np.ndarray, limit: float, by_group: bool
 ) -> list[Blunder]:
     size = np.sqrt(square)
-    beyond = np.sqrt(chi2.isf(2.0 * norm.sf(limit), np.maximum(dof, 1)))
+    beyond = np.sqrt(_largest_square(limit, np.maximum(dof, 1)))
     unit = _unit(size[dof > 0]) if by_group else 1.0
     far = (dof > 0) & (size > beyond * unit)
     return [Blunder(kind, int(i), float(s / unit)) for i, s in zip(number[far], size[far], strict=True)]
@@ -258,3 +258,11 @@ def _pointing_is_worse(result: Adjustment, blunder: Blunder) -> bool:
     if own.sum() < 2:
         return False
     return float((result.standardised[own] ** 2).sum(axis=1).max()) - 2.0 > blunder.misfit**2 - 3.0
+
+
+def _largest_square(limit: float, dof: int | np.ndarray) -> float | np.ndarray:
+    """Square that chance exceeds as seldom as a normal deviate exceeds +-`limit`: chi-squared of `dof` degrees of freedom.
+
+    Two functions of scipy.special, because importing scipy.stats takes longer than planning a project.
+    """
+    return chdtri(dof, 2.0 * ndtr(-limit))

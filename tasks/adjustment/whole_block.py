@@ -5,14 +5,17 @@ unknowns follow it badly: every point would have to go round the same circle tog
 itself it has seven unknowns and is cheap.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from tasks.adjustment.datum import distance_misclosures, position_misclosures, prior_cost, prior_factors
 from tasks.adjustment.network import Network, State
 from tasks.geometry.rotation_vector import rotation_of_vector
+
+STEPS, INCREMENT, NEGLIGIBLE = 20, 1e-5, 1e-10
+"""Gauss-Newton steps, and increments and negligible steps in units of the block's size, radians and logarithms of the scale."""
 
 
 def settled_whole(network: Network, state: State, huber: float = np.inf) -> State:
@@ -35,9 +38,27 @@ def settled_whole(network: Network, state: State, huber: float = np.inf) -> Stat
         ]
         return np.concatenate([part.ravel() for part in known])
 
-    motion = least_squares(misfits, np.zeros(7), method="lm" if len(misfits(np.zeros(7))) >= 7 else "trf").x
+    motion = _best_motion(misfits)
     moved = _moved(state, motion, middle, size, np.arange(len(state.point)))
     return moved if prior_cost(network, moved, huber) < prior_cost(network, state, huber) else state
+
+
+def _best_motion(misfits: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """(7,) the motion with the least sum of squares of `misfits`, by Gauss-Newton; the smallest where several are as good."""
+    motion = np.zeros(7)
+    now = misfits(motion)
+    for _ in range(STEPS):
+        moves = INCREMENT * np.eye(7)
+        J = np.stack([(misfits(motion + move) - misfits(motion - move)) / (2.0 * INCREMENT) for move in moves], axis=1)
+        step = np.linalg.lstsq(J, -now, rcond=1e-10)[0]
+        there = misfits(motion + step)
+        while there @ there > now @ now and np.abs(step).max() > NEGLIGIBLE:
+            step *= 0.5
+            there = misfits(motion + step)
+        if np.abs(step).max() <= NEGLIGIBLE:
+            return motion
+        motion, now = motion + step, there
+    return motion
 
 
 def _moved(state: State, motion: np.ndarray, middle: np.ndarray, size: float, points: np.ndarray) -> State:

@@ -28,17 +28,18 @@ def tie_rays(photos: Photos, cameras: Cameras, tie_points: TiePoints) -> tuple[R
 
 
 def ground_rays(points: list[ControlPoint], photos: dict[str, int], cameras: Cameras) -> Rays:
-    """Rays of ground points to the photos of the block; `photos`: name -> number. Points are numbered as given."""
-    rows = [
-        (i, photos[name], centred(cameras.of(name), np.array([measured[:2]]))[0], measured[2])
+    """Rays of ground points to the photos of the block; `photos`: name -> number. Points are numbered as given; sorted by point,
+    then photo."""
+    rows = sorted(
+        (i, photos[name], *centred(cameras.of(name), np.array([measured[:2]]))[0], measured[2])
         for i, point in enumerate(points)
         for name, measured in point.measurements.items()
         if name in photos
-    ]
+    )
     if not rows:
         return Rays(np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros((0, 2)), np.zeros(0))
-    point, photo, xy, sigma = zip(*rows, strict=True)
-    return Rays(np.array(point, np.int32), np.array(photo, np.int32), np.array(xy), np.array(sigma, np.float64))
+    point, photo, x, y, sigma = np.array(rows, np.float64).T
+    return Rays(point.astype(np.int32), photo.astype(np.int32), np.column_stack([x, y]), sigma)
 
 
 def with_interior(camera: Camera, values: np.ndarray) -> Camera:

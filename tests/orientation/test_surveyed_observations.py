@@ -84,6 +84,9 @@ def test_two_swapped_control_points_are_both_found():
 def test_a_wrong_measurement_of_a_control_point_is_not_blamed_on_its_coordinates():
     block = two_strips(13)
     point = next(p for p in block.control.points if p.role == "control" and len(p.measurements) >= 4)
+    backwards = dict(reversed(point.measurements.items()))
+    point = point.model_copy(update={"measurements": backwards})
+    block = with_control(block, lambda i, p: point if p.name == point.name else p)
     photo = next(iter(point.measurements))
     col, row, sigma = point.measurements[photo]
     wrong = with_control(
