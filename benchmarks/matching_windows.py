@@ -117,10 +117,7 @@ STRATEGIES: dict[str, LeastSquaresMatching | CascadeMatching] = {
     "published recipe, ellipse 27": published(27, Ellipse()),
     "recommended, square 21": LeastSquaresMatching(),
     "recommended, ellipse 21": LeastSquaresMatching(shape=Ellipse()),
-    "cascade 27 (1.2 px) -> 21 (0.6 px)": CascadeMatching(),
-    "cascade 27 (1.2 px) -> 15 (0.6 px)": CascadeMatching(
-        steps=(CascadeMatching().steps[0], CascadeMatching().steps[1].model_copy(update={"window": 15}))
-    ),
+    "cascade 27 (1.2 px) -> 27 -> 17 (0.6 px)": CascadeMatching(),
 }
 
 
