@@ -7,7 +7,7 @@ methods keep their printed thresholds. All settings start from one list.
 Source: methods/matching_and_dsm_check.md 1.2, tables 4.5 to 4.11.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -154,20 +154,36 @@ def _table(found: dict[Setting, Score], shape: str, limited: bool, theirs: dict)
                       and (limited or isinstance(setting.name, int) == (27 in theirs)))]
 
 
+def farthest(found: Mapping[str | int, Score], printed: Mapping[int, Published]) -> str:
+    """The largest differences of shares of fixed windows from the printed ones, as a sentence."""
+    pairs = {size: (found[size], printed[size]) for size in SIZES}
+    apart = {
+        "returned": {size: ours.returned - theirs.returned for size, (ours, theirs) in pairs.items()},
+        "correct": {size: ours.correct - theirs.correct for size, (ours, theirs) in pairs.items()},
+        "blunders": {size: ours.blunder_share - 100.0 * theirs.blunders / published_tables.TESTED
+                     for size, (ours, theirs) in pairs.items()},
+    }
+    worst = {name: max(values.items(), key=lambda item: abs(item[1])) for name, values in apart.items()}
+    return "Largest differences from the printed shares: " + ", ".join(
+        f"{name} {value:+.1f} points at {size} px" for name, (size, value) in worst.items()) + "."
+
+
 def window_page(experiment: Experiment) -> list[str]:
     """The tables as Markdown: measured / published."""
     found, p = measured(experiment), published_tables
-    fixed = {setting.name: result for setting, result in found.items() if setting.shape == "square" and not setting.limited}
-    apart = max(abs(fixed[size].returned - p.SQUARES[size].returned) for size in SIZES)
+    fixed, along, across = ({setting.name: result for setting, result in found.items()
+                             if setting.shape == shape and not setting.limited} for shape in SHAPES)
     assigned = [f"| {name} | {fixed[name].assigned:.2f} / {p.ASSIGNED[name]:.2f} |" for name in p.ASSIGNED]
     return [
         "### Table 4.6: fixed squares", "", *_table(found, "square", False, p.SQUARES), "",
-        f"Largest difference of the returned share from the published one: {apart:.1f} points.", "",
+        farthest(fixed, p.SQUARES), "",
         "### Table 4.7: windows assigned", "", "| method | assigned % |", "| --- | --- |", *assigned, "",
         "### Tables 4.7 and 4.9: chosen sizes, squares", "", *_table(found, "square", False, p.DYNAMIC_SQUARES), "",
         "### Tables 4.8 and 4.11: fixed ellipses", "", *_table(found, "ellipse", False, p.ELLIPSES), "",
+        farthest(along, p.ELLIPSES), "",
         "### Table 4.9: chosen sizes, ellipses", "", *_table(found, "ellipse", False, p.DYNAMIC_ELLIPSES), "",
         "### Table 4.11: fixed ellipses across", "", *_table(found, "across", False, p.ACROSS), "",
+        farthest(across, p.ACROSS), "",
         "### Chosen sizes, ellipses across (not published)", "",
         *_HEAD, *(_row(str(s.name), result, None) for s, result in found.items()
                   if s.shape == "across" and isinstance(s.name, str)), "",
