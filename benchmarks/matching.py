@@ -62,7 +62,7 @@ def sections(options: argparse.Namespace) -> dict[str, Callable[[], list[str]]]:
     return {
         "strategies": lambda: [size, "", *strategy_page(experiment)],
         "windows": lambda: [size, "", *window_page(experiment)],
-        "readings": lambda: readings_page(texture, Experiment.quick if options.quick else two_bands),
+        "readings": lambda: readings_page(texture, Experiment.quick if options.quick else one_band),
         "extraction": lambda: [f"Texture {texture.name}.", "", *extraction_page(texture, part)],
         "dense": lambda: [f"Texture {texture.name}.", "", *dense_page(texture, QUICK_WINDOW if options.quick else DENSE_WINDOW)],
         "speed": lambda: [speed_table()],
@@ -70,9 +70,9 @@ def sections(options: argparse.Namespace) -> dict[str, Callable[[], list[str]]]:
     }
 
 
-def two_bands(texture: GroundTexture) -> Experiment:
-    """A fifth of the experiment: readings are many, and a fifth tells them apart."""
-    return Experiment.full(texture, 5)
+def one_band(texture: GroundTexture) -> Experiment:
+    """A tenth of the experiment: readings are many, and a tenth tells them apart."""
+    return Experiment.full(texture, 10)
 
 
 def page(folder: Path, notes: str) -> str:
