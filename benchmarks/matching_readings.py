@@ -92,7 +92,29 @@ def readings_page(texture: GroundTexture, experiment_on: Callable[[GroundTexture
             worst = differences({size: table[shape, gradients, size] for size in SIZES}, PRINTED[shape])
             cells = " | ".join(f"{value:+.1f} ({size})" for size, value in worst.values())
             lines.append(f"| {shape} | {READINGS[gradients]} | {name} | {cells} |")
-    return [*lines, "", *_sizes_page(experiment)]
+    return [*lines, "", *_mirrored_page(experiment), "", *_sizes_page(experiment)]
+
+
+def _mirrored_page(experiment: Experiment) -> list[str]:
+    """The smallest square with and without the limiter, mirrored windows refused or let on."""
+    lines = ["The square of 7 px (printed with the limiter: table 4.10):", "",
+             "| mirrored windows | limiter | returned % | blunders % | FGDC horizontal m | FGDC vertical m |",
+             "| --- | --- | --- | --- | --- | --- |"]
+    for mirrored in ("refused", "let on"):
+        for limited, printed in ((False, p.SQUARES[7]), (True, p.LIMITED_SQUARES[7])):
+            recipe = published(7, limited=limited)
+            limit = recipe.formulation.max_area_change if mirrored == "refused" else None
+            forward = recipe.formulation.model_copy(update={"max_area_change": limit})
+            errors = np.full((len(experiment.points), 3), np.nan)
+            for band in experiment.bands():
+                found = match_points(band.crop.left, band.crop.right, band.points, band.starts,
+                                     recipe.model_copy(update={"formulation": forward}))
+                errors[band.rows] = band.errors(found)
+            ours, blunders = score(errors), 100.0 * printed.blunders / p.TESTED
+            lines.append(f"| {mirrored} | {'on' if limited else 'off'} | {ours.returned:.2f} / {printed.correct + blunders:.2f} | "
+                         f"{ours.blunder_share:.2f} / {blunders:.2f} | {ours.horizontal:.2f} / {printed.horizontal:.2f} | "
+                         f"{ours.vertical:.2f} / {printed.vertical:.2f} |")
+    return lines
 
 
 def _sizes_page(experiment: Experiment) -> list[str]:

@@ -107,6 +107,8 @@ METHODS = {
     "inverse-compositional ellipse": by_points(LeastSquaresMatching(shape=Ellipse())),
     "forward": by_points(LeastSquaresMatching(formulation=Forward())),
     "published square": by_points(published(21, limited=False)),
+    "mirrored windows let on": by_points(published(21, limited=False).model_copy(
+        update={"formulation": Forward(gradients="window_right", max_area_change=None)})),
     "published ellipse": by_points(published(21, Ellipse(), limited=False)),
     "cascade": by_cascade,
     "correlation": by_correlation,

@@ -302,7 +302,7 @@ def _match_one(images, pixel, half, place, start, a, rules, scratch, values):
         a[1] += d[2]
         a[2] += d[4]
         a[3] += d[5]
-        if not 1.0 / rules.max_area_change < a[0] * a[3] - a[1] * a[2] < rules.max_area_change:
+        if rules.max_area_change < np.inf and not 1.0 / rules.max_area_change < a[0] * a[3] - a[1] * a[2] < rules.max_area_change:
             return results.NOT_CONVERGED, iteration
         if not (abs(t0 - begin_x) <= rules.max_shift and abs(t1 - begin_y) <= rules.max_shift):
             return results.MOVED_TOO_FAR, iteration

@@ -6,6 +6,7 @@ type and what lies between them can be measured. Defaults are the recommended va
 Source: Skarlatos, PhD thesis (methods/matching_windows.md 2.1; matching_and_dsm_check.md 1.3, 1.4); methods/measured.md.
 """
 
+import math
 from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field
@@ -37,8 +38,9 @@ class Forward(Settings):
         "the resampled right window with a ring around it, carried to the right image's axes; or of the resampled right window "
         "alone, one-sided at its border and used as they are.",
     )
-    max_area_change: float = setting(
-        10.0, "A window whose area the affine changes by more than this factor has gone astray.", gt=1.0
+    max_area_change: float | None = setting(
+        10.0, "A window that the affine mirrors, or whose area it changes by more than this factor, has gone astray; null: never.",
+        gt=1.0,
     )
 
 
@@ -112,7 +114,7 @@ def published(window: int, shape: Square | Ellipse | None = None, limited: bool 
     and one-sided at the border, and what they give enters the equations as printed; ellipses are cut from a larger square. Of the
     readings measured, only this one comes within 8 points of table 4.6 on two textures (benchmarks/results/matching.md).
     `limited`: with the limits of 3 px and 0.1 per iteration (section 4.3.2.1 and later) or without (before it). No other limit is
-    mentioned, and there is none.
+    mentioned, and only windows that the affine mirrors are refused: they can be no match.
     """
     shape = Square() if shape is None else shape
     gradients = "window_right" if isinstance(shape, Square) else "resampled_left"
@@ -141,6 +143,7 @@ class Rules(NamedTuple):
     gradients: int
     """as `GRADIENTS` counts them; 0 also where the form is not forward"""
     max_area_change: float
+    """infinite: not looked at"""
     ellipse: bool
     across: bool
     max_axis_ratio: float
@@ -165,7 +168,7 @@ def rules_of(settings: LeastSquaresMatching, centroid: bool) -> Rules:
     return Rules(
         shift_only=settings.geometry == "shift", radiometry=("none", "normalised", "estimated").index(settings.radiometry),
         centroid=centroid, bicubic=settings.interpolation == "bicubic",
-        gradients=GRADIENTS.index(forward.gradients), max_area_change=forward.max_area_change, ellipse=ellipse,
+        gradients=GRADIENTS.index(forward.gradients), max_area_change=forward.max_area_change or math.inf, ellipse=ellipse,
         across=ellipse and shape.major_axis == "across", max_axis_ratio=float(shape.max_axis_ratio) if ellipse else 1.0,
         smoothing=settings.smoothing, max_iterations=settings.max_iterations, stop=settings.stop, max_step=settings.max_step,
         max_affine_step=settings.max_affine_step, max_shift=settings.max_shift, min_correlation=settings.min_correlation,
