@@ -4,6 +4,7 @@ Every error that orthomill can explain is one sentence and an exit code: 1 for f
 130 for Ctrl-C. A traceback is shown with --debug only.
 """
 
+import gc
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -318,6 +319,8 @@ def figures(name: Name, path: Annotated[Path, typer.Argument(help="Where to writ
 
 
 def main() -> None:
-    """Entry point of the command."""
+    """Entry point of the command. Planning makes hundreds of thousands of small objects that stay: looking for garbage among
+    them at Python's usual pace takes longer than making them."""
+    gc.set_threshold(50_000)
     listen()
     app()
