@@ -6,7 +6,7 @@ All stages that can be planned are in flight together; the session only ever wai
 import shutil
 import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -15,7 +15,7 @@ from pipeline.execute import Work
 from pipeline.graph import Graph, PlannedJob, check_memory
 from pipeline.interruption import stop_if_asked
 from pipeline.planner import Planner
-from pipeline.records import Key, Records, reason_to_run
+from pipeline.records import Key, Record, Records, reason_to_run
 from pipeline.run_facts import Failure, StageRun
 from pipeline.runner import Finished, Runner
 from pipeline.store import Store
@@ -173,12 +173,24 @@ class Session:
 
     def _stage_run(self, kind: str) -> StageRun:
         keys = [key for key in self.graph.jobs if key[0] == kind]
-        ran = [record for key in keys if key in self.done and (record := self.records.get(key))]
+        held = self._held(keys)
         return StageRun(
-            kind, jobs=len(keys), done=len(ran), skipped=sum(key in self.skipped for key in keys),
-            failed=sum(key in self.failures for key in keys), seconds=sum(record.seconds for record in ran),
-            peak_bytes=max((record.peak_bytes for record in ran), default=None), reported=self._reported(keys),
+            kind, jobs=len(keys), done=sum(key in self.done for key in keys), skipped=sum(key in self.skipped for key in keys),
+            failed=sum(key in self.failures for key in keys), seconds=sum(record.seconds for record in held),
+            peak_bytes=max((record.peak_bytes for record in held), default=None), reported=self._reported(keys),
         )
+
+    def _held(self, keys: Iterable[Key]) -> list[Record]:
+        """Records of the jobs whose results hold, whichever run did them."""
+        return [record for key in keys if self._holds(key) and (record := self.records.get(key))]
+
+    def earlier_runs(self) -> tuple[float, ...]:
+        """How long each earlier run took whose results still hold, from its first to its last job among them, s."""
+        spans: dict[str, tuple[float, float]] = {}
+        for record in self._held(self.skipped):
+            begun, ended = spans.get(record.run, (record.started, 0.0))
+            spans[record.run] = min(begun, record.started), max(ended, record.started + record.seconds)
+        return tuple(ended - begun for begun, ended in sorted(spans.values()))
 
     def _reported(self, keys: list[Key]) -> bool:
         """Whether the job among `keys` that writes the stage's report is done; what lies there otherwise is of an earlier run."""

@@ -74,6 +74,48 @@ def test_a_second_run_does_nothing(done, jobs):
     assert counts(command("run", "site")) == (0, jobs, 0)
 
 
+def test_a_second_run_leaves_report_and_summary_with_the_figures_of_the_run_that_did_the_work(done):
+    pages = [done / "runs" / "site" / name for name in ("report.html", "summary.json", "jobs/run.json")]
+    before = [(page.read_bytes(), page.stat().st_mtime_ns) for page in pages]
+    command("run", "site", "--sequential")
+    command("run", "site", "--sequential", "--until", "photos")
+    assert [(page.read_bytes(), page.stat().st_mtime_ns) for page in pages] == before
+
+
+def test_a_second_run_writes_a_report_that_is_missing_or_was_made_by_other_code(done, jobs, monkeypatch):
+    folder = done / "runs" / "site"
+    before = (folder / "summary.json").read_text()
+    (folder / "report.html").unlink()
+    (folder / "summary.json").unlink()
+    command("run", "site", "--sequential")
+    assert (folder / "report.html").exists() and (folder / "summary.json").read_text() == before
+    (folder / "report.html").write_text("drawn by an older version")
+    monkeypatch.setattr("pipeline.results._writers", lambda: "newer code")
+    assert counts(command("run", "site", "--sequential")) == (0, jobs, 0)
+    assert "older version" not in (folder / "report.html").read_text()
+
+
+def test_facts_that_cannot_be_read_are_made_again_from_the_records(done, jobs):
+    folder = done / "runs" / "site"
+    before = json.loads((folder / "summary.json").read_text())
+    (folder / "jobs" / "run.json").write_text("{")
+    command("run", "site", "--sequential")
+    after = json.loads((folder / "summary.json").read_text())
+    assert after["run.work_seconds"] == before["run.work_seconds"] and after["run.peak_memory"] == before["run.peak_memory"]
+    assert after["run.jobs_skipped"]["value"] == jobs and after["run.runs"]["value"] == 1
+
+
+def test_a_run_in_two_parts_reports_the_work_of_both(done):
+    folder = done / "runs" / "site"
+    before = json.loads((folder / "summary.json").read_text())
+    command("run", "site", "--sequential", "--from", "orientation")
+    after = json.loads((folder / "summary.json").read_text())
+    assert after["run.runs"]["value"] == 2 and before["run.runs"]["value"] == 1
+    assert after["run.photos.work_seconds"] == before["run.photos.work_seconds"]
+    assert after["run.wall_seconds"]["value"] > after["run.orientation.work_seconds"]["value"]
+    assert "Time of 2 runs" in (folder / "report.html").read_text()
+
+
 def test_the_workflow_as_run_reproduces_the_run(done, jobs):
     assert counts(command("run", "runs/site/workflow.yaml")) == (0, jobs, 0)
 
