@@ -10,7 +10,8 @@ def package(tmp_path, monkeypatch):
     """A package `tasks.toy` whose module imports another by its name; changing a file is seen at once."""
     (tmp_path / "tasks" / "toy").mkdir(parents=True)
     (tmp_path / "tasks" / "toy" / "__init__.py").write_text("")
-    (tmp_path / "tasks" / "toy" / "method.py").write_text("def answer():\n    from tasks.toy import numbers\n    return numbers.ONE\n")
+    text = "def answer():\n    from tasks.toy import numbers\n    return numbers.ONE\n"
+    (tmp_path / "tasks" / "toy" / "method.py").write_text(text)
     (tmp_path / "tasks" / "toy" / "numbers.py").write_text("ONE = 1\n")
     monkeypatch.setattr("tasks.__path__", [str(tmp_path / "tasks")])
     monkeypatch.setattr(fingerprint, "ROOT", tmp_path)
