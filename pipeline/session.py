@@ -25,6 +25,7 @@ from schemas.report import report_table
 from schemas.stage import Stage
 from schemas.workflow import Photographs, Project
 
+TIME_FORMAT = "%Y-%m-%dT%H:%M:%S%z"
 DISK_RESERVE = 200 * 2**20
 """bytes that must stay free"""
 
@@ -209,4 +210,4 @@ def key_text(key: Key) -> str:
 
 def now() -> str:
     """The time of day as ISO 8601 text."""
-    return time.strftime("%Y-%m-%dT%H:%M:%S%z")
+    return time.strftime(TIME_FORMAT)

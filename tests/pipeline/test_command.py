@@ -53,13 +53,15 @@ def test_plan_tells_jobs_bytes_memory_and_why_and_writes_nothing(fresh):
     before = sorted(fresh.rglob("*"))
     said = command("plan", "site")
     assert "not done yet; the rest is" in said and "peak memory" in said and "600 MiB" in said
+    assert "tie_points ? ? ? ?" in said and "3 of 4 stages wait for results of stages before them" in said
+    assert "Estimate from the files alone: 3 photographs with 1 million pixels are 18 tiles of 256 px" in said
     assert sorted(fresh.rglob("*")) == before
 
 
 def test_plan_of_a_finished_run_says_unchanged_and_writes_nothing(done):
     before = {path: path.stat().st_mtime_ns for path in done.rglob("*")}
     said = command("plan", "site")
-    assert said.count("unchanged") == 4 and "not done yet" not in said
+    assert said.count("unchanged") == 4 and "not done yet" not in said and "?" not in said and "Estimate" not in said
     assert {path: path.stat().st_mtime_ns for path in done.rglob("*")} == before
 
 
@@ -135,10 +137,12 @@ def test_status_before_a_run(fresh):
 def test_status_after_a_run_and_while_another_is_going_on(done):
     assert re.search(r"tie_points [1-9]\d* 0 ", command("status", "site"))
     with only_run(done / "runs" / "site"):
-        assert command("status", "site").endswith("running now")
+        said = command("status", "site")
+        assert said.endswith("running now") and "this run" in said and "MiB" in said
         (done / "runs" / "site" / DASHBOARD).write_text("http://127.0.0.1:8787/status")
         assert command("status", "site").endswith("running now; dashboard: http://127.0.0.1:8787/status")
-    assert command("status", "site").endswith("not running")
+    said = command("status", "site")
+    assert said.endswith("not running") and "this run" not in said
 
 
 def test_status_tells_the_last_error(fresh):
