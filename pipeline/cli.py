@@ -85,7 +85,7 @@ def run(
     memory: Annotated[int, typer.Option(help="Memory that one worker may use, in MiB.", min=256)] = 1500,
     sequential: Sequential = False,
     scheduler: Annotated[str | None, typer.Option(help="Address of an existing Dask scheduler, e.g. tcp://10.0.0.5:8786.")] = None,
-    port: Annotated[int, typer.Option(help="Port of the dashboard; a taken one moves on.")] = 8787,
+    port: Annotated[int, typer.Option(help="Port of the dashboard; a taken one moves on.", min=1, max=65535)] = 8787,
     debug: Debug = False,
 ) -> None:
     """Run a workflow; goes on where an earlier run stopped."""

@@ -40,7 +40,7 @@ back to the kernel, which then clears them again for the next tile. That took a 
 
 def free_port(wanted: int) -> int:
     """`wanted`, or the next port of 127.0.0.1 that nobody listens on."""
-    for port in range(wanted, wanted + 50):
+    for port in range(wanted, min(wanted + 50, 65536)):
         with socket.socket() as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:

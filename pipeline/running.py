@@ -22,10 +22,12 @@ from pipeline.runner import Runner, SequentialRunner
 from pipeline.session import Session, now
 from pipeline.table_files import write_whole
 from pipeline.workflow import LoadedWorkflow, image_files, write_workflow
-from schemas.errors import StoreError, WorkflowError
+from schemas.errors import ResourceError, StoreError, WorkflowError
 from schemas.stage import Stage
 
 MIB = 2**20
+WORKERS_PER_CORE = 8
+"""More worker processes than this for each core are a slip of the pen, and starting them would stop the machine."""
 DASHBOARD = "jobs/dashboard.txt"
 """Holds the address of the dashboard while a run on Dask is going on."""
 
@@ -70,6 +72,7 @@ def check_stage_names(loaded: LoadedWorkflow, names: tuple[str, ...]) -> None:
 
 def run_workflow(loaded: LoadedWorkflow, options: Options, out: Console, err: Console) -> RunFacts:
     """Run a workflow and write its report, whatever became of its tiles. Raises OrthomillError when it cannot start."""
+    _check_workers(options)
     session = session_of(loaded, options.from_stage, options.until)
     with only_run(session.folder):
         write_workflow(loaded, session.folder / "workflow.yaml")
@@ -95,6 +98,16 @@ def _titles(stages: tuple[Stage, ...]) -> tuple[StageTitle, ...]:
     return tuple((stage.kind, stage.title) for stage in stages)
 
 
+def _check_workers(options: Options) -> None:
+    """Raises ResourceError for a number of workers that would drown this machine."""
+    cores = os.cpu_count() or 1
+    if not options.sequential and not options.scheduler and options.processes > WORKERS_PER_CORE * cores:
+        raise ResourceError(
+            f"--workers {options.processes} is too many for the {cores} cores of this machine, where more than one for each core "
+            f"gain little; give at most {WORKERS_PER_CORE * cores}, or leave it out."
+        )
+
+
 @contextmanager
 def _facts_of_an_interruption(session: Session, facts: RunFacts) -> Iterator[None]:
     """A run that is stopped leaves its facts, so that `orthomill report` can show what is there."""
@@ -106,6 +119,7 @@ def _facts_of_an_interruption(session: Session, facts: RunFacts) -> Iterator[Non
 
 
 def _run(session: Session, options: Options, out: Console, err: Console) -> str:
+    session.check_resources(options.memory)
     titles = {stage.kind: stage.title for stage in session.stages}
     with _runner(session.folder, options, out) as runner, Progress(titles, options.processes, err) as progress:
         session.run(runner, progress)

@@ -125,7 +125,7 @@ class Session:
 
     def _plan_and_submit(self, runner: Runner, watcher: Watcher) -> None:
         self.plan()
-        self._check_resources(runner.memory_limit)
+        self.check_resources(runner.memory_limit)
         for key in list(self.graph.jobs)[self._announced:]:
             watcher.planned(key)
             if key in self.skipped:
@@ -144,7 +144,8 @@ class Session:
             if isinstance(region, Raster) and not self._raster_holds(region.name):
                 self.store.create(self.graph.specs[region.name])
 
-    def _check_resources(self, memory_limit: int) -> None:
+    def check_resources(self, memory_limit: int) -> None:
+        """Raises ResourceError when a pending job needs more memory than a worker has, or all together more disk than is free."""
         for planned in self.pending:
             check_memory(planned, memory_limit)
         self.folder.mkdir(parents=True, exist_ok=True)

@@ -246,6 +246,15 @@ def test_debug_shows_the_traceback(fresh):
         CliRunner().invoke(app, ["plan", "nowhere", "--debug"], catch_exceptions=False)
 
 
+@pytest.mark.parametrize(("words", "answer"), [
+    (("--port", "99999999"), "65535"), (("--port", "0"), "'--port'"), (("--workers", "-1"), "'--workers'"),
+    (("--memory", "10"), "256"), (("--workers", "100000"), "--workers 100000 is too many for the"), (("--memory", "300"), "photos/index/0/0 needs 600 MiB"),
+])
+def test_numbers_that_cannot_be_are_refused_before_anything_starts(fresh, words, answer):
+    said = command("run", "site", *words, code=2)
+    assert answer in said and "dashboard" not in said
+
+
 def test_without_a_word_the_command_tells_its_words():
     said = " ".join(CliRunner().invoke(app, []).output.split())
     assert all(word in said for word in ("run", "plan", "status", "report", "export", "clean", "dashboard", "init", "doctor"))
