@@ -248,7 +248,8 @@ def test_debug_shows_the_traceback(fresh):
 
 @pytest.mark.parametrize(("words", "answer"), [
     (("--port", "99999999"), "65535"), (("--port", "0"), "'--port'"), (("--workers", "-1"), "'--workers'"),
-    (("--memory", "10"), "256"), (("--workers", "100000"), "--workers 100000 is too many for the"), (("--memory", "300"), "photos/index/0/0 needs 600 MiB"),
+    (("--workers", "100000"), "--workers 100000 is too many for the"),
+    (("--memory", "10"), "256"), (("--memory", "300"), "photos/index/0/0 needs 600 MiB"),
 ])
 def test_numbers_that_cannot_be_are_refused_before_anything_starts(fresh, words, answer):
     said = command("run", "site", *words, code=2)
