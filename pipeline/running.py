@@ -182,10 +182,11 @@ def _machine() -> tuple[tuple[str, str], ...]:
 
 
 def rewrite_results(loaded: LoadedWorkflow) -> Path:
-    """Write summary and report again from what is stored; returns the report's path. Raises StoreError before the first run."""
+    """Write summary and report again from what is stored; returns the report's path. Raises StoreError before the first run,
+    ResourceError while another is going on, whose facts would be overwritten."""
     session = session_of(loaded)
-    facts = read_facts(session.folder)
-    if facts is None:
+    if read_facts(session.folder) is None:
         raise StoreError(f"{loaded.project.project} has not been run yet; run it first: orthomill run {loaded.project.project}")
-    write_results(session.store, session.folder, _titles(session.stages), facts)
+    with only_run(session.folder):
+        write_results(session.store, session.folder, _titles(session.stages), read_facts(session.folder))
     return session.folder / REPORT
