@@ -56,7 +56,8 @@ def test_workers_that_do_not_start_are_one_sentence(tmp_path, monkeypatch):
         raise RuntimeError("Nanny failed to start.")
     monkeypatch.chdir(make_site(tmp_path))
     monkeypatch.setattr("pipeline.dask_cluster.LocalCluster", broken)
-    assert "The 2 worker processes could not be started (Nanny failed to start.)" in command("run", "site", "--workers", "2", code=2)
+    said = command("run", "site", "--workers", "2", code=2)
+    assert "The 2 worker processes could not be started (Nanny failed to start.)" in said
 
 
 def test_a_scheduler_that_does_not_answer_is_named(tmp_path, monkeypatch):
