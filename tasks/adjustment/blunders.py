@@ -11,7 +11,7 @@ Source: Baarda 1968.
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import chi2, norm
+from scipy.special import chdtri, ndtr
 
 from tasks.adjustment.datum import position_misclosures, prior_sizes
 from tasks.adjustment.minimise import sizes
@@ -100,7 +100,7 @@ def acquitted(result: Adjustment, blunders: list[Blunder], stated: Network, firs
         spread = position_covariance(result, i) if position else result.point_covariance[i]
         given = np.diag(np.divide(1.0, weight, out=np.zeros(3), where=weight > 0))
         square = away @ np.linalg.solve(spread + given, away)
-        if square < chi2.isf(2.0 * norm.sf(limit), 3) and (position or spread.any()):
+        if square < _largest_square(limit, 3) and (position or spread.any()):
             stated = _put_back(stated, first, blunder)
     return stated
 
@@ -140,7 +140,7 @@ def enough_rays(network: Network, rays: Rays, used: np.ndarray) -> np.ndarray:
 
 def _tested(kind: str, number: np.ndarray, square: np.ndarray, dof: np.ndarray, limit: float) -> list[Blunder]:
     size = np.sqrt(square)
-    beyond = np.sqrt(chi2.isf(2.0 * norm.sf(limit), np.maximum(dof, 1)))
+    beyond = np.sqrt(_largest_square(limit, np.maximum(dof, 1)))
     unit = _unit(size[dof > 0])
     far = (dof > 0) & (size > beyond * unit)
     return [Blunder(kind, int(i), float(s / unit)) for i, s in zip(number[far], size[far], strict=True)]
@@ -185,3 +185,11 @@ def _pointing_is_worse(result: Adjustment, blunder: Blunder) -> bool:
     if own.sum() < 2:
         return False
     return float((result.standardised[own] ** 2).sum(axis=1).max()) - 2.0 > blunder.misfit**2 - 3.0
+
+
+def _largest_square(limit: float, dof: int | np.ndarray) -> float | np.ndarray:
+    """Square that chance exceeds as seldom as a normal deviate exceeds +-`limit`: chi-squared of `dof` degrees of freedom.
+
+    Two functions of scipy.special, because importing scipy.stats takes longer than planning a project.
+    """
+    return chdtri(dof, 2.0 * ndtr(-limit))
