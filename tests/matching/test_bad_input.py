@@ -185,7 +185,7 @@ def test_no_points_no_matches(settings):
     none = np.empty((0, 2))
     image = LEFT.astype(np.uint8)
     assert len(match_points(image, image, none, none, settings)) == 0
-    assert len(match_cascade(image, image, none, none, CascadeMatching(steps=(settings,)))) == 0
+    assert len(match_cascade(image, image, none, none, CascadeMatching(find=settings))) == 0
     assert len(correlate(image, image, none, none, Correlation()).outcome) == 0
     empty = NodeGrid(0, 0, 0, 0, 8)
     assert len(match_pyramid(ImagePart(image), ImagePart(image), empty, SearchRange(-8, 2), PyramidMatching())) == 0
