@@ -3,7 +3,7 @@
     python -m benchmarks.matching [--quick] [--texture PATH] [--every N] [--sections NAMES] [--cones DIR] [--motorcycle DIR]
 
 `--quick` measures a small part in a minute. `--every N` tests every n-th of the ten bands of the experiment, and extracts the
-middle of the overlap only. Sections: strategies, windows, readings, extraction, dense, speed, real; each is kept in
+middle of the overlap only. Sections: strategies, windows, readings, extraction, dense, speed, workers, real; each is kept in
 .cache/matching when it is done, so that a long run may be made in pieces, and the page is put together from all that are there.
 Real pairs are measured where they are found.
 """
@@ -26,6 +26,7 @@ from benchmarks.matching_surfaces import (
     real_page,
 )
 from benchmarks.matching_windows import strategy_page, window_page
+from benchmarks.matching_workers import workers_page
 from benchmarks.measured_run import ROOT, machine, write_result
 from tasks.simulation.dissertation_pair import GroundTexture, ground_texture
 
@@ -37,6 +38,7 @@ TITLES = {
     "extraction": "Full extraction, nodes 30 px apart (table 4.12)",
     "dense": "Dense surface, nodes 4 px apart",
     "speed": "Speed",
+    "workers": "Two workers against one",
     "real": "Real pairs with known parallaxes",
 }
 
@@ -66,6 +68,7 @@ def sections(options: argparse.Namespace) -> dict[str, Callable[[], list[str]]]:
         "extraction": lambda: [f"Texture {texture.name}.", "", *extraction_page(texture, part)],
         "dense": lambda: [f"Texture {texture.name}.", "", *dense_page(texture, QUICK_WINDOW if options.quick else DENSE_WINDOW)],
         "speed": lambda: [speed_table()],
+        "workers": lambda: workers_page(texture, QUICK_WINDOW if options.quick else DENSE_WINDOW),
         "real": lambda: real_page(pairs),
     }
 

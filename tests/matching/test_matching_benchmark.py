@@ -11,6 +11,7 @@ from benchmarks.matching_peers import semi_global_opencv
 from benchmarks.matching_readings import reading, with_contrast
 from benchmarks.matching_surfaces import QUICK_WINDOW, dense_page
 from benchmarks.matching_windows import SIZES, STRATEGIES, differences, measured, settings_of, sizings, strategies
+from benchmarks.matching_workers import workers_page
 from tasks.matching.least_squares.model import Ellipse, Square, published
 from tasks.simulation.dissertation_pair import CLEAN, NOISY, GroundTexture, ground_texture
 
@@ -116,3 +117,8 @@ def test_more_contrast_keeps_the_local_mean_and_the_largest_difference_is_found(
             for size, row in matching_published.SQUARES.items()}
     rows[11] = replace(rows[11], returned=rows[11].returned - 3.0)
     assert differences(rows, matching_published.SQUARES)["returned"] == (11, pytest.approx(-3.0))
+
+
+def test_two_workers_find_what_one_finds(texture):
+    rows = [line.split("|") for line in workers_page(texture, QUICK_WINDOW)[3:]]
+    assert rows and all(row[4].strip() == "yes" for row in rows)
