@@ -2,10 +2,10 @@
 
     python -m benchmarks.matching [--quick] [--texture PATH] [--every N] [--sections NAMES] [--cones DIR] [--motorcycle DIR]
 
-`--quick` measures a small part in a minute. `--every N` tests every n-th of the ten bands of the
-experiment, and extracts the middle of the overlap only. Sections: strategies,
-windows, extraction, dense, speed, real; each is kept in .cache/matching when it is done, so that a long run may be made in
-pieces, and the page is put together from all that are there. Real pairs are measured where they are found.
+`--quick` measures a small part in a minute. `--every N` tests every n-th of the ten bands of the experiment, and extracts the
+middle of the overlap only. Sections: strategies, windows, readings, extraction, dense, speed, workers, real; each is kept in
+.cache/matching when it is done, so that a long run may be made in pieces, and the page is put together from all that are there.
+Real pairs are measured where they are found.
 """
 
 import argparse
@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from benchmarks.matching_experiment import Experiment
+from benchmarks.matching_readings import readings_page
 from benchmarks.matching_speed import speed_table
 from benchmarks.matching_surfaces import (
     DENSE_WINDOW,
@@ -25,16 +26,19 @@ from benchmarks.matching_surfaces import (
     real_page,
 )
 from benchmarks.matching_windows import strategy_page, window_page
+from benchmarks.matching_workers import workers_page
 from benchmarks.measured_run import ROOT, machine, write_result
-from tasks.simulation.dissertation_pair import ground_texture
+from tasks.simulation.dissertation_pair import GroundTexture, ground_texture
 
 KEPT = ROOT / ".cache" / "matching"
 TITLES = {
     "strategies": "Strategies: the best of now beside the published recipe",
     "windows": "Window experiments (tables 4.6 to 4.11), measured / published",
+    "readings": "Readings of what the publication leaves open",
     "extraction": "Full extraction, nodes 30 px apart (table 4.12)",
     "dense": "Dense surface, nodes 4 px apart",
     "speed": "Speed",
+    "workers": "Two workers against one",
     "real": "Real pairs with known parallaxes",
 }
 
@@ -60,11 +64,18 @@ def sections(options: argparse.Namespace) -> dict[str, Callable[[], list[str]]]:
     return {
         "strategies": lambda: [size, "", *strategy_page(experiment)],
         "windows": lambda: [size, "", *window_page(experiment)],
+        "readings": lambda: readings_page(texture, Experiment.quick if options.quick else one_band),
         "extraction": lambda: [f"Texture {texture.name}.", "", *extraction_page(texture, part)],
         "dense": lambda: [f"Texture {texture.name}.", "", *dense_page(texture, QUICK_WINDOW if options.quick else DENSE_WINDOW)],
         "speed": lambda: [speed_table()],
+        "workers": lambda: workers_page(texture, QUICK_WINDOW if options.quick else DENSE_WINDOW),
         "real": lambda: real_page(pairs),
     }
+
+
+def one_band(texture: GroundTexture) -> Experiment:
+    """A tenth of the experiment: readings are many, and a tenth tells them apart."""
+    return Experiment.full(texture, 10)
 
 
 def page(folder: Path, notes: str) -> str:

@@ -29,8 +29,10 @@ DENSE_WINDOW, QUICK_WINDOW = Window(3900, 6000, 3072, 3072), Window(4600, 7000, 
 PART_WINDOW = Window(3000, 4700, 4000, 5800)
 _MARGIN, _SEARCH, _STEP = 36, 20, 4
 _PYRAMID = PyramidMatching()
-FAST = _PYRAMID.model_copy(update={"fine": _PYRAMID.fine.model_copy(update={"window": 11, "stop": 0.1})})
-"""The pyramid with a smaller window and one iteration where the start is good."""
+FAST = _PYRAMID.model_copy(update={"fine": _PYRAMID.fine.model_copy(update={"stop": 0.1})})
+"""The pyramid with one iteration where the start is good."""
+SMALL = FAST.model_copy(update={"fine": FAST.fine.model_copy(update={"window": 11})})
+"""The same with a smaller window."""
 GROWING = RegionGrowing(levels=1, matching=_PYRAMID.fine)
 
 
@@ -77,7 +79,8 @@ def synthetic_methods(crop: PairCrop, grid: NodeGrid, truth: np.ndarray) -> dict
 
     return {
         "pyramid, window 15": lambda: match_pyramid(left, right, grid, search, _PYRAMID).col,
-        "pyramid, window 11, stop 0.1 px": lambda: match_pyramid(left, right, grid, search, FAST).col,
+        "pyramid, window 15, stop 0.1 px": lambda: match_pyramid(left, right, grid, search, FAST).col,
+        "pyramid, window 11, stop 0.1 px": lambda: match_pyramid(left, right, grid, search, SMALL).col,
         "region growing, seeds found": growing,
         "cv2.StereoSGBM, 3-way, block 5": sgbm,
     }

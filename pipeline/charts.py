@@ -11,7 +11,7 @@ from html import escape
 
 import numpy as np
 
-from pipeline.numbers import NARROW_SPACE, nice_step, tick_text, ticks
+from pipeline.numbers import NARROW_SPACE, decimals_of, nice_step, number_text, tick_text, ticks
 from pipeline.pictures import ColourBar
 from schemas.report import Chart
 
@@ -291,22 +291,29 @@ def _arrows(chart: Chart) -> str:
     lengths = np.hypot(dx, dy)
     finite = lengths[np.isfinite(lengths) & (lengths > 0)]
     usual = float(np.percentile(finite, 90)) if finite.size else 1.0
-    enlarged = 0.1 * (WIDTH - frame.left - RIGHT) / usual
-    body = _plane_axes(frame, chart) + _arrow_key(usual, enlarged)
     every = max(1, math.ceil(len(x) / MOST_MARKS))
+    enlarged = min(0.1, 1.2 / math.sqrt(len(x) / every)) * (WIDTH - frame.left - RIGHT) / usual
+    drawn = np.minimum(1.0, LONGEST_ARROW * usual / np.maximum(lengths, 1e-300)) * enlarged
+    body = _plane_axes(frame, chart) + _arrow_key(usual, enlarged, int((finite > LONGEST_ARROW * usual).sum()))
     for index in range(0, len(x), every):
-        body += _arrow(frame.x(x[index]), frame.y(y[index]), dx[index] * enlarged, -dy[index] * enlarged)
+        kind = "arrow" if drawn[index] == enlarged else "arrow cut"
+        body += _arrow(frame.x(x[index]), frame.y(y[index]), dx[index] * drawn[index], -dy[index] * drawn[index], kind)
     return _svg(frame.height, [*body, *_labels(frame, x, y, chart.labels)], chart.title)
 
 
-def _arrow_key(usual: float, enlarged: float) -> list[str]:
+LONGEST_ARROW = 2.0
+"""Longer arrows, in units of the usual one, are drawn this long and in another colour: an outlier shall not cross the page."""
+
+
+def _arrow_key(usual: float, enlarged: float, cut: int) -> list[str]:
     key = nice_step(usual, 1)
     start = WIDTH - RIGHT - key * enlarged - 4
     text = f"this long:{NARROW_SPACE}{tick_text(key, key)}"
-    return [*_arrow(start, 14, key * enlarged, 0.0), _text(start - 8, 18, text, "legend", "end")]
+    note = f"{cut} longer than {number_text(LONGEST_ARROW * usual, decimals_of((usual,)))}: cut, red; " if cut else ""
+    return [*_arrow(start, 14, key * enlarged, 0.0), _text(start - 8, 18, note + text, "legend", "end")]
 
 
-def _arrow(x: float, y: float, dx: float, dy: float) -> Iterator[str]:
+def _arrow(x: float, y: float, dx: float, dy: float, kind: str = "arrow") -> Iterator[str]:
     """A shaft with a head, from (x, y) by (dx, dy), in the pixels of the drawing."""
     length = math.hypot(dx, dy)
     if not math.isfinite(x + y + length):
@@ -316,7 +323,7 @@ def _arrow(x: float, y: float, dx: float, dy: float) -> Iterator[str]:
         head = min(6.0, length * 0.45)
         back = (-head * dx / length, -head * dy / length)
         across = (-0.45 * back[1], 0.45 * back[0])
-        yield (f'<path class="arrow" d="M{x:.1f},{y:.1f} l{dx:.1f},{dy:.1f} m{back[0] + across[0]:.1f},{back[1] + across[1]:.1f} '
+        yield (f'<path class="{kind}" d="M{x:.1f},{y:.1f} l{dx:.1f},{dy:.1f} m{back[0] + across[0]:.1f},{back[1] + across[1]:.1f} '
                f'L{x + dx:.1f},{y + dy:.1f} l{back[0] - across[0]:.1f},{back[1] - across[1]:.1f}"/>')
 
 
@@ -332,8 +339,10 @@ def colour_bar_svg(bar: ColourBar, number: int) -> str:
     stops = "".join(f'<stop offset="{place / last:.4f}" stop-color="{colour}"/>' for place, colour in enumerate(bar.colours))
     body = [f'<defs><linearGradient id="bar{number}">{stops}</linearGradient></defs>', *_bar_counts(bar),
             f'<rect fill="url(#bar{number})" x="{BAR_LEFT}" y="26" width="{BAR_WIDTH}" height="10"/>', *_bar_ticks(bar)]
-    size = f'viewBox="0 0 {BAR_WIDTH + 2 * BAR_LEFT} 58"'
-    return f'<svg class="bar" {size} role="img" aria-label="colour bar">{"".join(body)}</svg>'
+    unit = _text(BAR_LEFT + BAR_WIDTH + 8, 35, bar.unit, "tick", "start") if bar.unit else ""
+    wide = BAR_WIDTH + 2 * BAR_LEFT + LETTER * len(bar.unit)
+    size = f'viewBox="0 0 {wide:.0f} 58" style="width:{wide:.0f}px"'
+    return f'<svg class="bar" {size} role="img" aria-label="colour bar">{"".join(body)}{unit}</svg>'
 
 
 BAR_LEFT, BAR_WIDTH = 16, 308
@@ -347,10 +356,9 @@ def _bar_counts(bar: ColourBar) -> Iterator[str]:
 
 
 def _bar_ticks(bar: ColourBar) -> Iterator[str]:
-    """Round values below the bar; the last one carries the unit."""
-    step, shown = nice_step(bar.high - bar.low, 5), ticks(bar.low, bar.high, 5)
-    for tick in shown:
+    """Round values below the bar."""
+    step = nice_step(bar.high - bar.low, 5)
+    for tick in ticks(bar.low, bar.high, 5):
         x = BAR_LEFT + BAR_WIDTH * (tick - bar.low) / (bar.high - bar.low)
-        unit = f"{NARROW_SPACE}{bar.unit}" if tick == shown[-1] and bar.unit else ""
         yield _line(x, 36, x, 40, "axis")
-        yield _text(x, 53, tick_text(tick, step) + unit, "tick")
+        yield _text(x, 53, tick_text(tick, step), "tick")

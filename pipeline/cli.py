@@ -4,9 +4,11 @@ Every error that orthomill can explain is one sentence and an exit code: 1 for f
 130 for Ctrl-C. A traceback is shown with --debug only.
 """
 
+import gc
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
+from datetime import datetime
 from pathlib import Path
 from typing import Annotated
 
@@ -22,10 +24,12 @@ from pipeline.export import export as export_file
 from pipeline.inspect import GuardedPhoto, picture_path, write_map
 from pipeline.interruption import listen
 from pipeline.lock import is_running, only_run
-from pipeline.records import Records
+from pipeline.plan_lines import plan_lines, plan_notes
+from pipeline.records import Record, Records
+from pipeline.results import read_facts
 from pipeline.run_facts import RunFacts
 from pipeline.running import DASHBOARD, MIB, Options, check_stage_names, rewrite_results, run_workflow, session_of
-from pipeline.session import Session, key_text
+from pipeline.session import TIME_FORMAT, Session, key_text
 from pipeline.settings_reference import write_settings_reference
 from pipeline.starting_workflow import write_starting_workflow
 from pipeline.summary import summary_markdown
@@ -81,7 +85,7 @@ def run(
     memory: Annotated[int, typer.Option(help="Memory that one worker may use, in MiB.", min=256)] = 1500,
     sequential: Sequential = False,
     scheduler: Annotated[str | None, typer.Option(help="Address of an existing Dask scheduler, e.g. tcp://10.0.0.5:8786.")] = None,
-    port: Annotated[int, typer.Option(help="Port of the dashboard; a taken one moves on.")] = 8787,
+    port: Annotated[int, typer.Option(help="Port of the dashboard; a taken one moves on.", min=1, max=65535)] = 8787,
     debug: Debug = False,
 ) -> None:
     """Run a workflow; goes on where an earlier run stopped."""
@@ -152,22 +156,9 @@ def plan(name: Name, from_stage: From = None, until: Until = None, debug: Debug 
     with plain_errors(debug):
         session = session_of(_load(name), from_stage, until)
         session.plan()
-        out.print(_plan_lines(session))
-
-
-def _plan_lines(session: Session) -> Lines:
-    lines = Lines("stage", "jobs", "to run", "written", "peak memory", "why", box=None)
-    for stage in session.stages:
-        pending = [planned for planned in session.pending if planned.job.stage == stage.kind]
-        known = [planned for key, planned in session.graph.jobs.items() if key[0] == stage.kind]
-        waiting = session.planner.waiting_for.get(stage.kind)
-        reasons = sorted({session.reasons[planned.key] for planned in pending})
-        why = "; ".join(reasons + ([f"the rest is planned when {waiting} is there"] if waiting else [])) or "unchanged"
-        lines.add_row(
-            stage.kind, str(len(known)), str(len(pending)), f"{sum(p.output_bytes for p in pending) / MIB:.0f} MiB",
-            f"{max((p.memory for p in pending), default=0) / MIB:.0f} MiB", why,
-        )
-    return lines
+        out.print(plan_lines(session))
+        for note in plan_notes(session):
+            out.print(escape(note), soft_wrap=True)
 
 
 @app.command()
@@ -176,17 +167,33 @@ def status(name: Name, debug: Debug = False) -> None:
     with plain_errors(debug):
         loaded = _load(name)
         folder = loaded.run_folder
-        lines = Lines("stage", "done", "failed", "seconds", "last error", box=None)
+        begun = _begun(folder)
+        now = ("this run",) if begun else ()
+        lines = Lines("stage", "done", *now, "failed", "seconds", "peak memory", "last error", box=None)
         for stage in loaded.stages:
-            records = Records(folder).of_stage(stage.kind)
-            failed = [record for record in records if record.status == "failed"]
-            last = f"{key_text(failed[-1].key)}: {failed[-1].error}" if failed else ""
-            seconds = sum(record.seconds for record in records)
-            lines.add_row(stage.kind, str(len(records) - len(failed)), str(len(failed)), f"{seconds:.1f}", escape(last))
+            lines.add_row(stage.kind, *_status_row(Records(folder).of_stage(stage.kind), begun))
         out.print(lines)
         address = _dashboard_address(folder)
         going_on = f"running now; dashboard: {address}" if address else "running now"
         out.print(going_on if is_running(folder) else "not running", soft_wrap=True)
+
+
+def _begun(folder: Path) -> float | None:
+    """When the run that is going on began, s since 1970; None when there is none."""
+    facts = read_facts(folder) if is_running(folder) else None
+    return datetime.strptime(facts.started, TIME_FORMAT).timestamp() if facts else None
+
+
+def _status_row(records: tuple[Record, ...], begun: float | None) -> Iterator[str]:
+    """The cells of a stage; with the jobs ended since `begun`, where a run is going on."""
+    failed = [record for record in records if record.status == "failed"]
+    yield str(len(records) - len(failed))
+    if begun:
+        yield str(sum(record.started >= begun for record in records))
+    yield str(len(failed))
+    yield f"{sum(record.seconds for record in records):.1f}"
+    yield f"{max((record.peak_bytes for record in records), default=0) / MIB:.0f} MiB"
+    yield escape(f"{key_text(failed[-1].key)}: {failed[-1].error}") if failed else ""
 
 
 def _dashboard_address(folder: Path) -> str:
@@ -318,6 +325,8 @@ def figures(name: Name, path: Annotated[Path, typer.Argument(help="Where to writ
 
 
 def main() -> None:
-    """Entry point of the command."""
+    """Entry point of the command. Planning makes hundreds of thousands of small objects that stay: looking for garbage among
+    them at Python's usual pace takes longer than making them."""
+    gc.set_threshold(50_000)
     listen()
     app()

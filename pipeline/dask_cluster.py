@@ -40,7 +40,7 @@ back to the kernel, which then clears them again for the next tile. That took a 
 
 def free_port(wanted: int) -> int:
     """`wanted`, or the next port of 127.0.0.1 that nobody listens on."""
-    for port in range(wanted, wanted + 50):
+    for port in range(wanted, min(wanted + 50, 65536)):
         with socket.socket() as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:
@@ -53,14 +53,23 @@ def free_port(wanted: int) -> int:
 
 @contextmanager
 def local_client(workers: int, memory: int, port: int) -> Iterator[Client]:
-    """A client of `workers` processes with `memory` bytes each; the dashboard listens on `port` or the next free one."""
+    """A client of `workers` processes with `memory` bytes each; the dashboard listens on `port` or the next free one.
+
+    Raises ResourceError when the processes do not start.
+    """
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     with dask.config.set(_SETTINGS):
-        with _deaf_to_ctrl_c():
-            cluster = LocalCluster(
-                n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1", memory_limit=memory,
-                dashboard_address=f"127.0.0.1:{free_port(port)}", silence_logs=logging.CRITICAL, resources={MEMORY: memory},
-            )
+        try:
+            with _deaf_to_ctrl_c():
+                cluster = LocalCluster(
+                    n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1", memory_limit=memory,
+                    dashboard_address=f"127.0.0.1:{free_port(port)}", silence_logs=logging.CRITICAL, resources={MEMORY: memory},
+                )
+        except (RuntimeError, OSError, TimeoutError) as error:
+            raise ResourceError(
+                f"The {workers} worker processes could not be started ({error}); look at memory and installation with "
+                "'orthomill doctor', or run with --sequential, which needs none."
+            ) from error
         with cluster, Client(cluster) as client:
             yield client
 

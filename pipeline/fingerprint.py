@@ -8,7 +8,7 @@ import ast
 import hashlib
 import importlib.util
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import cache
@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
+ROOT = Path(__file__).parent.parent
 PACKAGES = ("schemas", "tasks", "pipeline")
 LIBRARIES = ("numpy", "scipy", "numba", "opencv-python-headless", "rasterio")
 
@@ -62,8 +63,21 @@ def of_code(function: Callable[..., Any]) -> str:
     """Digest of a function's module and of every project module it imports, and of the libraries it computes with."""
     modules: dict[str, str] = {}
     _collect(function.__module__, modules)
-    libraries = [f"{name} {version(name)}" for name in LIBRARIES]
-    return digest(function.__qualname__, *libraries, *(modules[name] for name in sorted(modules)))
+    return digest(function.__qualname__, *_libraries(), *(modules[name] for name in sorted(modules)))
+
+
+@cache
+def of_modules(*names: str) -> str:
+    """Digest of project modules and of every project module they import, without importing them."""
+    modules: dict[str, str] = {}
+    for name in names:
+        _collect(name, modules)
+    return digest(*(modules[name] for name in sorted(modules)))
+
+
+@cache
+def _libraries() -> tuple[str, ...]:
+    return tuple(f"{name} {version(name)}" for name in LIBRARIES)
 
 
 def _collect(module: str, found: dict[str, str]) -> None:
@@ -82,14 +96,32 @@ def _syntax(module: str) -> tuple[str, tuple[str, ...]]:
         return "", ()
     tree = ast.parse(Path(spec.origin).read_text())
     imported = []
-    for node in ast.walk(tree):
+    for node in _statements(tree):
         if isinstance(node, ast.ImportFrom) and node.module:
-            imported.append(node.module)
+            imported.extend([node.module, *_submodules(node)])
         elif isinstance(node, ast.Import):
             imported.extend(alias.name for alias in node.names)
         if isinstance(node, ast.Module | ast.FunctionDef | ast.ClassDef):
             node.body = [part for part in node.body if not _is_docstring(part)] or [ast.Pass()]
-    return ast.dump(tree), tuple(name for name in imported if name.split(".")[0] in PACKAGES)
+    return digest(ast.dump(tree)), tuple(name for name in imported if name.split(".")[0] in PACKAGES)
+
+
+def _submodules(node: ast.ImportFrom) -> list[str]:
+    """Modules among the names that are imported from a package: `from tasks.photos import exif`."""
+    folder = ROOT.joinpath(*node.module.split("."))
+    if not folder.is_dir():
+        return []
+    return [f"{node.module}.{alias.name}" for alias in node.names if (folder / f"{alias.name}.py").exists()]
+
+
+def _statements(tree: ast.Module) -> Iterator[ast.AST]:
+    """All statements, however deep: imports, functions and classes are among them, and expressions need not be walked."""
+    waiting: list[ast.AST] = [tree]
+    while waiting:
+        node = waiting.pop()
+        yield node
+        for block in ("body", "orelse", "finalbody", "handlers", "cases"):
+            waiting.extend(getattr(node, block, ()))
 
 
 def _is_docstring(node: ast.stmt) -> bool:

@@ -214,6 +214,7 @@ def check_memory(planned: PlannedJob, limit: int) -> None:
     """Raises ResourceError when a job cannot fit a worker of `limit` bytes."""
     if planned.memory > limit:
         raise ResourceError(
-            f"The job {planned.key} needs {planned.memory / 2**20:.0f} MiB, but a worker may use {limit / 2**20:.0f} MiB; "
-            "set a smaller 'tile' in the workflow or give workers more memory with --memory."
+            f"The job {'/'.join(map(str, planned.key))} needs {planned.memory / 2**20:.0f} MiB, of which every worker takes "
+            f"{PROCESS_BYTES / 2**20:.0f} MiB for itself, but a worker may use {limit / 2**20:.0f} MiB; give workers more memory "
+            "with --memory or set a smaller 'tile' in the workflow."
         )

@@ -15,7 +15,7 @@ from rich.table import Table as Lines
 
 from pipeline.grey_png import write_grey_png
 from pipeline.image_files import read_header, read_pixels, shown
-from schemas.errors import StoreError
+from schemas.errors import PhotoError, StoreError
 from schemas.inspection import PhotoMap
 from schemas.photo import Header
 from schemas.raster import Window
@@ -32,6 +32,8 @@ class GuardedPhoto:
 
     @cached_property
     def header(self) -> Header:
+        if not self.path.exists():
+            raise PhotoError(f"The photograph {shown(self.path)} does not exist; look at its name and its folder.")
         return read_header(self.path).model_copy(update={"path": shown(self.path)})
 
     def read(self, window: Window) -> np.ndarray:

@@ -34,6 +34,7 @@ class FigureRow:
     value: str
     unit: str
     sentence: str
+    detail: bool
 
 
 @dataclass(frozen=True)
@@ -156,7 +157,14 @@ def label_of(name: str) -> str:
 def figure_row(kind: str, figure: Figure) -> FigureRow:
     """A figure as text."""
     value = numbers.number_text(figure.value)
-    return FigureRow(kind, f"{kind}.{figure.name}", label_of(figure.name), value, figure.unit, figure.sentence)
+    name, unit = figure.name, figure.unit
+    return FigureRow(kind, f"{kind}.{name}", label_of(_without_unit(name, unit)), value, unit, figure.sentence, figure.detail)
+
+
+def _without_unit(name: str, unit: str) -> str:
+    """`sigma0_px` in px is called `sigma0`: the unit stands beside the value."""
+    suffix = {"micrometres": "_um", "degrees": "_deg"}.get(unit, f"_{unit}")
+    return name.removesuffix(suffix) or name
 
 
 def headlines(sections: tuple[Section, ...]) -> tuple[FigureRow, ...]:

@@ -21,9 +21,9 @@ class StageRun:
     """unchanged since an earlier run"""
     failed: int = 0
     seconds: float = 0.0
-    """work of its jobs added up, s; skipped jobs count nothing"""
+    """work of its jobs added up, s, whichever run did them"""
     peak_bytes: int | None = None
-    """largest memory of a worker while one of its jobs ran"""
+    """largest memory of a worker while one of its jobs ran, whichever run did it"""
     reported: bool = True
     """whether its report, where there is one, tells of what it holds now and not of an earlier run"""
 
@@ -55,7 +55,9 @@ class RunFacts:
     started: str
     finished: str | None = None
     seconds: float = 0.0
-    """wall clock, s"""
+    """wall clock of this run, s"""
+    earlier: tuple[float, ...] = ()
+    """wall clock of each earlier run whose results still hold, from its first to its last job among them, s"""
     peak_bytes: int | None = None
     scheduler: str = ""
     """one phrase, e.g. "2 processes on this machine"."""
@@ -65,6 +67,8 @@ class RunFacts:
     failures: tuple[Failure, ...] = ()
     workflow: str = ""
     """the workflow as run, every default filled in (YAML text)"""
+    written_by: str = ""
+    """digest of the code that wrote summary and report"""
 
     def stage(self, kind: str) -> StageRun:
         """The facts of a stage; an empty record when it has not been planned."""
@@ -74,3 +78,17 @@ class RunFacts:
     def complete(self) -> bool:
         """Finished, and every job of every stage done or unchanged."""
         return self.finished is not None and not self.failures and bool(self.stages) and all(s.complete for s in self.stages)
+
+    @property
+    def runs(self) -> int:
+        """How many runs made the results."""
+        return len(self.earlier) + any(stage.done for stage in self.stages)
+
+    @property
+    def whole_seconds(self) -> float:
+        """Wall clock of all runs that made the results, s."""
+        return sum(self.earlier) + self.seconds
+
+    def tells_of(self, later: "RunFacts") -> bool:
+        """Whether these facts of a complete run still hold after a later one that had nothing to do."""
+        return self.complete and self.workflow == later.workflow and all(self.stage(stage.kind).jobs for stage in later.stages)

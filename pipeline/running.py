@@ -11,23 +11,23 @@ from importlib.metadata import version
 from pathlib import Path
 
 import psutil
-from pydantic import TypeAdapter
 from rich.console import Console
 
 from pipeline.lock import only_run
 from pipeline.mistakes import did_you_mean
 from pipeline.progress import Progress
-from pipeline.report import write_report
-from pipeline.run_facts import RunFacts
+from pipeline.results import REPORT, keep_results, read_facts, write_facts, write_results
+from pipeline.run_facts import RunFacts, StageTitle
 from pipeline.runner import Runner, SequentialRunner
 from pipeline.session import Session, now
-from pipeline.summary import write_summary
 from pipeline.table_files import write_whole
 from pipeline.workflow import LoadedWorkflow, image_files, write_workflow
-from schemas.errors import StoreError, WorkflowError
+from schemas.errors import ResourceError, StoreError, WorkflowError
+from schemas.stage import Stage
 
 MIB = 2**20
-FACTS = "jobs/run.json"
+WORKERS_PER_CORE = 8
+"""More worker processes than this for each core are a slip of the pen, and starting them would stop the machine."""
 DASHBOARD = "jobs/dashboard.txt"
 """Holds the address of the dashboard while a run on Dask is going on."""
 
@@ -72,6 +72,7 @@ def check_stage_names(loaded: LoadedWorkflow, names: tuple[str, ...]) -> None:
 
 def run_workflow(loaded: LoadedWorkflow, options: Options, out: Console, err: Console) -> RunFacts:
     """Run a workflow and write its report, whatever became of its tiles. Raises OrthomillError when it cannot start."""
+    _check_workers(options)
     session = session_of(loaded, options.from_stage, options.until)
     with only_run(session.folder):
         write_workflow(loaded, session.folder / "workflow.yaml")
@@ -82,12 +83,29 @@ def run_workflow(loaded: LoadedWorkflow, options: Options, out: Console, err: Co
         (session.folder / DASHBOARD).unlink(missing_ok=True)
         clock = time.monotonic()
         session.plan()
-        if session.pending:
+        work = bool(session.pending)
+        if work:
+            write_facts(session.folder, replace(facts, **_ends(session)))
             with _facts_of_an_interruption(session, facts):
                 facts = replace(facts, scheduler=_run(session, options, out, err))
         facts = replace(facts, finished=now(), seconds=time.monotonic() - clock, **_ends(session))
-        write_results(session, facts)
+        write = write_results if work else keep_results
+        write(session.store, session.folder, _titles(session.stages if work else loaded.stages), facts)
     return facts
+
+
+def _titles(stages: tuple[Stage, ...]) -> tuple[StageTitle, ...]:
+    return tuple((stage.kind, stage.title) for stage in stages)
+
+
+def _check_workers(options: Options) -> None:
+    """Raises ResourceError for a number of workers that would drown this machine."""
+    cores = os.cpu_count() or 1
+    if not options.sequential and not options.scheduler and options.processes > WORKERS_PER_CORE * cores:
+        raise ResourceError(
+            f"--workers {options.processes} is too many for the {cores} cores of this machine, where more than one for each core "
+            f"gain little; give at most {WORKERS_PER_CORE * cores}, or leave it out."
+        )
 
 
 @contextmanager
@@ -96,11 +114,12 @@ def _facts_of_an_interruption(session: Session, facts: RunFacts) -> Iterator[Non
     try:
         yield
     except BaseException:
-        write_facts(session, replace(facts, **_ends(session)))
+        write_facts(session.folder, replace(facts, **_ends(session)))
         raise
 
 
 def _run(session: Session, options: Options, out: Console, err: Console) -> str:
+    session.check_resources(options.memory)
     titles = {stage.kind: stage.title for stage in session.stages}
     with _runner(session.folder, options, out) as runner, Progress(titles, options.processes, err) as progress:
         session.run(runner, progress)
@@ -144,20 +163,10 @@ def _on_dask(folder: Path, options: Options, out: Console) -> Iterator[Runner]:
 def _ends(session: Session) -> dict:
     stages = session.stage_runs()
     peaks = [stage.peak_bytes for stage in stages if stage.peak_bytes]
-    return {"stages": stages, "failures": session.failure_list(), "peak_bytes": max(peaks, default=None)}
-
-
-def write_facts(session: Session, facts: RunFacts) -> None:
-    """What summary and report are made from, besides the store."""
-    write_whole(session.folder / FACTS, TypeAdapter(RunFacts).dump_json(facts, indent=1))
-
-
-def write_results(session: Session, facts: RunFacts) -> None:
-    """The facts, the summary and the report."""
-    write_facts(session, facts)
-    stages = tuple((stage.kind, stage.title) for stage in session.stages)
-    write_summary(session.store, stages, facts, session.folder / "summary.json")
-    write_report(session.store, stages, facts, session.folder / "report.html")
+    return {
+        "stages": stages, "failures": session.failure_list(), "peak_bytes": max(peaks, default=None),
+        "earlier": session.earlier_runs(),
+    }
 
 
 def _machine() -> tuple[tuple[str, str], ...]:
@@ -173,10 +182,11 @@ def _machine() -> tuple[tuple[str, str], ...]:
 
 
 def rewrite_results(loaded: LoadedWorkflow) -> Path:
-    """Write summary and report again from what is stored; returns the report's path. Raises StoreError before the first run."""
+    """Write summary and report again from what is stored; returns the report's path. Raises StoreError before the first run,
+    ResourceError while another is going on, whose facts would be overwritten."""
     session = session_of(loaded)
-    path = session.folder / FACTS
-    if not path.exists():
+    if read_facts(session.folder) is None:
         raise StoreError(f"{loaded.project.project} has not been run yet; run it first: orthomill run {loaded.project.project}")
-    write_results(session, TypeAdapter(RunFacts).validate_json(path.read_bytes()))
-    return session.folder / "report.html"
+    with only_run(session.folder):
+        write_results(session.store, session.folder, _titles(session.stages), read_facts(session.folder))
+    return session.folder / REPORT

@@ -6,7 +6,7 @@ All stages that can be planned are in flight together; the session only ever wai
 import shutil
 import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -15,7 +15,7 @@ from pipeline.execute import Work
 from pipeline.graph import Graph, PlannedJob, check_memory
 from pipeline.interruption import stop_if_asked
 from pipeline.planner import Planner
-from pipeline.records import Key, Records, reason_to_run
+from pipeline.records import Key, Record, Records, reason_to_run
 from pipeline.run_facts import Failure, StageRun
 from pipeline.runner import Finished, Runner
 from pipeline.store import Store
@@ -25,6 +25,7 @@ from schemas.report import report_table
 from schemas.stage import Stage
 from schemas.workflow import Photographs, Project
 
+TIME_FORMAT = "%Y-%m-%dT%H:%M:%S%z"
 DISK_RESERVE = 200 * 2**20
 """bytes that must stay free"""
 
@@ -124,7 +125,7 @@ class Session:
 
     def _plan_and_submit(self, runner: Runner, watcher: Watcher) -> None:
         self.plan()
-        self._check_resources(runner.memory_limit)
+        self.check_resources(runner.memory_limit)
         for key in list(self.graph.jobs)[self._announced:]:
             watcher.planned(key)
             if key in self.skipped:
@@ -143,7 +144,8 @@ class Session:
             if isinstance(region, Raster) and not self._raster_holds(region.name):
                 self.store.create(self.graph.specs[region.name])
 
-    def _check_resources(self, memory_limit: int) -> None:
+    def check_resources(self, memory_limit: int) -> None:
+        """Raises ResourceError when a pending job needs more memory than a worker has, or all together more disk than is free."""
         for planned in self.pending:
             check_memory(planned, memory_limit)
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -173,12 +175,24 @@ class Session:
 
     def _stage_run(self, kind: str) -> StageRun:
         keys = [key for key in self.graph.jobs if key[0] == kind]
-        ran = [record for key in keys if key in self.done and (record := self.records.get(key))]
+        held = self._held(keys)
         return StageRun(
-            kind, jobs=len(keys), done=len(ran), skipped=sum(key in self.skipped for key in keys),
-            failed=sum(key in self.failures for key in keys), seconds=sum(record.seconds for record in ran),
-            peak_bytes=max((record.peak_bytes for record in ran), default=None), reported=self._reported(keys),
+            kind, jobs=len(keys), done=sum(key in self.done for key in keys), skipped=sum(key in self.skipped for key in keys),
+            failed=sum(key in self.failures for key in keys), seconds=sum(record.seconds for record in held),
+            peak_bytes=max((record.peak_bytes for record in held), default=None), reported=self._reported(keys),
         )
+
+    def _held(self, keys: Iterable[Key]) -> list[Record]:
+        """Records of the jobs whose results hold, whichever run did them."""
+        return [record for key in keys if self._holds(key) and (record := self.records.get(key))]
+
+    def earlier_runs(self) -> tuple[float, ...]:
+        """How long each earlier run took whose results still hold, from its first to its last job among them, s."""
+        spans: dict[str, tuple[float, float]] = {}
+        for record in self._held(self.skipped):
+            begun, ended = spans.get(record.run, (record.started, 0.0))
+            spans[record.run] = min(begun, record.started), max(ended, record.started + record.seconds)
+        return tuple(ended - begun for begun, ended in sorted(spans.values()))
 
     def _reported(self, keys: list[Key]) -> bool:
         """Whether the job among `keys` that writes the stage's report is done; what lies there otherwise is of an earlier run."""
@@ -197,4 +211,4 @@ def key_text(key: Key) -> str:
 
 def now() -> str:
     """The time of day as ISO 8601 text."""
-    return time.strftime("%Y-%m-%dT%H:%M:%S%z")
+    return time.strftime(TIME_FORMAT)

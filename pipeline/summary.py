@@ -54,9 +54,10 @@ def _run_figures(run: RunFacts) -> tuple[Figure, ...]:
         _fact("version", run.version, "Version of orthomill that made the run."),
         _fact("scheduler", run.scheduler, "Where the jobs ran."),
         _fact("machine", machine, "The machine and its libraries."),
-        _fact("started", run.started, "When the run began (ISO 8601)."),
-        _fact("finished", run.finished, "When the run ended (ISO 8601); null when it did not."),
-        _fact("wall_seconds", run.seconds, "Wall clock from start to end.", "s"),
+        _fact("started", run.started, "When the last run began that had anything to do (ISO 8601)."),
+        _fact("finished", run.finished, "When that run ended (ISO 8601); null when it did not."),
+        _fact("runs", run.runs, "Runs that made these results; more than one after an interruption or a change."),
+        _fact("wall_seconds", run.whole_seconds, "Wall clock of all runs that made these results.", "s"),
         _fact("failed_tiles", ", ".join(failure.key for failure in run.failures), "Keys of the jobs that failed."),
         _fact("complete", run.complete, "Whether every planned job of every stage is done or unchanged."),
         *_job_figures(run.stages, run.peak_bytes),
@@ -72,11 +73,11 @@ def _stage_figures(stage: StageRun) -> tuple[Figure, ...]:
 
 def _job_figures(stages: tuple[StageRun, ...], peak_bytes: int | None) -> tuple[Figure, ...]:
     return (
-        _fact("work_seconds", sum(stage.seconds for stage in stages), "Work of the jobs added up.", "s"),
+        _fact("work_seconds", sum(stage.seconds for stage in stages), "Work of the jobs added up, whichever run did them.", "s"),
         _fact("peak_memory", _mebibytes(peak_bytes), "Largest memory of one worker.", "MiB"),
         _fact("jobs", sum(stage.jobs for stage in stages), "Jobs planned."),
-        _fact("jobs_done", sum(stage.done for stage in stages), "Jobs that ran and finished in this run."),
-        _fact("jobs_skipped", sum(stage.skipped for stage in stages), "Jobs unchanged since an earlier run."),
+        _fact("jobs_done", sum(stage.done for stage in stages), "Jobs done by the last run that had anything to do."),
+        _fact("jobs_skipped", sum(stage.skipped for stage in stages), "Jobs that it found unchanged since an earlier one."),
         _fact("jobs_failed", sum(stage.failed for stage in stages), "Jobs that failed."),
         _fact("jobs_waiting", sum(stage.waiting for stage in stages), "Jobs that were planned but not reached."),
     )

@@ -16,6 +16,7 @@ class Outcome(IntEnum):
     LOW_CORRELATION = 7
     INCONSISTENT = 8
     OCCLUDED = 9
+    IMPRECISE = 10
 
     @property
     def sentence(self) -> str:
@@ -33,4 +34,5 @@ _SENTENCES = {
     Outcome.LOW_CORRELATION: "the matched windows do not look alike",
     Outcome.INCONSISTENT: "matching back does not return to the point, or its neighbours contradict it",
     Outcome.OCCLUDED: "something higher hides the point from one of the photographs",
+    Outcome.IMPRECISE: "the match is less precise than was asked for",
 }

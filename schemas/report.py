@@ -26,6 +26,8 @@ class Figure(_Part):
     sentence: str = ""
     headline: bool = False
     """Belongs to the few figures that a surveyor signs: shown in the strip at the top of the report."""
+    detail: bool = False
+    """One of many that only an analyst looks for: folded away in the report."""
 
 
 class Grid(_Part):

@@ -193,7 +193,7 @@ def _orientation_parts(summary: OrientationSummary) -> tuple[tuple[Grid, ...], t
     x, y = zip(*summary.places, strict=True)
     arrows = Chart(title="Projection centres against the truth", style="arrows", x_label="X m", y_label="Y m", x=x,
                    series={"y": y, "dx": tuple(p[1] for p in summary.photos), "dy": tuple(p[2] for p in summary.photos)},
-                   labels=tuple(p[0] for p in summary.photos), caption="Plan differences, drawn exaggerated.")
+                   labels=tuple(p[0] for p in summary.photos), caption="Differences in plan, m, drawn exaggerated.")
     return (photos, interior), (arrows,)
 
 
@@ -234,6 +234,20 @@ def _building_grid(summary: HeightsSummary) -> tuple[Grid, ...]:
                  rows=tuple(worst)),)
 
 
+_MAIN = (
+    "dsm_bias", "dsm_rmse", "dsm_nmad", "dsm_q95", "dsm_completeness", "dsm_within_3_sigma", "dsm_open_ground_rmse",
+    "dsm_roof_median_error", "dsm_buildings_median_error", "dsm_water_left_empty", "ortho_shift_median_px", "ortho_shift_q95_px",
+    "ortho_ssim", "ortho_completeness", "ortho_doubled_share", "centre_rmse_plan", "centre_rmse_height", "rotation_rmse",
+    "centres_within_3_sigma", "interior_within_3_sigma",
+)
+"""What a reader asks first; everything else is a detail of these."""
+
+
+def _main_first(figures: list[Figure]) -> tuple[Figure, ...]:
+    main = [figure for figure in figures if figure.name in _MAIN]
+    return (*main, *(figure.model_copy(update={"detail": True}) for figure in figures if figure.name not in _MAIN))
+
+
 def evaluation_report(facts: EvaluationFacts, orientation: OrientationSummary | None = None, heights: HeightsSummary | None = None,
                       heights_before_check: HeightsSummary | None = None, ortho: OrthoSummary | None = None) -> StageReport:
     """The report of the stage from what was compared."""
@@ -262,5 +276,5 @@ def evaluation_report(facts: EvaluationFacts, orientation: OrientationSummary | 
     warnings = _warnings(heights, orientation, ortho)
     if not facts.parts:
         warnings.append("Nothing was compared: the workflow names no reference, or none of the stages that could be judged.")
-    return StageReport(figures=tuple(figures), grids=tuple(grids), charts=tuple(charts), pictures=tuple(pictures),
+    return StageReport(figures=_main_first(figures), grids=tuple(grids), charts=tuple(charts), pictures=tuple(pictures),
                        warnings=tuple(warnings))

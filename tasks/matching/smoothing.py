@@ -27,10 +27,10 @@ def reach_of(sigma: float) -> int:
 def with_gaps(image: np.ndarray, mask: np.ndarray | None = None) -> np.ndarray:
     """(H, W) float32 copy of a grey image of any dtype, NaN where it is 0 or not finite, or where `mask` (bool) is False."""
     grey = np.ascontiguousarray(image, dtype=np.float32)
-    good = np.isfinite(grey) & (grey != 0.0)
+    gapped = _gaps_marked(grey)
     if mask is not None:
-        good &= np.asarray(mask, dtype=bool)
-    return np.where(good, grey, np.float32(np.nan))
+        gapped[~np.asarray(mask, dtype=bool)] = np.nan
+    return gapped
 
 
 def smoothed(grey: np.ndarray, sigma: float) -> np.ndarray:
@@ -38,6 +38,16 @@ def smoothed(grey: np.ndarray, sigma: float) -> np.ndarray:
     if sigma <= 0.0 or grey.size == 0:
         return grey
     return _smooth(grey, gaussian_weights(sigma))
+
+
+@njit(cache=True)
+def _gaps_marked(grey):
+    out = np.empty(grey.shape, np.float32)
+    for r in range(grey.shape[0]):
+        for c in range(grey.shape[1]):
+            value = grey[r, c]
+            out[r, c] = value if value != 0.0 and abs(value) < np.inf else np.float32(np.nan)
+    return out
 
 
 @njit(cache=True)

@@ -42,7 +42,7 @@ def report(
         figures=tuple(_figures(facts)),
         grids=tuple(grid for grid in grids if grid and grid.rows),
         charts=tuple(block_charts(facts)),
-        pictures=(overlap_picture(),),
+        pictures=(overlap_picture(facts.block),),
         warnings=tuple(block_warnings(facts)),
     )
 
@@ -57,7 +57,7 @@ def _figures(facts: Facts) -> list[Figure]:
         Figure(
             name="photos_oriented", value=len(block.photos), sentence=f"of {len(facts.photos.photos)} photographs", headline=True
         ),
-        Figure(name="photos_unoriented", value=len(block.unoriented)),
+        Figure(name="photos_unoriented", value=len(block.unoriented), sentence="Photographs that did not join the block."),
         Figure(name="datum", value=block.datum),
         Figure(
             name="height_reference",
@@ -131,6 +131,13 @@ def _exterior_sigmas(photo: ExteriorOrientation) -> np.ndarray:
     return np.sqrt(np.diag(np.array(photo.covariance))) * np.repeat([1.0, np.degrees(1.0)], 3)
 
 
+_GROUND_WORDS = {
+    "control": "at the control points, which hold the block",
+    "check": "at the check points, which took no part in the adjustment",
+    "gnss": "at the projection centres, whose positions were observed",
+}
+
+
 def _ground_figures(points: tuple[GroundResidual, ...], word: str) -> list[Figure]:
     if not points:
         return []
@@ -140,8 +147,10 @@ def _ground_figures(points: tuple[GroundResidual, ...], word: str) -> list[Figur
     headline = word == "check"
     return [
         Figure(name=f"{word}_count", value=len(points)),
-        Figure(name=f"{word}_rmse_plan", value=float(plan), unit="m", headline=headline),
-        Figure(name=f"{word}_rmse_height", value=float(height), unit="m", headline=headline),
+        Figure(name=f"{word}_rmse_plan", value=float(plan), unit="m", headline=headline,
+               sentence=f"Root mean square difference in plan, {_GROUND_WORDS[word]}."),
+        Figure(name=f"{word}_rmse_height", value=float(height), unit="m", headline=headline,
+               sentence=f"The same in height, {_GROUND_WORDS[word]}."),
         Figure(
             name=f"{word}_by_predicted",
             value=float(ratio),

@@ -42,10 +42,9 @@ class GroundMap:
 
 def overlap_map(block: Block) -> np.ndarray:
     """(SIDE, SIDE) uint8: photographs that see each place, at most MOST; outlines and projection centres drawn over it."""
-    height = 0.5 * (block.ground_low + block.ground_high)
-    views = [block_view(block, name) for name in block.names]
+    height, views = _mean_height(block), _views(block)
     outlines = [outline(view, height) for view in views]
-    ground = _ground_map(np.vstack([*outlines, *(view.centre[None, :2] for view in views)]))
+    ground = _ground_map(views, outlines)
     places = np.column_stack([ground.places(), np.full(SIDE * SIDE, height)])
     count = np.sum([view.contains(view.project(places)) for view in views], axis=0)
     drawn = np.minimum(count, MOST).astype(np.uint8).reshape(SIDE, SIDE)
@@ -55,6 +54,14 @@ def overlap_map(block: Block) -> np.ndarray:
         col, row = np.rint(ground.pixels(view.centre[None, :2])[0]).astype(int)
         drawn[max(row - 1, 0) : row + 2, max(col - 1, 0) : col + 2] = CENTRE
     return drawn
+
+
+def _mean_height(block: Block) -> float:
+    return 0.5 * (block.ground_low + block.ground_high)
+
+
+def _views(block: Block) -> list[View]:
+    return [block_view(block, name) for name in block.names]
 
 
 def outline(view: View, height: float) -> np.ndarray:
@@ -73,22 +80,26 @@ def outline(view: View, height: float) -> np.ndarray:
     return places[np.isfinite(places).all(axis=1)]
 
 
-def _ground_map(xy: np.ndarray) -> GroundMap:
+def _ground_map(views: list[View], outlines: list[np.ndarray]) -> GroundMap:
+    """The square that holds all outlines and projection centres."""
+    xy = np.vstack([*outlines, *(view.centre[None, :2] for view in views)])
     low, high = xy.min(axis=0), xy.max(axis=0)
     cell = 1.06 * max(float((high - low).max()), 1e-6) / SIDE
     middle = 0.5 * (low + high)
     return GroundMap(middle + 0.5 * SIDE * cell * np.array([-1.0, 1.0]), cell)
 
 
-def overlap_picture() -> Picture:
-    """How the report draws the map."""
+def overlap_picture(block: Block) -> Picture:
+    """How the report draws the map of `overlap_map`."""
+    views = _views(block)
+    wide = SIDE * _ground_map(views, [outline(view, _mean_height(block)) for view in views]).cell
     seen = [(0, "#f4f4f1", "seen by none")]
     seen += [(i, _COLOURS[i - 1], f"{i} photograph{'s' * (i > 1)}{' or more' * (i == MOST)}") for i in range(1, MOST + 1)]
     return Picture(
         title="Footprints and overlap",
         raster=OVERLAP,
         style="classes",
-        caption="Photographs that see each place of a level ground at mean height. North is up. Heights need two, blunders show "
-        "from three on.",
+        caption=f"Photographs that see each place of a level ground at mean height. North is up, the picture is {wide:.4g} m wide. "
+        "Heights need two, blunders show from three on.",
         classes=(*seen, (OUTLINE, "#555555", "outline of a photograph"), (CENTRE, "#000000", "projection centre")),
     )

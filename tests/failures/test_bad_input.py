@@ -135,7 +135,7 @@ def test_a_full_disk_is_told_before_anything_runs(site, monkeypatch):
     assert not (site / "runs" / "site" / "tables").exists()
 
 
-@pytest.mark.parametrize("words", [("run", "site", "--sequential"), ("clean", "site"), ("export", "site")])
+@pytest.mark.parametrize("words", [("run", "site", "--sequential"), ("clean", "site"), ("export", "site"), ("report", "site")])
 def test_a_second_command_at_the_same_time_is_refused(site, words):
     command("run", "site", "--sequential", code=0)
     with only_run(site / "runs" / "site"):

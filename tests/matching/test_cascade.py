@@ -6,7 +6,7 @@ import pytest
 from schemas.outcome import Outcome
 from schemas.raster import Window
 from tasks.matching.least_squares.matching import match_points
-from tasks.matching.strategies.cascade import CascadeMatching, match_cascade
+from tasks.matching.strategies.cascade import CascadeMatching, largest_sigma, match_cascade
 from tasks.simulation.dissertation_pair import PairCrop, ground_texture, pair_crop
 from tasks.simulation.dissertation_surface import true_matches
 
@@ -38,35 +38,50 @@ def rms(found, truth) -> float:
 def test_the_steps_together_beat_each_alone(crop, start_list):
     points, starts, truth = start_list
     both = match_cascade(crop.left, crop.right, points, starts, CASCADE)
-    first, last = (match_points(crop.left, crop.right, points, starts, step) for step in CASCADE.steps)
+    first, last = (match_points(crop.left, crop.right, points, starts, step) for step in (CASCADE.find, CASCADE.sharpen))
     assert correct(both, truth).mean() > 0.975
     assert (both.converged & ~correct(both, truth)).sum() <= (last.converged & ~correct(last, truth)).sum()
     assert rms(both, truth) < 0.8 * rms(first, truth)
 
 
-def test_one_step_is_plain_matching(crop, start_list):
+def test_clean_points_are_measured_with_the_small_window_and_noisy_ones_with_the_large(crop, start_list):
     points, starts, _ = start_list
-    step = CASCADE.steps[0]
-    one = match_cascade(crop.left, crop.right, points[:50], starts[:50], CascadeMatching(steps=(step,)))
-    plain = match_points(crop.left, crop.right, points[:50], starts[:50], step)
-    assert np.array_equal(one.position, plain.position, equal_nan=True)
+    noise = np.random.default_rng(5).normal(0.0, 20.0, crop.right.shape)
+    noisy = np.clip(np.rint(crop.right + noise), 1, 255).astype(np.uint8)
+    sizes = [match_cascade(crop.left, right, points, starts, CASCADE) for right in (crop.right, noisy)]
+    clean, disturbed = (2 * found.half[found.converged] + 1 for found in sizes)
+    assert (clean == CASCADE.sharpen.window).mean() > 0.9
+    assert (disturbed == CASCADE.measure.window).mean() > 0.7
+
+
+def test_a_point_worse_than_asked_for_is_not_returned(crop, start_list):
+    points, starts, _ = start_list
+    found = match_cascade(crop.left, crop.right, points, starts, CASCADE)
+    limit = float(np.median(largest_sigma(found)[found.converged]))
+    strict = match_cascade(crop.left, crop.right, points, starts, CASCADE.model_copy(update={"max_sigma": limit}))
+    refused = strict.outcome == Outcome.IMPRECISE
+    assert np.array_equal(refused, found.converged & (largest_sigma(found) > limit))
+    assert np.isnan(strict.position[refused]).all()
 
 
 def test_a_point_that_a_step_loses_keeps_the_outcome_of_that_step(crop, start_list):
     points, starts, _ = start_list
     starts = starts[:4].copy()
     starts[0], starts[1] = np.nan, -500.0
-    strict = CASCADE.steps[1].model_copy(update={"min_gradient": 200.0})
-    found = match_cascade(crop.left, crop.right, points[:4], starts, CascadeMatching(steps=(CASCADE.steps[0], strict)))
+    strict = CASCADE.measure.model_copy(update={"min_gradient": 200.0, "window": 21})
+    found = match_cascade(crop.left, crop.right, points[:4], starts, CASCADE.model_copy(update={"measure": strict}))
     assert found.outcome.tolist() == [Outcome.OUTSIDE, Outcome.OUTSIDE, Outcome.LOW_TEXTURE, Outcome.LOW_TEXTURE]
     assert np.isnan(found.position).all()
     assert found.half.tolist() == [13, 13, 10, 10]
 
 
+def test_a_point_that_only_the_small_window_loses_keeps_the_large_ones_place(crop, start_list):
+    points, starts, truth = start_list
+    strict = CASCADE.sharpen.model_copy(update={"min_gradient": 200.0})
+    found = match_cascade(crop.left, crop.right, points, starts, CASCADE.model_copy(update={"sharpen": strict}))
+    assert correct(found, truth).mean() > 0.975
+    assert set(found.half[found.converged]) == {CASCADE.measure.half}
+
+
 def test_an_empty_list_gives_an_empty_answer(crop):
     assert len(match_cascade(crop.left, crop.right, np.empty((0, 2)), np.empty((0, 2)), CASCADE)) == 0
-
-
-def test_a_cascade_has_at_least_one_step():
-    with pytest.raises(ValueError, match="steps"):
-        CascadeMatching(steps=())

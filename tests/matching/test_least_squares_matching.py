@@ -63,7 +63,8 @@ FORMULATIONS = {
     "inverse, ellipse": {"formulation": InverseCompositional(), "shape": Ellipse()},
     "forward": {"formulation": Forward()},
     "forward, ellipse across": {"formulation": Forward(), "shape": Ellipse(major_axis="across")},
-    "forward, resampled": {"formulation": Forward(gradients="resampled")},
+    "forward, right resampled": {"formulation": Forward(gradients="resampled_right")},
+    "forward, left resampled": {"formulation": Forward(gradients="resampled_left")},
 }
 
 
@@ -99,8 +100,9 @@ def test_the_published_recipe_is_what_the_dissertation_says():
     assert (PUBLISHED.max_iterations, PUBLISHED.stop, PUBLISHED.max_step, PUBLISHED.max_affine_step) == (14, 0.1, 3.0, 0.1)
     assert (PUBLISHED.geometry, PUBLISHED.radiometry, PUBLISHED.interpolation) == ("affine", "none", "bilinear")
     assert PUBLISHED.smoothing == 0.0
-    assert PUBLISHED.formulation == Forward(gradients="resampled") and PUBLISHED.window == 27
-    assert published(21, Ellipse()).formulation == Forward(gradients="whole_pixels")
+    assert PUBLISHED.formulation.gradients == "window_right" and PUBLISHED.window == 27
+    assert published(21, Ellipse()).formulation.gradients == "resampled_left"
+    assert PUBLISHED.formulation.max_area_change > 1e3
     assert published(21, limited=False).max_step > 1e3
     assert (RECOMMENDED.stop, RECOMMENDED.max_step, RECOMMENDED.max_affine_step) == (0.02, 3.0, 0.1)
     assert LeastSquaresMatching() == RECOMMENDED

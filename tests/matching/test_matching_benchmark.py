@@ -1,13 +1,18 @@
 """The short version of the matching benchmark: its measures against hand-made errors, and what must hold on a small part."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from benchmarks import matching_published
-from benchmarks.matching_experiment import Experiment, score
+from benchmarks.matching_experiment import Experiment, Score, score
 from benchmarks.matching_peers import semi_global_opencv
+from benchmarks.matching_readings import reading, with_contrast
 from benchmarks.matching_surfaces import QUICK_WINDOW, dense_page
-from benchmarks.matching_windows import SIZES, STRATEGIES, measured, settings_of, sizings, strategies
+from benchmarks.matching_windows import SIZES, STRATEGIES, differences, measured, settings_of, sizings, strategies
+from benchmarks.matching_workers import workers_page
+from tasks.matching.least_squares.model import Ellipse, Square, published
 from tasks.simulation.dissertation_pair import CLEAN, NOISY, GroundTexture, ground_texture
 
 
@@ -75,7 +80,7 @@ def test_the_48_settings_on_a_small_part(experiment):
 @pytest.mark.parametrize("radiometry", [CLEAN, NOISY], ids=["clean", "noise"])
 def test_the_cascade_beats_the_published_recipe(experiment, radiometry):
     found = strategies(experiment, radiometry)
-    best, printed = found["cascade 27 (1.2 px) -> 21 (0.6 px)"], found["published recipe, square 27"]
+    best, printed = found["cascade 27 (1.2 px) -> 27 -> 17 (0.6 px)"], found["published recipe, square 27"]
     assert set(found) == set(STRATEGIES)
     assert best.correct > 97.0 and best.correct > printed.correct
     assert best.blunder_share < 0.5
@@ -93,3 +98,27 @@ def test_semi_global_peer_finds_a_known_shift():
     right = np.roll(left, -9, axis=1)
     found = semi_global_opencv(left, right, 2, 30)
     assert np.nanmedian(found[:, 60:190]) == pytest.approx(9.0, abs=0.1)
+
+
+def test_readings_differ_in_the_gradients_alone():
+    for shape in (Square(), Ellipse()):
+        printed, other = published(9, shape, limited=False), reading(9, shape, "whole_pixels")
+        assert other.formulation.gradients == "whole_pixels" != printed.formulation.gradients
+        assert other.model_copy(update={"formulation": printed.formulation}) == printed
+
+
+def test_more_contrast_keeps_the_local_mean_and_the_largest_difference_is_found():
+    image = ground_texture().pixels[:400, :400]
+    assert np.array_equal(with_contrast(image, 1.0), image)
+    darker = with_contrast((image // 4 + 90).astype(np.uint8), 2.0).astype(float)
+    assert 1.6 * (image // 4).std() < darker.std() < 2.0 * (image // 4).std()
+    assert darker.mean() == pytest.approx((image // 4 + 90).mean(), abs=1.0)
+    rows = {size: Score(100, 100.0, row.returned, 100 * row.blunders / matching_published.TESTED, row.correct, (0.0, 0.0, 0.0))
+            for size, row in matching_published.SQUARES.items()}
+    rows[11] = replace(rows[11], returned=rows[11].returned - 3.0)
+    assert differences(rows, matching_published.SQUARES)["returned"] == (11, pytest.approx(-3.0))
+
+
+def test_two_workers_find_what_one_finds(texture):
+    rows = [line.split("|") for line in workers_page(texture, QUICK_WINDOW)[3:]]
+    assert rows and all(row[4].strip() == "yes" for row in rows)

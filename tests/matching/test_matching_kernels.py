@@ -5,7 +5,7 @@ import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from tasks.matching.least_squares.matching import PreparedImage, match_points
-from tasks.matching.least_squares.model import Forward, LeastSquaresMatching
+from tasks.matching.least_squares.model import GRADIENTS, Forward, LeastSquaresMatching
 from tasks.matching.least_squares.small_systems import factor, invert, solve
 
 HALF, PIXEL, START = 4, np.array([30, 28]), np.array([31.3, 27.6])
@@ -96,23 +96,42 @@ def test_covariance_agrees_with_its_twin(pair):
     assert np.allclose(found.covariance[0], found.sigma0[0] ** 2 * turn @ cofactors @ turn.T, rtol=2e-3)
 
 
+def slopes(image, x, y, alone):
+    """Differences of `image`(x, y) along both axes: central, but alone where the window ends one-sided."""
+    found = []
+    for i, j in ((1, 0), (0, 1)):
+        place, last = (x, x.max()) if i else (y, y.max())
+        ahead, back = np.ones_like(x), np.ones_like(x)
+        if alone:
+            ahead, back = (place < last).astype(float), (place > -last).astype(float)
+        found.append((image(x + i * ahead, y + j * ahead) - image(x - i * back, y - j * back)) / (ahead + back))
+    return found
+
+
 @pytest.mark.parametrize("geometry", ["shift", "affine"])
 @pytest.mark.parametrize("radiometry", ["none", "normalised", "estimated"])
-@pytest.mark.parametrize("gradients", ["resampled", "whole_pixels"])
+@pytest.mark.parametrize("gradients", GRADIENTS)
 def test_forward_agrees_with_its_twin(pair, geometry, radiometry, gradients):
     left, right = pair
     x, y = window()
     turn = AFFINE.reshape(2, 2)
-    if gradients == "resampled":
+    if gradients.endswith("right"):
         f, g = left[(PIXEL[1] + y).astype(int), (PIXEL[0] + x).astype(int)].astype(float), right_window(right, x, y)
-        local = [(right_window(right, x + i, y + j) - right_window(right, x - i, y - j)) / 2 for i, j in ((1, 0), (0, 1))]
-        gx, gy = np.linalg.inv(turn).T @ np.array(local)
+        gx, gy = slopes(lambda u, v: right_window(right, u, v), x, y, gradients == "window_right")
+        if gradients == "resampled_right":
+            gx, gy = np.linalg.inv(turn).T @ np.array([gx, gy])
     else:
-        centre = np.floor(START + 0.5)
-        col, row = (centre[0] + x).astype(int), (centre[1] + y).astype(int)
+        def left_window(u, v):
+            shifted = np.array([centre[0] + u, centre[1] + v]) - START[:, None]
+            return bilinear(left, *(PIXEL[:, None] + np.linalg.inv(turn) @ shifted))
+
+        centre, u, v = np.floor(START + 0.5), x, y
+        col, row = (centre[0] + u).astype(int), (centre[1] + v).astype(int)
         x, y = np.linalg.inv(turn) @ (np.array([col, row]) - START[:, None])
-        f, g = bilinear(left, PIXEL[0] + x, PIXEL[1] + y), right[row, col].astype(float)
+        f, g = left_window(u, v), right[row, col].astype(float)
         gx, gy = (right[row, col + 1] - right[row, col - 1]) / 2.0, (right[row + 1, col] - right[row - 1, col]) / 2.0
+        if gradients == "resampled_left":
+            gx, gy = slopes(left_window, u, v, False)
     if radiometry == "normalised":
         scale = f.std() / g.std()
         g, gx, gy = scale * (g - g.mean()) + f.mean(), scale * gx, scale * gy

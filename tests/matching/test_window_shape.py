@@ -35,15 +35,25 @@ def test_a_pixel_belongs_when_its_distances_from_the_foci_sum_up_to_less_than_th
     assert (found == (total < 2 * a))[clear].all()
 
 
-@pytest.mark.parametrize(("half", "tolerance"), [(3, 0.09), (7, 0.035), (10, 0.02), (13, 0.02), (17, 0.02)])
-def test_the_number_of_pixels_is_that_of_the_square(half, tolerance):
-    """Published: within 2 % in 99 % of the cases, worse for small ellipses."""
-    random = np.random.default_rng(half)
-    cases = zip(random.uniform(1, 4, 400), random.uniform(0, np.pi, 400), random.uniform(-0.5, 0.5, (400, 2)), strict=True)
-    counts = np.array([len(members(half, ratio, angle, tuple(offset))) for ratio, angle, offset in cases])
-    deviation = np.abs(counts / (2 * half + 1) ** 2 - 1)
-    assert np.quantile(deviation, 0.99) <= tolerance
-    assert deviation.max() > 0
+def deviations(half, cases, random):
+    """How far the number of pixels is from the square's, relative, for any place, direction and ratio of the axes up to 8."""
+    spans, found = np.zeros((400, 2), np.int64), np.empty(cases)
+    for k, (ratio, angle) in enumerate(random.uniform([1, 0], [8, np.pi], (cases, 2))):
+        _, reach = ellipse_window(half, (ratio, np.cos(angle), np.sin(angle)), *random.uniform(-0.5, 0.5, 2), spans)
+        found[k] = abs(pixels_of(spans, 2 * reach + 1) / (2 * half + 1) ** 2 - 1)
+    return found
+
+
+def test_the_number_of_pixels_is_that_of_the_square_within_two_per_cent_in_99_of_100_cases():
+    """As published: for all windows from 19 px, and for a mix of those from 15 px; smaller ones alone fall short of it."""
+    random = np.random.default_rng(1)
+    found = {half: deviations(half, 2000, random) for half in range(3, 18)}
+    shares = {2 * half + 1: (values <= 0.02).mean() for half, values in found.items()}
+    assert all(share >= 0.99 for size, share in shares.items() if size >= 19)
+    assert (np.concatenate([values for half, values in found.items() if half >= 7]) <= 0.02).mean() >= 0.99
+    least = {7: 0.2, 9: 0.55, 11: 0.75, 13: 0.88, 15: 0.93, 17: 0.95}
+    assert all(shares[size] > share for size, share in least.items())
+    assert np.quantile(found[3], 0.99) <= 0.09 and found[17].max() > 0
 
 
 def test_the_long_axis_follows_the_uncertainty_and_is_capped():

@@ -53,13 +53,15 @@ def test_plan_tells_jobs_bytes_memory_and_why_and_writes_nothing(fresh):
     before = sorted(fresh.rglob("*"))
     said = command("plan", "site")
     assert "not done yet; the rest is" in said and "peak memory" in said and "600 MiB" in said
+    assert "tie_points ? ? ? ?" in said and "3 of 4 stages wait for results of stages before them" in said
+    assert "Estimate from the files alone: 3 photographs with 1 million pixels are 18 tiles of 256 px" in said
     assert sorted(fresh.rglob("*")) == before
 
 
 def test_plan_of_a_finished_run_says_unchanged_and_writes_nothing(done):
     before = {path: path.stat().st_mtime_ns for path in done.rglob("*")}
     said = command("plan", "site")
-    assert said.count("unchanged") == 4 and "not done yet" not in said
+    assert said.count("unchanged") == 4 and "not done yet" not in said and "?" not in said and "Estimate" not in said
     assert {path: path.stat().st_mtime_ns for path in done.rglob("*")} == before
 
 
@@ -72,6 +74,48 @@ def test_plan_says_what_a_changed_setting_or_from_would_run(done):
 
 def test_a_second_run_does_nothing(done, jobs):
     assert counts(command("run", "site")) == (0, jobs, 0)
+
+
+def test_a_second_run_leaves_report_and_summary_with_the_figures_of_the_run_that_did_the_work(done):
+    pages = [done / "runs" / "site" / name for name in ("report.html", "summary.json", "jobs/run.json")]
+    before = [(page.read_bytes(), page.stat().st_mtime_ns) for page in pages]
+    command("run", "site", "--sequential")
+    command("run", "site", "--sequential", "--until", "photos")
+    assert [(page.read_bytes(), page.stat().st_mtime_ns) for page in pages] == before
+
+
+def test_a_second_run_writes_a_report_that_is_missing_or_was_made_by_other_code(done, jobs, monkeypatch):
+    folder = done / "runs" / "site"
+    before = (folder / "summary.json").read_text()
+    (folder / "report.html").unlink()
+    (folder / "summary.json").unlink()
+    command("run", "site", "--sequential")
+    assert (folder / "report.html").exists() and (folder / "summary.json").read_text() == before
+    (folder / "report.html").write_text("drawn by an older version")
+    monkeypatch.setattr("pipeline.results._writers", lambda: "newer code")
+    assert counts(command("run", "site", "--sequential")) == (0, jobs, 0)
+    assert "older version" not in (folder / "report.html").read_text()
+
+
+def test_facts_that_cannot_be_read_are_made_again_from_the_records(done, jobs):
+    folder = done / "runs" / "site"
+    before = json.loads((folder / "summary.json").read_text())
+    (folder / "jobs" / "run.json").write_text("{")
+    command("run", "site", "--sequential")
+    after = json.loads((folder / "summary.json").read_text())
+    assert after["run.work_seconds"] == before["run.work_seconds"] and after["run.peak_memory"] == before["run.peak_memory"]
+    assert after["run.jobs_skipped"]["value"] == jobs and after["run.runs"]["value"] == 1
+
+
+def test_a_run_in_two_parts_reports_the_work_of_both(done):
+    folder = done / "runs" / "site"
+    before = json.loads((folder / "summary.json").read_text())
+    command("run", "site", "--sequential", "--from", "orientation")
+    after = json.loads((folder / "summary.json").read_text())
+    assert after["run.runs"]["value"] == 2 and before["run.runs"]["value"] == 1
+    assert after["run.photos.work_seconds"] == before["run.photos.work_seconds"]
+    assert after["run.wall_seconds"]["value"] > after["run.orientation.work_seconds"]["value"]
+    assert "Time of 2 runs" in (folder / "report.html").read_text()
 
 
 def test_the_workflow_as_run_reproduces_the_run(done, jobs):
@@ -93,10 +137,12 @@ def test_status_before_a_run(fresh):
 def test_status_after_a_run_and_while_another_is_going_on(done):
     assert re.search(r"tie_points [1-9]\d* 0 ", command("status", "site"))
     with only_run(done / "runs" / "site"):
-        assert command("status", "site").endswith("running now")
+        said = command("status", "site")
+        assert said.endswith("running now") and "this run" in said and "MiB" in said
         (done / "runs" / "site" / DASHBOARD).write_text("http://127.0.0.1:8787/status")
         assert command("status", "site").endswith("running now; dashboard: http://127.0.0.1:8787/status")
-    assert command("status", "site").endswith("not running")
+    said = command("status", "site")
+    assert said.endswith("not running") and "this run" not in said
 
 
 def test_status_tells_the_last_error(fresh):
@@ -198,6 +244,16 @@ def test_reference_writes_the_settings_page(tmp_path):
 def test_debug_shows_the_traceback(fresh):
     with pytest.raises(WorkflowError):
         CliRunner().invoke(app, ["plan", "nowhere", "--debug"], catch_exceptions=False)
+
+
+@pytest.mark.parametrize(("words", "answer"), [
+    (("--port", "99999999"), "65535"), (("--port", "0"), "'--port'"), (("--workers", "-1"), "'--workers'"),
+    (("--workers", "100000"), "--workers 100000 is too many for the"),
+    (("--memory", "10"), "256"), (("--memory", "300"), "photos/index/0/0 needs 600 MiB"),
+])
+def test_numbers_that_cannot_be_are_refused_before_anything_starts(fresh, words, answer):
+    said = command("run", "site", *words, code=2)
+    assert answer in said and "dashboard" not in said
 
 
 def test_without_a_word_the_command_tells_its_words():

@@ -260,6 +260,26 @@ def test_gaps_in_a_chart_survive_the_store(tmp_path):
     assert math.isnan(back.charts[0].series["a"][1]) and "–" in report_html(store, (("a", "A"),), run_facts())
 
 
+def test_an_outlier_does_not_cross_the_page_and_is_said_to_be_cut():
+    x, length = tuple(range(50)), (0.01,) * 49 + (50.0,)
+    svg = chart_svg(Chart(title="t", style="arrows", x_label="", y_label="", x=x, series={"y": x, "dx": length, "dy": (0.0,) * 50}))
+    assert svg.count('class="arrow cut"') == 1 and "1 longer than 0.02: cut, red; this long:" in svg
+    steps = [abs(float(step)) for step in re.findall(r" l(-?[\d.]+),", svg)]
+    assert 0 < max(steps) < 100
+
+
+def test_details_are_folded_away_behind_the_main_figures():
+    details = [Figure(name=f"d{n}", value=n, detail=True) for n in range(30)]
+    html = page(StageReport(figures=(Figure(name="main", value=1), *details)))
+    shown, folded = html[html.index('<section class="stage"'):].split('<details class="more"', 1)
+    assert ">Main<" in shown and ">D7<" not in shown and "30 more figures" in folded and ">D7<" in folded
+
+
+def test_a_unit_stands_beside_the_value_and_not_in_the_label_too():
+    html = page(StageReport(figures=(Figure(name="sigma0_px", value=0.5, unit="px"), Figure(name="px", value=2.0, unit="px"))))
+    assert ">Sigma0<" in html and ">Px<" in html
+
+
 def test_many_points_are_thinned_and_said():
     x = tuple(map(float, range(20000)))
     chart = Chart(title="", style="points", x_label="", y_label="", x=x, series={"a": (1.0, 2.0) * 10000})

@@ -21,7 +21,7 @@ def store():
 
 
 RUN_NAMES = ("complete", "crs", "failed_tiles", "finished", "jobs", "jobs_done", "jobs_failed", "jobs_skipped", "jobs_waiting",
-             "machine", "peak_memory", "project", "scheduler", "started", "version", "wall_seconds", "work_seconds")
+             "machine", "peak_memory", "project", "runs", "scheduler", "started", "version", "wall_seconds", "work_seconds")
 STAGE_NAMES = ("complete", "jobs", "jobs_done", "jobs_failed", "jobs_skipped", "jobs_waiting", "peak_memory", "work_seconds")
 
 

@@ -19,8 +19,8 @@ from numba import njit
 
 from schemas.outcome import Outcome
 from tasks.matching.least_squares.resampling import EXACT, cubic_weights
-from tasks.matching.least_squares.shift_precision import dot
 from tasks.matching.least_squares.small_systems import invert
+from tasks.matching.least_squares.window_block import dot
 
 _CONVERGED, _LOW_TEXTURE, _OUTSIDE = int(Outcome.CONVERGED), int(Outcome.LOW_TEXTURE), int(Outcome.OUTSIDE)
 _NOT_CONVERGED, _MOVED_TOO_FAR, _SINGULAR = int(Outcome.NOT_CONVERGED), int(Outcome.MOVED_TOO_FAR), int(Outcome.SINGULAR)

@@ -3,10 +3,11 @@
 Strategy
 - Every pixel of the window is one observation f - g = gx (da11 + x da12 + y da21) + gy (db11 + x db12 + y db21), with f of the left
   image, g of the right one, x and y counted from the centre of the left window. Corrections are added to the affine.
-- Two ways to come to the observations. `resampled`: the window lies on whole pixels of the left image, the right one is resampled,
-  and the gradients are central differences of what was resampled (carried to the axes of the right image). `whole_pixels`: the
-  window lies on whole pixels of the right image, where the gradients are taken, and the left one is resampled through the inverse
-  affine. An ellipse is re-shaped in every iteration from the covariance of both shifts; the first one is a circle.
+- Either the window lies on whole pixels of the left image and the right one is resampled, or it lies on whole pixels of the
+  right image and the left one is resampled through the inverse affine. Gradients are differences of what was resampled, or of the
+  right image at its own pixels. Differences along the left axes belong to the equations only after they were carried to the right
+  ones; `window_right` leaves that out, as the published equations do, and knows no pixel outside of its window.
+- An ellipse is re-shaped in every iteration from the covariance of both shifts; the first one is a circle.
 - Gain and offset, where estimated, act on the right image (f = gain g + offset), beginning with 1 and 0.
 - The covariance is the formal one of the adjustment: optimistic, as the sources say.
 
@@ -18,13 +19,14 @@ import numpy as np
 from numba import njit
 
 from tasks.matching.least_squares import results
-from tasks.matching.least_squares.model import LEAST_AREA
+from tasks.matching.least_squares.model import GRADIENTS
 from tasks.matching.least_squares.resampling import bicubic, bilinear, leaves, nearest_pixel, on_lattice
 from tasks.matching.least_squares.small_systems import factor, solve
 from tasks.matching.least_squares.window_shape import ellipse_axes, ellipse_window, square_window
 
 _F, _G, _GX, _GY, _X, _Y = range(6)
 """Rows of the table of observations."""
+_WHOLE_PIXELS, _RESAMPLED_LEFT, _RESAMPLED_RIGHT, _WINDOW_RIGHT = range(len(GRADIENTS))
 _FLAT = 1e-6
 """Variance of grey values below which a window is taken as constant."""
 
@@ -39,46 +41,61 @@ def _value(flat, width, origin, u, v, cubic):
     return bilinear(flat, np.uint64(width), k, np.float32(u - c), np.float32(v - r))
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def _difference(before, after, steps):
+    """The slope between two pixels `steps` apart: 2 inside a block, 1 at its border, where one of them is the pixel itself."""
+    return (after - before) / np.float32(steps)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _slopes(patch, j, i, last_j, last_i):
+    """Differences of a block at row j, column i: central inside, one-sided in its first and last rows and columns."""
+    west, east, north, south = max(i - 1, 0), min(i + 1, last_i), max(j - 1, 0), min(j + 1, last_j)
+    return _difference(patch[j, west], patch[j, east], east - west), _difference(patch[north, i], patch[south, i], south - north)
+
+
 @njit(cache=True, error_model="numpy")
-def _resampled(images, at, a, reach, spans, cubic, patch, seen):
+def _on_left_pixels(images, at, a, reach, spans, rules, patch, seen):
     """Observations of a window on whole left pixels; their number, -1 where the window leaves an image.
 
     images: left, right, and both flat. at: col, row of the left centre; col, row and the remainder t of the right one.
-    seen (6, n): the table to be filled. patch: scratch for the right window and a ring of one pixel.
+    seen (6, n): the table to be filled. patch: scratch for the resampled right window, with a ring of one pixel if it has one.
     """
     left, right, _, flat = images
     col, row, base_col, base_row, t0, t1 = at
     reach_x, reach_y = reach
+    alone = rules.gradients == _WINDOW_RIGHT
     if not (reach_x <= col < left.shape[1] - reach_x and reach_y <= row < left.shape[0] - reach_y):
         return -1
-    ring_x, ring_y = reach_x + 1, reach_y + 1
-    if leaves(right.shape, base_col + t0, base_row + t1, ring_x * abs(a[0]) + ring_y * abs(a[1]),
-              ring_x * abs(a[2]) + ring_y * abs(a[3])):
+    block_x, block_y = reach_x + (0 if alone else 1), reach_y + (0 if alone else 1)
+    if leaves(right.shape, base_col + t0, base_row + t1, block_x * abs(a[0]) + block_y * abs(a[1]),
+              block_x * abs(a[2]) + block_y * abs(a[3])):
         return -1
     width = right.shape[1]
     origin = base_row * width + base_col
-    for j in range(2 * ring_y + 1):
-        y = j - ring_y
-        for i in range(2 * ring_x + 1):
-            x = i - ring_x
-            patch[j, i] = _value(flat, width, origin, t0 + a[0] * x + a[1] * y, t1 + a[2] * x + a[3] * y, cubic)
+    for j in range(2 * block_y + 1):
+        y = j - block_y
+        for i in range(2 * block_x + 1):
+            x = i - block_x
+            patch[j, i] = _value(flat, width, origin, t0 + a[0] * x + a[1] * y, t1 + a[2] * x + a[3] * y, rules.bicubic)
     area = a[0] * a[3] - a[1] * a[2]
     n = 0
     for j in range(2 * reach_y + 1):
         y = j - reach_y
         for x in range(spans[j, 0], spans[j, 1] + 1):
-            i = x + ring_x
-            along, down = 0.5 * (patch[j + 1, i + 1] - patch[j + 1, i - 1]), 0.5 * (patch[j + 2, i] - patch[j, i])
-            seen[_F, n], seen[_G, n] = left[row + y, col + x], patch[j + 1, i]
-            seen[_GX, n], seen[_GY, n] = (a[3] * along - a[2] * down) / area, (a[0] * down - a[1] * along) / area
+            gx, gy = _slopes(patch, y + block_y, x + block_x, 2 * block_y, 2 * block_x)
+            if not alone:
+                gx, gy = (a[3] * gx - a[2] * gy) / area, (a[0] * gy - a[1] * gx) / area
+            seen[_F, n], seen[_G, n] = left[row + y, col + x], patch[y + block_y, x + block_x]
+            seen[_GX, n], seen[_GY, n] = gx, gy
             seen[_X, n], seen[_Y, n] = x, y
             n += 1
     return n
 
 
 @njit(cache=True, error_model="numpy")
-def _at_whole_pixels(images, at, centre, a, reach, spans, cubic, seen):
-    """As `_resampled`, of a window on the whole right pixels about `centre` (col, row)."""
+def _on_right_pixels(images, at, centre, a, reach, spans, rules, patch, seen):
+    """As `_on_left_pixels`, of a window on the whole right pixels about `centre` (col, row), the left one resampled."""
     left, right, flat, _ = images
     col, row, base_col, base_row, t0, t1 = at
     reach_x, reach_y = reach
@@ -87,19 +104,33 @@ def _at_whole_pixels(images, at, centre, a, reach, spans, cubic, seen):
     area = a[0] * a[3] - a[1] * a[2]
     i0, i1, i2, i3 = a[3] / area, -a[1] / area, -a[2] / area, a[0] / area
     dx, dy = centre[0] - base_col - t0, centre[1] - base_row - t1
-    if leaves(left.shape, col + i0 * dx + i1 * dy, row + i2 * dx + i3 * dy, reach_x * abs(i0) + reach_y * abs(i1),
-              reach_x * abs(i2) + reach_y * abs(i3)):
+    whole = rules.gradients == _WHOLE_PIXELS
+    block_x, block_y = reach_x + (0 if whole else 1), reach_y + (0 if whole else 1)
+    if leaves(left.shape, col + i0 * dx + i1 * dy, row + i2 * dx + i3 * dy, block_x * abs(i0) + block_y * abs(i1),
+              block_x * abs(i2) + block_y * abs(i3)):
         return -1
     width = left.shape[1]
     origin = row * width + col
     n = 0
+    if not whole:
+        for j in range(2 * block_y + 1):
+            v = dy + j - block_y
+            for i in range(2 * block_x + 1):
+                u = dx + i - block_x
+                patch[j, i] = _value(flat, width, origin, i0 * u + i1 * v, i2 * u + i3 * v, rules.bicubic)
     for j in range(2 * reach_y + 1):
         r = centre[1] + j - reach_y
         for i in range(spans[j, 0], spans[j, 1] + 1):
             c = centre[0] + i
             x, y = i0 * (dx + i) + i1 * (dy + j - reach_y), i2 * (dx + i) + i3 * (dy + j - reach_y)
-            seen[_F, n], seen[_G, n] = _value(flat, width, origin, x, y, cubic), right[r, c]
-            seen[_GX, n], seen[_GY, n] = 0.5 * (right[r, c + 1] - right[r, c - 1]), 0.5 * (right[r + 1, c] - right[r - 1, c])
+            if whole:
+                f = _value(flat, width, origin, x, y, rules.bicubic)
+                gx, gy = _difference(right[r, c - 1], right[r, c + 1], 2), _difference(right[r - 1, c], right[r + 1, c], 2)
+            else:
+                f = patch[j + 1, i + block_x]
+                gx, gy = _slopes(patch, j + 1, i + block_x, 2 * block_y, 2 * block_x)
+            seen[_F, n], seen[_G, n] = f, right[r, c]
+            seen[_GX, n], seen[_GY, n] = gx, gy
             seen[_X, n], seen[_Y, n] = x, y
             n += 1
     return n
@@ -228,21 +259,22 @@ def _match_one(images, pixel, half, place, start, a, rules, scratch, values):
     t0, t1 = start[0] - base_col, start[1] - base_row
     begin_x, begin_y = t0, t1
     estimated = rules.radiometry == 2
+    in_right = rules.gradients == _WHOLE_PIXELS or rules.gradients == _RESAMPLED_LEFT
     unknowns = (2 if rules.shift_only else 6) + (2 if estimated else 0)
     gain, offset, axes = 1.0, 0.0, (1.0, 1.0, 0.0)
     for iteration in range(1, rules.max_iterations + 1):
-        centre = (nearest_pixel(base_col + t0), nearest_pixel(base_row + t1)) if rules.whole_pixels else (base_col, base_row)
-        if rules.ellipse and rules.whole_pixels:
+        centre = (nearest_pixel(base_col + t0), nearest_pixel(base_row + t1)) if in_right else (base_col, base_row)
+        if rules.ellipse and in_right:
             reach = ellipse_window(half, axes, base_col + t0 - centre[0], base_row + t1 - centre[1], spans)
         elif rules.ellipse:
             reach = ellipse_window(half, axes, 0.0, 0.0, spans)
         else:
             reach = square_window(half, spans)
         at = (col, row, base_col, base_row, t0, t1)
-        if rules.whole_pixels:
-            n = _at_whole_pixels(images, at, centre, a, reach, spans, rules.bicubic, seen)
+        if in_right:
+            n = _on_right_pixels(images, at, centre, a, reach, spans, rules, patch, seen)
         else:
-            n = _resampled(images, at, a, reach, spans, rules.bicubic, patch, seen)
+            n = _on_left_pixels(images, at, a, reach, spans, rules, patch, seen)
         if n < 0:
             return results.OUTSIDE, iteration
         mean_f, mean_g, ff, gg, fg = _grey_moments(seen, n)
@@ -270,7 +302,7 @@ def _match_one(images, pixel, half, place, start, a, rules, scratch, values):
         a[1] += d[2]
         a[2] += d[4]
         a[3] += d[5]
-        if not LEAST_AREA < a[0] * a[3] - a[1] * a[2] < 1.0 / LEAST_AREA:
+        if rules.max_area_change < np.inf and not 1.0 / rules.max_area_change < a[0] * a[3] - a[1] * a[2] < rules.max_area_change:
             return results.NOT_CONVERGED, iteration
         if not (abs(t0 - begin_x) <= rules.max_shift and abs(t1 - begin_y) <= rules.max_shift):
             return results.MOVED_TOO_FAR, iteration

@@ -16,7 +16,7 @@ from numba import njit
 from tasks.matching.least_squares import results
 from tasks.matching.least_squares.model import LEAST_AREA
 from tasks.matching.least_squares.resampling import leaves, nearest_pixel, on_lattice
-from tasks.matching.least_squares.shift_precision import correlated, dot, influence
+from tasks.matching.least_squares.shift_precision import correlated_products, influence
 from tasks.matching.least_squares.template import (
     FLAT,
     ZERO,
@@ -90,7 +90,7 @@ def _cofactors(template, px, py, rules, work):
     block = work.grey[:n], work.gx[:n], work.gy[:n], work.inside[:n]
     pitch = block_pitch(template.reach_x)
     pad, size = 2 * pitch, n + 4 * pitch
-    on_x, on_y, along, blurred = work.on_x[:size], work.on_y[:size], work.along[:size], work.blurred[:size]
+    on_x, on_y, along = work.on_x[:size], work.on_y[:size], work.along[:size]
     along[size - 2:] = ZERO
     for axis in range(2):
         d[:] = 0.0
@@ -106,10 +106,8 @@ def _cofactors(template, px, py, rules, work):
             constant -= share * template.mean
         influence(block, pad, work.xs[:n], work.ys[:n], d, share, constant, on_x if axis == 0 else on_y)
     near, far = work.kernel
-    correlated(on_x, pitch, near, far, along, blurred)
-    xx, xy = dot(on_x[pad:pad + n], blurred[pad:pad + n]), dot(on_y[pad:pad + n], blurred[pad:pad + n])
-    correlated(on_y, pitch, near, far, along, blurred)
-    yy = dot(on_y[pad:pad + n], blurred[pad:pad + n])
+    xx, xy = correlated_products(on_x, on_y, pitch, near, far, along)
+    yy, _ = correlated_products(on_y, on_x, pitch, near, far, along)
     return max(xx, ZERO), xy, max(yy, ZERO)
 
 
@@ -131,10 +129,11 @@ def _finish(template, variance, pixel, place, base, t, a, rules, work, values):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def _match_one(left, right, flat, pixel, half, place, t, a, rules, work, values):
+def _match_one(left, right, shapes, pixel, half, place, t, a, rules, work, values):
     """Match the window about the whole pixel (col, row); returns (outcome, iterations).
 
-    place: the point, from that pixel. t (2,), a (4,): right position of the pixel and affine, from their start to the solution.
+    left, right: the images as one row, `shapes` their (rows, columns). place: the point, from that pixel. t (2,), a (4,): right
+    position of the pixel and affine, from their start to the solution.
     """
     base = nearest_pixel(t[0]), nearest_pixel(t[1])
     t[0] -= base[0]
@@ -144,16 +143,16 @@ def _match_one(left, right, flat, pixel, half, place, t, a, rules, work, values)
     template = Template(0, 0, 0, 0, 0.0, 0.0, 0.0)
     for iteration in range(1, rules.max_iterations + 1):
         if iteration == 1 or (rules.ellipse and iteration <= _RESHAPED):
-            outcome, template = build_template(left, pixel[0], pixel[1], half, axes, rules, work)
+            outcome, template = build_template(left, shapes[0], pixel[0], pixel[1], half, axes, rules, work)
             if outcome != results.CONVERGED:
                 return outcome, iteration - 1
             if rules.ellipse:
                 axes = ellipse_of(rules, work)
         reach = template.reach_x, template.reach_y
-        if leaves(right.shape, base[0] + t[0], base[1] + t[1], reach[0] * abs(a[0]) + reach[1] * abs(a[1]),
+        if leaves(shapes[1], base[0] + t[0], base[1] + t[1], reach[0] * abs(a[0]) + reach[1] * abs(a[1]),
                   reach[0] * abs(a[2]) + reach[1] * abs(a[3])):
             return results.OUTSIDE, iteration
-        level_right = warp_window(flat, right.shape[1], base, t, a, rules.bicubic, reach, work.spans, work.patch)
+        level_right = warp_window(right, shapes[1][1], base, t, a, rules.bicubic, reach, work.spans, work.patch)
         outcome, residual = _correction(template, level_right, rules, work, values)
         if outcome != results.CONVERGED:
             return outcome, iteration
@@ -186,7 +185,8 @@ def match_inverse(left, right, points, starts, affine, half, reach, rules, value
     affine (N, 4): start values. half (N,): half sides of the windows; reach: the most that one of them covers. Points whose
     `outcome` (N,) is CONVERGED are tried; `values` (N, results.COLUMNS), `outcome` and `iterations` (N,) are filled.
     """
-    work, flat = work_for(reach, rules.smoothing), right.ravel()
+    work, shapes = work_for(reach, rules.smoothing), (left.shape, right.shape)
+    flat_left, flat_right = left.ravel(), right.ravel()
     t, a = np.empty(2), np.empty(4)
     for i in range(points.shape[0]):
         if outcome[i] != results.CONVERGED:
@@ -196,4 +196,5 @@ def match_inverse(left, right, points, starts, affine, half, reach, rules, value
         a[:] = affine[i]
         t[0] = starts[i, 0] - (a[0] * place[0] + a[1] * place[1])
         t[1] = starts[i, 1] - (a[2] * place[0] + a[3] * place[1])
-        outcome[i], iterations[i] = _match_one(left, right, flat, pixel, half[i], place, t, a, rules, work, values[i])
+        outcome[i], iterations[i] = _match_one(flat_left, flat_right, shapes, pixel, half[i], place, t, a, rules, work,
+                                               values[i])

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numba import njit
 
 from schemas.outcome import Outcome
 from tasks.matching.least_squares import results as column
@@ -25,6 +26,8 @@ from tasks.matching.smoothing import smoothed, with_gaps
 
 _FARTHEST = 1e9
 """Coordinates beyond this are not those of a pixel."""
+_OVERFLOW = float(np.finfo(np.float32).max)
+_CONVERGED, _NOT_CONVERGED = int(Outcome.CONVERGED), int(Outcome.NOT_CONVERGED)
 
 
 @dataclass(frozen=True)
@@ -126,12 +129,17 @@ def match_points(left: np.ndarray | PreparedImage, right: np.ndarray | PreparedI
     return _matches(values, half, iterations, outcome)
 
 
-def _refuse_overflow(values: np.ndarray, outcome: np.ndarray) -> None:
+@njit(cache=True)
+def _refuse_overflow(values, outcome):
     """Grey values near the end of float32 can leave an infinite gain or variance behind: such a point is not a match."""
-    with np.errstate(over="ignore"):
-        broken = (outcome == Outcome.CONVERGED) & ~np.isfinite(values.astype(np.float32)).all(axis=1)
-    outcome[broken] = Outcome.NOT_CONVERGED
-    values[broken] = np.nan
+    for i in range(len(values)):
+        if outcome[i] != _CONVERGED:
+            continue
+        for k in range(values.shape[1]):
+            if not abs(values[i, k]) < _OVERFLOW:
+                outcome[i] = _NOT_CONVERGED
+        if outcome[i] != _CONVERGED:
+            values[i] = np.nan
 
 
 def _check_shapes(images: tuple[np.ndarray, ...], count: int, tables: tuple[np.ndarray, ...]) -> None:
@@ -145,7 +153,10 @@ def _check_shapes(images: tuple[np.ndarray, ...], count: int, tables: tuple[np.n
 def _before(points: np.ndarray, starts: np.ndarray, affine: np.ndarray, half: np.ndarray) -> np.ndarray:
     """(N,) uint8 outcomes before anything is tried: CONVERGED stands for worth trying."""
     outcome = np.full(len(points), Outcome.CONVERGED, np.uint8)
-    known = (np.abs(points) < _FARTHEST).all(axis=1) & (np.abs(starts) < _FARTHEST).all(axis=1) & np.isfinite(affine).all(axis=1)
+    known = np.ones(len(points), bool)
+    for table, limit in ((points, _FARTHEST), (starts, _FARTHEST), (affine, np.inf)):
+        for k in range(table.shape[1]):
+            known &= np.abs(table[:, k]) < limit
     area = affine[:, 0] * affine[:, 3] - affine[:, 1] * affine[:, 2]
     outcome[~((area > LEAST_AREA) & (area < 1.0 / LEAST_AREA))] = Outcome.NOT_CONVERGED
     outcome[~known] = Outcome.OUTSIDE

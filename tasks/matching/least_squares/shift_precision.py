@@ -37,8 +37,11 @@ def influence(block, pad, xs, ys, weights, grey_share, offset, out):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
-def correlated(influence, pitch, near, far, along, out):
-    """C a of an influence a, C separable: 1, `near`, `far` at distances of 0, 1, 2 px. All have 2 `pitch` zeros at both ends."""
+def correlated_products(influence, other, pitch, near, far, along):
+    """a' C a and b' C a of influences a and b (`other`), C separable: 1, `near`, `far` at distances of 0, 1, 2 px.
+
+    All arrays have 2 `pitch` zeros at both ends; `along` is scratch.
+    """
     n = influence.size
     m1, p1, m2, p2 = influence[1:n - 3], influence[3:n - 1], influence[0:n - 4], influence[4:n]
     centre, body = influence[2:n - 2], along[2:n - 2]
@@ -46,14 +49,11 @@ def correlated(influence, pitch, near, far, along, out):
         body[i] = centre[i] + near * (m1[i] + p1[i]) + far * (m2[i] + p2[i])
     size = n - 4 * pitch
     u2, u1, c0 = along[0:size], along[pitch:pitch + size], along[2 * pitch:2 * pitch + size]
-    d1, d2, total = along[3 * pitch:3 * pitch + size], along[4 * pitch:4 * pitch + size], out[2 * pitch:2 * pitch + size]
+    d1, d2 = along[3 * pitch:3 * pitch + size], along[4 * pitch:4 * pitch + size]
+    a, b = influence[2 * pitch:2 * pitch + size], other[2 * pitch:2 * pitch + size]
+    own = cross = np.float32(0.0)
     for i in range(size):
-        total[i] = c0[i] + near * (u1[i] + d1[i]) + far * (u2[i] + d2[i])
-
-
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
-def dot(p, q):
-    total = np.float32(0.0)
-    for i in range(p.size):
-        total += p[i] * q[i]
-    return total
+        total = c0[i] + near * (u1[i] + d1[i]) + far * (u2[i] + d2[i])
+        own += a[i] * total
+        cross += b[i] * total
+    return own, cross

@@ -17,9 +17,10 @@ from tasks.matching.least_squares import results
 from tasks.matching.least_squares.shift_precision import residual_correlation
 from tasks.matching.least_squares.small_systems import factor, solve
 from tasks.matching.least_squares.window_block import (
-    block_coordinates,
+    LANES,
     block_pitch,
     cut_window,
+    draw_block,
     gradient_moments,
     grey_sums,
     second_moments,
@@ -73,7 +74,6 @@ class Work(NamedTuple):
     on_y: np.ndarray
     """influence of the residuals on both shifts, between zeros"""
     along: np.ndarray
-    blurred: np.ndarray
     kernel: tuple[float, float]
     """correlation of residuals one and two pixels apart"""
 
@@ -81,13 +81,13 @@ class Work(NamedTuple):
 @njit(cache=True, error_model="numpy")
 def work_for(reach, smoothing):
     """Arrays for windows that reach `reach` px from their centre."""
-    size = block_pitch(reach) * (2 * reach + 1)
+    size = block_pitch(reach) * (2 * reach + 1) + LANES
     longer = size + 4 * block_pitch(reach)
     return Work(
         np.empty((2 * reach + 1, 2), np.int64), np.zeros(1, np.int64), np.empty(size, np.float32), np.empty(size, np.float32),
         np.zeros(size, np.float32), np.zeros(size, np.float32), np.zeros(size, np.float32), np.zeros(size, np.float32),
         np.zeros(size, np.float32), np.empty((3, 6)), np.empty(6), np.empty(6), np.empty((6, 6)), np.empty((6, 6)), np.empty(6),
-        np.zeros(longer, np.float32), np.zeros(longer, np.float32), np.zeros(longer, np.float32), np.zeros(longer, np.float32),
+        np.zeros(longer, np.float32), np.zeros(longer, np.float32), np.zeros(longer, np.float32),
         residual_correlation(smoothing),
     )
 
@@ -133,23 +133,26 @@ def _without_radiometry(normal, plain, grey, power, count):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def build_template(left, col, row, half, axes, rules, work):
-    """Cut the window, and build and factor its normal matrix; returns (outcome, template), CONVERGED when it can be matched."""
+def build_template(flat, shape, col, row, half, axes, rules, work):
+    """Cut the window, and build and factor its normal matrix; returns (outcome, template), CONVERGED when it can be matched.
+
+    flat, shape: the left image and its (rows, columns).
+    """
     if rules.ellipse:
         reach_x, reach_y = ellipse_window(half, axes, 0.0, 0.0, work.spans)
     else:
         reach_x, reach_y = square_window(half, work.spans)
     n = block_pitch(reach_x) * (2 * reach_y + 1)
     template = Template(reach_x, reach_y, n, 0, 0.0, 0.0, 0.0)
-    if not (reach_x < col < left.shape[1] - reach_x - 1 and reach_y < row < left.shape[0] - reach_y - 1):
+    if not (reach_x < col < shape[1] - reach_x - 1 and reach_y < row < shape[0] - reach_y - 1):
         return results.OUTSIDE, template
     grey, gx, gy, inside = work.grey[:n], work.gx[:n], work.gy[:n], work.inside[:n]
     xs, ys, moments = work.xs[:n], work.ys[:n], work.moments
     if rules.ellipse or work.drawn[0] != reach_x:
-        block_coordinates(reach_x, reach_y, xs, ys)
+        draw_block(reach_x, reach_y, work.spans, xs, ys, inside)
         work.drawn[0] = reach_x
-        grey[:], gx[:], gy[:], inside[:], work.patch[:n] = ZERO, ZERO, ZERO, ZERO, ZERO
-    level = cut_window(left, col, row, (reach_x, reach_y), work.spans, (grey, gx, gy, inside))
+        grey[:], gx[:], gy[:], work.patch[:n] = ZERO, ZERO, ZERO, ZERO
+    level = cut_window(flat, shape[1], col, row, (reach_x, reach_y), work.spans, grey, gx, gy)
     second_moments(gx, gx, xs, ys, moments[0])
     second_moments(gx, gy, xs, ys, moments[1])
     second_moments(gy, gy, xs, ys, moments[2])

@@ -10,8 +10,10 @@ Strategy
 import numpy as np
 from numba import njit
 
-from tasks.matching.least_squares.resampling import EXACT, bicubic, bilinear
+from tasks.matching.least_squares.resampling import EXACT, cubic_weights
 
+LANES = 16
+"""Pixels that are resampled at once; an array for a block has as many more at its end."""
 PAD = 2
 """Zeros between the rows of a block, at least: the correlation of residuals reaches that far."""
 
@@ -19,40 +21,53 @@ PAD = 2
 @njit(cache=True, error_model="numpy", inline="always")
 def block_pitch(reach):
     """Distance of the rows of a block: room for the window and the padding, and a multiple of what processors add at once."""
-    return (2 * reach + 1 + PAD + 7) // 8 * 8
+    return 2 * reach + 1 + PAD
 
 
 @njit(cache=True, error_model="numpy")
-def block_coordinates(reach_x, reach_y, xs, ys):
-    """Column and row of every pixel of a block, from its centre."""
+def draw_block(reach_x, reach_y, spans, xs, ys, inside):
+    """Column and row of every pixel of a block, from its centre, and 1 where it belongs to the window, else 0."""
     pitch = block_pitch(reach_x)
     for j in range(2 * reach_y + 1):
+        first, last = spans[j]
         for i in range(pitch):
-            xs[j * pitch + i] = i - reach_x
-            ys[j * pitch + i] = j - reach_y
+            x = i - reach_x
+            xs[j * pitch + i], ys[j * pitch + i] = x, j - reach_y
+            inside[j * pitch + i] = 1.0 if first <= x <= last else 0.0
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def full_lanes(n, room):
+    """`n` rounded up to whole vectors, where the image has `room` for it: a rest would be worked at one by one."""
+    wide = (n + LANES - 1) // LANES * LANES
+    return wide if wide <= room else n
 
 
 @njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
-def cut_window(image, col, row, reach, spans, block):
-    """Fill a block with the left window about (col, row) and its gradients; returns the grey value it counts from."""
-    grey, gx, gy, inside = block
+def cut_window(flat, width, col, row, reach, spans, grey, gx, gy):
+    """Fill blocks with the left window about (col, row) and its gradients; returns the grey value it counts from.
+
+    flat, width: the left image. One loop for each block: several results at once keep compilers from working on many pixels.
+    """
     reach_x, reach_y = reach
     pitch = block_pitch(reach_x)
-    level, half = image[row, col], np.float32(0.5)
+    level, half, zero = flat[np.uint64(row * width + col)], np.float32(0.5), np.float32(0.0)
     for j in range(2 * reach_y + 1):
         first, last = spans[j]
-        count = last - first + 1
-        start, at = col + first, j * pitch + reach_x + first
-        if count < 1:
+        n, at = last - first + 1, j * pitch + reach_x + first
+        if n < 1:
             continue
-        line = image[row + j - reach_y, start - 1:start + count + 1]
-        above, below = image[row + j - reach_y - 1, start:start + count], image[row + j - reach_y + 1, start:start + count]
-        to_grey, to_x, to_y, to_inside = grey[at:at + count], gx[at:at + count], gy[at:at + count], inside[at:at + count]
-        for i in range(count):
-            to_grey[i] = line[i + 1] - level
-            to_x[i] = half * (line[i + 2] - line[i])
-            to_y[i] = half * (below[i] - above[i])
-            to_inside[i] = np.float32(1.0)
+        k = (row + j - reach_y) * width + col + first
+        wide = full_lanes(n, flat.size - k - width)
+        up, centre, down, length = np.uint64(k - width), np.uint64(k - 1), np.uint64(k + width), np.uint64(wide)
+        above, line, below = flat[up:up + length], flat[centre:centre + length + np.uint64(2)], flat[down:down + length]
+        to_grey, to_x, to_y = grey[at:at + wide], gx[at:at + wide], gy[at:at + wide]
+        for i in range(wide):
+            to_grey[i] = line[i + 1] - level if i < n else zero
+        for i in range(wide):
+            to_x[i] = half * (line[i + 2] - line[i]) if i < n else zero
+        for i in range(wide):
+            to_y[i] = half * (below[i] - above[i]) if i < n else zero
     return level
 
 
@@ -98,36 +113,95 @@ def grey_sums(p, q):
     return s, pp, pq
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def _same_steps(rest, drift, most):
+    """How many pixels, at most `most`, a coordinate that is `rest` in [0, 1) beyond a whole pixel stays there while drifting."""
+    if drift == 0.0:
+        return most
+    room = (np.float32(1.0) - rest) / drift if drift > 0.0 else rest / -drift
+    return most if room >= most else int(room) + 1
+
+
+@njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
+def _bicubic_run(flat, k, width, rest, drift, level, n, patch, at):
+    """Fill n pixels of `patch` from `at` on: their neighbours lie side by side, so that they are read many at once.
+
+    What goes over the n pixels is zero.
+    """
+    one = np.uint64(1)
+    wide = full_lanes(n, flat.size - int(k + width + width) - 2)
+    length = np.uint64(wide + 3)
+    a, b, c, d = k - width - one, k - one, k + width - one, k + width + width - one
+    first, second, third, fourth = flat[a:a + length], flat[b:b + length], flat[c:c + length], flat[d:d + length]
+    line = patch[at:at + wide]
+    for i in range(wide):
+        x = np.float32(i)
+        w0, w1, w2, w3 = cubic_weights(rest[0] + drift[0] * x)
+        v0, v1, v2, v3 = cubic_weights(rest[1] + drift[1] * x)
+        value = (
+            v0 * (w0 * first[i] + w1 * first[i + 1] + w2 * first[i + 2] + w3 * first[i + 3])
+            + v1 * (w0 * second[i] + w1 * second[i + 1] + w2 * second[i + 2] + w3 * second[i + 3])
+            + v2 * (w0 * third[i] + w1 * third[i + 1] + w2 * third[i + 2] + w3 * third[i + 3])
+            + v3 * (w0 * fourth[i] + w1 * fourth[i + 1] + w2 * fourth[i + 2] + w3 * fourth[i + 3])
+        )
+        line[i] = value - level if i < n else np.float32(0.0)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
+def _bilinear_run(flat, k, width, rest, drift, level, n, patch, at):
+    """As `_bicubic_run`, from 2 x 2 pixels."""
+    wide = full_lanes(n, flat.size - int(k + width) - 1)
+    length = np.uint64(wide + 1)
+    above, below = flat[k:k + length], flat[k + width:k + width + length]
+    line = patch[at:at + wide]
+    for i in range(wide):
+        x = np.float32(i)
+        f, g = rest[0] + drift[0] * x, rest[1] + drift[1] * x
+        top, bottom = above[i] + f * (above[i + 1] - above[i]), below[i] + f * (below[i + 1] - below[i])
+        value = top + g * (bottom - top)
+        line[i] = value - level if i < n else np.float32(0.0)
+
+
 @njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
 def warp_window(flat, width, base, t, a, use_bicubic, reach, spans, patch):
     """Fill the block `patch` with the right image at base + t + A (x, y); returns the grey value it counts from.
 
-    flat, width: the right image; base: the whole pixel (col, row) that t (px) is counted from.
+    flat, width: the right image; base: the whole pixel (col, row) that t (px) is counted from. A row of the window is cut into
+    runs whose pixels fall between neighbouring pixels of one row of the image.
     """
     whole_x, whole_y = int(np.floor(t[0])), int(np.floor(t[1]))
     rest_x, rest_y = t[0] - whole_x, t[1] - whole_y
     origin = (base[1] + whole_y) * width + base[0] + whole_x
     reach_x, reach_y = reach
     pitch = block_pitch(reach_x)
-    step_x, step_y = np.float32(a[0]), np.float32(a[2])
+    drift = np.float32(a[0] - 1.0), np.float32(a[2])
     level = flat[np.uint64(origin)]
     stride = np.uint64(width)
     for j in range(2 * reach_y + 1):
         first, last = spans[j]
-        count = last - first + 1
-        if count < 1:
-            continue
         y = j - reach_y
-        u0, v0 = np.float32(rest_x + a[1] * y + a[0] * first), np.float32(rest_y + a[3] * y + a[2] * first)
-        line = patch[j * pitch + reach_x + first:j * pitch + reach_x + last + 1]
-        if use_bicubic:
-            for i in range(count):
-                u, v = u0 + step_x * np.float32(i), v0 + step_y * np.float32(i)
-                c, r = np.floor(u), np.floor(v)
-                line[i] = bicubic(flat, stride, np.uint64(origin + int(r) * width + int(c)), u - c, v - r) - level
-        else:
-            for i in range(count):
-                u, v = u0 + step_x * np.float32(i), v0 + step_y * np.float32(i)
-                c, r = np.floor(u), np.floor(v)
-                line[i] = bilinear(flat, stride, np.uint64(origin + int(r) * width + int(c)), u - c, v - r) - level
+        u, v = np.float32(rest_x + a[1] * y + (a[0] - 1.0) * first), np.float32(rest_y + a[3] * y + a[2] * first)
+        x = first
+        while x <= last:
+            along = np.float32(x - first)
+            p, q = u + drift[0] * along, v + drift[1] * along
+            c, r = np.floor(p), np.floor(q)
+            rest = p - c, q - r
+            count = min(_same_steps(rest[0], drift[0], last - x + 1), _same_steps(rest[1], drift[1], last - x + 1))
+            k = np.uint64(origin + int(r) * width + int(c) + x)
+            at = j * pitch + reach_x + x
+            if use_bicubic:
+                _bicubic_run(flat, k, stride, rest, drift, level, count, patch, at)
+            else:
+                _bilinear_run(flat, k, stride, rest, drift, level, count, patch, at)
+            x += count
     return level
+
+
+@njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
+def dot(p, q):
+    """Sum of p q."""
+    total = np.float32(0.0)
+    for i in range(p.size):
+        total += p[i] * q[i]
+    return total

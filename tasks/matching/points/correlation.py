@@ -110,7 +110,7 @@ def _best(image: np.ndarray, other: np.ndarray, pixel: np.ndarray, centre: np.nd
     template = _cut(image, pixel, half)
     if template.shape != (2 * half + 1, 2 * half + 1) or np.isnan(template).any():
         return _Found(Outcome.OUTSIDE)
-    if template.std() < settings.min_deviation:
+    if template.std(dtype=np.float64) < settings.min_deviation:
         return _Found(Outcome.LOW_TEXTURE)
     search = _cut(other, centre, half + reach)
     if min(search.shape) < 2 * half + 1:

@@ -80,7 +80,7 @@ def grow(left: ImagePart, right: ImagePart, grid: NodeGrid, seeds: Seeds, settin
     found = pair.match(points, np.full_like(points, np.nan))
     _plant(queues, grid, seeds)
     found = _grown(pair, points, queues, grid, found, settings)
-    for _ in range(settings.crossings if settings.region else 0):
+    for _ in range(settings.crossings if settings.region and len(points) else 0):
         solved = np.flatnonzero(found.converged)
         push_neighbours(queues, grid.cols, float(grid.step), settings.levels, solved, found.position[solved],
                         found.affine[solved].astype(np.float64), True)

@@ -1,0 +1,70 @@
+"""Two workers against one: the dense surface of a part of the synthetic pair, strip by strip, in processes of their own.
+
+Wall times, so that the machine has to be idle; both are taken in one run, after a round that loads the kernels. A strip comes with
+its halo, as a tile of the pipeline does; what one worker and two workers find is compared as well.
+"""
+
+import os
+import time
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+
+import numpy as np
+
+from schemas.raster import Window
+from tasks.matching.strategies.node_grid import ImagePart, NodeGrid
+from tasks.matching.strategies.pyramid import PyramidMatching, SearchRange, halo, match_pyramid
+from tasks.simulation.dissertation_pair import CLEAN, GroundTexture, PairCrop, pair_crop
+from tasks.simulation.dissertation_surface import true_matches
+
+_STRIPS, _STEP, _SEARCH, _ROUNDS = 4, 4, 20, 3
+_PYRAMID = PyramidMatching()
+
+
+def strips_of(crop: PairCrop) -> list[tuple[ImagePart, ImagePart, NodeGrid, SearchRange]]:
+    """What the jobs are given: strips of the left part with their halo, the right part, nodes and search range."""
+    unit = 2**_PYRAMID.levels
+    left, right = (
+        ImagePart(image[-origin[1] % unit:, -origin[0] % unit:], origin[0] + -origin[0] % unit, origin[1] + -origin[1] % unit)
+        for image, origin in ((crop.left, crop.left_origin), (crop.right, crop.right_origin))
+    )
+    whole = NodeGrid.within(left, _STEP, 2 * _SEARCH)
+    offsets = true_matches(whole.points()) - whole.points()
+    search = SearchRange(offsets[:, 0].min() - _SEARCH, offsets[:, 0].max() + _SEARCH, -_SEARCH / 2, _SEARCH / 2)
+    reach = -(-halo(_PYRAMID, _STEP) // unit) * unit
+    height = whole.rows // _STRIPS
+    jobs = []
+    for first in range(whole.row, whole.row + height * _STRIPS, height):
+        top = max(left.row, (first * _STEP - reach) // unit * unit)
+        bottom = min(left.row + left.pixels.shape[0], (first + height) * _STEP + reach)
+        part = ImagePart(np.ascontiguousarray(left.pixels[top - left.row:bottom - left.row]), left.col, top)
+        jobs.append((part, right, NodeGrid(first, whole.col, height, whole.cols, _STEP), search))
+    return jobs
+
+
+def _matched(job: tuple[ImagePart, ImagePart, NodeGrid, SearchRange]) -> np.ndarray:
+    return match_pyramid(*job, _PYRAMID).col
+
+
+def _timed(jobs: list, workers: int) -> tuple[float, list[np.ndarray]]:
+    """Least wall seconds of some rounds, and what was found."""
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        found = list(pool.map(_matched, jobs))
+        seconds = []
+        for _ in range(_ROUNDS):
+            began = time.perf_counter()
+            list(pool.map(_matched, jobs))
+            seconds.append(time.perf_counter() - began)
+    return min(seconds), found
+
+
+def workers_page(texture: GroundTexture, window: Window) -> list[str]:
+    """One row for each number of workers up to the number of cores."""
+    jobs = strips_of(pair_crop(texture, window, 3 * _SEARCH, CLEAN))
+    alone, expected = _timed(jobs, 1)
+    lines = ["| workers | wall s | against one | same numbers |", "| --- | --- | --- | --- |", f"| 1 | {alone:.2f} | 1.00 | - |"]
+    for workers in range(2, (os.cpu_count() or 1) + 1):
+        seconds, found = _timed(jobs, workers)
+        same = all(np.array_equal(a, b, equal_nan=True) for a, b in zip(expected, found, strict=True))
+        lines.append(f"| {workers} | {seconds:.2f} | {alone / seconds:.2f} | {'yes' if same else 'NO'} |")
+    return lines
