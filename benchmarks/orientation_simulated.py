@@ -160,7 +160,8 @@ PARTS = {"pairs": pairs, "kea": kea, "volos": volos, "growth": growth}
 def main() -> None:
     """Measure the parts named on the command line, or all, and write the page."""
     first = next((int(word.removeprefix("from=")) for word in sys.argv[1:] if word.startswith("from=")), 0)
-    text = ["# Orientation on simulated measurements", "", f"`make bench-orientation-simulated`, {machine()}; first seed {first}", ""]
+    how = f"`make bench-orientation-simulated`, {machine()}; first seed {first}"
+    text = ["# Orientation on simulated measurements", "", how, ""]
     for name in [word for word in sys.argv[1:] if word in PARTS] or PARTS:
         text += [*PARTS[name](first), ""]
     write_result("orientation_simulated", "\n".join(text))

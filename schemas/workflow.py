@@ -119,8 +119,8 @@ class ControlFromFiles(Settings):
     kind: Literal["files"]
     points: str = setting(
         ...,
-        "CSV with the columns name, role (control, check or tie), x, y, z, sigma_x, sigma_y, sigma_z; a tie point is only measured in "
-        "photographs, and its numbers stay empty.",
+        "CSV with the columns name, role (control, check or tie), x, y, z, sigma_x, sigma_y, sigma_z; a tie point is only measured "
+        "in photographs, and its numbers stay empty.",
     )
     measurements: str = setting(..., "CSV with the columns name, photo, col, row, sigma (pixels).")
     distances: str | None = setting(
