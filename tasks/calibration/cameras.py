@@ -7,13 +7,14 @@ from schemas.camera import Camera
 from schemas.photo import Photos
 from schemas.workflow import CameraGiven
 from tasks.calibration.assignment import cameras_for
-from tasks.calibration.nominal import camera_given, cameras_from_exif, cameras_from_file
+from tasks.calibration.blind import cameras_from_exif
+from tasks.calibration.nominal import camera_given, cameras_from_file
 from tasks.calibration.report import cameras_report
 
 
 def from_exif(photos: Photos) -> dict[str, Any]:
-    """Nominal cameras. Raises PhotoError when EXIF says too little."""
-    return _outcome(photos, cameras_from_exif(photos))
+    """Nominal cameras. Raises PhotoError when EXIF says too little of all photographs."""
+    return _outcome(*cameras_from_exif(photos))
 
 
 def from_file(photos: Photos, text: str, path: str) -> dict[str, Any]:
@@ -26,6 +27,7 @@ def as_given(photos: Photos, given: CameraGiven) -> dict[str, Any]:
     return _outcome(photos, camera_given(given, photos))
 
 
-def _outcome(photos: Photos, sources: dict[str, Camera]) -> dict[str, Any]:
+def _outcome(photos: Photos, sources: dict[str, Camera], remarks: tuple[str, ...] = ()) -> dict[str, Any]:
     cameras = cameras_for(photos, sources)
-    return {"cameras": cameras, "report": cameras_report(cameras, photos, sources)}
+    report = cameras_report(cameras, photos, sources)
+    return {"cameras": cameras, "report": report.model_copy(update={"warnings": (*remarks, *report.warnings)})}

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from schemas.camera import INTERIOR, Camera, Cameras
-from schemas.errors import PhotoError, WorkflowError
+from schemas.errors import WorkflowError
 from schemas.photo import Photo, Photos
 from schemas.workflow import CameraGiven
 from tasks.geometry.camera_change import file_size
@@ -20,20 +20,6 @@ _LENS_SIGMA = {"k1": 0.1, "k2": 0.1, "p1": 0.002, "p2": 0.002}
 _PRINCIPAL_POINT_SHARE = 0.01
 """Standard error of the principal point as a share of the width."""
 _WIDTH_35MM = 36.0
-
-
-def cameras_from_exif(photos: Photos) -> dict[str, Camera]:
-    """One nominal camera per `Photo.camera`. Raises PhotoError naming the photographs that say too little."""
-    blind = [photo.name for photo in photos.photos if nominal_constant(photo) is None]
-    if blind:
-        names = ", ".join(blind[:8]) + (f" and {len(blind) - 8} more" if len(blind) > 8 else "")
-        raise PhotoError(
-            f"No camera constant can be found for {len(blind)} of {len(photos.photos)} photographs ({names}): their "
-            "EXIF tags do not tell a "
-            "focal length together with the size of a pixel or its 35 mm equivalent; add the camera to the workflow, for example "
-            "cameras: {kind: given, c: <camera constant in pixels>}, or a camera file, or photographs of a chessboard."
-        )
-    return {photo.camera: _nominal_camera(photo) for photo in reversed(photos.photos)}
 
 
 def nominal_constant(photo: Photo) -> tuple[float, float] | None:
@@ -47,7 +33,8 @@ def nominal_constant(photo: Photo) -> tuple[float, float] | None:
     return None
 
 
-def _nominal_camera(photo: Photo) -> Camera:
+def nominal_camera(photo: Photo) -> Camera:
+    """The camera that the EXIF tags of a photograph tell."""
     width, height = file_size(photo)
     c, sigma_c = nominal_constant(photo) or (0.0, 0.0)
     sigma = {"c": sigma_c, "x0": _PRINCIPAL_POINT_SHARE * width, "y0": _PRINCIPAL_POINT_SHARE * width, **_LENS_SIGMA}

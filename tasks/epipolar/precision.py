@@ -1,10 +1,10 @@
 """How far homologous points may leave their common row, as the orientation's precision lets expect.
 
 Strategy. The errors of both exterior orientations and of the interior orientation are carried to the row coordinate of ground
-points at the border of the common images: turns by Karfis' row partials, shifts of the centre by their projection, the interior
-orientation by the collinearity equations. Their joint covariance takes out what a weak datum does to both photographs alike, and
-what a doubtful camera constant does to orientation and camera together; where it is not known they count as independent, and the
-figure is an upper bound. An interior orientation that was not adjusted in the block has no part in it.
+points at the border of what both photographs show: turns by Karfis' row partials, shifts of the centre by their projection, the
+interior orientation by the collinearity equations. Their joint covariance takes out what a weak datum does to both photographs
+alike, and what a doubtful camera constant does to orientation and camera together; where it is not known they count as independent,
+and the figure is an upper bound. An interior orientation that was not adjusted in the block has no part in it.
 
 Source: Karfis 2009, section 6.5 (methods/relative_orientation_and_epipolar.md, 1.14).
 """
@@ -17,16 +17,28 @@ import numpy as np
 from schemas.camera import INTERIOR
 from schemas.epipolar import EpipolarPair
 from schemas.orientation import Block, ExteriorOrientation, JointCovariance
-from tasks.geometry.normal_case import Side, epipolar_view, row_partials
+from tasks.geometry.normal_case import Side, common_polygon, epipolar_view, frame_polygon, row_partials
 from tasks.geometry.rotation import rotation_derivatives, rotation_matrix
-from tasks.geometry.view import View, view_of
+from tasks.geometry.view import View, block_view, view_of
 
 
 def row_sigma(pair: EpipolarPair, block: Block) -> float:
-    """Greatest standard error (px) of the y-parallax in a pair; the block's sigma0 where the orientation has no covariance."""
+    """Greatest standard error (px) of the y-parallax where both photographs of a pair show the ground; the block's sigma0 where the
+    orientation has no covariance."""
     if any(block.of(name).covariance is None for name in (pair.left, pair.right)):
         return block.sigma0_px
-    return float(row_sigmas(pair, block, border_points(pair)).max())
+    return float(row_sigmas(pair, block, common_corners(pair, block)).max())
+
+
+def common_corners(pair: EpipolarPair, block: Block) -> np.ndarray:
+    """(N, 2): corners of what both photographs show at the mean parallax, epipolar x and y of the left image, px.
+
+    The corners of the epipolar images themselves show no photograph where frames lie askew to the base: there the distortion would
+    be carried on beyond all measurements.
+    """
+    rotation, parallax = np.array(pair.rotation), (pair.parallax_low + pair.parallax_high) / 2
+    left, right = (frame_polygon(block_view(block, name), rotation, pair.c) for name in (pair.left, pair.right))
+    return common_polygon(left, right + np.array([parallax, 0.0]))
 
 
 def border_points(pair: EpipolarPair) -> np.ndarray:

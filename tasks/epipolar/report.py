@@ -56,7 +56,8 @@ def _figures(pairs: EpipolarPairs, every: RowResiduals) -> tuple[Figure, ...]:
         Figure(name="y_parallax_median", value=_known(every.median, 3), unit="px", sentence="Median of the absolute y-parallaxes."),
         Figure(name="y_parallax_max", value=_known(every.greatest, 3), unit="px", sentence="Greatest absolute y-parallax."),
         Figure(name="row_band", value=_known(max(pair.row_sigma for pair in used), 3), unit="px",
-               sentence="Half-width of the row band that the orientation's precision lets expect, worst pair."),
+               sentence="Half-width of the row band that the orientation's precision lets expect, in the weakest corner of the "
+                        "worst pair; corners without tie points are uncertain."),
         Figure(name="base_height_mean", value=_known(float(np.mean([pair.base_height for pair in used])), 3),
                sentence="Mean base over flying height of the pairs."),
         Figure(name="megapixels", value=round(megapixels, 1), unit="Mpx", sentence="Size of all epipolar images together."),
@@ -82,7 +83,8 @@ def _residuals_grid(pairs: EpipolarPairs, rows: dict[str, RowResiduals]) -> Grid
         title="Y-parallax of the tie points",
         columns=("pair", "tie points", "mean (px)", "RMS (px)", "median (px)", "greatest (px)", "row band (px)"),
         rows=tuple(_residuals_row(pair, rows[pair.name]) for pair in pairs.pairs),
-        note="Homologous points must lie on the same row. The row band is an upper bound from the precision of both orientations.",
+        note="Homologous points must lie on the same row. The row band is what the precision of both orientations lets expect in "
+             "the weakest corner of the common ground; what was measured holds where tie points lie, their own noise included.",
     )
 
 

@@ -175,7 +175,7 @@ def _reasons(material: Material, growth: Growth, left: np.ndarray) -> Iterator[U
 def _reason(material: Material, growth: Growth, photo: int) -> str:
     name = material.names[photo]
     if not (material.rays.photo == photo).any():
-        return f"{name} has no tie points: it overlaps no other photograph, or has too little texture."
+        return f"{name} has no tie points: it overlaps no other photograph, has too little texture, or only repeats another one."
     own = [pair for pair in material.relative if name in (pair.left, pair.right)]
     if not any(pair.oriented for pair in own):
         best = max(own, key=lambda pair: pair.matches, default=None)

@@ -8,6 +8,7 @@ from schemas.orientation import Block, BlockPrecision, ExteriorOrientation, Grou
 from schemas.photo import Photos
 from schemas.report import Figure, Grid, StageReport
 from tasks.geometry.survey_system import vertical_name
+from tasks.orientation.report_adjustment import adjustment_grids
 from tasks.orientation.report_charts import block_charts
 from tasks.orientation.report_facts import CELLS, Facts, coverage, filled_areas
 from tasks.orientation.report_overlap import overlap_picture
@@ -30,11 +31,12 @@ def report(
     grids = (
         _cameras(facts),
         *_interior_correlations(facts),
-        _orientations(facts),
-        _per_photo(facts),
         _ground(facts, "control"),
         _ground(facts, "check"),
         _ground(facts, "position"),
+        *adjustment_grids(precision, ground_residuals.distances),
+        _per_photo(facts),
+        _orientations(facts),
         _relative(facts),
         _unoriented(facts),
     )
@@ -83,14 +85,22 @@ def _figures(facts: Facts) -> list[Figure]:
             value=precision.image_factor,
             sentence="Estimated by stated standard error of the image measurements.",
         ),
-        Figure(name="redundancy", value=block.redundancy),
-        Figure(name="iterations", value=block.iterations),
+        Figure(name="redundancy", value=block.redundancy, sentence="Numbers observed beyond those that are unknown."),
+        Figure(name="iterations", value=block.iterations, sentence="Of all adjustments, those that found blunders included."),
         Figure(
             name="tie_points", value=len(facts.points), sentence="Tie points on the ground, each seen by two photographs or more."
         ),
-        Figure(name="rays_per_point", value=float(facts.points.rays.mean()) if len(facts.points) else None),
-        Figure(name="image_measurements", value=precision.rays),
-        Figure(name="image_measurements_rejected", value=precision.rejected),
+        Figure(
+            name="rays_per_point",
+            value=float(facts.points.rays.mean()) if len(facts.points) else None,
+            sentence="Photographs per tie point, on average.",
+        ),
+        Figure(name="image_measurements", value=precision.rays, sentence="Points measured in photographs that took part."),
+        Figure(
+            name="image_measurements_rejected",
+            value=precision.rejected,
+            sentence="Measurements that contradicted the others and took no part.",
+        ),
         Figure(
             name="centre_sigma_plan",
             value=_median(np.hypot(centre[:, 0], centre[:, 1])),
@@ -154,8 +164,8 @@ def _ground_figures(points: tuple[GroundResidual, ...], word: str) -> list[Figur
         Figure(
             name=f"{word}_by_predicted",
             value=float(ratio),
-            sentence="Differences in units of their predicted standard errors, root mean square: "
-            "about 1 when the precision is honest.",
+            sentence="Differences in units of their predicted standard errors, root mean square: about 1 when the stated precision "
+            "is honest; well below, it could be stated better.",
         ),
     ]
 
@@ -182,7 +192,8 @@ def _cameras(facts: Facts) -> Grid:
         title="Cameras",
         columns=("camera", "parameter", "before", "adjusted", "standard error", "change"),
         rows=tuple(rows),
-        note="c, x0, y0 in pixels. No standard error: the parameter was held fixed.",
+        note="c, x0, y0 in pixels. No standard error: the parameter was held fixed. A standard error without a change: the "
+        "parameter was not adjusted, but its doubt was carried to all results.",
     )
 
 
@@ -291,7 +302,8 @@ def _ground(facts: Facts, role: str) -> Grid:
 def _relative(facts: Facts) -> Grid:
     rows = tuple(
         (
-            f"{p.left} - {p.right}",
+            p.left,
+            p.right,
             p.matches,
             p.kept,
             p.sigma0_px,
@@ -306,7 +318,8 @@ def _relative(facts: Facts) -> Grid:
     return Grid(
         title="Relative orientation of pairs",
         columns=(
-            "pair",
+            "left",
+            "right",
             "matches",
             "kept",
             "sigma0 px",

@@ -6,7 +6,7 @@ from scipy.sparse import csr_array
 from schemas.report import Chart
 from tasks.orientation.report_facts import Facts
 
-PHOTOS_SHOWN, ARROWS_SHOWN, EDGES_SHOWN = 4, 250, 400
+PHOTOS_SHOWN, ARROWS_SHOWN, EDGES_SHOWN = 4, 150, 400
 STRENGTHS = (("300 tie points or more", 300), ("100 to 299", 100), ("30 to 99", 30), ("fewer than 30", 1))
 """How strongly two photographs hang together, by the tie points that they share"""
 
@@ -61,16 +61,16 @@ def _arrows(facts: Facts, name: str) -> Chart | None:
     return Chart(
         title=f"Mean image residuals over the frame, camera {name}",
         style="arrows",
-        x_label="col, px",
-        y_label="row, px",
-        x=tuple(float(v) for v in (keep % bins + 0.5) * camera.width / bins),
+        x_label="x, px",
+        y_label="y, px",
+        x=tuple(float(v) for v in ((keep % bins + 0.5) / bins - 0.5) * camera.width),
         series={
-            "y": tuple(float(v) for v in (keep // bins + 0.5) * camera.height / bins),
+            "y": tuple(float(v) for v in (0.5 - (keep // bins + 0.5) / bins) * camera.height),
             "dx": tuple(map(float, dx)),
-            "dy": tuple(map(float, dy)),
+            "dy": tuple(map(float, -dy)),
         },
-        caption=f"Arrows are exaggerated; the longest is {np.hypot(dx, dy).max() if len(dx) else 0:.2f} px. A pattern means "
-        "that the camera model does not fit the lens.",
+        caption=f"The frame as one looks at the photograph, from its middle, y up; arrows are exaggerated, the longest is "
+        f"{np.hypot(dx, dy).max() if len(dx) else 0:.2f} px. A pattern means that the camera model does not fit the lens.",
     )
 
 
@@ -99,13 +99,15 @@ def _photo_arrows(facts: Facts, name: str) -> Chart | None:
     if not len(own):
         return None
     own = own.take(np.unique(np.linspace(0, len(own) - 1, ARROWS_SHOWN).astype(int)))
+    camera = facts.block.camera_of(name)
+    x, y = own.col - (camera.width - 1) / 2, (camera.height - 1) / 2 - own.row
     return Chart(
         title=f"Image residuals of {name}",
         style="arrows",
-        x_label="col, px",
-        y_label="row, px",
-        x=tuple(map(float, own.col)),
-        series={"y": tuple(map(float, own.row)), "dx": tuple(map(float, own.v_col)), "dy": tuple(map(float, own.v_row))},
+        x_label="x, px",
+        y_label="y, px",
+        x=tuple(map(float, x)),
+        series={"y": tuple(map(float, y)), "dx": tuple(map(float, own.v_col)), "dy": tuple(map(float, -own.v_row))},
         caption=f"One of the {PHOTOS_SHOWN} photographs with the largest residuals; up to {ARROWS_SHOWN} of its measurements, "
         "arrows exaggerated. Neighbours that point the same way mean a systematic error.",
     )
@@ -137,7 +139,7 @@ def _graph(facts: Facts) -> Chart | None:
         series={label: tuple(map(float, values)) for label, values in series.items() if np.isfinite(values).any()},
         caption="A line joins the projection centres of two photographs, coloured by how many tie points they share"
         + (f"; the {EDGES_SHOWN} strongest of them." if len(pairs) == EDGES_SHOWN else ".")
-        + " A block that hangs together by few thin lines can bend or break there.",
+        + " Where a block hangs together by a few weak lines only, it can bend or break.",
     )
 
 

@@ -72,13 +72,29 @@ def _one_sided(facts: Facts) -> list[str]:
     ]
 
 
-def _camera_warnings(facts: Facts) -> list[str]:
-    found = [
-        f"{c.first} and {c.second} can hardly be told apart (correlation {c.value:.2f}): their values are not to be used one "
-        "without the "
-        "other." + (" Control at different heights, or oblique photographs, would part them." if "height" in c.second else "")
-        for c in facts.precision.correlations
+def _correlation_warnings(facts: Facts) -> list[str]:
+    """One sentence for every camera whose parameters hang together, and one for each that hangs together with the flying height."""
+    within: dict[str, list[str]] = {}
+    found = []
+    for c in facts.precision.correlations:
+        (first, _, camera), (second, _, other) = c.first.partition(" of "), c.second.partition(" of ")
+        if camera == other:
+            within.setdefault(camera, []).append(f"{first} and {second} ({c.value:.2f})")
+        else:
+            found.append(
+                f"{c.first} and {c.second} can hardly be told apart (correlation {c.value:.2f}): their values are not to be used "
+                "one without the other."
+                + (" Control at different heights, or oblique photographs, would part them." if "height" in c.second else "")
+            )
+    return found + [
+        f"Parameters of the camera {camera} can hardly be told apart: {', '.join(pairs)}. Their values are not to be used one "
+        "without the other; together they are as good as their residuals."
+        for camera, pairs in within.items()
     ]
+
+
+def _camera_warnings(facts: Facts) -> list[str]:
+    found = _correlation_warnings(facts)
     for name, camera in facts.block.cameras.items():
         before = facts.before.cameras.get(name, camera)
         if before.source == "exif" and camera.source != "block":
@@ -96,14 +112,17 @@ def _camera_warnings(facts: Facts) -> list[str]:
 
 
 def _photo_warnings(facts: Facts) -> list[str]:
-    names, found = facts.photos.names, []
+    names, weak, found = facts.photos.names, [], []
     for photo in facts.block.photos:
         own = facts.image.take((facts.image.photo == names.index(photo.photo)) & facts.image.used)
         filled = filled_areas(own, facts.block.camera_of(photo.photo))
         if len(own) < 30 or filled < 5:
-            found.append(
-                f"{photo.photo} is weakly tied: {len(own)} measurements in {filled} of {CELLS * CELLS} areas of its frame."
-            )
+            weak.append(f"{photo.photo} ({len(own)} measurements in {filled} areas)")
+    if weak:
+        found.append(
+            f"Weakly tied, with few measurements or in few of the {CELLS * CELLS} areas of the frame: {', '.join(weak)}. Where a "
+            "frame is empty nothing holds its orientation; more overlap would help, or photographs with less water and leaves."
+        )
     two, _ = coverage(facts)
     if two < 60.0:
         found.append(f"Weak overlap: only {two:.0f} % of the photographed ground is seen by two photographs or more.")

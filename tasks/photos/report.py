@@ -159,7 +159,9 @@ def _header_warnings(photos: Photos, positions_kind: str) -> list[str]:
         warnings.append(f"{_named(homeless)} without a position: no {source}.")
     if any(photo.focal_mm is None and photo.focal_35mm is None for photo in photos.photos):
         blind = [photo.name for photo in photos.photos if photo.focal_mm is None and photo.focal_35mm is None]
-        warnings.append(f"{_named(blind)} without a focal length in EXIF: the camera has to come from the workflow.")
+        warnings.append(
+            f"{_named(blind)} without a focal length in EXIF: the workflow has to give the camera, or other photographs lend it."
+        )
     cameras = {photo.camera for photo in photos.photos}
     if len(cameras) > 1:
         warnings.append(

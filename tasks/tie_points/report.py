@@ -201,7 +201,8 @@ def _block_chart(photos: Photos, summaries: tuple[PairSummary, ...]) -> Chart:
 
 
 def _warnings(photos: Photos, strength: Strength, summaries: tuple[PairSummary, ...]) -> list[str]:
-    lonely = [name for name, count in zip(photos.names, strength.observations, strict=True) if count == 0]
+    twins = {pair.right for pair in summaries if pair.alike}
+    lonely = [name for name, count in zip(photos.names, strength.observations, strict=True) if count == 0 and name not in twins]
     weak = [f"{name} ({count})" for name, count in zip(photos.names, strength.observations, strict=True) if 0 < count < _WEAK]
     uneven = [
         name
@@ -215,7 +216,8 @@ def _warnings(photos: Photos, strength: Strength, summaries: tuple[PairSummary, 
         if pair.alike
     ]
     if lonely:
-        warnings.append(f"No other photograph shows common ground with {_named(lonely)}: it will not join the block.")
+        they = "it" if len(lonely) == 1 else "they"
+        warnings.append(f"No other photograph shows common ground with {_named(lonely)}: {they} will not join the block.")
     if weak:
         warnings.append(f"Fewer than {_WEAK} tie points in {_named(weak)}: expect a weak or failing orientation there.")
     if uneven:

@@ -86,8 +86,22 @@ def test_contradicting_exif_tags_are_reported():
 
 
 def test_no_exif_and_no_camera_is_one_sentence_that_names_the_photographs():
-    with pytest.raises(PhotoError, match=r"2 of 3 photographs \(b, c\).*kind: given"):
-        from_exif(photos(photo(focal_35mm=28.0), photo("b"), photo("c", focal_mm=8.0)))
+    with pytest.raises(PhotoError, match=r"2 of 2 photographs \(b, c\).*kind: given"):
+        from_exif(photos(photo("b"), photo("c", focal_mm=8.0)))
+
+
+def test_a_photograph_that_lost_its_tags_takes_the_camera_of_the_others_of_its_size():
+    block = (photo("a", focal_mm=4.0, pixel_um=2.0, camera="cam"), photo("b", camera="800 x 600"))
+    outcome = from_exif(photos(*block))
+    assert outcome["cameras"].of_photo == {"a": "cam", "b": "cam"} and list(outcome["cameras"].cameras) == ["cam"]
+    assert any("focal length of b; taken as photographs of cam" in text for text in outcome["report"].warnings)
+
+
+def test_a_photograph_of_another_size_without_tags_gets_a_guess_that_says_so():
+    outcome = from_exif(photos(photo(focal_mm=4.0, pixel_um=2.0), photo("b", camera="900 x 900", width=900, height=900)))
+    camera = outcome["cameras"].of("b")
+    assert camera.c == 900 and np.sqrt(camera.covariance[0][0]) == pytest.approx(225) and camera.source == "exif"
+    assert any("focal length of b" in text and "900 px was guessed" in text for text in outcome["report"].warnings)
 
 
 def test_given_cameras_keep_their_numbers_and_sigma():

@@ -6,6 +6,7 @@ from orienting import orient
 from simulated_block import two_strips
 
 from schemas.observations import Control
+from schemas.orientation import DistanceResidual
 from tasks.geometry.view import block_view
 from tasks.orientation.report import report
 from tasks.orientation.report_overlap import CENTRE, MOST, OUTLINE, SIDE, outline, overlap_map
@@ -59,6 +60,39 @@ def test_correlations_of_the_camera_are_a_table(shown):
     grid = next(grid for grid in shown.grids if grid.title.startswith("Correlations of the interior"))
     values = np.array([row[1:] for row in grid.rows], float)
     assert np.allclose(np.diag(values), 1.0) and np.allclose(values, values.T) and np.abs(values).max() <= 1.0
+
+
+def table(shown, title):
+    """The columns of a table of the report by name."""
+    grid = next(grid for grid in shown.grids if grid.title == title)
+    return dict(zip(grid.columns, zip(*grid.rows, strict=True), strict=True))
+
+
+def test_groups_of_observations_add_up_to_the_redundancy(volos_like, shown):
+    groups = table(shown, "Groups of observations")
+    assert {"tie points in photographs", "surveyed coordinates"} <= set(groups["observations"])
+    assert sum(groups["redundancy"]) == pytest.approx(volos_like[1]["block"].redundancy, rel=0.02)
+    share = 100 * np.array(groups["redundancy"]) / np.array(groups["numbers observed"])
+    assert np.allclose(share, groups["mean redundancy number, %"], atol=0.11) and (share > 0).all() and (share < 100).all()
+
+
+def test_the_worst_measurements_are_named_with_photograph_and_point(volos_like, shown):
+    worst = table(shown, "Largest standardised residuals")
+    assert set(worst["photo"]) <= set(volos_like[1]["block"].names)
+    assert all(point.startswith("tie point ") or point in names_of_control(volos_like[0]) for point in worst["point"])
+    size = np.abs(worst["in standard errors"])
+    assert (np.diff(size) <= 0).all() and size[0] > 2.5
+
+
+def names_of_control(block):
+    return {point.name for point in block.control.points}
+
+
+def test_distances_are_a_table(volos_like):
+    block, result = volos_like
+    rows = (DistanceResidual(first="a", second="b", length=12.5, difference=0.004, predicted=0.003),)
+    shown = page(block, result | {"ground_residuals": result["ground_residuals"].model_copy(update={"distances": rows})})
+    assert table(shown, "Distances")["block minus measured m"] == (0.004,)
 
 
 def test_control_in_one_corner_is_one_sided():
