@@ -81,7 +81,9 @@ def choose_pairs(block: Block, choice: PairChoice, height_margin: float, height_
     found = candidates(views, heights.mean)
     useful = [c for c in found if not why_not(c, choice)]
     kept = best_pairs(useful, choice.per_photo)
-    refused = [(_name(views, c), why_not(c, choice) or f"one of the photos already has {choice.per_photo} better pairs")
+    refused = [(view.name, "shows the horizon; a surface is measured in photographs that look down") for view in views
+               if np.isnan(view.at_height(border_pixels(view), heights.mean)).any()]
+    refused += [(_name(views, c), why_not(c, choice) or f"one of the photos already has {choice.per_photo} better pairs")
                for c in found if c not in kept]
     pairs = []
     for c in kept:
@@ -95,26 +97,28 @@ def choose_pairs(block: Block, choice: PairChoice, height_margin: float, height_
 
 
 def candidates(views: list[View], z: float) -> list[Candidate]:
-    """All pairs whose footprints meet at height `z` (m), in order of the photographs."""
+    """All pairs whose footprints meet at height `z` (m), in order of the photographs; none with a photograph that shows the
+    horizon."""
     origin = np.mean([view.centre for view in views], axis=0)[:2]
     prints = [footprint(view, z, origin) for view in views]
-    low = np.array([p.polygon.min(axis=0) for p in prints])
-    high = np.array([p.polygon.max(axis=0) for p in prints])
+    nowhere = np.full((1, 2), np.nan)
+    polygons = [nowhere if p is None else p.polygon for p in prints]
+    low, high = (np.array([extreme(polygon, axis=0) for polygon in polygons]) for extreme in (np.min, np.max))
     found = []
     for i in range(len(views)):
         near = np.flatnonzero((low[i + 1:] < high[i]).all(axis=1) & (high[i + 1:] > low[i]).all(axis=1)) + i + 1
         for j in near:
-            common = polygon_area(common_polygon(prints[i].polygon, prints[j].polygon))
+            common = polygon_area(common_polygon(polygons[i], polygons[j]))
             if common > 0:
                 found.append(_candidate((i, int(j)), (views[i], views[j]), (prints[i], prints[j]), common))
     return found
 
 
-def footprint(view: View, z: float, origin: np.ndarray) -> Footprint:
-    """The ground of a photograph at height `z` (m). Raises GeometryError when a part of it looks over the horizon."""
+def footprint(view: View, z: float, origin: np.ndarray) -> Footprint | None:
+    """The ground of a photograph at height `z` (m); None when a part of it looks over the horizon."""
     ground = view.at_height(border_pixels(view), z)
     if np.isnan(ground).any():
-        raise GeometryError(f"The photograph {view.name} shows the horizon; a surface model needs photographs that look down.")
+        return None
     polygon = convex(ground[:, :2] - origin)
     area = polygon_area(polygon)
     return Footprint(polygon, area, float(np.sqrt(area / (view.camera.width * view.camera.height))))
@@ -180,6 +184,8 @@ def _name(views: list[View], candidate: Candidate) -> str:
 
 
 def _no_pair(block: Block, found: list[Candidate], refused: list[tuple[str, str]]) -> str:
+    if not found and refused:
+        return "No pair of photographs is useful for matching: " + "; ".join(f"{name} {why}" for name, why in refused[:5]) + "."
     if not found:
         return f"None of the {len(block.photos)} oriented photographs share ground; a surface needs overlapping photographs."
     return "No pair of photographs is useful for matching: " + "; ".join(f"{name}: {reason}" for name, reason in refused[:5]) + "."

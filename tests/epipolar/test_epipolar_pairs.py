@@ -7,7 +7,7 @@ from tiny_block import block, photos, tie_points
 from schemas.errors import GeometryError
 from schemas.orientation import JointCovariance
 from tasks.epipolar.parallax import common_measurements, row_residuals, summary
-from tasks.epipolar.precision import row_change, row_sigma
+from tasks.epipolar.precision import common_corners, row_change, row_sigma
 from tasks.epipolar.report import report
 from tasks.epipolar.selection import Candidate, PairChoice, best_pairs, choose_pairs, why_not
 from tasks.geometry.normal_case import epipolar_view
@@ -51,6 +51,26 @@ def test_reasons(change, word):
     good = {"first": 0, "second": 1, "overlap": 0.6, "base_height": 0.5, "convergence": 2.0, "scale": 1.0}
     assert why_not(Candidate(**good), PairChoice()) is None
     assert word in why_not(Candidate(**{**good, **change}), PairChoice())
+
+
+def test_a_photograph_that_shows_the_horizon_is_named_and_the_others_are_paired():
+    one = block()
+    first = one.photos[0].model_copy(update={"omega_phi_kappa": (75.0, 0.0, 0.0)})
+    pairs = choose_pairs(one.model_copy(update={"photos": (first, *one.photos[1:])}), PairChoice(), 0.08)
+    assert "horizon" in dict(pairs.not_used)[first.photo]
+    assert len(pairs.pairs) >= 4 and all(first.photo not in (p.left, p.right) for p in pairs.pairs)
+
+
+def test_the_row_band_is_that_of_ground_that_both_photographs_show():
+    one = block()
+    askew = tuple(photo.model_copy(update={"omega_phi_kappa": (0.0, 0.0, 40.0)}) for photo in one.photos)
+    turned = one.model_copy(update={"photos": askew})
+    for pair in choose_pairs(turned, PairChoice(), 0.08).pairs:
+        corners, parallax = common_corners(pair, turned), (pair.parallax_low + pair.parallax_high) / 2
+        for side, name, xy in (("left", pair.left, corners), ("right", pair.right, corners - [parallax, 0.0])):
+            view = view_of(turned.of(name), turned.camera_of(name))
+            pixels = epipolar_view(pair, side, view).to_photo(xy * [1, -1] + [getattr(pair, f"{side}_col0"), pair.row0])
+            assert view.contains(pixels, margin=-2.0).all(), "curved borders are a pixel off their hull"
 
 
 def test_no_useful_pair_is_one_sentence():
