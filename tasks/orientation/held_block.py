@@ -23,6 +23,7 @@ from schemas.photo import Photos
 from tasks.geometry.held_intersection import Intersected, Measured, intersect_held
 from tasks.geometry.rotation import angles
 from tasks.geometry.view import View
+from tasks.orientation.held_warnings import elsewhere, rays_that_do_not_meet, unfitting
 from tasks.orientation.interchange.foreign_block import ForeignBlock, Pose, upright_block
 from tasks.orientation.similarity import Upward, fit_similarity
 from tasks.orientation.sources import HeldSource, read_foreign
@@ -59,15 +60,17 @@ def hold_block(
     held = placed(upright_block(read_foreign(texts, source, crs), photos), photos, cameras, source)
     measured, tracks = _measurements(photos, held.views, tie_points)
     ties, used = _intersected(held.views, measured, len(tracks))
-    factor = _factor(ties, measured, used)
+    factor, positions = _factor(ties, measured, used), _positions(photos, held.views)
+    block = _block(photos, held, ties, used, crs, source)
+    doubts = (*elsewhere(positions, source.described), *unfitting(block.sigma0_px, factor, source.described))
     return {
-        "block": _block(photos, held, ties, used, factor, crs, source),
+        "block": block,
         "points": _ground_points(ties, measured, used, tracks, factor),
         "image_residuals": _image_residuals(photos, held.views, ties, measured, used, tracks),
-        "ground_residuals": GroundResiduals(points=(*_ground(held.views, control), *_positions(photos, held.views))),
+        "ground_residuals": GroundResiduals(points=(*_ground(held.views, control), *positions)),
         "precision": BlockPrecision(
             image_factor=factor, position_factor=1.0, control_factor=1.0, rays=int(used.sum()), rejected=int((~used).sum()),
-            weaknesses=held.weaknesses,
+            weaknesses=(*doubts, *held.weaknesses),
         ),
     }  # fmt: skip
 
@@ -127,7 +130,8 @@ def _intersected(views: list[View], measured: Measured, count: int) -> tuple[Int
         return Intersected(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 2))), np.zeros(0, bool)
     first = intersect_held(views, measured, count)
     size = np.linalg.norm(first.residual, axis=1) / measured.sigma
-    limit = _REJECTED * max(1.0, float(np.nanmedian(size)) / 1.18)
+    usual = float(np.nanmedian(size)) if np.isfinite(size).any() else np.inf
+    limit = _REJECTED * max(1.0, usual / 1.18)
     used = np.nan_to_num(size, nan=np.inf) < limit
     used &= np.bincount(measured.point[used], minlength=count)[measured.point] >= 2
     final = intersect_held(views, measured.take(used), count)
@@ -145,7 +149,7 @@ def _factor(ties: Intersected, measured: Measured, used: np.ndarray) -> float:
     return float(np.sqrt(np.nansum(size**2) / redundancy))
 
 
-def _block(photos: Photos, held: Held, ties: Intersected, used: np.ndarray, factor: float, crs: str, source: HeldSource) -> Block:
+def _block(photos: Photos, held: Held, ties: Intersected, used: np.ndarray, crs: str, source: HeldSource) -> Block:
     low, high = _heights(ties, held, source)
     cameras: dict[str, Camera] = {view.camera.name: view.camera for view in held.views}
     names = {view.name for view in held.views}
@@ -169,6 +173,8 @@ def _heights(ties: Intersected, held: Held, source: HeldSource) -> tuple[float, 
     z = ties.points[np.isfinite(ties.points).all(axis=1), 2] if len(ties.points) else held.points[:, 2]
     if source.ground is not None:
         return source.ground
+    if len(z) < 10 <= len(ties.points):
+        raise GeometryError(rays_that_do_not_meet(len(ties.points), source.described))
     if len(z) < 10:
         raise GeometryError(
             f"Nothing tells how high the ground under the block from {source.described} lies: it has {len(held.points)} points of "

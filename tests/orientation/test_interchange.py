@@ -19,7 +19,7 @@ from tasks.geometry.view import View, block_view
 from tasks.orientation.held_block import hold_block
 from tasks.orientation.interchange.angles_csv import read_angles
 from tasks.orientation.interchange.colmap import read_colmap
-from tasks.orientation.interchange.foreign_block import Pose, file_view, photo_name, upright_block
+from tasks.orientation.interchange.foreign_block import ForeignBlock, Pose, file_view, photo_name, upright_block
 from tasks.orientation.interchange.opensfm import read_opensfm
 from tasks.orientation.products import block_products
 from tasks.orientation.report import report
@@ -173,8 +173,7 @@ def test_photographs_that_exif_turns_leave_as_their_files_are(orientation):
         8: (file_row, 639 - file_col),
     }
     assert np.allclose(upright[orientation], (col, row), atol=1e-8)
-    back = upright_block(SimpleNamespace(poses={"a": file_pose}, cameras={"a": in_file}, points=None, error_px=None, remarks=()),
-                         Photos(photos=(photo,)))  # fmt: skip
+    back = upright_block(ForeignBlock({"a": file_pose}, {"a": in_file}, np.zeros((0, 3))), Photos(photos=(photo,)))
     assert np.allclose(back.poses["a"].rotation, pose.rotation) and back.cameras["a"].interior == pytest.approx(camera.interior)
 
 
@@ -214,13 +213,43 @@ def test_a_block_of_other_photographs_is_told(volos_like):
         hold_block(block.photos, block.cameras, block.control, ("zz 1 2 3 0 0 0\n",), ANGLES, CRS, block.tie_points)
 
 
-def test_a_slightly_wrong_foreign_orientation_shows_in_the_residuals():
-    block = two_strips(4)
+def held_table(block, change=lambda i: 0.0, name=lambda name: name):
+    """The tables of a held block whose CSV has X, Y, Z, omega, phi, kappa changed by `change(number)`."""
     text = "photo,x,y,z,omega,phi,kappa\n"
     for i, view in enumerate(block.views):
-        turned = np.degrees(angles(view.rotation)) + np.array([0.05 * (i % 2), 0.0, 0.0])
-        text += ",".join((view.name, *(repr(float(v)) for v in (*view.centre, *turned)))) + "\n"
+        pose = np.array([*view.centre, *np.degrees(angles(view.rotation))]) + change(i)
+        text += ",".join((name(view.name), *(repr(float(v)) for v in pose))) + "\n"
     cameras = block.cameras.model_copy(update={"cameras": {"cam": TRUE_CAMERA}})
-    tables = hold_block(block.photos, cameras, block.control, (text,), ANGLES, CRS, block.tie_points)
+    return hold_block(block.photos, cameras, block.control, (text,), ANGLES, CRS, block.tie_points)
+
+
+def test_photographs_that_only_one_of_the_two_has_are_named():
+    block = two_strips(4)
+    tables = held_table(block, name=lambda name: {"s0_0": "Z9"}.get(name, f"photos/{name.upper()}.JPG"))
+    assert len(tables["block"].photos) == 5 and tables["precision"].weaknesses[-1].endswith("that the project has not: Z9.")
+    assert [one.photo for one in tables["block"].unoriented] == ["s0_0"]
+    assert len(tables["precision"].weaknesses) == 1
+
+
+def test_a_foreign_block_of_another_system_is_told():
+    block = two_strips(4)
+    tables = held_table(block, lambda i: [0.0, 0.0, 43.0, 0.0, 0.0, 0.0])
+    assert any("elsewhere" in text and "+43." in text for text in tables["precision"].weaknesses)
+
+
+def test_a_foreign_block_that_the_tie_points_contradict_is_told():
+    block = two_strips(4)
+    tables = held_table(block, lambda i: [0.0, 0.0, 0.0, 2.0 * (i % 2), 0.0, 0.0])
+    assert any("own tie points miss the orientation" in text for text in tables["precision"].weaknesses)
+
+
+def test_a_foreign_block_whose_rays_part_is_told():
+    with pytest.raises(GeometryError, match=r"rays of the .* do not meet before the photographs as a orients them"):
+        held_table(two_strips(4), lambda i: [0.0, 0.0, 0.0, 0.0, 0.0, 180.0])
+
+
+def test_a_slightly_wrong_foreign_orientation_shows_in_the_residuals():
+    block = two_strips(4)
+    tables = held_table(block, lambda i: [0.0, 0.0, 0.0, 0.05 * (i % 2), 0.0, 0.0])
     own = orient(block)["block"].sigma0_px
     assert tables["block"].sigma0_px > 1.5 * own

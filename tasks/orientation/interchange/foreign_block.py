@@ -4,7 +4,7 @@ Other programs open image files as they are, whatever EXIF says of turning them;
 upright, what leaves is turned back. A camera of another size than the photographs (reduced since) is scaled.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import PurePath
 
 import numpy as np
@@ -52,6 +52,7 @@ def photo_name(word: str) -> str:
 def upright_block(block: ForeignBlock, photos: Photos) -> ForeignBlock:
     """The block of the project's photographs only, upright and in their size. Raises WorkflowError when none of them is in it, or
     when a camera has another shape than its photograph."""
+    block = _in_own_words(block, photos)
     known = {photo.name: photo for photo in photos.photos if photo.name in block.poses}
     if not known:
         raise WorkflowError(
@@ -60,7 +61,28 @@ def upright_block(block: ForeignBlock, photos: Photos) -> ForeignBlock:
         )
     poses = {name: _turned_pose(block.poses[name], photo, "to upright") for name, photo in known.items()}
     cameras = {name: _upright_camera(block.cameras[name], photo) for name, photo in known.items() if name in block.cameras}
-    return ForeignBlock(poses, cameras, block.points, block.error_px, block.remarks)
+    return ForeignBlock(poses, cameras, block.points, block.error_px, (*block.remarks, *_left_out(block, known)))
+
+
+def _in_own_words(block: ForeignBlock, photos: Photos) -> ForeignBlock:
+    """The block with photographs named as in the project, where only capitals differ."""
+    own = {photo.name.lower(): photo.name for photo in photos.photos}
+    if len(own) < len(photos.photos):
+        return block
+    word = {name: name if name in photos.names else own.get(name.lower(), name) for name in block.poses}
+    if len(set(word.values())) < len(word):
+        return block
+    cameras = {word.get(name, name): camera for name, camera in block.cameras.items()}
+    return replace(block, poses={word[name]: pose for name, pose in block.poses.items()}, cameras=cameras)
+
+
+def _left_out(block: ForeignBlock, known: dict[str, Photo]) -> tuple[str, ...]:
+    """A sentence about photographs of the block that the project does not have."""
+    others = [name for name in block.poses if name not in known]
+    if not others:
+        return ()
+    more = f" and {len(others) - 8} more" if len(others) > 8 else ""
+    return (f"The block that was read has {len(others)} photographs that the project has not: {', '.join(others[:8])}{more}.",)
 
 
 def file_view(photo: Photo, camera: Camera, pose: Pose) -> tuple[Camera, Pose]:
