@@ -42,12 +42,25 @@ def _scan_grid(scans: Scans) -> Grid:
 def _scan_warnings(scans: Scans) -> list[str]:
     pixel = [max(one.col_um or 0.0, one.row_um or 0.0) for one in scans.scans]
     bad = [f"{one.photo} ({one.rms_um:.0f})" for one, p in zip(scans.scans, pixel, strict=True) if (one.rms_um or 0.0) > 2 * p]
-    if not bad:
-        return []
-    return [
-        f"The fiducial marks of {', '.join(bad[:8])} fit an affine transformation worse than two pixels (micrometres in brackets): "
-        "a mark was measured wrongly or exchanged, or the film is deformed unevenly."
+    found = [
+        f"The fiducial mark {mark} of {one.photo} lies {off:.1f} px from where the others put it and took no part: it was measured "
+        "wrongly or exchanged."
+        for one in scans.scans
+        for mark, off in one.wrong.items()
     ]
+    if bad:
+        found.append(
+            f"The fiducial marks of {', '.join(bad[:8])} fit an affine transformation worse than two pixels (micrometres in "
+            "brackets): a mark was measured wrongly or exchanged, or the film is deformed unevenly. Five marks or more would tell "
+            "which."
+        )
+    behind = [one.photo for one in scans.scans if one.mirrored]
+    if behind:
+        found.append(
+            f"{_named(behind)} mirrored against the calibrated marks: right only where film was scanned from behind; else y of the "
+            "calibrated marks must count upwards, and marks keep their names."
+        )
+    return found
 
 
 def _figures(photos: Photos) -> tuple[Figure, ...]:

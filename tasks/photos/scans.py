@@ -20,8 +20,11 @@ from schemas.errors import WorkflowError
 from schemas.photo import Photo
 from schemas.raster import Window
 from tasks.imagery.resampling import sample_cubic
+from tasks.photos.fiducials import fit_marks
 from tasks.photos.positions import photo_stem
 
+_MOST_SCALE = 4.0
+"""A frame whose pixels are so many times coarser or finer than those of the scan comes from a wrong unit."""
 _REACH = 3
 """px that the cubic kernel and rounding need about a window"""
 
@@ -39,6 +42,9 @@ class Scan(BaseModel):
     col_um: float | None
     row_um: float | None
     """size of a pixel of the scan along its columns and rows"""
+    wrong: dict[str, float] = {}
+    """marks that contradicted the others and took no part: how far they lie off, px of the scan"""
+    mirrored: bool = False
 
 
 class Scans(BaseModel):
@@ -64,7 +70,10 @@ def in_mark_frame(photos: list[Photo], marks_text: str, measured_text: str, pixe
     for row in _rows(measured_text, ("photo", "mark", "col", "row"), "mark measurements"):
         if row["mark"] not in marks:
             raise WorkflowError(f"The mark {row['mark']} is measured in {row['photo']}, but has no calibrated coordinates.")
-        measured.setdefault(photo_stem(row["photo"]), {})[row["mark"]] = _xy(row, ("col", "row"))
+        of_photo = measured.setdefault(photo_stem(row["photo"]), {})
+        if row["mark"] in of_photo:
+            raise WorkflowError(f"The mark {row['mark']} is measured twice in {row['photo']}; keep one of the two lines.")
+        of_photo[row["mark"]] = _xy(row, ("col", "row"))
     few = [photo.name for photo in photos if len(measured.get(photo.name, {})) < 3]
     if few:
         raise WorkflowError(f"{', '.join(few[:8])}: fewer than three fiducial marks are measured, but three are needed.")
@@ -73,23 +82,19 @@ def in_mark_frame(photos: list[Photo], marks_text: str, measured_text: str, pixe
 
 
 def _by_marks(photo: Photo, marks: dict[str, np.ndarray], own: dict[str, np.ndarray], pixel_um: float, half: np.ndarray) -> Fitted:
-    pixels, mm = np.array(list(own.values())), np.array([marks[name] for name in own])
-    design = np.column_stack([np.ones(len(pixels)), pixels])
-    affine, _, rank, _ = np.linalg.lstsq(design, mm, rcond=None)
-    if rank < 3 or np.linalg.matrix_rank(pixels - pixels.mean(axis=0), tol=1.0) < 2:
-        raise WorkflowError(f"The fiducial marks of {photo.name} lie on one line; measure a mark beside it.")
-    residual = 1000.0 * (design @ affine - mm)
-    redundancy = 2 * len(pixels) - 6
-    along_col, along_row = affine[1], affine[2]
+    fit = fit_marks(photo.name, own, marks)
+    col_um, row_um = fit.pixel_um
+    if not 1.0 / _MOST_SCALE < np.sqrt(col_um * row_um) / pixel_um < _MOST_SCALE:
+        raise WorkflowError(
+            f"By its fiducial marks a pixel of the scan {photo.name} is {np.sqrt(col_um * row_um):.4g} micrometres, but pixel_um "
+            f"is {pixel_um:g}; the calibrated marks count millimetres, their measurements pixels, pixel_um micrometres."
+        )
+    along_col = fit.affine[1]
     scan = Scan(
-        photo=photo.name,
-        marks=len(pixels),
-        rms_um=float(np.sqrt((residual**2).sum() / redundancy)) if redundancy else None,
-        turn_deg=float(np.degrees(np.arctan2(along_col[1], along_col[0]))),
-        col_um=float(1000.0 * np.linalg.norm(along_col)),
-        row_um=float(1000.0 * np.linalg.norm(along_row)),
-    )
-    to_frame = 1000.0 / pixel_um * affine * [1.0, -1.0]
+        photo=photo.name, marks=fit.marks, rms_um=fit.rms_um, turn_deg=float(np.degrees(np.arctan2(along_col[1], along_col[0]))),
+        col_um=col_um, row_um=row_um, wrong=fit.wrong, mirrored=fit.mirrored,
+    )  # fmt: skip
+    to_frame = 1000.0 / pixel_um * fit.affine * [1.0, -1.0]
     to_frame[0] += half
     return Fitted(_framed(photo, to_frame, half, pixel_um), scan)
 

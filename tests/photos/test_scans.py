@@ -9,11 +9,12 @@ from pipeline.image_files import image_files
 from pipeline.runner import SequentialRunner
 from pipeline.session import Session
 from schemas.errors import WorkflowError
-from schemas.photo import PHOTOS, Photo, photo_raster
+from schemas.photo import PHOTOS, Photo, Photos, photo_raster
 from schemas.raster import Window
 from schemas.report import report_table
 from schemas.workflow import Project
-from tasks.photos.scans import in_mark_frame, in_principal_frame, scan_window, to_file
+from tasks.photos.report import photos_report
+from tasks.photos.scans import Scans, in_mark_frame, in_principal_frame, scan_window, to_file
 from tasks.photos.stage import SCANS, PhotosStage
 
 MARKS = {"1": (-9.0, 7.0), "2": (9.0, 7.0), "3": (9.0, -7.0), "4": (-9.0, -7.0)}
@@ -69,11 +70,59 @@ def test_residuals_at_the_marks_tell_their_quality():
         (lambda marks, rows: (marks, rows.replace(",4,", ",9,")), "mark 9 is measured in a.tif, but has no calibrated"),
         (lambda marks, rows: (marks.replace("x,y", "x,z"), rows), "no column y"),
         (lambda marks, rows: (marks, rows.replace("a.tif,4,", "a.tif,4,x")), "must be two numbers"),
+        (lambda marks, rows: (marks, rows + rows.splitlines()[-1] + "\n"), "mark 4 is measured twice in a.tif"),
+        (lambda marks, rows: (marks.replace(".0", "000"), rows), "pixel of the scan a is .* but pixel_um is 50"),
     ],
 )
 def test_missing_marks_are_told(change, sentence):
     with pytest.raises(WorkflowError, match=sentence):
         in_mark_frame([scan()], *change(*texts()), PIXEL)
+
+
+EIGHT = MARKS | {"5": (-9.0, 0.0), "6": (9.0, 0.0), "7": (0.0, 7.0), "8": (0.0, -7.0)}
+
+
+def eight_marks(change):
+    """The scan `a` with eight marks, their measurements (8, 2) changed by `change`."""
+    noise = 0.1 * np.random.default_rng(5).normal(size=(8, 2))
+    places = change(to_scan(list(EIGHT.values())) + noise)
+    marks = "mark,x,y\n" + "".join(f"{name},{x},{y}\n" for name, (x, y) in EIGHT.items())
+    rows = "".join(f"a,{name},{col},{row}\n" for name, (col, row) in zip(EIGHT, places, strict=True))
+    return in_mark_frame([scan()], marks, "photo,mark,col,row\n" + rows, PIXEL)[0]
+
+
+def test_a_wrong_mark_among_many_is_named_and_takes_no_part():
+    def one_wrong(places):
+        places[4] += [30.0, -20.0]
+        return places
+
+    fitted = eight_marks(one_wrong)
+    assert fitted.scan.wrong == {"5": pytest.approx(np.hypot(30, 20), abs=1.0)} and fitted.scan.marks == 7
+    assert np.abs(to_file(fitted.photo, np.array([[180.0, 140.0]])) - to_scan([(0.0, 0.0)])).max() < 0.2
+    (said,) = photos_report(Photos(photos=()), Scans(scans=(fitted.scan,)), (), "none").warnings
+    assert "mark 5 of a lies 36" in said
+
+
+def test_exchanged_marks_are_both_found():
+    fitted = eight_marks(lambda places: places[[0, 1, 2, 3, 5, 4, 6, 7]])
+    assert set(fitted.scan.wrong) == {"5", "6"}
+
+
+def test_one_of_four_marks_is_wrong_but_has_no_name():
+    marks, rows = texts()
+    first = rows.splitlines()[1].split(",")
+    shifted = rows.replace(",".join(first), f"{first[0]},{first[1]},{float(first[2]) + 40},{first[3]}")
+    (fitted,) = in_mark_frame([scan()], marks, shifted, PIXEL)
+    (said,) = photos_report(Photos(photos=()), Scans(scans=(fitted.scan,)), (), "none").warnings
+    assert fitted.scan.wrong == {} and said.startswith("The fiducial marks of a (")
+
+
+def test_marks_counted_downwards_are_told():
+    marks, rows = texts()
+    down = "mark,x,y\n" + "".join(f"{name},{x},{-y}\n" for name, (x, y) in MARKS.items())
+    (fitted,) = in_mark_frame([scan()], down, rows, PIXEL)
+    (said,) = photos_report(Photos(photos=()), Scans(scans=(fitted.scan,)), (), "none").warnings
+    assert "1 photograph (a) mirrored" in said and not in_mark_frame([scan()], marks, rows, PIXEL)[0].scan.mirrored
 
 
 def test_principal_pixels_shift_scans_to_a_common_middle():

@@ -1,0 +1,84 @@
+"""The affine transformation from a scan to its fiducial marks, and marks that contradict the others.
+
+A mark that was measured wrongly, or two that were exchanged, are found by leaving them out: the others then fit much better. Five
+marks or more can tell of one, six of two; four leave residuals of the same size at all of them, so that a wrong one shows but has
+no name.
+
+Source: Karfis 2009, section 1.3 (methods/relative_orientation_and_epipolar.md, 1.2, option A).
+"""
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from schemas.errors import WorkflowError
+
+_CLEARER = 3.0
+"""Marks are wrong when the others fit so many times better without them."""
+_TOLERATED = 1.0
+"""px of the scan: up to here nothing is looked for"""
+
+
+@dataclass(frozen=True, eq=False)
+class MarkFit:
+    """`affine` (3, 2): rows for 1, col and row of the scan, columns x and y in mm; `rms_um` of the marks that took part, None
+    without redundancy; `wrong`: mark -> how far (px of the scan) it lies from where the others put it."""
+
+    affine: np.ndarray
+    marks: int
+    rms_um: float | None
+    wrong: dict[str, float]
+
+    @property
+    def pixel_um(self) -> tuple[float, float]:
+        """Size of a pixel along the columns and the rows of the scan."""
+        return float(1000.0 * np.linalg.norm(self.affine[1])), float(1000.0 * np.linalg.norm(self.affine[2]))
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether the scan shows the film from behind: rows count downwards, y upwards."""
+        return bool(np.linalg.det(self.affine[1:]) > 0)
+
+
+def fit_marks(photo: str, measured: dict[str, np.ndarray], marks: dict[str, np.ndarray]) -> MarkFit:
+    """The transformation of one scan; `measured`: mark -> (col, row), `marks`: mark -> (x, y) mm.
+
+    Raises WorkflowError when the marks lie on one line.
+    """
+    names = list(measured)
+    pixels, mm = np.array([measured[name] for name in names]), np.array([marks[name] for name in names])
+    if any(np.linalg.matrix_rank(at - at.mean(axis=0), tol=least) < 2 for at, least in ((pixels, 1.0), (mm, 1e-3))):
+        raise WorkflowError(f"The fiducial marks of {photo} lie on one line; measure a mark beside it.")
+    used = _agreeing(pixels, mm)
+    affine, rms = _affine(pixels[used], mm[used])
+    off = np.linalg.norm((_design(pixels) @ affine - mm) @ np.linalg.inv(affine[1:]), axis=1)
+    return MarkFit(affine, int(used.sum()), rms, {names[i]: float(off[i]) for i in np.flatnonzero(~used)})
+
+
+def _agreeing(pixels: np.ndarray, mm: np.ndarray) -> np.ndarray:
+    """(n,) which marks agree: all, or those left when one or two are taken out that spoil the fit of four or more others."""
+    every = np.ones(len(pixels), bool)
+    affine, rms = _affine(pixels, mm)
+    if (rms or 0.0) <= _TOLERATED * 1000.0 * np.linalg.norm(affine[1:], axis=1).max():
+        return every
+    for count in (1, 2):
+        parts = [np.isin(np.arange(len(pixels)), out, invert=True) for out in combinations(range(len(pixels)), count)]
+        found = [(_affine(pixels[part], mm[part])[1], part) for part in parts if part.sum() >= 4]
+        best, part = min(found, key=lambda one: one[0], default=(np.inf, every))
+        if best * _CLEARER < rms:
+            return part
+    return every
+
+
+def _design(pixels: np.ndarray) -> np.ndarray:
+    return np.column_stack([np.ones(len(pixels)), pixels])
+
+
+def _affine(pixels: np.ndarray, mm: np.ndarray) -> tuple[np.ndarray, float | None]:
+    """The coefficients (3, 2), and the standard error of a mark coordinate, micrometres."""
+    design = _design(pixels)
+    affine = np.linalg.lstsq(design, mm, rcond=None)[0]
+    redundancy = 2 * len(pixels) - 6
+    square = ((1000.0 * (design @ affine - mm)) ** 2).sum()
+    return affine, float(np.sqrt(square / redundancy)) if redundancy else None
