@@ -14,29 +14,29 @@ from schemas.photo import Photos
 pytestmark = pytest.mark.slow
 
 STRIP = ("DJI_0030", "DJI_0031", "DJI_0032", "DJI_0033")
-TURNED = "DJI_0033"
+TURNED, TAGLESS = "DJI_0033", "DJI_0032"
 SIZE = (1000, 562)
 
 
-def write(name, target, turned=False):
-    """A reduced photograph; turned: its pixels lie on the side, and EXIF says so."""
+def write(name, target, turned=False, tags=True):
+    """A reduced photograph; turned: its pixels lie on the side, and EXIF says so; without tags EXIF says nothing."""
     with Image.open(SHIPPED / f"{name}.JPG") as image:
         small, exif = image.resize(SIZE, Image.Resampling.LANCZOS), image.getexif()
     if turned:
         small = small.transpose(Image.Transpose.ROTATE_90)
         exif[0x0112] = 6
-    small.save(target, quality=92, exif=exif)
+    small.save(target, quality=92, **({"exif": exif} if tags else {}))
 
 
 @pytest.fixture(scope="module")
 def tables(tmp_path_factory):
-    """The tables of a run over four photographs of a strip and three that are wrong."""
+    """The tables of a run over four photographs of a strip and three that are wrong; one of the strip lost its tags."""
     root = tmp_path_factory.mktemp("bad")
     photos = root / "photos"
     photos.mkdir()
     (root / "workflows").mkdir()
     for name in STRIP:
-        write(name, photos / f"{name}.JPG", turned=name == TURNED)
+        write(name, photos / f"{name}.JPG", turned=name == TURNED, tags=name != TAGLESS)
     shutil.copy(photos / "DJI_0030.JPG", photos / "DJI_0030_copy.JPG")
     Image.open(photos / "DJI_0031.JPG").save(photos / "DJI_0031.png")
     noise = np.random.default_rng(5).integers(0, 255, (*SIZE[::-1], 3), dtype=np.uint8)
@@ -69,6 +69,14 @@ def test_a_photograph_turned_by_exif_is_upright_and_lies_in_the_strip(tables):
 def test_the_same_picture_twice_is_named(tables):
     said = [text for text in warnings(tables, "tie_points") if "are the same picture" in text]
     assert len(said) == 1 and said[0].startswith("DJI_0030 and DJI_0030_copy") and "DJI_0030_copy is left out" in said[0]
+    assert not any("No other photograph" in text and "copy" in text for text in warnings(tables, "tie_points"))
+
+
+def test_a_photograph_without_tags_takes_the_camera_of_the_others(tables):
+    (said,) = [text for text in warnings(tables, "calibration") if "tells no focal length" in text]
+    assert TAGLESS in said and "which has their size" in said
+    block = Block.model_validate_json((tables / "orientation" / "block.json").read_bytes())
+    assert block.of_photo[TAGLESS] == block.of_photo["DJI_0030"]
 
 
 def test_a_second_file_of_one_name_is_set_aside_and_named(tables):
