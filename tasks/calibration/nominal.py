@@ -54,7 +54,8 @@ def camera_given(given: CameraGiven, photos: Photos) -> dict[str, Camera]:
 
 
 def cameras_from_file(text: str, path: str, photos: Photos) -> dict[str, Camera]:
-    """The camera or cameras of a file: one `Camera`, or the `Cameras` of an earlier run.
+    """The camera or cameras of a file: one `Camera`, the `Cameras` of an earlier run, or those that its block adjusted
+    (products/cameras.json).
 
     Of several cameras each photograph gets the one of its own name. Raises WorkflowError with what is wrong in the file.
     """
@@ -75,7 +76,8 @@ def _parsed(text: str, path: str) -> dict[str, Camera]:
     try:
         content = json.loads(text)
         if isinstance(content, dict) and "cameras" in content:
-            return _file_cameras(Cameras.model_validate(content))
+            known = {name: content[name] for name in ("cameras", "of_photo") if name in content}
+            return _file_cameras(Cameras.model_validate(known))
         camera = Camera.model_validate(content).model_copy(update={"source": "file"})
         return {camera.name: camera}
     except json.JSONDecodeError as error:

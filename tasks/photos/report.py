@@ -12,7 +12,9 @@ from tasks.photos.scans import Scans
 PICTURES = 6
 
 
-def photos_report(photos: Photos, scans: Scans, exposures: tuple[Exposure, ...], positions_kind: str) -> StageReport:
+def photos_report(
+    photos: Photos, scans: Scans, exposures: tuple[Exposure, ...], positions_kind: str, cameras_kind: str = "exif"
+) -> StageReport:
     """The report of the stage. exposures: in the order of the photographs."""
     return StageReport(
         figures=_figures(photos),
@@ -21,7 +23,7 @@ def photos_report(photos: Photos, scans: Scans, exposures: tuple[Exposure, ...],
         pictures=_pictures(photos),
         warnings=(
             *photos.remarks,
-            *_header_warnings(photos, positions_kind),
+            *_header_warnings(photos, positions_kind, cameras_kind),
             *_exposure_warnings(exposures),
             *_scan_warnings(scans),
         ),
@@ -164,14 +166,14 @@ def _pictures(photos: Photos) -> tuple[Picture, ...]:
     )
 
 
-def _header_warnings(photos: Photos, positions_kind: str) -> list[str]:
+def _header_warnings(photos: Photos, positions_kind: str, cameras_kind: str) -> list[str]:
     warnings = []
     homeless = [photo.name for photo in photos.photos if photo.position is None]
     if homeless and positions_kind != "none":
         source = "GPS tags with longitude, latitude and altitude" if positions_kind == "exif" else "line in the positions file"
         warnings.append(f"{_named(homeless)} without a position: no {source}.")
-    if any(photo.focal_mm is None and photo.focal_35mm is None for photo in photos.photos):
-        blind = [photo.name for photo in photos.photos if photo.focal_mm is None and photo.focal_35mm is None]
+    blind = [photo.name for photo in photos.photos if photo.focal_mm is None and photo.focal_35mm is None]
+    if blind and cameras_kind == "exif":
         warnings.append(
             f"{_named(blind)} without a focal length in EXIF: the workflow has to give the camera, or other photographs lend it."
         )

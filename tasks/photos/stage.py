@@ -55,7 +55,7 @@ class PhotosStage(Stage):
             function=photos_report,
             reads={"photos": PHOTOS, "scans": SCANS, "exposures": tuple(exposure_table(name) for name in photos.names)},
             writes={"report": report_table(self.kind)},
-            params={"positions_kind": view.project.positions.kind},
+            params={"positions_kind": view.project.positions.kind, "cameras_kind": view.project.cameras.kind},
         )
 
     def _index_job(self, view: ProjectView) -> Job:

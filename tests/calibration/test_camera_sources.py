@@ -122,6 +122,8 @@ def test_files_hold_one_camera_or_those_of_an_earlier_run():
     assert any("scaled" in warning for warning in single["report"].warnings)
     table = Cameras(cameras={"cam": CAMERA, "x": CAMERA.model_copy(update={"c": 1.0})}, of_photo={})
     assert from_file(photos(photo()), table.model_dump_json(), "cameras.json")["cameras"].of("a").c == 700
+    block = table.model_dump_json()[:-1] + ', "crs": "EPSG:2100", "photos": []}'
+    assert from_file(photos(photo()), block, "cameras.json")["cameras"].of("a").c == 700
     with pytest.raises(WorkflowError, match="none called unknown"):
         from_file(photos(photo(camera="unknown")), table.model_dump_json(), "cameras.json")
 
