@@ -23,7 +23,7 @@ from schemas.photo import Photos
 from tasks.geometry.held_intersection import Intersected, Measured, intersect_held
 from tasks.geometry.rotation import angles
 from tasks.geometry.view import View
-from tasks.orientation.held_warnings import elsewhere, rays_that_do_not_meet, unfitting
+from tasks.orientation.held_warnings import elsewhere, rays_that_do_not_meet, unexamined, unfitting
 from tasks.orientation.interchange.foreign_block import ForeignBlock, Pose, upright_block
 from tasks.orientation.similarity import Upward, fit_similarity
 from tasks.orientation.sources import HeldSource, read_foreign
@@ -63,6 +63,8 @@ def hold_block(
     factor, positions = _factor(ties, measured, used), _positions(photos, held.views)
     block = _block(photos, held, ties, used, crs, source)
     doubts = (*elsewhere(positions, source.described), *unfitting(block.sigma0_px, factor, source.described))
+    if tie_points is None:
+        doubts += (unexamined(source.described),)
     return {
         "block": block,
         "points": _ground_points(ties, measured, used, tracks, factor),

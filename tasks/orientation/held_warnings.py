@@ -37,6 +37,14 @@ def unfitting(rms_px: float, factor: float, described: str) -> tuple[str, ...]:
     )
 
 
+def unexamined(described: str) -> str:
+    """What to say when the workflow has no tie points."""
+    return (
+        f"No own tie points examine the orientation that was read from {described}: with the stage tie_points in the workflow the "
+        "report would tell how well it fits."
+    )
+
+
 def rays_that_do_not_meet(tie_points: int, described: str) -> str:
     """What to say when tie points exist but hardly any of them lies before its photographs."""
     return (

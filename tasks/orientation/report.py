@@ -52,7 +52,8 @@ def report(
 def _figures(facts: Facts) -> list[Figure]:
     block, precision = facts.block, facts.precision
     pixel = {camera.pixel_um for camera in block.cameras.values()}
-    sigma0_um = block.sigma0_px * pixel.pop() if len(pixel) == 1 and None not in pixel else None
+    sigma0 = block.sigma0_px if len(facts.image) else None
+    sigma0_um = sigma0 * pixel.pop() if sigma0 and len(pixel) == 1 and None not in pixel else None
     centre = np.array([_exterior_sigmas(photo)[:3] for photo in block.photos])
     fractions = coverage(facts)
     figures = [
@@ -69,10 +70,11 @@ def _figures(facts: Facts) -> list[Figure]:
         ),
         Figure(
             name="sigma0_px",
-            value=block.sigma0_px,
+            value=sigma0,
             unit="px",
             headline=True,
-            sentence="Standard error of an image coordinate, estimated from the residuals and their redundancy.",
+            sentence="Standard error of an image coordinate, estimated from the residuals and their redundancy; empty for a block "
+            "of another program that no tie points examine.",
         ),
         Figure(
             name="sigma0_um",

@@ -113,7 +113,7 @@ def _camera_warnings(facts: Facts) -> list[str]:
 
 def _photo_warnings(facts: Facts) -> list[str]:
     names, weak, found = facts.photos.names, [], []
-    for photo in facts.block.photos:
+    for photo in facts.block.photos if len(facts.image) else ():
         own = facts.image.take((facts.image.photo == names.index(photo.photo)) & facts.image.used)
         filled = filled_areas(own, facts.block.camera_of(photo.photo))
         if len(own) < 30 or filled < 5:

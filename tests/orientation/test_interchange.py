@@ -80,6 +80,11 @@ def test_without_tie_points_the_programs_own_points_tell_the_height(volos_like, 
     tables = hold_block(block.photos, block.cameras, block.control, texts_of(products, COLMAP), COLMAP, CRS)
     assert tables["block"].ground_low == pytest.approx(result["block"].ground_low, abs=0.5)
     assert len(tables["image_residuals"]) == len(tables["points"]) == 0
+    shown = (tables[name] for name in ("block", "points", "image_residuals", "ground_residuals", "precision"))
+    page = report(block.photos, block.cameras, block.control, SimpleNamespace(pairs=()), *shown)
+    assert next(figure.value for figure in page.figures if figure.name == "sigma0_px") is None
+    assert any("No own tie points examine" in text for text in page.warnings)
+    assert not any("Weakly tied" in text for text in page.warnings)
     with pytest.raises(GeometryError, match="Nothing tells how high the ground"):
         hold_block(block.photos, block.cameras, block.control, texts_of(products, ANGLES), ANGLES, CRS)
     given = ANGLES.model_copy(update={"ground": (90.0, 150.0)})
