@@ -285,9 +285,9 @@ def _map(chart: Chart) -> str:
 
 
 def _arrows(chart: Chart) -> str:
-    """Vectors at their places, all enlarged alike: a usual one takes about a twelfth of the width. One of round length is the key,
-    above the axes, which hold the tips of all."""
+    """Vectors at their places, all enlarged alike: a usual one takes about a tenth of the width. One of round length is the key."""
     x, y, dx, dy = (np.asarray(values, float) for values in (chart.x, chart.series["y"], chart.series["dx"], chart.series["dy"]))
+    frame = _plane_frame(x, y, 22.0)
     lengths = np.hypot(dx, dy)
     finite = lengths[np.isfinite(lengths) & (lengths > 0)]
     usual = float(np.percentile(finite, 90)) if finite.size else 1.0
