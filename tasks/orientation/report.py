@@ -292,11 +292,13 @@ def _per_photo(facts: Facts) -> Grid:
 
 def _ground(facts: Facts, role: str) -> Grid:
     titles = {"control": "Ground control", "check": "Check points (took no part)", "position": "GNSS positions"}
+    columns = ("name", "dX", "dY", "dZ", "predicted sigma X", "predicted sigma Y", "predicted sigma Z", "photos", "rms px")
     rows = tuple((p.name, *p.difference, *p.predicted, p.photos, p.residual_px) for p in facts.ground.of_role(role))
+    shown = len(columns) - 2 if role == "position" else len(columns)
     return Grid(
         title=titles[role],
-        columns=("name", "dX", "dY", "dZ", "predicted sigma X", "predicted sigma Y", "predicted sigma Z", "photos", "rms px"),
-        rows=rows,
+        columns=columns[:shown],
+        rows=tuple(row[:shown] for row in rows),
         note="Block minus given, metres; predicted: standard error of the difference.",
     )
 
