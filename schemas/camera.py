@@ -58,5 +58,10 @@ class Cameras(BaseModel):
     def of(self, photo: str) -> Camera:
         return self.cameras[self.of_photo[photo]]
 
+    def with_k1(self, k1: dict[str, float]) -> "Cameras":
+        """The same with another k1 of the cameras named."""
+        changed = {name: self.cameras[name].model_copy(update={"k1": value}) for name, value in k1.items()}
+        return self.model_copy(update={"cameras": {**self.cameras, **changed}})
+
 
 CAMERAS = Table("calibration/cameras.json", Cameras)

@@ -127,6 +127,8 @@ class RelativeOrientations(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     pairs: tuple[RelativeOrientation, ...] = ()
+    start_k1: dict[str, float] = {}
+    """nominal camera -> rough k1 with which its pairs fit; empty where they fit without"""
 
 
 class GroundResidual(BaseModel):

@@ -73,6 +73,7 @@ def orient_block(
 
     Raises GeometryError when there is no block at all or its observations do not determine it.
     """
+    cameras = cameras.with_k1(relative.start_k1)
     usable = [point for point in control.points if point.role == "control" and len(point.measurements) >= 2]
     material, tracks = _material(photos, cameras, tie_points, relative, choices, len(usable) < 3)
     have = _Input(photos, cameras, control, material, choices)

@@ -15,6 +15,7 @@ from tasks.adjustment.network import Rays
 from tasks.geometry.rotation import angles
 from tasks.orientation.measurements import ideal, on_a_line, tie_rays
 from tasks.orientation.relative import Relative, epipolar_distance, model_points, orient_robust
+from tasks.orientation.start_distortion import start_distortion
 from tasks.orientation.turning import Turned, turn_only
 
 cv2.setNumThreads(1)
@@ -23,11 +24,21 @@ NO_PARALLAX = 0.9
 
 
 def relate_pairs(photos: Photos, cameras: Cameras, tie_points: TiePoints, least: int) -> RelativeOrientations:
-    """The relative orientations of all pairs that share `least` tie points or more, strongest first by number of matches."""
-    rays, _ = tie_rays(photos, cameras, tie_points)
-    coordinates = ideal_coordinates(photos, cameras, rays)
-    pairs = [_relate(photos, cameras, rays, coordinates, pair) for pair in sharing_pairs(rays, len(photos.photos), least)]
-    return RelativeOrientations(pairs=tuple(sorted(pairs, key=lambda pair: -pair.kept)))
+    """The relative orientations of all pairs that share `least` tie points or more, strongest first by number of matches. Where
+    nominal cameras do not fit because of their lens, with a rough distortion of it."""
+    names = photos.names
+    pairs = [(names[i], names[j]) for i, j in sharing_pairs(tie_rays(photos, cameras, tie_points)[0], len(names), least)]
+
+    def relate(own: Cameras, chosen: list[tuple[str, str]]) -> list[RelativeOrientation]:
+        rays, _ = tie_rays(photos, own, tie_points)
+        coordinates = ideal_coordinates(photos, own, rays)
+        return [_relate(photos, own, rays, coordinates, (names.index(left), names.index(right))) for left, right in chosen]
+
+    found = relate(cameras, pairs)
+    distorted = start_distortion(cameras, found, relate)
+    if distorted.k1:
+        found = relate(distorted.cameras, pairs)
+    return RelativeOrientations(pairs=tuple(sorted(found, key=lambda pair: -pair.kept)), start_k1=distorted.k1)
 
 
 def no_pairs() -> RelativeOrientations:
