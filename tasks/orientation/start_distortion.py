@@ -39,20 +39,25 @@ def start_distortion(cameras: Cameras, found: list[RelativeOrientation], relate:
     chosen: dict[str, float] = {}
     for name, camera in cameras.cameras.items():
         own = [pair for pair in found if {cameras.of_photo[pair.left], cameras.of_photo[pair.right]} == {name}]
-        if camera.source != "exif" or not own or _kept(own) >= _FITTING * sum(pair.matches for pair in own):
+        if camera.source != "exif" or not own or _explained(own) >= _FITTING * sum(pair.matches for pair in own):
             continue
         strongest = sorted(own, key=lambda pair: -pair.matches)[:_MOST_PAIRS]
         names = [(pair.left, pair.right) for pair in strongest]
         corner = 0.5 * float(np.hypot(camera.width, camera.height)) / camera.c
         fits = {k1: _kept(relate(cameras.with_k1({name: k1}), names)) for k1 in _TRIED if corner <= _ROOM * _reach(k1)}
         best = max(fits, key=fits.__getitem__, default=0.0)
-        if best and fits[best] > _GAIN * _kept(strongest):
+        if best and fits[best] > _GAIN * _explained(strongest):
             chosen[name] = best
     return Distorted(cameras.with_k1(chosen), chosen)
 
 
 def _kept(pairs: list[RelativeOrientation]) -> int:
     return sum(pair.kept for pair in pairs if pair.oriented)
+
+
+def _explained(pairs: list[RelativeOrientation]) -> int:
+    """Matches that fit something, a mere turn of the camera too: no distortion shall make a base of it."""
+    return sum(pair.kept for pair in pairs)
 
 
 def _reach(k1: float) -> float:

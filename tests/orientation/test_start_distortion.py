@@ -48,6 +48,12 @@ def test_a_distortion_that_explains_little_more_is_not_taken():
     assert start_distortion(cameras(), relate(cameras(), list(PAIRS)), relate).k1 == {}
 
 
+def test_a_camera_that_only_turned_gets_no_base_from_a_distortion():
+    relate = relating(lambda k1: 99)
+    turned = [pair.model_copy(update={"outcome": "taken from one place"}) for pair in relate(cameras(), list(PAIRS))]
+    assert start_distortion(cameras(), turned, relate).k1 == {}
+
+
 @pytest.mark.parametrize("source", ["file", "given", "chessboards"])
 def test_calibrated_cameras_are_not_touched(source):
     relate = relating(lambda k1: round(95 - 300 * abs(k1 + 0.14)))
