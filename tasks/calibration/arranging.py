@@ -1,6 +1,6 @@
 """Between search and adjustment: boards get their names, a first calibration tells where missed and cut boards have to be."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,7 +11,8 @@ from tasks.adjustment.board_network import BoardCorners
 from tasks.adjustment.board_projection import projected
 from tasks.calibration.initial_constant import ConstantEstimate
 from tasks.calibration.judgement import MODELS
-from tasks.calibration.naming import STRICT, Naming, name_boards
+from tasks.calibration.looks import SpaceLook
+from tasks.calibration.naming import NO_BOARDS, STRICT, Naming, name_boards, plane_looks
 from tasks.calibration.solving import Target, solve
 from tasks.calibration.start import Start, restart_of, start_of
 from tasks.calibration.tables import Arranged, ArrangedPhoto, BoardPhotos, Corners, PhotoSearch, Prediction
@@ -19,6 +20,8 @@ from tasks.geometry.distortion import pixel_to_image
 
 _ENOUGH = 0.7
 """Share of the boards named at first that has to keep a name when distortion is known; else it was not known after all."""
+_FITS, _TOGETHER = 1.5, 5.0
+"""px of sigma0 that need no explanation, and how many times that of one board by itself boards on a plane may have together."""
 _FEWEST_CORNERS = 4
 """A cut board is looked for when so many of its corners are inside the frame."""
 _BEYOND = 1.25
@@ -26,8 +29,14 @@ _BEYOND = 1.25
 
 
 def found_boards(corners: tuple[Corners, ...], target: Target) -> list[np.ndarray]:
-    """Per photo (B, N, 2) px from the image centre, y up, of whole boards."""
-    return [target.centred(own.pixels.reshape(-1, len(target.local), 2)) for own in corners]
+    """Per photo (B, N, 2) px from the image centre, y up; NaN for the corners of cut boards that are not in the photo."""
+    return [_boards_of(own, target) for own in corners]
+
+
+def _boards_of(corners: Corners, target: Target) -> np.ndarray:
+    out = np.full((int(corners.board.max(initial=-1)) + 1, len(target.local), 2), np.nan)
+    out[corners.board, corners.row.astype(int) * target.corners[0] + corners.column] = target.centred(corners.pixels)
+    return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,21 +52,86 @@ class Arrangement:
 
 
 def arrangement_of(found: list[np.ndarray], target: Target) -> Arrangement:
-    """Boards named twice: as they are measured, and, once a first calibration knows the distortion, free of it. Wide lenses bend
-    the
-    plane of the boards so much that a homography does not carry from one to the next.
+    """Names, starting values and a first calibration. found: per photo (B, N, 2) px from the image centre, y up.
 
     Raises GeometryError when there are too few boards, or when they do not determine the camera.
     """
-    naming = name_boards(found, target.local, target.boards)
+    if target.arrangement == "space":
+        return _in_space(found, target)
+    try:
+        known = _on_plane(found, target)
+    except GeometryError:
+        _refuse_boards_off_plane(found, target, np.inf)
+        raise
+    _refuse_boards_off_plane(found, target, known.result.sigma0)
+    return known
+
+
+def _refuse_boards_off_plane(found: list[np.ndarray], target: Target, sigma0: float) -> None:
+    """Raises GeometryError when boards that are said to lie on a plane fit by themselves, but not together."""
+    if sigma0 < _FITS or target.boards == 1 or max((len(boards) for boards in found), default=0) < 2:
+        return
+    try:
+        alone = _one_by_one(found, target)[1]
+    except GeometryError:
+        return
+    if sigma0 > _TOGETHER * alone.sigma0:
+        together = "do not fit together" if np.isinf(sigma0) else f"together only to {sigma0:.1f} px"
+        raise GeometryError(
+            f"The boards do not lie still on one plane: each by itself fits to {alone.sigma0:.2f} px, {together}. If they stand "
+            "anywhere but kept their places, say so with arrangement: space (--arrangement space); if one of them has squares of "
+            "another size or was moved between the photographs, take it away, or calibrate with one board alone (boards: 1)."
+        )
+
+
+def _on_plane(found: list[np.ndarray], target: Target) -> Arrangement:
+    """Boards named twice: as they are measured, and, once a first calibration knows the distortion, free of it. Wide lenses bend
+    the plane of the boards so much that a homography does not carry from one to the next."""
+    naming = name_boards(plane_looks(found, target.local), target.local, target.boards)
     start = start_of(found, naming, target.local, target.size)
     result = solve(target, start.states, start.corners, MODELS[0])
-    again = name_boards([undistorted(xy, result.state.interior, target) for xy in found], target.local, target.boards, STRICT)
+    ideal = [undistorted(xy, result.state.interior, target) for xy in found]
+    again = name_boards(plane_looks(ideal, target.local), target.local, target.boards, STRICT)
     if _named(again) < _ENOUGH * _named(naming):
         return Arrangement(naming, start, result, start.constant, result.iterations)
     restart = restart_of(found, again, target.local, result.state.interior)
     second = solve(target, restart.states, restart.corners, MODELS[0])
     return Arrangement(again, restart, second, start.constant, result.iterations)
+
+
+def _one_by_one(found: list[np.ndarray], target: Target) -> tuple[Start, BoardAdjustment]:
+    """The calibration in which every image of a board is a photo of its own."""
+    alone = [board[None] for boards in found for board in boards]
+    if not alone:
+        raise GeometryError(NO_BOARDS)
+    naming = name_boards(plane_looks(alone, target.local), target.local, 1)
+    start = start_of(alone, naming, target.local, target.size)
+    return start, solve(replace(target, boards=1), start.states, start.corners, MODELS[0])
+
+
+def _in_space(found: list[np.ndarray], target: Target) -> Arrangement:
+    """Every image of a board is first taken for a photo of its own: that calibrates the camera without any names, and gives poses
+    that say how the boards of a photo lie to each other."""
+    start, single = _one_by_one(found, target)
+    photo_of = np.repeat(np.arange(len(found)), [len(boards) for boards in found])
+    interior = single.state.interior
+    poses = np.tile(np.eye(4), (len(photo_of), 1, 1))
+    poses[:, :3, :3] = single.state.rotation
+    poses[:, :3, 3] = -np.einsum("pij,pj->pi", single.state.rotation, single.state.centre)
+    looks = [
+        SpaceLook(undistorted(xy, interior, target), target.local, poses[photo_of == photo], float(interior[0]))
+        for photo, xy in enumerate(found)
+    ]
+    named = name_boards(looks, target.local, target.boards)
+    restart = restart_of(found, named, target.local, interior)
+    result = solve(target, restart.states, restart.corners, MODELS[0])
+    c1, c2 = (np.array([_first(values[photo_of == photo]) for photo in range(len(found))])
+              for values in (start.constant.c1, start.constant.c2))  # fmt: skip
+    return Arrangement(named, restart, result, replace(start.constant, c1=c1, c2=c2), single.iterations)
+
+
+def _first(values: np.ndarray) -> float:
+    return float(np.nanmedian(values)) if np.isfinite(values).any() else np.nan
 
 
 def _named(naming: Naming) -> int:
@@ -68,7 +142,10 @@ def undistorted(xy: np.ndarray, interior: np.ndarray, target: Target) -> np.ndar
     """Image coordinates (..., 2) px from the image centre without principal point and distortion."""
     numbers = dict(zip(INTERIOR, interior[: len(INTERIOR)].tolist(), strict=True))
     camera = Camera(name="boards", width=target.size[0], height=target.size[1], **numbers)
-    return pixel_to_image(camera, target.pixels(xy).reshape(-1, 2)).reshape(xy.shape)
+    known = np.isfinite(xy).all(axis=-1)
+    out = np.full_like(xy, np.nan)
+    out[known] = pixel_to_image(camera, target.pixels(xy[known]))
+    return out
 
 
 def arrange(boards: BoardPhotos, corners: tuple[Corners, ...], searches: tuple[PhotoSearch, ...], target: Target) -> Arranged:

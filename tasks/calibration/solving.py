@@ -57,10 +57,13 @@ def solve(target: Target, states: tuple[BoardState, ...], corners: BoardCorners,
     Raises GeometryError when there are too few photographs or no start leads anywhere.
     """
     photos = len(states[0].rotation) if states else 0
-    if photos < FEWEST_PHOTOS:
+    # Boards that stand in space face different directions: each image of one counts like a photograph.
+    directions = len(np.unique(corners.photo + 1j * corners.board)) if target.arrangement == "space" else photos
+    if directions < FEWEST_PHOTOS:
+        number = "Only 1 photograph shows chessboards" if photos == 1 else f"Only {photos} photographs show chessboards"
         raise GeometryError(
-            f"Only {photos} photographs show chessboards that could be used, and {FEWEST_PHOTOS} are the least; check the number "
-            "of inner corners, or take more photographs, tilted and turned."
+            f"{number} that could be used, and {FEWEST_PHOTOS} are the least; check the number of inner corners, or take more "
+            "photographs, tilted and turned."
         )
     network = target.network(photos, len(states[0].turn), free)
     best, failure = None, None
