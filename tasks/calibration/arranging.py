@@ -1,5 +1,6 @@
 """Between search and adjustment: boards get their names, a first calibration tells where missed and cut boards have to be."""
 
+from collections import Counter
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from tasks.calibration.initial_constant import ConstantEstimate
 from tasks.calibration.judgement import MODELS
 from tasks.calibration.looks import SpaceLook
 from tasks.calibration.naming import NO_BOARDS, STRICT, Naming, name_boards, plane_looks
-from tasks.calibration.solving import Target, solve
+from tasks.calibration.solving import FEWEST_PHOTOS, Target, solve
 from tasks.calibration.start import Start, restart_of, start_of
 from tasks.calibration.tables import Arranged, ArrangedPhoto, BoardPhotos, Corners, PhotoSearch, Prediction
 from tasks.geometry.distortion import pixel_to_image
@@ -69,7 +70,8 @@ def arrangement_of(found: list[np.ndarray], target: Target) -> Arrangement:
 
 def _refuse_boards_off_plane(found: list[np.ndarray], target: Target, sigma0: float) -> None:
     """Raises GeometryError when boards that are said to lie on a plane fit by themselves, but not together."""
-    if sigma0 < _FITS or target.boards == 1 or max((len(boards) for boards in found), default=0) < 2:
+    several = max((len(boards) for boards in found), default=0) > 1
+    if sigma0 < _FITS or target.boards == 1 or not several or sum(len(boards) > 0 for boards in found) < FEWEST_PHOTOS:
         return
     try:
         alone = _one_by_one(found, target)[1]
@@ -160,7 +162,7 @@ def arrange(boards: BoardPhotos, corners: tuple[Corners, ...], searches: tuple[P
     number = {int(photo): place for place, photo in enumerate(known.start.photo)}
     photos = tuple(
         ArrangedPhoto(photo=name, names=tuple(named.names.tolist()), certain=named.certain,
-                      predictions=_predictions(known.result, target, number[index]) if named.certain else ())
+                      predictions=_predictions(known.result, target, number[index], named.certain) if index in number else ())
         for index, (name, named) in enumerate(zip(boards.names, known.naming.photos, strict=True))
     )  # fmt: skip
     return Arranged(boards=known.result.network.boards, photos=photos)
@@ -168,22 +170,34 @@ def arrange(boards: BoardPhotos, corners: tuple[Corners, ...], searches: tuple[P
 
 def _seen(searches: tuple[PhotoSearch, ...], target: Target) -> str:
     """What was found at all, for a person who has to guess what went wrong."""
-    boards, larger = sum(search.boards for search in searches), sum(search.larger for search in searches)
-    more = f", and {larger} with more corners than that" if larger else ""
+    boards, cut = sum(search.boards for search in searches), sum(search.cut for search in searches)
+    more = f" and {cut} cut ones" if cut else ""
     return (
-        f"(Of {len(searches)} photographs {sum(search.boards > 0 for search in searches)} show whole boards with "
-        f"{target.corners[0]} x {target.corners[1]} inner corners, {boards} boards in all{more}.)"
+        f"(Of {len(searches)} photographs {sum(search.boards + search.cut > 0 for search in searches)} show boards with "
+        f"{target.corners[0]} x {target.corners[1]} inner corners, {boards} whole boards{more} in all{_others(searches)}.)"
     )
 
 
-def _predictions(result: BoardAdjustment, target: Target, photo: int) -> tuple[Prediction, ...]:
-    """All corners of the boards that a photo does not show whole, but shows a part of."""
-    shown = np.unique(result.corners.board[result.corners.photo == photo])
+def _others(searches: tuple[PhotoSearch, ...]) -> str:
+    """The size of the boards that were found instead, or that they have more corners than was said."""
+    sizes = Counter(size for search in searches for size in search.other)
+    if sizes:
+        (columns, rows), times = sizes.most_common(1)[0]
+        return f"; boards with {columns} x {rows} inner corners were seen {times} times: is that the number?"
+    larger = sum(search.larger for search in searches)
+    return f"; {larger} have more corners than that" if larger else ""
+
+
+def _predictions(result: BoardAdjustment, target: Target, photo: int, certain: bool) -> tuple[Prediction, ...]:
+    """All corners of the boards of which a photo shows a part that was not measured; of a photo that could name a single board,
+    only of this one."""
+    measured = np.bincount(result.corners.board[result.corners.photo == photo], minlength=result.network.boards)
+    wanted = measured < len(target.local) if certain else (measured > 0) & (measured < len(target.local))
     out = []
-    for board in np.setdiff1d(np.arange(result.network.boards), shown):
+    for board in np.flatnonzero(wanted):
         pixels = target.pixels(_board_in_photo(result, photo, int(board)))
         inside = ((pixels >= 2) & (pixels <= np.array(target.size) - 3)).all(axis=1)
-        if inside.sum() >= _FEWEST_CORNERS:
+        if inside.sum() >= max(_FEWEST_CORNERS, measured[board] + 1):
             out.append(Prediction(board=int(board), pixels=tuple(map(tuple, pixels.tolist()))))
     return tuple(out)
 

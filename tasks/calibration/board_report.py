@@ -1,5 +1,6 @@
 """What the report says of a calibration from chessboards, beside what it says of any camera."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,13 +10,15 @@ from tasks.adjustment.board_bundle import BoardAdjustment
 from tasks.adjustment.board_network import PARAMETERS
 from tasks.calibration.advice import CELLS, frame_cells, geometry, geometry_warnings, result_warnings, search_warnings
 from tasks.calibration.distortion_curve import RADIUS_SHARE, balanced, balancing_change, displacement
+from tasks.calibration.drawing import RESIDUAL_LENGTH, usual_length
 from tasks.calibration.initial_constant import ConstantEstimate
 from tasks.calibration.judgement import HeldOut
 from tasks.calibration.precision import board_precision, correlations, photo_precision
 from tasks.calibration.solving import Target
-from tasks.calibration.tables import Arranged, PhotoSearch, drawing_raster
+from tasks.calibration.tables import Arranged, ArrangedPhoto, PhotoSearch, drawing_raster
 
 _MOST_PICTURES = 12
+_MOST_VECTORS = 250
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +53,7 @@ def chessboards_report(plain: StageReport, account: Account) -> StageReport:
         target),
               _vector_chart(result, target), _histogram(result))  # fmt: skip
     return plain.model_copy(update={
-        "figures": (*_figures(account), *plain.figures), "grids": grids, "charts": charts, "pictures": _pictures(account),
+        "figures": (*plain.figures, *_figures(account)), "grids": grids, "charts": charts, "pictures": _pictures(account),
         "warnings": (*warnings, *plain.warnings),
     })  # fmt: skip
 
@@ -206,33 +209,46 @@ def _photographs(account: Account) -> Grid:
 
 def _unused(account: Account) -> tuple[Grid, ...]:
     """Every photograph and board that takes no part, with its reason."""
-    rows, shape = [], "{} x {}".format(*account.target.corners)
-    predicted = {(own.photo, prediction.board) for own in account.arranged.photos for prediction in own.predictions}
     used = {
         (account.photos[p], b)
         for p, b in zip(account.result.corners.photo.tolist(), account.result.corners.board.tolist(), strict=True)
     }
-    for search, own in zip(account.searches, account.arranged.photos, strict=True):
-        strangers = sum(name < 0 for name in own.names)
-        if not search.boards:
-            rows.append((search.photo, "photograph", f"no whole board with {shape} inner corners was found"))
-        elif own.photo not in account.photos:
-            rows.append((search.photo, "photograph", "its boards do not fit the places of the others"))
-        elif strangers and sum(photo == search.photo for photo, _ in used) < account.arranged.boards:
-            rows.append(
-                (search.photo, f"{strangers} boards", "they do not fit the places of the others, or are more than was stated")
-            )
-        elif not own.certain:
-            rows.append((search.photo, "other boards", "only one whole board is seen, so that cut ones cannot be told apart"))
-        if search.false:
-            rows.append((search.photo, f"{search.false} finds", "their squares do not alternate: no boards"))
-        if search.larger:
-            rows.append((search.photo, f"{search.larger} boards", f"they have more corners than {shape}"))
+    predicted = {(own.photo, prediction.board) for own in account.arranged.photos for prediction in own.predictions}
+    rows = [row for search, own in zip(account.searches, account.arranged.photos, strict=True)
+            for row in (*_left_out(account, search, own), *_refused(search, account.target))]  # fmt: skip
     rows += [(photo, f"board {board + 1}", "cut by the frame or hidden: no corner was found where it must be")
              for photo, board in sorted(predicted - used)]  # fmt: skip
     if not rows:
         return ()
     return (Grid(title="Not used", columns=("photo", "what", "reason"), rows=tuple(rows)),)
+
+
+def _left_out(account: Account, search: PhotoSearch, own: ArrangedPhoto) -> Iterator[tuple[str, str, str]]:
+    """What was found in a photograph and is not used."""
+    strangers = sum(name < 0 for name in own.names)
+    if not search.boards + search.cut:
+        corners = "{} x {}".format(*account.target.corners)
+        yield search.photo, "photograph", f"no board with {corners} inner corners was found, whole or cut"
+    elif own.photo not in account.photos:
+        yield search.photo, "photograph", "its boards do not fit the places of the others"
+    elif strangers and not own.certain:
+        yield search.photo, f"{strangers} boards", "only one board could be told from the others: these may be any"
+    elif strangers:
+        yield search.photo, f"{strangers} boards", "they do not fit the places of the others, or are more than was stated"
+    elif not own.certain:
+        yield search.photo, "other boards", "only one board is seen, so that cut ones cannot be told apart"
+    if search.unnumbered:
+        yield search.photo, f"{search.unnumbered} cut boards", "too few of their sides are in the frame to say which corners are seen"
+
+
+def _refused(search: PhotoSearch, target: Target) -> Iterator[tuple[str, str, str]]:
+    """What looked like a board and is none, or none of this kind."""
+    if search.false:
+        yield search.photo, f"{search.false} finds", "their squares do not alternate: no boards"
+    if search.larger:
+        yield search.photo, f"{search.larger} boards", "they have more corners than {} x {}".format(*target.corners)
+    for columns, rows in search.other:
+        yield search.photo, "a board", f"it has {columns} x {rows} inner corners"
 
 
 def _balance(account: Account) -> tuple[float, float]:
@@ -287,18 +303,19 @@ def _cell_chart(result: BoardAdjustment, target: Target) -> Chart:
     return Chart(
         title="Mean residuals over the frame", style="arrows", x_label="column (px)", y_label="row (px, downwards negative)",
         x=tuple(centre[:, 0].round(1).tolist()), series={name: tuple(value.round(4).tolist()) for name, value in series.items()},
-        caption="Arrows that agree over neighbouring cells show distortion that the model does not describe.",
+        caption="In px, the mean of each cell. Arrows that agree over neighbouring cells show distortion that the model does not "
+        "describe.",
     )  # fmt: skip
 
 
 def _vector_chart(result: BoardAdjustment, target: Target) -> Chart:
     pixels, residual = target.pixels(result.corners.xy[result.used]), result.residual[result.used]
-    some = np.arange(0, len(pixels), max(1, len(pixels) // 400))
+    some = np.arange(0, len(pixels), max(1, -(-len(pixels) // _MOST_VECTORS)))
     series = {"y": -pixels[some, 1], "dx": residual[some, 0], "dy": residual[some, 1]}
     return Chart(
         title="Residual vectors", style="arrows", x_label="column (px)", y_label="row (px, downwards negative)",
         x=tuple(pixels[some, 0].round(1).tolist()), series={name: tuple(value.round(4).tolist()) for name, value in series.items()},
-        caption="Corners of all photographs, some 400 of them.",
+        caption=f"Residuals in px, rows upwards: every corner or, of many, one in {max(1, -(-len(pixels) // _MOST_VECTORS))}.",
     )  # fmt: skip
 
 
@@ -318,8 +335,13 @@ def _histogram(result: BoardAdjustment) -> Chart:
 
 def _pictures(account: Account) -> tuple[Picture, ...]:
     chosen = np.unique(np.linspace(0, len(account.photos) - 1, min(len(account.photos), _MOST_PICTURES)).round().astype(int))
+    usual = usual_length(account.result.residual[account.result.used])
+    caption = (
+        "Corners by board with its number, origin and axes; the black lines are the residuals, of which "
+        f"{RESIDUAL_LENGTH:.0f} pixels of this picture are {usual:.2g} px of the photograph; rejected corners are crossed."
+    )
     return tuple(
         Picture(title=f"Boards in {account.photos[photo]}", raster=drawing_raster(account.photos[photo]), style="rgb",
-                caption="Corners by board with its number, origin and axes; residuals enlarged; rejected corners crossed.")
+                caption=caption)
         for photo in chosen
     )  # fmt: skip

@@ -61,7 +61,7 @@ def test_no_boards_at_all_say_what_was_found():
     target, nothing = corners(EASY)[0], Corners(*(np.empty(0, kind) for kind in ("int32", "int32", "int32", float, float)))
     photos = BoardPhotos(paths=("a.jpg", "b.jpg"), size=target.size)
     searches = tuple(PhotoSearch(photo=n, boards=0, false=0, larger=1, blur=None, overexposed=0.0) for n in "ab")
-    with pytest.raises(GeometryError, match=r"Of 2 photographs 0 show whole boards with 6 x 5.*2 with more corners"):
+    with pytest.raises(GeometryError, match=r"Of 2 photographs 0 show boards with 6 x 5.*2 have more corners"):
         arrange(photos, (nothing, nothing), searches, target)
 
 
