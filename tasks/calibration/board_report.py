@@ -238,7 +238,11 @@ def _left_out(account: Account, search: PhotoSearch, own: ArrangedPhoto) -> Iter
     elif not own.certain:
         yield search.photo, "other boards", "only one board is seen, so that cut ones cannot be told apart"
     if search.unnumbered:
-        yield search.photo, f"{search.unnumbered} cut boards", "too few of their sides are in the frame to say which corners are seen"
+        yield (
+            search.photo,
+            f"{search.unnumbered} cut boards",
+            "too few of their sides are seen to say which corners they show",
+        )
 
 
 def _refused(search: PhotoSearch, target: Target) -> Iterator[tuple[str, str, str]]:

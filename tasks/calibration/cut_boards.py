@@ -1,7 +1,7 @@
 """Boards that the frame cuts, and boards of another size than was said: as much of a grid as a photo shows, and what part it is.
 
-Strategy. Lattices of any outline are found (lattices.py) and refined. On each of its four sides a lattice either ends in the photo,
-for the next row would be in sight and is not there, or may go on outside. A side that ends is a side of the board; together with the
+Strategy. Lattices of any outline are found (lattices.py) and refined. On each of its four sides a lattice ends in the photo (the
+next row would be in sight, and is not there) or may go on outside. A side that ends is a side of the board; together with the
 colour of the first square that says which corners of the board they are, mostly in one way only. A lattice that ends on all sides
 and has not the stated number of corners is a board of another kind.
 

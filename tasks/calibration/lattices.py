@@ -1,8 +1,8 @@
 """Chessboard-like lattices of any size and outline in a grey image: what a detector for a stated number of corners does not give.
 
-A corner of four squares is a saddle of the smoothed image, where the determinant of the Hessian has a minimum. The Hessian also says
-along which two lines the grey value does not curve: the edges of the squares. From a saddle that has a neighbour along all four of
-its edges, with black and white exchanged, the lattice grows neighbour by neighbour; where a row is cut it simply ends.
+A corner of four squares is a saddle of the smoothed image, where the determinant of the Hessian has a minimum. The Hessian also
+says along which two lines the grey value does not curve: the edges of the squares. From a saddle that has a neighbour along all
+four of its edges, with black and white exchanged, the lattice grows neighbour by neighbour; where a row is cut it simply ends.
 """
 
 from collections import deque
@@ -42,8 +42,8 @@ class _Saddles:
 
 
 def lattices(image: np.ndarray, fewest: int) -> list[np.ndarray]:
-    """Lattices (rows, cols, 2) (col, row) px with `fewest` corners or more in a grey image (rows, cols) uint8, largest first; NaN where
-    a corner is not seen."""
+    """Lattices (rows, cols, 2) (col, row) px with `fewest` corners or more in a grey image (rows, cols) uint8, largest first; NaN
+    where a corner is not seen."""
     saddles = _saddles(image)
     free = np.ones(len(saddles.xy), bool)
     out = []
@@ -120,14 +120,11 @@ def _four(saddles: _Saddles, seed: int, free: np.ndarray) -> list[int] | None:
 
 def _expected(saddles: _Saddles, lattice: dict[tuple[int, int], int], at: tuple[int, int], step: tuple[int, int]) -> np.ndarray:
     """The vector (2,) to the neighbour: as long as the step before, or as that of the row beside."""
-    for beside in ((0, 0), (step[1], step[0]), (-step[1], -step[0])):
-        one = (at[0] + beside[0], at[1] + beside[1])
-        other = (one[0] - step[0], one[1] - step[1]) if beside == (0, 0) else (one[0] + step[0], one[1] + step[1])
-        if one in lattice and other in lattice:
-            vector = saddles.xy[lattice[one]] - saddles.xy[lattice[other]]
-            return vector if beside == (0, 0) else -vector
-    back = saddles.xy[lattice[0, 0]] - saddles.xy[lattice[-step[0], -step[1]]]
-    return back
+    (row, col), (down, right) = at, step
+    for i, j in ((row - down, col - right), (row + right, col + down), (row - right, col - down)):
+        if (i, j) in lattice and (i + down, j + right) in lattice:
+            return saddles.xy[lattice[i + down, j + right]] - saddles.xy[lattice[i, j]]
+    return saddles.xy[lattice[0, 0]] - saddles.xy[lattice[-down, -right]]
 
 
 def _at(saddles: _Saddles, here: int, vector: np.ndarray) -> int | None:

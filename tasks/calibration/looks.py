@@ -15,7 +15,7 @@ from typing import Protocol
 
 import numpy as np
 
-from tasks.calibration.homographies import applied, homography, moved, refined_together, rigid_motion
+from tasks.calibration.homographies import applied, homography, refined_together, rigid_motion
 
 
 class Look(Protocol):

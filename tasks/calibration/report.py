@@ -32,8 +32,13 @@ def _camera_figures(cameras: tuple[Camera, ...]) -> tuple[Figure, ...]:
     calibrated = camera.source == "chessboards"
     return (
         Figure(name="c", value=round(camera.c, 3), unit="px", sentence="Camera constant.", headline=calibrated),
-        Figure(name="sigma_c", value=_rounded(_sigma(camera, "c"), 4), unit="px", sentence="Standard error of the camera constant.",
-               headline=calibrated),
+        Figure(
+            name="sigma_c",
+            value=_rounded(_sigma(camera, "c"), 4),
+            unit="px",
+            sentence="Standard error of the camera constant.",
+            headline=calibrated,
+        ),
         Figure(name="source", value=_SOURCES[camera.source], sentence="Where the interior orientation comes from."),
     )
 
@@ -63,8 +68,8 @@ def _camera_grid(camera: Camera, photographs: int) -> Grid:
         rows.append(("c", f"{camera.c * camera.pixel_um / 1000:.6g}", "", "mm"))
     serves = f", {photographs} photographs" if photographs else ""
     note = (
-        f"{camera.width} x {camera.height} px, {_SOURCES[camera.source]}{serves}. Radius in units of c, numbers as in OpenCV; x right, "
-        "y up, from the image centre."
+        f"{camera.width} x {camera.height} px, {_SOURCES[camera.source]}{serves}. Radius in units of c, numbers as in OpenCV; "
+        "x right, y up, from the image centre."
     )
     return Grid(
         title=f"Camera {camera.name}", columns=("parameter", "value", "standard error", "unit"), rows=tuple(rows), note=note

@@ -17,8 +17,8 @@ _SQUARE = 0.35
 
 
 def spacings(grid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Vectors (rows, cols, 2) px along a grid of corners (rows, cols, 2), from column to column and from row to row: the mean of the
-    steps to both neighbours, or the step to the only one; NaN without any."""
+    """Vectors (rows, cols, 2) px along a grid of corners (rows, cols, 2), from column to column and from row to row: the mean of
+    the steps to both neighbours, or the step to the only one; NaN without any."""
     return _steps(grid.swapaxes(0, 1)).swapaxes(0, 1), _steps(grid)
 
 
