@@ -14,7 +14,7 @@ from tasks.calibration.initial_constant import ConstantEstimate
 from tasks.calibration.judgement import MODELS
 from tasks.calibration.looks import SpaceLook
 from tasks.calibration.naming import NO_BOARDS, STRICT, Naming, name_boards, plane_looks
-from tasks.calibration.solving import FEWEST_PHOTOS, Target, solve
+from tasks.calibration.solving import FEWEST_PHOTOS, Target, solve, too_few
 from tasks.calibration.start import Start, restart_of, start_of
 from tasks.calibration.tables import Arranged, ArrangedPhoto, BoardPhotos, Corners, PhotoSearch, Prediction
 from tasks.geometry.distortion import pixel_to_image
@@ -23,6 +23,8 @@ _ENOUGH = 0.7
 """Share of the boards named at first that has to keep a name when distortion is known; else it was not known after all."""
 _FITS, _TOGETHER = 1.5, 5.0
 """px of sigma0 that need no explanation, and how many times that of one board by itself boards on a plane may have together."""
+_ENOUGH_IMAGES = 30
+"""Images of boards that show how well one by itself fits."""
 _FEWEST_CORNERS = 4
 """A cut board is looked for when so many of its corners are inside the frame."""
 _BEYOND = 1.25
@@ -73,8 +75,9 @@ def _refuse_boards_off_plane(found: list[np.ndarray], target: Target, sigma0: fl
     several = max((len(boards) for boards in found), default=0) > 1
     if sigma0 < _FITS or target.boards == 1 or not several or sum(len(boards) > 0 for boards in found) < FEWEST_PHOTOS:
         return
+    some = found[:: max(1, sum(map(len, found)) // _ENOUGH_IMAGES)]
     try:
-        alone = _one_by_one(found, target)[1]
+        alone = _one_by_one(some, target)[1]
     except GeometryError:
         return
     if sigma0 > _TOGETHER * alone.sigma0:
@@ -114,8 +117,10 @@ def _one_by_one(found: list[np.ndarray], target: Target) -> tuple[Start, BoardAd
 def _in_space(found: list[np.ndarray], target: Target) -> Arrangement:
     """Every image of a board is first taken for a photo of its own: that calibrates the camera without any names, and gives poses
     that say how the boards of a photo lie to each other."""
-    start, single = _one_by_one(found, target)
     photo_of = np.repeat(np.arange(len(found)), [len(boards) for boards in found])
+    if 0 < len(photo_of) < FEWEST_PHOTOS:
+        raise too_few(len(np.unique(photo_of)))
+    start, single = _one_by_one(found, target)
     interior = single.state.interior
     poses = np.tile(np.eye(4), (len(photo_of), 1, 1))
     poses[:, :3, :3] = single.state.rotation
@@ -174,7 +179,7 @@ def _seen(searches: tuple[PhotoSearch, ...], target: Target) -> str:
     more = f" and {cut} cut ones" if cut else ""
     return (
         f"(Of {len(searches)} photographs {sum(search.boards + search.cut > 0 for search in searches)} show boards with "
-        f"{target.corners[0]} x {target.corners[1]} inner corners, {boards} whole boards{more} in all{_others(searches)}.)"
+        f"{target.corners[0]} x {target.corners[1]} inner corners, {boards} whole boards{more} in all{_others(searches)})"
     )
 
 
@@ -185,7 +190,7 @@ def _others(searches: tuple[PhotoSearch, ...]) -> str:
         (columns, rows), times = sizes.most_common(1)[0]
         return f"; boards with {columns} x {rows} inner corners were seen {times} times: is that the number?"
     larger = sum(search.larger for search in searches)
-    return f"; {larger} have more corners than that" if larger else ""
+    return f"; {larger} have more corners than that." if larger else "."
 
 
 def _predictions(result: BoardAdjustment, target: Target, photo: int, certain: bool) -> tuple[Prediction, ...]:

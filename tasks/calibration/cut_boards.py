@@ -43,7 +43,7 @@ def find_cut_boards(levels: list[np.ndarray], whole: np.ndarray, corners: tuple[
     for level in reversed(range(len(levels))):
         if numbered or unnumbered or (max(levels[level].shape) > _FINEST_SIDE and level < len(levels) - 1):
             break
-        search = levels[level].copy()
+        search, others = levels[level].copy(), []
         for board in whole:
             paint_over(search, full_to_level(board, level))
         for coarse in lattices(search, _FEWEST)[:_MOST]:
@@ -55,7 +55,11 @@ def find_cut_boards(levels: list[np.ndarray], whole: np.ndarray, corners: tuple[
             if parts:
                 (numbered if len(parts) == 1 else unnumbered).append(parts[0])
             elif all(sides):
-                other.append((max(grid.shape[:2]), min(grid.shape[:2])))
+                others.append((max(grid.shape[:2]), min(grid.shape[:2])))
+        other = max(other, others, key=len)  # what two levels show is counted once
+    if other:
+        # A board that the frame cuts is then more likely one of these than of the stated kind.
+        numbered, unnumbered = [part for part in numbered if np.isfinite(part).all()], []
     if alone and not len(whole) and not numbered and unnumbered:
         numbered.append(unnumbered.pop(0))
     shape = (0, corners[1], corners[0], 2)

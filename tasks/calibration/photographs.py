@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from tasks.calibration.boards import COARSE_SIDE, find_boards, grey_image, pyramid
+from tasks.calibration.boards import COARSE_SIDE, FoundBoards, find_boards, grey_image, pyramid
 from tasks.calibration.cut_boards import CutBoards, find_cut_boards
 from tasks.calibration.saddles import contrast, edge_blur, refined, signs, spacings
 from tasks.calibration.tables import Arranged, Corners, PhotoSearch
@@ -30,12 +30,18 @@ def photo_corners(pixels: np.ndarray, photo: str, corners: tuple[int, int], boar
     corners: columns, rows of inner corners of a board; boards: how many there are at most, 0 for unknown; exact: the corners of a
     board are free of error, so that any part of it is like any other.
 
-    Cut boards are searched where fewer than two whole ones are seen; with two, it is known where the others have to be.
+    A quick look at lattices of any size comes first: where all boards are of another kind, the thorough search would only take
+    long. Cut boards count where fewer than two whole ones are seen; with two, it is known where the others have to be.
     """
     levels = pyramid(grey_image(pixels), min(COARSE_SIDE, OVERVIEW_SIDE))
-    found = find_boards(levels, corners, boards)
-    whole, parts = found.corners, CutBoards(found.corners[:0], 0, ())
-    if len(whole) < min(boards or 2, 2):
+    none = np.empty((0, corners[1], corners[0], 2))
+    parts, found = find_cut_boards(levels, none, corners, exact), FoundBoards(none, 0, 0)
+    if len(parts.corners) or not parts.other:
+        found = find_boards(levels, corners, boards)
+    whole = found.corners
+    if len(whole) >= min(boards or 2, 2):
+        parts = CutBoards(whole[:0], 0, parts.other)
+    elif len(whole):
         parts = find_cut_boards(levels, whole, corners, exact)
     shown = np.concatenate([whole, parts.corners])
     blurs = [edge_blur(levels[0], board) for board in shown]

@@ -51,6 +51,15 @@ class Target:
         return xy * np.array([1.0, -1.0]) + (np.array(self.size) - 1) / 2.0
 
 
+def too_few(photos: int) -> GeometryError:
+    """What is said of so many photographs."""
+    number = "Only 1 photograph shows chessboards" if photos == 1 else f"Only {photos} photographs show chessboards"
+    return GeometryError(
+        f"{number} that could be used, and {FEWEST_PHOTOS} are the least; check the number of inner corners, or take more "
+        "photographs, tilted and turned."
+    )
+
+
 def solve(target: Target, states: tuple[BoardState, ...], corners: BoardCorners, free: tuple[str, ...]) -> BoardAdjustment:
     """The bundle from the first start that leads to a good end; from the best of all when none does.
 
@@ -60,11 +69,7 @@ def solve(target: Target, states: tuple[BoardState, ...], corners: BoardCorners,
     # Boards that stand in space face different directions: each image of one counts like a photograph.
     directions = len(np.unique(corners.photo + 1j * corners.board)) if target.arrangement == "space" else photos
     if directions < FEWEST_PHOTOS:
-        number = "Only 1 photograph shows chessboards" if photos == 1 else f"Only {photos} photographs show chessboards"
-        raise GeometryError(
-            f"{number} that could be used, and {FEWEST_PHOTOS} are the least; check the number of inner corners, or take more "
-            "photographs, tilted and turned."
-        )
+        raise too_few(photos)
     network = target.network(photos, len(states[0].turn), free)
     best, failure = None, None
     for state in states:
