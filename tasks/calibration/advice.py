@@ -173,7 +173,7 @@ def search_warnings(searches: tuple[PhotoSearch, ...]) -> list[str]:
         out.append(
             f"Boards with more corners than stated were found and left out in {_some(larger)}; check the number of inner corners."
         )
-    other = Counter(size for s in searches for size in s.other)
+    other = Counter(size for s in searches for size in set(s.other))
     out += [f"Boards with {c} x {r} inner corners were seen in {n} photographs; is that the number?"
             for (c, r), n in other.items() if n > 1]  # fmt: skip
     return out

@@ -81,7 +81,7 @@ def _refuse_boards_off_plane(found: list[np.ndarray], target: Target, sigma0: fl
     except GeometryError:
         return
     if sigma0 > _TOGETHER * alone.sigma0:
-        together = "do not fit together" if np.isinf(sigma0) else f"together only to {sigma0:.1f} px"
+        together = "but not together" if np.isinf(sigma0) else f"but together only to {sigma0:.1f} px"
         raise GeometryError(
             f"The boards do not lie still on one plane: each by itself fits to {alone.sigma0:.2f} px, {together}. If they stand "
             "anywhere but kept their places, say so with arrangement: space (--arrangement space); if one of them has squares of "
@@ -185,10 +185,10 @@ def _seen(searches: tuple[PhotoSearch, ...], target: Target) -> str:
 
 def _others(searches: tuple[PhotoSearch, ...]) -> str:
     """The size of the boards that were found instead, or that they have more corners than was said."""
-    sizes = Counter(size for search in searches for size in search.other)
+    sizes = Counter(size for search in searches for size in set(search.other))
     if sizes:
         (columns, rows), times = sizes.most_common(1)[0]
-        return f"; boards with {columns} x {rows} inner corners were seen {times} times: is that the number?"
+        return f"; boards with {columns} x {rows} inner corners were seen in {times} photographs: is that the number?"
     larger = sum(search.larger for search in searches)
     return f"; {larger} have more corners than that." if larger else "."
 

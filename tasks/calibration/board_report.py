@@ -1,5 +1,6 @@
 """What the report says of a calibration from chessboards, beside what it says of any camera."""
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -232,15 +233,15 @@ def _left_out(account: Account, search: PhotoSearch, own: ArrangedPhoto) -> Iter
     elif own.photo not in account.photos:
         yield search.photo, "photograph", "its boards do not fit the places of the others"
     elif strangers and not own.certain:
-        yield search.photo, f"{strangers} boards", "only one board could be told from the others: these may be any"
+        yield search.photo, _number(strangers, "board"), "only one board could be told from the others: these may be any"
     elif strangers:
-        yield search.photo, f"{strangers} boards", "they do not fit the places of the others, or are more than was stated"
+        yield search.photo, _number(strangers, "board"), "they do not fit the places of the others, or are more than was stated"
     elif not own.certain:
         yield search.photo, "other boards", "only one board is seen, so that cut ones cannot be told apart"
     if search.unnumbered:
         yield (
             search.photo,
-            f"{search.unnumbered} cut boards",
+            _number(search.unnumbered, "cut board"),
             "too few of their sides are seen to say which corners they show",
         )
 
@@ -248,11 +249,15 @@ def _left_out(account: Account, search: PhotoSearch, own: ArrangedPhoto) -> Iter
 def _refused(search: PhotoSearch, target: Target) -> Iterator[tuple[str, str, str]]:
     """What looked like a board and is none, or none of this kind."""
     if search.false:
-        yield search.photo, f"{search.false} finds", "their squares do not alternate: no boards"
+        yield search.photo, _number(search.false, "find"), "their squares do not alternate: no boards"
     if search.larger:
-        yield search.photo, f"{search.larger} boards", "they have more corners than {} x {}".format(*target.corners)
-    for columns, rows in search.other:
-        yield search.photo, "a board", f"it has {columns} x {rows} inner corners"
+        yield search.photo, _number(search.larger, "board"), "they have more corners than {} x {}".format(*target.corners)
+    for (columns, rows), times in Counter(search.other).items():
+        yield search.photo, _number(times, "board"), f"{columns} x {rows} inner corners"
+
+
+def _number(count: int, noun: str) -> str:
+    return f"{count} {noun}" + ("" if count == 1 else "s")
 
 
 def _balance(account: Account) -> tuple[float, float]:
