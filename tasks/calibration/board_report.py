@@ -1,42 +1,21 @@
 """What the report says of a calibration from chessboards, beside what it says of any camera."""
 
-from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass
-
 import numpy as np
 
 from schemas.report import Chart, Figure, Grid, Picture, StageReport
 from tasks.adjustment.board_bundle import BoardAdjustment
 from tasks.adjustment.board_network import PARAMETERS
+from tasks.calibration.account import Account
 from tasks.calibration.advice import CELLS, frame_cells, geometry, geometry_warnings, result_warnings, search_warnings
 from tasks.calibration.distortion_curve import RADIUS_SHARE, balanced, balancing_change, displacement
 from tasks.calibration.drawing import RESIDUAL_LENGTH, usual_length
-from tasks.calibration.initial_constant import ConstantEstimate
-from tasks.calibration.judgement import HeldOut
+from tasks.calibration.left_out import unused
 from tasks.calibration.precision import board_precision, correlations, photo_precision
 from tasks.calibration.solving import Target
-from tasks.calibration.tables import Arranged, ArrangedPhoto, PhotoSearch, drawing_raster
+from tasks.calibration.tables import drawing_raster
 
 _MOST_PICTURES = 12
 _MOST_VECTORS = 250
-
-
-@dataclass(frozen=True, eq=False)
-class Account:
-    """All that there is to tell; `photos` are the names of those that took part."""
-
-    result: BoardAdjustment
-    target: Target
-    photos: list[str]
-    constant: ConstantEstimate
-    judged: dict[tuple[str, ...], HeldOut | None]
-    searches: tuple[PhotoSearch, ...]
-    arranged: Arranged
-
-    @property
-    def check(self) -> HeldOut | None:
-        return self.judged[self.result.network.free]
 
 
 def chessboards_report(plain: StageReport, account: Account) -> StageReport:
@@ -49,7 +28,7 @@ def chessboards_report(plain: StageReport, account: Account) -> StageReport:
         *search_warnings(account.searches),
     ]
     grids = (_parameters(account), *plain.grids, _models(account), _exterior(account), _boards(account), _photographs(account),
-             *_unused(account))  # fmt: skip
+             *unused(account))  # fmt: skip
     charts = (*plain.charts, _curve(account), _correlation_chart(result), _corner_chart(result, target), _cell_chart(result,
         target),
               _vector_chart(result, target), _histogram(result))  # fmt: skip
@@ -206,58 +185,6 @@ def _photographs(account: Account) -> Grid:
         "initial c2 (px)",
     )
     return Grid(title="Calibration photographs", columns=columns, rows=tuple(rows))
-
-
-def _unused(account: Account) -> tuple[Grid, ...]:
-    """Every photograph and board that takes no part, with its reason."""
-    used = {
-        (account.photos[p], b)
-        for p, b in zip(account.result.corners.photo.tolist(), account.result.corners.board.tolist(), strict=True)
-    }
-    predicted = {(own.photo, prediction.board) for own in account.arranged.photos for prediction in own.predictions}
-    rows = [row for search, own in zip(account.searches, account.arranged.photos, strict=True)
-            for row in (*_left_out(account, search, own), *_refused(search, account.target))]  # fmt: skip
-    rows += [(photo, f"board {board + 1}", "cut by the frame or hidden: no corner was found where it must be")
-             for photo, board in sorted(predicted - used)]  # fmt: skip
-    if not rows:
-        return ()
-    return (Grid(title="Not used", columns=("photo", "what", "reason"), rows=tuple(rows)),)
-
-
-def _left_out(account: Account, search: PhotoSearch, own: ArrangedPhoto) -> Iterator[tuple[str, str, str]]:
-    """What was found in a photograph and is not used."""
-    strangers = sum(name < 0 for name in own.names)
-    if not search.boards + search.cut:
-        corners = "{} x {}".format(*account.target.corners)
-        yield search.photo, "photograph", f"no board with {corners} inner corners was found, whole or cut"
-    elif own.photo not in account.photos:
-        yield search.photo, "photograph", "its boards do not fit the places of the others"
-    elif strangers and not own.certain:
-        yield search.photo, _number(strangers, "board"), "only one board could be told from the others: these may be any"
-    elif strangers:
-        yield search.photo, _number(strangers, "board"), "they do not fit the places of the others, or are more than was stated"
-    elif not own.certain:
-        yield search.photo, "other boards", "only one board is seen, so that cut ones cannot be told apart"
-    if search.unnumbered:
-        yield (
-            search.photo,
-            _number(search.unnumbered, "cut board"),
-            "too few of their sides are seen to say which corners they show",
-        )
-
-
-def _refused(search: PhotoSearch, target: Target) -> Iterator[tuple[str, str, str]]:
-    """What looked like a board and is none, or none of this kind."""
-    if search.false:
-        yield search.photo, _number(search.false, "find"), "their squares do not alternate: no boards"
-    if search.larger:
-        yield search.photo, _number(search.larger, "board"), "they have more corners than {} x {}".format(*target.corners)
-    for (columns, rows), times in Counter(search.other).items():
-        yield search.photo, _number(times, "board"), f"{columns} x {rows} inner corners"
-
-
-def _number(count: int, noun: str) -> str:
-    return f"{count} {noun}" + ("" if count == 1 else "s")
 
 
 def _balance(account: Account) -> tuple[float, float]:

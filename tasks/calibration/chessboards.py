@@ -14,9 +14,10 @@ from schemas.errors import PhotoError
 from schemas.photo import Header, Photos
 from tasks.adjustment.board_bundle import BoardAdjustment
 from tasks.adjustment.board_network import PARAMETERS, BoardCorners
+from tasks.calibration.account import Account
 from tasks.calibration.arranging import arrangement_of, found_boards
 from tasks.calibration.assignment import cameras_for
-from tasks.calibration.board_report import Account, chessboards_report
+from tasks.calibration.board_report import chessboards_report
 from tasks.calibration.exchange import WRITERS
 from tasks.calibration.initial_constant import ConstantEstimate
 from tasks.calibration.judgement import MODELS, HeldOut, choice, compare
