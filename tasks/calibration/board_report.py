@@ -29,9 +29,8 @@ def chessboards_report(plain: StageReport, account: Account) -> StageReport:
     ]
     grids = (_parameters(account), *plain.grids, _models(account), _exterior(account), _boards(account), _photographs(account),
              *unused(account))  # fmt: skip
-    charts = (*plain.charts, _curve(account), _correlation_chart(result), _corner_chart(result, target), _cell_chart(result,
-        target),
-              _vector_chart(result, target), _histogram(result))  # fmt: skip
+    charts = (*plain.charts, _curve(account), _correlation_chart(result), _corner_chart(result, target),
+              _cell_chart(result, target), _vector_chart(result, target), _histogram(result))  # fmt: skip
     return plain.model_copy(update={
         "figures": (*plain.figures, *_figures(account)), "grids": grids, "charts": charts, "pictures": _pictures(account),
         "warnings": (*warnings, *plain.warnings),
@@ -220,11 +219,18 @@ def _correlation_chart(result: BoardAdjustment) -> Chart:
 
 
 def _corner_chart(result: BoardAdjustment, target: Target) -> Chart:
-    pixels = target.pixels(result.corners.xy)
+    """With the border of the frame, so that its empty parts are seen."""
+    pixels = target.pixels(result.corners.xy[result.used])
+    width, height = np.array(target.size) - 1
+    along, none = np.linspace(0.0, 1.0, 60), np.zeros(60)
+    sides = [(along * width, none), (along * width, none + height), (none, along * height), (none + width, along * height)]
+    x, y = np.concatenate([pixels.T, *sides], axis=1).round(1)
+    corner = np.arange(len(x)) < len(pixels)
+    series = {"corners used": np.where(corner, -y, np.nan), "border of the frame": np.where(corner, np.nan, -y)}
     return Chart(
         title="Corners over the frame", style="points", x_label="column (px)", y_label="row (px, downwards negative)",
-        x=tuple(pixels[:, 0].round(1).tolist()), series={"corners": tuple((-pixels[:, 1]).round(1).tolist())},
-        caption="Empty parts of the frame are extrapolated.",
+        x=tuple(x.tolist()), series={name: tuple(values.tolist()) for name, values in series.items()},
+        caption="What is empty within the border of the frame is extrapolated.",
     )  # fmt: skip
 
 
