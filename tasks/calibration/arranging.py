@@ -23,8 +23,6 @@ _ENOUGH = 0.7
 """Share of the boards named at first that has to keep a name when distortion is known; else it was not known after all."""
 _FITS, _TOGETHER = 1.5, 5.0
 """px of sigma0 that need no explanation, and how many times that of one board by itself boards on a plane may have together."""
-_ENOUGH_IMAGES = 30
-"""Images of boards that show how well one by itself fits."""
 _FEWEST_CORNERS = 4
 """A cut board is looked for when so many of its corners are inside the frame."""
 _BEYOND = 1.25
@@ -61,32 +59,46 @@ def arrangement_of(found: list[np.ndarray], target: Target) -> Arrangement:
     """
     if target.arrangement == "space":
         return _in_space(found, target)
+    known, failure = None, None
     try:
         known = _on_plane(found, target)
-    except GeometryError:
-        _refuse_boards_off_plane(found, target, np.inf)
-        raise
-    _refuse_boards_off_plane(found, target, known.result.sigma0)
+    except GeometryError as error:
+        failure = error
+    several = max((len(boards) for boards in found), default=0) > 1
+    enough = sum(len(boards) > 0 for boards in found) >= FEWEST_PHOTOS
+    if (known is None or known.result.sigma0 > _FITS) and several and enough and target.boards != 1:
+        known = _second_opinion(found, target, known)
+    if known is None:
+        raise failure
     return known
 
 
-def _refuse_boards_off_plane(found: list[np.ndarray], target: Target, sigma0: float) -> None:
-    """Raises GeometryError when boards that are said to lie on a plane fit by themselves, but not together."""
-    several = max((len(boards) for boards in found), default=0) > 1
-    if sigma0 < _FITS or target.boards == 1 or not several or sum(len(boards) > 0 for boards in found) < FEWEST_PHOTOS:
-        return
-    some = found[:: max(1, sum(map(len, found)) // _ENOUGH_IMAGES)]
+def _second_opinion(found: list[np.ndarray], target: Target, known: Arrangement | None) -> Arrangement | None:
+    """The boards named free of the distortion that each image of a board by itself knows: a lens may bend the plane too much for
+    any homography. Raises GeometryError when boards that are said to lie on a plane fit by themselves, but not together."""
     try:
-        alone = _one_by_one(some, target)[1]
+        start, alone = _one_by_one(found, target)
     except GeometryError:
-        return
-    if sigma0 > _TOGETHER * alone.sigma0:
-        together = "but not together" if np.isinf(sigma0) else f"but together only to {sigma0:.1f} px"
+        return known
+    interior = alone.state.interior
+    ideal = [undistorted(xy, interior, target) for xy in found]
+    try:
+        again = name_boards(plane_looks(ideal, target.local), target.local, target.boards)
+        restart = restart_of(found, again, target.local, interior)
+        other = solve(target, restart.states, restart.corners, MODELS[0])
+        if known is None or other.sigma0 < known.result.sigma0:
+            empty = np.full(len(found), np.nan)
+            known = Arrangement(again, restart, other, replace(start.constant, c1=empty, c2=empty), alone.iterations)
+    except GeometryError:
+        pass
+    if known is None or known.result.sigma0 > _TOGETHER * alone.sigma0:
+        together = "but not together" if known is None else f"but together only to {known.result.sigma0:.1f} px"
         raise GeometryError(
             f"The boards do not lie still on one plane: each by itself fits to {alone.sigma0:.2f} px, {together}. If they stand "
             "anywhere but kept their places, say so with arrangement: space (--arrangement space); if one of them has squares of "
             "another size or was moved between the photographs, take it away, or calibrate with one board alone (boards: 1)."
         )
+    return known
 
 
 def _on_plane(found: list[np.ndarray], target: Target) -> Arrangement:
