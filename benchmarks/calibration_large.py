@@ -70,7 +70,7 @@ def whole_set() -> str:
         camera = Camera.model_validate_json((results / "products" / "camera.json").read_text())
     seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     said = {name: figures[f"calibration.{name}"]["value"] for name in ("boards", "sigma0_px", "held_out_px", "iterations")}
-    errors = (camera.interior - FIVE_BOARDS.camera.interior) / np.sqrt(np.maximum(np.diag(camera.covariance), 1e-300))
+    errors = (np.array(camera.interior) - FIVE_BOARDS.camera.interior) / np.sqrt(np.maximum(np.diag(camera.covariance), 1e-300))
     known = np.diag(camera.covariance) > 0
     return (
         f"The whole set as 34 colour JPEG files, `orthomill calibrate` with two workers: {seconds:.0f} s of CPU in all, largest "
