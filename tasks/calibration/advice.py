@@ -5,6 +5,7 @@ about their axes, how much of the frame the corners cover. Then what the adjustm
 held-out residuals, boards that are not flat, photographs that are blurred or overexposed.
 """
 
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
@@ -130,7 +131,8 @@ def result_warnings(result: BoardAdjustment, check: HeldOut | None, target: Targ
     if result.sigma0 > max(1.0, 1.5 * scale):
         out.append(
             f"sigma0 is {result.sigma0:.2f} px, far more than corners are uncertain: the boards moved, are warped or of different "
-            "size, the lens was refocused, or the distortion model does not suit the lens."
+            "size, the lens was refocused, or the distortion model does not suit the lens. Boards on an uneven floor want "
+            "arrangement: space."
         )
     return out + _uneven_boards(result)
 
@@ -171,6 +173,9 @@ def search_warnings(searches: tuple[PhotoSearch, ...]) -> list[str]:
         out.append(
             f"Boards with more corners than stated were found and left out in {_some(larger)}; check the number of inner corners."
         )
+    other = Counter(size for s in searches for size in set(s.other))
+    out += [f"Boards with {c} x {r} inner corners were seen in {n} photographs; is that the number?"
+            for (c, r), n in other.items() if n > 1]  # fmt: skip
     return out
 
 

@@ -1,6 +1,7 @@
 """Between search and adjustment: boards get their names, a first calibration tells where missed and cut boards have to be."""
 
-from dataclasses import dataclass
+from collections import Counter
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,14 +12,17 @@ from tasks.adjustment.board_network import BoardCorners
 from tasks.adjustment.board_projection import projected
 from tasks.calibration.initial_constant import ConstantEstimate
 from tasks.calibration.judgement import MODELS
-from tasks.calibration.naming import STRICT, Naming, name_boards
-from tasks.calibration.solving import Target, solve
+from tasks.calibration.looks import SpaceLook
+from tasks.calibration.naming import NO_BOARDS, STRICT, Naming, name_boards, plane_looks
+from tasks.calibration.solving import FEWEST_PHOTOS, Target, solve, too_few
 from tasks.calibration.start import Start, restart_of, start_of
 from tasks.calibration.tables import Arranged, ArrangedPhoto, BoardPhotos, Corners, PhotoSearch, Prediction
 from tasks.geometry.distortion import pixel_to_image
 
 _ENOUGH = 0.7
 """Share of the boards named at first that has to keep a name when distortion is known; else it was not known after all."""
+_FITS, _TOGETHER = 1.5, 5.0
+"""px of sigma0 that need no explanation, and how many times that of one board by itself boards on a plane may have together."""
 _FEWEST_CORNERS = 4
 """A cut board is looked for when so many of its corners are inside the frame."""
 _BEYOND = 1.25
@@ -26,8 +30,14 @@ _BEYOND = 1.25
 
 
 def found_boards(corners: tuple[Corners, ...], target: Target) -> list[np.ndarray]:
-    """Per photo (B, N, 2) px from the image centre, y up, of whole boards."""
-    return [target.centred(own.pixels.reshape(-1, len(target.local), 2)) for own in corners]
+    """Per photo (B, N, 2) px from the image centre, y up; NaN for the corners of cut boards that are not in the photo."""
+    return [_boards_of(own, target) for own in corners]
+
+
+def _boards_of(corners: Corners, target: Target) -> np.ndarray:
+    out = np.full((int(corners.board.max(initial=-1)) + 1, len(target.local), 2), np.nan)
+    out[corners.board, corners.row.astype(int) * target.corners[0] + corners.column] = target.centred(corners.pixels)
+    return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,21 +53,104 @@ class Arrangement:
 
 
 def arrangement_of(found: list[np.ndarray], target: Target) -> Arrangement:
-    """Boards named twice: as they are measured, and, once a first calibration knows the distortion, free of it. Wide lenses bend
-    the
-    plane of the boards so much that a homography does not carry from one to the next.
+    """Names, starting values and a first calibration. found: per photo (B, N, 2) px from the image centre, y up.
 
     Raises GeometryError when there are too few boards, or when they do not determine the camera.
     """
-    naming = name_boards(found, target.local, target.boards)
+    if target.arrangement == "space":
+        return _in_space(found, target)
+    known, failure = None, None
+    try:
+        known = _on_plane(found, target)
+    except GeometryError as error:
+        failure = error
+    several = max((len(boards) for boards in found), default=0) > 1
+    enough = sum(len(boards) > 0 for boards in found) >= FEWEST_PHOTOS
+    if (known is None or known.result.sigma0 > _FITS) and several and enough and target.boards != 1:
+        known = _second_opinion(found, target, known)
+    if known is None:
+        raise failure
+    return known
+
+
+def _second_opinion(found: list[np.ndarray], target: Target, known: Arrangement | None) -> Arrangement | None:
+    """The boards named free of the distortion that each image of a board by itself knows: a lens may bend the plane too much for
+    any homography. Raises GeometryError when boards that are said to lie on a plane fit by themselves, but not together."""
+    try:
+        start, alone = _one_by_one(found, target)
+    except GeometryError:
+        return known
+    interior = alone.state.interior
+    ideal = [undistorted(xy, interior, target) for xy in found]
+    try:
+        again = name_boards(plane_looks(ideal, target.local), target.local, target.boards)
+        restart = restart_of(found, again, target.local, interior)
+        other = solve(target, restart.states, restart.corners, MODELS[0])
+        if known is None or other.sigma0 < known.result.sigma0:
+            empty = np.full(len(found), np.nan)
+            known = Arrangement(again, restart, other, replace(start.constant, c1=empty, c2=empty), alone.iterations)
+    except GeometryError:
+        pass
+    if known is None or known.result.sigma0 > _TOGETHER * alone.sigma0:
+        together = "but not together" if known is None else f"but together only to {known.result.sigma0:.1f} px"
+        raise GeometryError(
+            f"The boards do not lie still on one plane: each by itself fits to {alone.sigma0:.2f} px, {together}. If they stand "
+            "anywhere but kept their places, say so with arrangement: space (--arrangement space); if one of them has squares of "
+            "another size or was moved between the photographs, take it away, or calibrate with one board alone (boards: 1)."
+        )
+    return known
+
+
+def _on_plane(found: list[np.ndarray], target: Target) -> Arrangement:
+    """Boards named twice: as they are measured, and, once a first calibration knows the distortion, free of it. Wide lenses bend
+    the plane of the boards so much that a homography does not carry from one to the next."""
+    naming = name_boards(plane_looks(found, target.local), target.local, target.boards)
     start = start_of(found, naming, target.local, target.size)
     result = solve(target, start.states, start.corners, MODELS[0])
-    again = name_boards([undistorted(xy, result.state.interior, target) for xy in found], target.local, target.boards, STRICT)
+    ideal = [undistorted(xy, result.state.interior, target) for xy in found]
+    again = name_boards(plane_looks(ideal, target.local), target.local, target.boards, STRICT)
     if _named(again) < _ENOUGH * _named(naming):
         return Arrangement(naming, start, result, start.constant, result.iterations)
     restart = restart_of(found, again, target.local, result.state.interior)
     second = solve(target, restart.states, restart.corners, MODELS[0])
     return Arrangement(again, restart, second, start.constant, result.iterations)
+
+
+def _one_by_one(found: list[np.ndarray], target: Target) -> tuple[Start, BoardAdjustment]:
+    """The calibration in which every image of a board is a photo of its own."""
+    alone = [board[None] for boards in found for board in boards]
+    if not alone:
+        raise GeometryError(NO_BOARDS)
+    naming = name_boards(plane_looks(alone, target.local), target.local, 1)
+    start = start_of(alone, naming, target.local, target.size)
+    return start, solve(replace(target, boards=1), start.states, start.corners, MODELS[0])
+
+
+def _in_space(found: list[np.ndarray], target: Target) -> Arrangement:
+    """Every image of a board is first taken for a photo of its own: that calibrates the camera without any names, and gives poses
+    that say how the boards of a photo lie to each other."""
+    photo_of = np.repeat(np.arange(len(found)), [len(boards) for boards in found])
+    if 0 < len(photo_of) < FEWEST_PHOTOS:
+        raise too_few(len(np.unique(photo_of)))
+    start, single = _one_by_one(found, target)
+    interior = single.state.interior
+    poses = np.tile(np.eye(4), (len(photo_of), 1, 1))
+    poses[:, :3, :3] = single.state.rotation
+    poses[:, :3, 3] = -np.einsum("pij,pj->pi", single.state.rotation, single.state.centre)
+    looks = [
+        SpaceLook(undistorted(xy, interior, target), target.local, poses[photo_of == photo], float(interior[0]))
+        for photo, xy in enumerate(found)
+    ]
+    named = name_boards(looks, target.local, target.boards)
+    restart = restart_of(found, named, target.local, interior)
+    result = solve(target, restart.states, restart.corners, MODELS[0])
+    c1, c2 = (np.array([_first(values[photo_of == photo]) for photo in range(len(found))])
+              for values in (start.constant.c1, start.constant.c2))  # fmt: skip
+    return Arrangement(named, restart, result, replace(start.constant, c1=c1, c2=c2), single.iterations)
+
+
+def _first(values: np.ndarray) -> float:
+    return float(np.nanmedian(values)) if np.isfinite(values).any() else np.nan
 
 
 def _named(naming: Naming) -> int:
@@ -68,7 +161,10 @@ def undistorted(xy: np.ndarray, interior: np.ndarray, target: Target) -> np.ndar
     """Image coordinates (..., 2) px from the image centre without principal point and distortion."""
     numbers = dict(zip(INTERIOR, interior[: len(INTERIOR)].tolist(), strict=True))
     camera = Camera(name="boards", width=target.size[0], height=target.size[1], **numbers)
-    return pixel_to_image(camera, target.pixels(xy).reshape(-1, 2)).reshape(xy.shape)
+    known = np.isfinite(xy).all(axis=-1)
+    out = np.full_like(xy, np.nan)
+    out[known] = pixel_to_image(camera, target.pixels(xy[known]))
+    return out
 
 
 def arrange(boards: BoardPhotos, corners: tuple[Corners, ...], searches: tuple[PhotoSearch, ...], target: Target) -> Arranged:
@@ -83,7 +179,7 @@ def arrange(boards: BoardPhotos, corners: tuple[Corners, ...], searches: tuple[P
     number = {int(photo): place for place, photo in enumerate(known.start.photo)}
     photos = tuple(
         ArrangedPhoto(photo=name, names=tuple(named.names.tolist()), certain=named.certain,
-                      predictions=_predictions(known.result, target, number[index]) if named.certain else ())
+                      predictions=_predictions(known.result, target, number[index], named.certain) if index in number else ())
         for index, (name, named) in enumerate(zip(boards.names, known.naming.photos, strict=True))
     )  # fmt: skip
     return Arranged(boards=known.result.network.boards, photos=photos)
@@ -91,22 +187,34 @@ def arrange(boards: BoardPhotos, corners: tuple[Corners, ...], searches: tuple[P
 
 def _seen(searches: tuple[PhotoSearch, ...], target: Target) -> str:
     """What was found at all, for a person who has to guess what went wrong."""
-    boards, larger = sum(search.boards for search in searches), sum(search.larger for search in searches)
-    more = f", and {larger} with more corners than that" if larger else ""
+    boards, cut = sum(search.boards for search in searches), sum(search.cut for search in searches)
+    more = f" and {cut} cut ones" if cut else ""
     return (
-        f"(Of {len(searches)} photographs {sum(search.boards > 0 for search in searches)} show whole boards with "
-        f"{target.corners[0]} x {target.corners[1]} inner corners, {boards} boards in all{more}.)"
+        f"(Of {len(searches)} photographs {sum(search.boards + search.cut > 0 for search in searches)} show boards with "
+        f"{target.corners[0]} x {target.corners[1]} inner corners, {boards} whole boards{more} in all{_others(searches)})"
     )
 
 
-def _predictions(result: BoardAdjustment, target: Target, photo: int) -> tuple[Prediction, ...]:
-    """All corners of the boards that a photo does not show whole, but shows a part of."""
-    shown = np.unique(result.corners.board[result.corners.photo == photo])
+def _others(searches: tuple[PhotoSearch, ...]) -> str:
+    """The size of the boards that were found instead, or that they have more corners than was said."""
+    sizes = Counter(size for search in searches for size in set(search.other))
+    if sizes:
+        (columns, rows), times = sizes.most_common(1)[0]
+        return f"; boards with {columns} x {rows} inner corners were seen in {times} photographs: is that the number?"
+    larger = sum(search.larger for search in searches)
+    return f"; {larger} have more corners than that." if larger else "."
+
+
+def _predictions(result: BoardAdjustment, target: Target, photo: int, certain: bool) -> tuple[Prediction, ...]:
+    """All corners of the boards of which a photo shows a part that was not measured; of a photo that could name a single board,
+    only of this one."""
+    measured = np.bincount(result.corners.board[result.corners.photo == photo], minlength=result.network.boards)
+    wanted = measured < len(target.local) if certain else (measured > 0) & (measured < len(target.local))
     out = []
-    for board in np.setdiff1d(np.arange(result.network.boards), shown):
+    for board in np.flatnonzero(wanted):
         pixels = target.pixels(_board_in_photo(result, photo, int(board)))
         inside = ((pixels >= 2) & (pixels <= np.array(target.size) - 3)).all(axis=1)
-        if inside.sum() >= _FEWEST_CORNERS:
+        if inside.sum() >= max(_FEWEST_CORNERS, measured[board] + 1):
             out.append(Prediction(board=int(board), pixels=tuple(map(tuple, pixels.tolist()))))
     return tuple(out)
 

@@ -1,38 +1,21 @@
 """What the report says of a calibration from chessboards, beside what it says of any camera."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from schemas.report import Chart, Figure, Grid, Picture, StageReport
 from tasks.adjustment.board_bundle import BoardAdjustment
 from tasks.adjustment.board_network import PARAMETERS
+from tasks.calibration.account import Account
 from tasks.calibration.advice import CELLS, frame_cells, geometry, geometry_warnings, result_warnings, search_warnings
 from tasks.calibration.distortion_curve import RADIUS_SHARE, balanced, balancing_change, displacement
-from tasks.calibration.initial_constant import ConstantEstimate
-from tasks.calibration.judgement import HeldOut
+from tasks.calibration.drawing import RESIDUAL_LENGTH, usual_length
+from tasks.calibration.left_out import unused
 from tasks.calibration.precision import board_precision, correlations, photo_precision
 from tasks.calibration.solving import Target
-from tasks.calibration.tables import Arranged, PhotoSearch, drawing_raster
+from tasks.calibration.tables import drawing_raster
 
 _MOST_PICTURES = 12
-
-
-@dataclass(frozen=True, eq=False)
-class Account:
-    """All that there is to tell; `photos` are the names of those that took part."""
-
-    result: BoardAdjustment
-    target: Target
-    photos: list[str]
-    constant: ConstantEstimate
-    judged: dict[tuple[str, ...], HeldOut | None]
-    searches: tuple[PhotoSearch, ...]
-    arranged: Arranged
-
-    @property
-    def check(self) -> HeldOut | None:
-        return self.judged[self.result.network.free]
+_MOST_VECTORS = 250
 
 
 def chessboards_report(plain: StageReport, account: Account) -> StageReport:
@@ -45,12 +28,11 @@ def chessboards_report(plain: StageReport, account: Account) -> StageReport:
         *search_warnings(account.searches),
     ]
     grids = (_parameters(account), *plain.grids, _models(account), _exterior(account), _boards(account), _photographs(account),
-             *_unused(account))  # fmt: skip
-    charts = (*plain.charts, _curve(account), _correlation_chart(result), _corner_chart(result, target), _cell_chart(result,
-        target),
-              _vector_chart(result, target), _histogram(result))  # fmt: skip
+             *unused(account))  # fmt: skip
+    charts = (*plain.charts, _curve(account), _correlation_chart(result), _corner_chart(result, target),
+              _cell_chart(result, target), _vector_chart(result, target), _histogram(result))  # fmt: skip
     return plain.model_copy(update={
-        "figures": (*_figures(account), *plain.figures), "grids": grids, "charts": charts, "pictures": _pictures(account),
+        "figures": (*plain.figures, *_figures(account)), "grids": grids, "charts": charts, "pictures": _pictures(account),
         "warnings": (*warnings, *plain.warnings),
     })  # fmt: skip
 
@@ -204,37 +186,6 @@ def _photographs(account: Account) -> Grid:
     return Grid(title="Calibration photographs", columns=columns, rows=tuple(rows))
 
 
-def _unused(account: Account) -> tuple[Grid, ...]:
-    """Every photograph and board that takes no part, with its reason."""
-    rows, shape = [], "{} x {}".format(*account.target.corners)
-    predicted = {(own.photo, prediction.board) for own in account.arranged.photos for prediction in own.predictions}
-    used = {
-        (account.photos[p], b)
-        for p, b in zip(account.result.corners.photo.tolist(), account.result.corners.board.tolist(), strict=True)
-    }
-    for search, own in zip(account.searches, account.arranged.photos, strict=True):
-        strangers = sum(name < 0 for name in own.names)
-        if not search.boards:
-            rows.append((search.photo, "photograph", f"no whole board with {shape} inner corners was found"))
-        elif own.photo not in account.photos:
-            rows.append((search.photo, "photograph", "its boards do not fit the places of the others"))
-        elif strangers and sum(photo == search.photo for photo, _ in used) < account.arranged.boards:
-            rows.append(
-                (search.photo, f"{strangers} boards", "they do not fit the places of the others, or are more than was stated")
-            )
-        elif not own.certain:
-            rows.append((search.photo, "other boards", "only one whole board is seen, so that cut ones cannot be told apart"))
-        if search.false:
-            rows.append((search.photo, f"{search.false} finds", "their squares do not alternate: no boards"))
-        if search.larger:
-            rows.append((search.photo, f"{search.larger} boards", f"they have more corners than {shape}"))
-    rows += [(photo, f"board {board + 1}", "cut by the frame or hidden: no corner was found where it must be")
-             for photo, board in sorted(predicted - used)]  # fmt: skip
-    if not rows:
-        return ()
-    return (Grid(title="Not used", columns=("photo", "what", "reason"), rows=tuple(rows)),)
-
-
 def _balance(account: Account) -> tuple[float, float]:
     """Radius (px) of the balanced curve and the change of c (px) that belongs to it."""
     interior, radius = account.result.state.interior, RADIUS_SHARE * 0.5 * float(np.hypot(*account.target.size))
@@ -268,11 +219,18 @@ def _correlation_chart(result: BoardAdjustment) -> Chart:
 
 
 def _corner_chart(result: BoardAdjustment, target: Target) -> Chart:
-    pixels = target.pixels(result.corners.xy)
+    """With the border of the frame, so that its empty parts are seen."""
+    pixels = target.pixels(result.corners.xy[result.used])
+    width, height = np.array(target.size) - 1
+    along, none = np.linspace(0.0, 1.0, 60), np.zeros(60)
+    sides = [(along * width, none), (along * width, none + height), (none, along * height), (none + width, along * height)]
+    x, y = np.concatenate([pixels.T, *sides], axis=1).round(1)
+    corner = np.arange(len(x)) < len(pixels)
+    series = {"corners used": np.where(corner, -y, np.nan), "border of the frame": np.where(corner, np.nan, -y)}
     return Chart(
         title="Corners over the frame", style="points", x_label="column (px)", y_label="row (px, downwards negative)",
-        x=tuple(pixels[:, 0].round(1).tolist()), series={"corners": tuple((-pixels[:, 1]).round(1).tolist())},
-        caption="Empty parts of the frame are extrapolated.",
+        x=tuple(x.tolist()), series={name: tuple(values.tolist()) for name, values in series.items()},
+        caption="What is empty within the border of the frame is extrapolated.",
     )  # fmt: skip
 
 
@@ -287,18 +245,19 @@ def _cell_chart(result: BoardAdjustment, target: Target) -> Chart:
     return Chart(
         title="Mean residuals over the frame", style="arrows", x_label="column (px)", y_label="row (px, downwards negative)",
         x=tuple(centre[:, 0].round(1).tolist()), series={name: tuple(value.round(4).tolist()) for name, value in series.items()},
-        caption="Arrows that agree over neighbouring cells show distortion that the model does not describe.",
+        caption="In px, the mean of each cell. Arrows that agree over neighbouring cells show distortion that the model does not "
+        "describe.",
     )  # fmt: skip
 
 
 def _vector_chart(result: BoardAdjustment, target: Target) -> Chart:
     pixels, residual = target.pixels(result.corners.xy[result.used]), result.residual[result.used]
-    some = np.arange(0, len(pixels), max(1, len(pixels) // 400))
+    some = np.arange(0, len(pixels), max(1, -(-len(pixels) // _MOST_VECTORS)))
     series = {"y": -pixels[some, 1], "dx": residual[some, 0], "dy": residual[some, 1]}
     return Chart(
         title="Residual vectors", style="arrows", x_label="column (px)", y_label="row (px, downwards negative)",
         x=tuple(pixels[some, 0].round(1).tolist()), series={name: tuple(value.round(4).tolist()) for name, value in series.items()},
-        caption="Corners of all photographs, some 400 of them.",
+        caption=f"Residuals in px, rows upwards: every corner or, of many, one in {max(1, -(-len(pixels) // _MOST_VECTORS))}.",
     )  # fmt: skip
 
 
@@ -318,8 +277,13 @@ def _histogram(result: BoardAdjustment) -> Chart:
 
 def _pictures(account: Account) -> tuple[Picture, ...]:
     chosen = np.unique(np.linspace(0, len(account.photos) - 1, min(len(account.photos), _MOST_PICTURES)).round().astype(int))
+    usual = usual_length(account.result.residual[account.result.used])
+    caption = (
+        "Corners by board with its number, origin and axes; the black lines are the residuals, of which "
+        f"{RESIDUAL_LENGTH:.0f} pixels of this picture are {usual:.2g} px of the photograph; rejected corners are crossed."
+    )
     return tuple(
         Picture(title=f"Boards in {account.photos[photo]}", raster=drawing_raster(account.photos[photo]), style="rgb",
-                caption="Corners by board with its number, origin and axes; residuals enlarged; rejected corners crossed.")
+                caption=caption)
         for photo in chosen
     )  # fmt: skip

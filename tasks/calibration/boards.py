@@ -85,9 +85,9 @@ def find_boards(levels: list[np.ndarray], corners: tuple[int, int], boards: int 
                 break
             search = cv2.GaussianBlur(levels[level], (0, 0), _SMOOTH) if smooth else levels[level].copy()
             for board in found:
-                _paint_over(search, full_to_level(board, level))
+                paint_over(search, full_to_level(board, level))
             for board in _searched(search, corners, most - len(found)):
-                fine = _through_levels(board, levels, level)
+                fine = through_levels(board, levels, level)
                 reason = _refusal(levels[0], fine)
                 if reason is None:
                     found.append(numbered(levels[0], fine))
@@ -108,19 +108,21 @@ def _searched(image: np.ndarray, corners: tuple[int, int], most: int) -> list[np
         if not found:
             break
         boards.append(points.reshape(corners[1], corners[0], 2).astype(np.float64))
-        _paint_over(image, boards[-1])
+        paint_over(image, boards[-1])
     return boards
 
 
-def _paint_over(image: np.ndarray, board: np.ndarray) -> None:
+def paint_over(image: np.ndarray, board: np.ndarray) -> None:
+    """Covers a board (rows, cols, 2) in an image (rows, cols), up to the outer edge of its squares."""
     rows, cols = board.shape[:2]
-    H = homography(board_grid((cols, rows)), board.reshape(-1, 2))
+    known = np.isfinite(board).all(axis=-1).ravel()
+    H = homography(board_grid((cols, rows))[known], board.reshape(-1, 2)[known])
     low, right, bottom = -1.2, cols + 0.2, rows + 0.2
     edge = applied(H, np.array([[low, low], [right, low], [right, bottom], [low, bottom]]))
     cv2.fillConvexPoly(image, np.rint(np.clip(edge, -20000, 20000)).astype(np.int32), float(np.median(image)))
 
 
-def _through_levels(board: np.ndarray, levels: list[np.ndarray], level: int) -> np.ndarray:
+def through_levels(board: np.ndarray, levels: list[np.ndarray], level: int) -> np.ndarray:
     """Corners of a level in the full image, refined in each level between."""
     full = level_to_full(board, level)
     for finer in reversed(range(level)):
@@ -135,7 +137,7 @@ def _refusal(image: np.ndarray, board: np.ndarray) -> int | None:
     pattern = contrast(image, board, across, down) * signs(rows, cols)
     pattern = pattern if np.nansum(pattern) >= 0 else -pattern
     strength = np.nanmedian(pattern)
-    if not strength > 4.0 or not _regular(board):
+    if not strength > 4.0 or not regular(board):
         return 0
     wrong = np.nan_to_num(pattern, nan=strength) < 0.35 * strength
     if wrong.mean() > _WRONG_CORNERS or max(wrong.mean(axis=0).max(), wrong.mean(axis=1).max()) >= 0.5:
@@ -143,7 +145,7 @@ def _refusal(image: np.ndarray, board: np.ndarray) -> int | None:
     return 1 if _goes_on(image, board, strength) else None
 
 
-def _regular(board: np.ndarray) -> bool:
+def regular(board: np.ndarray) -> bool:
     """Whether spacings change as slowly along rows and columns as perspective and distortion let them."""
     for grid in (board, board.swapaxes(0, 1)):
         step = np.diff(grid, axis=0)

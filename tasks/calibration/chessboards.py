@@ -14,9 +14,10 @@ from schemas.errors import PhotoError
 from schemas.photo import Header, Photos
 from tasks.adjustment.board_bundle import BoardAdjustment
 from tasks.adjustment.board_network import PARAMETERS, BoardCorners
+from tasks.calibration.account import Account
 from tasks.calibration.arranging import arrangement_of, found_boards
 from tasks.calibration.assignment import cameras_for
-from tasks.calibration.board_report import Account, chessboards_report
+from tasks.calibration.board_report import chessboards_report
 from tasks.calibration.exchange import WRITERS
 from tasks.calibration.initial_constant import ConstantEstimate
 from tasks.calibration.judgement import MODELS, HeldOut, choice, compare
@@ -69,14 +70,15 @@ def _held(free: tuple[str, ...]) -> dict[str, float]:
 def _with_completed(
     whole: BoardCorners, arranged: Arranged, completed: tuple[Corners, ...], photos: np.ndarray, target: Target
 ) -> BoardCorners:
-    """All corners, sorted by board, corner and photo."""
+    """All corners, sorted by board, corner and photo; those of the first look are kept where both have one."""
     number = {arranged.photos[index].photo: place for place, index in enumerate(photos)}
     parts = [whole]
     for name, own in zip(arranged.incomplete, completed, strict=True):
         corner = own.row.astype(int) * target.corners[0] + own.column
         parts.append(BoardCorners(np.full(len(own), number[name]), own.board.astype(int), corner, target.centred(own.pixels)))
     merged = BoardCorners(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("photo", "board", "corner", "xy")))
-    return merged.take(np.lexsort((merged.photo, merged.corner, merged.board)))
+    place = np.column_stack([merged.board, merged.corner, merged.photo])
+    return merged.take(np.unique(place, axis=0, return_index=True)[1])
 
 
 def from_chessboards(

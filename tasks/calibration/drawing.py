@@ -16,7 +16,7 @@ _COLOURS = (
     (200, 100, 140),
     (130, 130, 60),
 )
-_RESIDUAL_LENGTH = 16.0
+RESIDUAL_LENGTH = 16.0
 """px of the drawing that a usual residual takes."""
 
 
@@ -24,10 +24,15 @@ def draw_boards(overview: np.ndarray, residuals: CornerResiduals, photo: str, si
     """The drawing (rows, cols, 3) uint8 of a photo reduced to `overview` (rows, cols); size: its own width and height, px."""
     picture = cv2.cvtColor((128 + overview // 2).astype(np.uint8), cv2.COLOR_GRAY2RGB)
     own = residuals.take(residuals.photo == photo)
-    usual = float(np.median(np.hypot(residuals.dx, residuals.dy)[residuals.used])) if residuals.used.any() else 1.0
+    usual = usual_length(np.column_stack([residuals.dx, residuals.dy])[residuals.used])
     for board in np.unique(own.board):
-        _draw_board(picture, own.take(own.board == board), size, _RESIDUAL_LENGTH / max(usual, 1e-6))
+        _draw_board(picture, own.take(own.board == board), size, RESIDUAL_LENGTH / max(usual, 1e-6))
     return picture
+
+
+def usual_length(residual: np.ndarray) -> float:
+    """Median length (px) of residuals (M, 2)."""
+    return float(np.median(np.linalg.norm(residual, axis=1))) if len(residual) else 1.0
 
 
 def _draw_board(picture: np.ndarray, board: CornerResiduals, size: tuple[int, int], enlarged: float) -> None:

@@ -63,11 +63,14 @@ def _rotation(angle: float) -> np.ndarray:
 def refined_together(H: np.ndarray, motions: np.ndarray, local: np.ndarray, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """One photo's homography and the motions (B, 3) of its boards, adjusted together; the first board is held (S6).
 
-    local: (N, 2) m corners of a board; xy: (B, N, 2) their image coordinates. What does not improve is not taken over.
+    local: (N, 2) m corners of a board; xy: (B, N, 2) their image coordinates, NaN where not known. What does not improve is not
+    taken over.
     """
     best = (_misfit(H, motions, local, xy), H, motions)
     for _ in range(_ROUNDS):
         A, miss = _linearised(H, motions, local, xy)
+        if not np.isfinite(A).all():
+            break
         scale = 1.0 / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
         step = scale * np.linalg.lstsq(A * scale, miss, rcond=None)[0]
         H = (H.ravel() + np.append(step[:8], 0.0)).reshape(3, 3)
@@ -82,12 +85,12 @@ def refined_together(H: np.ndarray, motions: np.ndarray, local: np.ndarray, xy: 
 
 def _misfit(H: np.ndarray, motions: np.ndarray, local: np.ndarray, xy: np.ndarray) -> float:
     computed = np.array([applied(H, moved(motion, local)) for motion in motions])
-    value = float(((xy - computed) ** 2).sum())
+    value = float(((xy - computed)[np.isfinite(xy)] ** 2).sum())
     return value if np.isfinite(value) else np.inf
 
 
 def _linearised(H: np.ndarray, motions: np.ndarray, local: np.ndarray, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives (2 B N, 8 + 3 (B - 1)) and misclosures (2 B N,)."""
+    """Derivatives (m, 8 + 3 (B - 1)) and misclosures (m,) of the m known coordinates."""
     boards, count = xy.shape[:2]
     A, miss = np.zeros((boards, count, 2, 8 + 3 * (boards - 1))), np.empty((boards, count, 2))
     for b, motion in enumerate(motions):
@@ -104,4 +107,5 @@ def _linearised(H: np.ndarray, motions: np.ndarray, local: np.ndarray, xy: np.nd
             own = 8 + 3 * (b - 1)
             A[b, :, :, own] = np.einsum("nij,nj->ni", by_plane, turned)
             A[b, :, :, own + 1 : own + 3] = by_plane
-    return A.reshape(2 * boards * count, -1), miss.ravel()
+    known = np.isfinite(miss)
+    return A[known], miss[known]

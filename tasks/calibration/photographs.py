@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from tasks.calibration.boards import COARSE_SIDE, board_grid, find_boards, grey_image, pyramid
+from tasks.calibration.boards import COARSE_SIDE, FoundBoards, find_boards, grey_image, pyramid
+from tasks.calibration.cut_boards import CutBoards, find_cut_boards
 from tasks.calibration.saddles import contrast, edge_blur, refined, signs, spacings
 from tasks.calibration.tables import Arranged, Corners, PhotoSearch
 from tasks.imagery.pyramid import full_to_level, level_shape
@@ -23,33 +24,41 @@ def overview_level(size: tuple[int, int]) -> int:
     return level
 
 
-def photo_corners(pixels: np.ndarray, photo: str, corners: tuple[int, int], boards: int) -> dict[str, Any]:
+def photo_corners(pixels: np.ndarray, photo: str, corners: tuple[int, int], boards: int, exact: bool = True) -> dict[str, Any]:
     """All boards of a photograph (rows, cols, bands): corners, what became of the search, and the reduced photograph.
 
-    corners: columns, rows of inner corners of a board; boards: how many there are at most, 0 for unknown.
+    corners: columns, rows of inner corners of a board; boards: how many there are at most, 0 for unknown; exact: the corners of a
+    board are free of error, so that any part of it is like any other.
+
+    A quick look at lattices of any size comes first: where all boards are of another kind, the thorough search would only take
+    long. Cut boards count where fewer than two whole ones are seen; with two, it is known where the others have to be.
     """
     levels = pyramid(grey_image(pixels), min(COARSE_SIDE, OVERVIEW_SIDE))
-    found = find_boards(levels, corners, boards)
-    blurs = [edge_blur(levels[0], board) for board in found.corners]
+    none = np.empty((0, corners[1], corners[0], 2))
+    parts, found = find_cut_boards(levels, none, corners, exact), FoundBoards(none, 0, 0)
+    if len(parts.corners) or not parts.other:
+        found = find_boards(levels, corners, boards)
+    whole = found.corners
+    if len(whole) >= min(boards or 2, 2):
+        parts = CutBoards(whole[:0], 0, parts.other)
+    elif len(whole):
+        parts = find_cut_boards(levels, whole, corners, exact)
+    shown = np.concatenate([whole, parts.corners])
+    blurs = [edge_blur(levels[0], board) for board in shown]
     search = PhotoSearch(
-        photo=photo, boards=len(found.corners), false=found.false, larger=found.larger,
-        blur=float(np.median(blurs)) if blurs else None, overexposed=_overexposed(pixels, found.corners),
+        photo=photo, boards=len(whole), cut=len(parts.corners), unnumbered=parts.unnumbered, false=found.false,
+        larger=found.larger, other=parts.other, blur=float(np.median(blurs)) if blurs else None,
+        overexposed=_overexposed(pixels, shown),
     )  # fmt: skip
     overview = levels[overview_level((pixels.shape[1], pixels.shape[0]))]
-    return {"corners": corners_of_boards(found.corners, corners), "search": search, "overview": overview}
+    return {"corners": corners_of_boards(shown), "search": search, "overview": overview}
 
 
-def corners_of_boards(boards: np.ndarray, corners: tuple[int, int]) -> Corners:
-    """Boards (B, rows, cols, 2) as a table."""
-    grid = board_grid(corners).astype(np.int32)
-    points = boards.reshape(-1, 2)
-    return Corners(
-        board=np.repeat(np.arange(len(boards), dtype=np.int32), len(grid)),
-        column=np.tile(grid[:, 0], len(boards)),
-        row=np.tile(grid[:, 1], len(boards)),
-        x=points[:, 0].copy(),
-        y=points[:, 1].copy(),
-    )
+def corners_of_boards(boards: np.ndarray) -> Corners:
+    """Boards (B, rows, cols, 2) as a table, without the corners that are NaN."""
+    board, row, column = np.nonzero(np.isfinite(boards).all(axis=-1))
+    x, y = boards[board, row, column].T
+    return Corners(board.astype(np.int32), column.astype(np.int32), row.astype(np.int32), x.copy(), y.copy())
 
 
 def _overexposed(pixels: np.ndarray, boards: np.ndarray) -> float:
@@ -57,8 +66,8 @@ def _overexposed(pixels: np.ndarray, boards: np.ndarray) -> float:
     top = np.iinfo(pixels.dtype).max
     shares = []
     for board in boards:
-        low = np.floor(board.reshape(-1, 2).min(axis=0)).astype(int).clip(0)
-        high = np.ceil(board.reshape(-1, 2).max(axis=0)).astype(int)
+        low = np.floor(np.nanmin(board, axis=(0, 1))).astype(int).clip(0)
+        high = np.ceil(np.nanmax(board, axis=(0, 1))).astype(int)
         part = pixels[low[1] : high[1] : 3, low[0] : high[0] : 3]
         shares.append(float((part == top).all(axis=-1).mean()))
     return float(np.mean(shares)) if shares else 0.0

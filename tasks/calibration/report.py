@@ -29,9 +29,16 @@ def _camera_figures(cameras: tuple[Camera, ...]) -> tuple[Figure, ...]:
     if len(cameras) != 1:
         return ()
     camera = cameras[0]
+    calibrated = camera.source == "chessboards"
     return (
-        Figure(name="c", value=round(camera.c, 3), unit="px", sentence="Camera constant."),
-        Figure(name="sigma_c", value=_rounded(_sigma(camera, "c"), 4), unit="px", sentence="Its standard error."),
+        Figure(name="c", value=round(camera.c, 3), unit="px", sentence="Camera constant.", headline=calibrated),
+        Figure(
+            name="sigma_c",
+            value=_rounded(_sigma(camera, "c"), 4),
+            unit="px",
+            sentence="Standard error of the camera constant.",
+            headline=calibrated,
+        ),
         Figure(name="source", value=_SOURCES[camera.source], sentence="Where the interior orientation comes from."),
     )
 
@@ -54,24 +61,34 @@ def _camera_grids(cameras: Cameras) -> tuple[Grid, ...]:
 
 def _camera_grid(camera: Camera, photographs: int) -> Grid:
     rows: list[tuple[float | int | str | None, ...]] = [
-        (name, _rounded(getattr(camera, name), 7), _rounded(_sigma(camera, name), 3), _UNITS.get(name, "")) for name in INTERIOR
+        (name, *_with_sigma(getattr(camera, name), _sigma(camera, name)), _UNITS.get(name, "")) for name in INTERIOR
     ]
-    rows.append(("k1, calibration literature", _rounded(camera.k1 / camera.c**2, 5), _per_c2(camera), "px^-2"))
+    rows.append(("k1, calibration literature", *_with_sigma(camera.k1 / camera.c**2, _per_c2(camera)), "px^-2"))
     if camera.pixel_um:
-        rows.append(("c", _rounded(camera.c * camera.pixel_um / 1000, 6), None, "mm"))
+        rows.append(("c", f"{camera.c * camera.pixel_um / 1000:.6g}", "", "mm"))
+    serves = f", {photographs} photographs" if photographs else ""
     note = (
-        f"{camera.width} x {camera.height} px, {_SOURCES[camera.source]}, {photographs} photographs. Radius in units of "
-        "c; x right, y up, "
-        "from the image centre. A standard error of 0 means that the parameter was held."
+        f"{camera.width} x {camera.height} px, {_SOURCES[camera.source]}{serves}. Radius in units of c, numbers as in OpenCV; "
+        "x right, y up, from the image centre."
     )
     return Grid(
         title=f"Camera {camera.name}", columns=("parameter", "value", "standard error", "unit"), rows=tuple(rows), note=note
     )
 
 
+def _with_sigma(value: float, sigma: float | None) -> tuple[str, str]:
+    """A parameter with the digits that its standard error leaves, and the standard error; one that was held says so."""
+    if sigma is None:
+        return f"{value:.7g}", "not known"
+    if sigma == 0:
+        return f"{value:.7g}", "held"
+    decimals = max(0, 1 - int(np.floor(np.log10(sigma))))
+    return (f"{value:.{decimals}f}", f"{sigma:.{decimals}f}") if decimals < 9 else (f"{value:.6g}", f"{sigma:.2g}")
+
+
 def _per_c2(camera: Camera) -> float | None:
     sigma = _sigma(camera, "k1")
-    return None if sigma is None else _rounded(sigma / camera.c**2, 3)
+    return None if sigma is None else sigma / camera.c**2
 
 
 def _distortion_chart(cameras: tuple[Camera, ...]) -> Chart:

@@ -17,17 +17,24 @@ _SQUARE = 0.35
 
 
 def spacings(grid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Vectors (rows, cols, 2) px along a grid of corners (rows, cols, 2), from column to column and from row to row."""
-    return np.gradient(grid, axis=1), np.gradient(grid, axis=0)
+    """Vectors (rows, cols, 2) px along a grid of corners (rows, cols, 2), from column to column and from row to row: the mean of
+    the steps to both neighbours, or the step to the only one; NaN without any."""
+    return _steps(grid.swapaxes(0, 1)).swapaxes(0, 1), _steps(grid)
+
+
+def _steps(grid: np.ndarray) -> np.ndarray:
+    step, none = np.diff(grid, axis=0), np.full_like(grid[:1], np.nan)
+    after, before = np.concatenate([step, none]), np.concatenate([none, step])
+    return np.where(np.isnan(after), before, np.where(np.isnan(before), after, 0.5 * (after + before)))
 
 
 def refined(image: np.ndarray, grid: np.ndarray) -> np.ndarray:
     """Corners (rows, cols, 2) (col, row) as saddle points of a grey image (rows, cols) uint8.
 
-    A corner that runs away from its start by more than its window stays there.
+    A corner that runs away from its start by more than its window stays there; NaN stays NaN.
     """
     across, down = spacings(grid)
-    spacing = min(np.linalg.norm(across, axis=2).min(), np.linalg.norm(down, axis=2).min())
+    spacing = min(np.nanmin(np.linalg.norm(across, axis=2)), np.nanmin(np.linalg.norm(down, axis=2)))
     half = int(np.clip(0.4 * spacing, 2, _LARGEST_HALF_WINDOW))
     start = grid.reshape(-1, 1, 2)
     inside = ((start[:, 0] >= 0) & (start[:, 0] <= np.array(image.shape[::-1]) - 1)).all(axis=1)

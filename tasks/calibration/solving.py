@@ -51,17 +51,25 @@ class Target:
         return xy * np.array([1.0, -1.0]) + (np.array(self.size) - 1) / 2.0
 
 
+def too_few(photos: int) -> GeometryError:
+    """What is said of so many photographs."""
+    number = "Only 1 photograph shows chessboards" if photos == 1 else f"Only {photos} photographs show chessboards"
+    return GeometryError(
+        f"{number} that could be used, and {FEWEST_PHOTOS} are the least; check the number of inner corners, or take more "
+        "photographs, tilted and turned."
+    )
+
+
 def solve(target: Target, states: tuple[BoardState, ...], corners: BoardCorners, free: tuple[str, ...]) -> BoardAdjustment:
     """The bundle from the first start that leads to a good end; from the best of all when none does.
 
     Raises GeometryError when there are too few photographs or no start leads anywhere.
     """
     photos = len(states[0].rotation) if states else 0
-    if photos < FEWEST_PHOTOS:
-        raise GeometryError(
-            f"Only {photos} photographs show chessboards that could be used, and {FEWEST_PHOTOS} are the least; check the number "
-            "of inner corners, or take more photographs, tilted and turned."
-        )
+    # Boards that stand in space face different directions: each image of one counts like a photograph.
+    directions = len(np.unique(corners.photo + 1j * corners.board)) if target.arrangement == "space" else photos
+    if directions < FEWEST_PHOTOS:
+        raise too_few(photos)
     network = target.network(photos, len(states[0].turn), free)
     best, failure = None, None
     for state in states:

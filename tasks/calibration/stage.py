@@ -108,6 +108,7 @@ class CalibrationStage(Stage):
     def _searches(self, boards: BoardPhotos, source: CameraFromChessboards) -> Iterator[RasterSpec | Job]:
         """One job per photograph."""
         width, height = boards.size
+        exact = not source.sigma_in_plane and not source.sigma_height
         for path, name in zip(boards.paths, boards.names, strict=True):
             shape = level_shape((height, width), overview_level(boards.size))
             spec = RasterSpec(name=overview_raster(name), shape=shape, dtype="uint8", chunk=max(shape))
@@ -116,8 +117,8 @@ class CalibrationStage(Stage):
                 stage=self.kind, item=f"corners {name}", function=photo_corners,
                 reads={"pixels": PhotoPixels(path, Window(0, 0, height, width))},
                 writes={"corners": corners_table(name), "search": search_table(name), "overview": Raster(spec.name, spec.full)},
-                params={"photo": name, "corners": source.corners, "boards": source.boards},
-                    scratch=3 * width * height + _SEARCH_MEMORY,
+                params={"photo": name, "corners": source.corners, "boards": source.boards, "exact": exact},
+                scratch=3 * width * height + _SEARCH_MEMORY,
             )  # fmt: skip
 
     def _second_looks(self, boards: BoardPhotos, incomplete: tuple[str, ...], source: CameraFromChessboards) -> Iterator[Job]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from tasks.adjustment.board_network import BoardCorners, BoardState
 from tasks.calibration.initial_constant import ConstantEstimate, constant_from_conic, constants, estimate
-from tasks.calibration.initial_pose import pose_of_homography
+from tasks.calibration.initial_pose import pose_of_view
 from tasks.calibration.naming import Naming
 
 _OTHER_CONSTANTS = (0.8, 1.3, 0.5, 2.2)
@@ -33,50 +33,52 @@ class Start:
 
 def start_of(found: list[np.ndarray], naming: Naming, local: np.ndarray, size: tuple[int, int]) -> Start:
     """found: per photo (B, N, 2) px from the image centre, y up; local: (N, 2) m; size: width, height of the photos."""
-    used = np.array([photo for photo, named in enumerate(naming.photos) if named.homography is not None])
-    homographies = [naming.photos[photo].homography for photo in used]
+    used = _used(naming)
+    homographies = [naming.photos[photo].view[:, [0, 1, 3]] for photo in used]
     pairs = np.full((len(found), 2), np.nan)
     pairs[used] = np.array([constants(H) for H in homographies]).reshape(-1, 2)
     constant = estimate(pairs[:, 0], pairs[:, 1])
     likely = [constant.c, constant_from_conic(homographies), *(factor * max(size) for factor in _OTHER_CONSTANTS)]
     sensible = [c for c in likely if np.isfinite(c) and 0.2 * max(size) < c < 20.0 * max(size)]
-    corners = corners_of([found[photo] for photo in used], [naming.photos[photo].names for photo in used])
-    states = tuple(_state(homographies, naming, local, c) for c in sensible)
-    return Start(used, corners, states, constant)
+    return Start(used, _corners(found, naming, used), tuple(_state(naming, used, local, c) for c in sensible), constant)
 
 
 def restart_of(found: list[np.ndarray], naming: Naming, local: np.ndarray, interior: np.ndarray) -> Start:
     """The start from interior parameters (10,) that are known already; `naming` comes from image coordinates free of distortion."""
-    used = np.array([photo for photo, named in enumerate(naming.photos) if named.homography is not None])
-    corners = corners_of([found[photo] for photo in used], [naming.photos[photo].names for photo in used])
-    state = _state([naming.photos[photo].homography for photo in used], naming, local, float(interior[0]))
-    return Start(used, corners, (replace(state, interior=interior.copy()),), estimate(np.empty(0), np.empty(0)))
+    used = _used(naming)
+    state = _state(naming, used, local, float(interior[0]))
+    known = estimate(np.empty(0), np.empty(0))
+    return Start(used, _corners(found, naming, used), (replace(state, interior=interior.copy()),), known)
+
+
+def _used(naming: Naming) -> np.ndarray:
+    return np.array([photo for photo, named in enumerate(naming.photos) if named.view is not None], dtype=int)
+
+
+def _corners(found: list[np.ndarray], naming: Naming, used: np.ndarray) -> BoardCorners:
+    return corners_of([found[photo] for photo in used], [naming.photos[photo].names for photo in used])
 
 
 def corners_of(found: list[np.ndarray], names: list[np.ndarray]) -> BoardCorners:
-    """The corners of all named boards, sorted by board, corner and photo."""
+    """The known corners of all named boards, sorted by board, corner and photo."""
     photo, board, corner, xy = [], [], [], []
     for number, (boards, own) in enumerate(zip(found, names, strict=True)):
         for name in np.flatnonzero(own >= 0):
-            count = len(boards[name])
-            photo.append(np.full(count, number))
-            board.append(np.full(count, own[name]))
-            corner.append(np.arange(count))
-            xy.append(boards[name])
+            known = np.flatnonzero(np.isfinite(boards[name]).all(axis=1))
+            photo.append(np.full(len(known), number))
+            board.append(np.full(len(known), own[name]))
+            corner.append(known)
+            xy.append(boards[name][known])
     merged = BoardCorners(*(np.concatenate(part) for part in (photo, board, corner, xy)))
     return merged.take(np.lexsort((merged.photo, merged.corner, merged.board)))
 
 
-def _state(homographies: list[np.ndarray], naming: Naming, local: np.ndarray, c: float) -> BoardState:
-    poses = [pose_of_homography(H, c, np.zeros(2)) for H in homographies]
-    cos, sin = np.cos(naming.motions[:, 0]), np.sin(naming.motions[:, 0])
-    zero, one = np.zeros_like(cos), np.ones_like(cos)
-    turn = np.stack([cos, -sin, zero, sin, cos, zero, zero, zero, one], axis=1).reshape(-1, 3, 3)
-    shift = np.column_stack([naming.motions[:, 1:], zero])
+def _state(naming: Naming, used: np.ndarray, local: np.ndarray, c: float) -> BoardState:
+    poses = [pose_of_view(naming.photos[photo].view, c) for photo in used]
     flat = np.column_stack([local, np.zeros(len(local))])
     interior = np.zeros(10)
     interior[0] = c
     return BoardState(
-        np.array([R for R, _ in poses]), np.array([centre for _, centre in poses]), turn, shift,
-        np.broadcast_to(flat, (len(cos), *flat.shape)).copy(), interior,
+        np.array([R for R, _ in poses]), np.array([centre for _, centre in poses]), naming.places[:, :3, :3].copy(),
+        naming.places[:, :3, 3].copy(), np.broadcast_to(flat, (len(naming.places), *flat.shape)).copy(), interior,
     )  # fmt: skip

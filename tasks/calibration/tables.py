@@ -48,12 +48,16 @@ class Corners(Columns):
 
 
 class PhotoSearch(_Record):
-    """What the search in one photograph found: whole boards, refused ones, blur of edges (px) and share of overexposed pixels."""
+    """What the search in one photograph found: whole boards, cut ones, cut ones of which it cannot be said what part they are,
+    refused ones, sizes of boards of another kind, blur of edges (px) and share of overexposed pixels."""
 
     photo: str
     boards: int
-    false: int
-    larger: int
+    cut: int = 0
+    unnumbered: int = 0
+    false: int = 0
+    larger: int = 0
+    other: tuple[tuple[int, int], ...] = ()
     blur: float | None
     overexposed: float
 

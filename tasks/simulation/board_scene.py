@@ -37,7 +37,8 @@ class BoardType:
 @dataclass(frozen=True)
 class BoardSetup:
     """A set of photographs of boards. `tilt`: least and largest angle against the vertical, degrees; `turned`: through the four
-    quadrants, or all alike; `share` of the boards that a photo has to show whole."""
+    quadrants, or all alike; `share` of the boards that a photo has to show whole; `back`: how many times further off than that
+    takes; `straight`: boards lie along the axes of the floor, and not at any angle."""
 
     name: str
     camera: Camera
@@ -48,6 +49,8 @@ class BoardSetup:
     tilt: tuple[float, float] = (15.0, 38.0)
     turned: bool = True
     share: float = 1.0
+    back: float = 1.0
+    straight: bool = False
 
 
 def places_of(setup: BoardSetup) -> np.ndarray:
@@ -59,7 +62,8 @@ def places_of(setup: BoardSetup) -> np.ndarray:
     cell = np.arange(setup.boards)
     lattice = np.column_stack([cell % columns - (columns - 1) / 2, cell // columns - (rows - 1) / 2])
     jitter = generator.uniform(-0.14, 0.14, (setup.boards, 2))
-    return np.column_stack([2.5 * setup.board.reach * (lattice + jitter), generator.uniform(-np.pi, np.pi, setup.boards)])
+    angle = generator.uniform(-np.pi, np.pi, setup.boards) * (not setup.straight)
+    return np.column_stack([2.5 * setup.board.reach * (lattice + jitter), angle])
 
 
 def floor_corners(places: np.ndarray, board: BoardType) -> np.ndarray:
@@ -84,7 +88,8 @@ def _view(setup: BoardSetup, number: int, corners: np.ndarray, generator: np.ran
     rotation = rotation_matrix(float(tilt * np.sin(side)), float(tilt * np.cos(side)), float(kappa))
     spread = np.ptp(corners.reshape(-1, 3), axis=0)
     aim = corners.reshape(-1, 3).mean(axis=0) + spread * np.append(generator.uniform(-0.06, 0.06, 2), 0.0)
-    return _as_near_as_allowed(View(f"board_{number + 1:02d}", setup.camera, rotation, aim), aim, corners, setup.share)
+    near = _as_near_as_allowed(View(f"board_{number + 1:02d}", setup.camera, rotation, aim), aim, corners, setup.share)
+    return replace(near, centre=aim + setup.back * (near.centre - aim))
 
 
 def _as_near_as_allowed(view: View, aim: np.ndarray, corners: np.ndarray, share: float) -> View:

@@ -12,8 +12,9 @@ from tasks.calibration.arranging import arrangement_of
 from tasks.calibration.distortion_curve import balancing_change, displacement
 from tasks.calibration.homographies import applied, homography, moved, refined_together, rigid_motion
 from tasks.calibration.initial_constant import constant_from_conic, constants, estimate
-from tasks.calibration.initial_pose import pose_of_homography
-from tasks.calibration.naming import moved_back, name_boards
+from tasks.calibration.initial_pose import pose_of_view
+from tasks.calibration.looks import in_plane, motion_in_plane
+from tasks.calibration.naming import name_boards, plane_looks
 from tasks.calibration.solving import Target
 from tasks.geometry.rotation import rotation_matrix
 from tasks.simulation.board_scene import (
@@ -55,29 +56,30 @@ def one_renumbering(photos, order: list[np.ndarray]) -> bool:
 def test_boards_keep_their_names_in_any_order_and_when_some_are_missing(seed, missing, boards):
     setup = replace(SIX_BOARDS, seed=seed, boards=boards, photos=6)
     target, found, order = corners(setup, seed=seed, missing=missing)
-    naming = name_boards(found, target.local, 0)
+    naming = name_boards(plane_looks(found, target.local), target.local, 0)
     assert one_renumbering(naming.photos, order)
 
 
 @pytest.mark.slow
 def test_twelve_boards_are_named_and_the_middle_one_is_the_first():
     target, found, order = corners(TWELVE_BOARDS)
-    naming = name_boards(found, target.local, 12)
+    naming = name_boards(plane_looks(found, target.local), target.local, 12)
     assert one_renumbering(naming.photos, order)
-    off = np.linalg.norm(naming.motions[:, 1:] - naming.motions[:, 1:].mean(axis=0), axis=1)
+    places = naming.places[:, :3, 3]
+    off = np.linalg.norm(places - places.mean(axis=0), axis=1)
     assert off.argmin() == 0 and (np.diff(off) > -0.02).all()
-    assert naming.motions[0] == pytest.approx(np.zeros(3), abs=1e-9)
+    assert naming.places[0] == pytest.approx(np.eye(4), abs=1e-9)
 
 
 def test_a_stranger_is_left_out_and_a_single_board_is_kept():
     target, found, _ = corners(FIVE_BOARDS)
     found[2] = np.concatenate([found[2], found[2][:1] * 0.4 + 900.0])
     found[5] = found[5][:1]
-    naming = name_boards(found, target.local, 5)
+    naming = name_boards(plane_looks(found, target.local), target.local, 5)
     assert naming.photos[2].names[-1] == -1 and (naming.photos[2].names[:-1] >= 0).all()
     assert naming.photos[5].names.tolist() == [0] and not naming.photos[5].certain
     with pytest.raises(GeometryError, match="No photograph shows"):
-        name_boards([np.empty((0, 20, 2))], target.local, 5)
+        name_boards(plane_looks([np.empty((0, 20, 2))], target.local), target.local, 5)
 
 
 @pytest.mark.slow
@@ -112,9 +114,9 @@ def test_the_published_rule_gives_the_published_constant():
 @given(omega=st.floats(-0.6, 0.6), phi=st.floats(-0.6, 0.6), kappa=st.floats(-3.1, 3.1))
 def test_constant_and_pose_follow_from_a_homography(omega, phi, kappa):
     c, R, centre = 3000.0, rotation_matrix(omega, phi, kappa), np.array([0.2, -0.1, 1.4])
-    H = np.diag([-c, -c, 1.0]) @ np.column_stack([R[:, 0], R[:, 1], -R @ centre])
-    H /= H[2, 2]
-    rotation, place = pose_of_homography(H, c, np.zeros(2))
+    view = np.diag([-c, -c, 1.0]) @ np.column_stack([R, -R @ centre])
+    rotation, place = pose_of_view(view * 0.3, c)
+    H = view[:, [0, 1, 3]] / view[2, 3]
     assert rotation == pytest.approx(R, abs=1e-9) and place == pytest.approx(centre, abs=1e-9)
     assert np.abs(H[2, 0] * H[2, 1]) < 1e-4 or constants(H)[0] == pytest.approx(c, rel=1e-7)
     assert np.hypot(*H[2, :2]) < 0.02 or constant_from_conic([H]) == pytest.approx(c, rel=1e-7)
@@ -126,11 +128,11 @@ def test_a_photo_straight_down_gives_no_constant():
 
 
 @given(angle=st.floats(-3, 3), x=st.floats(-2, 2), y=st.floats(-2, 2))
-def test_motions_in_the_plane_are_found_and_taken_back(angle, x, y):
+def test_motions_in_the_plane_are_found(angle, x, y):
     points = np.array([[0, 0], [0.3, 0.1], [0.2, 0.5], [-0.4, 0.2]])
     motion = np.array([angle, x, y])
     assert rigid_motion(points, moved(motion, points)) == pytest.approx(motion, abs=1e-9)
-    assert moved_back(motion, moved(motion, points)) == pytest.approx(points, abs=1e-12)
+    assert motion_in_plane(in_plane(motion)) == pytest.approx(motion, abs=1e-12)
 
 
 def test_joint_refinement_finds_homography_and_motions():

@@ -1,6 +1,8 @@
 """Judgement, advice and files of a calibration."""
 
+import json
 from dataclasses import replace
+from xml.etree import ElementTree
 
 import cv2
 import numpy as np
@@ -61,7 +63,7 @@ def test_no_boards_at_all_say_what_was_found():
     target, nothing = corners(EASY)[0], Corners(*(np.empty(0, kind) for kind in ("int32", "int32", "int32", float, float)))
     photos = BoardPhotos(paths=("a.jpg", "b.jpg"), size=target.size)
     searches = tuple(PhotoSearch(photo=n, boards=0, false=0, larger=1, blur=None, overexposed=0.0) for n in "ab")
-    with pytest.raises(GeometryError, match=r"Of 2 photographs 0 show whole boards with 6 x 5.*2 with more corners"):
+    with pytest.raises(GeometryError, match=r"Of 2 photographs 0 show boards with 6 x 5.*2 have more corners"):
         arrange(photos, (nothing, nothing), searches, target)
 
 
@@ -108,6 +110,36 @@ def test_opencv_reads_its_file_and_sees_the_same(tmp_path):
         np.column_stack([points[:, 0], -points[:, 1], np.ones(20)]), np.zeros(3), np.zeros(3), matrix, lens
     )
     assert theirs.reshape(-1, 2) == pytest.approx(ours, abs=1e-9)
+
+
+def brown(x: np.ndarray, k: tuple[float, float, float], p: tuple[float, float]) -> np.ndarray:
+    """Distorted points (N, 2) of OpenCV's and COLMAP's model, y down."""
+    a, b = x.T
+    r2 = a * a + b * b
+    radial = 1 + k[0] * r2 + k[1] * r2**2 + k[2] * r2**3
+    return np.column_stack([a * radial + 2 * p[0] * a * b + p[1] * (r2 + 2 * a * a),
+                            b * radial + p[0] * (r2 + 2 * b * b) + 2 * p[1] * a * b])  # fmt: skip
+
+
+def test_other_programs_see_the_same_by_their_own_formulas():
+    points = np.random.default_rng(1).uniform(-0.45, 0.45, (30, 2))
+    ours, down = image_to_pixel(SHEARED, 700.0 * points), points * [1, -1]
+    fx, fy, cx, cy, k1, k2, p1, p2, k3 = map(float, colmap_cameras(SHEARED).splitlines()[1].split()[4:13])
+    colmap = brown(down, (k1, k2, k3), (p1, p2)) * [fx, fy] + [cx, cy]
+    assert colmap - 0.5 == pytest.approx(ours, abs=1e-6), "COLMAP counts from the corner of the first pixel"
+    own = json.loads(opensfm_camera(SHEARED))["s"]
+    normal = brown(down, (own["k1"], own["k2"], own["k3"]), (own["p1"], own["p2"]))
+    normal = normal * [own["focal_x"], own["focal_y"]] + [own["c_x"], own["c_y"]]
+    assert 800 * normal + [400 - 0.5, 300 - 0.5] == pytest.approx(ours, abs=1e-6), "OpenSfM: in units of the longer side"
+    one = {node.tag: float(node.text) for node in ElementTree.fromstring(agisoft_xml(SHEARED).encode()) if node.tag != "projection"}
+    x, y = down.T
+    r2 = x * x + y * y
+    radial = 1 + one["k1"] * r2 + one["k2"] * r2**2 + one["k3"] * r2**3
+    xd = x * radial + one["p1"] * (r2 + 2 * x * x) + 2 * one["p2"] * x * y
+    yd = y * radial + one["p2"] * (r2 + 2 * y * y) + 2 * one["p1"] * x * y
+    u = one["width"] / 2 + one["cx"] + xd * one["f"] + xd * one["b1"] + yd * one["b2"]
+    v = one["height"] / 2 + one["cy"] + yd * one["f"]
+    assert np.column_stack([u, v]) - 0.5 == pytest.approx(ours, abs=1e-6), "Metashape's manual, appendix on camera models"
 
 
 def test_other_programs_get_their_own_words(solved):
