@@ -4,6 +4,7 @@ Source: methods/measured.md (dense surface), matching_and_dsm_check.md table 4.1
 """
 
 import time
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,7 @@ from benchmarks.matching_experiment import PIXEL_HEIGHT, score, window_around
 from benchmarks.matching_peers import densification, semi_global_opencv
 from benchmarks.matching_published import EXTRACTION
 from benchmarks.matching_windows import SHAPES
+from schemas.outcome import Outcome
 from schemas.raster import Window
 from tasks.matching.dense.blocks import DenseMatching
 from tasks.matching.least_squares.matching import Matches
@@ -134,8 +136,10 @@ def extraction_page(texture: GroundTexture, part: Window | None = None) -> list[
     for name, settings in recipes.items():
         lines.append(line(f"published recipe 27, {name}, growing", grow(left, right, grid, rough, settings), EXTRACTION[name]))
     lines.append(line("region growing", grow(left, right, grid, rough, RegionGrowing(region=0)), None))
-    lines.append(line("pyramid", match_pyramid(left, right, grid, search, _PYRAMID), None))
-    return lines
+    found = match_pyramid(left, right, grid, search, _PYRAMID)
+    lost = Counter(Outcome(code).sentence for code in found.outcome[~found.converged])
+    reasons = "; ".join(f"{number} nodes: {sentence}" for sentence, number in lost.most_common())
+    return [*lines, line("pyramid", found, None), "", f"What the pyramid does not return: {reasons or 'nothing'}."]
 
 
 @dataclass(frozen=True, eq=False)

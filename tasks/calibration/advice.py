@@ -132,7 +132,7 @@ def result_warnings(result: BoardAdjustment, check: HeldOut | None, target: Targ
         out.append(
             f"sigma0 is {result.sigma0:.2f} px, far more than corners are uncertain: the boards moved, are warped or of different "
             "size, the lens was refocused, or the distortion model does not suit the lens. Boards on an uneven floor want "
-            "arrangement: space."
+            "arrangement: space. The standard errors do not cover such faults: do not sign this calibration."
         )
     return out + _uneven_boards(result)
 
