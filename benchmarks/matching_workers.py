@@ -19,9 +19,11 @@ from tasks.simulation.dissertation_surface import true_matches
 
 _STRIPS, _STEP, _SEARCH, _ROUNDS = 4, 4, 20, 3
 _PYRAMID = PyramidMatching()
+Job = tuple[ImagePart, ImagePart, NodeGrid, SearchRange]
+_received: list[Job] = []
 
 
-def strips_of(crop: PairCrop) -> list[tuple[ImagePart, ImagePart, NodeGrid, SearchRange]]:
+def strips_of(crop: PairCrop) -> list[Job]:
     """What the jobs are given: strips of the left part with their halo, the right part, nodes and search range."""
     unit = 2**_PYRAMID.levels
     left, right = (
@@ -42,18 +44,23 @@ def strips_of(crop: PairCrop) -> list[tuple[ImagePart, ImagePart, NodeGrid, Sear
     return jobs
 
 
-def _matched(job: tuple[ImagePart, ImagePart, NodeGrid, SearchRange]) -> np.ndarray:
-    return match_pyramid(*job, _PYRAMID).col
+def _receive(jobs: list[Job]) -> None:
+    """In a worker: keep the images, so that they are not sent anew in every round."""
+    _received[:] = jobs
 
 
-def _timed(jobs: list, workers: int) -> tuple[float, list[np.ndarray]]:
+def _matched(number: int) -> np.ndarray:
+    return match_pyramid(*_received[number], _PYRAMID).col
+
+
+def _timed(jobs: list[Job], workers: int) -> tuple[float, list[np.ndarray]]:
     """Least wall seconds of some rounds, and what was found."""
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        found = list(pool.map(_matched, jobs))
+    with ProcessPoolExecutor(workers, get_context("spawn"), _receive, (jobs,)) as pool:
+        found = list(pool.map(_matched, range(len(jobs))))
         seconds = []
         for _ in range(_ROUNDS):
             began = time.perf_counter()
-            list(pool.map(_matched, jobs))
+            list(pool.map(_matched, range(len(jobs))))
             seconds.append(time.perf_counter() - began)
     return min(seconds), found
 

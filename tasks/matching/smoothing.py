@@ -52,30 +52,39 @@ def _gaps_marked(grey):
 
 @njit(cache=True)
 def _smooth(grey, weights):
+    """Along the rows into a ring of as many as the weights reach over, and from there down the columns: little memory is moved."""
     rows, cols = grey.shape
-    reach = weights.size // 2
-    along, share = np.zeros((rows, cols), np.float32), np.zeros((rows, cols), np.float32)
+    size = weights.size
+    reach = size // 2
+    along, share = np.zeros((size, cols), np.float32), np.zeros((size, cols), np.float32)
     values, valid = np.zeros(cols + 2 * reach, np.float32), np.zeros(cols + 2 * reach, np.float32)
-    for r in range(rows):
-        for c in range(cols):
-            is_data = grey[r, c] == grey[r, c]
-            values[c + reach] = grey[r, c] if is_data else np.float32(0.0)
-            valid[c + reach] = np.float32(1.0) if is_data else np.float32(0.0)
-        for k in range(weights.size):
-            for c in range(cols):
-                along[r, c] += weights[k] * values[c + k]
-                share[r, c] += weights[k] * valid[c + k]
-    out = np.empty((rows, cols), np.float32)
     total, weight = np.empty(cols, np.float32), np.empty(cols, np.float32)
-    for r in range(rows):
+    out = np.empty((rows, cols), np.float32)
+    for newest in range(rows + reach):
+        if newest < rows:
+            for c in range(cols):
+                is_data = grey[newest, c] == grey[newest, c]
+                values[c + reach] = grey[newest, c] if is_data else np.float32(0.0)
+                valid[c + reach] = np.float32(1.0) if is_data else np.float32(0.0)
+            here, part = along[newest % size], share[newest % size]
+            here[:] = 0.0
+            part[:] = 0.0
+            for k in range(size):
+                for c in range(cols):
+                    here[c] += weights[k] * values[c + k]
+                    part[c] += weights[k] * valid[c + k]
+        r = newest - reach
+        if r < 0:
+            continue
         total[:] = 0.0
         weight[:] = 0.0
-        for k in range(weights.size):
+        for k in range(size):
             source = r + k - reach
             if 0 <= source < rows:
+                here, part = along[source % size], share[source % size]
                 for c in range(cols):
-                    total[c] += weights[k] * along[source, c]
-                    weight[c] += weights[k] * share[source, c]
+                    total[c] += weights[k] * here[c]
+                    weight[c] += weights[k] * part[c]
         for c in range(cols):
             out[r, c] = total[c] / weight[c] if grey[r, c] == grey[r, c] else np.float32(np.nan)
     return out
