@@ -18,9 +18,8 @@ _MUCH = 0.1
 @dataclass(frozen=True, eq=False)
 class Target:
     """What is photographed and by what: `size` (width, height) px of the photos, inner `corners` (columns, rows) and `square` (m)
-    of a
-    board, how many `boards` (0: as many as are found), how they lie, and the standard errors (m) of their corners in the plane of
-    the board and out of it."""
+    of a board, how many `boards` (0: as many as are found), how they lie, and the standard errors (m) of their corners in the
+    plane of the board and out of it."""
 
     size: tuple[int, int]
     corners: tuple[int, int]
