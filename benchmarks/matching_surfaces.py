@@ -29,7 +29,7 @@ from tasks.simulation.dissertation_surface import Photo, intersected, surface_po
 
 DENSE_WINDOW, QUICK_WINDOW = Window(3900, 6000, 3072, 3072), Window(4600, 7000, 560, 560)
 PART_WINDOW = Window(3000, 4700, 4000, 5800)
-_MARGIN, _SEARCH, _STEP = 36, 20, 4
+_MARGIN, SEARCH, STEP = 36, 20, 4
 _PYRAMID = PyramidMatching()
 FAST = _PYRAMID.model_copy(update={"fine": _PYRAMID.fine.model_copy(update={"window": 13, "stop": 0.1})})
 """The pyramid with a smaller window, and one iteration where the start is good."""
@@ -64,17 +64,23 @@ def parts_of(crop: PairCrop, unit: int) -> tuple[ImagePart, ImagePart]:
     return parts[0], parts[1]
 
 
-def synthetic_methods(crop: PairCrop, grid: NodeGrid, truth: np.ndarray) -> dict[str, Callable[[], np.ndarray]]:
+def search_of(points: np.ndarray) -> SearchRange:
+    """What a method that knows the terrain roughly has to search for left points (N, 2) of the pair."""
+    offsets = true_matches(points)[:, 0] - points[:, 0]
+    return SearchRange(float(offsets.min()) - SEARCH, float(offsets.max()) + SEARCH, -SEARCH / 2, SEARCH / 2)
+
+
+def synthetic_methods(crop: PairCrop, grid: NodeGrid) -> dict[str, Callable[[], np.ndarray]]:
     """Functions that match the nodes of a grid and return their right columns."""
     left, right = parts_of(crop, 2**_PYRAMID.levels)
     points = grid.points()
-    low, high = (float(v) for v in ((truth - points)[:, 0].min() - _SEARCH, (truth - points)[:, 0].max() + _SEARCH))
-    search = SearchRange(low, high, -_SEARCH / 2, _SEARCH / 2)
+    search = search_of(points)
     in_left = (points - crop.left_origin).astype(int)
 
     def sgbm() -> np.ndarray:
         apart = crop.left_origin[0] - crop.right_origin[0]
-        found = semi_global_opencv(crop.left, crop.right[crop.left_origin[1] - crop.right_origin[1]:], -high - apart, -low - apart)
+        found = semi_global_opencv(crop.left, crop.right[crop.left_origin[1] - crop.right_origin[1]:], -search.col_high - apart,
+                                   -search.col_low - apart)
         return points[:, 0] - (found[in_left[:, 1], in_left[:, 0]] + apart)
 
     def growing() -> np.ndarray:
@@ -94,9 +100,9 @@ def dense_page(texture: GroundTexture, window: Window) -> list[str]:
              "| --- | --- | --- | --- | --- | --- | --- | --- |"]
     for pair, radiometry in (("clean", CLEAN), ("noise", NOISY)):
         crop = pair_crop(texture, window, _MARGIN, radiometry)
-        grid = NodeGrid.within(ImagePart(crop.left, *crop.left_origin), _STEP, _MARGIN)
+        grid = NodeGrid.within(ImagePart(crop.left, *crop.left_origin), STEP, _MARGIN)
         truth = true_matches(grid.points())
-        for name, work in synthetic_methods(crop, grid, truth).items():
+        for name, work in synthetic_methods(crop, grid).items():
             found = timed(work)
             error = np.abs(found.columns - truth[:, 0])
             known = np.isfinite(error)
@@ -115,11 +121,10 @@ def extraction_page(texture: GroundTexture, part: Window | None = None) -> list[
     left, right = parts_of(crop, 2**_PYRAMID.levels)
     grid = NodeGrid.within(left, 30, 30)
     points = grid.points()
-    ground, truth = surface_points(points, Photo.LEFT), true_matches(points)
+    ground = surface_points(points, Photo.LEFT)
     seeds = points[[len(points) * part // 10 for part in (2, 5, 8)]]
     rough = Seeds(seeds, true_matches(seeds) + np.array([1.0, -0.5]))
-    offsets = truth - points
-    search = SearchRange(offsets[:, 0].min() - _SEARCH, offsets[:, 0].max() + _SEARCH, -_SEARCH / 2, _SEARCH / 2)
+    search = search_of(points)
     recipes = {name: RegionGrowing(region=0, matching=published(27, shape)) for name, shape in SHAPES.items()}
     lines = ["| strategy | nodes | converged | y-parallax < 0.5 px % | correct of converged %, published | RMS Z m, published |",
              "| --- | --- | --- | --- | --- | --- |"]

@@ -11,13 +11,13 @@ from multiprocessing import get_context
 
 import numpy as np
 
+from benchmarks.matching_surfaces import SEARCH, STEP, parts_of, search_of
 from schemas.raster import Window
 from tasks.matching.strategies.node_grid import ImagePart, NodeGrid
 from tasks.matching.strategies.pyramid import PyramidMatching, SearchRange, halo, match_pyramid
 from tasks.simulation.dissertation_pair import CLEAN, GroundTexture, PairCrop, pair_crop
-from tasks.simulation.dissertation_surface import true_matches
 
-_STRIPS, _STEP, _SEARCH, _ROUNDS = 4, 4, 20, 3
+_STRIPS, _ROUNDS = 4, 3
 _PYRAMID = PyramidMatching()
 Job = tuple[ImagePart, ImagePart, NodeGrid, SearchRange]
 _received: list[Job] = []
@@ -26,21 +26,17 @@ _received: list[Job] = []
 def strips_of(crop: PairCrop) -> list[Job]:
     """What the jobs are given: strips of the left part with their halo, the right part, nodes and search range."""
     unit = 2**_PYRAMID.levels
-    left, right = (
-        ImagePart(image[-origin[1] % unit:, -origin[0] % unit:], origin[0] + -origin[0] % unit, origin[1] + -origin[1] % unit)
-        for image, origin in ((crop.left, crop.left_origin), (crop.right, crop.right_origin))
-    )
-    whole = NodeGrid.within(left, _STEP, 2 * _SEARCH)
-    offsets = true_matches(whole.points()) - whole.points()
-    search = SearchRange(offsets[:, 0].min() - _SEARCH, offsets[:, 0].max() + _SEARCH, -_SEARCH / 2, _SEARCH / 2)
-    reach = -(-halo(_PYRAMID, _STEP) // unit) * unit
+    left, right = parts_of(crop, unit)
+    whole = NodeGrid.within(left, STEP, 2 * SEARCH)
+    search = search_of(whole.points())
+    reach = -(-halo(_PYRAMID, STEP) // unit) * unit
     height = whole.rows // _STRIPS
     jobs = []
     for first in range(whole.row, whole.row + height * _STRIPS, height):
-        top = max(left.row, (first * _STEP - reach) // unit * unit)
-        bottom = min(left.row + left.pixels.shape[0], (first + height) * _STEP + reach)
+        top = max(left.row, (first * STEP - reach) // unit * unit)
+        bottom = min(left.row + left.pixels.shape[0], (first + height) * STEP + reach)
         part = ImagePart(np.ascontiguousarray(left.pixels[top - left.row:bottom - left.row]), left.col, top)
-        jobs.append((part, right, NodeGrid(first, whole.col, height, whole.cols, _STEP), search))
+        jobs.append((part, right, NodeGrid(first, whole.col, height, whole.cols, STEP), search))
     return jobs
 
 
@@ -67,7 +63,7 @@ def _timed(jobs: list[Job], workers: int) -> tuple[float, list[np.ndarray]]:
 
 def workers_page(texture: GroundTexture, window: Window) -> list[str]:
     """One row for each number of workers up to the number of cores."""
-    jobs = strips_of(pair_crop(texture, window, 3 * _SEARCH, CLEAN))
+    jobs = strips_of(pair_crop(texture, window, 3 * SEARCH, CLEAN))
     alone, expected = _timed(jobs, 1)
     lines = ["| workers | wall s | against one | same numbers |", "| --- | --- | --- | --- |", f"| 1 | {alone:.2f} | 1.00 | - |"]
     for workers in range(2, (os.cpu_count() or 1) + 1):

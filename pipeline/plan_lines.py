@@ -5,11 +5,11 @@ from collections.abc import Iterator
 from rich.table import Table as Lines
 
 from pipeline.image_files import read_header
+from pipeline.running import MIB
 from pipeline.session import Session
 from schemas.errors import OrthomillError
 from schemas.stage import Stage
 
-MIB = 2**20
 UNKNOWN = "?"
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from schemas.wording import some_of
 from tasks.adjustment.board_bundle import BoardAdjustment
 from tasks.calibration.judgement import HeldOut
 from tasks.calibration.precision import correlations
@@ -159,25 +160,21 @@ def search_warnings(searches: tuple[PhotoSearch, ...]) -> list[str]:
     blurred = [f"{s.photo} ({s.blur:.1f} px)" for s in searches if s.blur is not None and s.blur > _BLURRED]
     if blurred:
         out.append(
-            f"Blurred, by the standard deviation of the edges of the squares: {_some(blurred)}; use photographs in focus and "
+            f"Blurred, by the standard deviation of the edges of the squares: {some_of(blurred)}; use photographs in focus and "
             "without motion."
         )
     bright = [f"{s.photo} ({100 * s.overexposed:.0f} %)" for s in searches if s.overexposed > _OVEREXPOSED]
     if bright:
         out.append(
-            f"Overexposed, by the share of the boards that is as bright as can be: {_some(bright)}; bright squares grow and shift "
-            "the corners, so expose less."
+            f"Overexposed, by the share of the boards that is as bright as can be: {some_of(bright)}; bright squares grow and "
+            "shift the corners, so expose less."
         )
     larger = [s.photo for s in searches if s.larger]
     if larger:
         out.append(
-            f"Boards with more corners than stated were found and left out in {_some(larger)}; check the number of inner corners."
+            f"Boards with more corners than stated were found and left out in {some_of(larger)}; check the number of inner corners."
         )
     other = Counter(size for s in searches for size in set(s.other))
     out += [f"Boards with {c} x {r} inner corners were seen in {n} photographs; is that the number?"
             for (c, r), n in other.items() if n > 1]  # fmt: skip
     return out
-
-
-def _some(names: list[str]) -> str:
-    return ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")

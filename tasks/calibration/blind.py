@@ -12,6 +12,7 @@ import numpy as np
 from schemas.camera import INTERIOR, Camera
 from schemas.errors import PhotoError
 from schemas.photo import Photo, Photos
+from schemas.wording import some_of
 from tasks.calibration.nominal import nominal_camera, nominal_constant
 from tasks.geometry.camera_change import file_size
 
@@ -55,7 +56,7 @@ def _guessed(photo: Photo) -> Camera:
 def _sentences(blind: list[Photo], lent: dict[str, str | None], cameras: dict[str, Camera]) -> tuple[str, ...]:
     found = []
     for lender in dict.fromkeys(lent.values()):
-        names = _named([photo for photo in blind if lent[photo.name] == lender])
+        names = some_of([photo.name for photo in blind if lent[photo.name] == lender])
         if lender:
             found.append(
                 f"EXIF tells no focal length of {names}; taken as photographs of {lender}, which has their size. If another camera "
@@ -71,14 +72,10 @@ def _sentences(blind: list[Photo], lent: dict[str, str | None], cameras: dict[st
     return tuple(found)
 
 
-def _named(photos: list[Photo]) -> str:
-    return ", ".join(photo.name for photo in photos[:8]) + (f" and {len(photos) - 8} more" if len(photos) > 8 else "")
-
-
 def _nobody_knows(photos: Photos) -> str:
     return (
         f"No camera constant can be found for {len(photos.photos)} of {len(photos.photos)} photographs "
-        f"({_named(list(photos.photos))}): their EXIF tags do not tell a focal length together with the size of a pixel or its "
+        f"({some_of(photos.names)}): their EXIF tags do not tell a focal length together with the size of a pixel or its "
         "35 mm equivalent; add the camera to the workflow, for example cameras: {kind: given, c: <camera constant in pixels>}, or "
         "a camera file, or photographs of a chessboard."
     )

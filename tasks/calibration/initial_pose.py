@@ -5,6 +5,8 @@ Source: Kawka 2021, S10, with signs for image coordinates with y up (methods/cal
 
 import numpy as np
 
+from tasks.geometry.rotation import nearest_rotation
+
 
 def pose_of_view(view: np.ndarray, c: float) -> tuple[np.ndarray, np.ndarray]:
     """Rotation (3, 3) world to image and projection centre (3,) in the system of board 0.
@@ -14,6 +16,5 @@ def pose_of_view(view: np.ndarray, c: float) -> tuple[np.ndarray, np.ndarray]:
     """
     M = np.diag([-1.0 / c, -1.0 / c, 1.0]) @ view[:, [0, 1, 3]]
     M *= 2.0 / (np.linalg.norm(M[:, 0]) + np.linalg.norm(M[:, 1]))
-    U, _, V = np.linalg.svd(np.column_stack([M[:, 0], M[:, 1], np.cross(M[:, 0], M[:, 1])]))
-    R = U @ V
+    R = nearest_rotation(np.column_stack([M[:, 0], M[:, 1], np.cross(M[:, 0], M[:, 1])]))
     return R, -R.T @ M[:, 2]

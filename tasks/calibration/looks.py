@@ -16,6 +16,7 @@ from typing import Protocol
 import numpy as np
 
 from tasks.calibration.homographies import applied, homography, refined_together, rigid_motion
+from tasks.geometry.rotation import nearest_rotation
 
 
 class Look(Protocol):
@@ -121,8 +122,7 @@ class SpaceLook:
 def _rigid(points: np.ndarray, onto: np.ndarray) -> np.ndarray:
     """(4, 4) rigid motion of points (N, 3) onto others (N, 3), by least squares."""
     p, q = points.mean(axis=0), onto.mean(axis=0)
-    U, _, V = np.linalg.svd((onto - q).T @ (points - p))
-    R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V
+    R = nearest_rotation((onto - q).T @ (points - p))
     M = np.eye(4)
     M[:3, :3], M[:3, 3] = R, q - R @ p
     return M

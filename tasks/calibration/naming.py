@@ -21,6 +21,7 @@ import numpy as np
 
 from schemas.errors import GeometryError
 from tasks.calibration.looks import Look, PlaneLook, on_map, seen
+from tasks.geometry.rotation import nearest_rotation
 
 NO_BOARDS = "No photograph shows a chessboard that could be used; check the number of inner corners."
 _NEAR = 0.4
@@ -187,8 +188,7 @@ def _averaged(places: np.ndarray, photos: list[NamedPhoto], looks: list[Look], l
 def _median(places: np.ndarray) -> np.ndarray:
     """(4, 4) of places (n, 4, 4): the median shift, and the rotation nearest to the median of their matrices."""
     middle = np.median(places, axis=0)
-    U, _, V = np.linalg.svd(middle[:3, :3])
-    middle[:3, :3] = U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V
+    middle[:3, :3] = nearest_rotation(middle[:3, :3])
     return middle
 
 

@@ -50,3 +50,12 @@ def rotation_derivatives(omega: float, phi: float, kappa: float) -> np.ndarray:
         [0.0, 0.0, 0.0],
     ]
     return np.array([by_omega, by_phi, by_kappa])
+
+
+def nearest_rotation(matrix: np.ndarray) -> np.ndarray:
+    """The rotation (3, 3) nearest to a matrix (3, 3); of sums of outer products of y and x the rotation that takes x closest to y.
+
+    Source: Kabsch 1976.
+    """
+    U, _, Vt = np.linalg.svd(matrix)
+    return U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt

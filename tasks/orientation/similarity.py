@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from schemas.errors import GeometryError
+from tasks.geometry.rotation import nearest_rotation
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +88,7 @@ def _closed_form(model: np.ndarray, ground: np.ndarray, weight: np.ndarray, upwa
     scale = np.sqrt((weight * (X**2).sum(axis=1)).sum() / (weight * (x**2).sum(axis=1)).sum())
     for _ in range(3):
         H = scale * (X * weight[:, None]).T @ x + upward.weight * np.outer([0.0, 0.0, 1.0], upward.direction)
-        U, _, Vt = np.linalg.svd(H)
-        rotation = U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
+        rotation = nearest_rotation(H)
         scale = float((weight * (X * (x @ rotation.T)).sum(axis=1)).sum() / (weight * (x**2).sum(axis=1)).sum())
         scale = max(scale, 1e-9)
     return Similarity(scale, rotation, centre_ground - scale * rotation @ centre_model)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tasks.geometry.rotation import nearest_rotation
 from tasks.orientation.relative_forms import directions
 
 SAMPLES = 60
@@ -31,22 +32,17 @@ def turn_only(observations: np.ndarray, c_left: float, c_right: float, threshold
     left, right = (rays / np.linalg.norm(rays, axis=1, keepdims=True) for rays in (left, right))
     for _ in range(SAMPLES):
         own = rng.choice(len(left), 2, replace=False)
-        kept = _miss(_rotation(left[own], right[own]), left, right, c_right) < threshold
+        kept = _miss(nearest_rotation(right[own].T @ left[own]), left, right, c_right) < threshold
         if best is None or kept.sum() > best.sum():
             best = kept
     rotation = np.eye(3)
     for _ in range(3):
         if best.sum() < 2:
             break
-        rotation = _rotation(left[best], right[best])
+        rotation = nearest_rotation(right[best].T @ left[best])
         best = _miss(rotation, left, right, c_right) < threshold
     apart = np.abs(observations[:, :2] - observations[:, 2:])[best]
     return Turned(rotation, best, bool(len(apart) and np.median(apart.max(axis=1)) < SAME))
-
-
-def _rotation(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    U, _, Vt = np.linalg.svd(right.T @ left)
-    return U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
 
 
 def _miss(rotation: np.ndarray, left: np.ndarray, right: np.ndarray, c: float) -> np.ndarray:

@@ -6,6 +6,7 @@ import numpy as np
 
 from schemas.photo import Photo, Photos, photo_raster
 from schemas.report import Chart, Figure, Grid, Picture, StageReport
+from schemas.wording import some_of
 from tasks.photos.pixels import Exposure
 from tasks.photos.scans import Scans
 
@@ -203,5 +204,4 @@ def _exposure_warnings(exposures: tuple[Exposure, ...]) -> list[str]:
 
 
 def _named(names: list[str]) -> str:
-    shown = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
-    return f"{len(names)} photograph{'s' if len(names) > 1 else ''} ({shown})"
+    return f"{len(names)} photograph{'s' if len(names) > 1 else ''} ({some_of(names)})"

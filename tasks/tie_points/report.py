@@ -12,6 +12,7 @@ from schemas.observations import TiePoints
 from schemas.outcome import Outcome
 from schemas.photo import Photos
 from schemas.report import Chart, Figure, Grid, StageReport
+from schemas.wording import some_of
 from tasks.tie_points.assembly import RefinementSummary, Weighting, assemble, with_measured_floor
 from tasks.tie_points.records import Links, Observations, PairSummary, Refined, Scatter
 
@@ -217,11 +218,11 @@ def _warnings(photos: Photos, strength: Strength, summaries: tuple[PairSummary, 
     ]
     if lonely:
         they = "it" if len(lonely) == 1 else "they"
-        warnings.append(f"No other photograph shows common ground with {_named(lonely)}: {they} will not join the block.")
+        warnings.append(f"No other photograph shows common ground with {some_of(lonely, most=10)}: {they} will not join the block.")
     if weak:
-        warnings.append(f"Fewer than {_WEAK} tie points in {_named(weak)}: expect a weak or failing orientation there.")
+        warnings.append(f"Fewer than {_WEAK} tie points in {some_of(weak, most=10)}: expect a weak or failing orientation there.")
     if uneven:
-        warnings.append(f"Tie points cover less than a quarter of the frame of {_named(uneven)}.")
+        warnings.append(f"Tie points cover less than a quarter of the frame of {some_of(uneven, most=10)}.")
     if _parts(strength) > 1:
         warnings.append(_split(photos, strength))
     return warnings
@@ -234,11 +235,7 @@ def _split(photos: Photos, strength: Strength) -> str:
         if part >= 0
     ]
     smaller = sorted(parts, key=len)[:-1]
-    named = "; ".join(_named(part) for part in smaller[:5])
+    named = "; ".join(some_of(part, most=10) for part in smaller[:5])
     return (
         f"The block falls into {len(parts)} parts without enough tie points between them; apart from the largest part lie: {named}."
     )
-
-
-def _named(names: list[str]) -> str:
-    return ", ".join(names[:10]) + (f" and {len(names) - 10} more" if len(names) > 10 else "")

@@ -6,7 +6,7 @@ import pytest
 from schemas.outcome import Outcome
 from schemas.raster import Window
 from tasks.matching.least_squares.matching import match_points
-from tasks.matching.strategies.cascade import CascadeMatching, largest_sigma, match_cascade
+from tasks.matching.strategies.cascade import CascadeMatching, match_cascade
 from tasks.simulation.dissertation_pair import PairCrop, ground_texture, pair_crop
 from tasks.simulation.dissertation_surface import true_matches
 
@@ -57,10 +57,10 @@ def test_clean_points_are_measured_with_the_small_window_and_noisy_ones_with_the
 def test_a_point_worse_than_asked_for_is_not_returned(crop, start_list):
     points, starts, _ = start_list
     found = match_cascade(crop.left, crop.right, points, starts, CASCADE)
-    limit = float(np.median(largest_sigma(found)[found.converged]))
+    limit = float(np.median(found.sigma[found.converged]))
     strict = match_cascade(crop.left, crop.right, points, starts, CASCADE.model_copy(update={"max_sigma": limit}))
     refused = strict.outcome == Outcome.IMPRECISE
-    assert np.array_equal(refused, found.converged & (largest_sigma(found) > limit))
+    assert np.array_equal(refused, found.converged & (found.sigma > limit))
     assert np.isnan(strict.position[refused]).all()
 
 

@@ -82,6 +82,11 @@ class Matches:
         """(N,) float32 standard error of the row, px"""
         return np.sqrt(self.covariance[:, 1, 1])
 
+    @property
+    def sigma(self) -> np.ndarray:
+        """(N,) float32 the larger of both, px"""
+        return np.maximum(self.sigma_col, self.sigma_row)
+
 
 @dataclass(frozen=True)
 class PreparedImage:

@@ -20,7 +20,7 @@ PAD = 2
 
 @njit(cache=True, error_model="numpy", inline="always")
 def block_pitch(reach):
-    """Distance of the rows of a block: room for the window and the padding, and a multiple of what processors add at once."""
+    """Distance of the rows of a block: room for the window and the padding."""
     return 2 * reach + 1 + PAD
 
 

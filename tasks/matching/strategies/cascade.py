@@ -43,24 +43,17 @@ def match_cascade(left: np.ndarray, right: np.ndarray, points: np.ndarray, start
     `Matches.half` tells the window whose result is handed over, or the one that lost the point.
     """
     points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
-    find = settings.find
-    found = match_points(prepare(left, find), prepare(right, find), points, starts, find, affine)
-    alive = found.converged
-    found = merged(found, _again(left, right, points, found, alive, settings.measure), alive)
-    alive = found.converged
-    sharpened = _again(left, right, points, found, alive, settings.sharpen)
-    error, large_error = largest_sigma(sharpened), largest_sigma(taken(found, alive))
-    better = (error <= settings.precise) | (error < large_error)
-    found = merged(found, taken(sharpened, better), np.flatnonzero(alive)[better])
-    return rejected(found, found.converged & ~(largest_sigma(found) <= settings.max_sigma), Outcome.IMPRECISE)
+    smoothings = {step.smoothing: step for step in (settings.find, settings.measure, settings.sharpen)}
+    images = {smoothing: (prepare(left, step), prepare(right, step)) for smoothing, step in smoothings.items()}
 
+    def matched(step: LeastSquaresMatching, rows: np.ndarray, at: np.ndarray, affine: np.ndarray | None) -> Matches:
+        return match_points(*images[step.smoothing], points[rows], at, step, affine)
 
-def largest_sigma(matches: Matches) -> np.ndarray:
-    """(N,) px: the larger standard error of column and row, NaN where nothing is matched."""
-    return np.maximum(matches.sigma_col, matches.sigma_row)
-
-
-def _again(left: np.ndarray, right: np.ndarray, points: np.ndarray, found: Matches, alive: np.ndarray,
-           step: LeastSquaresMatching) -> Matches:
-    """Matches of one more step for some points (N,) bool, from where each is now."""
-    return match_points(prepare(left, step), prepare(right, step), points[alive], found.position[alive], step, found.affine[alive])
+    found = matched(settings.find, np.arange(len(points)), starts, affine)
+    alive = np.flatnonzero(found.converged)
+    found = merged(found, matched(settings.measure, alive, found.position[alive], found.affine[alive]), alive)
+    alive = np.flatnonzero(found.converged)
+    sharpened = matched(settings.sharpen, alive, found.position[alive], found.affine[alive])
+    better = (sharpened.sigma <= settings.precise) | (sharpened.sigma < found.sigma[alive])
+    found = merged(found, taken(sharpened, better), alive[better])
+    return rejected(found, found.converged & ~(found.sigma <= settings.max_sigma), Outcome.IMPRECISE)

@@ -164,7 +164,7 @@ def _solved(pair: PreparedPair, grid: NodeGrid, starts: np.ndarray, affine: np.n
     """Match nodes, reject those that their neighbours contradict, and give failed and weak ones a second attempt."""
     points = grid.points()
     first = _agreeing(pair.match(points, starts, affine), grid, settings)
-    weak = first.converged & ~(np.fmax(first.sigma_col, first.sigma_row) <= settings.weak_sigma)
+    weak = first.converged & ~(first.sigma <= settings.weak_sigma)
     starts[weak], affine[weak] = first.position[weak], first.affine[weak]
     failed = ~first.converged & (first.outcome != Outcome.OUTSIDE)
     from_neighbours(*_as_grid(grid, first.converged, first.position, first.affine), float(grid.step),

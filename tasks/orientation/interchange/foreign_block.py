@@ -12,6 +12,7 @@ import numpy as np
 from schemas.camera import Camera
 from schemas.errors import WorkflowError
 from schemas.photo import Photo, Photos
+from schemas.wording import some_of
 from tasks.geometry.camera_change import TURN, file_size, scaled, turned
 
 Y_DOWN = np.diag([1.0, -1.0, -1.0])
@@ -81,8 +82,7 @@ def _left_out(block: ForeignBlock, known: dict[str, Photo]) -> tuple[str, ...]:
     others = [name for name in block.poses if name not in known]
     if not others:
         return ()
-    more = f" and {len(others) - 8} more" if len(others) > 8 else ""
-    return (f"The block that was read has {len(others)} photographs that the project has not: {', '.join(others[:8])}{more}.",)
+    return (f"The block that was read has {len(others)} photographs that the project has not: {some_of(others)}.",)
 
 
 def file_view(photo: Photo, camera: Camera, pose: Pose) -> tuple[Camera, Pose]:
