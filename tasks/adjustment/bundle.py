@@ -29,6 +29,7 @@ from tasks.adjustment.blunders import (
     without,
 )
 from tasks.adjustment.collinearity import misclosures
+from tasks.adjustment.intersection import intersecting
 from tasks.adjustment.minimise import minimise, sizes
 from tasks.adjustment.network import Distances, Network, Rays, State
 from tasks.adjustment.normal_equations import linearised
@@ -74,6 +75,7 @@ def adjust(network: Network, start: State, rays: Rays, test: BlunderTest | None 
     pardoned, cleared = False, set()
     while rounds < test.rounds:
         weighted, scaled_rays = _weighted(stated, factors), replace(rays, sigma=rays.sigma * _by_group(stated, rays, factors))
+        used = enough_rays(weighted, scaled_rays, intersecting(weighted, state, scaled_rays, used))
         state, steps = minimise(weighted, state, scaled_rays.take(used))
         iterations += steps
         result = _account(weighted, state, scaled_rays, used, factors)
@@ -126,8 +128,9 @@ def _knows(network: Network, blunder: Blunder) -> bool:
 
 def _robust_solution(network: Network, state: State, rays: Rays, test: BlunderTest) -> _Robust:
     """Huber's solution with the spread of each group's residuals as unit, three times, ever sharper; then the gross blunders go."""
-    used, iterations, blunders = enough_rays(network, rays, np.ones(len(rays), bool)), 0, []
+    used, iterations, blunders = np.ones(len(rays), bool), 0, []
     for tolerance in (1e-2, 1e-2, 1e-3):
+        used = enough_rays(network, rays, intersecting(network, state, rays, used))
         unit = _units(network, state, rays, used, least=0.1)
         state, steps = minimise(network, state, replace(rays, sigma=rays.sigma * unit).take(used), test.huber, tolerance)
         iterations += steps

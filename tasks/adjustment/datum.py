@@ -57,7 +57,7 @@ def prior_cost(network: Network, state: State, huber: float = np.inf) -> float:
     return float(
         huber_cost(size.centre, huber)
         + huber_cost(size.point, huber)
-        + (network.vertical_weight * (state.rotation[:, 2, :2] ** 2).sum(axis=1)).sum()
+        + (network.vertical_weight * (vertical_misclosures(network, state) ** 2).sum(axis=1)).sum()
         + np.einsum("ci,cij,cj->", value, network.interior.weight, value)
         + (network.lever_weight * (network.lever - state.lever) ** 2).sum()
         + huber_cost(size.distance, huber)
@@ -68,6 +68,12 @@ def position_misclosures(network: Network, state: State) -> np.ndarray:
     """GNSS position minus (projection centre + lever arm + shift), (P, 3) m; meaningless where the weight is 0."""
     antenna = state.centre + np.einsum("pji,j->pi", state.rotation, state.lever) + state.shift
     return np.where(network.centre_weight > 0, network.centre - antenna, 0.0)
+
+
+def vertical_misclosures(network: Network, state: State) -> np.ndarray:
+    """(P, 3) expected zenith in the image system by the zenith there: zero where they agree, and as long as the sine of the angle
+    between them; meaningless where the weight is 0."""
+    return np.cross(network.zenith, state.rotation[:, :, 2])
 
 
 def position_derivatives(network: Network, state: State, photo: int) -> tuple[np.ndarray, np.ndarray]:
@@ -110,13 +116,14 @@ def _add_positions(network: Network, state: State, factor: np.ndarray, normal: n
 
 
 def _add_verticality(network: Network, state: State, normal: np.ndarray, right: np.ndarray) -> None:
-    """The third row of R is (0, 0, 1) in a vertical photograph; it moves by w1 R[1] - w2 R[0]."""
+    """The zenith u in the image system moves by w x u, and so does u x b by (b . w) u - (b . u) w, where b is the expected one."""
+    misclosure, zenith = vertical_misclosures(network, state), np.broadcast_to(network.zenith, (network.photos, 3))
     for photo in np.flatnonzero(network.vertical_weight > 0):
-        R, weight = state.rotation[photo], network.vertical_weight[photo]
-        J = np.column_stack([R[1], -R[0], np.zeros(3)])[:2]
+        u, b, weight = state.rotation[photo, :, 2], zenith[photo], network.vertical_weight[photo]
+        J = np.outer(u, b) - (b @ u) * np.eye(3)
         own = slice(6 * photo + 3, 6 * photo + 6)
         normal[own, own] += weight * J.T @ J
-        right[own] += weight * J.T @ -R[2, :2]
+        right[own] += weight * J.T @ misclosure[photo]
 
 
 def _add_interior(network: Network, state: State, normal: np.ndarray, right: np.ndarray) -> None:

@@ -10,6 +10,7 @@ from scipy.linalg import cho_factor, cho_solve
 from schemas.errors import GeometryError
 from tasks.adjustment.collinearity import BEHIND, misclosures
 from tasks.adjustment.datum import PriorFactors, freedoms, prior_cost, prior_factors, prior_normals
+from tasks.adjustment.intersection import intersected
 from tasks.adjustment.network import Network, Rays, State
 from tasks.adjustment.normal_equations import Linear, linearised, point_corrections, reduced_normals
 from tasks.adjustment.robust import huber_cost, huber_weights
@@ -48,6 +49,8 @@ def minimise(
         linear = linearised(network, state, rays, huber_weights(sizes(network, state, rays), huber), factors.point)
         while True:
             trial = _moved(network, state, linear, factors, damping)
+            if trial is not None and ease == GENTLE:
+                trial = intersected(network, trial, rays, huber)
             trial_cost = np.inf if trial is None else _cost(network, trial, rays, huber)
             if trial_cost <= cost * (1.0 + 1e-12) or damping > 1e8:
                 break

@@ -11,9 +11,14 @@ def huber_weights(size: np.ndarray, limit: float) -> np.ndarray:
     return np.where(size <= limit, 1.0, limit / np.maximum(size, 1e-300))
 
 
+def huber_losses(size: np.ndarray, limit: float) -> np.ndarray:
+    """Huber's loss, twice: size^2 inside the limit, 2 limit size - limit^2 outside."""
+    return np.where(size <= limit, size**2, 2.0 * limit * size - limit**2 if np.isfinite(limit) else 0.0)
+
+
 def huber_cost(size: np.ndarray, limit: float) -> float:
-    """The sum of Huber's loss, twice: size^2 inside the limit, 2 limit size - limit^2 outside."""
-    return float(np.where(size <= limit, size**2, 2.0 * limit * size - limit**2 if np.isfinite(limit) else 0.0).sum())
+    """The sum of Huber's losses, twice."""
+    return float(huber_losses(size, limit).sum())
 
 
 def spread(size: np.ndarray) -> float:

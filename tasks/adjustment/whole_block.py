@@ -10,7 +10,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from tasks.adjustment.datum import distance_misclosures, position_misclosures, prior_cost, prior_factors
+from tasks.adjustment.datum import (
+    distance_misclosures,
+    position_misclosures,
+    prior_cost,
+    prior_factors,
+    vertical_misclosures,
+)
 from tasks.adjustment.network import Network, State
 from tasks.geometry.rotation_vector import rotation_of_vector
 
@@ -33,7 +39,7 @@ def settled_whole(network: Network, state: State, huber: float = np.inf) -> Stat
         known = [
             np.sqrt(factors.centre[:, None] * network.centre_weight) * position_misclosures(network, moved),
             np.sqrt(factors.point[surveyed, None] * network.point_weight[surveyed]) * (network.point - moved.point)[surveyed],
-            np.sqrt(network.vertical_weight)[:, None] * moved.rotation[:, 2, :2],
+            np.sqrt(network.vertical_weight)[:, None] * vertical_misclosures(network, moved),
             np.sqrt(factors.distance * network.distances.weight) * distance_misclosures(network, moved),
         ]
         return np.concatenate([part.ravel() for part in known])

@@ -14,6 +14,7 @@ from schemas.photo import Photos
 from tasks.adjustment.collinearity import BEHIND, misclosures
 from tasks.adjustment.network import Distances, Network, Rays, State
 from tasks.adjustment.result import Adjustment
+from tasks.geometry.rotation import rotation_matrix
 from tasks.orientation.block_start import Start
 from tasks.orientation.georeference import Datum, Known, held
 from tasks.orientation.ground_points import approximate_points
@@ -83,7 +84,9 @@ def known_of(photos: Photos, cameras: Cameras, material: Material, start: Start,
     rays = ground_rays(points, {name: i for i, name in enumerate(names)}, cameras)
     camera_of = material.camera_of[start.photos]
     placed = approximate_points(model, material.cameras, camera_of, rays, len(points))
-    return model, Known(*_positions(photos, names), *_coordinates(points), placed, _lengths(points, control))
+    return model, Known(
+        *_positions(photos, names), *_coordinates(points), placed, _zeniths(photos, names), _lengths(points, control)
+    )
 
 
 def _positions(photos: Photos, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
@@ -93,6 +96,12 @@ def _positions(photos: Photos, names: tuple[str, ...]) -> tuple[np.ndarray, np.n
     position = np.array([photo.position if ok else unknown for photo, ok in zip(rows, both, strict=True)], float)
     sigma = np.array([photo.position_sigma if ok else unknown for photo, ok in zip(rows, both, strict=True)], float)
     return position, sigma
+
+
+def _zeniths(photos: Photos, names: tuple[str, ...]) -> np.ndarray:
+    """(P, 3) the zenith in the image systems by the attitudes of the photographs; NaN where they have none."""
+    attitudes = (photos[name].attitude for name in names)
+    return np.array([(np.nan,) * 3 if a is None else rotation_matrix(*np.radians(a))[:, 2] for a in attitudes])
 
 
 def _coordinates(points: list[ControlPoint]) -> tuple[np.ndarray, np.ndarray]:
@@ -154,15 +163,15 @@ def problem_of(material: Material, parts: list[Part], cameras: Cameras, control:
 
 
 def _known_together(parts: list[Part], number: np.ndarray, photos: int) -> Known:
-    position, sigma = np.full((photos, 3), np.nan), np.full((photos, 3), np.nan)
+    position, sigma, zenith = (np.full((photos, 3), np.nan) for _ in range(3))
     model = np.full_like(parts[0].known.control, np.nan)
     for part in parts:
         own = number[part.start.photos]
-        position[own], sigma[own] = part.known.position, part.known.position_sigma
+        position[own], sigma[own], zenith[own] = part.known.position, part.known.position_sigma, part.known.zenith
         in_first = part.datum.similarity.apply(part.known.control_model) + part.datum.origin - parts[0].datum.origin
         model = np.where(np.isfinite(model), model, in_first)
     first = parts[0].known
-    return Known(position, sigma, first.control, first.control_sigma, model, first.distances)
+    return Known(position, sigma, first.control, first.control_sigma, model, zenith, first.distances)
 
 
 def _datum_together(parts: list[Part], number: np.ndarray, photos: int) -> Datum:
@@ -176,11 +185,14 @@ def _datum_together(parts: list[Part], number: np.ndarray, photos: int) -> Datum
     return replace(parts[0].datum, positions_aside=positions, control_aside=far & ~near, weaknesses=weaknesses)
 
 
-def starting_values(material: Material, problem: Problem, parts: list[Part], datum: Datum) -> tuple[Network, State, np.ndarray]:
-    """The network, the state to begin with, and (M,) which rays take part."""
+def starting_values(
+    material: Material, problem: Problem, parts: list[Part], datum: Datum, vertical_sigma: float
+) -> tuple[Network, State, np.ndarray]:
+    """The network, the state to begin with, and (M,) which rays take part; `vertical_sigma` (rad) of the mean vertical, where a
+    part needs it."""
     photos, count = len(problem.names), problem.ties + len(problem.surveyed)
     rotation, centre, point = np.zeros((photos, 3, 3)), np.zeros((photos, 3)), np.zeros((count, 3))
-    vertical, filled = np.zeros(photos), np.zeros(count, bool)
+    zenith, vertical, filled = np.zeros((photos, 3)), np.zeros(photos), np.zeros(count, bool)
     for part in parts:
         own = np.searchsorted(problem.active, part.start.photos)
         fit, offset = part.datum.similarity, part.datum.origin - datum.origin
@@ -189,13 +201,14 @@ def starting_values(material: Material, problem: Problem, parts: list[Part], dat
         fresh = part.start.known & ~filled[: problem.ties]
         point[: problem.ties][fresh] = fit.apply(part.model.point[fresh]) + offset
         filled[: problem.ties] |= fresh
-        if part.datum.vertical_sigma is not None:
-            vertical[own] = 1.0 / (part.datum.vertical_sigma**2 * len(own))
+        if part.datum.zenith is not None:
+            told = np.isfinite(part.datum.zenith).all(axis=1)
+            zenith[own[told]], vertical[own[told]] = part.datum.zenith[told], 1.0 / (vertical_sigma**2 * told.sum())
     known = problem.known
     surveyed = np.where(np.isfinite(known.control_model), known.control_model, known.control - datum.origin)
     point[problem.ties :] = np.nan_to_num(surveyed)
     state = State(rotation, centre, point, parts[0].model.interior, np.zeros(3))
-    network = _network(material, problem, vertical, count)
+    network = replace(_network(material, problem, vertical, count), zenith=zenith)
     network = held(network, known, datum, problem.ties)
     good = problem.good & _placed(problem, network, state, np.isfinite(surveyed).all(axis=1))
     return _with_distances(network, problem, datum, good), state, good

@@ -30,14 +30,15 @@ from tasks.orientation.growth import Given, Material
 from tasks.orientation.interchange.foreign_block import Pose
 from tasks.orientation.measurements import tie_rays
 from tasks.orientation.self_calibration import determined
+from tasks.orientation.zenith import Looking
 
 cv2.setNumThreads(1)
 
 
 class BlockChoices(Settings):
     """What the workflow decides: the part of the interior orientation, a common shift of the GNSS positions, the standard error of
-    the mean viewing direction where it is needed (degrees), the limit of the blunder test in standard errors, and the lever arm
-    of the antenna (m, image system) with its standard error (0: exactly known)."""
+    the mean vertical where it is needed (degrees) and how the photographs look then, the limit of the blunder test in standard
+    errors, and the lever arm of the antenna (m, image system) with its standard error (0: exactly known)."""
 
     interior: InteriorChoice
     gnss_shift: bool
@@ -45,6 +46,7 @@ class BlockChoices(Settings):
     rejection: float
     lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     lever_sigma: float = 0.0
+    looking: Looking = "auto"
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +126,8 @@ def _given(photos: Photos, given: Mapping[str, Pose] | None) -> tuple[Given | No
 
 def _part(have: _Input, start: Start, origin: np.ndarray | None) -> Part:
     model, known = known_of(have.photos, have.cameras, have.material, start, have.control)
-    datum = choose_datum(model, known, np.radians(have.choices.vertical_sigma), have.choices.gnss_shift, origin)
+    choices = have.choices
+    datum = choose_datum(model, known, np.radians(choices.vertical_sigma), choices.looking, choices.gnss_shift, origin)
     return Part(start, model, known, datum)
 
 
@@ -137,7 +140,7 @@ def _adjusted(have: _Input, parts: list[Part]) -> Account:
             f"{max(int(part.known.placed.sum()) for part in parts)} can be used here."
         )
     problem, datum = problem_of(have.material, parts, have.cameras, have.control)
-    network, state, good = starting_values(have.material, problem, parts, datum)
+    network, state, good = starting_values(have.material, problem, parts, datum, np.radians(choices.vertical_sigma))
     network = network.with_lever(choices.lever_arm, choices.lever_sigma, choices.gnss_shift)
     network, remarks = determined(network, state, problem.rays.take(good), problem.camera_names)
     rays, test = problem.rays.take(good), BlunderTest(limit=choices.rejection)

@@ -1,8 +1,9 @@
 """From a model in a system of its own to the project's system: what holds the block in space, and how strongly.
 
 Positions of the projection centres and control points together fix place, rotation and scale, as far as they can. Points on one
-line say nothing of the rotation about it: then (and only then) the photographs are assumed to look straight down on average, within
-a stated standard error, and the datum sentence says so. With fewer than two known points the network stays free.
+line say nothing of the rotation about it: then (and only then) the vertical as the photographs show it on average (`zenith`)
+holds the block, within a stated standard error, and the datum sentence says so. With fewer than two known points the network stays
+free.
 """
 
 from dataclasses import dataclass, replace
@@ -11,6 +12,7 @@ import numpy as np
 
 from tasks.adjustment.network import Network, State
 from tasks.orientation.similarity import Similarity, Upward, consensus, fit_similarity, turn_precision
+from tasks.orientation.zenith import DOWN, SENTENCES, Looking, expected_zenith, upward
 
 WEAK_TURN = np.radians(1.0)
 CROWDED = (
@@ -27,7 +29,8 @@ FAR = 5.0
 class Known:
     """What is known in the project's system: `position`, `position_sigma` (P, 3) of the placed photographs (NaN: unknown);
     `control`, `control_sigma` (n, 3) of the surveyed points (NaN and inf: only measured in photographs); `control_model` (n, 3)
-    where the model has them (NaN: cannot be intersected); `distances`: numbers of two surveyed points, length, standard error, m.
+    where the model has them (NaN: cannot be intersected); `zenith` (P, 3) in the image systems by attitudes (NaN: unknown);
+    `distances`: numbers of two surveyed points, length, standard error, m.
     """
 
     position: np.ndarray
@@ -35,6 +38,7 @@ class Known:
     control: np.ndarray
     control_sigma: np.ndarray
     control_model: np.ndarray
+    zenith: np.ndarray
     distances: tuple[tuple[int, int, float, float], ...] = ()
 
     @property
@@ -46,22 +50,25 @@ class Known:
 @dataclass(frozen=True, eq=False)
 class Datum:
     """Where the block goes: `similarity` into local coordinates, `origin` (3,) to be added to these, whether it is free, the
-    standard error of the assumed verticality (rad; None: not assumed), the sentences for people, and which positions (P,) and
-    control points (n,) are set aside because they lie elsewhere."""
+    `zenith` (P, 3) that is expected in the image systems (NaN: of no use; None: not needed), the sentences for people, and which
+    positions (P,) and control points (n,) are set aside because they lie elsewhere."""
 
     similarity: Similarity
     origin: np.ndarray
     free: bool
-    vertical_sigma: float | None
+    zenith: np.ndarray | None
     sentence: str
     weaknesses: tuple[str, ...]
     positions_aside: np.ndarray
     control_aside: np.ndarray
 
 
-def choose_datum(model: State, known: Known, vertical_sigma: float, shift: bool, origin: np.ndarray | None = None) -> Datum:
-    """What holds the block; `vertical_sigma` (rad) is used only where the known points leave a rotation open. `shift`: the
-    positions may all be off by one vector. `origin` (3,): the model already stands in a system of its own, by this much off."""
+def choose_datum(
+    model: State, known: Known, vertical_sigma: float, looking: Looking, shift: bool, origin: np.ndarray | None = None
+) -> Datum:
+    """What holds the block; `vertical_sigma` (rad) and `looking` are used only where the known points leave a rotation open.
+    `shift`: the positions may all be off by one vector. `origin` (3,): the model already stands in a system of its own, by this
+    much off."""
     has, placed = np.isfinite(known.position).all(axis=1), known.placed
     position = _without_shift(model, known) if shift and placed.sum() >= 3 else known.position
     source = np.vstack([model.centre[has], known.control_model[placed]])
@@ -74,29 +81,29 @@ def choose_datum(model: State, known: Known, vertical_sigma: float, shift: bool,
         return replace(free, weaknesses=(*free.weaknesses, CROWDED))
     trusted = np.arange(len(source)) >= has.sum()
     origin = np.round(np.median(target[trusted] if trusted.sum() >= 3 else target, axis=0))
-    upward, none = Upward(_mean_up(model), 1.0 / vertical_sigma**2), Upward(_mean_up(model), 0.0)
+    zenith, basis = expected_zenith(model.rotation, known.zenith, looking, _direction(source))
+    upright, none = (Upward(upward(model.rotation, zenith), weight) for weight in (1.0 / vertical_sigma**2, 0.0))
     on_a_line = turn_precision(target, np.maximum(sigma, 1e-6)) > WEAK_TURN
-    near = consensus(source, target - origin, np.maximum(sigma, 1e-6), upward if on_a_line else none, trusted) < FAR
+    near = consensus(source, target - origin, np.maximum(sigma, 1e-6), upright if on_a_line else none, trusted) < FAR
     if near.sum() < 2:
         near[:] = True
     extent = float(np.linalg.norm(np.ptp(target[near], axis=0)))
     sigma = np.maximum(sigma, 1e-4 * extent)
     turn = turn_precision(target[near], sigma[near])
     weak = turn > WEAK_TURN
-    similarity = fit_similarity(source[near], (target - origin)[near], sigma[near], upward if weak else none)
+    similarity = fit_similarity(source[near], (target - origin)[near], sigma[near], upright if weak else none)
     misfit = (similarity.apply(source) - (target - origin))[near]
     aside = np.zeros(len(has), bool), np.zeros(len(placed), bool)
     aside[0][has], aside[1][placed] = ~near[~trusted], ~near[trusted]
-    weaknesses = _weaknesses(weak, turn, vertical_sigma, known.control[placed & ~aside[1]], sigma[near], misfit, extent)
+    weaknesses = _weaknesses(weak, basis, turn, vertical_sigma, known.control[placed & ~aside[1]], sigma[near], misfit, extent)
     positions, control = int((has & ~aside[0]).sum()), int((placed & ~aside[1]).sum())
-    sentence = _sentence(positions, control, weak)
-    return Datum(similarity, origin, False, vertical_sigma if weak else None, sentence, weaknesses, *aside)
+    sentence = _sentence(positions, control, basis if weak else None)
+    return Datum(similarity, origin, False, zenith if weak else None, sentence, weaknesses, *aside)
 
 
-def _mean_up(model: State) -> np.ndarray:
-    """The mean of the cameras' axes away from the ground."""
-    up = model.rotation[:, 2].mean(axis=0)
-    return up / max(float(np.linalg.norm(up)), 1e-12)
+def _direction(points: np.ndarray) -> np.ndarray:
+    """The direction (3,) of the line that fits points (n, 3) best."""
+    return np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][0]
 
 
 def _without_shift(model: State, known: Known) -> np.ndarray:
@@ -141,7 +148,7 @@ def _free(model: State, known: Known, origin: np.ndarray | None) -> Datum:
 
 def _upright(model: State) -> tuple[np.ndarray, float]:
     """A rotation (3, 3) that puts the mean viewing direction down, and the height of the cameras above the ground."""
-    up = _mean_up(model)
+    up = upward(model.rotation, np.tile(DOWN, (len(model.rotation), 1)))
     east = model.centre[-1] - model.centre[0]
     east = east - up * (east @ up)
     east = east / max(float(np.linalg.norm(east)), 1e-12)
@@ -159,23 +166,26 @@ def _scale_of_distances(known: Known) -> float | None:
     return float(np.median(found)) if found else None
 
 
-def _sentence(positions: int, control: int, weak: bool) -> str:
+def _sentence(positions: int, control: int, basis: str | None) -> str:
     held = []
     if control:
         held.append(f"{control} ground control point{'s' * (control > 1)}")
     if positions:
         held.append(f"{positions} GNSS position{'s' * (positions > 1)} of the projection centres")
     kind = "Control" if control >= 3 else "GNSS" if positions else "Control"
-    lean = (
-        "; the tilt about their common line rests on the assumption that the photographs look straight down on average"
-        if weak
-        else ""
-    )
+    lean = f"; the tilt about their common line rests {SENTENCES[basis]}" if basis else ""
     return f"{kind}: the block is held by {' and '.join(held)}, each with its standard errors{lean}."
 
 
 def _weaknesses(
-    weak: bool, turn: float, vertical: float, control: np.ndarray, sigma: np.ndarray, residual: np.ndarray, extent: float
+    weak: bool,
+    basis: str,
+    turn: float,
+    vertical: float,
+    control: np.ndarray,
+    sigma: np.ndarray,
+    residual: np.ndarray,
+    extent: float,
 ) -> tuple[str, ...]:
     found = []
     if weak:
@@ -183,8 +193,9 @@ def _weaknesses(
         fixed = "do not fix" if not np.isfinite(turn) or turn > 1.0 else f"fix only to {np.degrees(turn):.1f} degrees"
         found.append(
             "The positions and control lie so close to one line (collinear projection centres), for their standard errors, that "
-            f"they {fixed} the tilt about it; the mean viewing direction holds it, and it is known to about {total:.1f} degrees. "
-            "Fly a second strip, give control beside the line, or state the true precision of the positions."
+            f"they {fixed} the tilt about it; it rests {SENTENCES[basis]}, and is known to about {total:.1f} degrees if that is "
+            "right. Fly a second strip, give control beside the line, state the true precision of the positions, or say how the "
+            "photographs look (`looking` and `vertical_sigma` of the stage orientation)."
         )
     if len(control) >= 3:
         spread = np.linalg.svd(control[:, :2] - control[:, :2].mean(axis=0), compute_uv=False)

@@ -23,6 +23,7 @@ from tasks.orientation.report import report
 from tasks.orientation.report_overlap import OVERLAP, SIDE, overlap_map
 from tasks.orientation.sources import Adjusted, ExteriorSource
 from tasks.orientation.started_block import orient_from
+from tasks.orientation.zenith import Looking
 
 SCRATCH = 256 * 2**20
 _SIMULATED = ("photographs/control.csv", "photographs/measurements.csv")
@@ -59,10 +60,16 @@ class OrientationStage(Stage):
     lever_sigma: float = setting(
         0.0, "Standard error of the lever arm, which is then adjusted; 0 takes it for exactly known.", "m", ge=0
     )
+    looking: Looking = setting(
+        "auto",
+        "How photographs look that have no attitude: straight down, or level (held upright, as in a hand); auto takes photographs "
+        "that look along the line of their positions or to all sides for level. Used only where positions and control lie on one "
+        "line and leave the tilt about it open.",
+    )
     vertical_sigma: float = setting(
         5.0,
-        "Standard error of the mean viewing direction from the vertical; used only where positions and control lie on one line "
-        "and leave the tilt about it open.",
+        "Standard error of the mean vertical that attitudes or `looking` tell; used only where positions and control lie on one "
+        "line and leave the tilt about it open.",
         "degrees",
         gt=0,
         le=45,
@@ -129,6 +136,7 @@ class OrientationStage(Stage):
             rejection=self.rejection,
             lever_arm=self.lever_arm,
             lever_sigma=self.lever_sigma,
+            looking=self.looking,
         )
         function: Callable[..., dict[str, object]] = orient_block
         reads: dict[str, Region | tuple[Region, ...]] = {
