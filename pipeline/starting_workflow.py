@@ -62,9 +62,9 @@ class Survey:
         return utm_zone(statistics.median(longitudes), statistics.median(latitudes))
 
     @property
-    def all_focal(self) -> bool:
-        """Whether every photograph tells its focal length."""
-        return self.focal_lengths.total() == len(self.headers)
+    def without_focal(self) -> int:
+        """Photographs that do not tell their focal length."""
+        return len(self.headers) - self.focal_lengths.total()
 
 
 @dataclass(frozen=True)
@@ -172,12 +172,11 @@ def _crs(survey: Survey, crs: str | None) -> Iterator[str]:
 def _cameras(survey: Survey) -> Iterator[str]:
     yield "# Where the interior orientation comes from: exif, file, given or chessboards."
     yield "cameras:"
-    if survey.all_focal:
+    if survey.focal_lengths:
         yield "  kind: exif  # nominal values, refined by the block adjustment; a calibration from chessboards is better"
         return
     first = survey.headers[0]
-    told = f"{survey.focal_lengths.total()} of {len(survey.headers)}"
-    yield f"  kind: given  # {told} photographs tell their focal length, so it is wanted here"
+    yield "  kind: given  # no photograph tells its focal length, so it is wanted here"
     yield f"  c:  # to be filled in: camera constant in px: focal length / sensor width * {max(first.width, first.height)}"
     yield "  # x0: 0.0         # principal point, px right of the image centre"
     yield "  # y0: 0.0         # principal point, px above the image centre"
@@ -227,9 +226,13 @@ def _stage(stage: type[Stage]) -> Iterator[str]:
 def _notes(name: str, survey: Survey, crs: str | None) -> Iterator[str]:
     if not (crs or survey.utm):
         yield "Fill in 'crs': no photograph tells where it was taken."
-    if not survey.all_focal:
-        missing = len(survey.headers) - survey.focal_lengths.total()
-        yield f"Fill in 'cameras > c': {missing} of {len(survey.headers)} photographs do not tell their focal length."
+    if not survey.focal_lengths:
+        yield "Fill in 'cameras > c': no photograph tells its focal length."
+    elif survey.without_focal:
+        yield (
+            f"{survey.without_focal} of {len(survey.headers)} photographs do not tell their focal length; they take the camera of "
+            "the others of their size. Take out what is no photograph of the block."
+        )
     if survey.places and len(survey.places) < len(survey.headers):
         missing = len(survey.headers) - len(survey.places)
         yield f"{missing} of {len(survey.headers)} photographs have no GPS position; they join by their overlap."
