@@ -76,6 +76,20 @@ def interior_prior(cameras: list[Camera], choice: InteriorChoice, hold_nominal: 
     return Interior(value, weight, free, considered)
 
 
+def given_sigmas(interior: Interior, parameters: tuple[int, ...] = (0,)) -> np.ndarray:
+    """(C, k) standard errors of given interior parameters (numbers in INTERIOR); for a camera constant of which none is stated the
+    nominal one, for others inf."""
+    value = interior.value
+    sigma = np.full(value.shape, np.inf)
+    sigma[:, 0] = NOMINAL_SIGMA["c"] * value[:, 0]
+    for k, own in enumerate(interior.weight):
+        known = np.flatnonzero(np.diag(own) > 0)
+        scale = 1.0 / np.sqrt(np.diag(own)[known])
+        covariance = np.linalg.pinv(own[np.ix_(known, known)] * scale[:, None] * scale, hermitian=True)
+        sigma[k, known] = np.sqrt(np.diag(covariance)) * scale
+    return sigma[:, list(parameters)]
+
+
 def _inverse(covariance: np.ndarray) -> np.ndarray:
     """Inverse by way of the correlation matrix: the parameters differ by many powers of ten."""
     scale = 1.0 / np.sqrt(np.diag(covariance))

@@ -4,6 +4,7 @@ import numpy as np
 
 from schemas.camera import INTERIOR
 from schemas.orientation import Block, BlockPrecision, Correlation, LargestResidual, ObservationGroup
+from tasks.adjustment.interior import given_sigmas
 from tasks.adjustment.result import Adjustment
 from tasks.orientation.account_blunders import (
     blunder_sentences,
@@ -13,7 +14,7 @@ from tasks.orientation.account_blunders import (
     surveyed_blunders,
 )
 from tasks.orientation.assembly import Account, Problem
-from tasks.orientation.camera_constant import MOVED, given_sigmas
+from tasks.orientation.camera_constant import MOVED
 
 WORST = 12
 """How many of the largest standardised residuals are named."""
@@ -99,7 +100,7 @@ def _moved_principal_points(account: Account) -> list[str]:
     known = np.diagonal(interior.weight, axis1=1, axis2=2)[:, 1:3] > 0
     free = interior.free[:, 1:3] & ~interior.considered[:, 1:3] & known
     away = account.result.state.interior[:, 1:3] - interior.value[:, 1:3]
-    for k in np.flatnonzero((free & (np.abs(away) > MOVED * given_sigmas(account.result.network, (1, 2)))).any(axis=1)):
+    for k in np.flatnonzero((free & (np.abs(away) > MOVED * given_sigmas(interior, (1, 2)))).any(axis=1)):
         found.append(
             f"The principal point of {account.problem.camera_names[k]} moved {np.linalg.norm(away[k]):.0f} px from its stated "
             "place, many times its standard error: the block can hardly tell it from tangential distortion and the direction of "

@@ -29,7 +29,7 @@ from tasks.orientation.georeference import choose_datum
 from tasks.orientation.growth import Given, Material
 from tasks.orientation.interchange.foreign_block import Pose
 from tasks.orientation.measurements import tie_rays
-from tasks.orientation.self_calibration import determined
+from tasks.orientation.self_calibration import determined, told_by_shape
 from tasks.orientation.zenith import Looking
 
 cv2.setNumThreads(1)
@@ -142,6 +142,7 @@ def _adjusted(have: _Input, parts: list[Part]) -> Account:
     problem, datum = problem_of(have.material, parts, have.cameras, have.control)
     network, state, good = starting_values(have.material, problem, parts, datum, np.radians(choices.vertical_sigma))
     network = network.with_lever(choices.lever_arm, choices.lever_sigma, choices.gnss_shift)
+    network = told_by_shape(network, state, problem.rays.take(good))
     network, remarks = determined(network, state, problem.rays.take(good), problem.camera_names)
     rays, test = problem.rays.take(good), BlunderTest(limit=choices.rejection)
     result, more = adjust_tested(

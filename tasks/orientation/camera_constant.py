@@ -13,7 +13,7 @@ import numpy as np
 from schemas.errors import GeometryError
 from tasks.adjustment.bundle import BlunderTest, adjust
 from tasks.adjustment.datum import prior_normals
-from tasks.adjustment.interior import NOMINAL_SIGMA
+from tasks.adjustment.interior import given_sigmas
 from tasks.adjustment.minimise import UNDETERMINED, scaled
 from tasks.adjustment.minimise import held as without_considered
 from tasks.adjustment.network import Network, Rays, State
@@ -73,7 +73,7 @@ def _freed(
         return None, ()
     sigma = np.sqrt(np.diag(freed.cofactor)[freed.network.interior_columns[:, 0]])
     given, fits = network.interior.value[:, 0], freed.state.interior[:, 0]
-    wrong = doubtful & (np.abs(fits - given) > np.maximum(MOVED * given_sigmas(network)[:, 0], DETERMINED * sigma))
+    wrong = doubtful & (np.abs(fits - given) > np.maximum(MOVED * given_sigmas(network.interior)[:, 0], DETERMINED * sigma))
     told = tuple(_sentence(names[k], given[k], fits[k], sigma[k], held) for k in np.flatnonzero(wrong))
     return (freed, told) if told else (None, ())
 
@@ -85,25 +85,11 @@ def doubtful_constants(result: Adjustment) -> np.ndarray:
     present = np.isin(np.arange(len(interior.value)), result.network.camera_of)
     adjusted = interior.free[:, 0] & ~interior.considered[:, 0]
     known = np.diagonal(interior.weight, axis1=1, axis2=2)[:, 0] > 0
-    found = present & adjusted & known & (moved > MOVED * given_sigmas(result.network)[:, 0])
+    found = present & adjusted & known & (moved > MOVED * given_sigmas(interior)[:, 0])
     if (present & ~adjusted).any():
         step, sigma = _pull(result, present & ~adjusted)
-        found |= present & ~adjusted & (np.abs(step) > MOVED * sigma) & (np.abs(step) > given_sigmas(result.network)[:, 0])
+        found |= present & ~adjusted & (np.abs(step) > MOVED * sigma) & (np.abs(step) > given_sigmas(interior)[:, 0])
     return found
-
-
-def given_sigmas(network: Network, parameters: tuple[int, ...] = (0,)) -> np.ndarray:
-    """(C, k) standard errors of given interior parameters (numbers in INTERIOR); for a camera constant of which none is stated the
-    nominal one, for others inf."""
-    weight, value = network.interior.weight, network.interior.value
-    sigma = np.full(value.shape, np.inf)
-    sigma[:, 0] = NOMINAL_SIGMA["c"] * value[:, 0]
-    for k, own in enumerate(weight):
-        known = np.flatnonzero(np.diag(own) > 0)
-        scale = 1.0 / np.sqrt(np.diag(own)[known])
-        covariance = np.linalg.pinv(own[np.ix_(known, known)] * scale[:, None] * scale, hermitian=True)
-        sigma[k, known] = np.sqrt(np.diag(covariance)) * scale
-    return sigma[:, list(parameters)]
 
 
 def with_free_constants(network: Network, cameras: np.ndarray) -> Network:

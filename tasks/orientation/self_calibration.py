@@ -2,7 +2,9 @@
 height in disguise, and would wander where noise pushes it.
 
 Before the adjustment the covariance at the starting values says which parameters the geometry determines; those that it does not
-keep their value, and a sentence says so.
+keep their value, and a sentence says so. A nominal camera constant without control is no unknown unless the shape of the block
+tells it (photographs that converge, or look in all directions), even if the measurements of a region of the frame are all wrong
+alike.
 """
 
 from dataclasses import replace
@@ -11,10 +13,15 @@ import numpy as np
 
 from schemas.camera import INTERIOR
 from schemas.errors import GeometryError
+from tasks.adjustment.blunders import enough_rays
+from tasks.adjustment.interior import given_sigmas
 from tasks.adjustment.network import Network, Rays, State
 from tasks.adjustment.normal_equations import linearised
 from tasks.adjustment.precision import covariance_of
 
+AREAS = 9
+"""Neighbouring measurements share their errors (distortion that the model lacks, a rolling shutter): as much as one independent
+measurement in each of von Gruber's areas counts when a nominal value is to be replaced."""
 LARGEST = 0.03
 """A free c, x0 or y0 with a larger predicted standard error, in units of c, is not determined."""
 
@@ -22,8 +29,7 @@ LARGEST = 0.03
 def determined(network: Network, state: State, rays: Rays, names: tuple[str, ...]) -> tuple[Network, tuple[str, ...]]:
     """The network with the free c, x0 and y0 held that its geometry does not determine, and sentences about them."""
     open_ = network.interior.free[:, :3] & (np.diagonal(network.interior.weight, axis1=1, axis2=2)[:, :3] == 0)
-    count = np.bincount(rays.point, minlength=len(network.point))
-    rays = rays.take(((count >= 2) | network.point_weight.any(axis=1))[rays.point])
+    rays = _firm(network, rays)
     remarks: list[str] = []
     while open_.any():
         share = _shares(network, state, rays)
@@ -37,6 +43,24 @@ def determined(network: Network, state: State, rays: Rays, names: tuple[str, ...
     return network, tuple(remarks)
 
 
+def told_by_shape(network: Network, state: State, rays: Rays) -> Network:
+    """The network whose nominal c, x0 and y0, so far only considered, are unknowns where the block tells c better than it was
+    given, with no more than AREAS independent measurements per photograph."""
+    interior = network.interior
+    doubtful = interior.considered[:, 0]
+    if not doubtful.any():
+        return network
+    weight = interior.weight.copy()
+    weight[doubtful, :3], weight[doubtful, :, :3] = 0.0, 0.0
+    unknown = replace(interior, weight=weight, considered=interior.considered & ~doubtful[:, None])
+    share = _shares(replace(network, interior=unknown), state, _firm(network, rays))[:, 0]
+    of_camera = np.bincount(network.camera_of[rays.photo], minlength=len(doubtful))
+    photos = np.bincount(network.camera_of, minlength=len(doubtful))
+    per_area = np.maximum(of_camera / np.maximum(photos, 1) / AREAS, 1.0)
+    told = doubtful & (share * np.sqrt(per_area) * state.interior[:, 0] < given_sigmas(interior)[:, 0])
+    return replace(network, interior=replace(interior, considered=interior.considered & ~told[:, None]))
+
+
 def held_fixed(network: Network, names: tuple[str, ...]) -> tuple[Network, tuple[str, ...]]:
     """The network with all interior orientations as they are, and a sentence about it."""
     none = np.zeros_like(network.interior.free)
@@ -45,6 +69,11 @@ def held_fixed(network: Network, names: tuple[str, ...]) -> tuple[Network, tuple
         f"The interior orientation of {' and '.join(names)} could not be adjusted: the block does not determine it. It was held "
         "fixed; calibrate the camera, or add oblique photographs or control at different heights.",
     )
+
+
+def _firm(network: Network, rays: Rays) -> Rays:
+    """The rays of points that have two, or known coordinates."""
+    return rays.take(enough_rays(network, rays, np.ones(len(rays), bool)))
 
 
 def _shares(network: Network, state: State, rays: Rays) -> np.ndarray:

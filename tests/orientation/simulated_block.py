@@ -147,3 +147,27 @@ def one_strip(seed=0, photos=8, **options):
     ]
     nominal = DRONE.model_copy(update={"c": 1165.0, "k1": 0.0})
     return simulate(views, nominal, seed, **({"gnss": 3.0, "control": 0, "check": 0} | options))
+
+
+def looking(forward, up=(0.0, 0.0, 1.0)):
+    """Rotation of a photograph that looks `forward` and stands upright."""
+    back = -np.array(forward, float) / np.linalg.norm(forward)
+    right = np.cross(up, back)
+    right /= np.linalg.norm(right)
+    return np.array([right, np.cross(back, right), back])
+
+
+def block_of(views, points, rng, sigma=0.3, gnss=1.0, camera=DRONE):
+    """A block of `points` (n, 3); those that fewer than two photographs see are left out."""
+    seen = [(v.project(points) + sigma * rng.standard_normal((len(points), 2)), v.contains(v.project(points), 5)) for v in views]
+    count = np.sum([inside for _, inside in seen], axis=0)
+    rows = [(t, p, *seen[p][0][n]) for t, n in enumerate(np.flatnonzero(count >= 2)) for p in range(len(views)) if seen[p][1][n]]
+    rows = np.array(rows)
+    ties = TiePoints(
+        rows[:, 0].astype(np.int32), rows[:, 1].astype(np.int32), rows[:, 2], rows[:, 3], np.full(len(rows), sigma, np.float32)
+    )
+    photos = Photos(
+        photos=tuple(photo_of(v, None if gnss is None else v.centre + gnss * rng.standard_normal(3), gnss) for v in views)
+    )
+    cameras = Cameras(cameras={"cam": camera}, of_photo={v.name: "cam" for v in views})
+    return SimulatedBlock(photos, cameras, ties, Control(), views, points[count >= 2], np.zeros(len(rows), bool))

@@ -5,10 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from orienting import ground_errors, orient, standardised_orientation
-from simulated_block import DRONE, SimulatedBlock, photo_of, simulate, view
+from simulated_block import DRONE, block_of, looking, simulate, view
 
-from schemas.camera import Cameras
-from schemas.observations import Control, TiePoints
 from schemas.photo import Photos
 from tasks.adjustment.interior import FixedInterior
 from tasks.geometry.rotation import angles
@@ -16,28 +14,6 @@ from tasks.geometry.view import View
 
 FIXED = FixedInterior(kind="fixed")
 ORIGIN = np.array([407000.0, 4357000.0, 50.0])
-
-
-def looking(forward, up=(0.0, 0.0, 1.0)):
-    """Rotation of a photograph that looks `forward` and stands upright."""
-    back = -np.array(forward, float) / np.linalg.norm(forward)
-    right = np.cross(up, back)
-    right /= np.linalg.norm(right)
-    return np.array([right, np.cross(back, right), back])
-
-
-def block_of(views, points, rng, sigma=0.3, gnss=1.0):
-    """A block of `points` (n, 3); those that fewer than two photographs see are left out."""
-    seen = [(v.project(points) + sigma * rng.standard_normal((len(points), 2)), v.contains(v.project(points), 5)) for v in views]
-    count = np.sum([inside for _, inside in seen], axis=0)
-    rows = [(t, p, *seen[p][0][n]) for t, n in enumerate(np.flatnonzero(count >= 2)) for p in range(len(views)) if seen[p][1][n]]
-    rows = np.array(rows)
-    ties = TiePoints(
-        rows[:, 0].astype(np.int32), rows[:, 1].astype(np.int32), rows[:, 2], rows[:, 3], np.full(len(rows), sigma, np.float32)
-    )
-    photos = Photos(photos=tuple(photo_of(v, v.centre + gnss * rng.standard_normal(3), gnss) for v in views))
-    cameras = Cameras(cameras={"cam": DRONE}, of_photo={v.name: "cam" for v in views})
-    return SimulatedBlock(photos, cameras, ties, Control(), views, points[count >= 2], np.zeros(len(rows), bool))
 
 
 def street(seed, skyline=80):
