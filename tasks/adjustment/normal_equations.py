@@ -5,6 +5,10 @@ system added; nothing of the size (points x photos) is ever stored. What the ray
 merged before pairs are summed: the cost of a point grows with the square of the unknowns it touches, and only the upper half of
 the matrix is summed. Kept points are not eliminated: they are columns like a photograph's.
 
+A point is eliminated in a frame of its own, with one axis along its mean ray. Rays to a far point are nearly parallel: in world
+coordinates its block would be all but singular and what is left of its rays a small difference of large numbers, as large as what
+holds a weak block (the tilt of a strip). Along and across the ray the block is only badly scaled, which costs nothing.
+
 Source: Brown 1976, "The bundle adjustment: progress and prospects"; Triggs et al. 2000, section 6.
 """
 
@@ -19,8 +23,9 @@ from tasks.adjustment.network import Network, Rays, State, ray_columns
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """A linearised bundle: derivatives `jg` (M, 2, k), `jp` (M, 2, 3), `columns` (M, k), misclosures (M, 2), `weight` (M,) 1/px^2,
-    `first` (N + 1,), and the points' own prior: weights and misclosures (N, 3)."""
+    """A linearised bundle: derivatives `jg` (M, 2, k), `jp` (M, 2, 3) by the point in its own `frame` (N, 3, 3; columns are axes),
+    `columns` (M, k), misclosures (M, 2), `weight` (M,) 1/px^2, `first` (N + 1,), and the points' own prior: weights and misclosures
+    (N, 3)."""
 
     first: np.ndarray
     columns: np.ndarray
@@ -30,6 +35,7 @@ class Linear:
     weight: np.ndarray
     point_weight: np.ndarray
     point_misclosure: np.ndarray
+    frame: np.ndarray
 
 
 def linearised(
@@ -45,16 +51,34 @@ def linearised(
         jg = np.concatenate([jg, np.where(kept[:, None, None], jp, 0.0)], axis=2)
         jp = np.where(kept[:, None, None], 0.0, jp)
         point_weight[network.kept] = 0.0
+    frame = _frames(state, rays, point_weight.any(axis=1))
     return Linear(
         rays.first(len(state.point)),
         columns,
         jg,
-        jp,
+        jp @ frame[rays.point],
         misclosures(state, rays, network.camera_of),
         factor / rays.sigma**2,
         point_weight,
         network.point - state.point,
+        frame,
     )
+
+
+def _frames(state: State, rays: Rays, surveyed: np.ndarray) -> np.ndarray:
+    """(N, 3, 3) two axes across the mean ray of every point and one along it; the world's axes for points without rays and for
+    `surveyed` (N,) ones, whose prior is known in these."""
+    away = state.point[rays.point] - state.centre[rays.photo]
+    away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-12)
+    along = np.stack([np.bincount(rays.point, away[:, k], len(state.point)) for k in range(3)], axis=1)
+    length = np.linalg.norm(along, axis=1)
+    own = ~surveyed & (length > 0)
+    along = along[own] / length[own, None]
+    # Householder's mirror takes the third axis of the world to the ray (or against it, whichever is farther).
+    mirror = along + np.where(along[:, 2:] < 0, -1.0, 1.0) * (0.0, 0.0, 1.0)
+    frames = np.tile(np.eye(3), (len(length), 1, 1))
+    frames[own] -= 2.0 * mirror[:, :, None] * mirror[:, None, :] / (mirror**2).sum(axis=1)[:, None, None]
+    return frames
 
 
 @njit(cache=True)
@@ -270,10 +294,11 @@ def reduced_normals(linear: Linear, unknowns: int, damping: float = 0.0) -> tupl
 
 def point_corrections(linear: Linear, correction: np.ndarray, damping: float = 0.0) -> np.ndarray:
     """Corrections (N, 3) of the points that belong to the corrections (n,) of the other unknowns; 0 for points without rays."""
-    return _back(*_arrays(linear), damping, correction)
+    return (linear.frame @ _back(*_arrays(linear), damping, correction)[:, :, None])[:, :, 0]
 
 
 def point_precision(linear: Linear, cofactor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Covariance (N, 3, 3) of the points with the effect of orientation and cameras, and the variances (M, 2) px^2 of the computed
     image coordinates, from the covariance (n, n) of the other unknowns."""
-    return _precision(*_arrays(linear), cofactor)
+    points, adjusted = _precision(*_arrays(linear), cofactor)
+    return linear.frame @ points @ linear.frame.swapaxes(1, 2), adjusted
