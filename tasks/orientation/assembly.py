@@ -24,12 +24,14 @@ from tasks.orientation.measurements import ground_rays
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A group of photographs: its start, its model (photographs of the group only), what is known of it, and its datum."""
+    """A group of photographs: its start, its model (photographs of the group only), what is known of it, its datum, and the origin
+    (3,) of a start that came with a system of its own."""
 
     start: Start
     model: State
     known: Known
     datum: Datum
+    origin: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,13 +57,15 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class Account:
-    """All that the tables are made from; `remarks`: sentences about the interior orientation."""
+    """All that the tables are made from; `remarks`: sentences about the interior orientation; `anew` (C,) px: camera constants with
+    which the start is to be made once more (NaN: as given)."""
 
     cameras: Cameras
     problem: Problem
     result: Adjustment
     datum: Datum
     remarks: tuple[str, ...]
+    anew: np.ndarray
 
 
 def taking_part(control: Control) -> list[ControlPoint]:

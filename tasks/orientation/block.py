@@ -14,7 +14,7 @@ import numpy as np
 from schemas.camera import Cameras
 from schemas.errors import GeometryError
 from schemas.observations import Control, TiePoints
-from schemas.orientation import RelativeOrientations, SeparateBlocks
+from schemas.orientation import RelativeOrientations, SeparateBlocks, Unoriented
 from schemas.photo import Photos
 from schemas.settings import Settings
 from tasks.adjustment.bundle import BlunderTest
@@ -23,13 +23,14 @@ from tasks.orientation.account import block_table, ground_points, image_residual
 from tasks.orientation.account_ground import ground_residuals
 from tasks.orientation.account_precision import block_precision
 from tasks.orientation.assembly import Account, Part, known_of, problem_of, starting_values
-from tasks.orientation.block_start import Start, start_blocks
+from tasks.orientation.block_start import Blocks, Start, start_blocks, start_with, without_photo
 from tasks.orientation.camera_constant import adjust_tested
 from tasks.orientation.georeference import choose_datum
 from tasks.orientation.growth import Given, Material
 from tasks.orientation.interchange.foreign_block import Pose
 from tasks.orientation.measurements import tie_rays
 from tasks.orientation.self_calibration import determined, told_by_shape
+from tasks.orientation.weak_photograph import hanging, set_aside, weakest
 from tasks.orientation.zenith import Looking
 
 cv2.setNumThreads(1)
@@ -79,20 +80,25 @@ def orient_block(
     usable = [point for point in control.points if point.role == "control" and len(point.measurements) >= 2]
     material, tracks = _material(photos, cameras, tie_points, relative, choices, len(usable) < 3)
     have = _Input(photos, cameras, control, material, choices)
-    approximate, origin = _given(photos, given)
-    starts, unoriented = start_blocks(material, approximate)
-    parts = [_part(have, start, origin if i == 0 else None) for i, start in enumerate(starts)]
-    joined = [part for part in parts if not part.datum.free] or parts[:1]
-    account = _adjusted(have, joined)
-    apart = tuple(block_table(crs, _adjusted(have, [part]), ()) for part in parts if all(part is not p for p in joined))
+    oriented = _settled(have, *_given(photos, given))
+    account, apart = oriented.account, tuple(block_table(crs, one, ()) for one in oriented.apart)
     return {
-        "block": block_table(crs, account, unoriented),
+        "block": block_table(crs, account, oriented.unoriented),
         "points": ground_points(account, tracks),
         "image_residuals": image_residuals(account, tracks, control),
         "ground_residuals": ground_residuals(account, control),
         "precision": block_precision(account, tracks, apart),
         "separate": SeparateBlocks(blocks=apart),
     }
+
+
+@dataclass(frozen=True, eq=False)
+class _Oriented:
+    """The account of the block, those of blocks apart, and the photographs in none."""
+
+    account: Account
+    apart: tuple[Account, ...]
+    unoriented: tuple[Unoriented, ...]
 
 
 def _material(
@@ -124,28 +130,74 @@ def _given(photos: Photos, given: Mapping[str, Pose] | None) -> tuple[Given | No
     return Given(rotation, centre - origin, known), origin
 
 
+def _settled(have: _Input, given: Given | None, origin: np.ndarray | None) -> _Oriented:
+    """The block; begun once more where its camera constants turn out wrong: what was lost to these comes back."""
+    first = _oriented(have, start_blocks(have.material, given), origin)
+    anew = first.account.anew
+    if not np.isfinite(anew).any():
+        return first
+    constants = np.where(np.isfinite(anew), anew, have.material.interior.value[:, 0])
+    try:
+        second = _oriented(have, start_with(have.material, constants, given), origin)
+    except GeometryError:
+        return first
+    return second if _explains(second) > _explains(first) else first
+
+
+def _explains(oriented: _Oriented) -> tuple[int, int]:
+    """Photographs and rays of the block."""
+    return len(oriented.account.problem.names), int(oriented.account.result.used.sum())
+
+
+def _oriented(have: _Input, blocks: Blocks, origin: np.ndarray | None) -> _Oriented:
+    starts, unoriented = blocks
+    parts = [_part(have, start, origin if i == 0 else None) for i, start in enumerate(starts)]
+    joined = [part for part in parts if not part.datum.free] or parts[:1]
+    account, weak = _adjusted(have, joined)
+    others = [_adjusted(have, [part]) for part in parts if all(part is not p for p in joined)]
+    told = (*weak, *(one for _, left in others for one in left))
+    return _Oriented(account, tuple(one for one, _ in others), (*told, *unoriented))
+
+
 def _part(have: _Input, start: Start, origin: np.ndarray | None) -> Part:
     model, known = known_of(have.photos, have.cameras, have.material, start, have.control)
     choices = have.choices
     datum = choose_datum(model, known, np.radians(choices.vertical_sigma), choices.looking, choices.gnss_shift, origin)
-    return Part(start, model, known, datum)
+    return Part(start, model, known, datum, origin)
 
 
-def _adjusted(have: _Input, parts: list[Part]) -> Account:
-    """The adjustment of parts that share a datum."""
-    choices = have.choices
+def _adjusted(have: _Input, parts: list[Part]) -> tuple[Account, tuple[Unoriented, ...]]:
+    """The adjustment of parts that share a datum, and the weak photographs that were set aside because it fails with them."""
+    choices, aside = have.choices, ()
     if choices.gnss_shift and not any(part.known.placed.sum() >= 3 for part in parts):
         raise GeometryError(
             "A shift of the GNSS positions can only be told apart with 3 or more control points; "
             f"{max(int(part.known.placed.sum()) for part in parts)} can be used here."
         )
-    problem, datum = problem_of(have.material, parts, have.cameras, have.control)
-    network, state, good = starting_values(have.material, problem, parts, datum, np.radians(choices.vertical_sigma))
-    network = network.with_lever(choices.lever_arm, choices.lever_sigma, choices.gnss_shift)
-    network = told_by_shape(network, state, problem.rays.take(good))
-    network, remarks = determined(network, state, problem.rays.take(good), problem.camera_names)
-    rays, test = problem.rays.take(good), BlunderTest(limit=choices.rejection)
-    result, more = adjust_tested(
-        network, state.with_lever(network.lever), rays, test, problem.camera_names, choices.interior.kind == "fixed"
-    )
-    return Account(have.cameras, problem, result, datum, (*remarks, *more))
+    while True:
+        problem, datum = problem_of(have.material, parts, have.cameras, have.control)
+        network, state, good = starting_values(have.material, problem, parts, datum, np.radians(choices.vertical_sigma))
+        network = network.with_lever(choices.lever_arm, choices.lever_sigma, choices.gnss_shift)
+        network = told_by_shape(network, state, problem.rays.take(good))
+        network, remarks = determined(network, state, problem.rays.take(good), problem.camera_names)
+        rays, test = problem.rays.take(good), BlunderTest(limit=choices.rejection)
+        try:
+            tested = adjust_tested(
+                network, state.with_lever(network.lever), rays, test, problem.camera_names, choices.interior.kind == "fixed"
+            )
+            return Account(have.cameras, problem, tested.result, datum, (*remarks, *tested.remarks), tested.anew), aside
+        except GeometryError as error:
+            weak = weakest(network, state, hanging(network, rays))
+            parts = [] if weak is None else _without(have, parts, int(problem.active[weak]))
+            if not parts:
+                raise
+            count = int((rays.photo == weak).sum())
+            aside += (Unoriented(photo=problem.names[weak], reason=set_aside(problem.names[weak], count, str(error))),)
+
+
+def _without(have: _Input, parts: list[Part], photo: int) -> list[Part]:
+    """The parts without a photograph; none where too little would be left."""
+    left = [
+        _part(have, without_photo(part.start, photo), part.origin) if photo in part.start.photos else part for part in parts
+    ]
+    return left if all(len(part.start.photos) >= 2 for part in left) else []

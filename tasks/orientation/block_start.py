@@ -20,10 +20,11 @@ from schemas.orientation import RelativeOrientation, Unoriented
 from tasks.adjustment.network import State
 from tasks.orientation.growth import Given, Growth, Material, from_given, grow
 
-TRUSTED = 0.7
+TRUSTED = 0.9
 """A smaller share of measurements that fit makes the camera constants doubtful."""
 OTHER_CONSTANTS = (0.5, 2.0)
-BETTER = 1.2
+BETTER, LEFT = 1.1, 0.5
+"""Other constants are taken where so many times as many measurements fit with them, or so many times as few do not."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +36,11 @@ class Start:
     photos: np.ndarray
     known: np.ndarray
     good: np.ndarray
+
+
+def without_photo(start: Start, photo: int) -> Start:
+    """The start without a photograph (its rays are left out by those who look at `photos`)."""
+    return replace(start, photos=start.photos[start.photos != photo])
 
 
 Blocks = tuple[list[Start], tuple[Unoriented, ...]]
@@ -51,21 +57,31 @@ def start_blocks(material: Material, given: Given | None = None) -> Blocks:
     if given is None and _believed(material, best) < TRUSTED:
         for factor in OTHER_CONSTANTS:
             other = _tried(material, factor)
-            if _believed(material, other) > BETTER * _believed(material, best):
+            if _fits_better(_believed(material, other), _believed(material, best)):
                 best = other
     if best is None:
         raise failure or GeometryError(_no_block(material))
     return best
 
 
+def start_with(material: Material, constants: np.ndarray, given: Given | None = None) -> Blocks:
+    """The same with camera constants (C,) px instead of the given ones; no others are tried."""
+    value = material.interior.value.copy()
+    value[:, 0] = constants
+    return _blocks(replace(material, interior=replace(material.interior, value=value)), given)
+
+
 def _tried(material: Material, factor: float) -> Blocks | None:
     """The blocks with camera constants multiplied by `factor`; None without any."""
-    value = material.interior.value.copy()
-    value[:, 0] *= factor
     try:
-        return _blocks(replace(material, interior=replace(material.interior, value=value)), None)
+        return start_with(material, factor * material.interior.value[:, 0])
     except GeometryError:
         return None
+
+
+def _fits_better(other: float, best: float) -> bool:
+    """By the shares of measurements that fit."""
+    return other > BETTER * best or 1.0 - other < LEFT * (1.0 - best)
 
 
 def _believed(material: Material, blocks: Blocks | None) -> float:

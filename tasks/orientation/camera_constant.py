@@ -3,10 +3,11 @@
 A camera constant that was given is an observation like any other, and it is tested like one: where the adjusted value leaves the
 given one by many of its standard errors, or where a held one pulls at its bonds, the block is adjusted once more with nothing known
 of it. What then fits, and is well determined, decides. A prior that is wrong by a factor of two would otherwise bend the block
-towards itself, and positions and control would be blamed for it.
+towards itself, and positions and control would be blamed for it. A block that was begun with a wrong constant has lost tie points
+to it, or does not find its way from so far: its start is made once more with what fits (`Tested.anew`).
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,25 +27,45 @@ DETERMINED = 3.0
 """A free camera constant decides where it is this many of its own standard errors from the given one."""
 MOVED = 5.0
 """A camera constant that left its given value by more of its standard errors contradicts it."""
+FARTHEST = 2.0
+"""The block begins once more with a camera constant this many times as long or short at most."""
 
 
-def adjust_tested(
-    network: Network, state: State, rays: Rays, test: BlunderTest, names: tuple[str, ...], held: bool
-) -> tuple[Adjustment, tuple[str, ...]]:
+@dataclass(frozen=True, eq=False)
+class Tested:
+    """An adjustment, sentences about the interior orientation, and `anew` (C,) px: camera constants with which the start of the
+    block is to be made once more (NaN: as they were given)."""
+
+    result: Adjustment
+    remarks: tuple[str, ...]
+    anew: np.ndarray
+
+
+def adjust_tested(network: Network, state: State, rays: Rays, test: BlunderTest, names: tuple[str, ...], held: bool) -> Tested:
     """The adjustment without the camera constants that it contradicts, unless they are to be `held`, and sentences about the
     interior orientation. A `state` with other constants than the given ones says that the tie points fitted these better.
 
     Raises GeometryError as `adjust`.
     """
-    begun = state.interior[:, 0] != network.interior.value[:, 0]
-    freed, told = _freed(network, state, rays, test, names, begun, held)
+    given = network.interior.value[:, 0]
+    begun = state.interior[:, 0] != given
+    freed, wrong = _freed(network, state, rays, test, begun)
     if freed is not None and not held:
-        return freed, told
+        return Tested(freed, _told(freed, wrong, given, names, held), _constants(wrong, freed.state.interior[:, 0]))
     interior = np.where(begun[:, None], network.interior.value, state.interior)
     result, remarks = _determined(network, replace(state, interior=interior), rays, test, names)
+    if freed is not None:
+        return Tested(result, (*remarks, *_told(freed, wrong, given, names, held)), np.full(len(given), np.nan))
+    doubtful, toward = doubtful_constants(result)
+    freed, wrong = _freed(network, result.state, rays, test, doubtful)
     if freed is None:
-        freed, told = _freed(network, result.state, rays, test, names, doubtful_constants(result), held)
-    return (result if freed is None or held else freed), (*remarks, *told)
+        return Tested(result, remarks, _constants(doubtful & wrong, toward))
+    told = (*remarks, *_told(freed, wrong, given, names, held))
+    return Tested(result if held else freed, told, _constants(wrong, freed.state.interior[:, 0]))
+
+
+def _constants(cameras: np.ndarray, values: np.ndarray) -> np.ndarray:
+    return np.where(cameras, values, np.nan)
 
 
 def _determined(
@@ -61,35 +82,51 @@ def _determined(
 
 
 def _freed(
-    network: Network, state: State, rays: Rays, test: BlunderTest, names: tuple[str, ...], doubtful: np.ndarray, held: bool
-) -> tuple[Adjustment | None, tuple[str, ...]]:
-    """The adjustment with nothing known of the `doubtful` (C,) constants, and a sentence for each that it contradicts; None where
-    it contradicts none."""
-    if not doubtful.any():
-        return None, ()
-    try:
-        freed = adjust(with_free_constants(network, doubtful), state, rays, test)
-    except GeometryError:
-        return None, ()
-    sigma = np.sqrt(np.diag(freed.cofactor)[freed.network.interior_columns[:, 0]])
-    given, fits = network.interior.value[:, 0], freed.state.interior[:, 0]
-    wrong = doubtful & (np.abs(fits - given) > np.maximum(MOVED * given_sigmas(network.interior)[:, 0], DETERMINED * sigma))
-    told = tuple(_sentence(names[k], given[k], fits[k], sigma[k], held) for k in np.flatnonzero(wrong))
-    return (freed, told) if told else (None, ())
+    network: Network, state: State, rays: Rays, test: BlunderTest, doubtful: np.ndarray
+) -> tuple[Adjustment | None, np.ndarray]:
+    """The adjustment with nothing known of those of the `doubtful` (C,) constants that it contradicts, and which these are. None
+    where it contradicts none of them; None and the doubtful ones where it fails."""
+    given, sigma_given = network.interior.value[:, 0], given_sigmas(network.interior)[:, 0]
+    while doubtful.any():
+        try:
+            freed = adjust(with_free_constants(network, doubtful), state, rays, test)
+        except GeometryError:
+            return None, doubtful
+        fits, sigma = freed.state.interior[:, 0], _constant_sigmas(freed)
+        wrong = doubtful & (np.abs(fits - given) > np.maximum(MOVED * sigma_given, DETERMINED * sigma))
+        if (wrong == doubtful).all():
+            return freed, wrong
+        interior = state.interior.copy()
+        interior[:, 0] = np.where(wrong, fits, given)
+        state, doubtful = replace(state, interior=interior), wrong
+    return None, doubtful
 
 
-def doubtful_constants(result: Adjustment) -> np.ndarray:
-    """(C,) bool: cameras whose constant was moved far from its given value, or would move far if it were let free."""
-    interior = result.network.interior
-    moved = np.abs(result.state.interior[:, 0] - interior.value[:, 0])
+def _constant_sigmas(freed: Adjustment) -> np.ndarray:
+    """(C,) standard errors of the constants, px; 0 for those that were held."""
+    column = freed.network.interior_columns[:, 0]
+    return np.where(column >= 0, np.sqrt(np.maximum(np.diag(freed.cofactor)[column], 0.0)), 0.0)
+
+
+def _told(freed: Adjustment, wrong: np.ndarray, given: np.ndarray, names: tuple[str, ...], held: bool) -> tuple[str, ...]:
+    fits, sigma = freed.state.interior[:, 0], _constant_sigmas(freed)
+    return tuple(_sentence(names[k], given[k], fits[k], sigma[k], held) for k in np.flatnonzero(wrong))
+
+
+def doubtful_constants(result: Adjustment) -> tuple[np.ndarray, np.ndarray]:
+    """(C,) bool: cameras whose constant was moved far from its given value, or would move far if it were let free; and (C,) px where
+    they are, or where one step would take them (at most to half or twice the given value)."""
+    interior, given = result.network.interior, result.network.interior.value[:, 0]
+    moved = np.abs(result.state.interior[:, 0] - given)
     present = np.isin(np.arange(len(interior.value)), result.network.camera_of)
     adjusted = interior.free[:, 0] & ~interior.considered[:, 0]
     known = np.diagonal(interior.weight, axis1=1, axis2=2)[:, 0] > 0
-    found = present & adjusted & known & (moved > MOVED * given_sigmas(interior)[:, 0])
+    found, toward = present & adjusted & known & (moved > MOVED * given_sigmas(interior)[:, 0]), result.state.interior[:, 0]
     if (present & ~adjusted).any():
         step, sigma = _pull(result, present & ~adjusted)
         found |= present & ~adjusted & (np.abs(step) > MOVED * sigma) & (np.abs(step) > given_sigmas(interior)[:, 0])
-    return found
+        toward = toward + step
+    return found, np.clip(toward, given / FARTHEST, given * FARTHEST)
 
 
 def with_free_constants(network: Network, cameras: np.ndarray) -> Network:

@@ -1,0 +1,50 @@
+"""The photograph that hangs on the fewest and worst spread tie points: it can keep a whole block from converging.
+
+With all points held where they are, the rays of a photograph alone tell how well they fix it. A photograph that is fixed many times
+worse than the others (a handful of rays in a corner of the frame) is set aside where the block cannot be adjusted with it.
+"""
+
+import numpy as np
+
+from tasks.adjustment.network import Network, Rays, State
+from tasks.adjustment.normal_equations import linearised
+
+WEAK = 5.0
+"""A photograph is weak when its rays fix it so many times worse than they do the middle one of the block."""
+
+
+def hanging(network: Network, rays: Rays) -> Rays:
+    """The rays of points that another ray or a prior holds, too."""
+    count = np.bincount(rays.point, minlength=len(network.point))
+    return rays.take(((count >= 2) | network.point_weight.any(axis=1))[rays.point])
+
+
+def weakest(network: Network, state: State, rays: Rays) -> int | None:
+    """The number of the photograph that its `rays` fix worst; None where none is much worse than the others."""
+    loose = _looseness(network, state, rays)
+    worst = int(np.argmax(loose))
+    return worst if loose[worst] > WEAK * np.median(loose) else None
+
+
+def _looseness(network: Network, state: State, rays: Rays) -> np.ndarray:
+    """(P,) standard errors of the projection centres in units of the distance to their points, from their own rays to held points;
+    inf where these do not fix a photograph."""
+    linear, loose = linearised(network, state, rays), np.full(network.photos, np.inf)
+    away = np.linalg.norm(state.point[rays.point] - state.centre[rays.photo], axis=1)
+    for photo in range(network.photos):
+        own = rays.photo == photo
+        A = (linear.jg[own, :, :6] * np.sqrt(linear.weight[own])[:, None, None]).reshape(-1, 6)
+        length = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+        _, size, axes = np.linalg.svd(A / length, full_matrices=False)
+        if len(size) == 6 and size[-1] > 1e-9 * size[0]:
+            sigma = np.linalg.norm(axes / size[:, None], axis=0) / length
+            loose[photo] = np.linalg.norm(sigma[:3]) / np.median(away[own])
+    return loose
+
+
+def set_aside(name: str, rays: int, failure: str) -> str:
+    """The sentence about a photograph without which the block can be adjusted."""
+    return (
+        f"{name} was set aside: the block could not be adjusted with it, for only {rays} tie points in a small part of its frame hold "
+        f"it ({failure[0].lower()}{failure[1:].rstrip('.')}). More overlap, or photographs with more texture, would let it join."
+    )
