@@ -30,8 +30,10 @@ class Photo(BaseModel):
     bands: int
     dtype: str
     exif_orientation: int = 1
+    as_taken: bool = False
+    """Its pixels were turned in the file and EXIF undoes it: upright it lies as the sensor saw it, like others of its camera."""
     camera: str
-    """Photographs with the same word here share one interior orientation."""
+    """Photographs with the same word here share one interior orientation, that of the sensor."""
     focal_mm: float | None = None
     focal_35mm: float | None = None
     pixel_um: float | None = None
@@ -52,6 +54,11 @@ class Photo(BaseModel):
     levels: int = 1
     """Pyramid levels stored: rasters `photos/<name>/0` (full size) to `photos/<name>/<levels - 1>`, each halved."""
 
+
+    @property
+    def sensor_orientation(self) -> int:
+        """How the photograph was turned upright from what the sensor saw, as an EXIF orientation."""
+        return 1 if self.as_taken else self.exif_orientation
 
     def from_file(self, col: float, row: float) -> tuple[float, float]:
         """Where a pixel of the (upright) file lies in the photograph as it is used."""

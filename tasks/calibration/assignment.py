@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from schemas.camera import Camera, Cameras
 from schemas.errors import PhotoError
 from schemas.photo import Photo, Photos
-from tasks.geometry.camera_change import file_size, scaled, turned
+from tasks.geometry.camera_change import scaled, sensor_size, turned, upright_name
 
 _SAME_SHAPE = 0.005
 
@@ -30,18 +30,18 @@ def cameras_for(photos: Photos, sources: Mapping[str, Camera]) -> Cameras:
             f"The camera {sheared[0]} has an affinity or a skew, which the stages after the calibration do not know; calibrate "
             "without these two parameters for a project with photographs."
         )
-    first = {photo.camera: photo for photo in reversed(photos.photos)}
-    cameras = {name: fitted(sources[name], photo) for name, photo in sorted(first.items())}
-    return Cameras(cameras=cameras, of_photo={photo.name: photo.camera for photo in photos.photos})
+    first = {upright_name(photo): photo for photo in reversed(photos.photos)}
+    cameras = {name: fitted(sources[photo.camera], photo) for name, photo in sorted(first.items())}
+    return Cameras(cameras=cameras, of_photo={photo.name: upright_name(photo) for photo in photos.photos})
 
 
 def fits(camera: Camera, photo: Photo) -> bool:
     """Whether the photograph has the camera's shape, in any size."""
-    width, height = file_size(photo)
+    width, height = sensor_size(photo)
     return abs(width / camera.width * camera.height / height - 1.0) < _SAME_SHAPE
 
 
 def fitted(camera: Camera, photo: Photo) -> Camera:
-    """The camera of the sensor as this photograph shows it, under the photograph's camera name."""
-    own = turned(scaled(camera, file_size(photo)), photo.exif_orientation)
-    return own.model_copy(update={"name": photo.camera, "pixel_um": own.pixel_um or photo.pixel_um})
+    """The camera of the sensor as this photograph shows it, under the name that the upright photograph gives it."""
+    own = turned(scaled(camera, sensor_size(photo)), photo.sensor_orientation)
+    return own.model_copy(update={"name": upright_name(photo), "pixel_um": own.pixel_um or photo.pixel_um})

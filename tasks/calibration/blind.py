@@ -14,7 +14,7 @@ from schemas.errors import PhotoError
 from schemas.photo import Photo, Photos
 from schemas.wording import some_of
 from tasks.calibration.nominal import nominal_camera, nominal_constant
-from tasks.geometry.camera_change import file_size
+from tasks.geometry.camera_change import sensor_size
 
 _GUESS, _GUESS_SHARE = 1.0, 0.25
 """A camera constant in units of the longer side (a 36 mm lens on 35 mm film), and its relative standard error: phones, drones and
@@ -39,13 +39,13 @@ def _lender(photo: Photo, telling: list[Photo]) -> str | None:
     """The camera of most photographs of the same size that lie alike in their files."""
     same = [
         other.camera for other in telling
-        if file_size(other) == file_size(photo) and other.exif_orientation == photo.exif_orientation
+        if sensor_size(other) == sensor_size(photo) and other.exif_orientation == photo.exif_orientation
     ]  # fmt: skip
     return Counter(same).most_common(1)[0][0] if same else None
 
 
 def _guessed(photo: Photo) -> Camera:
-    width, height = file_size(photo)
+    width, height = sensor_size(photo)
     c = _GUESS * max(width, height)
     camera = nominal_camera(photo.model_copy(update={"focal_mm": None, "focal_35mm": 36.0 * _GUESS}))
     covariance = np.array(camera.covariance)

@@ -12,7 +12,7 @@ from schemas.camera import INTERIOR, Camera, Cameras
 from schemas.errors import WorkflowError
 from schemas.photo import Photo, Photos
 from schemas.workflow import CameraGiven
-from tasks.geometry.camera_change import file_size
+from tasks.geometry.camera_change import sensor_size
 
 _SHARE_FROM_PIXEL, _SHARE_FROM_35MM = 0.02, 0.05
 """Relative standard error of a camera constant from a focal length and a pixel size, and from a 35 mm equivalent."""
@@ -35,7 +35,7 @@ def nominal_constant(photo: Photo) -> tuple[float, float] | None:
 
 def nominal_camera(photo: Photo) -> Camera:
     """The camera that the EXIF tags of a photograph tell."""
-    width, height = file_size(photo)
+    width, height = sensor_size(photo)
     c, sigma_c = nominal_constant(photo) or (0.0, 0.0)
     sigma = {"c": sigma_c, "x0": _PRINCIPAL_POINT_SHARE * width, "y0": _PRINCIPAL_POINT_SHARE * width, **_LENS_SIGMA}
     pixel_um = photo.pixel_um or (1000.0 * photo.focal_mm / c if photo.focal_mm else None)
@@ -44,7 +44,7 @@ def nominal_camera(photo: Photo) -> Camera:
 
 def camera_given(given: CameraGiven, photos: Photos) -> dict[str, Camera]:
     """The camera typed into the workflow; it counts the pixels of the first photograph and serves all."""
-    width, height = file_size(photos.photos[0])
+    width, height = sensor_size(photos.photos[0])
     numbers = {name: getattr(given, name) for name in INTERIOR}
     covariance = _diagonal({"c": given.sigma_c}) if given.sigma_c else None
     camera = Camera(

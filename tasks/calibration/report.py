@@ -8,6 +8,7 @@ from schemas.camera import INTERIOR, Camera, Cameras
 from schemas.photo import Photos
 from schemas.report import Chart, Figure, Grid, StageReport
 from tasks.calibration.nominal import nominal_constant
+from tasks.geometry.camera_change import sensor_name
 from tasks.geometry.distortion import image_to_pixel
 
 _UNITS = {"c": "px", "x0": "px", "y0": "px"}
@@ -110,7 +111,7 @@ def _radial(camera: Camera, radius: np.ndarray) -> np.ndarray:
 def _scale_warnings(cameras: Cameras, sources: dict[str, Camera]) -> list[str]:
     warnings = []
     for name, camera in cameras.cameras.items():
-        source = sources[name]
+        source = sources[sensor_name(name)]
         if {camera.width, camera.height} != {source.width, source.height}:
             warnings.append(
                 f"The camera {source.name} is known for {source.width} x {source.height} pixels and was scaled to the "

@@ -22,9 +22,30 @@ TURN: dict[int, tuple[tuple[int, int], tuple[int, int]]] = {
 """EXIF orientation -> how image coordinates (x right, y up) of the file become those of the upright photograph."""
 
 
+QUARTER_TURNS = {3: 3, 6: 8, 8: 6}
+"""EXIF orientations that turn a photograph without mirroring it -> those that turn it back"""
+
+
 def file_size(photo: Photo) -> tuple[int, int]:
     """Width and height of the file, before the photograph was turned upright."""
     return (photo.height, photo.width) if photo.exif_orientation >= 5 else (photo.width, photo.height)
+
+
+def sensor_size(photo: Photo) -> tuple[int, int]:
+    """Width and height as the sensor saw it, before the photograph was turned upright."""
+    return (photo.height, photo.width) if photo.sensor_orientation >= 5 else (photo.width, photo.height)
+
+
+def upright_name(photo: Photo) -> str:
+    """The name of the camera in the upright photograph: that of its sensor, and how it was turned."""
+    turned_by = photo.sensor_orientation
+    return f"{photo.camera} turned {turned_by}" if turned_by in QUARTER_TURNS else photo.camera
+
+
+def sensor_name(upright: str) -> str:
+    """The name of the sensor's camera from that of the camera in the upright photograph."""
+    name, _, flag = upright.rpartition(" turned ")
+    return name if flag in map(str, QUARTER_TURNS) else upright
 
 
 def scaled(camera: Camera, size: tuple[int, int]) -> Camera:
@@ -47,25 +68,29 @@ def turned(camera: Camera, orientation: int) -> Camera:
     """
     if orientation == 1:
         return camera
-    turn = np.array(TURN[orientation], dtype=float)
-    x0, y0 = (turn @ [camera.x0, camera.y0]).tolist()
-    p2, minus_p1 = (turn @ [camera.p2, -camera.p1]).tolist()
-    change = np.eye(8)
-    change[1:3, 1:3] = turn
-    swap = np.array([[0.0, 1.0], [-1.0, 0.0]])
-    change[6:8, 6:8] = swap.T @ turn @ swap
+    change = interior_turn(orientation)
+    _, x0, y0, _, _, _, p1, p2 = (change @ camera.interior).tolist()
     size = (camera.height, camera.width) if orientation >= 5 else (camera.width, camera.height)
     return camera.model_copy(
         update={
             "x0": x0,
             "y0": y0,
-            "p1": -minus_p1,
+            "p1": p1,
             "p2": p2,
             "width": size[0],
             "height": size[1],
             "covariance": _carried(camera, change),
         }
     )
+
+
+def interior_turn(orientation: int) -> np.ndarray:
+    """(8, 8): the interior orientation (order of INTERIOR) after its photographs were turned or mirrored upright."""
+    turn, change = np.array(TURN[orientation], dtype=float), np.eye(8)
+    change[1:3, 1:3] = turn
+    swap = np.array([[0.0, 1.0], [-1.0, 0.0]])
+    change[6:8, 6:8] = swap.T @ turn @ swap
+    return change
 
 
 def _carried(camera: Camera, change: np.ndarray) -> tuple[tuple[float, ...], ...] | None:

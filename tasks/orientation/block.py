@@ -25,11 +25,13 @@ from tasks.orientation.account_precision import block_precision
 from tasks.orientation.assembly import Account, Part, known_of, problem_of, starting_values
 from tasks.orientation.block_start import Blocks, Start, start_blocks, start_with, without_photo
 from tasks.orientation.camera_constant import adjust_tested
+from tasks.orientation.folding import folding_remarks
 from tasks.orientation.georeference import choose_datum
 from tasks.orientation.growth import Given, Material
 from tasks.orientation.interchange.foreign_block import Pose
 from tasks.orientation.measurements import tie_rays
 from tasks.orientation.self_calibration import determined, told_by_shape
+from tasks.orientation.sensor_frame import Upright
 from tasks.orientation.weak_photograph import hanging, set_aside, weakest
 from tasks.orientation.zenith import Looking
 
@@ -76,11 +78,35 @@ def orient_block(
 
     Raises GeometryError when there is no block at all or its observations do not determine it.
     """
+    upright = Upright(photos, cameras)
+    if not upright.anything:
+        return _block_of_sensors(photos, cameras, tie_points, control, relative, crs, choices, given)
+    tables = _block_of_sensors(
+        upright.sensor_photos(), upright.sensor_cameras(), upright.sensor_ties(tie_points), upright.sensor_control(control),
+        relative, crs, choices, upright.sensor_poses(given),
+    )  # fmt: skip
+    return upright.tables(tables)
+
+
+def _block_of_sensors(
+    photos: Photos,
+    cameras: Cameras,
+    tie_points: TiePoints,
+    control: Control,
+    relative: RelativeOrientations,
+    crs: str,
+    choices: BlockChoices,
+    given: Mapping[str, Pose] | None,
+) -> dict[str, object]:
+    """The tables of photographs as their sensors saw them."""
     cameras = cameras.with_k1(relative.start_k1)
     usable = [point for point in control.points if point.role == "control" and len(point.measurements) >= 2]
     material, tracks = _material(photos, cameras, tie_points, relative, choices, len(usable) < 3)
     have = _Input(photos, cameras, control, material, choices)
-    oriented = _settled(have, *_given(photos, given))
+    try:
+        oriented = _settled(have, *_given(photos, given))
+    except GeometryError as error:
+        raise GeometryError(" ".join((str(error), *folding_remarks(cameras)))) from error
     account, apart = oriented.account, tuple(block_table(crs, one, ()) for one in oriented.apart)
     return {
         "block": block_table(crs, account, oriented.unoriented),
@@ -185,7 +211,8 @@ def _adjusted(have: _Input, parts: list[Part]) -> tuple[Account, tuple[Unoriente
             tested = adjust_tested(
                 network, state.with_lever(network.lever), rays, test, problem.camera_names, choices.interior.kind == "fixed"
             )
-            return Account(have.cameras, problem, tested.result, datum, (*remarks, *tested.remarks), tested.anew), aside
+            remarks = (*folding_remarks(have.cameras), *remarks, *tested.remarks)
+            return Account(have.cameras, problem, tested.result, datum, remarks, tested.anew), aside
         except GeometryError as error:
             weak = weakest(network, state, hanging(network, rays))
             parts = [] if weak is None else _without(have, parts, int(problem.active[weak]))

@@ -114,8 +114,8 @@ def _told(freed: Adjustment, wrong: np.ndarray, given: np.ndarray, names: tuple[
 
 
 def doubtful_constants(result: Adjustment) -> tuple[np.ndarray, np.ndarray]:
-    """(C,) bool: cameras whose constant was moved far from its given value, or would move far if it were let free; and (C,) px where
-    they are, or where one step would take them (at most to half or twice the given value)."""
+    """(C,) bool: cameras whose constant was moved far from its given value, or would move far if it were let free; and (C,) px
+    where they are, or where one step would take them (at most to half or twice the given value)."""
     interior, given = result.network.interior, result.network.interior.value[:, 0]
     moved = np.abs(result.state.interior[:, 0] - given)
     present = np.isin(np.arange(len(interior.value)), result.network.camera_of)
@@ -142,8 +142,12 @@ def _sentence(name: str, given: float, fits: float, sigma: float, held: bool) ->
     end = "but the workflow holds it" if held else "which was used"
     return (
         f"The block contradicts the camera constant of {name}: {given:.0f} px were given, {fits:.0f} px (standard error "
-        f"{sigma:.0f} px) fit, {end}. Look for a wrong focal length, zoom or photograph size, or calibrate the camera."
+        f"{_digits(sigma)} px) fit, {end}. Look for a wrong focal length, zoom or photograph size, or calibrate the camera."
     )
+
+
+def _digits(sigma: float) -> str:
+    return f"{sigma:.0f}" if sigma >= 1.0 else f"{sigma:.2g}"
 
 
 def _pull(result: Adjustment, cameras: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

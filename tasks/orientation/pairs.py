@@ -15,6 +15,7 @@ from tasks.adjustment.network import Rays
 from tasks.geometry.rotation import angles
 from tasks.orientation.measurements import ideal, on_a_line, tie_rays
 from tasks.orientation.relative import Relative, epipolar_distance, model_points, orient_robust
+from tasks.orientation.sensor_frame import Upright
 from tasks.orientation.start_distortion import start_distortion
 from tasks.orientation.turning import Turned, turn_only
 
@@ -22,10 +23,20 @@ cv2.setNumThreads(1)
 NO_PARALLAX = 0.9
 """A pair without a base: a mere turn of the camera explains this share of the matches that any relative orientation explains."""
 
+LEAST_SEEN, FARTHEST_SEEN = 8, 10.0
+"""A pair needs so many matches whose distortion can be undone, to ideal places within so many camera constants of the centre."""
+FOLDED = (
+    "the distortion of the camera cannot be undone at nearly all of the {2} matches of {0} and {1}; it is that of another camera, "
+    "or its camera constant is far too short."
+)
+
 
 def relate_pairs(photos: Photos, cameras: Cameras, tie_points: TiePoints, least: int) -> RelativeOrientations:
-    """The relative orientations of all pairs that share `least` tie points or more, strongest first by number of matches. Where
-    nominal cameras do not fit because of their lens, with a rough distortion of it."""
+    """The relative orientations of all pairs that share `least` tie points or more, strongest first by number of matches, in the
+    frames of the sensors. Where nominal cameras do not fit because of their lens, with a rough distortion of it."""
+    upright = Upright(photos, cameras)
+    if upright.anything:
+        photos, cameras, tie_points = upright.sensor_photos(), upright.sensor_cameras(), upright.sensor_ties(tie_points)
     names = photos.names
     pairs = [(names[i], names[j]) for i, j in sharing_pairs(tie_rays(photos, cameras, tie_points)[0], len(names), least)]
 
@@ -74,6 +85,11 @@ def common_rays(rays: Rays, left: int, right: int) -> tuple[np.ndarray, np.ndarr
 def _relate(photos: Photos, cameras: Cameras, rays: Rays, coordinates: np.ndarray, pair: tuple[int, int]) -> RelativeOrientation:
     names = photos.names[pair[0]], photos.names[pair[1]]
     a, b = common_rays(rays, *pair)
+    shared = len(a)
+    seen = (np.abs(np.hstack([coordinates[a], coordinates[b]])) < FARTHEST_SEEN).all(axis=1)
+    a, b = a[seen], b[seen]
+    if len(a) < LEAST_SEEN:
+        return RelativeOrientation(left=names[0], right=names[1], matches=shared, kept=0, outcome=FOLDED.format(*names, shared))
     c_left, c_right = (cameras.of(name).c for name in names)
     observations = np.hstack([coordinates[a] * c_left, coordinates[b] * c_right])
     expected = max(1.0, float(np.median(rays.sigma[a])))

@@ -45,6 +45,7 @@ def _looseness(network: Network, state: State, rays: Rays) -> np.ndarray:
 def set_aside(name: str, rays: int, failure: str) -> str:
     """The sentence about a photograph without which the block can be adjusted."""
     return (
-        f"{name} was set aside: the block could not be adjusted with it, for only {rays} tie points in a small part of its frame hold "
-        f"it ({failure[0].lower()}{failure[1:].rstrip('.')}). More overlap, or photographs with more texture, would let it join."
+        f"{name} was set aside: the block could not be adjusted with it, for only {rays} tie points in a small part of its frame "
+        f"hold it ({failure[0].lower()}{failure[1:].rstrip('.')}). More overlap, or photographs with more texture, would let it "
+        "join."
     )

@@ -4,6 +4,7 @@ Everything that is wrong with any photograph is gathered and said at once. A pho
 later stages say what they need.
 """
 
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import PurePath
 
@@ -11,7 +12,9 @@ import numpy as np
 
 from schemas.errors import PhotoError
 from schemas.photo import Header, Photo, Photos
+from schemas.wording import some_of
 from schemas.workflow import NoPositions, Positions
+from tasks.geometry.camera_change import QUARTER_TURNS
 from tasks.geometry.reference_system import ground_coordinates, ground_crs
 from tasks.imagery.pyramid import level_count
 from tasks.photos import exif
@@ -82,6 +85,8 @@ def index_photos(
     if refusals:
         raise PhotoError(" ".join(refusals))
     photos, remarks = _without_duplicates(photos)
+    photos = _with_sensors(photos)
+    remarks += _turned_without_a_flag(photos)
     if positions.kind == "exif":
         photos, strays = _without_strays(photos)
         remarks += strays
@@ -166,9 +171,44 @@ def _camera_name(header: Header, orientation: int) -> str:
     maker = "" if model.upper().startswith(make.upper()) else make
     focal = exif.positive(header.tags, "FocalLength")
     words = [maker, model, f"{focal:g} mm" if focal else "", f"{header.width} x {header.height}"]
-    if orientation != 1:
+    if orientation not in (1, *QUARTER_TURNS):
         words.append(f"turned {orientation}")
     return " ".join(word for word in words if word)
+
+
+def _with_sensors(photos: list[Photo]) -> list[Photo]:
+    """Photographs whose pixels were turned in the file, and which EXIF turns back, with the camera of those that nobody turned."""
+    untouched = {photo.camera for photo in photos if photo.exif_orientation == 1}
+    found = []
+    for photo in photos:
+        upright_word = _swapped(photo)
+        own = photo.exif_orientation in QUARTER_TURNS and photo.camera not in untouched and upright_word in untouched
+        found.append(photo.model_copy(update={"camera": upright_word, "as_taken": True}) if own else photo)
+    return found
+
+
+def _swapped(photo: Photo) -> str:
+    """The camera's word with width and height exchanged."""
+    words, _, height = photo.camera.rpartition(" x ")
+    start, _, width = words.rpartition(" ")
+    return " ".join(word for word in (start, f"{height} x {width}") if word)
+
+
+def _turned_without_a_flag(photos: list[Photo]) -> list[str]:
+    """A sentence about photographs that a program turned by a quarter without telling, beside more of the same camera that lie."""
+    count = Counter(photo.camera for photo in photos)
+    names = [
+        photo.name
+        for photo in photos
+        if photo.focal_mm and photo.exif_orientation == 1 and 0 < count[photo.camera] < count[_swapped(photo)]
+    ]
+    if not names:
+        return []
+    return [
+        f"{some_of(names)}: the size of the other photographs of this camera with width and height exchanged, and no EXIF flag "
+        "that says why. A program turned the pixels; which way is not known, so the interior orientation cannot be shared with the "
+        "others and is adjusted by itself. Take the files as the camera wrote them."
+    ]
 
 
 def _pixel_um(header: Header) -> float | None:

@@ -241,3 +241,15 @@ def test_rotation_vectors_and_angles_move_together(angles):
 
     assert np.allclose((np.array(angles_of(rotation_of_vector(w) @ R)) - angles), by_vector @ w, rtol=1e-4, atol=1e-10)
     assert np.allclose(vector_of_rotation(rotation_of_vector(np.array([0.3, -1.0, 2.0]))), [0.3, -1.0, 2.0])
+
+
+def test_points_near_the_horizon_do_not_drown_what_holds_a_weak_block():
+    """Rays that meet at seconds of arc: eliminating their points must leave no negative information about the photographs."""
+    network, state, rays = small_network()
+    far = replace(state, point=state.centre.mean(axis=0) + 3e6 * (state.point - state.centre.mean(axis=0)))
+    ahead = np.abs(misclosures(far, rays, network.camera_of)).max(axis=1) < 1e4
+    count = np.bincount(rays.point[ahead], minlength=len(state.point))
+    rays = rays.take(ahead & (count[rays.point] >= 2))
+    normal = reduced_normals(linearised(network, far, rays), network.unknowns)[0][:, : 6 * network.photos][: 6 * network.photos]
+    size = np.sqrt(np.diag(normal).max())
+    assert np.linalg.eigvalsh(normal / size**2).min() > -1e-13

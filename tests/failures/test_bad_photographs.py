@@ -62,6 +62,7 @@ def test_a_photograph_turned_by_exif_is_upright_and_lies_in_the_strip(tables):
     photos = Photos.model_validate_json((tables / "photos" / "photos.json").read_bytes())
     assert (photos[TURNED].width, photos[TURNED].height, photos[TURNED].exif_orientation) == (*SIZE, 6)
     block = Block.model_validate_json((tables / "orientation" / "block.json").read_bytes())
+    assert block.of_photo[TURNED] == block.of_photo["DJI_0030"], "upright it lies as the sensor saw it, like the others"
     height = [block.of(name).centre[2] for name in STRIP]
     assert np.ptp(height) < 6.0
 

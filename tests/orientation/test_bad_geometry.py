@@ -10,6 +10,7 @@ from simulated_block import DRONE, TRUE_CAMERA, calibrated, one_strip, photo_of,
 from schemas.errors import GeometryError
 from schemas.photo import Photos
 from tasks.adjustment.interior import FixedInterior, FreeInterior
+from tasks.orientation.pairs import relate_pairs
 
 FIXED = FixedInterior(kind="fixed")
 
@@ -193,3 +194,87 @@ def test_a_focal_length_wrong_by_two_is_named_with_oblique_views_too():
     out = orient(block)
     assert "which was used" in told_constant(out) and len(names_of(out)) == 18
     assert out["block"].cameras["cam"].c == pytest.approx(DRONE.c, rel=0.01)
+
+
+def oblique(factor, seed=1):
+    """Ten photographs in two strips that look 30 degrees to either side, the second flown back; GNSS only."""
+    rng, views = np.random.default_rng(seed), []
+    for i in range(10):
+        strip, place = divmod(i, 5)
+        xyz = (407000 + 20 * place + rng.normal(0, 0.5), 4357000 + 25 * strip + rng.normal(0, 0.5), 180 + rng.normal(0, 0.5))
+        tilt = np.array([30, 0, 0]) if strip == 0 else np.array([-30, 0, 180])
+        views.append(view(f"o{i}", DRONE, xyz, tilt + rng.normal(0, 1.5, 3)))
+    nominal = DRONE.model_copy(update={"c": factor * DRONE.c, "k1": 0.0})
+    return simulate(views, nominal, seed, gnss=3.0, control=0, check=0, tracks=900)
+
+
+@pytest.fixture(scope="module")
+def oblique_with_the_right_constant():
+    return orient(oblique(1.0))
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_a_wrong_focal_length_of_a_small_oblique_block_is_named_and_leaves_no_trace(factor, oblique_with_the_right_constant):
+    out, right = orient(oblique(factor)), oblique_with_the_right_constant
+    assert f"{factor * DRONE.c:.0f} px were given" in told_constant(out) and "which was used" in told_constant(out)
+    assert out["block"].cameras["cam"].c == pytest.approx(DRONE.c, rel=0.01)
+    assert out["block"].sigma0_px == pytest.approx(right["block"].sigma0_px, rel=0.02)
+    assert out["precision"].rays >= 0.99 * right["precision"].rays, "tie points that the wrong constant cost come back"
+    for name in right["block"].names:
+        assert np.allclose(out["block"].of(name).centre, right["block"].of(name).centre, atol=1.0)
+
+
+def with_a_camera_of_its_own(block, photo, factor):
+    """The block in which one photograph has another focal length by its tags."""
+    other = block.cameras.cameras["cam"].model_copy(update={"name": "zoom", "c": factor * block.cameras.cameras["cam"].c})
+    changed = {"cameras": block.cameras.cameras | {"zoom": other}, "of_photo": block.cameras.of_photo | {photo: "zoom"}}
+    return replace(block, cameras=block.cameras.model_copy(update=changed))
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_one_wrong_focal_length_among_many_is_the_only_one_that_changes(factor):
+    out = orient(with_a_camera_of_its_own(one_strip(7), "d3", factor))
+    (text,) = [text for text in out["precision"].weaknesses if "contradicts the camera constant" in text]
+    assert "constant of zoom" in text and len(names_of(out)) == 8
+    assert out["block"].cameras["zoom"].c == pytest.approx(1165.0, rel=0.03)
+    assert out["block"].cameras["cam"].c == 1165.0
+
+
+def test_a_photograph_with_few_tie_points_in_a_corner_is_set_aside_and_the_rest_stands():
+    """Eight tie points in a corner: the adjustment of the whole block does not converge with it."""
+    rng, views = np.random.default_rng(1), []
+    for i in range(10):
+        xyz = np.array((407000 + 20 * (i % 5), 4357000 + 25 * (i // 5), 180)) + rng.normal(0, 0.5, 3)
+        views.append(view(f"o{i}", DRONE, xyz, rng.normal(0, 1.5, 3)))
+    block = simulate(views, DRONE.model_copy(update={"k1": 0.0}), 1, gnss=3.0, control=0, check=0, tracks=900)
+    ties = block.tie_points
+    own = np.flatnonzero(ties.photo == 9)
+    lost = own[np.argsort(ties.col[own] + ties.row[own])[8:]]
+    out = orient(replace(block, tie_points=ties.take(~np.isin(np.arange(len(ties.photo)), lost))))
+    assert names_of(out) == {f"o{i}" for i in range(9)}
+    (left,) = out["block"].unoriented
+    assert left.photo == "o9" and "was set aside" in left.reason and "More overlap" in left.reason
+    assert out["block"].sigma0_px == pytest.approx(0.3, rel=0.1)
+
+
+def folded(block, k1):
+    camera = block.cameras.cameras["cam"].model_copy(update={"k1": k1, "source": "given"})
+    return replace(block, cameras=block.cameras.model_copy(update={"cameras": {"cam": camera}}))
+
+
+def test_a_distortion_that_folds_the_corners_is_told_in_a_sentence():
+    (text,) = [text for text in orient(folded(one_strip(3, photos=4), -0.3))["precision"].weaknesses if "cannot be undone" in text]
+    assert "The distortion of the camera cam" in text and "k1 = -0.3, c = 1165 px" in text and "another camera" in text
+
+
+def test_a_block_that_folding_makes_impossible_says_so():
+    with pytest.raises(GeometryError, match="cannot be undone"):
+        orient(folded(one_strip(3, photos=2), -30.0))
+
+
+@pytest.mark.parametrize("k1", [-0.6, -3.0, -30.0])
+def test_pairs_of_a_folding_camera_are_related_by_what_can_be_undone(k1):
+    """Points beyond the fold have no ideal place: they used to reach the decomposition of a matrix."""
+    block = folded(one_strip(3, photos=2), k1)
+    (pair,) = relate_pairs(block.photos, block.cameras, block.tie_points, 15).pairs
+    assert pair.kept < 0.95 * len(block.ground) and pair.outcome

@@ -38,6 +38,33 @@ def test_a_drone_photograph_is_read_whole():
     assert photo.time == "2016-06-23T16:31:59"
 
 
+def photos_turned(*sizes_and_flags):
+    headers = [
+        header(f"{i}.jpg", width=width, height=height, tags={**DRONE, "Orientation": str(flag)})
+        for i, (width, height, flag) in enumerate(sizes_and_flags)
+    ]
+    return index_photos(tuple(headers), "EPSG:26915", EXIF_POSITIONS, LIMITS)["photos"]
+
+
+def test_photographs_turned_by_exif_keep_the_sensor_of_the_others():
+    lying, held_upright, pixels_turned = photos_turned((4000, 2250, 1), (4000, 2250, 6), (2250, 4000, 8)).photos
+    assert lying.camera == held_upright.camera == pixels_turned.camera
+    assert [p.sensor_orientation for p in (lying, held_upright, pixels_turned)] == [1, 6, 1]
+    assert (pixels_turned.width, pixels_turned.height) == (4000, 2250)
+
+
+def test_without_others_the_file_is_how_the_sensor_saw_it():
+    (photo,) = photos_turned((2250, 4000, 8)).photos
+    assert photo.sensor_orientation == 8 and photo.camera.endswith("2250 x 4000")
+
+
+def test_pixels_that_were_turned_without_a_flag_are_named():
+    photos = photos_turned((4000, 2250, 1), (4000, 2250, 1), (2250, 4000, 1))
+    (text,) = photos.remarks
+    assert text.startswith("2: ") and "turned the pixels" in text and "as the camera wrote them" in text
+    assert len({photo.camera for photo in photos.photos}) == 2
+
+
 def test_gdal_prefixed_tags_mean_the_same():
     prefixed = {f"EXIF_{name}": value for name, value in DRONE.items()}
     assert photo_from_header(header(tags=prefixed)) == photo_from_header(header())
@@ -67,7 +94,7 @@ def test_the_pixel_of_a_reduced_photograph_is_larger():
 def test_upright_sizes_follow_the_orientation_flag():
     photo = photo_from_header(header(tags={**DRONE, "Orientation": "6"}))
     assert (photo.width, photo.height, photo.exif_orientation) == (2250, 4000, 6)
-    assert photo.camera.endswith("turned 6")
+    assert photo.camera == photo_from_header(header(tags=DRONE)).camera, "it is the same sensor"
     assert photo_from_header(header(tags={"Orientation": "99"})).exif_orientation == 1
 
 

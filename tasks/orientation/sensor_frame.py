@@ -1,0 +1,199 @@
+"""Photographs that EXIF turned upright, and others of the same camera: one sensor, one interior orientation.
+
+Tables tell places in upright photographs. A camera that was held upright has its principal point and its lens turned against the
+others', but the sensor is the same. So a block is oriented in the frames of the sensors, in which all photographs of a camera share
+everything, and its tables are turned back: a rotation by quarters about the camera's axis, exact in values and covariances. Blocks
+without such photographs pass unchanged.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from schemas.camera import Camera, Cameras
+from schemas.observations import Control, ControlPoint, ImageResiduals, TiePoints
+from schemas.orientation import Block, ExteriorOrientation, JointCovariance, LargestResidual, SeparateBlocks
+from schemas.photo import Photo, Photos
+from tasks.geometry.camera_change import QUARTER_TURNS, TURN, interior_turn, sensor_name, turned
+from tasks.geometry.rotation import angles, rotation_matrix
+from tasks.geometry.rotation_vector import angles_from_vector
+from tasks.orientation.interchange.foreign_block import Pose
+
+
+@dataclass(frozen=True, eq=False)
+class Upright:
+    """The photographs and cameras as all others see them."""
+
+    photos: Photos
+    cameras: Cameras
+
+    def flag(self, name: str) -> int:
+        """By which EXIF orientation a photograph was turned upright; 1 where the frame of its sensor is not known."""
+        flag = self.photos[name].sensor_orientation
+        return flag if flag in QUARTER_TURNS else 1
+
+    @property
+    def anything(self) -> bool:
+        """Whether any photograph was turned."""
+        return any(self.flag(name) != 1 for name in self.photos.names)
+
+    def sensor_photos(self) -> Photos:
+        """The photographs as their sensors saw them."""
+        return self.photos.model_copy(update={"photos": tuple(self._sensor_photo(photo) for photo in self.photos.photos)})
+
+    def _sensor_photo(self, photo: Photo) -> Photo:
+        swapped = {"width": photo.height, "height": photo.width} if self.flag(photo.name) >= 5 else {}
+        return photo.model_copy(update={"exif_orientation": 1, **swapped}) if self.flag(photo.name) != 1 else photo
+
+    def sensor_cameras(self) -> Cameras:
+        """The cameras of the sensors, and which photograph was taken with which."""
+        of_photo = {name: self._sensor(name) for name in self.photos.names}
+        first = {sensor: name for name, sensor in reversed(of_photo.items())}
+        cameras = {sensor: self._turned_back(name, sensor) for sensor, name in sorted(first.items())}
+        return Cameras(cameras=cameras, of_photo=of_photo)
+
+    def _sensor(self, name: str) -> str:
+        return sensor_name(self.cameras.of_photo[name]) if self.flag(name) != 1 else self.cameras.of_photo[name]
+
+    def _turned_back(self, name: str, sensor: str) -> Camera:
+        camera = self.cameras.of(name)
+        return turned(camera, QUARTER_TURNS.get(self.flag(name), 1)).model_copy(update={"name": sensor})
+
+    def sensor_ties(self, ties: TiePoints) -> TiePoints:
+        """Tie points in pixels of the sensors."""
+        col, row = ties.col.copy(), ties.row.copy()
+        for number, photo in enumerate(self.photos.photos):
+            own = ties.photo == number
+            if self.flag(photo.name) != 1 and own.any():
+                col[own], row[own] = self._to_sensor(photo, np.column_stack([ties.col[own], ties.row[own]])).T
+        return replace(ties, col=col, row=row)
+
+    def sensor_control(self, control: Control) -> Control:
+        """Surveyed points with measurements in pixels of the sensors."""
+        return control.model_copy(update={"points": tuple(self._sensor_point(point) for point in control.points)})
+
+    def _sensor_point(self, point: ControlPoint) -> ControlPoint:
+        known = set(self.photos.names)
+        measured = {
+            name: (*map(float, self._to_sensor(self.photos[name], np.array([value[:2]]))[0]), value[2])
+            if name in known and self.flag(name) != 1
+            else value
+            for name, value in point.measurements.items()
+        }
+        return point.model_copy(update={"measurements": measured})
+
+    def _to_sensor(self, photo: Photo, pixels: np.ndarray) -> np.ndarray:
+        """Pixels (n, 2) of the upright photograph to those of its sensor."""
+        return _turned_pixels(pixels, QUARTER_TURNS[self.flag(photo.name)], (photo.width, photo.height))
+
+    def sensor_poses(self, given: Mapping[str, Pose] | None) -> Mapping[str, Pose] | None:
+        """Approximate orientations of the sensors."""
+        if given is None:
+            return None
+        back = {name: _about_axis(self.flag(name)).T if name in self.photos.names else np.eye(3) for name in given}
+        return {name: replace(pose, rotation=back[name] @ pose.rotation) for name, pose in given.items()}
+
+    def tables(self, tables: dict[str, Any]) -> dict[str, object]:
+        """The tables of an oriented block of sensors, told in upright photographs."""
+        largest = tuple(self.largest(row) for row in tables["precision"].largest)
+        return tables | {
+            "block": self.block(tables["block"]),
+            "image_residuals": self.residuals(tables["image_residuals"]),
+            "precision": tables["precision"].model_copy(update={"largest": largest}),
+            "separate": SeparateBlocks(blocks=tuple(self.block(block) for block in tables["separate"].blocks)),
+        }
+
+    def block(self, block: Block) -> Block:
+        """A block of sensors as a block of upright photographs."""
+        turn = {photo.photo: _angle_turn(photo, self.flag(photo.photo)) for photo in block.photos}
+        cameras = {self.cameras.of_photo[name]: (block.of_photo[name], self.flag(name)) for name in block.names}
+        joint = {(j.first, j.second): np.array(j.covariance) for j in block.joint_cameras}
+        joint |= {(second, first): covariance.T for (first, second), covariance in joint.items()}
+        joint |= {(name, name): np.array(c.covariance) for name, c in block.cameras.items() if c.source == "block"}
+        return block.model_copy(
+            update={
+                "cameras": {
+                    name: turned(block.cameras[sensor], flag).model_copy(update={"name": name})
+                    for name, (sensor, flag) in sorted(cameras.items())
+                },
+                "of_photo": {name: self.cameras.of_photo[name] for name in block.of_photo},
+                "photos": tuple(self._upright(photo, turn[photo.photo], cameras) for photo in block.photos),
+                "joint": tuple(
+                    j.model_copy(update={"covariance": _rows(turn[j.first] @ np.array(j.covariance) @ turn[j.second].T)})
+                    for j in block.joint
+                ),
+                "joint_cameras": tuple(
+                    JointCovariance(first=a, second=b, covariance=_rows(interior_turn(f) @ joint[s, t] @ interior_turn(g).T))
+                    for (a, (s, f)), (b, (t, g)) in combinations(sorted(cameras.items()), 2)
+                    if (s, t) in joint
+                ),
+            }
+        )
+
+    def _upright(self, photo: ExteriorOrientation, turn: np.ndarray, cameras: dict[str, tuple[str, int]]) -> ExteriorOrientation:
+        rotation = _about_axis(self.flag(photo.photo)) @ rotation_matrix(*np.radians(photo.omega_phi_kappa))
+        covariance = photo.covariance and _rows(turn @ np.array(photo.covariance) @ turn.T)
+        own = {
+            name: _rows(turn @ np.array(photo.with_interior[sensor]) @ interior_turn(flag).T)
+            for name, (sensor, flag) in cameras.items()
+            if sensor in photo.with_interior
+        }
+        degrees = tuple(float(v) for v in np.degrees(angles(rotation)))
+        return photo.model_copy(update={"omega_phi_kappa": degrees, "covariance": covariance, "with_interior": own})
+
+    def residuals(self, image: ImageResiduals) -> ImageResiduals:
+        """Measurements and residuals in upright photographs."""
+        pixels, away = np.column_stack([image.col, image.row]), np.column_stack([image.v_col, image.v_row])
+        for number, photo in enumerate(self.sensor_photos().photos):
+            own, flag = image.photo == number, self.flag(photo.name)
+            if flag != 1 and own.any():
+                pixels[own] = _turned_pixels(pixels[own], flag, (photo.width, photo.height))
+                away[own] = away[own] @ _pixel_turn(flag).T
+        return replace(image, col=pixels[:, 0], row=pixels[:, 1], v_col=away[:, 0], v_row=away[:, 1])
+
+    def largest(self, row: LargestResidual) -> LargestResidual:
+        """A residual along the axis of the upright photograph."""
+        along = np.array(TURN[self.flag(row.photo)])[:, "xy".index(row.axis)]
+        axis = int(np.abs(along).argmax())
+        return row.model_copy(
+            update={
+                "axis": "xy"[axis],
+                "residual_px": float(along[axis] * row.residual_px),
+                "standardised": float(along[axis] * row.standardised),
+            }
+        )
+
+
+def _about_axis(flag: int) -> np.ndarray:
+    """(3, 3): from the image system of the sensor to that of the upright photograph."""
+    out = np.eye(3)
+    out[:2, :2] = TURN[flag]
+    return out
+
+
+def _pixel_turn(flag: int) -> np.ndarray:
+    """(2, 2) the same for (col, row), which count downwards."""
+    down = np.diag([1.0, -1.0])
+    return down @ np.array(TURN[flag], float) @ down
+
+
+def _turned_pixels(pixels: np.ndarray, flag: int, size: tuple[int, int]) -> np.ndarray:
+    """Pixels (n, 2) of a picture of `size` (width, height) after it was turned."""
+    middle = np.array([(size[0] - 1) / 2, (size[1] - 1) / 2])
+    return (pixels - middle) @ _pixel_turn(flag).T + (middle[::-1] if flag >= 5 else middle)
+
+
+def _angle_turn(photo: ExteriorOrientation, flag: int) -> np.ndarray:
+    """(6, 6): how small changes of X, Y, Z, omega, phi, kappa of the sensor become those of the upright photograph."""
+    out = np.eye(6)
+    if flag != 1:
+        sensor, turn = rotation_matrix(*np.radians(photo.omega_phi_kappa)), _about_axis(flag)
+        out[3:, 3:] = angles_from_vector(turn @ sensor) @ turn @ np.linalg.inv(angles_from_vector(sensor))
+    return out
+
+
+def _rows(matrix: np.ndarray) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(map(float, row)) for row in matrix)
