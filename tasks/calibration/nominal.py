@@ -12,7 +12,7 @@ from schemas.camera import INTERIOR, Camera, Cameras
 from schemas.errors import WorkflowError
 from schemas.photo import Photo, Photos
 from schemas.workflow import CameraGiven
-from tasks.geometry.camera_change import sensor_size
+from tasks.geometry.camera_change import QUARTER_TURNS, sensor_name, sensor_size, turned
 
 _SHARE_FROM_PIXEL, _SHARE_FROM_35MM = 0.02, 0.05
 """Relative standard error of a camera constant from a focal length and a pixel size, and from a 35 mm equivalent."""
@@ -91,7 +91,14 @@ def _parsed(text: str, path: str) -> dict[str, Camera]:
 
 
 def _file_cameras(cameras: Cameras) -> dict[str, Camera]:
-    return {name: camera.model_copy(update={"source": "file"}) for name, camera in cameras.cameras.items()}
+    """By the names of their sensors: a block tells the cameras of photographs that EXIF turned as these lie upright."""
+    found: dict[str, Camera] = {}
+    for name, camera in sorted(cameras.cameras.items()):
+        sensor = sensor_name(name)
+        if sensor != name:
+            camera = turned(camera, QUARTER_TURNS[int(name.rpartition(" ")[2])])
+        found.setdefault(sensor, camera.model_copy(update={"name": sensor, "source": "file"}))
+    return found
 
 
 def _diagonal(sigma: dict[str, float]) -> tuple[tuple[float, ...], ...]:

@@ -29,8 +29,8 @@ def folding_remarks(cameras: Cameras) -> tuple[str, ...]:
             found.append(
                 f"The distortion of the camera {name} cannot be undone farther than {limit:.0f} px from its principal point, while "
                 f"a corner of the frame lies {far:.0f} px away (k1 = {camera.k1:.3g}, c = {camera.c:.0f} px): tie points farther "
-                "out take no part, and those near the limit are poor. Look for a camera constant or distortion of another camera or "
-                "image size, or calibrate with points that reach the corners."
+                "out take no part, and those near the limit are poor. Look for a camera constant or distortion of another camera "
+                "or image size, or calibrate with points that reach the corners."
             )
     return tuple(found)
 

@@ -13,6 +13,7 @@ from schemas.workflow import CameraFromChessboards, CameraGiven
 from tasks.calibration.assignment import fitted
 from tasks.calibration.cameras import as_given, from_exif, from_file
 from tasks.calibration.chessboards import index_board_photos
+from tasks.calibration.nominal import cameras_from_file
 from tasks.calibration.stage import CalibrationStage
 from tasks.geometry.camera_change import scaled, turned
 from tasks.geometry.distortion import image_to_pixel
@@ -159,3 +160,10 @@ def test_ambiguous_boards_are_refused_before_anything_runs(corners):
 
 def test_interior_order_is_the_one_of_every_covariance():
     assert INTERIOR == ("c", "x0", "y0", "k1", "k2", "k3", "p1", "p2")
+
+
+def test_the_camera_of_turned_photographs_in_a_file_is_that_of_their_sensor():
+    upright = turned(CAMERA, 6).model_copy(update={"name": "body turned 6"})
+    text = Cameras(cameras={upright.name: upright}, of_photo={}).model_dump_json()
+    found = cameras_from_file(text, "cameras.json", Photos(photos=(photo(camera="body"),)))
+    assert np.allclose(found["body"].interior, CAMERA.interior) and found["body"].width == CAMERA.width
