@@ -4,6 +4,7 @@ Every part has its photographs, its model and its datum; parts that share the pr
 belongs to one part, and only the rays of that part's photographs are believed; surveyed points belong to all.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +21,7 @@ from tasks.orientation.georeference import Datum, Known, held
 from tasks.orientation.ground_points import approximate_points
 from tasks.orientation.growth import Material
 from tasks.orientation.measurements import ground_rays
+from tasks.orientation.zenith import TOP
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +77,16 @@ def taking_part(control: Control) -> list[ControlPoint]:
     ]
 
 
-def known_of(photos: Photos, cameras: Cameras, material: Material, start: Start, control: Control) -> tuple[State, Known]:
-    """The model of a start, with its photographs only, and what is known of these and of the ground."""
+def known_of(
+    photos: Photos,
+    cameras: Cameras,
+    material: Material,
+    start: Start,
+    control: Control,
+    tops: Mapping[str, np.ndarray],
+) -> tuple[State, Known]:
+    """The model of a start, with its photographs only, and what is known of these and of the ground; `tops`: the direction to the
+    top of photographs, of those where it is not the y axis of the image system."""
     model = replace(
         start.state,
         rotation=start.state.rotation[start.photos],
@@ -89,7 +99,12 @@ def known_of(photos: Photos, cameras: Cameras, material: Material, start: Start,
     camera_of = material.camera_of[start.photos]
     placed = approximate_points(model, material.cameras, camera_of, rays, len(points))
     return model, Known(
-        *_positions(photos, names), *_coordinates(points), placed, _zeniths(photos, names), _lengths(points, control)
+        *_positions(photos, names),
+        *_coordinates(points),
+        placed,
+        _zeniths(photos, names),
+        np.array([tops.get(name, TOP) for name in names]),
+        _lengths(points, control),
     )
 
 
@@ -167,15 +182,16 @@ def problem_of(material: Material, parts: list[Part], cameras: Cameras, control:
 
 
 def _known_together(parts: list[Part], number: np.ndarray, photos: int) -> Known:
-    position, sigma, zenith = (np.full((photos, 3), np.nan) for _ in range(3))
+    position, sigma, zenith, top = (np.full((photos, 3), np.nan) for _ in range(4))
     model = np.full_like(parts[0].known.control, np.nan)
     for part in parts:
         own = number[part.start.photos]
-        position[own], sigma[own], zenith[own] = part.known.position, part.known.position_sigma, part.known.zenith
+        position[own], sigma[own] = part.known.position, part.known.position_sigma
+        zenith[own], top[own] = part.known.zenith, part.known.top
         in_first = part.datum.similarity.apply(part.known.control_model) + part.datum.origin - parts[0].datum.origin
         model = np.where(np.isfinite(model), model, in_first)
     first = parts[0].known
-    return Known(position, sigma, first.control, first.control_sigma, model, zenith, first.distances)
+    return Known(position, sigma, first.control, first.control_sigma, model, zenith, top, first.distances)
 
 
 def _datum_together(parts: list[Part], number: np.ndarray, photos: int) -> Datum:

@@ -32,7 +32,7 @@ from tasks.orientation.interchange.foreign_block import Pose
 from tasks.orientation.measurements import tie_rays
 from tasks.orientation.self_calibration import determined, told_by_shape
 from tasks.orientation.sensor_frame import Upright
-from tasks.orientation.weak_photograph import hanging, set_aside, weakest
+from tasks.orientation.weak_photograph import AWAY, away_from_its_position, hanging, set_aside, weakest
 from tasks.orientation.zenith import Looking
 
 cv2.setNumThreads(1)
@@ -61,6 +61,7 @@ class _Input:
     control: Control
     material: Material
     choices: BlockChoices
+    tops: Mapping[str, np.ndarray]
 
 
 def orient_block(
@@ -80,10 +81,10 @@ def orient_block(
     """
     upright = Upright(photos, cameras)
     if not upright.anything:
-        return _block_of_sensors(photos, cameras, tie_points, control, relative, crs, choices, given)
+        return _block_of_sensors(photos, cameras, tie_points, control, relative, crs, choices, given, {})
     tables = _block_of_sensors(
         upright.sensor_photos(), upright.sensor_cameras(), upright.sensor_ties(tie_points), upright.sensor_control(control),
-        relative, crs, choices, upright.sensor_poses(given),
+        relative, crs, choices, upright.sensor_poses(given), upright.tops(),
     )  # fmt: skip
     return upright.tables(tables)
 
@@ -97,12 +98,13 @@ def _block_of_sensors(
     crs: str,
     choices: BlockChoices,
     given: Mapping[str, Pose] | None,
+    tops: Mapping[str, np.ndarray],
 ) -> dict[str, object]:
-    """The tables of photographs as their sensors saw them."""
+    """The tables of photographs as their sensors saw them; `tops`: where the tops of those lie that stand otherwise."""
     cameras = cameras.with_k1(relative.start_k1)
     usable = [point for point in control.points if point.role == "control" and len(point.measurements) >= 2]
     material, tracks = _material(photos, cameras, tie_points, relative, choices, len(usable) < 3)
-    have = _Input(photos, cameras, control, material, choices)
+    have = _Input(photos, cameras, control, material, choices, tops)
     try:
         oriented = _settled(have, *_given(photos, given))
     except GeometryError as error:
@@ -186,14 +188,15 @@ def _oriented(have: _Input, blocks: Blocks, origin: np.ndarray | None) -> _Orien
 
 
 def _part(have: _Input, start: Start, origin: np.ndarray | None) -> Part:
-    model, known = known_of(have.photos, have.cameras, have.material, start, have.control)
+    model, known = known_of(have.photos, have.cameras, have.material, start, have.control, have.tops)
     choices = have.choices
     datum = choose_datum(model, known, np.radians(choices.vertical_sigma), choices.looking, choices.gnss_shift, origin)
     return Part(start, model, known, datum, origin)
 
 
 def _adjusted(have: _Input, parts: list[Part]) -> tuple[Account, tuple[Unoriented, ...]]:
-    """The adjustment of parts that share a datum, and the weak photographs that were set aside because it fails with them."""
+    """The adjustment of parts that share a datum, and the weak photographs that were set aside because it fails with them, or they
+    contradict their position."""
     choices, aside = have.choices, ()
     if choices.gnss_shift and not any(part.known.placed.sum() >= 3 for part in parts):
         raise GeometryError(
@@ -212,14 +215,18 @@ def _adjusted(have: _Input, parts: list[Part]) -> tuple[Account, tuple[Unoriente
                 network, state.with_lever(network.lever), rays, test, problem.camera_names, choices.interior.kind == "fixed"
             )
             remarks = (*folding_remarks(have.cameras), *remarks, *tested.remarks)
-            return Account(have.cameras, problem, tested.result, datum, remarks, tested.anew), aside
+            account, why = Account(have.cameras, problem, tested.result, datum, remarks, tested.anew), AWAY
+            weak = away_from_its_position(tested.result, datum.positions_aside)
         except GeometryError as error:
+            account, why, failure = None, str(error), error
             weak = weakest(network, state, hanging(network, rays))
-            parts = [] if weak is None else _without(have, parts, int(problem.active[weak]))
-            if not parts:
-                raise
-            count = int((rays.photo == weak).sum())
-            aside += (Unoriented(photo=problem.names[weak], reason=set_aside(problem.names[weak], count, str(error))),)
+        left = [] if weak is None else _without(have, parts, int(problem.active[weak]))
+        if not left and account is None:
+            raise failure
+        if not left:
+            return account, aside
+        count, parts = int((rays.photo == weak).sum()), left
+        aside += (Unoriented(photo=problem.names[weak], reason=set_aside(problem.names[weak], count, why)),)
 
 
 def _without(have: _Input, parts: list[Part], photo: int) -> list[Part]:

@@ -29,8 +29,9 @@ FAR = 5.0
 class Known:
     """What is known in the project's system: `position`, `position_sigma` (P, 3) of the placed photographs (NaN: unknown);
     `control`, `control_sigma` (n, 3) of the surveyed points (NaN and inf: only measured in photographs); `control_model` (n, 3)
-    where the model has them (NaN: cannot be intersected); `zenith` (P, 3) in the image systems by attitudes (NaN: unknown);
-    `distances`: numbers of two surveyed points, length, standard error, m.
+    where the model has them (NaN: cannot be intersected); `zenith` (P, 3) in the image systems by attitudes (NaN: unknown),
+    `top` (P, 3) the directions to the tops of the photographs there; `distances`: numbers of two surveyed points, length, standard
+    error, m.
     """
 
     position: np.ndarray
@@ -39,6 +40,7 @@ class Known:
     control_sigma: np.ndarray
     control_model: np.ndarray
     zenith: np.ndarray
+    top: np.ndarray
     distances: tuple[tuple[int, int, float, float], ...] = ()
 
     @property
@@ -81,7 +83,7 @@ def choose_datum(
         return replace(free, weaknesses=(*free.weaknesses, CROWDED))
     trusted = np.arange(len(source)) >= has.sum()
     origin = np.round(np.median(target[trusted] if trusted.sum() >= 3 else target, axis=0))
-    zenith, basis = expected_zenith(model.rotation, known.zenith, looking, _direction(source))
+    zenith, basis = expected_zenith(model.rotation, known.zenith, known.top, looking, _direction(source))
     upright, none = (Upward(upward(model.rotation, zenith), weight) for weight in (1.0 / vertical_sigma**2, 0.0))
     on_a_line = turn_precision(target, np.maximum(sigma, 1e-6)) > WEAK_TURN
     near = consensus(source, target - origin, np.maximum(sigma, 1e-6), upright if on_a_line else none, trusted) < FAR

@@ -45,8 +45,18 @@ class Upright:
         return self.photos.model_copy(update={"photos": tuple(self._sensor_photo(photo) for photo in self.photos.photos)})
 
     def _sensor_photo(self, photo: Photo) -> Photo:
-        swapped = {"width": photo.height, "height": photo.width} if self.flag(photo.name) >= 5 else {}
-        return photo.model_copy(update={"exif_orientation": 1, **swapped}) if self.flag(photo.name) != 1 else photo
+        flag = self.flag(photo.name)
+        if flag == 1:
+            return photo
+        changed: dict[str, Any] = {"width": photo.height, "height": photo.width} if flag >= 5 else {}
+        if photo.attitude is not None:
+            rotation = _about_axis(flag).T @ rotation_matrix(*np.radians(photo.attitude))
+            changed["attitude"] = tuple(float(v) for v in np.degrees(angles(rotation)))
+        return photo.model_copy(update={"exif_orientation": 1, **changed})
+
+    def tops(self) -> dict[str, np.ndarray]:
+        """Where the tops of the turned photographs lie: directions (3,) in the image systems of their sensors."""
+        return {name: _about_axis(self.flag(name)).T @ [0.0, 1.0, 0.0] for name in self.photos.names if self.flag(name) != 1}
 
     def sensor_cameras(self) -> Cameras:
         """The cameras of the sensors, and which photograph was taken with which."""

@@ -1,16 +1,19 @@
 """The photograph that hangs on the fewest and worst spread tie points: it can keep a whole block from converging.
 
 With all points held where they are, the rays of a photograph alone tell how well they fix it. A photograph that is fixed many times
-worse than the others (a handful of rays in a corner of the frame) is set aside where the block cannot be adjusted with it.
+worse than the others (a handful of rays in a corner of the frame) is set aside where the block cannot be adjusted with it, and
+where its known position contradicts it: so few rays do not outvote a position.
 """
 
 import numpy as np
 
 from tasks.adjustment.network import Network, Rays, State
 from tasks.adjustment.normal_equations import linearised
+from tasks.adjustment.result import Adjustment
 
 WEAK = 5.0
 """A photograph is weak when its rays fix it so many times worse than they do the middle one of the block."""
+AWAY = "They put it far from its known position."
 
 
 def hanging(network: Network, rays: Rays) -> Rays:
@@ -24,6 +27,15 @@ def weakest(network: Network, state: State, rays: Rays) -> int | None:
     loose = _looseness(network, state, rays)
     worst = int(np.argmax(loose))
     return worst if loose[worst] > WEAK * np.median(loose) else None
+
+
+def away_from_its_position(result: Adjustment, aside: np.ndarray) -> int | None:
+    """The number of the weakest photograph if its position took no part because it contradicts the block: set `aside` (P,) bool
+    before the adjustment, or by it; else None."""
+    weak = weakest(result.network, result.state, result.rays.take(result.used))
+    away = aside.copy()
+    away[[blunder.number for blunder in result.blunders if blunder.kind == "position"]] = True
+    return weak if weak is not None and away[weak] else None
 
 
 def _looseness(network: Network, state: State, rays: Rays) -> np.ndarray:
@@ -45,7 +57,7 @@ def _looseness(network: Network, state: State, rays: Rays) -> np.ndarray:
 def set_aside(name: str, rays: int, failure: str) -> str:
     """The sentence about a photograph without which the block can be adjusted."""
     return (
-        f"{name} was set aside: the block could not be adjusted with it, for only {rays} tie points in a small part of its frame "
-        f"hold it ({failure[0].lower()}{failure[1:].rstrip('.')}). More overlap, or photographs with more texture, would let it "
+        f"{name} was set aside, for only {rays} tie points in a small part of its frame hold it "
+        f"({failure[0].lower()}{failure[1:].rstrip('.')}). More overlap, or photographs with more texture, would let it "
         "join."
     )

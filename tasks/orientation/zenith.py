@@ -11,8 +11,9 @@ import numpy as np
 
 Looking = Literal["auto", "down", "level"]
 
-DOWN, LEVEL = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
-"""The zenith in the image system (x right, y up, z backwards) of a photograph that looks straight down, and of a level one."""
+DOWN, TOP = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
+"""The zenith in the image system (x right, y up, z backwards) of a photograph that looks straight down, and of a level one that
+stands upright."""
 ALONG = np.sin(np.radians(45.0))
 """Photographs whose axes are nearer to the line of their centres than 45 degrees do not look down."""
 TOGETHER = 0.7
@@ -24,15 +25,17 @@ SENTENCES = {
 }
 
 
-def expected_zenith(rotation: np.ndarray, known: np.ndarray, looking: Looking, line: np.ndarray) -> tuple[np.ndarray, str]:
+def expected_zenith(
+    rotation: np.ndarray, known: np.ndarray, top: np.ndarray, looking: Looking, line: np.ndarray
+) -> tuple[np.ndarray, str]:
     """The zenith (P, 3) in the image systems of the photographs, NaN for those that say nothing of it, and what it rests on (a key
     of SENTENCES). `rotation` (P, 3, 3) and `line` (3,), the direction of the known points, are of the model; `known` (P, 3) is
-    the zenith by attitudes (NaN: unknown)."""
+    the zenith by attitudes (NaN: unknown), `top` (P, 3) the zenith of level photographs."""
     if np.isfinite(known).all(axis=1).any():
         return known, "attitude"
     if looking == "auto":
         looking = "down" if _may_look_down(rotation[:, 2], line) else "level"
-    return np.tile(DOWN if looking == "down" else LEVEL, (len(rotation), 1)), looking
+    return (np.tile(DOWN, (len(rotation), 1)) if looking == "down" else top), looking
 
 
 def upward(rotation: np.ndarray, zenith: np.ndarray) -> np.ndarray:

@@ -1,14 +1,16 @@
 """Blocks of image measurements with known truth, for tests: no pixels, only geometry and noise."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from schemas.camera import INTERIOR, Camera, Cameras
 from schemas.observations import Control, ControlPoint, TiePoints
 from schemas.photo import Photo, Photos
+from tasks.geometry.camera_change import QUARTER_TURNS, turned, upright_name
 from tasks.geometry.rotation import rotation_matrix
 from tasks.geometry.view import View
+from tasks.orientation.sensor_frame import Upright
 
 
 @dataclass(frozen=True)
@@ -171,3 +173,25 @@ def block_of(views, points, rng, sigma=0.3, gnss=1.0, camera=DRONE):
     )
     cameras = Cameras(cameras={"cam": camera}, of_photo={v.name: "cam" for v in views})
     return SimulatedBlock(photos, cameras, ties, Control(), views, points[count >= 2], np.zeros(len(rows), bool))
+
+
+def turned_upright(block, flags):
+    """The block with the photographs of `flags` turned upright by these EXIF orientations, as the stage `photos` would tell it."""
+    photos = []
+    for photo in block.photos.photos:
+        flag = flags.get(photo.name, 1)
+        size = {"width": photo.height, "height": photo.width} if flag >= 5 else {}
+        photos.append(photo.model_copy(update={"exif_orientation": flag, **size}))
+    names = {photo.name: upright_name(photo) for photo in photos}
+    by_camera = {names[photo.name]: photo.exif_orientation for photo in photos}
+    own = {name: turned(block.cameras.cameras["cam"], flag).model_copy(update={"name": name}) for name, flag in by_camera.items()}
+    # What takes measurements back to the sensors takes them there for the inverse flags.
+    back = [p.model_copy(update={"exif_orientation": QUARTER_TURNS.get(flags.get(p.name, 1), 1)}) for p in block.photos.photos]
+    there = Upright(Photos(photos=tuple(back)), block.cameras)
+    return replace(
+        block,
+        photos=Photos(photos=tuple(photos)),
+        cameras=Cameras(cameras=own, of_photo=names),
+        tie_points=there.sensor_ties(block.tie_points),
+        control=there.sensor_control(block.control),
+    )

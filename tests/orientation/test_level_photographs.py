@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from orienting import ground_errors, orient, standardised_orientation
-from simulated_block import DRONE, block_of, looking, simulate, view
+from simulated_block import DRONE, block_of, looking, simulate, turned_upright, view
 
 from schemas.photo import Photos
 from tasks.adjustment.interior import FixedInterior
@@ -39,6 +39,20 @@ def test_a_walk_along_a_street_is_level_and_its_skyline_is_no_tie_point(seed):
     assert not far.any() and len(far) > 800
     error, sigma = ground_errors(block, out["points"])
     assert np.median(np.abs(error / sigma)) < 1.5
+
+
+def test_level_photographs_may_be_held_upright_or_not():
+    """Many photographs of the walk were turned upright by their EXIF flags: the sensor lay on its side, or on its head."""
+    block = street(3, skyline=0)
+    flags = dict(zip((v.name for v in block.views), (6, 1, 8, 1, 3) * 2, strict=True))
+    out = orient(turned_upright(block, flags), interior=FIXED)
+    plain = orient(block, interior=FIXED)
+    assert out["block"].datum == plain["block"].datum and "held level and upright" in plain["block"].datum
+    for v in block.views:
+        found = out["block"].of(v.name)
+        sigma = np.sqrt(np.diag(np.array(found.covariance)))[:3]
+        assert (np.abs(np.array(found.centre) - v.centre) < 4.5 * sigma).all()
+        assert (np.abs(np.array(found.centre) - plain["block"].of(v.name).centre) < 0.3 * sigma).all()
 
 
 def test_photographs_along_one_line_that_look_aside_are_level_when_the_workflow_says_so():

@@ -1,47 +1,24 @@
 """Photographs that EXIF turned upright share the sensor of the others: the same block, told in upright photographs."""
 
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from orienting import orient
-from simulated_block import two_strips
+from simulated_block import turned_upright, two_strips
 
 from schemas.camera import Cameras
 from schemas.photo import Photos
-from tasks.geometry.camera_change import QUARTER_TURNS, turned, upright_name
+from tasks.geometry.camera_change import turned
 from tasks.geometry.view import block_view
 from tasks.orientation.sensor_frame import Upright
 
 FLAGS = {"s0_1": 6, "s1_0": 8, "s1_2": 3}
 
 
-def turned_upright(block):
-    """The block with some photographs turned upright, as the stage `photos` would tell it."""
-    photos = []
-    for photo in block.photos.photos:
-        flag = FLAGS.get(photo.name, 1)
-        size = {"width": photo.height, "height": photo.width} if flag >= 5 else {}
-        photos.append(photo.model_copy(update={"exif_orientation": flag, **size}))
-    names = {photo.name: upright_name(photo) for photo in photos}
-    flags = {names[photo.name]: photo.exif_orientation for photo in photos}
-    own = {name: turned(block.cameras.cameras["cam"], flag).model_copy(update={"name": name}) for name, flag in flags.items()}
-    # What takes measurements back to the sensors takes them there for the inverse flags.
-    back = [p.model_copy(update={"exif_orientation": QUARTER_TURNS.get(FLAGS.get(p.name, 1), 1)}) for p in block.photos.photos]
-    there = Upright(Photos(photos=tuple(back)), block.cameras)
-    return replace(
-        block,
-        photos=Photos(photos=tuple(photos)),
-        cameras=Cameras(cameras=own, of_photo=names),
-        tie_points=there.sensor_ties(block.tie_points),
-        control=there.sensor_control(block.control),
-    )
-
-
 @pytest.fixture(scope="module")
 def both():
     block = two_strips(41, tracks=500)
-    return block, orient(block), orient(turned_upright(block))
+    return block, orient(block), orient(turned_upright(block, FLAGS))
 
 
 def test_the_block_is_the_same_whichever_way_photographs_are_turned(both):
@@ -55,7 +32,7 @@ def test_the_block_is_the_same_whichever_way_photographs_are_turned(both):
 
 def test_a_turned_photograph_sees_ground_where_the_turned_picture_shows_it(both):
     block, plain, out = both
-    for photo in turned_upright(block).photos.photos:
+    for photo in turned_upright(block, FLAGS).photos.photos:
         seen = block_view(plain["block"], photo.name).project(block.ground[:50])
         there = block_view(out["block"], photo.name).project(block.ground[:50])
         back = Upright(Photos(photos=(photo,)), out_cameras(photo, out))._to_sensor(photo, there) if photo.name in FLAGS else there
@@ -82,7 +59,7 @@ def test_image_residuals_are_told_in_the_upright_photograph(both):
     block, plain, out = both
     one, other = plain["image_residuals"], out["image_residuals"]
     assert np.allclose(np.hypot(one.v_col, one.v_row), np.hypot(other.v_col, other.v_row), atol=1e-3)
-    ties = turned_upright(block).tie_points
+    ties = turned_upright(block, FLAGS).tie_points
     place = {(t, p): (c, r) for t, p, c, r in zip(ties.track, ties.photo, ties.col, ties.row, strict=True)}
     own = other.track >= 0
     seen = np.array([place[t, p] for t, p in zip(other.track[own], other.photo[own], strict=True)])
