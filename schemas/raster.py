@@ -55,11 +55,12 @@ class Tile:
     window: Window
 
 
-def tiles_of(shape: tuple[int, ...], size: int) -> Iterator[Tile]:
-    """Tiles of `size` pixels that cover a raster of `shape`, row by row; the last ones are smaller."""
-    for row in range(-(-shape[0] // size)):
-        for col in range(-(-shape[1] // size)):
-            yield Tile(row, col, Window(row * size, col * size, size, size).clipped(shape))
+def tiles_of(shape: tuple[int, ...], size: int | tuple[int, int]) -> Iterator[Tile]:
+    """Tiles of `size` pixels (or rows, columns) that cover a raster of `shape`, row by row; the last ones are smaller."""
+    height, width = (size, size) if isinstance(size, int) else size
+    for row in range(-(-shape[0] // height)):
+        for col in range(-(-shape[1] // width)):
+            yield Tile(row, col, Window(row * height, col * width, height, width).clipped(shape))
 
 
 class MapGrid(BaseModel):

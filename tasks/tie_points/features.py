@@ -12,13 +12,14 @@ Descriptors are stored as bytes of RootSIFT, whose Euclidean distance is the Hel
 Source: Lowe 2004; Arandjelovic & Zisserman 2012.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import cv2
 import numpy as np
 
-from schemas.raster import Window
+from schemas.raster import Tile, Window, tiles_of
 from tasks.imagery.pyramid import level_to_full
 from tasks.imagery.radiometry import grey_bytes, grey_range
 from tasks.tie_points.records import DESCRIPTOR, Features, Values
@@ -26,8 +27,8 @@ from tasks.tie_points.records import DESCRIPTOR, Features, Values
 cv2.setNumThreads(1)
 
 HALO = 96
-SEARCHED = 512
-"""Side of the parts that are searched, px of the level, about"""
+SEARCHED = 800
+"""Side of the parts that are searched, px of the level, about: twice this and no more than a few hundred MB are needed"""
 SMALLEST, LARGEST = 2.5, 18.0
 """Diameters of points, px of the level. A descriptor reaches about 5.3 diameters from its centre; the many points below 2.5 px
 are rarely found again in another photograph."""
@@ -37,14 +38,17 @@ _FIRST_OCTAVE = 255 | (1 << 8)
 """OpenCV's code of octave -1, layer 1"""
 
 
-def searched_side(shape: tuple[int, int]) -> int:
-    """Side of the parts that are searched, px: the longer side of the level in equal parts, up to a multiple of 16.
+def searched_parts(shape: tuple[int, int]) -> Iterator[Tile]:
+    """The parts of a level that are searched: its rows and its columns in equal parts, each up to a multiple of 16 px.
 
     The halo costs as much as it is wide, whatever it surrounds: a narrow last part would be all halo.
     """
-    longer = max(shape)
-    parts = max(1, round(longer / SEARCHED))
-    return -(-longer // (16 * parts)) * 16
+    return tiles_of(shape, (_searched_side(shape[0]), _searched_side(shape[1])))
+
+
+def _searched_side(length: int) -> int:
+    parts = max(1, round(length / SEARCHED))
+    return -(-length // (16 * parts)) * 16
 
 
 @dataclass(frozen=True)

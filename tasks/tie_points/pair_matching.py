@@ -1,7 +1,7 @@
 """Homologous features of two photographs: mutual nearest neighbours, ratio test, epipolar check.
 
-Descriptors are bytes, so all dot products of 128 of them are whole numbers below 2^24 and exact in float32: BLAS computes
-distances fast, and the same on every machine. The epipolar geometry is found robustly (MAGSAC) from ideal image coordinates,
+The largest features are compared first: where enough of them agree, all others are looked for about their epipolar lines only
+(descriptor_search.py). The epipolar geometry is found robustly (MAGSAC) from ideal image coordinates,
 the lens distortion removed as far as it is known: as an essential matrix (Nister 2004) for calibrated cameras, as a
 fundamental matrix when a camera is nominal only. A pair is accepted by Brown & Lowe's rule, which weighs the agreeing matches
 against those that chance would give.
@@ -17,12 +17,17 @@ import numpy as np
 
 from schemas.camera import Camera, Cameras
 from tasks.geometry.distortion import pixel_to_image
+from tasks.tie_points.descriptor_search import matches_along_lines, mutual_matches
 from tasks.tie_points.records import DESCRIPTOR, Features, PairMatches, PairSummary, Scatter, Values
 
 cv2.setNumThreads(1)
 
-_BLOCK = 256
-"""rows of distances at a time: 8 MB of them with 8000 points stay in the cache"""
+_FIRST = 2000
+"""The largest features of each photograph, which are found again most surely, tell how two photographs lie to each other."""
+_SURE = 20
+"""So many of their matches must agree, so that the others are looked for about epipolar lines only,"""
+_BAND = 6.0
+"""within so many times the tolerance."""
 _FEWEST = 16
 _STILL = 1.5
 """px"""
@@ -42,8 +47,29 @@ def match_pair(
     left: tuple[Features, Values], right: tuple[Features, Values], cameras: Cameras, names: tuple[str, str], rules: PairRules
 ) -> dict[str, Any]:
     """Matches of two photographs and their summary; no matches when the pair is not accepted."""
-    pairs = mutual_matches(left[1].rows(DESCRIPTOR), right[1].rows(DESCRIPTOR), rules.ratio)
+    pairs = _searched(left, right, (cameras.of(names[0]), cameras.of(names[1])), rules)
     return accepted_matches(left[0], right[0], pairs, cameras, names, rules)
+
+
+def _searched(
+    left: tuple[Features, Values], right: tuple[Features, Values], cameras: tuple[Camera, Camera], rules: PairRules
+) -> np.ndarray:
+    """Matches (M, 2), numbers of features: among all, or along epipolar lines where the largest features tell these."""
+    descriptors = left[1].rows(DESCRIPTOR), right[1].rows(DESCRIPTOR)
+    if min(len(left[0]), len(right[0])) > 2 * _FIRST:
+        places = _ideal((_pixels(left[0]), _pixels(right[0])), cameras)
+        few = [_largest(side[0]) for side in (left, right)]
+        pairs = mutual_matches(descriptors[0][few[0]], descriptors[1][few[1]], rules.ratio)
+        points = places[0][few[0][pairs[:, 0]]], places[1][few[1][pairs[:, 1]]]
+        matrix = epipolar_matrix(points, cameras, rules.tolerance)
+        if matrix is not None and (sampson_distance(matrix, *points) < rules.tolerance).sum() >= max(_SURE, 8.0 + 0.3 * len(pairs)):
+            return matches_along_lines(descriptors, places, matrix, _BAND * rules.tolerance, rules.ratio)
+    return mutual_matches(*descriptors, rules.ratio)
+
+
+def _largest(features: Features) -> np.ndarray:
+    """Numbers of the largest features."""
+    return np.sort(np.argsort(-features.size, kind="stable")[:_FIRST])
 
 
 def accepted_matches(
@@ -72,57 +98,31 @@ def _pixels(features: Features) -> np.ndarray:
     return np.column_stack([features.col, features.row])
 
 
-def mutual_matches(left: np.ndarray, right: np.ndarray, ratio: float) -> np.ndarray:
-    """Rows (M, 2) of descriptors (N, 128) uint8 that are each other's nearest, the nearest closer than `ratio` times the second.
-
-    Sorted by the left number.
-    """
-    if len(left) < 2 or len(right) < 2:
-        return np.empty((0, 2), dtype=np.int64)
-    nearest, first, second, closest = _nearest(left.astype(np.float32), right.astype(np.float32))
-    mutual = first == closest[nearest]
-    chosen = np.flatnonzero(mutual & (first < ratio**2 * second))
-    _, once = np.unique(nearest[chosen], return_index=True)
-    chosen = chosen[np.sort(once)]
-    return np.column_stack([chosen, nearest[chosen]])
-
-
-def _nearest(left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """For each left row the number of the nearest right one and the squared distances of the nearest two; for each right row the
-    squared distance of the nearest left one. Distances are exact, so that equality tells who is whose."""
-    nearest = np.empty(len(left), dtype=np.int64)
-    first, second = np.empty(len(left), dtype=np.float32), np.empty(len(left), dtype=np.float32)
-    closest = np.full(len(right), np.inf, dtype=np.float32)
-    power = (right**2).sum(axis=1)
-    for start in range(0, len(left), _BLOCK):
-        block = left[start : start + _BLOCK]
-        squared = block @ (-2.0 * right.T)
-        squared += power
-        squared += (block**2).sum(axis=1)[:, None]
-        np.minimum(closest, squared.min(axis=0), out=closest)
-        rows, part = np.arange(len(block)), slice(start, start + len(block))
-        nearest[part] = squared.argmin(axis=1)
-        first[part] = squared[rows, nearest[part]]
-        squared[rows, nearest[part]] = np.inf
-        second[part] = squared.min(axis=1)
-    return nearest, first, second, closest
-
-
 def epipolar_agreement(points: tuple[np.ndarray, np.ndarray], cameras: tuple[Camera, Camera], tolerance: float) -> np.ndarray:
     """Which matches lie within `tolerance` px of their epipolar lines. points: (M, 2) px in each photograph."""
-    if len(points[0]) < _FEWEST:
-        return np.zeros(len(points[0]), dtype=bool)
     left, right = _ideal(points, cameras)
-    if any(camera.source == "exif" for camera in cameras):
-        matrix, _ = cv2.findFundamentalMat(left, right, cv2.USAC_MAGSAC, tolerance, 0.9999, 5000)
-    else:
-        matrix = _essential(left / cameras[0].c, right / cameras[1].c, tolerance / max(camera.c for camera in cameras))
-        if matrix is not None:
-            scale = [np.diag([1 / camera.c, 1 / camera.c, 1.0]) for camera in cameras]
-            matrix = scale[1] @ matrix @ scale[0]
-    if matrix is None or matrix.shape != (3, 3):
+    matrix = epipolar_matrix((left, right), cameras, tolerance)
+    if matrix is None:
         return np.zeros(len(left), dtype=bool)
     return sampson_distance(matrix, left, right) < tolerance
+
+
+def epipolar_matrix(points: tuple[np.ndarray, np.ndarray], cameras: tuple[Camera, Camera], tolerance: float) -> np.ndarray | None:
+    """F (3, 3) of right' F left = 0 that most matches agree with; None for too few of them, or where there is none.
+
+    points: (M, 2) image coordinates in px, free of distortion as far as it is known.
+    """
+    left, right = points
+    if len(left) < _FEWEST:
+        return None
+    if any(camera.source == "exif" for camera in cameras):
+        matrix = _fundamental(left, right, tolerance)
+    else:
+        matrix = _essential(left / cameras[0].c, right / cameras[1].c, tolerance / max(camera.c for camera in cameras))
+        if matrix is not None and matrix.shape == (3, 3):
+            scale = [np.diag([1 / camera.c, 1 / camera.c, 1.0]) for camera in cameras]
+            matrix = scale[1] @ matrix @ scale[0]
+    return matrix if matrix is not None and matrix.shape == (3, 3) else None
 
 
 def _ideal(points: tuple[np.ndarray, np.ndarray], cameras: tuple[Camera, Camera]) -> tuple[np.ndarray, np.ndarray]:
@@ -140,7 +140,7 @@ def epipolar_scatter(points: tuple[np.ndarray, np.ndarray], cameras: tuple[Camer
     if count < _FEWEST_FOR_SCATTER:
         return Scatter(points=count, sigma=None)
     left, right = _ideal(points, cameras)
-    matrix, _ = cv2.findFundamentalMat(left, right, cv2.USAC_MAGSAC, 1.0, 0.9999, 5000)
+    matrix = _fundamental(left, right, 1.0)
     sigma, limit = None, 1.0
     for _ in range(_TRIMMINGS):
         if matrix is None or matrix.shape != (3, 3):
@@ -153,6 +153,14 @@ def epipolar_scatter(points: tuple[np.ndarray, np.ndarray], cameras: tuple[Camer
             sigma = float(np.sqrt(2.0) * 1.4826 * np.median(sampson_distance(matrix, left, right)))
             limit = 3.0 * sigma
     return Scatter(points=count, sigma=sigma)
+
+
+def _fundamental(left: np.ndarray, right: np.ndarray, tolerance: float) -> np.ndarray | None:
+    """OpenCV's MAGSAC stumbles over a few sets of points ("!model.empty()"), good ones among them; RANSAC finds these."""
+    try:
+        return cv2.findFundamentalMat(left, right, cv2.USAC_MAGSAC, tolerance, 0.9999, 5000)[0]
+    except cv2.error:
+        return cv2.findFundamentalMat(left, right, cv2.FM_RANSAC, tolerance, 0.9999, 5000)[0]
 
 
 def _essential(left: np.ndarray, right: np.ndarray, tolerance: float) -> np.ndarray | None:

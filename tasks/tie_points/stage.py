@@ -19,7 +19,7 @@ from schemas.errors import GeometryError
 from schemas.job import Export, Job, Raster, Table
 from schemas.observations import TIE_POINTS
 from schemas.photo import PHOTOS, Photo, Photos, photo_raster
-from schemas.raster import RasterSpec, Window, tiles_of
+from schemas.raster import RasterSpec, Window
 from schemas.report import report_table
 from schemas.settings import Settings, setting
 from schemas.stage import ProjectView, Stage
@@ -28,7 +28,7 @@ from tasks.matching.least_squares.model import LeastSquaresMatching
 from tasks.tie_points.appearance import SAMPLE, WORDS, Candidates, Signature, alike, sample, signature, vocabulary
 from tasks.tie_points.assembly import Weighting
 from tasks.tie_points.correlation_search import CorrelationSearch, correlate_pair, tile_interest_points
-from tasks.tie_points.features import HALO, Detection, photo_features, searched_side, tile_features
+from tasks.tie_points.features import Detection, photo_features, searched_parts, tile_features
 from tasks.tie_points.pair_matching import PairRules, match_pair
 from tasks.tie_points.pairs import Neighbourhood, candidate_pairs, needs_appearance
 from tasks.tie_points.patches import Strip, strip_patches
@@ -157,8 +157,7 @@ class TiePointsStage(Stage):
         parts = []
         by_features = self.search.kind == "features"
         function, more = (tile_features, {}) if by_features else (tile_interest_points, {"search": self.search})
-        side = searched_side(shape)
-        for cell in tiles_of(shape, side):
+        for cell in searched_parts(shape):
             detection = Detection(level, shape, cell.window, self.max_features, self.contrast)
             features, descriptors = _features(f"{photo.name}/{cell.row}-{cell.col}")
             parts.append((features, descriptors))
@@ -166,7 +165,7 @@ class TiePointsStage(Stage):
                 stage=self.kind, item=f"{photo.name} features", row=cell.row, col=cell.col, function=function,
                 reads={"pixels": Raster(photo_raster(photo.name, level), detection.window), "overview": _overview(photo)},
                 writes={"features": features, "descriptors": descriptors}, params={"detection": detection, **more},
-                scratch=200 * (min(side, shape[0]) + 2 * HALO) * (min(side, shape[1]) + 2 * HALO),
+                scratch=260 * detection.window.height * detection.window.width,
             )  # fmt: skip
         features, descriptors = _features(photo.name)
         yield Job(

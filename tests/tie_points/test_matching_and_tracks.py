@@ -11,7 +11,8 @@ from schemas.photo import PHOTOS, Photo, Photos
 from schemas.stage import NotYet
 from tasks.tie_points.appearance import alike, sample, signature, vocabulary
 from tasks.tie_points.assembly import Weighting, assemble, with_measured_floor
-from tasks.tie_points.pair_matching import mutual_matches, stand_still
+from tasks.tie_points.descriptor_search import mutual_matches
+from tasks.tie_points.pair_matching import stand_still
 from tasks.tie_points.pairs import Neighbourhood, candidate_pairs, looked_at, needs_appearance
 from tasks.tie_points.records import Features, Observations, PairMatches, PairSummary, Refined, Scatter, Values
 from tasks.tie_points.refinement import start_affine
