@@ -45,7 +45,9 @@ def fit_similarity(model: np.ndarray, ground: np.ndarray, sigma: np.ndarray, upw
         result = _closed_form(model, ground, weight, upward)
         size = np.linalg.norm(result.apply(model) - ground, axis=1) / sigma
         limit = 2.0 * max(1.0, float(np.median(size)) / 1.54)
-        weight = np.where(size <= limit, 1.0, limit / np.maximum(size, limit)) / sigma**2
+        before, weight = weight, np.where(size <= limit, 1.0, limit / np.maximum(size, limit)) / sigma**2
+        if np.array_equal(before, weight):
+            break
     return result
 
 
