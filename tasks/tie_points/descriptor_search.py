@@ -51,11 +51,12 @@ def matches_along_lines(
     if not len(here):
         return np.empty((0, 2), dtype=np.int64)
     nearest, first, second, _ = _nearest(left[here], right)
-    back = _nearest(right[there], left)[1]
-    sure = (nearest == there) & (first < ratio**2 * second) & (first == back)
+    clear = (nearest == there) & (first < ratio**2 * second)
+    here, there, first = here[clear], there[clear], first[clear]
+    mutual = first == _nearest(right[there], left)[1]
     found = np.full(len(left), -1)
-    found[here[sure]] = there[sure]
-    return _each_once(np.sort(here[sure]), found)
+    found[here[mutual]] = there[mutual]
+    return _each_once(np.sort(here[mutual]), found)
 
 
 def _along_lines(
