@@ -45,6 +45,9 @@ class CameraFromFile(Settings):
 
     kind: Literal["file"]
     path: str = setting(..., "The camera file, relative to the project's root.")
+    serves: str = setting(
+        "*", "Shell pattern of the file names that this camera took; other photographs have the camera of their EXIF tags."
+    )
 
 
 class CameraGiven(Settings):
@@ -61,6 +64,9 @@ class CameraGiven(Settings):
     p2: float = setting(0.0, "Tangential distortion.")
     pixel_um: float | None = setting(None, "Side of a pixel on the sensor or scan.", "micrometres", gt=0)
     sigma_c: float = setting(0.0, "Standard error of the camera constant; 0 when not known.", "px", ge=0)
+    serves: str = setting(
+        "*", "Shell pattern of the file names that this camera took; other photographs have the camera of their EXIF tags."
+    )
 
 
 class CameraFromChessboards(Settings):
@@ -78,6 +84,9 @@ class CameraFromChessboards(Settings):
     )
     sigma_in_plane: float = setting(0.0, "Standard error of the corners of a board within its plane; 0: exact.", "m", ge=0)
     sigma_height: float = setting(0.0, "Standard error of the corners of a board out of its plane; 0: flat.", "m", ge=0)
+    serves: str = setting(
+        "*", "Shell pattern of the file names that this camera took; other photographs have the camera of their EXIF tags."
+    )
 
 
 CameraSource = Annotated[CameraFromExif | CameraFromFile | CameraGiven | CameraFromChessboards, Field(discriminator="kind")]

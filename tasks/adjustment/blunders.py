@@ -108,13 +108,26 @@ def _apart(network: Network, met: _Met) -> tuple[np.ndarray, np.ndarray]:
 
 def _stretched(network: Network, met: _Met) -> tuple[np.ndarray, np.ndarray]:
     """Distances (n,) whose ends' rays meet, and how far these ends are from the given length, in standard errors."""
-    ends, length, weight = network.distances.ends, network.distances.length, network.distances.weight
-    number = np.flatnonzero(met.good[ends].all(axis=1) & (weight > 0))
-    along = met.point[ends[number, 1]] - met.point[ends[number, 0]]
+    distances = network.distances
+    found, sigma = _lengths(network, met)
+    number = np.flatnonzero(np.isfinite(found) & (distances.weight > 0))
+    return number, np.abs(distances.length - found)[number] / np.hypot(sigma, distances.sigma)[number]
+
+
+def lengths_of_rays(network: Network, state: State, rays: Rays, limit: float) -> tuple[np.ndarray, np.ndarray]:
+    """The measured distances (D,) as the rays of their ends alone give them, and standard errors; NaN where rays do not meet within
+    `limit` standard errors."""
+    return _lengths(network, _met(network, state, rays, limit))
+
+
+def _lengths(network: Network, met: _Met) -> tuple[np.ndarray, np.ndarray]:
+    ends = network.distances.ends
+    along = met.point[ends[:, 1]] - met.point[ends[:, 0]]
     found = np.linalg.norm(along, axis=1)
     along /= np.maximum(found, 1e-12)[:, None]
-    spread = np.einsum("ni,nij,nj->n", along, met.covariance[ends[number]].sum(axis=1), along)
-    return number, np.abs(length[number] - found) / np.sqrt(spread + 1.0 / weight[number])
+    spread = np.einsum("ni,nij,nj->n", along, met.covariance[ends].sum(axis=1), along)
+    good = met.good[ends].all(axis=1)
+    return np.where(good, found, np.nan), np.where(good, np.sqrt(spread), np.nan)
 
 
 def worst_of(network: Network, found: list[Blunder]) -> Blunder | None:
@@ -193,9 +206,13 @@ def without(network: Network, blunder: Blunder) -> Network:
 
 
 def enough_rays(network: Network, rays: Rays, used: np.ndarray) -> np.ndarray:
-    """`used` without the rays of points that have neither two rays nor known coordinates."""
+    """`used` without the rays of points that have neither two rays nor known coordinates; the ends of distances, which are among
+    the unknowns, keep all of theirs."""
+    known, end = network.point_weight.any(axis=1), np.zeros(len(network.point), bool)
+    end[network.kept] = True
     count = np.bincount(rays.point[used], minlength=len(network.point))
-    return used & ((count >= 2) | network.point_weight.any(axis=1))[rays.point]
+    starved = end & ~known & (count < 2)
+    return (used | starved[rays.point]) & ((count >= 2) | known | end)[rays.point]
 
 
 def _tested(

@@ -22,6 +22,7 @@ from tasks.adjustment.blunders import (
     acquitted,
     enough_rays,
     gross_blunder,
+    lengths_of_rays,
     ray_blunders,
     stands_out,
     surveyed_blunder,
@@ -29,6 +30,7 @@ from tasks.adjustment.blunders import (
     without,
 )
 from tasks.adjustment.collinearity import misclosures
+from tasks.adjustment.distance_agreement import agreement
 from tasks.adjustment.intersection import intersecting
 from tasks.adjustment.minimise import minimise, sizes
 from tasks.adjustment.network import Distances, Network, Rays, State
@@ -94,8 +96,9 @@ def adjust(network: Network, start: State, rays: Rays, test: BlunderTest | None 
         rounds += 1
         fresh, groups = estimated(result)
         bad = ray_blunders(result, _by_group(stated, rays, fresh) / _by_group(stated, rays, factors) * test.limit)
-        used = enough_rays(stated, rays, used & ~bad)
-        if settled(fresh, factors) and not bad.any():
+        left = enough_rays(stated, rays, used & ~bad)
+        changed, used = bool((left != used).any()), left
+        if settled(fresh, factors) and not changed:
             back = stated if pardoned else acquitted(result, blunders, stated, network, test.limit)
             if back is not stated:
                 blunders = [b for b in blunders if not _knows(back, b)]
@@ -128,7 +131,9 @@ def _knows(network: Network, blunder: Blunder) -> bool:
 
 def _robust_solution(network: Network, state: State, rays: Rays, test: BlunderTest) -> _Robust:
     """Huber's solution with the spread of each group's residuals as unit, three times, ever sharper; then the gross blunders go."""
-    used, iterations, blunders = np.ones(len(rays), bool), 0, []
+    used = np.ones(len(rays), bool)
+    first = enough_rays(network, rays, intersecting(network, state, rays, used))
+    network, state, blunders, iterations = _with_agreeing_distances(network, state, rays, first, test)
     for tolerance in (1e-2, 1e-2, 1e-3):
         used = enough_rays(network, rays, intersecting(network, state, rays, used))
         unit = _units(network, state, rays, used, least=0.1)
@@ -143,6 +148,25 @@ def _robust_solution(network: Network, state: State, rays: Rays, test: BlunderTe
     unit = _units(network, state, rays, used, least=1e-3)
     used = enough_rays(network, rays, used & (sizes(network, state, rays) < test.gross * unit))
     return _Robust(network, state, used, tuple(blunders), iterations)
+
+
+def _with_agreeing_distances(
+    network: Network, state: State, rays: Rays, used: np.ndarray, test: BlunderTest
+) -> tuple[Network, State, list[Blunder], int]:
+    """The network with the distances that agree with each other where the rays alone put their ends, the state (a free block in
+    their scale), the distances that do not, and the iterations."""
+    distances = network.distances
+    if len(distances) < 2:
+        return network, state, [], 0
+    bare = replace(network, distances=replace(distances, weight=np.zeros(len(distances))))
+    scaled = replace(rays, sigma=rays.sigma * _units(bare, state, rays, used, least=0.1)).take(used)
+    alone, steps = minimise(bare, state, scaled, test.huber, 1e-2)
+    found = agreement(distances.length, distances.sigma, *lengths_of_rays(network, alone, scaled, test.apart), test.limit)
+    weight = np.where(found.wrong, 0.0, 1.0 / found.sigma**2)
+    network = replace(network, distances=replace(distances, weight=weight))
+    if network.free:
+        state = replace(alone, centre=alone.centre * found.scale, point=alone.point * found.scale)
+    return network, state, [Blunder("distance", int(i), float(found.misfit[i])) for i in np.flatnonzero(found.wrong)], steps
 
 
 def _units(network: Network, state: State, rays: Rays, used: np.ndarray, least: float) -> np.ndarray:

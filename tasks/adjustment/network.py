@@ -65,6 +65,12 @@ class Distances:
     def __len__(self) -> int:
         return len(self.length)
 
+    @property
+    def sigma(self) -> np.ndarray:
+        """(D,) standard errors, m; inf for one that takes no part."""
+        with np.errstate(divide="ignore"):
+            return 1.0 / np.sqrt(self.weight)
+
 
 NO_DISTANCES = Distances(np.zeros((0, 2), np.int64), np.zeros(0), np.zeros(0))
 

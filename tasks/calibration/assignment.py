@@ -22,7 +22,7 @@ def cameras_for(photos: Photos, sources: Mapping[str, Camera]) -> Cameras:
         raise PhotoError(
             f"The camera {camera.name} has {camera.width} x {camera.height} pixels, another shape than {len(misfits)} "
             f"photographs: {names}; "
-            "take them out of the workflow or give the camera that took them."
+            "take them out of the workflow, give the camera that took them, or say which photographs this one serves (serves)."
         )
     sheared = sorted({camera.name for camera in sources.values() if camera.affinity or camera.skew})
     if sheared:

@@ -10,6 +10,7 @@ from tasks.calibration.assignment import cameras_for
 from tasks.calibration.blind import cameras_from_exif
 from tasks.calibration.nominal import camera_given, cameras_from_file
 from tasks.calibration.report import cameras_report
+from tasks.calibration.sharing import shared_out
 
 
 def from_exif(photos: Photos) -> dict[str, Any]:
@@ -17,17 +18,18 @@ def from_exif(photos: Photos) -> dict[str, Any]:
     return _outcome(*cameras_from_exif(photos))
 
 
-def from_file(photos: Photos, text: str, path: str) -> dict[str, Any]:
-    """Cameras of a file. Raises WorkflowError for the file, PhotoError for photographs that do not fit."""
-    return _outcome(photos, cameras_from_file(text, path, photos))
+def from_file(photos: Photos, text: str, path: str, serves: str = "*") -> dict[str, Any]:
+    """Cameras of a file for the photographs that match `serves`. Raises WorkflowError for the file, PhotoError for photographs that
+    do not fit."""
+    return _outcome(*shared_out(photos, serves, lambda own: cameras_from_file(text, path, own)))
 
 
 def as_given(photos: Photos, given: CameraGiven) -> dict[str, Any]:
     """The camera typed into the workflow. Raises PhotoError for photographs that do not fit."""
-    return _outcome(photos, camera_given(given, photos))
+    return _outcome(*shared_out(photos, given.serves, lambda own: camera_given(given, own)))
 
 
-def _outcome(photos: Photos, sources: dict[str, Camera], remarks: tuple[str, ...] = ()) -> dict[str, Any]:
+def _outcome(photos: Photos, sources: dict[str, Camera], remarks: tuple[str, ...]) -> dict[str, Any]:
     cameras = cameras_for(photos, sources)
     report = cameras_report(cameras, photos, sources)
     return {"cameras": cameras, "report": report.model_copy(update={"warnings": (*remarks, *report.warnings)})}

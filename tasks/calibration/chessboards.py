@@ -23,6 +23,7 @@ from tasks.calibration.initial_constant import ConstantEstimate
 from tasks.calibration.judgement import MODELS, HeldOut, choice, compare
 from tasks.calibration.precision import board_precision, photo_precision
 from tasks.calibration.report import cameras_report
+from tasks.calibration.sharing import shared_out
 from tasks.calibration.solving import Target, solve
 from tasks.calibration.tables import Arranged, BoardPhotos, Calibration, CornerResiduals, Corners, PhotoSearch, Pose, TextPage
 
@@ -90,8 +91,10 @@ def from_chessboards(
     target: Target,
     model: Model,
     photos: Photos | None = None,
+    serves: str = "*",
 ) -> dict[str, Any]:
-    """Cameras, records and report of a calibration. Without `photos` the camera stands alone.
+    """Cameras, records and report of a calibration, whose camera took the photographs that match `serves`. Without `photos` it
+    stands alone.
 
     Raises GeometryError when the boards do not determine the camera, PhotoError for photographs that do not fit it.
     """  # fmt: skip
@@ -104,9 +107,12 @@ def from_chessboards(
         cameras = Cameras(cameras={camera.name: camera}, of_photo={})
         plain = cameras_report(cameras, Photos(photos=()), {camera.name: camera})
     else:
-        sources = dict.fromkeys((photo.camera for photo in photos.photos), camera)
+        photos, sources, remarks = shared_out(
+            photos, serves, lambda own: dict.fromkeys((photo.camera for photo in own.photos), camera)
+        )
         cameras = cameras_for(photos, sources)
         plain = cameras_report(cameras, photos, sources)
+        plain = plain.model_copy(update={"warnings": (*remarks, *plain.warnings)})
     pages = {name: TextPage(text=write(camera)) for name, write in WRITERS.items()}
     return {
         "cameras": cameras, "camera": camera, "report": chessboards_report(plain, account),

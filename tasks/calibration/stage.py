@@ -64,7 +64,7 @@ class CalibrationStage(Stage):
         if source.kind == "chessboards":
             yield from self._chessboard_jobs(view, source)
         elif source.kind == "file":
-            yield self._job(from_file, {"text": TextFile(source.path)}, {"path": source.path})
+            yield self._job(from_file, {"text": TextFile(source.path)}, {"path": source.path, "serves": source.serves})
         elif source.kind == "given":
             yield self._job(as_given, {}, {"given": source})
         else:
@@ -98,7 +98,7 @@ class CalibrationStage(Stage):
         incomplete = view.table(ARRANGED).incomplete
         yield from self._second_looks(boards, incomplete, source)
         alone = not view.has_stage("photos")
-        yield self._adjustment(boards, incomplete, {"target": target, "model": model}, alone)
+        yield self._adjustment(boards, incomplete, {"target": target, "model": model, "serves": source.serves}, alone)
         yield from self._drawings(boards)
         yield Export(self.kind, "camera file", "products/camera.json", "json", tables=(CAMERA_FILE,))
         yield Export(self.kind, "calibration record", "products/calibration.json", "json", tables=(CALIBRATION,))

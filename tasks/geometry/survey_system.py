@@ -93,19 +93,19 @@ def _check_finite(points: np.ndarray, source: str, target: str) -> None:
         )
 
 
-def where_they_would_lie(points: np.ndarray, target: str, site: np.ndarray) -> str | None:
-    """Why points (N, 3) may lie far from `site` (2,), as the end of a sentence: the system or the order of axes that would bring
-    them there; None when nothing common does."""
+def where_they_would_lie(points: np.ndarray, source: str, target: str, site: np.ndarray) -> str | None:
+    """Why points (N, 3), read as `source`, may lie far from `site` (2,) on the map of `target`, as the end of a sentence: the
+    system or the order of axes that would bring them there; None when nothing common does."""
     to_degrees = Transformer.from_crs(ground_crs(target), CRS.from_epsg(4326), always_xy=True)
     longitude, latitude = to_degrees.transform(*site)
     zone = int((longitude + 180.0) // 6.0) + 1
     utm = [f"EPSG:{(32600 if latitude >= 0 else 32700) + z}" for z in (zone, zone - 1, zone + 1) if 1 <= z <= 60]
-    for name, swapped in product([target, "EPSG:4326", *utm, "EPSG:3857"], (False, True)):
+    for name, swapped in product([source, target, "EPSG:4326", *utm, "EPSG:3857"], (False, True)):
         xy = points[:, [1, 0]] if swapped else points[:, :2]
         if _median_distance(xy, name, target, site) < _NEAR:
             order = "with X and Y exchanged" if swapped and name != "EPSG:4326" else ""
             order = "with latitude before longitude" if swapped and name == "EPSG:4326" else order
-            return " ".join(word for word in ("" if name == target else f"in {name}", order) if word)
+            return " ".join(word for word in ("" if name == source else f"in {name}", order) if word)
     return None
 
 

@@ -1,17 +1,25 @@
 """What contradicted the block, by name and with advice: control points, single measurements of them, positions, distances."""
 
+from dataclasses import replace
+
 import numpy as np
 
+from schemas.observations import Control
 from schemas.orientation import DistanceResidual, GroundResidual
 from tasks.adjustment.collinearity import misclosures
+from tasks.adjustment.network import Rays
 from tasks.orientation.account import rays_used
 from tasks.orientation.account_ground import control_rows, distance_rows, position_rows
-from tasks.orientation.assembly import Account
+from tasks.orientation.assembly import MEETING, Account
+from tasks.orientation.ground_points import approximate_points
+from tasks.orientation.measurements import ground_rays
 
 AGREES = 3.0
 """What was set aside before the adjustment but lies within this many predicted standard errors of the block is no blunder."""
 UNLIKELY = 4.0
 """A distance that misses the block by more of its predicted standard errors is told."""
+LIES_ON = 5.0
+"""px: a measurement so near to a point may be meant for it."""
 SINGLE = 5
 """More positions than these that were set aside are summed up in one sentence."""
 
@@ -33,10 +41,49 @@ def pointing_sentences(account: Account, blunders: list[GroundResidual]) -> list
         out = np.flatnonzero(own & ~used)
         if not len(out) or not used[own].any() or point.name in wrong:
             continue
-        where = ", ".join(f"{problem.names[problem.rays.photo[ray]]} ({size[ray]:.0f} px off)" for ray in out)
+        owners = [_owner(account, int(ray)) for ray in out]
+        where = ", ".join(
+            f"{problem.names[problem.rays.photo[ray]]} ({size[ray]:.0f} px off{owner and f', where {owner} lies'})"
+            for ray, owner in zip(out, owners, strict=True)
+        )
+        advice = "Measure {} again" if not any(owners) else "Give {} the right name"
         found.append(
             f"{len(out)} of {own.sum()} measurements of the {point.role} point {point.name} in photographs contradict the others "
-            f"and took no part: {where}. Measure {'it' if len(out) == 1 else 'them'} again."
+            f"and took no part: {where}. {advice.format('it' if len(out) == 1 else 'them')}."
+        )
+    return found
+
+
+def _owner(account: Account, ray: int) -> str:
+    """The control point on which a measurement lies that is not its own; empty where there is none."""
+    problem, rays = account.problem, account.problem.rays
+    others = [i for i, point in enumerate(problem.surveyed) if point.role == "control" and problem.ties + i != rays.point[ray]]
+    if not others:
+        return ""
+    many = np.full(len(others), ray)
+    there = Rays(problem.ties + np.array(others, np.int32), rays.photo[many], rays.xy[many], rays.sigma[many])
+    size = np.linalg.norm(misclosures(account.result.state, there, problem.camera_of), axis=1)
+    best = int(size.argmin())
+    return problem.surveyed[others[best]].name if size[best] < LIES_ON else ""
+
+
+def check_pointing_sentences(account: Account, control: Control) -> list[str]:
+    """A sentence for every check point whose measurements do not meet, with those that lie off its coordinates."""
+    problem, found = account.problem, []
+    checks = [point for point in control.points if point.role == "check"]
+    rays = ground_rays(checks, {name: i for i, name in enumerate(problem.names)}, account.cameras)
+    start, missed = approximate_points(account.result.state, problem.cameras, problem.camera_of, rays, len(checks))
+    given = np.array([point.xyz for point in checks], float).reshape(-1, 3) - account.datum.origin
+    size = np.linalg.norm(misclosures(replace(account.result.state, point=given), rays, problem.camera_of), axis=1)
+    for i, point in enumerate(checks):
+        own = rays.point == i
+        off = own & (size > LIES_ON)
+        if missed[i] < MEETING or not off.any() or off.sum() == own.sum():
+            continue
+        where = ", ".join(f"{problem.names[rays.photo[ray]]} ({size[ray]:.0f} px off)" for ray in np.flatnonzero(off))
+        found.append(
+            f"{off.sum()} of {own.sum()} measurements of the check point {point.name} in photographs do not meet the others, which "
+            f"lie on its coordinates: {where}. Measure again, or give the right name."
         )
     return found
 
@@ -81,21 +128,43 @@ def blunder_sentences(account: Account, blunders: list[GroundResidual]) -> list[
 
 
 def distance_sentences(account: Account, wrong: list[DistanceResidual]) -> list[str]:
-    """A sentence for every distance that was thrown out, and for those that miss the block but cannot be told from others."""
-    found = []
-    for row in distance_rows(account):
-        misfit = abs(row.difference) / max(row.predicted, 1e-9)
-        if row in wrong:
-            end = "it took no part. Compare it with its two points"
-        elif misfit > UNLIKELY:
-            end = "too few others tell which of them is wrong. Measure it again"
-        else:
-            continue
+    """A sentence for every distance that was thrown out, for those that miss the block but cannot be told from others, and for a
+    scale that nothing checks."""
+    rows, rough = distance_rows(account), _rougher_than_stated(account)
+    found = [_distance_sentence(row, row in wrong, bool(own)) for row, own in zip(rows, rough, strict=True)]
+    if account.datum.free and len(rows) - len(wrong) == 1:
         found.append(
-            f"The distance from {row.first} to {row.second} ({row.length:.3f} m) contradicts the block (block minus given: "
-            f"{row.difference:+.3f} m, {misfit:.0f} times the predicted standard error); {end}."
+            "One distance alone gives the scale of the block, and nothing checks it: measure two more, so that a wrong one can be "
+            "named."
         )
-    return found
+    return [sentence for sentence in found if sentence]
+
+
+def _rougher_than_stated(account: Account) -> np.ndarray:
+    """(D,) bool: distances that took part with larger standard errors than stated, because they contradict each other."""
+    stated = {(first, second): sigma for first, second, _, sigma in account.problem.distances}
+    distances = account.result.network.distances
+    own = np.array([stated[first, second] for first, second in (distances.ends - account.problem.ties).tolist()])
+    return np.isfinite(distances.sigma) & (distances.sigma > 1.01 * own * account.result.factors.distance)
+
+
+def _distance_sentence(row: DistanceResidual, wrong: bool, rough: bool) -> str | None:
+    misfit = abs(row.difference) / row.predicted if row.predicted > 0 else 0.0
+    if rough:
+        return (
+            f"The distance from {row.first} to {row.second} ({row.length:.3f} m) contradicts the other distances (block minus "
+            f"given: {row.difference:+.3f} m), and too few of them tell which is wrong; the block's scale lies between them. "
+            "Measure it again, or one more."
+        )
+    if not wrong and misfit <= UNLIKELY:
+        return None
+    end = "it took no part. Compare it with its two points" if wrong else (
+        "too few others tell which of them is wrong. Measure it again"
+    )
+    return (
+        f"The distance from {row.first} to {row.second} ({row.length:.3f} m) contradicts the block (block minus given: "
+        f"{row.difference:+.3f} m, {misfit:.0f} times the predicted standard error); {end}."
+    )
 
 
 def _along_the_view(account: Account, positions: list[GroundResidual]) -> str | None:

@@ -4,6 +4,7 @@ import numpy as np
 
 from schemas.observations import Control
 from schemas.orientation import DistanceResidual, GroundResidual, GroundResiduals
+from tasks.adjustment.blunders import CHECKABLE
 from tasks.adjustment.datum import distance_misclosures, position_misclosures
 from tasks.adjustment.variance_components import distance_variances, position_covariance
 from tasks.orientation.assembly import Account
@@ -53,7 +54,7 @@ def _check_rows(account: Account, control: Control) -> list[GroundResidual]:
     problem, result = account.problem, account.result
     points = [point for point in control.points if point.role == "check"]
     rays = ground_rays(points, {name: i for i, name in enumerate(problem.names)}, account.cameras)
-    start = approximate_points(result.state, problem.cameras, problem.camera_of, rays, len(points))
+    start, _ = approximate_points(result.state, problem.cameras, problem.camera_of, rays, len(points))
     found, rows = intersect_ground(result, start, rays), []
     for i, point in enumerate(points):
         if np.isfinite(found.point[i]).all():
@@ -65,13 +66,14 @@ def _check_rows(account: Account, control: Control) -> list[GroundResidual]:
 
 
 def distance_rows(account: Account) -> list[DistanceResidual]:
+    """Measured distances against the block; one that nothing checks has a predicted difference of 0."""
     network, state, problem = account.result.network, account.result.state, account.problem
     misclosure, spread, rows = distance_misclosures(network, state), distance_variances(account.result), []
     stated = {(first, second): sigma for first, second, _, sigma in problem.distances}
     for i, (first, second) in enumerate((network.distances.ends - problem.ties).tolist()):
         weight = network.distances.weight[i]
         variance = 1.0 / weight - spread[i] if weight > 0 else stated[first, second] ** 2 + spread[i]
-        predicted = np.sqrt(max(variance, 0.0))
+        predicted = np.sqrt(variance) if variance > CHECKABLE * stated[first, second] ** 2 else 0.0
         names = problem.surveyed[first].name, problem.surveyed[second].name
         rows.append(
             DistanceResidual(

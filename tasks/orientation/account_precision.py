@@ -3,11 +3,13 @@
 import numpy as np
 
 from schemas.camera import INTERIOR
+from schemas.observations import Control
 from schemas.orientation import Block, BlockPrecision, Correlation, LargestResidual, ObservationGroup
 from tasks.adjustment.interior import given_sigmas
 from tasks.adjustment.result import Adjustment
 from tasks.orientation.account_blunders import (
     blunder_sentences,
+    check_pointing_sentences,
     distance_blunders,
     distance_sentences,
     pointing_sentences,
@@ -20,7 +22,7 @@ WORST = 12
 """How many of the largest standardised residuals are named."""
 
 
-def block_precision(account: Account, tracks: np.ndarray, apart: tuple[Block, ...]) -> BlockPrecision:
+def block_precision(account: Account, tracks: np.ndarray, apart: tuple[Block, ...], control: Control) -> BlockPrecision:
     """The table of the adjustment's own account; `apart`: blocks that nothing connects to the project's system."""
     problem, result = account.problem, account.result
     network, factors = result.network, result.factors
@@ -47,6 +49,7 @@ def block_precision(account: Account, tracks: np.ndarray, apart: tuple[Block, ..
             *blunder_sentences(account, blunders),
             *distance_sentences(account, distances),
             *pointing_sentences(account, blunders),
+            *(() if account.datum.free else check_pointing_sentences(account, control)),
             *account.remarks,
             *_nominal(problem, result),
             *_moved_principal_points(account),
@@ -120,7 +123,8 @@ def _unconnected(problem: Problem, apart: tuple[Block, ...]) -> list[str]:
     for block in apart:
         found.append(
             f"{', '.join(block.names)} form a separate group which neither tie points nor positions or control connect to the "
-            "block; it is kept as a free block of its own and takes no part in later stages."
+            "block; it is kept as a free block of its own and takes no part in later stages. Run its photographs as a project of "
+            "their own, or give positions or control that place it."
         )
     return found
 

@@ -23,6 +23,12 @@ from tasks.orientation.growth import Material
 from tasks.orientation.measurements import ground_rays
 from tasks.orientation.zenith import TOP
 
+MEETING = 0.01
+"""rad: where the rays of a control point miss each other by more, one of them is another point's; only its coordinates then place
+it, and tell which ray is wrong."""
+DEPTHS = 2.0
+"""So do rays that meet this many times nearer or farther than tie points lie."""
+
 
 @dataclass(frozen=True, eq=False)
 class Part:
@@ -97,7 +103,9 @@ def known_of(
     points = taking_part(control)
     rays = ground_rays(points, {name: i for i, name in enumerate(names)}, cameras)
     camera_of = material.camera_of[start.photos]
-    placed = approximate_points(model, material.cameras, camera_of, rays, len(points))
+    placed, missed = approximate_points(model, material.cameras, camera_of, rays, len(points))
+    surveyed = np.array([point.role == "control" for point in points], bool)
+    placed[surveyed & ((missed > MEETING) | ~_at_depth(material, start, model, rays, placed))] = np.nan
     return model, Known(
         *_positions(photos, names),
         *_coordinates(points),
@@ -106,6 +114,21 @@ def known_of(
         np.array([tops.get(name, TOP) for name in names]),
         _lengths(points, control),
     )
+
+
+def _at_depth(material: Material, start: Start, model: State, rays: Rays, placed: np.ndarray) -> np.ndarray:
+    """(n,) bool: points that lie about as far before their photographs as tie points do; two rays of different points may meet, but
+    elsewhere."""
+    own = start.good & start.known[material.rays.point] & np.isin(material.rays.photo, start.photos)
+    photo = np.searchsorted(start.photos, material.rays.photo[own])
+    low, high = np.percentile(_depths(model, photo, model.point[material.rays.point[own]]), [1.0, 99.0])
+    depth, good = _depths(model, rays.photo, placed[rays.point]), np.ones(len(placed), bool)
+    good[rays.point[(depth < low / DEPTHS) | (depth > high * DEPTHS)]] = False
+    return good
+
+
+def _depths(model: State, photo: np.ndarray, points: np.ndarray) -> np.ndarray:
+    return -np.einsum("ni,ni->n", model.rotation[photo, 2], points - model.centre[photo])
 
 
 def _positions(photos: Photos, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:

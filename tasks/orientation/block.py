@@ -115,7 +115,7 @@ def _block_of_sensors(
         "points": ground_points(account, tracks),
         "image_residuals": image_residuals(account, tracks, control),
         "ground_residuals": ground_residuals(account, control),
-        "precision": block_precision(account, tracks, apart),
+        "precision": block_precision(account, tracks, apart, control),
         "separate": SeparateBlocks(blocks=apart),
     }
 

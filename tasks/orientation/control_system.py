@@ -69,7 +69,7 @@ def _on_another_site(given: np.ndarray, xyz: np.ndarray, photos: Photos, own: st
     distance = float(np.median(np.linalg.norm(xyz[:, :2] - site[:2], axis=1)))
     if distance <= max(_FAR * reach, _LEAST_FAR):
         return None
-    fits = where_they_would_lie(given, crs, site[:2])
+    fits = where_they_would_lie(given, own, crs, site[:2])
     advice = f"they would lie there {fits}" if fits else "check the reference system, the order of the axes and the zone"
     return (
         f"The {len(xyz)} control points, read as {own}, lie {distance / 1000:.0f} km from where the photographs were taken; "

@@ -21,6 +21,8 @@ CROWDED = (
 )
 BENDS = 0.02
 """A free model bends by this share of its extent before anything holds it."""
+UPWARD = 0.5
+"""The photographs look upwards (or downwards) where their mean axis has a vertical part of so much."""
 FAR = 5.0
 """A known point that misses the consensus by this many times what it may miss is set aside."""
 
@@ -95,9 +97,13 @@ def choose_datum(
     weak = turn > WEAK_TURN
     similarity = fit_similarity(source[near], (target - origin)[near], sigma[near], upright if weak else none)
     misfit = (similarity.apply(source) - (target - origin))[near]
+    looks_up = None if has.any() else _looks_up(model, similarity, source[near], (target - origin)[near], sigma[near])
+    if looks_up and looks_up.mirrored:
+        return replace(_free(model, known, None), weaknesses=(looks_up.sentence,))
     aside = np.zeros(len(has), bool), np.zeros(len(placed), bool)
     aside[0][has], aside[1][placed] = ~near[~trusted], ~near[trusted]
     weaknesses = _weaknesses(weak, basis, turn, vertical_sigma, known.control[placed & ~aside[1]], sigma[near], misfit, extent)
+    weaknesses += (looks_up.sentence,) if looks_up else ()
     positions, control = int((has & ~aside[0]).sum()), int((placed & ~aside[1]).sum())
     sentence = _sentence(positions, control, basis if weak else None)
     return Datum(similarity, origin, False, zenith if weak else None, sentence, weaknesses, *aside)
@@ -106,6 +112,43 @@ def choose_datum(
 def _direction(points: np.ndarray) -> np.ndarray:
     """The direction (3,) of the line that fits points (n, 3) best."""
     return np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][0]
+
+
+@dataclass(frozen=True)
+class _LookingUp:
+    """Photographs that by their control look up from below; `mirrored`: because X and Y of the control are exchanged."""
+
+    mirrored: bool
+    sentence: str
+
+
+def _looks_up(
+    model: State, similarity: Similarity, source: np.ndarray, target: np.ndarray, sigma: np.ndarray
+) -> _LookingUp | None:
+    """Control with X and Y exchanged shows the ground in a mirror, which is nearly the ground seen from below."""
+    if (similarity.rotation @ _mean_up(model))[2] > -UPWARD:
+        return None
+    exchanged = target[:, [1, 0, 2]]
+    other = fit_similarity(source, exchanged, sigma, Upward(_mean_up(model), 0.0))
+    own, better = (float(np.sqrt(((fit.apply(source) - to) ** 2).sum(axis=1).mean())) for fit, to in
+                   ((similarity, target), (other, exchanged)))  # fmt: skip
+    if (other.rotation @ _mean_up(model))[2] > UPWARD and 2.0 * better < own:
+        return _LookingUp(
+            True,
+            f"With X and Y of the control exchanged it fits the block to {better:.2f} m, but as it was given only to {own:.2f} m, "
+            "and with photographs that look up from below the ground: it was set aside. Exchange X and Y in the file.",
+        )
+    return _LookingUp(
+        False,
+        "By the control the photographs look upwards from below. Unless they show a ceiling, X and Y of the control are exchanged: "
+        "compare its file.",
+    )
+
+
+def _mean_up(model: State) -> np.ndarray:
+    """The mean of the cameras' axes away from the ground."""
+    up = model.rotation[:, 2].mean(axis=0)
+    return up / max(float(np.linalg.norm(up)), 1e-12)
 
 
 def _without_shift(model: State, known: Known) -> np.ndarray:
@@ -129,7 +172,8 @@ def _free(model: State, known: Known, origin: np.ndarray | None) -> Datum:
         what = "place and direction are arbitrary" if length else (
             "place, direction and scale are arbitrary (the cameras are put 100 units above the ground)"
         )
-    scaled = f"; {len(known.distances)} measured distances give the scale" if length else ""
+    count = len(known.distances)
+    scaled = f"; {count} measured distance{'s give' if count > 1 else ' gives'} the scale" if length else ""
     weak = (
         "The block has a scale but no place: its coordinates are metres in a system of its own. "
         if length

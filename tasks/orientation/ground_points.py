@@ -24,9 +24,12 @@ class Intersected:
     residual: np.ndarray
 
 
-def approximate_points(state: State, cameras: list[Camera], camera_of: np.ndarray, rays: Rays, count: int) -> np.ndarray:
-    """(count, 3) the points nearest to their rays; NaN for points with fewer than two rays."""
-    points = np.full((count, 3), np.nan)
+def approximate_points(
+    state: State, cameras: list[Camera], camera_of: np.ndarray, rays: Rays, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """(count, 3) the points nearest to their rays, NaN for points with fewer than two; and (count,) the angles in radians by which
+    the rays miss them."""
+    points, missed = np.full((count, 3), np.nan), np.zeros(count)
     for number in range(count):
         own = np.flatnonzero(rays.point == number)
         if len(own) >= 2:
@@ -39,8 +42,10 @@ def approximate_points(state: State, cameras: list[Camera], camera_of: np.ndarra
             )
             directions = np.einsum("ni,nij->nj", np.column_stack([xy, -np.ones(len(own))]), state.rotation[photo])
             directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-            points[number] = intersect_rays(state.centre[photo][:, None], directions[:, None])[0][0]
-    return points
+            found, offset = intersect_rays(state.centre[photo][:, None], directions[:, None])
+            points[number] = found[0]
+            missed[number] = offset[0] / np.linalg.norm(found[0] - state.centre[photo], axis=1).mean()
+    return points, missed
 
 
 def intersect_ground(result: Adjustment, start: np.ndarray, rays: Rays) -> Intersected:

@@ -2,8 +2,12 @@
 
 import numpy as np
 
+from schemas.wording import some_of
+from tasks.orientation.interchange.foreign_block import MIRRORED
 from tasks.orientation.report_facts import CELLS, Facts, coverage, filled_areas
 
+POINTINGS = "surveyed points in photographs"
+"""The group of observations of the adjustment"""
 ONE_SIDED = 0.2
 """Share of the block's frame that control must cover"""
 
@@ -18,6 +22,7 @@ def block_warnings(facts: Facts) -> list[str]:
         *_camera_warnings(facts),
         *_photo_warnings(facts),
         *_factor_warnings(facts),
+        *_written_warnings(facts),
     ]
 
 
@@ -33,8 +38,14 @@ def _control_warnings(facts: Facts) -> list[str]:
         found.append(
             "There are no check points, so nothing independent confirms the block; turn some control points into check points."
         )
-    found += _one_sided(facts)
     tested = {p.name: p for p in facts.ground.points}
+    if roles and not tested:
+        return [
+            *found,
+            f"None of the {len(roles)} surveyed points was compared with the block, which has no place in their system.",
+        ]
+    found += _one_sided(facts)
+    doubtful = []
     for point in (point for point in facts.control.points if point.role != "tie"):
         row = tested.get(point.name)
         if row is None or row.photos == 0:
@@ -45,10 +56,18 @@ def _control_warnings(facts: Facts) -> list[str]:
         elif point.name not in facts.precision.blunders and any(
             abs(d) > 4.0 * s + 1e-9 for d, s in zip(row.difference, row.predicted, strict=True)
         ):
-            found.append(
-                f"The {point.role} point {point.name} differs from the block by more than four times the predicted standard error; "
-                "it may be wrong."
-            )
+            doubtful.append(f"{point.role} point {point.name}")
+    if len(doubtful) == 1:
+        found.append(
+            f"The {doubtful[0]} differs from the block by more than four times the predicted standard error; "
+            "it may be wrong."
+        )
+    elif doubtful:
+        found.append(
+            "Several points differ from the block by more than four times the predicted standard error: "
+            f"{some_of(doubtful)}. One of them may be wrong and pull at the others, and what else is known cannot tell which. Leave "
+            "them out one at a time, or give more control or positions."
+        )
     return found
 
 
@@ -129,6 +148,24 @@ def _photo_warnings(facts: Facts) -> list[str]:
     return found
 
 
+def _written_warnings(facts: Facts) -> list[str]:
+    """What the files for other programs cannot say: they know neither scans in a frame of their own nor mirrored photographs."""
+    found = []
+    if any(photo.scan is not None for photo in facts.photos.photos):
+        found.append(
+            "The photographs are scans that were put into a common frame: the cameras written for COLMAP and OpenSfM belong to "
+            "that frame and not to the scan files. exterior_orientation.csv holds for both."
+        )
+    upright = [photo.name for photo in facts.photos.photos if photo.exif_orientation in MIRRORED]
+    mirrored = [name for name in upright if name in facts.block.names]
+    if mirrored:
+        found.append(
+            f"EXIF mirrors {some_of(mirrored)}, which no orientation in space expresses: the files for COLMAP and OpenSfM hold the "
+            "photographs upright. Save them upright for other programs."
+        )
+    return found
+
+
 def _factor_warnings(facts: Facts) -> list[str]:
     found, precision = [], facts.precision
     if precision.position_factor > 1.0:
@@ -138,6 +175,12 @@ def _factor_warnings(facts: Facts) -> list[str]:
     if precision.control_factor > 1.0:
         found.append(
             f"The ground control is worse than stated: its standard errors were enlarged {precision.control_factor:.1f} times."
+        )
+    pointing = next((group.factor for group in precision.groups if group.name == POINTINGS), 1.0)
+    if pointing > 1.0:
+        found.append(
+            "The measurements of surveyed points in the photographs fit worse than stated: their standard errors were enlarged "
+            f"{pointing:.1f} times. A wrong coordinate among few control points does this, too."
         )
     share = precision.rejected / max(precision.rejected + precision.rays, 1)
     if share > 0.15:

@@ -6,6 +6,11 @@ from pydantic import Field
 
 from schemas.settings import Settings, setting
 
+PICTURE = (
+    "Width and height of the exposed picture about the centre of the marks: scans are cut to it, so that the margin of the film "
+    "takes no part. Without it they reach to the outermost marks, or whole."
+)
+
 
 class Digital(Settings):
     """A digital camera: pixels are what the sensor measured."""
@@ -29,6 +34,7 @@ class FiducialMarks(Settings):
         "micrometres",
         gt=0,
     )
+    picture_mm: tuple[float, float] | None = setting(None, PICTURE, "mm")
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -40,7 +46,8 @@ class PrincipalPixel(Settings):
 
     kind: Literal["principal_pixel"]
     measured_path: str = setting(..., "CSV with the columns photo, col, row: where lines between opposite marks cross, in pixels.")
-    pixel_um: float | None = setting(None, "Side of a pixel of the scan.", "micrometres", gt=0)
+    pixel_um: float | None = setting(None, "Side of a pixel of the scan; needed with picture_mm.", "micrometres", gt=0)
+    picture_mm: tuple[float, float] | None = setting(None, PICTURE, "mm")
 
     @property
     def files(self) -> tuple[str, ...]:

@@ -22,12 +22,14 @@ _TOLERATED = 1.0
 
 @dataclass(frozen=True, eq=False)
 class MarkFit:
-    """`affine` (3, 2): rows for 1, col and row of the scan, columns x and y in mm; `rms_um` of the marks that took part, None
-    without redundancy; `wrong`: mark -> how far (px of the scan) it lies from where the others put it."""
+    """`affine` (3, 2): rows for 1, col and row of the scan, columns x and y in mm; `rms_um` of the marks that took part, and
+    `sigma_um` of a coordinate in their middle and at the outermost one, None without redundancy; `wrong`: mark -> how far (px of
+    the scan) it lies from where the others put it."""
 
     affine: np.ndarray
     marks: int
     rms_um: float | None
+    sigma_um: tuple[float, float] | None
     wrong: dict[str, float]
 
     @property
@@ -53,7 +55,8 @@ def fit_marks(photo: str, measured: dict[str, np.ndarray], marks: dict[str, np.n
     used = _agreeing(pixels, mm)
     affine, rms = _affine(pixels[used], mm[used])
     off = np.linalg.norm((_design(pixels) @ affine - mm) @ np.linalg.inv(affine[1:]), axis=1)
-    return MarkFit(affine, int(used.sum()), rms, {names[i]: float(off[i]) for i in np.flatnonzero(~used)})
+    sigma = None if rms is None else _precision(pixels[used], rms)
+    return MarkFit(affine, int(used.sum()), rms, sigma, {names[i]: float(off[i]) for i in np.flatnonzero(~used)})
 
 
 def _agreeing(pixels: np.ndarray, mm: np.ndarray) -> np.ndarray:
@@ -69,6 +72,15 @@ def _agreeing(pixels: np.ndarray, mm: np.ndarray) -> np.ndarray:
         if best * _CLEARER < rms:
             return part
     return every
+
+
+def _precision(pixels: np.ndarray, rms_um: float) -> tuple[float, float]:
+    """Standard errors of a transformed coordinate in the middle of the marks and at the outermost, micrometres."""
+    offset = pixels - pixels.mean(axis=0)
+    design = _design(offset)
+    cofactor = np.linalg.inv(design.T @ design)
+    outermost = design[np.linalg.norm(offset, axis=1).argmax()]
+    return rms_um * float(np.sqrt(cofactor[0, 0])), rms_um * float(np.sqrt(outermost @ cofactor @ outermost))
 
 
 def _design(pixels: np.ndarray) -> np.ndarray:

@@ -96,7 +96,8 @@ def index_photos(
     fitted = _fitted(photos, coordinates, scan_texts)
     framed = [one.photo for one in fitted] or photos
     leveled = (photo.model_copy(update={"levels": level_count((photo.height, photo.width))}) for photo in framed)
-    scans = Scans(scans=tuple(one.scan for one in fitted))
+    cut = coordinates.kind != "digital" and coordinates.picture_mm is not None
+    scans = Scans(scans=tuple(one.scan for one in fitted), cut=cut)
     return {"photos": Photos(photos=tuple(leveled), remarks=tuple(remarks)), "scans": scans}
 
 
@@ -108,8 +109,8 @@ def _fitted(photos: list[Photo], coordinates: ImageCoordinates, texts: tuple[str
     if turned:
         raise PhotoError(f"{', '.join(turned[:8])}: scans must not be turned by an EXIF flag; save them as they were scanned.")
     if coordinates.kind == "fiducial_marks":
-        return in_mark_frame(photos, *texts, coordinates.pixel_um)
-    return in_principal_frame(photos, *texts, coordinates.pixel_um)
+        return in_mark_frame(photos, *texts, coordinates.pixel_um, coordinates.picture_mm)
+    return in_principal_frame(photos, *texts, coordinates.pixel_um, coordinates.picture_mm)
 
 
 def _refusal(header: Header, limits: Limits) -> str | None:

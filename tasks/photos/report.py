@@ -32,13 +32,20 @@ def photos_report(
 
 
 def _scan_grid(scans: Scans) -> Grid:
-    rows = tuple((one.photo, one.marks, one.rms_um, one.turn_deg, one.col_um, one.row_um) for one in scans.scans)
+    rows = tuple(
+        (one.photo, one.marks, one.rms_um, *(one.sigma_um or (None, None)), one.turn_deg, one.col_um, one.row_um)
+        for one in scans.scans
+    )
     return Grid(
         title="Scans",
-        columns=("photo", "marks", "sigma of a mark, micrometres", "turn of the scan, degrees", "pixel along rows, micrometres",
-                 "pixel along columns, micrometres"),
+        columns=(
+            "photo", "marks", "sigma of a mark, micrometres", "sigma of a coordinate in the middle, micrometres",
+            "sigma of a coordinate at the outermost mark, micrometres", "turn of the scan, degrees",
+            "pixel along rows, micrometres", "pixel along columns, micrometres",
+        ),
         rows=rows,
-        note="The affine transformation from the scan to the calibrated marks; three marks fit without a residual.",
+        note="The affine transformation from the scan to the calibrated marks; three marks fit without a residual. Its errors are "
+        "those of one photograph alone and partly go into its orientation; the block's standard errors do not count them.",
     )  # fmt: skip
 
 
@@ -51,6 +58,11 @@ def _scan_warnings(scans: Scans) -> list[str]:
         for one in scans.scans
         for mark, off in one.wrong.items()
     ]
+    if any(one.marks for one in scans.scans) and not scans.cut:
+        found.append(
+            "The scans are used out to their outermost fiducial marks. If these stand in the margin of the film, give picture_mm, "
+            "width and height of the exposed picture, or the margin gets into the surface and the orthoimage."
+        )
     if bad:
         found.append(
             f"The fiducial marks of {', '.join(bad[:8])} fit an affine transformation worse than two pixels (micrometres in "

@@ -38,6 +38,8 @@ class Scan(BaseModel):
     marks: int
     rms_um: float | None
     """of the residuals at the marks; None with three marks, which fit exactly, or with a principal pixel"""
+    sigma_um: tuple[float, float] | None = None
+    """standard errors of a coordinate that the transformation gives, in the middle and at the outermost mark"""
     turn_deg: float
     col_um: float | None
     row_um: float | None
@@ -48,11 +50,12 @@ class Scan(BaseModel):
 
 
 class Scans(BaseModel):
-    """All scans of a project; empty for digital photographs."""
+    """All scans of a project; empty for digital photographs. `cut`: to the exposed picture."""
 
     model_config = ConfigDict(frozen=True)
 
     scans: tuple[Scan, ...] = ()
+    cut: bool = False
 
 
 @dataclass(frozen=True)
@@ -63,8 +66,11 @@ class Fitted:
     scan: Scan
 
 
-def in_mark_frame(photos: list[Photo], marks_text: str, measured_text: str, pixel_um: float) -> list[Fitted]:
-    """Every photograph in the frame of its fiducial marks, with pixels of `pixel_um`. Raises WorkflowError."""
+def in_mark_frame(
+    photos: list[Photo], marks_text: str, measured_text: str, pixel_um: float, picture_mm: tuple[float, float] | None = None
+) -> list[Fitted]:
+    """Every photograph in the frame of its fiducial marks, with pixels of `pixel_um`; `picture_mm`: width and height that it is cut
+    to, else it reaches to the outermost marks. Raises WorkflowError."""
     marks = {row["mark"]: _xy(row, ("x", "y")) for row in _rows(marks_text, ("mark", "x", "y"), "fiducial marks")}
     measured: dict[str, dict[str, np.ndarray]] = {}
     for row in _rows(measured_text, ("photo", "mark", "col", "row"), "mark measurements"):
@@ -77,7 +83,10 @@ def in_mark_frame(photos: list[Photo], marks_text: str, measured_text: str, pixe
     few = [photo.name for photo in photos if len(measured.get(photo.name, {})) < 3]
     if few:
         raise WorkflowError(f"{', '.join(few[:8])}: fewer than three fiducial marks are measured, but three are needed.")
-    half = np.ceil(1000.0 * np.abs(np.array(list(marks.values()))).max(axis=0) / pixel_um).astype(int)
+    reach = np.abs(np.array(list(marks.values()))).max(axis=0)
+    half = np.ceil(1000.0 * reach / pixel_um).astype(int)
+    if picture_mm is not None:
+        half = _half_of(picture_mm, pixel_um, 2.0 * reach)
     return [_by_marks(photo, marks, measured[photo.name], pixel_um, half) for photo in photos]
 
 
@@ -91,16 +100,32 @@ def _by_marks(photo: Photo, marks: dict[str, np.ndarray], own: dict[str, np.ndar
         )
     along_col = fit.affine[1]
     scan = Scan(
-        photo=photo.name, marks=fit.marks, rms_um=fit.rms_um, turn_deg=float(np.degrees(np.arctan2(along_col[1], along_col[0]))),
-        col_um=col_um, row_um=row_um, wrong=fit.wrong, mirrored=fit.mirrored,
+        photo=photo.name, marks=fit.marks, rms_um=fit.rms_um, sigma_um=fit.sigma_um,
+        turn_deg=float(np.degrees(np.arctan2(along_col[1], along_col[0]))), col_um=col_um, row_um=row_um, wrong=fit.wrong,
+        mirrored=fit.mirrored,
     )  # fmt: skip
     to_frame = 1000.0 / pixel_um * fit.affine * [1.0, -1.0]
     to_frame[0] += half
     return Fitted(_framed(photo, to_frame, half, pixel_um), scan)
 
 
-def in_principal_frame(photos: list[Photo], measured_text: str, pixel_um: float | None) -> list[Fitted]:
-    """Every photograph shifted so that its principal pixel is the middle of the frame. Raises WorkflowError."""
+def _half_of(picture_mm: tuple[float, float], pixel_um: float | None, largest_mm: np.ndarray) -> np.ndarray:
+    """Half the frame (2,), px, that a picture fills. Raises WorkflowError."""
+    if pixel_um is None:
+        raise WorkflowError("picture_mm counts millimetres: give pixel_um as well, the side of a pixel of the scan.")
+    if not (0.0 < min(picture_mm) and (np.array(picture_mm) <= 1.05 * largest_mm).all()):
+        raise WorkflowError(
+            f"picture_mm is {picture_mm[0]:g} x {picture_mm[1]:g} mm, but the scans reach {largest_mm[0]:.4g} x "
+            f"{largest_mm[1]:.4g} mm; it is the width and height of the exposed picture in millimetres."
+        )
+    return np.floor(500.0 * np.array(picture_mm) / pixel_um - 0.5).astype(int)
+
+
+def in_principal_frame(
+    photos: list[Photo], measured_text: str, pixel_um: float | None, picture_mm: tuple[float, float] | None = None
+) -> list[Fitted]:
+    """Every photograph shifted so that its principal pixel is the middle of the frame; `picture_mm` as in `in_mark_frame`, else it
+    is whole. Raises WorkflowError."""
     rows = _rows(measured_text, ("photo", "col", "row"), "principal pixels")
     principal = {photo_stem(row["photo"]): _xy(row, ("col", "row")) for row in rows}
     missing = [photo.name for photo in photos if photo.name not in principal]
@@ -109,6 +134,8 @@ def in_principal_frame(photos: list[Photo], measured_text: str, pixel_um: float 
     sizes = np.array([(photo.width, photo.height) for photo in photos])
     places = np.array([principal[photo.name] for photo in photos])
     half = np.ceil(np.maximum(places, sizes - 1 - places).max(axis=0)).astype(int)
+    if picture_mm is not None:
+        half = _half_of(picture_mm, pixel_um, 2.0 * half * (pixel_um or 0.0) / 1000.0)
     found = []
     for photo, place in zip(photos, places, strict=True):
         to_frame = np.array([half - place, [1.0, 0.0], [0.0, 1.0]])

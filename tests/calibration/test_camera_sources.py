@@ -117,6 +117,17 @@ def test_photographs_of_another_shape_are_named():
         as_given(photos(photo(), photo("b", height=800)), CameraGiven(kind="given", c=900))
 
 
+def test_a_calibrated_camera_serves_its_own_photographs_and_exif_the_others():
+    nominal = {"focal_mm": 4.0, "pixel_um": 2.0}
+    outcome = from_file(photos(photo(), photo("b", height=700, camera="B", **nominal)), CAMERA.model_dump_json(), "c.json", "a*")
+    assert outcome["cameras"].of("a").c == 700 and outcome["cameras"].of("b").c == 2000
+    assert outcome["cameras"].of("b").source == "exif"
+    same = as_given(photos(photo(), photo("b", **nominal)), CameraGiven(kind="given", c=900, serves="a.*"))["cameras"]
+    assert same.of("a").c == 900 and same.of("b").c == 2000, "two cameras that EXIF gives one name"
+    with pytest.raises(WorkflowError, match=r"No photograph matches 'DSC\*'"):
+        as_given(photos(photo()), CameraGiven(kind="given", c=900, serves="DSC*"))
+
+
 def test_files_hold_one_camera_or_those_of_an_earlier_run():
     single = from_file(photos(photo(width=400, height=300)), CAMERA.model_dump_json(), "camera.json")
     assert single["cameras"].of("a").c == 350

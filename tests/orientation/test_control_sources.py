@@ -107,6 +107,14 @@ def test_control_of_another_site_is_named_with_the_system_that_fits(change, fit)
     assert control.points == () and fit in control.remarks[0]
 
 
+def test_control_in_the_projects_system_that_is_said_to_be_in_another_is_told():
+    rows = "P0,control,407100,4357010,100,0.1,0.1,0.1\nP1,control,407300,4357400,120,0.1,0.1,0.1\n"
+    measured = "".join(f"P{i},{name},10,20,0.5\n" for i in range(2) for name in "ab")
+    header = "name,role,x,y,z,sigma_x,sigma_y,sigma_z\n", "name,photo,col,row,sigma\n"
+    control = control_from_files(photos(), header[0] + rows, header[1] + measured, "EPSG:32634", CRS)
+    assert "would lie there in EPSG:2100." in control.remarks[0]
+
+
 def as_system(xyz, name):
     x, y = Transformer.from_crs(CRS, name, always_xy=True).transform(xyz[:, 0], xyz[:, 1])
     return np.column_stack([x, y, xyz[:, 2]])

@@ -167,7 +167,7 @@ def test_a_distance_gives_a_free_network_its_scale():
     )
     out = orient(free, interior=FIXED)
     result = out["block"]
-    assert result.datum.startswith("Free network") and "1 measured distances" in result.datum
+    assert result.datum.startswith("Free network") and "1 measured distance gives" in result.datum
     assert np.abs(standardised_lengths(block, result)).max() < 4
     assert abs(out["ground_residuals"].distances[0].difference) < 0.03
 
@@ -312,3 +312,70 @@ def test_a_table_of_angles_is_a_start():
     )
     assert len(out["block"].photos) == 6 and out["block"].sigma0_px == pytest.approx(0.3, rel=0.1)
     assert out["block"].datum.startswith("Control")
+
+
+def as_ties(block, *distances):
+    """The block whose control points are only measured in photographs, with distances between them and nothing else."""
+    return with_control(block, lambda i, p: p.model_copy(update={"role": "tie", "xyz": (0.0, 0.0, 0.0)}), distances)
+
+
+def chained(block, count, change):
+    """`count` distances from one control point to the next, their lengths changed by `change(number, length)`."""
+    points = [p for p in block.control.points if p.role == "control"][: count + 1]
+    lengths = [float(np.linalg.norm(np.subtract(a.xyz, b.xyz))) for a, b in pairwise(points)]
+    return [
+        Distance(first=a.name, second=b.name, length=change(i, lengths[i]), sigma=0.03) for i, (a, b) in enumerate(pairwise(points))
+    ]
+
+
+def test_a_distance_in_feet_among_others_is_named_and_the_scale_stays():
+    block = two_strips(31, np.zeros(8), gnss=None)
+    distances = chained(block, 5, lambda i, length: length * (3.2808 if i == 1 else 1.0))
+    out = orient(as_ties(block, *distances), interior=FIXED)
+    assert out["precision"].blunders == (f"{distances[1].first} - {distances[1].second}",)
+    assert np.abs(standardised_lengths(block, out["block"])).max() < 4.5
+
+
+def test_two_distances_that_disagree_are_both_told_and_the_block_is_oriented():
+    block = two_strips(32, np.zeros(8), gnss=None)
+    distances = chained(block, 2, lambda i, length: length * (1.03 if i else 1.0))
+    out = orient(as_ties(block, *distances), interior=FIXED)
+    assert len(out["block"].photos) == 6 and out["precision"].blunders == ()
+    assert sum("contradicts the other distances" in text for text in out["precision"].weaknesses) == 2
+
+
+def test_one_distance_is_no_contradiction_but_is_not_checked():
+    block = two_strips(33, np.zeros(8), gnss=None)
+    out = orient(as_ties(block, *chained(block, 1, lambda i, length: length)), interior=FIXED)
+    said = [text for text in out["precision"].weaknesses if "istance" in text]
+    assert len(said) == 1 and said[0].startswith("One distance alone gives the scale")
+
+
+@pytest.mark.parametrize("gnss", [0.1, None])
+def test_measurements_under_exchanged_names_are_named_and_the_others_of_these_points_stay(gnss):
+    block = two_strips(34, np.zeros(8), gnss=gnss)
+    a, b, photo = next(
+        (a, b, photo)
+        for a in block.control.points for b in block.control.points for photo in a.measurements
+        if a.name < b.name and a.role == b.role == "control" and photo in b.measurements
+    )  # fmt: skip
+
+    def exchanged(i, point):
+        other = {a.name: b, b.name: a}.get(point.name)
+        own = {**point.measurements, **({photo: other.measurements[photo]} if other else {})}
+        return point.model_copy(update={"measurements": own})
+
+    out = orient(with_control(block, exchanged), interior=FIXED)
+    for point, other in ((a, b), (b, a)):
+        (said,) = [text for text in out["precision"].weaknesses if f"control point {point.name} in photographs" in text]
+        assert f"{photo} (" in said and f"where {other.name} lies" in said
+    assert {a.name, b.name} <= {row.name for row in out["ground_residuals"].of_role("control")}
+    assert np.abs(standardised_orientation(block, out["block"])).max() < 5
+
+
+def test_control_with_x_and_y_exchanged_turns_no_block_upside_down():
+    """Without positions nothing tells the site; but a mirrored ground would be seen from below."""
+    block = two_strips(35, np.zeros(8), gnss=None)
+    out = orient(with_control(block, lambda i, p: p.model_copy(update={"xyz": (p.xyz[1], p.xyz[0], p.xyz[2])})), interior=FIXED)
+    assert any("Exchange X and Y in the file" in text for text in out["precision"].weaknesses)
+    assert out["block"].datum.startswith("Free network") and len(out["block"].photos) == 6

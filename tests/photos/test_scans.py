@@ -13,6 +13,7 @@ from schemas.photo import PHOTOS, Photo, Photos, photo_raster
 from schemas.raster import Window
 from schemas.report import report_table
 from schemas.workflow import Project
+from tasks.photos.fiducials import fit_marks
 from tasks.photos.report import photos_report
 from tasks.photos.scans import Scans, in_mark_frame, in_principal_frame, scan_window, to_file
 from tasks.photos.stage import SCANS, PhotosStage
@@ -58,6 +59,28 @@ def test_marks_give_the_affine_transformation_whole():
         assert photo.from_file(*pixel) == pytest.approx(tuple(place), abs=1e-9), "control is measured in the scan"
 
 
+def test_scans_are_cut_to_the_picture():
+    (whole,), (cut,) = (in_mark_frame([scan()], *texts(), PIXEL, size) for size in (None, (16.0, 12.0)))
+    assert (cut.photo.width, cut.photo.height) == (319, 239)
+    middle = [to_file(one.photo, np.array([[(one.photo.width - 1) / 2, (one.photo.height - 1) / 2]])) for one in (whole, cut)]
+    assert np.allclose(middle[0], middle[1], atol=1e-9), "the origin of the marks is the middle of both"
+    with pytest.raises(WorkflowError, match="picture_mm is 160 x 120 mm, but the scans reach 18 x 14 mm"):
+        in_mark_frame([scan()], *texts(), PIXEL, (160.0, 120.0))
+    with pytest.raises(WorkflowError, match="give pixel_um as well"):
+        in_principal_frame([scan()], "photo,col,row\na,200,160\n", None, (16.0, 12.0))
+
+
+def test_the_precision_of_the_transformation_is_that_of_repeated_measurements():
+    rng, places, stated = np.random.default_rng(8), [], []
+    for _ in range(300):
+        measured = {name: xy + rng.normal(0, 0.2, 2) for name, xy in zip(EIGHT, to_scan(list(EIGHT.values())), strict=True)}
+        fit = fit_marks("a", measured, {name: np.array(xy) for name, xy in EIGHT.items()})
+        places.append([np.array([1.0, *to_scan([at])[0]]) @ fit.affine for at in ((0.0, 0.0), (9.0, 7.0))])
+        stated.append(fit.sigma_um)
+    scatter = 1000.0 * np.std(places, axis=0).mean(axis=1)
+    assert np.allclose(np.sqrt(np.mean(np.square(stated), axis=0)), scatter, rtol=0.1)
+
+
 def test_residuals_at_the_marks_tell_their_quality():
     (fitted,) = in_mark_frame([scan()], *texts(noise=0.5), PIXEL)
     assert 3.0 < fitted.scan.rms_um < 80.0
@@ -99,7 +122,7 @@ def test_a_wrong_mark_among_many_is_named_and_takes_no_part():
     fitted = eight_marks(one_wrong)
     assert fitted.scan.wrong == {"5": pytest.approx(np.hypot(30, 20), abs=1.0)} and fitted.scan.marks == 7
     assert np.abs(to_file(fitted.photo, np.array([[180.0, 140.0]])) - to_scan([(0.0, 0.0)])).max() < 0.2
-    (said,) = photos_report(Photos(photos=()), Scans(scans=(fitted.scan,)), (), "none").warnings
+    (said,) = photos_report(Photos(photos=()), Scans(scans=(fitted.scan,), cut=True), (), "none").warnings
     assert "mark 5 of a lies 36" in said
 
 
@@ -113,7 +136,7 @@ def test_one_of_four_marks_is_wrong_but_has_no_name():
     first = rows.splitlines()[1].split(",")
     shifted = rows.replace(",".join(first), f"{first[0]},{first[1]},{float(first[2]) + 40},{first[3]}")
     (fitted,) = in_mark_frame([scan()], marks, shifted, PIXEL)
-    (said,) = photos_report(Photos(photos=()), Scans(scans=(fitted.scan,)), (), "none").warnings
+    (said,) = photos_report(Photos(photos=()), Scans(scans=(fitted.scan,), cut=True), (), "none").warnings
     assert fitted.scan.wrong == {} and said.startswith("The fiducial marks of a (")
 
 
@@ -121,7 +144,7 @@ def test_marks_counted_downwards_are_told():
     marks, rows = texts()
     down = "mark,x,y\n" + "".join(f"{name},{x},{-y}\n" for name, (x, y) in MARKS.items())
     (fitted,) = in_mark_frame([scan()], down, rows, PIXEL)
-    (said,) = photos_report(Photos(photos=()), Scans(scans=(fitted.scan,)), (), "none").warnings
+    (said,) = photos_report(Photos(photos=()), Scans(scans=(fitted.scan,), cut=True), (), "none").warnings
     assert "1 photograph (a) mirrored" in said and not in_mark_frame([scan()], marks, rows, PIXEL)[0].scan.mirrored
 
 

@@ -75,10 +75,11 @@ def _pose(row: dict[str, str]) -> Pose | None:
 
 
 def write_angles(block: Block) -> str:
-    """All photographs of a block, with standard errors where the adjustment gave them."""
+    """All photographs of a block, with standard errors where the adjustment gave them; with digits enough to read the block back
+    as it was (nanometres, and 1e-12 degrees)."""
     lines = [",".join((*COLUMNS, *SIGMAS))]
     for photo in block.photos:
-        numbers = [f"{v:.4f}" for v in photo.centre] + [f"{v:.7f}" for v in photo.omega_phi_kappa]
+        numbers = [f"{v:.9f}" for v in photo.centre] + [f"{v:.12f}" for v in photo.omega_phi_kappa]
         lines.append(",".join([photo.photo, *numbers, *_sigmas(photo.covariance)]))
     return "\n".join(lines) + "\n"
 

@@ -110,6 +110,12 @@ def _turned_pose(pose: Pose, photo: Photo, way: str) -> Pose:
 
 def _upright_camera(camera: Camera, photo: Photo) -> Camera:
     width, height = file_size(photo)
+    if photo.scan is not None and (camera.width, camera.height) != (width, height):
+        raise WorkflowError(
+            f"{photo.name} is a scan that was put into a frame of {width} x {height} pixels, but the camera {camera.name} of the "
+            f"block to be read has {camera.width} x {camera.height}: a camera of the scan itself does not fit. Read its exterior "
+            "orientation as CSV, with the camera of the frame."
+        )
     if abs(width / camera.width * camera.height / height - 1.0) > _SAME_SHAPE:
         raise WorkflowError(
             f"The camera {camera.name} of the block to be read has {camera.width} x {camera.height} pixels, but {photo.name} has "
