@@ -72,7 +72,7 @@ def check_pointing_sentences(account: Account, control: Control) -> list[str]:
     problem, found = account.problem, []
     checks = [point for point in control.points if point.role == "check"]
     rays = ground_rays(checks, {name: i for i, name in enumerate(problem.names)}, account.cameras)
-    start, missed = approximate_points(account.result.state, problem.cameras, problem.camera_of, rays, len(checks))
+    _, missed = approximate_points(account.result.state, problem.cameras, problem.camera_of, rays, len(checks))
     given = np.array([point.xyz for point in checks], float).reshape(-1, 3) - account.datum.origin
     size = np.linalg.norm(misclosures(replace(account.result.state, point=given), rays, problem.camera_of), axis=1)
     for i, point in enumerate(checks):

@@ -65,8 +65,8 @@ def _control_warnings(facts: Facts) -> list[str]:
     elif doubtful:
         found.append(
             "Several points differ from the block by more than four times the predicted standard error: "
-            f"{some_of(doubtful)}. One of them may be wrong and pull at the others, and what else is known cannot tell which. Leave "
-            "them out one at a time, or give more control or positions."
+            f"{some_of(doubtful)}. One of them may be wrong and pull at the others, and what else is known cannot tell which. "
+            "Leave them out one at a time, or give more control or positions."
         )
     return found
 

@@ -113,7 +113,7 @@ def _half_of(picture_mm: tuple[float, float], pixel_um: float | None, largest_mm
     """Half the frame (2,), px, that a picture fills. Raises WorkflowError."""
     if pixel_um is None:
         raise WorkflowError("picture_mm counts millimetres: give pixel_um as well, the side of a pixel of the scan.")
-    if not (0.0 < min(picture_mm) and (np.array(picture_mm) <= 1.05 * largest_mm).all()):
+    if not (min(picture_mm) > 0.0 and (np.array(picture_mm) <= 1.05 * largest_mm).all()):
         raise WorkflowError(
             f"picture_mm is {picture_mm[0]:g} x {picture_mm[1]:g} mm, but the scans reach {largest_mm[0]:.4g} x "
             f"{largest_mm[1]:.4g} mm; it is the width and height of the exposed picture in millimetres."

@@ -39,8 +39,8 @@ def build_tracks(
     if not any(len(found) for found in matches):
         raise GeometryError(
             f"None of the {len(pairs)} pairs of the {len(features)} photographs shows common ground: too few points "
-            "agree in any of them; photographs of a block must overlap by half or more, and show more than one pattern that repeats "
-            "itself."
+            "agree in any of them; photographs of a block must overlap by half or more, and show more than one pattern that "
+            "repeats itself."
         )
     nodes = _nodes(features)
     node, track, conflicts = _tracks(nodes, matches, pairs)
