@@ -38,7 +38,8 @@ def scanned(picture, rng):
 
 def oriented(root, name, cameras, photos_stage, photographs):
     workflow = {
-        "project": name, "crs": "EPSG:2100", "photographs": {"kind": "folder", "path": photographs}, "cameras": cameras, "tile": 256,
+        "project": name, "crs": "EPSG:2100", "photographs": {"kind": "folder", "path": photographs}, "cameras": cameras,
+        "tile": 256,
         "positions": {"kind": "file", "path": "positions.csv"}, "stages": [photos_stage, *STAGES],
     }  # fmt: skip
     (root / "workflows" / f"{name}.yaml").write_text(yaml.safe_dump(workflow, sort_keys=False))
