@@ -79,8 +79,8 @@ def blocks(tmp_path_factory):
 def test_scans_give_the_block_of_the_photographs(blocks):
     plain, film = blocks
     assert set(film.names) == set(plain.names) and len(film.names) == 6
-    assert film.sigma0_px * SCAN_MM == pytest.approx(plain.sigma0_px * PIXEL_MM, rel=0.35)
+    assert plain.sigma0_px < film.sigma0_px < 0.05, "an affine transformation of each photograph alone, resampled once more"
     for name in plain.names:
         away = np.subtract(film.of(name).centre, plain.of(name).centre)
         assert np.abs(away).max() < 0.15, "0.05 px of a mark are 0.03 m on the ground"
-        assert np.abs(np.subtract(film.of(name).omega_phi_kappa, plain.of(name).omega_phi_kappa)).max() < 0.03
+        assert np.abs(np.subtract(film.of(name).omega_phi_kappa, plain.of(name).omega_phi_kappa)).max() < 0.05, "of 0.011 for the datum"
