@@ -8,7 +8,7 @@ project ?= volos
 options ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run plan status report export dashboard doctor test test-fast test-slow lint format bench bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated docs clean clean-all
+.PHONY: help setup run plan status report export dashboard doctor test test-fast test-slow lint format bench bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment docs clean clean-all
 
 help: ## List all targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-18s %s\n", $$1, $$2}'
@@ -76,8 +76,11 @@ bench-matching-speed: $(STAMP) ## Measure the points per second of least-squares
 bench-calibration: $(STAMP) ## Measure the calibration beside OpenCV: many seeds, rendered and real photographs
 	@$(BIN)/python -m benchmarks.calibration
 
-bench-orientation-simulated: $(STAMP) ## Orientation on simulated measurements: precision that is true, growth
+bench-orientation-simulated: $(STAMP) ## Orientation on simulated measurements: precision that is true
 	@$(BIN)/python -m benchmarks.orientation_simulated
+
+bench-adjustment: $(STAMP) ## Growth of the adjustment up to 1000 photographs (options="against=CHECKOUT")
+	@$(BIN)/python -m benchmarks.adjustment_growth $(options)
 
 docs: $(STAMP) ## Write the generated pages of docs/
 	@$(BIN)/orthomill reference

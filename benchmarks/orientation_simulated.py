@@ -1,13 +1,11 @@
-"""Orientation on simulated measurements: is what the adjustment says of itself true, and how does it grow?
+"""Orientation on simulated measurements: is what the adjustment says of itself true?
 
-`python -m benchmarks.orientation_simulated [part ...] [from=N]`; parts: pairs, kea, volos, growth; N: the first seed, for another
+`python -m benchmarks.orientation_simulated [part ...] [from=N]`; parts: pairs, kea, volos; N: the first seed, for another
 draw of the same study. Without photographs: only geometry and
 noise, so that hundreds of seeds are cheap. Results go to benchmarks/results/orientation_simulated.md.
 """
 
-import json
 import os
-import subprocess
 import sys
 import time
 
@@ -31,8 +29,6 @@ from tasks.orientation.relative import orient_robust  # noqa: E402
 from tasks.orientation.relative_forms import DependentOrientation, FiveRotations  # noqa: E402
 
 C_KEA = 152.52 / 0.049
-SIZES = ((5, 10, 25_000), (10, 10, 50_000), (10, 20, 100_000), (20, 20, 200_000))
-"""Strips, photographs in a strip, points of the growth study."""
 
 
 def pairs(first: int, seeds: int = 200) -> list[str]:
@@ -127,34 +123,7 @@ def volos(first: int, seeds: int = 100) -> list[str]:
     ]
 
 
-def growth(_: int) -> list[str]:
-    """Time and memory of one adjustment by the number of photographs, each in a process of its own."""
-    rows = []
-    for strips, per, points in SIZES:
-        command = [sys.executable, "-m", "benchmarks.adjustment_growth", str(strips), str(per), str(points)]
-        own = os.environ | {"PYTHONPATH": str(ROOT)}
-        told = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, env=own)
-        r = json.loads(told.stdout.splitlines()[-1])
-        rows.append(
-            f"| {r['photos']} | {r['points']} | {r['rays']} | {r['seconds']:.1f} | {r['cpu']:.1f} | {r['iterations']} | "
-            f"{r['gibibytes']:.2f} | {r['sigma0']:.4f} |"
-        )
-    return [
-        "## Growth with the number of photographs",
-        "",
-        "One camera with seven interior parameters, GNSS positions, 1 % of the rays wrong by up to 50 px; robust start, tests, "
-        "variance components and full covariance included; one process, one thread, compiled kernels from the cache. Seconds are "
-        "those of a machine that others used, too; CPU-seconds are what the work takes.",
-        "",
-        "| photographs | points | rays | seconds | CPU-seconds | iterations | peak GiB | sigma0 (true 0.3) |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- |",
-        *rows,
-        "",
-        "Wanted: 200 photographs and 100 thousand points below 60 s and 2 GiB.",
-    ]
-
-
-PARTS = {"pairs": pairs, "kea": kea, "volos": volos, "growth": growth}
+PARTS = {"pairs": pairs, "kea": kea, "volos": volos}
 
 
 def main() -> None:

@@ -14,11 +14,12 @@ import numpy as np
 from scipy.special import chdtri, ndtr
 
 from tasks.adjustment.datum import distance_misclosures, position_misclosures, prior_sizes
+from tasks.adjustment.linearisation import linearised
 from tasks.adjustment.minimise import sizes
 from tasks.adjustment.network import NO_DISTANCES, Network, Rays, State
-from tasks.adjustment.normal_equations import linearised, point_corrections, point_precision
+from tasks.adjustment.normal_equations import point_corrections, point_precision_alone
 from tasks.adjustment.result import Adjustment, Blunder, surveyed
-from tasks.adjustment.variance_components import distance_variances, position_covariance
+from tasks.adjustment.variance_components import distance_variances, position_covariances
 
 CHECKABLE = 1e-3
 """A combination of coordinates with a smaller redundancy number cannot be tested."""
@@ -91,7 +92,7 @@ def _met(network: Network, state: State, rays: Rays, limit: float) -> _Met:
     nothing = np.zeros(bare.unknowns)
     for _ in range(6):
         state = replace(state, point=state.point + point_corrections(linearised(bare, state, rays), nothing))
-    covariance, _ = point_precision(linearised(bare, state, rays), np.zeros((bare.unknowns, bare.unknowns)))
+    covariance = point_precision_alone(linearised(bare, state, rays), bare.group_start)
     worst = np.zeros(len(network.point))
     np.maximum.at(worst, rays.point, sizes(bare, state, rays))
     return _Met(state.point, covariance, (count >= 2) & (worst < limit) & (worst > 0.0))
@@ -171,7 +172,7 @@ def _away(result: Adjustment, first: Network, blunder: Blunder) -> tuple[np.ndar
     """How far something surveyed is from the solution (d,), and the covariance (d, d) of its adjusted value."""
     i = blunder.number
     if blunder.kind == "position":
-        return first.centre[i] - antennas(result)[i], position_covariance(result, i)
+        return first.centre[i] - antennas(result)[i], position_covariances(result, np.array([i]))[0]
     if blunder.kind == "distance":
         return distance_misclosures(first, result.state)[[i]], distance_variances(result)[i].reshape(1, 1)
     return first.point[i] - result.state.point[i], result.point_covariance[i]
@@ -240,7 +241,8 @@ def _control_misfits(result: Adjustment) -> tuple[np.ndarray, np.ndarray, np.nda
 def _position_misfits(result: Adjustment) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     network, misclosure = result.network, position_misclosures(result.network, result.state)
     number = np.flatnonzero(network.centre_weight.any(axis=1))
-    rows = [_square(network.centre_weight[i], misclosure[i], position_covariance(result, i)) for i in number]
+    covariance = position_covariances(result, number)
+    rows = [_square(network.centre_weight[i], misclosure[i], own) for i, own in zip(number, covariance, strict=True)]
     return _columns(number, rows)
 
 

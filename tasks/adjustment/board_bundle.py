@@ -17,9 +17,11 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from schemas.errors import GeometryError
+from tasks.adjustment.block_matrix import BlockMatrix, Pattern
 from tasks.adjustment.board_network import PARAMETERS, BoardCorners, BoardNetwork, BoardState
 from tasks.adjustment.board_projection import BEHIND, derivatives, misclosures
-from tasks.adjustment.normal_equations import Linear, point_corrections, point_precision, reduced_normals
+from tasks.adjustment.linearisation import Linear, seen_pattern
+from tasks.adjustment.normal_equations import point_corrections, point_precision, reduced_normals
 from tasks.adjustment.robust import huber_cost, huber_weights, spread
 from tasks.geometry.rotation_vector import rotation_of_vector
 
@@ -104,7 +106,8 @@ def minimise(
         gain, state = cost - trial_cost, trial
         redundancy = max(2 * len(corners) - network.unknowns, 1)
         enough = _NEGLIGIBLE * trial_cost / redundancy if test is None else 0.01 * trial_cost
-        if gain <= enough + 1e-14 * len(corners) and damping <= 1e-2:
+        rounding = 1e-14 * len(corners)
+        if trial_cost <= rounding or (gain <= enough + rounding and damping <= 1e-2):
             return state, iteration
         damping = damping * 0.1 if damping > 1e-9 else 0.0
     raise GeometryError(
@@ -155,7 +158,7 @@ def _prior_miss(network: BoardNetwork, state: BoardState) -> np.ndarray:
 
 def _linearised(network: BoardNetwork, state: BoardState, corners: BoardCorners, limit: float = np.inf) -> Linear:
     """Corners of exact boards stand alone, so that nothing is eliminated; those of uncertain boards are points of the bundle."""
-    columns = network.columns_of(corners)
+    row, columns = network.columns_of(corners)
     by_unknowns, by_corner = derivatives(state, corners)
     miss = misclosures(state, corners)
     touched = (columns >= 0).any(axis=0)
@@ -176,6 +179,7 @@ def _linearised(network: BoardNetwork, state: BoardState, corners: BoardCorners,
         prior_miss = np.where(held, 0.0, _prior_miss(network, state)).reshape(-1, 3)
     return Linear(
         first.astype(np.int64),
+        row,
         np.ascontiguousarray(columns[:, touched]),
         np.ascontiguousarray(by_unknowns[:, :, touched]),
         by_corner,
@@ -187,10 +191,15 @@ def _linearised(network: BoardNetwork, state: BoardState, corners: BoardCorners,
     )
 
 
+def _pattern(network: BoardNetwork, linear: Linear) -> Pattern:
+    return seen_pattern(linear, network.group_start)
+
+
 def _moved(network: BoardNetwork, state: BoardState, linear: Linear, damping: float) -> BoardState | None:
     """The state after one damped step; None where the normal equations are singular at this damping."""
-    normal, right, diagonal = reduced_normals(linear, network.unknowns, damping)
-    normal[np.diag_indices_from(normal)] += damping * diagonal
+    normals = reduced_normals(linear, _pattern(network, linear), damping)
+    normal, right = normals.matrix.dense(), normals.right
+    normal[np.diag_indices_from(normal)] += damping * normals.diagonal
     scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
     try:
         correction = scale * cho_solve(cho_factor(normal * scale[:, None] * scale), scale * right)
@@ -240,8 +249,9 @@ def _account(network: BoardNetwork, state: BoardState, corners: BoardCorners, us
     """Covariance, redundancy and standardised residuals at the solution."""
     taken = corners.take(used)
     linear = _linearised(network, state, taken)
-    cofactor = _inverse(reduced_normals(linear, network.unknowns)[0])
-    _, adjusted = point_precision(linear, cofactor)
+    pattern = _pattern(network, linear)
+    cofactor = _inverse(reduced_normals(linear, pattern).matrix.dense())
+    _, adjusted = point_precision(linear, BlockMatrix.of(pattern, cofactor))
     redundancy = 2 * len(taken) - network.unknowns
     if redundancy <= 0:
         raise GeometryError(_UNDETERMINED)

@@ -113,7 +113,15 @@ class BoardNetwork:
         columns[chosen] = self.unknowns - len(self.free) + np.arange(len(self.free))
         return columns
 
-    def columns_of(self, corners: BoardCorners) -> np.ndarray:
-        """(M, 22): the columns that each corner touches: its photo's six, its board's six, the interior."""
-        interior = np.broadcast_to(self.interior_columns, (len(corners), len(PARAMETERS)))
-        return np.hstack([self.photo_columns[corners.photo], self.board_columns[corners.board], interior])
+    @property
+    def group_start(self) -> np.ndarray:
+        """(G + 1,) where the groups of unknowns begin: photographs, boards but the first, the interior."""
+        sizes = np.repeat([6, self.board_unknowns, len(self.free)], [self.photos, self.boards - 1, len(self.free) > 0])
+        return np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
+
+    def columns_of(self, corners: BoardCorners) -> tuple[np.ndarray, np.ndarray]:
+        """`row` (M,) and `columns` (P K, 22): corner i touches columns[row[i]]: its photo's six, its board's six, the interior."""
+        photo, board = np.divmod(np.arange(self.photos * self.boards), self.boards)
+        interior = np.broadcast_to(self.interior_columns, (len(photo), len(PARAMETERS)))
+        columns = np.hstack([self.photo_columns[photo], self.board_columns[board], interior])
+        return (corners.photo * self.boards + corners.board).astype(np.int32), columns

@@ -32,9 +32,9 @@ from tasks.adjustment.blunders import (
 from tasks.adjustment.collinearity import misclosures
 from tasks.adjustment.distance_agreement import agreement
 from tasks.adjustment.intersection import intersecting
+from tasks.adjustment.linearisation import linearised
 from tasks.adjustment.minimise import minimise, sizes
 from tasks.adjustment.network import Distances, Network, Rays, State
-from tasks.adjustment.normal_equations import linearised
 from tasks.adjustment.precision import covariance_of, points_and_rays, with_considered
 from tasks.adjustment.result import Adjustment, Blunder, Factors, surveyed
 from tasks.adjustment.robust import spread

@@ -5,10 +5,12 @@ Robust factors scale the weights of whole positions and whole surveyed points: a
 has not been found.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from tasks.adjustment.block_matrix import BlockMatrix, summed
 from tasks.adjustment.network import Network, State
 from tasks.adjustment.robust import huber_cost, huber_weights
 from tasks.geometry.rotation_vector import skew
@@ -37,18 +39,16 @@ def prior_factors(network: Network, state: State, huber: float) -> PriorFactors:
     return PriorFactors(*(huber_weights(each, huber) for each in (size.centre, size.point, size.distance)))
 
 
-def prior_normals(network: Network, state: State, factors: PriorFactors | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Normal matrix (n, n) and right-hand side (n,) of all that is known beforehand, but for eliminated points (they carry their
-    own)."""
+def add_prior(network: Network, state: State, matrix: BlockMatrix, factors: PriorFactors | None = None) -> np.ndarray:
+    """Adds all that is known beforehand to the normal `matrix`, but for eliminated points (they carry their own); its right-hand
+    side (n,)."""
     factors = factors or prior_factors(network, state, np.inf)
-    normal, right = np.zeros((network.unknowns, network.unknowns)), np.zeros(network.unknowns)
-    _add_positions(network, state, factors.centre, normal, right)
-    _add_verticality(network, state, normal, right)
-    _add_interior(network, state, normal, right)
-    _add_lever(network, state, normal, right)
-    _add_kept_points(network, state, factors.point, normal, right)
-    _add_distances(network, state, factors.distance, normal, right)
-    return normal, right
+    right = np.zeros(len(matrix))
+    for columns, J, weight, misclosure in _prior(network, state, factors):
+        weighted = J.transpose(0, 2, 1) @ weight
+        matrix.add(columns, weighted @ J)
+        right += summed(columns, (weighted @ misclosure[:, :, None])[:, :, 0], len(matrix))
+    return right
 
 
 def prior_cost(network: Network, state: State, huber: float = np.inf) -> float:
@@ -76,19 +76,21 @@ def vertical_misclosures(network: Network, state: State) -> np.ndarray:
     return np.cross(network.zenith, state.rotation[:, :, 2])
 
 
-def position_derivatives(network: Network, state: State, photo: int) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives (3, m) of the antenna's place by the unknowns in the columns (m,)."""
-    blocks, columns = [np.eye(3)], [6 * photo + np.arange(3)]
+def position_derivatives(network: Network, state: State, photos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives (p, 3, m) of the places of the antennas of `photos` (p,) by the unknowns in the columns (p, m)."""
+    alike = np.broadcast_to(np.eye(3), (len(photos), 3, 3))
+    blocks, columns = [alike], [6 * photos[:, None] + np.arange(3)]
+    turned = state.rotation[photos].transpose(0, 2, 1)
     if state.lever.any() or len(network.lever_columns):
-        blocks.append(state.rotation[photo].T @ skew(state.lever))
-        columns.append(6 * photo + 3 + np.arange(3))
+        blocks.append(turned @ skew(state.lever))
+        columns.append(6 * photos[:, None] + 3 + np.arange(3))
     if len(network.lever_columns):
-        blocks.append(state.rotation[photo].T)
-        columns.append(network.lever_columns)
+        blocks.append(turned)
+        columns.append(np.broadcast_to(network.lever_columns, (len(photos), 3)))
     if network.shift:
-        blocks.append(np.eye(3))
-        columns.append(network.shift_columns)
-    return np.hstack(blocks), np.concatenate(columns)
+        blocks.append(alike)
+        columns.append(np.broadcast_to(network.shift_columns, (len(photos), 3)))
+    return np.concatenate(blocks, axis=2), np.hstack(columns)
 
 
 def distance_misclosures(network: Network, state: State) -> np.ndarray:
@@ -106,58 +108,42 @@ def distance_derivatives(network: Network, state: State) -> tuple[np.ndarray, np
     return np.hstack([-along, along]), network.kept_columns[place].reshape(-1, 6)
 
 
-def _add_positions(network: Network, state: State, factor: np.ndarray, normal: np.ndarray, right: np.ndarray) -> None:
-    misclosure = position_misclosures(network, state)
-    for photo in np.flatnonzero(network.centre_weight.any(axis=1)):
-        J, columns = position_derivatives(network, state, photo)
-        weighted = J.T * (factor[photo] * network.centre_weight[photo])
-        right[columns] += weighted @ misclosure[photo]
-        normal[np.ix_(columns, columns)] += weighted @ J
+def _prior(network: Network, state: State, factors: PriorFactors) -> Iterator[tuple[np.ndarray, ...]]:
+    """What is known beforehand, kind by kind: columns (q, m), derivatives (q, d, m), weights (q, d, d), misclosures (q, d)."""
+    yield _positions(network, state, factors.centre)
+    yield _verticality(network, state)
+    yield (
+        network.interior_columns,
+        np.broadcast_to(np.eye(8), (len(network.interior.value), 8, 8)),
+        network.interior.weight,
+        network.interior.value - state.interior,
+    )
+    if len(network.lever_columns):
+        yield network.lever_columns[None], np.eye(3)[None], np.diag(network.lever_weight)[None], (network.lever - state.lever)[None]
+    if len(network.kept):
+        weight = (factors.point[:, None] * network.point_weight)[network.kept]
+        alike = np.broadcast_to(np.eye(3), (len(network.kept), 3, 3))
+        yield network.kept_columns, alike, weight[:, :, None] * np.eye(3), (network.point - state.point)[network.kept]
+    if len(network.distances):
+        J, columns = distance_derivatives(network, state)
+        weight = factors.distance * network.distances.weight
+        yield columns, J[:, None], weight[:, None, None], distance_misclosures(network, state)[:, None]
 
 
-def _add_verticality(network: Network, state: State, normal: np.ndarray, right: np.ndarray) -> None:
+def _positions(network: Network, state: State, factor: np.ndarray) -> tuple[np.ndarray, ...]:
+    photos = np.flatnonzero(network.centre_weight.any(axis=1))
+    J, columns = position_derivatives(network, state, photos)
+    weight = factor[photos, None, None] * network.centre_weight[photos][:, :, None] * np.eye(3)
+    return columns, J, weight, position_misclosures(network, state)[photos]
+
+
+def _verticality(network: Network, state: State) -> tuple[np.ndarray, ...]:
     """The zenith u in the image system moves by w x u, and so does u x b by (b . w) u - (b . u) w, where b is the expected one."""
-    misclosure, zenith = vertical_misclosures(network, state), np.broadcast_to(network.zenith, (network.photos, 3))
-    for photo in np.flatnonzero(network.vertical_weight > 0):
-        u, b, weight = state.rotation[photo, :, 2], zenith[photo], network.vertical_weight[photo]
-        J = np.outer(u, b) - (b @ u) * np.eye(3)
-        own = slice(6 * photo + 3, 6 * photo + 6)
-        normal[own, own] += weight * J.T @ J
-        right[own] += weight * J.T @ misclosure[photo]
-
-
-def _add_interior(network: Network, state: State, normal: np.ndarray, right: np.ndarray) -> None:
-    for columns, weight, value in zip(
-        network.interior_columns, network.interior.weight, network.interior.value - state.interior, strict=True
-    ):
-        free = columns >= 0
-        normal[np.ix_(columns[free], columns[free])] += weight[np.ix_(free, free)]
-        right[columns[free]] += (weight @ value)[free]
-
-
-def _add_lever(network: Network, state: State, normal: np.ndarray, right: np.ndarray) -> None:
-    columns = network.lever_columns
-    if len(columns):
-        normal[columns, columns] += network.lever_weight
-        right[columns] += network.lever_weight * (network.lever - state.lever)
-
-
-def _add_kept_points(network: Network, state: State, factor: np.ndarray, normal: np.ndarray, right: np.ndarray) -> None:
-    columns = network.kept_columns.ravel()
-    weight = (factor[:, None] * network.point_weight)[network.kept].ravel()
-    normal[columns, columns] += weight
-    right[columns] += weight * (network.point - state.point)[network.kept].ravel()
-
-
-def _add_distances(network: Network, state: State, factor: np.ndarray, normal: np.ndarray, right: np.ndarray) -> None:
-    if not len(network.distances):
-        return
-    misclosure = distance_misclosures(network, state)
-    for J, columns, weight, value in zip(
-        *distance_derivatives(network, state), factor * network.distances.weight, misclosure, strict=True
-    ):
-        normal[np.ix_(columns, columns)] += weight * np.outer(J, J)
-        right[columns] += weight * value * J
+    photos = np.flatnonzero(network.vertical_weight > 0)
+    u, b = state.rotation[photos, :, 2], np.broadcast_to(network.zenith, (network.photos, 3))[photos]
+    J = u[:, :, None] * b[:, None, :] - (b * u).sum(axis=1)[:, None, None] * np.eye(3)
+    weight = network.vertical_weight[photos, None, None] * np.eye(3)
+    return 6 * photos[:, None] + 3 + np.arange(3), J, weight, vertical_misclosures(network, state)[photos]
 
 
 def freedoms(network: Network, state: State) -> np.ndarray:

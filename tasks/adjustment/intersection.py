@@ -10,8 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from tasks.adjustment.collinearity import BEHIND, misclosures
+from tasks.adjustment.linearisation import linearised
 from tasks.adjustment.network import Network, Rays, State
-from tasks.adjustment.normal_equations import linearised, point_corrections
+from tasks.adjustment.normal_equations import point_corrections
 from tasks.adjustment.robust import huber_losses, huber_weights
 
 UNSURE = 0.25

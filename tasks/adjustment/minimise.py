@@ -5,14 +5,17 @@ al. 2000.
 """
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from schemas.errors import GeometryError
+from tasks.adjustment.block_cholesky import Structure
+from tasks.adjustment.block_matrix import diagonal_places
 from tasks.adjustment.collinearity import BEHIND, misclosures
-from tasks.adjustment.datum import PriorFactors, freedoms, prior_cost, prior_factors, prior_normals
+from tasks.adjustment.datum import PriorFactors, add_prior, prior_cost, prior_factors
 from tasks.adjustment.intersection import intersected
+from tasks.adjustment.inverse import inverse_of
+from tasks.adjustment.linearisation import Linear, linearised, structure
 from tasks.adjustment.network import Network, Rays, State
-from tasks.adjustment.normal_equations import Linear, linearised, point_corrections, reduced_normals
+from tasks.adjustment.normal_equations import point_corrections, reduced_normals
 from tasks.adjustment.robust import huber_cost, huber_weights
 from tasks.adjustment.whole_block import settled_whole
 from tasks.geometry.rotation_vector import rotation_of_vector
@@ -43,12 +46,13 @@ def minimise(
     or when `most` iterations do not converge.
     """
     state, damping, ease = settled_whole(network, start, huber), 1e-4, EASE
-    cost = _cost(network, state, rays, huber)
+    cost, order = _cost(network, state, rays, huber), None
     for iteration in range(1, most + 1):
         factors, growth = prior_factors(network, state, huber), 2.0
         linear = linearised(network, state, rays, huber_weights(sizes(network, state, rays), huber), factors.point)
+        order = order or structure(network, state, linear)
         while True:
-            trial = _moved(network, state, linear, factors, damping)
+            trial = _moved(network, state, linear, order, factors, damping)
             if trial is not None and ease == GENTLE:
                 trial = intersected(network, trial, rays, huber)
             trial_cost = np.inf if trial is None else _cost(network, trial, rays, huber)
@@ -62,6 +66,7 @@ def minimise(
         if growth > 2.0:
             trial = settled_whole(network, trial, huber)
             trial_cost = _cost(network, trial, rays, huber)
+        del linear  # the largest table by far: the next one is not to stand beside it
         gain, state, cost = cost - trial_cost, trial, trial_cost
         if gain <= tolerance * cost + 1e-15 * len(rays) and damping <= 1e-3:
             return state, iteration
@@ -83,26 +88,19 @@ def _cost(network: Network, state: State, rays: Rays, huber: float) -> float:
     return huber_cost(size, huber) + prior_cost(network, state, huber)
 
 
-def _moved(network: Network, state: State, linear: Linear, factors: PriorFactors, damping: float) -> State | None:
+def _moved(
+    network: Network, state: State, linear: Linear, order: Structure, factors: PriorFactors, damping: float
+) -> State | None:
     """The state after one damped step; None where the normal equations are singular at this damping."""
-    normal, right, diagonal = reduced_normals(linear, network.unknowns, damping)
-    prior, prior_right = prior_normals(network, state, factors)
-    normal += prior
-    normal[np.diag_indices_from(normal)] += damping * (diagonal + np.diag(prior))
-    right = held(network, normal, right + prior_right)
-    correction = _solve(network, state, normal, right)
-    if correction is None:
+    normals = reduced_normals(linear, order.pattern, damping)
+    matrix, eliminated = normals.matrix, normals.diagonal - normals.matrix.diagonal()
+    right = normals.right + add_prior(network, state, matrix, factors)
+    matrix.values[diagonal_places(order.pattern)] += damping * (matrix.diagonal() + eliminated)
+    try:
+        correction = inverse_of(network, state, order, matrix).times(right[:, None])[:, 0]
+    except np.linalg.LinAlgError:
         return None
     return _corrected(network, state, correction, point_corrections(linear, correction, damping))
-
-
-def held(network: Network, normal: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Cuts the considered parameters off the normal equations, so that their corrections are zero."""
-    considered = network.considered_columns
-    normal[considered] = 0.0
-    normal[:, considered] = 0.0
-    normal[considered, considered] = 1.0
-    return np.where(considered, 0.0, right)
 
 
 def _corrected(network: Network, state: State, correction: np.ndarray, points: np.ndarray) -> State:
@@ -114,21 +112,3 @@ def _corrected(network: Network, state: State, correction: np.ndarray, points: n
     lever = state.lever + correction[network.lever_columns] if len(network.lever_columns) else state.lever
     points[network.kept] = correction[network.kept_columns]
     return State(turned, state.centre + photo[:, :3], state.point + points, interior, shift, lever)
-
-
-def scaled(network: Network, state: State, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The normal matrix with unit diagonal, the scale (n,), and the unit freedoms (n, 7, 6 or 0) that inner constraints hold."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    normal = normal * scale[:, None] * scale
-    if not network.free:
-        return normal, scale, np.zeros((len(scale), 0))
-    H = np.linalg.qr(freedoms(network, state) / scale[:, None])[0]
-    return normal + H @ H.T, scale, H
-
-
-def _solve(network: Network, state: State, normal: np.ndarray, right: np.ndarray) -> np.ndarray | None:
-    normal, scale, _ = scaled(network, state, normal)
-    try:
-        return scale * cho_solve(cho_factor(normal, overwrite_a=True), scale * right)
-    except (np.linalg.LinAlgError, ValueError):
-        return None

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.sparse import csr_array
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,6 +167,26 @@ class Network:
         return 6 * self.photos + int(self.interior.free.sum()) + alone
 
     @property
+    def group_start(self) -> np.ndarray:
+        """(G + 1,) where the groups of unknowns that always come together begin: photographs, cameras with free parameters, shift
+        and lever arm as one, kept points."""
+        free = self.interior.free.sum(axis=1)
+        alone = 3 * (self.shift + bool(self.lever_weight.all()))
+        sizes = [np.full(self.photos, 6), free[free > 0], np.full(int(alone > 0), alone), np.full(len(self.kept), 3)]
+        return np.concatenate([[0], np.cumsum(np.concatenate(sizes))]).astype(np.int64)
+
+    @property
+    def prior_cliques(self) -> csr_array:
+        """(K, G), nonzero: the groups that what is known beforehand ties together: each photograph with shift and lever arm, the
+        ends of each distance."""
+        groups = len(self.group_start) - 1
+        pairs = groups - len(self.kept) + np.searchsorted(self.kept, self.distances.ends)
+        if self.shift or self.lever_weight.all():
+            photos = np.arange(self.photos)
+            pairs = np.vstack([pairs, np.column_stack([photos, np.full(self.photos, groups - len(self.kept) - 1)])])
+        return csr_array((np.ones(pairs.size), pairs.ravel(), 2 * np.arange(len(pairs) + 1)), shape=(len(pairs), groups))
+
+    @property
     def considered_columns(self) -> np.ndarray:
         """(n,) bool: the columns of parameters that keep their value."""
         columns = np.zeros(self.unknowns, bool)
@@ -191,13 +212,17 @@ class Network:
         )
 
 
-def ray_columns(network: Network, rays: Rays) -> np.ndarray:
-    """(M, 14), or (M, 17) with kept points: the columns of the unknowns that each ray touches: its photo's six, its camera's eight,
-    its point's three where it is kept (-1: fixed, or eliminated)."""
-    exterior = 6 * rays.photo[:, None].astype(np.int64) + np.arange(6)
-    columns = [exterior, network.interior_columns[network.camera_of[rays.photo]]]
-    if len(network.kept):
-        own = np.full((len(network.point), 3), -1, np.int64)
-        own[network.kept] = network.kept_columns
-        columns.append(own[rays.point])
-    return np.hstack(columns)
+def ray_columns(network: Network, rays: Rays) -> tuple[np.ndarray, np.ndarray]:
+    """`row` (M,) and `columns` (T, 14), or (T, 17) with kept points: ray i touches the unknowns columns[row[i]], its photo's six,
+    its camera's eight, its point's three where it is kept (-1: fixed, or eliminated)."""
+    photo = rays.photo.astype(np.int32, copy=False)
+    exterior = np.arange(6 * network.photos).reshape(-1, 6)
+    columns = np.hstack([exterior, network.interior_columns[network.camera_of]])
+    if not len(network.kept):
+        return photo, columns
+    own = np.flatnonzero(np.isin(rays.point, network.kept))
+    point = network.kept_columns[np.searchsorted(network.kept, rays.point[own])]
+    row = photo.copy()
+    row[own] = len(columns) + np.arange(len(own))
+    nothing = np.full((len(columns), 3), -1)
+    return row, np.vstack([np.hstack([columns, nothing]), np.hstack([columns[photo[own]], point])])

@@ -2,58 +2,105 @@
 one.
 
 The covariance of the reduced system is the inverse of its normal matrix; in a free network with respect to the inner constraints.
-Parameters that keep their value (considered, Schmidt 1966) lend their uncertainty to all others.
+It is kept where the normal matrix has blocks (photographs that share points, cameras with their photographs), which is all that
+points and rays need; any other part of it is solved for when it is asked for. Parameters that keep their value (considered,
+Schmidt 1966) lend their uncertainty to all others.
 """
 
+from dataclasses import dataclass, replace
+
 import numpy as np
-from scipy.linalg import block_diag, cho_factor, cho_solve
+from scipy.linalg import block_diag
 
 from schemas.errors import GeometryError
-from tasks.adjustment.datum import prior_normals
-from tasks.adjustment.minimise import UNDETERMINED, held, scaled
+from tasks.adjustment.block_matrix import BlockMatrix, Pattern
+from tasks.adjustment.datum import add_prior
+from tasks.adjustment.inverse import Inverse, inverse_of
+from tasks.adjustment.linearisation import Linear, seen_pattern, structure
+from tasks.adjustment.minimise import UNDETERMINED
 from tasks.adjustment.network import Network, State
-from tasks.adjustment.normal_equations import Linear, point_precision, reduced_normals
+from tasks.adjustment.normal_equations import point_precision, reduced_normals
 
 WORST_CONDITION = 1e15
 
 
-def covariance_of(network: Network, state: State, linear: Linear) -> np.ndarray:
-    """(n, n): the inverse of the reduced normal matrix; with respect to the inner constraints in a free network.
+@dataclass(frozen=True, eq=False)
+class Covariance:
+    """Covariance of the n unknowns of the reduced system: `blocks` where it is known at once, `inverse` for the rest; `moves` (n,
+    k): how the unknowns move per standard error of what was only considered."""
 
-    Considered parameters have no part in it (zero rows); `with_considered` adds theirs. Raises GeometryError.
+    blocks: BlockMatrix
+    inverse: Inverse
+    moves: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.blocks)
+
+    @property
+    def variances(self) -> np.ndarray:
+        """(n,)"""
+        return self.blocks.diagonal()
+
+    def times(self, vectors: np.ndarray) -> np.ndarray:
+        """The product (n, k) with `vectors` (n, k)."""
+        return self.inverse.times(vectors) + self.moves @ (self.moves.T @ vectors)
+
+    def joint(self, columns: np.ndarray) -> np.ndarray:
+        """(m, m) of the unknowns `columns` (m,); 0 for -1."""
+        known = self.blocks.pieces(columns)[0]
+        if np.isfinite(known).all():
+            return known
+        there = columns >= 0
+        unit = np.zeros((len(self), len(columns)))
+        unit[columns[there], np.flatnonzero(there)] = 1.0
+        return np.where(there[:, None], self.times(unit)[columns], 0.0)
+
+    def of_pattern(self, pattern: Pattern) -> BlockMatrix:
+        """The covariance in the blocks of another pattern of the same groups."""
+        out, start = BlockMatrix.zero(pattern), pattern.start
+        for block, (g, h) in enumerate(zip(pattern.rows, pattern.partner, strict=True)):
+            columns = np.concatenate([np.arange(*start[g : g + 2]), np.arange(*start[h : h + 2])])
+            size = start[g + 1] - start[g]
+            part = self.joint(columns)[:size, -(start[h + 1] - start[h]) :]
+            out.values[pattern.offset[block] : pattern.offset[block + 1]] = part.ravel()
+        return out
+
+
+def covariance_of(network: Network, state: State, linear: Linear) -> Covariance:
+    """The inverse of the reduced normal matrix; with respect to the inner constraints in a free network.
+
+    Considered parameters have no part in it (zero rows); `with_considered` adds theirs. Raises GeometryError where the observations
+    do not determine the unknowns.
     """
-    normal = reduced_normals(linear, network.unknowns)[0] + prior_normals(network, state)[0]
-    held(network, normal, np.zeros(len(normal)))
-    matrix, scale, H = scaled(network, state, normal)
-    cofactor = (inverse_of(matrix) - H @ H.T) * scale[:, None] * scale
-    considered = network.considered_columns
-    cofactor[considered], cofactor[:, considered] = 0.0, 0.0
-    return cofactor
-
-
-def inverse_of(matrix: np.ndarray) -> np.ndarray:
-    """Inverse of a symmetric positive matrix with unit diagonal; its condition is judged by the norms of matrix and inverse."""
+    order = structure(network, state, linear)
+    matrix = reduced_normals(linear, order.pattern).matrix
+    add_prior(network, state, matrix)
     try:
-        inverse = cho_solve(cho_factor(matrix), np.eye(len(matrix)), overwrite_b=True)
-    except (np.linalg.LinAlgError, ValueError):
+        inverse = inverse_of(network, state, order, matrix)
+        blocks, condition = inverse.blocks()
+    except np.linalg.LinAlgError:
         raise GeometryError(UNDETERMINED) from None
-    if not np.isfinite(inverse).all() or np.abs(matrix).sum(axis=0).max() * np.abs(inverse).sum(axis=0).max() > WORST_CONDITION:
+    if not np.isfinite(blocks.values).all() or not condition <= WORST_CONDITION:
         raise GeometryError(UNDETERMINED)
-    return inverse
+    return Covariance(blocks, inverse, np.zeros((len(blocks), 0)))
 
 
-def with_considered(network: Network, linear: Linear, cofactor: np.ndarray) -> np.ndarray:
-    """The covariance (n, n) with the uncertainty of the considered parameters carried into all others.
+def with_considered(network: Network, linear: Linear, cofactor: Covariance) -> Covariance:
+    """The covariance with the uncertainty of the considered parameters carried into all others.
 
     The unknowns move by -Q N_uk per unit of a considered parameter; its own covariance is the prior one. Source: Schmidt 1966.
     """
-    considered = network.considered_columns
-    if not considered.any():
+    considered = np.flatnonzero(network.considered_columns)
+    if not len(considered):
         return cofactor
-    normal = reduced_normals(linear, network.unknowns)[0]
-    move = -cofactor @ normal[:, considered]
-    move[considered] = np.eye(int(considered.sum()))
-    return cofactor + move @ _considered_covariance(network) @ move.T
+    unit = np.zeros((len(cofactor), len(considered)))
+    unit[considered, np.arange(len(considered))] = 1.0
+    normal = reduced_normals(linear, cofactor.blocks.pattern).matrix
+    values, vectors = np.linalg.eigh(_considered_covariance(network))
+    moves = (unit - cofactor.times(normal.times(unit))) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+    blocks = BlockMatrix(cofactor.blocks.pattern, cofactor.blocks.values.copy())
+    blocks.add_product(moves, moves)
+    return replace(cofactor, blocks=blocks, moves=moves)
 
 
 def _considered_covariance(network: Network) -> np.ndarray:
@@ -68,9 +115,13 @@ def _considered_covariance(network: Network) -> np.ndarray:
     return block_diag(*blocks)
 
 
-def points_and_rays(network: Network, linear: Linear, cofactor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def points_and_rays(network: Network, linear: Linear, cofactor: Covariance) -> tuple[np.ndarray, np.ndarray]:
     """Covariance (N, 3, 3) of all points, kept ones too, and variances (M, 2) px^2 of the computed image coordinates."""
-    points, adjusted = point_precision(linear, cofactor)
-    for point, columns in zip(network.kept, network.kept_columns, strict=True):
-        points[point] = cofactor[np.ix_(columns, columns)]
+    points, adjusted = point_precision(linear, cofactor.blocks)
+    points[network.kept] = cofactor.blocks.pieces(network.kept_columns)
     return points, adjusted
+
+
+def points_elsewhere(linear: Linear, cofactor: Covariance) -> np.ndarray:
+    """Covariance (N, 3, 3) of points that had no part in the adjustment."""
+    return point_precision(linear, cofactor.of_pattern(seen_pattern(linear, cofactor.blocks.pattern.start)))[0]

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tasks.adjustment.network import Network, Rays, State
+from tasks.adjustment.precision import Covariance
 
 NONCENTRALITY = 4.13
 """A bias of this many standard errors is found with 80 % probability by a test at 0.1 % (Baarda 1968)."""
@@ -46,7 +47,7 @@ class Blunder:
 @dataclass(frozen=True, eq=False)
 class Adjustment:
     """The adjusted block. `used` (M,) marks the rays that took part, `residual` (M, 2) px observed minus computed of all rays,
-    `redundancy_number` (M, 2) and `standardised` (M, 2) are NaN for rays that did not. `cofactor` (n, n) is the covariance of the
+    `redundancy_number` (M, 2) and `standardised` (M, 2) are NaN for rays that did not. `cofactor` is the covariance of the
     unknowns of the reduced system, `point_covariance` (N, 3, 3) m^2. `factors` and `groups`: what the residuals say of the stated
     standard errors. `network` holds the weights as they were used in the end: 0 for the `blunders`."""
 
@@ -57,7 +58,7 @@ class Adjustment:
     residual: np.ndarray
     redundancy_number: np.ndarray
     standardised: np.ndarray
-    cofactor: np.ndarray
+    cofactor: Covariance
     point_covariance: np.ndarray
     redundancy: int
     factors: Factors
@@ -83,7 +84,7 @@ class Adjustment:
 
     def exterior_covariance(self, photo: int) -> np.ndarray:
         """(6, 6) of X, Y, Z and the three rotations in the image system, m and radians."""
-        return self.cofactor[6 * photo : 6 * photo + 6, 6 * photo : 6 * photo + 6]
+        return self.cofactor.joint(6 * photo + np.arange(6))
 
 
 def surveyed(network: Network, rays: Rays) -> np.ndarray:

@@ -44,10 +44,10 @@ def _image_share(result: Adjustment, chosen: np.ndarray) -> tuple[float, float]:
     return float(square), float(result.redundancy_number[chosen].sum())
 
 
-def position_covariance(result: Adjustment, photo: int) -> np.ndarray:
-    """(3, 3) m^2 of the adjusted place of a photograph's antenna."""
-    J, columns = position_derivatives(result.network, result.state, photo)
-    return J @ result.cofactor[np.ix_(columns, columns)] @ J.T
+def position_covariances(result: Adjustment, photos: np.ndarray) -> np.ndarray:
+    """(p, 3, 3) m^2 of the adjusted places of the antennas of `photos` (p,)."""
+    J, columns = position_derivatives(result.network, result.state, photos)
+    return J @ result.cofactor.blocks.pieces(columns) @ J.transpose(0, 2, 1)
 
 
 def _position_share(result: Adjustment) -> tuple[float, float]:
@@ -55,8 +55,8 @@ def _position_share(result: Adjustment) -> tuple[float, float]:
     weight = result.network.centre_weight
     square = (weight * position_misclosures(result.network, result.state) ** 2).sum()
     photos = np.flatnonzero(weight.any(axis=1))
-    used = sum(float(weight[p] @ np.diag(position_covariance(result, p))) for p in photos)
-    return float(square), _known(weight) - used
+    variance = np.diagonal(position_covariances(result, photos), axis1=1, axis2=2)
+    return float(square), _known(weight) - float((weight[photos] * variance).sum())
 
 
 def _control_share(result: Adjustment) -> tuple[float, float]:
@@ -76,7 +76,7 @@ def _distance_share(result: Adjustment) -> tuple[float, float]:
 def distance_variances(result: Adjustment) -> np.ndarray:
     """(D,) m^2 of the adjusted distances."""
     J, columns = distance_derivatives(result.network, result.state)
-    return np.array([j @ result.cofactor[np.ix_(c, c)] @ j for j, c in zip(J, columns, strict=True)])
+    return np.einsum("di,dij,dj->d", J, result.cofactor.blocks.pieces(columns), J)
 
 
 def _enlarged(old: float, square: float, redundancy: float) -> float:

@@ -59,7 +59,8 @@ def _joint(problem: Problem, result: Adjustment) -> tuple[JointCovariance, ...]:
     turns = [_to_angles(result.state.rotation[photo]) for photo in range(len(problem.names))]
     found = []
     for a, b in sorted(shared):
-        covariance = turns[a] @ result.cofactor[6 * a : 6 * a + 6, 6 * b : 6 * b + 6] @ turns[b].T
+        both = np.concatenate([6 * a + np.arange(6), 6 * b + np.arange(6)])
+        covariance = turns[a] @ result.cofactor.joint(both)[:6, 6:] @ turns[b].T
         found.append(JointCovariance(first=problem.names[a], second=problem.names[b], covariance=_rows(covariance)))
     return tuple(found)
 
@@ -82,8 +83,7 @@ def _adjusted_cameras(problem: Problem, result: Adjustment) -> dict[int, np.ndar
 
 def _spread(result: Adjustment, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """The covariance of the unknowns in `rows` and `columns`; 0 where there is none (-1)."""
-    inside = (rows >= 0)[:, None] & (columns >= 0)
-    return np.where(inside, result.cofactor[np.ix_(rows, columns)], 0.0)
+    return result.cofactor.joint(np.concatenate([rows, columns]))[: len(rows), len(rows) :]
 
 
 def _rows(matrix: np.ndarray) -> tuple[tuple[float, ...], ...]:

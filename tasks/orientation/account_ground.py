@@ -6,7 +6,7 @@ from schemas.observations import Control
 from schemas.orientation import DistanceResidual, GroundResidual, GroundResiduals
 from tasks.adjustment.blunders import CHECKABLE
 from tasks.adjustment.datum import distance_misclosures, position_misclosures
-from tasks.adjustment.variance_components import distance_variances, position_covariance
+from tasks.adjustment.variance_components import distance_variances, position_covariances
 from tasks.orientation.assembly import Account
 from tasks.orientation.ground_points import approximate_points, intersect_ground
 from tasks.orientation.measurements import ground_rays
@@ -42,8 +42,9 @@ def position_rows(account: Account) -> list[GroundResidual]:
     problem, result, rows = account.problem, account.result, []
     state, network = result.state, result.network
     antenna = state.centre + np.einsum("pji,j->pi", state.rotation, state.lever) + state.shift + account.datum.origin
-    for i in np.flatnonzero(np.isfinite(problem.known.position).all(axis=1)):
-        weight, spread = network.centre_weight[i], np.diag(position_covariance(result, i))
+    number = np.flatnonzero(np.isfinite(problem.known.position).all(axis=1))
+    for i, covariance in zip(number, position_covariances(result, number), strict=True):
+        weight, spread = network.centre_weight[i], np.diag(covariance)
         variance = 1.0 / weight - spread if weight.all() else problem.known.position_sigma[i] ** 2 + spread
         difference = -position_misclosures(network, state)[i] if weight.all() else antenna[i] - problem.known.position[i]
         rows.append(_residual(problem.names[i], "position", difference, variance, 1, np.zeros((0, 2))))

@@ -59,7 +59,7 @@ def block_precision(account: Account, tracks: np.ndarray, apart: tuple[Block, ..
 
 
 def _sigmas(result: Adjustment, columns: np.ndarray) -> tuple[float, float, float] | None:
-    return tuple(map(float, np.sqrt(np.diag(result.cofactor)[columns]))) if len(columns) else None
+    return tuple(map(float, np.sqrt(result.cofactor.variances[columns]))) if len(columns) else None
 
 
 def _largest(problem: Problem, result: Adjustment, tracks: np.ndarray) -> list[LargestResidual]:
@@ -88,7 +88,7 @@ def _nominal(problem: Problem, result: Adjustment) -> list[str]:
     found = []
     for k in np.flatnonzero(result.network.interior.considered[:, 0]):
         camera, column = problem.cameras[k], result.network.interior_columns[k, 0]
-        share = 100.0 * np.sqrt(result.cofactor[column, column]) / camera.c
+        share = 100.0 * np.sqrt(result.cofactor.variances[column]) / camera.c
         found.append(
             f"The camera constant of {problem.camera_names[k]} is nominal (from EXIF, {camera.c:.0f} px, within {share:.0f} %) and "
             "cannot be told from the flying height without control: it and the principal point kept their values, and heights "
@@ -131,15 +131,16 @@ def _unconnected(problem: Problem, apart: tuple[Block, ...]) -> list[str]:
 
 def _correlations(problem: Problem, result: Adjustment) -> list[Correlation]:
     """Interior parameters against each other, against the mean height of the centres, and that of 0.9 or more only."""
-    names, rows, size = [], [], len(result.cofactor)
-    for k, columns in enumerate(result.network.interior_columns):
-        names += [f"{INTERIOR[i]} of {problem.cameras[k].name}" for i in np.flatnonzero(columns >= 0)]
-        rows += [np.eye(size)[columns[i]] for i in np.flatnonzero(columns >= 0)]
+    names, columns = [], []
+    for k, own in enumerate(result.network.interior_columns):
+        names += [f"{INTERIOR[i]} of {problem.cameras[k].name}" for i in np.flatnonzero(own >= 0)]
+        columns += list(own[own >= 0])
     photos = len(problem.names)
     names.append("the mean height of the projection centres")
-    rows.append(np.bincount(6 * np.arange(photos) + 2, minlength=size) / photos)
-    J = np.array(rows)
-    covariance = J @ result.cofactor @ J.T
+    J = np.zeros((len(names), len(result.cofactor)))
+    J[np.arange(len(columns)), columns] = 1.0
+    J[-1, 6 * np.arange(photos) + 2] = 1.0 / photos
+    covariance = J @ result.cofactor.times(J.T)
     scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     correlation = covariance / np.outer(scale, scale)
     return [

@@ -12,14 +12,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from schemas.errors import GeometryError
+from tasks.adjustment.block_matrix import BlockMatrix
 from tasks.adjustment.bundle import BlunderTest, adjust
-from tasks.adjustment.datum import prior_normals
+from tasks.adjustment.datum import add_prior
 from tasks.adjustment.interior import given_sigmas
-from tasks.adjustment.minimise import UNDETERMINED, scaled
-from tasks.adjustment.minimise import held as without_considered
+from tasks.adjustment.linearisation import linearised
+from tasks.adjustment.minimise import UNDETERMINED
 from tasks.adjustment.network import Network, Rays, State
-from tasks.adjustment.normal_equations import linearised, reduced_normals
-from tasks.adjustment.precision import inverse_of
+from tasks.adjustment.normal_equations import reduced_normals
+from tasks.adjustment.precision import covariance_of
 from tasks.adjustment.result import Adjustment
 from tasks.orientation.self_calibration import held_fixed
 
@@ -105,7 +106,7 @@ def _freed(
 def _constant_sigmas(freed: Adjustment) -> np.ndarray:
     """(C,) standard errors of the constants, px; 0 for those that were held."""
     column = freed.network.interior_columns[:, 0]
-    return np.where(column >= 0, np.sqrt(np.maximum(np.diag(freed.cofactor)[column], 0.0)), 0.0)
+    return np.where(column >= 0, np.sqrt(np.maximum(freed.cofactor.variances[column], 0.0)), 0.0)
 
 
 def _told(freed: Adjustment, wrong: np.ndarray, given: np.ndarray, names: tuple[str, ...], held: bool) -> tuple[str, ...]:
@@ -155,16 +156,11 @@ def _pull(result: Adjustment, cameras: np.ndarray) -> tuple[np.ndarray, np.ndarr
     where they are not determined."""
     network, state = with_free_constants(result.network, cameras), result.state
     linear = linearised(network, state, replace(result.rays, sigma=result.ray_sigma).take(result.used))
-    normal, right, _ = reduced_normals(linear, network.unknowns)
-    prior, prior_right = prior_normals(network, state)
-    normal += prior
-    right = without_considered(network, normal, right + prior_right)
-    matrix, scale, H = scaled(network, state, normal)
-    nothing = np.zeros(len(cameras)), np.full(len(cameras), np.inf)
     try:
-        cofactor = (inverse_of(matrix) - H @ H.T) * scale[:, None] * scale
+        cofactor = covariance_of(network, state, linear)
     except GeometryError:
-        return nothing
-    column = network.interior_columns[:, 0]
-    step, sigma = cofactor @ right, np.sqrt(np.maximum(np.diag(cofactor), 0.0))
+        return np.zeros(len(cameras)), np.full(len(cameras), np.inf)
+    pattern, column = cofactor.blocks.pattern, network.interior_columns[:, 0]
+    right = reduced_normals(linear, pattern).right + add_prior(network, state, BlockMatrix.zero(pattern))
+    step, sigma = cofactor.times(right[:, None])[:, 0], np.sqrt(np.maximum(cofactor.variances, 0.0))
     return np.where(cameras, step[column], 0.0), np.where(cameras, sigma[column], np.inf)

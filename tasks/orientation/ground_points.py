@@ -7,8 +7,10 @@ import numpy as np
 
 from schemas.camera import Camera
 from tasks.adjustment.collinearity import misclosures
+from tasks.adjustment.linearisation import linearised
 from tasks.adjustment.network import NO_DISTANCES, Network, Rays, State
-from tasks.adjustment.normal_equations import linearised, point_corrections, point_precision
+from tasks.adjustment.normal_equations import point_corrections
+from tasks.adjustment.precision import points_elsewhere
 from tasks.adjustment.result import Adjustment
 from tasks.geometry.intersection import intersect_rays
 from tasks.orientation.measurements import ideal, with_interior
@@ -57,7 +59,7 @@ def intersect_ground(result: Adjustment, start: np.ndarray, rays: Rays) -> Inter
     nothing = np.zeros(network.unknowns)
     for _ in range(5):
         state = replace(state, point=state.point + point_corrections(linearised(network, state, own), nothing))
-    covariance, _ = point_precision(linearised(network, state, own), result.cofactor)
+    covariance = points_elsewhere(linearised(network, state, own), result.cofactor)
     residual = np.full((len(rays), 2), np.nan)
     residual[placed[rays.point]] = misclosures(state, own, network.camera_of)
     return Intersected(np.where(placed[:, None], state.point, np.nan), covariance, residual)

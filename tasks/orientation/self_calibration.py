@@ -15,8 +15,8 @@ from schemas.camera import INTERIOR
 from schemas.errors import GeometryError
 from tasks.adjustment.blunders import enough_rays
 from tasks.adjustment.interior import given_sigmas
+from tasks.adjustment.linearisation import linearised
 from tasks.adjustment.network import Network, Rays, State
-from tasks.adjustment.normal_equations import linearised
 from tasks.adjustment.precision import covariance_of
 
 AREAS = 9
@@ -79,7 +79,7 @@ def _firm(network: Network, rays: Rays) -> Rays:
 def _shares(network: Network, state: State, rays: Rays) -> np.ndarray:
     """(C, 3) predicted standard errors of c, x0 and y0 in units of c; inf where the normal equations are singular."""
     try:
-        variance = np.diag(covariance_of(network, state, linearised(network, state, rays)))
+        variance = covariance_of(network, state, linearised(network, state, rays)).variances
     except GeometryError:
         return np.full((len(network.interior.free), 3), np.inf)
     columns = network.interior_columns[:, :3]

@@ -7,8 +7,8 @@ where its known position contradicts it: so few rays do not outvote a position.
 
 import numpy as np
 
+from tasks.adjustment.linearisation import linearised
 from tasks.adjustment.network import Network, Rays, State
-from tasks.adjustment.normal_equations import linearised
 from tasks.adjustment.result import Adjustment
 
 WEAK = 5.0

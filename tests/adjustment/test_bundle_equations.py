@@ -4,14 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
 
 from schemas.errors import GeometryError
+from tasks.adjustment.block_matrix import BlockMatrix, pattern_of
 from tasks.adjustment.bundle import BlunderTest, adjust
 from tasks.adjustment.collinearity import derivatives, misclosures
-from tasks.adjustment.datum import freedoms, prior_cost, prior_normals
+from tasks.adjustment.datum import add_prior, freedoms, prior_cost
+from tasks.adjustment.linearisation import linearised, structure
 from tasks.adjustment.minimise import minimise
 from tasks.adjustment.network import Interior, Network, Rays, State, ray_columns
-from tasks.adjustment.normal_equations import linearised, point_corrections, point_precision, reduced_normals
+from tasks.adjustment.normal_equations import point_corrections, point_precision, reduced_normals
 from tasks.adjustment.precision import covariance_of, with_considered
 from tasks.geometry.rotation import rotation_matrix
 from tasks.geometry.rotation_vector import angles_from_vector, rotation_of_vector, vector_of_rotation
@@ -91,20 +94,32 @@ def test_analytic_derivatives_equal_numeric_ones():
         assert np.abs(numeric - jp[:, :, k]).max() < 1e-6 * np.abs(jp).max()
 
 
+def pattern(network, state, rays):
+    return structure(network, state, linearised(network, state, rays)).pattern
+
+
+def prior_alone(network, state):
+    """Normal matrix and right-hand side of what is known beforehand."""
+    whole = pattern_of(network.group_start, csr_array(np.ones((1, len(network.group_start) - 1))))
+    matrix = BlockMatrix.zero(whole)
+    right = add_prior(network, state, matrix)
+    return matrix.dense(), right
+
+
 def dense(network, state, rays):
     """The whole design matrix, plain NumPy: unknowns of the reduced system first, then the points."""
-    columns, (jg, jp) = ray_columns(network, rays), derivatives(state, rays, network.camera_of)
+    (row, columns), (jg, jp) = ray_columns(network, rays), derivatives(state, rays, network.camera_of)
     n, N = network.unknowns, len(state.point)
     A = np.zeros((len(rays), 2, n + 3 * N))
     for i in range(len(rays)):
-        for a, column in enumerate(columns[i]):
+        for a, column in enumerate(columns[row[i]]):
             if column >= 0:
                 A[i, :, column] = jg[i, :, a]
         A[i, :, n + 3 * rays.point[i] : n + 3 * rays.point[i] + 3] = jp[i]
     A = A.reshape(-1, n + 3 * N)
     P = np.repeat(1 / rays.sigma**2, 2)
     normal, right = A.T @ (P[:, None] * A), A.T @ (P * misclosures(state, rays, network.camera_of).ravel())
-    prior, prior_right = prior_normals(network, state)
+    prior, prior_right = prior_alone(network, state)
     normal[:n, :n] += prior
     right[:n] += prior_right
     normal[n:, n:] += np.diag(network.point_weight.ravel())
@@ -118,9 +133,9 @@ def test_reduced_system_and_way_back_equal_dense_least_squares():
     _, normal, right = dense(network, state, rays)
     expected = np.linalg.solve(normal, right)
     linear = linearised(network, state, rays)
-    reduced, b, _ = reduced_normals(linear, network.unknowns)
-    prior, prior_b = prior_normals(network, state)
-    got = np.linalg.solve(reduced + prior, b + prior_b)
+    normals = reduced_normals(linear, pattern(network, state, rays))
+    right = normals.right + add_prior(network, state, normals.matrix)
+    got = np.linalg.solve(normals.matrix.dense(), right)
     scale = np.sqrt(np.diag(np.linalg.inv(normal)))
     assert (np.abs(got - expected[: network.unknowns]) / scale[: network.unknowns]).max() < 1e-5
     back = point_corrections(linear, got).ravel()
@@ -133,8 +148,8 @@ def test_precision_equals_the_dense_inverse():
     inverse, n = np.linalg.inv(normal), network.unknowns
     linear = linearised(network, state, rays)
     cofactor = covariance_of(network, state, linear)
-    assert np.allclose(np.diag(cofactor), np.diag(inverse)[:n], rtol=1e-5)
-    points, adjusted = point_precision(linear, cofactor)
+    assert np.allclose(cofactor.variances, np.diag(inverse)[:n], rtol=1e-5)
+    points, adjusted = point_precision(linear, cofactor.blocks)
     assert np.allclose(points[7], inverse[n + 21 : n + 24, n + 21 : n + 24], rtol=1e-4, atol=1e-12)
     assert np.allclose(adjusted.ravel(), np.einsum("ij,jk,ik->i", A, inverse, A), rtol=1e-4)
 
@@ -143,7 +158,7 @@ def test_prior_normals_are_the_derivatives_of_the_prior_cost():
     network, state, _ = small_network()
     network = replace(network, vertical_weight=np.full(network.photos, 50.0))
     state = moved(state, np.random.default_rng(2), 0.3)
-    _, right = prior_normals(network, state)
+    _, right = prior_alone(network, state)
     for k in range(3):
         move = np.zeros(3)
         move[k] = 1e-6
@@ -166,13 +181,13 @@ def test_noise_free_block_is_recovered_from_far_starts():
 def test_free_network_keeps_shape_and_has_the_seven_freedoms():
     network, truth, rays = small_network(free=True, interior_free=())
     linear = linearised(network, truth, rays)
-    reduced = reduced_normals(linear, network.unknowns)[0]
+    reduced = reduced_normals(linear, pattern(network, truth, rays)).matrix.dense()
     H = freedoms(network, truth)
     assert np.abs(reduced @ H).max() < 1e-6 * np.abs(reduced).max() * np.abs(H).max()
     state, _ = minimise(network, moved(truth, np.random.default_rng(5), 1.0), rays)
     lengths = [np.linalg.norm(s.centre[0] - s.centre[3]) / np.linalg.norm(s.centre[1] - s.centre[2]) for s in (state, truth)]
     assert np.isclose(*lengths, rtol=1e-6)
-    cofactor = covariance_of(network, truth, linear)
+    cofactor = covariance_of(network, truth, linear).times(np.eye(network.unknowns))
     assert np.linalg.matrix_rank(cofactor * np.sqrt(np.outer(np.diag(reduced), np.diag(reduced))), tol=1e-6) == network.unknowns - 7
 
 
@@ -205,7 +220,7 @@ def test_considered_camera_constant_moves_the_block_as_its_covariance_says():
     network = replace(network, interior=replace(network.interior, considered=considered))
     linear, column = linearised(network, truth, rays), network.interior_columns[0, 0]
     estimated = covariance_of(network, truth, linear)
-    total = with_considered(network, linear, estimated)
+    total = with_considered(network, linear, estimated).times(np.eye(network.unknowns))
     sigma = np.sqrt(total[column, column])
     assert np.isclose(sigma, 2.0)
     step = 0.05
@@ -216,7 +231,7 @@ def test_considered_camera_constant_moves_the_block_as_its_covariance_says():
     moved_by = (state.centre - truth.centre) / step
     expected = np.array([total[6 * photo : 6 * photo + 3, column] for photo in range(network.photos)]) / sigma**2
     assert np.abs(moved_by - expected).max() < 0.02 * np.abs(expected).max()
-    assert (np.diag(total) >= np.diag(estimated) - 1e-15).all()
+    assert (np.diag(total) >= estimated.variances - 1e-15).all()
 
 
 def test_redundancy_numbers_sum_to_the_redundancy():
@@ -250,6 +265,7 @@ def test_points_near_the_horizon_do_not_drown_what_holds_a_weak_block():
     ahead = np.abs(misclosures(far, rays, network.camera_of)).max(axis=1) < 1e4
     count = np.bincount(rays.point[ahead], minlength=len(state.point))
     rays = rays.take(ahead & (count[rays.point] >= 2))
-    normal = reduced_normals(linearised(network, far, rays), network.unknowns)[0][:, : 6 * network.photos][: 6 * network.photos]
+    reduced = reduced_normals(linearised(network, far, rays), pattern(network, far, rays)).matrix.dense()
+    normal = reduced[: 6 * network.photos, : 6 * network.photos]
     size = np.sqrt(np.diag(normal).max())
     assert np.linalg.eigvalsh(normal / size**2).min() > -1e-13

@@ -1,0 +1,221 @@
+"""Symmetric matrices of which only the blocks are stored that are not zero by structure.
+
+Unknowns that always come together (the six of a photograph, the interior orientation of a camera, a kept point) are a group; two
+groups have a block where an observation, or a point that is eliminated, touches both. Blocks of the upper half, row by row; those
+on the diagonal are whole.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from scipy.sparse import csr_array, eye_array, triu
+
+
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """Which blocks there are: group g has the unknowns start[g] to start[g + 1]; its blocks are first[g] to first[g + 1], with the
+    groups `partner` (ascending, from g itself); the numbers of block s begin at offset[s]. `owner` (n,): the group of every
+    unknown."""
+
+    start: np.ndarray
+    first: np.ndarray
+    partner: np.ndarray
+    offset: np.ndarray
+    owner: np.ndarray
+
+    @property
+    def arrays(self) -> tuple[np.ndarray, ...]:
+        """What kernels take."""
+        return self.start, self.first, self.partner, self.offset, self.owner
+
+    @property
+    def rows(self) -> np.ndarray:
+        """(S,) the first group of every block."""
+        return np.repeat(np.arange(len(self.first) - 1), np.diff(self.first))
+
+
+def pattern_of(start: np.ndarray, cliques: csr_array) -> Pattern:
+    """The pattern in which all groups of a clique have blocks with each other; `cliques` (any number, groups), nonzero where a
+    group belongs."""
+    shared = triu(cliques.T @ cliques + eye_array(len(start) - 1, dtype=cliques.dtype), format="csr")
+    shared.sort_indices()
+    size = np.diff(start)
+    first, partner = shared.indptr.astype(np.int64), shared.indices.astype(np.int64)
+    cells = np.repeat(size, np.diff(first)) * size[partner]
+    offset = np.concatenate([[0], np.cumsum(cells)]).astype(np.int64)
+    return Pattern(start.astype(np.int64), first, partner, offset, np.repeat(np.arange(len(size)), size))
+
+
+@dataclass(frozen=True, eq=False)
+class BlockMatrix:
+    """A symmetric matrix with the numbers `values` in the blocks of its pattern."""
+
+    pattern: Pattern
+    values: np.ndarray
+
+    @staticmethod
+    def zero(pattern: Pattern) -> "BlockMatrix":
+        """All blocks 0."""
+        return BlockMatrix(pattern, np.zeros(pattern.offset[-1]))
+
+    @staticmethod
+    def of(pattern: Pattern, dense: np.ndarray) -> "BlockMatrix":
+        """The blocks of a symmetric matrix (n, n)."""
+        out = BlockMatrix.zero(pattern)
+        _read(*pattern.arrays, out.values, dense)
+        return out
+
+    def __len__(self) -> int:
+        return int(self.pattern.start[-1])
+
+    def add(self, columns: np.ndarray, pieces: np.ndarray) -> None:
+        """Adds symmetric `pieces` (T, k, k) at the unknowns `columns` (T, k); -1: a row and column to be left out."""
+        _add(*self.pattern.arrays, self.values, np.atleast_2d(columns), np.ascontiguousarray(pieces))
+
+    def pieces(self, columns: np.ndarray) -> np.ndarray:
+        """(T, k, k) the parts at the unknowns `columns` (T, k); 0 for -1, NaN where there is no block."""
+        return _pieces(*self.pattern.arrays, self.values, np.atleast_2d(columns))
+
+    def add_product(self, left: np.ndarray, right: np.ndarray) -> None:
+        """Adds left right' to the blocks that there are; `left`, `right` (n, k)."""
+        _add_product(*self.pattern.arrays, self.values, np.ascontiguousarray(left), np.ascontiguousarray(right))
+
+    def scaled(self, scale: np.ndarray) -> "BlockMatrix":
+        """Row and column i multiplied by scale[i]."""
+        values = self.values.copy()
+        _scale(*self.pattern.arrays, values, scale)
+        return BlockMatrix(self.pattern, values)
+
+    def times(self, vectors: np.ndarray) -> np.ndarray:
+        """The product (n, k) with `vectors` (n, k)."""
+        return _times(*self.pattern.arrays, self.values, np.ascontiguousarray(vectors))
+
+    def diagonal(self) -> np.ndarray:
+        """(n,)"""
+        return self.values[diagonal_places(self.pattern)]
+
+    def row_sums(self) -> np.ndarray:
+        """(n,) sums of the absolute values of every row."""
+        return BlockMatrix(self.pattern, np.abs(self.values)).times(np.ones((len(self), 1)))[:, 0]
+
+    def dense(self) -> np.ndarray:
+        """(n, n)"""
+        return self.times(np.eye(len(self)))
+
+
+def diagonal_places(pattern: Pattern) -> np.ndarray:
+    """(n,) where the values of the diagonal are."""
+    size = np.diff(pattern.start)
+    inside = np.arange(pattern.start[-1]) - pattern.start[pattern.owner]
+    return pattern.offset[pattern.first[pattern.owner]] + inside * (size[pattern.owner] + 1)
+
+
+def summed(columns: np.ndarray, parts: np.ndarray, unknowns: int) -> np.ndarray:
+    """(n,) the sums of `parts` (any shape) by the unknown in `columns` (the same shape; -1: none)."""
+    there = columns >= 0
+    return np.bincount(columns[there], parts[there], minlength=unknowns)
+
+
+@njit(cache=True)
+def _block(first, partner, g, h):
+    """The number of the block of groups g <= h, -1 where there is none."""
+    low, high = first[g], first[g + 1]
+    while low < high:
+        middle = (low + high) // 2
+        if partner[middle] < h:
+            low = middle + 1
+        else:
+            high = middle
+    return low if low < first[g + 1] and partner[low] == h else -1
+
+
+@njit(cache=True)
+def _add(start, first, partner, offset, owner, values, columns, pieces):
+    for t in range(len(columns)):
+        for a in range(columns.shape[1]):
+            ca = columns[t, a]
+            if ca < 0:
+                continue
+            g = owner[ca]
+            for b in range(columns.shape[1]):
+                cb = columns[t, b]
+                if cb < 0 or owner[cb] < g:
+                    continue
+                h = owner[cb]
+                s = _block(first, partner, g, h)
+                if s < 0:
+                    raise ValueError("the pattern has no block for this piece")
+                values[offset[s] + (ca - start[g]) * (start[h + 1] - start[h]) + cb - start[h]] += pieces[t, a, b]
+
+
+@njit(cache=True)
+def _pieces(start, first, partner, offset, owner, values, columns):
+    k = columns.shape[1]
+    out = np.zeros((len(columns), k, k))
+    for t in range(len(columns)):
+        for a in range(k):
+            ca = columns[t, a]
+            for b in range(k):
+                cb = columns[t, b]
+                if ca < 0 or cb < 0 or owner[cb] < owner[ca]:
+                    continue
+                g, h = owner[ca], owner[cb]
+                s = _block(first, partner, g, h)
+                at = offset[s] + (ca - start[g]) * (start[h + 1] - start[h]) + cb - start[h]
+                out[t, a, b] = values[at] if s >= 0 else np.nan
+                out[t, b, a] = out[t, a, b]
+    return out
+
+
+@njit(cache=True)
+def _read(start, first, partner, offset, owner, values, dense):
+    for g in range(len(first) - 1):
+        for s in range(first[g], first[g + 1]):
+            h, at = partner[s], offset[s]
+            for i in range(start[g], start[g + 1]):
+                for j in range(start[h], start[h + 1]):
+                    values[at] = dense[i, j]
+                    at += 1
+
+
+@njit(cache=True)
+def _add_product(start, first, partner, offset, owner, values, left, right):
+    for g in range(len(first) - 1):
+        for s in range(first[g], first[g + 1]):
+            h, at = partner[s], offset[s]
+            for i in range(start[g], start[g + 1]):
+                for j in range(start[h], start[h + 1]):
+                    total = 0.0
+                    for k in range(left.shape[1]):
+                        total += left[i, k] * right[j, k]
+                    values[at] += total
+                    at += 1
+
+
+@njit(cache=True)
+def _scale(start, first, partner, offset, owner, values, scale):
+    for g in range(len(first) - 1):
+        for s in range(first[g], first[g + 1]):
+            h, at = partner[s], offset[s]
+            for i in range(start[g], start[g + 1]):
+                for j in range(start[h], start[h + 1]):
+                    values[at] *= scale[i] * scale[j]
+                    at += 1
+
+
+@njit(cache=True)
+def _times(start, first, partner, offset, owner, values, vectors):
+    out = np.zeros(vectors.shape)
+    for g in range(len(first) - 1):
+        for s in range(first[g], first[g + 1]):
+            h, at = partner[s], offset[s]
+            for i in range(start[g], start[g + 1]):
+                for j in range(start[h], start[h + 1]):
+                    if h != g or j >= i:
+                        for k in range(vectors.shape[1]):
+                            out[i, k] += values[at] * vectors[j, k]
+                            if i != j:
+                                out[j, k] += values[at] * vectors[i, k]
+                    at += 1
+    return out
