@@ -101,6 +101,11 @@ def test_corrections_and_covariance_equal_the_dense_ones(kind, seed):
     assert (np.abs(cofactor.joint(far) - expected[np.ix_(far, far)]) / np.outer(unit, unit)[np.ix_(far, far)]).max() < 1e-9
 
 
+def by_point(linear, own, point):
+    """Derivatives (2 m, 3) of the rays `own` by their point in the world."""
+    return linear.jp[own].reshape(-1, 3) @ linear.frame[point].T
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_points_and_rays_know_their_precision(kind):
     network, state, rays = strips(7, **KINDS[kind])
@@ -114,7 +119,7 @@ def test_points_and_rays_know_their_precision(kind):
         A = np.zeros((len(own), 2, len(Q)))
         for a, wanted, at in zip(A, J, columns, strict=True):
             a[:, at[at >= 0]] = wanted[:, at >= 0]
-        A, B, P = A.reshape(-1, len(Q)), linear.jp[own].reshape(-1, 3), np.repeat(linear.weight[own], 2)
+        A, B, P = A.reshape(-1, len(Q)), by_point(linear, own, point), np.repeat(linear.weight[own], 2)
         V = B.T @ (P[:, None] * B) + np.diag(linear.point_weight[point])
         if V.any():
             move = -np.linalg.solve(V, B.T @ (P[:, None] * A))
@@ -149,7 +154,7 @@ def test_points_that_had_no_part_may_join_photographs_that_share_nothing():
     J = np.zeros((2, 2, len(cofactor)))
     for a, g, at in zip(J, linear.jg, linear.columns[linear.row], strict=True):
         a[:, at[at >= 0]] = g[:, at >= 0]
-    B, P = linear.jp.reshape(-1, 3), np.repeat(linear.weight, 2)
+    B, P = by_point(linear, np.arange(2), 0), np.repeat(linear.weight, 2)
     V = np.linalg.inv(B.T @ (P[:, None] * B))
     move = V @ B.T @ (P[:, None] * J.reshape(4, -1))
     expected = V + move @ cofactor.times(move.T)
