@@ -8,7 +8,7 @@ project ?= volos
 options ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run plan status report export dashboard doctor test test-fast test-slow lint format bench bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment docs clean clean-all
+.PHONY: help setup run plan status report export dashboard doctor test test-fast test-slow lint format bench bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-camera-constants docs clean clean-all
 
 help: ## List all targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-18s %s\n", $$1, $$2}'
@@ -75,6 +75,9 @@ bench-matching-speed: $(STAMP) ## Measure the points per second of least-squares
 
 bench-calibration: $(STAMP) ## Measure the calibration beside OpenCV: many seeds, rendered and real photographs
 	@$(BIN)/python -m benchmarks.calibration
+
+bench-camera-constants: $(STAMP) ## Camera constants that real blocks find, with their standard errors, beside references
+	@$(BIN)/python -m benchmarks.camera_constants
 
 bench-orientation-simulated: $(STAMP) ## Orientation on simulated measurements: precision that is true
 	@$(BIN)/python -m benchmarks.orientation_simulated

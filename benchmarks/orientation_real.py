@@ -73,7 +73,7 @@ def _workflow(name: str, folder: Path, pattern: str, parts: dict[str, str], inte
     ])  # fmt: skip
 
 
-def _run(root: Path, name: str, folder: Path, pattern: str, parts: dict[str, str], interior: str) -> tuple[Path, float]:
+def run_block(root: Path, name: str, folder: Path, pattern: str, parts: dict[str, str], interior: str) -> tuple[Path, float]:
     """Orient the photographs of a folder. Returns the run's folder and the CPU seconds."""
     (root / "workflows").mkdir(parents=True, exist_ok=True)
     if not (root / "photographs").exists():
@@ -111,13 +111,13 @@ def row_of(name: str, run: Path, cpu: float, known: str, peer: dict | None = Non
 def _warm(root: Path) -> None:
     """Three photographs, so that no measured run compiles."""
     parts = {"crs": "EPSG:32615", "cameras": "{kind: exif}", "positions": "{kind: exif}", "control": "{kind: none}"}
-    _run(root, "warm", REDUCED, "DJI_003[0-2]*", parts, "weighted")
+    run_block(root, "warm", REDUCED, "DJI_003[0-2]*", parts, "weighted")
 
 
 def brighton(root: Path, folder: Path, name: str) -> Row:
     """Drone photographs from EXIF alone."""
     parts = {"crs": "EPSG:32615", "cameras": "{kind: exif}", "positions": "{kind: exif}", "control": "{kind: none}"}
-    run, cpu = _run(root, name, folder, "*.JPG", parts, "weighted")
+    run, cpu = run_block(root, name, folder, "*.JPG", parts, "weighted")
     plan, height = (figure(run, "orientation", f"gnss_rmse_{word}") for word in ("plan", "height"))
     known = f"GPS residuals {plan:.2f} m in plan, {height:.2f} m in height"
     return row_of(name, run, cpu, known, _peer(root, folder, "OPENCV", "", False))
@@ -128,7 +128,7 @@ def fountain(root: Path) -> Row:
     c, x0, y0 = (K[0] + K[1]) / 2, K[2] - 3072 / 2, 2048 / 2 - K[3]
     parts = {"crs": "EPSG:32632", "cameras": f"{{kind: given, c: {c}, x0: {x0:.2f}, y0: {y0:.2f}}}", "positions": "{kind: none}"}
     folder = DATA / "fountain_p11" / "images"
-    run, cpu = _run(root, "fountain", folder, "*.jpg", parts, "fixed")
+    run, cpu = run_block(root, "fountain", folder, "*.jpg", parts, "fixed")
     truth = fountain_poses(DATA / "fountain_p11" / "gt_dense_cameras")
     peer = _peer(root, folder, "PINHOLE", ",".join(map(str, K)), True)
     theirs = _words(agreement(colmap_poses(root / "colmap" / "images.txt"), truth), 1000.0, "mm") if peer else ""
@@ -139,7 +139,7 @@ def fountain(root: Path) -> Row:
 def ngi(root: Path) -> Row:
     """Four metric photographs with 20 % overlap between strips."""
     parts = {"crs": "EPSG:2048", "cameras": "{kind: given, c: 833.333}", "positions": "{kind: none}"}
-    run, cpu = _run(root, "ngi", DATA / "ngi", "*_RGB.tif", parts, "fixed")
+    run, cpu = run_block(root, "ngi", DATA / "ngi", "*_RGB.tif", parts, "fixed")
     found = agreement(block_poses(run / "tables/orientation/block.json"), angle_file_poses(DATA / "ngi" / "camera_pos_ori.txt"))
     return row_of("ngi", run, cpu, _words(found, 1.0, f"m (GSD {NGI_GSD} m)"))
 
@@ -155,7 +155,7 @@ def stone_wall(root: Path) -> Row:
         "crs": "EPSG:32632", "cameras": f"{{kind: given, {camera}}}", "positions": "{kind: none}",
         "control": "{kind: files, points: control/points.csv, measurements: control/measured.csv}",
     }  # fmt: skip
-    run, cpu = _run(root, "stone_wall", DATA / "stone_wall", "*.JPG", parts, "fixed")
+    run, cpu = run_block(root, "stone_wall", DATA / "stone_wall", "*.JPG", parts, "fixed")
     return row_of("stone_wall", run, cpu, f"{_against_micmac(wall, run)}; {_from_named_points(wall)}")
 
 

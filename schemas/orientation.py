@@ -240,6 +240,13 @@ class BlockPrecision(BaseModel):
     """largest standardised residuals, the worst first"""
     blunders: tuple[str, ...] = ()
     """names of the positions and control points that contradicted the block and took no part"""
+    common_px: float | None = None
+    """errors that the measurements of a region of a photograph share, root mean square over the frame; None where the residuals are
+    those of white noise"""
+    common_share: float | None = None
+    """the part of their variance that is the same in all photographs of a camera"""
+    white_sigma: dict[str, tuple[float, ...]] = {}
+    """by camera: standard errors of its interior parameters (order of INTERIOR) if the measurements had no errors in common"""
 
 
 class SeparateBlocks(BaseModel):

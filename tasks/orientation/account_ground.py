@@ -31,8 +31,8 @@ def control_rows(account: Account) -> list[GroundResidual]:
         if point.role != "control" or not (took_part or own.any()):
             continue
         difference = result.state.point[number] + account.datum.origin - known.control[i]
-        spread = np.diag(result.point_covariance[number])
-        variance = 1.0 / weight - spread if took_part else known.control_sigma[i] ** 2 + spread
+        spread, white = (np.diag(r.point_covariance[number]) for r in (result, result.white))
+        variance = _of_residual(weight, spread, white) if took_part else known.control_sigma[i] ** 2 + spread
         rows.append(_residual(point.name, "control", difference, variance, int(own.sum()), result.residual[own]))
     return rows
 
@@ -43,9 +43,10 @@ def position_rows(account: Account) -> list[GroundResidual]:
     state, network = result.state, result.network
     antenna = state.centre + np.einsum("pji,j->pi", state.rotation, state.lever) + state.shift + account.datum.origin
     number = np.flatnonzero(np.isfinite(problem.known.position).all(axis=1))
-    for i, covariance in zip(number, position_covariances(result, number), strict=True):
-        weight, spread = network.centre_weight[i], np.diag(covariance)
-        variance = 1.0 / weight - spread if weight.all() else problem.known.position_sigma[i] ** 2 + spread
+    spreads = (np.diagonal(position_covariances(r, number), axis1=1, axis2=2) for r in (result, result.white))
+    for i, spread, white in zip(number, *spreads, strict=True):
+        weight = network.centre_weight[i]
+        variance = _of_residual(weight, spread, white) if weight.all() else problem.known.position_sigma[i] ** 2 + spread
         difference = -position_misclosures(network, state)[i] if weight.all() else antenna[i] - problem.known.position[i]
         rows.append(_residual(problem.names[i], "position", difference, variance, 1, np.zeros((0, 2))))
     return rows
@@ -69,11 +70,12 @@ def _check_rows(account: Account, control: Control) -> list[GroundResidual]:
 def distance_rows(account: Account) -> list[DistanceResidual]:
     """Measured distances against the block; one that nothing checks has a predicted difference of 0."""
     network, state, problem = account.result.network, account.result.state, account.problem
-    misclosure, spread, rows = distance_misclosures(network, state), distance_variances(account.result), []
+    misclosure, rows = distance_misclosures(network, state), []
+    spread, white = (distance_variances(r) for r in (account.result, account.result.white))
     stated = {(first, second): sigma for first, second, _, sigma in problem.distances}
     for i, (first, second) in enumerate((network.distances.ends - problem.ties).tolist()):
         weight = network.distances.weight[i]
-        variance = 1.0 / weight - spread[i] if weight > 0 else stated[first, second] ** 2 + spread[i]
+        variance = _of_residual(weight, spread[i], white[i]) if weight > 0 else stated[first, second] ** 2 + spread[i]
         predicted = np.sqrt(variance) if variance > CHECKABLE * stated[first, second] ** 2 else 0.0
         names = problem.surveyed[first].name, problem.surveyed[second].name
         rows.append(
@@ -86,6 +88,12 @@ def distance_rows(account: Account) -> list[DistanceResidual]:
             )
         )
     return rows
+
+
+def _of_residual(weight: np.ndarray, spread: np.ndarray, white: np.ndarray) -> np.ndarray:
+    """Variances of the residuals of what took part: what least squares took off its own variance it took for white noise; errors in
+    common come on top."""
+    return 1.0 / weight - white + (spread - white)
 
 
 def _residual(

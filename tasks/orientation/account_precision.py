@@ -44,6 +44,9 @@ def block_precision(account: Account, tracks: np.ndarray, apart: tuple[Block, ..
         largest=tuple(_largest(problem, result, tracks)),
         correlations=tuple(_correlations(problem, result)),
         blunders=(*(row.name for row in blunders), *(f"{row.first} - {row.second}" for row in distances)),
+        common_px=result.common and result.common.rms_px,
+        common_share=result.common and result.common.share,
+        white_sigma=_white_sigmas(problem, result),
         weaknesses=(
             *account.datum.weaknesses,
             *blunder_sentences(account, blunders),
@@ -60,6 +63,15 @@ def block_precision(account: Account, tracks: np.ndarray, apart: tuple[Block, ..
 
 def _sigmas(result: Adjustment, columns: np.ndarray) -> tuple[float, float, float] | None:
     return tuple(map(float, np.sqrt(result.cofactor.variances[columns]))) if len(columns) else None
+
+
+def _white_sigmas(problem: Problem, result: Adjustment) -> dict[str, tuple[float, ...]]:
+    """Standard errors of adjusted interior parameters without the errors in common; nothing where there are none."""
+    if result.before is None:
+        return {}
+    sigma = np.append(np.sqrt(np.maximum(result.white.cofactor.variances, 0.0)), 0.0)
+    rows = zip(problem.camera_names, result.network.interior_columns, strict=True)
+    return {name: tuple(map(float, sigma[own])) for name, own in rows if (own >= 0).any()}
 
 
 def _largest(problem: Problem, result: Adjustment, tracks: np.ndarray) -> list[LargestResidual]:

@@ -25,6 +25,7 @@ from tasks.orientation.account_precision import block_precision
 from tasks.orientation.assembly import Account, Part, known_of, problem_of, starting_values
 from tasks.orientation.block_start import Blocks, Start, start_blocks, start_with, without_photo
 from tasks.orientation.camera_constant import adjust_tested
+from tasks.orientation.errors_in_common import carried
 from tasks.orientation.folding import folding_remarks
 from tasks.orientation.georeference import choose_datum
 from tasks.orientation.growth import Given, Material
@@ -214,9 +215,10 @@ def _adjusted(have: _Input, parts: list[Part]) -> tuple[Account, tuple[Unoriente
             tested = adjust_tested(
                 network, state.with_lever(network.lever), rays, test, problem.camera_names, choices.interior.kind == "fixed"
             )
-            remarks = (*folding_remarks(have.cameras), *remarks, *tested.remarks)
-            account, why = Account(have.cameras, problem, tested.result, datum, remarks, tested.anew), AWAY
-            weak = away_from_its_position(tested.result, datum.positions_aside)
+            weak, why = away_from_its_position(tested.result, datum.positions_aside), AWAY
+            result, told = carried(problem, tested.result)
+            remarks = (*folding_remarks(have.cameras), *remarks, *tested.remarks, *told)
+            account = Account(have.cameras, problem, result, datum, remarks, tested.anew)
         except GeometryError as error:
             account, why, failure = None, str(error), error
             weak = weakest(network, state, hanging(network, rays))

@@ -87,6 +87,19 @@ def _figures(facts: Facts) -> list[Figure]:
             value=precision.image_factor,
             sentence="Estimated by stated standard error of the image measurements.",
         ),
+        Figure(
+            name="common_errors_px",
+            value=precision.common_px,
+            unit="px",
+            sentence="Displacements that whole regions of a photograph share (stabiliser, shutter, lens), from the residuals; all "
+            "standard errors carry them. Empty where the residuals are white noise.",
+        ),
+        Figure(
+            name="common_errors_of_camera",
+            value=None if precision.common_share is None else 100.0 * precision.common_share,
+            unit="%",
+            sentence="Of their variance, the part that is the same in all photographs of a camera.",
+        ),
         Figure(name="redundancy", value=block.redundancy, sentence="Numbers observed beyond those that are unknown."),
         Figure(name="iterations", value=block.iterations, sentence="Of all adjustments, those that found blunders included."),
         Figure(

@@ -1,0 +1,40 @@
+"""Errors in common of a whole block: found, carried into the camera's standard errors, and told; nothing where noise is white."""
+
+from dataclasses import replace
+
+import numpy as np
+from orienting import orient
+from simulated_block import two_strips
+
+from tasks.adjustment.image_fields import TERMS, field_basis
+from tasks.adjustment.interior import FreeInterior
+
+RMS = 1.0
+
+
+def displaced(block, seed):
+    """The block whose photographs each carry a smooth field of RMS px."""
+    ties, camera = block.tie_points, block.cameras.cameras["cam"]
+    size = np.array([camera.width, camera.height])
+    xy = (np.column_stack([ties.col, ties.row]) - (size - 1) / 2) * [1.0, -1.0]
+    coefficients = RMS / np.sqrt(TERMS) * np.random.default_rng(seed).standard_normal((len(block.views), 2, TERMS))
+    moved = np.einsum("mkt,mt->mk", coefficients[ties.photo], field_basis(xy, np.tile(size, (len(xy), 1))))
+    return replace(block, tie_points=replace(ties, col=ties.col + moved[:, 0], row=ties.row - moved[:, 1]))
+
+
+def test_fields_reach_the_standard_errors_of_the_camera_and_are_told():
+    block = displaced(two_strips(5), 5)
+    out = orient(block, interior=FreeInterior(kind="free"))
+    camera, precision = out["block"].cameras["cam"], out["precision"]
+    sigma, white = np.sqrt(camera.covariance[0][0]), precision.white_sigma["cam"][0]
+    assert np.isclose(precision.common_px, RMS, rtol=0.4)
+    assert precision.common_share < 0.5
+    assert sigma > 2 * white
+    assert abs(camera.c - block.views[0].camera.c) < 3 * sigma
+    told = [text for text in precision.weaknesses if text.startswith("Errors in common")]
+    assert len(told) == 1 and "mostly different in each" in told[0]
+
+
+def test_white_noise_leaves_the_account_as_it_was(volos_like):
+    precision = volos_like[1]["precision"]
+    assert precision.common_px is None and precision.common_share is None and precision.white_sigma == {}
