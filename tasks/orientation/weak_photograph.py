@@ -31,7 +31,9 @@ def weakest(network: Network, state: State, rays: Rays) -> int | None:
 
 def away_from_its_position(result: Adjustment, aside: np.ndarray) -> int | None:
     """The number of the weakest photograph if its position took no part because it contradicts the block: set `aside` (P,) bool
-    before the adjustment, or by it; else None."""
+    before the adjustment, or by it; else None, and in a free network, which uses no positions."""
+    if result.network.free:
+        return None
     weak = weakest(result.network, result.state, result.rays.take(result.used))
     away = aside.copy()
     away[[blunder.number for blunder in result.blunders if blunder.kind == "position"]] = True
