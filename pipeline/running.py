@@ -85,6 +85,7 @@ def run_workflow(loaded: LoadedWorkflow, options: Options, out: Console, err: Co
         session.plan()
         work = bool(session.pending)
         if work:
+            session.store.sweep()
             write_facts(session.folder, replace(facts, **_ends(session)))
             with _facts_of_an_interruption(session, facts):
                 facts = replace(facts, scheduler=_run(session, options, out, err))

@@ -68,6 +68,12 @@ class Store:
             ) from error
         return self.birth(spec.name)
 
+    def sweep(self) -> None:
+        """Remove what a killed run was writing: files under temporary names, which nobody reads. Nothing else may write now."""
+        for pattern in ("*.partial", ".*.part"):
+            for leftover in self.folder.rglob(pattern):
+                leftover.unlink(missing_ok=True)
+
     def delete(self, name: str) -> None:
         """Remove a raster with its data."""
         self._arrays.pop(name, None)

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from pipeline.records import Fingerprint, Record, Records, reason_to_run
 from pipeline.store import Store, aligned
+from pipeline.table_files import write_whole
 from schemas.errors import StoreError
 from schemas.observations import TIE_POINTS, TiePoints
 from schemas.raster import MapGrid, RasterSpec, Window, map_raster, tiles_of
@@ -82,6 +83,19 @@ def test_tiles_cover_a_raster_once_with_whole_chunks(rows, cols, size):
         seen[tile.window.slices] += 1
         assert aligned(tile.window, spec.shape, spec.chunks)
     assert (seen == 1).all()
+
+
+def test_what_a_killed_run_was_writing_is_swept_away(store):
+    store.create(spec_of())
+    store.write("a/b", Window(0, 0, 32, 32), np.ones((32, 32), np.float32))
+    write_whole(store.folder / "tables" / "a.json", b"{}")
+    before = sorted(store.folder.rglob("*"))
+    for place in ("rasters.zarr/a/zarr.0f.partial", "rasters.zarr/a/b/c/1/0.1e.partial", "tables/.x1.part"):
+        (store.folder / place).parent.mkdir(parents=True, exist_ok=True)
+        (store.folder / place).write_bytes(b"half")
+    store.sweep()
+    assert [path for path in sorted(store.folder.rglob("*")) if path.is_file()] == [path for path in before if path.is_file()]
+    assert (store.read("a/b", Window(0, 0, 32, 32)) == 1).all()
 
 
 def test_long_tables_keep_their_columns(store):
