@@ -108,12 +108,25 @@ class Upright:
 
     def tables(self, tables: dict[str, Any]) -> dict[str, object]:
         """The tables of an oriented block of sensors, told in upright photographs."""
-        largest = tuple(self.largest(row) for row in tables["precision"].largest)
+        precision = tables["precision"]
+        changed = {
+            "largest": tuple(self.largest(row) for row in precision.largest),
+            "white_sigma": self._white_sigmas(precision.white_sigma, tables["block"]),
+        }
         return tables | {
             "block": self.block(tables["block"]),
             "image_residuals": self.residuals(tables["image_residuals"]),
-            "precision": tables["precision"].model_copy(update={"largest": largest}),
+            "precision": precision.model_copy(update=changed),
             "separate": SeparateBlocks(blocks=tuple(self.block(block) for block in tables["separate"].blocks)),
+        }
+
+    def _white_sigmas(self, white: Mapping[str, tuple[float, ...]], block: Block) -> dict[str, tuple[float, ...]]:
+        """Standard errors of the sensors' interior parameters as those of the cameras in upright photographs."""
+        cameras = {self.cameras.of_photo[name]: (block.of_photo[name], self.flag(name)) for name in block.names}
+        return {
+            name: tuple(map(float, np.abs(interior_turn(flag)) @ white[sensor]))
+            for name, (sensor, flag) in sorted(cameras.items())
+            if sensor in white
         }
 
     def block(self, block: Block) -> Block:

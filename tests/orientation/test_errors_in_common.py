@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 from orienting import orient
-from simulated_block import two_strips
+from simulated_block import turned_upright, two_strips
 
 from tasks.adjustment.image_fields import TERMS, field_basis
 from tasks.adjustment.interior import FreeInterior
@@ -33,6 +33,16 @@ def test_fields_reach_the_standard_errors_of_the_camera_and_are_told():
     assert abs(camera.c - block.views[0].camera.c) < 3 * sigma
     told = [text for text in precision.weaknesses if text.startswith("Errors in common")]
     assert len(told) == 1 and "mostly different in each" in told[0]
+
+
+def test_cameras_of_turned_photographs_have_their_white_standard_errors():
+    block = displaced(two_strips(5, tracks=700), 5)
+    plain, out = (orient(one, interior=FreeInterior(kind="free")) for one in (block, turned_upright(block, {"s0_1": 6})))
+    white = out["precision"].white_sigma
+    assert set(white) == set(out["block"].cameras) and len(white) == 2
+    upright, turned = (np.array(white[out["block"].of_photo[name]]) for name in ("s0_0", "s0_1"))
+    assert np.allclose(upright, plain["precision"].white_sigma["cam"], rtol=1e-3)
+    assert np.allclose(turned, upright[[0, 2, 1, 3, 4, 5, 7, 6]])
 
 
 def test_white_noise_leaves_the_account_as_it_was(volos_like):
