@@ -70,9 +70,9 @@ class Store:
 
     def sweep(self) -> None:
         """Remove what a killed run was writing: files under temporary names, which nobody reads. Nothing else may write now."""
-        for pattern in ("*.partial", ".*.part"):
-            for leftover in self.folder.rglob(pattern):
-                leftover.unlink(missing_ok=True)
+        for path in self.folder.rglob("*.part*"):
+            if path.suffix in {".partial", ".part"}:
+                path.unlink(missing_ok=True)
 
     def delete(self, name: str) -> None:
         """Remove a raster with its data."""

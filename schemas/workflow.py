@@ -33,6 +33,8 @@ class SimulatedPhotos(Settings):
 
 Photographs = Annotated[PhotoFolder | PhotoList | SimulatedPhotos, Field(discriminator="kind")]
 
+SERVES = "Shell pattern of the file names that this camera took; other photographs have the camera of their EXIF tags."
+
 
 class CameraFromExif(Settings):
     """The camera constant from the EXIF tags: nominal, refined by the block adjustment."""
@@ -45,9 +47,7 @@ class CameraFromFile(Settings):
 
     kind: Literal["file"]
     path: str = setting(..., "The camera file, relative to the project's root.")
-    serves: str = setting(
-        "*", "Shell pattern of the file names that this camera took; other photographs have the camera of their EXIF tags."
-    )
+    serves: str = setting("*", SERVES)
 
 
 class CameraGiven(Settings):
@@ -64,9 +64,7 @@ class CameraGiven(Settings):
     p2: float = setting(0.0, "Tangential distortion.")
     pixel_um: float | None = setting(None, "Side of a pixel on the sensor or scan.", "micrometres", gt=0)
     sigma_c: float = setting(0.0, "Standard error of the camera constant; 0 when not known.", "px", ge=0)
-    serves: str = setting(
-        "*", "Shell pattern of the file names that this camera took; other photographs have the camera of their EXIF tags."
-    )
+    serves: str = setting("*", SERVES)
 
 
 class CameraFromChessboards(Settings):
@@ -84,9 +82,7 @@ class CameraFromChessboards(Settings):
     )
     sigma_in_plane: float = setting(0.0, "Standard error of the corners of a board within its plane; 0: exact.", "m", ge=0)
     sigma_height: float = setting(0.0, "Standard error of the corners of a board out of its plane; 0: flat.", "m", ge=0)
-    serves: str = setting(
-        "*", "Shell pattern of the file names that this camera took; other photographs have the camera of their EXIF tags."
-    )
+    serves: str = setting("*", SERVES)
 
 
 CameraSource = Annotated[CameraFromExif | CameraFromFile | CameraGiven | CameraFromChessboards, Field(discriminator="kind")]

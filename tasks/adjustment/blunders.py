@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtri, ndtr
 
+from tasks.adjustment.collinearity import sizes
 from tasks.adjustment.datum import distance_misclosures, position_misclosures, prior_sizes
 from tasks.adjustment.linearisation import linearised
-from tasks.adjustment.minimise import sizes
 from tasks.adjustment.network import NO_DISTANCES, Network, Rays, State
 from tasks.adjustment.normal_equations import point_corrections, point_precision_alone
 from tasks.adjustment.result import Adjustment, Blunder, surveyed
@@ -214,6 +214,11 @@ def enough_rays(network: Network, rays: Rays, used: np.ndarray) -> np.ndarray:
     count = np.bincount(rays.point[used], minlength=len(network.point))
     starved = end & ~known & (count < 2)
     return (used | starved[rays.point]) & ((count >= 2) | known | end)[rays.point]
+
+
+def hanging(network: Network, rays: Rays) -> Rays:
+    """The rays of points that have enough of them."""
+    return rays.take(enough_rays(network, rays, np.ones(len(rays), bool)))
 
 
 def _tested(

@@ -29,11 +29,11 @@ from tasks.adjustment.blunders import (
     weights_of,
     without,
 )
-from tasks.adjustment.collinearity import misclosures
+from tasks.adjustment.collinearity import misclosures, sizes
 from tasks.adjustment.distance_agreement import agreement
 from tasks.adjustment.intersection import intersecting
 from tasks.adjustment.linearisation import linearised
-from tasks.adjustment.minimise import minimise, sizes
+from tasks.adjustment.minimise import minimise
 from tasks.adjustment.network import Distances, Network, Rays, State
 from tasks.adjustment.precision import covariance_of, points_and_rays, with_considered
 from tasks.adjustment.result import Adjustment, Blunder, Factors, surveyed
@@ -132,8 +132,7 @@ def _knows(network: Network, blunder: Blunder) -> bool:
 def _robust_solution(network: Network, state: State, rays: Rays, test: BlunderTest) -> _Robust:
     """Huber's solution with the spread of each group's residuals as unit, three times, ever sharper; then the gross blunders go."""
     used = np.ones(len(rays), bool)
-    first = enough_rays(network, rays, intersecting(network, state, rays, used))
-    network, state, blunders, iterations = _with_agreeing_distances(network, state, rays, first, test)
+    network, state, blunders, iterations = _with_agreeing_distances(network, state, rays, test)
     for tolerance in (1e-2, 1e-2, 1e-3):
         used = enough_rays(network, rays, intersecting(network, state, rays, used))
         unit = _units(network, state, rays, used, least=0.1)
@@ -151,13 +150,14 @@ def _robust_solution(network: Network, state: State, rays: Rays, test: BlunderTe
 
 
 def _with_agreeing_distances(
-    network: Network, state: State, rays: Rays, used: np.ndarray, test: BlunderTest
+    network: Network, state: State, rays: Rays, test: BlunderTest
 ) -> tuple[Network, State, list[Blunder], int]:
     """The network with the distances that agree with each other where the rays alone put their ends, the state (a free block in
     their scale), the distances that do not, and the iterations."""
     distances = network.distances
     if len(distances) < 2:
         return network, state, [], 0
+    used = enough_rays(network, rays, intersecting(network, state, rays, np.ones(len(rays), bool)))
     bare = replace(network, distances=replace(distances, weight=np.zeros(len(distances))))
     scaled = replace(rays, sigma=rays.sigma * _units(bare, state, rays, used, least=0.1)).take(used)
     alone, steps = minimise(bare, state, scaled, test.huber, 1e-2)

@@ -6,7 +6,7 @@ Rotations are corrected from the left, R <- exp([w]x) R, so that with u = R (P -
 import numpy as np
 from numba import njit
 
-from tasks.adjustment.network import Rays, State
+from tasks.adjustment.network import Network, Rays, State
 from tasks.geometry.distortion import distort_point
 
 BEHIND = 1.0e5
@@ -86,3 +86,8 @@ def derivatives(state: State, rays: Rays, camera_of: np.ndarray) -> tuple[np.nda
     """Derivatives of the computed image coordinates: (M, 2, 14) by X, Y, Z, three rotations and INTERIOR; (M, 2, 3) by the
     point."""
     return _derivatives(rays.photo, camera_of[rays.photo], rays.point, state.rotation, state.centre, state.point, state.interior)
+
+
+def sizes(network: Network, state: State, rays: Rays) -> np.ndarray:
+    """(M,) lengths of the rays' misclosures in stated standard errors."""
+    return np.linalg.norm(misclosures(state, rays, network.camera_of), axis=1) / rays.sigma

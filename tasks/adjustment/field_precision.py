@@ -24,11 +24,15 @@ def with_common_errors(result: Adjustment, errors: CommonErrors, size: np.ndarra
     network = result.network
     alone, together = _moves(result, errors, size)
     moves = np.hstack([alone.reshape(network.unknowns, -1), together.reshape(network.unknowns, -1)])
-    blocks, added = (BlockMatrix(result.cofactor.blocks.pattern, v) for v in _with_and_apart(result, moves))
+    pattern = result.cofactor.blocks.pattern
+    added = BlockMatrix.zero(pattern)
+    added.add_product(moves, moves)
+    blocks = BlockMatrix(pattern, result.cofactor.blocks.values + added.values)
     rays = weighted_rays(result)
     linear, basis = linearised(network, result.state, rays), field_basis(rays.xy, size[rays.photo])
-    points = point_precision(linear, added)[0] - point_precision_alone(linear, blocks.pattern.start)
-    points += _on_points(linear, rays, network.camera_of, basis, alone, together, errors)
+    exact = point_precision_alone(linear, pattern.start)
+    pulls = _pulls(linear, rays, network.camera_of, basis, alone, together, errors)
+    points = point_precision(linear, added)[0] - exact + exact @ pulls @ exact
     points[network.kept] = added.pieces(network.kept_columns)
     return replace(
         result,
@@ -60,14 +64,7 @@ def _amplitudes(errors: CommonErrors) -> tuple[float, float]:
     return float(np.sqrt((1.0 - errors.share) * variance)), float(np.sqrt(errors.share * variance))
 
 
-def _with_and_apart(result: Adjustment, moves: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Values of the covariance's blocks with moves moves' added, and of these alone."""
-    apart = BlockMatrix.zero(result.cofactor.blocks.pattern)
-    apart.add_product(moves, moves)
-    return result.cofactor.blocks.values + apart.values, apart.values
-
-
-def _on_points(
+def _pulls(
     linear: Linear,
     rays: Rays,
     camera_of: np.ndarray,
@@ -76,19 +73,13 @@ def _on_points(
     together: np.ndarray,
     errors: CommonErrors,
 ) -> np.ndarray:
-    """(N, 3, 3) what the fields add to the points by way of their own rays, with its covariance with the unknowns."""
+    """(N, 3, 3) the covariance of how the fields pull at the points by way of their own rays, with that of the unknowns' moves."""
     pull = linear.weight[:, None, None] * linear.jp.transpose(0, 2, 1)
-    normal = linear.point_weight[:, :, None] * np.eye(3)
-    np.add.at(normal, np.repeat(np.arange(len(normal)), np.diff(linear.first)), pull @ linear.jp)
-    scale = np.maximum(np.einsum("nii->n", normal), 1e-300)
-    regular = np.linalg.det(normal / scale[:, None, None]) > 1e-18
-    inverse = np.zeros_like(normal)
-    inverse[regular] = np.linalg.inv(normal[regular])
     square = _square_form(
         linear.first, linear.columns[linear.row], linear.jg, pull, rays.photo, camera_of, basis, alone, together,
         *_amplitudes(errors),
     )  # fmt: skip
-    return linear.frame @ inverse @ square @ inverse @ linear.frame.swapaxes(1, 2)
+    return linear.frame @ square @ linear.frame.swapaxes(1, 2)
 
 
 @njit(cache=True)

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tasks.adjustment.collinearity import BEHIND, misclosures
+from tasks.adjustment.collinearity import BEHIND, misclosures, sizes
 from tasks.adjustment.linearisation import linearised
 from tasks.adjustment.network import Network, Rays, State
 from tasks.adjustment.normal_equations import point_corrections
@@ -53,16 +53,12 @@ def intersected(network: Network, state: State, rays: Rays, huber: float) -> Sta
     Points whose rays hardly meet follow a photograph that moves, but not in proportion: where they are left behind, the valley that
     it moves in is curved, and steps along it stay short.
     """
-    size = _sizes(network, state, rays)
+    size = sizes(network, state, rays)
     step = point_corrections(
         linearised(network, state, rays, huber_weights(size, huber)), np.zeros(network.unknowns)
     )
     step[network.kept] = 0.0
     moved = replace(state, point=state.point + step)
-    gain = huber_losses(size, huber) - huber_losses(_sizes(network, moved, rays), huber)
+    gain = huber_losses(size, huber) - huber_losses(sizes(network, moved, rays), huber)
     better = np.bincount(rays.point, gain, len(state.point)) > 0
     return replace(state, point=np.where((better & ~network.pointed)[:, None], moved.point, state.point))
-
-
-def _sizes(network: Network, state: State, rays: Rays) -> np.ndarray:
-    return np.linalg.norm(misclosures(state, rays, network.camera_of), axis=1) / rays.sigma

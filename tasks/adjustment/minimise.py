@@ -9,7 +9,7 @@ import numpy as np
 from schemas.errors import GeometryError
 from tasks.adjustment.block_cholesky import Structure
 from tasks.adjustment.block_matrix import diagonal_places
-from tasks.adjustment.collinearity import BEHIND, misclosures
+from tasks.adjustment.collinearity import BEHIND, sizes
 from tasks.adjustment.datum import PriorFactors, add_prior, prior_cost, prior_factors
 from tasks.adjustment.intersection import intersected
 from tasks.adjustment.inverse import inverse_of
@@ -74,11 +74,6 @@ def minimise(
     if np.isfinite(huber) or gain <= NEGLIGIBLE:
         return state, most
     raise GeometryError(f"The bundle adjustment did not converge in {most} iterations; look at its tie points and starting values.")
-
-
-def sizes(network: Network, state: State, rays: Rays) -> np.ndarray:
-    """(M,) lengths of the rays' misclosures in stated standard errors."""
-    return np.linalg.norm(misclosures(state, rays, network.camera_of), axis=1) / rays.sigma
 
 
 def _cost(network: Network, state: State, rays: Rays, huber: float) -> float:

@@ -11,6 +11,9 @@ import numpy as np
 from tasks.adjustment.datum import distance_derivatives, distance_misclosures, position_derivatives, position_misclosures
 from tasks.adjustment.result import Adjustment, Factors, Group, surveyed
 
+POINTINGS = "surveyed points in photographs"
+"""A group of observations, by its name"""
+
 
 def estimated(result: Adjustment) -> tuple[Factors, tuple[Group, ...]]:
     """The factors by which stated standard errors are to be multiplied, and the balance of the groups."""
@@ -23,7 +26,7 @@ def estimated(result: Adjustment) -> tuple[Factors, tuple[Group, ...]]:
     new = Factors(max(image, 1e-6), *rest)
     counts = (2 * int(ties.sum()), 2 * int(pointings.sum()), _known(result.network.centre_weight),
               _known(result.network.point_weight), _known(result.network.distances.weight))
-    names = ("tie points in photographs", "surveyed points in photographs", "GNSS positions", "surveyed coordinates", "distances")
+    names = ("tie points in photographs", POINTINGS, "GNSS positions", "surveyed coordinates", "distances")
     parts = (redundancy, *(share[1] for share in shares))
     factors = (new.image, *rest)
     return new, tuple(Group(*row) for row in zip(names, counts, parts, factors, strict=True) if row[1])

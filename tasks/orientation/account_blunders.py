@@ -9,7 +9,7 @@ from schemas.orientation import DistanceResidual, GroundResidual
 from tasks.adjustment.collinearity import misclosures
 from tasks.adjustment.network import Rays
 from tasks.orientation.account import rays_used
-from tasks.orientation.account_ground import control_rows, distance_rows, position_rows
+from tasks.orientation.account_ground import control_rows, distance_rows, position_rows, stated_distances
 from tasks.orientation.assembly import MEETING, Account
 from tasks.orientation.ground_points import approximate_points
 from tasks.orientation.measurements import ground_rays
@@ -142,10 +142,8 @@ def distance_sentences(account: Account, wrong: list[DistanceResidual]) -> list[
 
 def _rougher_than_stated(account: Account) -> np.ndarray:
     """(D,) bool: distances that took part with larger standard errors than stated, because they contradict each other."""
-    stated = {(first, second): sigma for first, second, _, sigma in account.problem.distances}
-    distances = account.result.network.distances
-    own = np.array([stated[first, second] for first, second in (distances.ends - account.problem.ties).tolist()])
-    return np.isfinite(distances.sigma) & (distances.sigma > 1.01 * own * account.result.factors.distance)
+    sigma, (_, stated) = account.result.network.distances.sigma, stated_distances(account)
+    return np.isfinite(sigma) & (sigma > 1.01 * stated * account.result.factors.distance)
 
 
 def _distance_sentence(row: DistanceResidual, wrong: bool, rough: bool) -> str | None:

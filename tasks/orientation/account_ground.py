@@ -72,11 +72,10 @@ def distance_rows(account: Account) -> list[DistanceResidual]:
     network, state, problem = account.result.network, account.result.state, account.problem
     misclosure, rows = distance_misclosures(network, state), []
     spread, white = (distance_variances(r) for r in (account.result, account.result.white))
-    stated = {(first, second): sigma for first, second, _, sigma in problem.distances}
-    for i, (first, second) in enumerate((network.distances.ends - problem.ties).tolist()):
+    for i, ((first, second), stated) in enumerate(zip(*stated_distances(account), strict=True)):
         weight = network.distances.weight[i]
-        variance = _of_residual(weight, spread[i], white[i]) if weight > 0 else stated[first, second] ** 2 + spread[i]
-        predicted = np.sqrt(variance) if variance > CHECKABLE * stated[first, second] ** 2 else 0.0
+        variance = _of_residual(weight, spread[i], white[i]) if weight > 0 else stated**2 + spread[i]
+        predicted = np.sqrt(variance) if variance > CHECKABLE * stated**2 else 0.0
         names = problem.surveyed[first].name, problem.surveyed[second].name
         rows.append(
             DistanceResidual(
@@ -88,6 +87,13 @@ def distance_rows(account: Account) -> list[DistanceResidual]:
             )
         )
     return rows
+
+
+def stated_distances(account: Account) -> tuple[list[list[int]], np.ndarray]:
+    """The ends (numbers of surveyed points) and stated standard errors (D,) m of the distances of the adjustment."""
+    stated = {(first, second): sigma for first, second, _, sigma in account.problem.distances}
+    ends = (account.result.network.distances.ends - account.problem.ties).tolist()
+    return ends, np.array([stated[first, second] for first, second in ends])
 
 
 def _of_residual(weight: np.ndarray, spread: np.ndarray, white: np.ndarray) -> np.ndarray:

@@ -17,6 +17,7 @@ from schemas.observations import Control, TiePoints
 from schemas.orientation import RelativeOrientations, SeparateBlocks, Unoriented
 from schemas.photo import Photos
 from schemas.settings import Settings
+from tasks.adjustment.blunders import hanging
 from tasks.adjustment.bundle import BlunderTest
 from tasks.adjustment.interior import InteriorChoice, interior_prior
 from tasks.orientation.account import block_table, ground_points, image_residuals
@@ -32,8 +33,8 @@ from tasks.orientation.growth import Given, Material
 from tasks.orientation.interchange.foreign_block import Pose
 from tasks.orientation.measurements import tie_rays
 from tasks.orientation.self_calibration import determined, told_by_shape
-from tasks.orientation.sensor_frame import Upright
-from tasks.orientation.weak_photograph import AWAY, away_from_its_position, hanging, set_aside, weakest
+from tasks.orientation.sensor_frame import Sensors, Upright
+from tasks.orientation.weak_photograph import AWAY, away_from_its_position, set_aside, weakest
 from tasks.orientation.zenith import Looking
 
 cv2.setNumThreads(1)
@@ -81,36 +82,22 @@ def orient_block(
     Raises GeometryError when there is no block at all or its observations do not determine it.
     """
     upright = Upright(photos, cameras)
-    if not upright.anything:
-        return _block_of_sensors(photos, cameras, tie_points, control, relative, crs, choices, given, {})
-    tables = _block_of_sensors(
-        upright.sensor_photos(), upright.sensor_cameras(), upright.sensor_ties(tie_points), upright.sensor_control(control),
-        relative, crs, choices, upright.sensor_poses(given), upright.tops(),
-    )  # fmt: skip
-    return upright.tables(tables)
+    tables = _block_of_sensors(upright.sensors(tie_points, control, given), relative, crs, choices)
+    return upright.tables(tables) if upright.anything else tables
 
 
-def _block_of_sensors(
-    photos: Photos,
-    cameras: Cameras,
-    tie_points: TiePoints,
-    control: Control,
-    relative: RelativeOrientations,
-    crs: str,
-    choices: BlockChoices,
-    given: Mapping[str, Pose] | None,
-    tops: Mapping[str, np.ndarray],
-) -> dict[str, object]:
-    """The tables of photographs as their sensors saw them; `tops`: where the tops of those lie that stand otherwise."""
+def _block_of_sensors(seen: Sensors, relative: RelativeOrientations, crs: str, choices: BlockChoices) -> dict[str, object]:
+    """The tables of photographs as their sensors saw them."""
+    photos, tie_points, control, cameras = seen.photos, seen.tie_points, seen.control, seen.cameras
     cameras = cameras.with_k1(relative.start_k1)
     usable = [point for point in control.points if point.role == "control" and len(point.measurements) >= 2]
     material, tracks = _material(photos, cameras, tie_points, relative, choices, len(usable) < 3)
-    have = _Input(photos, cameras, control, material, choices, tops)
+    have = _Input(photos, cameras, control, material, choices, seen.tops)
     try:
-        oriented = _settled(have, *_given(photos, given))
+        oriented = _settled(have, *_given(photos, seen.given))
     except GeometryError as error:
         raise GeometryError(" ".join((str(error), *folding_remarks(cameras)))) from error
-    account, apart = oriented.account, tuple(block_table(crs, one, ()) for one in oriented.apart)
+    account, apart = carried(oriented.account), tuple(block_table(crs, carried(one), ()) for one in oriented.apart)
     return {
         "block": block_table(crs, account, oriented.unoriented),
         "points": ground_points(account, tracks),
@@ -208,25 +195,22 @@ def _adjusted(have: _Input, parts: list[Part]) -> tuple[Account, tuple[Unoriente
         problem, datum = problem_of(have.material, parts, have.cameras, have.control)
         network, state, good = starting_values(have.material, problem, parts, datum, np.radians(choices.vertical_sigma))
         network = network.with_lever(choices.lever_arm, choices.lever_sigma, choices.gnss_shift)
-        network = told_by_shape(network, state, problem.rays.take(good))
-        network, remarks = determined(network, state, problem.rays.take(good), problem.camera_names)
         rays, test = problem.rays.take(good), BlunderTest(limit=choices.rejection)
+        network, remarks = determined(told_by_shape(network, state, rays), state, rays, problem.camera_names)
         try:
             tested = adjust_tested(
                 network, state.with_lever(network.lever), rays, test, problem.camera_names, choices.interior.kind == "fixed"
             )
             weak, why = away_from_its_position(tested.result, datum.positions_aside), AWAY
-            result, told = carried(problem, tested.result)
-            remarks = (*folding_remarks(have.cameras), *remarks, *tested.remarks, *told)
-            account = Account(have.cameras, problem, result, datum, remarks, tested.anew)
         except GeometryError as error:
-            account, why, failure = None, str(error), error
+            tested, why, failure = None, str(error), error
             weak = weakest(network, state, hanging(network, rays))
         left = [] if weak is None else _without(have, parts, int(problem.active[weak]))
-        if not left and account is None:
+        if not left and tested is None:
             raise failure
         if not left:
-            return account, aside
+            remarks = (*folding_remarks(have.cameras), *remarks, *tested.remarks)
+            return Account(have.cameras, problem, tested.result, datum, remarks, tested.anew), aside
         count, parts = int((rays.photo == weak).sum()), left
         aside += (Unoriented(photo=problem.names[weak], reason=set_aside(problem.names[weak], count, why)),)
 

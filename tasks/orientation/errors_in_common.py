@@ -1,12 +1,14 @@
 """Errors in common, from the residuals of an adjusted block into its standard errors and into words."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from schemas.camera import INTERIOR
 from tasks.adjustment.field_precision import with_common_errors
 from tasks.adjustment.image_fields import common_errors
 from tasks.adjustment.result import Adjustment
-from tasks.orientation.assembly import Problem
+from tasks.orientation.assembly import Account, Problem
 
 NOTABLE = 2.0
 """Standard errors that grow by this factor are spoken of."""
@@ -14,14 +16,15 @@ OF_CAMERA = 0.5
 """From this share on the fields are said to be the camera's, below to be those of single photographs."""
 
 
-def carried(problem: Problem, result: Adjustment) -> tuple[Adjustment, tuple[str, ...]]:
-    """The result whose standard errors carry the errors in common that its residuals show, and a sentence where that matters."""
+def carried(account: Account) -> Account:
+    """The account whose standard errors carry the errors in common that its residuals show, with a sentence where that matters."""
+    problem, result = account.problem, account.result
     size = np.array([(problem.cameras[k].width, problem.cameras[k].height) for k in problem.camera_of], float)
     errors = common_errors(result, size)
     if errors is None:
-        return result, ()
+        return account
     honest = with_common_errors(result, errors, size)
-    return honest, _told(problem, result, honest)
+    return replace(account, result=honest, remarks=(*account.remarks, *_told(problem, result, honest)))
 
 
 def _told(problem: Problem, white: Adjustment, honest: Adjustment) -> tuple[str, ...]:

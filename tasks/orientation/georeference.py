@@ -147,8 +147,7 @@ def _looks_up(
 
 def _mean_up(model: State) -> np.ndarray:
     """The mean of the cameras' axes away from the ground."""
-    up = model.rotation[:, 2].mean(axis=0)
-    return up / max(float(np.linalg.norm(up)), 1e-12)
+    return upward(model.rotation, np.tile(DOWN, (len(model.rotation), 1)))
 
 
 def _without_shift(model: State, known: Known) -> np.ndarray:
@@ -194,7 +193,7 @@ def _free(model: State, known: Known, origin: np.ndarray | None) -> Datum:
 
 def _upright(model: State) -> tuple[np.ndarray, float]:
     """A rotation (3, 3) that puts the mean viewing direction down, and the height of the cameras above the ground."""
-    up = upward(model.rotation, np.tile(DOWN, (len(model.rotation), 1)))
+    up = _mean_up(model)
     east = model.centre[-1] - model.centre[0]
     east = east - up * (east @ up)
     east = east / max(float(np.linalg.norm(east)), 1e-12)
@@ -255,16 +254,6 @@ def _weaknesses(
             "errors. Positions, their standard errors or the CRS may be wrong."
         )
     return tuple(found)
-
-
-def to_datum(model: State, datum: Datum) -> State:
-    """The model's state in local coordinates of the datum."""
-    return replace(
-        model,
-        rotation=model.rotation @ datum.similarity.rotation.T,
-        centre=datum.similarity.apply(model.centre),
-        point=datum.similarity.apply(model.point),
-    )
 
 
 def held(network: Network, known: Known, datum: Datum, first_surveyed: int) -> Network:

@@ -17,7 +17,6 @@ import numpy as np
 
 from schemas.errors import GeometryError
 from tasks.adjustment.mixed_model import MixedSolution, solve_mixed
-from tasks.adjustment.robust import spread
 from tasks.geometry.intersection import intersect_rays
 from tasks.geometry.rotation_vector import rotation_of_vector
 from tasks.orientation.relative_forms import DependentOrientation, FiveRotations, coplanarity, directions
@@ -175,8 +174,3 @@ def in_front(model: DependentOrientation | GeneralOrientation, observations: np.
     points, _ = model_points(model, observations)
     with np.errstate(invalid="ignore"):
         return (points[:, 2] < 0) & (((points - model.base) @ model.rotation.T)[:, 2] < 0)
-
-
-def y_parallax_spread(relative: Relative) -> float:
-    """Robust standard error of a coordinate from the residuals of the kept matches, px."""
-    return spread(np.linalg.norm(relative.solution.residuals, axis=1))

@@ -3,11 +3,10 @@
 import numpy as np
 
 from schemas.wording import some_of
+from tasks.adjustment.variance_components import POINTINGS
 from tasks.orientation.interchange.foreign_block import MIRRORED
 from tasks.orientation.report_facts import CELLS, Facts, coverage, filled_areas
 
-POINTINGS = "surveyed points in photographs"
-"""The group of observations of the adjustment"""
 ONE_SIDED = 0.2
 """Share of the block's frame that control must cover"""
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from schemas.camera import INTERIOR
 from schemas.errors import GeometryError
-from tasks.adjustment.blunders import enough_rays
+from tasks.adjustment.blunders import hanging
 from tasks.adjustment.interior import given_sigmas
 from tasks.adjustment.linearisation import linearised
 from tasks.adjustment.network import Network, Rays, State
@@ -29,7 +29,7 @@ LARGEST = 0.03
 def determined(network: Network, state: State, rays: Rays, names: tuple[str, ...]) -> tuple[Network, tuple[str, ...]]:
     """The network with the free c, x0 and y0 held that its geometry does not determine, and sentences about them."""
     open_ = network.interior.free[:, :3] & (np.diagonal(network.interior.weight, axis1=1, axis2=2)[:, :3] == 0)
-    rays = _firm(network, rays)
+    rays = hanging(network, rays)
     remarks: list[str] = []
     while open_.any():
         share = _shares(network, state, rays)
@@ -53,7 +53,7 @@ def told_by_shape(network: Network, state: State, rays: Rays) -> Network:
     weight = interior.weight.copy()
     weight[doubtful, :3], weight[doubtful, :, :3] = 0.0, 0.0
     unknown = replace(interior, weight=weight, considered=interior.considered & ~doubtful[:, None])
-    share = _shares(replace(network, interior=unknown), state, _firm(network, rays))[:, 0]
+    share = _shares(replace(network, interior=unknown), state, hanging(network, rays))[:, 0]
     of_camera = np.bincount(network.camera_of[rays.photo], minlength=len(doubtful))
     photos = np.bincount(network.camera_of, minlength=len(doubtful))
     per_area = np.maximum(of_camera / np.maximum(photos, 1) / AREAS, 1.0)
@@ -69,11 +69,6 @@ def held_fixed(network: Network, names: tuple[str, ...]) -> tuple[Network, tuple
         f"The interior orientation of {' and '.join(names)} could not be adjusted: the block does not determine it. It was held "
         "fixed; calibrate the camera, or add oblique photographs or control at different heights.",
     )
-
-
-def _firm(network: Network, rays: Rays) -> Rays:
-    """The rays of points that have two, or known coordinates."""
-    return rays.take(enough_rays(network, rays, np.ones(len(rays), bool)))
 
 
 def _shares(network: Network, state: State, rays: Rays) -> np.ndarray:

@@ -24,6 +24,19 @@ from tasks.orientation.interchange.foreign_block import Pose
 
 
 @dataclass(frozen=True, eq=False)
+class Sensors:
+    """What a block is made from, as the sensors saw it; `given`: approximate orientations, `tops`: directions (3,) in the image
+    system to the tops of photographs that stand otherwise than their sensors."""
+
+    photos: Photos
+    cameras: Cameras
+    tie_points: TiePoints
+    control: Control
+    given: Mapping[str, Pose] | None
+    tops: Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
 class Upright:
     """The photographs and cameras as all others see them."""
 
@@ -40,6 +53,15 @@ class Upright:
         """Whether any photograph was turned."""
         return any(self.flag(name) != 1 for name in self.photos.names)
 
+    def sensors(self, ties: TiePoints, control: Control, given: Mapping[str, Pose] | None) -> Sensors:
+        """All as the sensors saw it; as it is where nothing was turned."""
+        if not self.anything:
+            return Sensors(self.photos, self.cameras, ties, control, given, {})
+        return Sensors(
+            self.sensor_photos(), self.sensor_cameras(), self.sensor_ties(ties), self.sensor_control(control),
+            self._sensor_poses(given), self._tops(),
+        )  # fmt: skip
+
     def sensor_photos(self) -> Photos:
         """The photographs as their sensors saw them."""
         return self.photos.model_copy(update={"photos": tuple(self._sensor_photo(photo) for photo in self.photos.photos)})
@@ -54,7 +76,7 @@ class Upright:
             changed["attitude"] = tuple(float(v) for v in np.degrees(angles(rotation)))
         return photo.model_copy(update={"exif_orientation": 1, **changed})
 
-    def tops(self) -> dict[str, np.ndarray]:
+    def _tops(self) -> dict[str, np.ndarray]:
         """Where the tops of the turned photographs lie: directions (3,) in the image systems of their sensors."""
         return {name: _about_axis(self.flag(name)).T @ [0.0, 1.0, 0.0] for name in self.photos.names if self.flag(name) != 1}
 
@@ -99,7 +121,7 @@ class Upright:
         """Pixels (n, 2) of the upright photograph to those of its sensor."""
         return _turned_pixels(pixels, QUARTER_TURNS[self.flag(photo.name)], (photo.width, photo.height))
 
-    def sensor_poses(self, given: Mapping[str, Pose] | None) -> Mapping[str, Pose] | None:
+    def _sensor_poses(self, given: Mapping[str, Pose] | None) -> Mapping[str, Pose] | None:
         """Approximate orientations of the sensors."""
         if given is None:
             return None
@@ -122,17 +144,20 @@ class Upright:
 
     def _white_sigmas(self, white: Mapping[str, tuple[float, ...]], block: Block) -> dict[str, tuple[float, ...]]:
         """Standard errors of the sensors' interior parameters as those of the cameras in upright photographs."""
-        cameras = {self.cameras.of_photo[name]: (block.of_photo[name], self.flag(name)) for name in block.names}
         return {
             name: tuple(map(float, np.abs(interior_turn(flag)) @ white[sensor]))
-            for name, (sensor, flag) in sorted(cameras.items())
+            for name, (sensor, flag) in sorted(self._sensors_of(block).items())
             if sensor in white
         }
+
+    def _sensors_of(self, block: Block) -> dict[str, tuple[str, int]]:
+        """The sensor of every camera of upright photographs, and the EXIF orientation between them."""
+        return {self.cameras.of_photo[name]: (block.of_photo[name], self.flag(name)) for name in block.names}
 
     def block(self, block: Block) -> Block:
         """A block of sensors as a block of upright photographs."""
         turn = {photo.photo: _angle_turn(photo, self.flag(photo.photo)) for photo in block.photos}
-        cameras = {self.cameras.of_photo[name]: (block.of_photo[name], self.flag(name)) for name in block.names}
+        cameras = self._sensors_of(block)
         joint = {(j.first, j.second): np.array(j.covariance) for j in block.joint_cameras}
         joint |= {(second, first): covariance.T for (first, second), covariance in joint.items()}
         joint |= {(name, name): np.array(c.covariance) for name, c in block.cameras.items() if c.source == "block"}

@@ -12,6 +12,7 @@ import numpy as np
 
 from schemas.camera import Cameras
 from schemas.orientation import RelativeOrientation
+from tasks.orientation.folding import reach
 
 _TRIED = (-0.2, -0.15, -0.1, -0.05, 0.05, 0.1)
 _FITTING = 0.95
@@ -43,8 +44,9 @@ def start_distortion(cameras: Cameras, found: list[RelativeOrientation], relate:
             continue
         strongest = sorted(own, key=lambda pair: -pair.matches)[:_MOST_PAIRS]
         names = [(pair.left, pair.right) for pair in strongest]
-        corner = 0.5 * float(np.hypot(camera.width, camera.height)) / camera.c
-        fits = {k1: _kept(relate(cameras.with_k1({name: k1}), names)) for k1 in _TRIED if corner <= _ROOM * _reach(k1)}
+        corner = 0.5 * float(np.hypot(camera.width, camera.height))
+        tried = [k1 for k1 in _TRIED if corner <= _ROOM * reach(camera.model_copy(update={"k1": k1}))]
+        fits = {k1: _kept(relate(cameras.with_k1({name: k1}), names)) for k1 in tried}
         best = max(fits, key=fits.__getitem__, default=0.0)
         if best and fits[best] > _GAIN * _explained(strongest):
             chosen[name] = best
@@ -58,8 +60,3 @@ def _kept(pairs: list[RelativeOrientation]) -> int:
 def _explained(pairs: list[RelativeOrientation]) -> int:
     """Matches that fit something, a mere turn of the camera too: no distortion shall make a base of it."""
     return sum(pair.kept for pair in pairs)
-
-
-def _reach(k1: float) -> float:
-    """The largest observed radius, in units of c: beyond, a barrel distortion folds the picture back."""
-    return float("inf") if k1 >= 0 else 2.0 / 3.0 / np.sqrt(-3.0 * k1)

@@ -16,12 +16,6 @@ WEAK = 5.0
 AWAY = "They put it far from its known position."
 
 
-def hanging(network: Network, rays: Rays) -> Rays:
-    """The rays of points that another ray or a prior holds, too."""
-    count = np.bincount(rays.point, minlength=len(network.point))
-    return rays.take(((count >= 2) | network.point_weight.any(axis=1))[rays.point])
-
-
 def weakest(network: Network, state: State, rays: Rays) -> int | None:
     """The number of the photograph that its `rays` fix worst; None where none is much worse than the others."""
     loose = _looseness(network, state, rays)

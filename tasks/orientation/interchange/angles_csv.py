@@ -10,7 +10,7 @@ import numpy as np
 
 from schemas.errors import WorkflowError
 from schemas.orientation import Block
-from tasks.geometry.rotation import angles, rotation_matrix
+from tasks.geometry.rotation import rotation_matrix
 from tasks.orientation.interchange.foreign_block import ForeignBlock, Pose, photo_name
 
 COLUMNS = ("photo", "x", "y", "z", "omega", "phi", "kappa")
@@ -89,8 +89,3 @@ def _sigmas(covariance: tuple[tuple[float, ...], ...] | None) -> list[str]:
         return [""] * len(SIGMAS)
     sigma = np.sqrt(np.diag(np.array(covariance)))
     return [f"{v:.5f}" for v in sigma[:3]] + [f"{v:.7f}" for v in np.degrees(sigma[3:])]
-
-
-def csv_angles(pose: Pose) -> tuple[float, float, float]:
-    """omega, phi, kappa of a pose, degrees."""
-    return tuple(float(v) for v in np.degrees(angles(pose.rotation)))
