@@ -53,37 +53,37 @@ test-slow: $(STAMP) ## Run the tests that take minutes
 	@$(BIN)/python -m pytest -m slow
 
 lint: $(STAMP) ## Check style and types
-	@$(BIN)/ruff check schemas tasks pipeline tests benchmarks
+	@$(BIN)/ruff check orthomill schemas tasks pipeline tests benchmarks
 
 format: $(STAMP) ## Mend what the linter can mend
-	@$(BIN)/ruff check --fix schemas tasks pipeline tests benchmarks
+	@$(BIN)/ruff check --fix orthomill schemas tasks pipeline tests benchmarks
 
 bench: $(STAMP) ## Measure the figures in benchmarks/results
 	@$(BIN)/python -m benchmarks
 
 bench-orientation: $(STAMP) ## Orientation of real photographs, beside COLMAP where it is installed
-	@$(BIN)/python -m benchmarks.orientation_real
+	@$(BIN)/python -m benchmarks.orientation.orientation_real
 
 bench-matching: $(STAMP) ## Measure matching beside the published experiments (options="--quick")
-	@$(BIN)/python -m benchmarks.matching $(options)
+	@$(BIN)/python -m benchmarks.matching.published_tables $(options)
 
 bench-window-sizes: $(STAMP) ## Measure what choosing a matching window costs
-	@$(BIN)/python -m benchmarks.window_sizes
+	@$(BIN)/python -m benchmarks.matching.window_sizes
 
 bench-matching-speed: $(STAMP) ## Measure the points per second of least-squares matching
 	@$(BIN)/python -m benchmarks matching_speed
 
 bench-calibration: $(STAMP) ## Measure the calibration beside OpenCV: many seeds, rendered and real photographs
-	@$(BIN)/python -m benchmarks.calibration
+	@$(BIN)/python -m benchmarks.calibration.calibration_accuracy
 
 bench-camera-constants: $(STAMP) ## Camera constants that real blocks find, with their standard errors, beside references
-	@$(BIN)/python -m benchmarks.camera_constants
+	@$(BIN)/python -m benchmarks.orientation.camera_constants
 
 bench-orientation-simulated: $(STAMP) ## Orientation on simulated measurements: precision that is true
-	@$(BIN)/python -m benchmarks.orientation_simulated
+	@$(BIN)/python -m benchmarks.orientation.orientation_simulated
 
 bench-adjustment: $(STAMP) ## Growth of the adjustment up to 1000 photographs (options="against=CHECKOUT")
-	@$(BIN)/python -m benchmarks.adjustment_growth $(options)
+	@$(BIN)/python -m benchmarks.orientation.adjustment_growth $(options)
 
 docs: $(STAMP) ## Write the generated pages of docs/
 	@$(BIN)/orthomill reference

@@ -2,14 +2,19 @@
 
 import sys
 
-from benchmarks import matching, matching_speed, memory_growth, same_everywhere, volos, window_sizes
+from benchmarks import memory_growth, same_everywhere, volos
+from benchmarks.matching import matching_speed, published_tables, window_sizes
 
 
 def main() -> None:
     """Run those named on the command line, or all."""
     known = {
-        "volos": volos.main, "same_everywhere": same_everywhere.main, "memory_growth": memory_growth.main,
-        "matching": lambda: matching.main([]), "matching_speed": matching_speed.main, "window_sizes": window_sizes.main,
+        "volos": volos.main,
+        "same_everywhere": same_everywhere.main,
+        "memory_growth": memory_growth.main,
+        "matching": lambda: published_tables.main([]),
+        "matching_speed": matching_speed.main,
+        "window_sizes": window_sizes.main,
     }
     for name in sys.argv[1:] or known:
         known[name]()

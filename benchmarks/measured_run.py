@@ -72,8 +72,10 @@ def machine() -> str:
     """One line about the machine that figures were measured on."""
     lines = Path("/proc/cpuinfo").read_text().splitlines()
     model = next((line.split(":")[1].strip() for line in lines if line.startswith("model name")), "")
-    return (f"{os.cpu_count()} cores ({model or platform.machine()}), {psutil.virtual_memory().total / 2**30:.0f} GiB, "
-            f"Python {platform.python_version()}, {time.strftime('%Y-%m-%d')}")
+    return (
+        f"{os.cpu_count()} cores ({model or platform.machine()}), {psutil.virtual_memory().total / 2**30:.0f} GiB, "
+        f"Python {platform.python_version()}, {time.strftime('%Y-%m-%d')}"
+    )
 
 
 def write_result(name: str, text: str) -> None:

@@ -37,16 +37,26 @@ def main() -> None:
         large, large_figures = run_project(Path(scratch) / "large", LARGE)
     cells = [figures["densification.cells_with_height"]["value"] for figures in (small_figures, large_figures)]
     workers = [figures["run.peak_memory"]["value"] for figures in (small_figures, large_figures)]
-    write_result("memory_growth", "\n".join([
-        "# Memory against the size of the project", "", f"`python -m benchmarks.memory_growth`; {machine()}.", "",
-        "| | small | large | ratio |", "| --- | --- | --- | --- |",
-        f"| photographs | 6 | {LARGE['strips'] * LARGE['photos_per_strip']} | 4 |",
-        f"| cells with a height | {cells[0]} | {cells[1]} | {cells[1] / cells[0]:.2f} |",
-        f"| largest worker (MiB) | {workers[0]:.0f} | {workers[1]:.0f} | {workers[1] / workers[0]:.3f} |",
-        f"| largest process of any kind (MiB) | {small.peak_bytes / 2**20:.0f} | {large.peak_bytes / 2**20:.0f} "
-        f"| {large.peak_bytes / small.peak_bytes:.3f} |",
-        f"| seconds | {small.seconds:.0f} | {large.seconds:.0f} | {large.seconds / small.seconds:.2f} |",
-    ]) + "\n")
+    write_result(
+        "memory_growth",
+        "\n".join(
+            [
+                "# Memory against the size of the project",
+                "",
+                f"`python -m benchmarks.memory_growth`; {machine()}.",
+                "",
+                "| | small | large | ratio |",
+                "| --- | --- | --- | --- |",
+                f"| photographs | 6 | {LARGE['strips'] * LARGE['photos_per_strip']} | 4 |",
+                f"| cells with a height | {cells[0]} | {cells[1]} | {cells[1] / cells[0]:.2f} |",
+                f"| largest worker (MiB) | {workers[0]:.0f} | {workers[1]:.0f} | {workers[1] / workers[0]:.3f} |",
+                f"| largest process of any kind (MiB) | {small.peak_bytes / 2**20:.0f} | {large.peak_bytes / 2**20:.0f} "
+                f"| {large.peak_bytes / small.peak_bytes:.3f} |",
+                f"| seconds | {small.seconds:.0f} | {large.seconds:.0f} | {large.seconds / small.seconds:.2f} |",
+            ]
+        )
+        + "\n",
+    )
 
 
 if __name__ == "__main__":

@@ -19,19 +19,19 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.measured_run import machine, write_result
-from schemas.epipolar import PAIRS, EpipolarPairs
-from schemas.orientation import BLOCK, Block
-from schemas.photo import photo_raster
-from schemas.raster import Window
-from schemas.surface import HEIGHT, SURFACE, Surface
-from tasks.dsm_check.areas import block_size
-from tasks.dsm_check.correction_map import NodeGrid
-from tasks.dsm_check.coverage import CheckedPair, CheckedPairs, choose_checked_pairs
-from tasks.dsm_check.nodes import NodeTile, check_nodes
-from tasks.dsm_check.orthoimage import OrthoTile, ortho_tile
-from tasks.dsm_check.stage import DsmCheckStage
-from tasks.dsm_check.tile import CorrectionRule, NodeWindow, correct_tile
-from tasks.simulation.deformation import Bump, Deformation, planted, shape_of
+from orthomill.schemas.epipolar import PAIRS, EpipolarPairs
+from orthomill.schemas.orientation import BLOCK, Block
+from orthomill.schemas.photo import photo_raster
+from orthomill.schemas.raster import Window
+from orthomill.schemas.surface import HEIGHT, SURFACE, Surface
+from orthomill.tasks.dsm_check.areas import block_size
+from orthomill.tasks.dsm_check.correction_map import CorrectionNodes
+from orthomill.tasks.dsm_check.coverage import CheckedPair, CheckedPairs, choose_checked_pairs
+from orthomill.tasks.dsm_check.nodes import NodeTile, check_nodes
+from orthomill.tasks.dsm_check.stage import DsmCheckStage
+from orthomill.tasks.dsm_check.tile import CorrectionRule, NodeWindow, correct_tile
+from orthomill.tasks.dsm_check.working_orthoimage import OrthoTile, ortho_tile
+from orthomill.tasks.simulation.deformation import Bump, Deformation, planted, shape_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ def check(scene: Scene, heights: np.ndarray, stage: DsmCheckStage) -> dict[str, 
     whole = Window(0, 0, *heights.shape)
     windows = tuple(NodeWindow(p.name, *[_nodes_of(p.window, stage.step)] * 2) for p in chosen.pairs)
     factor = chosen.pixels_per_cell
-    grid = NodeGrid(stage.step, factor, stage.radius * stage.step, 2 * stage.matching.search.reach / factor)
+    grid = CorrectionNodes(stage.step, factor, stage.radius * stage.step, 2 * stage.matching.search.reach / factor)
     rule = CorrectionRule(stage.apply, stage.significance, grid, block_size(heights.shape), chosen.pixel_height)
     return correct_tile(whole, windows, rule, heights, nodes)
 
@@ -152,14 +152,33 @@ def run(scene: Scene, heights: np.ndarray, radii: tuple[float, ...] = (6, 10, 15
     untouched = check(scene, heights, stage)
     seconds = time.process_time() - start
     places = {"open ground, agreeing": open_places(untouched, heights, scene), "anywhere measured": any_places(heights, scene)}
-    columns = ("places", "radius (cells)", "bumps", "right sign", "80 % or more", "not judged", "share: median", "least",
-               "off, median (m)", "tilt", "NMAD (m)")
+    columns = (
+        "places",
+        "radius (cells)",
+        "bumps",
+        "right sign",
+        "80 % or more",
+        "not judged",
+        "share: median",
+        "least",
+        "off, median (m)",
+        "tilt",
+        "NMAD (m)",
+    )
     lines = [f"| {' | '.join(columns)} |", "| --- " * len(columns) + "|"]
     for name, where in places.items():
-        lines += [_row(name, radius, planted(scene.surface.grid, where, radius * scene.surface.grid.cell), scene, heights, stage)
-                  for radius in radii]
-    return "\n".join([*lines, "", f"Alarms on the untouched surface: {false_alarms(untouched):.3%} of the checked cells. "
-                      f"{seconds:.0f} s of CPU for one check."])
+        lines += [
+            _row(name, radius, planted(scene.surface.grid, where, radius * scene.surface.grid.cell), scene, heights, stage)
+            for radius in radii
+        ]
+    return "\n".join(
+        [
+            *lines,
+            "",
+            f"Alarms on the untouched surface: {false_alarms(untouched):.3%} of the checked cells. "
+            f"{seconds:.0f} s of CPU for one check.",
+        ]
+    )
 
 
 def _row(name: str, radius: float, deformation: Deformation, scene: Scene, heights: np.ndarray, stage: DsmCheckStage) -> str:
@@ -174,14 +193,16 @@ def _row(name: str, radius: float, deformation: Deformation, scene: Scene, heigh
     residual = (dh + deformation.at(x, y))[np.isfinite(dh)]
     nmad = 1.4826 * np.median(np.abs(residual - np.median(residual)))
     off = np.median([b.off for b in judged])
-    return (f"| {name} | {radius:g} | {len(bumps)} | {sum(s > 0 for s in shares)} | {sum(s >= 0.8 for s in shares)} | "
-            f"{len(bumps) - len(judged)} | {np.median(shares):.0%} | {min(shares):.0%} | {off:.1f} | "
-            f"{tilt_found(deformation, dh):.1%} | {nmad:.3f} |")
+    return (
+        f"| {name} | {radius:g} | {len(bumps)} | {sum(s > 0 for s in shares)} | {sum(s >= 0.8 for s in shares)} | "
+        f"{len(bumps) - len(judged)} | {np.median(shares):.0%} | {min(shares):.0%} | {off:.1f} | "
+        f"{tilt_found(deformation, dh):.1%} | {nmad:.3f} |"
+    )
 
 
 def scene_of_run(folder: Path) -> tuple[Scene, np.ndarray]:
     """The scene and the measured surface (rows, cols) of a finished run."""
-    from pipeline.store import Store
+    from orthomill.pipeline.storage.store import Store
 
     store = Store(folder)
     block, pairs, surface = (store.table(table) for table in (BLOCK, PAIRS, SURFACE))
@@ -191,11 +212,21 @@ def scene_of_run(folder: Path) -> tuple[Scene, np.ndarray]:
 
 def write_page(folder: Path) -> None:
     """Measure on a finished run and keep the page."""
-    write_result("planted_errors", "\n".join([
-        "# Does the check find planted errors?", "", f"`python -m benchmarks.planted_errors {folder.name}`; {machine()}.", "",
-        "A tilt of +-5 m and twenty bumps of +-3 m of each radius, planted on the measured surface.", "",
-        run(*scene_of_run(folder)),
-    ]) + "\n")
+    write_result(
+        "planted_errors",
+        "\n".join(
+            [
+                "# Does the check find planted errors?",
+                "",
+                f"`python -m benchmarks.planted_errors {folder.name}`; {machine()}.",
+                "",
+                "A tilt of +-5 m and twenty bumps of +-3 m of each radius, planted on the measured surface.",
+                "",
+                run(*scene_of_run(folder)),
+            ]
+        )
+        + "\n",
+    )
 
 
 if __name__ == "__main__":

@@ -10,9 +10,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from pipeline.pictures import draw
-from pipeline.store import Store
-from schemas.report import Picture, StageReport, report_table
+from orthomill.pipeline.report.pictures import draw
+from orthomill.pipeline.storage.store import Store
+from orthomill.schemas.stage_report import Picture, StageReport, report_table
 
 SHOWN = ("densification/height", "dsm_check/dh", "texture/coverage", "texture/ortho")
 SIDE = 620
@@ -39,7 +39,7 @@ def main() -> None:
     sheet = np.full((2 * height + GAP, 2 * width + GAP, 3), 255, np.uint8)
     for number, image in enumerate(images):
         row, col = number // 2 * (height + GAP), number % 2 * (width + GAP)
-        sheet[row:row + image.shape[0], col:col + image.shape[1]] = image
+        sheet[row : row + image.shape[0], col : col + image.shape[1]] = image
     target = Path(sys.argv[2])
     target.parent.mkdir(parents=True, exist_ok=True)
     cv2.imwrite(str(target), sheet, [cv2.IMWRITE_PNG_COMPRESSION, 9])

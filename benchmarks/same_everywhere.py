@@ -13,16 +13,12 @@ import numpy as np
 import yaml
 
 from benchmarks.measured_run import ROOT, machine, orthomill, project_root, write_result
-from pipeline.store import Store
+from orthomill.pipeline.storage.store import Store
 
 PROJECT = "volos_small"
 OWN_TILE = yaml.safe_load((ROOT / "workflows" / f"{PROJECT}.yaml").read_text())["tile"]
 TILES = (2 * OWN_TILE, 4 * OWN_TILE)
-VARIANTS = {
-    "sequential": ("--sequential",),
-    "1 worker": ("--workers", "1"),
-    "4 workers": ("--workers", "4"),
-}
+VARIANTS = {"sequential": ("--sequential",), "1 worker": ("--workers", "1"), "4 workers": ("--workers", "4")}
 
 
 def digests(run: Path) -> dict[str, str]:
@@ -79,13 +75,28 @@ def main() -> None:
             runs[f"tile {tile}"] = run_variant(Path(scratch) / f"tile_{tile}", ("--workers", "2"), tile)
         reference = runs.pop("sequential")
         rows, details = zip(*(compared(reference, run, name) for name, run in runs.items()), strict=True)
-    write_result("same_everywhere", "\n".join([
-        "# The same products, whoever runs them", "", f"`python -m benchmarks.same_everywhere`; {machine()}.", "",
-        f"Project `{PROJECT}`, whose own tile is {OWN_TILE} px.", "",
-        "What differs is listed below. Tables of single tiles stand for other ground when tiles are larger, and the working",
-        "orthoimages of `dsm_check` cover whole tiles, so their extent follows the tile.", "",
-        "| against sequential | rasters and tables | equal | differ |", "| --- | --- | --- | --- |", *rows, "", *chain(*details),
-    ]) + "\n")
+    write_result(
+        "same_everywhere",
+        "\n".join(
+            [
+                "# The same products, whoever runs them",
+                "",
+                f"`python -m benchmarks.same_everywhere`; {machine()}.",
+                "",
+                f"Project `{PROJECT}`, whose own tile is {OWN_TILE} px.",
+                "",
+                "What differs is listed below. Tables of single tiles stand for other ground when tiles are larger, and the",
+                "working orthoimages of `dsm_check` cover whole tiles, so their extent follows the tile.",
+                "",
+                "| against sequential | rasters and tables | equal | differ |",
+                "| --- | --- | --- | --- |",
+                *rows,
+                "",
+                *chain(*details),
+            ]
+        )
+        + "\n",
+    )
 
 
 if __name__ == "__main__":

@@ -31,8 +31,9 @@ GOALS = (
     Goal("check points, plan", "0.35 m", "orientation.check_rmse_plan", lambda v: v <= 0.35),
     Goal("check points, height", "0.6 m", "orientation.check_rmse_height", lambda v: v <= 0.6),
     Goal("DSM on open ground, NMAD", "0.35 m", "evaluation.dsm_open_ground_nmad", lambda v: v <= 0.35),
-    Goal("DSM on open ground that two photos see, completeness", "92 %", "evaluation.dsm_open_ground_completeness",
-         lambda v: v >= 92),
+    Goal(
+        "DSM on open ground that two photos see, completeness", "92 %", "evaluation.dsm_open_ground_completeness", lambda v: v >= 92
+    ),
     Goal("DSM on open ground, bias", "0.1 m", "evaluation.dsm_open_ground_bias", lambda v: abs(v) < 0.1),
     Goal("DSM on open ground, standard deviation", "-", "evaluation.dsm_open_ground_sd", lambda v: True),
     Goal("roofs, median error", "0.5 m", "evaluation.dsm_roof_median_error", lambda v: v <= 0.5),
@@ -40,8 +41,12 @@ GOALS = (
     Goal("orthoimage, median shift", "0.5 px", "evaluation.ortho_shift_median_px", lambda v: v <= 0.5),
     Goal("orthoimage, places shifted by more than 0.5 px", "0 %", "evaluation.ortho_shift_above_half_px_share", lambda v: v <= 0),
     Goal("orthoimage, doubled roofs", "0 %", "evaluation.ortho_doubled_share", lambda v: v <= 0),
-    Goal("orthoimage, disturbed road where 3 or more photos see it", "vehicles suppressed", "evaluation.ortho_roads_disturbed_3",
-         lambda v: v <= 1),
+    Goal(
+        "orthoimage, disturbed road where 3 or more photos see it",
+        "vehicles suppressed",
+        "evaluation.ortho_roads_disturbed_3",
+        lambda v: v <= 1,
+    ),
     Goal("orthoimage, PSNR / SSIM: PSNR", "-", "evaluation.ortho_psnr", lambda v: True),
     Goal("orthoimage, PSNR / SSIM: SSIM", "-", "evaluation.ortho_ssim", lambda v: True),
 )
@@ -77,9 +82,16 @@ def main() -> None:
         second = orthomill(root, "run", PROJECT)
         again = summary(root, PROJECT)
         planted_errors.write_page(root / "runs" / PROJECT)
-    lines = ["# volos against its truth", "", f"`python -m benchmarks.volos`; {machine()}. Times vary with the load.", "",
-             "| what | to reach | measured | reached | figure |", "| --- | --- | --- | --- | --- |",
-             *run_rows(first, second, again), *(row(goal, figures) for goal in GOALS)]
+    lines = [
+        "# volos against its truth",
+        "",
+        f"`python -m benchmarks.volos`; {machine()}. Times vary with the load.",
+        "",
+        "| what | to reach | measured | reached | figure |",
+        "| --- | --- | --- | --- | --- |",
+        *run_rows(first, second, again),
+        *(row(goal, figures) for goal in GOALS),
+    ]
     stages = [name.split(".")[1] for name in figures if name.count(".") == 2 and name.endswith(".work_seconds")]
     lines += ["", "| stage | jobs | work (s) | peak memory of a worker |", "| --- | --- | --- | --- |"]
     for stage in stages:

@@ -9,7 +9,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from schemas.job import Table
+from orthomill.schemas.job import Table
 
 INTERIOR = ("c", "x0", "y0", "k1", "k2", "k3", "p1", "p2")
 """Order of the interior parameters in every covariance and every kernel."""

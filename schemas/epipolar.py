@@ -2,7 +2,7 @@
 
 from pydantic import BaseModel, ConfigDict
 
-from schemas.job import Table
+from orthomill.schemas.job import Table
 
 
 class EpipolarPair(BaseModel):

@@ -1,5 +1,7 @@
 """One small family of errors. Each message is a sentence for a person: what was found, where, what was needed, how to mend it."""
 
+from collections.abc import Sequence
+
 
 class OrthomillError(Exception):
     """Anything that orthomill can explain to its user; shown without a traceback."""
@@ -23,3 +25,9 @@ class StoreError(OrthomillError):
 
 class ResourceError(OrthomillError):
     """Memory, disk or a worker is not enough for the work."""
+
+
+def some_of(names: Sequence[str], most: int = 8) -> str:
+    """The first `most` names, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more

@@ -10,8 +10,8 @@ from typing import Protocol
 
 import numpy as np
 
-from schemas.photo import Header
-from schemas.raster import Window
+from orthomill.schemas.photo import Header
+from orthomill.schemas.raster import Window
 
 
 class PhotoFile(Protocol):

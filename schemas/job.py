@@ -11,7 +11,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from schemas.raster import MapGrid, Window
+from orthomill.schemas.raster import MapGrid, Window
 
 T = TypeVar("T")
 
@@ -44,7 +44,7 @@ class PhotoPixels:
 
 @dataclass(frozen=True)
 class PhotoHeader:
-    """The header of an image file, checked to be one: arrives as a `schemas.photo.Header`."""
+    """The header of an image file, checked to be one: arrives as a `orthomill.schemas.photo.Header`."""
 
     path: str
 
@@ -72,7 +72,7 @@ class MapFile:
 
 @dataclass(frozen=True)
 class MapHeader:
-    """The place of a georeferenced raster file; arrives as a `schemas.raster.MapGrid` of its bounds in `crs`."""
+    """The place of a georeferenced raster file; arrives as a `orthomill.schemas.raster.MapGrid` of its bounds in `crs`."""
 
     path: str
     crs: str

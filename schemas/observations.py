@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from schemas.job import Columns, Table
+from orthomill.schemas.job import Columns, Table
 
 
 @dataclass(frozen=True)

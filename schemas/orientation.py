@@ -2,8 +2,8 @@
 
 from pydantic import BaseModel, ConfigDict
 
-from schemas.camera import Camera
-from schemas.job import Table
+from orthomill.schemas.camera import Camera
+from orthomill.schemas.job import Table
 
 
 class ExteriorOrientation(BaseModel):
@@ -173,7 +173,7 @@ class GroundResiduals(BaseModel):
         return tuple(point for point in self.points if point.role == role)
 
 
-class Correlation(BaseModel):
+class ParameterCorrelation(BaseModel):
     """Two unknowns that the observations can hardly tell apart."""
 
     model_config = ConfigDict(frozen=True)
@@ -228,7 +228,7 @@ class BlockPrecision(BaseModel):
     rejected: int
     gnss_shift: tuple[float, float, float] | None = None
     gnss_shift_sigma: tuple[float, float, float] | None = None
-    correlations: tuple[Correlation, ...] = ()
+    correlations: tuple[ParameterCorrelation, ...] = ()
     """of 0.9 or more"""
     weaknesses: tuple[str, ...] = ()
     """sentences about datum, start and what was set aside"""

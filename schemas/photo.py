@@ -2,7 +2,7 @@
 
 from pydantic import BaseModel, ConfigDict
 
-from schemas.job import Table
+from orthomill.schemas.job import Table
 
 
 class Header(BaseModel):
@@ -53,7 +53,6 @@ class Photo(BaseModel):
     """width and height of the file of a scan"""
     levels: int = 1
     """Pyramid levels stored: rasters `photos/<name>/0` (full size) to `photos/<name>/<levels - 1>`, each halved."""
-
 
     @property
     def sensor_orientation(self) -> int:

@@ -128,10 +128,26 @@ class RasterSpec(BaseModel):
 
 
 def map_raster(
-    name: str, grid: MapGrid, dtype: str, crs: str, chunk: int, nodata: float | None = None, unit: str = "", bands: int = 0,
+    name: str,
+    grid: MapGrid,
+    dtype: str,
+    crs: str,
+    chunk: int,
+    nodata: float | None = None,
+    unit: str = "",
+    bands: int = 0,
     readers: tuple[str, ...] | None = None,
 ) -> RasterSpec:
     """A raster on `grid`, with `bands` bands (0: a plain 2-D array)."""
     shape = (*grid.shape, bands) if bands else grid.shape
-    return RasterSpec(name=name, shape=shape, dtype=dtype, chunk=chunk, nodata=nodata, unit=unit, crs=crs,
-                      transform=grid.transform, readers=readers)
+    return RasterSpec(
+        name=name,
+        shape=shape,
+        dtype=dtype,
+        chunk=chunk,
+        nodata=nodata,
+        unit=unit,
+        crs=crs,
+        transform=grid.transform,
+        readers=readers,
+    )

@@ -2,8 +2,8 @@
 
 from pydantic import BaseModel, ConfigDict
 
-from schemas.job import Table
-from schemas.raster import MapGrid
+from orthomill.schemas.job import Table
+from orthomill.schemas.raster import MapGrid
 
 HEIGHT = "densification/height"
 """float32 m, NaN where nothing was measured"""

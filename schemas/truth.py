@@ -9,9 +9,9 @@ from enum import IntEnum
 
 import numpy as np
 
-from schemas.job import Columns, Table
-from schemas.orientation import Block
-from schemas.raster import MapGrid
+from orthomill.schemas.job import Columns, Table
+from orthomill.schemas.orientation import Block
+from orthomill.schemas.raster import MapGrid
 
 TRUTH_READERS = ("simulation", "evaluation")
 

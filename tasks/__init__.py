@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
-from tasks.kernel_cache import use_kernel_cache
+from orthomill.tasks.kernel_cache import kernel_folder, use_kernel_cache
 
-use_kernel_cache(sources=Path(__file__).parent, kept=Path(__file__).parent.parent / ".cache" / "kernels")
+_ROOT = Path(__file__).parent.parent
+use_kernel_cache(_ROOT, kernel_folder(_ROOT))

@@ -1,37 +1,68 @@
-"""Where compiled kernels are kept: in a folder named by the digest of all sources.
+"""Where compiled kernels are kept: in a folder named by the digest of the sources that they are compiled from.
 
 numba keeps a compiled kernel as long as its own file is unchanged, but kernels are compiled together with those that they call,
 and these may lie in other files: after an update old machine code would go on to run. With a folder for each state of the sources
-nothing old is found.
+nothing old is found. Sources are the modules that use numba and those that they import, however indirectly; a change elsewhere
+costs no compilation.
 """
 
 import contextlib
 import hashlib
 import os
+import re
 import shutil
 import time
 from pathlib import Path
 
 _VARIABLE = "NUMBA_CACHE_DIR"
 _KEPT_DAYS = 7
+_IMPORT = re.compile(r"^\s*from orthomill\.([\w.]+) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
 
 
-def sources_digest(folder: Path) -> str:
-    """16 hexadecimal digits that change with the name or the text of any module below `folder`."""
+def sources_digest(root: Path) -> str:
+    """16 hexadecimal digits that change with the name or the text of any module under `root` that kernels are compiled from.
+
+    `root` holds the folders `tasks` and `schemas`.
+    """
+    texts = {path: path.read_text() for folder in ("schemas", "tasks") for path in sorted((root / folder).rglob("*.py"))}
+    waiting = [path for path, text in texts.items() if re.search(r"^\s*(from|import) numba", text, re.MULTILINE)]
+    found: set[Path] = set()
+    while waiting:
+        path = waiting.pop()
+        if path not in found:
+            found.add(path)
+            waiting.extend(other for other in _imported(root, texts[path]) if other in texts)
     digest = hashlib.sha256()
-    for path in sorted(folder.rglob("*.py")):
-        digest.update(str(path.relative_to(folder)).encode() + b"\0" + path.read_bytes() + b"\0")
+    for path in sorted(found):
+        digest.update(f"{path.relative_to(root).as_posix()}\0{texts[path]}\0".encode())
     return digest.hexdigest()[:16]
 
 
-def use_kernel_cache(sources: Path, kept: Path) -> None:
+def _imported(root: Path, text: str) -> list[Path]:
+    """Files that a module may take names from: the module itself, or modules of a package that are imported by their names."""
+    files = []
+    for module, names in _IMPORT.findall(text):
+        place = root.joinpath(*module.split("."))
+        files.append(place.with_name(f"{place.name}.py"))
+        files += [place / f"{name}.py" for name in re.findall(r"\w+", names)]
+    return files
+
+
+def kernel_folder(root: Path) -> Path:
+    """Where kernels are kept: below a checkout, or in the user's cache where the package is installed."""
+    if (root / "pyproject.toml").exists():
+        return root / ".cache" / "kernels"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "orthomill" / "kernels"
+
+
+def use_kernel_cache(root: Path, kept: Path) -> None:
     """Let numba keep its kernels in a folder of `kept`, and remove those of sources that changed long ago.
 
     To be called before numba is loaded. Leaves things alone where the user has chosen a folder, or where `kept` cannot be written.
     """
     if os.environ.get(_VARIABLE):
         return
-    folder = kept / sources_digest(sources)
+    folder = kept / sources_digest(root)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:

@@ -1,12 +1,15 @@
 """Holds the floors of the house: read off the imports, not off good intentions."""
 
 import ast
+from collections import Counter
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parent.parent
-SHARED = ("geometry", "adjustment", "matching", "imagery")
+SHARED = ("geometry", "adjustment", "matching", "visibility", "imagery")
+CONVENTION = {"__init__.py", "stage.py", "report.py"}  # one of each in every stage
+CROWD = 16
 STAGES = ("photos", "calibration", "tie_points", "orientation", "epipolar", "densification", "dsm_check", "texture", "evaluation")
 FORBIDDEN_NAMES = {"utils", "util", "helpers", "helper", "common", "base", "misc", "tools"}
 
@@ -16,14 +19,14 @@ def modules(*folders: str) -> list[Path]:
 
 
 def imports(path: Path) -> set[str]:
-    """All modules that a file imports, also inside functions."""
+    """All modules that a file imports, also inside functions, as folders of the checkout name them: `tasks.geometry.view`."""
     found: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.ImportFrom):
             found.add(node.module or "")
         elif isinstance(node, ast.Import):
             found.update(alias.name for alias in node.names)
-    return found
+    return {name.removeprefix("orthomill.") for name in found}
 
 
 def imports_any(path: Path, *packages: str) -> set[str]:
@@ -46,7 +49,9 @@ def test_tasks_know_no_engine_and_no_storage(path):
 
 @pytest.mark.parametrize("path", modules(*(f"tasks/{name}" for name in SHARED)), ids=relative)
 def test_shared_numerics_stand_below_the_stages(path):
-    assert not imports_any(path, *(f"tasks.{name}" for name in STAGES), "tasks.simulation", "tasks.catalogue", "schemas.stage")
+    assert not imports_any(
+        path, *(f"tasks.{name}" for name in STAGES), "tasks.simulation", "tasks.catalogue", "schemas.stage_contract"
+    )
 
 
 @pytest.mark.parametrize("path", modules(*(f"tasks/{name}" for name in (*STAGES, "simulation"))), ids=relative)
@@ -64,7 +69,7 @@ def test_inspections_stand_above_the_stages_and_below_the_catalogue():
 
 @pytest.mark.parametrize("path", modules("pipeline"), ids=relative)
 def test_the_engine_knows_no_photogrammetry(path):
-    allowed = {"tasks.catalogue"} if path.name == "cli.py" else set()
+    allowed = {"tasks.catalogue"} if relative(path) == "pipeline/cli/commands.py" else set()
     assert imports_any(path, "tasks") <= allowed
 
 
@@ -100,9 +105,30 @@ def test_every_file_opens_with_its_strategy(path):
 
 @pytest.mark.parametrize("path", modules("schemas", "tasks", "pipeline"), ids=relative)
 def test_no_file_grows_into_a_shed(path):
-    assert len(path.read_text().splitlines()) <= 420, f"{relative(path)} is crowded; rebuild the room"
+    assert len(path.read_text().splitlines()) <= 480, f"{relative(path)} is crowded; rebuild the room"
 
 
 @pytest.mark.parametrize("path", modules("schemas", "tasks", "pipeline"), ids=relative)
 def test_nothing_unpickles_files(path):
     assert not imports_any(path, "pickle", "cloudpickle", "marshal", "shelve")
+
+
+def rooms(*folders: str) -> list[Path]:
+    return sorted({path.parent for path in modules(*folders)})
+
+
+@pytest.mark.parametrize("folder", rooms("orthomill", "schemas", "tasks", "pipeline", "tests", "benchmarks"), ids=relative)
+def test_no_folder_is_crowded(folder):
+    files = [path for path in folder.glob("*.py") if path.name != "__init__.py"]
+    assert len(files) <= CROWD, f"{relative(folder)} holds {len(files)} files; give it rooms"
+
+
+def test_nobody_meets_two_files_of_one_name():
+    names = Counter(path.name for path in modules("orthomill", "schemas", "tasks", "pipeline", "benchmarks"))
+    assert not [name for name, times in names.items() if times > 1 and name not in CONVENTION]
+
+
+def test_nobody_meets_two_classes_of_one_name():
+    trees = [ast.parse(path.read_text()) for path in modules("orthomill", "schemas", "tasks", "pipeline")]
+    names = Counter(node.name for tree in trees for node in ast.walk(tree) if isinstance(node, ast.ClassDef))
+    assert not [name for name, times in names.items() if times > 1]

@@ -5,34 +5,45 @@ import time
 
 import pytest
 
-from tasks.kernel_cache import sources_digest, use_kernel_cache
+from orthomill.tasks.kernel_cache import sources_digest, use_kernel_cache
 
 
 @pytest.fixture
 def sources(tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", "")
     folder = tmp_path / "sources"
-    (folder / "room").mkdir(parents=True)
-    (folder / "room" / "caller.py").write_text("from callee import f\n")
-    (folder / "callee.py").write_text("f = 1\n")
+    (folder / "tasks" / "room").mkdir(parents=True)
+    (folder / "schemas").mkdir()
+    (folder / "tasks" / "room" / "kernels.py").write_text("from numba import njit\nfrom orthomill.tasks.callee import f\n")
+    (folder / "tasks" / "callee.py").write_text("from orthomill.schemas import (\n    codes,\n)\nf = 1\n")
+    (folder / "schemas" / "codes.py").write_text("DONE = 0\n")
+    (folder / "tasks" / "other.py").write_text("g = 1\n")
     return folder
 
 
-def test_a_change_in_any_module_gives_another_folder(sources, tmp_path, monkeypatch):
+@pytest.mark.parametrize("module", ["tasks/room/kernels.py", "tasks/callee.py", "schemas/codes.py"])
+def test_a_change_in_what_kernels_are_made_of_gives_another_folder(sources, tmp_path, monkeypatch, module):
     use_kernel_cache(sources, tmp_path / "kept")
     before = os.environ["NUMBA_CACHE_DIR"]
     monkeypatch.setenv("NUMBA_CACHE_DIR", "")
     use_kernel_cache(sources, tmp_path / "kept")
     assert os.environ["NUMBA_CACHE_DIR"] == before
-    (sources / "callee.py").write_text("f = 2\n")
+    with (sources / module).open("a") as text:
+        text.write("more = 2\n")
     monkeypatch.setenv("NUMBA_CACHE_DIR", "")
     use_kernel_cache(sources, tmp_path / "kept")
     assert os.environ["NUMBA_CACHE_DIR"] != before
 
 
+def test_a_module_that_no_kernel_uses_does_not_count(sources):
+    before = sources_digest(sources)
+    (sources / "tasks" / "other.py").write_text("g = 2\n")
+    assert sources_digest(sources) == before
+
+
 def test_a_renamed_module_is_a_change(sources):
     before = sources_digest(sources)
-    (sources / "callee.py").rename(sources / "other.py")
+    (sources / "tasks" / "room" / "kernels.py").rename(sources / "tasks" / "room" / "renamed.py")
     assert sources_digest(sources) != before
 
 

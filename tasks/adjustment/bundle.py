@@ -17,8 +17,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from schemas.errors import GeometryError
-from tasks.adjustment.blunders import (
+from orthomill.schemas.errors import GeometryError
+from orthomill.tasks.adjustment.model.adjustment_result import Adjustment, Blunder, Factors, surveyed
+from orthomill.tasks.adjustment.model.collinearity import misclosures, sizes
+from orthomill.tasks.adjustment.model.linearisation import linearised
+from orthomill.tasks.adjustment.model.network import Distances, Network, Rays, State
+from orthomill.tasks.adjustment.model.robust_weights import spread
+from orthomill.tasks.adjustment.solve.minimise import minimise
+from orthomill.tasks.adjustment.solve.ray_intersection import intersecting
+from orthomill.tasks.adjustment.testing.blunders import (
     acquitted,
     enough_rays,
     gross_blunder,
@@ -29,16 +36,9 @@ from tasks.adjustment.blunders import (
     weights_of,
     without,
 )
-from tasks.adjustment.collinearity import misclosures, sizes
-from tasks.adjustment.distance_agreement import agreement
-from tasks.adjustment.intersection import intersecting
-from tasks.adjustment.linearisation import linearised
-from tasks.adjustment.minimise import minimise
-from tasks.adjustment.network import Distances, Network, Rays, State
-from tasks.adjustment.precision import covariance_of, points_and_rays, with_considered
-from tasks.adjustment.result import Adjustment, Blunder, Factors, surveyed
-from tasks.adjustment.robust import spread
-from tasks.adjustment.variance_components import estimated, settled
+from orthomill.tasks.adjustment.testing.covariances import covariance_of, points_and_rays, with_considered
+from orthomill.tasks.adjustment.testing.distance_agreement import agreement
+from orthomill.tasks.adjustment.testing.variance_components import estimated, settled
 
 
 @dataclass(frozen=True)
@@ -104,9 +104,7 @@ def adjust(network: Network, start: State, rays: Rays, test: BlunderTest | None 
                 blunders = [b for b in blunders if not _knows(back, b)]
                 stated, pardoned = back, True
                 continue
-            return replace(
-                result, iterations=iterations, rays=rays, factors=fresh, groups=groups, blunders=tuple(blunders)
-            )
+            return replace(result, iterations=iterations, rays=rays, factors=fresh, groups=groups, blunders=tuple(blunders))
         factors = fresh
     raise GeometryError(
         f"The blunder tests of the bundle adjustment removed rays in each of {test.rounds} rounds and did not come to an end; the "

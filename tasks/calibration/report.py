@@ -4,12 +4,12 @@ from collections import Counter
 
 import numpy as np
 
-from schemas.camera import INTERIOR, Camera, Cameras
-from schemas.photo import Photos
-from schemas.report import Chart, Figure, Grid, StageReport
-from tasks.calibration.nominal import nominal_constant
-from tasks.geometry.camera_change import sensor_name
-from tasks.geometry.distortion import image_to_pixel
+from orthomill.schemas.camera import INTERIOR, Camera, Cameras
+from orthomill.schemas.photo import Photos
+from orthomill.schemas.stage_report import Chart, Figure, Grid, StageReport
+from orthomill.tasks.calibration.cameras.nominal_cameras import nominal_constant
+from orthomill.tasks.geometry.camera_change import sensor_name
+from orthomill.tasks.geometry.distortion import image_to_pixel
 
 _UNITS = {"c": "px", "x0": "px", "y0": "px"}
 _SOURCES = {

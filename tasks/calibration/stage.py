@@ -8,24 +8,16 @@ not turned upright: the sensor is what is calibrated. Without the stage `photos`
 from collections.abc import Iterator
 from typing import Any, ClassVar, Literal
 
-from schemas.camera import CAMERAS
-from schemas.errors import WorkflowError
-from schemas.job import Export, Job, PhotoHeader, PhotoPixels, Raster, Region, TextFile
-from schemas.photo import PHOTOS
-from schemas.raster import RasterSpec, Window
-from schemas.report import report_table
-from schemas.settings import setting
-from schemas.stage import ProjectView, Stage
-from schemas.workflow import CameraFromChessboards
-from tasks.calibration.arranging import arrange
-from tasks.calibration.boards import symmetric
-from tasks.calibration.cameras import as_given, from_exif, from_file
-from tasks.calibration.chessboards import Model, from_chessboards, index_board_photos
-from tasks.calibration.drawing import draw_boards
-from tasks.calibration.exchange import WRITERS
-from tasks.calibration.photographs import complete_corners, overview_level, photo_corners
-from tasks.calibration.solving import Target
-from tasks.calibration.tables import (
+from orthomill.schemas.camera import CAMERAS
+from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.job import Export, Job, PhotoHeader, PhotoPixels, Raster, Region, TextFile
+from orthomill.schemas.photo import PHOTOS
+from orthomill.schemas.project import CameraFromChessboards
+from orthomill.schemas.raster import RasterSpec, Window
+from orthomill.schemas.settings import setting
+from orthomill.schemas.stage_contract import ProjectView, Stage
+from orthomill.schemas.stage_report import report_table
+from orthomill.tasks.calibration.board_tables import (
     ARRANGED,
     BOARD_PHOTOS,
     CALIBRATION,
@@ -39,7 +31,15 @@ from tasks.calibration.tables import (
     search_table,
     text_table,
 )
-from tasks.imagery.pyramid import level_shape
+from orthomill.tasks.calibration.cameras.camera_exchange import WRITERS
+from orthomill.tasks.calibration.cameras.known_cameras import as_given, from_exif, from_file
+from orthomill.tasks.calibration.detection.board_detection import symmetric
+from orthomill.tasks.calibration.detection.board_photographs import complete_corners, overview_level, photo_corners
+from orthomill.tasks.calibration.reporting.drawing import draw_boards
+from orthomill.tasks.calibration.solving.arranging import arrange
+from orthomill.tasks.calibration.solving.chessboards import Model, from_chessboards, index_board_photos
+from orthomill.tasks.calibration.solving.solving import CalibrationTarget
+from orthomill.tasks.imagery.pyramid import level_shape
 
 Parameter = Literal["c", "x0", "y0", "k1", "k2", "k3", "p1", "p2", "affinity", "skew"]
 
@@ -87,8 +87,8 @@ class CalibrationStage(Stage):
         )  # fmt: skip
         boards = view.table(BOARD_PHOTOS)
         yield from self._searches(boards, source)
-        target = Target(boards.size, source.corners, source.square, source.boards, source.arrangement, source.sigma_in_plane,
-                        source.sigma_height)  # fmt: skip
+        target = CalibrationTarget(boards.size, source.corners, source.square, source.boards, source.arrangement,
+                                   source.sigma_in_plane, source.sigma_height)  # fmt: skip
         corners = tuple(corners_table(name) for name in boards.names)
         yield Job(
             stage=self.kind, item="arrangement", function=arrange,

@@ -1,0 +1,1 @@
+"""The stage `densification`: dense matching of every pair, and the surface model."""

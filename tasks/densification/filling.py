@@ -10,8 +10,8 @@ import numpy as np
 from numba import njit
 from pydantic import Field
 
-from schemas.settings import Settings, setting
-from tasks.densification.fusion import FILLED, FusedCells
+from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.densification.fusion import FILLED, FusedCells
 
 
 class NoFill(Settings):

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from schemas.settings import Settings, setting
-from tasks.densification.gridding import HeightCells
+from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.densification.gridding import HeightCells
 
 EMPTY, ONE_PAIR, AGREED, DISPUTED, FILLED = 0, 1, 2, 3, 4
-"""codes of `schemas.surface.PROVENANCE_CODES`"""
+"""codes of `orthomill.schemas.surface.PROVENANCE_CODES`"""
 
 
 class Fusion(Settings):
@@ -74,9 +74,18 @@ def _fuse(heights, sigmas, agreement, tolerance, height, precision, count, prove
 
 def fuse(pairs: tuple[HeightCells, ...], shape: tuple[int, int], cell: float, settings: Fusion) -> FusedCells:
     """Fuse the heights of several pairs on the same cells of `shape`; cell: side of a cell, m. No pairs: all empty."""
-    fused = FusedCells(np.full(shape, np.nan, np.float32), np.full(shape, np.nan, np.float32), np.zeros(shape, np.uint8),
-                       np.zeros(shape, np.uint8))
+    fused = FusedCells(
+        np.full(shape, np.nan, np.float32), np.full(shape, np.nan, np.float32), np.zeros(shape, np.uint8), np.zeros(shape, np.uint8)
+    )
     if pairs:
-        _fuse(np.stack([pair.height for pair in pairs]), np.stack([pair.sigma for pair in pairs]), settings.agreement,
-              settings.tolerance * cell, fused.height, fused.precision, fused.count, fused.provenance)
+        _fuse(
+            np.stack([pair.height for pair in pairs]),
+            np.stack([pair.sigma for pair in pairs]),
+            settings.agreement,
+            settings.tolerance * cell,
+            fused.height,
+            fused.precision,
+            fused.count,
+            fused.provenance,
+        )
     return fused

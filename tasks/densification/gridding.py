@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from schemas.raster import MapGrid, Window
-from schemas.settings import Settings, setting
-from tasks.densification.normal_case import NodesOnGround
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.densification.ground_intersection import NodesOnGround
 
 
 class Gridding(Settings):
@@ -68,8 +68,24 @@ def _rasterise(col, row, z, s, p, max_jump, reach, bounds, first_row, first_col,
                 joined[k, m] += 1
                 joined[i, j + 1] += 1
                 joined[i + 1, j] += 1
-                _triangle(col[k, m], row[k, m], z[k, m], s[k, m], col[i, j + 1], row[i, j + 1], z[i, j + 1], s[i, j + 1],
-                          col[i + 1, j], row[i + 1, j], z[i + 1, j], s[i + 1, j], first_row, first_col, height, sigma)
+                _triangle(
+                    col[k, m],
+                    row[k, m],
+                    z[k, m],
+                    s[k, m],
+                    col[i, j + 1],
+                    row[i, j + 1],
+                    z[i, j + 1],
+                    s[i, j + 1],
+                    col[i + 1, j],
+                    row[i + 1, j],
+                    z[i + 1, j],
+                    s[i + 1, j],
+                    first_row,
+                    first_col,
+                    height,
+                    sigma,
+                )
     alone, alone_sigma = np.full(height.shape, np.nan), np.full(height.shape, np.float32(np.nan))
     for i in range(rows):
         for j in range(cols):
@@ -89,7 +105,7 @@ def _rasterise(col, row, z, s, p, max_jump, reach, bounds, first_row, first_col,
 
 
 @dataclass(frozen=True)
-class Target:
+class TargetCells:
     """The cells to be filled: `window` of `grid`, heights within (low, high) m."""
 
     grid: MapGrid
@@ -97,11 +113,23 @@ class Target:
     heights: tuple[float, float]
 
 
-def grid_nodes(nodes: NodesOnGround, node_distance: float, target: Target, settings: Gridding) -> HeightCells:
+def grid_nodes(nodes: NodesOnGround, node_distance: float, target: TargetCells, settings: Gridding) -> HeightCells:
     """Heights of the target's cells from the nodes of one pair; node_distance: of nodes on the ground, m."""
     col, row = target.grid.pixel(nodes.x, nodes.y)
     height, sigma = np.full(target.window.shape, np.nan), np.full(target.window.shape, np.nan, np.float32)
     reach = max(settings.node_reach * node_distance / target.grid.cell, 0.5)
-    _rasterise(col, row, nodes.z, nodes.sigma, nodes.parallax, np.float32(settings.max_jump), reach, target.heights,
-               target.window.row, target.window.col, height, sigma)
+    _rasterise(
+        col,
+        row,
+        nodes.z,
+        nodes.sigma,
+        nodes.parallax,
+        np.float32(settings.max_jump),
+        reach,
+        target.heights,
+        target.window.row,
+        target.window.col,
+        height,
+        sigma,
+    )
     return HeightCells(height, sigma)

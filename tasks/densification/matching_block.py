@@ -5,10 +5,18 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from schemas.epipolar import EpipolarPair
-from schemas.outcome import Outcome
-from schemas.raster import Window
-from tasks.matching.dense.blocks import BLOCK, DenseMatching, ParallaxRange, left_window, match_block, placed, right_window
+from orthomill.schemas.epipolar import EpipolarPair
+from orthomill.schemas.outcome import Outcome
+from orthomill.schemas.raster import Window
+from orthomill.tasks.matching.dense.blocks import (
+    BLOCK,
+    DenseMatching,
+    ParallaxRange,
+    left_window,
+    match_block,
+    placed,
+    right_window,
+)
 
 PRECISION_EDGES = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5)
 """classes of the standard error of a parallax, px"""
@@ -20,7 +28,7 @@ class MatchingStatistics(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     outcomes: tuple[int, ...] = (0,) * len(Outcome)
-    """nodes by `schemas.outcome.Outcome`"""
+    """nodes by `orthomill.schemas.outcome.Outcome`"""
     precision: tuple[int, ...] = (0,) * (len(PRECISION_EDGES) - 1)
     """matched nodes by class of PRECISION_EDGES"""
     y_parallaxes: tuple[float, ...] = ()
@@ -67,8 +75,10 @@ def match_pair_block(block: PairBlock, matching: DenseMatching, left: np.ndarray
     """
     right = np.zeros((0, 0), np.uint8) if right is None else right
     found = match_block(
-        placed(left, block.left, left_window(block.core)), placed(right, block.right, right_window(block.core, block.parallaxes)),
-        block.parallaxes, matching,
+        placed(left, block.left, left_window(block.core)),
+        placed(right, block.right, right_window(block.core, block.parallaxes)),
+        block.parallaxes,
+        matching,
     )
     inside = slice(0, block.nodes.height), slice(0, block.nodes.width)
     nodes = found.nodes

@@ -4,14 +4,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from schemas.epipolar import EpipolarPair, EpipolarPairs
-from schemas.outcome import Outcome
-from schemas.report import Chart, Figure, Grid, Picture, StageReport
-from schemas.surface import COUNT, HEIGHT, PRECISION, PROVENANCE, PROVENANCE_CODES, Surface
-from tasks.densification.fusion import AGREED, DISPUTED, EMPTY, FILLED, ONE_PAIR
-from tasks.densification.matching_block import PRECISION_EDGES, MatchingStatistics
-from tasks.densification.surface_grid import ground_pixel
-from tasks.densification.surface_tile import CLASSES, SurfaceStatistics
+from orthomill.schemas.epipolar import EpipolarPair, EpipolarPairs
+from orthomill.schemas.outcome import Outcome
+from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport
+from orthomill.schemas.surface import COUNT, HEIGHT, PRECISION, PROVENANCE, PROVENANCE_CODES, Surface
+from orthomill.tasks.densification.fusion import AGREED, DISPUTED, EMPTY, FILLED, ONE_PAIR
+from orthomill.tasks.densification.matching_block import PRECISION_EDGES, MatchingStatistics
+from orthomill.tasks.densification.surface_grid import ground_pixel
+from orthomill.tasks.densification.surface_tile import CLASSES, SurfaceStatistics
 
 COMPLETE_ENOUGH = 0.7
 """share of nodes inside the photographs below which a pair is worth a warning"""
@@ -19,8 +19,9 @@ Y_PARALLAX_LIMIT = 0.5
 """px"""
 
 
-def report(pairs: EpipolarPairs, surface: Surface, matching: tuple[MatchingStatistics, ...],
-           cells: SurfaceStatistics) -> StageReport:
+def report(
+    pairs: EpipolarPairs, surface: Surface, matching: tuple[MatchingStatistics, ...], cells: SurfaceStatistics
+) -> StageReport:
     """Figures, tables, charts, pictures and warnings; `matching` in the order of the pairs."""
     return StageReport(
         figures=(*_matching_figures(pairs, matching), *_surface_figures(surface, cells)),
@@ -72,10 +73,18 @@ def _matching_figures(pairs: EpipolarPairs, matching: tuple[MatchingStatistics, 
         Figure(name="pairs", value=len(pairs.pairs), sentence="Pairs of photographs that were matched densely."),
         Figure(name="nodes", value=tried, sentence="Nodes inside the photographs, over all pairs."),
         Figure(name="nodes_matched", value=outcomes[Outcome.CONVERGED], sentence="Nodes matched by least squares."),
-        Figure(name="completeness_nodes", value=_share(outcomes[Outcome.CONVERGED], tried), headline=True,
-               sentence="Share of the nodes that were matched."),
-        Figure(name="parallax_precision_median", value=_rounded(sigma, 3), unit="px",
-               sentence="Median standard error of a parallax, from matching alone."),
+        Figure(
+            name="completeness_nodes",
+            value=_share(outcomes[Outcome.CONVERGED], tried),
+            headline=True,
+            sentence="Share of the nodes that were matched.",
+        ),
+        Figure(
+            name="parallax_precision_median",
+            value=_rounded(sigma, 3),
+            unit="px",
+            sentence="Median standard error of a parallax, from matching alone.",
+        ),
     )
 
 
@@ -88,15 +97,23 @@ def _surface_figures(surface: Surface, cells: SurfaceStatistics) -> tuple[Figure
         Figure(name="rows", value=grid.rows, sentence="Rows of the surface model."),
         Figure(name="columns", value=grid.cols, sentence="Columns of the surface model."),
         Figure(name="cells_with_height", value=known, sentence="Cells that carry a height."),
-        Figure(name="completeness_grid", value=_share(known, whole),
-               sentence="Share of all cells of the rectangular grid; ground that no pair sees counts as empty."),
+        Figure(
+            name="completeness_grid",
+            value=_share(known, whole),
+            sentence="Share of all cells of the rectangular grid; ground that no pair sees counts as empty.",
+        ),
         Figure(name="share_one_pair", value=_share(share[ONE_PAIR], known), sentence="Heights from one pair alone."),
         Figure(name="share_agreed", value=_share(share[AGREED], known), sentence="Heights on which two or more pairs agree."),
         Figure(name="share_disputed", value=_share(share[DISPUTED], known), sentence="Heights on which the pairs disagree."),
         Figure(name="share_filled", value=_share(share[FILLED], known), sentence="Heights filled from their neighbours."),
         Figure(name="spikes_removed", value=cells.spikes, sentence="Cells that the spike filter emptied."),
-        Figure(name="precision_median", value=_rounded(precision, 3), unit="m", headline=True,
-               sentence="Median standard error of a height."),
+        Figure(
+            name="precision_median",
+            value=_rounded(precision, 3),
+            unit="m",
+            headline=True,
+            sentence="Median standard error of a height.",
+        ),
         Figure(name="height_lowest", value=_rounded(cells.lowest, 2), unit="m", sentence="Lowest height of the surface model."),
         Figure(name="height_highest", value=_rounded(cells.highest, 2), unit="m", sentence="Highest height of the surface model."),
     )
@@ -106,16 +123,28 @@ def _pair_row(pair: EpipolarPair, statistics: MatchingStatistics) -> tuple[float
     sigma, y = median_of(statistics.precision, np.array(PRECISION_EDGES)), y_parallax(statistics)
     metres = pair.base * pair.c / ((pair.parallax_low + pair.parallax_high) / 2) ** 2
     return (
-        pair.name, statistics.outcomes[Outcome.CONVERGED], _rounded(completeness(statistics), 3), _rounded(sigma, 3),
-        _rounded(None if sigma is None else sigma * metres, 3), _rounded(y, 3), round(ground_pixel(pair), 3),
+        pair.name,
+        statistics.outcomes[Outcome.CONVERGED],
+        _rounded(completeness(statistics), 3),
+        _rounded(sigma, 3),
+        _rounded(None if sigma is None else sigma * metres, 3),
+        _rounded(y, 3),
+        round(ground_pixel(pair), 3),
     )
 
 
 def _pairs_grid(pairs: EpipolarPairs, matching: tuple[MatchingStatistics, ...]) -> Grid:
     return Grid(
         title="Dense matching by pair",
-        columns=("pair", "nodes matched", "share matched", "median sigma of parallax (px)", "the same as height (m)",
-                 "y-parallax left (px)", "ground pixel (m)"),
+        columns=(
+            "pair",
+            "nodes matched",
+            "share matched",
+            "median sigma of parallax (px)",
+            "the same as height (m)",
+            "y-parallax left (px)",
+            "ground pixel (m)",
+        ),
         rows=tuple(_pair_row(pair, part) for pair, part in zip(pairs.pairs, matching, strict=True)),
         note="The y-parallax is what the orientation left; it was measured block by block and taken out before matching.",
     )
@@ -127,23 +156,38 @@ def _outcome_grid(pairs: EpipolarPairs, matching: tuple[MatchingStatistics, ...]
 
 
 def _provenance_grid(cells: SurfaceStatistics) -> Grid:
-    rows = tuple((code, meaning, cells.provenance[code], _share(cells.provenance[code], sum(cells.provenance)))
-                 for code, _, meaning in PROVENANCE_CODES)
+    rows = tuple(
+        (code, meaning, cells.provenance[code], _share(cells.provenance[code], sum(cells.provenance)))
+        for code, _, meaning in PROVENANCE_CODES
+    )
     return Grid(title="Where the heights come from", columns=("code", "meaning", "cells", "share"), rows=rows)
 
 
 def _parallax_chart(matching: tuple[MatchingStatistics, ...]) -> Chart:
     counts, edges = _sum(matching, "precision"), PRECISION_EDGES
     middle = tuple(round((a + b) / 2, 3) for a, b in pairwise(edges))
-    return Chart(title="Standard error of the parallaxes", style="bars", x_label="px", y_label="nodes", x=middle,
-                 series={"nodes": tuple(map(float, counts))}, caption="Classes are not equally wide.")
+    return Chart(
+        title="Standard error of the parallaxes",
+        style="bars",
+        x_label="px",
+        y_label="nodes",
+        x=middle,
+        series={"nodes": tuple(map(float, counts))},
+        caption="Classes are not equally wide.",
+    )
 
 
 def _precision_chart(surface: Surface, cells: SurfaceStatistics) -> Chart:
     edges = _cell_edges(surface.grid.cell)
-    return Chart(title="Standard error of the heights", style="bars", x_label="m", y_label="cells",
-                 x=tuple(np.round((edges[:-1] + edges[1:]) / 2, 4).tolist()), series={"cells": tuple(map(float, cells.precision))},
-                 caption="The last class is open.")
+    return Chart(
+        title="Standard error of the heights",
+        style="bars",
+        x_label="m",
+        y_label="cells",
+        x=tuple(np.round((edges[:-1] + edges[1:]) / 2, 4).tolist()),
+        series={"cells": tuple(map(float, cells.precision))},
+        caption="The last class is open.",
+    )
 
 
 def _pictures() -> tuple[Picture, ...]:
@@ -161,10 +205,15 @@ def _warnings(pairs: EpipolarPairs, matching: tuple[MatchingStatistics, ...], ce
     poor = sorted((completeness(part) or 0.0, name) for name, part in rows if (completeness(part) or 0.0) < COMPLETE_ENOUGH)
     if poor:
         worst = ", ".join(f"{name} {100 * share:.0f} %" for share, name in poor[:3])
-        found.append(f"In {len(poor)} of {len(rows)} pairs fewer than {100 * COMPLETE_ENOUGH:.0f} % of the nodes were matched "
-                     f"(worst: {worst}); look for water, wood, repeated patterns or photographs that differ much.")
-    found += [f"Pair {name}: the orientation left a y-parallax of {y_parallax(part):.2f} px; heights of this pair may be biased."
-              for name, part in rows if abs(y_parallax(part) or 0.0) > Y_PARALLAX_LIMIT]
+        found.append(
+            f"In {len(poor)} of {len(rows)} pairs fewer than {100 * COMPLETE_ENOUGH:.0f} % of the nodes were matched "
+            f"(worst: {worst}); look for water, wood, repeated patterns or photographs that differ much."
+        )
+    found += [
+        f"Pair {name}: the orientation left a y-parallax of {y_parallax(part):.2f} px; heights of this pair may be biased."
+        for name, part in rows
+        if abs(y_parallax(part) or 0.0) > Y_PARALLAX_LIMIT
+    ]
     known = sum(cells.provenance) - cells.provenance[EMPTY]
     if known == 0:
         found.append("The surface model is empty: no pair could be matched. Check the orientation and the heights of the block.")

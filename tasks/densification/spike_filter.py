@@ -12,7 +12,7 @@ Source: Karfis 2009 (methods/relative_orientation_and_epipolar.md 1.19).
 import numpy as np
 from numba import njit
 
-from schemas.settings import Settings, setting
+from orthomill.schemas.settings import Settings, setting
 
 
 class SpikeFilter(Settings):
@@ -85,7 +85,7 @@ def stray(height: np.ndarray, cell: float, settings: SpikeFilter) -> np.ndarray:
     if settings.far_radius == 0.0:
         return np.zeros(height.shape, bool)
     reach = int(settings.far_radius) // 2 * 2
-    y, x = np.mgrid[-reach:reach + 1:2, -reach:reach + 1:2]
+    y, x = np.mgrid[-reach : reach + 1 : 2, -reach : reach + 1 : 2]
     near = (x**2 + y**2 <= settings.far_radius**2) & ((x != 0) | (y != 0))
     support = (settings.far_slope * cell * np.hypot(x, y)[near] + settings.floor * cell).astype(np.float32)
     return _unsupported(height, y[near], x[near], support, int(np.ceil(settings.far_support * near.sum())))
@@ -94,7 +94,7 @@ def stray(height: np.ndarray, cell: float, settings: SpikeFilter) -> np.ndarray:
 def spikes(height: np.ndarray, cell: float, settings: SpikeFilter) -> np.ndarray:
     """Which heights (rows, cols) m are spikes: bool. Cells closer than `settings.halo` to the border may be judged too strictly."""
     reach = int(np.ceil(settings.radius))
-    y, x = np.mgrid[-reach:reach + 1, -reach:reach + 1]
+    y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
     near = (x**2 + y**2 <= settings.radius**2) & ((x != 0) | (y != 0))
     floor = settings.floor * cell
     support = settings.support_slope * cell * np.hypot(x, y)[near] + floor

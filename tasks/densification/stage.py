@@ -8,23 +8,23 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from schemas.epipolar import PAIRS, EpipolarPair, epipolar_raster
-from schemas.job import Export, Job, Raster, Table
-from schemas.orientation import BLOCK as BLOCK_TABLE
-from schemas.outcome import Outcome
-from schemas.raster import RasterSpec, Tile, Window, map_raster, tiles_of
-from schemas.report import report_table
-from schemas.settings import setting
-from schemas.stage import ProjectView, Stage
-from schemas.surface import COUNT, HEIGHT, PRECISION, PROVENANCE, SURFACE, Surface
-from tasks.densification.filling import Filling, NoFill
-from tasks.densification.fusion import Fusion
-from tasks.densification.gridding import Gridding
-from tasks.densification.matching_block import MatchingStatistics, PairBlock, match_pair_block, sum_matching
-from tasks.densification.report import report
-from tasks.densification.spike_filter import SpikeFilter
-from tasks.densification.surface_grid import surface_of
-from tasks.densification.surface_tile import (
+from orthomill.schemas.epipolar import PAIRS, EpipolarPair, epipolar_raster
+from orthomill.schemas.job import Export, Job, Raster, Table
+from orthomill.schemas.orientation import BLOCK as BLOCK_TABLE
+from orthomill.schemas.outcome import Outcome
+from orthomill.schemas.raster import RasterSpec, Tile, Window, map_raster, tiles_of
+from orthomill.schemas.settings import setting
+from orthomill.schemas.stage_contract import ProjectView, Stage
+from orthomill.schemas.stage_report import report_table
+from orthomill.schemas.surface import COUNT, HEIGHT, PRECISION, PROVENANCE, SURFACE, Surface
+from orthomill.tasks.densification.filling import Filling, NoFill
+from orthomill.tasks.densification.fusion import Fusion
+from orthomill.tasks.densification.gridding import Gridding
+from orthomill.tasks.densification.matching_block import MatchingStatistics, PairBlock, match_pair_block, sum_matching
+from orthomill.tasks.densification.report import report
+from orthomill.tasks.densification.spike_filter import SpikeFilter
+from orthomill.tasks.densification.surface_grid import surface_of
+from orthomill.tasks.densification.surface_tile import (
     PairPiece,
     SurfaceRules,
     SurfaceStatistics,
@@ -33,8 +33,8 @@ from tasks.densification.surface_tile import (
     sum_surface,
     surface_scratch,
 )
-from tasks.geometry.epipolar_window import box_corners, node_window, nodes_shape
-from tasks.matching.dense.blocks import BLOCK, DenseMatching, scratch_bytes
+from orthomill.tasks.geometry.epipolar_window import box_corners, node_window, nodes_shape
+from orthomill.tasks.matching.dense.blocks import BLOCK, DenseMatching, scratch_bytes
 
 CELLS = Table("densification/cells.json", SurfaceStatistics)
 
@@ -45,7 +45,7 @@ def nodes_raster(pair: str) -> str:
 
 
 def outcome_raster(pair: str) -> str:
-    """uint8 `schemas.outcome.Outcome` at the nodes of a pair."""
+    """uint8 `orthomill.schemas.outcome.Outcome` at the nodes of a pair."""
     return f"densification/outcome/{pair}"
 
 
@@ -83,8 +83,13 @@ class DensificationStage(Stage):
         surface = view.table(SURFACE)
         yield from self._surface(view, surface, pairs)
         matching = tuple(matching_table(pair.name) for pair in pairs)
-        yield Job(self.kind, "report", report, {"pairs": PAIRS, "surface": SURFACE, "matching": matching, "cells": CELLS},
-                  {"report": report_table(self.kind)})
+        yield Job(
+            self.kind,
+            "report",
+            report,
+            {"pairs": PAIRS, "surface": SURFACE, "matching": matching, "cells": CELLS},
+            {"report": report_table(self.kind)},
+        )
 
     def _pair(self, pair: EpipolarPair) -> Iterator[RasterSpec | Job]:
         """The blocks of a pair."""
@@ -102,10 +107,22 @@ class DensificationStage(Stage):
         reads = {"left": Raster(epipolar_raster(pair.name, "left"), block.left)}
         if not block.right.empty:
             reads["right"] = Raster(epipolar_raster(pair.name, "right"), block.right)
-        writes = {"nodes": Raster(nodes_raster(pair.name), tile.window), "outcome": Raster(outcome_raster(pair.name), tile.window),
-                  "statistics": table}
-        return Job(self.kind, pair.name, match_pair_block, reads, writes, {"block": block, "matching": self.matching},
-                   row=tile.row, col=tile.col, scratch=scratch_bytes(block.parallaxes, self.matching))
+        writes = {
+            "nodes": Raster(nodes_raster(pair.name), tile.window),
+            "outcome": Raster(outcome_raster(pair.name), tile.window),
+            "statistics": table,
+        }
+        return Job(
+            self.kind,
+            pair.name,
+            match_pair_block,
+            reads,
+            writes,
+            {"block": block, "matching": self.matching},
+            row=tile.row,
+            col=tile.col,
+            scratch=scratch_bytes(block.parallaxes, self.matching),
+        )
 
     def _surface(self, view: ProjectView, surface: Surface, pairs: tuple[EpipolarPair, ...]) -> Iterator[RasterSpec | Job | Export]:
         """The tiles of the surface model."""
@@ -121,8 +138,9 @@ class DensificationStage(Stage):
             yield self._tile(surface, pairs, tile, tables[-1])
         yield Job(self.kind, "cells", sum_surface, {"parts": tuple(tables)}, {"sum": CELLS})
         yield Export(self.kind, "dsm", "products/dsm.tif", "cog", rasters={"height": HEIGHT, "precision": PRECISION})
-        yield Export(self.kind, "provenance", "products/dsm_provenance.tif", "cog",
-                     rasters={"provenance": PROVENANCE, "count": COUNT})
+        yield Export(
+            self.kind, "provenance", "products/dsm_provenance.tif", "cog", rasters={"provenance": PROVENANCE, "count": COUNT}
+        )
 
     def _tile(self, surface: Surface, pairs: tuple[EpipolarPair, ...], tile: Tile, table: Table[SurfaceStatistics]) -> Job:
         work = tile.window.grown(self.rules.halo(surface.grid.cell)).clipped(surface.grid.shape)
@@ -130,9 +148,14 @@ class DensificationStage(Stage):
         nodes = tuple(Raster(nodes_raster(piece.pair.name), piece.nodes) for piece in pieces)
         outputs = {"height": HEIGHT, "precision": PRECISION, "count": COUNT, "provenance": PROVENANCE}
         return Job(
-            self.kind, "surface", make_surface, {"nodes": nodes} if nodes else {},
+            self.kind,
+            "surface",
+            make_surface,
+            {"nodes": nodes} if nodes else {},
             {**{key: Raster(name, tile.window) for key, name in outputs.items()}, "statistics": table},
-            {"tile": SurfaceTile(surface, tile.window, work, pieces), "rules": self.rules}, row=tile.row, col=tile.col,
+            {"tile": SurfaceTile(surface, tile.window, work, pieces), "rules": self.rules},
+            row=tile.row,
+            col=tile.col,
             scratch=surface_scratch(pieces, work),
         )
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from schemas.epipolar import EpipolarPair, EpipolarPairs
-from schemas.errors import GeometryError
-from schemas.orientation import Block
-from schemas.raster import MapGrid
-from schemas.surface import Surface
+from orthomill.schemas.epipolar import EpipolarPair, EpipolarPairs
+from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.orientation import Block
+from orthomill.schemas.raster import MapGrid
+from orthomill.schemas.surface import Surface
 
 PLEASANT = tuple(m * 10.0**e for e in range(-3, 3) for m in (1.0, 2.0, 2.5, 5.0))
 """cell sizes offered by themselves, m"""

@@ -5,15 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from schemas.epipolar import EpipolarPair
-from schemas.raster import Window
-from schemas.surface import PROVENANCE_CODES, Surface
-from tasks.densification.filling import Filling, fill
-from tasks.densification.fusion import EMPTY, FusedCells, Fusion, fuse
-from tasks.densification.gridding import Gridding, HeightCells, Target, grid_nodes
-from tasks.densification.normal_case import nodes_on_ground, orientation_sigma
-from tasks.densification.spike_filter import SpikeFilter, spikes
-from tasks.densification.surface_grid import ground_pixel
+from orthomill.schemas.epipolar import EpipolarPair
+from orthomill.schemas.raster import Window
+from orthomill.schemas.surface import PROVENANCE_CODES, Surface
+from orthomill.tasks.densification.filling import Filling, fill
+from orthomill.tasks.densification.fusion import EMPTY, FusedCells, Fusion, fuse
+from orthomill.tasks.densification.gridding import Gridding, HeightCells, TargetCells, grid_nodes
+from orthomill.tasks.densification.ground_intersection import nodes_on_ground, orientation_sigma
+from orthomill.tasks.densification.spike_filter import SpikeFilter, spikes
+from orthomill.tasks.densification.surface_grid import ground_pixel
 
 CLASSES = 20
 """classes of the precision histogram, each a tenth of a cell wide; the last is open"""
@@ -78,14 +78,17 @@ def make_surface(tile: SurfaceTile, rules: SurfaceRules, nodes: tuple[np.ndarray
     cells = _cropped(fill(_without(fused, spiky), cell, rules.fill), tile)
     inner = _inner(tile)
     return {
-        "height": cells.height, "precision": cells.precision, "count": cells.count, "provenance": cells.provenance,
+        "height": cells.height,
+        "precision": cells.precision,
+        "count": cells.count,
+        "provenance": cells.provenance,
         "statistics": _statistics(cells, int(spiky[inner].sum()), cell),
     }
 
 
 def _pair_cells(tile: SurfaceTile, piece: PairPiece, nodes: np.ndarray, rules: SurfaceRules) -> HeightCells:
     ground = nodes_on_ground(piece.pair, nodes, piece.nodes, piece.step)
-    target = Target(tile.surface.grid, tile.work, (tile.surface.height_low, tile.surface.height_high))
+    target = TargetCells(tile.surface.grid, tile.work, (tile.surface.height_low, tile.surface.height_high))
     return grid_nodes(ground, ground_pixel(piece.pair) * piece.step, target, rules.gridding)
 
 
@@ -103,8 +106,12 @@ def _with_orientation(cells: FusedCells, pairs: tuple[HeightCells, ...], tile: S
 
 def _without(cells: FusedCells, spiky: np.ndarray) -> FusedCells:
     empty = np.float32(np.nan)
-    return FusedCells(np.where(spiky, empty, cells.height), np.where(spiky, empty, cells.precision),
-                      np.where(spiky, np.uint8(0), cells.count), np.where(spiky, np.uint8(EMPTY), cells.provenance))
+    return FusedCells(
+        np.where(spiky, empty, cells.height),
+        np.where(spiky, empty, cells.precision),
+        np.where(spiky, np.uint8(0), cells.count),
+        np.where(spiky, np.uint8(EMPTY), cells.provenance),
+    )
 
 
 def _inner(tile: SurfaceTile) -> tuple[slice, slice]:
@@ -122,7 +129,8 @@ def _statistics(cells: FusedCells, spiky: int, cell: float) -> SurfaceStatistics
     classes = np.minimum(cells.precision[known] / (0.1 * cell), CLASSES - 1).astype(int)
     return SurfaceStatistics(
         provenance=tuple(np.bincount(cells.provenance.ravel(), minlength=len(PROVENANCE_CODES)).tolist()),
-        precision=tuple(np.bincount(classes, minlength=CLASSES).tolist()), spikes=spiky,
+        precision=tuple(np.bincount(classes, minlength=CLASSES).tolist()),
+        spikes=spiky,
         lowest=float(cells.height[known].min()) if known.any() else None,
         highest=float(cells.height[known].max()) if known.any() else None,
     )
@@ -134,5 +142,7 @@ def sum_surface(parts: tuple[SurfaceStatistics, ...]) -> SurfaceStatistics:
     return SurfaceStatistics(
         provenance=tuple(map(sum, zip(*(part.provenance for part in parts), strict=True))),
         precision=tuple(map(sum, zip(*(part.precision for part in parts), strict=True))),
-        spikes=sum(part.spikes for part in parts), lowest=min(lows, default=None), highest=max(highs, default=None),
+        spikes=sum(part.spikes for part in parts),
+        lowest=min(lows, default=None),
+        highest=max(highs, default=None),
     )

@@ -1,0 +1,1 @@
+"""The stage `dsm_check`: the surface model checked without reference data."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import find_objects, label
 
-from schemas.raster import MapGrid
+from orthomill.schemas.raster import MapGrid
 
 CHECKED, MEAN, SIGMA = range(3)
 
@@ -112,5 +112,7 @@ def _area(dh: np.ndarray, weights: np.ndarray, place: tuple[np.ndarray, np.ndarr
     return SuspiciousArea(
         x=float(grid.west + (np.average(place[1], weights=volume) + 0.5) * side),
         y=float(grid.north - (np.average(place[0], weights=volume) + 0.5) * side),
-        area=float(weights.sum() * side**2), dh=float(np.average(dh, weights=weights)), extreme=float(dh[np.argmax(np.abs(dh))]),
+        area=float(weights.sum() * side**2),
+        dh=float(np.average(dh, weights=weights)),
+        extreme=float(dh[np.argmax(np.abs(dh))]),
     )

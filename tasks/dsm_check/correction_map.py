@@ -17,16 +17,16 @@ from typing import Literal
 import numpy as np
 from numba import njit
 
-from schemas.outcome import Outcome
-from schemas.raster import Window
-from tasks.dsm_check.nodes import DH, EAST, OUTCOME, SIGMA, SOUTH, node_offset
+from orthomill.schemas.outcome import Outcome
+from orthomill.schemas.raster import Window
+from orthomill.tasks.dsm_check.nodes import DH, EAST, OUTCOME, SIGMA, SOUTH, node_offset
 
 _STRIP = 64
 """rows of cells whose sums are held at a time"""
 
 
 @dataclass(frozen=True)
-class NodeGrid:
+class CorrectionNodes:
     """How nodes lie among the cells, and how far their corrections reach."""
 
     step: int
@@ -82,7 +82,7 @@ def _spikes(dh, sigma, spikes):
             spikes[r, c] = abs(dh[r, c] - middle) > 3.0 * max(sigma[r, c], spread)
 
 
-def node_points(nodes: np.ndarray, first: tuple[int, int], grid: NodeGrid) -> np.ndarray:
+def node_points(nodes: np.ndarray, first: tuple[int, int], grid: CorrectionNodes) -> np.ndarray:
     """(N, 4) float64: row and column in cells of the whole surface, dh, sigma (m) of the good nodes (rows, cols, bands).
 
     first: number (row, col) of the first node of the array, counted over the whole surface.
@@ -91,8 +91,14 @@ def node_points(nodes: np.ndarray, first: tuple[int, int], grid: NodeGrid) -> np
     good = nodes[rows, cols].astype(np.float64)
     near = np.hypot(good[:, EAST], good[:, SOUTH]) <= grid.move
     offset = node_offset(grid.step, grid.pixels_per_cell)
-    points = np.column_stack([(rows + first[0]) * grid.step + offset + good[:, SOUTH],
-                              (cols + first[1]) * grid.step + offset + good[:, EAST], good[:, DH], good[:, SIGMA]])
+    points = np.column_stack(
+        [
+            (rows + first[0]) * grid.step + offset + good[:, SOUTH],
+            (cols + first[1]) * grid.step + offset + good[:, EAST],
+            good[:, DH],
+            good[:, SIGMA],
+        ]
+    )
     return points[near]
 
 
@@ -105,7 +111,7 @@ def interpolate(points: np.ndarray, window: Window, radius: float) -> Correction
         near = points[(points[:, 0] >= low) & (points[:, 0] <= high)]
         sums = np.zeros((height, window.width, 12))
         _accumulate(near, (window.row + top, window.col), radius, sums)
-        _solve(sums, radius, dh[top:top + height], sigma[top:top + height])
+        _solve(sums, radius, dh[top : top + height], sigma[top : top + height])
     return CorrectionMap(dh, sigma)
 
 

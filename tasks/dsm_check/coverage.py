@@ -8,14 +8,14 @@ window of the surface model that holds its polygon, on the edges of tiles.
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from schemas.epipolar import EpipolarPair, EpipolarPairs
-from schemas.errors import GeometryError
-from schemas.job import Table
-from schemas.orientation import Block
-from schemas.raster import MapGrid, Window
-from schemas.surface import Surface
-from tasks.geometry.normal_case import border_pixels, common_polygon, convex
-from tasks.geometry.view import block_view
+from orthomill.schemas.epipolar import EpipolarPair, EpipolarPairs
+from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.job import Table
+from orthomill.schemas.orientation import Block
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.surface import Surface
+from orthomill.tasks.geometry.normal_case import border_pixels, common_polygon, convex
+from orthomill.tasks.geometry.view import block_view
 
 _CELLS = 96
 """cells along the longer side of the raster that coverage is counted on"""
@@ -70,8 +70,9 @@ def foreign_surface(grid: MapGrid, block: Block, surface: Surface | None = None)
     return Surface(grid=surface.grid if surface else grid, height_low=low, height_high=high)
 
 
-def choose_checked_pairs(pairs: EpipolarPairs, block: Block, surface: Surface, tile: int, count: int | None,
-                         pixels_per_cell: int | None) -> CheckedPairs:
+def choose_checked_pairs(
+    pairs: EpipolarPairs, block: Block, surface: Surface, tile: int, count: int | None, pixels_per_cell: int | None
+) -> CheckedPairs:
     """The pairs that cover the surface once (at most `count`), with their windows on the grid in whole tiles.
 
     Raises GeometryError when no pair sees the surface.
@@ -82,8 +83,16 @@ def choose_checked_pairs(pairs: EpipolarPairs, block: Block, surface: Surface, t
     if not order:
         raise GeometryError("No pair of photographs sees the surface model: is it of another place or in another reference system?")
     chosen = tuple(
-        CheckedPair(name=pair.name, left=pair.left, right=pair.right, base_height=pair.base_height, share=share,
-                    box=_box(polygons[k], grid, tile)) for k, share in order for pair in (pairs.pairs[k],)
+        CheckedPair(
+            name=pair.name,
+            left=pair.left,
+            right=pair.right,
+            base_height=pair.base_height,
+            share=share,
+            box=_box(polygons[k], grid, tile),
+        )
+        for k, share in order
+        for pair in (pairs.pairs[k],)
     )
     factor = pixels_per_cell or (2 if grid.cell > 1.5 * ground_pixel(block, surface) else 1)
     ratio = float(np.mean([1 / pair.base_height for pair in chosen]))

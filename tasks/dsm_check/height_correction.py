@@ -18,8 +18,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from schemas.settings import Settings, setting
-from tasks.geometry.intersection import intersect_rays
+from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.geometry.intersection import intersect_rays
 
 
 class RayCorrection(Settings):
@@ -35,8 +35,12 @@ class PlanCorrection(Settings):
     kind: Literal["plan"] = "plan"
     angle_low: float = setting(13.5, "Least angle of the two nadir lines at the point.", "degrees", ge=0, lt=90)
     angle_high: float = setting(166.5, "Greatest angle of the two nadir lines at the point.", "degrees", gt=90, le=180)
-    nadir: float = setting(0.02, "Least distance from both nadirs, where one photograph tells nothing of height, as a share of "
-                           "the flying height.", ge=0, lt=1)
+    nadir: float = setting(
+        0.02,
+        "Least distance from both nadirs, where one photograph tells nothing of height, as a share of the flying height.",
+        ge=0,
+        lt=1,
+    )
 
 
 Correction = Annotated[RayCorrection | PlanCorrection, Field(discriminator="kind")]
@@ -62,8 +66,9 @@ class CorrectedPoints:
     """(N,) bool: passed the geometric test"""
 
 
-def correct(left: np.ndarray, right: np.ndarray, centres: Centres, correction: RayCorrection | PlanCorrection,
-            pixel: float) -> CorrectedPoints:
+def correct(
+    left: np.ndarray, right: np.ndarray, centres: Centres, correction: RayCorrection | PlanCorrection, pixel: float
+) -> CorrectedPoints:
     """True points from homologous orthoimage points.
 
     left, right: (N, 3) m, places in either orthoimage with the height of the model there. pixel: of the orthoimages, m.

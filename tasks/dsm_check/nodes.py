@@ -13,16 +13,16 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from schemas.orientation import ExteriorOrientation
-from schemas.outcome import Outcome
-from schemas.raster import MapGrid, Window
-from schemas.settings import Settings, setting
-from tasks.dsm_check.height_correction import Centres, PlanCorrection, RayCorrection, correct
-from tasks.dsm_check.orthoimage import height_at
-from tasks.dsm_check.search import OrthoPair, ShiftSearch, distance_back, ortho_pair, shifts
-from tasks.matching.least_squares.matching import Matches, match_points
-from tasks.matching.least_squares.model import LeastSquaresMatching
-from tasks.matching.smoothing import reach_of
+from orthomill.schemas.orientation import ExteriorOrientation
+from orthomill.schemas.outcome import Outcome
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.dsm_check.height_correction import Centres, PlanCorrection, RayCorrection, correct
+from orthomill.tasks.dsm_check.search import OrthoPair, ShiftSearch, distance_back, ortho_pair, shifts
+from orthomill.tasks.dsm_check.working_orthoimage import height_at
+from orthomill.tasks.matching.least_squares.matching import Matches, match_points
+from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
+from orthomill.tasks.matching.smoothing import reach_of
 
 BANDS = ("dh", "east", "south", "sigma", "correlation", "outcome")
 """of a raster of nodes, float32: correction (m), place of the corrected point against the node (cells), standard error (m), ..."""
@@ -88,8 +88,14 @@ def node_offset(step: int, pixels_per_cell: int) -> float:
     return ((step * pixels_per_cell) // 2 + 0.5) / pixels_per_cell - 0.5
 
 
-def check_nodes(tile: NodeTile, matching: NodeMatching, correction: RayCorrection | PlanCorrection, left: np.ndarray,
-                right: np.ndarray, heights: np.ndarray) -> np.ndarray:
+def check_nodes(
+    tile: NodeTile,
+    matching: NodeMatching,
+    correction: RayCorrection | PlanCorrection,
+    left: np.ndarray,
+    right: np.ndarray,
+    heights: np.ndarray,
+) -> np.ndarray:
     """Corrections at the nodes of a tile: (rows, cols, len(BANDS)) float32, NaN where there is none; `outcome` says why.
 
     left, right: orthoimages of `tile.seen`, uint8. heights: (tile.seen.shape) m, NaN where there is none.
@@ -103,13 +109,13 @@ def check_nodes(tile: NodeTile, matching: NodeMatching, correction: RayCorrectio
     values = np.full((len(pixels), len(BANDS)), np.nan, np.float32)
     outcome[tried] = matches.outcome
     values[tried, CORRELATION] = matches.correlation
-    _correct(tile, matching, correction, _Found(pixels, tried, matches, back), heights, values, outcome)
+    _correct(tile, matching, correction, _MatchedNodes(pixels, tried, matches, back), heights, values, outcome)
     values[:, OUTCOME] = outcome
     return values.reshape(*tile.shape, len(BANDS))
 
 
 @dataclass(frozen=True)
-class _Found:
+class _MatchedNodes:
     """Nodes (N, 2), which of them were tried, and what came of it."""
 
     pixels: np.ndarray
@@ -175,14 +181,22 @@ def _match(images: OrthoPair, points: np.ndarray, direction: np.ndarray, matchin
     return matches, distance_back(images, points, matches.position, direction, search)
 
 
-def _correct(tile: NodeTile, matching: NodeMatching, correction: RayCorrection | PlanCorrection, found: _Found, heights: np.ndarray,
-             values: np.ndarray, outcome: np.ndarray) -> None:
+def _correct(
+    tile: NodeTile,
+    matching: NodeMatching,
+    correction: RayCorrection | PlanCorrection,
+    found: _MatchedNodes,
+    heights: np.ndarray,
+    values: np.ndarray,
+    outcome: np.ndarray,
+) -> None:
     """Fill dh, place and sigma of the nodes that pass every test into `values` (N, 6); `outcome` (N,) tells of the others."""
     at, matches, search = found.pixels[found.tried], found.matches, matching.search
     moved = _snapped(matches.position - at)
     left, right = _to_cells(tile, at), _to_cells(tile, at + moved)
-    points = correct(_ground(tile, left, heights), _ground(tile, right, heights), tile.centres, correction,
-                     tile.grid.cell / tile.pixels_per_cell)
+    points = correct(
+        _ground(tile, left, heights), _ground(tile, right, heights), tile.centres, correction, tile.grid.cell / tile.pixels_per_cell
+    )
     places = _snapped(np.column_stack(tile.grid.pixel(points.points[:, 0], points.points[:, 1])))
     dh = points.points[:, 2] - _heights(tile, places, heights)
     across = np.abs(moved @ (-base_direction(tile)[1], base_direction(tile)[0]))

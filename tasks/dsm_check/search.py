@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numba import njit
 
-from schemas.settings import Settings, setting
+from orthomill.schemas.settings import Settings, setting
 
 cv2.setNumThreads(1)
 
@@ -68,7 +68,7 @@ def half_size(image: np.ndarray, half: int) -> HalfSize:
     All values are multiples of a quarter, so their sums are exact: no window depends on the tile that it is computed in.
     """
     rows, cols = image.shape[0] // 2, image.shape[1] // 2
-    quarters = [image[r:2 * rows:2, c:2 * cols:2] for r in (0, 1) for c in (0, 1)]
+    quarters = [image[r : 2 * rows : 2, c : 2 * cols : 2] for r in (0, 1) for c in (0, 1)]
     mean = sum(quarter.astype(np.float64) for quarter in quarters) / 4.0
     grey = np.where(np.minimum.reduce(quarters) > 0, mean, 0.0)
     incomplete = cv2.dilate((grey == 0).astype(np.uint8), np.ones((2 * half + 1, 2 * half + 1), np.uint8)) > 0

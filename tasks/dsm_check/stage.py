@@ -11,18 +11,18 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from schemas.epipolar import PAIRS, grey_table
-from schemas.job import Export, Job, MapFile, MapHeader, Raster, Region, Table
-from schemas.orientation import BLOCK, Block
-from schemas.photo import PHOTOS, Photos, photo_raster
-from schemas.raster import MapGrid, RasterSpec, Tile, Window, map_raster, tiles_of
-from schemas.report import report_table
-from schemas.settings import Settings, setting
-from schemas.stage import ProjectView, Stage
-from schemas.surface import CORRECTED, HEIGHT, SURFACE, Surface
-from tasks.dsm_check.areas import block_size
-from tasks.dsm_check.correction_map import NodeGrid
-from tasks.dsm_check.coverage import (
+from orthomill.schemas.epipolar import PAIRS, grey_table
+from orthomill.schemas.job import Export, Job, MapFile, MapHeader, Raster, Region, Table
+from orthomill.schemas.orientation import BLOCK, Block
+from orthomill.schemas.photo import PHOTOS, Photos, photo_raster
+from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, Window, map_raster, tiles_of
+from orthomill.schemas.settings import Settings, setting
+from orthomill.schemas.stage_contract import ProjectView, Stage
+from orthomill.schemas.stage_report import report_table
+from orthomill.schemas.surface import CORRECTED, HEIGHT, SURFACE, Surface
+from orthomill.tasks.dsm_check.areas import block_size
+from orthomill.tasks.dsm_check.correction_map import CorrectionNodes
+from orthomill.tasks.dsm_check.coverage import (
     CHECKED_PAIRS,
     CHECKED_SURFACE,
     CheckedPair,
@@ -31,14 +31,14 @@ from tasks.dsm_check.coverage import (
     foreign_surface,
     measured_surface,
 )
-from tasks.dsm_check.height_correction import Correction, RayCorrection
-from tasks.dsm_check.nodes import BANDS, NodeMatching, NodeTile, check_nodes
-from tasks.dsm_check.orthoimage import OrthoTile, ortho_tile
-from tasks.dsm_check.report import DH, PRECISION, Blocks, report
-from tasks.dsm_check.statistics import TileCounts
-from tasks.dsm_check.tile import CorrectionRule, NodeWindow, correct_tile, take_surface
-from tasks.geometry.footprint import photo_window
-from tasks.geometry.view import block_view
+from orthomill.tasks.dsm_check.height_correction import Correction, RayCorrection
+from orthomill.tasks.dsm_check.nodes import BANDS, NodeMatching, NodeTile, check_nodes
+from orthomill.tasks.dsm_check.report import DH, PRECISION, Blocks, report
+from orthomill.tasks.dsm_check.statistics import TileCounts
+from orthomill.tasks.dsm_check.tile import CorrectionRule, NodeWindow, correct_tile, take_surface
+from orthomill.tasks.dsm_check.working_orthoimage import OrthoTile, ortho_tile
+from orthomill.tasks.geometry.footprint import photo_window
+from orthomill.tasks.geometry.view import block_view
 
 INPUT = "dsm_check/input"
 """float32 m: the surface under test, wherever it comes from"""
@@ -100,8 +100,14 @@ class DsmCheckStage(Stage):
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         size = view.project.tile
         yield self._surface(view)
-        yield Job(self.kind, "pairs", choose_checked_pairs, {"pairs": PAIRS, "block": BLOCK, "surface": CHECKED_SURFACE},
-                  {"checked": CHECKED_PAIRS}, {"tile": size, "count": self.pairs, "pixels_per_cell": self.pixels_per_cell})
+        yield Job(
+            self.kind,
+            "pairs",
+            choose_checked_pairs,
+            {"pairs": PAIRS, "block": BLOCK, "surface": CHECKED_SURFACE},
+            {"checked": CHECKED_PAIRS},
+            {"tile": size, "count": self.pairs, "pixels_per_cell": self.pixels_per_cell},
+        )
         surface = view.table(CHECKED_SURFACE)
         yield from self._input(view, surface.grid, size)
         plan = _Plan(view.table(BLOCK), view.table(PHOTOS), surface, view.table(CHECKED_PAIRS), size)
@@ -123,8 +129,15 @@ class DsmCheckStage(Stage):
         """Whatever the source, these jobs fill the raster under test."""
         yield map_raster(INPUT, grid, "float32", view.project.crs, size, nodata=float("nan"), unit="m")
         for tile in tiles_of(grid.shape, size):
-            yield Job(self.kind, "input", take_surface, {"heights": self._source(view, grid, tile.window)},
-                      {"input": Raster(INPUT, tile.window)}, row=tile.row, col=tile.col)
+            yield Job(
+                self.kind,
+                "input",
+                take_surface,
+                {"heights": self._source(view, grid, tile.window)},
+                {"input": Raster(INPUT, tile.window)},
+                row=tile.row,
+                col=tile.col,
+            )
 
     def _source(self, view: ProjectView, grid: MapGrid, window: Window) -> Region:
         if self.surface.kind == "densification":
@@ -133,8 +146,13 @@ class DsmCheckStage(Stage):
 
     def _orthoimages(self, view: ProjectView, plan: _Plan, pair: CheckedPair) -> Iterator[RasterSpec | Job]:
         factor, window, grid = plan.pairs.pixels_per_cell, pair.window, plan.grid
-        own = MapGrid(west=grid.west + window.col * grid.cell, north=grid.north - window.row * grid.cell, cell=grid.cell / factor,
-                      rows=window.height * factor, cols=window.width * factor)
+        own = MapGrid(
+            west=grid.west + window.col * grid.cell,
+            north=grid.north - window.row * grid.cell,
+            cell=grid.cell / factor,
+            rows=window.height * factor,
+            cols=window.width * factor,
+        )
         for side, photo in (("left", pair.left), ("right", pair.right)):
             name = ortho_raster(pair.name, side)
             yield map_raster(name, own, "uint8", view.project.crs, plan.tile * factor, nodata=0, unit="grey")
@@ -152,29 +170,58 @@ class DsmCheckStage(Stage):
                 reads["stretch"] = grey_table(photo)
         factor = plan.pairs.pixels_per_cell
         what = OrthoTile(plan.block.of(photo), plan.block.camera_of(photo), plan.grid, window, heights, factor, seen)
-        return Job(self.kind, f"ortho-{pair.name}-{side}", ortho_tile, reads,
-                   {"ortho": Raster(ortho_raster(pair.name, side), tile.window.scaled(factor))}, {"tile": what},
-                   row=tile.row, col=tile.col, scratch=seen.height * seen.width * 24)
+        return Job(
+            self.kind,
+            f"ortho-{pair.name}-{side}",
+            ortho_tile,
+            reads,
+            {"ortho": Raster(ortho_raster(pair.name, side), tile.window.scaled(factor))},
+            {"tile": what},
+            row=tile.row,
+            col=tile.col,
+            scratch=seen.height * seen.width * 24,
+        )
 
     def _nodes(self, plan: _Plan, pair: CheckedPair) -> Iterator[RasterSpec | Job]:
         shape = tuple(-(-side // self.step) for side in pair.window.shape)
-        yield RasterSpec(name=node_raster(pair.name), shape=(*shape, len(BANDS)), dtype="float32", chunk=plan.tile // self.step,
-                         nodata=float("nan"))
+        yield RasterSpec(
+            name=node_raster(pair.name),
+            shape=(*shape, len(BANDS)),
+            dtype="float32",
+            chunk=plan.tile // self.step,
+            nodata=float("nan"),
+        )
         for tile in tiles_of(pair.window.shape, plan.tile):
             yield self._node_tile(plan, pair, tile)
 
     def _node_tile(self, plan: _Plan, pair: CheckedPair, tile: Tile) -> Job:
         factor = plan.pairs.pixels_per_cell
         seen = tile.window.grown(-(-self.matching.halo // (2 * factor)) * 2).clipped(pair.window.shape)
-        what = NodeTile(plan.block.of(pair.left), plan.block.of(pair.right), plan.grid,
-                        _shifted(tile.window, pair.window.row, pair.window.col), _shifted(seen, pair.window.row, pair.window.col),
-                        factor, self.step)
-        reads = {"left": Raster(ortho_raster(pair.name, "left"), seen.scaled(factor)),
-                 "right": Raster(ortho_raster(pair.name, "right"), seen.scaled(factor)), "heights": Raster(INPUT, what.seen)}
-        return Job(self.kind, f"nodes-{pair.name}", check_nodes, reads,
-                   {"nodes": Raster(node_raster(pair.name), self._of_nodes(tile.window))},
-                   {"tile": what, "matching": self.matching, "correction": self.correction},
-                   row=tile.row, col=tile.col, scratch=seen.height * seen.width * (8 + 45 * factor**2))
+        what = NodeTile(
+            plan.block.of(pair.left),
+            plan.block.of(pair.right),
+            plan.grid,
+            _shifted(tile.window, pair.window.row, pair.window.col),
+            _shifted(seen, pair.window.row, pair.window.col),
+            factor,
+            self.step,
+        )
+        reads = {
+            "left": Raster(ortho_raster(pair.name, "left"), seen.scaled(factor)),
+            "right": Raster(ortho_raster(pair.name, "right"), seen.scaled(factor)),
+            "heights": Raster(INPUT, what.seen),
+        }
+        return Job(
+            self.kind,
+            f"nodes-{pair.name}",
+            check_nodes,
+            reads,
+            {"nodes": Raster(node_raster(pair.name), self._of_nodes(tile.window))},
+            {"tile": what, "matching": self.matching, "correction": self.correction},
+            row=tile.row,
+            col=tile.col,
+            scratch=seen.height * seen.width * (8 + 45 * factor**2),
+        )
 
     def _of_nodes(self, window: Window) -> Window:
         return _coarser(window, self.step)
@@ -189,15 +236,20 @@ class DsmCheckStage(Stage):
         tiles = list(tiles_of(plan.grid.shape, plan.tile))
         for tile in tiles:
             yield self._answer_tile(plan, tile, size)
-        yield Job(self.kind, "report", report, {"tiles": tuple(_counts_table(t) for t in tiles), "pairs": CHECKED_PAIRS,
-                                                "coarse": Raster(COARSE, coarse.full)},
-                  {"report": report_table(self.kind)}, {"blocks": Blocks(plan.grid, size, self.significance)},
-                  scratch=16 * coarse.bytes_of(coarse.full))
+        yield Job(
+            self.kind,
+            "report",
+            report,
+            {"tiles": tuple(_counts_table(t) for t in tiles), "pairs": CHECKED_PAIRS, "coarse": Raster(COARSE, coarse.full)},
+            {"report": report_table(self.kind)},
+            {"blocks": Blocks(plan.grid, size, self.significance)},
+            scratch=16 * coarse.bytes_of(coarse.full),
+        )
         yield Export(self.kind, "product", "products/dsm_check.tif", "cog", {"dh": DH, "height": CORRECTED, "sigma": PRECISION})
 
     def _answer_tile(self, plan: _Plan, tile: Tile, size: int) -> Job:
         factor = plan.pairs.pixels_per_cell
-        nodes = NodeGrid(self.step, factor, self.radius * self.step, 2 * self.matching.search.reach / factor)
+        nodes = CorrectionNodes(self.step, factor, self.radius * self.step, 2 * self.matching.search.reach / factor)
         reads, windows = [], []
         for pair in plan.pairs.pairs:
             window, read = self._nodes_near(plan, pair, tile.window, nodes.halo)
@@ -207,10 +259,20 @@ class DsmCheckStage(Stage):
         rule = CorrectionRule(self.apply, self.significance, nodes, size, plan.pairs.pixel_height)
         blocks = _coarser(tile.window, size)
         return Job(
-            self.kind, "answer", correct_tile, {"heights": Raster(INPUT, tile.window), "nodes": tuple(reads)},
-            {"dh": Raster(DH, tile.window), "precision": Raster(PRECISION, tile.window), "height": Raster(CORRECTED, tile.window),
-             "coarse": Raster(COARSE, blocks), "counts": _counts_table(tile)},
-            {"window": tile.window, "pairs": tuple(windows), "rule": rule}, row=tile.row, col=tile.col,
+            self.kind,
+            "answer",
+            correct_tile,
+            {"heights": Raster(INPUT, tile.window), "nodes": tuple(reads)},
+            {
+                "dh": Raster(DH, tile.window),
+                "precision": Raster(PRECISION, tile.window),
+                "height": Raster(CORRECTED, tile.window),
+                "coarse": Raster(COARSE, blocks),
+                "counts": _counts_table(tile),
+            },
+            {"window": tile.window, "pairs": tuple(windows), "rule": rule},
+            row=tile.row,
+            col=tile.col,
             scratch=tile.window.width * 64 * 96 + tile.window.height * tile.window.width * 64,
         )
 

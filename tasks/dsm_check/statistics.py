@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from schemas.outcome import Outcome
-from tasks.dsm_check.correction_map import CorrectionMap
-from tasks.dsm_check.nodes import DH, OUTCOME, SIGMA
+from orthomill.schemas.outcome import Outcome
+from orthomill.tasks.dsm_check.correction_map import CorrectionMap
+from orthomill.tasks.dsm_check.nodes import DH, OUTCOME, SIGMA
 
 BINS_PER_PIXEL = 200
 _LAST_BIN = 100 * BINS_PER_PIXEL
@@ -78,8 +78,15 @@ def count(dh: np.ndarray, sigma: np.ndarray, pixel_height: float) -> Counts:
     known = np.isfinite(dh)
     dh, sigma = dh[known].astype(np.float64), sigma[known]
     bins, filled = np.unique(np.clip(np.rint(dh / bin_width(pixel_height)), -_LAST_BIN, _LAST_BIN).astype(int), return_counts=True)
-    return Counts(number=len(dh), total=float(dh.sum()), squares=float((dh**2).sum()), within_1=int((np.abs(dh) <= sigma).sum()),
-                  within_3=int((np.abs(dh) <= 3 * sigma).sum()), bins=tuple(bins.tolist()), filled=tuple(filled.tolist()))
+    return Counts(
+        number=len(dh),
+        total=float(dh.sum()),
+        squares=float((dh**2).sum()),
+        within_1=int((np.abs(dh) <= sigma).sum()),
+        within_3=int((np.abs(dh) <= 3 * sigma).sum()),
+        bins=tuple(bins.tolist()),
+        filled=tuple(filled.tolist()),
+    )
 
 
 def bin_width(pixel_height: float) -> float:
@@ -90,17 +97,26 @@ def bin_width(pixel_height: float) -> float:
 def count_pair(name: str, nodes: np.ndarray, pixel_height: float) -> PairCounts:
     """Counts of the nodes (rows, cols, bands) of one pair."""
     codes = np.nan_to_num(nodes[..., OUTCOME]).astype(int).ravel()
-    return PairCounts(pair=name, outcomes=tuple(np.bincount(codes, minlength=len(Outcome)).tolist()),
-                      dh=count(nodes[..., DH], nodes[..., SIGMA], pixel_height))
+    return PairCounts(
+        pair=name,
+        outcomes=tuple(np.bincount(codes, minlength=len(Outcome)).tolist()),
+        dh=count(nodes[..., DH], nodes[..., SIGMA], pixel_height),
+    )
 
 
-def count_tile(heights: np.ndarray, correction: CorrectionMap, share: np.ndarray, pairs: tuple[PairCounts, ...],
-               pixel_height: float) -> TileCounts:
+def count_tile(
+    heights: np.ndarray, correction: CorrectionMap, share: np.ndarray, pairs: tuple[PairCounts, ...], pixel_height: float
+) -> TileCounts:
     """Counts of one tile; arrays are (rows, cols)."""
     known = np.isfinite(heights)
     dh = np.where(known, correction.dh, np.nan)
-    return TileCounts(heights=int(known.sum()), checked=int(np.isfinite(dh).sum()), changed=int((known & (share > 0)).sum()),
-                      dh=count(dh, correction.sigma, pixel_height), pairs=pairs)
+    return TileCounts(
+        heights=int(known.sum()),
+        checked=int(np.isfinite(dh).sum()),
+        changed=int((known & (share > 0)).sum()),
+        dh=count(dh, correction.sigma, pixel_height),
+        pairs=pairs,
+    )
 
 
 def added(parts: list[Counts]) -> Counts:
@@ -110,9 +126,13 @@ def added(parts: list[Counts]) -> Counts:
         for number, filled in zip(part.bins, part.filled, strict=True):
             histogram[number] = histogram.get(number, 0) + filled
     return Counts(
-        number=sum(p.number for p in parts), total=sum(p.total for p in parts), squares=sum(p.squares for p in parts),
-        within_1=sum(p.within_1 for p in parts), within_3=sum(p.within_3 for p in parts),
-        bins=tuple(sorted(histogram)), filled=tuple(histogram[b] for b in sorted(histogram)),
+        number=sum(p.number for p in parts),
+        total=sum(p.total for p in parts),
+        squares=sum(p.squares for p in parts),
+        within_1=sum(p.within_1 for p in parts),
+        within_3=sum(p.within_3 for p in parts),
+        bins=tuple(sorted(histogram)),
+        filled=tuple(histogram[b] for b in sorted(histogram)),
     )
 
 

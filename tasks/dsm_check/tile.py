@@ -5,17 +5,17 @@ from typing import Any, Literal
 
 import numpy as np
 
-from schemas.raster import Window
-from tasks.dsm_check.areas import blocks
-from tasks.dsm_check.correction_map import (
-    NodeGrid,
+from orthomill.schemas.raster import Window
+from orthomill.tasks.dsm_check.areas import blocks
+from orthomill.tasks.dsm_check.correction_map import (
+    CorrectionNodes,
     corrected_heights,
     interpolate,
     node_points,
     share_applied,
     without_spikes,
 )
-from tasks.dsm_check.statistics import count_pair, count_tile
+from orthomill.tasks.dsm_check.statistics import count_pair, count_tile
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class CorrectionRule:
 
     apply: Literal["all", "significant", "none"]
     significance: float
-    nodes: NodeGrid
+    nodes: CorrectionNodes
     block: int
     pixel_height: float
 
@@ -48,8 +48,9 @@ def take_surface(heights: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(heights), heights, np.nan).astype(np.float32)
 
 
-def correct_tile(window: Window, pairs: tuple[NodeWindow, ...], rule: CorrectionRule, heights: np.ndarray,
-                 nodes: tuple[np.ndarray, ...] = ()) -> dict[str, Any]:
+def correct_tile(
+    window: Window, pairs: tuple[NodeWindow, ...], rule: CorrectionRule, heights: np.ndarray, nodes: tuple[np.ndarray, ...] = ()
+) -> dict[str, Any]:
     """dh, sigma and corrected height (window.shape) float32 m, coarse blocks, and `TileCounts`.
 
     heights: of the surface under test. nodes: one array (rows, cols, bands) for each of `pairs`.
@@ -60,7 +61,9 @@ def correct_tile(window: Window, pairs: tuple[NodeWindow, ...], rule: Correction
     share = share_applied(correction, rule.apply, rule.significance)
     counted = tuple(count_pair(pair.pair, pair.inner(one), rule.pixel_height) for one, pair in zip(clean, pairs, strict=True))
     return {
-        "dh": correction.dh, "precision": correction.sigma, "height": corrected_heights(heights, correction, share),
+        "dh": correction.dh,
+        "precision": correction.sigma,
+        "height": corrected_heights(heights, correction, share),
         "coarse": blocks(correction.dh, correction.sigma, rule.block),
         "counts": count_tile(heights, correction, share, counted, rule.pixel_height),
     }

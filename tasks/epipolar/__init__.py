@@ -1,0 +1,1 @@
+"""The stage `epipolar`: which pairs are matched, and their epipolar images."""

@@ -11,12 +11,12 @@ from functools import partial
 
 import numpy as np
 
-from schemas.epipolar import EpipolarPair
-from schemas.orientation import Block, ExteriorOrientation
-from tasks.epipolar.precision import border_points, by_interior, joint_covariance
-from tasks.geometry.normal_case import intersect_pair
-from tasks.geometry.rotation import rotation_matrix
-from tasks.geometry.view import View, block_view
+from orthomill.schemas.epipolar import EpipolarPair
+from orthomill.schemas.orientation import Block, ExteriorOrientation
+from orthomill.tasks.epipolar.row_precision import border_points, by_interior, joint_covariance
+from orthomill.tasks.geometry.normal_case import intersect_pair
+from orthomill.tasks.geometry.rotation import rotation_matrix
+from orthomill.tasks.geometry.view import View, block_view
 
 _STEPS = (1e-3,) * 3 + (1e-7,) * 3
 """m and radians, for central differences by the exterior orientation"""

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schemas.epipolar import EpipolarPair
-from schemas.observations import ImageResiduals
-from schemas.orientation import Block
-from tasks.geometry.normal_case import epipolar_view
-from tasks.geometry.view import block_view
+from orthomill.schemas.epipolar import EpipolarPair
+from orthomill.schemas.observations import ImageResiduals
+from orthomill.schemas.orientation import Block
+from orthomill.tasks.geometry.normal_case import epipolar_view
+from orthomill.tasks.geometry.view import block_view
 
 
 @dataclass(frozen=True)
@@ -28,8 +28,10 @@ class RowResiduals:
 def row_residuals(pair: EpipolarPair, block: Block, ties: ImageResiduals, photos: tuple[str, ...]) -> np.ndarray:
     """y_left - y_right (N,) px of the tie points that both photographs of a pair measured; `photos` are the names by number."""
     left, right = common_measurements(ties, photos.index(pair.left), photos.index(pair.right))
-    rows = [epipolar_view(pair, side, block_view(block, name)).from_photo(np.column_stack([ties.col[at], ties.row[at]]))[:, 1]
-            for side, name, at in (("left", pair.left, left), ("right", pair.right, right))]
+    rows = [
+        epipolar_view(pair, side, block_view(block, name)).from_photo(np.column_stack([ties.col[at], ties.row[at]]))[:, 1]
+        for side, name, at in (("left", pair.left, left), ("right", pair.right, right))
+    ]
     return rows[1] - rows[0]
 
 

@@ -10,14 +10,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schemas.epipolar import EpipolarPair, EpipolarPairs
-from schemas.errors import GeometryError
-from schemas.orientation import Block
-from schemas.settings import Settings, setting
-from tasks.epipolar.height_precision import height_sigmas
-from tasks.epipolar.precision import row_sigma
-from tasks.geometry.normal_case import HeightRange, border_pixels, common_polygon, convex, in_order, normal_case, polygon_area
-from tasks.geometry.view import View, block_view
+from orthomill.schemas.epipolar import EpipolarPair, EpipolarPairs
+from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.orientation import Block
+from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.epipolar.height_precision import height_sigmas
+from orthomill.tasks.epipolar.row_precision import row_sigma
+from orthomill.tasks.geometry.normal_case import (
+    HeightRange,
+    border_pixels,
+    common_polygon,
+    convex,
+    in_order,
+    normal_case,
+    polygon_area,
+)
+from orthomill.tasks.geometry.view import View, block_view
 
 
 class PairChoice(Settings):
@@ -81,10 +89,16 @@ def choose_pairs(block: Block, choice: PairChoice, height_margin: float, height_
     found = candidates(views, heights.mean)
     useful = [c for c in found if not why_not(c, choice)]
     kept = best_pairs(useful, choice.per_photo)
-    refused = [(view.name, "shows the horizon; a surface is measured in photographs that look down") for view in views
-               if np.isnan(view.at_height(border_pixels(view), heights.mean)).any()]
-    refused += [(_name(views, c), why_not(c, choice) or f"one of the photos already has {choice.per_photo} better pairs")
-               for c in found if c not in kept]
+    refused = [
+        (view.name, "shows the horizon; a surface is measured in photographs that look down")
+        for view in views
+        if np.isnan(view.at_height(border_pixels(view), heights.mean)).any()
+    ]
+    refused += [
+        (_name(views, c), why_not(c, choice) or f"one of the photos already has {choice.per_photo} better pairs")
+        for c in found
+        if c not in kept
+    ]
     pairs = []
     for c in kept:
         try:
@@ -106,7 +120,7 @@ def candidates(views: list[View], z: float) -> list[Candidate]:
     low, high = (np.array([extreme(polygon, axis=0) for polygon in polygons]) for extreme in (np.min, np.max))
     found = []
     for i in range(len(views)):
-        near = np.flatnonzero((low[i + 1:] < high[i]).all(axis=1) & (high[i + 1:] > low[i]).all(axis=1)) + i + 1
+        near = np.flatnonzero((low[i + 1 :] < high[i]).all(axis=1) & (high[i + 1 :] > low[i]).all(axis=1)) + i + 1
         for j in near:
             common = polygon_area(common_polygon(polygons[i], polygons[j]))
             if common > 0:
@@ -133,8 +147,13 @@ def _candidate(numbers: tuple[int, int], views: tuple[View, View], prints: tuple
     height = prints[0].pixel * first.camera.c / 2 + prints[1].pixel * second.camera.c / 2
     cosine = np.clip(first.rotation[2] @ second.rotation[2], -1, 1)
     sizes = sorted((prints[0].pixel, prints[1].pixel))
-    return Candidate(*numbers, common / min(prints[0].area, prints[1].area), float(across / height),
-                     float(np.degrees(np.arccos(cosine))), sizes[1] / sizes[0])
+    return Candidate(
+        *numbers,
+        common / min(prints[0].area, prints[1].area),
+        float(across / height),
+        float(np.degrees(np.arccos(cosine))),
+        sizes[1] / sizes[0],
+    )
 
 
 def why_not(candidate: Candidate, choice: PairChoice) -> str | None:
@@ -144,8 +163,10 @@ def why_not(candidate: Candidate, choice: PairChoice) -> str | None:
         (candidate.overlap < choice.overlap, f"overlap of {candidate.overlap:.0%} is below {choice.overlap:.0%}"),
         (ratio < choice.base_height_low, f"base/height of {ratio:.2f} is below {choice.base_height_low}"),
         (ratio > choice.base_height_high, f"base/height of {ratio:.2f} is above {choice.base_height_high}"),
-        (candidate.convergence > choice.convergence,
-         f"viewing directions {candidate.convergence:.0f} degrees apart, more than {choice.convergence:.0f}"),
+        (
+            candidate.convergence > choice.convergence,
+            f"viewing directions {candidate.convergence:.0f} degrees apart, more than {choice.convergence:.0f}",
+        ),
         (candidate.scale > choice.scale, f"ground pixels differ by a factor {candidate.scale:.1f}, more than {choice.scale}"),
     )
     return next((reason for failed, reason in tests if failed), None)

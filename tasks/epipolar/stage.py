@@ -6,19 +6,19 @@ A tile reads the window of the photograph that it shows and nothing else, so it 
 from collections.abc import Iterator
 from typing import ClassVar, Literal
 
-from schemas.epipolar import PAIRS, EpipolarPair, epipolar_raster, grey_table
-from schemas.job import Export, Job, Raster
-from schemas.observations import IMAGE_RESIDUALS
-from schemas.orientation import BLOCK, Block
-from schemas.photo import PHOTOS, Photos, photo_raster
-from schemas.raster import RasterSpec, Tile, tiles_of
-from schemas.report import report_table
-from schemas.settings import setting
-from schemas.stage import ProjectView, Stage
-from tasks.epipolar.report import report
-from tasks.epipolar.resampling import TileOfPair, photograph_range, resample_tile
-from tasks.epipolar.selection import PairChoice, choose_pairs
-from tasks.geometry.normal_case import Side, epipolar_shape
+from orthomill.schemas.epipolar import PAIRS, EpipolarPair, epipolar_raster, grey_table
+from orthomill.schemas.job import Export, Job, Raster
+from orthomill.schemas.observations import IMAGE_RESIDUALS
+from orthomill.schemas.orientation import BLOCK, Block
+from orthomill.schemas.photo import PHOTOS, Photos, photo_raster
+from orthomill.schemas.raster import RasterSpec, Tile, tiles_of
+from orthomill.schemas.settings import setting
+from orthomill.schemas.stage_contract import ProjectView, Stage
+from orthomill.schemas.stage_report import report_table
+from orthomill.tasks.epipolar.epipolar_image import TileOfPair, photograph_range, resample_tile
+from orthomill.tasks.epipolar.report import report
+from orthomill.tasks.epipolar.selection import PairChoice, choose_pairs
+from orthomill.tasks.geometry.normal_case import Side, epipolar_shape
 
 SIDES: tuple[Side, Side] = ("left", "right")
 
@@ -39,10 +39,21 @@ class EpipolarStage(Stage):
     interpolation: Literal["bicubic", "bilinear"] = setting("bicubic", "How photographs are resampled.")
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
-        yield Job(self.kind, "pairs", choose_pairs, {"block": BLOCK}, {"pairs": PAIRS},
-                  {"choice": self.pairs, "height_margin": self.height_margin, "height_room": self.height_room})
-        yield Job(self.kind, "report", report, {"block": BLOCK, "pairs": PAIRS, "measured": IMAGE_RESIDUALS, "photos": PHOTOS},
-                  {"report": report_table(self.kind)})
+        yield Job(
+            self.kind,
+            "pairs",
+            choose_pairs,
+            {"block": BLOCK},
+            {"pairs": PAIRS},
+            {"choice": self.pairs, "height_margin": self.height_margin, "height_room": self.height_room},
+        )
+        yield Job(
+            self.kind,
+            "report",
+            report,
+            {"block": BLOCK, "pairs": PAIRS, "measured": IMAGE_RESIDUALS, "photos": PHOTOS},
+            {"report": report_table(self.kind)},
+        )
         pairs, block, photos = view.table(PAIRS), view.table(BLOCK), view.table(PHOTOS)
         yield from self._ranges(view, photos, pairs.pairs)
         for pair in pairs.pairs:
@@ -55,8 +66,13 @@ class EpipolarStage(Stage):
             photo = photos[name]
             if photo.dtype != "uint8":
                 coarsest = view.raster(photo_raster(name, photo.levels - 1))
-                yield Job(self.kind, f"grey-{name}", photograph_range, {"overview": Raster(coarsest.name, coarsest.full)},
-                          {"grey": grey_table(name)})
+                yield Job(
+                    self.kind,
+                    f"grey-{name}",
+                    photograph_range,
+                    {"overview": Raster(coarsest.name, coarsest.full)},
+                    {"grey": grey_table(name)},
+                )
 
     def _image(self, pair: EpipolarPair, side: Side, block: Block, photos: Photos, size: int) -> Iterator[RasterSpec | Job]:
         shape = epipolar_shape(pair, side)
@@ -72,9 +88,13 @@ class EpipolarStage(Stage):
         if reads and photo.dtype != "uint8":
             reads["stretch"] = grey_table(photo.name)
         return Job(
-            self.kind, f"{pair.name}-{side}", resample_tile, reads,
+            self.kind,
+            f"{pair.name}-{side}",
+            resample_tile,
+            reads,
             {"image": Raster(epipolar_raster(pair.name, side), tile.window)},
             {"tile": of_pair, "photo_window": window, "bicubic": self.interpolation == "bicubic"},
-            row=tile.row, col=tile.col, scratch=window.height * window.width * 30,
+            row=tile.row,
+            col=tile.col,
+            scratch=window.height * window.width * 30,
         )
-

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schemas.job import Columns
+from orthomill.schemas.job import Columns
 
 BINS_PER_CELL = 100
 REACH = 20
@@ -72,8 +72,9 @@ def histogram(dh: np.ndarray, place: np.ndarray, cell: float) -> HeightHistogram
     limit = REACH * BINS_PER_CELL
     bins = np.clip(np.rint(dh / bin_width(cell)), -limit, limit).astype(np.int64)
     keys, counts = np.unique(place.astype(np.int64) * (4 * limit) + bins + 2 * limit, return_counts=True)
-    return HeightHistogram((keys // (4 * limit)).astype(np.int32), (keys % (4 * limit) - 2 * limit).astype(np.int32),
-                           counts.astype(np.int64))
+    return HeightHistogram(
+        (keys // (4 * limit)).astype(np.int32), (keys % (4 * limit) - 2 * limit).astype(np.int32), counts.astype(np.int64)
+    )
 
 
 @dataclass(frozen=True)
@@ -96,10 +97,17 @@ def _sums_of(cells: JudgedCells, place: int) -> dict[str, float]:
     rated = measured & np.isfinite(cells.precision[mine]) & (cells.precision[mine] > 0)
     good = dh[measured]
     return {
-        "place": place, "cells": len(dh), "measured": len(good), "seen_twice": twice.sum(),
+        "place": place,
+        "cells": len(dh),
+        "measured": len(good),
+        "seen_twice": twice.sum(),
         "measured_seen_twice": (twice & measured).sum(),
-        "total": good.sum(), "squares": (good**2).sum(), "lowest": good.min(initial=np.inf), "highest": good.max(initial=-np.inf),
-        "with_precision": rated.sum(), **{f"within_{k:.0f}": (ratio[rated] <= k).sum() for k in SIGMAS},
+        "total": good.sum(),
+        "squares": (good**2).sum(),
+        "lowest": good.min(initial=np.inf),
+        "highest": good.max(initial=-np.inf),
+        "with_precision": rated.sum(),
+        **{f"within_{k:.0f}": (ratio[rated] <= k).sum() for k in SIGMAS},
     }
 
 
@@ -201,13 +209,23 @@ def measures(sums: dict[str, float], counts: np.ndarray, cell: float, expected: 
     distance, ordered = _absolute(counts, 0.0, width)
     beyond = tuple(_percent(ordered[distance <= k * expected].sum(), ordered.sum()) for k in SIGMAS) if expected else ()
     return Measures(
-        cells=int(sums["cells"]), measured=int(n), completeness=_percent(n, sums["cells"]),
+        cells=int(sums["cells"]),
+        measured=int(n),
+        completeness=_percent(n, sums["cells"]),
         completeness_seen_twice=_percent(sums["measured_seen_twice"], sums["seen_twice"]),
-        bias=bias, sd=float(np.sqrt(max(rmse**2 - bias**2, 0.0))) if n else float("nan"), rmse=rmse, median=median, nmad=nmad,
-        median_absolute=_absolute_quantile(counts, 0.0, width, 0.5), q68=_absolute_quantile(counts, 0.0, width, 0.68),
-        q95=_absolute_quantile(counts, 0.0, width, 0.95), fgdc95=1.96 * rmse,
-        lowest=sums["lowest"] if n else float("nan"), highest=sums["highest"] if n else float("nan"),
-        within=tuple(_percent(sums[f"within_{k:.0f}"], sums["with_precision"]) for k in SIGMAS), within_expected=beyond,
+        bias=bias,
+        sd=float(np.sqrt(max(rmse**2 - bias**2, 0.0))) if n else float("nan"),
+        rmse=rmse,
+        median=median,
+        nmad=nmad,
+        median_absolute=_absolute_quantile(counts, 0.0, width, 0.5),
+        q68=_absolute_quantile(counts, 0.0, width, 0.68),
+        q95=_absolute_quantile(counts, 0.0, width, 0.95),
+        fgdc95=1.96 * rmse,
+        lowest=sums["lowest"] if n else float("nan"),
+        highest=sums["highest"] if n else float("nan"),
+        within=tuple(_percent(sums[f"within_{k:.0f}"], sums["with_precision"]) for k in SIGMAS),
+        within_expected=beyond,
     )
 
 

@@ -5,7 +5,7 @@ from enum import IntEnum
 import numpy as np
 from scipy import ndimage
 
-from schemas.truth import Material
+from orthomill.schemas.truth import Material
 
 
 class PlaceClass(IntEnum):

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from schemas.raster import MapGrid, RasterSpec, Window
+from orthomill.schemas.raster import MapGrid, RasterSpec, Window
 
 SAME = 1e-6
 """Grids whose cells and offsets differ by less than this share of a cell are one grid."""

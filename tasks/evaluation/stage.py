@@ -6,22 +6,30 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from schemas.epipolar import PAIRS
-from schemas.errors import WorkflowError
-from schemas.job import Job, MapFile, Raster, Region, Table
-from schemas.orientation import BLOCK
-from schemas.raster import MapGrid, RasterSpec, Tile, map_raster, tiles_of
-from schemas.report import report_table
-from schemas.settings import Settings, setting
-from schemas.stage import ProjectView, Stage
-from schemas.surface import CORRECTED, HEIGHT, ORTHO, PRECISION, SURFACE
-from schemas.truth import TRUTH_BLOCK, TRUTH_BUILDING, TRUTH_GRID, TRUTH_MATERIAL, TRUTH_ORTHO, TRUTH_SURFACE, TRUTH_VISIBILITY
-from tasks.evaluation.accuracy import HeightHistogram, HeightSums
-from tasks.evaluation.classes import HALO as CLASS_HALO
-from tasks.evaluation.grids import Placement, grid_of, placement, readable
-from tasks.evaluation.orthoimage import HALO, GreyFit, GreySums, OrthoCounts, Shifts, fit_grey
-from tasks.evaluation.report import DH, ORTHO_DIFFERENCE, EvaluationFacts, evaluation_report
-from tasks.evaluation.summary import (
+from orthomill.schemas.epipolar import PAIRS
+from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.job import Job, MapFile, Raster, Region, Table
+from orthomill.schemas.orientation import BLOCK
+from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, map_raster, tiles_of
+from orthomill.schemas.settings import Settings, setting
+from orthomill.schemas.stage_contract import ProjectView, Stage
+from orthomill.schemas.stage_report import report_table
+from orthomill.schemas.surface import CORRECTED, HEIGHT, ORTHO, PRECISION, SURFACE
+from orthomill.schemas.truth import (
+    TRUTH_BLOCK,
+    TRUTH_BUILDING,
+    TRUTH_GRID,
+    TRUTH_MATERIAL,
+    TRUTH_ORTHO,
+    TRUTH_SURFACE,
+    TRUTH_VISIBILITY,
+)
+from orthomill.tasks.evaluation.accuracy import HeightHistogram, HeightSums
+from orthomill.tasks.evaluation.classes import HALO as CLASS_HALO
+from orthomill.tasks.evaluation.grids import Placement, grid_of, placement, readable
+from orthomill.tasks.evaluation.orthoimage_accuracy import HALO, GreyFit, GreySums, OrthoCounts, Shifts, fit_grey
+from orthomill.tasks.evaluation.report import DH, ORTHO_DIFFERENCE, EvaluationFacts, evaluation_report
+from orthomill.tasks.evaluation.tile_sums import (
     HeightsSummary,
     OrientationSummary,
     OrthoSummary,
@@ -29,7 +37,7 @@ from tasks.evaluation.summary import (
     summarise_orientation,
     summarise_ortho,
 )
-from tasks.evaluation.tiles import (
+from orthomill.tasks.evaluation.tiles import (
     OrthoPlace,
     heights_against_file,
     heights_against_truth,
@@ -83,8 +91,10 @@ class EvaluationStage(Stage):
         TruthReference(), "What the results are compared with."
     )
     parallax_sigma: float = setting(
-        0.5, "Error of a parallax that the expected precision of heights is computed from: (H/B) times the ground pixel times "
-             "this.", "px", gt=0
+        0.5,
+        "Error of a parallax that the expected precision of heights is computed from: (H/B) times the ground pixel times this.",
+        "px",
+        gt=0,
     )
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job]:
@@ -126,8 +136,9 @@ class EvaluationStage(Stage):
         yield from self._judge_heights(judged, CORRECTED, "heights", pairs, parts)
         yield from self._judge_heights(judged, HEIGHT, "heights_before_check", pairs, parts)
 
-    def _judge_heights(self, judged: _Judged, source: str, item: str, pairs: dict[str, Region],
-                       parts: dict[str, Table]) -> Iterator[RasterSpec | Job]:
+    def _judge_heights(
+        self, judged: _Judged, source: str, item: str, pairs: dict[str, Region], parts: dict[str, Table]
+    ) -> Iterator[RasterSpec | Job]:
         dh = DIFFERENCES[item]
         yield map_raster(dh, judged.grid, "float32", judged.crs, judged.tile, nodata=float("nan"), unit="m")
         results = []
@@ -135,10 +146,21 @@ class EvaluationStage(Stage):
             results.append(_height_results(item, t))
             yield self._height_job(judged, item, source, t, {"dh": Raster(dh, t.window), **results[-1]})
         parts[item] = Table(f"evaluation/{item}.json", HeightsSummary)
-        reads = {"sums": tuple(r["sums"] for r in results), "histograms": tuple(r["histogram"] for r in results),
-                 "buildings": tuple(r["buildings"] for r in results), "block": BLOCK, **pairs}
-        yield Job("evaluation", f"{item}_summary", summarise_heights, reads, {"summary": parts[item]},
-                  {"cell": judged.grid.cell, "parallax_sigma": self.parallax_sigma})
+        reads = {
+            "sums": tuple(r["sums"] for r in results),
+            "histograms": tuple(r["histogram"] for r in results),
+            "buildings": tuple(r["buildings"] for r in results),
+            "block": BLOCK,
+            **pairs,
+        }
+        yield Job(
+            "evaluation",
+            f"{item}_summary",
+            summarise_heights,
+            reads,
+            {"summary": parts[item]},
+            {"cell": judged.grid.cell, "parallax_sigma": self.parallax_sigma},
+        )
 
     def _height_job(self, judged: _Judged, item: str, source: str, t: Tile, writes: dict[str, Raster | Table]) -> Job:
         own: dict[str, Region] = {"height": Raster(source, t.window), "precision": Raster(PRECISION, t.window)}
@@ -147,9 +169,17 @@ class EvaluationStage(Stage):
             return Job("evaluation", item, heights_against_file, reads, writes, {"cell": judged.grid.cell}, t.row, t.col)
         place = placement(judged.grid, t.window.grown(CLASS_HALO), judged.truth)
         truth = _truth(place, surface=TRUTH_SURFACE, material=TRUTH_MATERIAL, building=TRUTH_BUILDING, visibility=TRUTH_VISIBILITY)
-        return Job("evaluation", item, heights_against_truth, {**own, **truth}, writes, {"place": place, "core": t.window}, t.row,
-                   t.col,
-                   scratch=_scratch(place, 75))
+        return Job(
+            "evaluation",
+            item,
+            heights_against_truth,
+            {**own, **truth},
+            writes,
+            {"place": place, "core": t.window},
+            t.row,
+            t.col,
+            scratch=_scratch(place, 75),
+        )
 
     def _ortho(self, view: ProjectView, parts: dict[str, Table]) -> Iterator[RasterSpec | Job]:
         nothing = self.reference.kind == "none" or (self.reference.kind == "file" and self.reference.ortho is None)
@@ -167,8 +197,13 @@ class EvaluationStage(Stage):
         for t, count, shift in zip(tiles, counts, moved, strict=True):
             yield self._ortho_job(judged, t, {"counts": count, "shifts": shift, "difference": Raster(ORTHO_DIFFERENCE, t.window)})
         parts["ortho"] = Table("evaluation/ortho.json", OrthoSummary)
-        yield Job("evaluation", "ortho_summary", summarise_ortho, {"counts": tuple(counts), "shifts": tuple(moved), "fit": FIT},
-                  {"summary": parts["ortho"]})
+        yield Job(
+            "evaluation",
+            "ortho_summary",
+            summarise_ortho,
+            {"counts": tuple(counts), "shifts": tuple(moved), "fit": FIT},
+            {"summary": parts["ortho"]},
+        )
 
     def _sums_job(self, judged: _Judged, t: Tile, table: Table[GreySums]) -> Job:
         own: dict[str, Region] = {"ortho": Raster(ORTHO, t.window)}
@@ -176,8 +211,17 @@ class EvaluationStage(Stage):
             reads = {**own, "reference": MapFile(self.reference.ortho, judged.crs, judged.grid, t.window, bands=3)}
             return Job("evaluation", "grey_sums", sums_against_file, reads, {"sums": table}, {}, t.row, t.col)
         place = placement(judged.grid, t.window, judged.truth)
-        return Job("evaluation", "grey_sums", sums_against_truth, {**own, **_truth(place, truth=TRUTH_ORTHO)}, {"sums": table},
-                   {"place": place}, t.row, t.col, scratch=_scratch(place, 80))
+        return Job(
+            "evaluation",
+            "grey_sums",
+            sums_against_truth,
+            {**own, **_truth(place, truth=TRUTH_ORTHO)},
+            {"sums": table},
+            {"place": place},
+            t.row,
+            t.col,
+            scratch=_scratch(place, 80),
+        )
 
     def _ortho_job(self, judged: _Judged, t: Tile, writes: dict[str, Raster | Table]) -> Job:
         window = t.window.grown(HALO).clipped(judged.grid.shape)
@@ -188,8 +232,17 @@ class EvaluationStage(Stage):
             return Job("evaluation", "ortho", ortho_against_file, reads, writes, {"where": where}, t.row, t.col)
         place = placement(judged.grid, window, judged.truth)
         truth = _truth(place, truth=TRUTH_ORTHO, material=TRUTH_MATERIAL, visibility=TRUTH_VISIBILITY, surface=TRUTH_SURFACE)
-        return Job("evaluation", "ortho", ortho_against_truth, {**own, **truth, "block": TRUTH_BLOCK}, writes,
-                   {"place": place, "where": where}, t.row, t.col, scratch=_scratch(place, 250))
+        return Job(
+            "evaluation",
+            "ortho",
+            ortho_against_truth,
+            {**own, **truth, "block": TRUTH_BLOCK},
+            writes,
+            {"place": place, "where": where},
+            t.row,
+            t.col,
+            scratch=_scratch(place, 250),
+        )
 
 
 def _height_results(item: str, t: Tile) -> dict[str, Table]:

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from schemas.orientation import Block
-from schemas.raster import MapGrid, Window
-from schemas.truth import Material
-from tasks.evaluation.accuracy import JudgedCells, height_sums, histogram
-from tasks.evaluation.classes import PlaceClass, place_classes
-from tasks.evaluation.grids import Placement, codes_on, colours_on, heights_on
-from tasks.evaluation.orthoimage import (
+from orthomill.schemas.orientation import Block
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.truth import Material
+from orthomill.tasks.evaluation.accuracy import JudgedCells, height_sums, histogram
+from orthomill.tasks.evaluation.classes import PlaceClass, place_classes
+from orthomill.tasks.evaluation.grids import Placement, codes_on, colours_on, heights_on
+from orthomill.tasks.evaluation.orthoimage_accuracy import (
     NEAR_ROOF,
     GreyFit,
     GreySums,
@@ -44,15 +44,23 @@ def _judge(dh: np.ndarray, known: np.ndarray, cells: JudgedCells, building: np.n
     measured = np.isfinite(cells.dh)
     in_building = np.isfinite(dh) & (building > 0) & known
     return {
-        "dh": dh.astype(np.float32), "sums": height_sums(cells),
+        "dh": dh.astype(np.float32),
+        "sums": height_sums(cells),
         "histogram": histogram(cells.dh[measured], cells.place[measured], cell),
         "buildings": histogram(dh[in_building], building[in_building], cell),
     }
 
 
-def heights_against_truth(height: np.ndarray, precision: np.ndarray, surface: np.ndarray, material: np.ndarray,
-                          building: np.ndarray,
-                          visibility: np.ndarray, place: Placement, core: Window) -> dict[str, object]:
+def heights_against_truth(
+    height: np.ndarray,
+    precision: np.ndarray,
+    surface: np.ndarray,
+    material: np.ndarray,
+    building: np.ndarray,
+    visibility: np.ndarray,
+    place: Placement,
+    core: Window,
+) -> dict[str, object]:
     """Judges the DSM cells `core`.
 
     height, precision (rows, cols) m at `core`; the truth rasters at the source window of `place`, whose window is `core` with a
@@ -120,19 +128,37 @@ def _finish(scene: OrthoScene, where: OrthoPlace, hidden: np.ndarray) -> dict[st
     inner = _inside(where.window, where.core)
     classes = place_classes(scene.material)
     difference = np.where(scene.judged[inner], channel_mean(scene.colour[inner] - scene.truth[inner]), np.nan)
-    return {"counts": count_ortho(scene, where.core, hidden), "shifts": shifts(scene, where.core, classes),
-            "difference": difference.astype(np.float32)}
+    return {
+        "counts": count_ortho(scene, where.core, hidden),
+        "shifts": shifts(scene, where.core, classes),
+        "difference": difference.astype(np.float32),
+    }
 
 
-def ortho_against_truth(ortho: np.ndarray, truth: np.ndarray, material: np.ndarray, visibility: np.ndarray, surface: np.ndarray,
-                        block: Block, fit: GreyFit, place: Placement, where: OrthoPlace) -> dict[str, object]:
+def ortho_against_truth(
+    ortho: np.ndarray,
+    truth: np.ndarray,
+    material: np.ndarray,
+    visibility: np.ndarray,
+    surface: np.ndarray,
+    block: Block,
+    fit: GreyFit,
+    place: Placement,
+    where: OrthoPlace,
+) -> dict[str, object]:
     """Judges the ortho pixels `where.core`.
 
     ortho (rows, cols, 4) at `where.window`; the truth rasters at the source window of `place`; `block` is the true one. Returns
     "counts", "shifts" and "difference" (rows, cols) float32, mean over the channels of ortho (fitted) minus truth.
     """
-    scene = OrthoScene(where.window, fitted(ortho, fit), colours_on(truth, place), ortho[..., 3] > 0, codes_on(material, place),
-                       _photo_count(visibility, place))
+    scene = OrthoScene(
+        where.window,
+        fitted(ortho, fit),
+        colours_on(truth, place),
+        ortho[..., 3] > 0,
+        codes_on(material, place),
+        _photo_count(visibility, place),
+    )
     return _finish(scene, where, _hidden_photos(scene, heights_on(surface, place), block, where.grid))
 
 

@@ -6,8 +6,8 @@ moves its principal point and its tangential distortion with the pixels.
 
 import numpy as np
 
-from schemas.camera import Camera
-from schemas.photo import Photo
+from orthomill.schemas.camera import Camera
+from orthomill.schemas.photo import Photo
 
 TURN: dict[int, tuple[tuple[int, int], tuple[int, int]]] = {
     1: ((1, 0), (0, 1)),
@@ -72,15 +72,7 @@ def turned(camera: Camera, orientation: int) -> Camera:
     _, x0, y0, _, _, _, p1, p2 = (change @ camera.interior).tolist()
     size = (camera.height, camera.width) if orientation >= 5 else (camera.width, camera.height)
     return camera.model_copy(
-        update={
-            "x0": x0,
-            "y0": y0,
-            "p1": p1,
-            "p2": p2,
-            "width": size[0],
-            "height": size[1],
-            "covariance": _carried(camera, change),
-        }
+        update={"x0": x0, "y0": y0, "p1": p1, "p2": p2, "width": size[0], "height": size[1], "covariance": _carried(camera, change)}
     )
 
 

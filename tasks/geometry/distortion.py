@@ -7,7 +7,7 @@ our coordinates with OpenCV's numbers.
 import numpy as np
 from numba import njit
 
-from schemas.camera import Camera
+from orthomill.schemas.camera import Camera
 
 
 @njit(cache=True, inline="always")

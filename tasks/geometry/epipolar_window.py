@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from schemas.epipolar import EpipolarPair
-from schemas.raster import MapGrid, Window
+from orthomill.schemas.epipolar import EpipolarPair
+from orthomill.schemas.raster import MapGrid, Window
 
 
 def box_corners(grid: MapGrid, window: Window, low: float, high: float) -> np.ndarray:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from schemas.raster import MapGrid, Window
-from tasks.geometry.view import View
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.tasks.geometry.view import View
 
 
 def photo_window(view: View, grid: MapGrid, window: Window, low: float, high: float, margin: int = 8) -> Window:
@@ -27,10 +27,14 @@ def ground_bounds(view: View, low: float, high: float) -> tuple[float, float, fl
     """(west, south, east, north) in m of all ground that the photograph can see at heights in [low, high]."""
     edge = np.linspace(0.0, 1.0, 17)
     col, row = (view.camera.width - 1) * edge, (view.camera.height - 1) * edge
-    border = np.concatenate([
-        np.column_stack([col, np.zeros(17)]), np.column_stack([col, np.full(17, view.camera.height - 1.0)]),
-        np.column_stack([np.zeros(17), row]), np.column_stack([np.full(17, view.camera.width - 1.0), row]),
-    ])
+    border = np.concatenate(
+        [
+            np.column_stack([col, np.zeros(17)]),
+            np.column_stack([col, np.full(17, view.camera.height - 1.0)]),
+            np.column_stack([np.zeros(17), row]),
+            np.column_stack([np.full(17, view.camera.width - 1.0), row]),
+        ]
+    )
     ground = np.vstack([view.at_height(border, low), view.at_height(border, high)])
     west, south = np.nanmin(ground[:, :2], axis=0)
     east, north = np.nanmax(ground[:, :2], axis=0)

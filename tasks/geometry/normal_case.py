@@ -15,11 +15,11 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from schemas.epipolar import EpipolarPair
-from schemas.errors import GeometryError
-from schemas.raster import Window
-from tasks.geometry.distortion import image_to_pixel, pixel_to_image
-from tasks.geometry.view import View
+from orthomill.schemas.epipolar import EpipolarPair
+from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.raster import Window
+from orthomill.tasks.geometry.distortion import image_to_pixel, pixel_to_image
+from orthomill.tasks.geometry.view import View
 
 Side = Literal["left", "right"]
 
@@ -90,10 +90,14 @@ def border_pixels(view: View) -> np.ndarray:
     edge = np.linspace(0.0, 1.0, _EDGE)[:-1]
     right, bottom = view.camera.width - 1.0, view.camera.height - 1.0
     zero = np.zeros_like(edge)
-    return np.concatenate([
-        np.column_stack([right * edge, zero]), np.column_stack([zero + right, bottom * edge]),
-        np.column_stack([right * (1 - edge), zero + bottom]), np.column_stack([zero, bottom * (1 - edge)]),
-    ])
+    return np.concatenate(
+        [
+            np.column_stack([right * edge, zero]),
+            np.column_stack([zero + right, bottom * edge]),
+            np.column_stack([right * (1 - edge), zero + bottom]),
+            np.column_stack([zero, bottom * (1 - edge)]),
+        ]
+    )
 
 
 def convex(points: np.ndarray) -> np.ndarray:
@@ -150,11 +154,24 @@ def normal_case(left: View, right: View, heights: HeightRange) -> EpipolarPair:
         raise GeometryError(f"The photographs {left.name} and {right.name} see no common ground.")
     (x_left, y_low, x_right), (x_left_high, y_high, x_right_high) = np.floor(seen.min(axis=0)), np.ceil(seen.max(axis=0))
     return EpipolarPair(
-        name=f"{left.name}-{right.name}", left=left.name, right=right.name, rotation=tuple(map(tuple, rotation.tolist())),
-        left_centre=tuple(left.centre.tolist()), right_centre=tuple(right.centre.tolist()),
-        base=float(np.linalg.norm(base)), c=c, row0=float(y_high), left_col0=float(-x_left), right_col0=float(-x_right),
-        rows=int(y_high - y_low) + 1, left_cols=int(x_left_high - x_left) + 1, right_cols=int(x_right_high - x_right) + 1,
-        parallax_low=parallax[0], parallax_high=parallax[1], base_height=sum(parallax) / 2 / c, row_sigma=0.0,
+        name=f"{left.name}-{right.name}",
+        left=left.name,
+        right=right.name,
+        rotation=tuple(map(tuple, rotation.tolist())),
+        left_centre=tuple(left.centre.tolist()),
+        right_centre=tuple(right.centre.tolist()),
+        base=float(np.linalg.norm(base)),
+        c=c,
+        row0=float(y_high),
+        left_col0=float(-x_left),
+        right_col0=float(-x_right),
+        rows=int(y_high - y_low) + 1,
+        left_cols=int(x_left_high - x_left) + 1,
+        right_cols=int(x_right_high - x_right) + 1,
+        parallax_low=parallax[0],
+        parallax_high=parallax[1],
+        base_height=sum(parallax) / 2 / c,
+        row_sigma=0.0,
     )
 
 
@@ -236,8 +253,15 @@ def epipolar_view(pair: EpipolarPair, side: Side, view: View) -> EpipolarView:
     """The left or right image of a pair; `view` is that side's photograph."""
     rotation = np.array(pair.rotation)
     left = side == "left"
-    return EpipolarView(view, view.rotation @ rotation.T, rotation, pair.c, pair.left_col0 if left else pair.right_col0, pair.row0,
-                        epipolar_shape(pair, side))
+    return EpipolarView(
+        view,
+        view.rotation @ rotation.T,
+        rotation,
+        pair.c,
+        pair.left_col0 if left else pair.right_col0,
+        pair.row0,
+        epipolar_shape(pair, side),
+    )
 
 
 def epipolar_shape(pair: EpipolarPair, side: Side) -> tuple[int, int]:

@@ -11,7 +11,7 @@ import numpy as np
 from pyproj import CRS, Transformer
 from pyproj.exceptions import CRSError
 
-from schemas.errors import WorkflowError
+from orthomill.schemas.errors import WorkflowError
 
 AREA_MARGIN = 5.0
 """degrees that photographs may lie outside the area of use of the reference system"""

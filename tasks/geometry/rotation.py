@@ -11,11 +11,13 @@ def rotation_matrix(omega: float, phi: float, kappa: float) -> np.ndarray:
     so, co = np.sin(omega), np.cos(omega)
     sp, cp = np.sin(phi), np.cos(phi)
     sk, ck = np.sin(kappa), np.cos(kappa)
-    return np.array([
-        [ck * cp, ck * sp * so + sk * co, -ck * sp * co + sk * so],
-        [-sk * cp, -sk * sp * so + ck * co, sk * sp * co + ck * so],
-        [sp, -cp * so, cp * co],
-    ])
+    return np.array(
+        [
+            [ck * cp, ck * sp * so + sk * co, -ck * sp * co + sk * so],
+            [-sk * cp, -sk * sp * so + ck * co, sk * sp * co + ck * so],
+            [sp, -cp * so, cp * co],
+        ]
+    )
 
 
 def angles(rotation: np.ndarray) -> tuple[float, float, float]:
@@ -39,11 +41,7 @@ def rotation_derivatives(omega: float, phi: float, kappa: float) -> np.ndarray:
         [0.0, -sk * sp * co - ck * so, -sk * sp * so + ck * co],
         [0.0, -cp * co, -cp * so],
     ]
-    by_phi = [
-        [-ck * sp, ck * cp * so, -ck * cp * co],
-        [sk * sp, -sk * cp * so, sk * cp * co],
-        [cp, sp * so, -sp * co],
-    ]
+    by_phi = [[-ck * sp, ck * cp * so, -ck * cp * co], [sk * sp, -sk * cp * so, sk * cp * co], [cp, sp * so, -sp * co]]
     by_kappa = [
         [-sk * cp, -sk * sp * so + ck * co, sk * sp * co + ck * so],
         [-ck * cp, -ck * sp * so - sk * co, ck * sp * co - sk * so],

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tasks.geometry.rotation import angles, rotation_derivatives
+from orthomill.tasks.geometry.rotation import angles, rotation_derivatives
 
 
 def skew(v: np.ndarray) -> np.ndarray:

@@ -11,8 +11,8 @@ from pyproj import CRS, Transformer
 from pyproj.exceptions import CRSError, ProjError
 from pyproj.transformer import TransformerGroup
 
-from schemas.errors import WorkflowError
-from tasks.geometry.reference_system import ground_crs
+from orthomill.schemas.errors import WorkflowError
+from orthomill.tasks.geometry.reference_system import ground_crs
 
 _NEAR = 20_000.0
 """m: points within this distance of the photographs belong to the same site"""

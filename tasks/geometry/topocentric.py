@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from pyproj import CRS, Transformer
 
-from tasks.geometry.reference_system import ground_crs
+from orthomill.tasks.geometry.reference_system import ground_crs
 
 _STEP = 10.0
 """m, of the numerical derivative"""

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from schemas.camera import Camera
-from schemas.orientation import Block, ExteriorOrientation
-from tasks.geometry.distortion import distort_point, image_to_pixel, pixel_to_image
-from tasks.geometry.rotation import rotation_matrix
+from orthomill.schemas.camera import Camera
+from orthomill.schemas.orientation import Block, ExteriorOrientation
+from orthomill.tasks.geometry.distortion import distort_point, image_to_pixel, pixel_to_image
+from orthomill.tasks.geometry.rotation import rotation_matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +49,10 @@ class View:
         """Which pixels (N, 2) lie inside the photograph by `margin` px or more; NaN is outside."""
         with np.errstate(invalid="ignore"):
             return (
-                (pixels[:, 0] >= margin) & (pixels[:, 0] <= self.camera.width - 1 - margin)
-                & (pixels[:, 1] >= margin) & (pixels[:, 1] <= self.camera.height - 1 - margin)
+                (pixels[:, 0] >= margin)
+                & (pixels[:, 0] <= self.camera.width - 1 - margin)
+                & (pixels[:, 1] >= margin)
+                & (pixels[:, 1] <= self.camera.height - 1 - margin)
             )
 
     @property
@@ -60,11 +62,14 @@ class View:
         Centre column and row are the principal point in pixels.
         """
         camera = self.camera
-        return np.concatenate([
-            self.rotation.ravel(), self.centre,
-            [camera.c, camera.x0 + (camera.width - 1) / 2, (camera.height - 1) / 2 - camera.y0],
-            [camera.k1, camera.k2, camera.k3, camera.p1, camera.p2, camera.width, camera.height],
-        ])
+        return np.concatenate(
+            [
+                self.rotation.ravel(),
+                self.centre,
+                [camera.c, camera.x0 + (camera.width - 1) / 2, (camera.height - 1) / 2 - camera.y0],
+                [camera.k1, camera.k2, camera.k3, camera.p1, camera.p2, camera.width, camera.height],
+            ]
+        )
 
 
 @njit(cache=True, inline="always")

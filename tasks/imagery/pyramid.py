@@ -7,7 +7,7 @@ a tile with one pixel of halo gives bit for bit what the whole image gives.
 
 import numpy as np
 
-from schemas.raster import Window
+from orthomill.schemas.raster import Window
 
 
 def halved_shape(shape: tuple[int, ...]) -> tuple[int, ...]:

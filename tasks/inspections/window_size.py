@@ -15,13 +15,14 @@ from enum import StrEnum
 import numpy as np
 from pydantic import ValidationError
 
-from schemas.errors import PhotoError, WorkflowError
-from schemas.inspection import PhotoFile, PhotoMap
-from schemas.raster import Window
-from tasks.imagery.radiometry import grey_bytes, grey_range
-from tasks.matching.windows.calibration import LIMITS, Calibration, calibrated, last_limits
-from tasks.matching.windows.size_map import halo, published_levels, size_map
-from tasks.matching.windows.sizes import (
+from orthomill.schemas.errors import PhotoError, WorkflowError
+from orthomill.schemas.inspection import PhotoFile, PhotoMap
+from orthomill.schemas.raster import Window
+from orthomill.tasks.imagery.radiometry import grey_bytes, grey_range
+from orthomill.tasks.imagery.upright import file_window, upright, upright_shape
+from orthomill.tasks.matching.windows.calibration import LIMITS, LimitCalibration, calibrated, last_limits
+from orthomill.tasks.matching.windows.size_map import halo, published_levels, size_map
+from orthomill.tasks.matching.windows.sizes import (
     CombinedWindow,
     EntropyWindow,
     FixedWindow,
@@ -31,8 +32,7 @@ from tasks.matching.windows.sizes import (
     WindowSizing,
     grey_levels,
 )
-from tasks.photos.exif import orientation
-from tasks.photos.upright import file_window, upright, upright_shape
+from orthomill.tasks.photos.exif import orientation
 
 _STRIP = 2_000_000
 """pixels of a strip"""
@@ -53,7 +53,9 @@ class Method(StrEnum):
 
 
 _METHODS: dict[Method, type[StatisticalWindow] | type[EntropyWindow] | type[FoerstnerWindow]] = {
-    Method.STATISTICAL: StatisticalWindow, Method.ENTROPY: EntropyWindow, Method.FOERSTNER: FoerstnerWindow,
+    Method.STATISTICAL: StatisticalWindow,
+    Method.ENTROPY: EntropyWindow,
+    Method.FOERSTNER: FoerstnerWindow,
 }
 
 
@@ -134,8 +136,13 @@ def window_size_map(file: PhotoFile, sizing: WindowSizing, share: float | None =
     if share is not None:
         found = _calibrated(photo, sizing, share)
         sizing, notes = found.sizing, (_share_sentence(found),)
-    labels = dict(zip((int(level) for level in published_levels(np.array(sizing.halves), sizing)),
-                      (f"{2 * half + 1} x {2 * half + 1}" for half in sizing.halves), strict=True))
+    labels = dict(
+        zip(
+            (int(level) for level in published_levels(np.array(sizing.halves), sizing)),
+            (f"{2 * half + 1} x {2 * half + 1}" for half in sizing.halves),
+            strict=True,
+        )
+    )
     return PhotoMap(photo.shape, _strips(photo, sizing), {**labels, 255: "none"}, (*notes, _limit_sentence(sizing)))
 
 
@@ -144,7 +151,7 @@ def _strips(photo: _Upright, sizing: WindowSizing) -> Iterator[np.ndarray]:
         yield published_levels(size_map(*photo.levels(strip, halo(sizing)), sizing), sizing)
 
 
-def _calibrated(photo: _Upright, sizing: WindowSizing, share: float) -> Calibration:
+def _calibrated(photo: _Upright, sizing: WindowSizing, share: float) -> LimitCalibration:
     reach = halo(sizing)
     step = max(1, min(photo.shape) // _SAMPLES)
     rows, cols = (np.arange(reach, side - reach, step) for side in photo.shape)
@@ -156,7 +163,7 @@ def _calibrated(photo: _Upright, sizing: WindowSizing, share: float) -> Calibrat
     return calibrated(sizing, np.concatenate(found), share)
 
 
-def _share_sentence(found: Calibration) -> str:
+def _share_sentence(found: LimitCalibration) -> str:
     return f"The limit gives a window to {100 * found.share:.1f} % of the pixels that lie away from the border."
 
 

@@ -7,7 +7,7 @@ calibrations whose boards never reached the corners.
 
 import numpy as np
 
-from schemas.camera import Camera, Cameras
+from orthomill.schemas.camera import Camera, Cameras
 
 
 def reach(camera: Camera) -> float:

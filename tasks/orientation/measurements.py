@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from schemas.camera import INTERIOR, Camera, Cameras
-from schemas.observations import ControlPoint, TiePoints
-from schemas.photo import Photos
-from tasks.adjustment.network import Rays
-from tasks.geometry.distortion import pixel_to_image
+from orthomill.schemas.camera import INTERIOR, Camera, Cameras
+from orthomill.schemas.observations import ControlPoint, TiePoints
+from orthomill.schemas.photo import Photos
+from orthomill.tasks.adjustment.model.network import Rays
+from orthomill.tasks.geometry.distortion import pixel_to_image
 
 
 def centred(camera: Camera, pixels: np.ndarray) -> np.ndarray:

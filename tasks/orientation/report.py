@@ -2,17 +2,24 @@
 
 import numpy as np
 
-from schemas.camera import INTERIOR, Camera, Cameras
-from schemas.observations import Control, GroundPoints, ImageResiduals
-from schemas.orientation import Block, BlockPrecision, ExteriorOrientation, GroundResidual, GroundResiduals, RelativeOrientations
-from schemas.photo import Photos
-from schemas.report import Figure, Grid, StageReport
-from tasks.geometry.survey_system import vertical_name
-from tasks.orientation.report_adjustment import adjustment_grids
-from tasks.orientation.report_charts import block_charts
-from tasks.orientation.report_facts import CELLS, Facts, coverage, filled_areas
-from tasks.orientation.report_overlap import overlap_picture
-from tasks.orientation.report_warnings import block_warnings
+from orthomill.schemas.camera import INTERIOR, Camera, Cameras
+from orthomill.schemas.observations import Control, GroundPoints, ImageResiduals
+from orthomill.schemas.orientation import (
+    Block,
+    BlockPrecision,
+    ExteriorOrientation,
+    GroundResidual,
+    GroundResiduals,
+    RelativeOrientations,
+)
+from orthomill.schemas.photo import Photos
+from orthomill.schemas.stage_report import Figure, Grid, StageReport
+from orthomill.tasks.geometry.survey_system import vertical_name
+from orthomill.tasks.orientation.reporting.adjustment_tables import adjustment_grids
+from orthomill.tasks.orientation.reporting.block_charts import block_charts
+from orthomill.tasks.orientation.reporting.block_facts import CELLS, Facts, coverage, filled_areas
+from orthomill.tasks.orientation.reporting.block_warnings import block_warnings
+from orthomill.tasks.orientation.reporting.overlap_map import overlap_picture
 
 
 def report(
@@ -172,10 +179,20 @@ def _ground_figures(points: tuple[GroundResidual, ...], word: str) -> list[Figur
     headline = word == "check"
     return [
         Figure(name=f"{word}_count", value=len(points)),
-        Figure(name=f"{word}_rmse_plan", value=float(plan), unit="m", headline=headline,
-               sentence=f"Root mean square difference in plan, {_GROUND_WORDS[word]}."),
-        Figure(name=f"{word}_rmse_height", value=float(height), unit="m", headline=headline,
-               sentence=f"The same in height, {_GROUND_WORDS[word]}."),
+        Figure(
+            name=f"{word}_rmse_plan",
+            value=float(plan),
+            unit="m",
+            headline=headline,
+            sentence=f"Root mean square difference in plan, {_GROUND_WORDS[word]}.",
+        ),
+        Figure(
+            name=f"{word}_rmse_height",
+            value=float(height),
+            unit="m",
+            headline=headline,
+            sentence=f"The same in height, {_GROUND_WORDS[word]}.",
+        ),
         Figure(
             name=f"{word}_by_predicted",
             value=float(ratio),

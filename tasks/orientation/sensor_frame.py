@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from schemas.camera import Camera, Cameras
-from schemas.observations import Control, ControlPoint, ImageResiduals, TiePoints
-from schemas.orientation import Block, ExteriorOrientation, JointCovariance, LargestResidual, SeparateBlocks
-from schemas.photo import Photo, Photos
-from tasks.geometry.camera_change import QUARTER_TURNS, TURN, interior_turn, sensor_name, turned
-from tasks.geometry.rotation import angles, rotation_matrix
-from tasks.geometry.rotation_vector import angles_from_vector
-from tasks.orientation.interchange.foreign_block import Pose
+from orthomill.schemas.camera import Camera, Cameras
+from orthomill.schemas.observations import Control, ControlPoint, ImageResiduals, TiePoints
+from orthomill.schemas.orientation import Block, ExteriorOrientation, JointCovariance, LargestResidual, SeparateBlocks
+from orthomill.schemas.photo import Photo, Photos
+from orthomill.tasks.geometry.camera_change import QUARTER_TURNS, TURN, interior_turn, sensor_name, turned
+from orthomill.tasks.geometry.rotation import angles, rotation_matrix
+from orthomill.tasks.geometry.rotation_vector import angles_from_vector
+from orthomill.tasks.orientation.interchange.foreign_block import ForeignPose
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class Sensors:
     cameras: Cameras
     tie_points: TiePoints
     control: Control
-    given: Mapping[str, Pose] | None
+    given: Mapping[str, ForeignPose] | None
     tops: Mapping[str, np.ndarray]
 
 
@@ -53,7 +53,7 @@ class Upright:
         """Whether any photograph was turned."""
         return any(self.flag(name) != 1 for name in self.photos.names)
 
-    def sensors(self, ties: TiePoints, control: Control, given: Mapping[str, Pose] | None) -> Sensors:
+    def sensors(self, ties: TiePoints, control: Control, given: Mapping[str, ForeignPose] | None) -> Sensors:
         """All as the sensors saw it; as it is where nothing was turned."""
         if not self.anything:
             return Sensors(self.photos, self.cameras, ties, control, given, {})
@@ -121,7 +121,7 @@ class Upright:
         """Pixels (n, 2) of the upright photograph to those of its sensor."""
         return _turned_pixels(pixels, QUARTER_TURNS[self.flag(photo.name)], (photo.width, photo.height))
 
-    def _sensor_poses(self, given: Mapping[str, Pose] | None) -> Mapping[str, Pose] | None:
+    def _sensor_poses(self, given: Mapping[str, ForeignPose] | None) -> Mapping[str, ForeignPose] | None:
         """Approximate orientations of the sensors."""
         if given is None:
             return None

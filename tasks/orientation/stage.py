@@ -3,27 +3,27 @@
 from collections.abc import Callable, Iterator
 from typing import Any, ClassVar, Literal
 
-from schemas.camera import CAMERAS
-from schemas.job import Export, Job, Raster, Region, Table, TextFile
-from schemas.observations import CONTROL, GROUND_POINTS, IMAGE_RESIDUALS, TIE_POINTS, Control
-from schemas.orientation import BLOCK, BLOCK_PRECISION, GROUND_RESIDUALS, RELATIVE, SEPARATE_BLOCKS
-from schemas.photo import PHOTOS
-from schemas.raster import RasterSpec, Window
-from schemas.report import report_table
-from schemas.settings import setting
-from schemas.stage import ProjectView, Stage
-from tasks.adjustment.interior import InteriorChoice, WeightedInterior
-from tasks.orientation.block import BlockChoices, orient_block
-from tasks.orientation.control_files import no_control
-from tasks.orientation.control_system import control_from_files, control_from_list
-from tasks.orientation.held_block import hold_block
-from tasks.orientation.pairs import no_pairs, relate_pairs
-from tasks.orientation.products import PRODUCTS, block_products, product_table
-from tasks.orientation.report import report
-from tasks.orientation.report_overlap import OVERLAP, SIDE, overlap_map
-from tasks.orientation.sources import Adjusted, ExteriorSource
-from tasks.orientation.started_block import orient_from
-from tasks.orientation.zenith import Looking
+from orthomill.schemas.camera import CAMERAS
+from orthomill.schemas.job import Export, Job, Raster, Region, Table, TextFile
+from orthomill.schemas.observations import CONTROL, GROUND_POINTS, IMAGE_RESIDUALS, TIE_POINTS, Control
+from orthomill.schemas.orientation import BLOCK, BLOCK_PRECISION, GROUND_RESIDUALS, RELATIVE, SEPARATE_BLOCKS
+from orthomill.schemas.photo import PHOTOS
+from orthomill.schemas.raster import RasterSpec, Window
+from orthomill.schemas.settings import setting
+from orthomill.schemas.stage_contract import ProjectView, Stage
+from orthomill.schemas.stage_report import report_table
+from orthomill.tasks.adjustment.model.interior import InteriorChoice, WeightedInterior
+from orthomill.tasks.orientation.control.control_files import no_control
+from orthomill.tasks.orientation.control.control_system import control_from_files, control_from_list
+from orthomill.tasks.orientation.exterior.adjusted_block import BlockChoices, orient_block
+from orthomill.tasks.orientation.exterior.fixed_block import hold_block
+from orthomill.tasks.orientation.exterior.sources import Adjusted, ExteriorSource
+from orthomill.tasks.orientation.exterior.started_block import orient_from
+from orthomill.tasks.orientation.relative.pairs import no_pairs, relate_pairs
+from orthomill.tasks.orientation.report import report
+from orthomill.tasks.orientation.reporting.overlap_map import OVERLAP, SIDE, overlap_map
+from orthomill.tasks.orientation.results.products import PRODUCTS, block_products, product_table
+from orthomill.tasks.orientation.start.up_direction import Looking
 
 SCRATCH = 256 * 2**20
 _SIMULATED = ("photographs/control.csv", "photographs/measurements.csv")

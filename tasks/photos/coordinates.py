@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from schemas.settings import Settings, setting
+from orthomill.schemas.settings import Settings, setting
 
 PICTURE = (
     "Width and height of the exposed picture about the centre of the marks: scans are cut to it, so that the margin of the film "

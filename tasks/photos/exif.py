@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from tasks.geometry.rotation import angles
+from orthomill.tasks.geometry.rotation import angles
 
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
 _FOCAL_PLANE_UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}

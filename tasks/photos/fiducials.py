@@ -12,7 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
-from schemas.errors import WorkflowError
+from orthomill.schemas.errors import WorkflowError
 
 _CLEARER = 3.0
 """Marks are wrong when the others fit so many times better without them."""

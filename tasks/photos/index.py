@@ -10,19 +10,18 @@ from pathlib import PurePath
 
 import numpy as np
 
-from schemas.errors import PhotoError
-from schemas.photo import Header, Photo, Photos
-from schemas.wording import some_of
-from schemas.workflow import NoPositions, Positions
-from tasks.geometry.camera_change import QUARTER_TURNS
-from tasks.geometry.reference_system import ground_coordinates, ground_crs
-from tasks.imagery.pyramid import level_count
-from tasks.photos import exif
-from tasks.photos.coordinates import Digital, ImageCoordinates
-from tasks.photos.positions import Position, read_positions
-from tasks.photos.scans import Fitted, Scans, in_mark_frame, in_principal_frame
-from tasks.photos.sensors import sensor_width_mm
-from tasks.photos.upright import upright_shape
+from orthomill.schemas.errors import PhotoError, some_of
+from orthomill.schemas.photo import Header, Photo, Photos
+from orthomill.schemas.project import NoPositions, Positions
+from orthomill.tasks.geometry.camera_change import QUARTER_TURNS
+from orthomill.tasks.geometry.reference_system import ground_coordinates, ground_crs
+from orthomill.tasks.imagery.pyramid import level_count
+from orthomill.tasks.imagery.upright import upright_shape
+from orthomill.tasks.photos import exif
+from orthomill.tasks.photos.coordinates import Digital, ImageCoordinates
+from orthomill.tasks.photos.positions import Position, read_positions
+from orthomill.tasks.photos.scans import Fitted, Scans, in_mark_frame, in_principal_frame
+from orthomill.tasks.photos.sensors import sensor_width_mm
 
 _DIGITAL = Digital(kind="digital")
 _KM_PER_DEGREE = 111.2

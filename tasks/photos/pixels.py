@@ -3,10 +3,10 @@
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from schemas.raster import Window
-from tasks.imagery.pyramid import halved_window
-from tasks.imagery.radiometry import grey
-from tasks.photos.upright import upright
+from orthomill.schemas.raster import Window
+from orthomill.tasks.imagery.pyramid import halved_window
+from orthomill.tasks.imagery.radiometry import grey
+from orthomill.tasks.imagery.upright import upright
 
 
 class Exposure(BaseModel):
@@ -29,7 +29,7 @@ def upright_strip(pixels: np.ndarray, orientation: int, bands: int) -> np.ndarra
 
 
 def level_tile(pixels: np.ndarray, window: Window) -> np.ndarray:
-    """One tile `window` of a pyramid level from the level below (see `tasks.imagery.pyramid.source_window`)."""
+    """One tile `window` of a pyramid level from the level below (see `orthomill.tasks.imagery.pyramid.source_window`)."""
     return halved_window(pixels, window)
 
 

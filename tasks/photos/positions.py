@@ -4,7 +4,7 @@ import csv
 import io
 from dataclasses import dataclass
 
-from schemas.errors import WorkflowError
+from orthomill.schemas.errors import WorkflowError
 
 COLUMNS = ("photo", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
 ANGLES = ("omega", "phi", "kappa")

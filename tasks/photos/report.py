@@ -4,11 +4,11 @@ from collections import Counter
 
 import numpy as np
 
-from schemas.photo import Photo, Photos, photo_raster
-from schemas.report import Chart, Figure, Grid, Picture, StageReport
-from schemas.wording import some_of
-from tasks.photos.pixels import Exposure
-from tasks.photos.scans import Scans
+from orthomill.schemas.errors import some_of
+from orthomill.schemas.photo import Photo, Photos, photo_raster
+from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport
+from orthomill.tasks.photos.pixels import Exposure
+from orthomill.tasks.photos.scans import Scans
 
 PICTURES = 6
 

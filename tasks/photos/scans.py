@@ -16,12 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from schemas.errors import WorkflowError
-from schemas.photo import Photo
-from schemas.raster import Window
-from tasks.imagery.resampling import sample_cubic
-from tasks.photos.fiducials import fit_marks
-from tasks.photos.positions import photo_stem
+from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.photo import Photo
+from orthomill.schemas.raster import Window
+from orthomill.tasks.imagery.resampling import sample_cubic
+from orthomill.tasks.photos.fiducials import fit_marks
+from orthomill.tasks.photos.positions import photo_stem
 
 _MOST_SCALE = 4.0
 """A frame whose pixels are so many times coarser or finer than those of the scan comes from a wrong unit."""

@@ -7,20 +7,20 @@ become columns), so that memory is bounded by a strip however large the photogra
 from collections.abc import Iterator
 from typing import Any, ClassVar, Literal
 
-from schemas.job import Export, Job, PhotoHeader, PhotoPixels, Raster, Region, Table, TextFile
-from schemas.photo import PHOTOS, Photo, photo_raster
-from schemas.raster import RasterSpec, Window, tiles_of
-from schemas.report import report_table
-from schemas.settings import setting
-from schemas.stage import ProjectView, Stage
-from tasks.geometry.reference_system import ground_crs
-from tasks.imagery.pyramid import level_shape, source_window
-from tasks.photos.coordinates import Digital, ImageCoordinates
-from tasks.photos.index import Limits, index_photos
-from tasks.photos.pixels import Exposure, exposure, level_tile, upright_strip
-from tasks.photos.report import photos_report
-from tasks.photos.scans import Scans, scan_tile, scan_window
-from tasks.photos.upright import file_window, turned, upright_shape
+from orthomill.schemas.job import Export, Job, PhotoHeader, PhotoPixels, Raster, Region, Table, TextFile
+from orthomill.schemas.photo import PHOTOS, Photo, photo_raster
+from orthomill.schemas.raster import RasterSpec, Window, tiles_of
+from orthomill.schemas.settings import setting
+from orthomill.schemas.stage_contract import ProjectView, Stage
+from orthomill.schemas.stage_report import report_table
+from orthomill.tasks.geometry.reference_system import ground_crs
+from orthomill.tasks.imagery.pyramid import level_shape, source_window
+from orthomill.tasks.imagery.upright import file_window, turned, upright_shape
+from orthomill.tasks.photos.coordinates import Digital, ImageCoordinates
+from orthomill.tasks.photos.index import Limits, index_photos
+from orthomill.tasks.photos.pixels import Exposure, exposure, level_tile, upright_strip
+from orthomill.tasks.photos.report import photos_report
+from orthomill.tasks.photos.scans import Scans, scan_tile, scan_window
 
 SCANS = Table("photos/scans.json", Scans)
 

@@ -1,0 +1,1 @@
+"""The stage `simulation`: photographs of scenes with known truth."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schemas.raster import MapGrid
+from orthomill.schemas.raster import MapGrid
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from schemas.camera import Camera
-from schemas.orientation import Block, ExteriorOrientation
-from schemas.raster import MapGrid, Window
-from tasks.geometry.footprint import ground_bounds
-from tasks.geometry.view import View, view_of
-from tasks.simulation.layout import Scene, SceneSettings, height_bounds, scene_bounds
+from orthomill.schemas.camera import Camera
+from orthomill.schemas.orientation import Block, ExteriorOrientation
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.tasks.geometry.footprint import ground_bounds
+from orthomill.tasks.geometry.view import View, view_of
+from orthomill.tasks.simulation.scene.layout import Scene, SceneSettings, height_bounds, scene_bounds
 
 CENTRE = (408000.0, 4357000.0)
 """Middle of every block, near Volos, in EPSG:2100."""
@@ -52,7 +52,7 @@ class FlightSettings:
 
 
 @dataclass(frozen=True)
-class Exposure:
+class FlightExposure:
     """How one photograph turns light into grey levels: offset + gain * (1 - vignetting * (r / r_corner)^2) * light."""
 
     number: int
@@ -67,8 +67,21 @@ def camera_of(flight: FlightSettings) -> Camera:
     size = round(flight.frame_mm * 1000.0 / flight.pixel_um)
     in_pixels = 1000.0 / flight.pixel_um
     offset = flight.frame_mm / FULL_FRAME * in_pixels
-    return Camera(name="volos", width=size, height=size, c=flight.c_mm * in_pixels, x0=0.42 * offset, y0=-0.31 * offset,
-                  k1=-0.0155, k2=0.0042, k3=0.0, p1=1.8e-4, p2=-1.3e-4, pixel_um=flight.pixel_um, source="truth")
+    return Camera(
+        name="volos",
+        width=size,
+        height=size,
+        c=flight.c_mm * in_pixels,
+        x0=0.42 * offset,
+        y0=-0.31 * offset,
+        k1=-0.0155,
+        k2=0.0042,
+        k3=0.0,
+        p1=1.8e-4,
+        p2=-1.3e-4,
+        pixel_um=flight.pixel_um,
+        source="truth",
+    )
 
 
 def orientations(flight: FlightSettings) -> tuple[ExteriorOrientation, ...]:
@@ -86,8 +99,13 @@ def orientations(flight: FlightSettings) -> tuple[ExteriorOrientation, ...]:
             centre += np.clip(generator.normal(0.0, (5.0, 7.0, 6.0)), -15.0, 15.0) * size
             tilt = np.clip(generator.normal(0.0, 0.8, 2), -1.6, 1.6)
             kappa = generator.uniform(-2.0, 2.0) + (180.0 if back else 0.0)
-            photos.append(ExteriorOrientation(photo=f"volos_{strip + 1}_{number + 1}", centre=tuple(centre.round(4).tolist()),
-                                              omega_phi_kappa=(*tilt.round(5).tolist(), round(float(kappa), 5))))
+            photos.append(
+                ExteriorOrientation(
+                    photo=f"volos_{strip + 1}_{number + 1}",
+                    centre=tuple(centre.round(4).tolist()),
+                    omega_phi_kappa=(*tilt.round(5).tolist(), round(float(kappa), 5)),
+                )
+            )
     return tuple(photos)
 
 
@@ -97,12 +115,16 @@ def views(flight: FlightSettings) -> tuple[View, ...]:
     return tuple(view_of(orientation, camera) for orientation in orientations(flight))
 
 
-def exposure(flight: FlightSettings, number: int) -> Exposure:
+def exposure(flight: FlightSettings, number: int) -> FlightExposure:
     """Brightness rendering of photo `number`."""
     generator = np.random.default_rng([flight.seed, 2, number])
     gain = generator.uniform(0.84, 1.12) * (1.0 + generator.uniform(-0.03, 0.03, 3))
-    return Exposure(number, tuple(gain.round(4).tolist()), round(float(generator.uniform(-6.0, 10.0)), 2),
-                    round(float(generator.uniform(0.08, 0.24)), 3))
+    return FlightExposure(
+        number,
+        tuple(gain.round(4).tolist()),
+        round(float(generator.uniform(-6.0, 10.0)), 2),
+        round(float(generator.uniform(0.08, 0.24)), 3),
+    )
 
 
 def scene_settings(flight: FlightSettings, buildings: int) -> SceneSettings:
@@ -128,9 +150,18 @@ def true_block(flight: FlightSettings, scene: Scene, crs: str) -> Block:
     """All true orientations and the camera as a block."""
     camera, photos = camera_of(flight), orientations(flight)
     low, high = height_bounds(scene, scene_bounds(scene.settings))
-    return Block(crs=crs, cameras={camera.name: camera}, of_photo={photo.photo: camera.name for photo in photos}, photos=photos,
-                 datum="The true values of the simulation.", sigma0_px=0.0, redundancy=0, iterations=0,
-                 ground_low=low, ground_high=high)
+    return Block(
+        crs=crs,
+        cameras={camera.name: camera},
+        of_photo={photo.photo: camera.name for photo in photos},
+        photos=photos,
+        datum="The true values of the simulation.",
+        sigma0_px=0.0,
+        redundancy=0,
+        iterations=0,
+        ground_low=low,
+        ground_high=high,
+    )
 
 
 def seen_window(view: View, scene: Scene, grid: MapGrid, pixels: Window) -> Window:
@@ -157,4 +188,3 @@ def _ground_under(view: View, pixels: Window, low: float, high: float) -> tuple[
     ground = np.vstack([view.at_height(border, low), view.at_height(border, high)])[:, :2]
     (west, south), (east, north) = ground.min(axis=0), ground.max(axis=0)
     return float(west), float(south), float(east), float(north)
-

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schemas.job import Table
-from schemas.orientation import Block
-from schemas.raster import MapGrid, Window
-from schemas.report import Chart, Figure, Grid, Picture, StageReport
-from schemas.truth import (
+from orthomill.schemas.job import Table
+from orthomill.schemas.orientation import Block
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport
+from orthomill.schemas.truth import (
     MATERIAL_CLASSES,
     TRUTH_MATERIAL,
     TRUTH_ORTHO,
@@ -17,16 +17,16 @@ from schemas.truth import (
     MeasurementRows,
     PositionRows,
 )
-from tasks.simulation.boards import CORNERS, SQUARE, BoardPhoto, render_boards
-from tasks.simulation.flight import BLOCK, FlightSettings, camera_of, exposure, orientations, true_block, views
-from tasks.simulation.ground_texture import PaintedWindow, painted_window
-from tasks.simulation.layout import SceneSettings
-from tasks.simulation.rendering import Film, render
-from tasks.simulation.scene import SurfaceWindow
-from tasks.simulation.settlement import scene_of
-from tasks.simulation.surveying import SurveyPoint, SurveySettings, find_place, positions, survey
-from tasks.simulation.vehicles import vehicles_of
-from tasks.simulation.visibility import occlusion_reach, visibility
+from orthomill.tasks.simulation.boards.project_boards import CORNERS, SQUARE, BoardPhoto, render_boards
+from orthomill.tasks.simulation.flight import BLOCK, FlightSettings, camera_of, exposure, orientations, true_block, views
+from orthomill.tasks.simulation.rendering import Film, render
+from orthomill.tasks.simulation.scene.ground_texture import PaintedWindow, painted_window
+from orthomill.tasks.simulation.scene.layout import SceneSettings
+from orthomill.tasks.simulation.scene.scene import SurfaceWindow
+from orthomill.tasks.simulation.scene.settlement import scene_of
+from orthomill.tasks.simulation.scene.true_visibility import occlusion_reach, visibility
+from orthomill.tasks.simulation.scene.vehicles import vehicles_of
+from orthomill.tasks.simulation.surveying import SurveyPoint, SurveySettings, find_place, positions, survey
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,15 @@ def sight_window(site: Site, window: Window) -> Window:
     return Window(row, col, bottom - row, right - col).clipped(site.grid.shape)
 
 
-def photograph(surface: np.ndarray, material: np.ndarray, building: np.ndarray, ortho: np.ndarray,
-               site: Site, shot: tuple[int, float], windows: tuple[Window, Window]) -> np.ndarray:
+def photograph(
+    surface: np.ndarray,
+    material: np.ndarray,
+    building: np.ndarray,
+    ortho: np.ndarray,
+    site: Site,
+    shot: tuple[int, float],
+    windows: tuple[Window, Window],
+) -> np.ndarray:
     """One tile of a photograph. `shot`: number of the photo and its noise sigma; `windows`: of the photo and of the scene."""
     number, noise_sigma = shot
     pixels, ground = windows
@@ -94,21 +101,24 @@ def photograph_boards(flight: FlightSettings, photo: BoardPhoto, pixels: Window)
     return render_boards(camera_of(flight), photo, pixels)
 
 
-def place_point(surface: np.ndarray, material: np.ndarray, visible: np.ndarray,
-                site: Site, node: tuple[float, float], window: Window) -> SurveyPoint:
+def place_point(
+    surface: np.ndarray, material: np.ndarray, visible: np.ndarray, site: Site, node: tuple[float, float], window: Window
+) -> SurveyPoint:
     """The place of one ground point."""
     return find_place(node, site.grid, window, (surface, material, visible))
 
 
-def survey_block(places: tuple[SurveyPoint, ...], site: Site,
-                 settings: SurveySettings) -> dict[str, PositionRows | ControlRows | MeasurementRows]:
+def survey_block(
+    places: tuple[SurveyPoint, ...], site: Site, settings: SurveySettings
+) -> dict[str, PositionRows | ControlRows | MeasurementRows]:
     """What the surveyors hand over."""
     control, measurements = survey(site.flight, settings, places)
     return {"positions": positions(site.flight, settings), "control": control, "measurements": measurements}
 
 
-def report(control: ControlRows, measurements: MeasurementRows, site: Site, survey_settings: SurveySettings,
-           boards: tuple[int, int, float]) -> StageReport:
+def report(
+    control: ControlRows, measurements: MeasurementRows, site: Site, survey_settings: SurveySettings, boards: tuple[int, int, float]
+) -> StageReport:
     """What was simulated. `boards`: photos of boards, boards on the floor, noise sigma of all photos."""
     scene, flight, camera = scene_of(site.scene), site.flight, camera_of(site.flight)
     roofs = scene.buildings.eaves + scene.buildings.rise
@@ -127,24 +137,39 @@ def report(control: ControlRows, measurements: MeasurementRows, site: Site, surv
         Figure(name="highest_roof", value=round(float(roofs.max()), 1), unit="m", sentence="Absolute height."),
         Figure(name="trees", value=len(scene.trees)),
         Figure(name="vehicles_per_photo", value=len(vehicles_of(scene, 0)), sentence="In the first photo; others have as many."),
-        Figure(name="board_photos", value=boards[0],
-               sentence=f"Of {boards[1]} boards with {CORNERS[0]} x {CORNERS[1]} inner corners and squares of {SQUARE} m."),
+        Figure(
+            name="board_photos",
+            value=boards[0],
+            sentence=f"Of {boards[1]} boards with {CORNERS[0]} x {CORNERS[1]} inner corners and squares of {SQUARE} m.",
+        ),
         Figure(name="gnss_sigma", value=survey_settings.gnss_sigma, unit="m"),
         Figure(name="control_points", value=survey_settings.control),
         Figure(name="check_points", value=survey_settings.check),
         Figure(name="point_measurements", value=len(measurements), sentence=f"With sigma {survey_settings.image_sigma} px."),
     )
-    return StageReport(figures=figures, grids=(_orientation_grid(flight), _camera_grid(flight)),
-                       charts=(_map(flight, control),), pictures=_pictures(flight),
-                       warnings=("The photographs are simulated: nothing here says how well real photographs would do.",))
+    return StageReport(
+        figures=figures,
+        grids=(_orientation_grid(flight), _camera_grid(flight)),
+        charts=(_map(flight, control),),
+        pictures=_pictures(flight),
+        warnings=("The photographs are simulated: nothing here says how well real photographs would do.",),
+    )
 
 
 def _orientation_grid(flight: FlightSettings) -> Grid:
     rows = []
     for number, view in enumerate(orientations(flight)):
         film = exposure(flight, number)
-        rows.append((view.photo, *(round(value, 3) for value in view.centre), *(round(value, 4) for value in view.omega_phi_kappa),
-                     round(sum(film.gain) / 3.0, 3), film.offset, film.vignetting))
+        rows.append(
+            (
+                view.photo,
+                *(round(value, 3) for value in view.centre),
+                *(round(value, 4) for value in view.omega_phi_kappa),
+                round(sum(film.gain) / 3.0, 3),
+                film.offset,
+                film.vignetting,
+            )
+        )
     columns = ("photo", "X (m)", "Y (m)", "Z (m)", "omega (deg)", "phi (deg)", "kappa (deg)", "gain", "offset", "vignetting")
     return Grid(title="True exterior orientation and brightness", columns=columns, rows=tuple(rows))
 
@@ -161,8 +186,15 @@ def _map(flight: FlightSettings, control: ControlRows) -> Chart:
     labels = (*(view.photo for view in orientations(flight)), *control.name.tolist())
     x = (*(centre[0] for centre in centres), *control.x.tolist())
     y = (*(centre[1] for centre in centres), *control.y.tolist())
-    return Chart(title="Projection centres, control and check points", style="map", x_label="X (m)", y_label="Y (m)",
-                 x=x, series={"y": y}, labels=labels)
+    return Chart(
+        title="Projection centres, control and check points",
+        style="map",
+        x_label="X (m)",
+        y_label="Y (m)",
+        x=x,
+        series={"y": y},
+        labels=labels,
+    )
 
 
 def _pictures(flight: FlightSettings) -> tuple[Picture, ...]:

@@ -13,16 +13,16 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from schemas.raster import MapGrid, Window
-from schemas.truth import Material
-from tasks.geometry.distortion import undistort_point
-from tasks.geometry.view import View
-from tasks.simulation.flight import Exposure
-from tasks.simulation.ground_texture import AMBIENT, SUN, PaintedWindow
-from tasks.simulation.hash_noise import normal_of, uniform_of, value_noise
-from tasks.simulation.layout import Scene
-from tasks.simulation.traversal import NOTHING, TOP, columns_of, first_hit, safe_start, widened
-from tasks.simulation.vehicles import FIRST_NUMBER, vehicles_of, with_vehicles
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.truth import Material
+from orthomill.tasks.geometry.distortion import undistort_point
+from orthomill.tasks.geometry.view import View
+from orthomill.tasks.simulation.flight import FlightExposure
+from orthomill.tasks.simulation.scene.ground_texture import AMBIENT, SUN, PaintedWindow
+from orthomill.tasks.simulation.scene.hash_noise import normal_of, uniform_of, value_noise
+from orthomill.tasks.simulation.scene.layout import Scene
+from orthomill.tasks.simulation.scene.traversal import NOTHING, TOP, columns_of, first_hit, safe_start, widened
+from orthomill.tasks.simulation.scene.vehicles import FIRST_NUMBER, vehicles_of, with_vehicles
 
 PSF_SIGMA = 0.45
 """px, of the lens"""
@@ -37,7 +37,7 @@ _TREE_KEY = 1 << 20
 class Film:
     """What the photo's grey levels hang on besides the light."""
 
-    exposure: Exposure
+    exposure: FlightExposure
     noise_sigma: float
     """grey levels"""
     seed: int
@@ -65,8 +65,14 @@ def cast(scene: Scene, view: View, pixels: Window, ground: tuple[MapGrid, Window
     top = float(columns.highest.max())
     octaves = _detail_octaves(view, grid)
     numbers = np.array([grid.west, grid.north, grid.cell, top, pixels.row, pixels.col, octaves, scene.settings.seed])
-    _cast(out, view.numbers, numbers, columns.numbers, (painted.colours, painted.surface.material, keys, mixed_cells),
-          scene.buildings.table)
+    _cast(
+        out,
+        view.numbers,
+        numbers,
+        columns.numbers,
+        (painted.colours, painted.surface.material, keys, mixed_cells),
+        scene.buildings.table,
+    )
     return out
 
 
@@ -122,8 +128,12 @@ def _top_colour(paint, row, col, fu, fv, out):
             return
         w00, w10, w01, w11 = w00 / total, w10 / total, w01 / total, w11 / total
     for band in range(3):
-        out[band] = (w00 * colours[j, i, band] + w10 * colours[j, i + 1, band]
-                     + w01 * colours[j + 1, i, band] + w11 * colours[j + 1, i + 1, band])
+        out[band] = (
+            w00 * colours[j, i, band]
+            + w10 * colours[j, i + 1, band]
+            + w01 * colours[j + 1, i, band]
+            + w11 * colours[j + 1, i + 1, band]
+        )
 
 
 @njit(cache=True)

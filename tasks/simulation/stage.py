@@ -5,12 +5,12 @@ from typing import ClassVar, Literal
 
 from pydantic import model_validator
 
-from schemas.job import Export, Job, Raster
-from schemas.raster import MapGrid, RasterSpec, map_raster, tiles_of
-from schemas.report import report_table
-from schemas.settings import setting
-from schemas.stage import ProjectView, Stage
-from schemas.truth import (
+from orthomill.schemas.job import Export, Job, Raster
+from orthomill.schemas.raster import MapGrid, RasterSpec, map_raster, tiles_of
+from orthomill.schemas.settings import setting
+from orthomill.schemas.stage_contract import ProjectView, Stage
+from orthomill.schemas.stage_report import report_table
+from orthomill.schemas.truth import (
     CONTROL_TABLE,
     MEASUREMENTS_TABLE,
     POSITIONS_TABLE,
@@ -23,9 +23,9 @@ from schemas.truth import (
     TRUTH_SURFACE,
     TRUTH_VISIBILITY,
 )
-from tasks.simulation.boards import BoardPhoto
-from tasks.simulation.flight import FlightSettings, camera_of, scene_grid, scene_settings, seen_window, views
-from tasks.simulation.jobs import (
+from orthomill.tasks.simulation.boards.project_boards import BoardPhoto
+from orthomill.tasks.simulation.flight import FlightSettings, camera_of, scene_grid, scene_settings, seen_window, views
+from orthomill.tasks.simulation.jobs import (
     Site,
     board_raster_name,
     describe,
@@ -40,8 +40,8 @@ from tasks.simulation.jobs import (
     sight_window,
     survey_block,
 )
-from tasks.simulation.settlement import scene_of
-from tasks.simulation.surveying import SurveySettings, lattice, search_window
+from orthomill.tasks.simulation.scene.settlement import scene_of
+from orthomill.tasks.simulation.surveying import SurveySettings, lattice, search_window
 
 _SCENE = {"surface": TRUTH_SURFACE, "material": TRUTH_MATERIAL, "building": TRUTH_BUILDING, "ortho": TRUTH_ORTHO}
 
@@ -53,8 +53,9 @@ class SimulationStage(Stage):
 
     kind: Literal["simulation"] = "simulation"
     seed: int = setting(2009, "Everything random follows from this number.", ge=0, le=10**6)
-    pixel_um: float = setting(96.0, "Side of a pixel of the photographs; the scene does not hang on it.", "micrometres",
-                              ge=5, le=400)
+    pixel_um: float = setting(
+        96.0, "Side of a pixel of the photographs; the scene does not hang on it.", "micrometres", ge=5, le=400
+    )
     frame_mm: float = setting(230.0, "Side of the frame.", "mm", ge=20, le=300)
     c_mm: float = setting(153.353, "Camera constant.", "mm", ge=15, le=400)
     scale: float = setting(6800.0, "Denominator of the photo scale on the plain.", ge=1000, le=30000)
@@ -76,8 +77,10 @@ class SimulationStage(Stage):
     @model_validator(mode="after")
     def _fits_one_mask(self) -> "SimulationStage":
         if self.strips * self.photos_per_strip > 32:
-            raise ValueError(f"strips x photos_per_strip is {self.strips * self.photos_per_strip}, but at most 32 photographs "
-                             "can be simulated: fewer strips or fewer photos in a strip")
+            raise ValueError(
+                f"strips x photos_per_strip is {self.strips * self.photos_per_strip}, but at most 32 photographs "
+                "can be simulated: fewer strips or fewer photos in a strip"
+            )
         return self
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
@@ -91,8 +94,17 @@ class SimulationStage(Stage):
     @property
     def flight(self) -> FlightSettings:
         """Camera and flight plan."""
-        return FlightSettings(self.seed, self.frame_mm, self.c_mm, self.pixel_um, self.scale, self.base_m, self.side_overlap,
-                              self.strips, self.photos_per_strip)
+        return FlightSettings(
+            self.seed,
+            self.frame_mm,
+            self.c_mm,
+            self.pixel_um,
+            self.scale,
+            self.base_m,
+            self.side_overlap,
+            self.strips,
+            self.photos_per_strip,
+        )
 
     @property
     def survey(self) -> SurveySettings:
@@ -108,13 +120,30 @@ class SimulationStage(Stage):
         yield from _truth_rasters(grid, crs, tile)
         for t in tiles_of(grid.shape, tile):
             writes = {key: Raster(name, t.window) for key, name in _SCENE.items()}
-            yield Job("simulation", "scene", paint, {}, writes, {"site": site, "window": t.window}, t.row, t.col,
-                      scratch=90 * (t.window.height + 100) * (t.window.width + 100) + 70 * 2**20)
+            yield Job(
+                "simulation",
+                "scene",
+                paint,
+                {},
+                writes,
+                {"site": site, "window": t.window},
+                t.row,
+                t.col,
+                scratch=90 * (t.window.height + 100) * (t.window.width + 100) + 70 * 2**20,
+            )
         for t in tiles_of(grid.shape, tile):
             wide = sight_window(site, t.window)
-            yield Job("simulation", "visibility", see, {"surface": Raster(TRUTH_SURFACE, wide)},
-                      {"visibility": Raster(TRUTH_VISIBILITY, t.window)}, {"site": site, "window": t.window, "wide": wide},
-                      t.row, t.col, scratch=16 * wide.height * wide.width)
+            yield Job(
+                "simulation",
+                "visibility",
+                see,
+                {"surface": Raster(TRUTH_SURFACE, wide)},
+                {"visibility": Raster(TRUTH_VISIBILITY, t.window)},
+                {"site": site, "window": t.window, "wide": wide},
+                t.row,
+                t.col,
+                scratch=16 * wide.height * wide.width,
+            )
 
     def _plan_photos(self, site: Site, tile: int) -> Iterator[RasterSpec | Job | Export]:
         scene = scene_of(site.scene)
@@ -126,8 +155,17 @@ class SimulationStage(Stage):
                 ground = seen_window(photo, scene, site.grid, t.window)
                 reads = {key: Raster(raster, ground) for key, raster in _SCENE.items()}
                 params = {"site": site, "shot": (number, self.noise_sigma), "windows": (t.window, ground)}
-                yield Job("simulation", photo.name, photograph, reads, {"photo": Raster(name, t.window)}, params, t.row, t.col,
-                          scratch=36 * ground.height * ground.width + 28 * t.window.height * t.window.width)
+                yield Job(
+                    "simulation",
+                    photo.name,
+                    photograph,
+                    reads,
+                    {"photo": Raster(name, t.window)},
+                    params,
+                    t.row,
+                    t.col,
+                    scratch=36 * ground.height * ground.width + 28 * t.window.height * t.window.width,
+                )
             yield Export("simulation", f"{photo.name}_file", f"photographs/{photo.name}.tif", "tiff", {"image": name})
 
     def _plan_boards(self, site: Site, tile: int) -> Iterator[RasterSpec | Job | Export]:
@@ -137,9 +175,17 @@ class SimulationStage(Stage):
             photo = BoardPhoto(number, self.boards, self.seed, self.noise_sigma)
             yield RasterSpec(name=name, shape=shape, dtype="uint8", chunk=tile)
             for t in tiles_of(shape, tile):
-                yield Job("simulation", f"board_{number + 1:02d}", photograph_boards, {}, {"photo": Raster(name, t.window)},
-                          {"flight": self.flight, "photo": photo, "pixels": t.window}, t.row, t.col,
-                          scratch=12 * t.window.height * t.window.width)
+                yield Job(
+                    "simulation",
+                    f"board_{number + 1:02d}",
+                    photograph_boards,
+                    {},
+                    {"photo": Raster(name, t.window)},
+                    {"flight": self.flight, "photo": photo, "pixels": t.window},
+                    t.row,
+                    t.col,
+                    scratch=12 * t.window.height * t.window.width,
+                )
             file = f"chessboards/board_{number + 1:02d}.tif"
             yield Export("simulation", f"board_{number + 1:02d}_file", file, "tiff", {"image": name})
 
@@ -150,13 +196,25 @@ class SimulationStage(Stage):
             rasters = {"surface": TRUTH_SURFACE, "material": TRUTH_MATERIAL, "visible": TRUTH_VISIBILITY}
             reads = {key: Raster(name, window) for key, name in rasters.items()}
             places.append(place_table(number))
-            yield Job("simulation", "place", place_point, reads, {"place": places[-1]},
-                      {"site": site, "node": node, "window": window}, row=number)
+            yield Job(
+                "simulation",
+                "place",
+                place_point,
+                reads,
+                {"place": places[-1]},
+                {"site": site, "node": node, "window": window},
+                row=number,
+            )
         tables = {"positions": POSITIONS_TABLE, "control": CONTROL_TABLE, "measurements": MEASUREMENTS_TABLE}
         yield Job("simulation", "survey", survey_block, {"places": tuple(places)}, tables, {"site": site, "settings": self.survey})
-        yield Job("simulation", "report", report, {"control": CONTROL_TABLE, "measurements": MEASUREMENTS_TABLE},
-                  {"report": report_table("simulation")},
-                  {"site": site, "survey_settings": self.survey, "boards": (self.board_photos, self.boards, self.noise_sigma)})
+        yield Job(
+            "simulation",
+            "report",
+            report,
+            {"control": CONTROL_TABLE, "measurements": MEASUREMENTS_TABLE},
+            {"report": report_table("simulation")},
+            {"site": site, "survey_settings": self.survey, "boards": (self.board_photos, self.boards, self.noise_sigma)},
+        )
         for name, table in tables.items():
             yield Export("simulation", name, f"photographs/{name}.csv", "csv", tables=(table,))
 

@@ -11,11 +11,11 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 from scipy.ndimage import minimum_filter, uniform_filter
 
-from schemas.errors import GeometryError
-from schemas.raster import MapGrid, Window
-from schemas.truth import ControlRows, Material, MeasurementRows, PositionRows
-from tasks.geometry.view import View
-from tasks.simulation.flight import CENTRE, FlightSettings, views
+from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.truth import ControlRows, Material, MeasurementRows, PositionRows
+from orthomill.tasks.geometry.view import View
+from orthomill.tasks.simulation.flight import CENTRE, FlightSettings, views
 
 REACH = 45.0
 """m around a lattice node that are searched for a place"""
@@ -75,8 +75,9 @@ def search_window(grid: MapGrid, node: tuple[float, float]) -> Window:
     return Window(int(row) - reach, int(col) - reach, 2 * reach, 2 * reach).clipped(grid.shape)
 
 
-def find_place(node: tuple[float, float], grid: MapGrid, window: Window,
-               cells: tuple[np.ndarray, np.ndarray, np.ndarray]) -> SurveyPoint:
+def find_place(
+    node: tuple[float, float], grid: MapGrid, window: Window, cells: tuple[np.ndarray, np.ndarray, np.ndarray]
+) -> SurveyPoint:
     """The place nearest to `node` among those that most photos see; `cells` are height (m), material and visibility of `window`.
 
     Raises GeometryError where no open ground is seen by two photos.
@@ -88,18 +89,22 @@ def find_place(node: tuple[float, float], grid: MapGrid, window: Window,
     level = np.hypot(*np.gradient(uniform_filter(height, 5), grid.cell)) < 0.25
     photos = np.bitwise_count(minimum_filter(seen, 3)) * (free & level)
     if photos.max() < 2:
-        raise GeometryError(f"no open ground within {REACH:.0f} m of ({node[0]:.0f}, {node[1]:.0f}) is seen by two photos: "
-                            "ask for fewer ground points, fewer buildings or more overlap")
+        raise GeometryError(
+            f"no open ground within {REACH:.0f} m of ({node[0]:.0f}, {node[1]:.0f}) is seen by two photos: "
+            "ask for fewer ground points, fewer buildings or more overlap"
+        )
     x, y = grid.centres(window)
     distance = np.hypot(x[None, :] - node[0], y[:, None] - node[1])
     row, col = np.unravel_index(np.argmin(np.where(photos == photos.max(), distance, np.inf)), distance.shape)
     bits = int(seen[row, col])
-    return SurveyPoint(xyz=(float(x[col]), float(y[row]), float(height[row, col])),
-                       photos=tuple(k for k in range(32) if bits >> k & 1))
+    return SurveyPoint(
+        xyz=(float(x[col]), float(y[row]), float(height[row, col])), photos=tuple(k for k in range(32) if bits >> k & 1)
+    )
 
 
-def survey(flight: FlightSettings, settings: SurveySettings,
-           points: tuple[SurveyPoint, ...]) -> tuple[ControlRows, MeasurementRows]:
+def survey(
+    flight: FlightSettings, settings: SurveySettings, points: tuple[SurveyPoint, ...]
+) -> tuple[ControlRows, MeasurementRows]:
     """Surveyed coordinates and the measurements in every photo that truly sees the points, both with normal errors."""
     generator = np.random.default_rng([flight.seed, 4])
     true = np.array([point.xyz for point in points]).reshape(-1, 3)
@@ -113,17 +118,23 @@ def survey(flight: FlightSettings, settings: SurveySettings,
 
 def _counted(words: list[str]) -> list[int]:
     """The running number of every word among its equals, from 1."""
-    return [words[:k + 1].count(word) for k, word in enumerate(words)]
+    return [words[: k + 1].count(word) for k, word in enumerate(words)]
 
 
-def _measure(photos: tuple[View, ...], names: list[str], points: tuple[SurveyPoint, ...], sigma: float,
-             generator: np.random.Generator) -> MeasurementRows:
+def _measure(
+    photos: tuple[View, ...], names: list[str], points: tuple[SurveyPoint, ...], sigma: float, generator: np.random.Generator
+) -> MeasurementRows:
     """Projections of the true points with normal errors, point by point."""
     seen = [(k, photo) for k, point in enumerate(points) for photo in point.photos]
     true = np.array([photos[photo].project(np.array([points[k].xyz]))[0] for k, photo in seen]).reshape(-1, 2)
     pixels = (true + generator.normal(0.0, sigma, true.shape)).round(3)
-    return MeasurementRows(np.array([names[k] for k, _ in seen], str), np.array([photos[photo].name for _, photo in seen], str),
-                           pixels[:, 0], pixels[:, 1], np.full(len(seen), sigma))
+    return MeasurementRows(
+        np.array([names[k] for k, _ in seen], str),
+        np.array([photos[photo].name for _, photo in seen], str),
+        pixels[:, 0],
+        pixels[:, 1],
+        np.full(len(seen), sigma),
+    )
 
 
 def positions(flight: FlightSettings, settings: SurveySettings) -> PositionRows:

@@ -177,11 +177,27 @@ def blend(colours: np.ndarray, weights: np.ndarray, how: Blend) -> Blended:
     """
     photos, rows, cols, bands = colours.shape
     result = Blended(
-        colour=np.zeros((rows, cols, bands), np.float32), used=np.zeros((rows, cols), np.uint8),
-        rejected=np.zeros((rows, cols), np.uint8), share=np.zeros(photos), difference=np.full((rows, cols), np.nan, np.float32),
+        colour=np.zeros((rows, cols, bands), np.float32),
+        used=np.zeros((rows, cols), np.uint8),
+        rejected=np.zeros((rows, cols), np.uint8),
+        share=np.zeros(photos),
+        difference=np.full((rows, cols), np.nan, np.float32),
     )
     rule = how.rejection
     colours, weights = np.ascontiguousarray(colours, np.float32), np.ascontiguousarray(weights, np.float32)
-    _blend(colours, weights, _CENTRES[rule.centre], rule.k, rule.least,
-           how.power, how.best, how.two_limit, result.colour, result.used, result.rejected, result.share, result.difference)
+    _blend(
+        colours,
+        weights,
+        _CENTRES[rule.centre],
+        rule.k,
+        rule.least,
+        how.power,
+        how.best,
+        how.two_limit,
+        result.colour,
+        result.used,
+        result.rejected,
+        result.share,
+        result.difference,
+    )
     return result

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schemas.errors import WorkflowError
-from schemas.raster import MapGrid, Window
-from schemas.surface import Surface
-from tasks.geometry.footprint import photo_window
-from tasks.geometry.view import View
+from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.surface import Surface
+from orthomill.tasks.geometry.footprint import photo_window
+from orthomill.tasks.geometry.view import View
 
 NESTING = 1e-6
 """How far from a whole number the ratio of the cells may be."""

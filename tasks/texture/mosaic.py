@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from schemas.orientation import Block
-from schemas.raster import MapGrid, Window
-from tasks.geometry.view import View, block_view
-from tasks.texture.blending import Blend, Blended, blend
-from tasks.texture.extent import TileExtent
-from tasks.texture.radiometry import Radiometry, Samples, balance_block, corrected
-from tasks.texture.sampling import Ground, PhotoPixelsAt, Sampled, ground_of, sample_photo
-from tasks.texture.visibility import HeightModel, Targets, bridge_holes, visible_targets, widening_factor
+from orthomill.schemas.orientation import Block
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.tasks.geometry.view import View, block_view
+from orthomill.tasks.texture.blending import Blend, Blended, blend
+from orthomill.tasks.texture.extent import TileExtent
+from orthomill.tasks.texture.radiometric_balance import Radiometry, Samples, balance_block, corrected
+from orthomill.tasks.texture.sampling import Ground, PhotoPixelsAt, Sampled, ground_of, sample_photo
+from orthomill.tasks.visibility.height_model import HeightModel, Targets, bridge_holes, visible_targets, widening_factor
 
 STRIP = 64
 """Ortho rows that are blended at a time."""
@@ -132,14 +132,15 @@ def _photo_on(ground: Ground, part: PhotoPixelsAt, view: View, factor: np.ndarra
     return replace(sampled, worth=sampled.worth * factor)
 
 
-def _strip(ground: Ground, scene: _Scene, parts: list[PhotoPixelsAt], views: list[View], balance: Radiometry,
-           rules: TextureRules, top: int) -> tuple[Blended, np.ndarray]:
+def _strip(
+    ground: Ground, scene: _Scene, parts: list[PhotoPixelsAt], views: list[View], balance: Radiometry, rules: TextureRules, top: int
+) -> tuple[Blended, np.ndarray]:
     """The blended strip, and which photos (photos, rows, cols) see it. Colours are in the block's radiometry."""
     bands = _bands(tuple(part.pixels for part in parts))
     colours = np.zeros((len(parts), *ground.z.shape, bands), np.float32)
     weights = np.zeros((len(parts), *ground.z.shape), np.float32)
     for i, (part, view) in enumerate(zip(parts, views, strict=True)):
-        factor = scene.factors[i][top: top + len(ground.z)]
+        factor = scene.factors[i][top : top + len(ground.z)]
         sampled = _photo_on(ground, part, view, factor, rules)
         colours[i] = corrected(sampled.colour, sampled.r2, balance.of(view.name)) * (255.0 / balance.white)
         weights[i] = sampled.worth
@@ -158,17 +159,28 @@ def _statistics(outputs: dict[str, np.ndarray], names: list[str], tally: dict[st
     coverage = outputs["coverage"]
     seen = np.bincount(np.minimum(coverage, 3).ravel(), minlength=4)
     return TileTexture(
-        pixels=coverage.size, seen=tuple(int(n) for n in seen), most=int(coverage.max()),
-        no_height=int((outputs["height_source"] == NO_HEIGHT).sum()), draped=int((outputs["height_source"] == DRAPED).sum()),
-        values=int(coverage.sum(dtype=np.int64)), rejected=int(outputs["rejected"].sum(dtype=np.int64)),
-        difference_sum=float(tally["difference_sum"]), difference_count=int(tally["difference_count"]),
+        pixels=coverage.size,
+        seen=tuple(int(n) for n in seen),
+        most=int(coverage.max()),
+        no_height=int((outputs["height_source"] == NO_HEIGHT).sum()),
+        draped=int((outputs["height_source"] == DRAPED).sum()),
+        values=int(coverage.sum(dtype=np.int64)),
+        rejected=int(outputs["rejected"].sum(dtype=np.int64)),
+        difference_sum=float(tally["difference_sum"]),
+        difference_count=int(tally["difference_count"]),
         photo_seen={name: int(n) for name, n in zip(names, tally["seen"], strict=True)},
         photo_share={name: float(n) for name, n in zip(names, tally["share"], strict=True)},
     )
 
 
-def texture_tile(heights: np.ndarray, block: Block, radiometry: Radiometry, photos: tuple[np.ndarray, ...], extent: TileExtent,
-                 rules: TextureRules) -> dict[str, object]:
+def texture_tile(
+    heights: np.ndarray,
+    block: Block,
+    radiometry: Radiometry,
+    photos: tuple[np.ndarray, ...],
+    extent: TileExtent,
+    rules: TextureRules,
+) -> dict[str, object]:
     """One tile of the orthoimage.
 
     heights (rows, cols) m at `extent.heights`, NaN in holes; photos: pixels (rows, cols, bands) of `extent.photos`. Returns "ortho"
@@ -204,14 +216,20 @@ def _every(ground: Ground, spacing: int) -> Ground:
     row, col = -(-window.row // spacing), -(-window.col // spacing)
     take = slice(row * spacing - window.row, None, spacing), slice(col * spacing - window.col, None, spacing)
     cell = grid.cell * spacing
-    coarse = MapGrid(west=grid.west + 0.5 * (grid.cell - cell), north=grid.north - 0.5 * (grid.cell - cell), cell=cell,
-                     rows=-(-grid.rows // spacing), cols=-(-grid.cols // spacing))
+    coarse = MapGrid(
+        west=grid.west + 0.5 * (grid.cell - cell),
+        north=grid.north - 0.5 * (grid.cell - cell),
+        cell=cell,
+        rows=-(-grid.rows // spacing),
+        cols=-(-grid.cols // spacing),
+    )
     z, dx, dy = (np.ascontiguousarray(values[take]) for values in (ground.z, ground.dx, ground.dy))
     return Ground(coarse, Window(row, col, *z.shape), z, dx, dy)
 
 
-def sample_tile(heights: np.ndarray, block: Block, photos: tuple[np.ndarray, ...], extent: TileExtent, rules: TextureRules,
-                spacing: int) -> Samples:
+def sample_tile(
+    heights: np.ndarray, block: Block, photos: tuple[np.ndarray, ...], extent: TileExtent, rules: TextureRules, spacing: int
+) -> Samples:
     """Grey values of every `spacing`-th ortho pixel of a tile in all photos that see it; only points seen twice or more.
 
     Inputs as for `texture_tile`, the photos at a coarser pyramid level so that noise and small mismatches are averaged out.
@@ -221,7 +239,8 @@ def sample_tile(heights: np.ndarray, block: Block, photos: tuple[np.ndarray, ...
     model = HeightModel(bridge_holes(heights, rules.bridge), extent.dsm, extent.heights)
     targets = _targets(ground, extent.dsm)
     number = (ground.window.row + np.arange(ground.window.height))[:, None] * ground.grid.cols + (
-        ground.window.col + np.arange(ground.window.width))
+        ground.window.col + np.arange(ground.window.width)
+    )
     rows = []
     for pixels, part, view in zip(photos, extent.photos, views, strict=True):
         seen = visible_targets(model, view, targets, rules.tolerance)

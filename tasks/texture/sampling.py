@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from schemas.raster import MapGrid, Window
-from tasks.geometry.distortion import pixel_to_image
-from tasks.geometry.view import View, project_point
-from tasks.texture.visibility import WALL
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.tasks.geometry.distortion import pixel_to_image
+from orthomill.tasks.geometry.view import View, project_point
+from orthomill.tasks.visibility.height_model import WALL
 
 STEEPEST = 3.0
 """Slope beyond which a surface counts as no steeper: a wall's ortho cell is then not worth nothing in every photo."""
@@ -34,7 +34,6 @@ class Ground:
     z: np.ndarray
     dx: np.ndarray
     dy: np.ndarray
-
 
     def part(self, window: Window) -> "Ground":
         """The pixels of a window (in the ortho grid) that lies within this one."""
@@ -141,9 +140,24 @@ def sample_photo(view: View, photo: PhotoPixelsAt, ground: Ground, seen: np.ndar
     if photo.pixels.size:
         place, corner = (photo.level, photo.window.col, photo.window.row), (ground.window.row, ground.window.col)
         grid = ground.grid
-        _sample(photo.pixels, place, view.numbers, _widest(view), grid.west, grid.north, grid.cell, corner, ground.z, ground.dx,
-                ground.dy,
-                np.ascontiguousarray(seen), feather, colour, worth, r2)
+        _sample(
+            photo.pixels,
+            place,
+            view.numbers,
+            _widest(view),
+            grid.west,
+            grid.north,
+            grid.cell,
+            corner,
+            ground.z,
+            ground.dx,
+            ground.dy,
+            np.ascontiguousarray(seen),
+            feather,
+            colour,
+            worth,
+            r2,
+        )
     return Sampled(colour, worth, r2)
 
 
@@ -187,7 +201,7 @@ def _slopes(heights: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
 def _slopes_at(heights: np.ndarray, cell: float, rows: np.ndarray, cols: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The slopes of the cells `rows` x `cols` (ascending), computed for these and their neighbours only."""
     top, left = max(int(rows[0]) - 1, 0), max(int(cols[0]) - 1, 0)
-    slopes = _slopes(heights[top: rows[-1] + 2, left: cols[-1] + 2], cell)
+    slopes = _slopes(heights[top : rows[-1] + 2, left : cols[-1] + 2], cell)
     return tuple(slope[np.ix_(rows - top, cols - left)] for slope in slopes)
 
 

@@ -7,20 +7,20 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from schemas.job import Export, Job, Raster, Table
-from schemas.orientation import BLOCK, Block
-from schemas.photo import PHOTOS, Photos, photo_raster
-from schemas.raster import MapGrid, RasterSpec, Tile, map_raster, tiles_of
-from schemas.report import report_table
-from schemas.settings import Settings, setting
-from schemas.stage import ProjectView, Stage
-from schemas.surface import CORRECTED, COUNT, HEIGHT, ORTHO, PRECISION, SURFACE, Surface
-from tasks.geometry.view import block_view
-from tasks.texture.blending import Blend, Rejection
-from tasks.texture.extent import PhotoSource, TileExtent, ground_pixels, ortho_grid, photo_level, tile_extent
-from tasks.texture.mosaic import TextureRules, TileTexture, balance, sample_tile, texture_tile
-from tasks.texture.radiometry import RADIOMETRY, Samples
-from tasks.texture.summary import COVERAGE, HEIGHT_SOURCE, REJECTED, TextureFacts, texture_report
+from orthomill.schemas.job import Export, Job, Raster, Table
+from orthomill.schemas.orientation import BLOCK, Block
+from orthomill.schemas.photo import PHOTOS, Photos, photo_raster
+from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, map_raster, tiles_of
+from orthomill.schemas.settings import Settings, setting
+from orthomill.schemas.stage_contract import ProjectView, Stage
+from orthomill.schemas.stage_report import report_table
+from orthomill.schemas.surface import CORRECTED, COUNT, HEIGHT, ORTHO, PRECISION, SURFACE, Surface
+from orthomill.tasks.geometry.view import block_view
+from orthomill.tasks.texture.blending import Blend, Rejection
+from orthomill.tasks.texture.extent import PhotoSource, TileExtent, ground_pixels, ortho_grid, photo_level, tile_extent
+from orthomill.tasks.texture.mosaic import TextureRules, TileTexture, balance, sample_tile, texture_tile
+from orthomill.tasks.texture.radiometric_balance import RADIOMETRY, Samples
+from orthomill.tasks.texture.report import COVERAGE, HEIGHT_SOURCE, REJECTED, TextureFacts, texture_report
 
 SAMPLES_AT_MOST = 60000
 """Ground samples of the whole block for the radiometric balance."""
@@ -124,8 +124,9 @@ class TextureStage(Stage):
 
     kind: Literal["texture"] = "texture"
     cell: Annotated[float, Field(gt=0)] | Literal["auto"] = setting(
-        "auto", "Pixel of the orthoimage; must divide the cell of the surface model. auto: about the ground pixel of the photos.",
-        "m"
+        "auto",
+        "Pixel of the orthoimage; must divide the cell of the surface model. auto: about the ground pixel of the photos.",
+        "m",
     )
     holes: Holes = setting(LeaveHoles(), "What happens where the surface model has no height.")
     weights: Weights = setting(ByArea(), "What a photo's colour is worth (Petsa et al. 2007).")
@@ -134,8 +135,10 @@ class TextureStage(Stage):
     best: int = setting(0, "Only this many photos of the greatest weight are blended; 0 for all.", ge=0, le=64)
     balance: Balance = setting(BlockBalance(), "How the photos are brought to one brightness.")
     feather: float = setting(
-        0.15, "Width of the border of a photo in which its weight rises from 0, as a share of the photo's shorter side.", ge=0,
-        le=0.5
+        0.15,
+        "Width of the border of a photo in which its weight rises from 0, as a share of the photo's shorter side.",
+        ge=0,
+        le=0.5,
     )
     occlusion_margin: float = setting(
         1.0, "Cells of the surface model beside an occlusion whose colour is used only if there is no other.", "cells", ge=0, le=32
@@ -167,33 +170,68 @@ class TextureStage(Stage):
         statistics = [Table(f"texture/statistics/{t.row}-{t.col}.json", TileTexture) for t in tiles]
         for t, table in zip(tiles, samples, strict=True):
             extent = tile_extent(surface, ortho, t.window, coarse, rules.halo)
-            yield Job("texture", "samples", sample_tile, _reads(heights, extent), {"samples": table},
-                      {"extent": extent, "rules": rules, "spacing": spacing}, t.row, t.col, scratch=_sample_scratch(extent))
+            yield Job(
+                "texture",
+                "samples",
+                sample_tile,
+                _reads(heights, extent),
+                {"samples": table},
+                {"extent": extent, "rules": rules, "spacing": spacing},
+                t.row,
+                t.col,
+                scratch=_sample_scratch(extent),
+            )
         vignetting = self.balance.kind == "block" and self.balance.vignetting
-        yield Job("texture", "balance", balance, {"samples": tuple(samples), "block": BLOCK}, {"radiometry": RADIOMETRY},
-                  {"deep": deep, "method": self.balance.kind, "vignetting": vignetting},
-                  scratch=250 * SAMPLES_AT_MOST * min(len(block.names), 12))
+        yield Job(
+            "texture",
+            "balance",
+            balance,
+            {"samples": tuple(samples), "block": BLOCK},
+            {"radiometry": RADIOMETRY},
+            {"deep": deep, "method": self.balance.kind, "vignetting": vignetting},
+            scratch=250 * SAMPLES_AT_MOST * min(len(block.names), 12),
+        )
         for t, table in zip(tiles, statistics, strict=True):
             extent = tile_extent(surface, ortho, t.window, fine, rules.halo)
-            yield Job("texture", "ortho", texture_tile, {**_reads(heights, extent), "radiometry": RADIOMETRY},
-                      _writes(t, table), {"extent": extent, "rules": rules}, t.row, t.col, scratch=_scratch(extent))
+            yield Job(
+                "texture",
+                "ortho",
+                texture_tile,
+                {**_reads(heights, extent), "radiometry": RADIOMETRY},
+                _writes(t, table),
+                {"extent": extent, "rules": rules},
+                t.row,
+                t.col,
+                scratch=_scratch(extent),
+            )
         facts = TextureFacts(cell=ortho.cell, dsm_cell=surface.grid.cell, ground_pixel=median(pixels), heights=heights)
-        yield Job("texture", "report", texture_report, {"statistics": tuple(statistics), "radiometry": RADIOMETRY},
-                  {"report": report_table("texture")}, {"facts": facts})
+        yield Job(
+            "texture",
+            "report",
+            texture_report,
+            {"statistics": tuple(statistics), "radiometry": RADIOMETRY},
+            {"report": report_table("texture")},
+            {"facts": facts},
+        )
         yield Export("texture", "ortho_cog", "products/ortho.tif", "cog", {"rgba": ORTHO})
-        yield Export("texture", "points", "products/points.laz", "laz",
-                     {"z": heights, "rgb": ORTHO, "precision": PRECISION, "pairs": COUNT})
+        yield Export(
+            "texture", "points", "products/points.laz", "laz", {"z": heights, "rgb": ORTHO, "precision": PRECISION, "pairs": COUNT}
+        )
 
     def _rules(self, surface: Surface) -> TextureRules:
         cell = surface.grid.cell
         rejection = self.rejection
-        colours = Rejection("none") if rejection.kind == "none" else Rejection(_CENTRE[rejection.kind], rejection.k,
-                                                                               rejection.least)
+        colours = (
+            Rejection("none") if rejection.kind == "none" else Rejection(_CENTRE[rejection.kind], rejection.k, rejection.least)
+        )
         two = self.two_colours.limit if self.two_colours.kind == "prefer" else 0.0
         return TextureRules(
-            tolerance=0.5 * cell if self.tolerance == "auto" else self.tolerance, bridge=self.bridge,
+            tolerance=0.5 * cell if self.tolerance == "auto" else self.tolerance,
+            bridge=self.bridge,
             drape_gap=ceil(self.holes.max_gap / cell) if self.holes.kind == "drape" else 0,
-            widening_margin=self.occlusion_margin, widening_ramp=self.occlusion_ramp, feather=self.feather,
+            widening_margin=self.occlusion_margin,
+            widening_ramp=self.occlusion_ramp,
+            feather=self.feather,
             blend=Blend(colours, 2 if self.weights.kind == "area_squared" else 1, self.best, two),
         )
 

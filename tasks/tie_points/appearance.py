@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from schemas.job import Columns
-from schemas.photo import Photos
-from tasks.tie_points.pairs import Neighbourhood, candidate_pairs
-from tasks.tie_points.records import DESCRIPTOR, Features, Values
+from orthomill.schemas.job import Columns
+from orthomill.schemas.photo import Photos
+from orthomill.tasks.tie_points.match_records import DESCRIPTOR, Features, Values
+from orthomill.tasks.tie_points.pair_selection import Neighbourhood, candidate_pairs
 
 WORDS = 64
 SAMPLE = 400

@@ -15,15 +15,15 @@ import cv2
 import numpy as np
 from scipy.spatial import cKDTree
 
-from schemas.camera import Cameras
-from schemas.settings import Settings, setting
-from tasks.imagery.pyramid import full_to_level, level_to_full
-from tasks.imagery.radiometry import grey_bytes, grey_range
-from tasks.matching.points.correlation import Correlation, correlate, correlation_surface
-from tasks.matching.points.interest_points import HarrisPoints, interest_points
-from tasks.tie_points.features import Detection, strongest_in_cells
-from tasks.tie_points.pair_matching import PairRules, accepted_matches
-from tasks.tie_points.records import DESCRIPTOR, Features, Values
+from orthomill.schemas.camera import Cameras
+from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.imagery.pyramid import full_to_level, level_to_full
+from orthomill.tasks.imagery.radiometry import grey_bytes, grey_range
+from orthomill.tasks.matching.points.correlation import TemplateCorrelation, correlate, correlation_surface
+from orthomill.tasks.matching.points.interest_points import HarrisPoints, interest_points
+from orthomill.tasks.tie_points.features import Detection, strongest_in_cells
+from orthomill.tasks.tie_points.match_records import DESCRIPTOR, Features, Values
+from orthomill.tasks.tie_points.pair_matching import PairRules, accepted_matches
 
 _SMALL = 240
 """Longer side of the images that tell the mean parallax, px"""
@@ -38,7 +38,9 @@ class CorrelationSearch(Settings):
 
     kind: Literal["correlation"]
     points: HarrisPoints = setting(HarrisPoints(), "Interest points.")
-    correlation: Correlation = setting(Correlation(), "Search of each point in the other photograph; pixels of the searched level.")
+    correlation: TemplateCorrelation = setting(
+        TemplateCorrelation(), "Search of each point in the other photograph; pixels of the searched level."
+    )
 
 
 def tile_interest_points(

@@ -19,10 +19,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from schemas.raster import Tile, Window, tiles_of
-from tasks.imagery.pyramid import level_to_full
-from tasks.imagery.radiometry import grey_bytes, grey_range
-from tasks.tie_points.records import DESCRIPTOR, Features, Values
+from orthomill.schemas.raster import Tile, Window, tiles_of
+from orthomill.tasks.imagery.pyramid import level_to_full
+from orthomill.tasks.imagery.radiometry import grey_bytes, grey_range
+from orthomill.tasks.tie_points.match_records import DESCRIPTOR, Features, Values
 
 cv2.setNumThreads(1)
 

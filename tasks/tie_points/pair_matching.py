@@ -15,10 +15,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from schemas.camera import Camera, Cameras
-from tasks.geometry.distortion import pixel_to_image
-from tasks.tie_points.descriptor_search import matches_along_lines, mutual_matches
-from tasks.tie_points.records import DESCRIPTOR, Features, PairMatches, PairSummary, Scatter, Values
+from orthomill.schemas.camera import Camera, Cameras
+from orthomill.tasks.geometry.distortion import pixel_to_image
+from orthomill.tasks.tie_points.descriptor_search import matches_along_lines, mutual_matches
+from orthomill.tasks.tie_points.match_records import DESCRIPTOR, Features, PairMatches, PairSummary, Scatter, Values
 
 cv2.setNumThreads(1)
 

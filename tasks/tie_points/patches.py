@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schemas.raster import Window
-from tasks.imagery.pyramid import full_to_level
-from tasks.imagery.radiometry import grey_bytes, grey_range
-from tasks.tie_points.records import Observations, Values
+from orthomill.schemas.raster import Window
+from orthomill.tasks.imagery.pyramid import full_to_level
+from orthomill.tasks.imagery.radiometry import grey_bytes, grey_range
+from orthomill.tasks.tie_points.match_records import Observations, Values
 
 _BATCH = 512
 

@@ -13,15 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from schemas.camera import Cameras
-from schemas.outcome import Outcome
-from tasks.imagery.pyramid import level_to_full
-from tasks.matching.least_squares.matching import match_points
-from tasks.matching.least_squares.model import LeastSquaresMatching
-from tasks.matching.smoothing import reach_of
-from tasks.tie_points.pair_matching import epipolar_scatter
-from tasks.tie_points.patches import joined_patches, nearest_pixels
-from tasks.tie_points.records import Observations, Refined, Values
+from orthomill.schemas.camera import Cameras
+from orthomill.schemas.outcome import Outcome
+from orthomill.tasks.imagery.pyramid import level_to_full
+from orthomill.tasks.matching.least_squares.matching import match_points
+from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
+from orthomill.tasks.matching.smoothing import reach_of
+from orthomill.tasks.tie_points.match_records import Observations, Refined, Values
+from orthomill.tasks.tie_points.pair_matching import epipolar_scatter
+from orthomill.tasks.tie_points.patches import joined_patches, nearest_pixels
 
 _BATCH = 1024
 _DIRECTION_LIMIT, _SIZE_LIMIT = np.radians(25.0), np.log(1.4)

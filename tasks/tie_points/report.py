@@ -8,13 +8,13 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from schemas.observations import TiePoints
-from schemas.outcome import Outcome
-from schemas.photo import Photos
-from schemas.report import Chart, Figure, Grid, StageReport
-from schemas.wording import some_of
-from tasks.tie_points.assembly import RefinementSummary, Weighting, assemble, with_measured_floor
-from tasks.tie_points.records import Links, Observations, PairSummary, Refined, Scatter
+from orthomill.schemas.errors import some_of
+from orthomill.schemas.observations import TiePoints
+from orthomill.schemas.outcome import Outcome
+from orthomill.schemas.photo import Photos
+from orthomill.schemas.stage_report import Chart, Figure, Grid, StageReport
+from orthomill.tasks.tie_points.match_records import Links, Observations, PairSummary, Refined, Scatter
+from orthomill.tasks.tie_points.tie_point_assembly import RefinementSummary, Weighting, assemble, with_measured_floor
 
 _CELLS = 8
 _GRUBER = 3

@@ -14,28 +14,38 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from schemas.camera import CAMERAS
-from schemas.errors import GeometryError
-from schemas.job import Export, Job, Raster, Table
-from schemas.observations import TIE_POINTS
-from schemas.photo import PHOTOS, Photo, Photos, photo_raster
-from schemas.raster import RasterSpec, Window
-from schemas.report import report_table
-from schemas.settings import Settings, setting
-from schemas.stage import ProjectView, Stage
-from tasks.imagery.pyramid import level_shape
-from tasks.matching.least_squares.model import LeastSquaresMatching
-from tasks.tie_points.appearance import SAMPLE, WORDS, Candidates, Signature, alike, sample, signature, vocabulary
-from tasks.tie_points.assembly import Weighting
-from tasks.tie_points.correlation_search import CorrelationSearch, correlate_pair, tile_interest_points
-from tasks.tie_points.features import Detection, photo_features, searched_parts, tile_features
-from tasks.tie_points.pair_matching import PairRules, match_pair
-from tasks.tie_points.pairs import Neighbourhood, candidate_pairs, needs_appearance
-from tasks.tie_points.patches import Strip, strip_patches
-from tasks.tie_points.records import DESCRIPTOR, Features, Links, Observations, PairMatches, PairSummary, Refined, Scatter, Values
-from tasks.tie_points.refinement import PatchRules, refine_pair
-from tasks.tie_points.report import finish
-from tasks.tie_points.tracks import build_tracks, observation_key
+from orthomill.schemas.camera import CAMERAS
+from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.job import Export, Job, Raster, Table
+from orthomill.schemas.observations import TIE_POINTS
+from orthomill.schemas.photo import PHOTOS, Photo, Photos, photo_raster
+from orthomill.schemas.raster import RasterSpec, Window
+from orthomill.schemas.settings import Settings, setting
+from orthomill.schemas.stage_contract import ProjectView, Stage
+from orthomill.schemas.stage_report import report_table
+from orthomill.tasks.imagery.pyramid import level_shape
+from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
+from orthomill.tasks.tie_points.appearance import SAMPLE, WORDS, Candidates, Signature, alike, sample, signature, vocabulary
+from orthomill.tasks.tie_points.correlation_search import CorrelationSearch, correlate_pair, tile_interest_points
+from orthomill.tasks.tie_points.features import Detection, photo_features, searched_parts, tile_features
+from orthomill.tasks.tie_points.match_records import (
+    DESCRIPTOR,
+    Features,
+    Links,
+    Observations,
+    PairMatches,
+    PairSummary,
+    Refined,
+    Scatter,
+    Values,
+)
+from orthomill.tasks.tie_points.pair_matching import PairRules, match_pair
+from orthomill.tasks.tie_points.pair_selection import Neighbourhood, candidate_pairs, needs_appearance
+from orthomill.tasks.tie_points.patches import Strip, strip_patches
+from orthomill.tasks.tie_points.refinement import PatchRules, refine_pair
+from orthomill.tasks.tie_points.report import finish
+from orthomill.tasks.tie_points.tie_point_assembly import Weighting
+from orthomill.tasks.tie_points.tracks import build_tracks, observation_key
 
 LINKS = Table("tie_points/links.json", Links)
 CANDIDATES = Table("tie_points/candidates.json", Candidates)

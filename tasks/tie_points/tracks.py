@@ -12,8 +12,8 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from schemas.errors import GeometryError
-from tasks.tie_points.records import Features, Links, Observations, PairMatches, PairSummary
+from orthomill.schemas.errors import GeometryError
+from orthomill.tasks.tie_points.match_records import Features, Links, Observations, PairMatches, PairSummary
 
 
 def observation_key(photo: int) -> str:

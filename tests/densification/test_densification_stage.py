@@ -6,14 +6,14 @@ from memory_engine import MemoryEngine
 from scipy import ndimage
 from village_pair import CELL, normal_case, render, village
 
-from schemas.epipolar import PAIRS, EpipolarPairs, epipolar_raster
-from schemas.orientation import BLOCK, Block
-from schemas.raster import Window
-from schemas.report import report_table
-from schemas.surface import COUNT, HEIGHT, PRECISION, PROVENANCE, SURFACE
-from tasks.densification.filling import Interpolate
-from tasks.densification.stage import DensificationStage, nodes_raster, outcome_raster
-from tasks.matching.dense.blocks import DenseMatching
+from orthomill.schemas.epipolar import PAIRS, EpipolarPairs, epipolar_raster
+from orthomill.schemas.orientation import BLOCK, Block
+from orthomill.schemas.raster import Window
+from orthomill.schemas.stage_report import report_table
+from orthomill.schemas.surface import COUNT, HEIGHT, PRECISION, PROVENANCE, SURFACE
+from orthomill.tasks.densification.filling import Interpolate
+from orthomill.tasks.densification.stage import DensificationStage, nodes_raster, outcome_raster
+from orthomill.tasks.matching.dense.blocks import DenseMatching
 
 STAGE = DensificationStage(matching=DenseMatching(step=4))
 
@@ -26,8 +26,18 @@ def seen():
 
 def run(seen, stage=STAGE, tile=192, blank=False):
     engine, pair = MemoryEngine(tile=tile), seen[1].pair
-    engine.tables[BLOCK.path] = Block(crs="EPSG:2100", cameras={}, of_photo={}, photos=(), datum="free", sigma0_px=0.3,
-                                      redundancy=9, iterations=1, ground_low=-10.0, ground_high=15.0)
+    engine.tables[BLOCK.path] = Block(
+        crs="EPSG:2100",
+        cameras={},
+        of_photo={},
+        photos=(),
+        datum="free",
+        sigma0_px=0.3,
+        redundancy=9,
+        iterations=1,
+        ground_low=-10.0,
+        ground_high=15.0,
+    )
     engine.tables[PAIRS.path] = EpipolarPairs(pairs=(pair,))
     for side, image in (("left", seen[1].left), ("right", seen[1].right)):
         engine.rasters[epipolar_raster(pair.name, side)] = np.zeros_like(image) if blank else image

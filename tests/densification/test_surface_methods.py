@@ -5,24 +5,38 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from schemas.epipolar import EpipolarPair, EpipolarPairs
-from schemas.errors import GeometryError
-from schemas.orientation import Block
-from schemas.raster import MapGrid, Window
-from tasks.densification.filling import Interpolate, NoFill, fill
-from tasks.densification.fusion import FusedCells, Fusion, fuse
-from tasks.densification.gridding import Gridding, HeightCells, Target, grid_nodes
-from tasks.densification.normal_case import NodesOnGround, nodes_on_ground
-from tasks.densification.spike_filter import SpikeFilter, spikes, stray
-from tasks.densification.surface_grid import height_bounds, pair_bounds, pleasant_cell, surface_of
-from tasks.geometry.epipolar_window import box_corners, left_pixels, node_window
-from tasks.geometry.normal_case import intersect_pair
-from tasks.geometry.rotation import rotation_matrix
+from orthomill.schemas.epipolar import EpipolarPair, EpipolarPairs
+from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.orientation import Block
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.tasks.densification.filling import Interpolate, NoFill, fill
+from orthomill.tasks.densification.fusion import FusedCells, Fusion, fuse
+from orthomill.tasks.densification.gridding import Gridding, HeightCells, TargetCells, grid_nodes
+from orthomill.tasks.densification.ground_intersection import NodesOnGround, nodes_on_ground
+from orthomill.tasks.densification.spike_filter import SpikeFilter, spikes, stray
+from orthomill.tasks.densification.surface_grid import height_bounds, pair_bounds, pleasant_cell, surface_of
+from orthomill.tasks.geometry.epipolar_window import box_corners, left_pixels, node_window
+from orthomill.tasks.geometry.normal_case import intersect_pair
+from orthomill.tasks.geometry.rotation import rotation_matrix
 
 PAIR = EpipolarPair(
-    name="a-b", left="a", right="b", rotation=tuple(map(tuple, rotation_matrix(0.02, -0.015, 0.4).tolist())),
-    left_centre=(4000.0, 7000.0, 1000.0), right_centre=(4400.0, 7200.0, 1010.0), base=450.0, c=1500.0, row0=600.3, left_col0=300.7,
-    right_col0=900.1, rows=1200, left_cols=1100, right_cols=1100, parallax_low=640.0, parallax_high=760.0, base_height=0.46,
+    name="a-b",
+    left="a",
+    right="b",
+    rotation=tuple(map(tuple, rotation_matrix(0.02, -0.015, 0.4).tolist())),
+    left_centre=(4000.0, 7000.0, 1000.0),
+    right_centre=(4400.0, 7200.0, 1010.0),
+    base=450.0,
+    c=1500.0,
+    row0=600.3,
+    left_col0=300.7,
+    right_col0=900.1,
+    rows=1200,
+    left_cols=1100,
+    right_cols=1100,
+    parallax_low=640.0,
+    parallax_high=760.0,
+    base_height=0.46,
     row_sigma=0.0,
 )
 EMPTY = np.float32(np.nan)
@@ -44,7 +58,9 @@ def test_the_standard_error_of_a_height_is_that_of_many_trials():
     pair = PAIR.model_copy(update={"row_sigma": 0.0})
     flat = np.stack([trials, np.full_like(trials, 0.2)], axis=-1)
     one = Window(100, 100, 1, 1)
-    heights = [nodes_on_ground(pair, flat[r:r + 1, c:c + 1], one, 2).z[0, 0] for r in range(0, 200, 5) for c in range(0, 200, 5)]
+    heights = [
+        nodes_on_ground(pair, flat[r : r + 1, c : c + 1], one, 2).z[0, 0] for r in range(0, 200, 5) for c in range(0, 200, 5)
+    ]
     sigma = nodes_on_ground(pair, flat[:1, :1], one, 2).sigma[0, 0]
     assert np.std(heights) == pytest.approx(sigma, rel=0.06)
     shared = nodes_on_ground(pair.model_copy(update={"row_sigma": 0.2}), flat[:1, :1], one, 2).sigma[0, 0]
@@ -52,8 +68,12 @@ def test_the_standard_error_of_a_height_is_that_of_many_trials():
 
 
 @settings(max_examples=60, deadline=None)
-@given(row=st.integers(0, 400), col=st.integers(0, 400), node=st.tuples(st.integers(0, 599), st.integers(0, 549)),
-       p=st.floats(640, 760))
+@given(
+    row=st.integers(0, 400),
+    col=st.integers(0, 400),
+    node=st.tuples(st.integers(0, 599), st.integers(0, 549)),
+    p=st.floats(640, 760),
+)
 def test_no_node_over_a_map_window_lies_outside_its_node_window(row, col, node, p):
     grid, window = MapGrid(west=3900.0, north=7500.0, cell=1.0, rows=600, cols=600), Window(row, col, 60, 60)
     point = intersect_pair(PAIR, np.array([[node[1] * 2.0, node[0] * 2.0]]), np.array([p]))[0]
@@ -82,7 +102,7 @@ GRID = MapGrid(west=0.0, north=60.0, cell=1.0, rows=60, cols=60)
 
 
 def gridded(nodes, window=None, rules=None):
-    return grid_nodes(nodes, 1.3, Target(GRID, window or Window(0, 0, 60, 60), (0.0, 200.0)), rules or Gridding())
+    return grid_nodes(nodes, 1.3, TargetCells(GRID, window or Window(0, 0, 60, 60), (0.0, 200.0)), rules or Gridding())
 
 
 def test_a_plane_is_gridded_exactly():
@@ -101,7 +121,7 @@ def test_nothing_hangs_between_roof_and_ground():
 
 
 def test_heights_out_of_bounds_are_left_out():
-    target = Target(GRID, Window(0, 0, 60, 60), (0.0, 45.0))
+    target = TargetCells(GRID, Window(0, 0, 60, 60), (0.0, 45.0))
     assert np.nanmax(grid_nodes(sloping_nodes(), 1.3, target, Gridding()).height) < 46.0
 
 
@@ -188,8 +208,18 @@ def test_gaps_are_filled_only_when_asked_for_and_only_within_reach():
 
 
 def block(low=20.0, high=60.0):
-    return Block(crs="EPSG:2100", cameras={}, of_photo={}, photos=(), datum="free", sigma0_px=0.3, redundancy=9, iterations=1,
-                 ground_low=low, ground_high=high)
+    return Block(
+        crs="EPSG:2100",
+        cameras={},
+        of_photo={},
+        photos=(),
+        datum="free",
+        sigma0_px=0.3,
+        redundancy=9,
+        iterations=1,
+        ground_low=low,
+        ground_high=high,
+    )
 
 
 def test_the_grid_holds_what_the_pair_sees():

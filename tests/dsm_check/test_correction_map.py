@@ -3,22 +3,22 @@
 import numpy as np
 import pytest
 
-from schemas.outcome import Outcome
-from schemas.raster import MapGrid, Window, tiles_of
-from tasks.dsm_check.areas import block_size, blocks, fitted_trend, suspicious_areas
-from tasks.dsm_check.correction_map import (
+from orthomill.schemas.outcome import Outcome
+from orthomill.schemas.raster import MapGrid, Window, tiles_of
+from orthomill.tasks.dsm_check.areas import block_size, blocks, fitted_trend, suspicious_areas
+from orthomill.tasks.dsm_check.correction_map import (
     CorrectionMap,
-    NodeGrid,
+    CorrectionNodes,
     corrected_heights,
     interpolate,
     node_points,
     share_applied,
     without_spikes,
 )
-from tasks.dsm_check.nodes import BANDS, DH, OUTCOME, SIGMA
-from tasks.dsm_check.statistics import added, count, summarised
+from orthomill.tasks.dsm_check.nodes import BANDS, DH, OUTCOME, SIGMA
+from orthomill.tasks.dsm_check.statistics import added, count, summarised
 
-GRID = NodeGrid(step=4, pixels_per_cell=1, radius=8.0, move=20.0)
+GRID = CorrectionNodes(step=4, pixels_per_cell=1, radius=8.0, move=20.0)
 
 
 def nodes(dh, sigma=0.1):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, shift
 
-from tasks.dsm_check.search import ShiftSearch, distance_back, ortho_pair, shifts, window_sums
+from orthomill.tasks.dsm_check.search import ShiftSearch, distance_back, ortho_pair, shifts, window_sums
 
 EAST = np.array([1.0, 0.0])
 SEARCH = ShiftSearch()
@@ -79,7 +79,7 @@ def test_best_shift_against_numpy():
     halves = [im.astype(float).reshape(80, 2, 80, 2).mean(axis=(1, 3)) for im in (left, right)]
     template = halves[0][34:47, 34:47].ravel()
     steps = [(c, r) for c in range(-4, 5) for r in (-1, 0, 1)]
-    best = max(steps, key=lambda s: np.corrcoef(template, halves[1][34 + s[1]:47 + s[1], 34 + s[0]:47 + s[0]].ravel())[0, 1])
+    best = max(steps, key=lambda s: np.corrcoef(template, halves[1][34 + s[1] : 47 + s[1], 34 + s[0] : 47 + s[0]].ravel())[0, 1])
     found = shifts(ortho_pair(left, right, search), at, EAST, search, 0.0)[0]
     assert np.abs(found - 2 * np.array(best)).max() <= 1
     assert found.tolist() == [4, 0]

@@ -9,19 +9,19 @@ import pytest
 from memory_runner import MemoryProject
 from tiny_block import EAST, NORTH, block, photograph, photos, surface
 
-from schemas.epipolar import PAIRS
-from schemas.errors import GeometryError
-from schemas.job import Export
-from schemas.orientation import BLOCK
-from schemas.outcome import Outcome
-from schemas.photo import PHOTOS, photo_raster
-from schemas.raster import MapGrid, Window
-from schemas.report import report_table
-from schemas.surface import CORRECTED, HEIGHT, SURFACE, Surface
-from tasks.dsm_check.coverage import best_cover, choose_checked_pairs
-from tasks.dsm_check.nodes import NodeTile, check_nodes
-from tasks.dsm_check.stage import DsmCheckStage, SurfaceFile, node_raster, ortho_raster
-from tasks.epipolar.selection import PairChoice, choose_pairs
+from orthomill.schemas.epipolar import PAIRS
+from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.job import Export
+from orthomill.schemas.orientation import BLOCK
+from orthomill.schemas.outcome import Outcome
+from orthomill.schemas.photo import PHOTOS, photo_raster
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.stage_report import report_table
+from orthomill.schemas.surface import CORRECTED, HEIGHT, SURFACE, Surface
+from orthomill.tasks.dsm_check.coverage import best_cover, choose_checked_pairs
+from orthomill.tasks.dsm_check.nodes import NodeTile, check_nodes
+from orthomill.tasks.dsm_check.stage import DsmCheckStage, SurfaceFile, node_raster, ortho_raster
+from orthomill.tasks.epipolar.selection import PairChoice, choose_pairs
 
 GRID = MapGrid(west=EAST - 120, north=NORTH + 96, cell=0.6, rows=320, cols=400)
 
@@ -39,8 +39,12 @@ def error(x, y):
 
 def project(tile=128, planted=error, hole=True):
     made = MemoryProject(tile)
-    made.tables = {PAIRS.path: choose_pairs(block(), PairChoice(), 0.08), BLOCK.path: block(), PHOTOS.path: photos(),
-                   SURFACE.path: Surface(grid=GRID, height_low=20, height_high=85)}
+    made.tables = {
+        PAIRS.path: choose_pairs(block(), PairChoice(), 0.08),
+        BLOCK.path: block(),
+        PHOTOS.path: photos(),
+        SURFACE.path: Surface(grid=GRID, height_low=20, height_high=85),
+    }
     x, y = ground()
     heights = (surface(x, y) + planted(x, y)).astype(np.float32)
     if hole:

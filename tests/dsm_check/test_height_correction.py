@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tasks.dsm_check.height_correction import (
+from orthomill.tasks.dsm_check.height_correction import (
     Centres,
     PlanCorrection,
     RayCorrection,

@@ -10,7 +10,7 @@ import rasterio
 from PIL import Image, ImageFilter
 from small_site import SHIPPED, start_command
 
-from schemas.orientation import Block
+from orthomill.schemas.orientation import Block
 
 pytestmark = pytest.mark.slow
 

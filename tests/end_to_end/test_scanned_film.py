@@ -8,7 +8,7 @@ from PIL import Image
 from scipy.ndimage import map_coordinates
 from small_site import start_command
 
-from schemas.orientation import Block
+from orthomill.schemas.orientation import Block
 
 pytestmark = pytest.mark.slow
 

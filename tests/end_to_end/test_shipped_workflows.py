@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 from small_site import command
 
-from pipeline.running import session_of
-from pipeline.workflow import load_workflow
-from tasks.catalogue import STAGES
+from orthomill.pipeline.engine.running import session_of
+from orthomill.pipeline.workflow.workflow_file import load_workflow
+from orthomill.tasks.catalogue import STAGES
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 

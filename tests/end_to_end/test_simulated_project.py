@@ -18,14 +18,24 @@ import rasterio
 from rasterio.enums import ColorInterp
 from small_site import command, results_of, start_command
 
-from schemas.orientation import Block
+from orthomill.schemas.orientation import Block
 
 pytestmark = pytest.mark.slow
 
 WORKFLOWS = Path(__file__).parents[2] / "workflows"
 PROJECT = "volos_small"
-STAGES = ("simulation", "photos", "calibration", "tie_points", "orientation", "epipolar", "densification", "dsm_check", "texture",
-          "evaluation")
+STAGES = (
+    "simulation",
+    "photos",
+    "calibration",
+    "tie_points",
+    "orientation",
+    "epipolar",
+    "densification",
+    "dsm_check",
+    "texture",
+    "evaluation",
+)
 PARALLAX_HEIGHT = 1.17
 """m of height that a pixel of parallax is worth"""
 

@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 from tiny_block import block, camera, photograph, photos, see, texture
 
-from schemas.epipolar import PAIRS, GreyRange
-from schemas.job import Job
-from schemas.orientation import BLOCK
-from schemas.photo import PHOTOS
-from schemas.raster import RasterSpec, Window, tiles_of
-from schemas.stage import NotYet
-from tasks.epipolar.resampling import TileOfPair, photograph_range, resample_tile
-from tasks.epipolar.selection import PairChoice, choose_pairs
-from tasks.epipolar.stage import EpipolarStage
-from tasks.geometry.normal_case import epipolar_shape
-from tasks.imagery.resampling import sample_bilinear, sample_cubic
+from orthomill.schemas.epipolar import PAIRS, GreyRange
+from orthomill.schemas.job import Job
+from orthomill.schemas.orientation import BLOCK
+from orthomill.schemas.photo import PHOTOS
+from orthomill.schemas.raster import RasterSpec, Window, tiles_of
+from orthomill.schemas.stage_contract import NotYet
+from orthomill.tasks.epipolar.epipolar_image import TileOfPair, photograph_range, resample_tile
+from orthomill.tasks.epipolar.selection import PairChoice, choose_pairs
+from orthomill.tasks.epipolar.stage import EpipolarStage
+from orthomill.tasks.geometry.normal_case import epipolar_shape
+from orthomill.tasks.imagery.resampling import sample_bilinear, sample_cubic
 
 
 def pair():

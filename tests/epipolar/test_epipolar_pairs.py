@@ -4,21 +4,25 @@ import numpy as np
 import pytest
 from tiny_block import block, photos, tie_points
 
-from schemas.errors import GeometryError
-from schemas.orientation import JointCovariance
-from tasks.epipolar.parallax import common_measurements, row_residuals, summary
-from tasks.epipolar.precision import common_corners, row_change, row_sigma
-from tasks.epipolar.report import report
-from tasks.epipolar.selection import Candidate, PairChoice, best_pairs, choose_pairs, why_not
-from tasks.geometry.normal_case import epipolar_view
-from tasks.geometry.view import view_of
+from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.orientation import JointCovariance
+from orthomill.tasks.epipolar.parallax import common_measurements, row_residuals, summary
+from orthomill.tasks.epipolar.report import report
+from orthomill.tasks.epipolar.row_precision import common_corners, row_change, row_sigma
+from orthomill.tasks.epipolar.selection import Candidate, PairChoice, best_pairs, choose_pairs, why_not
+from orthomill.tasks.geometry.normal_case import epipolar_view
+from orthomill.tasks.geometry.view import view_of
 
 
 def strip_of(count):
     """A strip of `count` photographs, made of copies of one."""
     one = block()
-    photos_ = tuple(one.photos[0].model_copy(update={"photo": f"s{i:03d}", "centre": (110.0 * i, 0.0, 450.0),
-                                                     "omega_phi_kappa": (0.0, 0.0, 0.0)}) for i in range(count))
+    photos_ = tuple(
+        one.photos[0].model_copy(
+            update={"photo": f"s{i:03d}", "centre": (110.0 * i, 0.0, 450.0), "omega_phi_kappa": (0.0, 0.0, 0.0)}
+        )
+        for i in range(count)
+    )
     return one.model_copy(update={"photos": photos_, "of_photo": {p.photo: "tiny" for p in photos_}})
 
 
@@ -44,9 +48,16 @@ def test_every_photograph_gets_a_pair():
     assert len(best_pairs(star, 2)) == 5
 
 
-@pytest.mark.parametrize(("change", "word"), [({"overlap": 0.2}, "overlap of 20%"), ({"base_height": 0.05}, "below 0.1"),
-                                              ({"base_height": 1.5}, "above 1.2"), ({"convergence": 60.0}, "60 degrees"),
-                                              ({"scale": 2.0}, "factor 2.0")])
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"overlap": 0.2}, "overlap of 20%"),
+        ({"base_height": 0.05}, "below 0.1"),
+        ({"base_height": 1.5}, "above 1.2"),
+        ({"convergence": 60.0}, "60 degrees"),
+        ({"scale": 2.0}, "factor 2.0"),
+    ],
+)
 def test_reasons(change, word):
     good = {"first": 0, "second": 1, "overlap": 0.6, "base_height": 0.5, "convergence": 2.0, "scale": 1.0}
     assert why_not(Candidate(**good), PairChoice()) is None

@@ -3,7 +3,7 @@
 import pytest
 from tiny_block import block
 
-from tasks.epipolar.selection import block_heights
+from orthomill.tasks.epipolar.selection import block_heights
 
 
 @pytest.mark.parametrize(("margin", "room", "spare"), [(0.1, 0.0, 0.1), (0.1, 1e9, 0.35), (0.1, 0.2, 0.2), (0.1, 0.05, 0.1)])

@@ -6,9 +6,9 @@ from box_scene import block
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from schemas.raster import MapGrid, Window
-from schemas.truth import Material
-from tasks.evaluation.accuracy import (
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.truth import Material
+from orthomill.tasks.evaluation.accuracy import (
     SIGMAS,
     JudgedCells,
     building_medians,
@@ -18,15 +18,19 @@ from tasks.evaluation.accuracy import (
     merged_histogram,
     merged_sums,
 )
-from tasks.evaluation.classes import PlaceClass, place_classes
-from tasks.evaluation.grids import codes_on, colours_on, heights_on, placement
-from tasks.evaluation.orientation import interior_differences, photo_differences
+from orthomill.tasks.evaluation.classes import PlaceClass, place_classes
+from orthomill.tasks.evaluation.grids import codes_on, colours_on, heights_on, placement
+from orthomill.tasks.evaluation.orientation_accuracy import interior_differences, photo_differences
 
 
 def judged(dh, precision=0.2, place=None, seen=None) -> JudgedCells:
     dh = np.asarray(dh, np.float64)
-    return JudgedCells(np.ones(len(dh), int) if place is None else place, dh, np.full(len(dh), precision),
-                       np.ones(len(dh), bool) if seen is None else seen)
+    return JudgedCells(
+        np.ones(len(dh), int) if place is None else place,
+        dh,
+        np.full(len(dh), precision),
+        np.ones(len(dh), bool) if seen is None else seen,
+    )
 
 
 def measured(dh, cell=1.0, parts=1, expected=None, **more):
@@ -87,8 +91,14 @@ def plane(x, y):
     return (3.0 + 0.2 * x[None, :] - 0.1 * y[:, None]).astype(np.float32)
 
 
-@pytest.mark.parametrize("grid", [FINE, MapGrid(west=103.0, north=195.0, cell=1.0, rows=20, cols=25),
-                                  MapGrid(west=103.13, north=195.21, cell=0.7, rows=20, cols=25)])
+@pytest.mark.parametrize(
+    "grid",
+    [
+        FINE,
+        MapGrid(west=103.0, north=195.0, cell=1.0, rows=20, cols=25),
+        MapGrid(west=103.13, north=195.21, cell=0.7, rows=20, cols=25),
+    ],
+)
 def test_heights_of_a_plane_are_exact_on_any_grid(grid):
     window = Window(2, 3, 12, 14)
     place = placement(grid, window, FINE)
@@ -139,9 +149,13 @@ def test_classes_of_places():
 def test_orientation_differences_in_units_of_their_errors():
     true = block()
     covariance = tuple(map(tuple, np.diag([0.1**2] * 3 + [np.radians(0.01) ** 2] * 3)))
-    moved = true.photos[0].model_copy(update={"centre": tuple(np.add(true.photos[0].centre, (0.1, -0.2, 0.3))),
-                                              "covariance": covariance,
-                                              "omega_phi_kappa": tuple(np.add(true.photos[0].omega_phi_kappa, (0.02, 0, -360.01)))})
+    moved = true.photos[0].model_copy(
+        update={
+            "centre": tuple(np.add(true.photos[0].centre, (0.1, -0.2, 0.3))),
+            "covariance": covariance,
+            "omega_phi_kappa": tuple(np.add(true.photos[0].omega_phi_kappa, (0.02, 0, -360.01))),
+        }
+    )
     found = photo_differences(true.model_copy(update={"photos": (moved, *true.photos[1:])}), true)
     np.testing.assert_allclose(found[0].ratios, [1, -2, 3, 2, 0, -1], atol=1e-6)
     assert np.isnan(found[1].ratios).all() and len(found) == 4

@@ -5,9 +5,9 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.ndimage import shift as shifted
 
-from schemas.raster import Window
-from schemas.truth import Material
-from tasks.evaluation.orthoimage import (
+from orthomill.schemas.raster import Window
+from orthomill.schemas.truth import Material
+from orthomill.tasks.evaluation.orthoimage_accuracy import (
     GreyFit,
     OrthoScene,
     count_ortho,
@@ -31,8 +31,9 @@ def texture(seed: int = 1) -> np.ndarray:
 
 def scene(colour, truth, material=None, seen=3) -> OrthoScene:
     material = np.full(SHAPE, Material.OPEN_GROUND, np.uint8) if material is None else material
-    return OrthoScene(WHOLE, colour.astype(np.float32), truth.astype(np.float32), np.ones(SHAPE, bool), material,
-                      np.full(SHAPE, seen, np.uint8))
+    return OrthoScene(
+        WHOLE, colour.astype(np.float32), truth.astype(np.float32), np.ones(SHAPE, bool), material, np.full(SHAPE, seen, np.uint8)
+    )
 
 
 def rgba(colour) -> np.ndarray:
@@ -81,8 +82,9 @@ def test_a_planted_shift_is_found(move):
 
 def test_nodes_belong_to_one_tile_each():
     truth = texture()
-    parts = [shifts(scene(truth, truth), core, np.ones(SHAPE, np.uint8))
-             for core in (Window(0, 0, 100, 220), Window(100, 0, 100, 220))]
+    parts = [
+        shifts(scene(truth, truth), core, np.ones(SHAPE, np.uint8)) for core in (Window(0, 0, 100, 220), Window(100, 0, 100, 220))
+    ]
     whole = shifts(scene(truth, truth), WHOLE, np.ones(SHAPE, np.uint8))
     assert sum(len(part) for part in parts) == len(whole)
 

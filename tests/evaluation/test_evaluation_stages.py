@@ -9,15 +9,15 @@ from box_scene import DSM, ORTHO, heights, true_ortho
 from box_scene_stages import GIVEN, GivenStage
 from pydantic import ValidationError
 
-from pipeline.runner import SequentialRunner
-from pipeline.session import Session
-from pipeline.store import Store
-from schemas.errors import WorkflowError
-from schemas.report import StageReport, report_table
-from schemas.surface import ORTHO as ORTHO_RASTER
-from schemas.workflow import Project
-from tasks.evaluation.stage import EvaluationStage
-from tasks.texture.stage import TextureStage
+from orthomill.pipeline.engine.runner import SequentialRunner
+from orthomill.pipeline.engine.session import Session
+from orthomill.pipeline.storage.store import Store
+from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.project import Project
+from orthomill.schemas.stage_report import StageReport, report_table
+from orthomill.schemas.surface import ORTHO as ORTHO_RASTER
+from orthomill.tasks.evaluation.stage import EvaluationStage
+from orthomill.tasks.texture.stage import TextureStage
 
 
 class Quiet:
@@ -62,8 +62,9 @@ def test_texture_reports_what_was_seen(finished):
 
 def test_the_product_is_a_georeferenced_rgba_file(finished):
     with rasterio.open(finished / "runs/box/products/ortho.tif") as file:
-        assert file.count == 4 and file.crs.to_epsg() == 2100 and file.transform[0] == 0.5 and (file.height, file.width) == (240,
-                                                                                                                             240)
+        assert (
+            file.count == 4 and file.crs.to_epsg() == 2100 and file.transform[0] == 0.5 and (file.height, file.width) == (240, 240)
+        )
         assert (file.read(4) > 0).mean() > 0.99
 
 
@@ -100,9 +101,17 @@ def test_every_picture_shows_a_raster_that_exists(finished):
 
 def write(path: Path, grid, bands: np.ndarray) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    with rasterio.open(path, "w", driver="GTiff", height=grid.rows, width=grid.cols, count=len(bands), dtype=bands.dtype,
-                       crs="EPSG:2100",
-                       transform=rasterio.Affine(*grid.transform)) as file:
+    with rasterio.open(
+        path,
+        "w",
+        driver="GTiff",
+        height=grid.rows,
+        width=grid.cols,
+        count=len(bands),
+        dtype=bands.dtype,
+        crs="EPSG:2100",
+        transform=rasterio.Affine(*grid.transform),
+    ) as file:
         file.write(bands)
 
 

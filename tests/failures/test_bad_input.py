@@ -4,7 +4,7 @@ import pytest
 from PIL import Image
 from small_site import command, counts, make_site, photographs, write_workflow
 
-from pipeline.lock import only_run
+from orthomill.pipeline.engine.lock import only_run
 
 
 @pytest.fixture
@@ -25,11 +25,17 @@ def test_an_unknown_stage_or_setting_comes_with_a_suggestion(site):
     assert "did you mean 'photos'" in said and "did you mean 'max_features'" in said
 
 
-@pytest.mark.parametrize(("tile", "answer"), [
-    ("512 px", "is '512 px'; must be a whole number (px), from 128 to 8192, a multiple of 64. Write the number alone, in px: 512."),
-    (10, "is 10 px; must be a whole number (px), from 128 to 8192, a multiple of 64."),
-    (9984, "is 9984 px; must be at most 8192 px."),
-])
+@pytest.mark.parametrize(
+    ("tile", "answer"),
+    [
+        (
+            "512 px",
+            "is '512 px'; must be a whole number (px), from 128 to 8192, a multiple of 64. Write the number alone, in px: 512.",
+        ),
+        (10, "is 10 px; must be a whole number (px), from 128 to 8192, a multiple of 64."),
+        (9984, "is 9984 px; must be at most 8192 px."),
+    ],
+)
 def test_a_wrong_unit_or_bound_says_what_is_allowed(site, tile, answer):
     write_workflow(site, tile=tile)
     assert f"workflows/site.yaml:6: tile: {answer}" in run_site()

@@ -8,8 +8,8 @@ import pytest
 from PIL import Image, ImageFilter
 from small_site import SHIPPED, start_command, write_workflow
 
-from schemas.orientation import Block
-from schemas.photo import Photos
+from orthomill.schemas.orientation import Block
+from orthomill.schemas.photo import Photos
 
 pytestmark = pytest.mark.slow
 

@@ -54,14 +54,15 @@ def test_another_cluster_gives_the_same_and_its_loss_is_one_sentence(cluster, tm
 def test_workers_that_do_not_start_are_one_sentence(tmp_path, monkeypatch):
     def broken(**settings):
         raise RuntimeError("Nanny failed to start.")
+
     monkeypatch.chdir(make_site(tmp_path))
-    monkeypatch.setattr("pipeline.dask_cluster.LocalCluster", broken)
+    monkeypatch.setattr("orthomill.pipeline.engine.dask_cluster.LocalCluster", broken)
     said = command("run", "site", "--workers", "2", code=2)
     assert "The 2 worker processes could not be started (Nanny failed to start.)" in said
 
 
 def test_a_scheduler_that_does_not_answer_is_named(tmp_path, monkeypatch):
     monkeypatch.chdir(make_site(tmp_path))
-    monkeypatch.setattr("pipeline.dask_cluster.ANSWER", "2s")
+    monkeypatch.setattr("orthomill.pipeline.engine.dask_cluster.ANSWER", "2s")
     said = command("run", "site", "--scheduler", "tcp://127.0.0.1:9", code=2)
     assert "No Dask scheduler answers at tcp://127.0.0.1:9" in said

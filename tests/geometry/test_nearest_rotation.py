@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tasks.geometry.rotation import nearest_rotation, rotation_matrix
+from orthomill.tasks.geometry.rotation import nearest_rotation, rotation_matrix
 
 ANGLE = st.floats(-3.0, 3.0)
 

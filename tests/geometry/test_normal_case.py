@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tiny_block import block, see, surface, views
 
-from schemas.camera import Camera
-from schemas.errors import GeometryError
-from schemas.raster import Window
-from tasks.geometry.normal_case import (
+from orthomill.schemas.camera import Camera
+from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.raster import Window
+from orthomill.tasks.geometry.normal_case import (
     HeightRange,
     base_rotation,
     common_polygon,
@@ -21,8 +21,8 @@ from tasks.geometry.normal_case import (
     polygon_area,
     row_band,
 )
-from tasks.geometry.rotation import rotation_matrix
-from tasks.geometry.view import View
+from orthomill.tasks.geometry.rotation import rotation_matrix
+from orthomill.tasks.geometry.view import View
 
 HEIGHTS = HeightRange(30.0, 70.0)
 

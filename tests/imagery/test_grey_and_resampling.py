@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tasks.imagery.radiometry import grey, grey_bytes, grey_range
-from tasks.imagery.resampling import sample_bilinear, sample_cubic
+from orthomill.tasks.imagery.radiometry import grey, grey_bytes, grey_range
+from orthomill.tasks.imagery.resampling import sample_bilinear, sample_cubic
 
 
 def test_grey_is_the_weighted_sum_and_keeps_neutral_colours():

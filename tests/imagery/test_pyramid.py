@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from schemas.raster import tiles_of
-from tasks.imagery.pyramid import (
+from orthomill.schemas.raster import tiles_of
+from orthomill.tasks.imagery.pyramid import (
     full_to_level,
     halved,
     halved_shape,

@@ -6,11 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from schemas.outcome import Outcome
-from tasks.matching.points.correlation import Correlation, correlate, correlation_surface
-from tasks.matching.points.sub_pixel import paraboloid_peaks
+from orthomill.schemas.outcome import Outcome
+from orthomill.tasks.matching.points.correlation import TemplateCorrelation, correlate, correlation_surface
+from orthomill.tasks.matching.points.sub_pixel import paraboloid_peaks
 
-SETTINGS = Correlation(template=15, search=45)
+SETTINGS = TemplateCorrelation(template=15, search=45)
 
 
 def texture(seed: int = 0, shape: tuple[int, int] = (160, 180), sigma: float = 1.6) -> np.ndarray:
@@ -23,7 +23,7 @@ def moved(image: np.ndarray, dx: float, dy: float) -> np.ndarray:
     return np.clip(ndimage.shift(image, (dy, dx), order=5, mode="reflect"), 1, 255)
 
 
-def outcome_of(left: np.ndarray, right: np.ndarray, point: tuple, start: tuple, chosen: Correlation = SETTINGS) -> Outcome:
+def outcome_of(left: np.ndarray, right: np.ndarray, point: tuple, start: tuple, chosen: TemplateCorrelation = SETTINGS) -> Outcome:
     found = correlate(left, right, np.array([point], float), np.array([start], float), chosen)
     assert np.isnan(found.col[0]) == np.isnan(found.row[0]) == (not found.converged[0])
     return Outcome(found.outcome[0])
@@ -90,7 +90,7 @@ def test_matching_back_rejects_what_is_seen_once_only():
     """A template that the right image does not hold finds something like it; matching back ends elsewhere."""
     left, right = texture(0), texture(50)
     points = np.array([(col, row) for col in range(40, 140, 10) for row in range(40, 120, 10)], dtype=float)
-    easy = Correlation(template=9, search=61, min_correlation=0.5, max_return=None)
+    easy = TemplateCorrelation(template=9, search=61, min_correlation=0.5, max_return=None)
     once = correlate(left, right, points, points, easy)
     back = correlate(left, right, points, points, easy.model_copy(update={"max_return": 2.0}))
     assert once.converged.mean() > 0.5 and back.converged.mean() < 0.5 * once.converged.mean()
@@ -100,7 +100,7 @@ def test_matching_back_rejects_what_is_seen_once_only():
 
 def test_a_repeated_pattern_ends_where_it_should_when_the_search_window_is_narrow():
     image = np.tile(texture(3, (20, 20), 1.0), (8, 8))
-    found = correlate(image, image, np.array([[70.0, 70.0]]), np.array([[72.0, 69.0]]), Correlation(template=15, search=31))
+    found = correlate(image, image, np.array([[70.0, 70.0]]), np.array([[72.0, 69.0]]), TemplateCorrelation(template=15, search=31))
     assert found.converged[0] and (found.col[0], found.row[0]) == pytest.approx((70.0, 70.0), abs=0.1)
 
 

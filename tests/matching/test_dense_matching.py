@@ -7,9 +7,9 @@ import pytest
 from scipy import ndimage
 from village_pair import normal_case, render, village
 
-from schemas.outcome import Outcome
-from schemas.raster import Window
-from tasks.matching.dense.blocks import (
+from orthomill.schemas.outcome import Outcome
+from orthomill.schemas.raster import Window
+from orthomill.tasks.matching.dense.blocks import (
     BLOCK,
     HALO,
     DenseMatching,
@@ -21,8 +21,8 @@ from tasks.matching.dense.blocks import (
     right_window,
     scratch_bytes,
 )
-from tasks.matching.dense.semi_global import SemiGlobal, _costs, _sweep, census, remove_specks, semi_global
-from tasks.matching.smoothing import with_gaps
+from orthomill.tasks.matching.dense.semi_global import SemiGlobal, _costs, _sweep, census, remove_specks, semi_global
+from orthomill.tasks.matching.smoothing import with_gaps
 
 CONES = Path(__file__).parents[3] / "shared" / "data" / "cones"
 
@@ -214,15 +214,15 @@ def foliage(shift: int = 24):
     blobs = ndimage.gaussian_filter(rng.normal(size=(side, side + 64)), 7.0)
     fine = ndimage.gaussian_filter(rng.normal(size=(side, side + 64)), 0.8)
     leaves = np.zeros((side, side + 64), bool)
-    leaves[HALO + 60:-HALO - 60, HALO + 90:-HALO - 110] = True
+    leaves[HALO + 60 : -HALO - 60, HALO + 90 : -HALO - 110] = True
 
     def image(detail):
         grey = 128 + 30 * blobs / blobs.std() + 18 * np.where(leaves, detail, fine) / fine.std()
         return np.clip(np.rint(grey), 1, 255).astype(np.uint8)
 
     own = [ndimage.gaussian_filter(rng.normal(size=fine.shape), 0.8) for _ in range(2)]
-    left, right = image(own[0])[:, shift:shift + side], image(own[1])
-    return left, right[:, :side + 48], leaves[:, shift:shift + side]
+    left, right = image(own[0])[:, shift : shift + side], image(own[1])
+    return left, right[:, : side + 48], leaves[:, shift : shift + side]
 
 
 def test_a_coarser_level_answers_where_the_finest_finds_nothing_and_says_how_well():

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from schemas.outcome import Outcome
-from tasks.matching.dense.blocks import HALO, DenseMatching, ParallaxRange, match_block
-from tasks.matching.least_squares.matching import match_points
-from tasks.matching.least_squares.model import Ellipse, Forward, LeastSquaresMatching, published
-from tasks.matching.points.correlation import Correlation, correlate
-from tasks.matching.strategies.cascade import CascadeMatching, match_cascade
-from tasks.matching.strategies.node_grid import ImagePart, NodeGrid
-from tasks.matching.strategies.pyramid import PyramidMatching, SearchRange, match_pyramid
-from tasks.matching.strategies.region_growing import RegionGrowing, Seeds, found_seeds, grow
+from orthomill.schemas.outcome import Outcome
+from orthomill.tasks.matching.dense.blocks import HALO, DenseMatching, ParallaxRange, match_block
+from orthomill.tasks.matching.least_squares.matching import match_points
+from orthomill.tasks.matching.least_squares.model import Ellipse, Forward, LeastSquaresMatching, published
+from orthomill.tasks.matching.points.correlation import TemplateCorrelation, correlate
+from orthomill.tasks.matching.strategies.cascade import CascadeMatching, match_cascade
+from orthomill.tasks.matching.strategies.coarse_to_fine import PyramidMatching, SearchRange, match_pyramid
+from orthomill.tasks.matching.strategies.node_grid import ImagePart, NodeGrid
+from orthomill.tasks.matching.strategies.region_growing import RegionGrowing, Seeds, found_seeds, grow
 
 SIDE, PARALLAX = 192, 3
 """px; column left - column right"""
@@ -65,7 +65,7 @@ def by_cascade(left, right):
 
 
 def by_correlation(left, right):
-    found = correlate(left, right, POINTS, starts(), Correlation(template=15, search=31))
+    found = correlate(left, right, POINTS, starts(), TemplateCorrelation(template=15, search=31))
     return Found(POINTS, np.column_stack([found.col, found.row]), found.outcome)
 
 
@@ -93,9 +93,9 @@ def by_blocks(left, right):
     rows, cols = min(left.shape[0], SIDE), min(left.shape[1], SIDE)
     block[:rows, :cols] = left[:rows, :cols]
     rows, cols = min(right.shape[0], SIDE), min(right.shape[1], SIDE)
-    wide[:rows, 16:16 + cols] = right[:rows, :cols]
+    wide[:rows, 16 : 16 + cols] = right[:rows, :cols]
     nodes = match_block(block, wide, ParallaxRange(-16, 16), DenseMatching(step=4)).nodes
-    rows, cols = np.mgrid[HALO:SIDE - HALO:4, HALO:SIDE - HALO:4]
+    rows, cols = np.mgrid[HALO : SIDE - HALO : 4, HALO : SIDE - HALO : 4]
     points = np.column_stack([cols.ravel(), rows.ravel()]).astype(float)
     parallax = nodes.parallax.ravel().astype(float)
     right = np.where(np.isnan(parallax)[:, None], np.nan, points - np.column_stack([parallax, np.zeros_like(parallax)]))
@@ -107,8 +107,9 @@ METHODS = {
     "inverse-compositional ellipse": by_points(LeastSquaresMatching(shape=Ellipse())),
     "forward": by_points(LeastSquaresMatching(formulation=Forward())),
     "published square": by_points(published(21, limited=False)),
-    "mirrored windows let on": by_points(published(21, limited=False).model_copy(
-        update={"formulation": Forward(gradients="window_right", max_area_change=None)})),
+    "mirrored windows let on": by_points(
+        published(21, limited=False).model_copy(update={"formulation": Forward(gradients="window_right", max_area_change=None)})
+    ),
     "published ellipse": by_points(published(21, Ellipse(), limited=False)),
     "cascade": by_cascade,
     "correlation": by_correlation,
@@ -186,7 +187,7 @@ def test_no_points_no_matches(settings):
     image = LEFT.astype(np.uint8)
     assert len(match_points(image, image, none, none, settings)) == 0
     assert len(match_cascade(image, image, none, none, CascadeMatching(find=settings))) == 0
-    assert len(correlate(image, image, none, none, Correlation()).outcome) == 0
+    assert len(correlate(image, image, none, none, TemplateCorrelation()).outcome) == 0
     empty = NodeGrid(0, 0, 0, 0, 8)
     assert len(match_pyramid(ImagePart(image), ImagePart(image), empty, SearchRange(-8, 2), PyramidMatching())) == 0
     assert len(grow(ImagePart(image), ImagePart(image), empty, Seeds(none, none), RegionGrowing())) == 0

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from schemas.raster import Window, tiles_of
-from tasks.matching.points.distribution import GridDistribution, GruberDistribution, distributed, gruber_areas
-from tasks.matching.points.interest_points import (
+from orthomill.schemas.raster import Window, tiles_of
+from orthomill.tasks.matching.points.distribution import GridDistribution, GruberDistribution, distributed, gruber_areas
+from orthomill.tasks.matching.points.interest_points import (
     FoerstnerPoints,
     HarrisPoints,
     InterestPoints,

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from schemas.outcome import Outcome
-from tasks.matching.least_squares.matching import PreparedImage, match_points, prepare
-from tasks.matching.least_squares.model import (
+from orthomill.schemas.outcome import Outcome
+from orthomill.tasks.matching.least_squares.matching import PreparedImage, match_points, prepare
+from orthomill.tasks.matching.least_squares.model import (
     PUBLISHED,
     RECOMMENDED,
     Ellipse,
@@ -21,7 +21,7 @@ from tasks.matching.least_squares.model import (
     Square,
     published,
 )
-from tasks.matching.smoothing import gaussian_weights, smoothed, with_gaps
+from orthomill.tasks.matching.smoothing import gaussian_weights, smoothed, with_gaps
 
 AFFINE = np.array([[0.95, -0.05], [0.03, 1.04]])
 SHIFT = np.array([3.3, -4.7])
@@ -174,8 +174,15 @@ def test_large_windows_pull_in_and_small_ones_are_sharp():
     coarse = LeastSquaresMatching(window=27, smoothing=1.2)
     first = match_points(noisy(left, 1, 0, 1, 1), noisy(right, 1, 0, 1, 2), points, starts, coarse)
     half = np.where(first.converged, 6, 0)
-    second = match_points(noisy(left, 1, 0, 1, 1), noisy(right, 1, 0, 1, 2), points, np.nan_to_num(first.position),
-                          LeastSquaresMatching(smoothing=0.6), first.affine, half)
+    second = match_points(
+        noisy(left, 1, 0, 1, 1),
+        noisy(right, 1, 0, 1, 2),
+        points,
+        np.nan_to_num(first.position),
+        LeastSquaresMatching(smoothing=0.6),
+        first.affine,
+        half,
+    )
     rms = [np.sqrt(np.median((found.position - truth)[found.converged] ** 2, axis=0)[0]) for found in (first, second)]
     assert first.converged.mean() > 0.95 and second.converged.mean() > 0.9
     assert rms[1] < 0.5 * rms[0]
@@ -285,8 +292,15 @@ def test_as_fast_as_a_quarter_of_a_tracker_with_two_unknowns(pair):
     places = (points.astype(np.float32)[:, None], truth.astype(np.float32)[:, None])
 
     def track():
-        cv2.calcOpticalFlowPyrLK(*grey, places[0], places[1].copy(), winSize=(21, 21), maxLevel=0,
-                                 criteria=(3, 20, 0.02), flags=cv2.OPTFLOW_USE_INITIAL_FLOW)
+        cv2.calcOpticalFlowPyrLK(
+            *grey,
+            places[0],
+            places[1].copy(),
+            winSize=(21, 21),
+            maxLevel=0,
+            criteria=(3, 20, 0.02),
+            flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+        )
 
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
@@ -317,13 +331,16 @@ SPOILT = {
     "constant": lambda grey, random: np.full_like(grey, 7.0),
     "16 bits": lambda grey, random: (grey * 200).astype(np.uint16),
     "8 bits": lambda grey, random: grey.astype(np.uint8),
-    "cut": lambda grey, random: grey[:random.integers(1, 90), :random.integers(1, 90)],
+    "cut": lambda grey, random: grey[: random.integers(1, 90), : random.integers(1, 90)],
 }
 
 
 @settings(max_examples=30, deadline=None)
-@given(seed=st.integers(0, 10**6), spoilt=st.tuples(*[st.sampled_from(sorted(SPOILT))] * 2),
-       formulation=st.sampled_from(sorted(FORMULATIONS)))
+@given(
+    seed=st.integers(0, 10**6),
+    spoilt=st.tuples(*[st.sampled_from(sorted(SPOILT))] * 2),
+    formulation=st.sampled_from(sorted(FORMULATIONS)),
+)
 def test_nothing_that_is_not_a_number_passes_as_a_match(seed, spoilt, formulation):
     random = np.random.default_rng(seed)
     grey = texture(100, seed=3)

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks import matching_published
-from benchmarks.matching_experiment import Experiment, Score, score
-from benchmarks.matching_peers import semi_global_opencv
-from benchmarks.matching_readings import reading, with_contrast
-from benchmarks.matching_surfaces import QUICK_WINDOW, dense_page
-from benchmarks.matching_windows import SIZES, STRATEGIES, differences, measured, settings_of, sizings, strategies
-from benchmarks.matching_workers import workers_page
-from tasks.matching.least_squares.model import Ellipse, Square, published
-from tasks.simulation.dissertation_pair import CLEAN, NOISY, GroundTexture, ground_texture
+from benchmarks.matching import matching_published
+from benchmarks.matching.matching_experiment import Experiment, Score, score
+from benchmarks.matching.matching_peers import semi_global_opencv
+from benchmarks.matching.matching_readings import reading, with_contrast
+from benchmarks.matching.matching_surfaces import QUICK_WINDOW, dense_page
+from benchmarks.matching.matching_windows import SIZES, STRATEGIES, differences, measured, settings_of, sizings, strategies
+from benchmarks.matching.matching_workers import workers_page
+from orthomill.tasks.matching.least_squares.model import Ellipse, Square, published
+from orthomill.tasks.simulation.published_pair.dissertation_pair import CLEAN, NOISY, GroundTexture, ground_texture
 
 
 @pytest.fixture(scope="module")
@@ -38,8 +38,13 @@ def test_blunders_count_by_any_axis_and_only_when_returned():
 
 
 def test_published_tables_agree_with_themselves():
-    for rows in (matching_published.SQUARES, matching_published.ELLIPSES, matching_published.ACROSS,
-                 matching_published.DYNAMIC_SQUARES, matching_published.DYNAMIC_ELLIPSES):
+    for rows in (
+        matching_published.SQUARES,
+        matching_published.ELLIPSES,
+        matching_published.ACROSS,
+        matching_published.DYNAMIC_SQUARES,
+        matching_published.DYNAMIC_ELLIPSES,
+    ):
         for name, row in rows.items():
             assert row.returned - 100 * row.blunders / matching_published.TESTED == pytest.approx(row.correct, abs=0.03), name
 
@@ -113,8 +118,10 @@ def test_more_contrast_keeps_the_local_mean_and_the_largest_difference_is_found(
     darker = with_contrast((image // 4 + 90).astype(np.uint8), 2.0).astype(float)
     assert 1.6 * (image // 4).std() < darker.std() < 2.0 * (image // 4).std()
     assert darker.mean() == pytest.approx((image // 4 + 90).mean(), abs=1.0)
-    rows = {size: Score(100, 100.0, row.returned, 100 * row.blunders / matching_published.TESTED, row.correct, (0.0, 0.0, 0.0))
-            for size, row in matching_published.SQUARES.items()}
+    rows = {
+        size: Score(100, 100.0, row.returned, 100 * row.blunders / matching_published.TESTED, row.correct, (0.0, 0.0, 0.0))
+        for size, row in matching_published.SQUARES.items()
+    }
     rows[11] = replace(rows[11], returned=rows[11].returned - 3.0)
     assert differences(rows, matching_published.SQUARES)["returned"] == (11, pytest.approx(-3.0))
 

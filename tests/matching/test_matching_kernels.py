@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from tasks.matching.least_squares.matching import PreparedImage, match_points
-from tasks.matching.least_squares.model import GRADIENTS, Forward, LeastSquaresMatching
-from tasks.matching.least_squares.small_systems import factor, invert, solve
+from orthomill.tasks.matching.least_squares.matching import PreparedImage, match_points
+from orthomill.tasks.matching.least_squares.model import GRADIENTS, Forward, LeastSquaresMatching
+from orthomill.tasks.matching.least_squares.small_systems import factor, invert, solve
 
 HALF, PIXEL, START = 4, np.array([30, 28]), np.array([31.3, 27.6])
 AFFINE = np.array([1.02, -0.03, 0.01, 0.98])
@@ -25,7 +25,7 @@ def pair():
 
 
 def window():
-    y, x = np.mgrid[-HALF:HALF + 1, -HALF:HALF + 1].astype(float)
+    y, x = np.mgrid[-HALF : HALF + 1, -HALF : HALF + 1].astype(float)
     return x.ravel(), y.ravel()
 
 
@@ -121,6 +121,7 @@ def test_forward_agrees_with_its_twin(pair, geometry, radiometry, gradients):
         if gradients == "resampled_right":
             gx, gy = np.linalg.inv(turn).T @ np.array([gx, gy])
     else:
+
         def left_window(u, v):
             shifted = np.array([centre[0] + u, centre[1] + v]) - START[:, None]
             return bilinear(left, *(PIXEL[:, None] + np.linalg.inv(turn) @ shifted))

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from schemas.outcome import Outcome
-from schemas.raster import Window
-from tasks.matching.strategies.node_grid import ImagePart, NodeGrid
-from tasks.matching.strategies.pyramid import PyramidMatching, SearchRange, halo, halved_part, match_pyramid
-from tasks.simulation.dissertation_pair import NOISY, PairCrop, ground_texture, pair_crop
-from tasks.simulation.dissertation_surface import true_matches
+from orthomill.schemas.outcome import Outcome
+from orthomill.schemas.raster import Window
+from orthomill.tasks.matching.strategies.coarse_to_fine import PyramidMatching, SearchRange, halo, halved_part, match_pyramid
+from orthomill.tasks.matching.strategies.node_grid import ImagePart, NodeGrid
+from orthomill.tasks.simulation.published_pair.dissertation_pair import NOISY, PairCrop, ground_texture, pair_crop
+from orthomill.tasks.simulation.published_pair.dissertation_surface import true_matches
 
 SETTINGS = PyramidMatching(levels=3)
 NARROW = PyramidMatching(levels=2, wide_window=21)
@@ -54,12 +54,14 @@ def test_a_part_with_its_halo_gives_what_the_whole_gives(parts):
     reach = halo(NARROW, 8)
     first_row, first_col = (max(8 * node - reach, start) // 8 * 8 for node, start in ((core.row, left.row), (core.col, left.col)))
     last_row, last_col = 8 * (core.row + core.rows) + reach, 8 * (core.col + core.cols) + reach
-    cut = ImagePart(left.pixels[first_row - left.row:last_row - left.row, first_col - left.col:last_col - left.col], first_col,
-                    first_row)
+    cut = ImagePart(
+        left.pixels[first_row - left.row : last_row - left.row, first_col - left.col : last_col - left.col], first_col, first_row
+    )
     assert cut.pixels.size < 0.8 * left.pixels.size
     moved_right = ImagePart(right.pixels[16:, 8:], right.col + 8, right.row + 16)
-    whole, alone = (match_pyramid(*pair, grid, search, NARROW) for pair, grid in
-                    (((left, right), whole_grid), ((cut, moved_right), core)))
+    whole, alone = (
+        match_pyramid(*pair, grid, search, NARROW) for pair, grid in (((left, right), whole_grid), ((cut, moved_right), core))
+    )
     rows, cols = (slice(at, at + n) for at, n in ((48, 22), (50, 19)))
     for name in ("col", "row", "covariance", "affine", "outcome"):
         table = getattr(whole, name)
@@ -82,8 +84,15 @@ def test_what_cannot_be_matched_has_an_outcome_and_no_position(parts):
     assert found.converged[~(inside | without)].mean() > 0.85
 
 
-@pytest.mark.parametrize("image", [np.full((300, 300), 80, np.uint8), np.zeros((300, 300), np.uint8),
-                                   np.full((300, 300), np.nan, np.float32), np.full((40, 16), 7, np.uint8)])
+@pytest.mark.parametrize(
+    "image",
+    [
+        np.full((300, 300), 80, np.uint8),
+        np.zeros((300, 300), np.uint8),
+        np.full((300, 300), np.nan, np.float32),
+        np.full((40, 16), 7, np.uint8),
+    ],
+)
 def test_empty_images_end_with_outcomes(image):
     grid = NodeGrid(0, 0, 12, 12, 8)
     found = match_pyramid(ImagePart(image), ImagePart(image), grid, SearchRange(-10, 10), SETTINGS)

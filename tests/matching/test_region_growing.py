@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from schemas.outcome import Outcome
-from schemas.raster import Window
-from tasks.matching.strategies.growth_queue import pop_each, push, push_neighbours, queues_for
-from tasks.matching.strategies.node_grid import ImagePart, NodeGrid
-from tasks.matching.strategies.pyramid import PyramidMatching, SearchRange
-from tasks.matching.strategies.region_growing import RegionGrowing, Seeds, found_seeds, grow, halo, region_cover
-from tasks.simulation.dissertation_pair import PairCrop, ground_texture, pair_crop
-from tasks.simulation.dissertation_surface import true_matches
+from orthomill.schemas.outcome import Outcome
+from orthomill.schemas.raster import Window
+from orthomill.tasks.matching.strategies.coarse_to_fine import PyramidMatching, SearchRange
+from orthomill.tasks.matching.strategies.growth_queue import pop_each, push, push_neighbours, queues_for
+from orthomill.tasks.matching.strategies.node_grid import ImagePart, NodeGrid
+from orthomill.tasks.matching.strategies.region_growing import RegionGrowing, Seeds, found_seeds, grow, halo, region_cover
+from orthomill.tasks.simulation.published_pair.dissertation_pair import PairCrop, ground_texture, pair_crop
+from orthomill.tasks.simulation.published_pair.dissertation_surface import true_matches
 
 ONE = RegionGrowing(region=0)
 PARTS = RegionGrowing(region=6, crossings=1, seeds=1)
@@ -21,7 +21,7 @@ UNIT = np.array([1.0, 0.0, 0.0, 1.0])
 def parts() -> tuple[ImagePart, ImagePart]:
     crop: PairCrop = pair_crop(ground_texture(), Window(5200, 6000, 640, 600), 32)
     cut = [-value % 8 for value in crop.right_origin]
-    right = ImagePart(crop.right[cut[1]:, cut[0]:], crop.right_origin[0] + cut[0], crop.right_origin[1] + cut[1])
+    right = ImagePart(crop.right[cut[1] :, cut[0] :], crop.right_origin[0] + cut[0], crop.right_origin[1] + cut[1])
     return ImagePart(crop.left, *crop.left_origin), right
 
 
@@ -93,7 +93,7 @@ def test_growth_leaves_out_what_cannot_be_matched_and_goes_around_it(parts):
     assert not found.converged[inside].any()
     assert set(found.outcome[inside]) == {Outcome.LOW_TEXTURE, Outcome.NOT_TRIED}
     assert np.isnan(found.position[inside]).all()
-    below = (grid.points()[:, 1] > left.row + 470)
+    below = grid.points()[:, 1] > left.row + 470
     assert found.converged[below].mean() > 0.95
 
 
@@ -124,7 +124,7 @@ def test_a_part_with_its_halo_gives_what_the_whole_gives(parts):
 
     def of_core(table, grid):
         at = table.reshape(*grid.shape, *table.shape[1:])
-        return at[core.row - grid.row:core.row - grid.row + core.rows, core.col - grid.col:core.col - grid.col + core.cols]
+        return at[core.row - grid.row : core.row - grid.row + core.rows, core.col - grid.col : core.col - grid.col + core.cols]
 
     assert of_core(whole.converged, whole_grid).mean() > 0.4
     for name in ("col", "row", "affine", "covariance", "outcome"):

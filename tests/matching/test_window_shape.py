@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tasks.matching.least_squares.model import Ellipse, Square, reach_of_window
-from tasks.matching.least_squares.window_shape import ellipse_axes, ellipse_window, pixels_of, square_window
+from orthomill.tasks.matching.least_squares.model import Ellipse, Square, reach_of_window
+from orthomill.tasks.matching.least_squares.window_shape import ellipse_axes, ellipse_window, pixels_of, square_window
 
 
 def members(half, ratio, angle, offset=(0.0, 0.0)):
@@ -20,8 +20,13 @@ def members(half, ratio, angle, offset=(0.0, 0.0)):
 
 
 @settings(max_examples=60, deadline=None)
-@given(half=st.integers(2, 20), ratio=st.floats(1.0, 8.0), angle=st.floats(0.0, np.pi),
-       dx=st.floats(-0.5, 0.5), dy=st.floats(-0.5, 0.5))
+@given(
+    half=st.integers(2, 20),
+    ratio=st.floats(1.0, 8.0),
+    angle=st.floats(0.0, np.pi),
+    dx=st.floats(-0.5, 0.5),
+    dy=st.floats(-0.5, 0.5),
+)
 def test_a_pixel_belongs_when_its_distances_from_the_foci_sum_up_to_less_than_the_long_axis(half, ratio, angle, dx, dy):
     area = (2 * half + 1) ** 2
     a = np.sqrt(area * ratio / np.pi)

@@ -7,13 +7,13 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 from scipy import ndimage
 
-from schemas.errors import WorkflowError
-from schemas.outcome import Outcome
-from schemas.raster import Window, tiles_of
-from tasks.matching.windows.calibration import calibrated, last_limits
-from tasks.matching.windows.measures import Growth, border_rooms, data_rooms, entropy, gradient_weights, statistics
-from tasks.matching.windows.size_map import halo, published_levels, size_map
-from tasks.matching.windows.sizes import (
+from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.outcome import Outcome
+from orthomill.schemas.raster import Window, tiles_of
+from orthomill.tasks.matching.windows.calibration import calibrated, last_limits
+from orthomill.tasks.matching.windows.measures import WindowGrowth, border_rooms, data_rooms, entropy, gradient_weights, statistics
+from orthomill.tasks.matching.windows.size_map import halo, published_levels, size_map
+from orthomill.tasks.matching.windows.sizes import (
     CombinedWindow,
     EntropyWindow,
     FixedWindow,
@@ -86,9 +86,9 @@ def scene(seed: int = 0, shape: tuple[int, int] = (90, 110)) -> np.ndarray:
     return np.clip(image, 0, 255).astype(np.uint8)
 
 
-def growth(levels: np.ndarray, pixels: np.ndarray, first: int, last: int, margin: int = 0) -> Growth:
+def growth(levels: np.ndarray, pixels: np.ndarray, first: int, last: int, margin: int = 0) -> WindowGrowth:
     rooms = data_rooms(levels, pixels, border_rooms(levels.shape, pixels, last + margin))
-    return Growth(pixels, np.maximum(rooms - margin, -1), first, last)
+    return WindowGrowth(pixels, np.maximum(rooms - margin, -1), first, last)
 
 
 def window_of(levels: np.ndarray, pixel: np.ndarray, half: int) -> np.ndarray | None:

@@ -5,11 +5,11 @@ import pytest
 from orienting import orient
 from simulated_block import one_strip, two_strips
 
-from tasks.densification.normal_case import orientation_sigma
-from tasks.epipolar.precision import border_points
-from tasks.epipolar.selection import PairChoice, choose_pairs
-from tasks.geometry.normal_case import epipolar_view, intersect_pair
-from tasks.geometry.view import block_view
+from orthomill.tasks.densification.ground_intersection import orientation_sigma
+from orthomill.tasks.epipolar.row_precision import border_points
+from orthomill.tasks.epipolar.selection import PairChoice, choose_pairs
+from orthomill.tasks.geometry.normal_case import epipolar_view, intersect_pair
+from orthomill.tasks.geometry.view import block_view
 
 
 def standardised_heights(block, result):

@@ -4,10 +4,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from schemas.job import Export, Job, Table, TextFile
-from schemas.workflow import ControlFromFiles, NoControl, SimulatedControl
-from tasks.orientation.stage import OrientationStage
-from tasks.orientation.started_block import orient_from
+from orthomill.schemas.job import Export, Job, Table, TextFile
+from orthomill.schemas.project import ControlFromFiles, NoControl, SimulatedControl
+from orthomill.tasks.orientation.exterior.started_block import orient_from
+from orthomill.tasks.orientation.stage import OrientationStage
 
 FILES = ControlFromFiles(kind="files", points="in/points.csv", measurements="in/measured.csv")
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.stone_wall import compared, read_wall, resected
+from benchmarks.orientation.stone_wall import compared, read_wall, resected
 
 WALL = Path(os.environ.get("ORTHOMILL_DATA", Path(__file__).parents[3] / "shared" / "data")) / "stone_wall"
 pytestmark = pytest.mark.skipif(not WALL.exists(), reason="the stone wall's photographs are not at ../shared/data/stone_wall")

@@ -2,12 +2,12 @@
 
 import pytest
 
-from schemas.errors import PhotoError, WorkflowError
-from schemas.photo import Header
-from schemas.workflow import NoPositions, PositionsFromExif, PositionsFromFile
-from tasks.photos import exif
-from tasks.photos.index import Limits, index_photos, photo_from_header
-from tasks.photos.positions import read_positions
+from orthomill.schemas.errors import PhotoError, WorkflowError
+from orthomill.schemas.photo import Header
+from orthomill.schemas.project import NoPositions, PositionsFromExif, PositionsFromFile
+from orthomill.tasks.photos import exif
+from orthomill.tasks.photos.index import Limits, index_photos, photo_from_header
+from orthomill.tasks.photos.positions import read_positions
 
 DRONE = {
     "Make": "DJI", "Model": "FC300S", "FocalLength": "(3.61)", "FocalLengthIn35mmFilm": "20", "GPSLatitude": "(46) (50) (33.3855)",
@@ -99,12 +99,7 @@ def test_upright_sizes_follow_the_orientation_flag():
 
 
 def test_all_refusals_are_said_at_once():
-    headers = (
-        header("a.jpg", width=40000),
-        header("b.jpg", dtype="float32"),
-        header("c.jpg", bands=2),
-        header("d.jpg"),
-    )
+    headers = (header("a.jpg", width=40000), header("b.jpg", dtype="float32"), header("c.jpg", bands=2), header("d.jpg"))
     with pytest.raises(PhotoError) as error:
         photos_of(headers, "EPSG:26915", EXIF_POSITIONS, LIMITS)
     said = str(error.value)

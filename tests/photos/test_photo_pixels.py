@@ -6,17 +6,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image, ImageOps
 
-from pipeline.image_files import image_files
-from pipeline.runner import SequentialRunner
-from pipeline.session import Session
-from schemas.photo import PHOTOS, photo_raster
-from schemas.raster import Window
-from schemas.report import report_table
-from schemas.workflow import Project
-from tasks.imagery.pyramid import halved
-from tasks.photos.pixels import exposure, upright_strip
-from tasks.photos.stage import PhotosStage
-from tasks.photos.upright import file_window, upright, upright_shape
+from orthomill.pipeline.engine.runner import SequentialRunner
+from orthomill.pipeline.engine.session import Session
+from orthomill.pipeline.storage.image_files import image_files
+from orthomill.schemas.photo import PHOTOS, photo_raster
+from orthomill.schemas.project import Project
+from orthomill.schemas.raster import Window
+from orthomill.schemas.stage_report import report_table
+from orthomill.tasks.imagery.pyramid import halved
+from orthomill.tasks.imagery.upright import file_window, upright, upright_shape
+from orthomill.tasks.photos.pixels import exposure, upright_strip
+from orthomill.tasks.photos.stage import PhotosStage
 
 
 class _Silence:

@@ -5,18 +5,18 @@ import pytest
 from PIL import Image
 from scipy.ndimage import gaussian_filter
 
-from pipeline.image_files import image_files
-from pipeline.runner import SequentialRunner
-from pipeline.session import Session
-from schemas.errors import WorkflowError
-from schemas.photo import PHOTOS, Photo, Photos, photo_raster
-from schemas.raster import Window
-from schemas.report import report_table
-from schemas.workflow import Project
-from tasks.photos.fiducials import fit_marks
-from tasks.photos.report import photos_report
-from tasks.photos.scans import Scans, in_mark_frame, in_principal_frame, scan_window, to_file
-from tasks.photos.stage import SCANS, PhotosStage
+from orthomill.pipeline.engine.runner import SequentialRunner
+from orthomill.pipeline.engine.session import Session
+from orthomill.pipeline.storage.image_files import image_files
+from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.photo import PHOTOS, Photo, Photos, photo_raster
+from orthomill.schemas.project import Project
+from orthomill.schemas.raster import Window
+from orthomill.schemas.stage_report import report_table
+from orthomill.tasks.photos.fiducials import fit_marks
+from orthomill.tasks.photos.report import photos_report
+from orthomill.tasks.photos.scans import Scans, in_mark_frame, in_principal_frame, scan_window, to_file
+from orthomill.tasks.photos.stage import SCANS, PhotosStage
 
 MARKS = {"1": (-9.0, 7.0), "2": (9.0, 7.0), "3": (9.0, -7.0), "4": (-9.0, -7.0)}
 PIXEL = 50.0

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from schemas.raster import MapGrid, Window
-from tasks.simulation.deformation import Bump, Deformation, planted, shape_of
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.tasks.simulation.deformation import Bump, Deformation, planted, shape_of
 
 GRID = MapGrid(west=500.0, north=900.0, cell=2.0, rows=300, cols=400)
 

@@ -7,15 +7,23 @@ import numpy as np
 import pytest
 from small_block import FLIGHT, scene, site, whole
 
-from schemas.raster import Window, tiles_of
-from schemas.truth import Material
-from tasks.geometry.view import view_of
-from tasks.simulation.boards import CORNERS, SQUARE, BoardPhoto, board_corners, board_view, render_boards
-from tasks.simulation.flight import FlightSettings, camera_of, orientations, true_block, views
-from tasks.simulation.hash_noise import normal_of, value_noise
-from tasks.simulation.jobs import see, sight_window
-from tasks.simulation.stage import SimulationStage
-from tasks.simulation.surveying import SurveySettings, farthest_first, find_place, lattice, positions, search_window, survey
+from orthomill.schemas.raster import Window, tiles_of
+from orthomill.schemas.truth import Material
+from orthomill.tasks.geometry.view import view_of
+from orthomill.tasks.simulation.boards.project_boards import CORNERS, SQUARE, BoardPhoto, board_corners, board_view, render_boards
+from orthomill.tasks.simulation.flight import FlightSettings, camera_of, orientations, true_block, views
+from orthomill.tasks.simulation.jobs import see, sight_window
+from orthomill.tasks.simulation.scene.hash_noise import normal_of, value_noise
+from orthomill.tasks.simulation.stage import SimulationStage
+from orthomill.tasks.simulation.surveying import (
+    SurveySettings,
+    farthest_first,
+    find_place,
+    lattice,
+    positions,
+    search_window,
+    survey,
+)
 
 SURVEY = SurveySettings(5, 4, 0.02, 0.1, 0.3)
 FULL = FlightSettings(2009, 230.0, 153.353, 96.0, 6800.0, 582.0, 0.6, 2, 3)
@@ -72,8 +80,12 @@ def test_points_stand_on_open_ground_and_measurements_keep_to_their_sigma():
     assert (control.role == "control").sum() == 5 and (control.role == "check").sum() == 4
     photos = {view.name: view for view in views(FLIGHT)}
     of_name = dict(zip(control.name, true, strict=True))
-    residuals = np.array([[c, r] - photos[photo].project(of_name[name][None])[0]
-                          for name, photo, c, r in zip(measured.name, measured.photo, measured.col, measured.row, strict=True)])
+    residuals = np.array(
+        [
+            [c, r] - photos[photo].project(of_name[name][None])[0]
+            for name, photo, c, r in zip(measured.name, measured.photo, measured.col, measured.row, strict=True)
+        ]
+    )
     assert residuals.std() == pytest.approx(0.3, abs=0.1) and np.abs(residuals).max() < 1.4
     assert all((measured.name == name).sum() >= 2 for name in control.name)
 

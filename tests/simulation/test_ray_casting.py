@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from small_block import FLIGHT, ground_under, scene, site, whole
 
-from schemas.raster import Window
-from schemas.truth import OPEN_MATERIALS
-from tasks.simulation.flight import BLOCK, exposure, views
-from tasks.simulation.jobs import see, sight_window
-from tasks.simulation.rendering import HALO, Film, blur, cast, expose, render
-from tasks.simulation.traversal import NOTHING, TOP, WALL, columns_of, first_hit, is_free, safe_start, widened
-from tasks.simulation.vehicles import vehicles_of, with_vehicles
+from orthomill.schemas.raster import Window
+from orthomill.schemas.truth import OPEN_MATERIALS
+from orthomill.tasks.simulation.flight import BLOCK, exposure, views
+from orthomill.tasks.simulation.jobs import see, sight_window
+from orthomill.tasks.simulation.rendering import HALO, Film, blur, cast, expose, render
+from orthomill.tasks.simulation.scene.traversal import NOTHING, TOP, WALL, columns_of, first_hit, is_free, safe_start, widened
+from orthomill.tasks.simulation.scene.vehicles import vehicles_of, with_vehicles
 
 CELL = 0.5
 FILM = Film(exposure(FLIGHT, 1), 2.0, 2009)
@@ -24,7 +24,7 @@ def blocks_on_a_slope(rows=64, cols=72):
     height = 10.0 + 0.2 * x - 0.1 * y + 0.3 * np.sin(x / 3.0)
     for _ in range(7):
         row, col = generator.integers(4, rows - 14), generator.integers(4, cols - 14)
-        height[row:row + 9, col:col + 7] = height[row, col] + generator.uniform(4.0, 15.0)
+        height[row : row + 9, col : col + 7] = height[row, col] + generator.uniform(4.0, 15.0)
     return height.astype(np.float32)
 
 
@@ -185,7 +185,7 @@ def test_the_lens_agrees_with_a_plain_gaussian():
     light = np.random.default_rng(2).uniform(0.0, 255.0, (12, 14, 3)).astype(np.float32)
     weights = np.exp(-0.5 * (np.arange(-HALO, HALO + 1) / 0.45) ** 2)
     kernel = np.outer(weights, weights) / weights.sum() ** 2
-    plain = sum(kernel[j, i] * light[j:j + 8, i:i + 10] for j in range(5) for i in range(5))
+    plain = sum(kernel[j, i] * light[j : j + 8, i : i + 10] for j in range(5) for i in range(5))
     assert np.allclose(blur(light, 0.45), plain, atol=1e-3)
 
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from small_block import FLIGHT, scene, site, whole
 
-from schemas.errors import GeometryError
-from schemas.raster import Window
-from schemas.truth import Material
-from tasks.simulation.flight import FlightSettings, scene_grid, scene_settings
-from tasks.simulation.ground_texture import SUN_ELEVATION, WATER_COLOUR, _sweep_shadow, painted_window
-from tasks.simulation.layout import building_clearance, ground_at, height_bounds, road_clearance, scene_bounds
-from tasks.simulation.scene import surface_window
-from tasks.simulation.settlement import scene_of
+from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.raster import Window
+from orthomill.schemas.truth import Material
+from orthomill.tasks.simulation.flight import FlightSettings, scene_grid, scene_settings
+from orthomill.tasks.simulation.scene.ground_texture import SUN_ELEVATION, WATER_COLOUR, _sweep_shadow, painted_window
+from orthomill.tasks.simulation.scene.layout import building_clearance, ground_at, height_bounds, road_clearance, scene_bounds
+from orthomill.tasks.simulation.scene.scene import surface_window
+from orthomill.tasks.simulation.scene.settlement import scene_of
 
 FULL = FlightSettings(2009, 230.0, 153.353, 96.0, 6800.0, 582.0, 0.6, 2, 3)
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tasks.texture.blending import Blend, Rejection, blend
+from orthomill.tasks.texture.blending import Blend, Rejection, blend
 
 PLAIN = Blend(Rejection("none"))
 
@@ -109,8 +109,13 @@ def _twin(values: np.ndarray, weights: np.ndarray, rule: Rejection, power: int) 
 
 
 @settings(max_examples=60, deadline=None)
-@given(seed=st.integers(0, 10**6), photos=st.integers(1, 9), centre=st.sampled_from(["none", "mean", "median", "deviation"]),
-       power=st.sampled_from([1, 2]), bands=st.sampled_from([1, 3]))
+@given(
+    seed=st.integers(0, 10**6),
+    photos=st.integers(1, 9),
+    centre=st.sampled_from(["none", "mean", "median", "deviation"]),
+    power=st.sampled_from([1, 2]),
+    bands=st.sampled_from([1, 3]),
+)
 def test_the_kernel_agrees_with_its_plain_twin(seed, photos, centre, power, bands):
     rng = np.random.default_rng(seed)
     colours = rng.uniform(0, 255, (photos, 3, 4, bands)).astype(np.float32)

@@ -7,18 +7,25 @@ import pytest
 from box_scene import BOX, CENTRES, DSM, ORTHO, block, heights, true_ortho, view
 from box_scene_stages import GAINS, VIGNETTING, photograph
 
-from schemas.errors import WorkflowError
-from schemas.raster import MapGrid, Window, tiles_of
-from schemas.surface import Surface
-from tasks.texture.blending import Blend, Rejection
-from tasks.texture.extent import PhotoSource, level_window, ortho_grid, photo_level, tile_extent
-from tasks.texture.mosaic import TextureRules, balance, sample_tile, texture_tile
-from tasks.texture.radiometry import PhotoRadiometry, Radiometry, Samples, balance_block, corrected
-from tasks.texture.sampling import Ground, PhotoPixelsAt, ground_of, sample_photo
+from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.raster import MapGrid, Window, tiles_of
+from orthomill.schemas.surface import Surface
+from orthomill.tasks.texture.blending import Blend, Rejection
+from orthomill.tasks.texture.extent import PhotoSource, level_window, ortho_grid, photo_level, tile_extent
+from orthomill.tasks.texture.mosaic import TextureRules, balance, sample_tile, texture_tile
+from orthomill.tasks.texture.radiometric_balance import PhotoRadiometry, Radiometry, Samples, balance_block, corrected
+from orthomill.tasks.texture.sampling import Ground, PhotoPixelsAt, ground_of, sample_photo
 
 WHOLE = Window(0, 0, 240, 240)
-RULES = TextureRules(tolerance=0.3, bridge=24, drape_gap=0, widening_margin=1.0, widening_ramp=2.0, feather=0.15,
-                     blend=Blend(Rejection("mean", 1.0, 12.0)))
+RULES = TextureRules(
+    tolerance=0.3,
+    bridge=24,
+    drape_gap=0,
+    widening_margin=1.0,
+    widening_ramp=2.0,
+    feather=0.15,
+    blend=Blend(Rejection("mean", 1.0, 12.0)),
+)
 SURFACE = Surface(grid=DSM, height_low=-2.0, height_high=16.0)
 SOURCES = [PhotoSource(view(name), 0, (420, 420, 3)) for name in CENTRES]
 
@@ -85,8 +92,9 @@ def test_worth_is_the_projected_area_of_the_surface_element(dx, dy):
     pixels = PhotoPixelsAt(np.zeros((420, 420, 1), np.uint8), Window(0, 0, 420, 420), 0)
     worth = sample_photo(plain, pixels, ground, np.ones(shape, np.uint8), 0.0).worth
     x, y = grid.centres(ground.window)
-    corners = np.array([[x[1] + sx * 0.1, y[1] + sy * 0.1, 5.0 + dx * sx * 0.1 + dy * sy * 0.1] for sx, sy in
-                        ((-1, -1), (1, -1), (1, 1), (-1, 1))])
+    corners = np.array(
+        [[x[1] + sx * 0.1, y[1] + sy * 0.1, 5.0 + dx * sx * 0.1 + dy * sy * 0.1] for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    )
     c, r = plain.project(corners).T
     area = 0.5 * abs(sum(c[i] * r[(i + 1) % 4] - c[(i + 1) % 4] * r[i] for i in range(4)))
     assert worth[1, 1] == pytest.approx(area, rel=1e-3)

@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 from textured_plane import CAMERA, NAMES, cameras, photograph, texture, true_partner
 
-from schemas.raster import Window, tiles_of
-from tasks.geometry.rotation import rotation_matrix
-from tasks.geometry.view import View
-from tasks.matching.points.correlation import Correlation
-from tasks.matching.points.interest_points import HarrisPoints
-from tasks.tie_points.correlation_search import CorrelationSearch, correlate_pair, mean_parallax, tile_interest_points
-from tasks.tie_points.features import Detection, photo_features
-from tasks.tie_points.pair_matching import PairRules
+from orthomill.schemas.raster import Window, tiles_of
+from orthomill.tasks.geometry.rotation import rotation_matrix
+from orthomill.tasks.geometry.view import View
+from orthomill.tasks.matching.points.correlation import TemplateCorrelation
+from orthomill.tasks.matching.points.interest_points import HarrisPoints
+from orthomill.tasks.tie_points.correlation_search import CorrelationSearch, correlate_pair, mean_parallax, tile_interest_points
+from orthomill.tasks.tie_points.features import Detection, photo_features
+from orthomill.tasks.tie_points.pair_matching import PairRules
 
 SHAPE = (CAMERA.height, CAMERA.width)
-SEARCH = CorrelationSearch(kind="correlation", points=HarrisPoints(min_strength=100.0), correlation=Correlation(search=101))
+SEARCH = CorrelationSearch(kind="correlation", points=HarrisPoints(min_strength=100.0), correlation=TemplateCorrelation(search=101))
 ANGLES = ((0.01, -0.015, 0.02), (-0.015, 0.01, -0.02))
 
 

@@ -4,11 +4,11 @@ import cv2
 import numpy as np
 import pytest
 
-from schemas.camera import Camera, Cameras
-from tasks.tie_points.descriptor_search import matches_along_lines, mutual_matches
-from tasks.tie_points.features import SEARCHED, searched_parts
-from tasks.tie_points.pair_matching import PairRules, epipolar_matrix, match_pair
-from tasks.tie_points.records import Features, Values
+from orthomill.schemas.camera import Camera, Cameras
+from orthomill.tasks.tie_points.descriptor_search import matches_along_lines, mutual_matches
+from orthomill.tasks.tie_points.features import SEARCHED, searched_parts
+from orthomill.tasks.tie_points.match_records import Features, Values
+from orthomill.tasks.tie_points.pair_matching import PairRules, epipolar_matrix, match_pair
 
 CAMERA = Camera(name="c", width=2000, height=1500, c=1800.0, source="given")
 CAMERAS = Cameras(cameras={"c": CAMERA}, of_photo={"a": "c", "b": "c"})

@@ -5,20 +5,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from schemas.errors import GeometryError
-from schemas.observations import TiePoints
-from schemas.photo import PHOTOS, Photo, Photos
-from schemas.stage import NotYet
-from tasks.tie_points.appearance import alike, sample, signature, vocabulary
-from tasks.tie_points.assembly import Weighting, assemble, with_measured_floor
-from tasks.tie_points.descriptor_search import mutual_matches
-from tasks.tie_points.pair_matching import stand_still
-from tasks.tie_points.pairs import Neighbourhood, candidate_pairs, looked_at, needs_appearance
-from tasks.tie_points.records import Features, Observations, PairMatches, PairSummary, Refined, Scatter, Values
-from tasks.tie_points.refinement import start_affine
-from tasks.tie_points.report import distribution_index, measure, shared_points
-from tasks.tie_points.stage import TiePointsStage
-from tasks.tie_points.tracks import build_tracks, observation_key
+from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.observations import TiePoints
+from orthomill.schemas.photo import PHOTOS, Photo, Photos
+from orthomill.schemas.stage_contract import NotYet
+from orthomill.tasks.tie_points.appearance import alike, sample, signature, vocabulary
+from orthomill.tasks.tie_points.descriptor_search import mutual_matches
+from orthomill.tasks.tie_points.match_records import Features, Observations, PairMatches, PairSummary, Refined, Scatter, Values
+from orthomill.tasks.tie_points.pair_matching import stand_still
+from orthomill.tasks.tie_points.pair_selection import Neighbourhood, candidate_pairs, looked_at, needs_appearance
+from orthomill.tasks.tie_points.refinement import start_affine
+from orthomill.tasks.tie_points.report import distribution_index, measure, shared_points
+from orthomill.tasks.tie_points.stage import TiePointsStage
+from orthomill.tasks.tie_points.tie_point_assembly import Weighting, assemble, with_measured_floor
+from orthomill.tasks.tie_points.tracks import build_tracks, observation_key
 
 
 def photos(count: int, position=lambda number: None) -> Photos:

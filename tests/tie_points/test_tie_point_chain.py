@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from textured_plane import CAMERA, NAMES, cameras, photograph, texture, true_partner, views
 
-from schemas.outcome import Outcome
-from schemas.raster import Window, tiles_of
-from tasks.matching.least_squares.model import LeastSquaresMatching
-from tasks.tie_points.assembly import Weighting, assemble
-from tasks.tie_points.features import CELL, Detection, photo_features, tile_features
-from tasks.tie_points.pair_matching import PairRules, epipolar_agreement, epipolar_scatter, match_pair
-from tasks.tie_points.patches import Strip, strip_patches
-from tasks.tie_points.records import DESCRIPTOR
-from tasks.tie_points.refinement import PatchRules, refine_pair
-from tasks.tie_points.tracks import build_tracks, observation_key
+from orthomill.schemas.outcome import Outcome
+from orthomill.schemas.raster import Window, tiles_of
+from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
+from orthomill.tasks.tie_points.features import CELL, Detection, photo_features, tile_features
+from orthomill.tasks.tie_points.match_records import DESCRIPTOR
+from orthomill.tasks.tie_points.pair_matching import PairRules, epipolar_agreement, epipolar_scatter, match_pair
+from orthomill.tasks.tie_points.patches import Strip, strip_patches
+from orthomill.tasks.tie_points.refinement import PatchRules, refine_pair
+from orthomill.tasks.tie_points.tie_point_assembly import Weighting, assemble
+from orthomill.tasks.tie_points.tracks import build_tracks, observation_key
 
 SHAPE = (CAMERA.height, CAMERA.width)
 RULES = PatchRules(0, 128, LeastSquaresMatching(max_shift=3.0, min_correlation=0.7))

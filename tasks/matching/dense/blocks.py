@@ -25,15 +25,15 @@ import numpy as np
 from numba import njit
 from scipy import ndimage
 
-from schemas.outcome import Outcome
-from schemas.raster import Window
-from schemas.settings import Settings, setting
-from tasks.matching.dense.epipolar_least_squares import EpipolarLimits, NodeParallaxes, StartSurface, match_nodes
-from tasks.matching.dense.semi_global import SemiGlobal, remove_specks, semi_global
-from tasks.matching.least_squares.matching import PreparedImage, match_points
-from tasks.matching.least_squares.model import LeastSquaresMatching
-from tasks.matching.least_squares.resampling import cubic_weights
-from tasks.matching.smoothing import smoothed, with_gaps
+from orthomill.schemas.outcome import Outcome
+from orthomill.schemas.raster import Window
+from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.matching.dense.epipolar_least_squares import EpipolarLimits, NodeParallaxes, StartSurface, match_nodes
+from orthomill.tasks.matching.dense.semi_global import SemiGlobal, remove_specks, semi_global
+from orthomill.tasks.matching.least_squares.grey_values import cubic_weights
+from orthomill.tasks.matching.least_squares.matching import PreparedImage, match_points
+from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
+from orthomill.tasks.matching.smoothing import smoothed, with_gaps
 
 BLOCK = 256
 """Side of a block in px of the left image."""
@@ -93,8 +93,16 @@ class DenseMatching(Settings):
     @property
     def limits(self) -> EpipolarLimits:
         return EpipolarLimits(
-            self.window // 2, min(self.edge_window, self.window) // 2, self.max_iterations, self.stop, self.max_shift,
-            self.surface_tolerance, self.min_support, self.min_correlation, self.min_gradient, self.smoothing,
+            self.window // 2,
+            min(self.edge_window, self.window) // 2,
+            self.max_iterations,
+            self.stop,
+            self.max_shift,
+            self.surface_tolerance,
+            self.min_support,
+            self.min_correlation,
+            self.min_gradient,
+            self.smoothing,
         )
 
 
@@ -150,7 +158,7 @@ def match_block(left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, 
     shape = tuple(-(-(side - 2 * HALO) // settings.step) for side in left.shape)
     start = start_surface(grey_left, grey_right, parallaxes, settings)
     if start is None:
-        return BlockMatch(_empty(shape, grey_left[HALO:-HALO:settings.step, HALO:-HALO:settings.step]), float("nan"))
+        return BlockMatch(_empty(shape, grey_left[HALO : -HALO : settings.step, HALO : -HALO : settings.step]), float("nan"))
     y_parallax = residual_y_parallax(grey_left, grey_right, start, parallaxes.high)
     if np.isfinite(y_parallax):
         grey_right = moved_rows(grey_right, np.float32(y_parallax))
@@ -174,8 +182,9 @@ def barren(nodes: NodeParallaxes, settings: DenseMatching) -> np.ndarray:
     return ~matched & (share < settings.coarse_below) & (nodes.outcome != Outcome.OUTSIDE)
 
 
-def coarse_nodes(left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, shape: tuple[int, int],
-                 settings: DenseMatching) -> NodeParallaxes:
+def coarse_nodes(
+    left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, shape: tuple[int, int], settings: DenseMatching
+) -> NodeParallaxes:
     """The nodes of a block as the coarse level sees them: its nearest pixel's parallax, never better than `coarse_sigma`."""
     level, factor = settings.coarse_level, 2**settings.coarse_level
     settings = settings.at_coarse_level
@@ -195,9 +204,17 @@ def coarse_nodes(left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange,
 
 def _completed(nodes: NodeParallaxes, coarse: NodeParallaxes, wanted: np.ndarray) -> NodeParallaxes:
     taken = wanted & np.isfinite(coarse.parallax)
-    return NodeParallaxes(*(np.where(taken, new, old) for old, new in (
-        (nodes.parallax, coarse.parallax), (nodes.sigma, coarse.sigma), (nodes.correlation, coarse.correlation),
-        (nodes.outcome, coarse.outcome))))
+    return NodeParallaxes(
+        *(
+            np.where(taken, new, old)
+            for old, new in (
+                (nodes.parallax, coarse.parallax),
+                (nodes.sigma, coarse.sigma),
+                (nodes.correlation, coarse.correlation),
+                (nodes.outcome, coarse.outcome),
+            )
+        )
+    )
 
 
 def start_surface(left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, settings: DenseMatching) -> StartSurface | None:
@@ -221,14 +238,15 @@ def start_surface(left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange
             return surface
 
 
-def _level_surface(left: np.ndarray, right: np.ndarray, whole: ParallaxRange, part: ParallaxRange, level: int,
-                   settings: DenseMatching) -> StartSurface:
+def _level_surface(
+    left: np.ndarray, right: np.ndarray, whole: ParallaxRange, part: ParallaxRange, level: int, settings: DenseMatching
+) -> StartSurface:
     """Semi-global matching on one level within `part` of the whole range."""
     factor = 2**level
     left, right = reduced(left, level), reduced(right, level)
     first = (whole.high - part.high) // factor
     candidates = (part.high - part.low) // factor + 1
-    found = semi_global(left, right[:, first:first + left.shape[1] + candidates - 1], settings.start)
+    found = semi_global(left, right[:, first : first + left.shape[1] + candidates - 1], settings.start)
     return StartSurface(found * np.float32(factor) + np.float32(part.low), factor)
 
 
@@ -308,7 +326,7 @@ def placed(array: np.ndarray, window: Window, wanted: Window) -> np.ndarray:
     if window.empty:
         return out
     row, col = window.row - wanted.row, window.col - wanted.col
-    out[row:row + window.height, col:col + window.width] = array.reshape(window.height, window.width)
+    out[row : row + window.height, col : col + window.width] = array.reshape(window.height, window.width)
     return out
 
 

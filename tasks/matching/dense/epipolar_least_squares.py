@@ -17,10 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from schemas.outcome import Outcome
-from tasks.matching.least_squares.resampling import EXACT, cubic_weights
-from tasks.matching.least_squares.small_systems import invert
-from tasks.matching.least_squares.window_block import dot
+from orthomill.schemas.outcome import Outcome
+from orthomill.tasks.matching.least_squares.grey_values import EXACT, cubic_weights
+from orthomill.tasks.matching.least_squares.small_systems import invert
+from orthomill.tasks.matching.least_squares.window_block import dot
 
 _CONVERGED, _LOW_TEXTURE, _OUTSIDE = int(Outcome.CONVERGED), int(Outcome.LOW_TEXTURE), int(Outcome.OUTSIDE)
 _NOT_CONVERGED, _MOVED_TOO_FAR, _SINGULAR = int(Outcome.NOT_CONVERGED), int(Outcome.MOVED_TOO_FAR), int(Outcome.SINGULAR)
@@ -33,7 +33,7 @@ _WHOLE = 0.85
 
 @dataclass(frozen=True)
 class EpipolarLimits:
-    """What the kernel needs of the settings: see `tasks.matching.dense.blocks.DenseMatching` for their meaning and units."""
+    """What the kernel needs of the settings: see `DenseMatching` in blocks.py for meaning and units."""
 
     half: int
     edge_half: int
@@ -49,8 +49,15 @@ class EpipolarLimits:
     def numbers_for(self, factor: int) -> tuple[float, ...]:
         """For the kernel, with a start surface whose pixels are `factor` px wide."""
         return (
-            self.half, self.max_iterations, self.stop, self.max_shift, self.surface_tolerance * factor, self.min_support,
-            self.min_correlation, self.min_gradient, self.edge_half,
+            self.half,
+            self.max_iterations,
+            self.stop,
+            self.max_shift,
+            self.surface_tolerance * factor,
+            self.min_support,
+            self.min_correlation,
+            self.min_gradient,
+            self.edge_half,
         )
 
 
@@ -324,8 +331,17 @@ def _hypotheses(window, half, reach, found):
 @njit(cache=True)
 def _buffers(half, correlation):
     n = (2 * half + 1) ** 2
-    return (np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32),
-            np.empty((3, n), np.float32), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), correlation)
+    return (
+        np.empty(n, np.float32),
+        np.empty(n, np.float32),
+        np.empty(n, np.float32),
+        np.empty(n, np.float32),
+        np.empty((3, n), np.float32),
+        np.empty((3, 3)),
+        np.empty((3, 3)),
+        np.empty((3, 3)),
+        correlation,
+    )
 
 
 @njit(cache=True)
@@ -386,8 +402,9 @@ def _match_nodes(left, right, start, factor, rows, cols, shift, correlation, num
                 sigma[i, j] = np.nan
 
 
-def match_nodes(left: np.ndarray, right: np.ndarray, start: StartSurface, rows: np.ndarray, cols: np.ndarray, shift: int,
-                limits: EpipolarLimits) -> NodeParallaxes:
+def match_nodes(
+    left: np.ndarray, right: np.ndarray, start: StartSurface, rows: np.ndarray, cols: np.ndarray, shift: int, limits: EpipolarLimits
+) -> NodeParallaxes:
     """Match the nodes (rows x cols) of a left image along the rows of a right image.
 
     left (H, W), right (H, W'): float32, smoothed, NaN without data. rows, cols: pixel rows (n,) and columns (m,) of the nodes.
@@ -396,8 +413,21 @@ def match_nodes(left: np.ndarray, right: np.ndarray, start: StartSurface, rows: 
     shape = len(rows), len(cols)
     nodes = NodeParallaxes(*(np.full(shape, np.nan, np.float32) for _ in range(3)), np.zeros(shape, np.uint8))
     sigma = max(limits.smoothing, 0.3)
-    correlation = np.exp(-np.arange(3) ** 2 / (4.0 * sigma**2)).astype(np.float32)
+    correlation = np.exp(-(np.arange(3) ** 2) / (4.0 * sigma**2)).astype(np.float32)
     rows, cols = np.asarray(rows, np.int64), np.asarray(cols, np.int64)
-    _match_nodes(left, right, start.parallax, start.factor, rows, cols, shift, correlation, limits.numbers_for(start.factor),
-                 nodes.parallax, nodes.sigma, nodes.correlation, nodes.outcome)
+    _match_nodes(
+        left,
+        right,
+        start.parallax,
+        start.factor,
+        rows,
+        cols,
+        shift,
+        correlation,
+        limits.numbers_for(start.factor),
+        nodes.parallax,
+        nodes.sigma,
+        nodes.correlation,
+        nodes.outcome,
+    )
     return nodes

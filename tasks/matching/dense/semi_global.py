@@ -11,7 +11,7 @@ Source: Hirschmueller 2008 (paths, left-right check); Zabih & Woodfill 1994 (cen
 import numpy as np
 from numba import njit
 
-from schemas.settings import Settings, setting
+from orthomill.schemas.settings import Settings, setting
 
 CENSUS_HALF = 3
 UNIT = 16
@@ -71,7 +71,7 @@ def _costs(left, right, right_valid, low, offset, blank):
         for c in range(cols):
             begin, end = offset[r * cols + c], offset[r * cols + c + 1]
             mine, first = left[r, c], cols - 1 - c + low[r, c]
-            here, theirs, good = cost[begin:end], backwards[first:first + end - begin], usable[first:first + end - begin]
+            here, theirs, good = cost[begin:end], backwards[first : first + end - begin], usable[first : first + end - begin]
             for k in range(end - begin):
                 bits = _bits(mine ^ theirs[k])
                 here[k] = np.uint8(bits) if good[k] else blank
@@ -112,7 +112,7 @@ def _sweep(cost, total, low, offset, candidates, small, large, backwards):
             old_first, old_last = ranges[now, c, 0], ranges[now, c, 1]
             if old_first != first or old_last != last:
                 for path in range(4):
-                    paths[now, c, path, old_first + 1:old_last + 1] = _WALL
+                    paths[now, c, path, old_first + 1 : old_last + 1] = _WALL
                 ranges[now, c, 0], ranges[now, c, 1] = first, last
             lowest[now, c, :] = 0
             if begin == end:
@@ -120,7 +120,7 @@ def _sweep(cost, total, low, offset, candidates, small, large, backwards):
             here, sums = cost[begin:end], total[begin:end]
             for path in range(4):
                 row, col = (now, c - 1) if path == 0 else (above, c + path - 2)
-                before, after = paths[row, col, path, first:last + 2], paths[now, c, path, first + 1:last + 1]
+                before, after = paths[row, col, path, first : last + 2], paths[now, c, path, first + 1 : last + 1]
                 lowest[now, c, path] = _step(before, after, here, sums, lowest[row, col, path], small, large)
 
 
@@ -138,7 +138,7 @@ def _winners(total, low, offset, right_valid, candidates):
         for c in range(cols):
             begin, end = offset[r * cols + c], offset[r * cols + c + 1]
             first, lowest = low[r, c], _NONE
-            here, rays = total[begin:end], best[c + candidates - first - (end - begin):c + candidates - first]
+            here, rays = total[begin:end], best[c + candidates - first - (end - begin) : c + candidates - first]
             for k in range(rays.size):
                 number = np.int32(np.int32(here[rays.size - 1 - k]) * 4096 + np.int32(first + rays.size - 1 - k))
                 lowest = min(lowest, number)

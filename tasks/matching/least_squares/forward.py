@@ -18,11 +18,11 @@ matching_and_dsm_check.md 1.3, 1.4).
 import numpy as np
 from numba import njit
 
-from tasks.matching.least_squares import results
-from tasks.matching.least_squares.model import GRADIENTS
-from tasks.matching.least_squares.resampling import bicubic, bilinear, leaves, nearest_pixel, on_lattice
-from tasks.matching.least_squares.small_systems import factor, solve
-from tasks.matching.least_squares.window_shape import ellipse_axes, ellipse_window, square_window
+from orthomill.tasks.matching.least_squares import result_columns as results
+from orthomill.tasks.matching.least_squares.grey_values import bicubic, bilinear, leaves, nearest_pixel, on_lattice
+from orthomill.tasks.matching.least_squares.model import GRADIENTS
+from orthomill.tasks.matching.least_squares.small_systems import factor, solve
+from orthomill.tasks.matching.least_squares.window_shape import ellipse_axes, ellipse_window, square_window
 
 _F, _G, _GX, _GY, _X, _Y = range(6)
 """Rows of the table of observations."""
@@ -68,8 +68,13 @@ def _on_left_pixels(images, at, a, reach, spans, rules, patch, seen):
     if not (reach_x <= col < left.shape[1] - reach_x and reach_y <= row < left.shape[0] - reach_y):
         return -1
     block_x, block_y = reach_x + (0 if alone else 1), reach_y + (0 if alone else 1)
-    if leaves(right.shape, base_col + t0, base_row + t1, block_x * abs(a[0]) + block_y * abs(a[1]),
-              block_x * abs(a[2]) + block_y * abs(a[3])):
+    if leaves(
+        right.shape,
+        base_col + t0,
+        base_row + t1,
+        block_x * abs(a[0]) + block_y * abs(a[1]),
+        block_x * abs(a[2]) + block_y * abs(a[3]),
+    ):
         return -1
     width = right.shape[1]
     origin = base_row * width + base_col
@@ -106,8 +111,13 @@ def _on_right_pixels(images, at, centre, a, reach, spans, rules, patch, seen):
     dx, dy = centre[0] - base_col - t0, centre[1] - base_row - t1
     whole = rules.gradients == _WHOLE_PIXELS
     block_x, block_y = reach_x + (0 if whole else 1), reach_y + (0 if whole else 1)
-    if leaves(left.shape, col + i0 * dx + i1 * dy, row + i2 * dx + i3 * dy, block_x * abs(i0) + block_y * abs(i1),
-              block_x * abs(i2) + block_y * abs(i3)):
+    if leaves(
+        left.shape,
+        col + i0 * dx + i1 * dy,
+        row + i2 * dx + i3 * dy,
+        block_x * abs(i0) + block_y * abs(i1),
+        block_x * abs(i2) + block_y * abs(i3),
+    ):
         return -1
     width = left.shape[1]
     origin = row * width + col
@@ -332,8 +342,13 @@ def match_forward(left, right, points, starts, affine, half, reach, rules, value
     """Match points (N, 2) of `left` in `right`: arguments as of `inverse_compositional.match_inverse`."""
     side = 2 * reach + 1
     scratch = (
-        np.empty((side, 2), np.int64), np.empty((side + 2, side + 2), np.float32), np.empty((6, side * side)), np.empty((8, 8)),
-        np.empty((8, 8)), np.empty(8), np.empty(8),
+        np.empty((side, 2), np.int64),
+        np.empty((side + 2, side + 2), np.float32),
+        np.empty((6, side * side)),
+        np.empty((8, 8)),
+        np.empty((8, 8)),
+        np.empty(8),
+        np.empty(8),
     )
     images = (left, right, left.ravel(), right.ravel())
     start, a = np.empty(2), np.empty(4)

@@ -13,11 +13,11 @@ Source: Baker & Matthews 2004; methods/matching_windows.md 2.1 (rows 1 to 3); ma
 import numpy as np
 from numba import njit
 
-from tasks.matching.least_squares import results
-from tasks.matching.least_squares.model import LEAST_AREA
-from tasks.matching.least_squares.resampling import leaves, nearest_pixel, on_lattice
-from tasks.matching.least_squares.shift_precision import correlated_products, influence
-from tasks.matching.least_squares.template import (
+from orthomill.tasks.matching.least_squares import result_columns as results
+from orthomill.tasks.matching.least_squares.grey_values import leaves, nearest_pixel, on_lattice
+from orthomill.tasks.matching.least_squares.model import LEAST_AREA
+from orthomill.tasks.matching.least_squares.shift_precision import correlated_products, influence
+from orthomill.tasks.matching.least_squares.template import (
     FLAT,
     ZERO,
     Template,
@@ -27,10 +27,11 @@ from tasks.matching.least_squares.template import (
     unknowns_of,
     work_for,
 )
-from tasks.matching.least_squares.window_block import block_pitch, gradient_moments, grey_sums, warp_window
+from orthomill.tasks.matching.least_squares.window_block import block_pitch, gradient_moments, grey_sums, warp_window
 
 _RESHAPED = 5
 """Iterations after which an ellipse keeps its shape: small ones can go to and fro between two, for ever."""
+
 
 @njit(cache=True, error_model="numpy")
 def _compose(a, d):
@@ -91,7 +92,7 @@ def _cofactors(template, px, py, rules, work):
     pitch = block_pitch(template.reach_x)
     pad, size = 2 * pitch, n + 4 * pitch
     on_x, on_y, along = work.on_x[:size], work.on_y[:size], work.along[:size]
-    along[size - 2:] = ZERO
+    along[size - 2 :] = ZERO
     for axis in range(2):
         d[:] = 0.0
         d[3 * axis] = 1.0
@@ -149,8 +150,13 @@ def _match_one(left, right, shapes, pixel, half, place, t, a, rules, work, value
             if rules.ellipse:
                 axes = ellipse_of(rules, work)
         reach = template.reach_x, template.reach_y
-        if leaves(shapes[1], base[0] + t[0], base[1] + t[1], reach[0] * abs(a[0]) + reach[1] * abs(a[1]),
-                  reach[0] * abs(a[2]) + reach[1] * abs(a[3])):
+        if leaves(
+            shapes[1],
+            base[0] + t[0],
+            base[1] + t[1],
+            reach[0] * abs(a[0]) + reach[1] * abs(a[1]),
+            reach[0] * abs(a[2]) + reach[1] * abs(a[3]),
+        ):
             return results.OUTSIDE, iteration
         level_right = warp_window(right, shapes[1][1], base, t, a, rules.bicubic, reach, work.spans, work.patch)
         outcome, residual = _correction(template, level_right, rules, work, values)
@@ -196,5 +202,4 @@ def match_inverse(left, right, points, starts, affine, half, reach, rules, value
         a[:] = affine[i]
         t[0] = starts[i, 0] - (a[0] * place[0] + a[1] * place[1])
         t[1] = starts[i, 1] - (a[2] * place[0] + a[3] * place[1])
-        outcome[i], iterations[i] = _match_one(flat_left, flat_right, shapes, pixel, half[i], place, t, a, rules, work,
-                                               values[i])
+        outcome[i], iterations[i] = _match_one(flat_left, flat_right, shapes, pixel, half[i], place, t, a, rules, work, values[i])

@@ -17,12 +17,19 @@ from typing import Literal
 import numpy as np
 from numba import njit
 
-from schemas.outcome import Outcome
-from tasks.matching.least_squares import results as column
-from tasks.matching.least_squares.forward import match_forward
-from tasks.matching.least_squares.inverse_compositional import match_inverse
-from tasks.matching.least_squares.model import LEAST_AREA, MOST_HALF, Forward, LeastSquaresMatching, reach_of_window, rules_of
-from tasks.matching.smoothing import smoothed, with_gaps
+from orthomill.schemas.outcome import Outcome
+from orthomill.tasks.matching.least_squares import result_columns as column
+from orthomill.tasks.matching.least_squares.forward import match_forward
+from orthomill.tasks.matching.least_squares.inverse_compositional import match_inverse
+from orthomill.tasks.matching.least_squares.model import (
+    LEAST_AREA,
+    MOST_HALF,
+    Forward,
+    LeastSquaresMatching,
+    reach_of_window,
+    rules_of,
+)
+from orthomill.tasks.matching.smoothing import smoothed, with_gaps
 
 _FARTHEST = 1e9
 """Coordinates beyond this are not those of a pixel."""
@@ -57,7 +64,7 @@ class Matches:
     iterations: np.ndarray
     """(N,) uint8"""
     outcome: np.ndarray
-    """(N,) uint8: `schemas.outcome.Outcome`"""
+    """(N,) uint8: `orthomill.schemas.outcome.Outcome`"""
 
     def __len__(self) -> int:
         return len(self.col)
@@ -100,9 +107,16 @@ def prepare(image: np.ndarray, settings: LeastSquaresMatching, mask: np.ndarray 
     return PreparedImage(smoothed(with_gaps(image, mask), settings.smoothing))
 
 
-def match_points(left: np.ndarray | PreparedImage, right: np.ndarray | PreparedImage, points: np.ndarray, starts: np.ndarray,
-                 settings: LeastSquaresMatching, affine: np.ndarray | None = None, half: np.ndarray | None = None,
-                 reference: Literal["point", "centroid"] = "point") -> Matches:
+def match_points(
+    left: np.ndarray | PreparedImage,
+    right: np.ndarray | PreparedImage,
+    points: np.ndarray,
+    starts: np.ndarray,
+    settings: LeastSquaresMatching,
+    affine: np.ndarray | None = None,
+    half: np.ndarray | None = None,
+    reference: Literal["point", "centroid"] = "point",
+) -> Matches:
     """Match points of the left image in the right one.
 
     left, right: (H, W) of uint8, uint16 or float32, of any two sizes, 0 or NaN is no data; or images from `prepare`.
@@ -172,11 +186,15 @@ def _before(points: np.ndarray, starts: np.ndarray, affine: np.ndarray, half: np
 def _matches(values: np.ndarray, half: np.ndarray, iterations: np.ndarray, outcome: np.ndarray) -> Matches:
     covariance = values[:, [column.VAR_COL, column.COVARIANCE, column.COVARIANCE, column.VAR_ROW]]
     return Matches(
-        col=values[:, column.COL], row=values[:, column.ROW],
+        col=values[:, column.COL],
+        row=values[:, column.ROW],
         reference=values[:, [column.REFERENCE_COL, column.REFERENCE_ROW]],
         covariance=covariance.astype(np.float32).reshape(-1, 2, 2),
-        sigma0=values[:, column.SIGMA0].astype(np.float32), correlation=values[:, column.CORRELATION].astype(np.float32),
-        affine=values[:, column.A12:column.A12 + 4].astype(np.float32),
+        sigma0=values[:, column.SIGMA0].astype(np.float32),
+        correlation=values[:, column.CORRELATION].astype(np.float32),
+        affine=values[:, column.A12 : column.A12 + 4].astype(np.float32),
         radiometry=values[:, [column.GAIN, column.OFFSET]].astype(np.float32),
-        half=half.astype(np.uint8), iterations=iterations, outcome=outcome,
+        half=half.astype(np.uint8),
+        iterations=iterations,
+        outcome=outcome,
     )

@@ -11,7 +11,7 @@ from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field
 
-from schemas.settings import Settings, setting
+from orthomill.schemas.settings import Settings, setting
 
 MOST_HALF = 60
 """Half side of the largest window, px."""
@@ -39,7 +39,8 @@ class Forward(Settings):
         "alone, one-sided at its border and used as they are.",
     )
     max_area_change: float | None = setting(
-        10.0, "A window that the affine mirrors, or whose area it changes by more than this factor, has gone astray; null: never.",
+        10.0,
+        "A window that the affine mirrors, or whose area it changes by more than this factor, has gone astray; null: never.",
         gt=1.0,
     )
 
@@ -120,9 +121,19 @@ def published(window: int, shape: Square | Ellipse | None = None, limited: bool 
     gradients = "window_right" if isinstance(shape, Square) else "resampled_left"
     forward = Forward(gradients=gradients, max_area_change=_NO_LIMIT)
     return LeastSquaresMatching(
-        window=window, shape=shape, formulation=forward, radiometry="none", smoothing=0.0, interpolation="bilinear",
-        max_iterations=14, stop=0.1, max_step=3.0 if limited else _NO_LIMIT, max_affine_step=0.1 if limited else _NO_LIMIT,
-        max_shift=_NO_LIMIT, min_correlation=-1.0, min_gradient=0.0,
+        window=window,
+        shape=shape,
+        formulation=forward,
+        radiometry="none",
+        smoothing=0.0,
+        interpolation="bilinear",
+        max_iterations=14,
+        stop=0.1,
+        max_step=3.0 if limited else _NO_LIMIT,
+        max_affine_step=0.1 if limited else _NO_LIMIT,
+        max_shift=_NO_LIMIT,
+        min_correlation=-1.0,
+        min_gradient=0.0,
     )
 
 
@@ -166,11 +177,21 @@ def rules_of(settings: LeastSquaresMatching, centroid: bool) -> Rules:
     forward = settings.formulation if isinstance(settings.formulation, Forward) else Forward()
     ellipse = isinstance(shape, Ellipse)
     return Rules(
-        shift_only=settings.geometry == "shift", radiometry=("none", "normalised", "estimated").index(settings.radiometry),
-        centroid=centroid, bicubic=settings.interpolation == "bicubic",
-        gradients=GRADIENTS.index(forward.gradients), max_area_change=forward.max_area_change or math.inf, ellipse=ellipse,
-        across=ellipse and shape.major_axis == "across", max_axis_ratio=float(shape.max_axis_ratio) if ellipse else 1.0,
-        smoothing=settings.smoothing, max_iterations=settings.max_iterations, stop=settings.stop, max_step=settings.max_step,
-        max_affine_step=settings.max_affine_step, max_shift=settings.max_shift, min_correlation=settings.min_correlation,
+        shift_only=settings.geometry == "shift",
+        radiometry=("none", "normalised", "estimated").index(settings.radiometry),
+        centroid=centroid,
+        bicubic=settings.interpolation == "bicubic",
+        gradients=GRADIENTS.index(forward.gradients),
+        max_area_change=forward.max_area_change or math.inf,
+        ellipse=ellipse,
+        across=ellipse and shape.major_axis == "across",
+        max_axis_ratio=float(shape.max_axis_ratio) if ellipse else 1.0,
+        smoothing=settings.smoothing,
+        max_iterations=settings.max_iterations,
+        stop=settings.stop,
+        max_step=settings.max_step,
+        max_affine_step=settings.max_affine_step,
+        max_shift=settings.max_shift,
+        min_correlation=settings.min_correlation,
         min_gradient=settings.min_gradient,
     )

@@ -8,7 +8,7 @@ noise after the Gaussian, cut at two pixels, separable, so that C a is one short
 import numpy as np
 from numba import njit
 
-from tasks.matching.least_squares.resampling import EXACT
+from orthomill.tasks.matching.least_squares.grey_values import EXACT
 
 
 @njit(cache=True, error_model="numpy")
@@ -28,9 +28,9 @@ def influence(block, pad, xs, ys, weights, grey_share, offset, out):
     w0, w1, w2 = np.float32(weights[0]), np.float32(weights[1]), np.float32(weights[2])
     w3, w4, w5 = np.float32(weights[3]), np.float32(weights[4]), np.float32(weights[5])
     share, constant = np.float32(grey_share), np.float32(offset)
-    body = out[pad:pad + grey.size]
+    body = out[pad : pad + grey.size]
     out[:pad] = np.float32(0.0)
-    out[pad + grey.size:] = np.float32(0.0)
+    out[pad + grey.size :] = np.float32(0.0)
     for i in range(grey.size):
         slope = gx[i] * (w0 + w1 * xs[i] + w2 * ys[i]) + gy[i] * (w3 + w4 * xs[i] + w5 * ys[i])
         body[i] = slope - inside[i] * (share * grey[i] + constant)
@@ -43,14 +43,14 @@ def correlated_products(influence, other, pitch, near, far, along):
     All arrays have 2 `pitch` zeros at both ends; `along` is scratch.
     """
     n = influence.size
-    m1, p1, m2, p2 = influence[1:n - 3], influence[3:n - 1], influence[0:n - 4], influence[4:n]
-    centre, body = influence[2:n - 2], along[2:n - 2]
+    m1, p1, m2, p2 = influence[1 : n - 3], influence[3 : n - 1], influence[0 : n - 4], influence[4:n]
+    centre, body = influence[2 : n - 2], along[2 : n - 2]
     for i in range(n - 4):
         body[i] = centre[i] + near * (m1[i] + p1[i]) + far * (m2[i] + p2[i])
     size = n - 4 * pitch
-    u2, u1, c0 = along[0:size], along[pitch:pitch + size], along[2 * pitch:2 * pitch + size]
-    d1, d2 = along[3 * pitch:3 * pitch + size], along[4 * pitch:4 * pitch + size]
-    a, b = influence[2 * pitch:2 * pitch + size], other[2 * pitch:2 * pitch + size]
+    u2, u1, c0 = along[0:size], along[pitch : pitch + size], along[2 * pitch : 2 * pitch + size]
+    d1, d2 = along[3 * pitch : 3 * pitch + size], along[4 * pitch : 4 * pitch + size]
+    a, b = influence[2 * pitch : 2 * pitch + size], other[2 * pitch : 2 * pitch + size]
     own = cross = np.float32(0.0)
     for i in range(size):
         total = c0[i] + near * (u1[i] + d1[i]) + far * (u2[i] + d2[i])

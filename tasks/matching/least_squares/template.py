@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from tasks.matching.least_squares import results
-from tasks.matching.least_squares.shift_precision import residual_correlation
-from tasks.matching.least_squares.small_systems import factor, solve
-from tasks.matching.least_squares.window_block import (
+from orthomill.tasks.matching.least_squares import result_columns as results
+from orthomill.tasks.matching.least_squares.shift_precision import residual_correlation
+from orthomill.tasks.matching.least_squares.small_systems import factor, solve
+from orthomill.tasks.matching.least_squares.window_block import (
     LANES,
     block_pitch,
     cut_window,
@@ -25,7 +25,7 @@ from tasks.matching.least_squares.window_block import (
     grey_sums,
     second_moments,
 )
-from tasks.matching.least_squares.window_shape import ellipse_axes, ellipse_window, pixels_of, square_window
+from orthomill.tasks.matching.least_squares.window_shape import ellipse_axes, ellipse_window, pixels_of, square_window
 
 FLAT = 1e-6
 """Variance of grey values below which a window is taken as constant."""
@@ -49,7 +49,7 @@ class Template(NamedTuple):
     """sum of squares of the grey values about their mean"""
 
 
-class Work(NamedTuple):
+class WindowScratch(NamedTuple):
     """Arrays that every point uses again."""
 
     spans: np.ndarray
@@ -83,11 +83,25 @@ def work_for(reach, smoothing):
     """Arrays for windows that reach `reach` px from their centre."""
     size = block_pitch(reach) * (2 * reach + 1) + LANES
     longer = size + 4 * block_pitch(reach)
-    return Work(
-        np.empty((2 * reach + 1, 2), np.int64), np.zeros(1, np.int64), np.empty(size, np.float32), np.empty(size, np.float32),
-        np.zeros(size, np.float32), np.zeros(size, np.float32), np.zeros(size, np.float32), np.zeros(size, np.float32),
-        np.zeros(size, np.float32), np.empty((3, 6)), np.empty(6), np.empty(6), np.empty((6, 6)), np.empty((6, 6)), np.empty(6),
-        np.zeros(longer, np.float32), np.zeros(longer, np.float32), np.zeros(longer, np.float32),
+    return WindowScratch(
+        np.empty((2 * reach + 1, 2), np.int64),
+        np.zeros(1, np.int64),
+        np.empty(size, np.float32),
+        np.empty(size, np.float32),
+        np.zeros(size, np.float32),
+        np.zeros(size, np.float32),
+        np.zeros(size, np.float32),
+        np.zeros(size, np.float32),
+        np.zeros(size, np.float32),
+        np.empty((3, 6)),
+        np.empty(6),
+        np.empty(6),
+        np.empty((6, 6)),
+        np.empty((6, 6)),
+        np.empty(6),
+        np.zeros(longer, np.float32),
+        np.zeros(longer, np.float32),
+        np.zeros(longer, np.float32),
         residual_correlation(smoothing),
     )
 

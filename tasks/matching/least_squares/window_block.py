@@ -10,7 +10,7 @@ Strategy
 import numpy as np
 from numba import njit
 
-from tasks.matching.least_squares.resampling import EXACT, cubic_weights
+from orthomill.tasks.matching.least_squares.grey_values import EXACT, cubic_weights
 
 LANES = 16
 """Pixels that are resampled at once; an array for a block has as many more at its end."""
@@ -60,8 +60,8 @@ def cut_window(flat, width, col, row, reach, spans, grey, gx, gy):
         k = (row + j - reach_y) * width + col + first
         wide = full_lanes(n, flat.size - k - width)
         up, centre, down, length = np.uint64(k - width), np.uint64(k - 1), np.uint64(k + width), np.uint64(wide)
-        above, line, below = flat[up:up + length], flat[centre:centre + length + np.uint64(2)], flat[down:down + length]
-        to_grey, to_x, to_y = grey[at:at + wide], gx[at:at + wide], gy[at:at + wide]
+        above, line, below = flat[up : up + length], flat[centre : centre + length + np.uint64(2)], flat[down : down + length]
+        to_grey, to_x, to_y = grey[at : at + wide], gx[at : at + wide], gy[at : at + wide]
         for i in range(wide):
             to_grey[i] = line[i + 1] - level if i < n else zero
         for i in range(wide):
@@ -132,8 +132,8 @@ def _bicubic_run(flat, k, width, rest, drift, level, n, patch, at):
     wide = full_lanes(n, flat.size - int(k + width + width) - 2)
     length = np.uint64(wide + 3)
     a, b, c, d = k - width - one, k - one, k + width - one, k + width + width - one
-    first, second, third, fourth = flat[a:a + length], flat[b:b + length], flat[c:c + length], flat[d:d + length]
-    line = patch[at:at + wide]
+    first, second, third, fourth = flat[a : a + length], flat[b : b + length], flat[c : c + length], flat[d : d + length]
+    line = patch[at : at + wide]
     for i in range(wide):
         x = np.float32(i)
         w0, w1, w2, w3 = cubic_weights(rest[0] + drift[0] * x)
@@ -152,8 +152,8 @@ def _bilinear_run(flat, k, width, rest, drift, level, n, patch, at):
     """As `_bicubic_run`, from 2 x 2 pixels."""
     wide = full_lanes(n, flat.size - int(k + width) - 1)
     length = np.uint64(wide + 1)
-    above, below = flat[k:k + length], flat[k + width:k + width + length]
-    line = patch[at:at + wide]
+    above, below = flat[k : k + length], flat[k + width : k + width + length]
+    line = patch[at : at + wide]
     for i in range(wide):
         x = np.float32(i)
         f, g = rest[0] + drift[0] * x, rest[1] + drift[1] * x

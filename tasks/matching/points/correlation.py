@@ -18,15 +18,15 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from schemas.outcome import Outcome
-from schemas.settings import Settings, setting
-from tasks.matching.points.sub_pixel import paraboloid_peaks
-from tasks.matching.smoothing import with_gaps
+from orthomill.schemas.outcome import Outcome
+from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.matching.points.sub_pixel import paraboloid_peaks
+from orthomill.tasks.matching.smoothing import with_gaps
 
 cv2.setNumThreads(1)
 
 
-class Correlation(Settings):
+class TemplateCorrelation(Settings):
     """How points are matched by normalised correlation."""
 
     template: int = setting(21, "Side of the template; an even number is taken as the next odd one.", "px", ge=5, le=101)
@@ -55,7 +55,7 @@ class Correlated:
     correlation: np.ndarray
     """float32: of the best place, NaN where there was no candidate"""
     outcome: np.ndarray
-    """uint8: `schemas.outcome.Outcome`"""
+    """uint8: `orthomill.schemas.outcome.Outcome`"""
 
     @property
     def converged(self) -> np.ndarray:
@@ -63,7 +63,7 @@ class Correlated:
         return self.outcome == int(Outcome.CONVERGED)
 
 
-class _Found(NamedTuple):
+class _BestPlace(NamedTuple):
     """The best place of a template: its pixel, where the correlation peaks beside it, and how it went."""
 
     outcome: Outcome
@@ -74,7 +74,7 @@ class _Found(NamedTuple):
 
 
 def correlate(
-    left: np.ndarray, right: np.ndarray, points: np.ndarray, starts: np.ndarray, settings: Correlation
+    left: np.ndarray, right: np.ndarray, points: np.ndarray, starts: np.ndarray, settings: TemplateCorrelation
 ) -> Correlated:
     """Match points of the left image in search windows of the right one.
 
@@ -92,9 +92,11 @@ def correlate(
     return Correlated(values[:, 0], values[:, 1], values[:, 2].astype(np.float32), outcome)
 
 
-def _matched(left: np.ndarray, right: np.ndarray, point: np.ndarray, start: np.ndarray, settings: Correlation) -> _Found:
+def _matched(
+    left: np.ndarray, right: np.ndarray, point: np.ndarray, start: np.ndarray, settings: TemplateCorrelation
+) -> _BestPlace:
     if not (np.isfinite(point).all() and np.isfinite(start).all() and np.abs([point, start]).max() < 1e9):
-        return _Found(Outcome.OUTSIDE)
+        return _BestPlace(Outcome.OUTSIDE)
     pixel, centre = np.floor(np.array([point, start]) + 0.5).astype(np.int64)
     found = _best(left, right, pixel, centre, settings)
     if found.outcome != Outcome.CONVERGED or settings.max_return is None:
@@ -104,23 +106,25 @@ def _matched(left: np.ndarray, right: np.ndarray, point: np.ndarray, start: np.n
     return found if back.outcome == Outcome.CONVERGED and returned else found._replace(outcome=Outcome.INCONSISTENT)
 
 
-def _best(image: np.ndarray, other: np.ndarray, pixel: np.ndarray, centre: np.ndarray, settings: Correlation) -> _Found:
+def _best(image: np.ndarray, other: np.ndarray, pixel: np.ndarray, centre: np.ndarray, settings: TemplateCorrelation) -> _BestPlace:
     """The best place in `other`, about `centre`, of the template about `pixel` of `image`."""
     half, reach = settings.half, settings.reach
     template = _cut(image, pixel, half)
     if template.shape != (2 * half + 1, 2 * half + 1) or np.isnan(template).any():
-        return _Found(Outcome.OUTSIDE)
+        return _BestPlace(Outcome.OUTSIDE)
     if template.std(dtype=np.float64) < settings.min_deviation:
-        return _Found(Outcome.LOW_TEXTURE)
+        return _BestPlace(Outcome.LOW_TEXTURE)
     search = _cut(other, centre, half + reach)
     if min(search.shape) < 2 * half + 1:
-        return _Found(Outcome.OUTSIDE)
+        return _BestPlace(Outcome.OUTSIDE)
     surface = correlation_surface(template, search, settings.min_deviation)
     if not (surface > -2.0).any():
-        return _Found(Outcome.LOW_TEXTURE if np.isneginf(surface).all() else Outcome.OUTSIDE)
+        return _BestPlace(Outcome.LOW_TEXTURE if np.isneginf(surface).all() else Outcome.OUTSIDE)
     row, col = np.unravel_index(np.nanargmax(surface), surface.shape)
     first = np.maximum(centre - half - reach, 0) + half
-    found = _Found(Outcome.CONVERGED, int(first[0] + col), int(first[1] + row), float(surface[row, col]), _peak(surface, row, col))
+    found = _BestPlace(
+        Outcome.CONVERGED, int(first[0] + col), int(first[1] + row), float(surface[row, col]), _peak(surface, row, col)
+    )
     if found.correlation < settings.min_correlation:
         return found._replace(outcome=Outcome.LOW_CORRELATION)
     if not np.isfinite(found.peak).all():

@@ -11,9 +11,9 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from schemas.raster import Window
-from schemas.settings import Settings, setting
-from tasks.matching.points.interest_points import InterestPoints
+from orthomill.schemas.raster import Window
+from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.matching.points.interest_points import InterestPoints
 
 
 class GridDistribution(Settings):
@@ -35,9 +35,7 @@ class GruberDistribution(Settings):
 Distribution = Annotated[GridDistribution | GruberDistribution, Field(discriminator="kind")]
 
 
-def distributed(
-    points: InterestPoints, overlap: Window, distribution: GridDistribution | GruberDistribution
-) -> InterestPoints:
+def distributed(points: InterestPoints, overlap: Window, distribution: GridDistribution | GruberDistribution) -> InterestPoints:
     """The chosen points, in their order. overlap: the part of the image that the other photograph shows too."""
     inside = np.flatnonzero(_inside(points, overlap))
     found = points.take(inside)
@@ -63,7 +61,7 @@ def gruber_areas(overlap: Window, side: int) -> tuple[Window, ...]:
 def _inside(points: InterestPoints, window: Window) -> np.ndarray:
     """(N,) bool: the nearest pixel lies in the window."""
     row, col = np.floor(points.row + 0.5), np.floor(points.col + 0.5)
-    return ((row >= window.row) & (row < window.row + window.height) & (col >= window.col) & (col < window.col + window.width))
+    return (row >= window.row) & (row < window.row + window.height) & (col >= window.col) & (col < window.col + window.width)
 
 
 def _strongest(points: InterestPoints, cells: np.ndarray, count: int) -> np.ndarray:

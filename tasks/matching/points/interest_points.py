@@ -21,10 +21,10 @@ import numpy as np
 from numba import njit
 from pydantic import Field
 
-from schemas.raster import Window
-from schemas.settings import Settings, setting
-from tasks.matching.points.sub_pixel import paraboloid_peaks
-from tasks.matching.smoothing import reach_of, smoothed, with_gaps
+from orthomill.schemas.raster import Window
+from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.matching.points.sub_pixel import paraboloid_peaks
+from orthomill.tasks.matching.smoothing import reach_of, smoothed, with_gaps
 
 _PREWITT = 6.0
 """the mask's answer to a slope of one grey value per px"""
@@ -45,8 +45,10 @@ class HarrisPoints(_Detector):
 
     kind: Literal["harris"] = "harris"
     min_strength: float = setting(
-        3000.0, "Noble's measure that a point must exceed, for grey values of 0 to 255 and undivided Prewitt masks.",
-        "grey values^2", gt=0.0,
+        3000.0,
+        "Noble's measure that a point must exceed, for grey values of 0 to 255 and undivided Prewitt masks.",
+        "grey values^2",
+        gt=0.0,
     )
 
 
@@ -55,7 +57,9 @@ class FoerstnerPoints(_Detector):
 
     kind: Literal["foerstner"] = "foerstner"
     min_weight: float = setting(
-        5000.0, "Weight that a point must exceed; noise of s grey values leaves s / sqrt(weight) px.", "grey values^2 / px^2",
+        5000.0,
+        "Weight that a point must exceed; noise of s grey values leaves s / sqrt(weight) px.",
+        "grey values^2 / px^2",
         gt=0.0,
     )
     min_roundness: float = setting(

@@ -15,11 +15,11 @@ Source: methods/measured.md, window experiments.
 
 import numpy as np
 
-from schemas.outcome import Outcome
-from schemas.settings import Settings, setting
-from tasks.matching.least_squares.matching import Matches, match_points, prepare
-from tasks.matching.least_squares.model import LeastSquaresMatching
-from tasks.matching.strategies.match_tables import merged, rejected, taken
+from orthomill.schemas.outcome import Outcome
+from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.matching.least_squares.matching import Matches, match_points, prepare
+from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
+from orthomill.tasks.matching.strategies.match_tables import merged, rejected, taken
 
 _FIND = LeastSquaresMatching(window=27, smoothing=1.2, interpolation="bilinear", stop=0.05, min_gradient=0.1)
 _MEASURE = LeastSquaresMatching(window=27, smoothing=0.6, max_shift=1.5, min_gradient=0.1)
@@ -36,8 +36,14 @@ class CascadeMatching(Settings):
     max_sigma: float = setting(0.12, "Standard error beyond which a point is not returned.", "px", gt=0.0)
 
 
-def match_cascade(left: np.ndarray, right: np.ndarray, points: np.ndarray, starts: np.ndarray, settings: CascadeMatching,
-                  affine: np.ndarray | None = None) -> Matches:
+def match_cascade(
+    left: np.ndarray,
+    right: np.ndarray,
+    points: np.ndarray,
+    starts: np.ndarray,
+    settings: CascadeMatching,
+    affine: np.ndarray | None = None,
+) -> Matches:
     """Match points of the left image in the right one; arguments as of `match_points`, images not yet prepared.
 
     `Matches.half` tells the window whose result is handed over, or the one that lost the point.

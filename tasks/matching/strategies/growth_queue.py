@@ -41,9 +41,15 @@ class Queues(NamedTuple):
 def queues_for(region: np.ndarray) -> Queues:
     """Empty queues for nodes (N,) of regions 0 to n - 1."""
     count, regions = len(region), int(region.max(initial=-1)) + 1
-    return Queues(region.astype(np.int32), np.zeros(count, np.uint8), np.full((count, PRIORITIES), -1, np.int32),
-                  np.full((regions, PRIORITIES), -1, np.int32), np.full((regions, PRIORITIES), -1, np.int32),
-                  np.full((count, 2), np.nan), np.tile([1.0, 0.0, 0.0, 1.0], (count, 1)))
+    return Queues(
+        region.astype(np.int32),
+        np.zeros(count, np.uint8),
+        np.full((count, PRIORITIES), -1, np.int32),
+        np.full((regions, PRIORITIES), -1, np.int32),
+        np.full((regions, PRIORITIES), -1, np.int32),
+        np.full((count, 2), np.nan),
+        np.tile([1.0, 0.0, 0.0, 1.0], (count, 1)),
+    )
 
 
 @njit(cache=True)
@@ -109,5 +115,11 @@ def push_neighbours(queues, cols, step, levels, nodes, right, affine, across):
                 if (queues.region[node] != queues.region[nodes[i]]) != across:
                     continue
                 dx, dy = (x - c) * step, (y - r) * step
-                push(queues, node, 2 * level + along_row, right[i, 0] + (a[0] * dx + a[1] * dy),
-                     right[i, 1] + (a[2] * dx + a[3] * dy), a)
+                push(
+                    queues,
+                    node,
+                    2 * level + along_row,
+                    right[i, 0] + (a[0] * dx + a[1] * dy),
+                    right[i, 1] + (a[2] * dx + a[3] * dy),
+                    a,
+                )

@@ -2,14 +2,15 @@
 
 import numpy as np
 
-from schemas.outcome import Outcome
-from tasks.matching.least_squares.matching import Matches
+from orthomill.schemas.outcome import Outcome
+from orthomill.tasks.matching.least_squares.matching import Matches
 
 
 def moved(found: Matches, left: np.ndarray, right: np.ndarray) -> Matches:
     """The same matches with their positions moved by (col, row) in the left and in the right image."""
-    return Matches(**{**found.__dict__, "col": found.col + right[0], "row": found.row + right[1],
-                      "reference": found.reference + left})
+    return Matches(
+        **{**found.__dict__, "col": found.col + right[0], "row": found.row + right[1], "reference": found.reference + left}
+    )
 
 
 def merged(old: Matches, new: Matches, rows: np.ndarray) -> Matches:

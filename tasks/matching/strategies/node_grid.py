@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from tasks.matching.least_squares.matching import Matches, PreparedImage, match_points, prepare
-from tasks.matching.least_squares.model import LeastSquaresMatching
-from tasks.matching.strategies.match_tables import moved
+from orthomill.tasks.matching.least_squares.matching import Matches, PreparedImage, match_points, prepare
+from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
+from orthomill.tasks.matching.strategies.match_tables import moved
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,8 +80,9 @@ class PreparedPair:
         half: half side of the windows, None for that of the settings.
         """
         half = np.where(np.isfinite(starts).all(axis=1), self.settings.half if half is None else half, 0)
-        found = match_points(self.left, self.right, points - self.left_origin, starts - self.right_origin, self.settings, affine,
-                             half)
+        found = match_points(
+            self.left, self.right, points - self.left_origin, starts - self.right_origin, self.settings, affine, half
+        )
         return moved(found, self.left_origin, self.right_origin)
 
 

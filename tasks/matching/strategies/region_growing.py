@@ -19,16 +19,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schemas.outcome import Outcome
-from schemas.settings import Settings, setting
-from tasks.matching.least_squares.matching import Matches
-from tasks.matching.least_squares.model import LeastSquaresMatching
-from tasks.matching.smoothing import reach_of
-from tasks.matching.strategies.growth_queue import SEED, Queues, pop_each, push, push_neighbours, queues_for
-from tasks.matching.strategies.match_tables import rejected
-from tasks.matching.strategies.node_grid import ImagePart, NodeGrid, PreparedPair, agreement
-from tasks.matching.strategies.pyramid import PyramidMatching, SearchRange, coarse_field
-from tasks.matching.strategies.pyramid import halo as pyramid_halo
+from orthomill.schemas.outcome import Outcome
+from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.matching.least_squares.matching import Matches
+from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
+from orthomill.tasks.matching.smoothing import reach_of
+from orthomill.tasks.matching.strategies.coarse_to_fine import PyramidMatching, SearchRange, coarse_field
+from orthomill.tasks.matching.strategies.coarse_to_fine import halo as pyramid_halo
+from orthomill.tasks.matching.strategies.growth_queue import SEED, Queues, pop_each, push, push_neighbours, queues_for
+from orthomill.tasks.matching.strategies.match_tables import rejected
+from orthomill.tasks.matching.strategies.node_grid import ImagePart, NodeGrid, PreparedPair, agreement
 
 _MATCHING = LeastSquaresMatching(window=21, smoothing=0.6, max_shift=2.0)
 
@@ -82,14 +82,23 @@ def grow(left: ImagePart, right: ImagePart, grid: NodeGrid, seeds: Seeds, settin
     found = _grown(pair, points, queues, grid, found, settings)
     for _ in range(settings.crossings if settings.region and len(points) else 0):
         solved = np.flatnonzero(found.converged)
-        push_neighbours(queues, grid.cols, float(grid.step), settings.levels, solved, found.position[solved],
-                        found.affine[solved].astype(np.float64), True)
+        push_neighbours(
+            queues,
+            grid.cols,
+            float(grid.step),
+            settings.levels,
+            solved,
+            found.position[solved],
+            found.affine[solved].astype(np.float64),
+            True,
+        )
         found = _grown(pair, points, queues, grid, found, settings)
     return _agreeing(found, grid, settings)
 
 
-def found_seeds(left: ImagePart, right: ImagePart, grid: NodeGrid, search: SearchRange, settings: RegionGrowing,
-                pyramid: PyramidMatching) -> Seeds:
+def found_seeds(
+    left: ImagePart, right: ImagePart, grid: NodeGrid, search: SearchRange, settings: RegionGrowing, pyramid: PyramidMatching
+) -> Seeds:
     """Seeds on a lattice of the grid, `settings.seeds` along each side of every region, from the coarse levels of a pyramid."""
     nodes = grid.points()[_seed_nodes(grid, settings)]
     if len(nodes) == 0:
@@ -115,13 +124,16 @@ def _regions(grid: NodeGrid, settings: RegionGrowing) -> np.ndarray:
     """(rows * cols,) number of the region of every node."""
     if settings.region == 0:
         return np.zeros(grid.rows * grid.cols, np.int32)
-    rows, cols = ((first + np.arange(count)) // settings.region - first // settings.region
-                  for first, count in ((grid.row, grid.rows), (grid.col, grid.cols)))
+    rows, cols = (
+        (first + np.arange(count)) // settings.region - first // settings.region
+        for first, count in ((grid.row, grid.rows), (grid.col, grid.cols))
+    )
     return (rows[:, None] * (cols.max(initial=0) + 1) + cols).ravel()
 
 
 def _seed_nodes(grid: NodeGrid, settings: RegionGrowing) -> np.ndarray:
     """(rows * cols,) bool: the nodes of the lattice of seeds."""
+
     def of_line(first: int, count: int) -> np.ndarray:
         side = settings.region or max(count, 1)
         place = (first * bool(settings.region) + np.arange(count)) % side
@@ -141,8 +153,9 @@ def _plant(queues: Queues, grid: NodeGrid, seeds: Seeds) -> None:
             push(queues, row * grid.cols + col, SEED, moved_col, moved_row, a)
 
 
-def _grown(pair: PreparedPair, points: np.ndarray, queues: Queues, grid: NodeGrid, found: Matches,
-           settings: RegionGrowing) -> Matches:
+def _grown(
+    pair: PreparedPair, points: np.ndarray, queues: Queues, grid: NodeGrid, found: Matches, settings: RegionGrowing
+) -> Matches:
     """Grow all regions until nobody waits; `found` is filled in place."""
     active = np.arange(len(queues.first))
     popped = np.empty(len(active), np.int64)
@@ -152,8 +165,16 @@ def _grown(pair: PreparedPair, points: np.ndarray, queues: Queues, grid: NodeGri
         for name, table in found.__dict__.items():
             table[nodes] = new.__dict__[name]
         solved = new.converged
-        push_neighbours(queues, grid.cols, float(grid.step), settings.levels, nodes[solved], new.position[solved],
-                        new.affine[solved].astype(np.float64), False)
+        push_neighbours(
+            queues,
+            grid.cols,
+            float(grid.step),
+            settings.levels,
+            nodes[solved],
+            new.position[solved],
+            new.affine[solved].astype(np.float64),
+            False,
+        )
     return found
 
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schemas.errors import WorkflowError
-from tasks.matching.windows.measures import entropy, gradient_weights, statistics
-from tasks.matching.windows.sizes import (
+from orthomill.schemas.errors import WorkflowError
+from orthomill.tasks.matching.windows.measures import entropy, gradient_weights, statistics
+from orthomill.tasks.matching.windows.sizes import (
     CombinedWindow,
     EntropyWindow,
     FixedWindow,
@@ -34,7 +34,7 @@ _BATCH = 16384
 
 
 @dataclass(frozen=True)
-class Calibration:
+class LimitCalibration:
     """A sizing with its limits set, and the share of the points that gets a window from it.
 
     The share falls short where the points lack texture even for a limit of zero, and goes beyond where other rules of the method
@@ -77,7 +77,7 @@ def _highest(values: np.ndarray) -> np.ndarray:
     return np.fmax.reduce(values[:, 1:], axis=1, initial=-np.inf)
 
 
-def calibrated(sizing: WindowSizing, last: np.ndarray, share: float) -> Calibration:
+def calibrated(sizing: WindowSizing, last: np.ndarray, share: float) -> LimitCalibration:
     """The sizing whose limits give a window to `share` (0 to 1) of the points with these `last_limits` (N, limits)."""
     if not 0.0 < share <= 1.0:
         raise WorkflowError(f"{100 * share:g} per cent of the points cannot be given a window; say more than 0 and at most 100.")
@@ -92,7 +92,7 @@ def calibrated(sizing: WindowSizing, last: np.ndarray, share: float) -> Calibrat
     else:
         sizing = _limited(sizing, limits[0])
         used = (_limit(sizing),)
-    return Calibration(sizing, float((last > used).all(axis=1).mean()))
+    return LimitCalibration(sizing, float((last > used).all(axis=1).mean()))
 
 
 def _limits(last: np.ndarray, wanted: int) -> np.ndarray:

@@ -17,7 +17,7 @@ _FRACTION = 40
 """bits behind the point in sums of k ln k"""
 
 
-class Growth(NamedTuple):
+class WindowGrowth(NamedTuple):
     """The windows of a set of points, from half size `first` - 1 to `last`."""
 
     pixels: np.ndarray
@@ -32,7 +32,7 @@ class Growth(NamedTuple):
         return len(self.pixels), self.last - self.first + 2
 
 
-def entropy(levels: np.ndarray, growth: Growth) -> np.ndarray:
+def entropy(levels: np.ndarray, growth: WindowGrowth) -> np.ndarray:
     """Entropy -sum p ln p of the grey levels, in nats, (N, sizes). levels: (H, W) int16."""
     counts = np.arange((2 * growth.last + 1) ** 2 + 1, dtype=np.float64)
     terms = np.rint(np.ldexp(counts * np.log(np.maximum(counts, 1.0)), _FRACTION)).astype(np.int64)
@@ -41,14 +41,14 @@ def entropy(levels: np.ndarray, growth: Growth) -> np.ndarray:
     return out
 
 
-def statistics(levels: np.ndarray, growth: Growth) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def statistics(levels: np.ndarray, growth: WindowGrowth) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Mean, standard deviation (over n) and range (max - min) of the grey levels, each (N, sizes). levels: (H, W) int16."""
     out = np.full((3, *growth.shape), np.nan)
     _statistics(levels, growth.pixels, growth.rooms, growth.first, out)
     return out[0], out[1], out[2]
 
 
-def gradient_weights(levels: np.ndarray, growth: Growth) -> tuple[np.ndarray, np.ndarray]:
+def gradient_weights(levels: np.ndarray, growth: WindowGrowth) -> tuple[np.ndarray, np.ndarray]:
     """Foerstner's weight w = det N / tr N and roundness q = 4 det N / (tr N)^2, each (N, sizes). levels: (H, W) int16.
 
     N is the sum over the window of products of central differences, in grey levels per px, which need one pixel around the

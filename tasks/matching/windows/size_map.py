@@ -8,8 +8,8 @@ Source: methods/matching_windows.md 2.2 (row 8).
 
 import numpy as np
 
-from schemas.raster import Window
-from tasks.matching.windows.sizes import GreyLevels, WindowSizing, window_sizes
+from orthomill.schemas.raster import Window
+from orthomill.tasks.matching.windows.sizes import GreyLevels, WindowSizing, window_sizes
 
 _ROWS = 64
 """rows of a tile that are sized at a time"""

@@ -17,9 +17,9 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from schemas.outcome import Outcome
-from schemas.settings import Settings, setting
-from tasks.matching.windows.measures import Growth, border_rooms, data_rooms, entropy, gradient_weights, statistics
+from orthomill.schemas.outcome import Outcome
+from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.matching.windows.measures import WindowGrowth, border_rooms, data_rooms, entropy, gradient_weights, statistics
 
 _BATCH = 16384
 """points that are measured at a time"""
@@ -70,8 +70,11 @@ class EntropyWindow(GrowingWindow):
     kind: Literal["entropy"] = "entropy"
     min_entropy: float = setting(4.0, "Entropy that a window must exceed.", "nats", ge=0.0, le=6.0)
     min_gain: float = setting(
-        0.0, "A window whose entropy grew by less than this from the size before is accepted as well; 0 leaves this rule out.",
-        "nats", ge=0.0, le=1.0,
+        0.0,
+        "A window whose entropy grew by less than this from the size before is accepted as well; 0 leaves this rule out.",
+        "nats",
+        ge=0.0,
+        le=1.0,
     )
     min_stalled: float = setting(3.0, "Entropy that a window accepted for its small gain must have.", "nats", ge=0.0, le=6.0)
 
@@ -81,7 +84,9 @@ class FoerstnerWindow(GrowingWindow):
 
     kind: Literal["foerstner"] = "foerstner"
     min_weight: float = setting(
-        2000.0, "Weight that a window must exceed; noise of s grey levels leaves s / sqrt(weight) px.", "grey levels^2 / px^2",
+        2000.0,
+        "Weight that a window must exceed; noise of s grey levels leaves s / sqrt(weight) px.",
+        "grey levels^2 / px^2",
         ge=0.0,
     )
     min_roundness: float = setting(
@@ -134,8 +139,8 @@ class WindowSizes:
 def grey_levels(image: np.ndarray, mask: np.ndarray | None = None, limits: tuple[float, float] = (0.0, 255.0)) -> GreyLevels:
     """Grey levels of an image (H, W) of any dtype.
 
-    `limits` become 0 and 255, and what lies beyond is clipped (16 bits: `tasks.imagery.radiometry.grey_range`). NaN, infinity and
-    False of `mask` (H, W) are no data.
+    `limits` become 0 and 255, and what lies beyond is clipped (16 bits: `grey_range` in imagery/radiometry.py). NaN, infinity
+    and False of `mask` (H, W) are no data.
     """
     low, high = limits
     grey = np.asarray(image)
@@ -171,14 +176,14 @@ def nearest_pixels(points: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     return np.where(inside[:, None], nearest, -1).astype(np.int64)
 
 
-def growth_of(image: GreyLevels, pixels: np.ndarray, sizing: SingleWindow) -> Growth:
+def growth_of(image: GreyLevels, pixels: np.ndarray, sizing: SingleWindow) -> WindowGrowth:
     """How far the windows of pixels (N, 2) may grow; gradients need one pixel around them."""
     margin = int(isinstance(sizing, FoerstnerWindow))
     last = sizing.halves[-1]
     rooms = border_rooms(image.levels.shape, pixels, last + margin)
     if not image.complete:
         rooms = data_rooms(image.levels, pixels, rooms)
-    return Growth(pixels, np.maximum(rooms - margin, -1), sizing.halves[0], last)
+    return WindowGrowth(pixels, np.maximum(rooms - margin, -1), sizing.halves[0], last)
 
 
 def _sized(image: GreyLevels, pixels: np.ndarray, sizing: SingleWindow) -> tuple[np.ndarray, np.ndarray]:
@@ -189,22 +194,22 @@ def _sized(image: GreyLevels, pixels: np.ndarray, sizing: SingleWindow) -> tuple
     return half, np.where(chosen > 0, Outcome.NOT_TRIED, outcome)
 
 
-def _chosen_in_two(levels: np.ndarray, growth: Growth, sizing: SingleWindow) -> np.ndarray:
+def _chosen_in_two(levels: np.ndarray, growth: WindowGrowth, sizing: SingleWindow) -> np.ndarray:
     """As `chosen_size`, but most windows are small, and large ones need not be measured then.
 
     The statistical rules look at all sizes before they choose one.
     """
     if isinstance(sizing, StatisticalWindow) or not growth.first <= _SMALL < growth.last:
         return chosen_size(levels, growth, sizing)
-    small = Growth(growth.pixels, np.minimum(growth.rooms, _SMALL), growth.first, _SMALL)
+    small = WindowGrowth(growth.pixels, np.minimum(growth.rooms, _SMALL), growth.first, _SMALL)
     chosen = chosen_size(levels, small, sizing)
     others = np.flatnonzero((chosen == 0) & (growth.rooms > _SMALL))
-    large = Growth(growth.pixels[others], growth.rooms[others], growth.first, growth.last)
+    large = WindowGrowth(growth.pixels[others], growth.rooms[others], growth.first, growth.last)
     chosen[others] = chosen_size(levels, large, sizing)
     return chosen
 
 
-def chosen_size(levels: np.ndarray, growth: Growth, sizing: SingleWindow) -> np.ndarray:
+def chosen_size(levels: np.ndarray, growth: WindowGrowth, sizing: SingleWindow) -> np.ndarray:
     """(N,) column of the measures (see window_measures.py) whose window is chosen; 0 for none."""
     if isinstance(sizing, StatisticalWindow):
         return statistical_choice(*statistics(levels, growth), sizing)

@@ -8,10 +8,10 @@ import re
 
 import numpy as np
 
-from schemas.errors import WorkflowError
-from schemas.orientation import Block
-from tasks.geometry.rotation import rotation_matrix
-from tasks.orientation.interchange.foreign_block import ForeignBlock, Pose, photo_name
+from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.orientation import Block
+from orthomill.tasks.geometry.rotation import rotation_matrix
+from orthomill.tasks.orientation.interchange.foreign_block import ForeignBlock, ForeignPose, photo_name
 
 COLUMNS = ("photo", "x", "y", "z", "omega", "phi", "kappa")
 SIGMAS = ("sigma_x", "sigma_y", "sigma_z", "sigma_omega", "sigma_phi", "sigma_kappa")
@@ -25,7 +25,7 @@ def read_angles(text: str) -> ForeignBlock:
     """The table as a block without cameras. Raises WorkflowError naming every line that is wrong."""
     rows = [(number, _cells(line)) for number, line in enumerate(text.lstrip("\ufeff").splitlines(), 1) if line.strip()]
     names, rows = _columns(rows)
-    poses: dict[str, Pose] = {}
+    poses: dict[str, ForeignPose] = {}
     mistakes = []
     for number, cells in rows:
         row = dict(zip(names, cells, strict=False))
@@ -60,7 +60,7 @@ def _columns(rows: list[tuple[int, list[str]]]) -> tuple[list[str], list[tuple[i
     )
 
 
-def _pose(row: dict[str, str]) -> Pose | None:
+def _pose(row: dict[str, str]) -> ForeignPose | None:
     try:
         numbers = np.array([float(row[name]) for name in COLUMNS[1:]])
         stated = all(row.get(name) for name in SIGMAS)
@@ -71,7 +71,7 @@ def _pose(row: dict[str, str]) -> Pose | None:
         return None
     if sigma is not None:
         sigma = np.concatenate([sigma[:3], np.radians(sigma[3:])])
-    return Pose(rotation_matrix(*np.radians(numbers[3:])), numbers[:3], sigma)
+    return ForeignPose(rotation_matrix(*np.radians(numbers[3:])), numbers[:3], sigma)
 
 
 def write_angles(block: Block) -> str:

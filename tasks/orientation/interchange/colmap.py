@@ -7,10 +7,10 @@ Source: COLMAP's documentation, "Output format" and camera models.
 
 import numpy as np
 
-from schemas.camera import Camera
-from schemas.errors import WorkflowError
-from tasks.geometry.rotation_quaternion import quaternion, rotation_of_quaternion
-from tasks.orientation.interchange.foreign_block import Y_DOWN, ForeignBlock, Pose, photo_name
+from orthomill.schemas.camera import Camera
+from orthomill.schemas.errors import WorkflowError
+from orthomill.tasks.geometry.rotation_quaternion import quaternion, rotation_of_quaternion
+from orthomill.tasks.orientation.interchange.foreign_block import Y_DOWN, ForeignBlock, ForeignPose, photo_name
 
 _LENS = {
     "SIMPLE_PINHOLE": ("f", "cx", "cy"),
@@ -42,7 +42,7 @@ def read_colmap(cameras: str, images: str, points: str = "") -> ForeignBlock:
             )
         rotation = rotation_of_quaternion(np.array(words[1:5], float))
         name = photo_name(words[9])
-        poses[name] = Pose(Y_DOWN @ rotation, origin - rotation.T @ np.array(words[5:8], float))
+        poses[name] = ForeignPose(Y_DOWN @ rotation, origin - rotation.T @ np.array(words[5:8], float))
         of_photo[name] = known[words[8]]
     rows = [line.split() for line in _lines(points)]
     errors = [float(row[7]) for row in rows if float(row[7]) >= 0.0]

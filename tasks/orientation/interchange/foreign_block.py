@@ -9,11 +9,10 @@ from pathlib import PurePath
 
 import numpy as np
 
-from schemas.camera import Camera
-from schemas.errors import WorkflowError
-from schemas.photo import Photo, Photos
-from schemas.wording import some_of
-from tasks.geometry.camera_change import TURN, file_size, scaled, turned
+from orthomill.schemas.camera import Camera
+from orthomill.schemas.errors import WorkflowError, some_of
+from orthomill.schemas.photo import Photo, Photos
+from orthomill.tasks.geometry.camera_change import TURN, file_size, scaled, turned
 
 Y_DOWN = np.diag([1.0, -1.0, -1.0])
 """From a camera that looks along +z with y down to one that looks along -z with y up, and back."""
@@ -23,7 +22,7 @@ _SAME_SHAPE = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Pose:
+class ForeignPose:
     """`rotation` (3, 3) world to image, `centre` (3,) of a photograph; `sigma` (6,) standard errors of X, Y, Z (m) and omega, phi,
     kappa (rad) where the file states them."""
 
@@ -37,7 +36,7 @@ class ForeignBlock:
     """Poses by the name of the photograph, its camera by the same name (none: the project's own), points (N, 3) that the program
     found, the mean reprojection error that it states (px), and sentences about what could not be carried over."""
 
-    poses: dict[str, Pose]
+    poses: dict[str, ForeignPose]
     cameras: dict[str, Camera]
     points: np.ndarray
     error_px: float | None = None
@@ -85,7 +84,7 @@ def _left_out(block: ForeignBlock, known: dict[str, Photo]) -> tuple[str, ...]:
     return (f"The block that was read has {len(others)} photographs that the project has not: {some_of(others)}.",)
 
 
-def file_view(photo: Photo, camera: Camera, pose: Pose) -> tuple[Camera, Pose]:
+def file_view(photo: Photo, camera: Camera, pose: ForeignPose) -> tuple[Camera, ForeignPose]:
     """Camera and pose of a photograph as a program sees it that opens the file as it is."""
     turn = _inverse_flag(photo.exif_orientation)
     return turned(camera, turn), _turned_pose(pose, photo, "to file")
@@ -96,7 +95,7 @@ def _inverse_flag(orientation: int) -> int:
     return {6: 8, 8: 6}.get(orientation, orientation)
 
 
-def _turned_pose(pose: Pose, photo: Photo, way: str) -> Pose:
+def _turned_pose(pose: ForeignPose, photo: Photo, way: str) -> ForeignPose:
     flag = photo.exif_orientation if way == "to upright" else _inverse_flag(photo.exif_orientation)
     turn = np.eye(3)
     turn[:2, :2] = TURN[flag]
@@ -105,7 +104,7 @@ def _turned_pose(pose: Pose, photo: Photo, way: str) -> Pose:
             f"{photo.name} is mirrored by its EXIF orientation {flag}, which no orientation in space can express for another "
             "program; save the photograph upright first."
         )
-    return Pose(turn @ pose.rotation, pose.centre, pose.sigma)
+    return ForeignPose(turn @ pose.rotation, pose.centre, pose.sigma)
 
 
 def _upright_camera(camera: Camera, photo: Photo) -> Camera:

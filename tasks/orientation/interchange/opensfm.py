@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from schemas.camera import Camera
-from schemas.errors import WorkflowError
-from tasks.geometry.rotation_vector import rotation_of_vector, vector_of_rotation
-from tasks.geometry.topocentric import Reference, Topocentric, reference_of
-from tasks.orientation.interchange.foreign_block import Y_DOWN, ForeignBlock, Pose, photo_name
+from orthomill.schemas.camera import Camera
+from orthomill.schemas.errors import WorkflowError
+from orthomill.tasks.geometry.rotation_vector import rotation_of_vector, vector_of_rotation
+from orthomill.tasks.geometry.topocentric import Reference, Topocentric, reference_of
+from orthomill.tasks.orientation.interchange.foreign_block import Y_DOWN, ForeignBlock, ForeignPose, photo_name
 
 _MODELS = {
     "perspective": ("focal", "focal", ("k1", "k2")),
@@ -54,9 +54,9 @@ def _reference(place: dict[str, float]) -> Reference:
     return Reference(float(place["latitude"]), float(place["longitude"]), float(place["altitude"]))
 
 
-def _pose(shot: dict[str, Any]) -> Pose:
+def _pose(shot: dict[str, Any]) -> ForeignPose:
     rotation = rotation_of_vector(np.array(shot["rotation"], float))
-    return Pose(Y_DOWN @ rotation, -rotation.T @ np.array(shot["translation"], float))
+    return ForeignPose(Y_DOWN @ rotation, -rotation.T @ np.array(shot["translation"], float))
 
 
 def _camera(name: str, values: dict[str, Any]) -> tuple[Camera, str]:
@@ -80,7 +80,7 @@ def _on_map(block: ForeignBlock, reference: Reference, crs: str) -> ForeignBlock
     """From east, north, up to the map."""
     frame = Topocentric(reference, crs)
     poses = {
-        name: Pose(pose.rotation @ frame.turn(pose.centre).T, frame.to_map(pose.centre[None])[0])
+        name: ForeignPose(pose.rotation @ frame.turn(pose.centre).T, frame.to_map(pose.centre[None])[0])
         for name, pose in block.poses.items()
     }
     return ForeignBlock(poses, block.cameras, frame.to_map(block.points), block.error_px, block.remarks)
@@ -100,7 +100,7 @@ def write_opensfm(block: ForeignBlock, files: dict[str, str], crs: str) -> str:
     return json.dumps([{"cameras": cameras, "shots": shots, "points": points, "reference_lla": place}], indent=1)
 
 
-def _shot(pose: Pose, camera: str, frame: Topocentric) -> dict[str, Any]:
+def _shot(pose: ForeignPose, camera: str, frame: Topocentric) -> dict[str, Any]:
     centre = frame.from_map(pose.centre[None])[0]
     rotation = Y_DOWN @ pose.rotation @ frame.turn(centre)
     translation = -rotation @ centre

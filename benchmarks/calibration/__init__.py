@@ -1,0 +1,1 @@
+"""Benchmarks of calibration, rendered and real."""

@@ -1,0 +1,1 @@
+"""Benchmarks of matching, beside the published experiments."""

@@ -1,0 +1,59 @@
+"""What the strategies are measured against, on whole images: OpenCV's semi-global matching, and the pipeline's densification.
+
+Both take a pair whose rows are homologous and give parallaxes (column left - column right, px), NaN where they accept nothing.
+"""
+
+import cv2
+import numpy as np
+
+from orthomill.schemas.raster import Window
+from orthomill.tasks.matching.dense.blocks import (
+    BLOCK,
+    DenseMatching,
+    ParallaxRange,
+    left_window,
+    match_block,
+    placed,
+    right_window,
+)
+
+
+def semi_global_opencv(left: np.ndarray, right: np.ndarray, low: float, high: float, checked: bool = False) -> np.ndarray:
+    """(H, W) float32 of cv2.StereoSGBM, block 5, 3-way; low, high: parallaxes that can occur.
+
+    checked: with its own tests (left-right 1 px, uniqueness 10 %, speckles of 100 px), else every value it can give.
+    """
+    cv2.setNumThreads(1)
+    first = int(np.floor(low))
+    count = -(-(int(np.ceil(high)) - first + 1) // 16) * 16
+    wide = np.zeros((left.shape[0], left.shape[1] + count), np.uint8)
+    wide[:, count:] = left
+    moved = np.zeros_like(wide)
+    target = np.arange(wide.shape[1]) - count - first
+    inside = (target >= 0) & (target < right.shape[1])
+    moved[:, inside] = right[: left.shape[0], target[inside]]
+    tests = {"disp12MaxDiff": 1, "uniquenessRatio": 10, "speckleWindowSize": 100, "speckleRange": 2} if checked else {}
+    matcher = cv2.StereoSGBM_create(
+        minDisparity=0, numDisparities=count, blockSize=5, P1=8 * 25, P2=32 * 25, mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY, **tests
+    )
+    found = matcher.compute(wide, moved)[:, count:]
+    return np.where(found >= 0, found / np.float32(16.0) + np.float32(first), np.float32(np.nan)).astype(np.float32)
+
+
+def densification(left: np.ndarray, right: np.ndarray, low: float, high: float, settings: DenseMatching) -> np.ndarray:
+    """(H / step, W / step) float32: every node as the stage densification matches it, block by block."""
+    parallaxes = ParallaxRange.around(low, high)
+    rows, cols = (-(-side // BLOCK) for side in left.shape)
+    side = BLOCK // settings.step
+    out = np.empty((rows * side, cols * side), np.float32)
+    for row in range(rows):
+        for col in range(cols):
+            core = Window(row * BLOCK, col * BLOCK, BLOCK, BLOCK)
+            wanted = left_window(core), right_window(core, parallaxes)
+            pair = []
+            for image, window in zip((left, right), wanted, strict=True):
+                read = window.clipped(image.shape)
+                pair.append(placed(image[read.slices], read, window))
+            found = match_block(*pair, parallaxes, settings).nodes.parallax
+            out[row * side : (row + 1) * side, col * side : (col + 1) * side] = found
+    return out[: -(-left.shape[0] // settings.step), : -(-left.shape[1] // settings.step)]

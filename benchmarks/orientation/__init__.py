@@ -1,0 +1,1 @@
+"""Benchmarks of orientation and adjustment, simulated and real."""

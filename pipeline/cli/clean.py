@@ -1,0 +1,29 @@
+"""Removes what runs left behind, and nothing else."""
+
+import shutil
+from pathlib import Path
+
+from orthomill.pipeline.engine.lock import only_run
+from orthomill.schemas.errors import StoreError
+
+
+def clean_run(folder: Path, stages: tuple[str, ...]) -> None:
+    """Remove the results of some stages, or with none named the run's folder.
+
+    Raises StoreError when there is nothing or it cannot be removed, ResourceError while the project is being run.
+    """
+    if not folder.is_dir():
+        raise StoreError(f"{folder} does not exist; there is nothing to clean.")
+    parts = [folder / part / stage for stage in stages for part in ("rasters.zarr", "tables", "jobs")]
+    with only_run(folder):
+        for doomed in parts or [folder]:
+            _remove(doomed)
+
+
+def _remove(folder: Path) -> None:
+    try:
+        shutil.rmtree(folder)
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise StoreError(f"{folder} cannot be removed: {error.strerror}; make it writable.") from error

@@ -1,0 +1,339 @@
+"""The command `orthomill`: hands the catalogue of stages to the engine and speaks with the person at the terminal.
+
+Every error that orthomill can explain is one sentence and an exit code: 1 for failed tiles, 2 for input that cannot be used,
+130 for Ctrl-C. A traceback is shown with --debug only.
+"""
+
+import gc
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table as Lines
+
+from orthomill.pipeline.cli.calibrate import BoardsSaid, calibration_workflow
+from orthomill.pipeline.cli.clean import clean_run
+from orthomill.pipeline.cli.doctor import doctor as examine
+from orthomill.pipeline.cli.inspect_photo import GuardedPhoto, picture_path, write_map
+from orthomill.pipeline.cli.plan_lines import plan_lines, plan_notes
+from orthomill.pipeline.engine.interruption import listen
+from orthomill.pipeline.engine.lock import is_running, only_run
+from orthomill.pipeline.engine.records import Record, Records
+from orthomill.pipeline.engine.run_facts import RunFacts
+from orthomill.pipeline.engine.running import DASHBOARD, MIB, Options, check_stage_names, rewrite_results, run_workflow, session_of
+from orthomill.pipeline.engine.session import TIME_FORMAT, Session, key_text
+from orthomill.pipeline.export.exports import export as export_file
+from orthomill.pipeline.report.results import read_facts
+from orthomill.pipeline.report.summary import summary_markdown
+from orthomill.pipeline.workflow.settings_reference import write_settings_reference
+from orthomill.pipeline.workflow.starting_workflow import write_starting_workflow
+from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow, load_workflow, resolve_workflow
+from orthomill.schemas.errors import OrthomillError, StoreError
+from orthomill.schemas.job import Export
+from orthomill.tasks.catalogue import STAGES, Method, share_of, sizing_of, window_size_map
+
+app = typer.Typer(
+    help="From overlapping photographs to a checked surface model and a blended true orthoimage.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+inspect = typer.Typer(help="Look at a single photograph, without a project.", no_args_is_help=True)
+app.add_typer(inspect, name="inspect")
+out = Console(highlight=False)
+err = Console(stderr=True, highlight=False)
+
+Name = Annotated[str, typer.Argument(help="Project name (workflows/<name>.yaml) or the path of a workflow file.")]
+Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
+From = Annotated[str | None, typer.Option("--from", help="Run this stage and all after it again, changed or not.")]
+Until = Annotated[str | None, typer.Option(help="Stop after this stage.")]
+Sequential = Annotated[bool, typer.Option("--sequential", help="One job after the other in this process, without Dask.")]
+RasterName = Annotated[
+    str | None, typer.Argument(help="A raster of the store, e.g. densification/precision; without it, all products.")
+]
+
+
+@contextmanager
+def plain_errors(debug: bool) -> Iterator[None]:
+    """Turns what orthomill can explain into a sentence and an exit code."""
+    try:
+        yield
+    except OrthomillError as error:
+        if debug:
+            raise
+        err.print(f"[red]error:[/red] {escape(str(error))}", soft_wrap=True)
+        raise typer.Exit(2) from None
+    except KeyboardInterrupt:
+        err.print("Stopped. Finished tiles are kept; run the same command again to go on.")
+        raise typer.Exit(130) from None
+
+
+def _load(name: str) -> LoadedWorkflow:
+    return load_workflow(resolve_workflow(name, Path.cwd()), STAGES)
+
+
+@app.command()
+def run(
+    name: Name,
+    from_stage: From = None,
+    until: Until = None,
+    workers: Annotated[int, typer.Option(help="Worker processes; 0 is one for each core.", min=0)] = 0,
+    memory: Annotated[int, typer.Option(help="Memory that one worker may use, in MiB.", min=256)] = 1500,
+    sequential: Sequential = False,
+    scheduler: Annotated[str | None, typer.Option(help="Address of an existing Dask scheduler, e.g. tcp://10.0.0.5:8786.")] = None,
+    port: Annotated[int, typer.Option(help="Port of the dashboard; a taken one moves on.", min=1, max=65535)] = 8787,
+    debug: Debug = False,
+) -> None:
+    """Run a workflow; goes on where an earlier run stopped."""
+    with plain_errors(debug):
+        loaded = _load(name)
+        options = Options(from_stage, until, workers, memory * MIB, sequential, scheduler, port)
+        facts = run_workflow(loaded, options, out, err)
+        _conclude(facts, loaded.run_folder)
+    if not facts.complete:
+        raise typer.Exit(1)
+
+
+def _conclude(facts: RunFacts, folder: Path) -> None:
+    done, skipped = sum(s.done for s in facts.stages), sum(s.skipped for s in facts.stages)
+    counts = f"{done} jobs run, {skipped} unchanged, {len(facts.failures)} failed in {facts.seconds:.0f} s"
+    out.print(f"{counts}; report: {folder / 'report.html'}", soft_wrap=True)
+    for failure in facts.failures:
+        err.print(f"[red]failed[/red] {escape(failure.key)}: {escape(failure.sentence)}", soft_wrap=True)
+    if not facts.complete:
+        err.print(
+            "The project is not complete. What did not depend on the failed jobs is done; mend the cause and run again.",
+            soft_wrap=True,
+        )
+
+
+@app.command()
+def calibrate(
+    photos: Annotated[list[Path], typer.Argument(help="Photographs of the chessboards, or folders of them.")],
+    corners: Annotated[str, typer.Option(help="Inner corners of a board: columns x rows, e.g. 5x6.")],
+    square: Annotated[float, typer.Option(help="Side of a square, m.")],
+    boards: Annotated[int, typer.Option(help="Equal boards that lie there together; 0: as many as are found.")] = 0,
+    arrangement: Annotated[str, typer.Option(help="plane: all on one plane; space: anywhere, but fixed.")] = "plane",
+    parameters: Annotated[str, typer.Option(help="Interior parameters, e.g. c,x0,y0,k1,k2,p1,p2; chosen when left out.")] = "",
+    name: Annotated[str, typer.Option(help="Results go to runs/<name>.")] = "calibration",
+    workers: Annotated[int, typer.Option(help="Worker processes; 0 is one for each core.", min=0)] = 0,
+    memory: Annotated[int, typer.Option(help="Memory that one worker may use, in MiB.", min=256)] = 1500,
+    sequential: Sequential = False,
+    debug: Debug = False,
+) -> None:
+    """Calibrate a camera from photographs of one or several chessboards."""
+    with plain_errors(debug):
+        said = BoardsSaid(corners, square, boards, arrangement, parameters)
+        loaded = calibration_workflow(name, photos, said, Path.cwd(), STAGES)
+        facts = run_workflow(loaded, Options(None, None, workers, memory * MIB, sequential), out, err)
+        _conclude(facts, loaded.run_folder)
+    if not facts.complete:
+        raise typer.Exit(1)
+    _print_calibration(loaded.run_folder)
+
+
+def _print_calibration(folder: Path) -> None:
+    """The parameters with their standard errors, as far as the run has come."""
+    path = folder / "products" / "calibration.json"
+    if not path.exists():
+        return
+    record = json.loads(path.read_text())
+    lines = Lines("parameter", "value", "standard error", box=None)
+    for number, (name, value) in enumerate(zip(record["parameters"], record["values"], strict=True)):
+        sigma = record["covariance"][number][number] ** 0.5
+        if sigma > 0:
+            lines.add_row(name, f"{value:.7g}", f"{sigma:.2g}")
+    out.print(lines)
+    held = "" if record["held_out"] is None else f", held out {record['held_out']:.3f} px RMS"
+    out.print(f"sigma0 {record['sigma0']:.3f} px{held}, {record['redundancy']} redundant observations")
+
+
+@app.command()
+def plan(name: Name, from_stage: From = None, until: Until = None, debug: Debug = False) -> None:
+    """Show what a run would do: jobs, bytes, peak memory, and why each stage would run. Writes nothing."""
+    with plain_errors(debug):
+        session = session_of(_load(name), from_stage, until)
+        session.plan()
+        out.print(plan_lines(session))
+        for note in plan_notes(session):
+            out.print(escape(note), soft_wrap=True)
+
+
+@app.command()
+def status(name: Name, debug: Debug = False) -> None:
+    """Show what is done, what failed and why, also while a run is going on."""
+    with plain_errors(debug):
+        loaded = _load(name)
+        folder = loaded.run_folder
+        begun = _begun(folder)
+        now = ("this run",) if begun else ()
+        lines = Lines("stage", "done", *now, "failed", "seconds", "peak memory", "last error", box=None)
+        for stage in loaded.stages:
+            lines.add_row(stage.kind, *_status_row(Records(folder).of_stage(stage.kind), begun))
+        out.print(lines)
+        address = _dashboard_address(folder)
+        going_on = f"running now; dashboard: {address}" if address else "running now"
+        out.print(going_on if is_running(folder) else "not running", soft_wrap=True)
+
+
+def _begun(folder: Path) -> float | None:
+    """When the run that is going on began, s since 1970; None when there is none."""
+    facts = read_facts(folder) if is_running(folder) else None
+    return datetime.strptime(facts.started, TIME_FORMAT).timestamp() if facts else None
+
+
+def _status_row(records: tuple[Record, ...], begun: float | None) -> Iterator[str]:
+    """The cells of a stage; with the jobs ended since `begun`, where a run is going on."""
+    failed = [record for record in records if record.status == "failed"]
+    yield str(len(records) - len(failed))
+    if begun:
+        yield str(sum(record.started >= begun for record in records))
+    yield str(len(failed))
+    yield f"{sum(record.seconds for record in records):.1f}"
+    yield f"{max((record.peak_bytes for record in records), default=0) / MIB:.0f} MiB"
+    yield escape(f"{key_text(failed[-1].key)}: {failed[-1].error}") if failed else ""
+
+
+def _dashboard_address(folder: Path) -> str:
+    """The address that a run on Dask keeps while it is going on; empty where there is none."""
+    path = folder / DASHBOARD
+    return path.read_text() if is_running(folder) and path.exists() else ""
+
+
+@app.command()
+def report(name: Name, debug: Debug = False) -> None:
+    """Write the report and the summary again from what is there."""
+    with plain_errors(debug):
+        out.print(str(rewrite_results(_load(name))), soft_wrap=True)
+
+
+@app.command()
+def export(
+    name: Name,
+    raster: RasterName = None,
+    path: Annotated[str | None, typer.Argument(help="File in the run's folder; default products/<raster>.tif.")] = None,
+    debug: Debug = False,
+) -> None:
+    """Write products again, or any raster of the store as a GeoTIFF."""
+    with plain_errors(debug):
+        session = session_of(_load(name))
+        chosen = _exports(session, raster, path)
+        with only_run(session.folder):
+            for job in chosen:
+                export_file(job, session.store, session.folder)
+                out.print(str(session.folder / job.path), soft_wrap=True)
+
+
+def _exports(session: Session, raster: str | None, path: str | None) -> list[Export]:
+    if raster is not None:
+        session.store.spec(raster)
+        target = path or f"products/{raster.replace('/', '_')}.tif"
+        return [Export("export", raster, target, "cog", rasters={"value": raster})]
+    session.plan()
+    planned = [p.job for p in session.graph.jobs.values() if isinstance(p.job, Export) and p.job.path.startswith("products/")]
+    store = session.store
+    ready = [job for job in planned if all(map(store.has, job.rasters.values())) and all(map(store.has_table, job.tables))]
+    if not ready:
+        raise StoreError(f"{session.folder.name} has no products yet; run it first: orthomill run {session.folder.name}")
+    return ready
+
+
+@app.command()
+def clean(
+    name: Name,
+    stage: Annotated[list[str] | None, typer.Option(help="Only this stage's results (may be given again).")] = None,
+    debug: Debug = False,
+) -> None:
+    """Remove a project's results; its photographs and workflow stay."""
+    with plain_errors(debug):
+        loaded, stages = _load(name), tuple(stage or ())
+        check_stage_names(loaded, stages)
+        clean_run(loaded.run_folder, stages)
+        out.print(f"removed from {loaded.run_folder}: {', '.join(stages) or 'everything'}", soft_wrap=True)
+
+
+@app.command()
+def dashboard(name: Name, debug: Debug = False) -> None:
+    """Print the address of the dashboard of a run that is going on."""
+    with plain_errors(debug):
+        folder = _load(name).run_folder
+        none = f"{folder.name} is running without Dask, so there is no dashboard; see: orthomill status {name}"
+        idle = f"{folder.name} is not running; start it with: orthomill run {name}"
+        out.print(_dashboard_address(folder) or (none if is_running(folder) else idle), soft_wrap=True)
+
+
+@app.command()
+def init(
+    name: Annotated[str, typer.Argument(help="Name of the new project.")],
+    photos: Annotated[Path, typer.Option(help="Folder with the photographs.")],
+    crs: Annotated[str | None, typer.Option(help="Projected CRS, e.g. EPSG:32634; proposed from GPS when left out.")] = None,
+    debug: Debug = False,
+) -> None:
+    """Write a commented starting workflow from the photographs' EXIF."""
+    with plain_errors(debug):
+        start = write_starting_workflow(name, photos, Path.cwd(), STAGES, crs)
+        for note in start.notes:
+            out.print(escape(note), soft_wrap=True)
+        out.print(f"{start.path} is written; read it, then: orthomill run {name}", soft_wrap=True)
+
+
+@inspect.command("window-size")
+def inspect_window_size(
+    photo: Annotated[Path, typer.Argument(help="A photograph: JPEG, TIFF or PNG.")],
+    method: Annotated[Method, typer.Option(help="How the matching window is sized.")] = Method.FOERSTNER,
+    largest: Annotated[int, typer.Option("--max", help="Side of the largest window, px.", min=7, max=101)] = 35,
+    limit: Annotated[float | None, typer.Option(help="Limit of the method in place of its default.")] = None,
+    assigned: Annotated[float | None, typer.Option(help="Find the limit that gives a window to this per cent of pixels.")] = None,
+    output: Annotated[Path | None, typer.Option(help="The PNG to write; default in the current folder.")] = None,
+    debug: Debug = False,
+) -> None:
+    """Map the size of the matching window at every pixel: dark is small, light is large, white is none."""
+    with plain_errors(debug):
+        path = picture_path(photo, f"window_size_{method}", output)
+        found = window_size_map(GuardedPhoto(photo), sizing_of(method, largest, limit), share_of(assigned, limit))
+        write_map(found, path, out, err)
+
+
+@app.command()
+def doctor() -> None:
+    """Examine this machine: versions, cores, memory, free disk, what is missing."""
+    rows = examine(Path.cwd())
+    lines = Lines("what", "found", "", "advice", box=None)
+    for row in rows:
+        lines.add_row(row.name, escape(str(row.value)), "ok" if row.ok else "[red]![/red]", escape(row.advice))
+    out.print(lines)
+    if not all(row.ok for row in rows):
+        raise typer.Exit(1)
+
+
+@app.command(hidden=True)
+def reference(path: Annotated[Path, typer.Argument(help="Where to write the page.")] = Path("docs/settings.md")) -> None:
+    """Write the settings reference from the schemas."""
+    write_settings_reference(STAGES, path)
+
+
+@app.command(hidden=True)
+def figures(
+    name: Name,
+    path: Annotated[Path, typer.Argument(help="Where to write the page.")] = Path("docs/summary.md"),
+    debug: Debug = False,
+) -> None:
+    """Write the page of all names in summary.json from a finished run."""
+    with plain_errors(debug):
+        loaded = _load(name)
+        summary = json.loads((loaded.root / "runs" / loaded.project.project / "summary.json").read_text())
+        path.write_text(summary_markdown(summary))
+
+
+def main() -> None:
+    """Entry point of the command. Planning makes hundreds of thousands of small objects that stay: looking for garbage among
+    them at Python's usual pace takes longer than making them."""
+    gc.set_threshold(50_000)
+    listen()
+    app()

@@ -1,0 +1,148 @@
+"""One function executes a job, whoever calls it: read the regions, call the pure function, write its results, record it."""
+
+import os
+import resource
+import time
+import traceback
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from orthomill.pipeline.engine.records import Fingerprint, Key, Record, Records
+from orthomill.pipeline.export.exports import export
+from orthomill.pipeline.storage.image_files import read_header, read_pixels
+from orthomill.pipeline.storage.map_files import read_map, read_map_grid
+from orthomill.pipeline.storage.store import Store
+from orthomill.schemas.errors import OrthomillError, StoreError
+from orthomill.schemas.job import Export, Job, MapFile, MapHeader, PhotoHeader, PhotoPixels, Raster, Region, Table
+
+
+@dataclass(frozen=True)
+class JobOrder:
+    """All that a worker needs to know of a job."""
+
+    job: Job | Export
+    root: Path
+    folder: Path
+    fingerprint: Fingerprint
+    reason: str
+    run: str = ""
+    """mark of the run that asks for it"""
+
+
+class JobFailed(Exception):
+    """A job could not be done; carries the sentence for people."""
+
+    def __init__(self, key: Key, sentence: str) -> None:
+        super().__init__(key, sentence)
+        self.key, self.sentence = key, sentence
+
+
+def execute(work: JobOrder, *dependencies: object) -> Key:
+    """Do one job and record it; returns its key. Raises JobFailed.
+
+    `dependencies` are the results of the jobs before it: keys, never data. A job that this run has done already is not done again:
+    Dask asks for all jobs of a worker again that died, because their answers, the keys, died with it.
+    """
+    records = Records(work.folder)
+    if _is_done(work, records):
+        return work.job.key
+    started = time.time()
+    records.remove(work.job.key)
+    try:
+        births = _perform(work)
+    except Exception as error:
+        sentence = str(error) if isinstance(error, OrthomillError) else f"unexpected {type(error).__name__}: {error}"
+        _put(records, _record(work, "failed", started, error=sentence, traceback=traceback.format_exc()))
+        raise JobFailed(work.job.key, sentence) from None
+    _put(records, _record(work, "done", started, births=births))
+    return work.job.key
+
+
+def _is_done(work: JobOrder, records: Records) -> bool:
+    record = records.get(work.job.key)
+    return bool(work.run) and record is not None and record.status == "done" and record.run == work.run
+
+
+def _put(records: Records, record: Record) -> None:
+    try:
+        records.put(record)
+    except StoreError as error:
+        raise JobFailed(record.key, str(error)) from None
+
+
+def _perform(work: JobOrder) -> dict[str, str]:
+    store = Store(work.folder)
+    if isinstance(work.job, Export):
+        export(work.job, store, work.folder)
+        return {}
+    job = work.job
+    inputs = {name: _read_all(store, work.root, region) for name, region in job.reads.items()}
+    result = job.function(**inputs, **job.params)
+    values = result if len(job.writes) > 1 or _is_named(result, job) else {next(iter(job.writes)): result}
+    if set(values) != set(job.writes):
+        raise StoreError(f"{job.key} was to give {sorted(job.writes)} but gave {sorted(values)}.")
+    for name, region in job.writes.items():
+        _write(store, region, values[name])
+    return {region.name: store.birth(region.name) for region in job.writes.values() if isinstance(region, Raster)}
+
+
+def _is_named(result: Any, job: Job) -> bool:
+    return isinstance(result, dict) and set(result) == set(job.writes)
+
+
+def _read_all(store: Store, root: Path, region: Region | tuple[Region, ...]) -> Any:
+    if isinstance(region, tuple):
+        return tuple(_read(store, root, part) for part in region)
+    return _read(store, root, region)
+
+
+def _read(store: Store, root: Path, region: Region) -> Any:
+    if isinstance(region, Raster):
+        return store.read(region.name, region.window)
+    if isinstance(region, Table):
+        return store.table(region)
+    if isinstance(region, PhotoPixels):
+        return read_pixels(root / region.path, region.window)
+    if isinstance(region, PhotoHeader):
+        header = read_header(root / region.path)
+        return header.model_copy(update={"path": region.path})
+    if isinstance(region, MapHeader):
+        return read_map_grid(root / region.path, region.crs)
+    if isinstance(region, MapFile):
+        return read_map(root / region.path, region)
+    return _read_text(root / region.path)
+
+
+def _read_text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise StoreError(f"{path} is not a text file in UTF-8; save it as plain text.") from None
+
+
+def _write(store: Store, region: Raster | Table, value: Any) -> None:
+    if isinstance(region, Raster):
+        store.write(region.name, region.window, value)
+    else:
+        store.write_table(region, value)
+
+
+def _record(work: JobOrder, status: str, started: float, **more: Any) -> Record:
+    stage, item, row, col = work.job.key
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    return Record(
+        stage=stage,
+        item=item,
+        row=row,
+        col=col,
+        status=status,
+        fingerprint=work.fingerprint,
+        reason=work.reason,
+        run=work.run,
+        started=started,
+        seconds=time.time() - started,
+        worker=str(os.getpid()),
+        peak_bytes=peak,
+        **more,
+    )

@@ -1,0 +1,220 @@
+"""The graph of jobs, derived from the regions that they state. There is no other description of it anywhere.
+
+Who writes a chunk, a table or a file is known as jobs are added; a job's dependencies are the writers of all that it reads. Because
+a writer must be known before its reader, jobs stand in an order in which they can be run one by one.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+
+from orthomill.pipeline.engine import fingerprint as fp
+from orthomill.pipeline.engine.records import Fingerprint, Key
+from orthomill.pipeline.export.exports import export as export_file
+from orthomill.pipeline.storage.store import aligned
+from orthomill.schemas.errors import OrthomillError, ResourceError, WorkflowError
+from orthomill.schemas.job import Export, Job, MapFile, MapHeader, PhotoHeader, PhotoPixels, Raster, Region, Table, TextFile
+from orthomill.schemas.raster import RasterSpec, Window
+
+PROCESS_BYTES = 600 * 2**20
+"""What a worker process holds beside its job, measured at the end of a run: the interpreter, libraries and compiled kernels (350
+MiB), and what the allocator keeps of earlier jobs for the next one."""
+EXPORT_BYTES = 200 * 2**20
+
+
+class GraphError(OrthomillError):
+    """The stages plan something that cannot be run; a mistake of a stage, not of the user."""
+
+
+class NoWriter(Exception):
+    """A job reads what nobody planned so far writes."""
+
+    def __init__(self, what: str, stage: str) -> None:
+        super().__init__(what)
+        self.what, self.stage = what, stage
+
+
+@dataclass(frozen=True)
+class PlannedJob:
+    """A job with all that the graph knows of it."""
+
+    job: Job | Export
+    dependencies: tuple[Key, ...]
+    fingerprint: Fingerprint
+    memory: int
+    """peak bytes of a worker that runs it"""
+    output_bytes: int
+    """bytes of the rasters it writes, uncompressed"""
+
+    @property
+    def key(self) -> Key:
+        return self.job.key
+
+
+class Graph:
+    """All jobs planned so far."""
+
+    def __init__(self, root: Path, run_folder: str) -> None:
+        self.root = root
+        self.run_folder = run_folder
+        self.specs: dict[str, RasterSpec] = {}
+        self.jobs: dict[Key, PlannedJob] = {}
+        self._chunk_writers: dict[tuple[str, int, int], Key] = {}
+        self._table_writers: dict[str, Key] = {}
+        self._table_readers: dict[str, tuple[str, ...] | None] = {}
+        self._file_writers: dict[str, Key] = {}
+
+    def add_raster(self, spec: RasterSpec) -> None:
+        """Announce a raster. Raises GraphError when it was announced differently."""
+        known = self.specs.setdefault(spec.name, spec)
+        if not known.same(spec):
+            raise GraphError(f"The raster {spec.name} is planned twice and differently: {known} and {spec}.")
+
+    def add(self, job: Job | Export) -> PlannedJob | None:
+        """Put a job into the graph; None when it is there already. Raises NoWriter, GraphError."""
+        planned = self._planned_export(job) if isinstance(job, Export) else self._planned_job(job)
+        if job.key in self.jobs:
+            if self.jobs[job.key].fingerprint != planned.fingerprint:
+                raise GraphError(f"Two different jobs are called {job.key}.")
+            return None
+        self._claim_outputs(job)
+        self.jobs[job.key] = planned
+        return planned
+
+    def writer_of_table(self, path: str) -> Key | None:
+        return self._table_writers.get(path)
+
+    def exported_files(self, folder: str) -> tuple[str, ...]:
+        """Files that planned exports make in a folder of the run, as regions want them, sorted."""
+        prefix = f"{self.run_folder}/{folder}/"
+        return tuple(sorted(path for path in self._file_writers if path.startswith(prefix)))
+
+    def _planned_job(self, job: Job) -> PlannedJob:
+        regions = [region for value in job.reads.values() for region in (value if isinstance(value, tuple) else (value,))]
+        for region in regions:
+            self._check_reader(job, region)
+        keys: dict[Key, None] = {}
+        sources: list[str] = []
+        for region in regions:
+            found, external = self._writers(job.stage, region)
+            keys.update(dict.fromkeys(found))
+            sources.append(f"{region!r}{external}" if not isinstance(region, Table) else region.path)
+        read = sum(self.specs[r.name].bytes_of(r.window) for r in regions if isinstance(r, Raster))
+        read += sum(3 * r.window.height * r.window.width for r in regions if isinstance(r, PhotoPixels))
+        read += sum(4 * r.bands * r.window.height * r.window.width for r in regions if isinstance(r, MapFile))
+        written = sum(self._spec(job, r.name).bytes_of(r.window) for r in job.writes.values() if isinstance(r, Raster))
+        fingerprint = Fingerprint(
+            settings=fp.digest(fp.of_value(job.params), *(self._output_text(job, name) for name in sorted(job.writes))),
+            code=fp.of_code(job.function),
+            inputs=fp.digest(*job.reads, *sources, *(self.jobs[key].fingerprint.text for key in keys)),
+        )
+        return PlannedJob(job, tuple(keys), fingerprint, PROCESS_BYTES + read + written + job.scratch, written)
+
+    def _planned_export(self, export: Export) -> PlannedJob:
+        keys: dict[Key, None] = {}
+        for name in export.rasters.values():
+            keys.update(dict.fromkeys(self._writers(export.stage, Raster(name, self._known(export.stage, name).full))[0]))
+        for table in export.tables:
+            keys.update(dict.fromkeys(self._writers(export.stage, table)[0]))
+        tables = [table.path for table in export.tables]
+        fingerprint = Fingerprint(
+            settings=fp.digest(export.path, export.format, fp.of_value(export.rasters), *tables),
+            code=fp.of_code(export_file),
+            inputs=fp.digest(*(self.jobs[key].fingerprint.text for key in keys)),
+        )
+        return PlannedJob(export, tuple(keys), fingerprint, PROCESS_BYTES + EXPORT_BYTES, 0)
+
+    def _output_text(self, job: Job, name: str) -> str:
+        output = job.writes[name]
+        return f"{name} {output!r} {self._spec(job, output.name)!r}" if isinstance(output, Raster) else f"{name} {output.path}"
+
+    def _spec(self, job: Job, name: str) -> RasterSpec:
+        if name not in self.specs:
+            raise GraphError(f"{job.key} writes the raster {name}, which was not announced.")
+        return self.specs[name]
+
+    def _known(self, stage: str, name: str) -> RasterSpec:
+        if name not in self.specs:
+            raise NoWriter(f"the raster {name}", stage)
+        return self.specs[name]
+
+    def check_table_reader(self, stage: str, path: str) -> None:
+        """Raises GraphError when a stage may not read a table."""
+        _check_allowed(stage, path, self._table_readers.get(path))
+
+    def _check_reader(self, job: Job, region: Region) -> None:
+        if isinstance(region, Table):
+            self.check_table_reader(job.stage, region.path)
+        if isinstance(region, Raster):
+            spec = self._known(job.stage, region.name)
+            _check_allowed(job.stage, region.name, spec.readers)
+            if region.window.empty or region.window.clipped(spec.shape) != region.window:
+                raise GraphError(f"{job.key} reads {region.window} of {region.name}, which has the shape {spec.shape}.")
+
+    def _writers(self, stage: str, region: Region) -> tuple[list[Key], str]:
+        """The jobs that write a region, and the digest of the file for one that the user brings."""
+        if isinstance(region, Raster):
+            return [self._chunk_writer(stage, region.name, chunk) for chunk in self._chunks(region.name, region.window)], ""
+        if isinstance(region, Table):
+            if region.path not in self._table_writers:
+                raise NoWriter(f"the table {region.path}", stage)
+            return [self._table_writers[region.path]], ""
+        return self._file_writer(region)
+
+    def _file_writer(self, region: PhotoPixels | PhotoHeader | TextFile | MapFile | MapHeader) -> tuple[list[Key], str]:
+        if region.path in self._file_writers:
+            return [self._file_writers[region.path]], ""
+        try:
+            return [], fp.of_file(self.root / region.path)
+        except OSError as error:
+            raise WorkflowError(
+                f"{region.path} cannot be read ({error.strerror}); put the file there or correct the workflow."
+            ) from error
+
+    def _chunk_writer(self, stage: str, name: str, chunk: tuple[int, int]) -> Key:
+        key = self._chunk_writers.get((name, *chunk))
+        if key is None:
+            raise NoWriter(f"the raster {name} at chunk {chunk}", stage)
+        return key
+
+    def _chunks(self, name: str, window: Window) -> Iterator[tuple[int, int]]:
+        high, wide = self.specs[name].chunks[:2]
+        rows = range(window.row // high, -(-(window.row + window.height) // high))
+        cols = range(window.col // wide, -(-(window.col + window.width) // wide))
+        return product(rows, cols)
+
+    def _claim_outputs(self, job: Job | Export) -> None:
+        if isinstance(job, Export):
+            self._claim(self._file_writers, f"{self.run_folder}/{job.path}", job.key)
+            return
+        for output in job.writes.values():
+            if isinstance(output, Table):
+                self._claim(self._table_writers, output.path, job.key)
+                self._table_readers[output.path] = output.readers
+                continue
+            spec = self.specs[output.name]
+            if not aligned(output.window, spec.shape, spec.chunks):
+                raise GraphError(f"{job.key} writes {output.window} of {output.name}, which cuts its chunks of {spec.chunks[:2]}.")
+            for chunk in self._chunks(output.name, output.window):
+                self._claim(self._chunk_writers, (output.name, *chunk), job.key)
+
+    def _claim(self, writers: dict, what: object, key: Key) -> None:
+        other = writers.setdefault(what, key)
+        if other != key:
+            raise GraphError(f"{what} has two writers: {other} and {key}.")
+
+
+def _check_allowed(stage: str, name: str, readers: tuple[str, ...] | None) -> None:
+    if readers is not None and stage not in readers:
+        raise GraphError(f"The stage {stage} may not read {name}; only {', '.join(readers)} may.")
+
+
+def check_memory(planned: PlannedJob, limit: int) -> None:
+    """Raises ResourceError when a job cannot fit a worker of `limit` bytes."""
+    if planned.memory > limit:
+        raise ResourceError(
+            f"The job {'/'.join(map(str, planned.key))} needs {planned.memory / 2**20:.0f} MiB, of which every worker takes "
+            f"{PROCESS_BYTES / 2**20:.0f} MiB for itself, but a worker may use {limit / 2**20:.0f} MiB; give workers more memory "
+            "with --memory or set a smaller 'tile' in the workflow."
+        )

@@ -1,0 +1,46 @@
+"""One run of a project at a time: a lock that the operating system frees when the process ends, however it ends."""
+
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from orthomill.schemas.errors import ResourceError
+
+
+@contextmanager
+def only_run(folder: Path) -> Iterator[None]:
+    """Hold the project's lock. Raises ResourceError when another process holds it or the folder cannot be written."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        stream = (folder / ".lock").open("a+")
+    except OSError as error:
+        raise ResourceError(
+            f"The folder {folder} cannot be written ({error.strerror}); make it writable or choose another project folder."
+        ) from error
+    with stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            stream.seek(0)
+            owner = stream.read().strip() or "unknown"
+            raise ResourceError(
+                f"{folder.name} is being run already (process {owner}); wait for it to end, or stop it first."
+            ) from None
+        stream.truncate(0)
+        stream.write(str(os.getpid()))
+        stream.flush()
+        yield
+
+
+def is_running(folder: Path) -> bool:
+    """Whether a process holds the project's lock at this moment; writes nothing."""
+    try:
+        with (folder / ".lock").open() as stream:
+            fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    return False

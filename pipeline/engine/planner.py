@@ -1,0 +1,109 @@
+"""Asks the stages for their jobs, as far as can be planned at the moment.
+
+A stage that asks for a table which is not finished, or reads what nobody writes yet, is suspended and asked again later. What it
+yielded before is in the graph already, so nothing waits for a whole stage to be planned or done.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import PurePosixPath
+from typing import Any
+
+from orthomill.pipeline.engine.graph import Graph, NoWriter, PlannedJob
+from orthomill.pipeline.storage.store import Store
+from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.job import Table
+from orthomill.schemas.project import Photographs, Project
+from orthomill.schemas.raster import RasterSpec
+from orthomill.schemas.stage_contract import NotYet, Stage
+
+IMAGE_SUFFIXES = (".jpg", ".jpeg", ".tif", ".tiff", ".png")
+
+
+@dataclass
+class Planner:
+    """The planning state of one run. `is_done` says whether a job's result holds; `image_files` lists a user's photographs."""
+
+    project: Project
+    stages: tuple[Stage, ...]
+    graph: Graph
+    store: Store
+    is_done: Callable[[tuple[str, str, int, int]], bool]
+    list_images: Callable[[Photographs], tuple[str, ...]]
+
+    def __post_init__(self) -> None:
+        self.complete: set[str] = set()
+        self.waiting_for: dict[str, str] = {}
+        self._asking = ""
+        """the stage that is being planned"""
+
+    @property
+    def open_stages(self) -> tuple[Stage, ...]:
+        return tuple(stage for stage in self.stages if stage.kind not in self.complete)
+
+    def advance(self) -> list[PlannedJob]:
+        """Plan all that can be planned now; returns the new jobs in an order in which they can run.
+
+        Raises WorkflowError when a stage needs what no stage of the workflow makes.
+        """
+        new: list[PlannedJob] = []
+        for stage in self.open_stages:
+            self._asking = stage.kind
+            try:
+                for item in stage.plan(self):
+                    if isinstance(item, RasterSpec):
+                        self.graph.add_raster(item)
+                    elif planned := self.graph.add(item):
+                        new.append(planned)
+            except NotYet as missing:
+                self.waiting_for[stage.kind] = str(missing)
+            except NoWriter as missing:
+                self._wait_or_refuse(stage.kind, missing.what)
+            else:
+                self.complete.add(stage.kind)
+                self.waiting_for.pop(stage.kind, None)
+        return new
+
+    def _wait_or_refuse(self, kind: str, what: str) -> None:
+        """A stage before this one may still come to write it; when all are planned, nobody will."""
+        earlier = self.stages[: [stage.kind for stage in self.stages].index(kind)]
+        if all(stage.kind in self.complete for stage in earlier):
+            maker = what.split()[2].split("/")[0]
+            raise WorkflowError(
+                f"The stage '{kind}' needs {what}, which no stage of this workflow makes; add the stage '{maker}' before it."
+            )
+        self.waiting_for[kind] = what
+
+    # What a stage may ask while it plans (orthomill.schemas.stage_contract.ProjectView)
+
+    def table(self, table: Table[Any]) -> Any:
+        key = self.graph.writer_of_table(table.path)
+        if key is None:
+            raise NoWriter(f"the table {table.path}", "")
+        self.graph.check_table_reader(self._asking, table.path)
+        if not self.is_done(key):
+            raise NotYet(f"the table {table.path}")
+        return self.store.table(table)
+
+    def raster(self, name: str) -> RasterSpec:
+        if name not in self.graph.specs:
+            raise NoWriter(f"the raster {name}", "")
+        return self.graph.specs[name]
+
+    def image_files(self, source: Photographs, simulated_folder: str = "photographs") -> tuple[str, ...]:
+        if source.kind != "simulated":
+            return self.list_images(source)
+        if "simulation" not in self.complete:
+            if not self.has_stage("simulation"):
+                raise WorkflowError(
+                    "The photographs are simulated, but the workflow has no stage 'simulation'; add it as the first stage."
+                )
+            raise NotYet("the simulated photographs")
+        files = self.graph.exported_files(simulated_folder)
+        return tuple(path for path in files if PurePosixPath(path).suffix.lower() in IMAGE_SUFFIXES)
+
+    def run_file(self, path: str) -> str:
+        return f"{self.graph.run_folder}/{path}"
+
+    def has_stage(self, kind: str) -> bool:
+        return any(stage.kind == kind for stage in self.stages)

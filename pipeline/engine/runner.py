@@ -1,0 +1,78 @@
+"""What the engine asks of a runner, and the sequential one: no processes, no network, the reference for all others."""
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+from orthomill.pipeline.engine.execute import JobFailed, JobOrder, execute
+from orthomill.pipeline.engine.records import Key
+
+ATTEMPTS = 2
+"""A failed job is tried once more: a disk that was full, a worker that died."""
+
+
+@dataclass(frozen=True)
+class Finished:
+    """The end of one job. "blocked" jobs were never tried, because something before them failed."""
+
+    key: Key
+    status: Literal["done", "failed", "blocked"]
+    sentence: str = ""
+
+
+class Runner(Protocol):
+    """Runs jobs in any order that their dependencies allow."""
+
+    memory_limit: int
+    """bytes that one worker may use"""
+    description: str
+
+    def submit(self, work: JobOrder, dependencies: tuple[Key, ...], memory: int) -> None:
+        """Take a job; `dependencies` are keys of jobs submitted before."""
+
+    def next(self) -> Finished:
+        """Wait for the end of some job."""
+
+    @property
+    def busy(self) -> bool:
+        """Whether submitted jobs are unfinished."""
+
+    def close(self) -> None:
+        """Drop what has not started and free everything."""
+
+
+class SequentialRunner:
+    """One job after the other in this process."""
+
+    description = "one job after the other in this process"
+
+    def __init__(self, memory_limit: int) -> None:
+        self.memory_limit = memory_limit
+        self._waiting: deque[tuple[JobOrder, tuple[Key, ...]]] = deque()
+        self._unusable: set[Key] = set()
+
+    def submit(self, work: JobOrder, dependencies: tuple[Key, ...], memory: int) -> None:
+        self._waiting.append((work, dependencies))
+
+    @property
+    def busy(self) -> bool:
+        return bool(self._waiting)
+
+    def next(self) -> Finished:
+        work, dependencies = self._waiting.popleft()
+        key = work.job.key
+        if self._unusable.intersection(dependencies):
+            self._unusable.add(key)
+            return Finished(key, "blocked")
+        for attempt in range(ATTEMPTS):
+            try:
+                execute(work)
+                return Finished(key, "done")
+            except JobFailed as failure:
+                if attempt + 1 == ATTEMPTS:
+                    self._unusable.add(key)
+                    return Finished(key, "failed", failure.sentence)
+        raise AssertionError("unreachable")
+
+    def close(self) -> None:
+        self._waiting.clear()

@@ -1,0 +1,219 @@
+"""One run of one project: plan, skip what still holds, submit the rest, plan further as tables appear.
+
+All stages that can be planned are in flight together; the session only ever waits for the next job to end.
+"""
+
+import shutil
+import time
+import uuid
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
+
+from orthomill.pipeline.engine.execute import JobOrder
+from orthomill.pipeline.engine.graph import Graph, PlannedJob, check_memory
+from orthomill.pipeline.engine.interruption import stop_if_asked
+from orthomill.pipeline.engine.planner import Planner
+from orthomill.pipeline.engine.records import Key, Record, Records, reason_to_run
+from orthomill.pipeline.engine.run_facts import Failure, StageRun
+from orthomill.pipeline.engine.runner import Finished, Runner
+from orthomill.pipeline.storage.store import Store
+from orthomill.schemas.errors import ResourceError
+from orthomill.schemas.job import Export, Raster, Table
+from orthomill.schemas.project import Photographs, Project
+from orthomill.schemas.stage_contract import Stage
+from orthomill.schemas.stage_report import report_table
+
+TIME_FORMAT = "%Y-%m-%dT%H:%M:%S%z"
+DISK_RESERVE = 200 * 2**20
+"""bytes that must stay free"""
+
+
+class Watcher(Protocol):
+    """Somebody who shows progress."""
+
+    def planned(self, key: Key) -> None: ...
+    def skipped(self, key: Key) -> None: ...
+    def finished(self, finished: Finished, seconds: float) -> None: ...
+
+
+@dataclass
+class Session:
+    """The state of a run. `forced` stages run even where their results still hold."""
+
+    project: Project
+    stages: tuple[Stage, ...]
+    root: Path
+    list_images: Callable[[Photographs], tuple[str, ...]]
+    forced: frozenset[str] = frozenset()
+    done: set[Key] = field(default_factory=set)
+    skipped: set[Key] = field(default_factory=set)
+    failures: dict[Key, str] = field(default_factory=dict)
+    blocked: set[Key] = field(default_factory=set)
+    reasons: dict[Key, str] = field(default_factory=dict)
+    pending: list[PlannedJob] = field(default_factory=list)
+    """planned, to be run, not yet submitted; in an order in which they can run"""
+
+    def __post_init__(self) -> None:
+        relative = f"runs/{self.project.project}"
+        self.folder = self.root / relative
+        self.store = Store(self.folder)
+        self.records = Records(self.folder)
+        self._announced = 0
+        self._mark = uuid.uuid4().hex
+        self.graph = Graph(self.root, relative)
+        self.planner = Planner(self.project, self.stages, self.graph, self.store, self._holds, self.list_images)
+
+    def _holds(self, key: Key) -> bool:
+        return key in self.done or key in self.skipped
+
+    def plan(self) -> None:
+        """Plan all that can be planned now: what holds is skipped, the rest is pending."""
+        while True:
+            new = self.planner.advance()
+            for planned in new:
+                reason = self._reason(planned)
+                if reason is None:
+                    self.skipped.add(planned.key)
+                else:
+                    self.reasons[planned.key] = reason
+                    self.pending.append(planned)
+            if not any(self._unlocks(planned.key) for planned in new if planned.key in self.skipped):
+                return
+
+    def _reason(self, planned: PlannedJob) -> str | None:
+        if planned.job.stage in self.forced:
+            return "asked for"
+        record = self.records.get(planned.key)
+        return reason_to_run(record, planned.fingerprint, self._births(planned), self._outputs_exist(planned))
+
+    def _births(self, planned: PlannedJob) -> dict[str, str]:
+        if isinstance(planned.job, Export):
+            return {}
+        names = {region.name for region in planned.job.writes.values() if isinstance(region, Raster)}
+        return {name: self.store.birth(name) for name in names if self._raster_holds(name)}
+
+    def _raster_holds(self, name: str) -> bool:
+        return self.store.has(name) and self.store.spec(name).same(self.graph.specs[name])
+
+    def _outputs_exist(self, planned: PlannedJob) -> bool:
+        if isinstance(planned.job, Export):
+            return (self.folder / planned.job.path).exists()
+        return all(
+            self.store.has_table(region) if isinstance(region, Table) else self._raster_holds(region.name)
+            for region in planned.job.writes.values()
+        )
+
+    def _unlocks(self, key: Key) -> bool:
+        """Whether a stage waits for a table that this job wrote, or may be planned further for another reason."""
+        job = self.graph.jobs[key].job
+        if isinstance(job, Export):
+            return False
+        tables = {f"the table {region.path}" for region in job.writes.values() if isinstance(region, Table)}
+        return bool(tables.intersection(self.planner.waiting_for.values()))
+
+    def run(self, runner: Runner, watcher: Watcher) -> None:
+        """Run all that has to run. Failures are gathered, not raised; ResourceError before anything is submitted."""
+        self._plan_and_submit(runner, watcher)
+        while runner.busy:
+            stop_if_asked()
+            finished = runner.next()
+            self._note(finished, watcher)
+            if finished.status == "done" and self._unlocks(finished.key):
+                self._plan_and_submit(runner, watcher)
+
+    def _plan_and_submit(self, runner: Runner, watcher: Watcher) -> None:
+        self.plan()
+        self.check_resources(runner.memory_limit)
+        for key in list(self.graph.jobs)[self._announced :]:
+            watcher.planned(key)
+            if key in self.skipped:
+                watcher.skipped(key)
+        self._announced = len(self.graph.jobs)
+        for planned in self.pending:
+            self._create_outputs(planned)
+            work = JobOrder(planned.job, self.root, self.folder, planned.fingerprint, self.reasons[planned.key], self._mark)
+            runner.submit(work, planned.dependencies, planned.memory)
+        self.pending.clear()
+
+    def _create_outputs(self, planned: PlannedJob) -> None:
+        if isinstance(planned.job, Export):
+            return
+        for region in planned.job.writes.values():
+            if isinstance(region, Raster) and not self._raster_holds(region.name):
+                self.store.create(self.graph.specs[region.name])
+
+    def check_resources(self, memory_limit: int) -> None:
+        """Raises ResourceError when a pending job needs more memory than a worker has, or all together more disk than is free."""
+        for planned in self.pending:
+            check_memory(planned, memory_limit)
+        self.folder.mkdir(parents=True, exist_ok=True)
+        needed = sum(planned.output_bytes for planned in self.pending) // 2
+        free = shutil.disk_usage(self.folder).free
+        if self.pending and needed + DISK_RESERVE > free:
+            raise ResourceError(
+                f"The disk of {self.folder} has {free / 2**20:.0f} MiB free, but about "
+                f"{(needed + DISK_RESERVE) / 2**20:.0f} MiB are needed; make room, then run again."
+            )
+
+    def _note(self, finished: Finished, watcher: Watcher) -> None:
+        seconds = 0.0
+        if finished.status == "done":
+            self.done.add(finished.key)
+            record = self.records.get(finished.key)
+            seconds = record.seconds if record else 0.0
+        elif finished.status == "failed":
+            self.failures[finished.key] = finished.sentence
+        else:
+            self.blocked.add(finished.key)
+        watcher.finished(finished, seconds)
+
+    def stage_runs(self) -> tuple[StageRun, ...]:
+        """How each stage fared so far."""
+        return tuple(self._stage_run(stage.kind) for stage in self.stages)
+
+    def _stage_run(self, kind: str) -> StageRun:
+        keys = [key for key in self.graph.jobs if key[0] == kind]
+        held = self._held(keys)
+        return StageRun(
+            kind,
+            jobs=len(keys),
+            done=sum(key in self.done for key in keys),
+            skipped=sum(key in self.skipped for key in keys),
+            failed=sum(key in self.failures for key in keys),
+            seconds=sum(record.seconds for record in held),
+            peak_bytes=max((record.peak_bytes for record in held), default=None),
+            reported=self._reported(keys),
+        )
+
+    def _held(self, keys: Iterable[Key]) -> list[Record]:
+        """Records of the jobs whose results hold, whichever run did them."""
+        return [record for key in keys if self._holds(key) and (record := self.records.get(key))]
+
+    def earlier_runs(self) -> tuple[float, ...]:
+        """How long each earlier run took whose results still hold, from its first to its last job among them, s."""
+        spans: dict[str, tuple[float, float]] = {}
+        for record in self._held(self.skipped):
+            begun, ended = spans.get(record.run, (record.started, 0.0))
+            spans[record.run] = min(begun, record.started), max(ended, record.started + record.seconds)
+        return tuple(ended - begun for begun, ended in sorted(spans.values()))
+
+    def _reported(self, keys: list[Key]) -> bool:
+        """Whether the job among `keys` that writes the stage's report is done; what lies there otherwise is of an earlier run."""
+        jobs = {key: self.graph.jobs[key].job for key in keys if key in self.done or key in self.skipped}
+        return any(not isinstance(job, Export) and report_table(key[0]) in job.writes.values() for key, job in jobs.items())
+
+    def failure_list(self) -> tuple[Failure, ...]:
+        return tuple(Failure(key[0], key_text(key), sentence) for key, sentence in self.failures.items())
+
+
+def key_text(key: Key) -> str:
+    """A key as people read it."""
+    stage, item, row, col = key
+    return f"{stage}/{item}/{row}/{col}"
+
+
+def now() -> str:
+    """The time of day as ISO 8601 text."""
+    return time.strftime(TIME_FORMAT)

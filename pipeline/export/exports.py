@@ -1,0 +1,288 @@
+"""Exports: what people take away, made from whole rasters block by block.
+
+Every file is written under a temporary name in its folder and renamed when it is whole, so that a name that exists is a file
+that is complete. A COG is written first as a tiled GeoTIFF, one chunk at a time, and then copied by GDAL's COG driver: less
+time and memory than writing the COG directly. No more than one chunk of each raster is ever in memory.
+"""
+
+import csv
+import io
+import math
+import os
+import tempfile
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+import rasterio
+import rasterio.shutil
+from lazrs import LazrsError
+from rasterio.enums import ColorInterp
+from rasterio.errors import NotGeoreferencedWarning, RasterioError
+
+from orthomill.pipeline.export.point_cloud import write_points
+from orthomill.pipeline.storage.reading import ReadableStore
+from orthomill.pipeline.storage.table_files import write_whole
+from orthomill.schemas.errors import ResourceError, StoreError
+from orthomill.schemas.job import Columns, Export
+from orthomill.schemas.raster import RasterSpec, Window, tiles_of
+
+GDAL_CACHE = 64 * 2**20
+"""GDAL's block cache, bytes: enough for a row of blocks of 100 thousand columns, and a bound on memory."""
+
+_PASSING = {"compress": "zstd", "zstd_level": 1}
+"""How a file is compressed that is deleted again at once: not at all would be a little faster, but could fill a disk."""
+
+COLOURS = {3: ("red", "green", "blue"), 4: ("red", "green", "blue", "alpha")}
+
+
+def export(export: Export, store: ReadableStore, folder: Path) -> None:
+    """Make the file of `export` in the run's `folder`, complete or not at all.
+
+    Raises StoreError when its rasters or tables are missing or do not fit together, ResourceError when the disk refuses.
+    """
+    path = _inside(Path(folder), export.path)
+    if export.format not in WRITERS:
+        raise StoreError(f"{export.path} asks for the format '{export.format}'; known formats are {', '.join(sorted(WRITERS))}.")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        WRITERS[export.format](export, store, path)
+    except (OSError, RasterioError, LazrsError) as error:
+        raise ResourceError(
+            f"{path} cannot be written ({_first_line(error)}); make room on the disk or make the folder writable, then run again."
+        ) from error
+
+
+def _inside(folder: Path, relative: str) -> Path:
+    path = (folder / relative).resolve()
+    if not path.is_relative_to(folder.resolve()):
+        raise StoreError(f"The export {relative} leaves the run's folder {folder}; name a path inside it.")
+    return path
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).strip() or type(error).__name__).splitlines()[0]
+
+
+@contextmanager
+def _renamed_when_whole(path: Path) -> Iterator[Path]:
+    """A temporary path beside `path`, renamed to it at the end; nothing is left behind by a failure."""
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as scratch:
+        temporary = Path(scratch) / path.name
+        yield temporary
+        os.replace(temporary, path)
+
+
+@contextmanager
+def _gdal() -> Iterator[None]:
+    """GDAL with a bounded cache. Photographs have no place on the ground, and that is nothing to be warned of."""
+    with rasterio.Env(GDAL_CACHEMAX=GDAL_CACHE), warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        yield
+
+
+# --- rasters -----------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Stack:
+    """Rasters on one grid, stacked as bands of one dtype with one nodata value."""
+
+    specs: dict[str, RasterSpec]
+    dtype: np.dtype
+    nodata: float | None
+
+    @property
+    def first(self) -> RasterSpec:
+        return next(iter(self.specs.values()))
+
+    @property
+    def chunk(self) -> int:
+        return max(self.first.chunk, 128)
+
+    @property
+    def bands(self) -> int:
+        return sum(_bands(spec) for spec in self.specs.values())
+
+    @property
+    def is_picture(self) -> bool:
+        """One raster of 3 or 4 bands in whole numbers: red, green, blue and perhaps alpha."""
+        return len(self.specs) == 1 and self.bands in COLOURS and self.dtype.kind == "u"
+
+    @property
+    def has_codes(self) -> bool:
+        """Whether some band holds whole numbers whose mean would mean nothing."""
+        return not self.is_picture and any(np.dtype(spec.dtype).kind in "ui" for spec in self.specs.values())
+
+    def windows(self) -> Iterator[Window]:
+        return (tile.window for tile in tiles_of(self.first.shape, self.chunk))
+
+    def read(self, store: ReadableStore, window: Window) -> np.ndarray:
+        """(bands, height, width) of a window, in the stack's dtype and nodata."""
+        return np.concatenate([self._bands_of(store, spec, window) for spec in self.specs.values()])
+
+    def _bands_of(self, store: ReadableStore, spec: RasterSpec, window: Window) -> np.ndarray:
+        values = store.read(spec.name, window)
+        bands = values[None] if values.ndim == 2 else np.moveaxis(values, 2, 0)
+        converted = bands.astype(self.dtype, copy=False)
+        if spec.nodata is not None and spec.nodata == spec.nodata and self.nodata != self.nodata:
+            converted = np.where(bands == spec.nodata, self.dtype.type(np.nan), converted)
+        return converted
+
+    def descriptions(self) -> Iterator[tuple[str, str]]:
+        """(description, unit) of every band."""
+        for label, spec in self.specs.items():
+            names = COLOURS[self.bands] if self.is_picture else _band_names(label, _bands(spec))
+            yield from ((f"{name} ({spec.unit})" if spec.unit else name, spec.unit) for name in names)
+
+
+def _bands(spec: RasterSpec) -> int:
+    return spec.shape[2] if len(spec.shape) == 3 else 1
+
+
+def _band_names(label: str, bands: int) -> list[str]:
+    return [label] if bands == 1 else [f"{label} {number + 1}" for number in range(bands)]
+
+
+def stack_of(export: Export, store: ReadableStore) -> Stack:
+    """The rasters of `export` as one stack: their common dtype and nodata, or float32 with NaN where they differ.
+
+    Raises StoreError when there are none or when they do not lie on one grid.
+    """
+    specs = {label: store.spec(name) for label, name in export.rasters.items()}
+    if not specs:
+        raise StoreError(f"{export.path} names no raster; an export as {export.format} needs at least one.")
+    first = next(iter(specs.values()))
+    for spec in specs.values():
+        if (spec.shape[:2], spec.transform, spec.crs) != (first.shape[:2], first.transform, first.crs):
+            raise StoreError(
+                f"{export.path} stacks {first.name} and {spec.name}, which lie on different grids; "
+                "export them to files of their own."
+            )
+    return Stack(specs, *_type_and_nodata(tuple(specs.values())))
+
+
+def _type_and_nodata(specs: tuple[RasterSpec, ...]) -> tuple[np.dtype, float | None]:
+    alike = len({(spec.dtype, str(spec.nodata)) for spec in specs}) == 1
+    dtype = np.dtype(specs[0].dtype) if alike else np.dtype(np.float32)
+    if dtype.kind == "f":
+        return dtype, specs[0].nodata if alike and specs[0].nodata is not None else math.nan
+    return dtype, specs[0].nodata
+
+
+def _write_cog(export: Export, store: ReadableStore, path: Path) -> None:
+    stack = stack_of(export, store)
+    with _gdal(), _renamed_when_whole(path) as temporary:
+        plain = temporary.with_suffix(".plain.tif")
+        profile = {"crs": stack.first.crs, "nodata": stack.nodata}
+        if stack.first.transform is not None:
+            profile["transform"] = rasterio.Affine(*stack.first.transform)
+        _write_tiled(stack, store, plain, profile | _PASSING)
+        rasterio.shutil.copy(
+            plain,
+            temporary,
+            driver="COG",
+            compress="deflate",
+            level=1,
+            predictor="yes",
+            blocksize=512,
+            overview_resampling="nearest" if stack.has_codes else "average",
+            bigtiff="if_safer",
+            statistics="no" if stack.is_picture else "yes",
+        )
+
+
+def _write_tiff(export: Export, store: ReadableStore, path: Path) -> None:
+    stack = stack_of(export, store)
+    if len(stack.specs) != 1:
+        raise StoreError(f"{export.path} is to be a plain TIFF of {len(stack.specs)} rasters; it holds exactly one.")
+    with _gdal(), _renamed_when_whole(path) as temporary:
+        predictor = 3 if stack.dtype.kind == "f" else 2
+        _write_tiled(stack, store, temporary, {"compress": "deflate", "zlevel": 1, "predictor": predictor})
+
+
+def _write_tiled(stack: Stack, store: ReadableStore, path: Path, profile: dict) -> None:
+    """A tiled GeoTIFF, one chunk of the store at a time; blocks divide the chunks, so that each is compressed once."""
+    block = math.gcd(stack.chunk, 512)
+    profile = profile | {
+        "driver": "GTiff",
+        "height": stack.first.shape[0],
+        "width": stack.first.shape[1],
+        "count": stack.bands,
+        "dtype": stack.dtype,
+        "tiled": True,
+        "blockxsize": max(block, 64),
+        "blockysize": max(block, 64),
+        "interleave": "pixel",
+        "bigtiff": "if_safer",
+    }
+    if stack.is_picture:
+        profile["photometric"] = "rgb"
+    with rasterio.open(path, "w", **profile) as target:
+        _describe(target, stack)
+        for window in stack.windows():
+            place = rasterio.windows.Window(window.col, window.row, window.width, window.height)
+            target.write(stack.read(store, window), window=place)
+
+
+def _describe(target: rasterio.io.DatasetWriter, stack: Stack) -> None:
+    if stack.is_picture:
+        target.colorinterp = [ColorInterp[name] for name in COLOURS[stack.bands]]
+    for band, (description, unit) in enumerate(stack.descriptions(), start=1):
+        target.set_band_description(band, description)
+        target.set_band_unit(band, unit)
+
+
+def _write_laz(export: Export, store: ReadableStore, path: Path) -> None:
+    with _renamed_when_whole(path) as temporary:
+        write_points(export, store, temporary)
+
+
+# --- tables ------------------------------------------------------------------------------------------------------------------
+
+
+def _write_json(export: Export, store: ReadableStore, path: Path) -> None:
+    write_whole(path, (_the_table(export, store).model_dump_json(indent=2) + "\n").encode())
+
+
+def _write_csv(export: Export, store: ReadableStore, path: Path) -> None:
+    write_whole(path, csv_text(_the_table(export, store)).encode())
+
+
+def _write_text(export: Export, store: ReadableStore, path: Path) -> None:
+    value = _the_table(export, store)
+    write_whole(path, getattr(value, "text", value).encode())
+
+
+def _the_table(export: Export, store: ReadableStore) -> object:
+    if len(export.tables) != 1:
+        raise StoreError(f"{export.path} needs exactly one table, but names {len(export.tables)}.")
+    return store.table(export.tables[0])
+
+
+def csv_text(columns: Columns) -> str:
+    """A `Columns` as CSV: a header of field names, floats in the fewest digits that read back to the same number."""
+    names = [f.name for f in fields(columns)]
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows(zip(*(_cells(np.asarray(getattr(columns, name))) for name in names), strict=True))
+    return out.getvalue()
+
+
+def _cells(values: np.ndarray) -> list:
+    """float32 by its own shortest digits, not by those of the float64 nearest to it."""
+    return [str(value) for value in values] if values.dtype.kind == "f" else values.tolist()
+
+
+WRITERS: dict[str, Callable[[Export, ReadableStore, Path], None]] = {
+    "cog": _write_cog,
+    "tiff": _write_tiff,
+    "laz": _write_laz,
+    "json": _write_json,
+    "csv": _write_csv,
+    "text": _write_text,
+}

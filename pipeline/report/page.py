@@ -1,0 +1,237 @@
+"""The report: one self-contained HTML page, drawn from what every stage declares of itself, without knowing what it means.
+
+Everything that varies is text that the template escapes; the only markup handed in are the charts, which escape their own
+text. The page asks the network for nothing: its pictures are data URIs, and a content security policy says so to the browser.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
+from markupsafe import Markup
+
+from orthomill.pipeline.engine.run_facts import RunFacts, StageRun, StageTitle
+from orthomill.pipeline.report import numbers
+from orthomill.pipeline.report.charts import chart_svg, colour_bar_svg, thinned
+from orthomill.pipeline.report.pictures import Drawing, draw
+from orthomill.pipeline.storage.reading import ReadableStore
+from orthomill.pipeline.storage.table_files import write_whole
+from orthomill.schemas.errors import StoreError
+from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport, report_table
+
+MOST_HEADLINES = 8
+"""headline figures shown when no stage marks any"""
+
+
+@dataclass(frozen=True)
+class FigureRow:
+    """A figure as it is printed."""
+
+    stage: str
+    name: str
+    label: str
+    value: str
+    unit: str
+    sentence: str
+    detail: bool
+
+
+@dataclass(frozen=True)
+class PictureView:
+    """A picture with its legend, or the sentence that says why there is none."""
+
+    picture: Picture
+    drawing: Drawing | None
+    bar: Markup | None = None
+    missing: str = ""
+
+
+@dataclass(frozen=True)
+class ChartView:
+    """A chart, drawn, and its caption."""
+
+    title: str
+    svg: Markup
+    caption: str
+
+
+@dataclass(frozen=True)
+class GridView:
+    """A table with its cells as text; `numeric` says which columns are set to the right."""
+
+    grid: Grid
+    numeric: tuple[bool, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
+class Section:
+    """One stage of the page."""
+
+    kind: str
+    title: str
+    state: str
+    """done, failed, unfinished or not yet"""
+    run: StageRun
+    report: StageReport
+    figures: tuple[FigureRow, ...]
+    pictures: tuple[PictureView, ...]
+    charts: tuple[ChartView, ...]
+    grids: tuple[GridView, ...]
+    failures: tuple[str, ...]
+
+
+def write_report(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunFacts, path: Path) -> None:
+    """Write the page for a run, finished or not, whole or not at all. Raises StoreError when the disk refuses."""
+    write_whole(path, report_html(store, stages, run).encode())
+
+
+def report_html(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunFacts) -> str:
+    """The page as text. Stages that have not reported yet are listed as such."""
+    bars = _Counter()
+    sections = tuple(_section(store, stage, run, bars) for stage in stages)
+    return _template().render(
+        run=run,
+        sections=sections,
+        headlines=headlines(sections),
+        verdict=verdict(run, sections),
+        longest=max((section.run.seconds for section in sections), default=0.0) or 1.0,
+        warned=[section for section in sections if section.report.warnings or section.failures],
+    )
+
+
+@cache
+def _template() -> Template:
+    loader = FileSystemLoader(Path(__file__).parent / "templates")
+    environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters.update(
+        number=numbers.number_text, duration=numbers.duration_text, memory=numbers.memory_text, ground_length=length_text
+    )
+    return environment.get_template("report.html")
+
+
+class _Counter:
+    """Numbers the colour bars of a page, whose gradients need names of their own."""
+
+    def __init__(self) -> None:
+        self.last = 0
+
+    def next(self) -> int:
+        self.last += 1
+        return self.last
+
+
+# --- one stage ---------------------------------------------------------------------------------------------------------------
+
+
+def _section(store: ReadableStore, stage: StageTitle, run: RunFacts, bars: _Counter) -> Section:
+    kind, title = stage
+    reported = run.stage(kind).reported and store.has_table(report_table(kind))
+    report = store.table(report_table(kind)) if reported else StageReport()
+    return Section(
+        kind,
+        title,
+        _state(run.stage(kind), reported),
+        run.stage(kind),
+        report,
+        tuple(figure_row(kind, figure) for figure in report.figures),
+        tuple(_picture_view(store, picture, bars) for picture in report.pictures),
+        tuple(_chart_view(chart) for chart in report.charts),
+        tuple(_grid_view(grid) for grid in report.grids),
+        tuple(f"{failure.key}: {failure.sentence}" for failure in run.failures if failure.stage == kind),
+    )
+
+
+def _state(run: StageRun, reported: bool) -> str:
+    if run.failed:
+        return "failed"
+    if reported and not run.waiting:
+        return "done"
+    return "unfinished" if reported or run.done or run.skipped else "not yet"
+
+
+CAPITALS = frozenset(("crs", "sd", "rmse", "nmad", "rms", "psnr", "ssim", "dsm", "dem", "gsd", "gnss", "gps", "exif", "lsm", "cpu"))
+"""Abbreviations that stand in capitals in a label made from a name."""
+
+
+def label_of(name: str) -> str:
+    """A label from a stable name: `check_rmse_plan` becomes "Check RMSE plan"."""
+    words = [word.upper() if word in CAPITALS else word for word in name.split("_") if word]
+    label = " ".join(words)
+    return label[:1].upper() + label[1:]
+
+
+def figure_row(kind: str, figure: Figure) -> FigureRow:
+    """A figure as text."""
+    value = numbers.number_text(figure.value)
+    name, unit = figure.name, figure.unit
+    return FigureRow(kind, f"{kind}.{name}", label_of(_without_unit(name, unit)), value, unit, figure.sentence, figure.detail)
+
+
+def _without_unit(name: str, unit: str) -> str:
+    """`sigma0_px` in px is called `sigma0`: the unit stands beside the value."""
+    suffix = {"micrometres": "_um", "degrees": "_deg"}.get(unit, f"_{unit}")
+    return name.removesuffix(suffix) or name
+
+
+def headlines(sections: tuple[Section, ...]) -> tuple[FigureRow, ...]:
+    """The figures a surveyor signs: those marked so, in order; the first of every stage when none is marked."""
+    marked = tuple(
+        row for section in sections for row, figure in zip(section.figures, section.report.figures, strict=True) if figure.headline
+    )
+    return marked or tuple(section.figures[0] for section in sections if section.figures)[:MOST_HEADLINES]
+
+
+def verdict(run: RunFacts, sections: tuple[Section, ...]) -> str:
+    """One sentence that says whether the run is complete, and what is missing."""
+    if run.complete:
+        skipped = sum(stage.skipped for stage in run.stages)
+        unchanged = f", {numbers.number_text(skipped)} of them unchanged since an earlier run" if skipped else ""
+        jobs = numbers.number_text(sum(stage.jobs for stage in run.stages))
+        return f"Complete. All {jobs} jobs of {len(run.stages)} stages are done{unchanged}."
+    missing = [
+        _counted(sum(stage.failed for stage in run.stages), "job failed", "jobs failed"),
+        _counted(sum(stage.waiting for stage in run.stages), "job is waiting", "jobs are waiting"),
+        _counted(sum(section.state == "not yet" for section in sections), "stage has not begun", "stages have not begun"),
+    ]
+    otherwise = "no job has run" if run.finished else "it is still running or was interrupted"
+    said = "; ".join(part for part in missing if part) or otherwise
+    return f"Not complete: {said}. Figures below hold for what is done; run the project again to go on."
+
+
+def _counted(count: int, one: str, many: str) -> str:
+    return f"{numbers.number_text(count)} {one if count == 1 else many}" if count else ""
+
+
+def _picture_view(store: ReadableStore, picture: Picture, bars: _Counter) -> PictureView:
+    try:
+        drawing = draw(store, picture)
+    except StoreError as error:
+        return PictureView(picture, None, missing=str(error))
+    return PictureView(picture, drawing, Markup(colour_bar_svg(drawing.bar, bars.next())) if drawing.bar else None)
+
+
+def _chart_view(chart: Chart) -> ChartView:
+    """A chart whose series do not fit its style costs its drawing, not the report."""
+    try:
+        svg = Markup(chart_svg(chart))
+    except (KeyError, ValueError) as error:
+        svg = Markup('<p class="nothing">This chart cannot be drawn: {}.</p>').format(str(error))
+    note = " Only a part of the marks is drawn." if thinned(chart) else ""
+    return ChartView(chart.title, svg, chart.caption + note)
+
+
+def _grid_view(grid: Grid) -> GridView:
+    columns = [tuple(row[place] if place < len(row) else None for row in grid.rows) for place in range(len(grid.columns))]
+    texts = [numbers.column_texts(column) for column in columns]
+    return GridView(grid, tuple(numbers.is_numeric(column) for column in columns), tuple(zip(*texts, strict=True)))
+
+
+def length_text(metres: float) -> str:
+    """A length on the ground: 50 m, 2 km, 5 mm."""
+    if metres >= 1000:
+        return f"{metres / 1000:g}{numbers.NARROW_SPACE}km"
+    if metres < 0.1:
+        return f"{metres * 1000:g}{numbers.NARROW_SPACE}mm"
+    return f"{metres:g}{numbers.NARROW_SPACE}m"

@@ -1,0 +1,263 @@
+"""Pictures of rasters for the report: reduced, coloured by style, with their legend and their place on the ground.
+
+One painter per style turns an overview into an image and its legend. Where there is no value the picture shows a pale hatching,
+which no colour map contains.
+"""
+
+import math
+from dataclasses import dataclass
+
+import matplotlib
+import numpy as np
+
+from orthomill.pipeline.report.image_uri import jpeg_uri, png_uri
+from orthomill.pipeline.report.numbers import nice_step
+from orthomill.pipeline.report.overview import Overview, overview
+from orthomill.pipeline.storage.reading import ReadableStore
+from orthomill.schemas.raster import RasterSpec
+from orthomill.schemas.stage_report import Picture
+
+LIMIT = 1100
+"""longest side of a picture, px"""
+HATCH = np.array([[244, 243, 239], [219, 217, 210]], np.uint8)
+HATCH_PERIOD = 8
+RELIEF = ("#3f6b57", "#6f9271", "#b3b98a", "#dccf9f", "#c9a778", "#a17c5f", "#7d6256", "#cdc4bd", "#f4f1ee")
+BLUE_WHITE_RED = ("#08306b", "#2a6fb0", "#7fb5d8", "#d6e6ef", "#f7f7f5", "#f6d5c3", "#e58f6f", "#be3a34", "#67001f")
+UNKNOWN_CODE = "#8a8a8a"
+CODES, COLOUR_STEPS = 256, 254
+
+
+@dataclass(frozen=True)
+class ColourBar:
+    """How colours stand for values, and how often the values occur (`counts` over equal steps from `low` to `high`)."""
+
+    low: float
+    high: float
+    unit: str
+    colours: tuple[str, ...]
+    counts: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class ClassEntry:
+    """One line of a legend of codes; `share` of all pixels, in per cent."""
+
+    colour: str
+    meaning: str
+    share: float
+
+
+@dataclass(frozen=True)
+class ScaleBar:
+    """A round length on the ground and the part of the picture's width that it takes, in per cent."""
+
+    metres: float
+    per_cent: float
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A picture as the report shows it. Corners are (x, y) of the outer upper-left and lower-right corner, m."""
+
+    uri: str
+    width: int
+    height: int
+    bar: ColourBar | None = None
+    classes: tuple[ClassEntry, ...] = ()
+    empty_share: float = 0.0
+    """per cent of the picture without a value"""
+    scale: ScaleBar | None = None
+    corners: tuple[tuple[float, float], tuple[float, float]] | None = None
+
+
+@dataclass(frozen=True)
+class _Painted:
+    uri: str
+    bar: ColourBar | None = None
+    classes: tuple[ClassEntry, ...] = ()
+
+
+def draw(store: ReadableStore, picture: Picture, limit: int = LIMIT) -> Drawing:
+    """Draw the raster of `picture`, at most `limit` px a side. Raises StoreError when it does not exist."""
+    spec = store.spec(picture.raster)
+    seen = overview(store, picture.raster, limit, nearest=picture.style == "classes")
+    painted = PAINTERS[picture.style](seen, picture, spec)
+    rows, cols = seen.share.shape
+    empty = 100 * float(1 - np.mean(seen.share))
+    return Drawing(painted.uri, cols, rows, painted.bar, painted.classes, empty, _scale_bar(spec), _corners(spec))
+
+
+# --- colouring ---------------------------------------------------------------------------------------------------------------
+
+
+def _paint_hillshade(seen: Overview, picture: Picture, spec: RasterSpec) -> _Painted:
+    """Heights tinted by elevation and shaded by light from the north-west, with a little light from the west and the north."""
+    heights = _plane(seen)
+    low, high = _limits(heights, picture)
+    tint = palette(RELIEF, CODES)[_steps(heights, low, high, CODES)].astype(np.float64)
+    cell = abs(spec.transform[0]) * seen.factor if spec.transform else 1.0
+    shaded = np.clip(tint * shade(heights, cell)[..., None], 0, 255)
+    bar = _bar(heights, _Scale(low, high, RELIEF, picture.unit or spec.unit))
+    return _Painted(jpeg_uri(_composed(shaded, np.isfinite(heights).astype(float))), bar)
+
+
+def shade(heights: np.ndarray, cell: float) -> np.ndarray:
+    """Brightness about 1 of heights (rows, cols) m on cells of `cell` m; 1 where there is no height.
+
+    Relief is exaggerated until its steeper slopes show, whatever the terrain.
+    """
+    east, south = _slope(heights, 1) / cell, _slope(heights, 0) / cell
+    steep = np.hypot(east, south)
+    usual = np.nanpercentile(steep, 90) if np.isfinite(steep).any() else 0.0
+    exaggeration = float(np.clip(0.5 / usual, 0.3, 6.0)) if usual > 0 else 1.0
+    east, south = east * exaggeration, south * exaggeration
+    normal = np.sqrt(1 + east**2 + south**2)
+    light = sum(weight * np.clip((-east * x - south * y + z) / normal, 0, 1) for weight, x, y, z in SUNS)
+    return np.nan_to_num(0.42 + 0.80 * light, nan=1.0)
+
+
+HALF = math.sqrt(0.5)
+SUNS = ((0.70, -0.5, -0.5, HALF), (0.15, -HALF, 0.0, HALF), (0.15, 0.0, -HALF, HALF))
+"""(weight, east, south, up) of the light's direction"""
+
+
+def _slope(heights: np.ndarray, axis: int) -> np.ndarray:
+    """Height difference per pixel along an axis: the mean of the forward and the backward step, or the one that exists."""
+    steps = np.diff(heights, axis=axis)
+    edge = np.full_like(np.take(heights, [0], axis=axis), np.nan)
+    both = np.stack([np.concatenate([steps, edge], axis=axis), np.concatenate([edge, steps], axis=axis)])
+    count = np.isfinite(both).sum(axis=0)
+    return np.where(np.isfinite(heights), np.nansum(both, axis=0) / np.maximum(count, 1), np.nan)
+
+
+def _paint_rgb(seen: Overview, picture: Picture, spec: RasterSpec) -> _Painted:
+    """Colours as they are; more than 8 bits are stretched between the 1st and 99th percentile."""
+    values = seen.values if seen.values.ndim == 3 else seen.values[..., None]
+    colours = values[..., :3] if values.shape[2] >= 3 else np.repeat(values[..., :1], 3, axis=2)
+    if spec.dtype != "uint8" and np.isfinite(colours).any():
+        low, high = np.nanpercentile(colours, (1, 99))
+        colours = (colours - low) / max(high - low, 1e-12) * 255
+    return _Painted(jpeg_uri(_composed(np.clip(np.nan_to_num(colours), 0, 255), seen.share)))
+
+
+def _paint_ramp(seen: Overview, picture: Picture, spec: RasterSpec) -> _Painted:
+    name = picture.colours if picture.colours in matplotlib.colormaps else "viridis"
+    colours = tuple(matplotlib.colors.to_hex(colour) for colour in matplotlib.colormaps[name](np.linspace(0, 1, 17)))
+    values = _plane(seen)
+    return _paint_steps(values, _Scale(*_limits(values, picture), colours, picture.unit or spec.unit))
+
+
+def _paint_diverging(seen: Overview, picture: Picture, spec: RasterSpec) -> _Painted:
+    """Symmetric about 0: blue below, red above."""
+    values = _plane(seen)
+    given = [abs(limit) for limit in (picture.low, picture.high) if limit is not None]
+    bound = max(given) if given else _percentile(np.abs(values), 98)
+    return _paint_steps(values, _Scale(-(bound or 1.0), bound or 1.0, BLUE_WHITE_RED, picture.unit or spec.unit))
+
+
+@dataclass(frozen=True)
+class _Scale:
+    """A range of values and the colours it runs through."""
+
+    low: float
+    high: float
+    colours: tuple[str, ...]
+    unit: str
+
+
+def _paint_steps(values: np.ndarray, scale: _Scale) -> _Painted:
+    index = 2 + _steps(values, scale.low, scale.high, COLOUR_STEPS)
+    index = np.where(np.isfinite(values), index, _hatch(values.shape)).astype(np.uint8)
+    table = np.concatenate([HATCH, palette(scale.colours, COLOUR_STEPS)])
+    return _Painted(png_uri(index, table), _bar(values, scale))
+
+
+def _paint_classes(seen: Overview, picture: Picture, spec: RasterSpec) -> _Painted:
+    """Codes in the colours given; a code nobody explained is grey and said to be unknown."""
+    codes = np.where(seen.share > 0, _plane(seen), -1).astype(np.int64)
+    known = picture.classes[: CODES - 3]
+    index = np.full(codes.shape, len(known) + 2)
+    for place, (code, _, _) in enumerate(known):
+        index[codes == code] = place + 2
+    index = np.where(seen.share > 0, index, _hatch(codes.shape))
+    entries = [(colour, meaning) for _, colour, meaning in known] + [(UNKNOWN_CODE, "code without explanation")]
+    counts = np.bincount(index.ravel(), minlength=len(entries) + 2)[2:]
+    table = np.concatenate([HATCH, palette(tuple(colour for colour, _ in entries), len(entries))])
+    legend = tuple(ClassEntry(*entry, 100 * count / codes.size) for entry, count in zip(entries, counts, strict=True))
+    return _Painted(png_uri(index.astype(np.uint8), table), classes=legend if counts[-1] else legend[:-1])
+
+
+PAINTERS = {
+    "hillshade": _paint_hillshade,
+    "rgb": _paint_rgb,
+    "ramp": _paint_ramp,
+    "diverging": _paint_diverging,
+    "classes": _paint_classes,
+}
+
+
+def _plane(seen: Overview) -> np.ndarray:
+    return seen.values if seen.values.ndim == 2 else seen.values[..., 0]
+
+
+def _limits(values: np.ndarray, picture: Picture) -> tuple[float, float]:
+    low = _percentile(values, 2) if picture.low is None else picture.low
+    high = _percentile(values, 98) if picture.high is None else picture.high
+    return low, high if high > low else low + (abs(low) * 1e-3 or 1.0)
+
+
+def _percentile(values: np.ndarray, share: float) -> float:
+    present = values[np.isfinite(values)]
+    return float(np.percentile(present, share)) if present.size else 0.0
+
+
+def _steps(values: np.ndarray, low: float, high: float, count: int) -> np.ndarray:
+    return np.nan_to_num(np.clip((values - low) / (high - low), 0, 1) * (count - 1)).round().astype(np.int64)
+
+
+def palette(colours: tuple[str, ...], count: int) -> np.ndarray:
+    """(count, 3) uint8: `colours` ("#rrggbb") spread evenly and interpolated linearly."""
+    stops = np.array([tuple(bytes.fromhex(colour.lstrip("#"))) for colour in colours], np.float64)
+    at = np.linspace(0, len(colours) - 1, count)
+    return np.column_stack([np.interp(at, np.arange(len(colours)), stops[:, band]) for band in range(3)]).round().astype(np.uint8)
+
+
+def _bar(values: np.ndarray, scale: _Scale) -> ColourBar | None:
+    present = values[np.isfinite(values)]
+    if not present.size:
+        return None
+    counts = np.histogram(np.clip(present, scale.low, scale.high), bins=48, range=(scale.low, scale.high))[0]
+    return ColourBar(scale.low, scale.high, scale.unit, scale.colours, tuple(counts.tolist()))
+
+
+# --- hatching --------------------------------------------------------------------------------------------------------------
+
+
+def _hatch(shape: tuple[int, ...]) -> np.ndarray:
+    """0 and 1: thin diagonal lines."""
+    rows, cols = np.ogrid[: shape[0], : shape[1]]
+    return ((rows + cols) % HATCH_PERIOD == 0).astype(np.int64)
+
+
+def _composed(colours: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Colours (rows, cols, 3) over the hatching, by the share of pixels that have a value."""
+    back = HATCH[_hatch(share.shape)].astype(np.float64)
+    return np.rint(colours * share[..., None] + back * (1 - share[..., None])).astype(np.uint8)
+
+
+# --- place on the ground -----------------------------------------------------------------------------------------------------
+
+
+def _scale_bar(spec: RasterSpec) -> ScaleBar | None:
+    if spec.transform is None:
+        return None
+    width = abs(spec.transform[0]) * spec.shape[1]
+    metres = nice_step(width, 5)
+    return ScaleBar(metres, 100 * metres / width)
+
+
+def _corners(spec: RasterSpec) -> tuple[tuple[float, float], tuple[float, float]] | None:
+    if spec.transform is None:
+        return None
+    a, _, west, _, e, north = spec.transform
+    return (west, north), (west + a * spec.shape[1], north + e * spec.shape[0])

@@ -1,0 +1,225 @@
+"""Image files as people have them: JPEG, TIFF and PNG, looked at with suspicion.
+
+A file is judged before it is decoded: is it an image at all (the content decides, not the name), is it complete (its end marker),
+is it of a sensible size and kind. Every refusal names the file and says what to do. Only three of GDAL's drivers are let in, and
+no file beside the image is read. EXIF tags are carried as text under their plain names ("FocalLength", "GPSLatitude"); what they
+mean is the business of those who read them.
+"""
+
+import fnmatch
+import mmap
+import os
+import re
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import rasterio
+from rasterio.enums import ColorInterp
+from rasterio.errors import NotGeoreferencedWarning, RasterioError
+from rasterio.windows import Window as GdalWindow
+
+from orthomill.schemas.errors import PhotoError, WorkflowError
+from orthomill.schemas.photo import Header
+from orthomill.schemas.project import Photographs
+from orthomill.schemas.raster import Window
+
+IMAGE_SUFFIXES = frozenset({".jpg", ".jpeg", ".tif", ".tiff", ".png"})
+PIXEL_LIMIT = 2_000_000_000
+"""Larger images are refused before anything of them is decoded."""
+_SIGNATURES = {
+    b"\xff\xd8\xff": "JPEG",
+    b"\x89PNG\r\n\x1a\n": "PNG",
+    b"II*\0": "GTiff",
+    b"MM\0*": "GTiff",
+    b"II+\0": "GTiff",
+    b"MM\0+": "GTiff",
+}
+"""First bytes of a file -> the GDAL driver that may open it."""
+_GDAL = {"GDAL_ERROR_ON_LIBJPEG_WARNING": "YES", "GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR", "GDAL_PAM_ENABLED": "NO"}
+
+_GIMBAL = re.compile(r"(Gimbal(?:Yaw|Pitch|Roll)Degree)\s*(?:=\s*\"|>)\s*([-+]?\d+(?:\.\d+)?)")
+
+
+def is_image_name(name: str) -> bool:
+    """Whether a file's name promises an image. Hidden files (`._DJI_0001.JPG` of macOS) do not."""
+    return Path(name).suffix.lower() in IMAGE_SUFFIXES and not Path(name).name.startswith(".")
+
+
+def image_files(root: Path, source: Photographs) -> tuple[str, ...]:
+    """The image files of a folder or a list, relative to `root`, sorted by name. Raises WorkflowError when there are none."""
+    if source.kind == "list":
+        return tuple(sorted(source.paths))
+    folder = root / source.path
+    try:
+        names = sorted(entry.name for entry in folder.iterdir() if is_image_name(entry.name) and entry.is_file())
+    except OSError as error:
+        raise WorkflowError(f"The folder {source.path} cannot be read ({error.strerror}); correct its path.") from error
+    chosen = [name for name in names if fnmatch.fnmatchcase(name, source.pattern)]
+    if not chosen:
+        raise WorkflowError(_no_images(source.path, source.pattern, len(names)))
+    return tuple((Path(source.path) / name).as_posix() for name in chosen)
+
+
+def _no_images(folder: str, pattern: str, without_pattern: int) -> str:
+    if without_pattern:
+        return f"None of the {without_pattern} images in {folder} matches the pattern '{pattern}'; the pattern '*' takes all."
+    return f"The folder {folder} holds no JPEG, TIFF or PNG images; put the photographs there or correct the path."
+
+
+def read_header(path: Path) -> Header:
+    """Size, bands, dtype and EXIF tags of an image file. Raises PhotoError for whatever cannot be a whole photograph."""
+    with _opened(path) as dataset:
+        _check_size(path, dataset)
+        bands = _colour_bands(path, dataset)
+        if dataset.driver in _END_CHECKS:
+            _END_CHECKS[dataset.driver](path)
+        return Header(
+            path=str(path), width=dataset.width, height=dataset.height, bands=bands, dtype=dataset.dtypes[0], tags=_tags(dataset)
+        )
+
+
+def read_pixels(path: Path, window: Window) -> np.ndarray:
+    """Pixels of a window, (height, width, bands) with 1 or 3 bands, as stored: the EXIF orientation flag is not obeyed here.
+
+    An alpha band is left out. Raises PhotoError when the file is not an image, or breaks off inside the window.
+    """
+    with _opened(path) as dataset:
+        _check_size(path, dataset)
+        bands = _colour_bands(path, dataset)
+        if window.clipped(dataset.shape) != window or window.empty:
+            raise PhotoError(
+                f"{shown(path)} has {dataset.width} x {dataset.height} px, and {window} does not lie inside; "
+                "the file has changed since it was first read, so run again."
+            )
+        part = GdalWindow(window.col, window.row, window.width, window.height)
+        try:
+            return np.moveaxis(dataset.read(list(range(1, bands + 1)), window=part), 0, -1)
+        except (RasterioError, MemoryError) as error:
+            rows = f"{window.row} to {window.row + window.height - 1}"
+            raise PhotoError(
+                f"{shown(path)} cannot be decoded in the rows {rows}: the file is damaged or was not copied "
+                "completely; copy it again from the camera."
+            ) from error
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[rasterio.DatasetReader]:
+    driver = _driver(path)
+    with rasterio.Env(**_GDAL), warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        try:
+            dataset = rasterio.open(Path(path).absolute(), driver=driver)
+        except RasterioError as error:
+            raise PhotoError(
+                f"{shown(path)} begins like an image, but cannot be opened: the file is damaged or was not copied "
+                "completely; copy it again from the camera."
+            ) from error
+        with dataset:
+            yield dataset
+
+
+def _driver(path: Path) -> str:
+    """GDAL's driver for what the file holds, whatever its name says."""
+    start = _first_bytes(path)
+    for signature, driver in _SIGNATURES.items():
+        if start.startswith(signature):
+            return driver
+    what = "plain text" if _is_text(start) else "another kind of file"
+    raise PhotoError(
+        f"{shown(path)} is not a JPEG, TIFF or PNG image but {what}, whatever its name says; take it out of the photographs."
+    )
+
+
+def _first_bytes(path: Path) -> bytes:
+    try:
+        with open(path, "rb") as file:
+            start = file.read(512)
+    except FileNotFoundError:
+        raise PhotoError(f"The photograph {shown(path)} does not exist; put it there or take it out of the workflow.") from None
+    except OSError as error:
+        raise PhotoError(f"The photograph {shown(path)} cannot be read ({error.strerror}).") from error
+    if not start:
+        raise PhotoError(f"{shown(path)} is empty (0 bytes); copy it again from the camera.")
+    return start
+
+
+def _is_text(start: bytes) -> bool:
+    return not any(byte < 9 or 13 < byte < 32 for byte in start)
+
+
+def _check_size(path: Path, dataset: rasterio.DatasetReader) -> None:
+    pixels = dataset.width * dataset.height
+    if pixels > PIXEL_LIMIT:
+        raise PhotoError(
+            f"{shown(path)} claims {dataset.width} x {dataset.height} px, which is {pixels / 1e9:.1f} gigapixels; "
+            f"more than {PIXEL_LIMIT / 1e9:g} gigapixels are refused unread, so cut it into parts if it is genuine."
+        )
+
+
+def _colour_bands(path: Path, dataset: rasterio.DatasetReader) -> int:
+    """1 or 3, an alpha band left out."""
+    meanings = dataset.colorinterp
+    bands = sum(meaning != ColorInterp.alpha for meaning in meanings)
+    if ColorInterp.palette in meanings:
+        raise PhotoError(f"{shown(path)} has a colour palette; save it as grey or RGB.")
+    if bands not in (1, 3):
+        raise PhotoError(f"{shown(path)} has {bands} bands; save it as grey (1 band) or RGB (3 bands).")
+    if any(dtype not in ("uint8", "uint16") for dtype in dataset.dtypes):
+        raise PhotoError(f"{shown(path)} holds {dataset.dtypes[0]} values; save it with 8 or 16 bits per band.")
+    return bands
+
+
+def _tags(dataset: rasterio.DatasetReader) -> dict[str, str]:
+    """EXIF tags without GDAL's prefix, and TIFF's own baseline tags under the names that EXIF gives them."""
+    found = {**dataset.tags(), **dataset.tags(ns="EXIF")}
+    tags = {name.removeprefix("EXIF_"): value for name, value in found.items() if name.startswith("EXIF_")}
+    for tiff, exif in (("TIFFTAG_MAKE", "Make"), ("TIFFTAG_MODEL", "Model"), ("TIFFTAG_DATETIME", "DateTime")):
+        if tiff in found:
+            tags.setdefault(exif, found[tiff])
+    return {**tags, **_gimbal_tags(dataset.tags(ns="xml:XMP"))}
+
+
+def _gimbal_tags(xmp: dict[str, str]) -> dict[str, str]:
+    """How a drone's camera was held: GimbalYawDegree, GimbalPitchDegree and GimbalRollDegree, as attributes or as elements."""
+    return dict(_GIMBAL.findall(next(iter(xmp.values()), "")))
+
+
+def _check_jpeg_end(path: Path) -> None:
+    """A whole JPEG has an end-of-image marker after its last scan; the thumbnail's own marker, in the header, does not count."""
+    with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        if content.rfind(b"\xff\xd9", _first_scan(content)) < 0:
+            raise PhotoError(_truncated(path, "the end-of-image marker of a JPEG is missing"))
+
+
+def _first_scan(content: mmap.mmap) -> int:
+    """Offset of the first start-of-scan marker, found by walking the segments, so that embedded thumbnails are stepped over."""
+    at = 2
+    while at + 4 <= len(content) and content[at] == 0xFF and content[at + 1] != 0xDA:
+        at += 1 if content[at + 1] == 0xFF else 2 + int.from_bytes(content[at + 2 : at + 4], "big")
+    return min(at, len(content))
+
+
+def _check_png_end(path: Path) -> None:
+    with open(path, "rb") as file:
+        file.seek(max(os.path.getsize(path) - 4096, 0))
+        if b"IEND\xaeB`\x82" not in file.read():
+            raise PhotoError(_truncated(path, "the end chunk of a PNG is missing"))
+
+
+_END_CHECKS = {"JPEG": _check_jpeg_end, "PNG": _check_png_end}
+
+
+def _truncated(path: Path, sign: str) -> str:
+    return f"{shown(path)} is truncated ({os.path.getsize(path)} bytes, {sign}); copy it again from the camera."
+
+
+def shown(path: Path) -> str:
+    """A path as a person knows it: relative to the current folder where it lies below it."""
+    absolute = Path(os.path.abspath(path))
+    try:
+        return absolute.relative_to(Path.cwd()).as_posix()
+    except ValueError:
+        return absolute.as_posix()

@@ -1,0 +1,68 @@
+"""Reads georeferenced raster files that a user brings: windows of them, resampled to the project's grid."""
+
+from pathlib import Path
+
+import numpy as np
+import rasterio
+from rasterio.crs import CRS
+from rasterio.enums import Resampling
+from rasterio.errors import CRSError, RasterioError
+from rasterio.transform import Affine
+from rasterio.vrt import WarpedVRT
+from rasterio.warp import transform_bounds
+from rasterio.windows import Window as FileWindow
+
+from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.job import MapFile
+from orthomill.schemas.raster import MapGrid
+
+
+def read_map_grid(path: Path, crs: str) -> MapGrid:
+    """The bounds of a file in `crs` as a grid of about its own cell size. Raises WorkflowError."""
+    with _opened(path) as source:
+        west, south, east, north = transform_bounds(source.crs, _horizontal(crs), *source.bounds)
+        cell = max((east - west) / source.width, (north - south) / source.height)
+    rows, cols = (max(1, round(length / cell)) for length in (north - south, east - west))
+    return MapGrid(west=west, north=north, cell=cell, rows=rows, cols=cols)
+
+
+def read_map(path: Path, region: MapFile) -> np.ndarray:
+    """The region's window as float32, bilinear; NaN where the file has nothing. Raises WorkflowError."""
+    grid, window = region.grid, region.window
+    with _opened(path) as source:
+        if source.count < region.bands:
+            raise WorkflowError(f"{path} has {source.count} bands, but {region.bands} are needed.")
+        with WarpedVRT(
+            source,
+            crs=_horizontal(region.crs),
+            transform=Affine(*grid.transform),
+            width=grid.cols,
+            height=grid.rows,
+            resampling=Resampling.bilinear,
+            nodata=np.nan,
+            dtype="float32",
+        ) as warped:
+            part = FileWindow(window.col, window.row, window.width, window.height)
+            bands = warped.read(list(range(1, region.bands + 1)), window=part)
+    return bands[0] if region.bands == 1 else np.ascontiguousarray(np.moveaxis(bands, 0, -1))
+
+
+def _horizontal(crs: str) -> CRS:
+    return CRS.from_user_input(crs.split("+")[0])
+
+
+def _opened(path: Path) -> rasterio.DatasetReader:
+    try:
+        source = rasterio.open(path, driver="GTiff")
+    except RasterioError as error:
+        raise WorkflowError(f"{path} is not a GeoTIFF that can be read ({error}); export the surface as a GeoTIFF.") from None
+    try:
+        known = source.crs is not None and bool(CRS.from_user_input(source.crs))
+    except CRSError:
+        known = False
+    if not known:
+        source.close()
+        raise WorkflowError(
+            f"{path} does not say its coordinate reference system; assign one (for example with gdal_edit) and run again."
+        )
+    return source

@@ -1,0 +1,175 @@
+"""The project's store: rasters in one zarr v3 group, tables beside it.
+
+A raster is made once from its specification; a write must be whole chunks, because unaligned concurrent writes to zarr lose
+data silently. Every raster has a birth mark: a record of a job holds only as long as the raster it wrote is the same one.
+"""
+
+import shutil
+import uuid
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import zarr
+from zarr.codecs import BloscCodec
+
+from orthomill.pipeline.storage.table_files import read_table, write_table
+from orthomill.schemas.errors import StoreError
+from orthomill.schemas.job import Table
+from orthomill.schemas.raster import RasterSpec, Window
+
+T = TypeVar("T")
+
+
+class Store:
+    """Rasters and tables of one run's folder. Cheap to make; every worker makes its own."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = Path(folder)
+        self._arrays: dict[str, zarr.Array] = {}
+
+    @property
+    def rasters(self) -> Path:
+        return self.folder / "rasters.zarr"
+
+    def names(self) -> tuple[str, ...]:
+        """Names of all rasters that exist, sorted."""
+        return tuple(sorted(self._walk(self.rasters)))
+
+    def _walk(self, folder: Path) -> Iterator[str]:
+        if not folder.is_dir():
+            return
+        for entry in folder.iterdir():
+            if not entry.is_dir():
+                continue
+            if (entry / "zarr.json").exists() and '"node_type": "array"' in (entry / "zarr.json").read_text():
+                yield entry.relative_to(self.rasters).as_posix()
+            else:
+                yield from self._walk(entry)
+
+    def create(self, spec: RasterSpec) -> str:
+        """Make the raster unless it exists with the same specification; returns its birth mark. Raises StoreError."""
+        try:
+            if self.has(spec.name):
+                if self.spec(spec.name).same(spec):
+                    return self.birth(spec.name)
+                self.delete(spec.name)
+            zarr.open_group(self.rasters, mode="a")
+            self._arrays[spec.name] = zarr.create_array(
+                self.rasters,
+                name=spec.name,
+                shape=spec.shape,
+                chunks=spec.chunks,
+                dtype=spec.dtype,
+                fill_value=_fill_value(spec),
+                compressors=BloscCodec(cname="lz4", clevel=1, shuffle="shuffle"),
+                attributes={
+                    "spec": spec.model_dump(mode="json"),
+                    "birth": uuid.uuid4().hex,
+                    "crs": spec.crs,
+                    "transform": spec.transform,
+                    "unit": spec.unit,
+                    "nodata": _nodata_text(spec),
+                },
+            )
+        except OSError as error:
+            raise StoreError(
+                f"The raster {spec.name} cannot be made in {self.rasters}: {error.strerror}; make room or make it writable."
+            ) from error
+        return self.birth(spec.name)
+
+    def sweep(self) -> None:
+        """Remove what a killed run was writing: files under temporary names, which nobody reads. Nothing else may write now."""
+        for path in self.folder.rglob("*.part*"):
+            if path.suffix in {".partial", ".part"}:
+                path.unlink(missing_ok=True)
+
+    def delete(self, name: str) -> None:
+        """Remove a raster with its data."""
+        self._arrays.pop(name, None)
+        shutil.rmtree(self.rasters / name, ignore_errors=True)
+
+    def has(self, name: str) -> bool:
+        return (self.rasters / name / "zarr.json").exists()
+
+    def _array(self, name: str) -> zarr.Array:
+        if name not in self._arrays:
+            if not self.has(name):
+                raise StoreError(f"There is no raster {name} in {self.rasters}; run the stage '{name.split('/')[0]}' first.")
+            self._arrays[name] = zarr.open_array(self.rasters, path=name, mode="r+")
+        return self._arrays[name]
+
+    def spec(self, name: str) -> RasterSpec:
+        """The specification a raster was made from. Raises StoreError when there is none."""
+        return RasterSpec.model_validate(self._array(name).attrs["spec"])
+
+    def birth(self, name: str) -> str:
+        return str(self._array(name).attrs["birth"])
+
+    def read(self, name: str, window: Window) -> np.ndarray:
+        """Pixels (height, width) or (height, width, bands) of a window that lies inside the raster. Raises StoreError."""
+        array = self._array(name)
+        if window.clipped(array.shape) != window:
+            raise StoreError(f"{window} leaves the raster {name} of shape {array.shape}; clip it first.")
+        return np.asarray(array[window.slices])
+
+    def write(self, name: str, window: Window, values: np.ndarray) -> None:
+        """Write whole chunks. Raises StoreError for windows that cut a chunk and for values of another shape or kind."""
+        array = self._array(name)
+        _check_aligned(name, window, array.shape, array.chunks)
+        expected = window.shape + array.shape[2:]
+        if values.shape != expected:
+            raise StoreError(f"{name} takes {expected} in {window}, but was given {values.shape}.")
+        if not np.can_cast(values.dtype, array.dtype, casting="same_kind"):
+            raise StoreError(f"{name} holds {array.dtype}, but was given {values.dtype}.")
+        try:
+            array[window.slices] = values
+        except OSError as error:
+            raise StoreError(
+                f"The raster {name} cannot be written: {error.strerror}; make room on the disk, then run again."
+            ) from error
+
+    def has_table(self, table: Table[Any]) -> bool:
+        return self.table_path(table).exists()
+
+    def table_path(self, table: Table[Any]) -> Path:
+        return self.folder / "tables" / table.path
+
+    def table(self, table: Table[T]) -> T:
+        """The value of a table. Raises StoreError."""
+        return read_table(self.table_path(table), table)
+
+    def write_table(self, table: Table[T], value: T) -> None:
+        """Store a table whole. Raises StoreError when the value is not of the table's type."""
+        if not isinstance(value, table.type):
+            raise StoreError(f"The table {table.path} holds {table.type.__name__}, but was given {type(value).__name__}.")
+        write_table(self.table_path(table), value)
+
+
+def aligned(window: Window, shape: tuple[int, ...], chunks: tuple[int, ...]) -> bool:
+    """Whether a window covers whole chunks of an array."""
+    bottom, right = window.row + window.height, window.col + window.width
+    return (
+        not window.empty
+        and window.clipped(shape) == window
+        and window.row % chunks[0] == 0
+        and window.col % chunks[1] == 0
+        and (bottom % chunks[0] == 0 or bottom == shape[0])
+        and (right % chunks[1] == 0 or right == shape[1])
+    )
+
+
+def _check_aligned(name: str, window: Window, shape: tuple[int, ...], chunks: tuple[int, ...]) -> None:
+    if not aligned(window, shape, chunks):
+        raise StoreError(f"A write to {name} must be whole chunks of {chunks[:2]} inside {shape[:2]}, but was {window}.")
+
+
+def _fill_value(spec: RasterSpec) -> float | int:
+    if spec.nodata is not None:
+        return spec.nodata
+    return 0
+
+
+def _nodata_text(spec: RasterSpec) -> str | float | None:
+    return "NaN" if spec.nodata is not None and np.isnan(spec.nodata) else spec.nodata

@@ -1,0 +1,84 @@
+"""Tables on disk: pydantic models as JSON that people read, columns as parquet. A write is complete or absent.
+
+A table that is nothing but bytes (descriptors, patches) is one binary value in its file: parquet knows no small numbers and would
+store each byte as one of 32 bits, which costs more to read than all that is done with it.
+"""
+
+import os
+import tempfile
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from pydantic import ValidationError
+from pydantic_core import to_json
+
+from orthomill.schemas.errors import StoreError
+from orthomill.schemas.job import Columns, Table
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a file so that a reader sees the old one or the new one, never a part. Raises StoreError."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".part")
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(data)
+            os.chmod(temporary, 0o666 & ~_umask())
+            os.replace(temporary, path)
+        except BaseException:
+            Path(temporary).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise StoreError(
+            f"{path} cannot be written: {error.strerror}; make room on the disk or make the folder writable, then run again."
+        ) from error
+
+
+def _umask() -> int:
+    """The permissions that this process withholds; it can only be read by setting it."""
+    mask = os.umask(0o022)
+    os.umask(mask)
+    return mask
+
+
+def write_table(path: Path, value: Any) -> None:
+    """Store a pydantic model (.json) or a `Columns` (.parquet) at `path`. Raises StoreError."""
+    if isinstance(value, Columns):
+        columns = {f.name: np.asarray(getattr(value, f.name)) for f in fields(value)}
+        only_bytes = all(column.dtype == np.uint8 for column in columns.values())
+        arrays = {name: _one_value(column) if only_bytes else pa.array(column) for name, column in columns.items()}
+        sink = pa.BufferOutputStream()
+        pq.write_table(pa.table(arrays), sink, compression="zstd", use_dictionary=not only_bytes)
+        write_whole(path, sink.getvalue().to_pybytes())
+    else:
+        write_whole(path, to_json(value, indent=1, inf_nan_mode="constants"))
+
+
+def _one_value(column: np.ndarray) -> pa.Array:
+    """Bytes as a column with one row."""
+    data = pa.py_buffer(np.ascontiguousarray(column))
+    return pa.Array.from_buffers(pa.large_binary(), 1, [None, pa.py_buffer(np.array([0, column.size], np.int64)), data])
+
+
+def _numbers(column: pa.ChunkedArray) -> np.ndarray:
+    if pa.types.is_large_binary(column.type):
+        return np.frombuffer(column.chunk(0)[0].as_buffer(), np.uint8)
+    return column.to_numpy(zero_copy_only=False)
+
+
+def read_table(path: Path, table: Table[Any]) -> Any:
+    """The value of a stored table. Raises StoreError when it is absent or is not of its type."""
+    try:
+        if issubclass(table.type, Columns):
+            stored = pq.read_table(path)
+            return table.type(**{f.name: _numbers(stored[f.name]) for f in fields(table.type)})
+        return table.type.model_validate_json(path.read_bytes())
+    except FileNotFoundError:
+        raise StoreError(f"{path} does not exist; run the stage '{table.path.split('/')[0]}' first.") from None
+    except (ValidationError, pa.ArrowInvalid, KeyError) as error:
+        raise StoreError(f"{path} is damaged or from another version ({type(error).__name__}); delete it and run again.") from error

@@ -1,0 +1,1 @@
+"""From YAML to a typed workflow, and from every mistake in it to a sentence that helps."""

@@ -1,0 +1,99 @@
+"""docs/settings.md, generated from the schemas: every setting with its type, default, bounds, unit and sentence.
+
+The page is a function of the models alone; a test keeps the file in the repository current.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticUndefined
+
+from orthomill.pipeline.workflow.field_words import bounds, is_model, sentence, type_words, unit, variants
+from orthomill.pipeline.workflow.workflow_checks import kind_of
+from orthomill.pipeline.workflow.workflow_text import flow
+from orthomill.schemas.project import Project
+from orthomill.schemas.stage_contract import Stage
+
+_HEAD = """# Settings
+
+Generated from the schemas by `make docs`; do not edit. A workflow file has the settings of the project and the list `stages`,
+where each entry has a `kind` and the settings of that stage. What is left out has its default; `orthomill run` writes the workflow
+with every default filled in to `runs/<project>/workflow.yaml`. Paths are relative to the project's root, the folder that holds
+`workflows/`. Numbers are given alone, in the unit of the column; where a setting is a mapping with `kind`, each kind has a table.
+"""
+_TABLE = ("| setting | what it holds | default | bounds | unit | meaning |", "| --- | --- | --- | --- | --- | --- |")
+
+
+def settings_reference(catalogue: tuple[type[Stage], ...]) -> str:
+    """The whole page as Markdown."""
+    lines = [*_HEAD.splitlines(), "", "## The project", "", *_section(Project, "", {})]
+    for stage in catalogue:
+        title = stage.title[:1].upper() + stage.title[1:].rstrip(".")
+        lines += ["", f"## {kind_of(stage)}", "", f"{title}.", "", *_section(stage, "", {})]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def write_settings_reference(catalogue: tuple[type[Stage], ...], path: Path) -> None:
+    """Write the page."""
+    path.write_text(settings_reference(catalogue), encoding="utf-8")
+
+
+def _section(model: type[BaseModel], prefix: str, written: dict[type[BaseModel], str]) -> Iterator[str]:
+    """The table of a model, then one section for each kind of its tagged unions and for its nested models, each written once."""
+    fields = {name: field for name, field in model.model_fields.items() if name != "kind"}
+    yield from _table(fields) if fields else ("No settings.",)
+    for name, field in fields.items():
+        for kind, part in _models_in(field.annotation):
+            heading = f"`{prefix}{name}`{f' of kind `{kind}`' if kind else ''}"
+            if part in written:
+                yield from ("", f"### {heading}", "", f"As {written[part]}.")
+                continue
+            written[part] = heading
+            yield from ("", f"### {heading}", "", *_about(part), *_section(part, f"{prefix}{name} > ", written))
+
+
+def _about(model: type[BaseModel]) -> tuple[str, ...]:
+    own = model.__dict__.get("__doc__")
+    return (" ".join(own.split()), "") if own else ()
+
+
+def _models_in(annotation: Any) -> Iterator[tuple[str, type[BaseModel]]]:
+    """(kind, model) of what is nested in a field; kind is empty for a plain model."""
+    tags = variants(annotation)
+    if tags:
+        yield from tags.items()
+    elif is_model(annotation):
+        yield "", annotation
+    else:
+        for argument in getattr(annotation, "__args__", ()):
+            yield from _models_in(argument)
+
+
+def _table(fields: dict[str, FieldInfo]) -> Iterator[str]:
+    yield from _TABLE
+    for name, field in fields.items():
+        cells = (f"`{name}`", type_words(field.annotation), _default(field), ", ".join(bounds(field)), unit(field), sentence(field))
+        yield f"| {' | '.join(_cell(cell) for cell in cells)} |"
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")
+
+
+def _default(field: FieldInfo) -> str:
+    if field.is_required():
+        return "required"
+    value = field.get_default(call_default_factory=True)
+    if value is PydanticUndefined:
+        return ""
+    plain = value.model_dump(mode="json") if isinstance(value, BaseModel) else _plain(value)
+    return f"`{flow(plain)}`"
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, tuple | list):
+        return [item.model_dump(mode="json") if isinstance(item, BaseModel) else item for item in value]
+    return value

@@ -1,0 +1,262 @@
+"""A commented starting workflow, made from what the photographs say of themselves.
+
+The headers of all photographs are read, no pixels. What the EXIF tags tell is filled in (CRS, cameras, positions); what they do not
+tell is left open with a comment that says what is wanted, and the loader asks for it in one sentence. The stages stand there in
+order with their first settings commented out, so that a newcomer sees what can be changed.
+"""
+
+import os
+import re
+import shlex
+import statistics
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from orthomill.pipeline.storage.image_files import image_files, read_header, shown
+from orthomill.pipeline.workflow.camera_tags import camera_name, focal_mm, longitude_latitude, utm_zone
+from orthomill.pipeline.workflow.field_words import bounds, sentence, type_words, unit, variants
+from orthomill.pipeline.workflow.workflow_checks import SIMULATION, kind_of
+from orthomill.pipeline.workflow.workflow_text import flow
+from orthomill.schemas.errors import PhotoError, StoreError, WorkflowError
+from orthomill.schemas.photo import Header
+from orthomill.schemas.project import PhotoFolder, Project
+from orthomill.schemas.stage_contract import Stage
+
+SETTINGS_SHOWN = 4
+"""settings of a stage that a starting workflow shows; docs/settings.md has all"""
+_NOT_AT_FIRST = frozenset({SIMULATION, "evaluation"})
+"""Stages that need known truth or a reference."""
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What the headers of a folder of photographs tell."""
+
+    folder: str
+    headers: tuple[Header, ...]
+
+    @cached_property
+    def cameras(self) -> Counter[str]:
+        """Photographs by the camera they name."""
+        return Counter(name for header in self.headers if (name := camera_name(header)))
+
+    @cached_property
+    def focal_lengths(self) -> Counter[float]:
+        """Photographs by focal length in mm."""
+        return Counter(length for header in self.headers if (length := focal_mm(header.tags)))
+
+    @cached_property
+    def places(self) -> tuple[tuple[float, float], ...]:
+        """Longitude and latitude in degrees of the photographs that know them."""
+        return tuple(place for header in self.headers if (place := longitude_latitude(header.tags)))
+
+    @property
+    def utm(self) -> str | None:
+        """The UTM zone of the middle of the photographs, if any of them knows where it was taken."""
+        if not self.places:
+            return None
+        longitudes, latitudes = zip(*self.places, strict=True)
+        return utm_zone(statistics.median(longitudes), statistics.median(latitudes))
+
+    @property
+    def without_focal(self) -> int:
+        """Photographs that do not tell their focal length."""
+        return len(self.headers) - self.focal_lengths.total()
+
+
+@dataclass(frozen=True)
+class StartingWorkflow:
+    """The file that was written, and what its owner should do next, one sentence each."""
+
+    path: Path
+    survey: Survey
+    notes: tuple[str, ...]
+
+
+def survey_photographs(photos: Path, root: Path) -> Survey:
+    """Read the headers of all photographs of a folder. Raises WorkflowError, or PhotoError naming every file that is no good."""
+    folder = _inside(photos, root)
+    files = image_files(root, PhotoFolder(kind="folder", path=folder))
+    headers, problems = [], []
+    for file in files:
+        try:
+            headers.append(read_header(root / file))
+        except PhotoError as error:
+            problems.append(str(error))
+    if problems:
+        raise PhotoError("\n".join(problems))
+    if len(headers) < 2:
+        raise WorkflowError(
+            f"{files[0]} is the only photograph in {shown(photos)}; heights come from overlap, so at least two "
+            "photographs of the same ground are needed."
+        )
+    return Survey(folder, tuple(headers))
+
+
+def _inside(photos: Path, root: Path) -> str:
+    """The folder relative to the root; links are not followed, so that a link inside the project will do."""
+    top = Path(os.path.abspath(root))
+    folder = Path(os.path.normpath(top / photos))
+    if not folder.is_relative_to(top):
+        link = f"ln -s {shlex.quote(str(folder))} {shlex.quote(str(top / folder.name))}"
+        raise WorkflowError(
+            f"The photographs in {photos} lie outside the project's folder {top}; copy them into it, or put a link "
+            f"there ({link}) and give --photos {folder.name}."
+        )
+    if not folder.is_dir():
+        raise WorkflowError(f"The folder of photographs {photos} does not exist; give an existing one with --photos.")
+    return folder.relative_to(top).as_posix()
+
+
+def write_starting_workflow(
+    name: str, photos: Path, root: Path, catalogue: tuple[type[Stage], ...], crs: str | None = None
+) -> StartingWorkflow:
+    """Write workflows/<name>.yaml below `root`. Raises WorkflowError rather than overwrite anything."""
+    _check_name(name)
+    path = root / "workflows" / f"{name}.yaml"
+    if path.exists():
+        raise WorkflowError(f"{shown(path)} exists already and is not overwritten; choose another name or remove it.")
+    survey = survey_photographs(photos, root)
+    text = starting_text(name, survey, catalogue, crs)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with open(path, "x", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        raise StoreError(f"{shown(path)} cannot be written ({error.strerror}).") from error
+    return StartingWorkflow(path, survey, tuple(_notes(name, survey, crs)))
+
+
+def _check_name(name: str) -> None:
+    field = Project.model_fields["project"]
+    pattern = next(item.pattern for item in field.metadata if getattr(item, "pattern", None))
+    if not re.match(pattern, name):
+        raise WorkflowError(f"'{name}' cannot be the name of a project; it must be {bounds(field)[0]}.")
+
+
+def starting_text(name: str, survey: Survey, catalogue: tuple[type[Stage], ...], crs: str | None = None) -> str:
+    """The text of a starting workflow."""
+    stages = [stage for stage in catalogue if kind_of(stage) not in _NOT_AT_FIRST]
+    lines = [
+        *_head(name, survey),
+        *_crs(survey, crs),
+        "",
+        "photographs:",
+        "  kind: folder",
+        f"  path: {flow(survey.folder)}",
+        "",
+        *_cameras(survey),
+        "",
+        *_positions(survey),
+        "",
+        *_control(),
+        "",
+        *_tile(),
+        "",
+        "# The stages run in this order. A setting that is commented out has the value shown; take the '#' away to change it.",
+        "# All settings stand in docs/settings.md.",
+        "stages:",
+    ]
+    for stage in stages:
+        lines += ["", *_stage(stage)]
+    return "\n".join(lines) + "\n"
+
+
+def _head(name: str, survey: Survey) -> Iterator[str]:
+    yield f"# Starting workflow of the project {name}, made from the EXIF tags of {len(survey.headers)} photographs."
+    yield f"# Check it, then run:  make project={name} run   (or: orthomill run {name})"
+    for camera, photos in survey.cameras.most_common():
+        yield f"#   camera: {camera} ({photos} photographs)"
+    for length, photos in survey.focal_lengths.most_common():
+        yield f"#   focal length: {length:g} mm ({photos} photographs)"
+    yield f"#   GPS position: {len(survey.places)} of {len(survey.headers)} photographs"
+    yield ""
+    yield f"project: {flow(name)}  # results go to runs/{name}"
+
+
+def _crs(survey: Survey, crs: str | None) -> Iterator[str]:
+    yield ""
+    yield "# A projected coordinate reference system in metres. Heights may have their own after a '+', e.g. EPSG:2100+5773."
+    if crs:
+        yield f"crs: {flow(crs)}"
+    elif survey.utm:
+        yield f"crs: {flow(survey.utm)}  # the UTM zone of the GPS positions; a national grid will do as well"
+    else:
+        yield "crs:  # to be filled in, e.g. EPSG:32634: the photographs do not tell where they were taken"
+
+
+def _cameras(survey: Survey) -> Iterator[str]:
+    yield "# Where the interior orientation comes from: exif, file, given or chessboards."
+    yield "cameras:"
+    if survey.focal_lengths:
+        yield "  kind: exif  # nominal values, refined by the block adjustment; a calibration from chessboards is better"
+        return
+    first = survey.headers[0]
+    yield "  kind: given  # no photograph tells its focal length, so it is wanted here"
+    yield f"  c:  # to be filled in: camera constant in px: focal length / sensor width * {max(first.width, first.height)}"
+    yield "  # x0: 0.0         # principal point, px right of the image centre"
+    yield "  # y0: 0.0         # principal point, px above the image centre"
+    yield "  # k1: 0.0         # radial distortion, radius in units of c, as in OpenCV"
+    yield "  # pixel_um: 4.5   # side of a pixel on the sensor, micrometres, if it is known"
+
+
+def _positions(survey: Survey) -> Iterator[str]:
+    yield "# Where the photographs were taken: exif, file (a CSV file, e.g. from RTK) or none."
+    yield "positions:"
+    if not survey.places:
+        yield "  kind: none  # no photograph has GPS tags; without positions, control points are needed for scale and place"
+        return
+    yield "  kind: exif"
+    for name in ("sigma_plan", "sigma_height"):
+        field = variants(Project.model_fields["positions"].annotation)["exif"].model_fields[name]
+        yield f"  # {name}: {flow(field.default)}  # {sentence(field)} [{unit(field)}]"
+
+
+def _control() -> Iterator[str]:
+    yield "# Ground control and check points: none, or files as below (docs/guide.md tells their columns)."
+    yield "control:"
+    yield "  kind: none"
+    yield "  # kind: files"
+    yield "  # points: control/points.csv"
+    yield "  # measurements: control/measurements.csv"
+
+
+def _tile() -> Iterator[str]:
+    field = Project.model_fields["tile"]
+    yield f"# tile: {field.default}  # {sentence(field)} [{unit(field)}] Smaller tiles need less memory."
+
+
+def _stage(stage: type[Stage]) -> Iterator[str]:
+    yield f"  - kind: {kind_of(stage)}  # {stage.title}"
+    shown_fields = [(name, field) for name, field in stage.model_fields.items() if name != "kind" and not field.is_required()]
+    for name, field in shown_fields[:SETTINGS_SHOWN]:
+        measure = f" [{unit(field)}]" if unit(field) else ""
+        value = stage.model_construct().model_dump(mode="json")[name]
+        choices = f" ({type_words(field.annotation)})" if variants(field.annotation) else ""
+        yield f"    # {name}: {flow(value)}  # {sentence(field)}{measure}{choices}"
+    for name, field in stage.model_fields.items():
+        if field.is_required():
+            yield f"    {name}:  # to be filled in: {sentence(field)}"
+
+
+def _notes(name: str, survey: Survey, crs: str | None) -> Iterator[str]:
+    if not (crs or survey.utm):
+        yield "Fill in 'crs': no photograph tells where it was taken."
+    if not survey.focal_lengths:
+        yield "Fill in 'cameras > c': no photograph tells its focal length."
+    elif survey.without_focal:
+        yield (
+            f"{survey.without_focal} of {len(survey.headers)} photographs do not tell their focal length; they take the camera of "
+            "the others of their size. Take out what is no photograph of the block."
+        )
+    if survey.places and len(survey.places) < len(survey.headers):
+        missing = len(survey.headers) - len(survey.places)
+        yield f"{missing} of {len(survey.headers)} photographs have no GPS position; they join by their overlap."
+    if not survey.places:
+        yield "No photograph has a GPS position: give control points or a positions file, else the block has no scale and no place."
+    if len(survey.cameras) > 1:
+        yield f"The photographs come from {len(survey.cameras)} cameras or image sizes; check that none is there by mistake."
+    yield f"Then run: make project={name} run"

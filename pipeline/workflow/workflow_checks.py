@@ -1,0 +1,258 @@
+"""What a workflow must be beyond its types: a sensible list of stages, files that exist inside the project, a CRS in metres.
+
+None of it needs photogrammetry, and all of it is found before anything runs. Each check records what it finds in `Mistakes` and
+goes on, so that everything is told at once.
+"""
+
+import os
+import shlex
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+from pyproj import CRS
+from pyproj.exceptions import CRSError
+
+from orthomill.pipeline.storage.image_files import image_files, is_image_name, read_header
+from orthomill.pipeline.workflow.camera_tags import longitude_latitude, utm_zone
+from orthomill.pipeline.workflow.mistakes import Mistakes, nearest
+from orthomill.pipeline.workflow.yaml_lines import Path_
+from orthomill.schemas.errors import OrthomillError, WorkflowError
+from orthomill.schemas.project import PhotoFolder, PhotoList, Project
+from orthomill.schemas.stage_contract import Stage
+
+SIMULATION = "simulation"
+_FILE_FIELDS = frozenset({"path", "paths", "points", "measurements"})
+_METRE = frozenset({"metre", "meter"})
+_MANY_NAMES = 12
+
+
+@dataclass(frozen=True)
+class Kinds:
+    """The stages of a workflow in its own order: (entry of the file, kind), unknown kinds left out."""
+
+    entries: tuple[tuple[int, str], ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(kind for _, kind in self.entries)
+
+
+def kind_of(stage: type[Stage]) -> str:
+    """The kind of a stage class: the default of its field `kind`."""
+    return str(stage.model_fields["kind"].default)
+
+
+def check_stages(kinds: Kinds, catalogue: tuple[type[Stage], ...], mistakes: Mistakes) -> None:
+    """Twice the same stage, stages out of order, and stages whose predecessors are missing."""
+    order = {kind_of(stage): place for place, stage in enumerate(catalogue)}
+    for kind, times in Counter(kinds.names).items():
+        if times > 1:
+            second = [index for index, name in kinds.entries if name == kind][1]
+            mistakes.add(("stages", second), f"this stage is listed {times} times; a stage runs once, so take the others out.")
+    for (_, before), (index, kind) in zip(kinds.entries, kinds.entries[1:], strict=False):
+        if order[kind] < order[before]:
+            right = ", ".join(sorted(set(kinds.names), key=order.__getitem__))
+            mistakes.add(("stages", index), f"{kind} works before {before}, so it must stand before it; the order is {right}.")
+    for stage in catalogue:
+        _check_predecessors(stage, kinds, mistakes)
+
+
+def _check_predecessors(stage: type[Stage], kinds: Kinds, mistakes: Mistakes) -> None:
+    kind = kind_of(stage)
+    missing = [name for name in getattr(stage, "after", ()) if name not in kinds.names]
+    for index in (index for index, name in kinds.entries if name == kind and missing):
+        names = " and ".join(missing)
+        mistakes.add(("stages", index), f"{kind} builds on {names}, which is not in this workflow; add '- {missing[0]}' before it.")
+
+
+def check_simulation(project: Project, kinds: Kinds, catalogue: tuple[type[Stage], ...], mistakes: Mistakes) -> None:
+    """Whatever is simulated needs the stage that simulates it."""
+    if SIMULATION in kinds.names or SIMULATION not in map(kind_of, catalogue):
+        return
+    for name in ("photographs", "positions", "control"):
+        if getattr(project, name).kind == "simulated":
+            mistakes.add((name,), f"is simulated, but no stage '{SIMULATION}' is in this workflow; add '- {SIMULATION}' first.")
+
+
+def check_crs(crs: str, photographs: PhotoFolder | PhotoList | Any, root: Path, mistakes: Mistakes) -> None:
+    """A projected CRS in metres; the height part, after '+', in metres upwards."""
+    try:
+        system = CRS.from_user_input(crs)
+    except CRSError:
+        mistakes.add(("crs",), _unknown_crs(crs))
+        return
+    if _guessed(crs, system):
+        code = ":".join(system.to_authority() or ("the system",))
+        mistakes.add(("crs",), f"'{crs}' is neither a code nor the full name of a system; did you mean {code} ({system.name})?")
+        return
+    parts = [*(system.sub_crs_list or [system])]
+    problem = _plan_problem(parts[0]) or _height_problem(parts[1:])
+    if problem:
+        mistakes.add(("crs",), f"{crs} ({system.name}) {problem}; {_suggestion(photographs, root)}")
+
+
+def _guessed(crs: str, system: CRS) -> bool:
+    """Whether PROJ took a bare word for the system whose name looks most like it: too little to calculate with."""
+    return not any(sign in crs for sign in ":+[{=") and system.name.lower() != crs.strip().lower()
+
+
+def _unknown_crs(crs: str) -> str:
+    advice = "look for the code at https://epsg.io"
+    if crs.strip().isdigit():
+        advice += "; codes are written as EPSG:2100"
+    if "+" in crs:
+        advice += "; plan and height part are written as EPSG:2100+5773"
+    return f"'{crs}' is not a coordinate reference system that PROJ knows; {advice}."
+
+
+def _plan_problem(plan: CRS) -> str:
+    if plan.is_geographic:
+        return "is in degrees, but orthomill measures in metres and needs a projected system"
+    if plan.is_geocentric:
+        return "is geocentric, but orthomill needs a projected system"
+    if not plan.is_projected:
+        return "is not a projected system, and orthomill needs one in metres"
+    units = {axis.unit_name for axis in plan.axis_info}
+    return "" if units <= _METRE else f"is in {' and '.join(sorted(units))}, but orthomill measures in metres"
+
+
+def _height_problem(vertical: list[CRS]) -> str:
+    axes = [axis for part in vertical for axis in part.axis_info]
+    bad = [f"{axis.unit_name}, {axis.direction}" for axis in axes if axis.unit_name not in _METRE or axis.direction != "up"]
+    return f"has a height part in {bad[0]}, but heights must be in metres, upwards" if bad else ""
+
+
+def _suggestion(photographs: Any, root: Path) -> str:
+    """The UTM zone of the first photographs that know where they are, else how to find it."""
+    try:
+        files = image_files(root, photographs)[:3] if isinstance(photographs, PhotoFolder | PhotoList) else ()
+        places = [place for file in files if (place := longitude_latitude(read_header(root / file).tags))]
+    except OrthomillError:
+        places = []
+    if places:
+        return f"the GPS tags of the photographs suggest {utm_zone(*places[0])}, the UTM zone they lie in."
+    return (
+        "use a national grid, or UTM: EPSG:326nn north and EPSG:327nn south of the equator, nn being the zone, "
+        "e.g. EPSG:32634 for 18 to 24 degrees east."
+    )
+
+
+def check_files(value: BaseModel, base: Path_, root: Path, mistakes: Mistakes) -> None:
+    """Every path that a model names lies inside the project and exists; every source of photographs holds photographs."""
+    if isinstance(value, PhotoFolder):
+        _check_folder(value, base, root, mistakes)
+    elif isinstance(value, PhotoList):
+        _check_list(value, base, root, mistakes)
+    else:
+        for path, text in _named_files(value, base):
+            _check_file(text, path, root, mistakes)
+        for path, model in _models(value, base):
+            check_files(model, path, root, mistakes)
+
+
+def _named_files(value: BaseModel, base: Path_) -> Iterator[tuple[Path_, str]]:
+    for name in type(value).model_fields:
+        if name not in _FILE_FIELDS and not name.endswith(("_path", "_paths")):
+            continue
+        content = getattr(value, name)
+        if isinstance(content, str | Path):
+            yield (*base, name), str(content)
+        elif isinstance(content, tuple | list):
+            yield from (((*base, name, index), str(item)) for index, item in enumerate(content) if isinstance(item, str | Path))
+
+
+def _models(value: BaseModel, base: Path_) -> Iterator[tuple[Path_, BaseModel]]:
+    """The models directly below a model."""
+    for name in type(value).model_fields:
+        content = getattr(value, name)
+        if isinstance(content, BaseModel):
+            yield (*base, name), content
+        elif isinstance(content, tuple | list):
+            yield from (((*base, name, index), item) for index, item in enumerate(content) if isinstance(item, BaseModel))
+
+
+def _check_folder(source: PhotoFolder, base: Path_, root: Path, mistakes: Mistakes) -> None:
+    path = (*base, "path")
+    if not _inside(source.path, path, root, mistakes):
+        return
+    folder = root / source.path
+    if folder.is_file():
+        mistakes.add(path, f"'{source.path}' is a file; give its folder, or name the photographs with 'kind: list' and 'paths'.")
+    elif not folder.is_dir():
+        mistakes.add(path, f"the folder '{source.path}' does not exist{_near_file(folder, root)}")
+    else:
+        _check_count(source, base, root, mistakes)
+
+
+def _check_count(source: PhotoFolder, base: Path_, root: Path, mistakes: Mistakes) -> None:
+    try:
+        files = image_files(root, source)
+    except WorkflowError as error:
+        mistakes.add((*base, "path"), str(error))
+        return
+    if len(files) == 1 and base == ("photographs",):
+        mistakes.add((*base, "path"), _single(files[0]))
+
+
+def _single(file: str) -> str:
+    return f"'{file}' is the only photograph; heights come from overlap, so at least two photographs of the same ground are needed."
+
+
+def _check_list(source: PhotoList, base: Path_, root: Path, mistakes: Mistakes) -> None:
+    for index, text in enumerate(source.paths):
+        path = (*base, "paths", index)
+        if text in source.paths[:index]:
+            mistakes.add(path, f"the photograph '{text}' is named twice; take one of them out.")
+        elif not is_image_name(text):
+            mistakes.add(path, f"'{text}' is not named like a photograph; files that are read end in .jpg .jpeg .tif .tiff .png.")
+        else:
+            _check_file(text, path, root, mistakes, "photograph")
+    if len(source.paths) == 1 and base == ("photographs",):
+        mistakes.add((*base, "paths"), _single(source.paths[0]))
+
+
+def _check_file(text: str, path: Path_, root: Path, mistakes: Mistakes, what: str = "file") -> None:
+    if not _inside(text, path, root, mistakes):
+        return
+    file = root / text
+    if file.is_dir():
+        mistakes.add(path, f"'{text}' is a folder; a file is wanted here.")
+    elif not file.is_file():
+        mistakes.add(path, f"the {what} '{text}' does not exist{_near_file(file, root)}")
+
+
+def _inside(text: str, path: Path_, root: Path, mistakes: Mistakes) -> bool:
+    """Whether a path stays inside the project, judged by its words alone: links inside the project may lead out of it."""
+    if not text.strip() or "\0" in text:
+        mistakes.add(path, "is empty; name a file or folder inside the project." if not text.strip() else "holds a zero byte.")
+        return False
+    top = os.path.abspath(root)
+    full = os.path.normpath(os.path.join(top, text))
+    if full == top or full.startswith(top.rstrip(os.sep) + os.sep):
+        return True
+    name = os.path.basename(full) or "data"
+    mistakes.add(
+        path,
+        f"'{text}' leads out of the project's folder {top}; copy the files into it, or put a link there "
+        f"(ln -s {shlex.quote(full)} {shlex.quote(os.path.join(top, name))}) and write '{name}'.",
+    )
+    return False
+
+
+def _near_file(missing: Path, root: Path) -> str:
+    """ "; did you mean 'photos/a.jpg'?", from what is in the folder where the file should be."""
+    folder = missing.parent
+    if "\\" in missing.name:
+        return "; folders are parted by '/', not by a backslash."
+    if not folder.is_dir():
+        return f", nor does its folder '{os.path.relpath(folder, root)}'."
+    names = sorted(entry.name for entry in folder.iterdir() if not entry.name.startswith("."))[:10_000]
+    near = nearest(missing.name, names)
+    if near:
+        return f"; did you mean '{Path(os.path.relpath(folder / near, root)).as_posix()}'?"
+    where = "the project's folder" if folder == root else f"'{os.path.relpath(folder, root)}'"
+    return f"; {where} holds {', '.join(names)}." if 0 < len(names) <= _MANY_NAMES else "."

@@ -1,0 +1,84 @@
+"""A workflow as YAML text with every default filled in, each line with its sentence and unit; reading it gives equal models."""
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import yaml
+from pydantic import BaseModel
+
+from orthomill.pipeline.workflow.field_words import sentence, unit
+from orthomill.schemas.project import Project
+from orthomill.schemas.stage_contract import Stage
+
+_PLAIN = re.compile(r"[A-Za-z_./][A-Za-z0-9_./+-]*(:[A-Za-z0-9_./+-]+)*\Z")
+_WORDS_OF_YAML = frozenset({"null", "true", "false", "yes", "no", "on", "off", "y", "n"})
+
+
+def workflow_text(project: Project, stages: tuple[Stage, ...]) -> str:
+    """The YAML text of a workflow."""
+    lines = [*_fields(project, ""), "", "stages:"]
+    for stage in stages:
+        lines += ["", *_entry(stage, "  ")]
+    return "\n".join(lines) + "\n"
+
+
+def comment(words: str, measure: str) -> str:
+    """ "  # Side of a tile. [px]", or nothing when there is nothing to say."""
+    text = " ".join([*([words] if words else []), *([f"[{measure}]"] if measure else [])])
+    return f"  # {text}" if text else ""
+
+
+def _fields(model: BaseModel, indent: str) -> Iterator[str]:
+    data = model.model_dump(mode="json")
+    for name, field in type(model).model_fields.items():
+        note = comment(sentence(field), unit(field))
+        yield from _named(f"{indent}{name}:", getattr(model, name), data[name], note, indent + "  ")
+
+
+def _named(start: str, value: Any, data: Any, note: str, indent: str) -> Iterator[str]:
+    if isinstance(value, BaseModel):
+        yield f"{start}{note}" if data else f"{start} {{}}{note}"
+        yield from _fields(value, indent)
+    elif isinstance(value, tuple | list) and any(isinstance(item, BaseModel) for item in value):
+        yield f"{start}{note}"
+        for item in value:
+            yield from _entry(item, indent)
+    else:
+        yield f"{start} {flow(data)}{note}"
+
+
+def _entry(model: BaseModel, indent: str) -> Iterator[str]:
+    """A model as an entry of a list: the first line behind a dash."""
+    lines = list(_fields(model, indent + "  "))
+    yield f"{indent}- {lines[0].lstrip()}" if lines else f"{indent}- {{}}"
+    yield from lines[1:]
+
+
+def flow(data: Any) -> str:
+    """Plain data on one line, so that reading gives the same again."""
+    if data is None:
+        return "null"
+    if isinstance(data, bool):
+        return "true" if data else "false"
+    if isinstance(data, int):
+        return str(data)
+    if isinstance(data, float):
+        return _float(data)
+    if isinstance(data, list):
+        return f"[{', '.join(flow(item) for item in data)}]"
+    if isinstance(data, dict):
+        return f"{{{', '.join(f'{flow(str(key))}: {flow(value)}' for key, value in data.items())}}}"
+    return _text(str(data))
+
+
+def _float(value: float) -> str:
+    """The shortest text that reads as the same number; with a point before the exponent, as older YAML readers want it."""
+    mantissa, exponent, power = repr(value).partition("e")
+    return f"{mantissa}{'' if '.' in mantissa or not exponent else '.0'}{exponent}{power}"
+
+
+def _text(value: str) -> str:
+    if _PLAIN.match(value) and value.lower() not in _WORDS_OF_YAML and not value.startswith((".", "---")):
+        return value
+    return yaml.safe_dump(value, default_style='"', width=float("inf"), allow_unicode=True).rstrip("\n")

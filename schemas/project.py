@@ -1,0 +1,177 @@
+"""The project part of a workflow file: what is photographed, by what, where, and what is known of it.
+
+The stages part is typed by the catalogue of stages; the pipeline puts the two together.
+"""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from orthomill.schemas.settings import Settings, setting
+
+
+class PhotoFolder(Settings):
+    """All JPEG, TIFF and PNG images of a folder."""
+
+    kind: Literal["folder"]
+    path: str = setting(..., "Folder with the photographs, relative to the project's root.")
+    pattern: str = setting("*", "Only files whose name matches this shell pattern.")
+
+
+class PhotoList(Settings):
+    """Photographs named one by one."""
+
+    kind: Literal["list"]
+    paths: tuple[str, ...] = setting(..., "The image files, relative to the project's root.", min_length=1)
+
+
+class SimulatedPhotos(Settings):
+    """Photographs of a simulated scene with known truth, rendered by the stage `simulation`."""
+
+    kind: Literal["simulated"]
+
+
+Photographs = Annotated[PhotoFolder | PhotoList | SimulatedPhotos, Field(discriminator="kind")]
+
+SERVES = "Shell pattern of the file names that this camera took; other photographs have the camera of their EXIF tags."
+
+
+class CameraFromExif(Settings):
+    """The camera constant from the EXIF tags: nominal, refined by the block adjustment."""
+
+    kind: Literal["exif"]
+
+
+class CameraFromFile(Settings):
+    """A camera file written by an earlier calibration (camera.json)."""
+
+    kind: Literal["file"]
+    path: str = setting(..., "The camera file, relative to the project's root.")
+    serves: str = setting("*", SERVES)
+
+
+class CameraGiven(Settings):
+    """Interior orientation typed into the workflow."""
+
+    kind: Literal["given"]
+    c: float = setting(..., "Camera constant.", "px", gt=0)
+    x0: float = setting(0.0, "Principal point, right of the image centre.", "px")
+    y0: float = setting(0.0, "Principal point, above the image centre.", "px")
+    k1: float = setting(0.0, "Radial distortion, second order; radius in units of c, as in OpenCV.")
+    k2: float = setting(0.0, "Radial distortion, fourth order.")
+    k3: float = setting(0.0, "Radial distortion, sixth order.")
+    p1: float = setting(0.0, "Tangential distortion.")
+    p2: float = setting(0.0, "Tangential distortion.")
+    pixel_um: float | None = setting(None, "Side of a pixel on the sensor or scan.", "micrometres", gt=0)
+    sigma_c: float = setting(0.0, "Standard error of the camera constant; 0 when not known.", "px", ge=0)
+    serves: str = setting("*", SERVES)
+
+
+class CameraFromChessboards(Settings):
+    """Calibration from photographs of one chessboard, or of several equal ones that keep their places."""
+
+    kind: Literal["chessboards"]
+    photographs: Photographs = setting(..., "Photographs of the chessboards, taken with the same camera and focus.")
+    corners: tuple[int, int] = setting(
+        ..., "Inner corners of a board: columns, rows. One must be even and one odd, so that the board has one origin."
+    )
+    square: float = setting(..., "Side of a square.", "m", gt=0)
+    boards: int = setting(0, "Equal boards that lie there together; 0: as many as the photographs show.", ge=0, le=40)
+    arrangement: Literal["plane", "space"] = setting(
+        "plane", "Whether the boards lie on one plane, at places and angles that need not be known, or anywhere in space."
+    )
+    sigma_in_plane: float = setting(0.0, "Standard error of the corners of a board within its plane; 0: exact.", "m", ge=0)
+    sigma_height: float = setting(0.0, "Standard error of the corners of a board out of its plane; 0: flat.", "m", ge=0)
+    serves: str = setting("*", SERVES)
+
+
+CameraSource = Annotated[CameraFromExif | CameraFromFile | CameraGiven | CameraFromChessboards, Field(discriminator="kind")]
+
+
+class PositionsFromExif(Settings):
+    """Projection centres from the GPS tags."""
+
+    kind: Literal["exif"]
+    sigma_plan: float = setting(3.0, "Standard error in X and Y.", "m", gt=0)
+    sigma_height: float = setting(5.0, "Standard error in Z.", "m", gt=0)
+
+
+class PositionsFromFile(Settings):
+    """Projection centres from a CSV file with the columns photo, x, y, z, sigma_x, sigma_y, sigma_z in the project's CRS."""
+
+    kind: Literal["file"]
+    path: str = setting(..., "The CSV file, relative to the project's root.")
+
+
+class NoPositions(Settings):
+    """Nothing is known of where the photographs were taken."""
+
+    kind: Literal["none"]
+
+
+class SimulatedPositions(Settings):
+    """The positions file that the stage `simulation` writes."""
+
+    kind: Literal["simulated"]
+
+
+Positions = Annotated[PositionsFromExif | PositionsFromFile | NoPositions | SimulatedPositions, Field(discriminator="kind")]
+
+
+class ControlFromFiles(Settings):
+    """Ground control and check points from two CSV files."""
+
+    kind: Literal["files"]
+    points: str = setting(
+        ...,
+        "CSV with the columns name, role (control, check or tie), x, y, z, sigma_x, sigma_y, sigma_z; a tie point is only measured "
+        "in photographs, and its numbers stay empty.",
+    )
+    measurements: str = setting(..., "CSV with the columns name, photo, col, row, sigma (pixels).")
+    distances: str | None = setting(
+        None, "CSV with the columns from, to, metres, sigma: distances measured between points of this control, in space."
+    )
+    crs: str | None = setting(
+        None, "Reference system of the points, e.g. EPSG:4326 or EPSG:2100+5773; the project's own where it is not named."
+    )
+
+
+class ControlFromGcpList(Settings):
+    """Ground control as OpenDroneMap writes it: the reference system, then lines of X Y Z, col row, photograph and name."""
+
+    kind: Literal["gcp_list"]
+    path: str = setting(..., "The file gcp_list.txt.")
+    sigma_plan: float = setting(0.03, "Standard error of the points in X and Y.", "m", gt=0)
+    sigma_height: float = setting(0.05, "Standard error of the points in Z.", "m", gt=0)
+    sigma_px: float = setting(1.0, "Standard error of their measurements in the photographs.", "px", gt=0)
+    check: tuple[str, ...] = setting((), "Names of the points that are check points and take no part in the adjustment.")
+    origin: Literal["centre", "corner"] = setting(
+        "centre", "What has pixel coordinates (0, 0): the centre of the upper left pixel (as OpenDroneMap takes it), or its corner."
+    )
+
+
+class NoControl(Settings):
+    """No ground control."""
+
+    kind: Literal["none"]
+
+
+class SimulatedControl(Settings):
+    """The control files that the stage `simulation` writes."""
+
+    kind: Literal["simulated"]
+
+
+ControlSource = Annotated[ControlFromFiles | ControlFromGcpList | NoControl | SimulatedControl, Field(discriminator="kind")]
+
+
+class Project(Settings):
+    """Everything of a workflow file but its stages."""
+
+    project: str = setting(..., "Name of the project; its results go to runs/<project>.", pattern=r"^[a-z0-9][a-z0-9_-]*$")
+    crs: str = setting(..., "Projected coordinate reference system in metres, e.g. EPSG:2100; a vertical one may follow after +.")
+    photographs: Photographs = setting(..., "Where the photographs are.")
+    cameras: CameraSource = setting(CameraFromExif(kind="exif"), "Where the interior orientation comes from.")
+    positions: Positions = setting(PositionsFromExif(kind="exif"), "Where the photographs were taken, as far as it is known.")
+    control: ControlSource = setting(NoControl(kind="none"), "Ground control and check points.")
+    tile: int = setting(512, "Side of a tile: the unit of work, of storage and of memory.", "px", ge=128, le=8192, multiple_of=64)

@@ -1,0 +1,88 @@
+"""What a stage tells people: every stage writes one `StageReport` to `<stage>/report.json`.
+
+It is declarative: the pipeline draws it without knowing what it means. Every figure stands in `summary.json` under
+`<stage>.<name>`; names are stable and documented.
+"""
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict
+
+from orthomill.schemas.job import Table
+
+
+class _Part(BaseModel):
+    """NaN survives being stored: a curve may have gaps."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="constants")
+
+
+class Figure(_Part):
+    """One number (or word) a person may sign. `name` is snake_case and stable."""
+
+    name: str
+    value: float | int | str | bool | None
+    unit: str = ""
+    sentence: str = ""
+    headline: bool = False
+    """Belongs to the few figures that a surveyor signs: shown in the strip at the top of the report."""
+    detail: bool = False
+    """One of many that only an analyst looks for: folded away in the report."""
+
+
+class Grid(_Part):
+    """A table of rows for the report."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[float | int | str | None, ...], ...]
+    note: str = ""
+
+
+class Picture(_Part):
+    """A raster drawn in reduced size. `style` says how; `classes` gives colour and meaning of codes.
+
+    hillshade: heights, shaded and tinted; rgb: as it is; ramp: `low` to `high` (percentiles 2 and 98 when None) in the colour
+    map `colours`; diverging: symmetric about 0; classes: integer codes.
+    """
+
+    title: str
+    raster: str
+    style: Literal["hillshade", "rgb", "ramp", "diverging", "classes"]
+    caption: str = ""
+    unit: str = ""
+    low: float | None = None
+    high: float | None = None
+    colours: str = "viridis"
+    classes: tuple[tuple[int, str, str], ...] = ()
+    """(code, "#rrggbb", meaning)"""
+
+
+class Chart(_Part):
+    """A histogram (bars) or curves over x."""
+
+    title: str
+    style: Literal["bars", "lines", "points", "arrows", "map"]
+    x_label: str
+    y_label: str
+    x: tuple[float, ...]
+    series: dict[str, tuple[float, ...]]
+    """bars, lines, points: name -> y. arrows: "y", "dx", "dy" (drawn exaggerated). map: "y" with labels in `labels`."""
+    labels: tuple[str, ...] = ()
+    caption: str = ""
+
+
+class StageReport(_Part):
+    """All that one stage tells people, in the order it is to be read."""
+
+    figures: tuple[Figure, ...] = ()
+    grids: tuple[Grid, ...] = ()
+    charts: tuple[Chart, ...] = ()
+    pictures: tuple[Picture, ...] = ()
+    warnings: tuple[str, ...] = ()
+    """Whole sentences in plain words: what is weak, where, what to do."""
+
+
+def report_table(stage: str) -> Table[StageReport]:
+    """Where the report of `stage` is stored."""
+    return Table(f"{stage}/report.json", StageReport)

@@ -1,0 +1,1 @@
+"""Self-calibrating bundle adjustment of photographs of chessboards."""

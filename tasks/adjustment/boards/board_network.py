@@ -1,0 +1,127 @@
+"""Photographs of boards: what is observed, what is unknown, and which columns of the normal equations belong to whom.
+
+A board is a set of points in a system of its own; its pose takes them into the system of board 0, which is the datum (origin, axes
+and scale). Boards of one plane have three unknowns each (two shifts and a turn), boards anywhere in space six, boards of
+known places ("fixed") and board 0 none. One board, several on a plane and several in space differ by nothing but these columns.
+
+Source: Kawka 2021, sections 2.53 to 2.60 (methods/calibration.md, S11).
+"""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from orthomill.schemas.camera import INTERIOR
+
+PARAMETERS = (*INTERIOR, "affinity", "skew")
+"""Order of the interior parameters here: x = x0 + c ((1 + affinity) xd + skew yd), y = y0 + c yd."""
+Arrangement = Literal["plane", "space", "fixed"]
+_BOARD_COLUMNS: dict[str, tuple[int, ...]] = {"plane": (0, 1, 5), "space": (0, 1, 2, 3, 4, 5), "fixed": ()}
+"""Which of three shifts and three rotations are unknown."""
+
+
+@dataclass(frozen=True, eq=False)
+class BoardCorners:
+    """Measured corners: numbers (M,) of photo, board and corner on its board; xy (M, 2) px from the image centre, y up."""
+
+    photo: np.ndarray
+    board: np.ndarray
+    corner: np.ndarray
+    xy: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.photo)
+
+    def take(self, index: np.ndarray) -> "BoardCorners":
+        """The corners at `index` (mask or numbers)."""
+        return BoardCorners(self.photo[index], self.board[index], self.corner[index], self.xy[index])
+
+
+@dataclass(frozen=True, eq=False)
+class BoardState:
+    """Values of the unknowns: photos `rotation` (P, 3, 3) and `centre` (P, 3); boards `turn` (K, 3, 3) and `shift` (K, 3) into the
+    system of board 0; `local` (K, N, 3) corners on their boards, m; `interior` (10,) in the order of PARAMETERS."""
+
+    rotation: np.ndarray
+    centre: np.ndarray
+    turn: np.ndarray
+    shift: np.ndarray
+    local: np.ndarray
+    interior: np.ndarray
+
+    @property
+    def points(self) -> np.ndarray:
+        """(K, N, 3) m: all corners in the system of board 0."""
+        return np.einsum("kij,knj->kni", self.turn, self.local) + self.shift[:, None]
+
+    def with_interior(self, **values: float) -> "BoardState":
+        """The state with other interior parameters, by name."""
+        interior = self.interior.copy()
+        for name, value in values.items():
+            interior[PARAMETERS.index(name)] = value
+        return replace(self, interior=interior)
+
+
+@dataclass(frozen=True, eq=False)
+class BoardNetwork:
+    """What is known beforehand: how many photos and boards, which interior parameters are `free`, how the boards lie, and the
+    nominal corners `local` (N, 3) m of a board with their standard errors `local_sigma` (3,) m (0: free of error, and then no
+    unknowns), which count against `image_sigma` px of an image coordinate."""
+
+    photos: int
+    boards: int
+    free: tuple[str, ...]
+    arrangement: Arrangement
+    local: np.ndarray
+    local_sigma: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    image_sigma: float = 1.0
+
+    @property
+    def uncertain(self) -> bool:
+        """Whether the corners of the boards are unknowns themselves."""
+        return any(sigma > 0 for sigma in self.local_sigma)
+
+    @property
+    def board_unknowns(self) -> int:
+        """Unknowns of each board but the first."""
+        return len(_BOARD_COLUMNS[self.arrangement])
+
+    @property
+    def unknowns(self) -> int:
+        """Unknowns without the corners of uncertain boards."""
+        return 6 * self.photos + self.board_unknowns * (self.boards - 1) + len(self.free)
+
+    @property
+    def photo_columns(self) -> np.ndarray:
+        """(P, 6): X, Y, Z of the projection centre and three rotations in the image system."""
+        return np.arange(6 * self.photos).reshape(-1, 6)
+
+    @property
+    def board_columns(self) -> np.ndarray:
+        """(K, 6): three shifts and three rotations of every board; -1 where there is none."""
+        columns = np.full((self.boards, 6), -1)
+        own = np.arange((self.boards - 1) * self.board_unknowns).reshape(self.boards - 1, self.board_unknowns)
+        columns[1:, _BOARD_COLUMNS[self.arrangement]] = 6 * self.photos + own
+        return columns
+
+    @property
+    def interior_columns(self) -> np.ndarray:
+        """(10,): columns in the order of PARAMETERS; -1 for parameters that are held."""
+        columns = np.full(len(PARAMETERS), -1)
+        chosen = [name in self.free for name in PARAMETERS]
+        columns[chosen] = self.unknowns - len(self.free) + np.arange(len(self.free))
+        return columns
+
+    @property
+    def group_start(self) -> np.ndarray:
+        """(G + 1,) where the groups of unknowns begin: photographs, boards but the first, the interior."""
+        sizes = np.repeat([6, self.board_unknowns, len(self.free)], [self.photos, self.boards - 1, len(self.free) > 0])
+        return np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
+
+    def columns_of(self, corners: BoardCorners) -> tuple[np.ndarray, np.ndarray]:
+        """`row` (M,) and `columns` (P K, 22): corner i touches columns[row[i]]: its photo's six, its board's six, the interior."""
+        photo, board = np.divmod(np.arange(self.photos * self.boards), self.boards)
+        interior = np.broadcast_to(self.interior_columns, (len(photo), len(PARAMETERS)))
+        columns = np.hstack([self.photo_columns[photo], self.board_columns[board], interior])
+        return (corners.photo * self.boards + corners.board).astype(np.int32), columns

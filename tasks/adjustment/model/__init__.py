@@ -1,0 +1,1 @@
+"""The functional and stochastic model of a bundle: unknowns, observations, datum, and their linearisation."""

@@ -1,0 +1,165 @@
+"""What is known beside the rays: weighted positions, control, distances, a wish for verticality; or inner constraints when nothing
+holds the block in space.
+
+Robust factors scale the weights of whole positions and whole surveyed points: a wrong one must not drag the block along while it
+has not been found.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from orthomill.tasks.adjustment.model.network import Network, State
+from orthomill.tasks.adjustment.model.robust_weights import huber_cost, huber_weights
+from orthomill.tasks.adjustment.sparse.block_matrix import BlockMatrix, summed
+from orthomill.tasks.geometry.rotation_vector import skew
+
+
+@dataclass(frozen=True, eq=False)
+class PriorFactors:
+    """Robust factors of the weights of the positions (P,), the surveyed points (N,) and the distances (D,)."""
+
+    centre: np.ndarray
+    point: np.ndarray
+    distance: np.ndarray
+
+
+def prior_sizes(network: Network, state: State) -> PriorFactors:
+    """Lengths of the misclosures of positions, surveyed points and distances, in standard errors; 0 where nothing is known."""
+    position = (network.centre_weight * position_misclosures(network, state) ** 2).sum(axis=1)
+    point = (network.point_weight * (network.point - state.point) ** 2).sum(axis=1)
+    distance = network.distances.weight * distance_misclosures(network, state) ** 2
+    return PriorFactors(np.sqrt(position), np.sqrt(point), np.sqrt(distance))
+
+
+def prior_factors(network: Network, state: State, huber: float) -> PriorFactors:
+    """Huber's factors of all that was surveyed; 1 for an infinite limit."""
+    size = prior_sizes(network, state)
+    return PriorFactors(*(huber_weights(each, huber) for each in (size.centre, size.point, size.distance)))
+
+
+def add_prior(network: Network, state: State, matrix: BlockMatrix, factors: PriorFactors | None = None) -> np.ndarray:
+    """Adds all that is known beforehand to the normal `matrix`, but for eliminated points (they carry their own); its right-hand
+    side (n,)."""
+    factors = factors or prior_factors(network, state, np.inf)
+    right = np.zeros(len(matrix))
+    for columns, J, weight, misclosure in _prior(network, state, factors):
+        weighted = J.transpose(0, 2, 1) @ weight
+        matrix.add(columns, weighted @ J)
+        right += summed(columns, (weighted @ misclosure[:, :, None])[:, :, 0], len(matrix))
+    return right
+
+
+def prior_cost(network: Network, state: State, huber: float = np.inf) -> float:
+    """Weighted sum of squares (of Huber's loss for what was surveyed) of all that is known beforehand, points included."""
+    value, size = network.interior.value - state.interior, prior_sizes(network, state)
+    return float(
+        huber_cost(size.centre, huber)
+        + huber_cost(size.point, huber)
+        + (network.vertical_weight * (vertical_misclosures(network, state) ** 2).sum(axis=1)).sum()
+        + np.einsum("ci,cij,cj->", value, network.interior.weight, value)
+        + (network.lever_weight * (network.lever - state.lever) ** 2).sum()
+        + huber_cost(size.distance, huber)
+    )
+
+
+def position_misclosures(network: Network, state: State) -> np.ndarray:
+    """GNSS position minus (projection centre + lever arm + shift), (P, 3) m; meaningless where the weight is 0."""
+    antenna = state.centre + np.einsum("pji,j->pi", state.rotation, state.lever) + state.shift
+    return np.where(network.centre_weight > 0, network.centre - antenna, 0.0)
+
+
+def vertical_misclosures(network: Network, state: State) -> np.ndarray:
+    """(P, 3) expected zenith in the image system by the zenith there: zero where they agree, and as long as the sine of the angle
+    between them; meaningless where the weight is 0."""
+    return np.cross(network.zenith, state.rotation[:, :, 2])
+
+
+def position_derivatives(network: Network, state: State, photos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives (p, 3, m) of the places of the antennas of `photos` (p,) by the unknowns in the columns (p, m)."""
+    alike = np.broadcast_to(np.eye(3), (len(photos), 3, 3))
+    blocks, columns = [alike], [6 * photos[:, None] + np.arange(3)]
+    turned = state.rotation[photos].transpose(0, 2, 1)
+    if state.lever.any() or len(network.lever_columns):
+        blocks.append(turned @ skew(state.lever))
+        columns.append(6 * photos[:, None] + 3 + np.arange(3))
+    if len(network.lever_columns):
+        blocks.append(turned)
+        columns.append(np.broadcast_to(network.lever_columns, (len(photos), 3)))
+    if network.shift:
+        blocks.append(alike)
+        columns.append(np.broadcast_to(network.shift_columns, (len(photos), 3)))
+    return np.concatenate(blocks, axis=2), np.hstack(columns)
+
+
+def distance_misclosures(network: Network, state: State) -> np.ndarray:
+    """Measured minus computed distances (D,), m."""
+    first, second = network.distances.ends.T
+    return network.distances.length - np.linalg.norm(state.point[second] - state.point[first], axis=1)
+
+
+def distance_derivatives(network: Network, state: State) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives (D, 6) of the distances by their ends in the columns (D, 6)."""
+    first, second = network.distances.ends.T
+    along = state.point[second] - state.point[first]
+    along = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
+    place = np.searchsorted(network.kept, network.distances.ends)
+    return np.hstack([-along, along]), network.kept_columns[place].reshape(-1, 6)
+
+
+def _prior(network: Network, state: State, factors: PriorFactors) -> Iterator[tuple[np.ndarray, ...]]:
+    """What is known beforehand, kind by kind: columns (q, m), derivatives (q, d, m), weights (q, d, d), misclosures (q, d)."""
+    yield _positions(network, state, factors.centre)
+    yield _verticality(network, state)
+    yield (
+        network.interior_columns,
+        np.broadcast_to(np.eye(8), (len(network.interior.value), 8, 8)),
+        network.interior.weight,
+        network.interior.value - state.interior,
+    )
+    if len(network.lever_columns):
+        yield network.lever_columns[None], np.eye(3)[None], np.diag(network.lever_weight)[None], (network.lever - state.lever)[None]
+    if len(network.kept):
+        weight = (factors.point[:, None] * network.point_weight)[network.kept]
+        alike = np.broadcast_to(np.eye(3), (len(network.kept), 3, 3))
+        yield network.kept_columns, alike, weight[:, :, None] * np.eye(3), (network.point - state.point)[network.kept]
+    if len(network.distances):
+        J, columns = distance_derivatives(network, state)
+        weight = factors.distance * network.distances.weight
+        yield columns, J[:, None], weight[:, None, None], distance_misclosures(network, state)[:, None]
+
+
+def _positions(network: Network, state: State, factor: np.ndarray) -> tuple[np.ndarray, ...]:
+    photos = np.flatnonzero(network.centre_weight.any(axis=1))
+    J, columns = position_derivatives(network, state, photos)
+    weight = factor[photos, None, None] * network.centre_weight[photos][:, :, None] * np.eye(3)
+    return columns, J, weight, position_misclosures(network, state)[photos]
+
+
+def _verticality(network: Network, state: State) -> tuple[np.ndarray, ...]:
+    """The zenith u in the image system moves by w x u, and so does u x b by (b . w) u - (b . u) w, where b is the expected one."""
+    photos = np.flatnonzero(network.vertical_weight > 0)
+    u, b = state.rotation[photos, :, 2], np.broadcast_to(network.zenith, (network.photos, 3))[photos]
+    J = u[:, :, None] * b[:, None, :] - (b * u).sum(axis=1)[:, None, None] * np.eye(3)
+    weight = network.vertical_weight[photos, None, None] * np.eye(3)
+    return 6 * photos[:, None] + 3 + np.arange(3), J, weight, vertical_misclosures(network, state)[photos]
+
+
+def freedoms(network: Network, state: State) -> np.ndarray:
+    """(n, 7 or 6): how the unknowns move when the whole block is shifted, turned and (without distances) scaled; what measurements
+    in photographs cannot see."""
+    H = np.zeros((network.unknowns, 7))
+    middle = state.centre.mean(axis=0)
+    for photo in range(network.photos):
+        _add_freedom(H, 6 * photo + np.arange(3), state.centre[photo] - middle)
+        H[6 * photo + 3 : 6 * photo + 6, 3:6] = -state.rotation[photo]
+    for columns, point in zip(network.kept_columns, network.kept, strict=True):
+        _add_freedom(H, columns, state.point[point] - middle)
+    return H[:, : network.freedoms]
+
+
+def _add_freedom(H: np.ndarray, rows: np.ndarray, lever: np.ndarray) -> None:
+    H[rows, :3] = np.eye(3)
+    H[rows, 3:6] = -skew(lever)
+    H[rows, 6] = lever

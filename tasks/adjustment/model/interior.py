@@ -1,0 +1,97 @@
+"""How the interior orientation takes part in an adjustment: fixed, weighted by its covariance, or free. A choice of the
+workflow."""
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from orthomill.schemas.camera import INTERIOR, Camera
+from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.adjustment.model.network import Interior
+
+Parameter = Literal["c", "x0", "y0", "k1", "k2", "k3", "p1", "p2"]
+
+NOMINAL_SIGMA = {"c": 0.03, "x0": 0.01, "y0": 0.01, "k1": 0.1, "k2": 0.1, "k3": 0.0, "p1": 0.003, "p2": 0.003}
+"""Standard errors of a camera that is known from EXIF only: c in units of c, x0 and y0 in units of the width, the others as
+numbers. Its k3 is held at 0: with k1 and k2 free and nothing known of any, it would only follow the noise at the border."""
+
+
+class FixedInterior(Settings):
+    """The cameras are taken as they are."""
+
+    kind: Literal["fixed"]
+
+
+class WeightedInterior(Settings):
+    """The named parameters are unknowns, held by the covariance of the calibration (or by wide nominal bounds for a camera from
+    EXIF)."""
+
+    kind: Literal["weighted"]
+    parameters: tuple[Parameter, ...] = setting(
+        ("c", "x0", "y0", "k1", "k2", "k3", "p1", "p2"),
+        "Interior parameters to be adjusted, of those that the calibration knows.",
+        min_length=1,
+    )
+
+
+class FreeInterior(Settings):
+    """The named parameters are unknowns of which nothing is known beforehand (self-calibration)."""
+
+    kind: Literal["free"]
+    parameters: tuple[Parameter, ...] = setting(("c", "x0", "y0", "k1", "k2"), "Interior parameters to be adjusted.", min_length=1)
+
+
+InteriorChoice = Annotated[FixedInterior | WeightedInterior | FreeInterior, Field(discriminator="kind")]
+
+
+def camera_covariance(camera: Camera) -> np.ndarray:
+    """(8, 8) in the order of INTERIOR: what the camera says, the nominal bounds for one from EXIF, else zero (held fixed)."""
+    if camera.covariance is not None:
+        return np.array(camera.covariance)
+    if camera.source != "exif":
+        return np.zeros((8, 8))
+    unit = {"c": camera.c, "x0": float(camera.width), "y0": float(camera.width)}
+    return np.diag([(NOMINAL_SIGMA[name] * unit.get(name, 1.0)) ** 2 for name in INTERIOR])
+
+
+def interior_prior(cameras: list[Camera], choice: InteriorChoice, hold_nominal: bool = False) -> Interior:
+    """What is known and what is unknown of the interior orientations; `cameras` in the order of the network.
+
+    `hold_nominal`: c, x0 and y0 from EXIF keep their values and only lend their uncertainty. Over flat ground without control they
+    are flying height and place of the photographs in disguise, and take up every small error (a rolling shutter) with far too
+    small formal standard errors.
+    """
+    value = np.array([camera.interior for camera in cameras])
+    free, weight = np.zeros(value.shape, bool), np.zeros((len(cameras), 8, 8))
+    considered = np.zeros(value.shape, bool)
+    named = np.isin(INTERIOR, () if choice.kind == "fixed" else choice.parameters)
+    if choice.kind != "weighted":
+        return Interior(value, weight, free | named, considered)
+    for i, camera in enumerate(cameras):
+        covariance = camera_covariance(camera)
+        free[i] = named & (np.diag(covariance) > 0)
+        chosen = np.ix_(free[i], free[i])
+        weight[i][chosen] = _inverse(covariance[chosen])
+        considered[i, :3] = free[i, :3] & (hold_nominal and camera.source == "exif")
+    return Interior(value, weight, free, considered)
+
+
+def given_sigmas(interior: Interior, parameters: tuple[int, ...] = (0,)) -> np.ndarray:
+    """(C, k) standard errors of given interior parameters (numbers in INTERIOR); for a camera constant of which none is stated the
+    nominal one, for others inf."""
+    value = interior.value
+    sigma = np.full(value.shape, np.inf)
+    sigma[:, 0] = NOMINAL_SIGMA["c"] * value[:, 0]
+    for k, own in enumerate(interior.weight):
+        known = np.flatnonzero(np.diag(own) > 0)
+        scale = 1.0 / np.sqrt(np.diag(own)[known])
+        covariance = np.linalg.pinv(own[np.ix_(known, known)] * scale[:, None] * scale, hermitian=True)
+        sigma[k, known] = np.sqrt(np.diag(covariance)) * scale
+    return sigma[:, list(parameters)]
+
+
+def _inverse(covariance: np.ndarray) -> np.ndarray:
+    """Inverse by way of the correlation matrix: the parameters differ by many powers of ten."""
+    scale = 1.0 / np.sqrt(np.diag(covariance))
+    return np.linalg.pinv(covariance * scale[:, None] * scale, rcond=1e-12, hermitian=True) * scale[:, None] * scale

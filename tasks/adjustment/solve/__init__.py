@@ -1,0 +1,1 @@
+"""Normal equations and the iteration that minimises the residuals."""

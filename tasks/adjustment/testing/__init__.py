@@ -1,0 +1,1 @@
+"""After the iteration: blunders, variance components, covariances and correlated image errors."""

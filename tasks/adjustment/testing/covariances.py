@@ -1,0 +1,127 @@
+"""Covariance of everything that was adjusted: orientations, cameras, shift, lever arm and kept points jointly; other points one by
+one.
+
+The covariance of the reduced system is the inverse of its normal matrix; in a free network with respect to the inner constraints.
+It is kept where the normal matrix has blocks (photographs that share points, cameras with their photographs), which is all that
+points and rays need; any other part of it is solved for when it is asked for. Parameters that keep their value (considered,
+Schmidt 1966) lend their uncertainty to all others.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from orthomill.schemas.errors import GeometryError
+from orthomill.tasks.adjustment.model.datum import add_prior
+from orthomill.tasks.adjustment.model.linearisation import Linear, seen_pattern, structure
+from orthomill.tasks.adjustment.model.network import Network, State
+from orthomill.tasks.adjustment.solve.minimise import UNDETERMINED
+from orthomill.tasks.adjustment.solve.normal_equations import point_precision, reduced_normals
+from orthomill.tasks.adjustment.solve.normal_inverse import Inverse, inverse_of
+from orthomill.tasks.adjustment.sparse.block_matrix import BlockMatrix, Pattern
+
+WORST_CONDITION = 1e15
+
+
+@dataclass(frozen=True, eq=False)
+class Covariance:
+    """Covariance of the n unknowns of the reduced system: `blocks` where it is known at once, `inverse` for the rest; `moves` (n,
+    k): how the unknowns move per standard error of what was only considered."""
+
+    blocks: BlockMatrix
+    inverse: Inverse
+    moves: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.blocks)
+
+    @property
+    def variances(self) -> np.ndarray:
+        """(n,)"""
+        return self.blocks.diagonal()
+
+    def times(self, vectors: np.ndarray) -> np.ndarray:
+        """The product (n, k) with `vectors` (n, k)."""
+        return self.inverse.times(vectors) + self.moves @ (self.moves.T @ vectors)
+
+    def joint(self, columns: np.ndarray) -> np.ndarray:
+        """(m, m) of the unknowns `columns` (m,); 0 for -1."""
+        known = self.blocks.pieces(columns)[0]
+        if np.isfinite(known).all():
+            return known
+        there = columns >= 0
+        unit = np.zeros((len(self), len(columns)))
+        unit[columns[there], np.flatnonzero(there)] = 1.0
+        return np.where(there[:, None], self.times(unit)[columns], 0.0)
+
+    def of_pattern(self, pattern: Pattern) -> BlockMatrix:
+        """The covariance in the blocks of another pattern of the same groups."""
+        out, start = BlockMatrix.zero(pattern), pattern.start
+        for block, (g, h) in enumerate(zip(pattern.rows, pattern.partner, strict=True)):
+            columns = np.concatenate([np.arange(*start[g : g + 2]), np.arange(*start[h : h + 2])])
+            size = start[g + 1] - start[g]
+            part = self.joint(columns)[:size, -(start[h + 1] - start[h]) :]
+            out.values[pattern.offset[block] : pattern.offset[block + 1]] = part.ravel()
+        return out
+
+
+def covariance_of(network: Network, state: State, linear: Linear) -> Covariance:
+    """The inverse of the reduced normal matrix; with respect to the inner constraints in a free network.
+
+    Considered parameters have no part in it (zero rows); `with_considered` adds theirs. Raises GeometryError where the observations
+    do not determine the unknowns.
+    """
+    order = structure(network, state, linear)
+    matrix = reduced_normals(linear, order.pattern).matrix
+    add_prior(network, state, matrix)
+    try:
+        inverse = inverse_of(network, state, order, matrix)
+        blocks, condition = inverse.blocks()
+    except np.linalg.LinAlgError:
+        raise GeometryError(UNDETERMINED) from None
+    if not np.isfinite(blocks.values).all() or not condition <= WORST_CONDITION:
+        raise GeometryError(UNDETERMINED)
+    return Covariance(blocks, inverse, np.zeros((len(blocks), 0)))
+
+
+def with_considered(network: Network, linear: Linear, cofactor: Covariance) -> Covariance:
+    """The covariance with the uncertainty of the considered parameters carried into all others.
+
+    The unknowns move by -Q N_uk per unit of a considered parameter; its own covariance is the prior one. Source: Schmidt 1966.
+    """
+    considered = np.flatnonzero(network.considered_columns)
+    if not len(considered):
+        return cofactor
+    unit = np.zeros((len(cofactor), len(considered)))
+    unit[considered, np.arange(len(considered))] = 1.0
+    normal = reduced_normals(linear, cofactor.blocks.pattern).matrix
+    values, vectors = np.linalg.eigh(_considered_covariance(network))
+    moves = (unit - cofactor.times(normal.times(unit))) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+    blocks = BlockMatrix(cofactor.blocks.pattern, cofactor.blocks.values.copy())
+    blocks.add_product(moves, moves)
+    return replace(cofactor, blocks=blocks, moves=moves)
+
+
+def _considered_covariance(network: Network) -> np.ndarray:
+    """Prior covariance (k, k) of the considered parameters, camera by camera, in the order of their columns."""
+    blocks = []
+    for free, considered, weight in zip(network.interior.free, network.interior.considered, network.interior.weight, strict=True):
+        chosen = np.flatnonzero(free & (np.diag(weight) > 0))
+        inside = np.isin(chosen, np.flatnonzero(considered))
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(weight)[chosen], 1e-300))
+        covariance = np.linalg.inv(weight[np.ix_(chosen, chosen)] * scale[:, None] * scale) * scale[:, None] * scale
+        blocks.append(covariance[np.ix_(inside, inside)])
+    return block_diag(*blocks)
+
+
+def points_and_rays(network: Network, linear: Linear, cofactor: Covariance) -> tuple[np.ndarray, np.ndarray]:
+    """Covariance (N, 3, 3) of all points, kept ones too, and variances (M, 2) px^2 of the computed image coordinates."""
+    points, adjusted = point_precision(linear, cofactor.blocks)
+    points[network.kept] = cofactor.blocks.pieces(network.kept_columns)
+    return points, adjusted
+
+
+def points_elsewhere(linear: Linear, cofactor: Covariance) -> np.ndarray:
+    """Covariance (N, 3, 3) of points that had no part in the adjustment."""
+    return point_precision(linear, cofactor.of_pattern(seen_pattern(linear, cofactor.blocks.pattern.start)))[0]

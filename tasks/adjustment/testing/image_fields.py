@@ -1,0 +1,187 @@
+"""Errors that neighbouring measurements of a photograph have in common, and what they do to the standard errors.
+
+White noise is not all that residuals are made of. A sensor that a stabiliser shifts, a shutter that runs while the camera moves,
+film that was not flat, a lens that Brown's polynomial does not meet: all of them displace whole regions of a photograph together.
+Ten thousand tie points then tell little more than a hundred, and what is weakly determined (c over a flat object) is wrong by many
+of its formal standard errors.
+
+Strategy. Every photograph carries a smooth field of displacements: Legendre polynomials of the frame of ORDERS in x and in y,
+with random coefficients of one variance, a share of which is common to all photographs of a camera. The residuals tell both by
+maximum likelihood: with N the normal matrix of the coefficients after all unknowns and points are eliminated and t its right-hand
+side, t has the covariance s2 N + N C N, where C is that of the coefficients and s2 the variance of what no field explains. A field
+enters only where the likelihood ratio says that white noise cannot explain it. It is not estimated: like a considered parameter
+(Schmidt 1966) it lends its uncertainty to everything that was adjusted, by the effect -Q N_uc of its coefficients.
+
+Source: Moritz 1980 (collocation); Patterson and Thompson 1971 (likelihood of residuals); Tang, Fritsch and Cramer 2012 (Legendre
+polynomials as the form of image deformation); docs/methods.md, "Errors in common".
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.optimize import minimize_scalar
+
+from orthomill.tasks.adjustment.model.adjustment_result import Adjustment, CommonErrors
+from orthomill.tasks.adjustment.model.linearisation import linearised, seen_pattern
+from orthomill.tasks.adjustment.model.network import Network, Rays
+from orthomill.tasks.adjustment.solve.normal_equations import reduced_normals
+from orthomill.tasks.adjustment.testing.covariances import Covariance, covariance_of
+
+ORDERS = (2, 3)
+"""Of the polynomials, x and y together. Lower ones are what orientation, camera constant and principal point do; these are what a
+shift or a tilt that was not foreseen leaves of second order, and its bending."""
+VISIBLE = 0.01
+"""Combinations of coefficients of which the residuals show less than this share of the best visible one say nothing of the
+variance: the unknowns absorb them."""
+SIGNIFICANT = 10.83
+"""Likelihood ratio that white noise exceeds in less than one of 1000 blocks (chi-squared, one degree of freedom)."""
+MOST = 20
+"""So many photographs, evenly taken, tell the variance; all carry it."""
+SHARES = (0.0, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0)
+"""Common shares of the variance that are tried."""
+
+_POWERS = tuple((i, order - i) for order in ORDERS for i in range(order + 1))
+TERMS = len(_POWERS)
+
+
+def field_basis(xy: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """(M, TERMS) Legendre polynomials with unit mean square over the frame; `xy` (M, 2) px from the image centre, `size` (M, 2)
+    width and height, px."""
+    x, y = (
+        np.polynomial.legendre.legvander(2.0 * xy[:, k] / size[:, k], ORDERS[-1]) * np.sqrt(2.0 * np.arange(ORDERS[-1] + 1) + 1.0)
+        for k in (0, 1)
+    )
+    return np.stack([x[:, i] * y[:, j] for i, j in _POWERS], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Effects:
+    """Of the coefficients of some photographs (photo by photo, x before y): `unknowns` (n, k) what one unit of each does to the
+    adjusted unknowns; `normal` (k, k) and `right` (k,) of their own normal equations after everything else is eliminated."""
+
+    unknowns: np.ndarray
+    normal: np.ndarray
+    right: np.ndarray
+
+
+def weighted_rays(result: Adjustment) -> Rays:
+    """The rays that took part, with their standard errors as they were estimated."""
+    return replace(result.rays, sigma=result.ray_sigma).take(result.used)
+
+
+def white_covariance(result: Adjustment) -> Covariance:
+    """That of the unknowns if all errors were white; 0 for considered parameters."""
+    return covariance_of(result.network, result.state, linearised(result.network, result.state, weighted_rays(result)))
+
+
+def effects(result: Adjustment, size: np.ndarray, white: Covariance, chosen: np.ndarray) -> Effects:
+    """The effects of the fields of the photographs `chosen` (ascending numbers); `size` (P, 2) px of all photographs, `white` the
+    covariance of `white_covariance`.
+
+    At the solution the unknowns pull no more, so that only points which the chosen photographs see have a part.
+    """
+    network, rays = result.network, weighted_rays(result)
+    touched = np.zeros(len(network.point), bool)
+    touched[rays.point[np.isin(rays.photo, chosen)]] = True
+    rays = rays.take(touched[rays.point])
+    linear = linearised(network, result.state, rays)
+    derivatives, columns = _columns(network, rays, size, chosen)
+    own_columns = np.full((len(linear.columns), 2 * TERMS), -1)
+    own_columns[linear.row] = columns
+    count, k = network.unknowns, 2 * TERMS * len(chosen)
+    augmented = replace(
+        linear, jg=np.concatenate([linear.jg, derivatives], axis=2), columns=np.hstack([linear.columns, own_columns])
+    )
+    start = np.append(network.group_start, count + 2 * TERMS * np.arange(1, len(chosen) + 1))
+    normals = reduced_normals(augmented, seen_pattern(augmented, start))
+    unit = np.zeros((count + k, k))
+    unit[count:] = np.eye(k)
+    cross, own = np.vsplit(normals.matrix.times(unit), [count])
+    moved = -white.times(cross)
+    own = own + cross.T @ moved
+    return Effects(moved, 0.5 * (own + own.T), normals.right[count:])
+
+
+def _columns(network: Network, rays: Rays, size: np.ndarray, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives (M, 2, 2 TERMS) of the image coordinates by the coefficients of each ray's photograph, and their columns (M, 2
+    TERMS)."""
+    basis = field_basis(rays.xy, size[rays.photo])
+    derivatives = np.zeros((len(rays), 2, 2 * TERMS))
+    derivatives[:, 0, :TERMS], derivatives[:, 1, TERMS:] = basis, basis
+    place = np.full(network.photos, -1)
+    place[chosen] = np.arange(len(chosen))
+    columns = network.unknowns + 2 * TERMS * place[rays.photo][:, None] + np.arange(2 * TERMS)
+    return derivatives, np.where(place[rays.photo][:, None] >= 0, columns, -1)
+
+
+def common_errors(result: Adjustment, size: np.ndarray) -> CommonErrors | None:
+    """What the residuals say of errors in common; None where white noise explains them. `size` (P, 2) px of the photographs.
+
+    Parameters that keep their value are free here: what they would explain is no error of the measurements.
+    """
+    result, pull = _freed(result)
+    photos = np.unique(result.rays.photo[result.used])
+    chosen = photos[np.unique(np.linspace(0, len(photos) - 1, MOST).round().astype(int))]
+    white = white_covariance(result)
+    fields = effects(result, size, white, chosen)
+    visible, direction = np.linalg.eigh(fields.normal)
+    seen = visible > max(VISIBLE * visible[-1], 1e-12)
+    visible, direction = visible[seen], direction[:, seen]
+    own = result.used & np.isin(result.rays.photo, chosen)
+    square = float((result.residual[own] ** 2 / result.ray_sigma[own][:, None] ** 2).sum())
+    square -= float(pull @ white.times(pull[:, None])[:, 0])
+    redundancy = float(result.redundancy_number[own].sum())
+    if len(visible) == 0 or redundancy <= 2 * len(visible):
+        return None
+    z = direction.T @ (fields.right + fields.unknowns.T @ pull)
+    noise = max((square - float((z**2 / visible).sum())) / (redundancy - len(visible)), 1e-6)
+    camera = result.network.camera_of[chosen]
+    variance, share, likelihood = _likeliest(z, visible, noise, _alike(direction, camera[:, None] == camera))
+    if likelihood < SIGNIFICANT:
+        return None
+    return CommonErrors(float(np.sqrt(variance * TERMS)), share, likelihood, noise * redundancy / square)
+
+
+def _freed(result: Adjustment) -> tuple[Adjustment, np.ndarray]:
+    """The result with its considered parameters free, and how all unknowns pull (n,): not at all but for these."""
+    network = result.network
+    considered = network.considered_columns
+    if not considered.any():
+        return result, np.zeros(network.unknowns)
+    linear = linearised(network, result.state, weighted_rays(result))
+    pull = reduced_normals(linear, seen_pattern(linear, network.group_start)).right
+    interior = replace(network.interior, considered=np.zeros_like(network.interior.considered))
+    return replace(result, network=replace(network, interior=interior)), np.where(considered, pull, 0.0)
+
+
+def _likeliest(z: np.ndarray, visible: np.ndarray, noise: float, alike: np.ndarray) -> tuple[float, float, float]:
+    """Variance (px^2) of the coefficients, its common share, and the likelihood ratio against white noise."""
+    white, start = noise * np.diag(visible), np.log(noise / visible[-1])
+    none = _deviance(z, white)
+    best = (0.0, 0.0, 0.0)
+    for share in SHARES:
+        form = visible[:, None] * ((1.0 - share) * np.eye(len(visible)) + share * alike) * visible
+        found = minimize_scalar(
+            lambda size, form=form: _deviance(z, white + np.exp(size) * form),
+            bounds=(start - 5.0, start + 18.0), method="bounded", options={"xatol": 0.01},
+        )  # fmt: skip
+        if none - found.fun > best[2]:
+            best = (float(np.exp(found.x)), share, float(none - found.fun))
+    return best
+
+
+def _alike(direction: np.ndarray, same: np.ndarray) -> np.ndarray:
+    """The covariance of coefficients that are the same in all photographs of a camera, along the columns of `direction`; `same`
+    (P, P): which photographs share one."""
+    by_photo = direction.reshape(len(same), -1, direction.shape[1])
+    return np.einsum("pka,pkb->ab", by_photo, np.einsum("pq,qkb->pkb", same.astype(float), by_photo), optimize=True)
+
+
+def _deviance(z: np.ndarray, covariance: np.ndarray) -> float:
+    """Minus twice the logarithm of the likelihood of z, but for a constant."""
+    try:
+        factor = cho_factor(covariance, lower=True)
+    except LinAlgError:
+        return np.inf
+    return float(2.0 * np.log(np.diag(factor[0])).sum() + z @ cho_solve(factor, z))

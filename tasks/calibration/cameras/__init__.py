@@ -1,0 +1,1 @@
+"""Cameras that need no chessboards: from EXIF, from a file, typed in; and who took which photograph."""

@@ -1,0 +1,190 @@
+"""All chessboards in one photograph, each with its origin: inner corners to a few hundredths of a pixel.
+
+Strategy. Boards are searched from a coarse pyramid level down, where OpenCV's sector-based detector (Duda & Frese 2018) is fast and
+sure; it gives one board at a time, so each one found is painted over, up to the outer edge of its squares, and the search goes on.
+As long as none is found, a smoothed copy of a level is searched as well: noise and sharp texture hide boards. The search ends
+when all boards are found, or with a level that adds none. Corners are refined from level to level down to the full image.
+
+What looks like a board is then tested: the squares around every corner must alternate (else it is no board), and must stop
+alternating beyond the outer corners (else the board is larger than was said). Numbering is made unique: seen from the front, x
+along the columns, y along the rows, counter-clockwise, and the first square black.
+
+NORMALIZE_IMAGE is left out on purpose: it loses boards (methods/measured.md). So is ACCURACY: it searches an enlarged image, which
+takes three times as long, for places that are refined in the full image anyway.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from orthomill.schemas.raster import Window
+from orthomill.tasks.calibration.detection.homographies import applied, homography
+from orthomill.tasks.calibration.detection.saddles import contrast, refined, signs, spacings
+from orthomill.tasks.imagery.pyramid import full_to_level, halved_shape, halved_window, level_to_full, source_window
+from orthomill.tasks.imagery.radiometry import grey_bytes, grey_range
+
+cv2.setNumThreads(1)
+
+_SEARCH = cv2.CALIB_CB_EXHAUSTIVE
+COARSE_SIDE = 450
+"""Longer side in px of the image in which boards are searched first."""
+_FINE_SIDE = 2000
+"""And of the one in which they are searched last."""
+MOST_BOARDS = 40
+_STRIP = 256
+_SMOOTH = 1.3
+_WRONG_CORNERS = 0.1
+"""Share of corners whose squares may not alternate; of one row or column, half."""
+_BEND = 0.35
+"""Largest change of spacing from one square to the next, as a share of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class FoundBoards:
+    """Corners (B, rows, cols, 2) (col, row) px of all boards, left to right, and how many were refused: no boards after all, and
+    boards with more corners than was said."""
+
+    corners: np.ndarray
+    false: int
+    larger: int
+
+
+def grey_image(pixels: np.ndarray) -> np.ndarray:
+    """The photograph in grey uint8, in strips: floating point copies of a whole photograph would be many times its size."""
+    limits = grey_range(pixels[::8, ::8])
+    image = np.empty(pixels.shape[:2], dtype=np.uint8)
+    for row in range(0, len(image), _STRIP):
+        image[row : row + _STRIP] = grey_bytes(pixels[row : row + _STRIP], limits)
+    return image
+
+
+def pyramid(image: np.ndarray, below: int) -> list[np.ndarray]:
+    """The image and its halves until the longer side is at most `below`, made in strips."""
+    levels = [image]
+    while max(levels[-1].shape) > below:
+        half = np.empty(halved_shape(levels[-1].shape), dtype=image.dtype)
+        for row in range(0, len(half), _STRIP):
+            window = Window(row, 0, min(_STRIP, len(half) - row), half.shape[1])
+            half[window.slices] = halved_window(levels[-1][source_window(window, levels[-1].shape).slices], window)
+        levels.append(half)
+    return levels
+
+
+def find_boards(levels: list[np.ndarray], corners: tuple[int, int], boards: int = 0) -> FoundBoards:
+    """Every board with `corners` (columns, rows) in a photograph, given as its pyramid; at most `boards` unless that is 0."""
+    found: list[np.ndarray] = []
+    refused = [0, 0]
+    most = boards or MOST_BOARDS
+    for level in reversed(range(len(levels))):
+        known = len(found)
+        if max(levels[level].shape) > _FINE_SIDE and level < len(levels) - 1:
+            break
+        for smooth in (False, True):
+            if len(found) >= most or (smooth and found):
+                break
+            search = cv2.GaussianBlur(levels[level], (0, 0), _SMOOTH) if smooth else levels[level].copy()
+            for board in found:
+                paint_over(search, full_to_level(board, level))
+            for board in _searched(search, corners, most - len(found)):
+                fine = through_levels(board, levels, level)
+                reason = _refusal(levels[0], fine)
+                if reason is None:
+                    found.append(numbered(levels[0], fine))
+                else:
+                    refused[reason] += 1
+        if len(found) >= most or (known and len(found) == known):
+            break
+    found.sort(key=lambda board: tuple(board.reshape(-1, 2).mean(axis=0)))
+    shape = (0, corners[1], corners[0], 2)
+    return FoundBoards(np.array(found) if found else np.empty(shape), refused[0], refused[1])
+
+
+def _searched(image: np.ndarray, corners: tuple[int, int], most: int) -> list[np.ndarray]:
+    """Boards (rows, cols, 2) of one image, which is painted over on the way."""
+    boards: list[np.ndarray] = []
+    while len(boards) < most:
+        found, points = cv2.findChessboardCornersSB(image, corners, flags=_SEARCH)
+        if not found:
+            break
+        boards.append(points.reshape(corners[1], corners[0], 2).astype(np.float64))
+        paint_over(image, boards[-1])
+    return boards
+
+
+def paint_over(image: np.ndarray, board: np.ndarray) -> None:
+    """Covers a board (rows, cols, 2) in an image (rows, cols), up to the outer edge of its squares."""
+    rows, cols = board.shape[:2]
+    known = np.isfinite(board).all(axis=-1).ravel()
+    H = homography(board_grid((cols, rows))[known], board.reshape(-1, 2)[known])
+    low, right, bottom = -1.2, cols + 0.2, rows + 0.2
+    edge = applied(H, np.array([[low, low], [right, low], [right, bottom], [low, bottom]]))
+    cv2.fillConvexPoly(image, np.rint(np.clip(edge, -20000, 20000)).astype(np.int32), float(np.median(image)))
+
+
+def through_levels(board: np.ndarray, levels: list[np.ndarray], level: int) -> np.ndarray:
+    """Corners of a level in the full image, refined in each level between."""
+    full = level_to_full(board, level)
+    for finer in reversed(range(level)):
+        full = level_to_full(refined(levels[finer], full_to_level(full, finer)), finer)
+    return refined(levels[0], full) if level == 0 else full
+
+
+def _refusal(image: np.ndarray, board: np.ndarray) -> int | None:
+    """None for a board, 0 for what is none, 1 for a part of a larger one."""
+    rows, cols = board.shape[:2]
+    across, down = spacings(board)
+    pattern = contrast(image, board, across, down) * signs(rows, cols)
+    pattern = pattern if np.nansum(pattern) >= 0 else -pattern
+    strength = np.nanmedian(pattern)
+    if not strength > 4.0 or not regular(board):
+        return 0
+    wrong = np.nan_to_num(pattern, nan=strength) < 0.35 * strength
+    if wrong.mean() > _WRONG_CORNERS or max(wrong.mean(axis=0).max(), wrong.mean(axis=1).max()) >= 0.5:
+        return 0
+    return 1 if _goes_on(image, board, strength) else None
+
+
+def regular(board: np.ndarray) -> bool:
+    """Whether spacings change as slowly along rows and columns as perspective and distortion let them."""
+    for grid in (board, board.swapaxes(0, 1)):
+        step = np.diff(grid, axis=0)
+        length = np.linalg.norm(step, axis=2)
+        change = np.linalg.norm(np.diff(step, axis=0), axis=2)
+        if (change > _BEND * np.minimum(length[1:], length[:-1])).any():
+            return False
+    return True
+
+
+def _goes_on(image: np.ndarray, board: np.ndarray, strength: float) -> bool:
+    """Whether the squares go on alternating beyond one of the four sides."""
+    for turned in (board, board[::-1], board.swapaxes(0, 1), board.swapaxes(0, 1)[::-1]):
+        if len(turned) < 3:
+            continue
+        outside = 3.0 * turned[0] - 3.0 * turned[1] + turned[2]
+        across, down = np.gradient(outside, axis=0), turned[0] - outside
+        ring = np.abs(contrast(image, outside, across, down))[1:-1]
+        seen = np.isfinite(ring)
+        if seen.sum() >= 2 and np.mean(ring[seen] > 0.6 * strength) > 0.7:
+            return True
+    return False
+
+
+def numbered(image: np.ndarray, board: np.ndarray) -> np.ndarray:
+    """The board (rows, cols, 2) with its unique numbering: y counter-clockwise of x when seen upright, the first square black."""
+    rows, cols = board.shape[:2]
+    across, down = board[:, -1].mean(axis=0) - board[:, 0].mean(axis=0), board[-1].mean(axis=0) - board[0].mean(axis=0)
+    if across[0] * down[1] - across[1] * down[0] > 0:
+        board = board[::-1]
+    pattern = contrast(image, board, *spacings(board)) * signs(rows, cols)
+    return board if np.nansum(pattern) >= 0 else board[::-1, ::-1]
+
+
+def symmetric(corners: tuple[int, int]) -> bool:
+    """Whether a board looks the same after half a turn, so that no corner can be called its first."""
+    return (corners[0] + corners[1]) % 2 == 0
+
+
+def board_grid(corners: tuple[int, int]) -> np.ndarray:
+    """(columns * rows, 2) float64: column and row number of every corner, row by row."""
+    return np.stack(np.meshgrid(np.arange(corners[0]), np.arange(corners[1])), axis=-1).reshape(-1, 2).astype(np.float64)

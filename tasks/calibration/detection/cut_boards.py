@@ -1,0 +1,123 @@
+"""Boards that the frame cuts, and boards of another size than was said: as much of a grid as a photo shows, and what part it is.
+
+Strategy. Lattices of any outline are found (lattices.py) and refined. On each of its four sides a lattice ends in the photo (the
+next row would be in sight, and is not there) or may go on outside. A side that ends is a side of the board; together with the
+colour of the first square that says which corners of the board they are, mostly in one way only. A lattice that ends on all sides
+and has not the stated number of corners is a board of another kind.
+
+Where a cut grid can be several parts of the board (a close-up whose border is outside on three sides), it can still be used alone:
+a single board has a pose of its own, and any part of an exact grid is like any other.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from orthomill.tasks.calibration.detection.board_detection import paint_over, regular, through_levels
+from orthomill.tasks.calibration.detection.lattices import lattices
+from orthomill.tasks.calibration.detection.saddles import contrast, refined, signs, spacings
+from orthomill.tasks.imagery.pyramid import full_to_level
+
+_FEWEST, _LEAST_CONTRAST = 12, 8.0
+"""Corners and grey values of the least grid that is believed."""
+_FINEST_SIDE, _MOST = 1000, 12
+"""Longer side in px of the finest image that is searched, and how many grids are looked at in one."""
+
+
+@dataclass(frozen=True, eq=False)
+class CutBoards:
+    """`corners` (B, rows, cols, 2) px, NaN for corners that are not shown; `unnumbered`: grids that can be more than one part of a
+    board; `other`: sizes (columns, rows) of boards of another kind, of which all four sides are seen."""
+
+    corners: np.ndarray
+    unnumbered: int
+    other: tuple[tuple[int, int], ...]
+
+
+def find_cut_boards(levels: list[np.ndarray], whole: np.ndarray, corners: tuple[int, int], alone: bool) -> CutBoards:
+    """Boards with `corners` (columns, rows) of which a photo, given as its pyramid, shows a part, beside the `whole` ones
+    (B, rows, cols, 2). `alone`: take a grid that can be several parts of the board if there is nothing else."""
+    numbered: list[np.ndarray] = []
+    unnumbered: list[np.ndarray] = []
+    other: list[tuple[int, int]] = []
+    for level in reversed(range(len(levels))):
+        if numbered or unnumbered or (max(levels[level].shape) > _FINEST_SIDE and level < len(levels) - 1):
+            break
+        search, others = levels[level].copy(), []
+        for board in whole:
+            paint_over(search, full_to_level(board, level))
+        for coarse in lattices(search, _FEWEST)[:_MOST]:
+            grid = _believed(levels[0], through_levels(refined(levels[level], coarse), levels, level))
+            if grid is None:
+                continue
+            sides = [_ending(levels[0], np.rot90(grid, turn)) for turn in range(4)]
+            parts = _parts(levels[0], grid, sides, corners)
+            if parts:
+                (numbered if len(parts) == 1 else unnumbered).append(parts[0])
+            elif all(sides):
+                others.append((max(grid.shape[:2]), min(grid.shape[:2])))
+        other = max(other, others, key=len)  # what two levels show is counted once
+    if other:
+        # A board that the frame cuts is then more likely one of these than of the stated kind.
+        numbered, unnumbered = [part for part in numbered if np.isfinite(part).all()], []
+    if alone and not len(whole) and not numbered and unnumbered:
+        numbered.append(unnumbered.pop(0))
+    shape = (0, corners[1], corners[0], 2)
+    return CutBoards(np.array(numbered) if numbered else np.empty(shape), len(unnumbered), tuple(other))
+
+
+def _believed(image: np.ndarray, grid: np.ndarray) -> np.ndarray | None:
+    """The grid (rows, cols, 2) without the corners around which squares do not alternate; None where that leaves no board."""
+    pattern = contrast(image, grid, *spacings(grid)) * signs(*grid.shape[:2])
+    pattern *= np.sign(np.nansum(pattern))
+    strength = float(np.nanmedian(pattern)) if np.isfinite(pattern).any() else 0.0
+    with np.errstate(invalid="ignore"):
+        good = pattern > 0.4 * strength
+    rows, columns = (np.flatnonzero(good.sum(axis=axis) >= 2) for axis in (1, 0))
+    if strength < _LEAST_CONTRAST or min(len(rows), len(columns)) < 3:
+        return None
+    part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    grid, good = np.where(good[..., None], grid, np.nan)[part], good[part]
+    full = good.sum() >= max(_FEWEST, 0.6 * good.size) if good.size < 40 else good.mean() > 0.4
+    return grid if full and regular(grid) else None
+
+
+def _ending(image: np.ndarray, grid: np.ndarray) -> bool:
+    """Whether the board ends in the photo before the first row of its grid: a row more would be in sight, and is not there."""
+    across, down = 0.5 * (np.roll(grid[0], -1, axis=0) - np.roll(grid[0], 1, axis=0)), grid[1] - grid[0]
+    before = grid[0] - down
+    room = np.abs(down).max(axis=1, keepdims=True)
+    inside = ((before > room) & (before < np.array(image.shape[::-1]) - 1 - room)).all(axis=1)
+    inside[[0, -1]] = False
+    if inside.sum() < 2:
+        return False
+    usual = np.nanmedian(np.abs(contrast(image, grid, *spacings(grid))))
+    return bool((np.abs(contrast(image, before, across, down))[inside] < 0.5 * usual).mean() > 0.7)
+
+
+def _parts(image: np.ndarray, grid: np.ndarray, ends: list[bool], corners: tuple[int, int]) -> list[np.ndarray]:
+    """All ways (rows, cols, 2) in which the grid is a part of the board; none when it is a board of another kind. ends: whether the
+    board ends before the grid's first row, its last column, its last row, its first column (as rot90 brings them to the front)."""
+    columns, rows = corners
+    out = []
+    steps = (np.nanmean(step, axis=(0, 1)) for step in (np.diff(grid, axis=1), np.diff(grid, axis=0)))
+    across, down = steps
+    if across[0] * down[1] - across[1] * down[0] > 0:
+        grid, ends = grid[::-1], [ends[2], ends[1], ends[0], ends[3]]
+    for turn in range(4):
+        own = np.rot90(grid, turn)
+        before, right, behind, left = ends[turn:] + ends[:turn]
+        pattern = contrast(image, own, *spacings(own))
+        for row in _offsets(own.shape[0], rows, before, behind):
+            for column in _offsets(own.shape[1], columns, left, right):
+                colour = signs(rows, columns)[row : row + own.shape[0], column : column + own.shape[1]]
+                if np.nansum(pattern * colour) > 0:
+                    part = np.full((rows, columns, 2), np.nan)
+                    part[row : row + own.shape[0], column : column + own.shape[1]] = own
+                    out.append(part)
+    return out
+
+
+def _offsets(count: int, of: int, before: bool, behind: bool) -> list[int]:
+    """Where `count` rows can begin among the board's, by whether the board ends on both sides."""
+    return [first for first in range(of - count + 1) if (first == 0 or not before) and (first + count == of or not behind)]

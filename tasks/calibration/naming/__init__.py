@@ -1,0 +1,1 @@
+"""Which board of one photograph is which board of another."""

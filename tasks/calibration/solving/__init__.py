@@ -1,0 +1,1 @@
+"""From detected boards to an adjusted camera: starting values, bundle, choice of the model."""

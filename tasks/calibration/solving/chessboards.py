@@ -1,0 +1,167 @@
+"""The last job of a calibration from chessboards: all corners of all photographs, adjusted, judged, recorded.
+
+Whole boards come from the search, cut and missed ones from the second look. Every board and photograph that takes no part is
+listed with its reason.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from orthomill.schemas.camera import INTERIOR, Camera, Cameras
+from orthomill.schemas.errors import PhotoError
+from orthomill.schemas.photo import Header, Photos
+from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment
+from orthomill.tasks.adjustment.boards.board_network import PARAMETERS, BoardCorners
+from orthomill.tasks.calibration.board_tables import (
+    AdjustedPose,
+    Arranged,
+    BoardPhotos,
+    Calibration,
+    CornerResiduals,
+    Corners,
+    PhotoSearch,
+    TextPage,
+)
+from orthomill.tasks.calibration.cameras.camera_assignment import cameras_for
+from orthomill.tasks.calibration.cameras.camera_exchange import WRITERS
+from orthomill.tasks.calibration.cameras.camera_sharing import shared_out
+from orthomill.tasks.calibration.report import cameras_report
+from orthomill.tasks.calibration.reporting.board_report import chessboards_report
+from orthomill.tasks.calibration.reporting.calibration_results import CalibrationResults
+from orthomill.tasks.calibration.solving.arranging import arrangement_of, found_boards
+from orthomill.tasks.calibration.solving.calibration_precision import board_precision, photo_precision
+from orthomill.tasks.calibration.solving.initial_constant import ConstantEstimate
+from orthomill.tasks.calibration.solving.model_choice import MODELS, HeldOut, choice, compare
+from orthomill.tasks.calibration.solving.solving import CalibrationTarget, solve
+
+
+@dataclass(frozen=True)
+class Model:
+    """The interior parameters to estimate; None: those that held-out photographs speak for."""
+
+    free: tuple[str, ...] | None
+
+
+def index_board_photos(headers: tuple[Header, ...]) -> BoardPhotos:
+    """The calibration photographs. Raises PhotoError when their sizes differ."""
+    size = (headers[0].width, headers[0].height)
+    others = [header.path for header in headers if (header.width, header.height) != size]
+    if others:
+        raise PhotoError(
+            f"The chessboard photographs differ in size: {headers[0].path} has {size[0]} x {size[1]} pixels, but not "
+            f"{', '.join(others[:5])}; calibrate with photographs of one camera and one setting."
+        )
+    return BoardPhotos(paths=tuple(header.path for header in headers), size=size)
+
+
+def calibrate(
+    arranged: Arranged, corners: tuple[Corners, ...], completed: tuple[Corners, ...], target: CalibrationTarget, model: Model
+) -> tuple[BoardAdjustment, ConstantEstimate, np.ndarray, dict[tuple[str, ...], HeldOut | None]]:
+    """The adjustment, what the homographies said of c, the numbers of the photographs used, and the held-out checks of the models.
+
+    Raises GeometryError when the boards do not determine the camera.
+    """
+    known = arrangement_of(found_boards(corners, target), target)
+    measured = _with_completed(known.start.corners, arranged, completed, known.start.photo, target)
+    first = solve(target, (known.result.state,), measured, model.free or MODELS[-1])
+    judged = compare(first, target)
+    free = model.free or choice(judged)
+    result = first if free == first.network.free else solve(target, (first.state.with_interior(**_held(free)),), measured, free)
+    used = known.start.photo
+    return result, replace(known.constant, c1=known.constant.c1[used], c2=known.constant.c2[used]), used, judged
+
+
+def _held(free: tuple[str, ...]) -> dict[str, float]:
+    return {name: 0.0 for name in PARAMETERS[1:] if name not in free}
+
+
+def _with_completed(
+    whole: BoardCorners, arranged: Arranged, completed: tuple[Corners, ...], photos: np.ndarray, target: CalibrationTarget
+) -> BoardCorners:
+    """All corners, sorted by board, corner and photo; those of the first look are kept where both have one."""
+    number = {arranged.photos[index].photo: place for place, index in enumerate(photos)}
+    parts = [whole]
+    for name, own in zip(arranged.incomplete, completed, strict=True):
+        corner = own.row.astype(int) * target.corners[0] + own.column
+        parts.append(BoardCorners(np.full(len(own), number[name]), own.board.astype(int), corner, target.centred(own.pixels)))
+    merged = BoardCorners(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("photo", "board", "corner", "xy")))
+    place = np.column_stack([merged.board, merged.corner, merged.photo])
+    return merged.take(np.unique(place, axis=0, return_index=True)[1])
+
+
+def from_chessboards(
+    boards: BoardPhotos,
+    arranged: Arranged,
+    corners: tuple[Corners, ...],
+    completed: tuple[Corners, ...],
+    searches: tuple[PhotoSearch, ...],
+    target: CalibrationTarget,
+    model: Model,
+    photos: Photos | None = None,
+    serves: str = "*",
+) -> dict[str, Any]:
+    """Cameras, records and report of a calibration, whose camera took the photographs that match `serves`. Without `photos` it
+    stands alone.
+
+    Raises GeometryError when the boards do not determine the camera, PhotoError for photographs that do not fit it.
+    """  # fmt: skip
+    result, constant, used, judged = calibrate(arranged, corners, completed, target, model)
+    camera = camera_of(result, "chessboards", target.size)
+    names = [boards.names[photo] for photo in used]
+    check = judged[result.network.free]
+    account = CalibrationResults(result, target, names, constant, judged, searches, arranged)
+    if photos is None:
+        cameras = Cameras(cameras={camera.name: camera}, of_photo={})
+        plain = cameras_report(cameras, Photos(photos=()), {camera.name: camera})
+    else:
+        photos, sources, remarks = shared_out(
+            photos, serves, lambda own: dict.fromkeys((photo.camera for photo in own.photos), camera)
+        )
+        cameras = cameras_for(photos, sources)
+        plain = cameras_report(cameras, photos, sources)
+        plain = plain.model_copy(update={"warnings": (*remarks, *plain.warnings)})
+    pages = {name: TextPage(text=write(camera)) for name, write in WRITERS.items()}
+    return {
+        "cameras": cameras, "camera": camera, "report": chessboards_report(plain, account),
+        "calibration": calibration_record(result, camera, names, check, target), "residuals": residual_table(result, names, target),
+        **pages,
+    }  # fmt: skip
+
+
+def camera_of(result: BoardAdjustment, name: str, size: tuple[int, int]) -> Camera:
+    """The camera of an adjustment, with the covariance of INTERIOR."""
+    numbers = dict(zip(PARAMETERS, result.state.interior.tolist(), strict=True))
+    covariance = result.interior_covariance[: len(INTERIOR), : len(INTERIOR)]
+    return Camera(name=name, width=size[0], height=size[1], source="chessboards", sigma0=result.sigma0,
+                  covariance=tuple(map(tuple, covariance.tolist())), **numbers)  # fmt: skip
+
+
+def calibration_record(
+    result: BoardAdjustment, camera: Camera, names: list[str], check: HeldOut | None, target: CalibrationTarget
+) -> Calibration:
+    """All that was estimated, with covariance, for people and programs."""
+    photographs = tuple(_pose(name, *photo_precision(result, photo)) for photo, name in enumerate(names))
+    boards = tuple(_pose(f"board {board + 1}", *board_precision(result, board)) for board in range(result.network.boards))
+    return Calibration(
+        camera=camera, parameters=PARAMETERS, values=tuple(result.state.interior.tolist()),
+        covariance=tuple(map(tuple, result.interior_covariance.tolist())), sigma0=result.sigma0, redundancy=result.redundancy,
+        iterations=result.iterations, held_out=check.rms if check else None, corners=target.corners, square=target.square,
+        photographs=photographs, boards=boards,
+    )  # fmt: skip
+
+
+def _pose(name: str, value: np.ndarray, sigma: np.ndarray) -> AdjustedPose:
+    return AdjustedPose(name=name, place=tuple(value[:3].tolist()), angles=tuple(np.degrees(value[3:]).tolist()),
+                place_sigma=tuple(sigma[:3].tolist()), angles_sigma=tuple(np.degrees(sigma[3:]).tolist()))  # fmt: skip
+
+
+def residual_table(result: BoardAdjustment, names: list[str], target: CalibrationTarget) -> CornerResiduals:
+    """Every corner with its residual, rows down as in the photograph."""
+    corners, pixels = result.corners, target.pixels(result.corners.xy)
+    return CornerResiduals(
+        photo=np.array(names)[corners.photo], board=corners.board.astype(np.int32),
+        column=(corners.corner % target.corners[0]).astype(np.int32), row=(corners.corner // target.corners[0]).astype(np.int32),
+        x=pixels[:, 0], y=pixels[:, 1], dx=result.residual[:, 0], dy=-result.residual[:, 1], used=result.used,
+    )  # fmt: skip

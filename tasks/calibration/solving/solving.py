@@ -1,0 +1,110 @@
+"""From found boards to a calibrated camera: names, starting values, bundle; with a model that is given or chosen."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orthomill.schemas.errors import GeometryError
+from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment, adjust, minimise
+from orthomill.tasks.adjustment.boards.board_network import Arrangement, BoardCorners, BoardNetwork, BoardState
+from orthomill.tasks.adjustment.boards.board_projection import misclosures
+
+FEWEST_PHOTOS = 3
+_GOOD = 1.5
+"""px: an adjustment with a larger sigma0, or one that rejects much, may have started in the wrong valley."""
+_MUCH = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationTarget:
+    """What is photographed and by what: `size` (width, height) px of the photos, inner `corners` (columns, rows) and `square` (m)
+    of a board, how many `boards` (0: as many as are found), how they lie, and the standard errors (m) of their corners in the
+    plane of the board and out of it."""
+
+    size: tuple[int, int]
+    corners: tuple[int, int]
+    square: float
+    boards: int = 0
+    arrangement: Arrangement = "plane"
+    sigma_in_plane: float = 0.0
+    sigma_height: float = 0.0
+
+    @property
+    def local(self) -> np.ndarray:
+        """(N, 2) m: corners of a board, row by row; its first corner is the origin."""
+        col, row = np.meshgrid(np.arange(self.corners[0]), np.arange(self.corners[1]))
+        return self.square * np.column_stack([col.ravel(), row.ravel()]).astype(np.float64)
+
+    def network(self, photos: int, boards: int, free: tuple[str, ...]) -> BoardNetwork:
+        """The network of exact boards."""
+        flat = np.column_stack([self.local, np.zeros(len(self.local))])
+        return BoardNetwork(photos, boards, free, self.arrangement, flat)
+
+    def centred(self, pixels: np.ndarray) -> np.ndarray:
+        """Pixels (..., 2) (col, row) as image coordinates from the image centre, y up."""
+        centre = (np.array(self.size) - 1) / 2.0
+        return (pixels - centre) * np.array([1.0, -1.0])
+
+    def pixels(self, xy: np.ndarray) -> np.ndarray:
+        """Image coordinates (..., 2) as pixels (col, row)."""
+        return xy * np.array([1.0, -1.0]) + (np.array(self.size) - 1) / 2.0
+
+
+def too_few(photos: int) -> GeometryError:
+    """What is said of so many photographs."""
+    number = "Only 1 photograph shows chessboards" if photos == 1 else f"Only {photos} photographs show chessboards"
+    return GeometryError(
+        f"{number} that could be used, and {FEWEST_PHOTOS} are the least; check the number of inner corners, or take more "
+        "photographs, tilted and turned."
+    )
+
+
+def solve(
+    target: CalibrationTarget, states: tuple[BoardState, ...], corners: BoardCorners, free: tuple[str, ...]
+) -> BoardAdjustment:
+    """The bundle from the first start that leads to a good end; from the best of all when none does.
+
+    Raises GeometryError when there are too few photographs or no start leads anywhere.
+    """
+    photos = len(states[0].rotation) if states else 0
+    # Boards that stand in space face different directions: each image of one counts like a photograph.
+    directions = len(np.unique(corners.photo + 1j * corners.board)) if target.arrangement == "space" else photos
+    if directions < FEWEST_PHOTOS:
+        raise too_few(photos)
+    network = target.network(photos, len(states[0].turn), free)
+    best, failure = None, None
+    for state in states:
+        try:
+            result = adjust(network, state, corners)
+        except GeometryError as error:
+            failure = failure or error
+            continue
+        if best is None or _typical(result) < _typical(best):
+            best = result
+        if result.sigma0 < _GOOD and result.used.mean() > 1.0 - _MUCH:
+            break
+    if best is None:
+        raise failure
+    return with_uncertain_boards(target, best)
+
+
+def with_uncertain_boards(target: CalibrationTarget, result: BoardAdjustment) -> BoardAdjustment:
+    """The adjustment with the corners of the boards as weighted unknowns, if their standard errors are given."""
+    sigma = (target.sigma_in_plane, target.sigma_in_plane, target.sigma_height)
+    if not any(sigma):
+        return result
+    network = replace(result.network, local_sigma=sigma, image_sigma=result.sigma0)
+    return adjust(network, result.state, result.corners)
+
+
+def _typical(result: BoardAdjustment) -> float:
+    """Median length of the residuals of all corners, rejected ones too."""
+    return float(np.median(np.linalg.norm(result.residual, axis=1)))
+
+
+def resected(result: BoardAdjustment, state: BoardState, corners: BoardCorners, used: np.ndarray) -> np.ndarray:
+    """Residuals (M, 2) px of photos of which only the exterior orientation is estimated, from the corners `used` (M,); interior and
+    boards are those of `state`."""
+    network = replace(result.network, photos=len(state.rotation), free=(), arrangement="fixed", local_sigma=(0.0, 0.0, 0.0))
+    settled, _ = minimise(network, state, corners.take(used))
+    return misclosures(settled, corners)

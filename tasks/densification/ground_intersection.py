@@ -1,0 +1,86 @@
+"""From parallaxes to ground: forward intersection in the base system, with the standard error of the height.
+
+A node's point lies on its left ray at (x, y, -c) B / p from the left projection centre, so an error of the parallax moves it along
+that ray by distance / p: sigma_Z = |dZ| sigma_p / p. The parallax error has a matching part (per node) and an orientation part,
+which differs from pair to pair; the latter is taken to be as large as the expected y-parallax. It tells whether heights of several
+pairs agree. What the orientation does to all pairs alike (datum, camera constant) must not let heights agree that do not; it is
+added to the precision of the fused height (`orientation_sigma`).
+
+Source: Karfis 2009 (methods/relative_orientation_and_epipolar.md 1.12, 1.17), with rotation and left centre to the ground.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from orthomill.schemas.epipolar import EpipolarPair
+from orthomill.schemas.raster import Window
+
+
+@dataclass(frozen=True)
+class NodesOnGround:
+    """Nodes of a pair (rows, cols): x, y, z float64 m, sigma float32 m; NaN where there is no match."""
+
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    sigma: np.ndarray
+    parallax: np.ndarray
+    """float32, px"""
+
+
+@njit(cache=True)
+def _intersect(parallax, sigma, first, step, rotation, centre, numbers, xyz, sigma_z):
+    base, c, col0, row0, shared = numbers
+    for i in range(parallax.shape[0]):
+        v = row0 - (first[0] + i) * step
+        for j in range(parallax.shape[1]):
+            p = np.float64(parallax[i, j])
+            if not p > 0.0:
+                continue
+            u, scale = (first[1] + j) * step - col0, base / p
+            for k in range(3):
+                offset = (u * rotation[0, k] + v * rotation[1, k] - c * rotation[2, k]) * scale
+                xyz[k, i, j] = centre[k] + offset
+            sigma_z[i, j] = abs(xyz[2, i, j] - centre[2]) / p * np.sqrt(sigma[i, j] ** 2 + shared * shared)
+
+
+def nodes_on_ground(pair: EpipolarPair, nodes: np.ndarray, window: Window, step: int) -> NodesOnGround:
+    """Intersect the nodes `window` of a pair.
+
+    nodes: (rows, cols, 2 or more) float32: parallax x_left - x_right and its standard error, px, NaN without a match. step:
+    distance of nodes in px.
+    """
+    shape = nodes.shape[:2]
+    xyz, sigma = np.full((3, *shape), np.nan), np.full(shape, np.nan, np.float32)
+    numbers = np.array([pair.base, pair.c, pair.left_col0, pair.row0, pair.row_sigma])
+    parallax = np.ascontiguousarray(nodes[..., 0])
+    _intersect(
+        parallax,
+        np.ascontiguousarray(nodes[..., 1]),
+        np.array([window.row, window.col], np.float64),
+        float(step),
+        np.array(pair.rotation),
+        np.array(pair.left_centre),
+        numbers,
+        xyz,
+        sigma,
+    )
+    return NodesOnGround(*xyz, sigma, parallax)
+
+
+def orientation_sigma(pair: EpipolarPair, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Standard error (m) of heights of a pair by its orientation, at ground points x, y, z (same shape, m); NaN stays NaN.
+
+    Bilinear between the nine places of `pair.height_sigmas`, 0 where these are not known; constant beyond the image.
+    """
+    if not pair.height_sigmas:
+        return np.where(np.isnan(z), np.nan, 0.0)
+    rotation, centre = np.array(pair.rotation), np.array(pair.left_centre)
+    u, v, w = (row[0] * (x - centre[0]) + row[1] * (y - centre[1]) + row[2] * (z - centre[2]) for row in rotation)
+    col = np.clip((pair.left_col0 - pair.c * u / w) / (pair.left_cols - 1) * 2, 0.0, 2.0)
+    row = np.clip((pair.row0 + pair.c * v / w) / (pair.rows - 1) * 2, 0.0, 2.0)
+    table = np.array(pair.height_sigmas).reshape(3, 3)
+    weights = [np.maximum(1.0 - np.abs(col - k), 0.0) for k in range(3)]
+    return sum(np.maximum(1.0 - np.abs(row - r), 0.0) * weights[c] * table[r, c] for r in range(3) for c in range(3))

@@ -1,0 +1,136 @@
+"""How far homologous points may leave their common row, as the orientation's precision lets expect.
+
+Strategy. The errors of both exterior orientations and of the interior orientation are carried to the row coordinate of ground
+points at the border of what both photographs show: turns by Karfis' row partials, shifts of the centre by their projection, the
+interior orientation by the collinearity equations. Their joint covariance takes out what a weak datum does to both photographs
+alike, and what a doubtful camera constant does to orientation and camera together; where it is not known they count as independent,
+and the figure is an upper bound. An interior orientation that was not adjusted in the block has no part in it.
+
+Source: Karfis 2009, section 6.5 (methods/relative_orientation_and_epipolar.md, 1.14).
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from orthomill.schemas.camera import INTERIOR
+from orthomill.schemas.epipolar import EpipolarPair
+from orthomill.schemas.orientation import Block, ExteriorOrientation, JointCovariance
+from orthomill.tasks.geometry.normal_case import Side, common_polygon, epipolar_view, frame_polygon, row_partials
+from orthomill.tasks.geometry.rotation import rotation_derivatives, rotation_matrix
+from orthomill.tasks.geometry.view import View, block_view, view_of
+
+
+def row_sigma(pair: EpipolarPair, block: Block) -> float:
+    """Greatest standard error (px) of the y-parallax where both photographs of a pair show the ground; the block's sigma0 where the
+    orientation has no covariance."""
+    if any(block.of(name).covariance is None for name in (pair.left, pair.right)):
+        return block.sigma0_px
+    return float(row_sigmas(pair, block, common_corners(pair, block)).max())
+
+
+def common_corners(pair: EpipolarPair, block: Block) -> np.ndarray:
+    """(N, 2): corners of what both photographs show at the mean parallax, epipolar x and y of the left image, px.
+
+    The corners of the epipolar images themselves show no photograph where frames lie askew to the base: there the distortion would
+    be carried on beyond all measurements.
+    """
+    rotation, parallax = np.array(pair.rotation), (pair.parallax_low + pair.parallax_high) / 2
+    left, right = (frame_polygon(block_view(block, name), rotation, pair.c) for name in (pair.left, pair.right))
+    return common_polygon(left, right + np.array([parallax, 0.0]))
+
+
+def border_points(pair: EpipolarPair) -> np.ndarray:
+    """(9, 2): corners, middles of the edges and centre of the left image, epipolar x and y, px."""
+    x = np.array([0.0, pair.left_cols / 2, pair.left_cols - 1.0]) - pair.left_col0
+    y = pair.row0 - np.array([0.0, pair.rows / 2, pair.rows - 1.0])
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def row_sigmas(pair: EpipolarPair, block: Block, left: np.ndarray) -> np.ndarray:
+    """(N,) px: standard error of the y-parallax of left image points (N, 2) at the mean parallax of the pair."""
+    photos, parallax = (block.of(pair.left), block.of(pair.right)), (pair.parallax_low + pair.parallax_high) / 2
+    right = left - (parallax, 0.0)
+    cameras = tuple(dict.fromkeys(block.of_photo[photo.photo] for photo in photos))
+    partials = np.zeros((len(left), 12 + 8 * len(cameras)))
+    for side, photo, xy, first, sign in (("left", photos[0], left, 0, -1.0), ("right", photos[1], right, 6, 1.0)):
+        partials[:, first : first + 6] = sign * row_change(pair, photo, xy, parallax)
+        own = 12 + 8 * cameras.index(block.of_photo[photo.photo])
+        view = view_of(photo, block.camera_of(photo.photo))
+        partials[:, own : own + 8] += sign * interior_row_change(pair, side, view, xy)
+    variance = np.einsum("ni,ij,nj->n", partials, joint_covariance(block, photos, cameras), partials)
+    return np.sqrt(np.maximum(variance, 0.0))
+
+
+def row_change(pair: EpipolarPair, photo: ExteriorOrientation, xy: np.ndarray, parallax: float) -> np.ndarray:
+    """(N, 6): change (px) of the epipolar y of image points xy (N, 2) by X, Y, Z, omega, phi and kappa of one photograph."""
+    return np.hstack([_by_centre(pair, xy, parallax), row_partials(xy, pair.c) @ _turns(pair, photo)])
+
+
+def interior_row_change(pair: EpipolarPair, side: Side, view: View, xy: np.ndarray) -> np.ndarray:
+    """(N, 8): change of the epipolar y of image points xy (N, 2) by the interior parameters (order of INTERIOR): the same ray,
+    imaged by the camera with and without the change, by central differences."""
+    epipolar = epipolar_view(pair, side, view)
+    along = np.column_stack([xy, np.full(len(xy), -pair.c)]) @ np.array(pair.rotation) + view.centre
+    return -by_interior(view, lambda changed: epipolar.from_photo(changed.project(along))[:, 1])
+
+
+def by_interior(view: View, measured: Callable[[View], np.ndarray]) -> np.ndarray:
+    """(..., 8): central differences of what is `measured` (...) with a view by its interior parameters (order of INTERIOR)."""
+    parts = []
+    for k, name in enumerate(INTERIOR):
+        step, value = (0.01 if k < 3 else 1e-6), getattr(view.camera, name)
+        more, less = (replace(view, camera=view.camera.model_copy(update={name: value + move})) for move in (step, -step))
+        parts.append((measured(more) - measured(less)) / (2 * step))
+    return np.stack(parts, axis=-1)
+
+
+def joint_covariance(block: Block, photos: tuple[ExteriorOrientation, ...], cameras: tuple[str, ...]) -> np.ndarray:
+    """(12 + 8 per camera, the same): both exterior orientations, then the different interior orientations."""
+    size = 12 + 8 * len(cameras)
+    total = np.zeros((size, size))
+    for i, photo in enumerate(photos):
+        total[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] = photo.covariance
+        for k, camera in enumerate(cameras):
+            if camera in photo.with_interior:
+                _put(total, 6 * i, 12 + 8 * k, np.array(photo.with_interior[camera]))
+    _put(total, 0, 6, _joint(block.joint, photos[0].photo, photos[1].photo, 6))
+    for k, camera in enumerate(cameras):
+        known = block.cameras[camera]
+        if known.source == "block" and known.covariance is not None:
+            total[12 + 8 * k : 20 + 8 * k, 12 + 8 * k : 20 + 8 * k] = known.covariance
+    if len(cameras) == 2:
+        _put(total, 12, 20, _joint(block.joint_cameras, *cameras, 8))
+    return total
+
+
+def _put(total: np.ndarray, row: int, column: int, part: np.ndarray) -> None:
+    total[row : row + part.shape[0], column : column + part.shape[1]] = part
+    total[column : column + part.shape[1], row : row + part.shape[0]] = part.T
+
+
+def _joint(known: tuple[JointCovariance, ...], first: str, second: str, size: int) -> np.ndarray:
+    """The joint covariance of two names, in this order; zero where it is not known."""
+    for entry in known:
+        if (entry.first, entry.second) == (first, second):
+            return np.array(entry.covariance)
+        if (entry.second, entry.first) == (first, second):
+            return np.array(entry.covariance).T
+    return np.zeros((size, size))
+
+
+def _by_centre(pair: EpipolarPair, xy: np.ndarray, parallax: float) -> np.ndarray:
+    """(N, 3): change of y by X, Y, Z of the projection centre."""
+    depth = pair.base * pair.c / parallax
+    in_base = np.column_stack([np.zeros(len(xy)), np.full(len(xy), -pair.c), -xy[:, 1]]) / depth
+    return in_base @ np.array(pair.rotation)
+
+
+def _turns(pair: EpipolarPair, photo: ExteriorOrientation) -> np.ndarray:
+    """(3, 3): columns are the small turns about the axes of the base system that omega, phi and kappa cause."""
+    angles = np.radians(photo.omega_phi_kappa)
+    rotation = rotation_matrix(*angles)
+    skew = rotation_derivatives(*angles) @ rotation.T
+    turns = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]])
+    return np.array(pair.rotation) @ rotation.T @ turns

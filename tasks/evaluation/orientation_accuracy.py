@@ -1,0 +1,74 @@
+"""The oriented block against the true one: differences in units of their own standard errors."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from orthomill.schemas.camera import INTERIOR
+from orthomill.schemas.orientation import Block
+from orthomill.tasks.geometry.rotation import angles, rotation_matrix
+
+
+@dataclass(frozen=True)
+class PhotoDifference:
+    """Block minus truth of one photo: centre (3,) m, rotation (3,) degrees, and standard errors (6,) in m and degrees, NaN if not
+    known."""
+
+    photo: str
+    centre: np.ndarray
+    rotation: np.ndarray
+    sigma: np.ndarray
+
+    @property
+    def ratios(self) -> np.ndarray:
+        """(6,) differences over their standard errors."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.concatenate([self.centre, self.rotation]) / self.sigma
+
+
+@dataclass(frozen=True)
+class InteriorDifference:
+    """One interior parameter of one camera: block, truth and standard error (NaN where it was held fixed or is not known)."""
+
+    camera: str
+    parameter: str
+    block: float
+    truth: float
+    sigma: float
+
+
+def _sigmas(covariance: tuple[tuple[float, ...], ...] | None, count: int) -> np.ndarray:
+    if covariance is None:
+        return np.full(count, np.nan)
+    variance = np.diag(np.array(covariance, dtype=np.float64))
+    return np.where(variance > 0, np.sqrt(np.abs(variance)), np.nan)
+
+
+def photo_differences(block: Block, truth: Block) -> tuple[PhotoDifference, ...]:
+    """One row per photo that both know. Rotation differences are those of omega, phi and kappa, wrapped to half a turn."""
+    rows = []
+    for photo in block.photos:
+        if photo.photo not in truth.names:
+            continue
+        true = truth.of(photo.photo)
+        given, wanted = (np.array(angles(rotation_matrix(*np.radians(p.omega_phi_kappa)))) for p in (photo, true))
+        rotation = np.degrees((given - wanted + np.pi) % (2 * np.pi) - np.pi)
+        sigma = _sigmas(photo.covariance, 6)
+        sigma[3:] = np.degrees(sigma[3:])
+        rows.append(PhotoDifference(photo.photo, np.subtract(photo.centre, true.centre), rotation, sigma))
+    return tuple(rows)
+
+
+def interior_differences(block: Block, truth: Block) -> tuple[InteriorDifference, ...]:
+    """Eight rows per camera; cameras are brought together by the photos they took."""
+    rows, seen = [], set()
+    for name in block.names:
+        key = block.of_photo[name]
+        if key in seen or name not in truth.of_photo:
+            continue
+        seen.add(key)
+        mine, true = block.cameras[key], truth.camera_of(name)
+        sigma = _sigmas(mine.covariance, len(INTERIOR))
+        values = zip(INTERIOR, mine.interior, true.interior, sigma, strict=True)
+        rows += [InteriorDifference(key, *value) for value in values]
+    return tuple(rows)

@@ -1,0 +1,304 @@
+"""How an orthoimage compares with the true one: grey values, structure, place, double projections and vehicles.
+
+- The absolute brightness of a block is free, so the grey values are compared after one linear fit per channel over the whole image
+  (and also as they are).
+- Structure: SSIM with a Gaussian window of sigma 1.5 px on the mean of the channels (Wang et al. 2004).
+- Place: least-squares matching of the true image in the orthoimage at nodes of a grid; the shift of each node in ortho pixels.
+- Double projection: a roof that is painted twice lies on ground which some photo cannot see for the building. There, a pixel that
+is far from its true colour and nearer to that of the roof beside it counts as doubled. The same rule on ground that no building
+hides from any photo tells how often it strikes by chance.
+- Vehicles: road pixels far from their vehicle-free truth, where three photos or more see the place.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+from scipy import ndimage
+
+from orthomill.schemas.job import Columns
+from orthomill.schemas.orientation import Block
+from orthomill.schemas.raster import Window
+from orthomill.schemas.truth import OPEN_MATERIALS, Material
+from orthomill.tasks.geometry.view import block_view
+from orthomill.tasks.matching.least_squares.matching import match_points
+from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
+
+HALO = 34
+"""Pixels around a tile: the matching window with its smoothing and pull-in range, and the way to the nearest roof."""
+FAR = 40.0
+"""Grey levels beyond which a pixel is another thing, not the same thing in another light."""
+NODES = 32
+"""Spacing of the nodes at which the shift is measured, px."""
+NEAR_ROOF = 30
+"""Pixels within which a building is sought for a doubled roof."""
+SSIM_REACH = 5
+"""Pixels to either side that the window of the structural similarity holds."""
+MATCHING = LeastSquaresMatching(window=25, max_shift=4.0, min_correlation=0.5, min_gradient=0.8)
+
+
+class GreySums(BaseModel):
+    """Sums over the pixels of a tile that both images have, per channel: ortho o, truth t."""
+
+    model_config = ConfigDict(frozen=True)
+
+    pixels: int
+    o: tuple[float, ...]
+    t: tuple[float, ...]
+    oo: tuple[float, ...]
+    tt: tuple[float, ...]
+    ot: tuple[float, ...]
+
+
+class GreyFit(BaseModel):
+    """truth = gain ortho + offset per channel, over the whole image."""
+
+    model_config = ConfigDict(frozen=True)
+
+    gain: tuple[float, ...] = (1.0, 1.0, 1.0)
+    offset: tuple[float, ...] = (0.0, 0.0, 0.0)
+    pixels: int = 0
+    psnr_raw: float | None = None
+    psnr: float | None = None
+
+
+class OrthoCounts(BaseModel):
+    """What one tile of the orthoimage is like. Every count is of pixels."""
+
+    model_config = ConfigDict(frozen=True)
+
+    ssim_sum: float = 0.0
+    ssim_count: int = 0
+    visible: int = 0
+    visible_covered: int = 0
+    hidden: int = 0
+    hidden_covered: int = 0
+    shadow: int = 0
+    shadow_doubled: int = 0
+    free: int = 0
+    free_doubled: int = 0
+    road_3: int = 0
+    road_3_far: int = 0
+    road_fewer: int = 0
+    road_fewer_far: int = 0
+    difference_absolute: float = 0.0
+    difference_count: int = 0
+
+
+@dataclass(frozen=True)
+class Shifts(Columns):
+    """Shift of the orthoimage against the truth at one node: ortho minus truth, px of the orthoimage, row downwards."""
+
+    col: np.ndarray
+    row: np.ndarray
+    """int32: node in the orthoimage"""
+    dx: np.ndarray
+    dy: np.ndarray
+    """float32; NaN where matching failed"""
+    place: np.ndarray
+    """uint8: code of PlaceClass, 0 not known"""
+    seen: np.ndarray
+    """uint8: photos that truly see the node; 255 not known"""
+
+
+def grey_sums(ortho: np.ndarray, truth: np.ndarray) -> GreySums:
+    """Sums over pixels with alpha in `ortho` (rows, cols, 4) uint8 and values in `truth` (rows, cols, 3) float32."""
+    both = (ortho[..., 3] > 0) & _complete(truth)
+    channels = [(ortho[..., band][both].astype(np.float64), truth[..., band][both].astype(np.float64)) for band in range(3)]
+    o, t, oo, tt, ot = zip(*((o.sum(), t.sum(), o @ o, t @ t, o @ t) for o, t in channels), strict=True)
+    return GreySums(pixels=int(both.sum()), o=o, t=t, oo=oo, tt=tt, ot=ot)
+
+
+def _complete(colours: np.ndarray) -> np.ndarray:
+    """Where all channels of (rows, cols, 3) have a value: channel by channel, many times faster than over a short last axis."""
+    return np.isfinite(colours[..., 0]) & np.isfinite(colours[..., 1]) & np.isfinite(colours[..., 2])
+
+
+def channel_mean(colours: np.ndarray) -> np.ndarray:
+    """Mean (...) of the channels of (..., 3)."""
+    return (colours[..., 0] + colours[..., 1] + colours[..., 2]) / colours.dtype.type(3)
+
+
+def _psnr(squares: float, values: float) -> float | None:
+    return float(10 * np.log10(255.0**2 * values / squares)) if values and squares > 0 else None
+
+
+def fit_grey(parts: tuple[GreySums, ...]) -> GreyFit:
+    """The linear fit per channel over all tiles, and the peak signal-to-noise ratio before and after it (dB; peak 255)."""
+    n = sum(p.pixels for p in parts)
+    if not n:
+        return GreyFit()
+    o, t, oo, tt, ot = (np.sum([getattr(p, name) for p in parts], axis=0) for name in ("o", "t", "oo", "tt", "ot"))
+    variance = oo - o * o / n
+    gain = np.where(variance > 1e-9 * n, (ot - o * t / n) / np.maximum(variance, 1e-9), 1.0)
+    offset = (t - gain * o) / n
+    raw = (oo - 2 * ot + tt).sum()
+    fitted = (gain**2 * oo + 2 * gain * offset * o + n * offset**2 - 2 * gain * ot - 2 * offset * t + tt).sum()
+    return GreyFit(gain=tuple(gain), offset=tuple(offset), pixels=n, psnr_raw=_psnr(raw, 3 * n), psnr=_psnr(fitted, 3 * n))
+
+
+def fitted(ortho: np.ndarray, fit: GreyFit) -> np.ndarray:
+    """float32 (rows, cols, 3): the orthoimage's colours in the brightness of the truth."""
+    return ortho[..., :3] * np.array(fit.gain, np.float32) + np.array(fit.offset, np.float32)
+
+
+def structural_similarity(a: np.ndarray, b: np.ndarray, valid: np.ndarray) -> np.ndarray:
+    """SSIM (rows, cols) of two grey images; NaN where the 11 x 11 window touches a pixel that is not `valid` or leaves the
+    arrays."""
+
+    def smooth(x: np.ndarray) -> np.ndarray:
+        return ndimage.gaussian_filter(x, 1.5, truncate=3.4, mode="nearest")
+
+    a, b = (np.where(valid, x, 0).astype(np.float64) for x in (a, b))
+    ma, mb = smooth(a), smooth(b)
+    va, vb, vab = smooth(a * a) - ma**2, smooth(b * b) - mb**2, smooth(a * b) - ma * mb
+    c1, c2 = (0.01 * 255) ** 2, (0.03 * 255) ** 2
+    index = (2 * ma * mb + c1) * (2 * vab + c2) / ((ma**2 + mb**2 + c1) * (va + vb + c2))
+    whole = ndimage.minimum_filter(valid.astype(np.uint8), size=2 * SSIM_REACH + 1, mode="constant", cval=0) > 0
+    return np.where(whole, index, np.nan)
+
+
+@dataclass(frozen=True)
+class OrthoScene:
+    """A window of the orthoimage with what is true there.
+
+    `window` in the ortho grid; `colour` (rows, cols, 3) fitted ortho colours; `truth` likewise, NaN where unknown; `covered` (rows,
+    cols) bool: the orthoimage has a colour; `material` codes; `seen` uint8 number of photos that truly see the pixel, 255 where
+    unknown.
+    """
+
+    window: Window
+    colour: np.ndarray
+    truth: np.ndarray
+    covered: np.ndarray
+    material: np.ndarray
+    seen: np.ndarray
+
+    @cached_property
+    def has_truth(self) -> np.ndarray:
+        return _complete(self.truth)
+
+    @cached_property
+    def judged(self) -> np.ndarray:
+        return self.covered & self.has_truth
+
+    @cached_property
+    def known(self) -> np.ndarray:
+        return self.has_truth & (self.seen != 255)
+
+    @cached_property
+    def grey(self) -> np.ndarray:
+        """(rows, cols): mean of the channels of the orthoimage"""
+        return channel_mean(self.colour)
+
+    @cached_property
+    def true_grey(self) -> np.ndarray:
+        """(rows, cols): mean of the channels of the truth, NaN where unknown"""
+        return channel_mean(self.truth)
+
+    @cached_property
+    def difference(self) -> np.ndarray:
+        """(rows, cols, 3): absolute difference of the orthoimage from the truth"""
+        return np.abs(self.colour - self.truth)
+
+
+def shifts(scene: OrthoScene, core: Window, place: np.ndarray) -> Shifts:
+    """Shifts at the nodes of `core` (in the ortho grid); `place` (rows, cols) codes of PlaceClass on the scene."""
+    rows = np.arange(-(-core.row // NODES) * NODES, core.row + core.height, NODES)
+    cols = np.arange(-(-core.col // NODES) * NODES, core.col + core.width, NODES)
+    row, col = (a.ravel() for a in np.meshgrid(rows, cols, indexing="ij"))
+    r, c = row - scene.window.row, col - scene.window.col
+    if not len(r):
+        return Shifts(*(np.zeros(0, t) for t in (np.int32, np.int32, np.float32, np.float32, np.uint8, np.uint8)))
+    grey, truth = (np.where(scene.judged, np.maximum(x, 1.0), np.nan).astype(np.float32) for x in (scene.grey, scene.true_grey))
+    points = np.column_stack([c, r]).astype(np.float64)
+    found = match_points(truth, grey, points, points, MATCHING)
+    return Shifts(
+        col.astype(np.int32),
+        row.astype(np.int32),
+        (found.col - c).astype(np.float32),
+        (found.row - r).astype(np.float32),
+        place[r, c],
+        scene.seen[r, c],
+    )
+
+
+def doubled(scene: OrthoScene) -> np.ndarray:
+    """Ground pixels (rows, cols) that are far from their own colour and nearer to that of the roof beside them."""
+    roof = (scene.material == Material.ROOF) & scene.has_truth
+    inner = ndimage.binary_erosion(roof, iterations=2)
+    own = channel_mean(scene.difference)
+    twice = scene.judged & is_ground(scene.material) & (own > FAR)
+    if not inner.any() or not twice.any():
+        return np.zeros(roof.shape, bool)
+    distance, (row, col) = ndimage.distance_transform_edt(~inner, return_indices=True)
+    twice &= distance <= NEAR_ROOF
+    beside = scene.truth[row[twice], col[twice]]
+    other = channel_mean(np.abs(scene.colour[twice] - beside))
+    twice[twice] = other < 0.5 * own[twice]
+    return twice
+
+
+def is_ground(material: np.ndarray) -> np.ndarray:
+    """Bare ground (rows, cols) bool."""
+    return np.logical_or.reduce([material == code for code in OPEN_MATERIALS])
+
+
+def photos_that_reach(block: Block, points: np.ndarray) -> np.ndarray:
+    """Number (N,) of photos whose frame contains the ground points (N, 3) m, whatever stands in the way."""
+    count = np.zeros(len(points), np.int64)
+    for name in block.names:
+        view = block_view(block, name)
+        count += view.contains(view.project(points))
+    return count
+
+
+def _similarity_in(scene: OrthoScene, core: Window) -> np.ndarray:
+    """SSIM (rows, cols) of the pixels of `core`, a window of the scene's own rows and columns; smoothed no farther than needed."""
+    near = core.grown(SSIM_REACH).clipped(scene.covered.shape)
+    index = structural_similarity(*(values[near.slices] for values in (scene.grey, scene.true_grey, scene.judged)))
+    return index[Window(core.row - near.row, core.col - near.col, *core.shape).slices]
+
+
+def count_ortho(scene: OrthoScene, core: Window, hidden_photos: np.ndarray) -> OrthoCounts:
+    """The counts of the pixels of `core`.
+
+    `hidden_photos` (rows, cols) on the scene: photos that would see the pixel if nothing stood in the way; -1 where not computed.
+    """
+    own_core = Window(core.row - scene.window.row, core.col - scene.window.col, core.height, core.width)
+    inner = own_core.slices
+    own = [scene.difference[..., band][inner] for band in range(3)]
+    index = _similarity_in(scene, own_core)
+    known, covered, seen, judged = scene.known[inner], scene.covered[inner], scene.seen[inner], scene.judged[inner]
+    ground, twice = is_ground(scene.material)[inner], doubled(scene)[inner]
+    hidden = hidden_photos[inner]
+    shadow, free = ground & judged & (hidden > 0), ground & judged & (hidden == 0)
+    road = judged & known & (scene.material[inner] == Material.ROAD)
+    far = (own[0] > FAR) | (own[1] > FAR) | (own[2] > FAR)
+    many, few = road & (seen >= 3), road & (seen < 3) & (seen > 0)
+    counts = {
+        "ssim_count": np.isfinite(index),
+        "visible": known & (seen > 0),
+        "visible_covered": known & (seen > 0) & covered,
+        "hidden": known & (seen == 0),
+        "hidden_covered": known & (seen == 0) & covered,
+        "shadow": shadow,
+        "shadow_doubled": shadow & twice,
+        "free": free,
+        "free_doubled": free & twice,
+        "road_3": many,
+        "road_3_far": many & far,
+        "road_fewer": few,
+        "road_fewer_far": few & far,
+        "difference_count": judged,
+    }
+    absolute = float(channel_mean(scene.difference)[inner][judged].sum())
+    return OrthoCounts(
+        ssim_sum=float(np.nansum(index)), difference_absolute=absolute, **{name: int(mask.sum()) for name, mask in counts.items()}
+    )
+
+
+def merged_counts(parts: tuple[OrthoCounts, ...]) -> OrthoCounts:
+    """The sum over all tiles."""
+    return OrthoCounts(**{name: sum(getattr(part, name) for part in parts) for name in OrthoCounts.model_fields})

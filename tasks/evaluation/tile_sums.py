@@ -1,0 +1,237 @@
+"""Adding up the tiles: one small summary each for the heights, the orthoimage and the orientation."""
+
+from math import isfinite
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from orthomill.schemas.epipolar import EpipolarPairs
+from orthomill.schemas.orientation import Block
+from orthomill.tasks.evaluation.accuracy import (
+    BINS_PER_CELL,
+    HeightHistogram,
+    HeightSums,
+    Measures,
+    building_medians,
+    measures,
+    merged_histogram,
+    merged_sums,
+)
+from orthomill.tasks.evaluation.classes import GROUPS, PlaceClass
+from orthomill.tasks.evaluation.orientation_accuracy import interior_differences, photo_differences
+from orthomill.tasks.evaluation.orthoimage_accuracy import GreyFit, OrthoCounts, Shifts, merged_counts
+from orthomill.tasks.geometry.view import block_view
+
+LEAST_ROOF = 9
+"""Measured cells that a building needs to be judged by itself."""
+
+
+class _Summary(BaseModel):
+    model_config = ConfigDict(frozen=True)
+
+
+class GroupMeasures(_Summary):
+    """`Measures` of one group of classes; numbers that do not exist are None."""
+
+    name: str
+    words: str
+    numbers: dict[str, float | None]
+    within: tuple[float | None, ...]
+    within_expected: tuple[float | None, ...]
+
+
+class HeightsSummary(_Summary):
+    """The height differences of the whole surface model."""
+
+    groups: tuple[GroupMeasures, ...]
+    expected_sigma: float | None
+    cell: float
+    buildings: tuple[tuple[int, int, float], ...] = ()
+    """building, measured cells, median difference (m)"""
+    chart_x: tuple[float, ...] = ()
+    chart: dict[str, tuple[float, ...]] = {}
+
+
+class OrthoSummary(_Summary):
+    """The orthoimage as a whole."""
+
+    fit: GreyFit
+    counts: OrthoCounts
+    shift: dict[str, float | None]
+    chart_x: tuple[float, ...] = ()
+    chart_y: tuple[float, ...] = ()
+
+
+class OrientationSummary(_Summary):
+    """The block against the true one."""
+
+    photos: tuple[tuple[str, float, float, float, float, float, float, float | None, float | None], ...] = ()
+    """photo, dX, dY, dZ (m), domega, dphi, dkappa (degrees), largest ratio of a centre, of an angle"""
+    places: tuple[tuple[float, float], ...] = ()
+    interior: tuple[tuple[str, str, float, float, float | None, float | None], ...] = ()
+    """camera, parameter, block, truth, standard error, ratio"""
+    numbers: dict[str, int | float | None] = {}
+
+
+def rounded(value: float | None, digits: int = 4) -> float | None:
+    """The number for a table: rounded, None where there is none."""
+    return None if value is None or not isfinite(value) else round(float(value), digits)
+
+
+def expected_sigma(block: Block, pairs: EpipolarPairs | None, parallax_sigma: float) -> float | None:
+    """Standard error of a height as published: (H/B) times the ground pixel times the parallax error (px); m.
+
+    Source: methods/relative_orientation_and_epipolar.md 1.21, sigma_Z = k (H/B) sigma_p.
+    """
+    if pairs is None or not pairs.pairs:
+        return None
+    ground = 0.5 * (block.ground_low + block.ground_high)
+    pixel = np.median([(v.centre[2] - ground) / v.camera.c for v in (block_view(block, name) for name in block.names)])
+    return float(parallax_sigma * pixel / np.median([pair.base_height for pair in pairs.pairs]))
+
+
+def _group(name: str, words: str, m: Measures) -> GroupMeasures:
+    numbers = {key: rounded(value) for key, value in vars(m).items() if key not in ("within", "within_expected")}
+    return GroupMeasures(
+        name=name,
+        words=words,
+        numbers=numbers,
+        within=tuple(rounded(v, 2) for v in m.within),
+        within_expected=tuple(rounded(v, 2) for v in m.within_expected),
+    )
+
+
+def _chart(histograms: tuple[HeightHistogram, ...], cell: float) -> tuple[tuple[float, ...], dict[str, tuple[float, ...]]]:
+    """Shares of cells in bins of a twentieth of a cell over +-3 cells, for the groups that occur."""
+    step, reach = BINS_PER_CELL // 20, 60
+    series = {}
+    for name, words, places in GROUPS:
+        counts = merged_histogram(histograms, tuple(map(int, places)))
+        if name not in ("all", "open_ground", "roof", "tree") or not counts.sum():
+            continue
+        middle = len(counts) // 2
+        edges = middle - step // 2 + step * np.arange(-reach, reach + 1)
+        series[words] = tuple(round(100.0 * float(counts[e : e + step].sum()) / float(counts.sum()), 4) for e in edges)
+    return tuple(round(cell * k / 20, 4) for k in range(-reach, reach + 1)), series
+
+
+def summarise_heights(
+    sums: tuple[HeightSums, ...],
+    histograms: tuple[HeightHistogram, ...],
+    buildings: tuple[HeightHistogram, ...],
+    block: Block,
+    cell: float,
+    parallax_sigma: float,
+    pairs: EpipolarPairs | None = None,
+) -> HeightsSummary:
+    """Adds up all tiles."""
+    sigma = expected_sigma(block, pairs, parallax_sigma)
+    groups = []
+    for name, words, places in GROUPS:
+        codes = tuple(map(int, places))
+        together = merged_sums(sums, codes)
+        if together["cells"]:
+            groups.append(_group(name, words, measures(together, merged_histogram(histograms, codes), cell, sigma)))
+    roofs = building_medians(buildings, cell, LEAST_ROOF)
+    x, series = _chart(histograms, cell)
+    return HeightsSummary(
+        groups=tuple(groups),
+        expected_sigma=rounded(sigma),
+        cell=cell,
+        chart_x=x,
+        chart=series,
+        buildings=tuple((int(b), int(n), round(float(m), 3)) for b, n, m in roofs),
+    )
+
+
+def _shiftroundeds(shifts: Shifts) -> dict[str, float | None]:
+    found = np.isfinite(shifts.dx)
+    visible = shifts.seen > 0
+    size = np.hypot(shifts.dx, shifts.dy)
+    numbers: dict[str, float | None] = {"nodes": float(visible.sum()), "matched": float((found & visible).sum())}
+    chosen = {
+        "": visible,
+        "open_ground_": visible & np.isin(shifts.place, (PlaceClass.CLEAR_GROUND, PlaceClass.TREE_MARGIN)),
+        "roof_": visible & np.isin(shifts.place, (PlaceClass.ROOF_INTERIOR, PlaceClass.ROOF_EDGE)),
+    }
+    for name, mask in chosen.items():
+        mine = size[mask & found]
+        numbers[f"{name}median"] = rounded(np.median(mine)) if len(mine) else None
+        numbers[f"{name}q95"] = rounded(np.quantile(mine, 0.95)) if len(mine) else None
+        numbers[f"{name}share_above_half"] = rounded(100.0 * float((mine > 0.5).mean()), 3) if len(mine) else None
+        numbers[f"{name}nodes_matched"] = float(len(mine))
+    mine = found & visible
+    numbers["mean_dx"] = rounded(shifts.dx[mine].mean()) if mine.any() else None
+    numbers["mean_dy"] = rounded(shifts.dy[mine].mean()) if mine.any() else None
+    return numbers
+
+
+def summarise_ortho(counts: tuple[OrthoCounts, ...], shifts: tuple[Shifts, ...], fit: GreyFit) -> OrthoSummary:
+    """Adds up all tiles."""
+    merged = Shifts(**{name: np.concatenate([getattr(s, name) for s in shifts]) for name in Shifts.__dataclass_fields__})
+    size = np.hypot(merged.dx, merged.dy)
+    size = size[np.isfinite(size) & (merged.seen > 0)]
+    bars, edges = np.histogram(np.minimum(size, 1.999), bins=40, range=(0, 2))
+    return OrthoSummary(
+        fit=fit,
+        counts=merged_counts(counts),
+        shift=_shiftroundeds(merged),
+        chart_x=tuple(round(float(e), 3) for e in edges[:-1] + 0.025),
+        chart_y=tuple(float(b) for b in bars),
+    )
+
+
+def _share_within(ratios: np.ndarray, limit: float) -> float | None:
+    known = ratios[np.isfinite(ratios)]
+    return rounded(100.0 * float((np.abs(known) <= limit).mean()), 2) if len(known) else None
+
+
+def _largest(ratios: np.ndarray) -> float | None:
+    return rounded(np.abs(ratios).max(), 2)
+
+
+def _root(values: np.ndarray) -> float | None:
+    return rounded(np.sqrt((values**2).mean()), 6) if values.size else None
+
+
+def summarise_orientation(block: Block, truth: Block) -> OrientationSummary:
+    """Differences of every photo and of the interior orientation, and their shares within three standard errors."""
+    rows = photo_differences(block, truth)
+    interior = interior_differences(block, truth)
+    if not rows:
+        return OrientationSummary(numbers={"photos_compared": 0})
+    centres, rotations = np.array([r.centre for r in rows]), np.array([r.rotation for r in rows])
+    ratios, sigma = np.array([r.ratios for r in rows]), np.array([r.sigma for r in rows])
+    inner = np.array([(i.block - i.truth) / i.sigma for i in interior])
+    numbers = {
+        "photos_compared": len(rows),
+        "photos_unoriented": len(set(truth.names) - set(block.names)),
+        "centre_rmse_plan": _root(np.hypot(centres[:, 0], centres[:, 1])),
+        "centre_rmse_height": _root(centres[:, 2]),
+        "centre_largest": rounded(np.abs(centres).max()),
+        "rotation_rmse": _root(rotations),
+        "rotation_largest": rounded(np.abs(rotations).max(), 6),
+        "centre_sigma_mean": rounded(np.nanmean(sigma[:, :3])) if np.isfinite(sigma[:, :3]).any() else None,
+        "centres_within_1_sigma": _share_within(ratios[:, :3], 1.0),
+        "centres_within_3_sigma": _share_within(ratios[:, :3], 3.0),
+        "rotations_within_3_sigma": _share_within(ratios[:, 3:], 3.0),
+        "interior_within_3_sigma": _share_within(inner, 3.0),
+    }
+    return OrientationSummary(
+        numbers=numbers,
+        photos=tuple(
+            (
+                r.photo,
+                *(round(float(v), 4) for v in r.centre),
+                *(round(float(v), 6) for v in r.rotation),
+                _largest(r.ratios[:3]),
+                _largest(r.ratios[3:]),
+            )
+            for r in rows
+        ),
+        places=tuple(tuple(map(float, truth.of(r.photo).centre[:2])) for r in rows),
+        interior=tuple(
+            (i.camera, i.parameter, float(i.block), float(i.truth), rounded(i.sigma, 9), rounded((i.block - i.truth) / i.sigma, 2))
+            for i in interior
+        ),
+    )

@@ -1,0 +1,263 @@
+"""Coarse-to-fine matching of a grid of nodes: no seeds, no orientation, no epipolar images; the affine comes down too.
+
+Strategy
+- Both parts are halved by means of 2 x 2 pixels on an absolute grid. On the coarsest level every node is tried from a small lattice
+  of starts that covers the search range, and the start that correlates best wins.
+- From level to level a node starts where the four nodes of the coarser level around it predict it: their positions carried over by
+  their affines, weighted as in bilinear interpolation. Starts are then good to a fraction of a pixel, and one or two iterations do.
+- On each level a node must be predicted by some of its neighbours. Nodes that fail get a second attempt from what their solved
+  neighbours predict, and weak ones from their own solution, both with a wide window: it bridges ground of little texture. A node
+  that stays unsolved hands down its own start, so that texture seen only on finer levels is not lost.
+- All of this looks a fixed number of nodes to the side: a part with its `halo` gives what the whole photograph gives.
+
+For surfaces that are mostly smooth, and for photographs whose orientation is not known. Roofs and walls belong to `dense`, whose
+windows keep to one surface; growing from seeds (region_growing.py) is for ground of which only parts can be matched.
+
+Source: methods/matching_windows.md 2.8.1 (T5); measured.md, dense surface.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from orthomill.schemas.outcome import Outcome
+from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.matching.least_squares.matching import Matches
+from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
+from orthomill.tasks.matching.smoothing import reach_of, with_gaps
+from orthomill.tasks.matching.strategies.match_tables import merged, rejected, taken
+from orthomill.tasks.matching.strategies.node_grid import ImagePart, NodeGrid, PreparedPair, agreement, from_neighbours
+
+_UNSOLVED = 1e-3
+"""Weight of a node that only hands down its start, beside solved ones."""
+_RING = 3
+"""Nodes to either side that one level looks at: agreement, second attempt, agreement again."""
+_COARSE = LeastSquaresMatching(window=11, interpolation="bilinear", stop=0.2, max_iterations=10, max_shift=4.0)
+_FINE = LeastSquaresMatching(window=15, smoothing=0.6, interpolation="bicubic", stop=0.05, max_iterations=10, max_shift=2.0)
+
+
+class PyramidMatching(Settings):
+    """How a grid of nodes is matched from coarse to fine."""
+
+    levels: int = setting(4, "Coarser levels above the photographs themselves; each halves them.", ge=0, le=8)
+    coarse_step: int = setting(4, "Distance of the nodes on the coarser levels.", "px of the level", ge=1, le=16)
+    coarse: LeastSquaresMatching = setting(_COARSE, "Least-squares matching on the coarser levels.")
+    fine: LeastSquaresMatching = setting(_FINE, "Least-squares matching on the photographs themselves.")
+    start_spacing: float = setting(
+        3.0, "Distance of the starts that cover the search range on the coarsest level.", "px of that level", gt=0.0
+    )
+    weak_sigma: float = setting(0.1, "Standard error above which a node is tried with the wide window.", "px of the level", gt=0.0)
+    wide_window: int = setting(31, "Side of the window for failed and for weak nodes.", "px of the level", ge=5, le=101)
+    min_neighbours: int = setting(2, "Of the eight neighbours of a node, how many must predict it.", ge=0, le=8)
+    neighbour_tolerance: float = setting(0.75, "Largest difference from a neighbour's prediction.", "px of the level", gt=0.0)
+
+
+@dataclass(frozen=True)
+class SearchRange:
+    """Right column - left column and right row - left row that can occur, px of the photographs."""
+
+    col_low: float
+    col_high: float
+    row_low: float = 0.0
+    row_high: float = 0.0
+
+    def offsets(self, spacing: float) -> np.ndarray:
+        """(K, 2) offsets at most `spacing` px apart that cover the range."""
+        cols, rows = (
+            low + (high - low) * (np.arange(n) + 0.5) / n
+            for low, high in ((self.col_low, self.col_high), (self.row_low, self.row_high))
+            for n in [max(1, int(np.ceil((high - low) / spacing)))]
+        )
+        return np.column_stack([part.ravel() for part in np.meshgrid(cols, rows)])
+
+
+@dataclass(frozen=True, eq=False)
+class Field:
+    """Where a level's nodes (rows * cols, row by row) lie in the right image, px of the level: solved, or handed down."""
+
+    grid: NodeGrid
+    right: np.ndarray
+    """(N, 2), NaN where nothing is known"""
+    affine: np.ndarray
+    """(N, 4)"""
+    solved: np.ndarray
+    """(N,) bool"""
+
+    def predicted(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Right positions (M, 2) and affines (M, 4) of points (M, 2) of the same level; NaN where nothing is known."""
+        right, affine = np.empty((len(points), 2)), np.empty((len(points), 4))
+        first = np.array([self.grid.col, self.grid.row], dtype=np.float64)
+        shape = self.grid.shape
+        _predict(
+            self.right.reshape(*shape, 2),
+            self.affine.reshape(*shape, 4),
+            self.solved.reshape(shape),
+            points / self.grid.step - first,
+            float(self.grid.step),
+            right,
+            affine,
+        )
+        return right, affine
+
+    def below(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The same for points of the next finer level, in pixels of that level."""
+        right, affine = self.predicted((points - 0.5) / 2.0)
+        return 2.0 * right + 0.5, affine
+
+
+def halo(settings: PyramidMatching, step: int) -> int:
+    """Pixels around its nodes that a part of the left photograph needs to give what the whole gives."""
+    reach = _RING * step
+    for level in range(1, settings.levels + 1):
+        reach += (_RING + 1) * settings.coarse_step * 2**level
+    window = settings.wide_window // 2 + 2 + reach_of(max(settings.coarse.smoothing, settings.fine.smoothing))
+    return reach + window * 2**settings.levels
+
+
+def match_pyramid(left: ImagePart, right: ImagePart, grid: NodeGrid, search: SearchRange, settings: PyramidMatching) -> Matches:
+    """Match the nodes of a grid: one row per node, row by row; positions in pixels of the photographs.
+
+    left: the nodes and `halo` px around them, as far as the photograph goes; right: all that can be homologous to it. Raises
+    ValueError when the parts do not begin at multiples of 2**levels. Nodes without any start are NOT_TRIED.
+    """
+    _check_origins(left, right, settings)
+    level = _matched_level(left, right, grid, search, settings, 0)
+    return taken(level.matches, level.core)
+
+
+def coarse_field(left: ImagePart, right: ImagePart, points: np.ndarray, search: SearchRange, settings: PyramidMatching) -> Field:
+    """The field of the first coarser level under points (N, 2) of the photographs: ask it with `below`. As `match_pyramid`."""
+    _check_origins(left, right, settings)
+    return _field(halved_part(left), halved_part(right), _covering(points, settings), search, settings, 1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Level:
+    """One level, matched: on a grid that is `_RING` wider than wanted. core: (N,) bool, the wanted ones."""
+
+    grid: NodeGrid
+    starts: np.ndarray
+    start_affine: np.ndarray
+    matches: Matches
+    core: np.ndarray
+
+
+def _matched_level(
+    left: ImagePart, right: ImagePart, grid: NodeGrid, search: SearchRange, settings: PyramidMatching, level: int
+) -> _Level:
+    pair = PreparedPair.of(left, right, settings.coarse if level else settings.fine)
+    wide = grid.grown(_RING)
+    points = wide.points()
+    if level == settings.levels:
+        starts, affine = _best_starts(pair, points, search.offsets(settings.start_spacing * 2**level) / 2**level)
+    else:
+        coarser = _field(halved_part(left), halved_part(right), _covering(points, settings), search, settings, level + 1)
+        starts, affine = coarser.below(points)
+    core = np.zeros(wide.shape, bool)
+    core[_RING : wide.rows - _RING, _RING : wide.cols - _RING] = True
+    return _Level(wide, starts, affine, _solved(pair, wide, starts, affine, settings), core.ravel())
+
+
+def _field(left: ImagePart, right: ImagePart, grid: NodeGrid, search: SearchRange, settings: PyramidMatching, level: int) -> Field:
+    """A level as the next finer one sees it: unsolved nodes have what their neighbours predict, or else their own start."""
+    found = _matched_level(left, right, grid, search, settings, level)
+    solved = found.matches.converged
+    right_of = np.where(solved[:, None], found.matches.position, found.starts)
+    affine = np.where(solved[:, None], found.matches.affine, found.start_affine)
+    tables = _as_grid(found.grid, solved, found.matches.position, found.matches.affine, ~solved, right_of, affine)
+    from_neighbours(*tables[:3], float(found.grid.step), *tables[3:])
+    return Field(grid, right_of[found.core], affine[found.core], solved[found.core])
+
+
+def _solved(pair: PreparedPair, grid: NodeGrid, starts: np.ndarray, affine: np.ndarray, settings: PyramidMatching) -> Matches:
+    """Match nodes, reject those that their neighbours contradict, and give failed and weak ones a second attempt."""
+    points = grid.points()
+    first = _agreeing(pair.match(points, starts, affine), grid, settings)
+    weak = first.converged & ~(first.sigma <= settings.weak_sigma)
+    starts[weak], affine[weak] = first.position[weak], first.affine[weak]
+    failed = ~first.converged & (first.outcome != Outcome.OUTSIDE)
+    from_neighbours(
+        *_as_grid(grid, first.converged, first.position, first.affine), float(grid.step), *_as_grid(grid, failed, starts, affine)
+    )
+    again = weak | failed
+    second = pair.match(points[again], starts[again], affine[again], settings.wide_window // 2)
+    better = second.converged | failed[again]
+    again[again] = better
+    return _agreeing(merged(first, taken(second, better), again), grid, settings)
+
+
+def _agreeing(found: Matches, grid: NodeGrid, settings: PyramidMatching) -> Matches:
+    solved, position, affine = _as_grid(grid, found.converged, found.position, found.affine)
+    count = agreement(solved, position, affine, float(grid.step), settings.neighbour_tolerance).ravel()
+    return rejected(found, found.converged & (count < settings.min_neighbours), Outcome.INCONSISTENT)
+
+
+def _best_starts(pair: PreparedPair, points: np.ndarray, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of the starts (K, 2) around every point the solution that correlates best: positions (N, 2) and affines (N, 4), or NaN."""
+    best, best_affine = np.full((len(points), 2), np.nan), np.tile([1.0, 0.0, 0.0, 1.0], (len(points), 1))
+    likeness = np.full(len(points), -np.inf)
+    for offset in offsets:
+        found = pair.match(points, points + offset)
+        better = found.converged & (found.correlation > likeness)
+        best[better], best_affine[better] = found.position[better], found.affine[better]
+        likeness[better] = found.correlation[better]
+    return best, best_affine
+
+
+def halved_part(part: ImagePart) -> ImagePart:
+    """The next level: means of 2 x 2 pixels, NaN where any of them has no data. An odd last row or column is dropped."""
+    grey = with_gaps(part.pixels)
+    even = grey[: grey.shape[0] // 2 * 2, : grey.shape[1] // 2 * 2]
+    means = (even[::2, ::2] + even[::2, 1::2] + (even[1::2, ::2] + even[1::2, 1::2])) * np.float32(0.25)
+    return ImagePart(np.ascontiguousarray(means), part.col // 2, part.row // 2)
+
+
+def _covering(points: np.ndarray, settings: PyramidMatching) -> NodeGrid:
+    """The nodes of the next coarser level around all points of a level."""
+    step = settings.coarse_step
+    first = np.floor((points.min(axis=0) - 0.5) / 2.0 / step).astype(int)
+    last = np.floor((points.max(axis=0) - 0.5) / 2.0 / step).astype(int) + 1
+    return NodeGrid(first[1], first[0], last[1] - first[1] + 1, last[0] - first[0] + 1, step)
+
+
+def _as_grid(grid: NodeGrid, *tables: np.ndarray) -> list[np.ndarray]:
+    """Tables (rows * cols, ...) as (rows, cols, ...), without a copy."""
+    return [table.reshape(*grid.shape, *table.shape[1:]) for table in tables]
+
+
+def _check_origins(left: ImagePart, right: ImagePart, settings: PyramidMatching) -> None:
+    unit = 2**settings.levels
+    for part in (left, right):
+        if part.col % unit or part.row % unit:
+            raise ValueError(
+                f"a part begins at column {part.col}, row {part.row}; with {settings.levels} coarser levels both must "
+                f"be multiples of {unit}"
+            )
+
+
+@njit(cache=True)
+def _predict(right, affine, solved, places, step, out, out_affine):
+    """Weighted mean of what the four nodes around each place (M, 2), in units of the grid, predict."""
+    rows, cols = solved.shape
+    for i in range(places.shape[0]):
+        first_col, first_row = int(np.floor(places[i, 0])), int(np.floor(places[i, 1]))
+        total = 0.0
+        out[i, :] = 0.0
+        out_affine[i, :] = 0.0
+        for r in range(max(first_row, 0), min(first_row + 2, rows)):
+            for c in range(max(first_col, 0), min(first_col + 2, cols)):
+                if np.isnan(right[r, c, 0]):
+                    continue
+                dx, dy = places[i, 0] - c, places[i, 1] - r
+                weight = (1.0 - abs(dx)) * (1.0 - abs(dy)) * (1.0 if solved[r, c] else _UNSOLVED)
+                a = affine[r, c]
+                out[i, 0] += weight * (right[r, c, 0] + step * (a[0] * dx + a[1] * dy))
+                out[i, 1] += weight * (right[r, c, 1] + step * (a[2] * dx + a[3] * dy))
+                for k in range(4):
+                    out_affine[i, k] += weight * a[k]
+                total += weight
+        for k in range(4):
+            out_affine[i, k] = out_affine[i, k] / total if total > 0.0 else (1.0 if k % 3 == 0 else 0.0)
+        for k in range(2):
+            out[i, k] = out[i, k] / total if total > 0.0 else np.nan

@@ -1,0 +1,170 @@
+"""Ground control, check points and measured distances from CSV texts. All mistakes are told together, one sentence each.
+
+Measurements are pixels of the file; where the photograph was put into another frame (a scan into that of its fiducial marks), they
+follow.
+"""
+
+import csv
+import io
+import math
+from collections.abc import Iterator
+from pathlib import PurePosixPath
+
+from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.observations import Control, ControlPoint, Distance
+from orthomill.schemas.photo import Photo, Photos
+
+POINT_COLUMNS = ("name", "role", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
+MEASUREMENT_COLUMNS = ("name", "photo", "col", "row", "sigma")
+DISTANCE_COLUMNS = ("from", "to", "metres", "sigma")
+ROLES = ("control", "check", "tie")
+
+
+def read_control(photos: Photos, points: str, measurements: str, distances: str | None = None) -> Control:
+    """Control, check and tie points with their image measurements, and distances between them.
+
+    `points`: CSV text with POINT_COLUMNS (m); `measurements`: CSV text with MEASUREMENT_COLUMNS (px); `distances`: CSV text with
+    DISTANCE_COLUMNS (m). Photographs are named with or without extension. Raises WorkflowError that lists every mistake in the
+    texts.
+    """
+    mistakes: list[str] = []
+    known = _points(points, mistakes)
+    measured = _measurements(measurements, known, photos, mistakes)
+    mistakes += [
+        f"Control point {name} is outside all photographs: the measurements name it in none of them; measure it in two or more, or "
+        "leave it out."
+        for name in known
+        if not measured[name] and not any(f"point {name} " in text for text in mistakes)
+    ]
+    points_of = {name: point.model_copy(update={"measurements": measured[name]}) for name, point in known.items()}
+    lengths = () if distances is None else tuple(_distances(distances, points_of, mistakes))
+    if mistakes:
+        raise WorkflowError("\n".join(mistakes))
+    return Control(points=tuple(points_of.values()), distances=lengths)
+
+
+def no_control() -> Control:
+    """A project without ground control."""
+    return Control()
+
+
+def photos_by_word(photos: Photos) -> dict[str, Photo]:
+    """Photographs by the words that name them: file name with and without extension."""
+    return {word: photo for photo in photos.photos for word in (PurePosixPath(photo.path).name, photo.name)}
+
+
+def in_photographs(measurements: dict[str, tuple[float, float, float]], photos: Photos) -> dict[str, tuple[float, float, float]]:
+    """Measurements in pixels of the files, in the photographs as they are used here."""
+    return {name: (*photos[name].from_file(col, row), sigma) for name, (col, row, sigma) in measurements.items()}
+
+
+def _rows(text: str, columns: tuple[str, ...], what: str, mistakes: list[str]) -> list[tuple[int, dict[str, str]]]:
+    """Line numbers and cells; comment lines begin with #."""
+    lines = [
+        (number, line)
+        for number, line in enumerate(text.lstrip("\ufeff").splitlines(), 1)
+        if line.strip() and not line.startswith("#")
+    ]
+    reader = csv.reader(io.StringIO("\n".join(line for _, line in lines)), skipinitialspace=True)
+    cells = [[cell.strip() for cell in row] for row in reader]
+    if not cells or not set(columns) <= set(cells[0]):
+        missing = ", ".join(name for name in columns if not cells or name not in cells[0])
+        mistakes.append(f"The {what} file lacks the column(s) {missing}; its first line must be: {','.join(columns)}.")
+        return []
+    return [(number, dict(zip(cells[0], row, strict=False))) for (number, _), row in zip(lines[1:], cells[1:], strict=True)]
+
+
+def _numbers(row: dict[str, str], names: tuple[str, ...], where: str, mistakes: list[str]) -> tuple[float, ...] | None:
+    values = []
+    for name in names:
+        try:
+            value = float(row.get(name, ""))
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value) or (name.startswith("sigma") and value <= 0):
+            needed = "a positive number" if name.startswith("sigma") else "a number"
+            mistakes.append(f"{where}: {name} is '{row.get(name, '')}', which must be {needed}.")
+            return None
+        values.append(value)
+    return tuple(values)
+
+
+def _points(text: str, mistakes: list[str]) -> dict[str, ControlPoint]:
+    known: dict[str, ControlPoint] = {}
+    for line, row in _rows(text, POINT_COLUMNS, "control points", mistakes):
+        where = f"Control points file, line {line}, point {row['name']} "
+        if row["name"] in known:
+            mistakes.append(f"{where}occurs twice; names must differ.")
+            continue
+        if row.get("role") not in ROLES:
+            mistakes.append(f"{where}has the role '{row.get('role', '')}'; allowed are control, check and tie.")
+            continue
+        if row["role"] == "tie":
+            known[row["name"]] = ControlPoint(name=row["name"], role="tie", xyz=(0.0,) * 3, sigma=(0.0,) * 3, measurements={})
+            continue
+        values = _numbers(row, POINT_COLUMNS[2:], where.strip(), mistakes)
+        if values:
+            known[row["name"]] = ControlPoint(name=row["name"], role=row["role"], xyz=values[:3], sigma=values[3:], measurements={})
+    return known
+
+
+def _measurements(
+    text: str, known: dict[str, ControlPoint], photos: Photos, mistakes: list[str]
+) -> dict[str, dict[str, tuple[float, float, float]]]:
+    of_name = photos_by_word(photos)
+    measured: dict[str, dict[str, tuple[float, float, float]]] = {name: {} for name in known}
+    for line, row in _rows(text, MEASUREMENT_COLUMNS, "control measurements", mistakes):
+        name, photo = row["name"], of_name.get(row.get("photo", ""))
+        where = f"Control measurements file, line {line}, point {name} "
+        values = _numbers(row, MEASUREMENT_COLUMNS[2:], where.strip(), mistakes)
+        mistake = measurement_mistake(name, row.get("photo", ""), photo, values, measured)
+        if mistake:
+            mistakes.append(f"{where}{mistake}")
+        elif values and photo:
+            measured[name][photo.name] = values
+    return measured
+
+
+def _distances(text: str, known: dict[str, ControlPoint], mistakes: list[str]) -> Iterator[Distance]:
+    for line, row in _rows(text, DISTANCE_COLUMNS, "distances", mistakes):
+        ends = row["from"], row.get("to", "")
+        where = f"Distances file, line {line}, {ends[0]} to {ends[1]}: "
+        values = _numbers(row, DISTANCE_COLUMNS[2:], where.removesuffix(": "), mistakes)
+        mistake = _distance_mistake(ends, values, known)
+        if mistake:
+            mistakes.append(f"{where}{mistake}")
+        elif values:
+            yield Distance(first=ends[0], second=ends[1], length=values[0], sigma=values[1])
+
+
+def _distance_mistake(ends: tuple[str, str], values: tuple[float, ...] | None, known: dict[str, ControlPoint]) -> str | None:
+    for name in ends:
+        if name not in known:
+            return f"the point '{name}' is not in the control points file."
+        if known[name].role == "check":
+            return f"{name} is a check point, which takes no part in the adjustment; give it the role control or tie."
+        if len(known[name].measurements) < (2 if known[name].role == "tie" else 1):
+            return f"{name} is measured in {len(known[name].measurements)} photographs, but needs two."
+    if ends[0] == ends[1]:
+        return "a distance needs two different points."
+    if values and values[0] <= 0:
+        return f"metres is {values[0]:g}, which must be a positive number."
+    return None
+
+
+def measurement_mistake(
+    name: str, word: str, photo: Photo | None, values: tuple[float, ...] | None, measured: dict[str, dict]
+) -> str | None:
+    """What is wrong with one measurement, as the end of a sentence."""
+    if name not in measured:
+        return "is not in the control points file."
+    if photo is None:
+        return f"is measured in the photograph '{word}', which the project does not have."
+    if photo.name in measured[name]:
+        return f"is measured twice in {photo.name}; one measurement is needed."
+    if values and not photo.holds(*photo.from_file(values[0], values[1])):
+        return (
+            f"is measured at col {values[0]:g}, row {values[1]:g}, outside of {photo.name}, which has {photo.width} columns and "
+            f"{photo.height} rows; correct the line or take it out."
+        )
+    return None

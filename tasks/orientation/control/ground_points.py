@@ -1,0 +1,71 @@
+"""Ground points against an adjusted block: intersected from their own image measurements, with the precision that the adjustment
+predicts."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orthomill.schemas.camera import Camera
+from orthomill.tasks.adjustment.model.adjustment_result import Adjustment
+from orthomill.tasks.adjustment.model.collinearity import misclosures
+from orthomill.tasks.adjustment.model.linearisation import linearised
+from orthomill.tasks.adjustment.model.network import NO_DISTANCES, Network, Rays, State
+from orthomill.tasks.adjustment.solve.normal_equations import point_corrections
+from orthomill.tasks.adjustment.testing.covariances import points_elsewhere
+from orthomill.tasks.geometry.intersection import intersect_rays
+from orthomill.tasks.orientation.measurements import ideal, with_interior
+
+
+@dataclass(frozen=True, eq=False)
+class IntersectedGroundPoints:
+    """`point` (n, 3) local m (NaN: fewer than two rays), `covariance` (n, 3, 3) with the effect of the orientation, `residual` (m,
+    2) px."""
+
+    point: np.ndarray
+    covariance: np.ndarray
+    residual: np.ndarray
+
+
+def approximate_points(
+    state: State, cameras: list[Camera], camera_of: np.ndarray, rays: Rays, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """(count, 3) the points nearest to their rays, NaN for points with fewer than two; and (count,) the angles in radians by which
+    the rays miss them."""
+    points, missed = np.full((count, 3), np.nan), np.zeros(count)
+    for number in range(count):
+        own = np.flatnonzero(rays.point == number)
+        if len(own) >= 2:
+            photo = rays.photo[own]
+            xy = np.vstack(
+                [
+                    ideal(with_interior(cameras[camera_of[p]], state.interior[camera_of[p]]), rays.xy[[i]])
+                    for i, p in zip(own, photo, strict=True)
+                ]
+            )
+            directions = np.einsum("ni,nij->nj", np.column_stack([xy, -np.ones(len(own))]), state.rotation[photo])
+            directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+            found, offset = intersect_rays(state.centre[photo][:, None], directions[:, None])
+            points[number] = found[0]
+            missed[number] = offset[0] / np.linalg.norm(found[0] - state.centre[photo], axis=1).mean()
+    return points, missed
+
+
+def intersect_ground(result: Adjustment, start: np.ndarray, rays: Rays) -> IntersectedGroundPoints:
+    """Least-squares intersection of points (n, 3) with the adjusted orientation held; points with NaN are left out."""
+    placed = np.isfinite(start).all(axis=1)
+    own = rays.take(placed[rays.point])
+    state = replace(result.state, point=np.where(placed[:, None], start, 0.0))
+    network = _without_points(result.network, len(start))
+    nothing = np.zeros(network.unknowns)
+    for _ in range(5):
+        state = replace(state, point=state.point + point_corrections(linearised(network, state, own), nothing))
+    covariance = points_elsewhere(linearised(network, state, own), result.cofactor)
+    residual = np.full((len(rays), 2), np.nan)
+    residual[placed[rays.point]] = misclosures(state, own, network.camera_of)
+    return IntersectedGroundPoints(np.where(placed[:, None], state.point, np.nan), covariance, residual)
+
+
+def _without_points(network: Network, count: int) -> Network:
+    none = network.kept[:0]
+    nothing = np.zeros((count, 3))
+    return replace(network, point=nothing, point_weight=nothing, kept=none, named=none, distances=NO_DISTANCES)

@@ -1,0 +1,91 @@
+"""Where the exterior orientation comes from: the own adjustment, or a file of another program."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.orientation.interchange.angles_csv import read_angles
+from orthomill.tasks.orientation.interchange.colmap import read_colmap
+from orthomill.tasks.orientation.interchange.foreign_block import ForeignBlock
+from orthomill.tasks.orientation.interchange.opensfm import read_opensfm
+
+_PLACED = "project: its coordinates are those of the project; positions: it is fitted to the positions of its photographs."
+_USE = "held: taken as it is and examined; start: starting values of the own adjustment, which needs the stage tie_points."
+_GROUND = "Lowest and highest ground height; needed only where neither tie points nor points of the file tell it."
+
+
+class Adjusted(Settings):
+    """Found from the tie points and adjusted with everything that is known."""
+
+    kind: Literal["adjusted"]
+
+
+class FromAngles(Settings):
+    """A table of X, Y, Z, omega, phi, kappa in metres and degrees; the cameras are those of the calibration."""
+
+    kind: Literal["csv"]
+    path: str = setting(..., "CSV with the columns photo, x, y, z, omega, phi, kappa (and sigma_x to sigma_kappa where known).")
+    placed: Literal["project", "positions"] = setting("project", _PLACED)
+    use: Literal["held", "start"] = setting("held", _USE)
+    ground: tuple[float, float] | None = setting(None, _GROUND, "m")
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        return (self.path,)
+
+    @property
+    def described(self) -> str:
+        return self.path
+
+
+class FromColmap(Settings):
+    """COLMAP's text model."""
+
+    kind: Literal["colmap"]
+    cameras_path: str = setting(..., "COLMAP's cameras.txt.")
+    images_path: str = setting(..., "COLMAP's images.txt.")
+    points_path: str | None = setting(None, "COLMAP's points3D.txt: tells the height of the ground where there are no tie points.")
+    placed: Literal["project", "positions"] = setting("positions", _PLACED)
+    use: Literal["held", "start"] = setting("held", _USE)
+    ground: tuple[float, float] | None = setting(None, _GROUND, "m")
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        return (self.cameras_path, self.images_path, *((self.points_path,) if self.points_path else ()))
+
+    @property
+    def described(self) -> str:
+        return self.images_path
+
+
+class FromOpensfm(Settings):
+    """The reconstruction.json of OpenSfM, OpenDroneMap or WebODM."""
+
+    kind: Literal["opensfm"]
+    path: str = setting(..., "The file opensfm/reconstruction.json.")
+    reference_path: str | None = setting(None, "OpenSfM's reference_lla.json, where the reconstruction does not hold it.")
+    placed: Literal["project", "positions"] = setting("project", _PLACED)
+    use: Literal["held", "start"] = setting("held", _USE)
+    ground: tuple[float, float] | None = setting(None, _GROUND, "m")
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        return (self.path, *((self.reference_path,) if self.reference_path else ()))
+
+    @property
+    def described(self) -> str:
+        return self.path
+
+
+HeldSource = FromAngles | FromColmap | FromOpensfm
+ExteriorSource = Annotated[Adjusted | HeldSource, Field(discriminator="kind")]
+
+
+def read_foreign(texts: tuple[str, ...], source: HeldSource, crs: str) -> ForeignBlock:
+    """The block of a source from the texts of its files, in their order. Raises WorkflowError."""
+    if source.kind == "csv":
+        return read_angles(*texts)
+    if source.kind == "colmap":
+        return read_colmap(*texts)
+    return read_opensfm(texts[0], crs, *texts[1:])

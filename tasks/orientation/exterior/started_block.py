@@ -1,0 +1,30 @@
+"""A block that begins with the approximate exterior orientation of a file, and is adjusted with everything that is known."""
+
+from orthomill.schemas.camera import Cameras
+from orthomill.schemas.observations import Control, TiePoints
+from orthomill.schemas.orientation import RelativeOrientations
+from orthomill.schemas.photo import Photos
+from orthomill.tasks.orientation.exterior.adjusted_block import BlockChoices, orient_block
+from orthomill.tasks.orientation.exterior.fixed_block import placed
+from orthomill.tasks.orientation.exterior.sources import HeldSource, read_foreign
+from orthomill.tasks.orientation.interchange.foreign_block import upright_block
+
+
+def orient_from(
+    photos: Photos,
+    cameras: Cameras,
+    tie_points: TiePoints,
+    control: Control,
+    relative: RelativeOrientations,
+    texts: tuple[str, ...],
+    crs: str,
+    choices: BlockChoices,
+    source: HeldSource,
+) -> dict[str, object]:
+    """The tables of `orient_block`, started from a foreign block; `texts`: the files of `source`. Photographs that the files lack
+    join by their tie points; the cameras are the project's own.
+
+    Raises WorkflowError for the files, GeometryError where the tie points contradict the start or do not determine the block.
+    """
+    start = placed(upright_block(read_foreign(texts, source, crs), photos), photos, cameras, source)
+    return orient_block(photos, cameras, tie_points, control, relative, crs, choices, start.poses)

@@ -1,0 +1,1 @@
+"""Relative orientation of pairs of photographs, each pair on its own."""

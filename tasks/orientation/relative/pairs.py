@@ -1,0 +1,169 @@
+"""Every pair of photographs that shares tie points, relatively oriented on its own: the first check of the matches, and the
+start."""
+
+import cv2
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.special import gammaln
+
+from orthomill.schemas.camera import Camera, Cameras
+from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.observations import TiePoints
+from orthomill.schemas.orientation import RelativeOrientation, RelativeOrientations
+from orthomill.schemas.photo import Photos
+from orthomill.tasks.adjustment.model.network import Rays
+from orthomill.tasks.geometry.rotation import angles
+from orthomill.tasks.orientation.measurements import ideal, on_a_line, tie_rays
+from orthomill.tasks.orientation.relative.pure_rotation import Turned, turn_only
+from orthomill.tasks.orientation.relative.relative_orientation import Relative, epipolar_distance, model_points, orient_robust
+from orthomill.tasks.orientation.relative.start_distortion import start_distortion
+from orthomill.tasks.orientation.sensor_frame import Upright
+
+cv2.setNumThreads(1)
+NO_PARALLAX = 0.9
+"""A pair without a base: a mere turn of the camera explains this share of the matches that any relative orientation explains."""
+
+LEAST_SEEN, FARTHEST_SEEN = 8, 10.0
+"""A pair needs so many matches whose distortion can be undone, to ideal places within so many camera constants of the centre."""
+FOLDED = (
+    "the distortion of the camera cannot be undone at nearly all of the {2} matches of {0} and {1}; it is that of another camera, "
+    "or its camera constant is far too short."
+)
+
+
+def relate_pairs(photos: Photos, cameras: Cameras, tie_points: TiePoints, least: int) -> RelativeOrientations:
+    """The relative orientations of all pairs that share `least` tie points or more, strongest first by number of matches, in the
+    frames of the sensors. Where nominal cameras do not fit because of their lens, with a rough distortion of it."""
+    upright = Upright(photos, cameras)
+    if upright.anything:
+        photos, cameras, tie_points = upright.sensor_photos(), upright.sensor_cameras(), upright.sensor_ties(tie_points)
+    names = photos.names
+    pairs = [(names[i], names[j]) for i, j in sharing_pairs(tie_rays(photos, cameras, tie_points)[0], len(names), least)]
+
+    def relate(own: Cameras, chosen: list[tuple[str, str]]) -> list[RelativeOrientation]:
+        rays, _ = tie_rays(photos, own, tie_points)
+        coordinates = ideal_coordinates(photos, own, rays)
+        return [_relate(photos, own, rays, coordinates, (names.index(left), names.index(right))) for left, right in chosen]
+
+    found = relate(cameras, pairs)
+    distorted = start_distortion(cameras, found, relate)
+    if distorted.k1:
+        found = relate(distorted.cameras, pairs)
+    return RelativeOrientations(pairs=tuple(sorted(found, key=lambda pair: -pair.kept)), start_k1=distorted.k1)
+
+
+def no_pairs() -> RelativeOrientations:
+    """A block whose photographs were not related here."""
+    return RelativeOrientations()
+
+
+def ideal_coordinates(photos: Photos, cameras: Cameras, rays: Rays) -> np.ndarray:
+    """(M, 2) ideal image coordinates in units of c."""
+    out = np.empty_like(rays.xy)
+    for number in np.unique(rays.photo):
+        own = rays.photo == number
+        out[own] = ideal(cameras.of(photos.names[number]), rays.xy[own])
+    return out
+
+
+def sharing_pairs(rays: Rays, photos: int, least: int) -> list[tuple[int, int]]:
+    """Pairs of photo numbers (left < right) with `least` common points or more."""
+    seen = csr_array((np.ones(len(rays), np.int32), (rays.photo, rays.point)), shape=(photos, int(rays.point.max(initial=-1)) + 1))
+    common = (seen @ seen.T).tocoo()
+    return sorted(
+        (int(i), int(j)) for i, j, count in zip(common.row, common.col, common.data, strict=True) if i < j and count >= least
+    )
+
+
+def common_rays(rays: Rays, left: int, right: int) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of the rays of the points that two photos share."""
+    a, b = np.flatnonzero(rays.photo == left), np.flatnonzero(rays.photo == right)
+    _, i, j = np.intersect1d(rays.point[a], rays.point[b], return_indices=True)
+    return a[i], b[j]
+
+
+def _relate(photos: Photos, cameras: Cameras, rays: Rays, coordinates: np.ndarray, pair: tuple[int, int]) -> RelativeOrientation:
+    names = photos.names[pair[0]], photos.names[pair[1]]
+    a, b = common_rays(rays, *pair)
+    shared = len(a)
+    seen = (np.abs(np.hstack([coordinates[a], coordinates[b]])) < FARTHEST_SEEN).all(axis=1)
+    a, b = a[seen], b[seen]
+    if len(a) < LEAST_SEEN:
+        return RelativeOrientation(left=names[0], right=names[1], matches=shared, kept=0, outcome=FOLDED.format(*names, shared))
+    c_left, c_right = (cameras.of(name).c for name in names)
+    observations = np.hstack([coordinates[a] * c_left, coordinates[b] * c_right])
+    expected = max(1.0, float(np.median(rays.sigma[a])))
+    narrow = next((n for n, xy in zip(names, np.hsplit(observations, 2), strict=True) if on_a_line(xy, 3.0 * expected)), None)
+    if narrow:
+        outcome = (
+            f"the {len(a)} matches of {names[0]} and {names[1]} lie on one line in {narrow}, which leaves the relative orientation "
+            "open; tie points all over the frame are needed."
+        )
+        return RelativeOrientation(left=names[0], right=names[1], matches=len(a), kept=0, outcome=outcome)
+    turned = turn_only(observations, c_left, c_right, 3.0 * expected)
+    try:
+        relative = orient_robust(observations, c_left, c_right, expected)
+    except GeometryError as error:
+        if turned.kept.sum() < 8:
+            return RelativeOrientation(left=names[0], right=names[1], matches=len(a), kept=0, outcome=str(error))
+        return _without_base(names, turned, len(a))
+    if turned.kept.sum() >= max(8, NO_PARALLAX * relative.kept.sum()):
+        return _without_base(names, turned, len(a))
+    return _row(names, relative, observations, cameras.of(names[1]))
+
+
+def _without_base(names: tuple[str, str], turned: Turned, matches: int) -> RelativeOrientation:
+    """The row of a pair whose rays do not intersect: the same photograph twice, or a camera that only turned."""
+    kept = int(turned.kept.sum())
+    if turned.same:
+        where = f"{kept} tie points lie at the same place"
+        outcome = f"{names[1]} is the same photograph as {names[0]} ({where}); leave one of them out."
+    else:
+        outcome = (
+            f"{names[0]} and {names[1]} were taken from one place (pure rotation): {kept} of {matches} matches show no parallax, "
+            "so they give no points on the ground. Photographs from other places are needed."
+        )
+    turn = tuple(float(v) for v in np.degrees(angles(turned.rotation)))
+    return RelativeOrientation(
+        left=names[0], right=names[1], matches=matches, kept=kept, outcome=outcome, omega_phi_kappa=turn, same_photo=turned.same
+    )
+
+
+def chance_agreement(relative: Relative, observations: np.ndarray, camera: Camera) -> float:
+    """log10 of how many relative orientations would keep as many matches as well, were all matches random; below -3: no chance.
+
+    Source: Moisan and Stival 2004, the a contrario test of epipolar geometry.
+    """
+    count, kept = len(observations), int(relative.kept.sum())
+    distance = np.sqrt(2.0) * max(float(epipolar_distance(relative.solution.model, observations[relative.kept]).max()), 0.1)
+    band = min(2.0 * distance * np.hypot(camera.width, camera.height) / (camera.width * camera.height), 1.0)
+    choices = np.log(max(count - 5, 1)) + _log_choose(count, kept) + _log_choose(kept, 5)
+    return float((choices + (kept - 5) * np.log(band)) / np.log(10.0))
+
+
+def _log_choose(n: int, k: int) -> float:
+    return float(gammaln(n + 1) - gammaln(k + 1) - gammaln(n - k + 1))
+
+
+def _row(names: tuple[str, str], relative: Relative, observations: np.ndarray, camera: Camera) -> RelativeOrientation:
+    solution, model = relative.solution, relative.solution.model
+    kept, base = int(relative.kept.sum()), model.base
+    intersection = float(np.degrees(np.median(model_points(model, observations[relative.kept])[1])))
+    outcome = (
+        "oriented"
+        if kept >= 8 and chance_agreement(relative, observations, camera) < -3.0
+        else f"Only {kept} of {len(observations)} matches agree with one relative orientation, which may be chance."
+    )
+    return RelativeOrientation(
+        left=names[0],
+        right=names[1],
+        matches=len(observations),
+        kept=kept,
+        outcome=outcome,
+        base=tuple(map(float, base)),
+        omega_phi_kappa=tuple(float(v) for v in np.degrees(angles(model.rotation))),
+        sigma=tuple(float(v) for v in np.degrees(solution.standard_errors)) if solution.redundancy else None,
+        by_bz=(float(base[1] / base[0]), float(base[2] / base[0])) if abs(base[0]) > 0.7 else None,
+        sigma0_px=float(solution.sigma0) if solution.redundancy else None,
+        intersection_deg=intersection,
+    )

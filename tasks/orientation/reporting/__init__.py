@@ -1,0 +1,1 @@
+"""The parts of the block's report: tables, charts, maps and warnings."""

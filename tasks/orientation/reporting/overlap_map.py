@@ -1,0 +1,105 @@
+"""The footprint map: how many photographs see each place at the mean height of the ground, with the outlines of the photographs."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from orthomill.schemas.orientation import Block
+from orthomill.schemas.stage_report import Picture
+from orthomill.tasks.geometry.view import View, block_view
+
+SIDE = 320
+"""px of the map"""
+OVERLAP = "orientation/overlap"
+MOST = 6
+"""Counts of this many photographs and more look alike."""
+OUTLINE, CENTRE = 20, 21
+_EDGE = 24
+"""points along each side of an outline: a lens bends it"""
+_FARTHEST = 3.0
+"""Footprints end at this many flying heights: an oblique photograph sees the horizon"""
+
+_COLOURS = ("#c0392b", "#e67e22", "#f1c40f", "#7dbb5e", "#3f9b6a", "#1f6f8b")
+
+
+@dataclass(frozen=True, eq=False)
+class GroundMap:
+    """A square of ground: the place (2,) of its upper left corner, m, and the side of a pixel, m."""
+
+    west_north: np.ndarray
+    cell: float
+
+    def pixels(self, xy: np.ndarray) -> np.ndarray:
+        """(N, 2) (col, row) of places (N, 2)."""
+        return (xy - self.west_north) / self.cell * [1.0, -1.0] - 0.5
+
+    def places(self) -> np.ndarray:
+        """(SIDE * SIDE, 2) the middles of all pixels, row by row."""
+        col, row = np.meshgrid(np.arange(SIDE) + 0.5, np.arange(SIDE) + 0.5)
+        return self.west_north + self.cell * np.column_stack([col.ravel(), -row.ravel()])
+
+
+def overlap_map(block: Block) -> np.ndarray:
+    """(SIDE, SIDE) uint8: photographs that see each place, at most MOST; outlines and projection centres drawn over it."""
+    height, views = _mean_height(block), _views(block)
+    outlines = [outline(view, height) for view in views]
+    ground = _ground_map(views, outlines)
+    places = np.column_stack([ground.places(), np.full(SIDE * SIDE, height)])
+    count = np.sum([view.contains(view.project(places)) for view in views], axis=0)
+    drawn = np.minimum(count, MOST).astype(np.uint8).reshape(SIDE, SIDE)
+    for line in outlines:
+        cv2.polylines(drawn, [np.rint(ground.pixels(line)).astype(np.int32)], True, OUTLINE)
+    for view in views:
+        col, row = np.rint(ground.pixels(view.centre[None, :2])[0]).astype(int)
+        drawn[max(row - 1, 0) : row + 2, max(col - 1, 0) : col + 2] = CENTRE
+    return drawn
+
+
+def _mean_height(block: Block) -> float:
+    return 0.5 * (block.ground_low + block.ground_high)
+
+
+def _views(block: Block) -> list[View]:
+    return [block_view(block, name) for name in block.names]
+
+
+def outline(view: View, height: float) -> np.ndarray:
+    """(N, 2) m the border of a photograph on a level ground; rays that never meet it are left out."""
+    col, row = view.camera.width - 1.0, view.camera.height - 1.0
+    share = np.linspace(0.0, 1.0, _EDGE, endpoint=False)
+    zero, one = np.zeros(_EDGE), np.ones(_EDGE)
+    border = np.vstack([
+        np.column_stack([share * col, zero]), np.column_stack([one * col, share * row]),
+        np.column_stack([(1 - share) * col, one * row]), np.column_stack([zero, (1 - share) * row]),
+    ])  # fmt: skip
+    places = view.at_height(border, height)[:, :2]
+    reach = _FARTHEST * abs(view.centre[2] - height)
+    offset = places - view.centre[:2]
+    places = view.centre[:2] + offset * np.minimum(1.0, reach / np.maximum(np.linalg.norm(offset, axis=1), 1e-9))[:, None]
+    return places[np.isfinite(places).all(axis=1)]
+
+
+def _ground_map(views: list[View], outlines: list[np.ndarray]) -> GroundMap:
+    """The square that holds all outlines and projection centres."""
+    xy = np.vstack([*outlines, *(view.centre[None, :2] for view in views)])
+    low, high = xy.min(axis=0), xy.max(axis=0)
+    cell = 1.06 * max(float((high - low).max()), 1e-6) / SIDE
+    middle = 0.5 * (low + high)
+    return GroundMap(middle + 0.5 * SIDE * cell * np.array([-1.0, 1.0]), cell)
+
+
+def overlap_picture(block: Block) -> Picture:
+    """How the report draws the map of `overlap_map`."""
+    views = _views(block)
+    wide = SIDE * _ground_map(views, [outline(view, _mean_height(block)) for view in views]).cell
+    seen = [(0, "#f4f4f1", "seen by none")]
+    seen += [(i, _COLOURS[i - 1], f"{i} photograph{'s' * (i > 1)}{' or more' * (i == MOST)}") for i in range(1, MOST + 1)]
+    return Picture(
+        title="Footprints and overlap",
+        raster=OVERLAP,
+        style="classes",
+        caption=f"Photographs that see each place of a level ground at mean height. North is up, the picture is {wide:.4g} m wide. "
+        "Heights need two, blunders show from three on.",
+        classes=(*seen, (OUTLINE, "#555555", "outline of a photograph"), (CENTRE, "#000000", "projection centre")),
+    )

@@ -1,0 +1,180 @@
+"""The tables of an adjusted block that leave the stage, in the project's CRS: orientations, cameras, points, residuals."""
+
+from itertools import combinations
+
+import numpy as np
+
+from orthomill.schemas.camera import Camera
+from orthomill.schemas.observations import Control, GroundPoints, ImageResiduals
+from orthomill.schemas.orientation import Block, ExteriorOrientation, JointCovariance, Unoriented
+from orthomill.tasks.adjustment.model.adjustment_result import Adjustment
+from orthomill.tasks.adjustment.model.collinearity import misclosures
+from orthomill.tasks.adjustment.model.network import Rays
+from orthomill.tasks.geometry.rotation import angles
+from orthomill.tasks.geometry.rotation_vector import angles_from_vector
+from orthomill.tasks.orientation.block.assembly import BlockResults, Problem
+from orthomill.tasks.orientation.measurements import with_interior
+from orthomill.tasks.orientation.start.georeference import Datum
+
+
+def rays_used(problem: Problem, result: Adjustment) -> np.ndarray:
+    """(M,) bool: which rays of the problem took part to the end."""
+    used = np.zeros(len(problem.rays), bool)
+    used[_positions_of(problem.rays, result.rays)] = result.used
+    return used
+
+
+def _positions_of(rays: Rays, part: Rays) -> np.ndarray:
+    """Where the rays of `part` stand in `rays`: a photograph sees a point once."""
+    photos = int(rays.photo.max(initial=0)) + 1
+    return np.searchsorted(rays.point.astype(np.int64) * photos + rays.photo, part.point.astype(np.int64) * photos + part.photo)
+
+
+def block_table(crs: str, account: BlockResults, unoriented: tuple[Unoriented, ...]) -> Block:
+    """The block as later stages read it."""
+    problem, result, datum = account.problem, account.result, account.datum
+    tie = np.unique(result.rays.point[result.used & (result.rays.point < problem.ties)])
+    low, high = np.percentile(result.state.point[tie, 2], [0.5, 99.5]) + datum.origin[2]
+    return Block(
+        crs=crs,
+        cameras=_cameras(account),
+        of_photo={name: account.cameras.of_photo[name] for name in problem.names},
+        photos=tuple(_exterior(problem, result, datum, i) for i in range(len(problem.names))),
+        unoriented=unoriented,
+        datum=datum.sentence,
+        sigma0_px=result.sigma0_px,
+        redundancy=result.redundancy,
+        iterations=result.iterations,
+        ground_low=float(low),
+        ground_high=float(high),
+        joint=_joint(problem, result),
+        joint_cameras=_joint_cameras(problem, result),
+        groups=problem.groups,
+    )
+
+
+def _joint(problem: Problem, result: Adjustment) -> tuple[JointCovariance, ...]:
+    """The covariance between the photographs of every pair that shares a used tie point."""
+    shared = {pair for own in _photos_of_points(result) for pair in combinations(own, 2)}
+    turns = [_to_angles(result.state.rotation[photo]) for photo in range(len(problem.names))]
+    found = []
+    for a, b in sorted(shared):
+        both = np.concatenate([6 * a + np.arange(6), 6 * b + np.arange(6)])
+        covariance = turns[a] @ result.cofactor.joint(both)[:6, 6:] @ turns[b].T
+        found.append(JointCovariance(first=problem.names[a], second=problem.names[b], covariance=_rows(covariance)))
+    return tuple(found)
+
+
+def _joint_cameras(problem: Problem, result: Adjustment) -> tuple[JointCovariance, ...]:
+    """The covariance between the interior orientations of every two cameras that were adjusted."""
+    columns = _adjusted_cameras(problem, result)
+    return tuple(
+        JointCovariance(
+            first=problem.camera_names[a], second=problem.camera_names[b], covariance=_rows(_spread(result, columns[a], columns[b]))
+        )
+        for a, b in combinations(columns, 2)
+    )
+
+
+def _adjusted_cameras(problem: Problem, result: Adjustment) -> dict[int, np.ndarray]:
+    """The columns (8,) of the interior orientation of the cameras that were adjusted; -1 for parameters that were not."""
+    return {k: own for k, own in enumerate(result.network.interior_columns) if (own >= 0).any() and k in problem.camera_of}
+
+
+def _spread(result: Adjustment, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """The covariance of the unknowns in `rows` and `columns`; 0 where there is none (-1)."""
+    return result.cofactor.joint(np.concatenate([rows, columns]))[: len(rows), len(rows) :]
+
+
+def _rows(matrix: np.ndarray) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(map(float, row)) for row in matrix)
+
+
+def _photos_of_points(result: Adjustment) -> set[tuple[int, ...]]:
+    """The different sets of photographs, ascending, that see a point together."""
+    point, photo = result.rays.point[result.used], result.rays.photo[result.used]
+    order = np.lexsort((photo, point))
+    starts = np.flatnonzero(np.diff(point[order], prepend=-1))
+    return {tuple(map(int, own)) for own in np.split(photo[order], starts[1:])}
+
+
+def _to_angles(rotation: np.ndarray) -> np.ndarray:
+    """(6, 6): from the unknowns of the adjustment to X, Y, Z, omega, phi, kappa."""
+    turned = np.eye(6)
+    turned[3:, 3:] = angles_from_vector(rotation)
+    return turned
+
+
+def _exterior(problem: Problem, result: Adjustment, datum: Datum, photo: int) -> ExteriorOrientation:
+    R = result.state.rotation[photo]
+    to_angles = _to_angles(R)
+    covariance = to_angles @ result.exterior_covariance(photo) @ to_angles.T
+    own = result.used & (result.rays.photo == photo)
+    return ExteriorOrientation(
+        photo=problem.names[photo],
+        centre=tuple(map(float, result.state.centre[photo] + datum.origin)),
+        omega_phi_kappa=tuple(float(v) for v in np.degrees(angles(R))),
+        covariance=_rows(0.5 * (covariance + covariance.T)),
+        observations=int(own.sum()),
+        residual_px=float(np.sqrt((result.residual[own] ** 2).mean())) if own.any() else None,
+        with_interior={
+            problem.camera_names[k]: _rows(to_angles @ _spread(result, 6 * photo + np.arange(6), columns))
+            for k, columns in _adjusted_cameras(problem, result).items()
+        },
+    )
+
+
+def _cameras(account: BlockResults) -> dict[str, Camera]:
+    """The cameras as adjusted: values and covariance where they took part, untouched where they were fixed."""
+    cameras, problem, result, out = account.cameras, account.problem, account.result, {}
+    for k, columns in enumerate(result.network.interior_columns):
+        camera, name = problem.cameras[k], problem.camera_names[k]
+        if (columns < 0).all() or k not in problem.camera_of:
+            out[name] = camera
+            continue
+        out[name] = with_interior(camera, result.state.interior[k]).model_copy(
+            update={"source": "block", "sigma0": result.sigma0_px, "covariance": _rows(_spread(result, columns, columns))}
+        )
+    return {name: out[name] for name in sorted(out) if name in {cameras.of_photo[photo] for photo in problem.names}}
+
+
+def ground_points(account: BlockResults, tracks: np.ndarray) -> GroundPoints:
+    """The tie points with two rays or more."""
+    problem, result, datum = account.problem, account.result, account.datum
+    rays, square = result.rays, (result.residual**2).mean(axis=1)
+    count = np.bincount(rays.point[result.used], minlength=len(result.state.point))[: problem.ties]
+    total = np.bincount(rays.point[result.used], square[result.used], minlength=len(result.state.point))[: problem.ties]
+    keep = np.flatnonzero(count >= 2)
+    xyz = result.state.point[keep] + datum.origin
+    sigma = np.sqrt(np.diagonal(result.point_covariance[keep], axis1=1, axis2=2)).astype(np.float32)
+    return GroundPoints(
+        tracks[keep].astype(np.int32),
+        *xyz.T,
+        *sigma.T,
+        count[keep].astype(np.int16),
+        np.sqrt(total[keep] / count[keep]).astype(np.float32),
+    )
+
+
+def image_residuals(account: BlockResults, tracks: np.ndarray, control: Control) -> ImageResiduals:
+    """All measurements in the photographs of the block, used or not."""
+    problem, result = account.problem, account.result
+    rays, used = problem.rays, rays_used(problem, result)
+    standardised = np.full(len(rays), np.nan)
+    standardised[_positions_of(rays, result.rays)] = np.abs(result.standardised).max(axis=1)
+    v = -misclosures(result.state, rays, problem.camera_of) * [1.0, -1.0]
+    place = {point.name: i for i, point in enumerate(control.points)}
+    ground = np.array([-1 - place[point.name] for point in problem.surveyed], np.int64)
+    track = np.concatenate([tracks, ground])[rays.point]
+    size = np.array([(problem.cameras[k].width, problem.cameras[k].height) for k in problem.camera_of])[rays.photo]
+    order = np.argsort(track, kind="stable")
+    return ImageResiduals(
+        track.astype(np.int32),
+        problem.active[rays.photo].astype(np.int32),
+        rays.xy[:, 0] + (size[:, 0] - 1) / 2,
+        (size[:, 1] - 1) / 2 - rays.xy[:, 1],
+        v[:, 0].astype(np.float32),
+        v[:, 1].astype(np.float32),
+        standardised.astype(np.float32),
+        used,
+    ).take(order)

@@ -1,0 +1,115 @@
+"""The account on the ground and in the air: control, check points, positions and distances against the adjusted block."""
+
+import numpy as np
+
+from orthomill.schemas.observations import Control
+from orthomill.schemas.orientation import DistanceResidual, GroundResidual, GroundResiduals
+from orthomill.tasks.adjustment.model.datum import distance_misclosures, position_misclosures
+from orthomill.tasks.adjustment.testing.blunders import CHECKABLE
+from orthomill.tasks.adjustment.testing.variance_components import distance_variances, position_covariances
+from orthomill.tasks.orientation.block.assembly import BlockResults
+from orthomill.tasks.orientation.control.ground_points import approximate_points, intersect_ground
+from orthomill.tasks.orientation.measurements import ground_rays
+
+
+def ground_residuals(account: BlockResults, control: Control) -> GroundResiduals:
+    """How the block fits what is known; what was set aside or thrown out is compared all the same."""
+    distances = tuple(distance_rows(account))
+    if account.datum.free:
+        return GroundResiduals(distances=distances)
+    rows = (*control_rows(account), *position_rows(account), *_check_rows(account, control))
+    return GroundResiduals(points=rows, distances=distances)
+
+
+def control_rows(account: BlockResults) -> list[GroundResidual]:
+    """Control points, those that were set aside too."""
+    problem, result, known, rows = account.problem, account.result, account.problem.known, []
+    for i, point in enumerate(problem.surveyed):
+        number, weight = problem.ties + i, result.network.point_weight[problem.ties + i]
+        own = result.used & (result.rays.point == number)
+        took_part = bool(weight.any())
+        if point.role != "control" or not (took_part or own.any()):
+            continue
+        difference = result.state.point[number] + account.datum.origin - known.control[i]
+        spread, white = (np.diag(r.point_covariance[number]) for r in (result, result.white))
+        variance = _of_residual(weight, spread, white) if took_part else known.control_sigma[i] ** 2 + spread
+        rows.append(_residual(point.name, "control", difference, variance, int(own.sum()), result.residual[own]))
+    return rows
+
+
+def position_rows(account: BlockResults) -> list[GroundResidual]:
+    """Positions of the photographs, those that were set aside too."""
+    problem, result, rows = account.problem, account.result, []
+    state, network = result.state, result.network
+    antenna = state.centre + np.einsum("pji,j->pi", state.rotation, state.lever) + state.shift + account.datum.origin
+    number = np.flatnonzero(np.isfinite(problem.known.position).all(axis=1))
+    spreads = (np.diagonal(position_covariances(r, number), axis1=1, axis2=2) for r in (result, result.white))
+    for i, spread, white in zip(number, *spreads, strict=True):
+        weight = network.centre_weight[i]
+        variance = _of_residual(weight, spread, white) if weight.all() else problem.known.position_sigma[i] ** 2 + spread
+        difference = -position_misclosures(network, state)[i] if weight.all() else antenna[i] - problem.known.position[i]
+        rows.append(_residual(problem.names[i], "position", difference, variance, 1, np.zeros((0, 2))))
+    return rows
+
+
+def _check_rows(account: BlockResults, control: Control) -> list[GroundResidual]:
+    problem, result = account.problem, account.result
+    points = [point for point in control.points if point.role == "check"]
+    rays = ground_rays(points, {name: i for i, name in enumerate(problem.names)}, account.cameras)
+    start, _ = approximate_points(result.state, problem.cameras, problem.camera_of, rays, len(points))
+    found, rows = intersect_ground(result, start, rays), []
+    for i, point in enumerate(points):
+        if np.isfinite(found.point[i]).all():
+            difference = found.point[i] + account.datum.origin - point.xyz
+            variance = np.diag(found.covariance[i]) + np.square(point.sigma)
+            own = rays.point == i
+            rows.append(_residual(point.name, "check", difference, variance, int(own.sum()), found.residual[own]))
+    return rows
+
+
+def distance_rows(account: BlockResults) -> list[DistanceResidual]:
+    """Measured distances against the block; one that nothing checks has a predicted difference of 0."""
+    network, state, problem = account.result.network, account.result.state, account.problem
+    misclosure, rows = distance_misclosures(network, state), []
+    spread, white = (distance_variances(r) for r in (account.result, account.result.white))
+    for i, ((first, second), stated) in enumerate(zip(*stated_distances(account), strict=True)):
+        weight = network.distances.weight[i]
+        variance = _of_residual(weight, spread[i], white[i]) if weight > 0 else stated**2 + spread[i]
+        predicted = np.sqrt(variance) if variance > CHECKABLE * stated**2 else 0.0
+        names = problem.surveyed[first].name, problem.surveyed[second].name
+        rows.append(
+            DistanceResidual(
+                first=names[0],
+                second=names[1],
+                length=float(network.distances.length[i]),
+                difference=float(-misclosure[i]),
+                predicted=float(predicted),
+            )
+        )
+    return rows
+
+
+def stated_distances(account: BlockResults) -> tuple[list[list[int]], np.ndarray]:
+    """The ends (numbers of surveyed points) and stated standard errors (D,) m of the distances of the adjustment."""
+    stated = {(first, second): sigma for first, second, _, sigma in account.problem.distances}
+    ends = (account.result.network.distances.ends - account.problem.ties).tolist()
+    return ends, np.array([stated[first, second] for first, second in ends])
+
+
+def _of_residual(weight: np.ndarray, spread: np.ndarray, white: np.ndarray) -> np.ndarray:
+    """Variances of the residuals of what took part: what least squares took off its own variance it took for white noise; errors in
+    common come on top."""
+    return 1.0 / weight - white + (spread - white)
+
+
+def _residual(
+    name: str, role: str, difference: np.ndarray, variance: np.ndarray, photos: int, residual: np.ndarray
+) -> GroundResidual:
+    return GroundResidual(
+        name=name,
+        role=role,
+        difference=tuple(map(float, difference)),
+        predicted=tuple(map(float, np.sqrt(np.maximum(variance, 0.0)))),
+        photos=photos,
+        residual_px=float(np.sqrt((residual**2).mean())) if len(residual) else None,
+    )

@@ -1,0 +1,312 @@
+"""A block while it grows: triangulate, resect the photograph that sees most known points, triangulate, adjust, and so on.
+
+Tolerances are wide while starting values are rough, and a robust bundle follows whenever the block has grown by a third. A block
+grows from the relative orientation of one pair, or from approximate exterior orientations of many photographs.
+"""
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from orthomill.schemas.camera import INTERIOR, Camera
+from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.orientation import RelativeOrientation
+from orthomill.tasks.adjustment.model.collinearity import misclosures
+from orthomill.tasks.adjustment.model.network import Interior, Network, Rays, State
+from orthomill.tasks.adjustment.model.robust_weights import spread
+from orthomill.tasks.adjustment.solve.minimise import minimise
+from orthomill.tasks.geometry.rotation import rotation_matrix
+from orthomill.tasks.orientation.measurements import ideal, on_a_line, with_interior
+from orthomill.tasks.orientation.relative.relative_orientation import FLIP
+
+cv2.setNumThreads(1)
+LEAST_ANGLE = np.radians(1.5)
+LEAST_POINTS = 8
+ROUGH = (64.0, 16.0, 4.0, 2.0)
+"""How much wider than at the end the tolerances are while given orientations are refined."""
+LEAST_SHARE = 0.5
+"""A start is given up where fewer of the measurements fit in the end."""
+STRANGE_START = (
+    "The tie points contradict the exterior orientation that was given as a start: hardly any of them intersect. It may be of "
+    "other photographs or in another convention of angles; leave it out, and the photographs are oriented from their tie points."
+)
+GROWTH_PARAMETERS = np.array(INTERIOR) == "k1"
+"""While a free block grows only radial distortion is adjusted: flat ground seen from above cannot tell c from the flying height."""
+
+
+@dataclass(frozen=True, eq=False)
+class GrowthMaterial:
+    """What the start is made from. `cameras` in the order of `interior`; `camera_of` (P,); `relative` between photos by `names`."""
+
+    names: tuple[str, ...]
+    camera_names: tuple[str, ...]
+    cameras: list[Camera]
+    camera_of: np.ndarray
+    interior: Interior
+    rays: Rays
+    points: int
+    relative: tuple[RelativeOrientation, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """Approximate exterior orientations: `rotation` (P, 3, 3), `centre` (P, 3) local m, of the photographs `known` (P,) bool."""
+
+    rotation: np.ndarray
+    centre: np.ndarray
+    known: np.ndarray
+
+
+class BlockGrowth:
+    """A block while it grows: orientation of the placed photographs, known points, rays still believed."""
+
+    def __init__(self, material: GrowthMaterial, free: np.ndarray):
+        photos = len(material.names)
+        self.material, self.rays, self.free = material, material.rays, free
+        self.state = State(
+            np.tile(np.eye(3), (photos, 1, 1)),
+            np.zeros((photos, 3)),
+            np.zeros((material.points, 3)),
+            material.interior.value.copy(),
+            np.zeros(3),
+        )
+        self.placed = np.zeros(photos, bool)
+        self.known = np.zeros(material.points, bool)
+        self.good = np.ones(len(self.rays), bool)
+        self.attempts: dict[int, str] = {}
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Ideal coordinates (M, 2) in units of c with the present interior orientations."""
+        self.ideal = np.empty_like(self.rays.xy)
+        for k, camera in enumerate(self.material.cameras):
+            own = self.material.camera_of[self.rays.photo] == k
+            self.ideal[own] = ideal(with_interior(camera, self.state.interior[k]), self.rays.xy[own])
+        self.good &= self.seen
+
+    @property
+    def seen(self) -> np.ndarray:
+        """(M,) bool: rays that the present distortion can be taken off from."""
+        return np.isfinite(self.ideal).all(axis=1)
+
+    @property
+    def tolerance(self) -> np.ndarray:
+        """(M,) px: beyond this a ray is not believed while starting values are rough."""
+        return np.maximum(4.0, 8.0 * self.rays.sigma) * self.slack
+
+    slack = 2.0
+
+    def place(self, photo: int, rotation: np.ndarray, centre: np.ndarray) -> None:
+        self.state.rotation[photo], self.state.centre[photo] = rotation, centre
+        self.placed[photo] = True
+
+    def misfit(self, index: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(misclosures(self.state, self.rays.take(index), self.material.camera_of), axis=1)
+
+    def triangulate(self) -> None:
+        """Intersects points that are not known yet but seen by two placed photographs or more; a point of three or more may lose
+        its worst ray."""
+        for _ in range(3):
+            index = np.flatnonzero(self.good & self.placed[self.rays.photo] & ~self.known[self.rays.point])
+            count = np.bincount(self.rays.point[index], minlength=len(self.known))
+            index = index[count[self.rays.point[index]] >= 2]
+            if not len(index):
+                return
+            points, wide = self._intersect(index)
+            self.state.point[wide] = points[wide]
+            misfit = self.misfit(index) / self.tolerance[index]
+            worst = np.zeros(len(self.known))
+            np.maximum.at(worst, self.rays.point[index], misfit)
+            self.known |= wide & (worst < 1.0)
+            lose = (
+                (misfit == worst[self.rays.point[index]])
+                & (misfit >= 1.0)
+                & (count[self.rays.point[index]] >= 3)
+                & wide[self.rays.point[index]]
+            )
+            if not lose.any():
+                return
+            self.good[index[lose]] = False
+
+    def _intersect(self, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Points (N, 3) nearest to the rays at `index`, and which of them see rays that differ by LEAST_ANGLE."""
+        photo, point = self.rays.photo[index], self.rays.point[index]
+        directions = np.einsum("ni,nij->nj", np.column_stack([self.ideal[index], -np.ones(len(index))]), self.state.rotation[photo])
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        projector = np.eye(3) - directions[:, :, None] * directions[:, None, :]
+        normal, right, mean = np.zeros((len(self.known), 3, 3)), np.zeros((len(self.known), 3)), np.zeros((len(self.known), 3))
+        np.add.at(normal, point, projector)
+        np.add.at(right, point, np.einsum("nij,nj->ni", projector, self.state.centre[photo]))
+        np.add.at(mean, point, directions)
+        mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12)
+        off_axis = np.zeros(len(self.known))
+        np.maximum.at(off_axis, point, np.arccos(np.clip((directions * mean[point]).sum(axis=1), -1, 1)))
+        wide = off_axis > 0.5 * LEAST_ANGLE
+        points = np.zeros_like(right)
+        points[wide] = np.linalg.solve(normal[wide], right[wide][..., None])[..., 0]
+        return points, wide
+
+    def resect(self, photo: int) -> bool:
+        """Places a photograph by the known points that it sees: seeded P3P samples, then least squares on those that agree."""
+        index = np.flatnonzero((self.rays.photo == photo) & self.known[self.rays.point] & self.good)
+        if len(index) < LEAST_POINTS:
+            self.attempts[photo] = f"only {len(index)} of its tie points are known in the block; {LEAST_POINTS} are needed"
+            return False
+        pose = _resection(
+            self.state.point[self.rays.point[index]],
+            self.ideal[index],
+            float(np.median(self.tolerance[index])) / self.state.interior[self.material.camera_of[photo], 0],
+        )
+        if pose is None or len(pose[2]) < max(LEAST_POINTS, 0.2 * len(index)):
+            self.attempts[photo] = (
+                f"{0 if pose is None else len(pose[2])} of its {len(index)} tie points with the block agree on one position, which "
+                "is too few"
+            )
+            return False
+        agreed, c = index[pose[2]], self.state.interior[self.material.camera_of[photo], 0]
+        if on_a_line(c * self.ideal[agreed], float(np.median(self.tolerance[agreed]))):
+            self.attempts[photo] = (
+                "its tie points with the block lie on one line of its frame, which leaves its turn about this line open; it "
+                "needs tie points all over its frame"
+            )
+            return False
+        self.place(photo, pose[0], pose[1])
+        self.good[index[self.misfit(index) > self.tolerance[index]]] = False
+        return True
+
+    def bundle(self) -> None:
+        """A robust free adjustment of all that is placed; rays that do not fit afterwards are dropped, and points with fewer than
+        two rays."""
+        index = np.flatnonzero(self.good & self.placed[self.rays.photo] & self.known[self.rays.point])
+        active = np.flatnonzero(self.placed)
+        number = np.full(len(self.placed), -1)
+        number[active] = np.arange(len(active))
+        rays = self.rays.take(index)
+        rays = replace(rays, photo=number[rays.photo].astype(np.int32))
+        sub = replace(self.state, rotation=self.state.rotation[active], centre=self.state.centre[active])
+        network = _free_network(self.material, active, self.placed.sum() >= 4)
+        unit = max(spread(self.misfit(index) / rays.sigma), 0.5)
+        sub, _ = minimise(network, sub, rays, 2.0 * unit, tolerance=1e-4)
+        self.state.rotation[active], self.state.centre[active] = sub.rotation, sub.centre
+        self.state = replace(self.state, point=sub.point, interior=sub.interior)
+        self.refresh()
+        self.forget(index)
+
+    def expel(self) -> None:
+        """Takes out photographs that hang on too few known points."""
+        seen = np.bincount(self.rays.photo[self.good & self.known[self.rays.point]], minlength=len(self.placed))
+        self.placed &= seen >= LEAST_POINTS
+
+    def forget(self, index: np.ndarray) -> None:
+        misfit = self.misfit(index)
+        unit = max(spread(misfit), 0.3)
+        self.good[index[misfit > np.maximum(8.0 * unit, 3.0)]] = False
+        alive = np.bincount(self.rays.point[index[self.good[index]]], minlength=len(self.known)) >= 2
+        self.known &= alive
+
+
+def grow(material: GrowthMaterial, seed: tuple[int, int, RelativeOrientation], free: np.ndarray) -> BlockGrowth | None:
+    """The block that grows from one pair among the `free` photographs; None when the pair does not hold."""
+    growth = BlockGrowth(material, free)
+    left, right, pair = seed
+    growth.place(left, np.eye(3), np.zeros(3))
+    growth.place(right, rotation_matrix(*np.radians(pair.omega_phi_kappa)), np.array(pair.base))
+    growth.triangulate()
+    if growth.known.sum() < LEAST_POINTS:
+        return None
+    try:
+        growth.bundle()
+        _extend(growth)
+        _finish(growth)
+    except GeometryError:
+        return None
+    return growth
+
+
+def from_given(material: GrowthMaterial, given: Given) -> BlockGrowth:
+    """The block that begins with approximate orientations: tolerances shrink from coarse to fine; photographs that contradict the
+    others then are taken out, and join again by their tie points like those without a start.
+
+    Raises GeometryError where the tie points contradict the orientations.
+    """
+    growth = BlockGrowth(material, np.ones(len(material.names), bool))
+    for photo in np.flatnonzero(given.known):
+        growth.place(int(photo), given.rotation[photo], given.centre[photo])
+    try:
+        for growth.slack in ROUGH:
+            growth.known[:], growth.good[:] = False, growth.seen
+            growth.triangulate()
+            growth.bundle()
+            growth.expel()
+        _extend(growth)
+        _finish(growth)
+    except GeometryError:
+        raise GeometryError(STRANGE_START) from None
+    of_placed = growth.placed[growth.rays.photo]
+    if growth.placed.sum() < 2 or (growth.good & growth.known[growth.rays.point])[of_placed].mean() < LEAST_SHARE:
+        raise GeometryError(STRANGE_START)
+    return growth
+
+
+def _finish(growth: BlockGrowth) -> None:
+    growth.slack = 1.0
+    for _ in range(2):
+        growth.triangulate()
+        growth.bundle()
+
+
+def _extend(growth: BlockGrowth) -> None:
+    """Adds photographs, those first that see most known points, until none can be added."""
+    last = growth.placed.sum()
+    while True:
+        seen = np.bincount(growth.rays.photo[growth.good & growth.known[growth.rays.point]], minlength=len(growth.placed))
+        waiting = np.flatnonzero(~growth.placed & growth.free)
+        added = next((photo for photo in waiting[np.argsort(-seen[waiting], kind="stable")] if growth.resect(int(photo))), None)
+        if added is None:
+            return
+        growth.triangulate()
+        if growth.placed.sum() >= max(1.34 * last, last + 1) or growth.placed[growth.free].all():
+            growth.bundle()
+            growth.triangulate()
+            last = growth.placed.sum()
+
+
+def _free_network(material: GrowthMaterial, active: np.ndarray, calibrate: bool) -> Network:
+    photos, interior = len(active), material.interior
+    free = interior.free & GROWTH_PARAMETERS & (calibrate & interior.weight.any(axis=(1, 2)))[:, None]
+    held = replace(interior, free=free, considered=np.zeros_like(free))
+    return Network(
+        material.camera_of[active],
+        held,
+        np.zeros((photos, 3)),
+        np.zeros((photos, 3)),
+        np.zeros((material.points, 3)),
+        np.zeros((material.points, 3)),
+        np.zeros(photos),
+        free=True,
+    )
+
+
+def _resection(points: np.ndarray, ideal_xy: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Rotation, centre and the agreeing numbers from points (n, 3) and ideal coordinates (n, 2) in units of c; None when nothing
+    agrees."""
+    cv2.setRNGSeed(7)
+    origin = np.median(points, axis=0)
+    vision = np.ascontiguousarray(ideal_xy * [1.0, -1.0])
+    found, rvec, tvec, inliers = cv2.solvePnPRansac(
+        points - origin,
+        vision,
+        np.eye(3),
+        None,
+        iterationsCount=2000,
+        reprojectionError=threshold,
+        confidence=0.9999,
+        flags=cv2.SOLVEPNP_AP3P,
+    )
+    if not found or inliers is None or len(inliers) < 6:
+        return None
+    keep = np.asarray(inliers).ravel()
+    rvec, tvec = cv2.solvePnPRefineLM((points - origin)[keep], vision[keep], np.eye(3), None, rvec, tvec)
+    R = cv2.Rodrigues(rvec)[0]
+    return FLIP @ R, origin - R.T @ tvec[:, 0], keep

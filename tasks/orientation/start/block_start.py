@@ -1,0 +1,202 @@
+"""Approximate exterior orientation of all photographs of a block, from nothing but tie points and cameras.
+
+Strategy: connected groups of photographs are found; the largest is built from its strongest pair (many tie points that intersect
+well): triangulate, resect the photograph that sees most known points, triangulate, and so on, with a robust bundle whenever the
+block has grown by a third. What is left is grouped and built again, until no two photographs hang together: every group is kept,
+each in the system of its first photograph and in units of its base; `georeference` takes them to the ground. Where approximate
+exterior orientations are given, they are the start, and the tolerances begin as wide as these are rough. Every photograph that
+does not join is named with its reason.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.orientation import RelativeOrientation, Unoriented
+from orthomill.tasks.adjustment.model.network import State
+from orthomill.tasks.orientation.start.block_growth import BlockGrowth, Given, GrowthMaterial, from_given, grow
+
+TRUSTED = 0.9
+"""A smaller share of measurements that fit makes the camera constants doubtful."""
+OTHER_CONSTANTS = (0.5, 2.0)
+BETTER, LEFT = 1.1, 0.5
+"""Other constants are taken where so many times as many measurements fit with them, or so many times as few do not."""
+
+
+@dataclass(frozen=True, eq=False)
+class BlockStart:
+    """A model of the block in a system of its own: `photos` (p,) numbers of those that joined (the state's arrays hold all photos;
+    the others are meaningless), `known` (N,) points, `good` (M,) rays."""
+
+    state: State
+    photos: np.ndarray
+    known: np.ndarray
+    good: np.ndarray
+
+
+def without_photo(start: BlockStart, photo: int) -> BlockStart:
+    """The start without a photograph (its rays are left out by those who look at `photos`)."""
+    return replace(start, photos=start.photos[start.photos != photo])
+
+
+Blocks = tuple[list[BlockStart], tuple[Unoriented, ...]]
+
+
+def start_blocks(material: GrowthMaterial, given: Given | None = None) -> Blocks:
+    """All groups of photographs, the largest first, each oriented in a system of its own (that of `given` where they come from it),
+    and the photographs that are in none. Where many measurements do not fit, camera constants half and twice as large are tried,
+    and kept where far more fits. Raises GeometryError when no two photographs can be oriented."""
+    try:
+        best, failure = _blocks(material, given), None
+    except GeometryError as error:
+        best, failure = None, error
+    if given is None and _believed(material, best) < TRUSTED:
+        for factor in OTHER_CONSTANTS:
+            other = _tried(material, factor)
+            if _fits_better(_believed(material, other), _believed(material, best)):
+                best = other
+    if best is None:
+        raise failure or GeometryError(_no_block(material))
+    return best
+
+
+def start_with(material: GrowthMaterial, constants: np.ndarray, given: Given | None = None) -> Blocks:
+    """The same with camera constants (C,) px instead of the given ones; no others are tried."""
+    value = material.interior.value.copy()
+    value[:, 0] = constants
+    return _blocks(replace(material, interior=replace(material.interior, value=value)), given)
+
+
+def _tried(material: GrowthMaterial, factor: float) -> Blocks | None:
+    """The blocks with camera constants multiplied by `factor`; None without any."""
+    try:
+        return start_with(material, factor * material.interior.value[:, 0])
+    except GeometryError:
+        return None
+
+
+def _fits_better(other: float, best: float) -> bool:
+    """By the shares of measurements that fit."""
+    return other > BETTER * best or 1.0 - other < LEFT * (1.0 - best)
+
+
+def _believed(material: GrowthMaterial, blocks: Blocks | None) -> float:
+    """The share of all measurements that fit."""
+    if blocks is None:
+        return 0.0
+    rays, good = material.rays, np.zeros(len(material.rays), bool)
+    for start in blocks[0]:
+        good |= start.good & start.known[rays.point] & np.isin(rays.photo, start.photos)
+    return float(good.mean())
+
+
+def _blocks(material: GrowthMaterial, given: Given | None) -> Blocks:
+    twice = _given_twice(material)
+    free, found, last = np.ones(len(material.names), bool), [], None
+    free[list(twice)] = False
+    if given is not None and given.known.sum() >= 2:
+        growth = from_given(material, given)
+        found, free, last = [growth], free & ~growth.placed, growth
+    tried: set[int] = set()
+    while (group := _next_group(material, free, tried)) is not None:
+        growth = _best_growth(material, group, free)
+        if growth is None:
+            tried.update(int(photo) for photo in group)
+            continue
+        found.append(growth)
+        last = last or growth
+        free &= ~growth.placed
+    if last is None:
+        raise GeometryError(_no_block(material))
+    starts = [BlockStart(g.state, np.flatnonzero(g.placed), g.known, g.good) for g in sorted(found, key=lambda g: -g.placed.sum())]
+    copies = tuple(Unoriented(photo=material.names[photo], reason=reason) for photo, reason in sorted(twice.items()))
+    return starts, (*copies, *_reasons(material, last, np.flatnonzero(free)))
+
+
+def _given_twice(material: GrowthMaterial) -> dict[int, str]:
+    """Photographs that are copies of others, with the sentence; the first of several copies stays."""
+    number = {name: i for i, name in enumerate(material.names)}
+    found: dict[int, str] = {}
+    for pair in sorted((p for p in material.relative if p.same_photo), key=lambda p: (number[p.left], number[p.right])):
+        if number[pair.left] not in found:
+            found.setdefault(number[pair.right], pair.outcome)
+    return found
+
+
+def _next_group(material: GrowthMaterial, free: np.ndarray, tried: set[int]) -> np.ndarray | None:
+    """The largest group of two or more photographs that are still free and were not tried in vain."""
+    groups = [group for group in _groups(material, free) if len(group) >= 2 and not tried.issuperset(map(int, group))]
+    return groups[0] if groups else None
+
+
+def _no_block(material: GrowthMaterial) -> str:
+    groups = _groups(material, np.ones(len(material.names), bool))
+    if not groups or len(groups[0]) < 2:
+        return "No two photographs could be oriented to each other, so there is no block; " + _best_failure(material)
+    return (
+        "No pair of photographs gives points that intersect well enough to begin a block; the photographs may have been taken "
+        "from one place, their tie points may be wrong, or the camera constant may be far from the truth."
+    )
+
+
+def _best_growth(material: GrowthMaterial, group: np.ndarray, free: np.ndarray) -> BlockGrowth | None:
+    """The growth among the `free` photographs that placed most; the first that placed the whole group ends the search."""
+    best = None
+    for seed in _seeds(material, group):
+        growth = grow(material, seed, free)
+        if growth is not None and (best is None or growth.placed.sum() > best.placed.sum()):
+            best = growth
+        if best is not None and best.placed[group].all():
+            break
+    return best
+
+
+def _best_failure(material: GrowthMaterial) -> str:
+    if not material.relative:
+        return "none of them share enough tie points: give photographs that overlap by half or more."
+    best = max(material.relative, key=lambda pair: pair.matches)
+    return f"the best pair, {best.left} and {best.right}, failed: {best.outcome}"
+
+
+def _groups(material: GrowthMaterial, free: np.ndarray) -> list[np.ndarray]:
+    """The `free` photographs connected by oriented pairs, the largest group first."""
+    pairs = [pair for pair in _oriented_pairs(material) if free[pair[0]] and free[pair[1]]]
+    graph = csr_array((np.ones(len(pairs)), ([i for i, _, _ in pairs], [j for _, j, _ in pairs])), shape=(len(material.names),) * 2)
+    _, label = connected_components(graph, directed=False)
+    groups = [np.flatnonzero((label == k) & free) for k in np.unique(label[free])]
+    return sorted(groups, key=lambda group: -len(group))
+
+
+def _oriented_pairs(material: GrowthMaterial) -> list[tuple[int, int, RelativeOrientation]]:
+    number = {name: i for i, name in enumerate(material.names)}
+    return [(number[pair.left], number[pair.right], pair) for pair in material.relative if pair.oriented]
+
+
+def _seeds(material: GrowthMaterial, group: np.ndarray) -> list[tuple[int, int, RelativeOrientation]]:
+    """Up to three pairs to begin with: many kept matches, rays that meet at 6 degrees or more."""
+    inside = [pair for pair in _oriented_pairs(material) if pair[0] in group and pair[1] in group]
+    return sorted(inside, key=lambda pair: -pair[2].kept * min(pair[2].intersection_deg / 6.0, 1.0))[:3]
+
+
+def _reasons(material: GrowthMaterial, growth: BlockGrowth, left: np.ndarray) -> Iterator[Unoriented]:
+    """One sentence for every photograph that is `left` outside of all groups."""
+    for photo in left:
+        yield Unoriented(photo=material.names[photo], reason=_reason(material, growth, int(photo)))
+
+
+def _reason(material: GrowthMaterial, growth: BlockGrowth, photo: int) -> str:
+    name = material.names[photo]
+    if not (material.rays.photo == photo).any():
+        return f"{name} has no tie points: it overlaps no other photograph, has too little texture, or only repeats another one."
+    own = [pair for pair in material.relative if name in (pair.left, pair.right)]
+    if not any(pair.oriented for pair in own):
+        best = max(own, key=lambda pair: pair.matches, default=None)
+        if best is None:
+            return f"{name} shares too few tie points with any other photograph; its overlap is too small."
+        other = best.right if best.left == name else best.left
+        return f"{name} could not be oriented to any other photograph (best: {other}): {best.outcome}"
+    return f"{name} did not join the block: {growth.attempts.get(photo, 'its resection failed')}."

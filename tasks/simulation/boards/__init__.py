@@ -1,0 +1,1 @@
+"""Simulated photographs of chessboards with known truth."""

@@ -1,0 +1,1 @@
+"""The synthetic stereopair of the published matching experiment."""

@@ -1,0 +1,207 @@
+"""The colours of a simulated scene: what a true orthoimage of it shows, sunlight and shadows included.
+
+Brightness of open ground follows a mosaic of real photographs (textures/ATTRIBUTION.md), flattened by division through its local
+mean; colours come from the materials; fields, roofs, roads and crowns have patterns of their own. Fine noise reaches down to half
+a metre everywhere but on water, so that every patch of ground can be matched. The sun stands in the south-east, on the diagonal
+of the grid, so that a shadow is found by one sweep.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numba import njit
+
+from orthomill.schemas.errors import ResourceError
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.truth import Material
+from orthomill.tasks.simulation.scene.hash_noise import uniform_of, value_noise
+from orthomill.tasks.simulation.scene.layout import Scene
+from orthomill.tasks.simulation.scene.scene import SurfaceWindow, parcel_at, surface_window
+
+MOSAIC_FILE = Path(__file__).parents[1] / "textures" / "village.jpg"
+MOSAIC_CELL = 0.507
+"""m"""
+_FLAT = 110.0
+"""Value of the flattened mosaic where it is as bright as its surroundings."""
+SUN_ELEVATION = np.radians(47.0)
+SUN = np.array([np.cos(SUN_ELEVATION) / np.sqrt(2.0), -np.cos(SUN_ELEVATION) / np.sqrt(2.0), np.sin(SUN_ELEVATION)])
+"""Unit vector to the sun (east, north, up)."""
+AMBIENT = 0.42
+"""Share of the light that reaches ground in the shade."""
+SHADOW_REACH = 40.0
+"""m along x and along y: no shadow is longer."""
+_GROUND, _FIELD, _ROAD = int(Material.OPEN_GROUND), int(Material.FIELD), int(Material.ROAD)
+_ROOF, _TREE, _WATER = int(Material.ROOF), int(Material.TREE), int(Material.WATER)
+WATER_COLOUR = (46.0, 70.0, 78.0)
+
+_FIELDS = np.array([[148.0, 128.0, 92.0], [118.0, 138.0, 72.0], [176.0, 160.0, 104.0], [96.0, 122.0, 62.0], [134.0, 112.0, 84.0]])
+_TILES = np.array([[168.0, 92.0, 66.0], [186.0, 112.0, 78.0], [150.0, 82.0, 62.0], [172.0, 126.0, 96.0]])
+_FLATS = np.array([[176.0, 172.0, 164.0], [142.0, 140.0, 138.0], [192.0, 184.0, 168.0], [122.0, 118.0, 116.0]])
+
+
+@dataclass(frozen=True, eq=False)
+class PaintedWindow:
+    """A window of the scene with its colours uint8 (rows, cols, 3)."""
+
+    surface: SurfaceWindow
+    colours: np.ndarray
+
+
+def painted_window(scene: Scene, grid: MapGrid, window: Window) -> PaintedWindow:
+    """Surface and colours of `window` of `grid`, the same in any tiling: as much around it is looked at as shadows are long."""
+    reach = int(np.ceil(SHADOW_REACH / grid.cell))
+    grown = Window(window.row - 1, window.col - 1, window.height + 1 + reach, window.width + 1 + reach)
+    wide = surface_window(scene, grid, grown)
+    inner = slice(1, 1 + window.height), slice(1, 1 + window.width)
+    light = _light(wide.height, grid.cell)[inner]
+    surface = SurfaceWindow(*(np.ascontiguousarray(part[inner]) for part in (wide.height, wide.material, wide.building)))
+    x, y = grid.centres(window)
+    colours = np.empty((*window.shape, 3), np.uint8)
+    place = np.array([scene.settings.west, scene.settings.north])
+    houses, seed = scene.buildings.table, scene.settings.seed
+    _paint(colours, x, y, surface.material, surface.building, light, flat_mosaic(), place, houses, seed)
+    return PaintedWindow(surface, colours)
+
+
+@lru_cache(maxsize=1)
+def flat_mosaic() -> np.ndarray:
+    """The shipped mosaic divided by its local mean (40 m), uint8 (rows, cols); `_FLAT` is as bright as its surroundings."""
+    grey = cv2.imread(str(MOSAIC_FILE), cv2.IMREAD_GRAYSCALE)
+    if grey is None:
+        raise ResourceError(f"the ground texture {MOSAIC_FILE} cannot be read: install orthomill anew, with its data files")
+    mean = cv2.blur(grey, (81, 81), borderType=cv2.BORDER_REFLECT)
+    return cv2.divide(grey, cv2.max(mean, 20), scale=_FLAT)
+
+
+def _light(height: np.ndarray, cell: float) -> np.ndarray:
+    """Light on each cell, 1 on sunlit level ground (float32, same shape); the last rows and columns serve as halo."""
+    shadow = np.empty(height.shape, np.float32)
+    _sweep_shadow(height, cell * np.sqrt(2.0) * np.tan(SUN_ELEVATION), shadow)
+    light = np.empty(height.shape, np.float32)
+    _shade(height, shadow, cell, SUN, light)
+    return light
+
+
+@njit(cache=True)
+def _sweep_shadow(height, drop, shadow):
+    """The share of sun that is taken away, by the height of the shadow's upper bound carried along the diagonal."""
+    rows, cols = height.shape
+    bound = np.full((2, cols + 1), -np.inf)
+    for row in range(rows - 1, -1, -1):
+        now, before = row % 2, (row + 1) % 2
+        bound[now, cols] = -np.inf
+        for col in range(cols - 1, -1, -1):
+            z = float(height[row, col])
+            above = bound[before, col + 1] - drop
+            shadow[row, col] = min(max((above - z - 0.1) / 0.7, 0.0), 1.0)
+            bound[now, col] = max(above, z)
+
+
+@njit(cache=True)
+def _shade(height, shadow, cell, sun, light):
+    """Lambert's law with ambient light; slopes steeper than a wall's foot (1.5 cells of height per cell) count as level."""
+    rows, cols = height.shape
+    limit = 1.5 * cell
+    light[:] = 1.0
+    for row in range(1, rows - 1):
+        for col in range(1, cols - 1):
+            gx = limited_slope(height[row, col - 1], height[row, col], height[row, col + 1], limit) / cell
+            gy = -limited_slope(height[row - 1, col], height[row, col], height[row + 1, col], limit) / cell
+            facing = (sun[2] - gx * sun[0] - gy * sun[1]) / np.sqrt(1.0 + gx * gx + gy * gy)
+            direct = max(facing, 0.0) / sun[2] * (1.0 - shadow[row, col])
+            light[row, col] = AMBIENT + (1.0 - AMBIENT) * direct
+
+
+@njit(cache=True, inline="always")
+def limited_slope(before, here, after, limit):
+    """Height difference per cell from those neighbours that are not across a wall (a step above `limit`, m)."""
+    left, right = here - before, after - here
+    ok_left, ok_right = abs(left) <= limit, abs(right) <= limit
+    if ok_left and ok_right:
+        return 0.5 * (left + right)
+    if ok_left:
+        return left
+    if ok_right:
+        return right
+    return 0.0 * here
+
+
+@njit(cache=True, inline="always")
+def _mosaic_at(mosaic, x, y):
+    """Brightness ratio of the mosaic (1: as its surroundings) at x, y in its pixels, mirrored at its borders."""
+    rows, cols = mosaic.shape
+    x, y = abs(x), abs(y)
+    x = x % (2.0 * (cols - 1))
+    y = y % (2.0 * (rows - 1))
+    x = min(x, 2.0 * (cols - 1) - x)
+    y = min(y, 2.0 * (rows - 1) - y)
+    i, j = min(int(x), cols - 2), min(int(y), rows - 2)
+    fx, fy = x - i, y - j
+    top = mosaic[j, i] * (1.0 - fx) + mosaic[j, i + 1] * fx
+    bottom = mosaic[j + 1, i] * (1.0 - fx) + mosaic[j + 1, i + 1] * fx
+    return (top * (1.0 - fy) + bottom * fy) / _FLAT
+
+
+@njit(cache=True, inline="always")
+def _roof_factor(seed, house, x, y, building):
+    """Pattern of a roof: rows of tiles along the slope of a gabled one, patches of felt on a flat one."""
+    p = (x - house[0]) * house[2] + (y - house[1]) * house[3]
+    q = (y - house[1]) * house[2] - (x - house[0]) * house[3]
+    key = seed + 40 + 7 * building
+    if house[7] > 0.0:
+        return 1.0 + 0.13 * value_noise(key, p / 0.9, q / 2.6) + 0.10 * value_noise(key + 1, p / 4.0, q / 3.0)
+    patch = uniform_of(key + 2, np.int64(np.floor(p / 3.4)), np.int64(np.floor(q / 4.3))) - 0.5
+    return 1.0 + 0.24 * patch + 0.10 * value_noise(key + 3, p / 1.1, q / 1.1)
+
+
+@njit(cache=True)
+def _paint(colours, x, y, material, building, light, mosaic, place, houses, seed):
+    """Fills `colours` (rows, cols, 3). `place` is the corner (west, north) where the mosaic begins."""
+    for row in range(colours.shape[0]):
+        for col in range(colours.shape[1]):
+            code = material[row, col]
+            east, north = x[col] - place[0], place[1] - y[row]
+            if code == _WATER:
+                for band in range(3):
+                    colours[row, col, band] = np.uint8(WATER_COLOUR[band])
+                continue
+            fine = value_noise(seed + 31, east / 0.8, north / 0.8)
+            middle = value_noise(seed + 32, east / 2.3, north / 2.3)
+            red, green, blue = 0.0, 0.0, 0.0
+            factor = 1.0 + 0.13 * fine + 0.10 * middle
+            if code == _ROOF:
+                number = int(building[row, col])
+                house = houses[number - 1]
+                kind = int(4.0 * uniform_of(seed + 33, number, 0))
+                tone = _TILES[kind] if house[7] > 0.0 else _FLATS[kind]
+                red, green, blue = tone[0], tone[1], tone[2]
+                factor = (0.9 + 0.2 * uniform_of(seed + 34, number, 0)) * _roof_factor(seed, house, x[col], y[row], number)
+                factor += 0.07 * fine
+            elif code == _TREE:
+                red, green, blue = 58.0, 82.0, 44.0
+                factor += 0.25 * middle + 0.15 * value_noise(seed + 35, east / 1.4, north / 1.4)
+            elif code == _ROAD:
+                red, green, blue = 128.0, 126.0, 124.0
+                factor = 1.0 + 0.10 * fine + 0.07 * middle + 0.06 * value_noise(seed + 36, east / 7.0, north / 7.0)
+            else:
+                ratio = min(max(_mosaic_at(mosaic, east / MOSAIC_CELL, north / MOSAIC_CELL), 0.45), 1.7)
+                dry = 0.5 + 0.5 * value_noise(seed + 37, east / 90.0, north / 90.0)
+                red, green, blue = 112.0 + 44.0 * dry, 118.0 + 20.0 * dry, 76.0 + 22.0 * dry
+                strength = 0.75
+                if code == _FIELD:
+                    i, j, _ = parcel_at(seed, x[col], y[row])
+                    tone = _FIELDS[int(5.0 * uniform_of(seed + 38, i, j))]
+                    turn = uniform_of(seed + 39, i, j) * 3.1416
+                    along = east * np.cos(turn) + north * np.sin(turn)
+                    across = north * np.cos(turn) - east * np.sin(turn)
+                    red, green, blue = tone[0], tone[1], tone[2]
+                    factor += 0.09 * value_noise(seed + 40, across / 1.3, along / 14.0)
+                    strength = 0.45
+                factor *= 1.0 + strength * (ratio - 1.0)
+            factor *= light[row, col]
+            colours[row, col, 0] = np.uint8(min(max(red * factor, 6.0), 250.0) + 0.5)
+            colours[row, col, 1] = np.uint8(min(max(green * factor, 6.0), 250.0) + 0.5)
+            colours[row, col, 2] = np.uint8(min(max(blue * factor, 6.0), 250.0) + 0.5)

@@ -1,0 +1,172 @@
+"""The height model and the materials of a simulated scene, for any window of any map grid.
+
+Each cell is a column with its own height at the centre; the ground is smooth, roofs are planes, walls stand upright on the
+borders of cells. Everything is a function of world coordinates and the layout, so tiles need no halo and no order.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.truth import Material
+from orthomill.tasks.simulation.scene.hash_noise import uniform_of, value_noise
+from orthomill.tasks.simulation.scene.layout import STREET_SPACING, Scene, pond_blend, pond_distance, terrain_factors
+
+PARCEL = (96.0, 132.0, 0.33)
+"""Width and depth of a field (m) and the angle of the fields (radians)."""
+_GROUND, _FIELD, _ROAD = int(Material.OPEN_GROUND), int(Material.FIELD), int(Material.ROAD)
+_ROOF, _TREE, _WATER = int(Material.ROOF), int(Material.TREE), int(Material.WATER)
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceWindow:
+    """height float32 m, material uint8 (code of Material), building uint16 (0: none); all (rows, cols)."""
+
+    height: np.ndarray
+    material: np.ndarray
+    building: np.ndarray
+
+
+def surface_window(scene: Scene, grid: MapGrid, window: Window) -> SurfaceWindow:
+    """The surface of `window` of `grid`; the window may leave the grid."""
+    x, y = grid.centres(window)
+    height = _terrain(scene, x, y)
+    material = _ground_material(scene, x, y)
+    building = np.zeros(window.shape, np.uint16)
+    _stamp_buildings(height, material, building, x, y, scene.buildings.table)
+    _stamp_trees(height, material, building, x, y, scene.trees, scene.tree_feet, scene.settings.seed)
+    return SurfaceWindow(height.astype(np.float32), material, building)
+
+
+def _terrain(scene: Scene, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Bare ground (rows, cols), float64 m."""
+    height = _sum_of_products(*terrain_factors(scene, x, y))
+    near_x, near_y = np.abs(x - scene.pond.x) < 1.8 * scene.pond.a, np.abs(y - scene.pond.y) < 1.8 * scene.pond.b
+    if near_x.any() and near_y.any():
+        at = np.ix_(near_y, near_x)
+        height[at] = scene.pond.level + (height[at] - scene.pond.level) * pond_blend(scene.pond, x[None, near_x], y[near_y, None])
+    return height
+
+
+@njit(cache=True)
+def _sum_of_products(fx, fy):
+    """(M, N) sum over k of fx[k, N] * fy[k, M], always added in the same order."""
+    out = np.zeros((fy.shape[1], fx.shape[1]))
+    for row in range(out.shape[0]):
+        for k in range(fx.shape[0]):
+            factor = fy[k, row]
+            for col in range(out.shape[1]):
+                out[row, col] += factor * fx[k, col]
+    return out
+
+
+def _ground_material(scene: Scene, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Roads, fields, water and open ground (rows, cols) uint8."""
+    town, hill, roads = scene.town, scene.hills[0], scene.roads
+    lines = [roads.centre_line(k, x if along_x else y) for k, along_x in enumerate(roads.along_x)]
+    narrow = [half * np.hypot(1.0, slope) for half, (_, slope) in zip(roads.half_width, lines, strict=True)]
+    numbers = np.array(
+        [
+            town.x,
+            town.y,
+            town.radius,
+            np.cos(town.angle),
+            np.sin(town.angle),
+            town.street_half_width,
+            hill[0],
+            hill[1],
+            2.6 * hill[3],
+        ]
+    )
+    material = np.empty((len(y), len(x)), np.uint8)
+    _classify(material, x, y, numbers, scene.settings.seed)
+    for k, along_x in enumerate(roads.along_x):
+        across, centre = (y[:, None], lines[k][0][None, :]) if along_x else (x[None, :], lines[k][0][:, None])
+        material[np.abs(across - centre) < (narrow[k][None, :] if along_x else narrow[k][:, None])] = _ROAD
+    near_x, near_y = np.abs(x - scene.pond.x) <= scene.pond.a, np.abs(y - scene.pond.y) <= scene.pond.b
+    if near_x.any() and near_y.any():
+        wet = pond_distance(scene.pond, x[None, near_x], y[near_y, None]) < 1.0
+        at = np.ix_(near_y, near_x)
+        material[at] = np.where(wet, _WATER, material[at])
+    return material
+
+
+@njit(cache=True, inline="always")
+def parcel_at(seed, x, y):
+    """The field that a point belongs to: its two numbers and the distance to its border, m."""
+    cos, sin = np.cos(PARCEL[2]), np.sin(PARCEL[2])
+    u, v = x * cos + y * sin, y * cos - x * sin
+    row = np.floor(v / PARCEL[1])
+    u += PARCEL[0] * uniform_of(seed + 11, np.int64(row), 0)
+    col = np.floor(u / PARCEL[0])
+    fu, fv = u - col * PARCEL[0], v - row * PARCEL[1]
+    return np.int64(col), np.int64(row), min(min(fu, PARCEL[0] - fu), min(fv, PARCEL[1] - fv))
+
+
+@njit(cache=True)
+def _classify(material, x, y, n, seed):
+    """Fields outside the town and off the hill, streets inside the town, open ground elsewhere. `n` as in `_ground_material`."""
+    for row in range(material.shape[0]):
+        for col in range(material.shape[1]):
+            dx, dy = x[col] - n[0], y[row] - n[1]
+            code = _GROUND
+            if dx * dx + dy * dy < n[2] * n[2]:
+                u, v = dx * n[3] + dy * n[4], dy * n[3] - dx * n[4]
+                off_u = abs(u - STREET_SPACING[0] * np.rint(u / STREET_SPACING[0]))
+                off_v = abs(v - STREET_SPACING[1] * np.rint(v / STREET_SPACING[1]))
+                if min(off_u, off_v) < n[5]:
+                    code = _ROAD
+            elif (x[col] - n[6]) ** 2 + (y[row] - n[7]) ** 2 > n[8] * n[8]:
+                i, j, border = parcel_at(seed, x[col], y[row])
+                if border > 1.3 and uniform_of(seed + 12, i, j) > 0.34:
+                    code = _FIELD
+            material[row, col] = code
+
+
+@njit(cache=True, inline="always")
+def _range_of(low, high, first, step, count):
+    """The cells whose centres first + k * step may lie in [low, high]."""
+    a, b = (low - first) / step, (high - first) / step
+    if a > b:
+        a, b = b, a
+    return max(int(np.floor(a)), 0), min(int(np.ceil(b)) + 1, count)
+
+
+@njit(cache=True)
+def _stamp_buildings(height, material, building, x, y, table):
+    """Sets roof heights on all cells whose centre lies inside a floor plan. `table` as in `Buildings.table`."""
+    dx, dy = x[1] - x[0], y[1] - y[0]
+    for k in range(table.shape[0]):
+        cx, cy, cos, sin, length, width, eaves, rise = table[k]
+        reach = np.sqrt(length * length + width * width)
+        left, right = _range_of(cx - reach, cx + reach, x[0], dx, len(x))
+        top, bottom = _range_of(cy - reach, cy + reach, y[0], dy, len(y))
+        for row in range(top, bottom):
+            for col in range(left, right):
+                p = (x[col] - cx) * cos + (y[row] - cy) * sin
+                q = (y[row] - cy) * cos - (x[col] - cx) * sin
+                if abs(p) <= length and abs(q) <= width:
+                    height[row, col] = eaves + rise * (1.0 - abs(q) / width)
+                    material[row, col] = _ROOF
+                    building[row, col] = k + 1
+
+
+@njit(cache=True)
+def _stamp_trees(height, material, building, x, y, trees, feet, seed):
+    """Sets crowns (a rough dome on an upright rim) where there is no building; of two trees the higher one shows."""
+    dx, dy = x[1] - x[0], y[1] - y[0]
+    for k in range(trees.shape[0]):
+        cx, cy, radius, peak = trees[k]
+        left, right = _range_of(cx - radius, cx + radius, x[0], dx, len(x))
+        top, bottom = _range_of(cy - radius, cy + radius, y[0], dy, len(y))
+        for row in range(top, bottom):
+            for col in range(left, right):
+                d = ((x[col] - cx) ** 2 + (y[row] - cy) ** 2) / (radius * radius)
+                if d < 1.0 and building[row, col] == 0:
+                    dome = 0.55 + 0.45 * np.sqrt(1.0 - d)
+                    z = feet[k] + (peak - feet[k]) * dome + 0.3 * value_noise(seed + 21, x[col] / 1.6, y[row] / 1.6)
+                    if material[row, col] != _TREE or z > height[row, col]:
+                        height[row, col] = z
+                        material[row, col] = _TREE

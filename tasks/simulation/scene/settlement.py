@@ -1,0 +1,237 @@
+"""How a simulated scene is settled: everything in its layout drawn once from a seed.
+
+Places are fractions of the scene's bounds and the relief grows with the flying height, so that the same settings give a sensible
+scene for a block of two square kilometres or of a few hectares. Houses stand on lots along streets first, then scattered over the
+country; trees take what room is left.
+"""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from orthomill.schemas.errors import GeometryError
+from orthomill.tasks.simulation.scene.layout import (
+    STREET_SPACING,
+    Buildings,
+    Pond,
+    Roads,
+    Scene,
+    SceneSettings,
+    Town,
+    building_clearance,
+    ground_at,
+    pond_distance,
+    road_clearance,
+    terrain_factors,
+)
+
+TREE_TOP = 12.5
+"""m: no tree is higher above its ground."""
+LOT_MARGIN = 3.0
+"""m around a floor plan that stay clear of roads"""
+
+
+@lru_cache(maxsize=4)
+def scene_of(settings: SceneSettings) -> Scene:
+    """The scene that belongs to the settings. Raises GeometryError when the buildings find no room."""
+    generator = np.random.default_rng(settings.seed)
+    scene = _bare(settings, generator)
+    scene = replace(scene, buildings=_houses(scene, generator))
+    trees, feet = _grow_trees(scene, generator)
+    return replace(scene, trees=trees, tree_feet=feet)
+
+
+def _bare(settings: SceneSettings, generator: np.random.Generator) -> Scene:
+    """Relief, pond, town and roads; no building and no tree yet."""
+    scene = Scene(
+        settings=settings,
+        waves=_waves(settings, generator),
+        hills=_hills(settings),
+        pond=Pond(0.0, 0.0, 1.0, 1.0, 0.0),
+        town=_town(settings),
+        roads=_roads(settings, generator),
+        buildings=Buildings(*np.zeros((8, 0))),
+        trees=np.zeros((0, 4)),
+        tree_feet=np.zeros(0),
+    )
+    x, y = settings.place(0.64, 0.27)
+    fx, fy = terrain_factors(scene, np.array([x]), np.array([y]))
+    grown = max(settings.scale, 0.4)
+    return replace(scene, pond=Pond(x, y, 70.0 * grown, 48.0 * grown, float((fx * fy).sum()) - 0.8))
+
+
+def _waves(settings: SceneSettings, generator: np.random.Generator) -> np.ndarray:
+    """Long gentle waves that grow with the scene, and short ones of half a metre."""
+    length = np.concatenate([np.array([1150.0, 760.0, 520.0, 390.0]) * settings.scale, [140.0, 95.0, 70.0]])
+    amplitude = np.concatenate([np.array([7.0, 4.0, 2.5, 1.6]) * settings.scale, [0.6, 0.4, 0.25]])
+    direction = generator.uniform(0.0, np.pi, len(length))
+    k = 2.0 * np.pi / length
+    phase = generator.uniform(0.0, 2.0 * np.pi, len(length))
+    return np.column_stack([amplitude, k * np.cos(direction), k * np.sin(direction), phase])
+
+
+def _hills(settings: SceneSettings) -> np.ndarray:
+    """One steep hill (slope up to 0.6) and its low shoulder."""
+    s = settings.scale
+    return np.array(
+        [
+            [*settings.place(0.735, 0.70), 88.0 * s, 98.0 * s, 92.0 * s],
+            [*settings.place(0.80, 0.62), 16.0 * s, 130.0 * s, 150.0 * s],
+        ]
+    )
+
+
+def _town(settings: SceneSettings) -> Town:
+    """Large enough for three quarters of the buildings."""
+    x, y = settings.place(0.40, 0.50)
+    return Town(x, y, float(np.sqrt(0.75 * settings.buildings * 1750.0 / np.pi)) + 12.0, np.radians(13.0), 3.4)
+
+
+def _roads(settings: SceneSettings, generator: np.random.Generator) -> Roads:
+    """Two roads from west to east and one from south to north."""
+    places = [settings.place(0.5, 0.44)[1], settings.place(0.5, 0.83)[1], settings.place(0.56, 0.5)[0]]
+    size = np.array([60.0, 90.0, 75.0]) * settings.scale
+    length = np.array([1500.0, 2100.0, 1800.0]) * settings.scale
+    return Roads(
+        np.array([True, True, False]),
+        np.array(places),
+        size,
+        2.0 * np.pi / length,
+        generator.uniform(0.0, 2.0 * np.pi, 3),
+        np.array([4.5, 3.5, 4.0]),
+    )
+
+
+def _houses(scene: Scene, generator: np.random.Generator) -> Buildings:
+    """Town houses on lots from the centre outwards, then farms and halls scattered over the country."""
+    wanted = scene.settings.buildings
+    town = _on_lots(scene, generator, round(0.75 * wanted))
+    houses = _scattered(scene, generator, town, wanted - len(town))
+    if len(houses) < wanted:
+        raise GeometryError(
+            f"the simulated scene has room for {len(houses)} buildings only, {wanted} were asked for: "
+            "ask for fewer buildings or enlarge the block"
+        )
+    return houses
+
+
+def _on_lots(scene: Scene, generator: np.random.Generator, wanted: int) -> Buildings:
+    """Four lots in every block between the streets; the nearest to the centre that are free and level."""
+    reach = int(scene.town.radius / min(STREET_SPACING)) + 1
+    blocks = np.arange(-reach, reach)
+    i, j, a, b = (part.ravel() for part in np.meshgrid(blocks, blocks, (0.27, 0.73), (0.27, 0.73)))
+    u, v = (i + a) * STREET_SPACING[0], (j + b) * STREET_SPACING[1]
+    order = np.argsort(np.hypot(u, v), kind="stable")
+    u, v = u[order], v[order]
+    keep = (np.hypot(u, v) < scene.town.radius - 18.0) & (generator.uniform(size=len(u)) < 0.93)
+    x, y = scene.town.world(u[keep], v[keep])
+    angle = np.full(len(x), scene.town.angle) + np.radians(generator.normal(0.0, 0.7, len(x)))
+    length = generator.uniform(7.0, 12.5, len(x))
+    width = generator.uniform(4.8, 9.0, len(x))
+    return _build(scene, generator, (x, y, angle + np.pi / 2.0, length, width), wanted)
+
+
+def _scattered(scene: Scene, generator: np.random.Generator, town: Buildings, wanted: int) -> Buildings:
+    """Farms and halls anywhere, at any angle, one after the other where there is room."""
+    count = 60 * max(wanted, 1)
+    s = scene.settings
+    x, y = generator.uniform(s.west + 15.0, s.east - 15.0, count), generator.uniform(s.south + 15.0, s.north - 15.0, count)
+    angle = generator.uniform(0.0, np.pi, count)
+    length, width = generator.uniform(8.0, 19.0, count), generator.uniform(5.0, 11.0, count)
+    free = np.hypot(x - scene.town.x, y - scene.town.y) > scene.town.radius + 25.0
+    spread = float(np.clip(90.0 * s.scale, 34.0, 60.0))
+    pick = _apart(np.column_stack([x, y]), np.flatnonzero(free), spread, 4 * wanted)
+    country = _build(scene, generator, (x[pick], y[pick], angle[pick], length[pick], width[pick]), wanted)
+    return Buildings(*(np.concatenate([a, b]) for a, b in zip(town.table.T, country.table.T, strict=True)))
+
+
+def _apart(points: np.ndarray, candidates: np.ndarray, spread: float, enough: int) -> np.ndarray:
+    """The first `enough` candidates that keep `spread` m from all chosen before them."""
+    chosen: list[int] = []
+    for k in candidates:
+        if len(chosen) == enough:
+            break
+        if not chosen or np.hypot(*(points[chosen] - points[k]).T).min() > spread:
+            chosen.append(int(k))
+    return np.array(chosen, dtype=int)
+
+
+def _build(scene: Scene, generator: np.random.Generator, plan: tuple[np.ndarray, ...], wanted: int) -> Buildings:
+    """The first `wanted` floor plans (x, y, angle, half length, half width) that stand clear of roads and water on level ground."""
+    x, y, angle, length, width = plan
+    top = 4.0 + (scene.settings.roof_top - 4.0) * generator.uniform(size=len(x)) ** 2.2
+    gabled = (top < 11.5) & (generator.uniform(size=len(x)) < 0.62)
+    rise = np.where(gabled, width * np.tan(np.radians(generator.uniform(20.0, 36.0, len(x)))), 0.0)
+    ground = _corner_ground(scene, plan)
+    diagonal = np.hypot(length, width)
+    away = (pond_distance(scene.pond, x, y) - 1.0) * min(scene.pond.a, scene.pond.b) > diagonal + 6.0
+    level = np.ptp(ground, axis=0) < 2.4
+    sides = _corners(plan, LOT_MARGIN)
+    clear = np.min([road_clearance(scene, cx, cy) for cx, cy in sides], axis=0) > 0.0
+    pick = np.flatnonzero(away & level & clear & (road_clearance(scene, x, y) > width))[:wanted]
+    eaves = ground.max(axis=0) + np.maximum(top - rise, 3.0)
+    return Buildings(*(part[pick] for part in (x, y, np.cos(angle), np.sin(angle), length, width, eaves, rise)))
+
+
+def _corners(plan: tuple[np.ndarray, ...], margin: float) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Corners and middles of the sides of floor plans, `margin` m outside."""
+    x, y, angle, length, width = plan
+    points = [(p, q) for p in (-1, 0, 1) for q in (-1, 0, 1) if (p, q) != (0, 0)]
+    return [
+        (
+            x + p * (length + margin) * np.cos(angle) - q * (width + margin) * np.sin(angle),
+            y + p * (length + margin) * np.sin(angle) + q * (width + margin) * np.cos(angle),
+        )
+        for p, q in points
+    ]
+
+
+def _corner_ground(scene: Scene, plan: tuple[np.ndarray, ...]) -> np.ndarray:
+    """(8, N): the ground around floor plans, m."""
+    return np.array([ground_at(scene, cx, cy) for cx, cy in _corners(plan, 0.0)])
+
+
+def _grow_trees(scene: Scene, generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Trees that touch neither wall nor water nor reach far over a road: (T, 4) and the ground under them (T,)."""
+    x, y = np.concatenate([_woods(scene, generator), _avenues(scene, generator), _singles(scene, generator)], axis=1)
+    height = generator.uniform(4.0, TREE_TOP - 0.8, len(x))
+    radius = height * generator.uniform(0.28, 0.42, len(x)) + 0.3
+    free = (road_clearance(scene, x, y) > 0.6 * radius) & (building_clearance(scene.buildings, x, y) > radius + 0.7)
+    free &= (pond_distance(scene.pond, x, y) - 1.0) * min(scene.pond.a, scene.pond.b) > radius + 1.0
+    x, y, height, radius = x[free], y[free], height[free], radius[free]
+    feet = ground_at(scene, x, y)
+    return np.column_stack([x, y, radius, feet + height]), feet
+
+
+def _woods(scene: Scene, generator: np.random.Generator) -> np.ndarray:
+    """(2, N) dense groves, one of them on the flank of the hill."""
+    s = scene.settings
+    centres = np.array([s.place(*place) for place in ((0.67, 0.66), (0.16, 0.80), (0.22, 0.18), (0.86, 0.30), (0.47, 0.88))])
+    size = np.clip(62.0 * s.scale, 22.0, None)
+    count = max(int(0.016 * np.pi * size**2), 20)
+    grove = generator.integers(0, len(centres), count * len(centres))
+    return (centres[grove] + generator.normal(0.0, 0.6 * size, (len(grove), 2)) * np.array([1.25, 0.8])).T
+
+
+def _avenues(scene: Scene, generator: np.random.Generator) -> np.ndarray:
+    """(2, N) trees along the country roads, with gaps."""
+    s, rows = scene.settings, []
+    for k, along_x in enumerate(scene.roads.along_x):
+        along = np.arange(s.west, s.east, 17.0) if along_x else np.arange(s.south, s.north, 17.0)
+        along = along[generator.uniform(size=len(along)) < 0.45]
+        centre, _ = scene.roads.centre_line(k, along)
+        across = centre + np.where(generator.uniform(size=len(along)) < 0.5, -1.0, 1.0) * (scene.roads.half_width[k] + 5.5)
+        rows.append(np.array([along, across]) if along_x else np.array([across, along]))
+    return np.concatenate(rows, axis=1)
+
+
+def _singles(scene: Scene, generator: np.random.Generator) -> np.ndarray:
+    """(2, N) trees of the gardens in town, and single ones in the country."""
+    s = scene.settings
+    radius = scene.town.radius * np.sqrt(generator.uniform(size=int(scene.town.radius**2 * np.pi / 420.0)))
+    angle = generator.uniform(0.0, 2.0 * np.pi, len(radius))
+    gardens = np.array([scene.town.x + radius * np.cos(angle), scene.town.y + radius * np.sin(angle)])
+    count = int((s.east - s.west) * (s.north - s.south) / 7000.0)
+    country = np.array([generator.uniform(s.west, s.east, count), generator.uniform(s.south, s.north, count)])
+    return np.concatenate([gardens, country], axis=1)

@@ -1,0 +1,101 @@
+"""Vehicles: they stand elsewhere in every photograph, as traffic does, and are no part of the truth.
+
+Drawn per photo along roads and streets; pressed into the height model and the colours of the window that is being rendered, so
+that they occlude and are occluded like everything else.
+"""
+
+import numpy as np
+from numba import njit
+
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.truth import OPEN_MATERIALS
+from orthomill.tasks.simulation.scene.ground_texture import PaintedWindow
+from orthomill.tasks.simulation.scene.layout import STREET_SPACING, Scene
+from orthomill.tasks.simulation.scene.scene import SurfaceWindow
+
+FIRST_NUMBER = 60000
+"""Vehicles carry building numbers from here on while a photo is rendered."""
+_PAINT = np.array(
+    [
+        [236.0, 236.0, 232.0],
+        [206.0, 208.0, 210.0],
+        [120.0, 122.0, 128.0],
+        [34.0, 34.0, 38.0],
+        [168.0, 34.0, 32.0],
+        [40.0, 64.0, 120.0],
+        [200.0, 178.0, 60.0],
+    ]
+)
+_BODY = {"car": (4.4, 1.9, 1.5), "van": (5.8, 2.2, 2.3), "lorry": (9.5, 2.6, 3.3)}
+
+
+def vehicles_of(scene: Scene, photo: int) -> np.ndarray:
+    """(V, 10) vehicles of photo number `photo`: x, y, cos, sin, half length, half width, height (m), red, green, blue."""
+    generator = np.random.default_rng([scene.settings.seed, 3, photo])
+    x, y, angle = np.concatenate([_on_roads(scene, generator), _on_streets(scene, generator)], axis=1)
+    bodies = np.array(list(_BODY.values()))[generator.choice(3, len(x), p=(0.74, 0.17, 0.09))]
+    paint = _PAINT[generator.integers(0, len(_PAINT), len(x))]
+    return np.column_stack([x, y, np.cos(angle), np.sin(angle), bodies[:, 0] / 2, bodies[:, 1] / 2, bodies[:, 2], paint])
+
+
+def with_vehicles(painted: PaintedWindow, grid: MapGrid, window: Window, vehicles: np.ndarray) -> PaintedWindow:
+    """The window with the vehicles (as from `vehicles_of`) standing in it."""
+    height, building, colours = painted.surface.height.copy(), painted.surface.building.copy(), painted.colours.copy()
+    x, y = grid.centres(window)
+    near = (vehicles[:, 0] > x[0] - 8) & (vehicles[:, 0] < x[-1] + 8) & (vehicles[:, 1] > y[-1] - 8) & (vehicles[:, 1] < y[0] + 8)
+    free = np.isin(painted.surface.material, np.array(OPEN_MATERIALS, np.uint8))
+    _stamp(height, building, colours, free, (x, y), vehicles[near], np.flatnonzero(near) + FIRST_NUMBER)
+    return PaintedWindow(SurfaceWindow(height, painted.surface.material, building), colours)
+
+
+def _on_roads(scene: Scene, generator: np.random.Generator) -> np.ndarray:
+    """(3, N) x, y, heading of vehicles in the right-hand lanes of country roads, one every 45 m on average."""
+    s, rows = scene.settings, []
+    for k, along_x in enumerate(scene.roads.along_x):
+        low, high = (s.west, s.east) if along_x else (s.south, s.north)
+        along = generator.uniform(low, high, max(int((high - low) / 45.0), 3))
+        lane = np.where(generator.uniform(size=len(along)) < 0.5, -0.48, 0.48) * scene.roads.half_width[k]
+        centre, slope = scene.roads.centre_line(k, along)
+        across = centre + lane
+        turn = np.arctan(slope)
+        rows.append(np.array([along, across, turn]) if along_x else np.array([across, along, np.pi / 2 - turn]))
+    return np.concatenate(rows, axis=1)
+
+
+def _on_streets(scene: Scene, generator: np.random.Generator) -> np.ndarray:
+    """(3, N) x, y, heading of vehicles driving or parked in the streets of the town."""
+    town = scene.town
+    count = max(int(town.radius**2 / 600.0), 12)
+    along = generator.uniform(-town.radius, town.radius, count)
+    side = np.where(generator.uniform(size=count) < 0.5, -1.0, 1.0) * generator.choice([1.3, 2.2], count)
+    up = generator.uniform(size=count) < 0.5
+    spacing = np.where(up, STREET_SPACING[0], STREET_SPACING[1])
+    street = np.rint(generator.uniform(-town.radius, town.radius, count) / spacing) * spacing + side
+    u, v = np.where(up, street, along), np.where(up, along, street)
+    inside = np.hypot(u, v) < town.radius - 6.0
+    x, y = town.world(u[inside], v[inside])
+    return np.array([x, y, town.angle + np.where(up[inside], np.pi / 2, 0.0)])
+
+
+@njit(cache=True)
+def _stamp(height, building, colours, free, axes, vehicles, numbers):
+    """Lifts free cells under each vehicle to its roof; the windscreen is a dark band across it."""
+    x, y = axes
+    base = height.copy()
+    cell = x[1] - x[0]
+    for k in range(vehicles.shape[0]):
+        cx, cy, cos, sin, length, width, tall, red, green, blue = vehicles[k]
+        reach = np.sqrt(length * length + width * width)
+        left, right = max(int((cx - reach - x[0]) / cell), 0), min(int((cx + reach - x[0]) / cell) + 2, len(x))
+        top, bottom = max(int((y[0] - cy - reach) / cell), 0), min(int((y[0] - cy + reach) / cell) + 2, len(y))
+        for row in range(top, bottom):
+            for col in range(left, right):
+                p = (x[col] - cx) * cos + (y[row] - cy) * sin
+                q = (y[row] - cy) * cos - (x[col] - cx) * sin
+                if free[row, col] and abs(p) <= length and abs(q) <= width:
+                    height[row, col] = base[row, col] + np.float32(tall)
+                    building[row, col] = numbers[k]
+                    dark = 0.35 if 0.25 * length < p < 0.55 * length else 1.0
+                    colours[row, col, 0] = np.uint8(red * dark)
+                    colours[row, col, 1] = np.uint8(green * dark)
+                    colours[row, col, 2] = np.uint8(blue * dark)

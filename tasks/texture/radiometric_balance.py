@@ -1,0 +1,230 @@
+"""Radiometric balance of the block: one gain, one offset and one vignetting per photograph and channel, from the ground they share.
+
+Model: the grey value of photo i at a place of ground brightness G is  g = gain_i (1 + v1 r^2 + v2 r^4) G + offset_i,  r from the
+photo's middle in half diagonals. The ground brightness of every sample is unknown too; it is eliminated point by point, as in a
+bundle adjustment, so that noise in g does not pull the gains. Huber weights keep vehicles, leaves and reflections from ruling.
+Absolute brightness cannot be known: the gains have the mean 1 and the offsets the mean 0.
+
+Source: the least-squares form of what Petsa et al. 2007 did by equating histograms (methods/texture_blending.md, M19).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+from scipy import sparse
+from scipy.sparse.linalg import spsolve
+
+from orthomill.schemas.job import Columns, Table
+
+TERMS = 4
+"""gain, gain v1, gain v2, offset"""
+HUBER = 1.5
+ROUNDS = 12
+
+
+@dataclass(frozen=True)
+class Samples(Columns):
+    """One row per photo that sees a sample of the ground; rows of a point follow each other."""
+
+    point: np.ndarray
+    """int64: number of the sample on the ground"""
+    photo: np.ndarray
+    """int32: number of the photo in the block"""
+    r2: np.ndarray
+    """float32: squared distance from the photo's middle, half diagonals"""
+    first: np.ndarray
+    second: np.ndarray
+    third: np.ndarray
+    """float32 grey values; equal for a grey photo"""
+
+    @property
+    def grey(self) -> np.ndarray:
+        """(N, 3)"""
+        return np.column_stack([self.first, self.second, self.third]).astype(np.float64)
+
+
+class PhotoRadiometry(BaseModel):
+    """How the grey values of one photograph are brought to the block's: (g - offset) / (gain (1 + v1 r^2 + v2 r^4))."""
+
+    model_config = ConfigDict(frozen=True)
+
+    photo: str
+    gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    v1: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    v2: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    samples: int = 0
+
+
+class Radiometry(BaseModel):
+    """The balance of all photographs, and the range of grey values that becomes 0 to 255."""
+
+    model_config = ConfigDict(frozen=True)
+
+    photos: tuple[PhotoRadiometry, ...]
+    black: float = 0.0
+    white: float = 255.0
+    samples: int = 0
+    points: int = 0
+    difference_before: float | None = None
+    difference_after: float | None = None
+    """mean absolute difference of two photos at the same sample, grey levels"""
+    difference_median_after: float | None = None
+
+    def of(self, name: str) -> PhotoRadiometry:
+        return next(photo for photo in self.photos if photo.photo == name)
+
+
+RADIOMETRY = Table("texture/radiometry.json", Radiometry)
+
+
+def corrected(grey: np.ndarray, r2: np.ndarray, photo: PhotoRadiometry) -> np.ndarray:
+    """Grey values (..., bands) of a photo at `r2` (...) brought to the block's radiometry; bands 1 or 3. float32."""
+    out = np.empty(grey.shape, np.result_type(grey, np.float32))
+    r2 = r2.astype(np.float32)
+    for band in range(grey.shape[-1]):
+        gain, offset, v1, v2 = (np.float32(values[band]) for values in (photo.gain, photo.offset, photo.v1, photo.v2))
+        out[..., band] = (grey[..., band] - offset) / (gain * (1 + r2 * (v1 + r2 * v2)))
+    return out
+
+
+def _grouped(point: np.ndarray) -> tuple[np.ndarray, int]:
+    """Points renumbered from 0 without gaps, and their number."""
+    numbers, group = np.unique(point, return_inverse=True)
+    return group, len(numbers)
+
+
+@dataclass(frozen=True)
+class _Channel:
+    """Observations of one channel: photo, point and r2 of each grey value g (N,)."""
+
+    photo: np.ndarray
+    point: np.ndarray
+    r2: np.ndarray
+    g: np.ndarray
+    photos: int
+    points: int
+
+
+def _prior(photos: int, vignetting: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Expected values and weights (in units of one grey level's weight) of the 4 parameters of all photos.
+
+    Weak, so that a photo without overlap keeps gain 1 and offset 0.
+    """
+    sigma = np.array([0.1, 0.1, 0.1, 10.0]) if vignetting else np.array([0.1, 1e-6, 1e-6, 10.0])
+    return np.tile([1.0, 0.0, 0.0, 0.0], photos), np.tile(sigma**-2.0, photos)
+
+
+def _datum(photos: int) -> sparse.csr_matrix:
+    """Two rows: the sum of the gains and the sum of the offsets."""
+    columns = np.concatenate([np.arange(photos) * TERMS, np.arange(photos) * TERMS + 3])
+    rows = np.repeat([0, 1], photos)
+    return sparse.csr_matrix((np.ones(2 * photos), (rows, columns)), shape=(2, photos * TERMS))
+
+
+def _design(channel: _Channel, ground: np.ndarray) -> sparse.csr_matrix:
+    """Derivatives (N, 4 photos) of the grey values by the photos' parameters."""
+    G = ground[channel.point]
+    values = np.column_stack([G, channel.r2 * G, channel.r2**2 * G, np.ones(len(G))])
+    columns = channel.photo[:, None] * TERMS + np.arange(TERMS)
+    rows = np.repeat(np.arange(len(G)), TERMS)
+    return sparse.csr_matrix((values.ravel(), (rows, columns.ravel())), shape=(len(G), channel.photos * TERMS))
+
+
+def _solve_channel(channel: _Channel, vignetting: bool) -> np.ndarray:
+    """Parameters (photos, 4): gain, gain v1, gain v2, offset. Gauss-Newton with the ground eliminated."""
+    count = len(channel.g)
+    expected, prior = _prior(channel.photos, vignetting)
+    datum, x = _datum(channel.photos), expected.copy()
+    ground = np.bincount(channel.point, channel.g, channel.points) / np.bincount(channel.point, minlength=channel.points)
+    weight = np.ones(count)
+    for _ in range(ROUNDS):
+        a = x.reshape(-1, TERMS)[channel.photo]
+        slope = a[:, 0] + channel.r2 * (a[:, 1] + channel.r2 * a[:, 2])
+        residual = channel.g - slope * ground[channel.point] - a[:, 3]
+        sigma = max(1.4826 * float(np.median(np.abs(residual))), 0.1)
+        weight = np.minimum(1.0, HUBER * sigma / np.maximum(np.abs(residual), 1e-12))
+        J = _design(channel, ground)
+        B = sparse.csr_matrix((slope, (np.arange(count), channel.point)), shape=(count, channel.points))
+        WJ = sparse.diags_array(weight) @ J
+        C, D = (B.T @ WJ).tocsr(), np.bincount(channel.point, weight * slope**2, channel.points)
+        right_ground = np.bincount(channel.point, weight * slope * residual, channel.points)
+        normal = (J.T @ WJ) - C.T @ sparse.diags_array(1.0 / D) @ C
+        right = WJ.T @ residual - C.T @ (right_ground / D) + prior * (expected - x)
+        hard = 1e3 * count
+        normal = normal + sparse.diags_array(prior) + hard * (datum.T @ datum)
+        right = right + hard * (datum.T @ (datum @ (expected - x)))
+        dx = spsolve(sparse.csc_matrix(normal), right)
+        x += dx
+        ground += (right_ground - C @ dx) / D
+        if np.abs(dx).max() < 1e-5:
+            break
+    return x.reshape(-1, TERMS)
+
+
+def _usable(samples: Samples, black: float, white: float) -> Samples:
+    """Samples that are not saturated, at points that two photos or more still see."""
+    grey = samples.grey
+    edge = 0.012 * (white - black)
+    samples = samples.take(((grey > black + edge) & (grey < white - edge)).all(axis=1))
+    if not len(samples):
+        return samples
+    group, count = _grouped(samples.point)
+    return samples.take(np.bincount(group, minlength=count)[group] >= 2)
+
+
+def pair_differences(point: np.ndarray, grey: np.ndarray) -> np.ndarray:
+    """Absolute differences (M,) of each row's grey values (N, bands), mean over bands, from the row before it at the same point."""
+    order = np.argsort(point, kind="stable")
+    same = point[order][1:] == point[order][:-1]
+    return np.abs(np.diff(grey[order], axis=0)).mean(axis=1)[same]
+
+
+def _photos(names: tuple[str, ...], parameters: np.ndarray, counts: np.ndarray) -> tuple[PhotoRadiometry, ...]:
+    """From the adjusted parameters (3, photos, 4)."""
+    gain, v1, v2 = parameters[..., 0], parameters[..., 1] / parameters[..., 0], parameters[..., 2] / parameters[..., 0]
+    return tuple(
+        PhotoRadiometry(
+            photo=name,
+            gain=tuple(gain[:, i]),
+            v1=tuple(v1[:, i]),
+            v2=tuple(v2[:, i]),
+            offset=tuple(parameters[:, i, 3]),
+            samples=int(counts[i]),
+        )
+        for i, name in enumerate(names)
+    )
+
+
+def balance_block(names: tuple[str, ...], samples: Samples, white: float, vignetting: bool) -> Radiometry:
+    """Adjusts the radiometry of all photos together.
+
+    `names` in the order of `Samples.photo`; `white` is the greatest grey value of the photos' dtype (255 or the stretch of 16
+    bits). Without shared ground every photo keeps gain 1 and offset 0.
+    """
+    samples = _usable(samples, 0.0, white)
+    if not len(samples):
+        return Radiometry(photos=tuple(PhotoRadiometry(photo=name) for name in names), white=white)
+    unit = white / 255.0
+    point, points = _grouped(samples.point)
+    grey, r2 = samples.grey / unit, samples.r2.astype(np.float64)
+    solved = [
+        _solve_channel(_Channel(samples.photo, point, r2, grey[:, band], len(names), points), vignetting) for band in range(3)
+    ]
+    photos = _photos(names, np.array(solved), np.bincount(samples.photo, minlength=len(names)))
+    after = np.empty_like(grey)
+    for i, photo in enumerate(photos):
+        mine = samples.photo == i
+        after[mine] = corrected(grey[mine], r2[mine], photo)
+    scaled = tuple(p.model_copy(update={"offset": tuple(o * unit for o in p.offset)}) for p in photos)
+    differences = pair_differences(point, after)
+    return Radiometry(
+        photos=scaled,
+        white=white,
+        samples=len(samples),
+        points=points,
+        difference_before=float(pair_differences(point, grey).mean()),
+        difference_after=float(differences.mean()),
+        difference_median_after=float(np.median(differences)),
+    )

@@ -1,0 +1,1 @@
+"""Which points of a surface a photograph sees. Arrays in, arrays out."""

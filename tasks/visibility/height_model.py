@@ -1,0 +1,222 @@
+"""Which points of a surface a photograph sees: the ray from the point to the projection centre must stay above the height model.
+
+Strategy: march along the ray, one cell at a time in the direction in which it advances faster, and compare its height with the
+surface (linear between the two cells beside it). Blocks of the model know the greatest height around them, so a ray above it
+jumps a whole block; above the greatest height of all it is free. Only the surface between a cell and the sky above it matters, so
+a tile with a large enough halo gives exactly the answer of the whole model.
+
+Holes are bridged for this test (and for draping) from the nearest heights in eight directions: an unmeasured spot on a roof still
+hides the ground behind it. Holes wider than the bridge hide nothing.
+
+Source: visibility by the surface nearest to the projection centre, Petsa et al. 2007 (methods/texture_blending.md, M5); the exact
+ray stands for the triangle look-up. Widening of occlusions: M10, on the ground instead of in the image.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numba import njit
+from scipy import ndimage
+
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.tasks.geometry.view import View
+
+cv2.setNumThreads(1)
+
+BLOCK = 16
+"""Side of the blocks whose greatest height lets a ray jump, cells."""
+WALL = 2.0
+"""A step between neighbouring cells of more than this many cells is a wall, not a slope."""
+
+
+@dataclass(frozen=True)
+class HeightModel:
+    """A window of a height model: `heights` (rows, cols) m with NaN for holes, at `window` of `grid`."""
+
+    heights: np.ndarray
+    grid: MapGrid
+    window: Window
+
+
+@njit(cache=True)
+def _sweep(heights, gap, downwards, total, weights):
+    """Adds, for every hole, the nearest heights of four of its eight directions: those that lie behind a sweep over rows and
+    columns, which carries steps and height along each direction instead of searching for them. A sweep back adds the other four."""
+    rows, cols = heights.shape
+    steps = np.full((2, 3, cols + 2), gap + 1)
+    value = np.zeros((2, 3, cols + 2), heights.dtype)
+    for i in range(rows):
+        r = i if downwards else rows - 1 - i
+        now, before = i % 2, 1 - i % 2
+        aside, height_aside = gap + 1, heights[r, 0]
+        for j in range(cols):
+            c = j if downwards else cols - 1 - j
+            if not np.isnan(heights[r, c]):
+                steps[now, :, c + 1] = 0
+                value[now, :, c + 1] = heights[r, c]
+                aside, height_aside = 0, heights[r, c]
+                continue
+            aside = min(aside + 1, gap + 1)
+            if not downwards and aside <= gap:
+                total[r, c] += 1.0 / aside * height_aside
+                weights[r, c] += 1.0 / aside
+            for k in range(3):
+                near = min(steps[before, k, c + k] + 1, gap + 1)
+                steps[now, k, c + 1] = near
+                value[now, k, c + 1] = value[before, k, c + k]
+                if near <= gap:
+                    weight = 1.0 / (near * (1.0 if k == 1 else np.sqrt(2.0)))
+                    total[r, c] += weight * value[now, k, c + 1]
+                    weights[r, c] += weight
+            if downwards and aside <= gap:
+                total[r, c] += 1.0 / aside * height_aside
+                weights[r, c] += 1.0 / aside
+
+
+def bridge_holes(heights: np.ndarray, gap: int) -> np.ndarray:
+    """Heights (rows, cols) with holes filled from the nearest heights in eight directions at most `gap` cells away, by inverse
+    distance.
+
+    Where none is that near, NaN stays. The answer at a cell depends on the cells within `gap` only. float32.
+    """
+    heights = np.ascontiguousarray(heights, np.float32)
+    holes = np.isnan(heights)
+    if not holes.any():
+        return heights
+    total, weights = np.zeros(heights.shape), np.zeros(heights.shape)
+    for downwards in (True, False):
+        _sweep(heights, gap, downwards, total, weights)
+    with np.errstate(invalid="ignore"):
+        return np.where(holes, total / weights, heights).astype(np.float32)
+
+
+def _ceiling(heights: np.ndarray) -> np.ndarray:
+    """Per block of 16 x 16 cells, the greatest height in it and in the blocks around it; -inf where there is none."""
+    rows, cols = -(-heights.shape[0] // BLOCK), -(-heights.shape[1] // BLOCK)
+    padded = np.full((rows * BLOCK, cols * BLOCK), -np.inf, np.float32)
+    padded[: heights.shape[0], : heights.shape[1]] = np.where(np.isnan(heights), -np.inf, heights)
+    blocks = padded.reshape(rows, BLOCK, cols, BLOCK).max(axis=(1, 3))
+    return ndimage.maximum_filter(blocks, size=3, mode="nearest")
+
+
+@njit(cache=True, inline="always")
+def _surface_between(a, b, share, wall):
+    if np.isnan(a):
+        return b
+    if np.isnan(b):
+        return a
+    if abs(b - a) > wall:
+        return a if share < 0.5 else b
+    return a + share * (b - a)
+
+
+@njit(cache=True, inline="always")
+def _surface_at(heights, row0, col0, y, x, by_row, wall):
+    """Height at a point of the march, where the coordinate along the march is whole; NaN outside."""
+    height, width = heights.shape
+    if by_row:
+        r, low = int(np.floor(y + 0.5)) - row0, int(np.floor(x))
+        c = low - col0
+        if r < 0 or r >= height or c + 1 < 0 or c >= width:
+            return np.nan
+        return _surface_between(heights[r, max(c, 0)], heights[r, min(c + 1, width - 1)], x - low, wall)
+    c, low = int(np.floor(x + 0.5)) - col0, int(np.floor(y))
+    r = low - row0
+    if c < 0 or c >= width or r + 1 < 0 or r >= height:
+        return np.nan
+    return _surface_between(heights[max(r, 0), c], heights[min(r + 1, height - 1), c], y - low, wall)
+
+
+@njit(cache=True)
+def _march(heights, ceiling, top, centre, corner, rows, cols, z, slope, tolerance, wall, out):
+    # places are counted in the whole model, so that rounding is the same whatever the window
+    height, width = heights.shape
+    row0, col0 = corner
+    for i in range(rows.size):
+        for j in range(cols.size):
+            if np.isnan(z[i, j]) or centre[2] <= z[i, j]:
+                continue
+            dr, dc = centre[1] - rows[i], centre[0] - cols[j]
+            steps = max(abs(dr), abs(dc))
+            if steps < 1.0:
+                out[i, j] = 1
+                continue
+            sr, sc, sz = dr / steps, dc / steps, (centre[2] - z[i, j]) / steps
+            # noise of the model moves a slope sideways as well, so a steep place gets a larger tolerance
+            start = z[i, j] + tolerance * (1.0 + min(slope[i, j], 2.0))
+            by_row = abs(dr) >= abs(dc)
+            place, ahead = (rows[i], sr) if by_row else (cols[j], sc)
+            step = np.floor(place) + 1.0 - place if ahead > 0 else place - np.ceil(place) + 1.0
+            seen = True
+            while step < steps:
+                ray = start + sz * step
+                if ray - 0.5 * sz > top:
+                    break
+                y, x = rows[i] + sr * step, cols[j] + sc * step
+                near_r, near_c = int(np.floor(y + 0.5)) - row0, int(np.floor(x + 0.5)) - col0
+                if near_r < 0 or near_c < 0 or near_r >= height or near_c >= width:
+                    break
+                if ray - 0.5 * sz > ceiling[near_r // BLOCK, near_c // BLOCK]:
+                    step += BLOCK - 1
+                    continue
+                surface = _surface_at(heights, row0, col0, y, x, by_row, wall)
+                if surface > ray:
+                    seen = False
+                    break
+                # a wall stands between two cells: the ray reaches it half a step before the upper cell's centre
+                if surface > ray - 0.5 * sz:
+                    before = _surface_at(heights, row0, col0, y - sr, x - sc, by_row, wall)
+                    if surface - before > wall:
+                        seen = False
+                        break
+                step += 1.0
+            if seen:
+                out[i, j] = 1
+
+
+@dataclass(frozen=True)
+class Targets:
+    """Points on the surface in a grid: `rows` (R,) and `cols` (C,) in cells of the whole height model (float, cell centres are
+    whole).
+
+    `z` (R, C) m, NaN for none; `slope` (R, C), m per m.
+    """
+
+    rows: np.ndarray
+    cols: np.ndarray
+    z: np.ndarray
+    slope: np.ndarray
+
+
+def visible_targets(model: HeightModel, view: View, targets: Targets, tolerance: float) -> np.ndarray:
+    """uint8 (R, C): 1 where the surface leaves the ray from the target to the view free.
+
+    A target without height is not seen. `tolerance` (m) is how deep a ray may dip below the surface on level ground; it grows with
+    the slope at the target. Whether the target falls inside the photograph is not asked here.
+    """
+    heights = np.ascontiguousarray(model.heights, np.float32)
+    out = np.zeros(targets.z.shape, np.uint8)
+    if np.isnan(heights).all():
+        return out
+    centre = np.array([*model.grid.pixel(view.centre[0], view.centre[1]), view.centre[2]])
+    corner, top = (model.window.row, model.window.col), float(np.nanmax(heights))
+    rows, cols = np.asarray(targets.rows, np.float64), np.asarray(targets.cols, np.float64)
+    z, slope = (np.ascontiguousarray(values, np.float32) for values in (targets.z, targets.slope))
+    _march(heights, _ceiling(heights), top, centre, corner, rows, cols, z, slope, tolerance, WALL * model.grid.cell, out)
+    return out
+
+
+def widening_factor(hidden: np.ndarray, margin: float, ramp: float) -> np.ndarray:
+    """float32 weight factor (rows, cols) that falls towards hidden pixels.
+
+    0 within `margin` px of a hidden one, 1 from `margin` + `ramp` px on. Single hidden pixels (specks of a noisy model) do not
+    count: the hidden area is opened by a 2 x 2 window first (Petsa et al. 2007, M10 step 3).
+    """
+    square = np.ones((2, 2), np.uint8)
+    # an even window has no middle: opposite anchors keep the opened area where it was
+    opened = cv2.dilate(cv2.erode(hidden.astype(np.uint8), square, anchor=(0, 0)), square, anchor=(1, 1))
+    if not opened.any():
+        return np.ones(hidden.shape, np.float32)
+    distance = cv2.distanceTransform(1 - opened, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.clip((distance - margin) / max(ramp, 1e-6), 0.0, 1.0).astype(np.float32)

@@ -1,0 +1,41 @@
+"""Which points their rays determine."""
+
+from dataclasses import replace
+
+import numpy as np
+from small_network import moved, small_network
+
+from orthomill.tasks.adjustment.model.network import Rays
+from orthomill.tasks.adjustment.solve.minimise import sizes
+from orthomill.tasks.adjustment.solve.ray_intersection import UNSURE, intersected, intersecting
+
+
+def test_a_point_counts_while_its_distance_is_better_known_than_a_quarter():
+    network, state, _ = small_network(free=True)
+    network = replace(network, centre_weight=np.zeros_like(network.centre_weight))
+    centre, base = state.centre, 40.0
+    state = replace(state, rotation=np.tile(np.eye(3), (4, 1, 1)))
+    pair = Rays(np.array([0, 0], np.int32), np.array([0, 1], np.int32), np.zeros((2, 2)), np.full(2, 0.5))
+    middle = 0.5 * (centre[0] + centre[1])
+    # Two rays with direction errors s that meet under the angle a: the distance is off by about s / (a / sqrt(2)) of itself.
+    limit = UNSURE * base / (np.sqrt(2.0) * 0.5 / state.interior[0, 0])
+    for share, known in ((0.9, True), (1.1, False)):
+        state.point[0] = middle - np.array([0.0, 0.0, share * limit])
+        assert (intersecting(network, state, pair, np.ones(2, bool)) == known).all()
+    state.point[0] = middle - np.array([0.0, 0.0, 1e14])
+    assert not intersecting(network, state, pair, np.ones(2, bool)).any()
+    assert intersecting(replace(network, named=np.array([0])), state, pair, np.ones(2, bool)).all()
+    state.point[0] = middle + np.array([0.0, 0.0, 50.0])
+    assert not intersecting(replace(network, named=np.array([0])), state, pair, np.ones(2, bool)).any()
+
+
+def test_points_settle_where_their_rays_meet_and_none_gets_worse():
+    network, state, rays = small_network(3, noise=1.0)
+    start = replace(state, point=moved(state, np.random.default_rng(3), 2.0).point)
+    there = intersected(network, start, rays, np.inf)
+    first, then = (np.bincount(rays.point, sizes(network, s, rays) ** 2) for s in (start, there))
+    assert (then <= first * (1 + 1e-12)).all()
+    own = ~network.pointed
+    assert then[own].sum() < 0.01 * first[own].sum()
+    assert (there.point[network.pointed] == start.point[network.pointed]).all()
+    assert (there.centre == start.centre).all()

@@ -1,0 +1,180 @@
+"""Cameras from EXIF, as typed, from files; fitted to reduced and turned photographs."""
+
+import json
+
+import numpy as np
+import pytest
+
+from orthomill.schemas.camera import INTERIOR, Camera, Cameras
+from orthomill.schemas.errors import PhotoError, WorkflowError
+from orthomill.schemas.photo import Header, Photo, Photos
+from orthomill.schemas.project import CameraFromChessboards, CameraGiven
+from orthomill.schemas.settings import Settings
+from orthomill.tasks.calibration.cameras.camera_assignment import fitted
+from orthomill.tasks.calibration.cameras.known_cameras import as_given, from_exif, from_file
+from orthomill.tasks.calibration.cameras.nominal_cameras import cameras_from_file
+from orthomill.tasks.calibration.solving.chessboards import index_board_photos
+from orthomill.tasks.calibration.stage import CalibrationStage
+from orthomill.tasks.geometry.camera_change import scaled, turned
+from orthomill.tasks.geometry.distortion import image_to_pixel
+
+CAMERA = Camera(
+    name="t", width=800, height=600, c=700, x0=9.0, y0=-6.0, k1=-0.1, k2=0.02, p1=0.004, p2=-0.003, pixel_um=4.0,
+    covariance=tuple(map(tuple, np.diag([4.0, 1.0, 2.0, 1e-6, 1e-6, 0.0, 3e-8, 5e-8]).tolist())),
+)  # fmt: skip
+
+
+def photo(name: str = "a", **changes) -> Photo:
+    facts = {"name": name, "path": f"{name}.jpg", "width": 800, "height": 600, "bands": 3, "dtype": "uint8", "camera": "cam"}
+    return Photo(**{**facts, **changes})
+
+
+def photos(*many: Photo) -> Photos:
+    return Photos(photos=many)
+
+
+def upright_pixel(pixel: np.ndarray, orientation: int, width: int, height: int) -> np.ndarray:
+    """Where a pixel of the file lands, by marking it in an array."""
+    from orthomill.tasks.imagery.upright import upright
+
+    marks = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(float)
+    shown = upright(marks, orientation)
+    row, col = np.argwhere((shown == pixel).all(axis=2))[0]
+    return np.array([col, row], dtype=float)
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_a_turned_camera_images_every_direction_at_the_turned_pixel(orientation):
+    own = turned(CAMERA, orientation)
+    directions = np.array([[150.0, 80.0], [-200.0, 120.0], [60.0, -170.0]])
+    before = image_to_pixel(CAMERA, directions)
+    corners = np.array([[0, 0], [799, 0], [0, 599]])
+    moved = np.array([upright_pixel(corner, orientation, 800, 600) for corner in corners])
+    origin, along_col, along_row = moved[0], (moved[1] - moved[0]) / 799, (moved[2] - moved[0]) / 599
+    expected = origin + before[:, :1] * along_col + before[:, 1:] * along_row
+    turn = np.array([[along_col[0], -along_row[0]], [-along_col[1], along_row[1]]])
+    assert image_to_pixel(own, directions @ turn.T) == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_turned_covariance_moves_with_its_parameters():
+    own = np.array(turned(CAMERA, 6).covariance)
+    assert np.diag(own) == pytest.approx([4.0, 2.0, 1.0, 1e-6, 1e-6, 0.0, 5e-8, 3e-8])
+
+
+def test_a_reduced_photograph_has_a_reduced_camera():
+    half = scaled(CAMERA, (400, 300))
+    assert (half.c, half.x0, half.y0, half.k1, half.pixel_um) == (350, 4.5, -3.0, -0.1, 8.0)
+    assert np.array(half.covariance)[0, 0] == pytest.approx(1.0)
+    direction = np.array([[0.2, -0.1]])
+    full, small = image_to_pixel(CAMERA, 700 * direction), image_to_pixel(half, 350 * direction)
+    assert (small + 0.5) * 2 - 0.5 == pytest.approx(full)
+    assert fitted(CAMERA, photo(width=600, height=800, exif_orientation=6)).width == 600
+
+
+def test_exif_gives_a_nominal_camera_with_wide_sigmas():
+    outcome = from_exif(photos(photo(focal_mm=4.0, pixel_um=2.0), photo("b", camera="other", focal_35mm=27.0)))
+    cameras = outcome["cameras"]
+    assert cameras.of("a").c == pytest.approx(2000) and cameras.of("a").source == "exif"
+    assert cameras.of("b").c == pytest.approx(600)
+    sigma = [np.sqrt(cameras.of(name).covariance[0][0]) for name in "ab"]
+    assert sigma == pytest.approx([40.0, 30.0])
+    assert any("nominal" in warning for warning in outcome["report"].warnings)
+
+
+def test_contradicting_exif_tags_are_reported():
+    report = from_exif(photos(photo(focal_mm=4.0, pixel_um=2.0, focal_35mm=28.0)))["report"]
+    assert any("contradict" in warning for warning in report.warnings)
+
+
+def test_no_exif_and_no_camera_is_one_sentence_that_names_the_photographs():
+    with pytest.raises(PhotoError, match=r"2 of 2 photographs \(b, c\).*kind: given"):
+        from_exif(photos(photo("b"), photo("c", focal_mm=8.0)))
+
+
+def test_a_photograph_that_lost_its_tags_takes_the_camera_of_the_others_of_its_size():
+    block = (photo("a", focal_mm=4.0, pixel_um=2.0, camera="cam"), photo("b", camera="800 x 600"))
+    outcome = from_exif(photos(*block))
+    assert outcome["cameras"].of_photo == {"a": "cam", "b": "cam"} and list(outcome["cameras"].cameras) == ["cam"]
+    assert any("focal length of b; taken as photographs of cam" in text for text in outcome["report"].warnings)
+
+
+def test_a_photograph_of_another_size_without_tags_gets_a_guess_that_says_so():
+    outcome = from_exif(photos(photo(focal_mm=4.0, pixel_um=2.0), photo("b", camera="900 x 900", width=900, height=900)))
+    camera = outcome["cameras"].of("b")
+    assert camera.c == 900 and np.sqrt(camera.covariance[0][0]) == pytest.approx(225) and camera.source == "exif"
+    assert any("focal length of b" in text and "900 px was guessed" in text for text in outcome["report"].warnings)
+
+
+def test_given_cameras_keep_their_numbers_and_sigma():
+    cameras = as_given(photos(photo()), CameraGiven(kind="given", c=900, x0=3, k1=0.01, sigma_c=5))["cameras"]
+    assert cameras.of("a").interior == (900, 3, 0, 0.01, 0, 0, 0, 0)
+    assert cameras.of("a").covariance[0][0] == 25
+    assert as_given(photos(photo()), CameraGiven(kind="given", c=900))["cameras"].of("a").covariance is None
+
+
+def test_photographs_of_another_shape_are_named():
+    with pytest.raises(PhotoError, match=r"b \(800 x 800\)"):
+        as_given(photos(photo(), photo("b", height=800)), CameraGiven(kind="given", c=900))
+
+
+def test_a_calibrated_camera_serves_its_own_photographs_and_exif_the_others():
+    nominal = {"focal_mm": 4.0, "pixel_um": 2.0}
+    outcome = from_file(photos(photo(), photo("b", height=700, camera="B", **nominal)), CAMERA.model_dump_json(), "c.json", "a*")
+    assert outcome["cameras"].of("a").c == 700 and outcome["cameras"].of("b").c == 2000
+    assert outcome["cameras"].of("b").source == "exif"
+    same = as_given(photos(photo(), photo("b", **nominal)), CameraGiven(kind="given", c=900, serves="a.*"))["cameras"]
+    assert same.of("a").c == 900 and same.of("b").c == 2000, "two cameras that EXIF gives one name"
+    with pytest.raises(WorkflowError, match=r"No photograph matches 'DSC\*'"):
+        as_given(photos(photo()), CameraGiven(kind="given", c=900, serves="DSC*"))
+
+
+def test_files_hold_one_camera_or_those_of_an_earlier_run():
+    single = from_file(photos(photo(width=400, height=300)), CAMERA.model_dump_json(), "camera.json")
+    assert single["cameras"].of("a").c == 350
+    assert any("scaled" in warning for warning in single["report"].warnings)
+    table = Cameras(cameras={"cam": CAMERA, "x": CAMERA.model_copy(update={"c": 1.0})}, of_photo={})
+    assert from_file(photos(photo()), table.model_dump_json(), "cameras.json")["cameras"].of("a").c == 700
+    block = table.model_dump_json()[:-1] + ', "crs": "EPSG:2100", "photos": []}'
+    assert from_file(photos(photo()), block, "cameras.json")["cameras"].of("a").c == 700
+    with pytest.raises(WorkflowError, match="none called unknown"):
+        from_file(photos(photo(camera="unknown")), table.model_dump_json(), "cameras.json")
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [("{", "no JSON"), (json.dumps({"name": "x", "width": 10}), "height"), ("[1]", "the whole"),
+     (json.dumps({"name": "x", "width": 10, "height": 10, "c": -5}), "greater than 0")],
+)  # fmt: skip
+def test_a_wrong_camera_file_says_where(text, part):
+    with pytest.raises(WorkflowError, match=part):
+        from_file(photos(photo()), text, "camera.json")
+
+
+def test_chessboard_photographs_of_two_sizes_are_refused():
+    headers = tuple(Header(path=f"{n}.jpg", width=w, height=600, bands=1, dtype="uint8") for n, w in (("a", 800), ("b", 810)))
+    with pytest.raises(PhotoError, match=r"b\.jpg"):
+        index_board_photos(headers)
+
+
+@pytest.mark.parametrize("corners", [(7, 7), (2, 5)])
+def test_ambiguous_boards_are_refused_before_anything_runs(corners):
+    class View:
+        class project(Settings):  # noqa: N801
+            cameras: CameraFromChessboards = CameraFromChessboards(
+                kind="chessboards", photographs={"kind": "simulated"}, corners=corners, square=0.1
+            )
+
+    View.project = View.project()
+    with pytest.raises(WorkflowError, match="inner corners"):
+        list(CalibrationStage().plan(View()))
+
+
+def test_interior_order_is_the_one_of_every_covariance():
+    assert INTERIOR == ("c", "x0", "y0", "k1", "k2", "k3", "p1", "p2")
+
+
+def test_the_camera_of_turned_photographs_in_a_file_is_that_of_their_sensor():
+    upright = turned(CAMERA, 6).model_copy(update={"name": "body turned 6"})
+    text = Cameras(cameras={upright.name: upright}, of_photo={}).model_dump_json()
+    found = cameras_from_file(text, "cameras.json", Photos(photos=(photo(camera="body"),)))
+    assert np.allclose(found["body"].interior, CAMERA.interior) and found["body"].width == CAMERA.width

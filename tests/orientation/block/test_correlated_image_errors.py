@@ -1,0 +1,50 @@
+"""Errors in common of a whole block: found, carried into the camera's standard errors, and told; nothing where noise is white."""
+
+from dataclasses import replace
+
+import numpy as np
+from orienting import orient
+from simulated_block import turned_upright, two_strips
+
+from orthomill.tasks.adjustment.model.interior import FreeInterior
+from orthomill.tasks.adjustment.testing.image_fields import TERMS, field_basis
+
+RMS = 1.0
+
+
+def displaced(block, seed):
+    """The block whose photographs each carry a smooth field of RMS px."""
+    ties, camera = block.tie_points, block.cameras.cameras["cam"]
+    size = np.array([camera.width, camera.height])
+    xy = (np.column_stack([ties.col, ties.row]) - (size - 1) / 2) * [1.0, -1.0]
+    coefficients = RMS / np.sqrt(TERMS) * np.random.default_rng(seed).standard_normal((len(block.views), 2, TERMS))
+    moved = np.einsum("mkt,mt->mk", coefficients[ties.photo], field_basis(xy, np.tile(size, (len(xy), 1))))
+    return replace(block, tie_points=replace(ties, col=ties.col + moved[:, 0], row=ties.row - moved[:, 1]))
+
+
+def test_fields_reach_the_standard_errors_of_the_camera_and_are_told():
+    block = displaced(two_strips(5), 5)
+    out = orient(block, interior=FreeInterior(kind="free"))
+    camera, precision = out["block"].cameras["cam"], out["precision"]
+    sigma, white = np.sqrt(camera.covariance[0][0]), precision.white_sigma["cam"][0]
+    assert np.isclose(precision.common_px, RMS, rtol=0.4)
+    assert precision.common_share < 0.5
+    assert sigma > 2 * white
+    assert abs(camera.c - block.views[0].camera.c) < 3 * sigma
+    told = [text for text in precision.weaknesses if text.startswith("Errors in common")]
+    assert len(told) == 1 and "mostly different in each" in told[0]
+
+
+def test_cameras_of_turned_photographs_have_their_white_standard_errors():
+    block = displaced(two_strips(5, tracks=700), 5)
+    plain, out = (orient(one, interior=FreeInterior(kind="free")) for one in (block, turned_upright(block, {"s0_1": 6})))
+    white = out["precision"].white_sigma
+    assert set(white) == set(out["block"].cameras) and len(white) == 2
+    upright, turned = (np.array(white[out["block"].of_photo[name]]) for name in ("s0_0", "s0_1"))
+    assert np.allclose(upright, plain["precision"].white_sigma["cam"], rtol=1e-3)
+    assert np.allclose(turned, upright[[0, 2, 1, 3, 4, 5, 7, 6]])
+
+
+def test_white_noise_leaves_the_account_as_it_was(volos_like):
+    precision = volos_like[1]["precision"]
+    assert precision.common_px is None and precision.common_share is None and precision.white_sigma == {}

@@ -1,0 +1,208 @@
+"""Image files as people have them: read as they are, or refused by name in one sentence."""
+
+import os
+import struct
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+from front_door import photograph
+from PIL import Image
+
+import orthomill.pipeline.storage.image_files
+from orthomill.pipeline.storage.image_files import image_files, read_header, read_pixels, shown
+from orthomill.schemas.errors import PhotoError, WorkflowError
+from orthomill.schemas.project import PhotoFolder, PhotoList
+from orthomill.schemas.raster import Window
+
+WHOLE = Window(0, 0, 48, 64)
+
+
+def refusal(path: Path, window: Window | None = None) -> str:
+    with pytest.raises(PhotoError) as caught:
+        read_pixels(path, window) if window else read_header(path)
+    sentence = str(caught.value)
+    assert path.name in sentence and "\n" not in sentence and sentence.endswith(".")
+    return sentence
+
+
+def saved(path: Path, pixels: np.ndarray, **options) -> Path:
+    Image.fromarray(pixels).save(path, **options)
+    return path
+
+
+def noise(*shape: int, dtype=np.uint8) -> np.ndarray:
+    return np.random.default_rng(1).integers(0, 255, shape, dtype=dtype)
+
+
+def test_a_header_has_size_and_tags_by_their_plain_names(tmp_path):
+    path = photograph(tmp_path / "a.JPG", make="DJI FC300S", gps=(-91.9946, 46.8426), focal=3.61)
+    header = read_header(path)
+    assert (header.path, header.width, header.height, header.bands, header.dtype) == (str(path), 64, 48, 3, "uint8")
+    assert header.tags["Make"] == "DJI" and "3.61" in header.tags["FocalLength"] and header.tags["GPSLongitudeRef"] == "W"
+    assert not any(name.startswith("EXIF_") for name in header.tags)
+
+
+def test_nothing_is_printed_or_warned_of_for_a_plain_photograph(tmp_path, capfd, recwarn):
+    read_header(photograph(tmp_path / "a.jpg"))
+    read_pixels(tmp_path / "a.jpg", WHOLE)
+    assert capfd.readouterr() == ("", "") and not recwarn.list
+
+
+@pytest.mark.parametrize("suffix", ["png", "tif"])
+@pytest.mark.parametrize(("shape", "dtype", "bands"), [((48, 64), "uint8", 1), ((48, 64, 3), "uint8", 3), ((48, 64), "uint16", 1)])
+def test_pixels_come_as_they_are(tmp_path, suffix, shape, dtype, bands):
+    pixels = noise(*shape, dtype=dtype)
+    path = saved(tmp_path / f"a.{suffix}", pixels)
+    assert read_header(path).bands == bands
+    part = read_pixels(path, Window(5, 7, 11, 13))
+    assert part.dtype == dtype
+    assert np.array_equal(part, pixels.reshape(48, 64, bands)[5:16, 7:20])
+
+
+def test_an_alpha_band_is_left_out(tmp_path):
+    pixels = noise(48, 64, 4)
+    path = saved(tmp_path / "a.png", pixels)
+    assert read_header(path).bands == 3
+    assert np.array_equal(read_pixels(path, WHOLE), pixels[..., :3])
+
+
+def test_the_orientation_flag_is_not_obeyed_here(tmp_path):
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    path = saved(tmp_path / "a.jpg", noise(48, 64, 3), exif=exif)
+    header = read_header(path)
+    assert (header.width, header.height, header.tags["Orientation"]) == (64, 48, "6")
+
+
+def test_a_jpeg_that_breaks_off_is_found_without_decoding(tmp_path):
+    path = photograph(tmp_path / "a.jpg")
+    path.write_bytes(path.read_bytes()[:-300])
+    assert "is truncated" in refusal(path) and "copy it again" in refusal(path)
+    assert "cannot be decoded in the rows 0 to 47" in refusal(path, WHOLE)
+
+
+def test_the_end_marker_of_a_thumbnail_does_not_count(tmp_path):
+    small = photograph(tmp_path / "small.jpg").read_bytes()
+    whole = photograph(tmp_path / "a.jpg", width=1024).read_bytes()
+    segment = b"\xff\xe9" + struct.pack(">H", len(small) + 2) + small
+    path = tmp_path / "b.jpg"
+    path.write_bytes(whole[:2] + segment + whole[2:])
+    assert read_header(path).width == 1024
+    path.write_bytes(path.read_bytes()[:-1000])
+    assert "is truncated" in refusal(path)
+
+
+def test_what_cameras_write_behind_the_end_is_no_harm(tmp_path):
+    path = photograph(tmp_path / "a.jpg")
+    path.write_bytes(path.read_bytes() + bytes(10_000))
+    assert read_header(path).width == 64
+    assert read_pixels(path, WHOLE).shape == (48, 64, 3)
+
+
+def test_a_jpeg_with_a_hole_is_refused_when_it_is_read(tmp_path):
+    path = photograph(tmp_path / "a.jpg", width=512)
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2] + b"\xff\xd9")
+    assert read_header(path).width == 512
+    assert "cannot be decoded" in refusal(path, Window(0, 0, 48, 512))
+
+
+@pytest.mark.parametrize("suffix", ["png", "tif"])
+def test_other_images_that_break_off_are_refused(tmp_path, suffix):
+    path = saved(tmp_path / f"a.{suffix}", noise(480, 640, 3))
+    path.write_bytes(path.read_bytes()[:200_000])
+    with pytest.raises(PhotoError, match=f"a\\.{suffix}"):
+        read_header(path)
+        read_pixels(path, Window(0, 0, 480, 640))
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"these are field notes\n" * 100, "is not a JPEG, TIFF or PNG image but plain text, whatever its name says"),
+        (b"", "is empty (0 bytes)"),
+        (bytes(range(256)), "but another kind of file"),
+        (b"GIF89a" + bytes(100), "but another kind of file"),
+        (b"\xff\xd8\xff\xe0" + bytes(50), "begins like an image, but cannot be opened"),
+        (b"<VRTDataset rasterXSize='9' rasterYSize='9'></VRTDataset>", "but plain text"),
+    ],
+)
+def test_what_is_only_named_like_a_photograph(tmp_path, content, words):
+    path = tmp_path / "notes.jpg"
+    path.write_bytes(content)
+    assert words in refusal(path)
+    assert words in refusal(path, WHOLE)
+
+
+def test_a_missing_photograph_and_a_folder(tmp_path):
+    assert "does not exist" in refusal(tmp_path / "a.jpg")
+    (tmp_path / "b.jpg").mkdir()
+    assert "cannot be read" in refusal(tmp_path / "b.jpg")
+
+
+def png_that_claims(path: Path, side: int) -> Path:
+    """A PNG of a few bytes whose header promises side x side pixels."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = struct.pack(">IIBBBBB", side, side, 8, 0, 0, 0, 0)
+    chunks = chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(bytes(100))) + chunk(b"IEND", b"")
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunks)
+    return path
+
+
+def test_a_decompression_bomb_is_refused_unread(tmp_path):
+    path = png_that_claims(tmp_path / "bomb.png", 60_000)
+    assert "claims 60000 x 60000 px, which is 3.6 gigapixels" in refusal(path)
+    assert "more than 2 gigapixels are refused" in refusal(path, Window(0, 0, 10, 10))
+
+
+def test_the_limit_in_pixels(tmp_path, monkeypatch):
+    path = photograph(tmp_path / "a.jpg")
+    monkeypatch.setattr(orthomill.pipeline.storage.image_files, "PIXEL_LIMIT", 64 * 48)
+    assert read_header(path).width == 64
+    monkeypatch.setattr(orthomill.pipeline.storage.image_files, "PIXEL_LIMIT", 64 * 48 - 1)
+    assert "gigapixels" in refusal(path)
+
+
+def test_images_of_another_kind_say_how_to_save_them(tmp_path):
+    Image.fromarray(noise(48, 64)).convert("P").save(tmp_path / "palette.png")
+    assert "has a colour palette; save it as grey or RGB" in refusal(tmp_path / "palette.png")
+    with rasterio.open(tmp_path / "five.tif", "w", driver="GTiff", width=8, height=8, count=5, dtype="uint8") as file:
+        file.write(noise(5, 8, 8))
+    assert "has 5 bands" in refusal(tmp_path / "five.tif")
+    with rasterio.open(tmp_path / "float.tif", "w", driver="GTiff", width=8, height=8, count=1, dtype="float32") as file:
+        file.write(np.zeros((1, 8, 8), np.float32))
+    assert "holds float32 values; save it with 8 or 16 bits" in refusal(tmp_path / "float.tif")
+
+
+def test_a_window_outside_the_photograph_is_refused(tmp_path):
+    path = photograph(tmp_path / "a.jpg")
+    assert "has 64 x 48 px" in refusal(path, Window(0, 0, 49, 64))
+
+
+def test_the_image_files_of_a_folder(tmp_path):
+    for name in ("b.JPG", "a.jpeg", "c.Tif", "d.tiff", "e.PNG"):
+        photograph(tmp_path / "photos" / "x.jpg").rename(tmp_path / "photos" / name)
+    (tmp_path / "photos" / "notes.txt").write_text("x")
+    (tmp_path / "photos" / "._b.JPG").write_bytes(b"x")
+    (tmp_path / "photos" / "folder.jpg").mkdir()
+    folder = PhotoFolder(kind="folder", path="photos")
+    assert image_files(tmp_path, folder) == ("photos/a.jpeg", "photos/b.JPG", "photos/c.Tif", "photos/d.tiff", "photos/e.PNG")
+    assert image_files(tmp_path, PhotoFolder(kind="folder", path="photos/", pattern="[ab]*")) == ("photos/a.jpeg", "photos/b.JPG")
+    assert image_files(tmp_path, PhotoList(kind="list", paths=("z.jpg", "a.jpg"))) == ("a.jpg", "z.jpg")
+    with pytest.raises(WorkflowError, match="None of the 5 images"):
+        image_files(tmp_path, PhotoFolder(kind="folder", path="photos", pattern="DSC*"))
+    with pytest.raises(WorkflowError, match="cannot be read"):
+        image_files(tmp_path, PhotoFolder(kind="folder", path="nowhere"))
+
+
+def test_paths_are_shown_as_people_know_them(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert shown(tmp_path / "photos" / "a.jpg") == "photos/a.jpg"
+    assert shown(Path("photos/a.jpg")) == "photos/a.jpg"
+    assert shown(Path(os.sep) / "etc" / "a.jpg") == "/etc/a.jpg"

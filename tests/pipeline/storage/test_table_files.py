@@ -1,0 +1,43 @@
+"""Tables come back from their files as they went in."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from orthomill.pipeline.storage.table_files import read_table, write_table
+from orthomill.schemas.job import Columns, Table
+
+
+@dataclass(frozen=True)
+class Bytes(Columns):
+    values: np.ndarray
+
+
+@dataclass(frozen=True)
+class Mixed(Columns):
+    code: np.ndarray
+    length: np.ndarray
+
+
+@pytest.mark.parametrize("count", [0, 1, 70_000])
+def test_bytes_come_back_and_take_no_more_room_than_they_are(tmp_path, count):
+    values = np.random.default_rng(1).integers(0, 256, count, dtype=np.uint8)
+    write_table(tmp_path / "a.parquet", Bytes(values))
+    found = read_table(tmp_path / "a.parquet", Table("a.parquet", Bytes)).values
+    assert found.dtype == np.uint8 and np.array_equal(found, values)
+    assert (tmp_path / "a.parquet").stat().st_size < count + 1000
+
+
+def test_bytes_beside_other_columns_stay_a_column_of_numbers(tmp_path):
+    write_table(tmp_path / "a.parquet", Mixed(np.array([1, 2], np.uint8), np.array([0.5, 1.5])))
+    assert pq.read_table(tmp_path / "a.parquet")["code"].to_pylist() == [1, 2]
+    found = read_table(tmp_path / "a.parquet", Table("a.parquet", Mixed))
+    assert found.code.tolist() == [1, 2] and found.length.tolist() == [0.5, 1.5]
+
+
+def test_bytes_of_an_earlier_version_are_still_read(tmp_path):
+    pq.write_table(pa.table({"values": pa.array(np.arange(9, dtype=np.uint8))}), tmp_path / "a.parquet")
+    assert read_table(tmp_path / "a.parquet", Table("a.parquet", Bytes)).values.tolist() == list(range(9))

@@ -1,0 +1,138 @@
+"""`orthomill init`: a workflow from EXIF that a newcomer can read; what the photographs do not tell is asked for."""
+
+import pytest
+from front_door import CATALOGUE, photograph
+
+from orthomill.pipeline.workflow.camera_tags import camera_name, focal_mm, longitude_latitude, utm_zone
+from orthomill.pipeline.workflow.starting_workflow import write_starting_workflow
+from orthomill.pipeline.workflow.workflow_file import load_workflow
+from orthomill.schemas.errors import PhotoError, WorkflowError
+from orthomill.schemas.photo import Header
+
+VOLOS = (22.94, 39.36)
+
+
+@pytest.fixture
+def root(tmp_path):
+    for number in range(3):
+        photograph(tmp_path / "photos" / f"DJI_{number}.JPG", "DJI FC300S", gps=VOLOS, focal=3.61)
+    return tmp_path
+
+
+def test_photographs_that_tell_everything_give_a_workflow_that_loads(root):
+    start = write_starting_workflow("site", root / "photos", root, CATALOGUE)
+    text = start.path.read_text()
+    assert start.path == root / "workflows" / "site.yaml"
+    for words in (
+        "from the EXIF tags of 3 photographs",
+        "DJI FC300S, 64 x 48 px (3 photographs)",
+        "focal length: 3.61 mm",
+        "3 of 3",
+        "# size: 21  # Side of the window. [px]",
+        "- kind: matching  # matches points",
+    ):
+        assert words in text
+    loaded = load_workflow(start.path, CATALOGUE)
+    assert loaded.project.crs == "EPSG:32634"
+    assert loaded.project.cameras.kind == loaded.project.positions.kind == "exif"
+    assert [stage.kind for stage in loaded.stages] == ["matching", "painting"]
+    assert start.notes == ("Then run: make project=site run",)
+
+
+def test_a_crs_that_is_given_is_taken(root):
+    start = write_starting_workflow("site", root / "photos", root, CATALOGUE, "EPSG:2100+5773")
+    assert load_workflow(start.path, CATALOGUE).project.crs == "EPSG:2100+5773"
+
+
+def test_every_setting_that_is_commented_out_is_its_default(root):
+    start = write_starting_workflow("site", root / "photos", root, CATALOGUE)
+    before = load_workflow(start.path, CATALOGUE)
+    lines = [line.replace("# ", "", 1) if line.startswith("    # ") else line for line in start.path.read_text().splitlines()]
+    start.path.write_text("\n".join(lines))
+    assert load_workflow(start.path, CATALOGUE).stages == before.stages
+
+
+def test_photographs_without_exif_leave_open_what_the_loader_then_asks_for(root):
+    for name in ("a.png", "b.png"):
+        photograph(root / "scans" / name)
+    start = write_starting_workflow("scans", root / "scans", root, CATALOGUE)
+    assert "kind: given" in start.path.read_text() and "kind: none  # no photograph has GPS tags" in start.path.read_text()
+    assert len(start.notes) == 4
+    with pytest.raises(WorkflowError) as caught:
+        load_workflow(start.path, CATALOGUE)
+    crs, camera = str(caught.value).splitlines()
+    assert "crs: is empty; must be a text." in crs
+    assert "cameras > c: is empty; must be a number (px), greater than 0." in camera
+
+
+def test_nothing_is_overwritten(root):
+    start = write_starting_workflow("site", root / "photos", root, CATALOGUE)
+    start.path.write_text("mine")
+    with pytest.raises(WorkflowError, match=r"site\.yaml exists already and is not overwritten"):
+        write_starting_workflow("site", root / "photos", root, CATALOGUE)
+    assert start.path.read_text() == "mine"
+
+
+def test_photographs_outside_the_project_come_with_advice(root, tmp_path_factory):
+    outside = tmp_path_factory.mktemp("card")
+    with pytest.raises(WorkflowError, match=r"lie outside the project's folder .*ln -s .*--photos card"):
+        write_starting_workflow("site", outside, root, CATALOGUE)
+    (root / "card").symlink_to(root / "photos")
+    assert "path: card\n" in write_starting_workflow("site", root / "card", root, CATALOGUE).path.read_text()
+
+
+def test_folders_and_names_that_will_not_do(root):
+    with pytest.raises(WorkflowError, match="cannot be the name of a project; it must be made of small letters"):
+        write_starting_workflow("My Site", root / "photos", root, CATALOGUE)
+    with pytest.raises(WorkflowError, match="does not exist"):
+        write_starting_workflow("site", root / "nowhere", root, CATALOGUE)
+    (root / "empty").mkdir()
+    with pytest.raises(WorkflowError, match="holds no JPEG, TIFF or PNG images"):
+        write_starting_workflow("site", root / "empty", root, CATALOGUE)
+    photograph(root / "one" / "a.jpg")
+    with pytest.raises(WorkflowError, match="is the only photograph"):
+        write_starting_workflow("site", root / "one", root, CATALOGUE)
+    assert not (root / "workflows").exists()
+
+
+def test_every_file_that_is_no_photograph_is_named(root):
+    (root / "photos" / "notes.jpg").write_text("notes")
+    broken = root / "photos" / "DJI_0.JPG"
+    broken.write_bytes(broken.read_bytes()[:-500])
+    with pytest.raises(PhotoError) as caught:
+        write_starting_workflow("site", root / "photos", root, CATALOGUE)
+    first, second = str(caught.value).splitlines()
+    assert "DJI_0.JPG is truncated" in first and "notes.jpg is not a JPEG" in second
+
+
+def test_mixed_cameras_and_missing_positions_are_remarked_upon(root):
+    photograph(root / "photos" / "PHONE.JPG", "Apple iPhone", focal=4.2)
+    notes = " ".join(write_starting_workflow("site", root / "photos", root, CATALOGUE).notes)
+    assert "1 of 4 photographs have no GPS position" in notes and "2 cameras or image sizes" in notes
+
+
+@pytest.mark.parametrize(
+    ("place", "zone"),
+    [
+        ((22.94, 39.36), "EPSG:32634"),
+        ((-91.99, 46.84), "EPSG:32615"),
+        ((151.2, -33.9), "EPSG:32756"),
+        ((180.0, 10.0), "EPSG:32660"),
+        ((-180.0, 10.0), "EPSG:32601"),
+        ((5.3, 60.4), "EPSG:32632"),
+        ((15.6, 78.2), "EPSG:32633"),
+        ((8.9, 78.2), "EPSG:32631"),
+    ],
+)
+def test_utm_zones(place, zone):
+    assert utm_zone(*place) == zone
+
+
+def test_tags_as_cameras_write_them():
+    tags = {"GPSLatitude": "(33) (51) (30)", "GPSLatitudeRef": "S", "GPSLongitude": "(151.2)", "GPSLongitudeRef": "E"}
+    assert longitude_latitude(tags) == pytest.approx((151.2, -(33 + 51 / 60 + 30 / 3600)))
+    assert longitude_latitude({**tags, "GPSLatitude": ""}) is None
+    assert longitude_latitude({name: "0" if "Ref" not in name else value for name, value in tags.items()}) is None
+    assert focal_mm({"FocalLength": "(0)"}) is None and focal_mm({"FocalLength": "(24)"}) == 24.0
+    header = Header(path="a", width=4, height=3, bands=3, dtype="uint8", tags={"Make": "Canon ", "Model": "Canon EOS 550D"})
+    assert camera_name(header) == "Canon EOS 550D, 4 x 3 px"

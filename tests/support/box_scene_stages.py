@@ -1,0 +1,145 @@
+"""The box scene as stages: what simulation, photos, orientation and densification would leave behind, without their work."""
+
+from collections.abc import Iterator
+from typing import ClassVar
+
+import numpy as np
+from box_scene import CENTRES, DSM, ORTHO, Vehicle, block, heights, render, sees, true_ortho, view
+
+from orthomill.schemas.job import Job, Raster, Table
+from orthomill.schemas.orientation import BLOCK
+from orthomill.schemas.photo import PHOTOS, Photo, Photos, photo_raster
+from orthomill.schemas.raster import MapGrid, RasterSpec, Window, map_raster
+from orthomill.schemas.stage_contract import Stage
+from orthomill.schemas.surface import COUNT, HEIGHT, PRECISION, SURFACE, Surface
+from orthomill.schemas.truth import (
+    TRUTH_BLOCK,
+    TRUTH_BUILDING,
+    TRUTH_GRID,
+    TRUTH_MATERIAL,
+    TRUTH_ORTHO,
+    TRUTH_READERS,
+    TRUTH_SURFACE,
+    TRUTH_VISIBILITY,
+    Material,
+)
+
+VEHICLES = {"a": Vehicle((80, 85, 30, 33)), "b": Vehicle((30, 35, 90, 93)), "c": Vehicle((38, 43, 90, 93))}
+GAINS = {"a": (1.1, 5.0), "b": (0.9, -6.0), "c": (1.0, 0.0), "d": (1.05, -3.0)}
+VIGNETTING = 0.15
+
+
+def photograph(name: str) -> np.ndarray:
+    """uint8 photo with its own gain, offset, vignetting, noise and vehicle."""
+    image = render(view(name), VEHICLES.get(name))
+    rows, cols = image.shape[:2]
+    r2 = ((np.arange(rows) - (rows - 1) / 2) ** 2)[:, None] + ((np.arange(cols) - (cols - 1) / 2) ** 2)
+    r2 = r2 / (((rows - 1) / 2) ** 2 + ((cols - 1) / 2) ** 2)
+    gain, offset = GAINS[name]
+    noise = np.random.default_rng(ord(name)).normal(0, 2, image.shape)
+    return np.clip(np.rint(image * (gain * (1 - VIGNETTING * r2))[..., None] + offset + noise), 0, 255).astype(np.uint8)
+
+
+def truth_rasters() -> dict[str, np.ndarray]:
+    """All truth rasters on ORTHO's grid; a road in the north where the vehicles stand."""
+    x, y = ORTHO.centres(Window(0, 0, ORTHO.rows, ORTHO.cols))
+    z = heights(ORTHO)
+    material = np.full(z.shape, Material.OPEN_GROUND, np.uint8)
+    material[(y > 88) & (y < 95), :] = Material.ROAD
+    material[z > 0] = Material.ROOF
+    points = np.column_stack([*(a.ravel() for a in np.meshgrid(x, y)), z.ravel()])
+    bits = np.zeros(len(points), np.uint32)
+    for i, name in enumerate(CENTRES):
+        bits |= sees(view(name), points).astype(np.uint32) << np.uint32(i)
+    return {
+        TRUTH_SURFACE: z,
+        TRUTH_MATERIAL: material,
+        TRUTH_BUILDING: (z > 0).astype(np.uint16),
+        TRUTH_ORTHO: np.rint(true_ortho()).astype(np.uint8),
+        TRUTH_VISIBILITY: bits.reshape(z.shape),
+    }
+
+
+def give_truth() -> dict[str, object]:
+    return {**truth_rasters(), "grid": ORTHO, "block": block()}
+
+
+def give_photo(name: str) -> np.ndarray:
+    return photograph(name)
+
+
+def give_heights(seed: int, hole: bool) -> dict[str, np.ndarray]:
+    z = heights(DSM) + np.random.default_rng(seed).normal(0, 0.1, DSM.shape).astype(np.float32)
+    if hole:
+        z[10:16, 10:18] = np.nan
+    known = np.isfinite(z)
+    precision = np.where(known, np.float32(0.1), np.float32(np.nan))
+    return {HEIGHT: z.astype(np.float32), PRECISION: precision, COUNT: known.astype(np.uint8)}
+
+
+def give_block() -> object:
+    return block()
+
+
+def give_surface() -> Surface:
+    return Surface(grid=DSM, height_low=-2.0, height_high=16.0)
+
+
+def give_photos() -> Photos:
+    return Photos(
+        photos=tuple(Photo(name=n, path=f"{n}.png", width=420, height=420, bands=3, dtype="uint8", camera="test") for n in CENTRES)
+    )
+
+
+def _whole(name: str, grid: MapGrid, dtype: str, bands: int = 0, readers: tuple[str, ...] | None = None) -> RasterSpec:
+    return map_raster(name, grid, dtype, "EPSG:2100", 256, bands=bands, readers=readers)
+
+
+class GivenStage(Stage):
+    """Stands for the stage named by `kind`."""
+
+    title: ClassVar[str] = "given"
+    kind: str
+    hole: bool = True
+
+    def plan(self, view) -> Iterator[RasterSpec | Job]:
+        yield from getattr(self, f"_{self.kind}")()
+
+    def _simulation(self) -> Iterator[RasterSpec | Job]:
+        types = {
+            TRUTH_SURFACE: "float32",
+            TRUTH_MATERIAL: "uint8",
+            TRUTH_BUILDING: "uint16",
+            TRUTH_ORTHO: "uint8",
+            TRUTH_VISIBILITY: "uint32",
+        }
+        specs = [_whole(name, ORTHO, dtype, 3 if name == TRUTH_ORTHO else 0, TRUTH_READERS) for name, dtype in types.items()]
+        yield from specs
+        writes: dict[str, Raster | Table] = {spec.name: Raster(spec.name, spec.full) for spec in specs}
+        yield Job("simulation", "truth", give_truth, {}, {**writes, "grid": TRUTH_GRID, "block": TRUTH_BLOCK})
+
+    def _photos(self) -> Iterator[RasterSpec | Job]:
+        yield Job("photos", "table", give_photos, {}, {"photos": PHOTOS})
+        for name in CENTRES:
+            spec = RasterSpec(name=photo_raster(name), shape=(420, 420, 3), dtype="uint8", chunk=420)
+            yield spec
+            yield Job("photos", name, give_photo, {}, {"pixels": Raster(spec.name, spec.full)}, {"name": name})
+
+    def _orientation(self) -> Iterator[RasterSpec | Job]:
+        yield Job("orientation", "block", give_block, {}, {"block": BLOCK})
+
+    def _densification(self) -> Iterator[RasterSpec | Job]:
+        yield Job("densification", "grid", give_surface, {}, {"surface": SURFACE})
+        specs = [_whole(name, DSM, dtype) for name, dtype in ((HEIGHT, "float32"), (PRECISION, "float32"), (COUNT, "uint8"))]
+        yield from specs
+        yield Job(
+            "densification",
+            "heights",
+            give_heights,
+            {},
+            {s.name: Raster(s.name, s.full) for s in specs},
+            {"seed": 5, "hole": self.hole},
+        )
+
+
+GIVEN = tuple(GivenStage(kind=kind) for kind in ("simulation", "photos", "orientation", "densification"))

@@ -1,0 +1,102 @@
+"""Runs the jobs of one stage in memory, in the order planned: what the engine does, without store, records or workers."""
+
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from orthomill.schemas.job import Job, MapFile, MapHeader, Raster, Table
+from orthomill.schemas.raster import MapGrid, RasterSpec
+from orthomill.schemas.stage_contract import NotYet, Stage
+
+
+@dataclass
+class MemoryProject:
+    """Rasters and tables by name; also the view that a stage plans with."""
+
+    tile: int
+    rasters: dict[str, np.ndarray] = field(default_factory=dict)
+    specs: dict[str, RasterSpec] = field(default_factory=dict)
+    tables: dict[str, Any] = field(default_factory=dict)
+    written: dict[str, np.ndarray] = field(default_factory=dict)
+    keys: set = field(default_factory=set)
+    files: dict[str, tuple[MapGrid, np.ndarray]] = field(default_factory=dict)
+
+    @property
+    def project(self):
+        return SimpleNamespace(tile=self.tile, crs="EPSG:2100")
+
+    def table(self, table):
+        if table.path not in self.tables:
+            raise NotYet(table.path)
+        return self.tables[table.path]
+
+    def raster(self, name):
+        return self.specs[name]
+
+    def has_stage(self, kind):
+        return False
+
+    def put(self, name: str, array: np.ndarray) -> None:
+        self.rasters[name], self.written[name] = array, np.ones(array.shape[:2], bool)
+
+    def run(self, stage: Stage) -> None:
+        """Plan and execute until planning needs nothing more."""
+        complete = False
+        while not complete:
+            planned, complete = [], True
+            try:
+                planned.extend(iter_until(stage.plan(self), planned))
+            except NotYet:
+                complete = False
+            for thing in planned:
+                self._take(thing)
+
+    def _take(self, thing) -> None:
+        if isinstance(thing, RasterSpec) and thing.name not in self.specs:
+            self.specs[thing.name] = thing
+            self.put(thing.name, np.zeros(thing.shape, thing.dtype))
+            self.written[thing.name][:] = False
+        elif isinstance(thing, Job) and thing.key not in self.keys:
+            self.keys.add(thing.key)
+            self._execute(thing)
+
+    def _execute(self, job: Job) -> None:
+        reads = {name: tuple(map(self._read, r)) if isinstance(r, tuple) else self._read(r) for name, r in job.reads.items()}
+        result = job.function(**reads, **job.params)
+        result = result if len(job.writes) > 1 else {next(iter(job.writes)): result}
+        assert set(result) == set(job.writes)
+        for name, region in job.writes.items():
+            self._write(region, result[name])
+
+    def _read(self, region: Raster | Table):
+        if isinstance(region, Table):
+            return self.tables[region.path]
+        if isinstance(region, MapHeader):
+            return self.files[region.path][0]
+        if isinstance(region, MapFile):
+            return self.files[region.path][1][region.window.slices]
+        array = self.rasters[region.name]
+        assert region.window == region.window.clipped(array.shape) and not region.window.empty, region
+        assert self.written[region.name][region.window.slices].all(), f"read before it was written: {region}"
+        return array[region.window.slices].copy()
+
+    def _write(self, region: Raster | Table, value) -> None:
+        if isinstance(region, Table):
+            assert isinstance(value, region.type), region
+            self.tables[region.path] = value
+            return
+        spec, window = self.specs[region.name], region.window
+        assert value.shape[:2] == window.shape and value.dtype == spec.dtype, (region, value.shape, value.dtype)
+        assert window.row % spec.chunk == 0 and window.col % spec.chunk == 0
+        assert not self.written[region.name][window.slices].any(), f"written twice: {region}"
+        self.rasters[region.name][window.slices] = value
+        self.written[region.name][window.slices] = True
+
+
+def iter_until(plan, planned):
+    """Hand over what a plan yields even when it stops with NotYet."""
+    for thing in plan:
+        planned.append(thing)
+    return ()

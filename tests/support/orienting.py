@@ -1,0 +1,48 @@
+"""Runs the chain of the stage on a simulated block, and compares with truth."""
+
+import numpy as np
+
+from orthomill.tasks.adjustment.model.interior import WeightedInterior
+from orthomill.tasks.geometry.rotation import angles
+from orthomill.tasks.orientation.exterior.adjusted_block import BlockChoices, orient_block
+from orthomill.tasks.orientation.relative.pairs import relate_pairs
+
+
+def orient(block, given=None, **changes):
+    usual = {"interior": WeightedInterior(kind="weighted"), "gnss_shift": False, "vertical_sigma": 5.0, "rejection": 4.0}
+    relative = relate_pairs(block.photos, block.cameras, block.tie_points, 15)
+    choices = BlockChoices(**(usual | changes))
+    out = orient_block(block.photos, block.cameras, block.tie_points, block.control, relative, "EPSG:2100", choices, given)
+    return out | {"relative": relative}
+
+
+def standardised_orientation(block, result):
+    """(photos, 6): errors of the exterior orientations in units of their own standard errors."""
+    rows = []
+    for view in block.views:
+        found = result.of(view.name)
+        turn = (np.radians(found.omega_phi_kappa) - angles(view.rotation) + np.pi) % (2 * np.pi) - np.pi
+        sigma = np.sqrt(np.diag(np.array(found.covariance)))
+        rows.append(np.concatenate([np.array(found.centre) - view.centre, turn]) / sigma)
+    return np.array(rows)
+
+
+def ground_errors(block, points):
+    """Errors (n, 3) of the tie points on the ground, and their standard errors."""
+    error = np.column_stack([points.x, points.y, points.z]) - block.ground[points.track]
+    return error, np.column_stack([points.sigma_x, points.sigma_y, points.sigma_z])
+
+
+def standardised_lengths(block, result, scale=1.0):
+    """(pairs,) errors of the distances between projection centres in units of their standard errors, for pairs that share tie
+    points; `scale`: true by found."""
+    truth, rows = {v.name: v.centre for v in block.views}, []
+    for pair in result.joint:
+        own = [np.array(result.of(name).centre) for name in (pair.first, pair.second)]
+        along = own[1] - own[0]
+        length = np.linalg.norm(along)
+        single = sum(np.array(result.of(name).covariance)[:3, :3] for name in (pair.first, pair.second))
+        cross = np.array(pair.covariance)[:3, :3]
+        sigma = np.sqrt(along @ (single - cross - cross.T) @ along) / length
+        rows.append((length - np.linalg.norm(truth[pair.second] - truth[pair.first]) / scale) / sigma)
+    return np.array(rows)

@@ -1,0 +1,89 @@
+"""A project of three small real photographs, and the command as people use it: what the tests of the front door share."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import yaml
+from PIL import Image
+from typer.testing import CliRunner
+
+from orthomill.pipeline.cli.commands import app
+
+SHIPPED = Path(__file__).parents[2] / "workflows" / "photographs" / "brighton"
+WORKFLOW = {
+    "project": "site",
+    "crs": "EPSG:32615",
+    "photographs": {"kind": "folder", "path": "photos"},
+    "tile": 256,
+    "stages": ["photos", "calibration", "tie_points", "orientation"],
+}
+
+
+@cache
+def _reduced(name: str) -> tuple[Image.Image, Image.Exif]:
+    with Image.open(SHIPPED / name) as image:
+        return image.resize((640, 360)), image.getexif()
+
+
+def make_site(root: Path) -> Path:
+    """Write three overlapping photographs of 640 x 360 px with GPS tags, and a workflow `site`; returns the root."""
+    (root / "photos").mkdir(parents=True)
+    (root / "workflows").mkdir()
+    for source in sorted(SHIPPED.glob("*.JPG"))[:3]:
+        image, exif = _reduced(source.name)
+        image.save(root / "photos" / source.name, quality=90, exif=exif)
+    write_workflow(root)
+    return root
+
+
+def write_workflow(root: Path, **changes) -> None:
+    (root / "workflows" / "site.yaml").write_text(yaml.safe_dump({**WORKFLOW, **changes}, sort_keys=False))
+
+
+def photographs(root: Path) -> list[Path]:
+    return sorted((root / "photos").iterdir())
+
+
+def command(*words: str, code: int = 0) -> str:
+    """Run `orthomill` in this process; returns what it said in one line. Fails when the exit code differs or a traceback shows."""
+    result = CliRunner().invoke(app, list(words))
+    said = " ".join(result.output.split())
+    assert result.exit_code == code, said
+    assert "Traceback" not in said
+    return said
+
+
+def counts(said: str) -> tuple[int, int, int]:
+    """Jobs run, unchanged and failed, of what a run said at its end."""
+    found = re.search(r"(\d+) jobs run, (\d+) unchanged, (\d+) failed", said)
+    assert found, said
+    return tuple(map(int, found.groups()))
+
+
+def start_command(root: Path, *words: str, **options) -> subprocess.Popen:
+    """Start `orthomill` in `root` as a process of its own, with a process group of its own, as a terminal does."""
+    program = Path(sys.executable).with_name("orthomill")
+    start = [program] if program.exists() else [shutil.which("orthomill")]
+    return subprocess.Popen(
+        [*start, *words],
+        cwd=root,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env={**os.environ, "COLUMNS": "500"},
+        **options,
+    )
+
+
+def results_of(root: Path, project: str = "site") -> dict[str, bytes]:
+    """The bytes of all raster chunks and tables of a run; what marks the birth of a raster is left out."""
+    folder = root / "runs" / project
+    files = [path for part in ("rasters.zarr", "tables") for path in (folder / part).rglob("*")]
+    kept = [path for path in files if path.is_file() and path.name != "zarr.json"]
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in kept}

@@ -1,0 +1,117 @@
+"""A chain of three small stages, enough to try every habit of the engine: tables, tiles with halos, planning in steps, failures."""
+
+import os
+import time
+from pathlib import Path
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import BaseModel
+
+from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.job import Export, Job, Raster, Table
+from orthomill.schemas.raster import RasterSpec, Window, tiles_of
+from orthomill.schemas.stage_contract import Stage
+
+
+class Size(BaseModel):
+    rows: int
+    cols: int
+
+
+class Total(BaseModel):
+    total: float
+
+
+SIZE = Table("source/size.json", Size)
+TOTAL = Table("sum/total.json", Total)
+
+
+def make_size(rows: int, cols: int) -> Size:
+    return Size(rows=rows, cols=cols)
+
+
+def make_tile(window: Window, factor: float, pause: float, poison: tuple[int, int] | None, lure: str) -> np.ndarray:
+    if lure and Path(lure).exists():
+        Path(lure).unlink()
+        os._exit(9)
+    if poison == (window.row, window.col):
+        raise GeometryError("this tile is poisoned; take another one.")
+    time.sleep(pause)
+    rows, cols = np.mgrid[window.slices]
+    return (factor * (rows * 1000 + cols)).astype(np.float32)
+
+
+def smooth_tile(values: np.ndarray, read: Window, window: Window) -> np.ndarray:
+    padded = np.pad(values, 1, mode="edge")
+    rows, cols = values.shape
+    mean = sum(padded[i : rows + i, j : cols + j] for i in range(3) for j in range(3)) / np.float32(9)
+    top, left = window.row - read.row, window.col - read.col
+    return mean[top : top + window.height, left : left + window.width].astype(np.float32)
+
+
+def add_up(parts: tuple[np.ndarray, ...]) -> Total:
+    return Total(total=float(sum(part.astype(np.float64).sum() for part in parts)))
+
+
+class SourceStage(Stage):
+    """Makes numbers."""
+
+    title: ClassVar[str] = "making numbers"
+    kind: Literal["source"] = "source"
+    rows: int = 200
+    cols: int = 150
+    factor: float = 1.0
+    pause: float = 0.0
+    poison: tuple[int, int] | None = None
+    lure: str = ""
+
+    def plan(self, view):
+        yield Job("source", "size", make_size, {}, {"size": SIZE}, {"rows": self.rows, "cols": self.cols})
+        size = view.table(SIZE)
+        spec = RasterSpec(name="source/numbers", shape=(size.rows, size.cols), dtype="float32", chunk=view.project.tile)
+        yield spec
+        for tile in tiles_of(spec.shape, view.project.tile):
+            params = {"window": tile.window, "factor": self.factor, "pause": self.pause, "poison": self.poison, "lure": self.lure}
+            yield Job("source", "tile", make_tile, {}, {"numbers": Raster(spec.name, tile.window)}, params, tile.row, tile.col)
+
+
+class SmoothStage(Stage):
+    """Smooths them."""
+
+    title: ClassVar[str] = "smoothing"
+    kind: Literal["smooth"] = "smooth"
+    strength: float = 1.0
+
+    def plan(self, view):
+        source = view.raster("source/numbers")
+        spec = RasterSpec(name="smooth/numbers", shape=source.shape, dtype="float32", chunk=view.project.tile)
+        yield spec
+        for tile in tiles_of(spec.shape, view.project.tile):
+            read = tile.window.grown(1).clipped(spec.shape)
+            yield Job(
+                "smooth",
+                "tile",
+                smooth_tile,
+                {"values": Raster(source.name, read)},
+                {"mean": Raster(spec.name, tile.window)},
+                {"read": read, "window": tile.window},
+                tile.row,
+                tile.col,
+            )
+        yield Export("smooth", "file", "products/smooth.tif", "tiff", rasters={"value": spec.name})
+
+
+class SumStage(Stage):
+    """Adds them up."""
+
+    title: ClassVar[str] = "adding up"
+    kind: Literal["sum"] = "sum"
+
+    def plan(self, view):
+        spec = view.raster("smooth/numbers")
+        regions = tuple(Raster(spec.name, tile.window) for tile in tiles_of(spec.shape, view.project.tile))
+        yield Job("sum", "total", add_up, {"parts": regions}, {"total": TOTAL})
+
+
+CATALOGUE = (SourceStage, SmoothStage, SumStage)
