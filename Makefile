@@ -4,11 +4,12 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+CODE := orthomill schemas tasks pipeline tests benchmarks
 project ?= volos
 options ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run plan status report export dashboard doctor test test-fast test-slow lint format bench bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-camera-constants docs clean clean-all
+.PHONY: help setup run plan status report export dashboard doctor test test-fast test-slow lint types format bench bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-camera-constants docs clean clean-all
 
 help: ## List all targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-18s %s\n", $$1, $$2}'
@@ -52,11 +53,18 @@ test-fast: $(STAMP) ## Run the tests that take seconds
 test-slow: $(STAMP) ## Run the tests that take minutes
 	@$(BIN)/python -m pytest -m slow
 
-lint: $(STAMP) ## Check style and types
-	@$(BIN)/ruff check orthomill schemas tasks pipeline tests benchmarks
+lint: $(STAMP) types ## Check style, format and types
+	@$(BIN)/ruff check $(CODE)
+	@$(BIN)/ruff format --check --quiet $(CODE) || (echo "run 'make format'"; exit 1)
 
-format: $(STAMP) ## Mend what the linter can mend
-	@$(BIN)/ruff check --fix orthomill schemas tasks pipeline tests benchmarks
+types: $(STAMP) ## Check types (the folders of the package are brought together by links for the checker)
+	@mkdir -p .cache/types/orthomill
+	@for part in $(wildcard orthomill/*.py) pipeline tasks schemas; do ln -sfn ../../../$$part .cache/types/orthomill/; done
+	@cd .cache/types && ../../$(BIN)/mypy --config-file ../../pyproject.toml --cache-dir ../../.mypy_cache -p orthomill
+
+format: $(STAMP) ## Format the code and mend what the linter can mend
+	@$(BIN)/ruff check --fix $(CODE)
+	@$(BIN)/ruff format $(CODE)
 
 bench: $(STAMP) ## Measure the figures in benchmarks/results
 	@$(BIN)/python -m benchmarks

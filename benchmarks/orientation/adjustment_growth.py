@@ -1,8 +1,8 @@
 """How the adjustment grows with the number of photographs of a simulated drone block.
 
 `python -m benchmarks.orientation.adjustment_growth [against=FOLDER]` measures blocks of 50 to 1000 photographs, each in a process
-of its own, and writes benchmarks/results/adjustment_growth.md; FOLDER: another checkout, which adjusts 200 photographs beside this one.
-`python -m benchmarks.orientation.adjustment_growth STRIPS PHOTOS POINTS` measures one block and prints a line of JSON.
+of its own, and writes benchmarks/results/adjustment_growth.md; FOLDER: another checkout, which adjusts 200 photographs beside this
+one. `python -m benchmarks.orientation.adjustment_growth STRIPS PHOTOS POINTS` measures one block and prints a line of JSON.
 """
 
 import json
