@@ -1,5 +1,7 @@
 """What is known of a photograph before its pixels are looked at."""
 
+from collections.abc import Mapping
+
 from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.job import Table
@@ -16,6 +18,11 @@ class Header(BaseModel):
     bands: int
     dtype: str
     tags: dict[str, str] = {}
+
+
+def tag_text(tags: Mapping[str, str], name: str) -> str:
+    """An EXIF tag as text without padding, "" when it is absent; under its plain name ("Model") or GDAL's ("EXIF_Model")."""
+    return (tags.get(name) or tags.get(f"EXIF_{name}") or "").strip("\0 \t\r\n")
 
 
 class Photo(BaseModel):

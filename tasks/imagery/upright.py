@@ -3,9 +3,18 @@
 Flags 1 to 4 keep rows as rows, 5 to 8 exchange rows and columns (EXIF 2.3, tag 0x0112).
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 
+from orthomill.schemas.photo import tag_text
 from orthomill.schemas.raster import Window
+
+
+def exif_orientation(tags: Mapping[str, str]) -> int:
+    """The EXIF orientation flag, 1 to 8; 1 (upright) when the tag is absent or holds no such number."""
+    text = tag_text(tags, "Orientation")
+    return int(text) if text in {"1", "2", "3", "4", "5", "6", "7", "8"} else 1
 
 
 def turned(orientation: int) -> bool:

@@ -19,7 +19,7 @@ from orthomill.schemas.errors import PhotoError, WorkflowError
 from orthomill.schemas.inspection import PhotoFile, PhotoMap
 from orthomill.schemas.raster import Window
 from orthomill.tasks.imagery.radiometry import grey_bytes, grey_range
-from orthomill.tasks.imagery.upright import file_window, upright, upright_shape
+from orthomill.tasks.imagery.upright import exif_orientation, file_window, upright, upright_shape
 from orthomill.tasks.matching.windows.calibration import LIMITS, LimitCalibration, calibrated, last_limits
 from orthomill.tasks.matching.windows.size_map import halo, published_levels, size_map
 from orthomill.tasks.matching.windows.sizes import (
@@ -32,7 +32,6 @@ from orthomill.tasks.matching.windows.sizes import (
     WindowSizing,
     grey_levels,
 )
-from orthomill.tasks.photos.exif import orientation
 
 _STRIP = 2_000_000
 """pixels of a strip"""
@@ -90,7 +89,7 @@ class _Upright:
 
     @property
     def flag(self) -> int:
-        return orientation(self.file.header.tags)
+        return exif_orientation(self.file.header.tags)
 
     @property
     def shape(self) -> tuple[int, int]:

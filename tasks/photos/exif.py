@@ -1,6 +1,5 @@
 """EXIF tags as text, as GDAL writes them, into numbers: "(46) (50) (33.38)" is a latitude, "(3.61)" a focal length.
 
-Tags come under their plain names ("FocalLength"); GDAL's own prefix ("EXIF_FocalLength") is understood as well.
 A tag that is absent, empty, zero where zero is impossible, or not a number counts as absent: cameras write all of these.
 """
 
@@ -9,6 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from orthomill.schemas.photo import tag_text
 from orthomill.tasks.geometry.rotation import angles
 
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
@@ -18,28 +18,13 @@ _FOCAL_PLANE_UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 
 def numbers(tags: Mapping[str, str], name: str) -> list[float]:
     """All numbers of a tag; empty when it is absent or holds none."""
-    return [float(text) for text in _NUMBER.findall(_text(tags, name))]
+    return [float(text) for text in _NUMBER.findall(tag_text(tags, name))]
 
 
 def positive(tags: Mapping[str, str], name: str) -> float | None:
     """The first number of a tag when it is above zero."""
     found = numbers(tags, name)
     return found[0] if found and found[0] > 0 else None
-
-
-def word(tags: Mapping[str, str], name: str) -> str:
-    """A tag as text without padding."""
-    return _text(tags, name).strip("\0 \t\r\n")
-
-
-def _text(tags: Mapping[str, str], name: str) -> str:
-    return tags.get(name) or tags.get(f"EXIF_{name}") or ""
-
-
-def orientation(tags: Mapping[str, str]) -> int:
-    """The EXIF orientation flag, 1 to 8; 1 (upright) when it is absent or no such number."""
-    text = word(tags, "Orientation")
-    return int(text) if text in {"1", "2", "3", "4", "5", "6", "7", "8"} else 1
 
 
 def longitude_latitude(tags: Mapping[str, str]) -> tuple[float, float] | None:
@@ -55,7 +40,7 @@ def _degrees(tags: Mapping[str, str], name: str, negative: str) -> float | None:
     if not 1 <= len(parts) <= 3:
         return None
     value = sum(abs(part) / 60**power for power, part in enumerate(parts))
-    return -value if word(tags, f"{name}Ref").upper().startswith(negative) or parts[0] < 0 else value
+    return -value if tag_text(tags, f"{name}Ref").upper().startswith(negative) or parts[0] < 0 else value
 
 
 def altitude(tags: Mapping[str, str]) -> float | None:
@@ -63,7 +48,7 @@ def altitude(tags: Mapping[str, str]) -> float | None:
     found = numbers(tags, "GPSAltitude")
     if not found:
         return None
-    below = word(tags, "GPSAltitudeRef").lower() in {"1", "0x01"}
+    below = tag_text(tags, "GPSAltitudeRef").lower() in {"1", "0x01"}
     return -found[0] if below else found[0]
 
 
@@ -82,7 +67,7 @@ def gimbal_attitude(tags: Mapping[str, str]) -> tuple[float, float, float] | Non
 
 def time(tags: Mapping[str, str]) -> str | None:
     """When it was taken, as ISO 8601 local time of the camera."""
-    text = word(tags, "DateTimeOriginal") or word(tags, "DateTime")
+    text = tag_text(tags, "DateTimeOriginal") or tag_text(tags, "DateTime")
     match = re.fullmatch(r"(\d{4}):(\d\d):(\d\d) (\d\d:\d\d:\d\d).*", text)
     return f"{match[1]}-{match[2]}-{match[3]}T{match[4]}" if match else None
 

@@ -11,12 +11,12 @@ from pathlib import PurePath
 import numpy as np
 
 from orthomill.schemas.errors import PhotoError, some_of
-from orthomill.schemas.photo import Header, Photo, Photos
+from orthomill.schemas.photo import Header, Photo, Photos, tag_text
 from orthomill.schemas.project import NoPositions, Positions
 from orthomill.tasks.geometry.camera_change import QUARTER_TURNS
 from orthomill.tasks.geometry.reference_system import ground_coordinates, ground_crs
 from orthomill.tasks.imagery.pyramid import level_count
-from orthomill.tasks.imagery.upright import upright_shape
+from orthomill.tasks.imagery.upright import exif_orientation, upright_shape
 from orthomill.tasks.photos import exif
 from orthomill.tasks.photos.coordinates import Digital, ImageCoordinates
 from orthomill.tasks.photos.positions import Position, read_positions
@@ -40,7 +40,7 @@ class Limits:
 def photo_from_header(header: Header) -> Photo:
     """What the header of an image file says of the photograph; no position in the project's CRS yet."""
     tags = header.tags
-    orientation = exif.orientation(tags)
+    orientation = exif_orientation(tags)
     rows, cols = upright_shape(orientation, header.height, header.width)
     place = exif.longitude_latitude(tags)
     return Photo(
@@ -167,7 +167,7 @@ def _without_strays(photos: list[Photo]) -> tuple[list[Photo], list[str]]:
 
 
 def _camera_name(header: Header, orientation: int) -> str:
-    make, model = exif.word(header.tags, "Make"), exif.word(header.tags, "Model")
+    make, model = tag_text(header.tags, "Make"), tag_text(header.tags, "Model")
     maker = "" if model.upper().startswith(make.upper()) else make
     focal = exif.positive(header.tags, "FocalLength")
     words = [maker, model, f"{focal:g} mm" if focal else "", f"{header.width} x {header.height}"]
@@ -214,7 +214,7 @@ def _turned_without_a_flag(photos: list[Photo]) -> list[str]:
 def _pixel_um(header: Header) -> float | None:
     """Side of a pixel in micrometres: the maker's sensor width goes before the focal plane tags, which many cameras get wrong."""
     longer_side = max(header.width, header.height)
-    width = sensor_width_mm(exif.word(header.tags, "Model"))
+    width = sensor_width_mm(tag_text(header.tags, "Model"))
     return 1000.0 * width / longer_side if width else exif.focal_plane_pixel_um(header.tags, longer_side)
 
 
