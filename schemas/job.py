@@ -1,8 +1,9 @@
 """A job: which regions it reads and writes, and which pure function turns the one into the other.
 
 The engine derives every dependency from the regions. A region is a window of a raster, a table, a file of the project, or the
-header of a photograph. Arguments of the function arrive under the names of `reads` and `params`; what it returns is a
-dict under the names of `writes` (or the bare value, when the job writes one region only).
+header of a photograph. Arguments of the function arrive under the names of `reads` and `params`. It returns the bare value when
+the job writes one region, and otherwise a NamedTuple whose fields are the names of `writes` (`dict[str, T]` where the names depend
+on the data). The engine compares all of this with the annotations of the function when the graph is built.
 """
 
 from collections.abc import Callable

@@ -79,7 +79,7 @@ def _perform(work: JobOrder) -> dict[str, str]:
     job = work.job
     inputs = {name: _read_all(store, work.root, region) for name, region in job.reads.items()}
     result = job.function(**inputs, **job.params)
-    values = result if len(job.writes) > 1 or _is_named(result, job) else {next(iter(job.writes)): result}
+    values = _by_name(result, job)
     if set(values) != set(job.writes):
         raise StoreError(f"{job.key} was to give {sorted(job.writes)} but gave {sorted(values)}.")
     for name, region in job.writes.items():
@@ -87,8 +87,11 @@ def _perform(work: JobOrder) -> dict[str, str]:
     return {region.name: store.birth(region.name) for region in job.writes.values() if isinstance(region, Raster)}
 
 
-def _is_named(result: Any, job: Job) -> bool:
-    return isinstance(result, dict) and set(result) == set(job.writes)
+def _by_name(result: Any, job: Job) -> dict[str, Any]:
+    """What a function returned, under the names of the writes: see job_signature.py for its three forms."""
+    if isinstance(result, tuple) and hasattr(result, "_asdict"):
+        return {name: value for name, value in result._asdict().items() if value is not None}
+    return result if isinstance(result, dict) else {next(iter(job.writes)): result}
 
 
 def _read_all(store: Store, root: Path, region: Region | tuple[Region, ...]) -> Any:
