@@ -1,8 +1,10 @@
-"""Brown's lens distortion with OpenCV's numbers, in image coordinates with y up and radius normalised by c.
+"""Brown's lens distortion with OpenCV's coefficients, in image coordinates with y up and the radius normalised by c.
 
-OpenCV's image y points down, ours up; in our coordinates its p1 term therefore changes sign. The kernels below are written in
-our coordinates with OpenCV's numbers.
+OpenCV's image y points down, ours up; putting -y for y changes the sign of the p1 terms and leaves all others. The kernels below
+are written in our coordinates with OpenCV's coefficients.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -10,9 +12,19 @@ from numba import njit
 from orthomill.schemas.camera import Camera
 
 
+class BrownLens(NamedTuple):
+    """Distortion coefficients of one camera for the kernels, in OpenCV's convention."""
+
+    k1: float
+    k2: float
+    k3: float
+    p1: float
+    p2: float
+
+
 @njit(cache=True, inline="always")
 def distort_point(x, y, k1, k2, k3, p1, p2):
-    """Ideal to observed, both in units of c (y up)."""
+    """Ideal to observed image coordinates, both in units of c (y up)."""
     r2 = x * x + y * y
     radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
     xd = x * radial - 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
@@ -22,8 +34,13 @@ def distort_point(x, y, k1, k2, k3, p1, p2):
 
 @njit(cache=True, inline="always")
 def undistort_point(xd, yd, k1, k2, k3, p1, p2):
-    """Observed to ideal by fixed-point iteration, in units of c (y up); stops at 1e-12, at most 60 rounds."""
+    """Observed to ideal image coordinates by fixed-point iteration, in units of c (y up), until 1e-12 or 60 times.
+
+    Where the radial polynomial folds back no ideal point exists: the iteration then diverges, to large numbers or NaN.
+    """
     x, y = xd, yd
+    # Newton needs fewer iterations, but next to the fold of a strong barrel distortion its derivative vanishes and it jumps to a
+    # false root. The fixed point contracts where the correction changes by less than the radius does, as in any usable lens.
     for _ in range(60):
         dx, dy = distort_point(x, y, k1, k2, k3, p1, p2)
         ex, ey = xd - dx, yd - dy
@@ -35,27 +52,28 @@ def undistort_point(xd, yd, k1, k2, k3, p1, p2):
 
 
 @njit(cache=True)
-def _distort_all(xy, k, out):
+def _distort_all(xy, lens, out):
     for i in range(xy.shape[0]):
-        out[i, 0], out[i, 1] = distort_point(xy[i, 0], xy[i, 1], k[0], k[1], k[2], k[3], k[4])
+        out[i, 0], out[i, 1] = distort_point(xy[i, 0], xy[i, 1], lens.k1, lens.k2, lens.k3, lens.p1, lens.p2)
 
 
 @njit(cache=True)
-def _undistort_all(xy, k, out):
+def _undistort_all(xy, lens, out):
     for i in range(xy.shape[0]):
-        out[i, 0], out[i, 1] = undistort_point(xy[i, 0], xy[i, 1], k[0], k[1], k[2], k[3], k[4])
+        out[i, 0], out[i, 1] = undistort_point(xy[i, 0], xy[i, 1], lens.k1, lens.k2, lens.k3, lens.p1, lens.p2)
 
 
-def distortion_numbers(camera: Camera) -> np.ndarray:
-    """(k1, k2, k3, p1, p2) of a camera."""
-    return np.array([camera.k1, camera.k2, camera.k3, camera.p1, camera.p2])
+def lens_of(camera: Camera) -> BrownLens:
+    """The distortion coefficients of a camera."""
+    return BrownLens(camera.k1, camera.k2, camera.k3, camera.p1, camera.p2)
 
 
 def image_to_pixel(camera: Camera, xy: np.ndarray) -> np.ndarray:
     """Ideal image coordinates (N, 2) (px, y up, origin at the principal point) to observed pixels (N, 2) (col, row)."""
     observed = np.empty((len(xy), 2))
-    _distort_all(np.ascontiguousarray(xy, dtype=np.float64) / camera.c, distortion_numbers(camera), observed)
+    _distort_all(np.ascontiguousarray(xy, dtype=np.float64) / camera.c, lens_of(camera), observed)
     observed *= camera.c
+    # Pixel centres are integers, so the image centre is at (width - 1) / 2 and not at width / 2.
     col = observed[:, 0] + camera.x0 + (camera.width - 1) / 2
     row = (camera.height - 1) / 2 - (observed[:, 1] + camera.y0)
     return np.column_stack([col, row])
@@ -67,5 +85,5 @@ def pixel_to_image(camera: Camera, pixels: np.ndarray) -> np.ndarray:
     x = pixels[:, 0] - (camera.width - 1) / 2 - camera.x0
     y = (camera.height - 1) / 2 - pixels[:, 1] - camera.y0
     ideal = np.empty((len(pixels), 2))
-    _undistort_all(np.column_stack([x, y]) / camera.c, distortion_numbers(camera), ideal)
+    _undistort_all(np.column_stack([x, y]) / camera.c, lens_of(camera), ideal)
     return ideal * camera.c

@@ -10,7 +10,7 @@ rotations: R_b = R_Omega R_K R_Phi, phi_b = -arctan(Bz / Bx), kappa_b = arctan(B
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import cv2
 import numpy as np
@@ -190,6 +190,34 @@ def _seen_by_both(left: np.ndarray, right: np.ndarray, parallax: tuple[float, fl
     return np.concatenate(corners)
 
 
+class EpipolarNumbers(NamedTuple):
+    """The mapping from an epipolar image to its photograph for kernels."""
+
+    t11: float
+    t12: float
+    t13: float
+    t21: float
+    t22: float
+    t23: float
+    t31: float
+    t32: float
+    t33: float
+    """rotation, base system to photograph"""
+    c: float
+    col0: float
+    row0: float
+    """camera constant and principal point of the epipolar image, px"""
+    photo_c: float
+    photo_col0: float
+    photo_row0: float
+    """the same of the photograph"""
+    k1: float
+    k2: float
+    k3: float
+    p1: float
+    p2: float
+
+
 @dataclass(frozen=True, eq=False)
 class EpipolarView:
     """One image of a pair together with its photograph: pixels of the one to pixels of the other and back."""
@@ -242,11 +270,11 @@ class EpipolarView:
         return Window(int(top), int(left), int(bottom - top), int(right - left)).clipped(photo)
 
     @property
-    def numbers(self) -> np.ndarray:
-        """(20,) float64 for kernels: `turn` row by row, c, col0, row0 of the epipolar image, then c, centre column, centre row,
-        k1, k2, k3, p1, p2 of the photograph."""
-        own = self.view.numbers
-        return np.concatenate([self.turn.ravel(), [self.c, self.col0, self.row0], own[12:20]])
+    def numbers(self) -> EpipolarNumbers:
+        """The mapping as kernels take it."""
+        photo = self.view.numbers
+        own = *map(float, self.turn.ravel()), float(self.c), float(self.col0), float(self.row0)
+        return EpipolarNumbers(*own, photo.c, photo.col0, photo.row0, photo.k1, photo.k2, photo.k3, photo.p1, photo.p2)
 
 
 def epipolar_view(pair: EpipolarPair, side: Side, view: View) -> EpipolarView:

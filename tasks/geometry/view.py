@@ -4,19 +4,51 @@ Source: Karfis 2009, section 3.3; x = x0 - c (r11 dX + r12 dY + r13 dZ) / (r31 d
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.orientation import Block, ExteriorOrientation
-from orthomill.tasks.geometry.distortion import distort_point, image_to_pixel, pixel_to_image
+from orthomill.tasks.geometry.distortion import distort_point, image_to_pixel, lens_of, pixel_to_image
 from orthomill.tasks.geometry.rotation import rotation_matrix
+
+
+class ViewNumbers(NamedTuple):
+    """A view for kernels: every number of its collinearity equations by name. numba takes named tuples as arguments."""
+
+    r11: float
+    r12: float
+    r13: float
+    r21: float
+    r22: float
+    r23: float
+    r31: float
+    r32: float
+    r33: float
+    """rotation, world to image"""
+    xc: float
+    yc: float
+    zc: float
+    """projection centre, m"""
+    c: float
+    col0: float
+    row0: float
+    """camera constant and principal point, px"""
+    k1: float
+    k2: float
+    k3: float
+    p1: float
+    p2: float
+    width: float
+    height: float
+    """size of the photograph, px"""
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A photograph that knows where it is. `rotation` (3, 3) world to image, `centre` (3,) m."""
+    """A photograph with known position and attitude. `rotation` (3, 3) world to image, `centre` (3,) m."""
 
     name: str
     camera: Camera
@@ -56,33 +88,33 @@ class View:
             )
 
     @property
-    def numbers(self) -> np.ndarray:
-        """(22,) float64 for kernels: rotation row by row, centre, c, centre column, centre row, k1, k2, k3, p1, p2, width, height.
-
-        Centre column and row are the principal point in pixels.
-        """
+    def numbers(self) -> ViewNumbers:
+        """The view as kernels take it."""
         camera = self.camera
-        return np.concatenate(
-            [
-                self.rotation.ravel(),
-                self.centre,
-                [camera.c, camera.x0 + (camera.width - 1) / 2, (camera.height - 1) / 2 - camera.y0],
-                [camera.k1, camera.k2, camera.k3, camera.p1, camera.p2, camera.width, camera.height],
-            ]
+        return ViewNumbers(
+            *map(float, self.rotation.ravel()),
+            *map(float, self.centre),
+            float(camera.c),
+            float(camera.x0 + (camera.width - 1) / 2),
+            float((camera.height - 1) / 2 - camera.y0),
+            *map(float, lens_of(camera)),
+            float(camera.width),
+            float(camera.height),
         )
 
 
 @njit(cache=True, inline="always")
 def project_point(n, x, y, z):
-    """(col, row, depth) of a ground point; `n` is `View.numbers`. depth <= 0 is behind the camera (col, row are then NaN)."""
-    dx, dy, dz = x - n[9], y - n[10], z - n[11]
-    u = n[0] * dx + n[1] * dy + n[2] * dz
-    v = n[3] * dx + n[4] * dy + n[5] * dz
-    w = n[6] * dx + n[7] * dy + n[8] * dz
+    """(col, row, depth) of a ground point; `n` is `View.numbers`. A depth <= 0 is behind the camera (col, row are then NaN)."""
+    dx, dy, dz = x - n.xc, y - n.yc, z - n.zc
+    u = n.r11 * dx + n.r12 * dy + n.r13 * dz
+    v = n.r21 * dx + n.r22 * dy + n.r23 * dz
+    w = n.r31 * dx + n.r32 * dy + n.r33 * dz
+    # Without this test a point behind the camera projects into the photograph, mirrored through the projection centre.
     if w >= 0.0:
         return np.nan, np.nan, -w
-    xd, yd = distort_point(-u / w, -v / w, n[15], n[16], n[17], n[18], n[19])
-    return n[13] + n[12] * xd, n[14] - n[12] * yd, -w
+    xd, yd = distort_point(-u / w, -v / w, n.k1, n.k2, n.k3, n.p1, n.p2)
+    return n.col0 + n.c * xd, n.row0 - n.c * yd, -w
 
 
 def view_of(orientation: ExteriorOrientation, camera: Camera) -> View:

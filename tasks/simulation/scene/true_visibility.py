@@ -30,28 +30,25 @@ def visibility(views: tuple[View, ...], grid: MapGrid, window: Window, wide: Win
     """
     columns: UprightColumns = columns_of(height, wide, grid.cell)
     seen = np.zeros(window.shape, np.uint32)
-    numbers = np.array([view.numbers for view in views])
     place = np.array([grid.west, grid.north, grid.cell, float(columns.highest.max())])
-    _visibility(seen, numbers, place, (window.row, window.col), columns.numbers)
+    for bit, view in enumerate(views):
+        _visibility(seen, np.uint32(1 << bit), view.numbers, place, (window.row, window.col), columns.numbers)
     return seen
 
 
 @njit(cache=True)
-def _visibility(seen, views, place, corner, columns):
+def _visibility(seen, bit, n, place, corner, columns):
+    """Sets `bit` of every cell that one photograph sees; `n` is `View.numbers`."""
     west, north, cell, top = place
     tops, row0, col0 = columns[0], columns[2], columns[3]
+    u0, v0 = (n.xc - west) / cell, (north - n.yc) / cell
     for row in range(seen.shape[0]):
         for col in range(seen.shape[1]):
             u, v = corner[1] + col + 0.5, corner[0] + row + 0.5
             z = float(tops[corner[0] + row - row0, corner[1] + col - col0, 0])
             x, y = west + u * cell, north - v * cell
-            mask = np.uint32(0)
-            for k in range(views.shape[0]):
-                n = views[k]
-                c, r, depth = project_point(n, x, y, z)
-                if depth > 0.0 and 0.0 <= c <= n[20] - 1.0 and 0.0 <= r <= n[21] - 1.0:
-                    u0, v0 = (n[9] - west) / cell, (north - n[10]) / cell
-                    fall = n[11] - z
-                    if is_free(columns, u0, v0, n[11], (u - u0) / fall, (v - v0) / fall, fall, n[11] - top):
-                        mask |= np.uint32(1 << k)
-            seen[row, col] = mask
+            c, r, depth = project_point(n, x, y, z)
+            if depth > 0.0 and 0.0 <= c <= n.width - 1.0 and 0.0 <= r <= n.height - 1.0:
+                fall = n.zc - z
+                if is_free(columns, u0, v0, n.zc, (u - u0) / fall, (v - v0) / fall, fall, n.zc - top):
+                    seen[row, col] |= bit
