@@ -18,7 +18,7 @@ import numpy as np
 
 from benchmarks.measured_run import ROOT, machine, write_result
 from orthomill.tasks.adjustment.bundle import adjust
-from orthomill.tasks.adjustment.model.collinearity import misclosures
+from orthomill.tasks.adjustment.model.collinearity import residuals
 from orthomill.tasks.adjustment.model.network import Interior, Network, Rays, State
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
@@ -69,7 +69,7 @@ def _rays(truth: State, rng: np.random.Generator) -> Rays:
     rows = rows[np.lexsort((rows[:, 1], rows[:, 0]))]
     rows = rows[np.bincount(rows[:, 0], minlength=len(truth.point))[rows[:, 0]] >= 2].astype(np.int32)
     rays = Rays(rows[:, 0].copy(), rows[:, 1].copy(), np.zeros((len(rows), 2)), np.full(len(rows), NOISE))
-    xy = -misclosures(truth, rays, np.zeros(len(truth.centre), np.int64)) + NOISE * rng.standard_normal((len(rows), 2))
+    xy = -residuals(truth, rays, np.zeros(len(truth.centre), np.int64)) + NOISE * rng.standard_normal((len(rows), 2))
     wrong = rng.random(len(rows)) < WRONG
     xy[wrong] += rng.uniform(-50, 50, (wrong.sum(), 2))
     return replace(rays, xy=xy)

@@ -19,19 +19,19 @@ import numpy as np
 
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.model.adjustment_result import Adjustment, Blunder, Factors, surveyed
-from orthomill.tasks.adjustment.model.collinearity import misclosures, sizes
+from orthomill.tasks.adjustment.model.collinearity import residual_lengths, residuals
 from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import Distances, Network, Rays, State
 from orthomill.tasks.adjustment.model.robust_weights import spread
 from orthomill.tasks.adjustment.solve.minimise import minimise
 from orthomill.tasks.adjustment.solve.ray_intersection import intersecting
 from orthomill.tasks.adjustment.testing.blunders import (
-    acquitted,
     enough_rays,
     gross_blunder,
+    is_outlier,
     lengths_of_rays,
     ray_blunders,
-    stands_out,
+    reinstated,
     surveyed_blunder,
     weights_of,
     without,
@@ -99,7 +99,7 @@ def adjust(network: Network, start: State, rays: Rays, test: BlunderTest | None 
         left = enough_rays(stated, rays, used & ~bad)
         changed, used = bool((left != used).any()), left
         if settled(fresh, factors) and not changed:
-            back = stated if pardoned else acquitted(result, blunders, stated, network, test.limit)
+            back = stated if pardoned else reinstated(result, blunders, stated, network, test.limit)
             if back is not stated:
                 blunders = [b for b in blunders if not _knows(back, b)]
                 stated, pardoned = back, True
@@ -119,7 +119,7 @@ def _without_suspect(
     rest = without(_weighted(stated, factors), suspect)
     used = enough_rays(rest, rays, used)
     state, steps = minimise(rest, state, rays.take(used))
-    return steps, stands_out(_account(rest, state, rays, used, factors), _weighted(stated, factors), suspect, limit)
+    return steps, is_outlier(_account(rest, state, rays, used, factors), _weighted(stated, factors), suspect, limit)
 
 
 def _knows(network: Network, blunder: Blunder) -> bool:
@@ -143,7 +143,7 @@ def _robust_solution(network: Network, state: State, rays: Rays, test: BlunderTe
         state, steps = minimise(network, state, scaled, test.huber, tolerance)
         iterations += steps
     unit = _units(network, state, rays, used, least=1e-3)
-    used = enough_rays(network, rays, used & (sizes(network, state, rays) < test.gross * unit))
+    used = enough_rays(network, rays, used & (residual_lengths(network, state, rays) < test.gross * unit))
     return _Robust(network, state, used, tuple(blunders), iterations)
 
 
@@ -170,7 +170,7 @@ def _with_agreeing_distances(
 def _units(network: Network, state: State, rays: Rays, used: np.ndarray, least: float) -> np.ndarray:
     """(M,) the spread of the residuals of each ray's group by its stated standard errors; pointings are never taken for better than
     stated."""
-    size, by_person = sizes(network, state, rays), surveyed(network, rays)
+    size, by_person = residual_lengths(network, state, rays), surveyed(network, rays)
     ties, pointings = size[used & ~by_person], size[used & by_person]
     tie_unit = max(spread(ties), least) if len(ties) else 1.0
     return np.where(by_person, max(spread(pointings), 1.0) if len(pointings) else 1.0, tie_unit)
@@ -203,7 +203,7 @@ def _account(network: Network, state: State, rays: Rays, used: np.ndarray, facto
         points, _ = points_and_rays(network, linear, cofactor)
     numbers, standardised = np.full((len(rays), 2), np.nan), np.full((len(rays), 2), np.nan)
     numbers[used] = np.clip(1.0 - adjusted * linear.weight[:, None], 1e-6, 1.0)
-    residual = misclosures(state, rays, network.camera_of)
+    residual = residuals(state, rays, network.camera_of)
     standardised[used] = residual[used] / (taken.sigma[:, None] * np.sqrt(numbers[used]))
     redundancy = _redundancy(network, taken)
     return Adjustment(state, network, rays, used, residual, numbers, standardised, cofactor, points, redundancy, factors)

@@ -8,7 +8,7 @@ from small_network import dense, moved, pattern, prior_alone, small_network
 
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.bundle import BlunderTest, adjust
-from orthomill.tasks.adjustment.model.collinearity import derivatives, misclosures
+from orthomill.tasks.adjustment.model.collinearity import derivatives, residuals
 from orthomill.tasks.adjustment.model.datum import add_prior, freedoms, prior_cost
 from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.solve.minimise import minimise
@@ -31,7 +31,7 @@ def test_analytic_derivatives_equal_numeric_ones():
             rotation = np.array([rotation_of_vector(h * np.eye(3)[k - 3]) @ R for R in rotation])
         else:
             interior[:, k - 6] += h
-        return -misclosures(replace(state, rotation=rotation, centre=centre, interior=interior), rays, network.camera_of)
+        return -residuals(replace(state, rotation=rotation, centre=centre, interior=interior), rays, network.camera_of)
 
     for k, h in enumerate(steps):
         numeric = (at(k, h) - at(k, -h)) / (2 * h)
@@ -40,8 +40,8 @@ def test_analytic_derivatives_equal_numeric_ones():
         move = 1e-3 * np.eye(3)[k]
         numeric = (
             -(
-                misclosures(replace(state, point=state.point + move), rays, network.camera_of)
-                - misclosures(replace(state, point=state.point - move), rays, network.camera_of)
+                residuals(replace(state, point=state.point + move), rays, network.camera_of)
+                - residuals(replace(state, point=state.point - move), rays, network.camera_of)
             )
             / 2e-3
         )
@@ -183,7 +183,7 @@ def test_points_near_the_horizon_do_not_drown_what_holds_a_weak_block():
     """Rays that meet at seconds of arc: eliminating their points must leave no negative information about the photographs."""
     network, state, rays = small_network()
     far = replace(state, point=state.centre.mean(axis=0) + 3e6 * (state.point - state.centre.mean(axis=0)))
-    ahead = np.abs(misclosures(far, rays, network.camera_of)).max(axis=1) < 1e4
+    ahead = np.abs(residuals(far, rays, network.camera_of)).max(axis=1) < 1e4
     count = np.bincount(rays.point[ahead], minlength=len(state.point))
     rays = rays.take(ahead & (count[rays.point] >= 2))
     reduced = reduced_normals(linearised(network, far, rays), pattern(network, far, rays)).matrix.dense()

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import csr_array
 
-from orthomill.tasks.adjustment.model.collinearity import derivatives, misclosures
+from orthomill.tasks.adjustment.model.collinearity import derivatives, residuals
 from orthomill.tasks.adjustment.model.datum import add_prior
 from orthomill.tasks.adjustment.model.linearisation import linearised, structure
 from orthomill.tasks.adjustment.model.network import Interior, Network, Rays, State, ray_columns
@@ -26,9 +26,7 @@ def small_network(seed=0, photos=4, points=30, noise=0.0, free=False, interior_f
     index = np.repeat(np.arange(points), photos).astype(np.int32), np.tile(np.arange(photos), points).astype(np.int32)
     camera_of = np.zeros(photos, np.int64)
     rays = Rays(*index, np.zeros((points * photos, 2)), rng.uniform(0.2, 0.6, points * photos))
-    rays = replace(
-        rays, xy=-misclosures(state, rays, camera_of) + noise * rays.sigma[:, None] * rng.standard_normal((len(rays), 2))
-    )
+    rays = replace(rays, xy=-residuals(state, rays, camera_of) + noise * rays.sigma[:, None] * rng.standard_normal((len(rays), 2)))
     mask = np.isin(np.arange(8), interior_free)[None]
     weight = np.zeros((1, 8, 8))
     weight[0][np.ix_(mask[0], mask[0])] = np.diag(1 / np.array([2.0, 1, 1, 0.01, 0.01, 0.01, 1e-3, 1e-3])[mask[0]] ** 2)
@@ -82,7 +80,7 @@ def dense(network, state, rays):
         A[i, :, n + 3 * rays.point[i] : n + 3 * rays.point[i] + 3] = jp[i]
     A = A.reshape(-1, n + 3 * N)
     P = np.repeat(1 / rays.sigma**2, 2)
-    normal, right = A.T @ (P[:, None] * A), A.T @ (P * misclosures(state, rays, network.camera_of).ravel())
+    normal, right = A.T @ (P[:, None] * A), A.T @ (P * residuals(state, rays, network.camera_of).ravel())
     prior, prior_right = prior_alone(network, state)
     normal[:n, :n] += prior
     right[:n] += prior_right

@@ -18,7 +18,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.boards.board_network import PARAMETERS, BoardCorners, BoardNetwork, BoardState
-from orthomill.tasks.adjustment.boards.board_projection import BEHIND, derivatives, misclosures
+from orthomill.tasks.adjustment.boards.board_projection import BEHIND, derivatives, residuals
 from orthomill.tasks.adjustment.model.linearisation import Linear, seen_pattern
 from orthomill.tasks.adjustment.model.robust_weights import huber_cost, huber_weights, spread
 from orthomill.tasks.adjustment.solve.normal_equations import point_corrections, point_precision, reduced_normals
@@ -134,11 +134,11 @@ def _step(
 
 
 def _unit(state: BoardState, corners: BoardCorners, test: CornerTest) -> float:
-    return max(spread(np.linalg.norm(misclosures(state, corners), axis=1)), test.floor)
+    return max(spread(np.linalg.norm(residuals(state, corners), axis=1)), test.floor)
 
 
 def _cost(network: BoardNetwork, state: BoardState, corners: BoardCorners, limit: float) -> float:
-    miss = misclosures(state, corners)
+    miss = residuals(state, corners)
     if not np.isfinite(miss).all() or (np.abs(miss) >= BEHIND).any():
         return np.inf
     return huber_cost(np.linalg.norm(miss, axis=1), limit) + float(
@@ -160,7 +160,7 @@ def _linearised(network: BoardNetwork, state: BoardState, corners: BoardCorners,
     """Corners of exact boards stand alone, so that nothing is eliminated; those of uncertain boards are points of the bundle."""
     row, columns = network.columns_of(corners)
     by_unknowns, by_corner = derivatives(state, corners)
-    miss = misclosures(state, corners)
+    miss = residuals(state, corners)
     touched = (columns >= 0).any(axis=0)
     weight = huber_weights(np.linalg.norm(miss, axis=1), limit)
     if not network.uncertain:
@@ -231,7 +231,7 @@ def adjust(network: BoardNetwork, start: BoardState, corners: BoardCorners, test
     """
     test = test or CornerTest()
     state, iterations = minimise(network, start, corners, test)
-    size = np.linalg.norm(misclosures(state, corners), axis=1)
+    size = np.linalg.norm(residuals(state, corners), axis=1)
     used = size <= test.gross * max(spread(size), test.floor)
     for rounds in range(test.rounds):
         state, steps = minimise(network, state, corners.take(used))
@@ -256,7 +256,7 @@ def _account(network: BoardNetwork, state: BoardState, corners: BoardCorners, us
     if redundancy <= 0:
         raise GeometryError(_UNDETERMINED)
     sigma0 = float(np.sqrt(_cost(network, state, taken, np.inf) / redundancy))
-    residual, standardised = misclosures(state, corners), np.full((len(corners), 2), np.nan)
+    residual, standardised = residuals(state, corners), np.full((len(corners), 2), np.nan)
     standardised[used] = residual[used] / (max(sigma0, 1e-12) * np.sqrt(np.clip(1.0 - adjusted, 1e-3, None)))
     return BoardAdjustment(
         network, state, corners, used, residual, standardised, sigma0**2 * cofactor, sigma0, redundancy, iterations

@@ -1,4 +1,4 @@
-"""Collinearity for corners of boards, with Brown's distortion, affinity and skew: misclosures and analytic derivatives.
+"""Collinearity for corners of boards, with Brown's distortion, affinity and skew: residuals and analytic derivatives.
 
 Rotations, of photos and of boards alike, are corrected from the left, R <- exp([w]x) R, so that the derivative of R p by w is
 w x (R p). Everything is arrays over all corners at once: a calibration has some thousand of them.
@@ -9,7 +9,7 @@ import numpy as np
 from orthomill.tasks.adjustment.boards.board_network import BoardCorners, BoardState
 
 BEHIND = 1.0e5
-"""Misclosure (px) of a corner behind its camera: no step that brings one there is ever taken."""
+"""Residual (px) of a corner behind its camera: no step that brings one there is ever taken."""
 
 
 def projected(state: BoardState, corners: BoardCorners) -> np.ndarray:
@@ -20,7 +20,7 @@ def projected(state: BoardState, corners: BoardCorners) -> np.ndarray:
     return _pixels(state.interior, _distorted(state.interior, ideal))
 
 
-def misclosures(state: BoardState, corners: BoardCorners) -> np.ndarray:
+def residuals(state: BoardState, corners: BoardCorners) -> np.ndarray:
     """Observed minus computed (M, 2) px; BEHIND for corners behind their camera."""
     return np.nan_to_num(corners.xy - projected(state, corners), nan=BEHIND, posinf=BEHIND, neginf=BEHIND)
 

@@ -45,7 +45,7 @@ class Blunder:
 
 
 @dataclass(frozen=True)
-class CommonErrors:
+class CorrelatedErrors:
     """Errors that the measurements of a region share: `rms_px` of a coordinate over the frame (before the adjustment absorbs its
     part), `share` of its variance that is the same in all photographs of a camera, `likelihood` ratio against white noise, and
     `white`: variance of what no field explains by that of all residuals."""
@@ -61,8 +61,8 @@ class Adjustment:
     """The adjusted block. `used` (M,) marks the rays that took part, `residual` (M, 2) px observed minus computed of all rays,
     `redundancy_number` (M, 2) and `standardised` (M, 2) are NaN for rays that did not. `cofactor` is the covariance of the
     unknowns of the reduced system, `point_covariance` (N, 3, 3) m^2. `factors` and `groups`: what the residuals say of the stated
-    standard errors. `network` holds the weights as they were used in the end: 0 for the `blunders`. `common`: the errors in common
-    that the covariances carry, None where they are those of white noise; `before`: the result that does not carry them."""
+    standard errors. `network` holds the weights as they were used in the end: 0 for the `blunders`. `correlated`: the correlated
+    image errors that the covariances carry, None where they are those of white noise; `before`: the result that does not carry them."""
 
     state: State
     network: Network
@@ -78,7 +78,7 @@ class Adjustment:
     groups: tuple[Group, ...] = ()
     blunders: tuple[Blunder, ...] = ()
     iterations: int = 0
-    common: CommonErrors | None = None
+    correlated: CorrelatedErrors | None = None
     before: "Adjustment | None" = None
 
     @property

@@ -1,4 +1,4 @@
-"""The collinearity equations with Brown's distortion, linearised: misclosures and analytic derivatives, one ray at a time.
+"""The collinearity equations with Brown's distortion, linearised: residuals and analytic derivatives, one ray at a time.
 
 Rotations are corrected from the left, R <- exp([w]x) R, so that with u = R (P - C) the derivative of u by w is simply w x u.
 """
@@ -10,11 +10,11 @@ from orthomill.tasks.adjustment.model.network import Network, Rays, State
 from orthomill.tasks.geometry.distortion import distort_point
 
 BEHIND = 1.0e5
-"""Misclosure (px) of a point behind its camera: no step that brings one there is ever taken."""
+"""Residual (px) of a point behind its camera: no step that brings one there is ever taken."""
 
 
 @njit(cache=True)
-def _misclosures(photo, camera, point, xy, rotation, centre, points, interior):
+def _residuals(photo, camera, point, xy, rotation, centre, points, interior):
     out = np.empty((len(photo), 2))
     for i in range(len(photo)):
         R, n = rotation[photo[i]], interior[camera[i]]
@@ -75,9 +75,9 @@ def _derivatives(photo, camera, point, rotation, centre, points, interior):
     return jg, jp
 
 
-def misclosures(state: State, rays: Rays, camera_of: np.ndarray) -> np.ndarray:
+def residuals(state: State, rays: Rays, camera_of: np.ndarray) -> np.ndarray:
     """Observed minus computed image coordinates (M, 2), px; BEHIND for points behind their camera."""
-    return _misclosures(
+    return _residuals(
         rays.photo, camera_of[rays.photo], rays.point, rays.xy, state.rotation, state.centre, state.point, state.interior
     )
 
@@ -88,6 +88,6 @@ def derivatives(state: State, rays: Rays, camera_of: np.ndarray) -> tuple[np.nda
     return _derivatives(rays.photo, camera_of[rays.photo], rays.point, state.rotation, state.centre, state.point, state.interior)
 
 
-def sizes(network: Network, state: State, rays: Rays) -> np.ndarray:
-    """(M,) lengths of the rays' misclosures in stated standard errors."""
-    return np.linalg.norm(misclosures(state, rays, network.camera_of), axis=1) / rays.sigma
+def residual_lengths(network: Network, state: State, rays: Rays) -> np.ndarray:
+    """(M,) lengths of the rays' residuals in stated standard errors."""
+    return np.linalg.norm(residuals(state, rays, network.camera_of), axis=1) / rays.sigma

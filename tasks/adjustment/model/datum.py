@@ -26,10 +26,10 @@ class PriorFactors:
 
 
 def prior_sizes(network: Network, state: State) -> PriorFactors:
-    """Lengths of the misclosures of positions, surveyed points and distances, in standard errors; 0 where nothing is known."""
-    position = (network.centre_weight * position_misclosures(network, state) ** 2).sum(axis=1)
+    """Lengths of the residuals of positions, surveyed points and distances, in standard errors; 0 where nothing is known."""
+    position = (network.centre_weight * position_residuals(network, state) ** 2).sum(axis=1)
     point = (network.point_weight * (network.point - state.point) ** 2).sum(axis=1)
-    distance = network.distances.weight * distance_misclosures(network, state) ** 2
+    distance = network.distances.weight * distance_residuals(network, state) ** 2
     return PriorFactors(np.sqrt(position), np.sqrt(point), np.sqrt(distance))
 
 
@@ -44,10 +44,10 @@ def add_prior(network: Network, state: State, matrix: BlockMatrix, factors: Prio
     side (n,)."""
     factors = factors or prior_factors(network, state, np.inf)
     right = np.zeros(len(matrix))
-    for columns, J, weight, misclosure in _prior(network, state, factors):
+    for columns, J, weight, residual in _prior(network, state, factors):
         weighted = J.transpose(0, 2, 1) @ weight
         matrix.add(columns, weighted @ J)
-        right += summed(columns, (weighted @ misclosure[:, :, None])[:, :, 0], len(matrix))
+        right += summed(columns, (weighted @ residual[:, :, None])[:, :, 0], len(matrix))
     return right
 
 
@@ -57,23 +57,23 @@ def prior_cost(network: Network, state: State, huber: float = np.inf) -> float:
     return float(
         huber_cost(size.centre, huber)
         + huber_cost(size.point, huber)
-        + (network.vertical_weight * (vertical_misclosures(network, state) ** 2).sum(axis=1)).sum()
+        + (network.vertical_weight * (vertical_residuals(network, state) ** 2).sum(axis=1)).sum()
         + np.einsum("ci,cij,cj->", value, network.interior.weight, value)
         + (network.lever_weight * (network.lever - state.lever) ** 2).sum()
         + huber_cost(size.distance, huber)
     )
 
 
-def position_misclosures(network: Network, state: State) -> np.ndarray:
+def position_residuals(network: Network, state: State) -> np.ndarray:
     """GNSS position minus (projection centre + lever arm + shift), (P, 3) m; meaningless where the weight is 0."""
     antenna = state.centre + np.einsum("pji,j->pi", state.rotation, state.lever) + state.shift
     return np.where(network.centre_weight > 0, network.centre - antenna, 0.0)
 
 
-def vertical_misclosures(network: Network, state: State) -> np.ndarray:
+def vertical_residuals(network: Network, state: State) -> np.ndarray:
     """(P, 3) expected zenith in the image system by the zenith there: zero where they agree, and as long as the sine of the angle
     between them; meaningless where the weight is 0."""
-    return np.cross(network.zenith, state.rotation[:, :, 2])
+    return np.cross(network.up, state.rotation[:, :, 2])
 
 
 def position_derivatives(network: Network, state: State, photos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -93,7 +93,7 @@ def position_derivatives(network: Network, state: State, photos: np.ndarray) -> 
     return np.concatenate(blocks, axis=2), np.hstack(columns)
 
 
-def distance_misclosures(network: Network, state: State) -> np.ndarray:
+def distance_residuals(network: Network, state: State) -> np.ndarray:
     """Measured minus computed distances (D,), m."""
     first, second = network.distances.ends.T
     return network.distances.length - np.linalg.norm(state.point[second] - state.point[first], axis=1)
@@ -109,7 +109,7 @@ def distance_derivatives(network: Network, state: State) -> tuple[np.ndarray, np
 
 
 def _prior(network: Network, state: State, factors: PriorFactors) -> Iterator[tuple[np.ndarray, ...]]:
-    """What is known beforehand, kind by kind: columns (q, m), derivatives (q, d, m), weights (q, d, d), misclosures (q, d)."""
+    """What is known beforehand, kind by kind: columns (q, m), derivatives (q, d, m), weights (q, d, d), residuals (q, d)."""
     yield _positions(network, state, factors.centre)
     yield _verticality(network, state)
     yield (
@@ -127,23 +127,23 @@ def _prior(network: Network, state: State, factors: PriorFactors) -> Iterator[tu
     if len(network.distances):
         J, columns = distance_derivatives(network, state)
         weight = factors.distance * network.distances.weight
-        yield columns, J[:, None], weight[:, None, None], distance_misclosures(network, state)[:, None]
+        yield columns, J[:, None], weight[:, None, None], distance_residuals(network, state)[:, None]
 
 
 def _positions(network: Network, state: State, factor: np.ndarray) -> tuple[np.ndarray, ...]:
     photos = np.flatnonzero(network.centre_weight.any(axis=1))
     J, columns = position_derivatives(network, state, photos)
     weight = factor[photos, None, None] * network.centre_weight[photos][:, :, None] * np.eye(3)
-    return columns, J, weight, position_misclosures(network, state)[photos]
+    return columns, J, weight, position_residuals(network, state)[photos]
 
 
 def _verticality(network: Network, state: State) -> tuple[np.ndarray, ...]:
     """The zenith u in the image system moves by w x u, and so does u x b by (b . w) u - (b . u) w, where b is the expected one."""
     photos = np.flatnonzero(network.vertical_weight > 0)
-    u, b = state.rotation[photos, :, 2], np.broadcast_to(network.zenith, (network.photos, 3))[photos]
+    u, b = state.rotation[photos, :, 2], np.broadcast_to(network.up, (network.photos, 3))[photos]
     J = u[:, :, None] * b[:, None, :] - (b * u).sum(axis=1)[:, None, None] * np.eye(3)
     weight = network.vertical_weight[photos, None, None] * np.eye(3)
-    return 6 * photos[:, None] + 3 + np.arange(3), J, weight, vertical_misclosures(network, state)[photos]
+    return 6 * photos[:, None] + 3 + np.arange(3), J, weight, vertical_residuals(network, state)[photos]
 
 
 def freedoms(network: Network, state: State) -> np.ndarray:

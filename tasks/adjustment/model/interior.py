@@ -55,10 +55,10 @@ def camera_covariance(camera: Camera) -> np.ndarray:
     return np.diag([(NOMINAL_SIGMA[name] * unit.get(name, 1.0)) ** 2 for name in INTERIOR])
 
 
-def interior_prior(cameras: list[Camera], choice: InteriorChoice, hold_nominal: bool = False) -> Interior:
+def interior_prior(cameras: list[Camera], choice: InteriorChoice, fix_nominal: bool = False) -> Interior:
     """What is known and what is unknown of the interior orientations; `cameras` in the order of the network.
 
-    `hold_nominal`: c, x0 and y0 from EXIF keep their values and only lend their uncertainty. Over flat ground without control they
+    `fix_nominal`: c, x0 and y0 from EXIF keep their values and only lend their uncertainty. Over flat ground without control they
     are flying height and place of the photographs in disguise, and take up every small error (a rolling shutter) with far too
     small formal standard errors.
     """
@@ -73,7 +73,7 @@ def interior_prior(cameras: list[Camera], choice: InteriorChoice, hold_nominal: 
         free[i] = named & (np.diag(covariance) > 0)
         chosen = np.ix_(free[i], free[i])
         weight[i][chosen] = _inverse(covariance[chosen])
-        considered[i, :3] = free[i, :3] & (hold_nominal and camera.source == "exif")
+        considered[i, :3] = free[i, :3] & (fix_nominal and camera.source == "exif")
     return Interior(value, weight, free, considered)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from scipy.sparse import csr_array, vstack
 
-from orthomill.tasks.adjustment.model.collinearity import derivatives, misclosures
+from orthomill.tasks.adjustment.model.collinearity import derivatives, residuals
 from orthomill.tasks.adjustment.model.network import Network, Rays, State, ray_columns
 from orthomill.tasks.adjustment.sparse.block_cholesky import Structure, structure_of
 from orthomill.tasks.adjustment.sparse.block_matrix import Pattern, pattern_of
@@ -18,18 +18,18 @@ from orthomill.tasks.adjustment.sparse.block_matrix import Pattern, pattern_of
 @dataclass(frozen=True, eq=False)
 class Linear:
     """A linearised bundle: derivatives `jg` (M, 2, k) by the unknowns columns[row] and `jp` (M, 2, 3) by the point in its own
-    `frame` (N, 3, 3; columns are axes), with `row` (M,) and `columns` (T, k), -1 for none; misclosures (M, 2), `weight` (M,)
-    1/px^2, `first` (N + 1,), and the points' own prior: weights and misclosures (N, 3)."""
+    `frame` (N, 3, 3; columns are axes), with `row` (M,) and `columns` (T, k), -1 for none; residuals (M, 2), `weight` (M,)
+    1/px^2, `first` (N + 1,), and the points' own prior: weights and residuals (N, 3)."""
 
     first: np.ndarray
     row: np.ndarray
     columns: np.ndarray
     jg: np.ndarray
     jp: np.ndarray
-    misclosure: np.ndarray
+    residual: np.ndarray
     weight: np.ndarray
     point_weight: np.ndarray
-    point_misclosure: np.ndarray
+    point_residual: np.ndarray
     frame: np.ndarray
 
     @property
@@ -59,7 +59,7 @@ def linearised(
         columns,
         jg,
         jp,
-        misclosures(state, rays, network.camera_of),
+        residuals(state, rays, network.camera_of),
         factor / rays.sigma**2,
         point_weight,
         network.point - state.point,

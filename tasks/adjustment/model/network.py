@@ -94,7 +94,7 @@ class Network:
     """What is known beforehand; weights are inverse variances, 0 for nothing known.
 
     camera_of (P,); centre, centre_weight (P, 3) GNSS positions; point, point_weight (N, 3) control; vertical_weight (P,) 1/rad^2 of
-    the wish that the vertical has its expected direction in a photograph, `zenith` (3,) or (P, 3) in the image system: (0, 0, 1)
+    the wish that the vertical has its expected direction in a photograph, `up` (3,) or (P, 3) in the image system: (0, 0, 1)
     looks straight down; shift: whether the GNSS positions have a common shift; free: no datum, the freedoms are held by inner
     constraints. lever (3,) m as in `State`, an unknown where lever_weight (3,) 1/m^2 is above 0; kept
     (K,) ascending numbers of the points that stay among the unknowns, ends of `distances` among them; named: numbers of points
@@ -115,7 +115,7 @@ class Network:
     kept: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
     distances: Distances = NO_DISTANCES
     named: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
-    zenith: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    up: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
 
     def with_lever(self, lever: Sequence[float], sigma: float, shift: bool) -> "Network":
         """The network whose positions are those of an antenna: its lever arm (3,) m with a standard error (0: exactly known), and

@@ -7,7 +7,7 @@ al. 2000.
 import numpy as np
 
 from orthomill.schemas.errors import GeometryError
-from orthomill.tasks.adjustment.model.collinearity import BEHIND, sizes
+from orthomill.tasks.adjustment.model.collinearity import BEHIND, residual_lengths
 from orthomill.tasks.adjustment.model.datum import PriorFactors, add_prior, prior_cost, prior_factors
 from orthomill.tasks.adjustment.model.linearisation import Linear, linearised, structure
 from orthomill.tasks.adjustment.model.network import Network, Rays, State
@@ -15,7 +15,7 @@ from orthomill.tasks.adjustment.model.robust_weights import huber_cost, huber_we
 from orthomill.tasks.adjustment.solve.normal_equations import point_corrections, reduced_normals
 from orthomill.tasks.adjustment.solve.normal_inverse import inverse_of
 from orthomill.tasks.adjustment.solve.ray_intersection import intersected
-from orthomill.tasks.adjustment.solve.whole_block import settled_whole
+from orthomill.tasks.adjustment.solve.whole_block import fitted_whole
 from orthomill.tasks.adjustment.sparse.block_cholesky import Structure
 from orthomill.tasks.adjustment.sparse.block_matrix import diagonal_places
 from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
@@ -45,11 +45,11 @@ def minimise(
     Every point with rays needs two of them (or a prior). Raises GeometryError when the observations do not determine the unknowns,
     or when `most` iterations do not converge.
     """
-    state, damping, ease = settled_whole(network, start, huber), 1e-4, EASE
+    state, damping, ease = fitted_whole(network, start, huber), 1e-4, EASE
     cost, order = _cost(network, state, rays, huber), None
     for iteration in range(1, most + 1):
         factors, growth = prior_factors(network, state, huber), 2.0
-        linear = linearised(network, state, rays, huber_weights(sizes(network, state, rays), huber), factors.point)
+        linear = linearised(network, state, rays, huber_weights(residual_lengths(network, state, rays), huber), factors.point)
         order = order or structure(network, state, linear)
         while True:
             trial = _moved(network, state, linear, order, factors, damping)
@@ -64,7 +64,7 @@ def minimise(
                 raise GeometryError(UNDETERMINED)
             return state, iteration
         if growth > 2.0:
-            trial = settled_whole(network, trial, huber)
+            trial = fitted_whole(network, trial, huber)
             trial_cost = _cost(network, trial, rays, huber)
         del linear  # the largest table by far: the next one is not to stand beside it
         gain, state, cost = cost - trial_cost, trial, trial_cost
@@ -77,7 +77,7 @@ def minimise(
 
 
 def _cost(network: Network, state: State, rays: Rays, huber: float) -> float:
-    size = sizes(network, state, rays)
+    size = residual_lengths(network, state, rays)
     if (size * rays.sigma >= BEHIND).any():
         return np.inf
     return huber_cost(size, huber) + prior_cost(network, state, huber)

@@ -48,15 +48,15 @@ def _invert(V, out):
 
 
 @njit(cache=True)
-def _point_block(point, first, jp, misclosure, weight, prior_weight, prior_misclosure, damping, V, right):
+def _point_block(point, first, jp, residual, weight, prior_weight, prior_residual, damping, V, right):
     V[:] = 0.0
     for a in range(3):
         V[a, a] = prior_weight[point, a]
-        right[a] = prior_weight[point, a] * prior_misclosure[point, a]
+        right[a] = prior_weight[point, a] * prior_residual[point, a]
     for i in range(first[point], first[point + 1]):
         for k in range(2):
             for a in range(3):
-                right[a] += weight[i] * jp[i, k, a] * misclosure[i, k]
+                right[a] += weight[i] * jp[i, k, a] * residual[i, k]
                 for b in range(3):
                     V[a, b] += weight[i] * jp[i, k, a] * jp[i, k, b]
     for a in range(3):
@@ -98,7 +98,7 @@ def _most(first, start, columns):
 
 
 @njit(cache=True)
-def _direct(row, columns, jg, misclosure, weight):
+def _direct(row, columns, jg, residual, weight):
     """What the rays say without regard to their point: normal matrices (T, k, k) and right-hand sides (T, k)."""
     k = columns.shape[1]
     normal, right = np.zeros((len(columns), k, k)), np.zeros((len(columns), k))
@@ -106,7 +106,7 @@ def _direct(row, columns, jg, misclosure, weight):
         t = row[i]
         for a in range(k):
             x, y = weight[i] * jg[i, 0, a], weight[i] * jg[i, 1, a]
-            right[t, a] += x * misclosure[i, 0] + y * misclosure[i, 1]
+            right[t, a] += x * residual[i, 0] + y * residual[i, 1]
             for b in range(k):
                 normal[t, a, b] += x * jg[i, 0, b] + y * jg[i, 1, b]
     return normal, right
@@ -114,7 +114,7 @@ def _direct(row, columns, jg, misclosure, weight):
 
 @njit(cache=True)
 def _eliminate(
-    first, row, columns, jg, jp, misclosure, weight, prior_weight, prior_misclosure, damping,
+    first, row, columns, jg, jp, residual, weight, prior_weight, prior_residual, damping,
     start, block_first, partner, offset, owner, values, right,
 ):  # fmt: skip
     """Takes what the points explain off the normal matrix and the right-hand side."""
@@ -126,7 +126,7 @@ def _eliminate(
         begin, end = first[point], first[point + 1]
         if begin == end:
             continue
-        _point_block(point, first, jp, misclosure, weight, prior_weight, prior_misclosure, damping, V, vb)
+        _point_block(point, first, jp, residual, weight, prior_weight, prior_residual, damping, V, vb)
         _invert(V, inverse)
         if inverse[0, 0] == 0.0:
             continue
@@ -155,13 +155,13 @@ def _eliminate(
 
 
 @njit(cache=True)
-def _back(first, row, columns, jg, jp, misclosure, weight, prior_weight, prior_misclosure, damping, correction):
+def _back(first, row, columns, jg, jp, residual, weight, prior_weight, prior_residual, damping, correction):
     out = np.zeros((len(first) - 1, 3))
     V, inverse, vb = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     for point in range(len(first) - 1):
         if first[point] == first[point + 1]:
             continue
-        _point_block(point, first, jp, misclosure, weight, prior_weight, prior_misclosure, damping, V, vb)
+        _point_block(point, first, jp, residual, weight, prior_weight, prior_residual, damping, V, vb)
         _invert(V, inverse)
         for i in range(first[point], first[point + 1]):
             for n in range(2):
@@ -178,7 +178,7 @@ def _back(first, row, columns, jg, jp, misclosure, weight, prior_weight, prior_m
 
 @njit(cache=True)
 def _precision(
-    first, row, columns, jg, jp, misclosure, weight, prior_weight, prior_misclosure,
+    first, row, columns, jg, jp, residual, weight, prior_weight, prior_residual,
     start, block_first, partner, offset, owner, values, direct,
 ):  # fmt: skip
     points = np.zeros((len(first) - 1, 3, 3))
@@ -192,7 +192,7 @@ def _precision(
         begin, end = first[point], first[point + 1]
         if begin == end:
             continue
-        _point_block(point, first, jp, misclosure, weight, prior_weight, prior_misclosure, 0.0, V, vb)
+        _point_block(point, first, jp, residual, weight, prior_weight, prior_residual, 0.0, V, vb)
         _invert(V, inverse)
         count, m = _merged(begin, end, row, columns, jg, jp, weight, start, owner, place, own, W)
         for b in range(3):
@@ -250,7 +250,7 @@ def _precision(
 
 def reduced_normals(linear: Linear, pattern: Pattern, damping: float = 0.0) -> Normals:
     """The reduced normal equations in the blocks of `pattern`, without what is known beforehand but for the points."""
-    pieces, sides = _direct(linear.row, linear.columns, linear.jg, linear.misclosure, linear.weight)
+    pieces, sides = _direct(linear.row, linear.columns, linear.jg, linear.residual, linear.weight)
     matrix = BlockMatrix.zero(pattern)
     there = np.bincount(linear.row, minlength=len(pieces)) > 0
     matrix.add(linear.columns[there], pieces[there])

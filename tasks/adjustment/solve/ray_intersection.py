@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from orthomill.tasks.adjustment.model.collinearity import BEHIND, misclosures, sizes
+from orthomill.tasks.adjustment.model.collinearity import BEHIND, residual_lengths, residuals
 from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import Network, Rays, State
 from orthomill.tasks.adjustment.model.robust_weights import huber_losses, huber_weights
@@ -27,7 +27,7 @@ def intersecting(network: Network, state: State, rays: Rays, used: np.ndarray) -
     A point's standard error is the longest axis of the error ellipsoid of its rays alone, with their stated standard errors; its
     distance is that from the nearest of its projection centres.
     """
-    used = used & (np.abs(misclosures(state, rays, network.camera_of)).max(axis=1) < BEHIND)
+    used = used & (np.abs(residuals(state, rays, network.camera_of)).max(axis=1) < BEHIND)
     taken = rays.take(used)
     towards = state.point[taken.point] - state.centre[taken.photo]
     distance = np.maximum(np.linalg.norm(towards, axis=1), 1e-12)
@@ -53,10 +53,10 @@ def intersected(network: Network, state: State, rays: Rays, huber: float) -> Sta
     Points whose rays hardly meet follow a photograph that moves, but not in proportion: where they are left behind, the valley that
     it moves in is curved, and steps along it stay short.
     """
-    size = sizes(network, state, rays)
+    size = residual_lengths(network, state, rays)
     step = point_corrections(linearised(network, state, rays, huber_weights(size, huber)), np.zeros(network.unknowns))
     step[network.kept] = 0.0
     moved = replace(state, point=state.point + step)
-    gain = huber_losses(size, huber) - huber_losses(sizes(network, moved, rays), huber)
+    gain = huber_losses(size, huber) - huber_losses(residual_lengths(network, moved, rays), huber)
     better = np.bincount(rays.point, gain, len(state.point)) > 0
     return replace(state, point=np.where((better & ~network.pointed)[:, None], moved.point, state.point))

@@ -11,11 +11,11 @@ from dataclasses import replace
 import numpy as np
 
 from orthomill.tasks.adjustment.model.datum import (
-    distance_misclosures,
-    position_misclosures,
+    distance_residuals,
+    position_residuals,
     prior_cost,
     prior_factors,
-    vertical_misclosures,
+    vertical_residuals,
 )
 from orthomill.tasks.adjustment.model.network import Network, State
 from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
@@ -24,7 +24,7 @@ STEPS, INCREMENT, NEGLIGIBLE = 20, 1e-5, 1e-10
 """Gauss-Newton steps, and increments and negligible steps in units of the block's size, radians and logarithms of the scale."""
 
 
-def settled_whole(network: Network, state: State, huber: float = np.inf) -> State:
+def fitted_whole(network: Network, state: State, huber: float = np.inf) -> State:
     """The state after the motion that fits everything known beforehand best; unchanged where nothing is gained, or in a free
     network."""
     if network.free:
@@ -37,10 +37,10 @@ def settled_whole(network: Network, state: State, huber: float = np.inf) -> Stat
     def misfits(motion: np.ndarray) -> np.ndarray:
         moved = _moved(state, motion, middle, size, surveyed)
         known = [
-            np.sqrt(factors.centre[:, None] * network.centre_weight) * position_misclosures(network, moved),
+            np.sqrt(factors.centre[:, None] * network.centre_weight) * position_residuals(network, moved),
             np.sqrt(factors.point[surveyed, None] * network.point_weight[surveyed]) * (network.point - moved.point)[surveyed],
-            np.sqrt(network.vertical_weight)[:, None] * vertical_misclosures(network, moved),
-            np.sqrt(factors.distance * network.distances.weight) * distance_misclosures(network, moved),
+            np.sqrt(network.vertical_weight)[:, None] * vertical_residuals(network, moved),
+            np.sqrt(factors.distance * network.distances.weight) * distance_residuals(network, moved),
         ]
         return np.concatenate([part.ravel() for part in known])
 

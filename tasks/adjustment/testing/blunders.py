@@ -14,8 +14,8 @@ import numpy as np
 from scipy.special import chdtri, ndtr
 
 from orthomill.tasks.adjustment.model.adjustment_result import Adjustment, Blunder, surveyed
-from orthomill.tasks.adjustment.model.collinearity import sizes
-from orthomill.tasks.adjustment.model.datum import distance_misclosures, position_misclosures, prior_sizes
+from orthomill.tasks.adjustment.model.collinearity import residual_lengths
+from orthomill.tasks.adjustment.model.datum import distance_residuals, position_residuals, prior_sizes
 from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import NO_DISTANCES, Network, Rays, State
 from orthomill.tasks.adjustment.solve.normal_equations import point_corrections, point_precision_alone
@@ -49,7 +49,7 @@ def surveyed_blunder(result: Adjustment, limit: float, by_group: bool = True) ->
     return worst_of(result.network, found)
 
 
-def stands_out(rest: Adjustment, first: Network, blunder: Blunder, limit: float) -> bool:
+def is_outlier(rest: Adjustment, first: Network, blunder: Blunder, limit: float) -> bool:
     """Whether something that had no part in `rest` (its weight is in the `first` network) contradicts it by the usual misfit of
     those of its kind that had."""
     square, numbers = _square_away(rest, first, blunder)
@@ -94,7 +94,7 @@ def _met(network: Network, state: State, rays: Rays, limit: float) -> _Met:
         state = replace(state, point=state.point + point_corrections(linearised(bare, state, rays), nothing))
     covariance = point_precision_alone(linearised(bare, state, rays), bare.group_start)
     worst = np.zeros(len(network.point))
-    np.maximum.at(worst, rays.point, sizes(bare, state, rays))
+    np.maximum.at(worst, rays.point, residual_lengths(bare, state, rays))
     return _Met(state.point, covariance, (count >= 2) & (worst < limit) & (worst > 0.0))
 
 
@@ -147,7 +147,7 @@ def worst_of(network: Network, found: list[Blunder]) -> Blunder | None:
     return ranked[0]
 
 
-def acquitted(result: Adjustment, blunders: list[Blunder], stated: Network, first: Network, limit: float) -> Network:
+def reinstated(result: Adjustment, blunders: list[Blunder], stated: Network, first: Network, limit: float) -> Network:
     """The `stated` network with those blunders put back (weights of the `first` network) that agree with the final solution: they
     were thrown out while something else, a camera constant, was still wrong."""
     for blunder in blunders:
@@ -174,7 +174,7 @@ def _away(result: Adjustment, first: Network, blunder: Blunder) -> tuple[np.ndar
     if blunder.kind == "position":
         return first.centre[i] - antennas(result)[i], position_covariances(result, np.array([i]))[0]
     if blunder.kind == "distance":
-        return distance_misclosures(first, result.state)[[i]], distance_variances(result)[i].reshape(1, 1)
+        return distance_residuals(first, result.state)[[i]], distance_variances(result)[i].reshape(1, 1)
     return first.point[i] - result.state.point[i], result.point_covariance[i]
 
 
@@ -216,7 +216,7 @@ def enough_rays(network: Network, rays: Rays, used: np.ndarray) -> np.ndarray:
     return (used | starved[rays.point]) & ((count >= 2) | known | end)[rays.point]
 
 
-def hanging(network: Network, rays: Rays) -> Rays:
+def sufficiently_observed(network: Network, rays: Rays) -> Rays:
     """The rays of points that have enough of them."""
     return rays.take(enough_rays(network, rays, np.ones(len(rays), bool)))
 
@@ -242,18 +242,18 @@ def _control_misfits(result: Adjustment) -> tuple[np.ndarray, np.ndarray, np.nda
 
 
 def _position_misfits(result: Adjustment) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    network, misclosure = result.network, position_misclosures(result.network, result.state)
+    network, residual = result.network, position_residuals(result.network, result.state)
     number = np.flatnonzero(network.centre_weight.any(axis=1))
     covariance = position_covariances(result, number)
-    rows = [_square(network.centre_weight[i], misclosure[i], own) for i, own in zip(number, covariance, strict=True)]
+    rows = [_square(network.centre_weight[i], residual[i], own) for i, own in zip(number, covariance, strict=True)]
     return _columns(number, rows)
 
 
 def _distance_misfits(result: Adjustment) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    weight, misclosure = result.network.distances.weight, distance_misclosures(result.network, result.state)
+    weight, residual = result.network.distances.weight, distance_residuals(result.network, result.state)
     redundancy = 1.0 - weight * distance_variances(result)
     tested = (weight > 0) & (redundancy > CHECKABLE)
-    square = weight * misclosure**2 / np.maximum(redundancy, CHECKABLE)
+    square = weight * residual**2 / np.maximum(redundancy, CHECKABLE)
     return np.flatnonzero(tested), square[tested], np.ones(int(tested.sum()), int)
 
 
@@ -265,12 +265,12 @@ def _columns(number: np.ndarray, rows: list[tuple[float, int]]) -> tuple[np.ndar
     return number, table[:, 0], table[:, 1].astype(int)
 
 
-def _square(weight: np.ndarray, misclosure: np.ndarray, covariance: np.ndarray) -> tuple[float, int]:
+def _square(weight: np.ndarray, residual: np.ndarray, covariance: np.ndarray) -> tuple[float, int]:
     """v' Q_vv^-1 v over the combinations that can be tested, and how many these are."""
     root = np.sqrt(weight)
     redundancy, direction = np.linalg.eigh(np.diag((weight > 0).astype(float)) - root[:, None] * covariance * root)
     tested = redundancy > CHECKABLE
-    along = direction.T @ (root * misclosure)
+    along = direction.T @ (root * residual)
     return float((along[tested] ** 2 / redundancy[tested]).sum()), int(tested.sum())
 
 

@@ -11,9 +11,9 @@ import numpy as np
 from orthomill.tasks.adjustment.model.adjustment_result import Adjustment, Factors, Group, surveyed
 from orthomill.tasks.adjustment.model.datum import (
     distance_derivatives,
-    distance_misclosures,
+    distance_residuals,
     position_derivatives,
-    position_misclosures,
+    position_residuals,
 )
 
 POINTINGS = "surveyed points in photographs"
@@ -66,7 +66,7 @@ def position_covariances(result: Adjustment, photos: np.ndarray) -> np.ndarray:
 def _position_share(result: Adjustment) -> tuple[float, float]:
     """Weighted square sum and redundancy of the GNSS positions."""
     weight = result.network.centre_weight
-    square = (weight * position_misclosures(result.network, result.state) ** 2).sum()
+    square = (weight * position_residuals(result.network, result.state) ** 2).sum()
     photos = np.flatnonzero(weight.any(axis=1))
     variance = np.diagonal(position_covariances(result, photos), axis1=1, axis2=2)
     return float(square), _known(weight) - float((weight[photos] * variance).sum())
@@ -82,7 +82,7 @@ def _control_share(result: Adjustment) -> tuple[float, float]:
 
 def _distance_share(result: Adjustment) -> tuple[float, float]:
     weight = result.network.distances.weight
-    square = (weight * distance_misclosures(result.network, result.state) ** 2).sum()
+    square = (weight * distance_residuals(result.network, result.state) ** 2).sum()
     return float(square), float((1.0 - weight * distance_variances(result))[weight > 0].sum())
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment, adjust, minimise
 from orthomill.tasks.adjustment.boards.board_network import Arrangement, BoardCorners, BoardNetwork, BoardState
-from orthomill.tasks.adjustment.boards.board_projection import misclosures
+from orthomill.tasks.adjustment.boards.board_projection import residuals
 
 FEWEST_PHOTOS = 3
 _GOOD = 1.5
@@ -107,4 +107,4 @@ def resected(result: BoardAdjustment, state: BoardState, corners: BoardCorners, 
     boards are those of `state`."""
     network = replace(result.network, photos=len(state.rotation), free=(), arrangement="fixed", local_sigma=(0.0, 0.0, 0.0))
     settled, _ = minimise(network, state, corners.take(used))
-    return misclosures(settled, corners)
+    return residuals(settled, corners)

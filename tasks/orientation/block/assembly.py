@@ -13,7 +13,7 @@ from orthomill.schemas.camera import Camera, Cameras
 from orthomill.schemas.observations import Control, ControlPoint
 from orthomill.schemas.photo import Photos
 from orthomill.tasks.adjustment.model.adjustment_result import Adjustment
-from orthomill.tasks.adjustment.model.collinearity import BEHIND, misclosures
+from orthomill.tasks.adjustment.model.collinearity import BEHIND, residuals
 from orthomill.tasks.adjustment.model.network import Distances, Network, Rays, State
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.orientation.control.ground_points import approximate_points
@@ -244,7 +244,7 @@ def starting_values(
     surveyed = np.where(np.isfinite(known.control_model), known.control_model, known.control - datum.origin)
     point[problem.ties :] = np.nan_to_num(surveyed)
     state = State(rotation, centre, point, parts[0].model.interior, np.zeros(3))
-    network = replace(_network(material, problem, vertical, count), zenith=zenith)
+    network = replace(_network(material, problem, vertical, count), up=zenith)
     network = held(network, known, datum, problem.ties)
     good = problem.good & _placed(problem, network, state, np.isfinite(surveyed).all(axis=1))
     return _with_distances(network, problem, datum, good), state, good
@@ -261,7 +261,7 @@ def _placed(problem: Problem, network: Network, state: State, finite: np.ndarray
     """(M,) rays of tie points, and those of surveyed points that have a place before the camera and hang on enough."""
     rays = problem.rays
     of_person = rays.point >= problem.ties
-    ahead = np.abs(misclosures(state, rays, network.camera_of)).max(axis=1) < BEHIND
+    ahead = np.abs(residuals(state, rays, network.camera_of)).max(axis=1) < BEHIND
     good = ~of_person | (ahead & finite[np.maximum(rays.point - problem.ties, 0)] if len(finite) else ~of_person)
     count = np.bincount(rays.point[good & of_person], minlength=len(network.point))
     return good & (~of_person | network.point_weight.any(axis=1)[rays.point] | (count[rays.point] >= 2))

@@ -6,8 +6,8 @@ import numpy as np
 
 from orthomill.schemas.camera import INTERIOR
 from orthomill.tasks.adjustment.model.adjustment_result import Adjustment
-from orthomill.tasks.adjustment.testing.field_precision import with_common_errors
-from orthomill.tasks.adjustment.testing.image_fields import common_errors
+from orthomill.tasks.adjustment.testing.error_field_precision import with_correlated_errors
+from orthomill.tasks.adjustment.testing.error_fields import correlated_errors
 from orthomill.tasks.orientation.block.assembly import BlockResults, Problem
 
 NOTABLE = 2.0
@@ -20,10 +20,10 @@ def carried(account: BlockResults) -> BlockResults:
     """The account whose standard errors carry the errors in common that its residuals show, with a sentence where that matters."""
     problem, result = account.problem, account.result
     size = np.array([(problem.cameras[k].width, problem.cameras[k].height) for k in problem.camera_of], float)
-    errors = common_errors(result, size)
+    errors = correlated_errors(result, size)
     if errors is None:
         return account
-    honest = with_common_errors(result, errors, size)
+    honest = with_correlated_errors(result, errors, size)
     return replace(account, result=honest, remarks=(*account.remarks, *_told(problem, result, honest)))
 
 
@@ -38,11 +38,11 @@ def _told(problem: Problem, white: Adjustment, honest: Adjustment) -> tuple[str,
         return ()
     whose = (
         "mostly alike in all photographs, as where the lens bends otherwise than its distortion parameters can say"
-        if honest.common.share >= OF_CAMERA
+        if honest.correlated.share >= OF_CAMERA
         else "mostly different in each, as a stabiliser that shifts the sensor, a slow shutter or uneven film does it"
     )
     return (
-        f"Errors in common: whole regions of a photograph are displaced together, by {honest.common.rms_px:.2f} px on average, "
+        f"Errors in common: whole regions of a photograph are displaced together, by {honest.correlated.rms_px:.2f} px on average, "
         f"{whose}. The standard errors carry it: that of {names[int(columns[worst])]} is {large[worst]:.2g}; if every measurement "
         f"erred by itself it would be {small[worst]:.2g}. Calibrate the camera, switch stabilisers off, add photographs turned by "
         "90 degrees.",

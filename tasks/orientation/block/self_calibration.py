@@ -16,7 +16,7 @@ from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.model.interior import given_sigmas
 from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import Network, Rays, State
-from orthomill.tasks.adjustment.testing.blunders import hanging
+from orthomill.tasks.adjustment.testing.blunders import sufficiently_observed
 from orthomill.tasks.adjustment.testing.covariances import covariance_of
 
 AREAS = 9
@@ -29,7 +29,7 @@ LARGEST = 0.03
 def determined(network: Network, state: State, rays: Rays, names: tuple[str, ...]) -> tuple[Network, tuple[str, ...]]:
     """The network with the free c, x0 and y0 held that its geometry does not determine, and sentences about them."""
     open_ = network.interior.free[:, :3] & (np.diagonal(network.interior.weight, axis1=1, axis2=2)[:, :3] == 0)
-    rays = hanging(network, rays)
+    rays = sufficiently_observed(network, rays)
     remarks: list[str] = []
     while open_.any():
         share = _shares(network, state, rays)
@@ -53,7 +53,7 @@ def told_by_shape(network: Network, state: State, rays: Rays) -> Network:
     weight = interior.weight.copy()
     weight[doubtful, :3], weight[doubtful, :, :3] = 0.0, 0.0
     unknown = replace(interior, weight=weight, considered=interior.considered & ~doubtful[:, None])
-    share = _shares(replace(network, interior=unknown), state, hanging(network, rays))[:, 0]
+    share = _shares(replace(network, interior=unknown), state, sufficiently_observed(network, rays))[:, 0]
     of_camera = np.bincount(network.camera_of[rays.photo], minlength=len(doubtful))
     photos = np.bincount(network.camera_of, minlength=len(doubtful))
     per_area = np.maximum(of_camera / np.maximum(photos, 1) / AREAS, 1.0)

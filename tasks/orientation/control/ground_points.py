@@ -7,7 +7,7 @@ import numpy as np
 
 from orthomill.schemas.camera import Camera
 from orthomill.tasks.adjustment.model.adjustment_result import Adjustment
-from orthomill.tasks.adjustment.model.collinearity import misclosures
+from orthomill.tasks.adjustment.model.collinearity import residuals
 from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import NO_DISTANCES, Network, Rays, State
 from orthomill.tasks.adjustment.solve.normal_equations import point_corrections
@@ -61,7 +61,7 @@ def intersect_ground(result: Adjustment, start: np.ndarray, rays: Rays) -> Inter
         state = replace(state, point=state.point + point_corrections(linearised(network, state, own), nothing))
     covariance = points_elsewhere(linearised(network, state, own), result.cofactor)
     residual = np.full((len(rays), 2), np.nan)
-    residual[placed[rays.point]] = misclosures(state, own, network.camera_of)
+    residual[placed[rays.point]] = residuals(state, own, network.camera_of)
     return IntersectedGroundPoints(np.where(placed[:, None], state.point, np.nan), covariance, residual)
 
 

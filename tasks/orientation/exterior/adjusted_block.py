@@ -19,7 +19,7 @@ from orthomill.schemas.photo import Photos
 from orthomill.schemas.settings import Settings
 from orthomill.tasks.adjustment.bundle import BlunderTest
 from orthomill.tasks.adjustment.model.interior import InteriorChoice, interior_prior
-from orthomill.tasks.adjustment.testing.blunders import hanging
+from orthomill.tasks.adjustment.testing.blunders import sufficiently_observed
 from orthomill.tasks.orientation.block.assembly import BlockResults, Part, known_of, problem_of, starting_values
 from orthomill.tasks.orientation.block.camera_constant import adjust_tested
 from orthomill.tasks.orientation.block.correlated_image_errors import carried
@@ -204,7 +204,7 @@ def _adjusted(have: _Input, parts: list[Part]) -> tuple[BlockResults, tuple[Unor
             weak, why = away_from_its_position(tested.result, datum.positions_aside), AWAY
         except GeometryError as error:
             tested, why, failure = None, str(error), error
-            weak = weakest(network, state, hanging(network, rays))
+            weak = weakest(network, state, sufficiently_observed(network, rays))
         left = [] if weak is None else _without(have, parts, int(problem.active[weak]))
         if not left and tested is None:
             raise failure

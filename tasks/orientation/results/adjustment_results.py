@@ -42,8 +42,8 @@ def block_precision(account: BlockResults, tracks: np.ndarray, apart: tuple[Bloc
         largest=tuple(_largest(problem, result, tracks)),
         correlations=tuple(_correlations(problem, result)),
         blunders=(*(row.name for row in blunders), *(f"{row.first} - {row.second}" for row in distances)),
-        common_px=result.common and result.common.rms_px,
-        common_share=result.common and result.common.share,
+        common_px=result.correlated and result.correlated.rms_px,
+        common_share=result.correlated and result.correlated.share,
         white_sigma=_white_sigmas(problem, result),
         weaknesses=(
             *account.datum.weaknesses,

@@ -8,7 +8,7 @@ from orthomill.schemas.camera import Camera
 from orthomill.schemas.observations import Control, GroundPoints, ImageResiduals
 from orthomill.schemas.orientation import Block, ExteriorOrientation, JointCovariance, Unoriented
 from orthomill.tasks.adjustment.model.adjustment_result import Adjustment
-from orthomill.tasks.adjustment.model.collinearity import misclosures
+from orthomill.tasks.adjustment.model.collinearity import residuals
 from orthomill.tasks.adjustment.model.network import Rays
 from orthomill.tasks.geometry.rotation import angles
 from orthomill.tasks.geometry.rotation_vector import angles_from_vector
@@ -162,7 +162,7 @@ def image_residuals(account: BlockResults, tracks: np.ndarray, control: Control)
     rays, used = problem.rays, rays_used(problem, result)
     standardised = np.full(len(rays), np.nan)
     standardised[_positions_of(rays, result.rays)] = np.abs(result.standardised).max(axis=1)
-    v = -misclosures(result.state, rays, problem.camera_of) * [1.0, -1.0]
+    v = -residuals(result.state, rays, problem.camera_of) * [1.0, -1.0]
     place = {point.name: i for i, point in enumerate(control.points)}
     ground = np.array([-1 - place[point.name] for point in problem.surveyed], np.int64)
     track = np.concatenate([tracks, ground])[rays.point]

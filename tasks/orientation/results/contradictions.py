@@ -6,7 +6,7 @@ import numpy as np
 
 from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import DistanceResidual, GroundResidual
-from orthomill.tasks.adjustment.model.collinearity import misclosures
+from orthomill.tasks.adjustment.model.collinearity import residuals
 from orthomill.tasks.adjustment.model.network import Rays
 from orthomill.tasks.orientation.block.assembly import MEETING, BlockResults
 from orthomill.tasks.orientation.control.ground_points import approximate_points
@@ -34,7 +34,7 @@ def pointing_sentences(account: BlockResults, blunders: list[GroundResidual]) ->
     """A sentence for every point with single measurements in photographs that took no part, but for points that are wrong as a
     whole."""
     problem, used, found = account.problem, rays_used(account.problem, account.result), []
-    size = np.linalg.norm(misclosures(account.result.state, problem.rays, problem.camera_of), axis=1)
+    size = np.linalg.norm(residuals(account.result.state, problem.rays, problem.camera_of), axis=1)
     wrong = {row.name for row in blunders}
     for i, point in enumerate(problem.surveyed):
         own = problem.rays.point == problem.ties + i
@@ -62,7 +62,7 @@ def _owner(account: BlockResults, ray: int) -> str:
         return ""
     many = np.full(len(others), ray)
     there = Rays(problem.ties + np.array(others, np.int32), rays.photo[many], rays.xy[many], rays.sigma[many])
-    size = np.linalg.norm(misclosures(account.result.state, there, problem.camera_of), axis=1)
+    size = np.linalg.norm(residuals(account.result.state, there, problem.camera_of), axis=1)
     best = int(size.argmin())
     return problem.surveyed[others[best]].name if size[best] < LIES_ON else ""
 
@@ -74,7 +74,7 @@ def check_pointing_sentences(account: BlockResults, control: Control) -> list[st
     rays = ground_rays(checks, {name: i for i, name in enumerate(problem.names)}, account.cameras)
     _, missed = approximate_points(account.result.state, problem.cameras, problem.camera_of, rays, len(checks))
     given = np.array([point.xyz for point in checks], float).reshape(-1, 3) - account.datum.origin
-    size = np.linalg.norm(misclosures(replace(account.result.state, point=given), rays, problem.camera_of), axis=1)
+    size = np.linalg.norm(residuals(replace(account.result.state, point=given), rays, problem.camera_of), axis=1)
     for i, point in enumerate(checks):
         own = rays.point == i
         off = own & (size > LIES_ON)

@@ -4,7 +4,7 @@ import numpy as np
 
 from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import DistanceResidual, GroundResidual, GroundResiduals
-from orthomill.tasks.adjustment.model.datum import distance_misclosures, position_misclosures
+from orthomill.tasks.adjustment.model.datum import distance_residuals, position_residuals
 from orthomill.tasks.adjustment.testing.blunders import CHECKABLE
 from orthomill.tasks.adjustment.testing.variance_components import distance_variances, position_covariances
 from orthomill.tasks.orientation.block.assembly import BlockResults
@@ -47,7 +47,7 @@ def position_rows(account: BlockResults) -> list[GroundResidual]:
     for i, spread, white in zip(number, *spreads, strict=True):
         weight = network.centre_weight[i]
         variance = _of_residual(weight, spread, white) if weight.all() else problem.known.position_sigma[i] ** 2 + spread
-        difference = -position_misclosures(network, state)[i] if weight.all() else antenna[i] - problem.known.position[i]
+        difference = -position_residuals(network, state)[i] if weight.all() else antenna[i] - problem.known.position[i]
         rows.append(_residual(problem.names[i], "position", difference, variance, 1, np.zeros((0, 2))))
     return rows
 
@@ -70,7 +70,7 @@ def _check_rows(account: BlockResults, control: Control) -> list[GroundResidual]
 def distance_rows(account: BlockResults) -> list[DistanceResidual]:
     """Measured distances against the block; one that nothing checks has a predicted difference of 0."""
     network, state, problem = account.result.network, account.result.state, account.problem
-    misclosure, rows = distance_misclosures(network, state), []
+    misclosure, rows = distance_residuals(network, state), []
     spread, white = (distance_variances(r) for r in (account.result, account.result.white))
     for i, ((first, second), stated) in enumerate(zip(*stated_distances(account), strict=True)):
         weight = network.distances.weight[i]

@@ -12,7 +12,7 @@ import numpy as np
 from orthomill.schemas.camera import INTERIOR, Camera
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.orientation import RelativeOrientation
-from orthomill.tasks.adjustment.model.collinearity import misclosures
+from orthomill.tasks.adjustment.model.collinearity import residuals
 from orthomill.tasks.adjustment.model.network import Interior, Network, Rays, State
 from orthomill.tasks.adjustment.model.robust_weights import spread
 from orthomill.tasks.adjustment.solve.minimise import minimise
@@ -102,7 +102,7 @@ class BlockGrowth:
         self.placed[photo] = True
 
     def misfit(self, index: np.ndarray) -> np.ndarray:
-        return np.linalg.norm(misclosures(self.state, self.rays.take(index), self.material.camera_of), axis=1)
+        return np.linalg.norm(residuals(self.state, self.rays.take(index), self.material.camera_of), axis=1)
 
     def triangulate(self) -> None:
         """Intersects points that are not known yet but seen by two placed photographs or more; a point of three or more may lose

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 from small_network import moved, small_network
 
+from orthomill.tasks.adjustment.model.collinearity import residual_lengths
 from orthomill.tasks.adjustment.model.network import Rays
-from orthomill.tasks.adjustment.solve.minimise import sizes
 from orthomill.tasks.adjustment.solve.ray_intersection import UNSURE, intersected, intersecting
 
 
@@ -33,7 +33,7 @@ def test_points_settle_where_their_rays_meet_and_none_gets_worse():
     network, state, rays = small_network(3, noise=1.0)
     start = replace(state, point=moved(state, np.random.default_rng(3), 2.0).point)
     there = intersected(network, start, rays, np.inf)
-    first, then = (np.bincount(rays.point, sizes(network, s, rays) ** 2) for s in (start, there))
+    first, then = (np.bincount(rays.point, residual_lengths(network, s, rays) ** 2) for s in (start, there))
     assert (then <= first * (1 + 1e-12)).all()
     own = ~network.pointed
     assert then[own].sum() < 0.01 * first[own].sum()

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse import csr_array
 
-from orthomill.tasks.adjustment.model.collinearity import misclosures
+from orthomill.tasks.adjustment.model.collinearity import residuals
 from orthomill.tasks.adjustment.model.datum import add_prior, freedoms
 from orthomill.tasks.adjustment.model.linearisation import linearised, structure
 from orthomill.tasks.adjustment.model.network import Distances, Interior, Network, Rays, State
@@ -36,7 +36,7 @@ def strips(seed, rows=2, per=22, apart=False, free=False, considered=False, ante
     state = State(rotation, centre, point, CAMERAS.copy(), np.zeros(3), np.array([0.1, 0.2, -0.1]) * antenna)
     camera_of = np.arange(photos) % 2
     rays = Rays(seen[:, 0].copy(), seen[:, 1].copy(), np.zeros((len(seen), 2)), rng.uniform(0.2, 0.6, len(seen)))
-    rays = replace(rays, xy=-misclosures(state, rays, camera_of) + 0.3 * rng.standard_normal((len(rays), 2)))
+    rays = replace(rays, xy=-residuals(state, rays, camera_of) + 0.3 * rng.standard_normal((len(rays), 2)))
     mask = np.zeros((2, 8), bool)
     mask[0, [0, 1, 3]], mask[1, [0, 3]] = True, True
     weight = np.array([np.diag(own / SIGMA**2) for own in mask])

@@ -7,7 +7,7 @@ from orienting import orient
 from simulated_block import turned_upright, two_strips
 
 from orthomill.tasks.adjustment.model.interior import FreeInterior
-from orthomill.tasks.adjustment.testing.image_fields import TERMS, field_basis
+from orthomill.tasks.adjustment.testing.error_fields import TERMS, field_basis
 
 RMS = 1.0
 

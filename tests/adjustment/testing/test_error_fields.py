@@ -7,9 +7,9 @@ import pytest
 from test_bundle_equations import dense, small_network
 
 from orthomill.tasks.adjustment.bundle import adjust
-from orthomill.tasks.adjustment.model.adjustment_result import CommonErrors
-from orthomill.tasks.adjustment.testing.field_precision import with_common_errors
-from orthomill.tasks.adjustment.testing.image_fields import TERMS, common_errors, field_basis, weighted_rays
+from orthomill.tasks.adjustment.model.adjustment_result import CorrelatedErrors
+from orthomill.tasks.adjustment.testing.error_field_precision import with_correlated_errors
+from orthomill.tasks.adjustment.testing.error_fields import TERMS, correlated_errors, field_basis, weighted_rays
 
 FRAME = np.array([1500.0, 1300.0])
 
@@ -37,7 +37,7 @@ def test_fields_have_unit_mean_square_and_no_part_in_common():
 def test_covariances_equal_those_of_dense_algebra(share):
     network, state, rays = small_network(noise=1.0)
     result = adjust(network, state, rays)
-    got = with_common_errors(result, CommonErrors(0.5, share, 100.0, 0.5), sizes(network))
+    got = with_correlated_errors(result, CorrelatedErrors(0.5, share, 100.0, 0.5), sizes(network))
     rays = weighted_rays(result)
     A, normal, _ = dense(result.network, result.state, rays)
     basis, photos = field_basis(rays.xy, np.tile(FRAME, (len(rays), 1))), network.photos
@@ -50,7 +50,7 @@ def test_covariances_equal_those_of_dense_algebra(share):
     assert np.allclose(got.cofactor.variances - result.cofactor.variances, np.diag(added)[:n], rtol=1e-4)
     points = np.array([added[i : i + 3, i : i + 3] for i in range(n, len(added), 3)])
     assert np.allclose(got.point_covariance - result.point_covariance, points, rtol=1e-3, atol=1e-3 * np.abs(points).max())
-    assert got.common.share == share and got.state is result.state
+    assert got.correlated.share == share and got.state is result.state
 
 
 def repeated(rms, common, seeds):
@@ -64,7 +64,7 @@ def repeated(rms, common, seeds):
         rays = replace(exact, xy=exact.xy + exact.sigma[:, None] * rng.standard_normal(exact.xy.shape))
         own = replace(network, interior=interior, point=known, centre=centre)
         result = adjust(own, state, with_fields(rays, rng, rms, common) if rms else rays)
-        yield result, common_errors(result, frame), frame
+        yield result, correlated_errors(result, frame), frame
 
 
 def spread_of_c(results):
@@ -78,7 +78,7 @@ def test_fields_are_found_and_standard_errors_cover_them(common):
     before, after, rms, shares = [], [], [], []
     for result, errors, frame in repeated(0.5, common, 20):
         before.append(result)
-        after.append(with_common_errors(result, errors, frame))
+        after.append(with_correlated_errors(result, errors, frame))
         rms.append(errors.rms_px)
         shares.append(errors.share)
     assert spread_of_c(before) > 2.0

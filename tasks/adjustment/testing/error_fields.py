@@ -22,7 +22,7 @@ import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.optimize import minimize_scalar
 
-from orthomill.tasks.adjustment.model.adjustment_result import Adjustment, CommonErrors
+from orthomill.tasks.adjustment.model.adjustment_result import Adjustment, CorrelatedErrors
 from orthomill.tasks.adjustment.model.linearisation import linearised, seen_pattern
 from orthomill.tasks.adjustment.model.network import Network, Rays
 from orthomill.tasks.adjustment.solve.normal_equations import reduced_normals
@@ -115,7 +115,7 @@ def _columns(network: Network, rays: Rays, size: np.ndarray, chosen: np.ndarray)
     return derivatives, np.where(place[rays.photo][:, None] >= 0, columns, -1)
 
 
-def common_errors(result: Adjustment, size: np.ndarray) -> CommonErrors | None:
+def correlated_errors(result: Adjustment, size: np.ndarray) -> CorrelatedErrors | None:
     """What the residuals say of errors in common; None where white noise explains them. `size` (P, 2) px of the photographs.
 
     Parameters that keep their value are free here: what they would explain is no error of the measurements.
@@ -140,7 +140,7 @@ def common_errors(result: Adjustment, size: np.ndarray) -> CommonErrors | None:
     variance, share, likelihood = _likeliest(z, visible, noise, _alike(direction, camera[:, None] == camera))
     if likelihood < SIGNIFICANT:
         return None
-    return CommonErrors(float(np.sqrt(variance * TERMS)), share, likelihood, noise * redundancy / square)
+    return CorrelatedErrors(float(np.sqrt(variance * TERMS)), share, likelihood, noise * redundancy / square)
 
 
 def _freed(result: Adjustment) -> tuple[Adjustment, np.ndarray]:

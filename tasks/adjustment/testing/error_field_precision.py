@@ -1,4 +1,4 @@
-"""Covariances that carry errors in common (see image_fields.py): of all unknowns, and of every point.
+"""Covariances that carry errors in common (see error_fields.py): of all unknowns, and of every point.
 
 What the field of a photograph does to orientations and cameras it does not do to points in full: a shifted picture turns its
 photograph, and the rays that were shifted meet where they met before. A point therefore gets both, the effect by way of the
@@ -10,15 +10,15 @@ from dataclasses import replace
 import numpy as np
 from numba import njit
 
-from orthomill.tasks.adjustment.model.adjustment_result import Adjustment, CommonErrors
+from orthomill.tasks.adjustment.model.adjustment_result import Adjustment, CorrelatedErrors
 from orthomill.tasks.adjustment.model.linearisation import Linear, linearised
 from orthomill.tasks.adjustment.model.network import Rays
 from orthomill.tasks.adjustment.solve.normal_equations import point_precision, point_precision_alone
 from orthomill.tasks.adjustment.sparse.block_matrix import BlockMatrix
-from orthomill.tasks.adjustment.testing.image_fields import MOST, TERMS, effects, field_basis, weighted_rays, white_covariance
+from orthomill.tasks.adjustment.testing.error_fields import MOST, TERMS, effects, field_basis, weighted_rays, white_covariance
 
 
-def with_common_errors(result: Adjustment, errors: CommonErrors, size: np.ndarray) -> Adjustment:
+def with_correlated_errors(result: Adjustment, errors: CorrelatedErrors, size: np.ndarray) -> Adjustment:
     """The result whose covariances carry the `errors`; values, residuals and their tests stay. `size` (P, 2) px of the
     photographs."""
     network = result.network
@@ -38,12 +38,12 @@ def with_common_errors(result: Adjustment, errors: CommonErrors, size: np.ndarra
         result,
         cofactor=replace(result.cofactor, blocks=blocks, moves=np.hstack([result.cofactor.moves, moves])),
         point_covariance=result.point_covariance + points,
-        common=errors,
+        correlated=errors,
         before=result,
     )
 
 
-def _moves(result: Adjustment, errors: CommonErrors, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _moves(result: Adjustment, errors: CorrelatedErrors, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """How the unknowns move per standard error of the coefficients: (n, P, 2 TERMS) of those of single photographs, (n, C, 2 TERMS)
     of those of cameras."""
     network, (alone, together) = result.network, _amplitudes(errors)
@@ -58,7 +58,7 @@ def _moves(result: Adjustment, errors: CommonErrors, size: np.ndarray) -> tuple[
     return alone * moved, together * of_camera
 
 
-def _amplitudes(errors: CommonErrors) -> tuple[float, float]:
+def _amplitudes(errors: CorrelatedErrors) -> tuple[float, float]:
     """Standard errors of a coefficient, px: its part of the photograph, and that of the camera."""
     variance = errors.rms_px**2 / TERMS
     return float(np.sqrt((1.0 - errors.share) * variance)), float(np.sqrt(errors.share * variance))
@@ -71,7 +71,7 @@ def _pulls(
     basis: np.ndarray,
     alone: np.ndarray,
     together: np.ndarray,
-    errors: CommonErrors,
+    errors: CorrelatedErrors,
 ) -> np.ndarray:
     """(N, 3, 3) the covariance of how the fields pull at the points by way of their own rays, with that of the unknowns' moves."""
     pull = linear.weight[:, None, None] * linear.jp.transpose(0, 2, 1)
