@@ -109,6 +109,8 @@ class RasterSpec(BaseModel):
     transform: tuple[float, float, float, float, float, float] | None = None
     readers: tuple[str, ...] | None = None
     """Stages that may read it; None for all. Truth is for `evaluation` only."""
+    axes: tuple[str, str] = ("y", "x")
+    """Names of the map axes, rows first. Map rasters of one group share them; one on another grid needs names of its own."""
 
     def same(self, other: "RasterSpec") -> bool:
         """Whether both describe the same raster; unlike ==, a nodata of NaN equals itself."""
@@ -137,6 +139,7 @@ def map_raster(
     unit: str = "",
     bands: int = 0,
     readers: tuple[str, ...] | None = None,
+    axes: tuple[str, str] = ("y", "x"),
 ) -> RasterSpec:
     """A raster on `grid`, with `bands` bands (0: a plain 2-D array)."""
     shape = (*grid.shape, bands) if bands else grid.shape
@@ -150,4 +153,5 @@ def map_raster(
         crs=crs,
         transform=grid.transform,
         readers=readers,
+        axes=axes,
     )

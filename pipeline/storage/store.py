@@ -14,6 +14,7 @@ import numpy as np
 import zarr
 from zarr.codecs import BloscCodec
 
+from orthomill.pipeline.storage.map_axes import dimension_names, map_attributes, write_axes
 from orthomill.pipeline.storage.table_files import read_table, write_table
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.job import Table
@@ -43,8 +44,10 @@ class Store:
         for entry in folder.iterdir():
             if not entry.is_dir():
                 continue
-            if (entry / "zarr.json").exists() and '"node_type": "array"' in (entry / "zarr.json").read_text():
-                yield entry.relative_to(self.rasters).as_posix()
+            text = (entry / "zarr.json").read_text() if (entry / "zarr.json").exists() else ""
+            if '"node_type": "array"' in text:
+                if '"spec"' in text:  # coordinates of map axes are arrays too, but no rasters
+                    yield entry.relative_to(self.rasters).as_posix()
             else:
                 yield from self._walk(entry)
 
@@ -64,15 +67,10 @@ class Store:
                 dtype=spec.dtype,
                 fill_value=_fill_value(spec),
                 compressors=BloscCodec(cname="lz4", clevel=1, shuffle="shuffle"),
-                attributes={
-                    "spec": spec.model_dump(mode="json"),
-                    "birth": uuid.uuid4().hex,
-                    "crs": spec.crs,
-                    "transform": spec.transform,
-                    "unit": spec.unit,
-                    "nodata": _nodata_text(spec),
-                },
+                dimension_names=dimension_names(spec),
+                attributes={"spec": spec.model_dump(mode="json"), "birth": uuid.uuid4().hex, **map_attributes(spec)},
             )
+            write_axes(self.rasters, spec)
         except OSError as error:
             raise StoreError(
                 f"The raster {spec.name} cannot be made in {self.rasters}: {error.strerror}; make room or make it writable."
@@ -169,7 +167,3 @@ def _fill_value(spec: RasterSpec) -> float | int:
     if spec.nodata is not None:
         return spec.nodata
     return 0
-
-
-def _nodata_text(spec: RasterSpec) -> str | float | None:
-    return "NaN" if spec.nodata is not None and np.isnan(spec.nodata) else spec.nodata

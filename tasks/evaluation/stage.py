@@ -49,6 +49,8 @@ from orthomill.tasks.evaluation.tiles import (
 
 DIFFERENCES = {"heights": DH, "heights_before_check": "evaluation/dh_before_check"}
 FIT = Table("evaluation/grey_fit.json", GreyFit)
+ORTHO_AXES = ("ortho_y", "ortho_x")
+"""The orthoimage has smaller cells than the heights that are judged beside it."""
 
 
 class TruthReference(Settings):
@@ -186,7 +188,16 @@ class EvaluationStage(Stage):
         if nothing or not view.has_stage("texture"):
             return
         judged = self._judged(view, grid_of(view.raster(ORTHO)))
-        yield map_raster(ORTHO_DIFFERENCE, judged.grid, "float32", judged.crs, judged.tile, nodata=float("nan"), unit="grey levels")
+        yield map_raster(
+            ORTHO_DIFFERENCE,
+            judged.grid,
+            "float32",
+            judged.crs,
+            judged.tile,
+            nodata=float("nan"),
+            unit="grey levels",
+            axes=ORTHO_AXES,
+        )
         tiles = list(tiles_of(judged.grid.shape, judged.tile))
         sums = [Table(f"evaluation/ortho/sums-{t.row}-{t.col}.json", GreySums) for t in tiles]
         for t, table in zip(tiles, sums, strict=True):
