@@ -16,7 +16,7 @@ from orthomill.schemas.camera import INTERIOR, Camera
 from orthomill.tasks.adjustment.bundle import adjust
 from orthomill.tasks.adjustment.model.adjustment_result import Adjustment
 from orthomill.tasks.adjustment.model.network import Interior, Network, Rays, State
-from orthomill.tasks.geometry.fixed_intersection import Measured, intersect_held
+from orthomill.tasks.geometry.fixed_intersection import Measured, intersect_fixed
 from orthomill.tasks.geometry.rotation_vector import rotation_of_vector, vector_of_rotation
 from orthomill.tasks.geometry.view import View
 
@@ -132,7 +132,7 @@ def compared(wall: Wall) -> Comparison:
     found, views = resected(wall), wall.views
     sigma = np.array([np.sqrt(np.diag(found.exterior_covariance(i))) for i in range(len(views))])
     turn = np.array([vector_of_rotation(found.state.rotation[i] @ view.rotation.T) for i, view in enumerate(views)])
-    met = intersect_held(views, wall.measured, len(wall.names))
+    met = intersect_fixed(views, wall.measured, len(wall.names))
     variance = np.diagonal(met.covariance, axis1=1, axis2=2) + POINT_SIGMA**2
     centre = found.state.centre - [view.centre for view in views]
     return Comparison(centre, sigma[:, :3], turn, sigma[:, 3:], wall.points - met.points, np.sqrt(variance))

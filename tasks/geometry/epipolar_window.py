@@ -1,4 +1,5 @@
-"""Which window of a pair's left epipolar image shows the ground of a map window: what planning needs. Conservative."""
+"""The window of a pair's left epipolar image that shows a window of the map: planning declares regions with it, so it may be too
+large but never too small."""
 
 import numpy as np
 
@@ -7,7 +8,7 @@ from orthomill.schemas.raster import MapGrid, Window
 
 
 def box_corners(grid: MapGrid, window: Window, low: float, high: float) -> np.ndarray:
-    """The eight corners (8, 3) of the ground cells `window` of `grid` between two heights, m."""
+    """The eight corners (8, 3), m, of the box over the cells `window` of `grid` between two heights."""
     x = grid.west + grid.cell * np.array([window.col, window.col + window.width])
     y = grid.north - grid.cell * np.array([window.row, window.row + window.height])
     return np.stack(np.meshgrid(x, y, [low, high]), axis=-1).reshape(-1, 3)
@@ -25,9 +26,11 @@ def left_pixels(pair: EpipolarPair, points: np.ndarray) -> np.ndarray:
 def node_window(pair: EpipolarPair, step: int, corners: np.ndarray, margin: int = 3) -> Window:
     """The window of the grid of nodes (node (i, j) at left pixel (j step, i step)) that may show the box of `corners` (8, 3).
 
-    A central projection of a convex box lies within the hull of its corners. `margin` nodes are added; clipped to the grid; empty
-    where the left image does not see the box.
+    `margin` nodes are added on each side, and the window is clipped to the grid; it is empty where the left image does not see the
+    box.
     """
+    # A central projection maps a convex box that lies wholly in front of the camera into the convex hull of its projected corners;
+    # with a corner behind the camera this does not hold, and such a box is none of the pair's ground.
     pixels = left_pixels(pair, corners)
     if not np.isfinite(pixels).all():
         return Window(0, 0, 0, 0)
@@ -37,5 +40,5 @@ def node_window(pair: EpipolarPair, step: int, corners: np.ndarray, margin: int 
 
 
 def nodes_shape(pair: EpipolarPair, step: int) -> tuple[int, int]:
-    """Rows and columns of the grid of nodes of a pair."""
+    """Rows and columns of the grid of nodes of a pair: one node every `step` px, the last step may be incomplete."""
     return -(-pair.rows // step), -(-pair.left_cols // step)

@@ -1,4 +1,5 @@
-"""Which window of one thing shows the ground of another: what planning needs to declare regions. Conservative by construction."""
+"""The window of a photograph that shows a window of the map, and the ground that a photograph shows: planning declares regions with
+them, so they may be too large but not too small."""
 
 import numpy as np
 
@@ -9,8 +10,9 @@ from orthomill.tasks.geometry.view import View
 def photo_window(view: View, grid: MapGrid, window: Window, low: float, high: float, margin: int = 8) -> Window:
     """The window of a photograph that shows the cells `window` of `grid` at any height in [low, high] (m).
 
-    Clipped to the photograph, `margin` px wider on each side; empty where the photograph does not see them.
+    `margin` px wider on each side and clipped to the photograph; empty where the photograph does not see the cells.
     """
+    # Points along the edges and not the corners only: distortion bends the edges outwards between them.
     x = grid.west + grid.cell * np.linspace(window.col, window.col + window.width, 9)
     y = grid.north - grid.cell * np.linspace(window.row, window.row + window.height, 9)
     xyz = np.stack(np.meshgrid(x, y, [low, high]), axis=-1).reshape(-1, 3)
@@ -24,7 +26,10 @@ def photo_window(view: View, grid: MapGrid, window: Window, low: float, high: fl
 
 
 def ground_bounds(view: View, low: float, high: float) -> tuple[float, float, float, float]:
-    """(west, south, east, north) in m of all ground that the photograph can see at heights in [low, high]."""
+    """(west, south, east, north) in m of all ground that the photograph can show at heights in [low, high].
+
+    Rays of the border that never reach the ground (an oblique view above the horizon) are left out.
+    """
     edge = np.linspace(0.0, 1.0, 17)
     col, row = (view.camera.width - 1) * edge, (view.camera.height - 1) * edge
     border = np.concatenate(

@@ -1,4 +1,4 @@
-"""Forward intersection: the ground point nearest to two or more rays."""
+"""Forward intersection: the point nearest to two or more rays in space."""
 
 import numpy as np
 
@@ -10,6 +10,8 @@ def intersect_rays(centres: np.ndarray, directions: np.ndarray) -> tuple[np.ndar
     mean square distance of the rays from them (N,) m. Parallel rays give NaN.
     """
     identity = np.eye(3)
+    # I - d d' projects onto the plane across a ray; the sum over rays is singular only where all of them are parallel. For two rays
+    # its determinant is 2 sin^2 of their angle, so that 1e-12 is an angle of 7e-7 rad.
     projectors = identity - directions[..., :, None] * directions[..., None, :]
     normal = projectors.sum(axis=0)
     right = np.einsum("knij,knj->ni", projectors, centres)

@@ -1,9 +1,10 @@
-"""The normal case of a pair of photographs: where its epipolar images lie, and how their pixels meet the photographs' pixels.
+"""The normal case of a pair of photographs: the geometry of its epipolar images, and the mapping between these and the photographs.
 
-Strategy. The x axis of both epipolar images is the base. What is left free, the turn about the base, is chosen so that the
-images look along the mean viewing direction of both photographs; a mean of directions, unlike a mean of omegas, also holds for
-strips flown back and for any kappa. The images are pure central projections with one camera constant, not smaller than
-that of either photograph. Rows and columns are limited to ground that both photographs can see between two heights.
+Strategy. The x axis of both epipolar images is the base. The rotation about the base, which the epipolar condition leaves free, is
+chosen so that the images look along the mean viewing direction of both photographs; a mean of directions, unlike a mean of omegas,
+also holds for strips flown in opposite directions and for any kappa. The images are pure central projections with one camera
+constant, not smaller than that of either photograph. Rows and columns are limited to ground that both photographs can see between
+two heights.
 
 Source: Karfis 2009, chapter 5 (methods/relative_orientation_and_epipolar.md, 1.10 to 1.14), with the corrected order of the
 rotations: R_b = R_Omega R_K R_Phi, phi_b = -arctan(Bz / Bx), kappa_b = arctan(By / sqrt(Bx^2 + Bz^2)) (misprint M1).
@@ -24,7 +25,11 @@ from orthomill.tasks.geometry.view import View
 Side = Literal["left", "right"]
 
 _EDGE = 17
-"""points along each edge of a photograph that stand for its border"""
+"""points along each edge of a photograph that represent its border, which distortion bends"""
+_BEHIND = -0.05
+"""Cosine between a ray and the axis of the normal image, about 87 degrees: flatter rays have image coordinates of any size."""
+_LEAST_ACROSS = 1e-6
+"""Sine of the angle between base and viewing direction below which no plane through the base is defined."""
 
 
 @dataclass(frozen=True)
@@ -44,11 +49,12 @@ def base_rotation(base: np.ndarray, direction: np.ndarray) -> np.ndarray:
 
     `direction` points from the ground to the camera. Raises GeometryError when it is parallel to the base.
     """
+    # R_b = R_Omega R_K R_Phi. The order that the source prints leaves 0.017 of the base in z (misprint M1), a y-parallax of 8 px.
     phi, kappa = -np.arctan2(base[2], base[0]), np.arctan2(base[1], np.hypot(base[0], base[2]))
     sp, cp, sk, ck = np.sin(phi), np.cos(phi), np.sin(kappa), np.cos(kappa)
     turned = np.array([[ck, sk, 0.0], [-sk, ck, 0.0], [0.0, 0.0, 1.0]]) @ np.array([[cp, 0.0, -sp], [0.0, 1.0, 0.0], [sp, 0.0, cp]])
     _, y, z = turned @ direction
-    if np.hypot(y, z) < 1e-6 * np.linalg.norm(direction):
+    if np.hypot(y, z) < _LEAST_ACROSS * np.linalg.norm(direction):
         raise GeometryError("The photographs look along their base: such a pair has no epipolar images.")
     omega = np.arctan2(-y, z)
     so, co = np.sin(omega), np.cos(omega)
@@ -56,7 +62,7 @@ def base_rotation(base: np.ndarray, direction: np.ndarray) -> np.ndarray:
 
 
 def mean_direction(left: View, right: View) -> np.ndarray:
-    """Unit vector (3,) from the ground to the cameras, the mean of both viewing directions.
+    """Unit vector (3,) from the ground to the cameras: the mean of both viewing directions.
 
     Raises GeometryError when the photographs look in opposite directions.
     """
@@ -68,19 +74,19 @@ def mean_direction(left: View, right: View) -> np.ndarray:
 
 
 def in_order(first: View, second: View) -> tuple[View, View]:
-    """(left, right): the base points east, or north where it runs more north than east."""
+    """(left, right): the base points east, or north where it runs rather north than east."""
     base = second.centre - first.centre
     along = base[0] if abs(base[0]) >= abs(base[1]) else base[1]
     return (first, second) if along >= 0 else (second, first)
 
 
 def frame_polygon(view: View, rotation: np.ndarray, c: float) -> np.ndarray:
-    """The border of a photograph (N, 2) in normal image coordinates (px, y up), anticlockwise and convex.
+    """The border of a photograph (N, 2) in normal image coordinates (px, y up): its convex hull, anticlockwise.
 
     Raises GeometryError when a part of the photograph looks away from the normal image.
     """
     rays = view.rays(border_pixels(view)) @ rotation.T
-    if (rays[:, 2] > -0.05).any():
+    if (rays[:, 2] > _BEHIND).any():
         raise GeometryError(f"The photograph {view.name} is tilted too far against the normal case of its pair.")
     return convex(-c * rays[:, :2] / rays[:, 2:])
 
@@ -102,6 +108,7 @@ def border_pixels(view: View) -> np.ndarray:
 
 def convex(points: np.ndarray) -> np.ndarray:
     """The convex hull (M, 2) of points (N, 2)."""
+    # OpenCV works in float32: about their mean, coordinates keep a thousandth of a pixel.
     origin = points.mean(axis=0)
     return cv2.convexHull((points - origin).astype(np.float32)).reshape(-1, 2).astype(np.float64) + origin
 
@@ -117,6 +124,7 @@ def polygon_area(polygon: np.ndarray) -> float:
     """Area of a polygon (N, 2) in the square of its unit."""
     if len(polygon) < 3:
         return 0.0
+    # Centred, because the products of ground coordinates of millions of metres leave few digits for their differences.
     x, y = (polygon - polygon.mean(axis=0)).T
     return float(abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))) / 2)
 
@@ -126,6 +134,8 @@ def parallax_range(left: View, right: View, rotation: np.ndarray, c: float, heig
 
     Raises GeometryError when they see no common ground.
     """
+    # Both photographs are searched, because a coarse grid of one may miss a narrow overlap; a tenth of the frame beyond the border
+    # is admitted, so that the range is not too narrow between the points of the grid.
     base = float(np.linalg.norm(right.centre - left.centre))
     found = []
     for view, other in ((left, right), (right, left)):
@@ -141,11 +151,12 @@ def parallax_range(left: View, right: View, rotation: np.ndarray, c: float, heig
 
 
 def normal_case(left: View, right: View, heights: HeightRange) -> EpipolarPair:
-    """The epipolar images of a pair: common rotation, camera constant, rows, and the columns of ground that both see.
+    """The epipolar images of a pair: common rotation, camera constant and rows, and the columns of ground that both see.
 
     `base_height` is the base over the mean depth; `row_sigma` is left at 0. Raises GeometryError when the photographs share no
-    ground between the heights, or cannot be brought to the normal case.
+    ground between the heights, or cannot be rotated to the normal case.
     """
+    # The larger camera constant: a smaller one would resample the other photograph to a coarser scale and lose information.
     base = right.centre - left.centre
     rotation, c = base_rotation(base, mean_direction(left, right)), max(left.camera.c, right.camera.c)
     parallax = parallax_range(left, right, rotation, c, heights)
@@ -182,8 +193,9 @@ def _grid_pixels(view: View) -> np.ndarray:
 
 
 def _seen_by_both(left: np.ndarray, right: np.ndarray, parallax: tuple[float, float]) -> np.ndarray:
-    """Corners (N, 3) as (x_left, y, x_right) of what both frames hold, for parallaxes over the whole range."""
+    """Corners (N, 3) as (x_left, y, x_right) of the overlap of both frames, for parallaxes over the whole range."""
     corners = []
+    # The overlap at a given parallax is a polygon; nine of them bracket the one of any height in between.
     for p in np.linspace(*parallax, 9):
         common = common_polygon(left, right + np.array([p, 0.0]))
         corners.append(np.column_stack([common, common[:, 0] - p]))
@@ -220,13 +232,13 @@ class EpipolarNumbers(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class EpipolarView:
-    """One image of a pair together with its photograph: pixels of the one to pixels of the other and back."""
+    """One epipolar image of a pair together with its photograph: the mapping between their pixels, both ways."""
 
     view: View
     turn: np.ndarray
-    """(3, 3): base system to photograph"""
+    """(3, 3): rotation, base system to photograph"""
     rotation: np.ndarray
-    """(3, 3): world to base system"""
+    """(3, 3): rotation, world to base system"""
     c: float
     col0: float
     row0: float
@@ -251,13 +263,15 @@ class EpipolarView:
         return self._pixels((points - self.view.centre) @ self.rotation.T)
 
     def _pixels(self, rays: np.ndarray) -> np.ndarray:
+        """Epipolar pixels (N, 2) of directions (N, 3) in the base system; NaN for those that look backwards."""
         with np.errstate(divide="ignore", invalid="ignore"):
             xy = -self.c * rays[:, :2] / rays[:, 2:]
         xy[rays[:, 2] >= 0] = np.nan
         return np.column_stack([xy[:, 0] + self.col0, self.row0 - xy[:, 1]])
 
     def photo_window(self, window: Window, margin: int = 4) -> Window:
-        """The window of the photograph that the epipolar pixels `window` show, `margin` px wider, clipped to the photograph."""
+        """The window of the photograph that the epipolar window `window` shows, `margin` px wider, clipped to the photograph."""
+        # A grid and not only the corners: distortion bends the edges, and corners may lie behind the camera.
         col = np.linspace(window.col, window.col + window.width - 1, 9)
         row = np.linspace(window.row, window.row + window.height - 1, 9)
         pixels = self.to_photo(np.stack(np.meshgrid(col, row), axis=-1).reshape(-1, 2))
@@ -302,6 +316,7 @@ def intersect_pair(pair: EpipolarPair, left_pixels: np.ndarray, parallax: np.nda
 
     Source: Karfis 2009, normal case (methods page, 1.12 and 1.17).
     """
+    # Similar triangles: the depth is c B / p, and all three coordinates scale with it.
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = np.where(parallax > 0, pair.base / parallax, np.nan)
     xyz = np.column_stack([left_pixels[:, 0] - pair.left_col0, pair.row0 - left_pixels[:, 1], np.full(len(parallax), -pair.c)])
@@ -309,7 +324,7 @@ def intersect_pair(pair: EpipolarPair, left_pixels: np.ndarray, parallax: np.nda
 
 
 def row_partials(xy: np.ndarray, c: float) -> np.ndarray:
-    """(N, 3): change of the image coordinate y (px) by small turns (rad) about the axes x, y, z of the image.
+    """(N, 3): derivatives of the image coordinate y (px) by small rotations (rad) about the axes x, y, z of the image.
 
     xy (N, 2) px. Source: Karfis 2009 (methods page, 1.14): c (1 + y^2 / c^2), -x y / c, x.
     """
@@ -318,5 +333,9 @@ def row_partials(xy: np.ndarray, c: float) -> np.ndarray:
 
 
 def row_band(xy: np.ndarray, c: float, sigmas: tuple[float, float, float]) -> np.ndarray:
-    """(N,) px: half-width of the band of rows that hold the homologous point, from standard errors of omega, phi, kappa (rad)."""
+    """(N,) px: standard error of the row of the homologous point, from standard errors `sigmas` of omega, phi, kappa (rad).
+
+    It is the half-width of the published band of rows. Source: Karfis 2009, section 6.5 (methods page, 1.14 and check 14), which
+    takes the three angles for uncorrelated.
+    """
     return np.sqrt((row_partials(xy, c) ** 2 * np.square(sigmas)).sum(axis=1))

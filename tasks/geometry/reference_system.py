@@ -1,8 +1,8 @@
 """The project's coordinate reference system: projected, in metres, with an optional vertical part after a plus sign.
 
-Everything behind this file counts in metres on a plane; a system in degrees or feet is refused here, once. Only the horizontal
-part takes part in the transformation of positions: heights keep their number, because the altitude tag of a camera does not say
-reliably whether it counts from the ellipsoid or from the sea.
+Everything downstream computes in metres on a plane; a system in degrees or feet is refused here, once. Positions of photographs are
+transformed by the horizontal part only: their heights keep their value, because the altitude tag of a camera does not say reliably
+whether it refers to the ellipsoid or to the geoid.
 """
 
 from functools import lru_cache
@@ -14,14 +14,14 @@ from pyproj.exceptions import CRSError
 from orthomill.schemas.errors import WorkflowError
 
 AREA_MARGIN = 5.0
-"""degrees that photographs may lie outside the area of use of the reference system"""
+"""Degrees by which photographs may lie outside the area of use of the system: national systems are used across borders."""
 
 
 @lru_cache(maxsize=16)
 def ground_crs(text: str) -> CRS:
     """The horizontal part of the project's reference system, e.g. of "EPSG:2100" or "EPSG:32634+5773".
 
-    Raises WorkflowError when it is unknown, counts in degrees, or is not in metres.
+    Raises WorkflowError when it is unknown, geographic or geocentric, or not in metres.
     """
     try:
         crs = CRS.from_user_input(text)
@@ -33,12 +33,12 @@ def ground_crs(text: str) -> CRS:
     horizontal = crs.sub_crs_list[0] if crs.is_compound else crs
     if horizontal.is_geographic or horizontal.is_geocentric:
         raise WorkflowError(
-            f"The reference system crs: {text} ({horizontal.name}) does not lie in a plane: it counts "
+            f"The reference system crs: {text} ({horizontal.name}) is not projected: its coordinates are in "
             f"{_unit(horizontal)}; give a projected one, for example EPSG:2100 or the UTM zone of the site such as EPSG:32634."
         )
     if not _in_metres(horizontal):
         raise WorkflowError(
-            f"The reference system crs: {text} ({horizontal.name}) does not count metres but {_unit(horizontal)}; "
+            f"The reference system crs: {text} ({horizontal.name}) is not in metres but in {_unit(horizontal)}; "
             "give a projected one in metres, for example the UTM zone of the site."
         )
     return horizontal
@@ -47,7 +47,7 @@ def ground_crs(text: str) -> CRS:
 def ground_coordinates(crs: str, longitude_latitude: np.ndarray) -> np.ndarray:
     """X, Y (N, 2) in m in the project's system of WGS 84 longitudes and latitudes (N, 2) in degrees.
 
-    Raises WorkflowError when the system does not reach there, or is that of quite another place.
+    Raises WorkflowError when the system is not defined there, or is meant for another part of the world.
     """
     _check_area(crs, longitude_latitude)
     transformer = Transformer.from_crs(CRS.from_epsg(4326), ground_crs(crs), always_xy=True)
@@ -56,16 +56,18 @@ def ground_coordinates(crs: str, longitude_latitude: np.ndarray) -> np.ndarray:
     if not np.isfinite(xy).all():
         longitude, latitude = longitude_latitude[~np.isfinite(xy).all(axis=1)][0]
         raise WorkflowError(
-            f"The reference system crs: {crs} does not reach longitude {longitude:.4f}, latitude {latitude:.4f}, "
+            f"The reference system crs: {crs} is not defined at longitude {longitude:.4f}, latitude {latitude:.4f}, "
             "where photographs were taken; give the system of the site."
         )
     return xy
 
 
 def _check_area(text: str, longitude_latitude: np.ndarray) -> None:
-    """A projection gives numbers far outside its area, too; they only mean that the wrong system was named."""
+    """Refuses positions far outside the area of use: a projection gives numbers there, too, but they mean that the wrong system was
+    named."""
     crs = ground_crs(text)
     area = crs.area_of_use
+    # An area across the date line has west > east; it cannot be compared as a box and is not checked.
     if area is None or area.west > area.east:
         return
     low, high = np.array([area.west, area.south]) - AREA_MARGIN, np.array([area.east, area.north]) + AREA_MARGIN

@@ -21,9 +21,12 @@ def rotation_matrix(omega: float, phi: float, kappa: float) -> np.ndarray:
 
 
 def angles(rotation: np.ndarray) -> tuple[float, float, float]:
-    """omega, phi, kappa in radians of a 3 x 3 rotation; at phi = +-90 degrees kappa is put to 0."""
+    """omega, phi, kappa in radians of a 3 x 3 rotation; at phi = +-90 degrees kappa is set to 0."""
+    # Rounding may leave the sine a little above 1, where arcsin is NaN.
     sin_phi = float(np.clip(rotation[2, 0], -1.0, 1.0))
     phi = float(np.arcsin(sin_phi))
+    # Gimbal lock: only omega + kappa (or omega - kappa) is defined. 1e-12 is phi within 1.4e-6 rad of 90 degrees; nearer, the
+    # elements in the quotients below are rounding errors.
     if abs(sin_phi) > 1.0 - 1e-12:
         return float(np.arctan2(rotation[1, 2], rotation[1, 1])), phi, 0.0
     omega = float(np.arctan2(-rotation[2, 1], rotation[2, 2]))
@@ -32,7 +35,7 @@ def angles(rotation: np.ndarray) -> tuple[float, float, float]:
 
 
 def rotation_derivatives(omega: float, phi: float, kappa: float) -> np.ndarray:
-    """(3, 3, 3): the derivatives of the rotation matrix by omega, phi and kappa."""
+    """(3, 3, 3): the derivatives of the rotation matrix by omega, phi and kappa, in this order along the first axis."""
     so, co = np.sin(omega), np.cos(omega)
     sp, cp = np.sin(phi), np.cos(phi)
     sk, ck = np.sin(kappa), np.cos(kappa)
@@ -51,9 +54,11 @@ def rotation_derivatives(omega: float, phi: float, kappa: float) -> np.ndarray:
 
 
 def nearest_rotation(matrix: np.ndarray) -> np.ndarray:
-    """The rotation (3, 3) nearest to a matrix (3, 3); of sums of outer products of y and x the rotation that takes x closest to y.
+    """The rotation (3, 3) nearest to a matrix (3, 3) in the least-squares sense; for the sum of outer products of y and x it is the
+    rotation that takes x closest to y.
 
     Source: Kabsch 1976.
     """
     U, _, Vt = np.linalg.svd(matrix)
+    # U Vt may be a reflection (noise, or points in a plane); changing the sign of the smallest singular value costs least.
     return U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt

@@ -1,4 +1,4 @@
-"""Small rotations as vectors: R <- exp([w]x) R. No attitude is singular, unlike with three angles; angles are for people."""
+"""Small rotations as vectors: R <- exp([w]x) R. No attitude is singular, as with three angles; angles are for reports and files."""
 
 import numpy as np
 
@@ -14,6 +14,7 @@ def rotation_of_vector(w: np.ndarray) -> np.ndarray:
     """exp([w]x): the rotation by |w| radians about w (Rodrigues)."""
     angle = float(np.linalg.norm(w))
     K = skew(w)
+    # The quotients are 0 / 0 at 0; below 1e-6 the terms left out are smaller than 1e-18.
     if angle < 1e-6:
         return np.eye(3) + K + 0.5 * K @ K
     return np.eye(3) + np.sin(angle) / angle * K + (1.0 - np.cos(angle)) / angle**2 * K @ K
@@ -22,18 +23,24 @@ def rotation_of_vector(w: np.ndarray) -> np.ndarray:
 def vector_of_rotation(R: np.ndarray) -> np.ndarray:
     """The rotation vector (3,) of R, of length 0 to pi."""
     sine = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    # arctan2 of sine and cosine: the arccosine of the trace alone has only 1e-8 rad near 0 and near pi.
     cosine, length = 0.5 * (np.trace(R) - 1.0), float(np.linalg.norm(sine))
     if length > 1e-9:
         return sine / length * np.arctan2(length, cosine)
     if cosine > 0.0:
         return sine
+    # At pi the antisymmetric part vanishes; the axis is the eigenvector of R + R' of eigenvalue 2. Its sign is arbitrary there.
     axis = np.linalg.eigh(R + R.T)[1][:, 2]
     return np.pi * axis
 
 
 def angles_from_vector(R: np.ndarray) -> np.ndarray:
-    """(3, 3): derivatives of omega, phi, kappa by the rotation vector at R. Next to phi = 90 degrees, where omega and kappa fall
-    together, the part that is defined."""
+    """(3, 3): derivatives of omega, phi, kappa by the rotation vector at R.
+
+    At phi = 90 degrees, where omega and kappa turn about the same axis, only the part that is defined.
+    """
+    # D R' is antisymmetric: the rotation vector per unit of each angle. Its columns become dependent at gimbal lock, so that a
+    # plain inverse would make standard errors of reports infinite there.
     by_angle = rotation_derivatives(*angles(R))
     columns = [(D @ R.T) for D in by_angle]
     return np.linalg.pinv(np.column_stack([[K[2, 1], K[0, 2], K[1, 0]] for K in columns]))

@@ -1,8 +1,8 @@
-"""East, north, up about a reference point, as OpenSfM and OpenDroneMap count, and the project's map coordinates.
+"""Topocentric coordinates (east, north, up about a reference point), as used by OpenSfM and OpenDroneMap, and map coordinates.
 
-A map is not a Cartesian system: its plane has a scale and a north of its own, and its heights follow the curved earth. Points are
-carried exactly; the axes at a point by the derivative of the transformation there, made a pure rotation again. Heights keep their
-number: an altitude counts from wherever the reference's altitude counts.
+A map is not a Cartesian system: its plane has a scale factor and a meridian convergence, and its heights follow the curved earth.
+Points are transformed exactly; the axes at a point by the derivative of the transformation there, reduced to a rotation. Heights
+refer to whatever surface the altitude of the reference point refers to.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from pyproj import CRS, Transformer
 from orthomill.tasks.geometry.reference_system import ground_crs
 
 _STEP = 10.0
-"""m, of the numerical derivative"""
+"""m, of the numerical derivative: rounding of geocentric coordinates (1e-9 m) and curvature of the map both stay below 1e-9 rad"""
 
 
 @dataclass(frozen=True)
@@ -26,15 +26,15 @@ class Reference:
 
 
 class Topocentric:
-    """The way between a topocentric system and the plane of a CRS with heights."""
+    """The transformation between a topocentric system and a projected CRS with heights."""
 
     def __init__(self, reference: Reference, crs: str) -> None:
         geographic, geocentric = CRS.from_epsg(4979), CRS.from_epsg(4978)
         self._to_earth = Transformer.from_crs(geographic, geocentric, always_xy=True)
         self._to_map = Transformer.from_crs(CRS.from_epsg(4326), ground_crs(crs), always_xy=True)
-        place = (reference.longitude, reference.latitude, reference.altitude)
-        self._origin = np.array(self._to_earth.transform(*place))
-        lon, lat = np.radians(place[:2])
+        self._origin = np.array(self._to_earth.transform(reference.longitude, reference.latitude, reference.altitude))
+        lon, lat = np.radians(reference.longitude), np.radians(reference.latitude)
+        # Unit vectors to east, north and up at the reference point, in geocentric coordinates, become the rows of the rotation.
         east = [-np.sin(lon), np.cos(lon), 0.0]
         north = [-np.sin(lat) * np.cos(lon), -np.sin(lat) * np.sin(lon), np.cos(lat)]
         up = [np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)]
@@ -43,7 +43,7 @@ class Topocentric:
     def to_map(self, points: np.ndarray) -> np.ndarray:
         """East, north, up (N, 3) m to X, Y, height (N, 3)."""
         earth = points @ self._axes + self._origin
-        lon, lat, height = self._to_earth.transform(*earth.T, direction="INVERSE")
+        lon, lat, height = self._to_earth.transform(earth[:, 0], earth[:, 1], earth[:, 2], direction="INVERSE")
         x, y = self._to_map.transform(lon, lat)
         return np.column_stack([x, y, height])
 
@@ -54,9 +54,10 @@ class Topocentric:
         return (earth - self._origin) @ self._axes.T
 
     def turn(self, point: np.ndarray) -> np.ndarray:
-        """(3, 3): the rotation from east, north, up to the map's axes at a topocentric point (3,)."""
+        """(3, 3): the rotation from east, north, up to the axes of the map at a topocentric point (3,)."""
         steps = _STEP * np.eye(3)
         derivative = (self.to_map(point + steps) - self.to_map(point - steps)).T / (2.0 * _STEP)
+        # The derivative holds the scale of the map, too; a camera's attitude takes the nearest rotation only.
         U, _, Vt = np.linalg.svd(derivative)
         return U @ Vt
 
@@ -64,7 +65,8 @@ class Topocentric:
 def degrees_of(to_map: Transformer, xy: np.ndarray) -> np.ndarray:
     """Longitude and latitude (N, 2) that `to_map` carries to xy (N, 2).
 
-    A shift of datum in the plane leaves millimetres between PROJ's way there and its way back; they are taken off.
+    PROJ's inverse of a two-dimensional datum transformation is off by millimetres, because it drops the height; iteration removes
+    that.
     """
     aim = xy
     for _ in range(3):

@@ -60,17 +60,18 @@ class View:
         u = (np.asarray(points, dtype=np.float64) - self.centre) @ self.rotation.T
         with np.errstate(divide="ignore", invalid="ignore"):
             xy = -self.camera.c * u[:, :2] / u[:, 2:3]
+        # The equations hold behind the camera as well, mirrored: such points would appear in the photograph.
         xy[u[:, 2] >= 0] = np.nan
         return image_to_pixel(self.camera, xy)
 
     def rays(self, pixels: np.ndarray) -> np.ndarray:
-        """Unit directions in the world (N, 3) of observed pixels (N, 2) (col, row)."""
+        """Unit directions in the ground system (N, 3) of the rays of observed pixels (N, 2) (col, row)."""
         xy = pixel_to_image(self.camera, pixels)
         directions = np.column_stack([xy, np.full(len(xy), -self.camera.c)]) @ self.rotation
         return directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
     def at_height(self, pixels: np.ndarray, z: np.ndarray | float) -> np.ndarray:
-        """Ground points (N, 3) where the rays of `pixels` (N, 2) meet the heights `z` (m); NaN when they never do."""
+        """Ground points (N, 3) where the rays of `pixels` (N, 2) reach the heights `z` (m); NaN where they point away from them."""
         rays = self.rays(pixels)
         with np.errstate(divide="ignore", invalid="ignore"):
             t = (z - self.centre[2]) / rays[:, 2]
@@ -78,7 +79,7 @@ class View:
         return self.centre + rays * t[:, None]
 
     def contains(self, pixels: np.ndarray, margin: float = 0.0) -> np.ndarray:
-        """Which pixels (N, 2) lie inside the photograph by `margin` px or more; NaN is outside."""
+        """(N,) bool: pixels (N, 2) inside the photograph by `margin` px or more; NaN is outside."""
         with np.errstate(invalid="ignore"):
             return (
                 (pixels[:, 0] >= margin)

@@ -9,7 +9,7 @@ import numpy as np
 from orthomill.schemas.observations import Control
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.project import ControlFromGcpList
-from orthomill.tasks.geometry.survey_system import carried, survey_crs, where_they_would_lie
+from orthomill.tasks.geometry.survey_system import fitting_system, survey_crs, transform_surveyed
 from orthomill.tasks.orientation.control.control_files import in_photographs, read_control
 from orthomill.tasks.orientation.control.gcp_list import read_gcp_list
 
@@ -40,7 +40,7 @@ def _in_project(control: Control, photos: Photos, own: str, crs: str) -> Control
     placed, remark = {}, None
     if surveyed:
         given = np.array([point.xyz for point in surveyed])
-        xyz, remark = carried(given, own, crs)
+        xyz, remark = transform_surveyed(given, own, crs)
         stranger = _on_another_site(given, xyz, photos, own, crs)
         remark = stranger or remark
         placed = {} if stranger else {point.name: tuple(map(float, place)) for point, place in zip(surveyed, xyz, strict=True)}
@@ -69,7 +69,7 @@ def _on_another_site(given: np.ndarray, xyz: np.ndarray, photos: Photos, own: st
     distance = float(np.median(np.linalg.norm(xyz[:, :2] - site[:2], axis=1)))
     if distance <= max(_FAR * reach, _LEAST_FAR):
         return None
-    fits = where_they_would_lie(given, own, crs, site[:2])
+    fits = fitting_system(given, own, crs, site[:2])
     advice = f"they would lie there {fits}" if fits else "check the reference system, the order of the axes and the zone"
     return (
         f"The {len(xyz)} control points, read as {own}, lie {distance / 1000:.0f} km from where the photographs were taken; "

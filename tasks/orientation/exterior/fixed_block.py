@@ -13,7 +13,7 @@ from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.observations import Control, GroundPoints, ImageResiduals, TiePoints
 from orthomill.schemas.orientation import Block, BlockPrecision, ExteriorOrientation, GroundResidual, GroundResiduals, Unoriented
 from orthomill.schemas.photo import Photos
-from orthomill.tasks.geometry.fixed_intersection import FixedIntersection, Measured, intersect_held
+from orthomill.tasks.geometry.fixed_intersection import FixedIntersection, Measured, intersect_fixed
 from orthomill.tasks.geometry.rotation import angles
 from orthomill.tasks.geometry.view import View
 from orthomill.tasks.orientation.exterior.fixed_block_warnings import elsewhere, rays_that_do_not_meet, unexamined, unfitting
@@ -124,13 +124,13 @@ def _intersected(views: list[View], measured: Measured, count: int) -> tuple[Fix
     """All tie points, and (M,) which measurements took part in the second, final intersection."""
     if not count:
         return FixedIntersection(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 2))), np.zeros(0, bool)
-    first = intersect_held(views, measured, count)
+    first = intersect_fixed(views, measured, count)
     size = np.linalg.norm(first.residual, axis=1) / measured.sigma
     usual = float(np.nanmedian(size)) if np.isfinite(size).any() else np.inf
     limit = _REJECTED * max(1.0, usual / 1.18)
     used = np.nan_to_num(size, nan=np.inf) < limit
     used &= np.bincount(measured.point[used], minlength=count)[measured.point] >= 2
-    final = intersect_held(views, measured.take(used), count)
+    final = intersect_fixed(views, measured.take(used), count)
     residual = first.residual.copy()
     residual[used] = final.residual
     return replace(final, residual=residual), used
@@ -228,7 +228,7 @@ def _ground(views: list[View], control: Control) -> list[GroundResidual]:
             continue
         values = np.array([value for _, value in own])
         measured = Measured(np.zeros(len(own), int), np.array([n for n, _ in own]), values[:, :2], values[:, 2])
-        found = intersect_held(views, measured, 1)
+        found = intersect_fixed(views, measured, 1)
         if np.isfinite(found.points).all():
             variance = np.diag(found.covariance[0]) + np.square(point.sigma)
             rows.append(

@@ -9,7 +9,7 @@ from simulated_block import two_strips
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.schemas.project import ControlFromGcpList
-from orthomill.tasks.geometry.survey_system import carried, vertical_name
+from orthomill.tasks.geometry.survey_system import transform_surveyed, vertical_name
 from orthomill.tasks.orientation.control.control_system import control_from_files, control_from_list
 from orthomill.tasks.orientation.control.gcp_list import read_gcp_list
 
@@ -77,15 +77,15 @@ def test_control_in_degrees_is_carried_to_the_project():
 
 
 def test_old_names_of_utm_zones_are_understood():
-    xyz, _ = carried(np.array([[500000.0, 4000000.0, 7.0]]), "WGS84 UTM 34N", "EPSG:32634")
+    xyz, _ = transform_surveyed(np.array([[500000.0, 4000000.0, 7.0]]), "WGS84 UTM 34N", "EPSG:32634")
     assert np.allclose(xyz, [[500000, 4000000, 7]])
 
 
 def test_what_heights_count_from_is_told():
     assert vertical_name("EPSG:2100") is None
     assert vertical_name("EPSG:2100+5773") == "EGM96 height"
-    _, sentence = carried(np.array([[407000.0, 4357000.0, 7.0]]), "EPSG:2100+5773", "EPSG:32634")
-    assert sentence == "Heights of control keep their number: only EPSG:2100+5773 says what they count from."
+    _, sentence = transform_surveyed(np.array([[407000.0, 4357000.0, 7.0]]), "EPSG:2100+5773", "EPSG:32634")
+    assert sentence == "Heights of control points were not transformed: only EPSG:2100+5773 defines a vertical datum."
 
 
 @pytest.mark.parametrize(
