@@ -1,8 +1,8 @@
-"""Several pairs, one height: the best supported group of heights that agree, its weighted mean, its precision.
+"""Several pairs, one height: the best supported group of heights that agree, its weighted mean and its precision.
 
-Strategy: every height is the seed of a group, the heights that agree with it within k standard errors of their difference; the
-group of the greatest weight (sum of 1 / sigma^2) wins, a lone height never against two or more that agree. The fused precision is
-that of the weighted mean, widened when the group scatters more than its standard errors say.
+Strategy: every height seeds a group, which consists of the heights that agree with it within k standard errors of their difference.
+The group of greatest weight (sum of 1 / sigma^2) wins; a single height never wins against two or more that agree. The fused
+precision is that of the weighted mean, widened when the group scatters more than its standard errors predict.
 """
 
 from dataclasses import dataclass
@@ -11,10 +11,11 @@ import numpy as np
 from numba import njit
 
 from orthomill.schemas.settings import Settings, setting
+from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.gridding import HeightCells
 
-EMPTY, ONE_PAIR, AGREED, DISPUTED, FILLED = 0, 1, 2, 3, 4
-"""codes of `orthomill.schemas.surface.PROVENANCE_CODES`"""
+_LEAST_SIGMA = 1e-4
+"""m; a standard error of zero would give a weight of infinity"""
 
 
 class Fusion(Settings):
@@ -26,7 +27,7 @@ class Fusion(Settings):
 
 @dataclass(frozen=True)
 class FusedCells:
-    """(rows, cols): height and precision float32 m (NaN empty), count and provenance uint8."""
+    """(rows, cols): height and precision float32 m (NaN where empty), count of agreeing pairs and provenance uint8."""
 
     height: np.ndarray
     precision: np.ndarray
@@ -34,8 +35,23 @@ class FusedCells:
     provenance: np.ndarray
 
 
+@njit(cache=True, inline="always")
+def _agree(seed, other, seed_sigma, other_sigma, agreement, tolerance):
+    # Within a cell the ground itself varies, so very precise heights of two pairs may differ without contradiction: hence the
+    # floor `tolerance` besides the statistical test.
+    return abs(seed - other) <= max(agreement * np.sqrt(seed_sigma**2 + other_sigma**2), tolerance)
+
+
+@njit(cache=True, inline="always")
+def _better(members, weight, best_members, best_weight):
+    """Whether a group beats the best so far: agreement first, weight second."""
+    # Matching errors are not normal: a blunder can report a tiny sigma, and by weight alone it would outvote two good heights.
+    return (members > 1) > (best_members > 1) or ((members > 1) == (best_members > 1) and weight > best_weight)
+
+
 @njit(cache=True)
 def _fuse(heights, sigmas, agreement, tolerance, height, precision, count, provenance):
+    """Fills the last four (rows, cols) from heights and sigmas (pairs, rows, cols) m."""
     pairs = heights.shape[0]
     values, errors = np.empty(pairs), np.empty(pairs)
     for r in range(height.shape[0]):
@@ -43,7 +59,7 @@ def _fuse(heights, sigmas, agreement, tolerance, height, precision, count, prove
             n = 0
             for k in range(pairs):
                 if heights[k, r, c] == heights[k, r, c]:
-                    values[n], errors[n] = heights[k, r, c], max(sigmas[k, r, c], 1e-4)
+                    values[n], errors[n] = heights[k, r, c], max(sigmas[k, r, c], _LEAST_SIGMA)
                     n += 1
             if n == 0:
                 continue
@@ -51,25 +67,28 @@ def _fuse(heights, sigmas, agreement, tolerance, height, precision, count, prove
             for i in range(n):
                 weight, members = 0.0, 0
                 for j in range(n):
-                    if abs(values[i] - values[j]) <= max(agreement * np.sqrt(errors[i] ** 2 + errors[j] ** 2), tolerance):
+                    if _agree(values[i], values[j], errors[i], errors[j], agreement, tolerance):
                         weight += 1.0 / errors[j] ** 2
                         members += 1
-                if (members > 1) > (best_members > 1) or ((members > 1) == (best_members > 1) and weight > best_weight):
+                if _better(members, weight, best_members, best_weight):
                     best, best_members, best_weight = i, members, weight
             mean = 0.0
             for j in range(n):
-                if abs(values[best] - values[j]) <= max(agreement * np.sqrt(errors[best] ** 2 + errors[j] ** 2), tolerance):
+                if _agree(values[best], values[j], errors[best], errors[j], agreement, tolerance):
                     mean += values[j] / errors[j] ** 2 / best_weight
             scatter = 0.0
             for j in range(n):
-                if abs(values[best] - values[j]) <= max(agreement * np.sqrt(errors[best] ** 2 + errors[j] ** 2), tolerance):
+                if _agree(values[best], values[j], errors[best], errors[j], agreement, tolerance):
                     scatter += ((values[j] - mean) / errors[j]) ** 2
+            # Only ever widened: with two or three members a small scatter is chance, not evidence of a better precision.
             widening = max(1.0, np.sqrt(scatter / (best_members - 1))) if best_members > 1 else 1.0
             height[r, c], precision[r, c], count[r, c] = mean, widening / np.sqrt(best_weight), best_members
             if n == 1:
-                provenance[r, c] = 1
+                provenance[r, c] = Provenance.ONE_PAIR
+            elif best_members > 1 and 2 * best_members > n:
+                provenance[r, c] = Provenance.AGREED
             else:
-                provenance[r, c] = 2 if best_members > 1 and 2 * best_members > n else 3
+                provenance[r, c] = Provenance.DISPUTED
 
 
 def fuse(pairs: tuple[HeightCells, ...], shape: tuple[int, int], cell: float, settings: Fusion) -> FusedCells:

@@ -1,12 +1,13 @@
 """From the nodes of one pair to heights of map cells.
 
-Strategy: four neighbouring nodes span two triangles; where the parallax does not jump, a triangle gives every cell centre inside
-it a height by linear interpolation. Where it jumps (roof edge, wall) there is no triangle: each node then gives its own height to
-the cells within half a node distance, but only to cells that no triangle reached. Where a cell is met more than once the highest
-wins, for that is what stands above. Everything is computed in coordinates of the whole grid, so tiles agree with the whole.
+Strategy: four neighbouring nodes span two triangles. Where the parallax is continuous, a triangle gives every cell centre inside it
+a height by linear interpolation. At a parallax discontinuity (roof edge, wall) there is no triangle: each node gives its own height
+to the cells within half a node distance, but only to cells that no triangle covers. Where a cell gets several heights the highest
+wins, because a surface model holds what is visible from above. All coordinates refer to the whole grid, so tiles agree with it.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -14,6 +15,11 @@ from numba import njit
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.settings import Settings, setting
 from orthomill.tasks.densification.ground_intersection import NodesOnGround
+
+_ALL_TRIANGLES = 6
+"""triangles that meet in a node inside the grid"""
+_ON_EDGE = 1e-9
+"""share of a triangle within which a cell centre counts as lying on its edge: without it rounding leaves seams of empty cells"""
 
 
 class Gridding(Settings):
@@ -31,77 +37,124 @@ class HeightCells:
     sigma: np.ndarray
 
 
+class _Nodes(NamedTuple):
+    """(rows, cols): place in cells of the whole grid, height and standard error m, parallax px."""
+
+    col: np.ndarray
+    row: np.ndarray
+    z: np.ndarray
+    sigma: np.ndarray
+    parallax: np.ndarray
+
+
+class _Corner(NamedTuple):
+    """A node as the corner of a triangle."""
+
+    col: float
+    row: float
+    z: float
+    sigma: float
+
+
+class _Limits(NamedTuple):
+    """Greatest parallax difference (px) within a triangle, reach of a single node (cells), heights that are allowed (m)."""
+
+    max_jump: np.float32
+    reach: float
+    low: float
+    high: float
+
+
+class _Cells(NamedTuple):
+    """The window to fill: its first row and column in the whole grid, heights (float64) and standard errors (float32), m."""
+
+    first_row: int
+    first_col: int
+    height: np.ndarray
+    sigma: np.ndarray
+
+
 @njit(cache=True, inline="always")
-def _triangle(ax, ay, az, sa, bx, by, bz, sb, cx, cy, cz, sc, first_row, first_col, height, sigma):
-    area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+def _corner(nodes, i, j):
+    return _Corner(nodes.col[i, j], nodes.row[i, j], nodes.z[i, j], nodes.sigma[i, j])
+
+
+@njit(cache=True, inline="always")
+def _keep_highest(cells, r, c, z, sigma):
+    if not cells.height[r - cells.first_row, c - cells.first_col] >= z:
+        cells.height[r - cells.first_row, c - cells.first_col] = z
+        cells.sigma[r - cells.first_row, c - cells.first_col] = sigma
+
+
+@njit(cache=True, inline="always")
+def _triangle(p, q, s, cells):
+    """Linear interpolation by barycentric coordinates at the cell centres inside the triangle p, q, s."""
+    area = (q.col - p.col) * (s.row - p.row) - (s.col - p.col) * (q.row - p.row)
+    # Nodes that lie behind one another in plan (a wall seen obliquely) span no area; NaN nodes fail this test as well.
     if not abs(area) > 1e-9:
         return
-    last_row, last_col = first_row + height.shape[0] - 1, first_col + height.shape[1] - 1
-    top, bottom = max(int(np.ceil(min(ay, by, cy))), first_row), min(int(np.floor(max(ay, by, cy))), last_row)
-    left, right = max(int(np.ceil(min(ax, bx, cx))), first_col), min(int(np.floor(max(ax, bx, cx))), last_col)
+    last_row, last_col = cells.first_row + cells.height.shape[0] - 1, cells.first_col + cells.height.shape[1] - 1
+    top = max(int(np.ceil(min(p.row, q.row, s.row))), cells.first_row)
+    bottom = min(int(np.floor(max(p.row, q.row, s.row))), last_row)
+    left = max(int(np.ceil(min(p.col, q.col, s.col))), cells.first_col)
+    right = min(int(np.floor(max(p.col, q.col, s.col))), last_col)
     for r in range(top, bottom + 1):
         for c in range(left, right + 1):
-            u = ((c - ax) * (cy - ay) - (cx - ax) * (r - ay)) / area
-            v = ((bx - ax) * (r - ay) - (c - ax) * (by - ay)) / area
-            if u >= -1e-9 and v >= -1e-9 and u + v <= 1.0 + 1e-9:
-                z = az + u * (bz - az) + v * (cz - az)
-                if not height[r - first_row, c - first_col] >= z:
-                    height[r - first_row, c - first_col] = z
-                    sigma[r - first_row, c - first_col] = sa + u * (sb - sa) + v * (sc - sa)
+            u = ((c - p.col) * (s.row - p.row) - (s.col - p.col) * (r - p.row)) / area
+            v = ((q.col - p.col) * (r - p.row) - (c - p.col) * (q.row - p.row)) / area
+            if u >= -_ON_EDGE and v >= -_ON_EDGE and u + v <= 1.0 + _ON_EDGE:
+                z = p.z + u * (q.z - p.z) + v * (s.z - p.z)
+                _keep_highest(cells, r, c, z, p.sigma + u * (q.sigma - p.sigma) + v * (s.sigma - p.sigma))
 
 
 @njit(cache=True)
-def _rasterise(col, row, z, s, p, max_jump, reach, bounds, first_row, first_col, height, sigma):
-    rows, cols = p.shape
-    low, high = bounds
-    joined = np.zeros((rows, cols), np.uint8)
-    for i in range(rows - 1):
-        for j in range(cols - 1):
+def _triangulate(nodes, limits, cells, joined):
+    """Fills the cells inside triangles; `joined` (rows, cols) counts the triangles that meet in every node."""
+    for i in range(joined.shape[0] - 1):
+        for j in range(joined.shape[1] - 1):
             for half in range(2):
                 k, m = (i, j) if half == 0 else (i + 1, j + 1)
-                values = (p[k, m], p[i, j + 1], p[i + 1, j])
+                values = (nodes.parallax[k, m], nodes.parallax[i, j + 1], nodes.parallax[i + 1, j])
                 spread = max(values) - min(values)
-                if not (spread <= max_jump and values[0] == values[0] and values[1] == values[1] and values[2] == values[2]):
+                known = values[0] == values[0] and values[1] == values[1] and values[2] == values[2]
+                # Parallaxes decide, not heights: a jump of 1.5 px is the same evidence at any scale and base.
+                if not (spread <= limits.max_jump and known):
                     continue
-                if not (low <= z[k, m] <= high):
+                if not (limits.low <= nodes.z[k, m] <= limits.high):
                     continue
                 joined[k, m] += 1
                 joined[i, j + 1] += 1
                 joined[i + 1, j] += 1
-                _triangle(
-                    col[k, m],
-                    row[k, m],
-                    z[k, m],
-                    s[k, m],
-                    col[i, j + 1],
-                    row[i, j + 1],
-                    z[i, j + 1],
-                    s[i, j + 1],
-                    col[i + 1, j],
-                    row[i + 1, j],
-                    z[i + 1, j],
-                    s[i + 1, j],
-                    first_row,
-                    first_col,
-                    height,
-                    sigma,
-                )
-    alone, alone_sigma = np.full(height.shape, np.nan), np.full(height.shape, np.float32(np.nan))
-    for i in range(rows):
-        for j in range(cols):
-            if joined[i, j] >= 6 or not (low <= z[i, j] <= high):
+                _triangle(_corner(nodes, k, m), _corner(nodes, i, j + 1), _corner(nodes, i + 1, j), cells)
+
+
+@njit(cache=True)
+def _cover(nodes, limits, joined, alone):
+    """Gives the height of every node at a discontinuity to the cells around it."""
+    last_row, last_col = alone.first_row + alone.height.shape[0] - 1, alone.first_col + alone.height.shape[1] - 1
+    for i in range(joined.shape[0]):
+        for j in range(joined.shape[1]):
+            if joined[i, j] >= _ALL_TRIANGLES or not (limits.low <= nodes.z[i, j] <= limits.high):
                 continue
-            top, bottom = int(np.ceil(row[i, j] - reach)), int(np.floor(row[i, j] + reach))
-            left, right = int(np.ceil(col[i, j] - reach)), int(np.floor(col[i, j] + reach))
-            for r in range(max(top, first_row), min(bottom, first_row + height.shape[0] - 1) + 1):
-                for c in range(max(left, first_col), min(right, first_col + height.shape[1] - 1) + 1):
-                    if not alone[r - first_row, c - first_col] >= z[i, j]:
-                        alone[r - first_row, c - first_col] = z[i, j]
-                        alone_sigma[r - first_row, c - first_col] = s[i, j]
-    for r in range(height.shape[0]):
-        for c in range(height.shape[1]):
-            if np.isnan(height[r, c]):
-                height[r, c], sigma[r, c] = alone[r, c], alone_sigma[r, c]
+            top, bottom = int(np.ceil(nodes.row[i, j] - limits.reach)), int(np.floor(nodes.row[i, j] + limits.reach))
+            left, right = int(np.ceil(nodes.col[i, j] - limits.reach)), int(np.floor(nodes.col[i, j] + limits.reach))
+            for r in range(max(top, alone.first_row), min(bottom, last_row) + 1):
+                for c in range(max(left, alone.first_col), min(right, last_col) + 1):
+                    _keep_highest(alone, r, c, nodes.z[i, j], nodes.sigma[i, j])
+
+
+@njit(cache=True)
+def _rasterise(nodes, limits, cells):
+    joined = np.zeros(nodes.parallax.shape, np.uint8)
+    _triangulate(nodes, limits, cells, joined)
+    # Kept apart until the end: a node on a roof edge must not overwrite the ground that triangles measured beside it.
+    shape = cells.height.shape
+    alone = _Cells(cells.first_row, cells.first_col, np.full(shape, np.nan), np.full(shape, np.float32(np.nan)))
+    _cover(nodes, limits, joined, alone)
+    for r in range(shape[0]):
+        for c in range(shape[1]):
+            if np.isnan(cells.height[r, c]):
+                cells.height[r, c], cells.sigma[r, c] = alone.height[r, c], alone.sigma[r, c]
 
 
 @dataclass(frozen=True)
@@ -115,21 +168,13 @@ class TargetCells:
 
 def grid_nodes(nodes: NodesOnGround, node_distance: float, target: TargetCells, settings: Gridding) -> HeightCells:
     """Heights of the target's cells from the nodes of one pair; node_distance: of nodes on the ground, m."""
-    col, row = target.grid.pixel(nodes.x, nodes.y)
-    height, sigma = np.full(target.window.shape, np.nan), np.full(target.window.shape, np.nan, np.float32)
-    reach = max(settings.node_reach * node_distance / target.grid.cell, 0.5)
+    window, cell = target.window, target.grid.cell
+    found = HeightCells(np.full(window.shape, np.nan), np.full(window.shape, np.nan, np.float32))
+    # At least half a cell: nodes finer than the cells would otherwise miss every cell centre at a discontinuity.
+    reach = max(settings.node_reach * node_distance / cell, 0.5)
     _rasterise(
-        col,
-        row,
-        nodes.z,
-        nodes.sigma,
-        nodes.parallax,
-        np.float32(settings.max_jump),
-        reach,
-        target.heights,
-        target.window.row,
-        target.window.col,
-        height,
-        sigma,
+        _Nodes(*target.grid.pixel(nodes.x, nodes.y), nodes.z, nodes.sigma, nodes.parallax),
+        _Limits(np.float32(settings.max_jump), reach, *target.heights),
+        _Cells(window.row, window.col, found.height, found.sigma),
     )
-    return HeightCells(height, sigma)
+    return found

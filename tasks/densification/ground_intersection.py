@@ -1,15 +1,16 @@
 """From parallaxes to ground: forward intersection in the base system, with the standard error of the height.
 
-A node's point lies on its left ray at (x, y, -c) B / p from the left projection centre, so an error of the parallax moves it along
-that ray by distance / p: sigma_Z = |dZ| sigma_p / p. The parallax error has a matching part (per node) and an orientation part,
-which differs from pair to pair; the latter is taken to be as large as the expected y-parallax. It tells whether heights of several
-pairs agree. What the orientation does to all pairs alike (datum, camera constant) must not let heights agree that do not; it is
-added to the precision of the fused height (`orientation_sigma`).
+The point of a node lies on its left ray at (x, y, -c) B / p from the left projection centre, so an error of the parallax moves it
+along that ray by distance / p: sigma_Z = |dZ| sigma_p / p. The parallax error has a matching part (per node) and an orientation
+part that differs from pair to pair; the latter is taken to be as large as the expected y-parallax. Together they decide whether
+the heights of several pairs agree. The part of the orientation error that all pairs share (datum, camera constant) must not make
+contradicting heights agree; it is added to the precision of the fused height (`orientation_sigma`).
 
 Source: Karfis 2009 (methods/relative_orientation_and_epipolar.md 1.12, 1.17), with rotation and left centre to the ground.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -30,20 +31,35 @@ class NodesOnGround:
     """float32, px"""
 
 
+class _BaseSystem(NamedTuple):
+    """Normal case of a pair for the kernel: base m, c, principal column and row of the left image px, orientation part of the
+    parallax error px, rotation (3, 3) world to base system, left centre (3,) m."""
+
+    base: float
+    c: float
+    col0: float
+    row0: float
+    shared_sigma: float
+    rotation: np.ndarray
+    centre: np.ndarray
+
+
 @njit(cache=True)
-def _intersect(parallax, sigma, first, step, rotation, centre, numbers, xyz, sigma_z):
-    base, c, col0, row0, shared = numbers
+def _intersect(parallax, sigma, first, step, system, xyz, sigma_z):
+    """Fills xyz (3, rows, cols) and sigma_z (rows, cols) m; first: (row, col) of the first node, step: node distance, px."""
     for i in range(parallax.shape[0]):
-        v = row0 - (first[0] + i) * step
+        v = system.row0 - (first[0] + i) * step
         for j in range(parallax.shape[1]):
             p = np.float64(parallax[i, j])
+            # rays that do not converge in front of the cameras (p <= 0) and nodes without a match (NaN) stay NaN
             if not p > 0.0:
                 continue
-            u, scale = (first[1] + j) * step - col0, base / p
+            u, scale = (first[1] + j) * step - system.col0, system.base / p
             for k in range(3):
-                offset = (u * rotation[0, k] + v * rotation[1, k] - c * rotation[2, k]) * scale
-                xyz[k, i, j] = centre[k] + offset
-            sigma_z[i, j] = abs(xyz[2, i, j] - centre[2]) / p * np.sqrt(sigma[i, j] ** 2 + shared * shared)
+                offset = (u * system.rotation[0, k] + v * system.rotation[1, k] - system.c * system.rotation[2, k]) * scale
+                xyz[k, i, j] = system.centre[k] + offset
+            error = np.sqrt(sigma[i, j] ** 2 + system.shared_sigma * system.shared_sigma)
+            sigma_z[i, j] = abs(xyz[2, i, j] - system.centre[2]) / p * error
 
 
 def nodes_on_ground(pair: EpipolarPair, nodes: np.ndarray, window: Window, step: int) -> NodesOnGround:
@@ -54,20 +70,13 @@ def nodes_on_ground(pair: EpipolarPair, nodes: np.ndarray, window: Window, step:
     """
     shape = nodes.shape[:2]
     xyz, sigma = np.full((3, *shape), np.nan), np.full(shape, np.nan, np.float32)
-    numbers = np.array([pair.base, pair.c, pair.left_col0, pair.row0, pair.row_sigma])
-    parallax = np.ascontiguousarray(nodes[..., 0])
-    _intersect(
-        parallax,
-        np.ascontiguousarray(nodes[..., 1]),
-        np.array([window.row, window.col], np.float64),
-        float(step),
-        np.array(pair.rotation),
-        np.array(pair.left_centre),
-        numbers,
-        xyz,
-        sigma,
-    )
-    return NodesOnGround(*xyz, sigma, parallax)
+    rotation, centre = np.array(pair.rotation), np.array(pair.left_centre)
+    system = _BaseSystem(pair.base, pair.c, pair.left_col0, pair.row0, pair.row_sigma, rotation, centre)
+    # the kernel reads row by row; a view into the interleaved bands would touch memory three times as often
+    parallax, matching_sigma = np.ascontiguousarray(nodes[..., 0]), np.ascontiguousarray(nodes[..., 1])
+    _intersect(parallax, matching_sigma, (float(window.row), float(window.col)), float(step), system, xyz, sigma)
+    x, y, z = xyz
+    return NodesOnGround(x, y, z, sigma, parallax)
 
 
 def orientation_sigma(pair: EpipolarPair, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
@@ -79,8 +88,14 @@ def orientation_sigma(pair: EpipolarPair, x: np.ndarray, y: np.ndarray, z: np.nd
         return np.where(np.isnan(z), np.nan, 0.0)
     rotation, centre = np.array(pair.rotation), np.array(pair.left_centre)
     u, v, w = (row[0] * (x - centre[0]) + row[1] * (y - centre[1]) + row[2] * (z - centre[2]) for row in rotation)
+    # The nine values are far apart and smooth. Clipping keeps the answer positive where a tile leaves the image of the pair; an
+    # extrapolated standard error could become negative there.
     col = np.clip((pair.left_col0 - pair.c * u / w) / (pair.left_cols - 1) * 2, 0.0, 2.0)
     row = np.clip((pair.row0 + pair.c * v / w) / (pair.rows - 1) * 2, 0.0, 2.0)
     table = np.array(pair.height_sigmas).reshape(3, 3)
     weights = [np.maximum(1.0 - np.abs(col - k), 0.0) for k in range(3)]
-    return sum(np.maximum(1.0 - np.abs(row - r), 0.0) * weights[c] * table[r, c] for r in range(3) for c in range(3))
+    total = np.zeros(np.shape(z))
+    for r in range(3):
+        for c in range(3):
+            total = total + np.maximum(1.0 - np.abs(row - r), 0.0) * weights[c] * table[r, c]
+    return total

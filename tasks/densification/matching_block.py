@@ -1,6 +1,7 @@
-"""One block of a pair: its windows, its matching, and what the report wants to know of it."""
+"""One block of a pair: its windows, its matching, and the statistics that the report needs."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
@@ -23,16 +24,16 @@ PRECISION_EDGES = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5)
 
 
 class MatchingStatistics(BaseModel):
-    """What became of the nodes of a block or of a pair."""
+    """Outcomes of the nodes of a block or of a pair."""
 
     model_config = ConfigDict(frozen=True)
 
     outcomes: tuple[int, ...] = (0,) * len(Outcome)
-    """nodes by `orthomill.schemas.outcome.Outcome`"""
+    """nodes by code of `orthomill.schemas.outcome.Outcome`"""
     precision: tuple[int, ...] = (0,) * (len(PRECISION_EDGES) - 1)
     """matched nodes by class of PRECISION_EDGES"""
     y_parallaxes: tuple[float, ...] = ()
-    """median residual y-parallax of every block in which enough points tell, px"""
+    """median residual y-parallax of every block with enough points to measure it, px"""
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,7 @@ class PairBlock:
     @property
     def offset(self) -> float:
         """Column parallax minus parallax, px."""
+        # Matching counts columns of the two rasters; the geometry counts from the principal columns, which differ.
         return self.pair.left_col0 - self.pair.right_col0
 
     @property
@@ -54,25 +56,36 @@ class PairBlock:
 
     @property
     def core(self) -> Window:
-        """The full square in pixels, also where it leaves the image."""
+        """The full square in pixels, also where it extends beyond the image."""
+        # Blocks at the border keep their full size, so that a block's result does not depend on where the image ends.
         return Window(self.nodes.row * self.step, self.nodes.col * self.step, BLOCK, BLOCK)
 
     @property
     def left(self) -> Window:
-        """What is read of the left image."""
+        """The window that is read of the left image."""
         return left_window(self.core).clipped((self.pair.rows, self.pair.left_cols))
 
     @property
     def right(self) -> Window:
-        """What is read of the right image; empty where the whole range lies beyond it."""
+        """The window that is read of the right image; empty where the whole parallax range lies beyond it."""
         return right_window(self.core, self.parallaxes).clipped((self.pair.rows, self.pair.right_cols))
 
 
-def match_pair_block(block: PairBlock, matching: DenseMatching, left: np.ndarray, right: np.ndarray | None = None) -> dict:
-    """Match a block: `nodes` (rows, cols, 3) float32 (parallax, standard error, correlation), `outcome` uint8, and statistics.
+class MatchedBlock(NamedTuple):
+    """Result of a block: nodes (rows, cols, 3) float32 (parallax px, its standard error px, correlation; NaN without a match) and
+    outcome (rows, cols) uint8, codes of Outcome."""
 
-    left, right: uint8 of `block.left` and `block.right`; right is None where there is nothing to read.
+    nodes: np.ndarray
+    outcome: np.ndarray
+    statistics: MatchingStatistics
+
+
+def match_pair_block(block: PairBlock, matching: DenseMatching, left: np.ndarray, right: np.ndarray | None = None) -> MatchedBlock:
+    """Match a block of a pair.
+
+    left, right: uint8 (rows, cols), the windows `block.left` and `block.right`; right is None where there is nothing to read.
     """
+    # A block whose parallax range leaves the right image is still written: its nodes are OUTSIDE, not NOT_TRIED.
     right = np.zeros((0, 0), np.uint8) if right is None else right
     found = match_block(
         placed(left, block.left, left_window(block.core)),
@@ -80,12 +93,13 @@ def match_pair_block(block: PairBlock, matching: DenseMatching, left: np.ndarray
         block.parallaxes,
         matching,
     )
+    # The block is a full square; at the right and lower border of the pair only part of it exists in the raster.
     inside = slice(0, block.nodes.height), slice(0, block.nodes.width)
     nodes = found.nodes
     parallax = (nodes.parallax[inside] - block.offset).astype(np.float32)
     stacked = np.stack([parallax, nodes.sigma[inside], nodes.correlation[inside]], axis=-1)
     outcome = nodes.outcome[inside]
-    return {"nodes": stacked, "outcome": outcome, "statistics": _statistics(stacked, outcome, found.y_parallax)}
+    return MatchedBlock(stacked, outcome, _statistics(stacked, outcome, found.y_parallax))
 
 
 def _statistics(nodes: np.ndarray, outcome: np.ndarray, y_parallax: float) -> MatchingStatistics:

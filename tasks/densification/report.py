@@ -1,5 +1,6 @@
-"""What densification tells people: how much was matched, how well, what the surface model consists of."""
+"""The report of densification: how much was matched, how precisely, and what the surface model consists of."""
 
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -7,8 +8,7 @@ import numpy as np
 from orthomill.schemas.epipolar import EpipolarPair, EpipolarPairs
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport
-from orthomill.schemas.surface import COUNT, HEIGHT, PRECISION, PROVENANCE, PROVENANCE_CODES, Surface
-from orthomill.tasks.densification.fusion import AGREED, DISPUTED, EMPTY, FILLED, ONE_PAIR
+from orthomill.schemas.surface import COUNT, HEIGHT, PRECISION, PROVENANCE, PROVENANCE_CODES, Provenance, Surface
 from orthomill.tasks.densification.matching_block import PRECISION_EDGES, MatchingStatistics
 from orthomill.tasks.densification.surface_grid import ground_pixel
 from orthomill.tasks.densification.surface_tile import CLASSES, SurfaceStatistics
@@ -16,19 +16,48 @@ from orthomill.tasks.densification.surface_tile import CLASSES, SurfaceStatistic
 COMPLETE_ENOUGH = 0.7
 """share of nodes inside the photographs below which a pair is worth a warning"""
 Y_PARALLAX_LIMIT = 0.5
-"""px"""
+"""px; beyond it matching along rows starts to lose points and heights of edges across the base become biased"""
+_DISPUTED_LIMIT = 0.05
+"""share of heights on which pairs disagree that is worth a warning"""
+
+_FIGURES = (
+    ("pairs", "", "Pairs of photographs that were matched densely."),
+    ("nodes", "", "Nodes inside the photographs, over all pairs."),
+    ("nodes_matched", "", "Nodes matched by least squares."),
+    ("completeness_nodes", "", "Share of the nodes that were matched."),
+    ("parallax_precision_median", "px", "Median standard error of a parallax, from matching alone."),
+    ("cell", "m", "Cell size of the surface model."),
+    ("rows", "", "Rows of the surface model."),
+    ("columns", "", "Columns of the surface model."),
+    ("cells_with_height", "", "Cells that carry a height."),
+    ("completeness_grid", "", "Share of all cells of the rectangular grid; ground that no pair sees counts as empty."),
+    ("share_one_pair", "", "Heights from a single pair."),
+    ("share_agreed", "", "Heights on which two or more pairs agree."),
+    ("share_disputed", "", "Heights on which the pairs disagree."),
+    ("share_filled", "", "Heights interpolated from their neighbours."),
+    ("spikes_removed", "", "Cells emptied by the spike filter."),
+    ("precision_median", "m", "Median standard error of a height."),
+    ("height_lowest", "m", "Lowest height of the surface model."),
+    ("height_highest", "m", "Highest height of the surface model."),
+)
+"""name, unit and meaning of every figure, in the order of the report"""
+_HEADLINES = ("completeness_nodes", "precision_median")
 
 
 def report(
     pairs: EpipolarPairs, surface: Surface, matching: tuple[MatchingStatistics, ...], cells: SurfaceStatistics
 ) -> StageReport:
     """Figures, tables, charts, pictures and warnings; `matching` in the order of the pairs."""
+    values = _matching_values(pairs, matching) | _surface_values(surface, cells)
     return StageReport(
-        figures=(*_matching_figures(pairs, matching), *_surface_figures(surface, cells)),
+        figures=tuple(
+            Figure(name=name, value=values[name], unit=unit, sentence=sentence, headline=name in _HEADLINES)
+            for name, unit, sentence in _FIGURES
+        ),
         grids=(_pairs_grid(pairs, matching), _outcome_grid(pairs, matching), _provenance_grid(cells)),
         charts=(_parallax_chart(matching), _precision_chart(surface, cells)),
         pictures=_pictures(),
-        warnings=tuple(_warnings(pairs, matching, cells)),
+        warnings=(*_matching_warnings(pairs, matching), *_surface_warnings(cells)),
     )
 
 
@@ -39,13 +68,15 @@ def completeness(statistics: MatchingStatistics) -> float | None:
 
 
 def median_of(counts: tuple[int, ...], edges: np.ndarray) -> float | None:
-    """Median of values known by classes only, linear within the class."""
+    """Median of values that are known by classes only, linear within the class."""
+    # Medians of tiles cannot be combined; counts by class can, whatever the number of tiles and their order.
     total = sum(counts)
     return float(np.interp(total / 2, np.concatenate([[0], np.cumsum(counts)]), edges)) if total else None
 
 
 def y_parallax(statistics: MatchingStatistics) -> float | None:
     """Median over the blocks of a pair, px."""
+    # Each block has one value: a pair with a few badly textured blocks still shows what its orientation left.
     return float(np.median(statistics.y_parallaxes)) if statistics.y_parallaxes else None
 
 
@@ -65,62 +96,46 @@ def _cell_edges(cell: float) -> np.ndarray:
     return np.arange(CLASSES + 1) * 0.1 * cell
 
 
-def _matching_figures(pairs: EpipolarPairs, matching: tuple[MatchingStatistics, ...]) -> tuple[Figure, ...]:
+def _matching_values(pairs: EpipolarPairs, matching: tuple[MatchingStatistics, ...]) -> dict[str, float | int | None]:
     outcomes = _sum(matching, "outcomes")
+    # Nodes outside are not counted as failures: the epipolar images are rectangles around tilted photographs.
     tried = sum(outcomes) - outcomes[Outcome.OUTSIDE]
-    sigma = median_of(_sum(matching, "precision"), np.array(PRECISION_EDGES))
-    return (
-        Figure(name="pairs", value=len(pairs.pairs), sentence="Pairs of photographs that were matched densely."),
-        Figure(name="nodes", value=tried, sentence="Nodes inside the photographs, over all pairs."),
-        Figure(name="nodes_matched", value=outcomes[Outcome.CONVERGED], sentence="Nodes matched by least squares."),
-        Figure(
-            name="completeness_nodes",
-            value=_share(outcomes[Outcome.CONVERGED], tried),
-            headline=True,
-            sentence="Share of the nodes that were matched.",
-        ),
-        Figure(
-            name="parallax_precision_median",
-            value=_rounded(sigma, 3),
-            unit="px",
-            sentence="Median standard error of a parallax, from matching alone.",
-        ),
-    )
+    return {
+        "pairs": len(pairs.pairs),
+        "nodes": tried,
+        "nodes_matched": outcomes[Outcome.CONVERGED],
+        "completeness_nodes": _share(outcomes[Outcome.CONVERGED], tried),
+        "parallax_precision_median": _rounded(median_of(_sum(matching, "precision"), np.array(PRECISION_EDGES)), 3),
+    }
 
 
-def _surface_figures(surface: Surface, cells: SurfaceStatistics) -> tuple[Figure, ...]:
-    grid, share = surface.grid, cells.provenance
-    whole, known = sum(share), sum(share) - share[EMPTY]
-    precision = median_of(cells.precision, _cell_edges(grid.cell))
-    return (
-        Figure(name="cell", value=grid.cell, unit="m", sentence="Cell size of the surface model."),
-        Figure(name="rows", value=grid.rows, sentence="Rows of the surface model."),
-        Figure(name="columns", value=grid.cols, sentence="Columns of the surface model."),
-        Figure(name="cells_with_height", value=known, sentence="Cells that carry a height."),
-        Figure(
-            name="completeness_grid",
-            value=_share(known, whole),
-            sentence="Share of all cells of the rectangular grid; ground that no pair sees counts as empty.",
-        ),
-        Figure(name="share_one_pair", value=_share(share[ONE_PAIR], known), sentence="Heights from one pair alone."),
-        Figure(name="share_agreed", value=_share(share[AGREED], known), sentence="Heights on which two or more pairs agree."),
-        Figure(name="share_disputed", value=_share(share[DISPUTED], known), sentence="Heights on which the pairs disagree."),
-        Figure(name="share_filled", value=_share(share[FILLED], known), sentence="Heights filled from their neighbours."),
-        Figure(name="spikes_removed", value=cells.spikes, sentence="Cells that the spike filter emptied."),
-        Figure(
-            name="precision_median",
-            value=_rounded(precision, 3),
-            unit="m",
-            headline=True,
-            sentence="Median standard error of a height.",
-        ),
-        Figure(name="height_lowest", value=_rounded(cells.lowest, 2), unit="m", sentence="Lowest height of the surface model."),
-        Figure(name="height_highest", value=_rounded(cells.highest, 2), unit="m", sentence="Highest height of the surface model."),
-    )
+def _surface_values(surface: Surface, cells: SurfaceStatistics) -> dict[str, float | int | None]:
+    grid, counts = surface.grid, cells.provenance
+    known = _known_cells(cells)
+    return {
+        "cell": grid.cell,
+        "rows": grid.rows,
+        "columns": grid.cols,
+        "cells_with_height": known,
+        "completeness_grid": _share(known, sum(counts)),
+        "share_one_pair": _share(counts[Provenance.ONE_PAIR], known),
+        "share_agreed": _share(counts[Provenance.AGREED], known),
+        "share_disputed": _share(counts[Provenance.DISPUTED], known),
+        "share_filled": _share(counts[Provenance.FILLED], known),
+        "spikes_removed": cells.spikes,
+        "precision_median": _rounded(median_of(cells.precision, _cell_edges(grid.cell)), 3),
+        "height_lowest": _rounded(cells.lowest, 2),
+        "height_highest": _rounded(cells.highest, 2),
+    }
+
+
+def _known_cells(cells: SurfaceStatistics) -> int:
+    return sum(cells.provenance) - cells.provenance[Provenance.EMPTY]
 
 
 def _pair_row(pair: EpipolarPair, statistics: MatchingStatistics) -> tuple[float | int | str | None, ...]:
     sigma, y = median_of(statistics.precision, np.array(PRECISION_EDGES)), y_parallax(statistics)
+    # dZ/dp = B c / p^2 at the mean parallax: the height that one pixel of parallax stands for (Karfis 2009, 1.17)
     metres = pair.base * pair.c / ((pair.parallax_low + pair.parallax_high) / 2) ** 2
     return (
         pair.name,
@@ -133,47 +148,48 @@ def _pair_row(pair: EpipolarPair, statistics: MatchingStatistics) -> tuple[float
     )
 
 
+_PAIR_COLUMNS = (
+    "pair",
+    "nodes matched",
+    "share matched",
+    "median sigma of parallax (px)",
+    "the same as height (m)",
+    "y-parallax left (px)",
+    "ground pixel (m)",
+)
+
+
 def _pairs_grid(pairs: EpipolarPairs, matching: tuple[MatchingStatistics, ...]) -> Grid:
     return Grid(
         title="Dense matching by pair",
-        columns=(
-            "pair",
-            "nodes matched",
-            "share matched",
-            "median sigma of parallax (px)",
-            "the same as height (m)",
-            "y-parallax left (px)",
-            "ground pixel (m)",
-        ),
+        columns=_PAIR_COLUMNS,
         rows=tuple(_pair_row(pair, part) for pair, part in zip(pairs.pairs, matching, strict=True)),
-        note="The y-parallax is what the orientation left; it was measured block by block and taken out before matching.",
+        note="The y-parallax is what the orientation left; it was measured block by block and removed before matching.",
     )
 
 
 def _outcome_grid(pairs: EpipolarPairs, matching: tuple[MatchingStatistics, ...]) -> Grid:
     rows = tuple((outcome.sentence, *(part.outcomes[outcome] for part in matching)) for outcome in Outcome)
-    return Grid(title="What became of the nodes", columns=("outcome", *(pair.name for pair in pairs.pairs)), rows=rows)
+    return Grid(title="Outcomes of the nodes", columns=("outcome", *(pair.name for pair in pairs.pairs)), rows=rows)
 
 
 def _provenance_grid(cells: SurfaceStatistics) -> Grid:
     rows = tuple(
-        (code, meaning, cells.provenance[code], _share(cells.provenance[code], sum(cells.provenance)))
+        (int(code), meaning, cells.provenance[code], _share(cells.provenance[code], sum(cells.provenance)))
         for code, _, meaning in PROVENANCE_CODES
     )
-    return Grid(title="Where the heights come from", columns=("code", "meaning", "cells", "share"), rows=rows)
+    return Grid(title="Origin of the heights", columns=("code", "meaning", "cells", "share"), rows=rows)
 
 
 def _parallax_chart(matching: tuple[MatchingStatistics, ...]) -> Chart:
-    counts, edges = _sum(matching, "precision"), PRECISION_EDGES
-    middle = tuple(round((a + b) / 2, 3) for a, b in pairwise(edges))
     return Chart(
         title="Standard error of the parallaxes",
         style="bars",
         x_label="px",
         y_label="nodes",
-        x=middle,
-        series={"nodes": tuple(map(float, counts))},
-        caption="Classes are not equally wide.",
+        x=tuple(round((a + b) / 2, 3) for a, b in pairwise(PRECISION_EDGES)),
+        series={"nodes": tuple(map(float, _sum(matching, "precision")))},
+        caption="The classes have different widths.",
     )
 
 
@@ -195,29 +211,28 @@ def _pictures() -> tuple[Picture, ...]:
         Picture(title="Surface model", raster=HEIGHT, style="hillshade", unit="m", caption="Empty where nothing could be matched."),
         Picture(title="Precision", raster=PRECISION, style="ramp", unit="m", caption="Standard error of the heights."),
         Picture(title="Provenance", raster=PROVENANCE, style="classes", classes=PROVENANCE_CODES),
-        Picture(title="Pairs that agree", raster=COUNT, style="ramp", caption="How many pairs stand behind a height."),
+        Picture(title="Agreeing pairs", raster=COUNT, style="ramp", caption="Number of pairs that support a height."),
     )
 
 
-def _warnings(pairs: EpipolarPairs, matching: tuple[MatchingStatistics, ...], cells: SurfaceStatistics) -> list[str]:
-    found = []
+def _matching_warnings(pairs: EpipolarPairs, matching: tuple[MatchingStatistics, ...]) -> Iterator[str]:
     rows = list(zip((pair.name for pair in pairs.pairs), matching, strict=True))
     poor = sorted((completeness(part) or 0.0, name) for name, part in rows if (completeness(part) or 0.0) < COMPLETE_ENOUGH)
     if poor:
         worst = ", ".join(f"{name} {100 * share:.0f} %" for share, name in poor[:3])
-        found.append(
+        yield (
             f"In {len(poor)} of {len(rows)} pairs fewer than {100 * COMPLETE_ENOUGH:.0f} % of the nodes were matched "
-            f"(worst: {worst}); look for water, wood, repeated patterns or photographs that differ much."
+            f"(worst: {worst}); look for water, wood, repetitive patterns or photographs that differ strongly."
         )
-    found += [
-        f"Pair {name}: the orientation left a y-parallax of {y_parallax(part):.2f} px; heights of this pair may be biased."
-        for name, part in rows
-        if abs(y_parallax(part) or 0.0) > Y_PARALLAX_LIMIT
-    ]
-    known = sum(cells.provenance) - cells.provenance[EMPTY]
+    for name, part in rows:
+        if abs(left := y_parallax(part) or 0.0) > Y_PARALLAX_LIMIT:
+            yield f"Pair {name}: the orientation left a y-parallax of {left:.2f} px; heights of this pair may be biased."
+
+
+def _surface_warnings(cells: SurfaceStatistics) -> Iterator[str]:
+    known, disputed = _known_cells(cells), cells.provenance[Provenance.DISPUTED]
+    # An empty surface is an error of the block, not of matching: nothing else explains that no node in any pair converged.
     if known == 0:
-        found.append("The surface model is empty: no pair could be matched. Check the orientation and the heights of the block.")
-    elif cells.provenance[DISPUTED] > 0.05 * known:
-        share = 100 * cells.provenance[DISPUTED] / known
-        found.append(f"The pairs disagree on {share:.0f} % of the heights; see the provenance map.")
-    return found
+        yield "The surface model is empty: no pair could be matched. Check the orientation and the heights of the block."
+    elif disputed > _DISPUTED_LIMIT * known:
+        yield f"The pairs disagree on {100 * disputed / known:.0f} % of the heights; see the provenance map."

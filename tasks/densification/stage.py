@@ -1,6 +1,7 @@
 """The stage `densification`: dense matching of every pair block by block, then the surface model tile by tile.
 
-A block of a pair starts when the epipolar tiles under it are stored; a tile of the surface when the blocks that may show it are.
+A block of a pair is matched as soon as its epipolar tiles are stored, and a tile of the surface follows as soon as the blocks that
+may show it are matched.
 """
 
 from collections.abc import Iterator
@@ -9,7 +10,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from orthomill.schemas.epipolar import PAIRS, EpipolarPair, epipolar_raster
-from orthomill.schemas.job import Export, Job, Raster, Table
+from orthomill.schemas.job import Export, Job, Raster, Region, Table
 from orthomill.schemas.orientation import BLOCK as BLOCK_TABLE
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import RasterSpec, Tile, Window, map_raster, tiles_of
@@ -50,7 +51,7 @@ def outcome_raster(pair: str) -> str:
 
 
 def matching_table(pair: str) -> Table[MatchingStatistics]:
-    """What became of the nodes of a pair."""
+    """The matching statistics of a pair."""
     return Table(f"densification/matching/{pair}.json", MatchingStatistics)
 
 
@@ -71,7 +72,7 @@ class DensificationStage(Stage):
 
     @property
     def rules(self) -> SurfaceRules:
-        """What the tiles of the surface need of the settings."""
+        """The settings that a tile of the surface needs."""
         return SurfaceRules(self.gridding, self.fusion, self.spikes, self.fill)
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
@@ -80,6 +81,7 @@ class DensificationStage(Stage):
         pairs = view.table(PAIRS).pairs
         for pair in pairs:
             yield from self._pair(pair)
+        # From here on planning waits for the grid; the blocks above are already being matched meanwhile.
         surface = view.table(SURFACE)
         yield from self._surface(view, surface, pairs)
         matching = tuple(matching_table(pair.name) for pair in pairs)
@@ -93,6 +95,7 @@ class DensificationStage(Stage):
 
     def _pair(self, pair: EpipolarPair) -> Iterator[RasterSpec | Job]:
         """The blocks of a pair."""
+        # One chunk of nodes is one block: every block is written by one job, whatever the tile of the project.
         shape, chunk = nodes_shape(pair, self.matching.step), BLOCK // self.matching.step
         yield RasterSpec(name=nodes_raster(pair.name), shape=(*shape, 3), dtype="float32", chunk=chunk, nodata=float("nan"))
         yield RasterSpec(name=outcome_raster(pair.name), shape=shape, dtype="uint8", chunk=chunk, nodata=Outcome.NOT_TRIED)
@@ -104,10 +107,10 @@ class DensificationStage(Stage):
 
     def _block(self, pair: EpipolarPair, tile: Tile, table: Table[MatchingStatistics]) -> Job:
         block = PairBlock(pair, tile.window, self.matching.step)
-        reads = {"left": Raster(epipolar_raster(pair.name, "left"), block.left)}
+        reads: dict[str, Region | tuple[Region, ...]] = {"left": Raster(epipolar_raster(pair.name, "left"), block.left)}
         if not block.right.empty:
             reads["right"] = Raster(epipolar_raster(pair.name, "right"), block.right)
-        writes = {
+        writes: dict[str, Raster | Table] = {
             "nodes": Raster(nodes_raster(pair.name), tile.window),
             "outcome": Raster(outcome_raster(pair.name), tile.window),
             "statistics": table,
@@ -143,10 +146,11 @@ class DensificationStage(Stage):
         )
 
     def _tile(self, surface: Surface, pairs: tuple[EpipolarPair, ...], tile: Tile, table: Table[SurfaceStatistics]) -> Job:
+        # The halo makes filters and filling see what they would see in one piece: any tile size gives the same bits.
         work = tile.window.grown(self.rules.halo(surface.grid.cell)).clipped(surface.grid.shape)
         pieces = self._pieces(surface, pairs, work)
         nodes = tuple(Raster(nodes_raster(piece.pair.name), piece.nodes) for piece in pieces)
-        outputs = {"height": HEIGHT, "precision": PRECISION, "count": COUNT, "provenance": PROVENANCE}
+        outputs = {"height": HEIGHT, "precision": PRECISION, "pairs": COUNT, "provenance": PROVENANCE}
         return Job(
             self.kind,
             "surface",
@@ -160,6 +164,7 @@ class DensificationStage(Stage):
         )
 
     def _pieces(self, surface: Surface, pairs: tuple[EpipolarPair, ...], work: Window) -> tuple[PairPiece, ...]:
+        # All heights of the surface, not those of the tie points: a tower leans across several tiles of the left image.
         corners = box_corners(surface.grid, work.grown(1), surface.height_low, surface.height_high)
         pieces = (PairPiece(pair, node_window(pair, self.matching.step, corners), self.matching.step) for pair in pairs)
         return tuple(piece for piece in pieces if not piece.nodes.empty)

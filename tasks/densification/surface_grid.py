@@ -1,4 +1,4 @@
-"""The map grid of the surface model: what the pairs see, in cells of a pleasant size."""
+"""The map grid of the surface model: the ground that the pairs see, in cells of a round size."""
 
 import numpy as np
 
@@ -8,22 +8,26 @@ from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.surface import Surface
 
-PLEASANT = tuple(m * 10.0**e for e in range(-3, 3) for m in (1.0, 2.0, 2.5, 5.0))
-"""cell sizes offered by themselves, m"""
+ROUND_CELLS = tuple(m * 10.0**e for e in range(-3, 3) for m in (1.0, 2.0, 2.5, 5.0))
+"""cell sizes that are chosen automatically, m"""
 GROUND_PIXELS = 1.5
 """cell size that is aimed at, in ground pixels"""
 
 
 def surface_of(block: Block, pairs: EpipolarPairs, cell: float | None) -> Surface:
-    """The grid over the union of what the pairs see, cell size `cell` (m) or, if None, a pleasant number near 1.5 ground pixels.
+    """The grid over the union of what the pairs see, with cells of `cell` (m) or, if None, of a round size near 1.5 ground pixels.
 
-    Raises GeometryError when there is no pair or no common ground.
+    Raises GeometryError when there is no pair, or when no pair sees common ground.
     """
     if not pairs.pairs:
-        raise GeometryError("No pair of photographs is fit for matching: there is no surface model; the epipolar report says why.")
-    cell = cell or pleasant_cell(float(np.median([ground_pixel(pair) for pair in pairs.pairs])))
+        raise GeometryError(
+            "No pair of photographs is suitable for matching, so there is no surface model; the epipolar report gives the reasons."
+        )
+    # The median: one oblique or high pair must not set the resolution of the whole surface.
+    cell = cell or round_cell_size(float(np.median([ground_pixel(pair) for pair in pairs.pairs])))
     low, high = height_bounds(pairs)
     bounds = np.array([pair_bounds(pair, block.ground_low, block.ground_high) for pair in pairs.pairs])
+    # Whole multiples of the cell: surfaces of repeated surveys then lie on one grid and can be subtracted cell by cell.
     west, south = np.floor(bounds[:, :2].min(axis=0) / cell) * cell
     east, north = np.ceil(bounds[:, 2:].max(axis=0) / cell) * cell
     if not (east > west and north > south):
@@ -38,42 +42,48 @@ def ground_pixel(pair: EpipolarPair) -> float:
     return pair.base / ((pair.parallax_low + pair.parallax_high) / 2)
 
 
-def pleasant_cell(ground_pixel: float) -> float:
-    """The pleasant number (m) nearest to 1.5 ground pixels, by ratio."""
-    return min(PLEASANT, key=lambda cell: abs(np.log(cell / (GROUND_PIXELS * ground_pixel))))
+def round_cell_size(ground_pixel: float) -> float:
+    """The round cell size (m) nearest to 1.5 ground pixels, by ratio."""
+    return min(ROUND_CELLS, key=lambda cell: abs(np.log(cell / (GROUND_PIXELS * ground_pixel))))
 
 
 def height_bounds(pairs: EpipolarPairs) -> tuple[float, float]:
     """Lowest and highest height (m) that the parallax ranges of the pairs allow in the middle of their left images."""
+    # The corners suffice: between them the height of a plane of constant parallax is linear.
     corners = [_frame_points(pair, p)[:, 2] for pair in pairs.pairs for p in (pair.parallax_low, pair.parallax_high)]
     return float(np.min(corners)), float(np.max(corners))
 
 
 def pair_bounds(pair: EpipolarPair, low: float, high: float) -> tuple[float, float, float, float]:
-    """(west, south, east, north) of the ground that both images of a pair can show between two heights, m."""
+    """(west, south, east, north) of the ground that both images of a pair can show between the heights low and high, m."""
     sides = []
     images = (pair.left_centre, pair.left_col0, pair.left_cols), (pair.right_centre, pair.right_col0, pair.right_cols)
     for centre, col0, cols in images:
+        # the footprint of a tilted frame is widest at either the lower or the upper height, never between
         ground = np.concatenate([_frame_on_plane(pair, np.array(centre), col0, cols, z) for z in (low, high)])
         sides.append((*ground.min(axis=0), *ground.max(axis=0)))
     left, right = np.array(sides)
-    return tuple(float(v) for v in (*np.maximum(left[:2], right[:2]), *np.minimum(left[2:], right[2:])))
+    west, south = map(float, np.maximum(left[:2], right[:2]))
+    east, north = map(float, np.minimum(left[2:], right[2:]))
+    return west, south, east, north
 
 
 def _frame(pair: EpipolarPair, col0: float, cols: int) -> np.ndarray:
-    """Directions (4, 3) of the corners of an epipolar image in the world, third component in the base system -c."""
+    """World directions (4, 3) of the corners of an epipolar image, scaled so that their depth in the base system is c."""
     x, y = np.array([0, cols - 1]) - col0, pair.row0 - np.array([0, pair.rows - 1])
     corners = np.stack(np.meshgrid(x, y, [-pair.c]), axis=-1).reshape(-1, 3)
     return corners @ np.array(pair.rotation)
 
 
 def _frame_points(pair: EpipolarPair, parallax: float) -> np.ndarray:
+    """Ground points (4, 3) m of the corners of the left image at one parallax (px)."""
     return np.array(pair.left_centre) + _frame(pair, pair.left_col0, pair.left_cols) * pair.base / parallax
 
 
 def _frame_on_plane(pair: EpipolarPair, centre: np.ndarray, col0: float, cols: int, z: float) -> np.ndarray:
     """Plan positions (4, 2) where the corners' rays meet the height z."""
     rays = _frame(pair, col0, cols)
+    # A ray at or above the horizon meets no height, and the division below would put it behind the camera.
     if (rays[:, 2] >= 0).any():
-        raise GeometryError(f"The pair {pair.name} looks over the horizon; it cannot be put on a map. Leave it out.")
+        raise GeometryError(f"The pair {pair.name} shows the horizon, so its ground has no bounds on the map. Exclude the pair.")
     return centre[:2] + rays[:, :2] * ((z - centre[2]) / rays[:, 2])[:, None]

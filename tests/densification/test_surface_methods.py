@@ -14,7 +14,7 @@ from orthomill.tasks.densification.fusion import FusedCells, Fusion, fuse
 from orthomill.tasks.densification.gridding import Gridding, HeightCells, TargetCells, grid_nodes
 from orthomill.tasks.densification.ground_intersection import NodesOnGround, nodes_on_ground
 from orthomill.tasks.densification.spike_filter import SpikeFilter, spikes, stray
-from orthomill.tasks.densification.surface_grid import height_bounds, pair_bounds, pleasant_cell, surface_of
+from orthomill.tasks.densification.surface_grid import height_bounds, pair_bounds, round_cell_size, surface_of
 from orthomill.tasks.geometry.epipolar_window import box_corners, left_pixels, node_window
 from orthomill.tasks.geometry.normal_case import intersect_pair
 from orthomill.tasks.geometry.rotation import rotation_matrix
@@ -234,8 +234,8 @@ def test_the_grid_holds_what_the_pair_sees():
 
 
 @pytest.mark.parametrize(("pixel", "cell"), [(0.65, 1.0), (0.02, 0.025), (0.031, 0.05), (0.1, 0.2), (1.5, 2.5)])
-def test_cells_have_pleasant_sizes(pixel, cell):
-    assert pleasant_cell(pixel) == pytest.approx(cell)
+def test_cells_have_round_sizes(pixel, cell):
+    assert round_cell_size(pixel) == pytest.approx(cell)
 
 
 def test_without_pairs_there_is_one_clear_sentence():

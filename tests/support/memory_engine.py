@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from orthomill.pipeline.engine.job_signature import misfit
 from orthomill.schemas.job import Job, Raster, Table
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.stage_contract import NotYet
@@ -65,9 +66,10 @@ class MemoryEngine:
         return array[region.window.slices].copy()
 
     def _execute(self, job):
+        assert misfit(job) is None, misfit(job)
         result = job.function(**{name: self._read(region) for name, region in job.reads.items()}, **job.params)
-        result = result if len(job.writes) > 1 else {next(iter(job.writes)): result}
-        assert set(result) == set(job.writes)
+        result = result._asdict() if hasattr(result, "_fields") else {next(iter(job.writes)): result}
+        assert all(value is None for name, value in result.items() if name not in job.writes)
         for name, region in job.writes.items():
             if isinstance(region, Raster):
                 spec, value = self.specs[region.name], result[name]

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from orthomill.pipeline.engine.job_signature import misfit
 from orthomill.schemas.job import Job, MapFile, MapHeader, Raster, Table
 from orthomill.schemas.raster import MapGrid, RasterSpec
 from orthomill.schemas.stage_contract import NotYet, Stage
@@ -63,10 +64,11 @@ class MemoryProject:
             self._execute(thing)
 
     def _execute(self, job: Job) -> None:
+        assert misfit(job) is None, misfit(job)
         reads = {name: tuple(map(self._read, r)) if isinstance(r, tuple) else self._read(r) for name, r in job.reads.items()}
         result = job.function(**reads, **job.params)
-        result = result if len(job.writes) > 1 else {next(iter(job.writes)): result}
-        assert set(result) == set(job.writes)
+        result = result._asdict() if hasattr(result, "_fields") else {next(iter(job.writes)): result}
+        assert all(value is None for name, value in result.items() if name not in job.writes)
         for name, region in job.writes.items():
             self._write(region, result[name])
 
