@@ -1,6 +1,7 @@
 """What is known of a photograph before its pixels are looked at."""
 
 from collections.abc import Mapping
+from enum import StrEnum
 
 from pydantic import BaseModel, ConfigDict
 
@@ -78,14 +79,35 @@ class Photo(BaseModel):
         return -0.5 <= col <= self.width - 0.5 and -0.5 <= row <= self.height - 0.5
 
 
+class PhotoRemarkCode(StrEnum):
+    """What was noticed about files and positions without being a reason to refuse them."""
+
+    DUPLICATE_NAME = "duplicate_name"
+    """Two files have the same name; `photos` holds the path of the one that is used and of the one that is set aside."""
+    STRAY_POSITION = "stray_position"
+    """The GPS tag of a photograph lies `distance_km` from the others and is not used."""
+    ROTATED_WITHOUT_FLAG = "rotated_without_flag"
+    """Photographs were rotated by a quarter turn by a program that left no EXIF flag."""
+
+
+class PhotoRemark(BaseModel):
+    """One remark: its code, the photographs (or files) that it concerns, and the distance that a stray position has."""
+
+    model_config = ConfigDict(frozen=True)
+
+    code: PhotoRemarkCode
+    photos: tuple[str, ...]
+    distance_km: float | None = None
+
+
 class Photos(BaseModel):
     """All photographs in the order of the workflow. Tie points name a photo by its number here."""
 
     model_config = ConfigDict(frozen=True)
 
     photos: tuple[Photo, ...]
-    remarks: tuple[str, ...] = ()
-    """whole sentences about files and positions that were set aside"""
+    remarks: tuple[PhotoRemark, ...] = ()
+    """about files and positions that were set aside"""
 
     def __getitem__(self, name: str) -> Photo:
         return next(photo for photo in self.photos if photo.name == name)

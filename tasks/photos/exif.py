@@ -1,6 +1,6 @@
-"""EXIF tags as text, as GDAL writes them, into numbers: "(46) (50) (33.38)" is a latitude, "(3.61)" a focal length.
+"""EXIF tags, which GDAL returns as text, to numbers: "(46) (50) (33.38)" is a latitude, "(3.61)" a focal length.
 
-A tag that is absent, empty, zero where zero is impossible, or not a number counts as absent: cameras write all of these.
+A tag that is empty, zero where zero is impossible, or not a number counts as absent: cameras write all of these.
 """
 
 import re
@@ -12,8 +12,10 @@ from orthomill.schemas.photo import tag_text
 from orthomill.tasks.geometry.rotation import angles
 
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
+# EXIF 2.3 tag FocalPlaneResolutionUnit: inch and centimetre; 4 and 5 (millimetre, micrometre) are written by some cameras although
+# the standard does not list them.
 _FOCAL_PLANE_UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
-"""EXIF FocalPlaneResolutionUnit: inch, centimetre, millimetre, micrometre"""
+_INCH = 2.0  # the unit that EXIF prescribes when the tag is absent
 
 
 def numbers(tags: Mapping[str, str], name: str) -> list[float]:
@@ -22,7 +24,7 @@ def numbers(tags: Mapping[str, str], name: str) -> list[float]:
 
 
 def positive(tags: Mapping[str, str], name: str) -> float | None:
-    """The first number of a tag when it is above zero."""
+    """The first number of a tag if it is greater than zero."""
     found = numbers(tags, name)
     return found[0] if found and found[0] > 0 else None
 
@@ -44,20 +46,24 @@ def _degrees(tags: Mapping[str, str], name: str, negative: str) -> float | None:
 
 
 def altitude(tags: Mapping[str, str]) -> float | None:
-    """Metres; GPSAltitudeRef 1 counts downwards."""
+    """Metres above the reference of the receiver, negative below it (GPSAltitudeRef 1); None when absent."""
     found = numbers(tags, "GPSAltitude")
     if not found:
         return None
+    # GDAL prints the byte either as a number or in hexadecimal.
     below = tag_text(tags, "GPSAltitudeRef").lower() in {"1", "0x01"}
     return -found[0] if below else found[0]
 
 
 def gimbal_attitude(tags: Mapping[str, str]) -> tuple[float, float, float] | None:
-    """omega, phi, kappa in degrees of a drone's camera from the yaw (clockwise from north) and pitch (-90: straight down) of its
-    gimbal; rough, for roll and the convergence of the map are left out. None without the tags."""
+    """omega, phi, kappa in degrees of a drone's camera from the yaw (clockwise from north) and pitch (-90: nadir) of its gimbal.
+
+    Approximate: roll and meridian convergence are neglected. None without the tags.
+    """
     yaw, pitch = numbers(tags, "GimbalYawDegree"), numbers(tags, "GimbalPitchDegree")
     if not yaw or not pitch:
         return None
+    # The rows of the rotation matrix are the image axes in the world: x to the right, y up in the image, z against the view.
     y, p = np.radians(yaw[0]), np.radians(pitch[0])
     forward = np.array([np.sin(y) * np.cos(p), np.cos(y) * np.cos(p), np.sin(p)])
     right = np.array([np.cos(y), -np.sin(y), 0.0])
@@ -66,20 +72,20 @@ def gimbal_attitude(tags: Mapping[str, str]) -> tuple[float, float, float] | Non
 
 
 def time(tags: Mapping[str, str]) -> str | None:
-    """When it was taken, as ISO 8601 local time of the camera."""
+    """Time of exposure as ISO 8601, local time of the camera; None when absent or malformed."""
     text = tag_text(tags, "DateTimeOriginal") or tag_text(tags, "DateTime")
     match = re.fullmatch(r"(\d{4}):(\d\d):(\d\d) (\d\d:\d\d:\d\d).*", text)
     return f"{match[1]}-{match[2]}-{match[3]}T{match[4]}" if match else None
 
 
 def focal_plane_pixel_um(tags: Mapping[str, str], longer_side: int) -> float | None:
-    """Side of a pixel from the focal plane resolution, micrometres; None when the tags do not say.
+    """Side of a pixel from the focal plane resolution, micrometres; None without these tags.
 
-    The resolution counts the pixels that the camera wrote; when the file has fewer (`longer_side`), it was reduced since, and its
-    pixels are larger in proportion.
+    The resolution refers to the image as the camera wrote it; a file with fewer pixels (`longer_side`) was reduced afterwards, and
+    its pixels are larger in proportion.
     """
     resolution = positive(tags, "FocalPlaneXResolution")
-    unit = _FOCAL_PLANE_UNIT_MM.get(int((numbers(tags, "FocalPlaneResolutionUnit") or [2.0])[0]))
+    unit = _FOCAL_PLANE_UNIT_MM.get(int((numbers(tags, "FocalPlaneResolutionUnit") or [_INCH])[0]))
     if resolution is None or unit is None:
         return None
     written = max(positive(tags, "PixelXDimension") or 0.0, positive(tags, "PixelYDimension") or 0.0) or longer_side

@@ -1,17 +1,18 @@
-"""From headers to the list of photographs: names, cameras, positions, and what is refused.
+"""From image headers to the list of photographs: names, cameras, positions, and which files are refused.
 
-Everything that is wrong with any photograph is gathered and said at once. A photograph without GPS or focal length is not wrong:
-later stages say what they need.
+The faults of all photographs are collected and reported together. A photograph without GPS or focal length is not faulty: the
+stages that need them ask for them.
 """
 
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import PurePath
+from typing import NamedTuple
 
 import numpy as np
 
-from orthomill.schemas.errors import PhotoError, some_of
-from orthomill.schemas.photo import Header, Photo, Photos, tag_text
+from orthomill.schemas.errors import PhotoError
+from orthomill.schemas.photo import Header, Photo, PhotoRemark, PhotoRemarkCode, Photos, tag_text
 from orthomill.schemas.project import NoPositions, Positions
 from orthomill.tasks.geometry.camera_change import QUARTER_TURNS
 from orthomill.tasks.geometry.reference_system import ground_coordinates, ground_crs
@@ -24,21 +25,30 @@ from orthomill.tasks.photos.scans import Fitted, Scans, in_mark_frame, in_princi
 from orthomill.tasks.photos.sensors import sensor_width_mm
 
 _DIGITAL = Digital(kind="digital")
-_KM_PER_DEGREE = 111.2
+_KM_PER_DEGREE = 111.2  # of a meridian; enough to tell kilometres from continents
+# A position is a stray when it lies farther from the median position than this, in km and in multiples of the median distance.
+# Both are needed: a block of a few hectares has a median distance of metres, a country-wide one of hundreds of kilometres.
 _STRAY_KM, _STRAY_SHARE = 20.0, 20.0
-"""A position strays when it is farther from the middle than so many km, and than so many times the median distance."""
+_FEWEST_TO_JUDGE = 4  # with three positions one stray is already a third of the evidence
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What a photograph may be."""
+    """Sizes between which a photograph is accepted: `megapixels` at most, `smallest_side` px at least."""
 
     megapixels: float
     smallest_side: int = 64
 
 
+class PhotoIndex(NamedTuple):
+    """All photographs of a project, and how their scans were transformed (empty for digital photographs)."""
+
+    photos: Photos
+    scans: Scans
+
+
 def photo_from_header(header: Header) -> Photo:
-    """What the header of an image file says of the photograph; no position in the project's CRS yet."""
+    """The photograph as the header of its file describes it; without a position in the project's CRS."""
     tags = header.tags
     orientation = exif_orientation(tags)
     rows, cols = upright_shape(orientation, header.height, header.width)
@@ -48,6 +58,7 @@ def photo_from_header(header: Header) -> Photo:
         path=header.path,
         width=cols,
         height=rows,
+        # An alpha band is dropped when the pixels are read.
         bands=1 if header.bands == 1 else 3,
         dtype=header.dtype,
         exif_orientation=orientation,
@@ -72,44 +83,55 @@ def index_photos(
     positions_text: str | None = None,
     coordinates: ImageCoordinates = _DIGITAL,
     scan_texts: tuple[str, ...] = (),
-) -> dict[str, Photos | Scans]:
-    """All photographs of a project, in the order of `headers`, and how scans lay.
+) -> PhotoIndex:
+    """All photographs of a project, in the order of `headers`, and how scans were transformed.
 
     positions_text: the CSV file, for the kinds that read one; scan_texts: the files of `coordinates`. Raises PhotoError naming
     every photograph that cannot be used, WorkflowError for the CRS and the positions file.
     """
     ground_crs(crs)
     refusals = [sentence for header in headers if (sentence := _refusal(header, limits))]
-    photos = [photo_from_header(header) for header in headers]
     if refusals:
         raise PhotoError(" ".join(refusals))
-    photos, remarks = _without_duplicates(photos)
+    photos, remarks = _without_duplicates([photo_from_header(header) for header in headers])
     photos = _with_sensors(photos)
-    remarks += _turned_without_a_flag(photos)
-    if positions.kind == "exif":
-        photos, strays = _without_strays(photos)
-        remarks += strays
-        photos = _placed_by_gps(photos, crs, (positions.sigma_plan, positions.sigma_plan, positions.sigma_height))
-    elif not isinstance(positions, NoPositions):
-        photos = _placed_by_file(photos, positions_text or "")
+    remarks += _rotated_without_flag(photos)
+    photos, strays = _placed(photos, crs, positions, positions_text or "")
+    remarks += strays
     fitted = _fitted(photos, coordinates, scan_texts)
     framed = [one.photo for one in fitted] or photos
+    # The frame of a scan differs in size from its file, so the number of pyramid levels is counted again.
     leveled = (photo.model_copy(update={"levels": level_count((photo.height, photo.width))}) for photo in framed)
     cut = coordinates.kind != "digital" and coordinates.picture_mm is not None
     scans = Scans(scans=tuple(one.scan for one in fitted), cut=cut)
-    return {"photos": Photos(photos=tuple(leveled), remarks=tuple(remarks)), "scans": scans}
+    return PhotoIndex(Photos(photos=tuple(leveled), remarks=tuple(remarks)), scans)
+
+
+def _placed(photos: list[Photo], crs: str, positions: Positions, text: str) -> tuple[list[Photo], list[PhotoRemark]]:
+    """The photographs with their positions in the project's CRS, as far as these are known, and remarks about stray ones."""
+    if isinstance(positions, NoPositions):
+        return photos, []
+    if positions.kind != "exif":
+        return _placed_by_file(photos, text), []
+    # Strays are removed before projecting: a tag in another hemisphere would lie outside the CRS and refuse the whole project.
+    photos, strays = _without_strays(photos)
+    return _placed_by_gps(photos, crs, (positions.sigma_plan, positions.sigma_plan, positions.sigma_height)), strays
 
 
 def _fitted(photos: list[Photo], coordinates: ImageCoordinates, texts: tuple[str, ...]) -> list[Fitted]:
-    """Scans in their common frame; nothing for digital photographs."""
+    """Scans in their common frame; empty for digital photographs."""
     if coordinates.kind == "digital":
         return []
-    turned = [photo.name for photo in photos if photo.exif_orientation != 1]
-    if turned:
-        raise PhotoError(f"{', '.join(turned[:8])}: scans must not be turned by an EXIF flag; save them as they were scanned.")
+    # Marks are measured in the pixels of the file; a flag would put them elsewhere without anybody noticing.
+    rotated = [photo.name for photo in photos if photo.exif_orientation != 1]
+    if rotated:
+        raise PhotoError(
+            f"{', '.join(rotated[:8])}: scans must not be rotated by an EXIF flag; save them without it, as they were scanned."
+        )
     if coordinates.kind == "fiducial_marks":
-        return in_mark_frame(photos, *texts, coordinates.pixel_um, coordinates.picture_mm)
-    return in_principal_frame(photos, *texts, coordinates.pixel_um, coordinates.picture_mm)
+        marks, measured = texts
+        return in_mark_frame(photos, marks, measured, coordinates.pixel_um, coordinates.picture_mm)
+    return in_principal_frame(photos, texts[0], coordinates.pixel_um, coordinates.picture_mm)
 
 
 def _refusal(header: Header, limits: Limits) -> str | None:
@@ -121,7 +143,7 @@ def _refusal(header: Header, limits: Limits) -> str | None:
         )
     if min(header.width, header.height) < limits.smallest_side:
         size = f"{header.width} x {header.height} pixels"
-        return f"{header.path} is only {size}, too small for a photograph ({limits.smallest_side} at least)."
+        return f"{header.path} is only {size}, too small for a photograph (at least {limits.smallest_side} are needed)."
     if header.bands not in (1, 3, 4):
         return f"{header.path} has {header.bands} bands; grey (1), RGB (3) and RGB with alpha (4) can be read."
     if header.dtype not in ("uint8", "uint16"):
@@ -131,28 +153,26 @@ def _refusal(header: Header, limits: Limits) -> str | None:
     return None
 
 
-def _without_duplicates(photos: list[Photo]) -> tuple[list[Photo], list[str]]:
-    """The first photograph of every name, and a sentence for each one that was set aside."""
+def _without_duplicates(photos: list[Photo]) -> tuple[list[Photo], list[PhotoRemark]]:
+    """The first photograph of every name, and a remark about each one that is set aside."""
     first: dict[str, Photo] = {}
-    sentences = []
+    remarks = []
     for photo in photos:
         twin = first.setdefault(photo.name, photo)
         if twin is not photo:
-            sentences.append(
-                f"{twin.path} and {photo.path} have the same name {photo.name}, by which everything refers to them: the second was "
-                "set aside; rename it if it is another photograph."
-            )
-    return list(first.values()), sentences
+            remarks.append(PhotoRemark(code=PhotoRemarkCode.DUPLICATE_NAME, photos=(twin.path, photo.path)))
+    return list(first.values()), remarks
 
 
-def _without_strays(photos: list[Photo]) -> tuple[list[Photo], list[str]]:
+def _without_strays(photos: list[Photo]) -> tuple[list[Photo], list[PhotoRemark]]:
     """Photographs without the GPS positions that lie far from all others: a receiver that had no fix yet, or a photograph of
-    another place. Where half of them stray, nobody knows who is right, and all are kept."""
+    another place. Where half of them are strays, either half may be right, and all positions are kept."""
     tagged = [photo for photo in photos if photo.longitude is not None]
-    if len(tagged) < 4:
+    if len(tagged) < _FEWEST_TO_JUDGE:
         return photos, []
     degrees = np.array([(photo.longitude, photo.latitude) for photo in tagged])
     middle = np.median(degrees, axis=0)
+    # Across the date line the difference of two longitudes of neighbours is nearly 360 degrees.
     east = (degrees[:, 0] - middle[0] + 180.0) % 360.0 - 180.0
     km = _KM_PER_DEGREE * np.hypot(east * np.cos(np.radians(middle[1])), degrees[:, 1] - middle[1])
     far = km > max(_STRAY_KM, _STRAY_SHARE * float(np.median(km)))
@@ -160,71 +180,70 @@ def _without_strays(photos: list[Photo]) -> tuple[list[Photo], list[str]]:
     nowhere = {"longitude": None, "latitude": None}
     kept = [photo.model_copy(update=nowhere) if photo.name in strays else photo for photo in photos]
     return kept, [
-        f"The GPS tag of {name} lies {distance:.0f} km from the other photographs and was left out; the "
-        "photograph itself takes part."
-        for name, distance in strays.items()
+        PhotoRemark(code=PhotoRemarkCode.STRAY_POSITION, photos=(name,), distance_km=distance) for name, distance in strays.items()
     ]
 
 
 def _camera_name(header: Header, orientation: int) -> str:
     make, model = tag_text(header.tags, "Make"), tag_text(header.tags, "Model")
+    # Canon and Nikon repeat the maker in the model, others do not.
     maker = "" if model.upper().startswith(make.upper()) else make
     focal = exif.positive(header.tags, "FocalLength")
+    # The size is that of the file, so that a camera held upright (quarter turn by the flag alone) remains the same camera.
     words = [maker, model, f"{focal:g} mm" if focal else "", f"{header.width} x {header.height}"]
     if orientation not in (1, *QUARTER_TURNS):
+        # A half turn or a mirror image moves the principal point and changes the sign of the decentring terms.
         words.append(f"turned {orientation}")
     return " ".join(word for word in words if word)
 
 
 def _with_sensors(photos: list[Photo]) -> list[Photo]:
-    """Photographs whose pixels were turned in the file, and which EXIF turns back, with the camera of those that nobody turned."""
-    untouched = {photo.camera for photo in photos if photo.exif_orientation == 1}
+    """Photographs whose pixels were rotated in the file, and which EXIF rotates back, with the camera of the unrotated ones."""
+    unrotated = {photo.camera for photo in photos if photo.exif_orientation == 1}
     found = []
     for photo in photos:
         upright_word = _swapped(photo)
-        own = photo.exif_orientation in QUARTER_TURNS and photo.camera not in untouched and upright_word in untouched
+        own = photo.exif_orientation in QUARTER_TURNS and photo.camera not in unrotated and upright_word in unrotated
         found.append(photo.model_copy(update={"camera": upright_word, "as_taken": True}) if own else photo)
     return found
 
 
 def _swapped(photo: Photo) -> str:
-    """The camera's word with width and height exchanged."""
+    """The name of the camera with width and height exchanged."""
     words, _, height = photo.camera.rpartition(" x ")
     start, _, width = words.rpartition(" ")
     return " ".join(word for word in (start, f"{height} x {width}") if word)
 
 
-def _turned_without_a_flag(photos: list[Photo]) -> list[str]:
-    """A sentence about photographs that a program turned by a quarter without telling, beside more of the same camera that lie."""
+def _rotated_without_flag(photos: list[Photo]) -> list[PhotoRemark]:
+    """A remark about photographs that a program rotated by a quarter turn without a flag, where more of their camera are not."""
     count = Counter(photo.camera for photo in photos)
+    # Without a focal length the name is a mere size, and two sizes of unknown origin say nothing about a rotation.
     names = [
         photo.name
         for photo in photos
         if photo.focal_mm and photo.exif_orientation == 1 and 0 < count[photo.camera] < count[_swapped(photo)]
     ]
-    if not names:
-        return []
-    return [
-        f"{some_of(names)}: the size of the other photographs of this camera with width and height exchanged, and no EXIF flag "
-        "that says why. A program turned the pixels; which way is not known, so the interior orientation cannot be shared with the "
-        "others and is adjusted by itself. Take the files as the camera wrote them."
-    ]
+    return [PhotoRemark(code=PhotoRemarkCode.ROTATED_WITHOUT_FLAG, photos=tuple(names))] if names else []
 
 
 def _pixel_um(header: Header) -> float | None:
-    """Side of a pixel in micrometres: the maker's sensor width goes before the focal plane tags, which many cameras get wrong."""
+    """Side of a pixel in micrometres."""
     longer_side = max(header.width, header.height)
+    # The maker's sensor width takes precedence: many cameras write wrong focal plane tags (of the preview, or in a wrong unit).
     width = sensor_width_mm(tag_text(header.tags, "Model"))
     return 1000.0 * width / longer_side if width else exif.focal_plane_pixel_um(header.tags, longer_side)
 
 
 def _placed_by_gps(photos: list[Photo], crs: str, sigma: tuple[float, float, float]) -> list[Photo]:
-    tagged = [photo for photo in photos if photo.longitude is not None and photo.altitude is not None]
+    tagged = {p.name: (p.longitude, p.latitude, p.altitude) for p in photos if p.longitude is not None and p.altitude is not None}
     if not tagged:
         return photos
-    xy = ground_coordinates(crs, np.array([(photo.longitude, photo.latitude) for photo in tagged]))
-    places = {photo.name: (float(x), float(y), photo.altitude) for photo, (x, y) in zip(tagged, xy, strict=True)}
-    return [_placed(photo, places.get(photo.name), sigma) for photo in photos]
+    # In one call: setting up a transformation costs more than a thousand points.
+    geographic = np.array(list(tagged.values()), dtype=float)
+    xy = ground_coordinates(crs, geographic[:, :2])
+    places = {name: (float(x), float(y), float(height)) for name, (x, y), height in zip(tagged, xy, geographic[:, 2], strict=True)}
+    return [_placed_at(photo, places.get(photo.name), sigma) for photo in photos]
 
 
 def _placed_by_file(photos: list[Photo], text: str) -> list[Photo]:
@@ -235,9 +254,9 @@ def _placed_by_file(photos: list[Photo], text: str) -> list[Photo]:
 def _placed_as(photo: Photo, position: Position | None) -> Photo:
     if position is None:
         return photo
-    placed = _placed(photo, position.xyz, position.sigma)
+    placed = _placed_at(photo, position.xyz, position.sigma)
     return placed if position.attitude is None else placed.model_copy(update={"attitude": position.attitude})
 
 
-def _placed(photo: Photo, xyz: tuple[float, float, float] | None, sigma: tuple[float, float, float]) -> Photo:
+def _placed_at(photo: Photo, xyz: tuple[float, float, float] | None, sigma: tuple[float, float, float]) -> Photo:
     return photo if xyz is None else photo.model_copy(update={"position": xyz, "position_sigma": sigma})

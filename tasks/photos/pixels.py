@@ -1,4 +1,4 @@
-"""Pixels of a photograph: turned upright strip by strip, halved level by level, and a few numbers of how it is exposed."""
+"""Pixels of a photograph: rotated upright strip by strip, halved level by level, and figures of its exposure."""
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
@@ -10,7 +10,7 @@ from orthomill.tasks.imagery.upright import upright
 
 
 class Exposure(BaseModel):
-    """How a photograph is exposed, measured on its coarsest level; grey values are shares of the full range."""
+    """How a photograph is exposed, measured on its coarsest pyramid level; grey values are shares of the full range."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -37,6 +37,7 @@ def exposure(overview: np.ndarray, photo: str) -> Exposure:
     """Exposure of a photograph from its coarsest level (rows, cols, bands)."""
     full = float(np.iinfo(overview.dtype).max)
     values = grey(overview) / full
+    # One grey level of 8 bits from the ends counts as clipped: averaging down the pyramid rarely leaves 0 or 255 exactly.
     return Exposure(
         photo=photo,
         mean=float(values.mean()),

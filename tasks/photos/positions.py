@@ -1,4 +1,4 @@
-"""Where the photographs were taken: from a CSV file, or from GPS tags carried into the project's reference system."""
+"""Projection centres, their standard errors and approximate attitudes from a CSV file."""
 
 import csv
 import io
@@ -8,7 +8,7 @@ from orthomill.schemas.errors import WorkflowError
 
 COLUMNS = ("photo", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
 ANGLES = ("omega", "phi", "kappa")
-"""columns that may stand there besides: a rough attitude, which tells where an oblique photograph looks"""
+"""optional columns: an approximate attitude, from which the ground that an oblique photograph shows is known"""
 
 Triple = tuple[float, float, float]
 
@@ -25,8 +25,9 @@ class Position:
 def read_positions(text: str) -> dict[str, Position]:
     """The positions of a CSV file with the columns photo, x, y, z, sigma_x, sigma_y, sigma_z, by the name of the photograph.
 
-    A file extension behind the name is dropped. Raises WorkflowError with the number of the line.
+    The extension of an image file after the name is dropped. Raises WorkflowError with the number of the line.
     """
+    # Spreadsheet programs put a byte order mark in front of UTF-8; it would become part of the first column's name.
     reader = csv.DictReader(io.StringIO(text.lstrip("\ufeff")), skipinitialspace=True)
     missing = [column for column in COLUMNS if column not in (reader.fieldnames or ())]
     if missing:
@@ -46,6 +47,7 @@ def read_positions(text: str) -> dict[str, Position]:
 
 def photo_stem(name: str | None) -> str:
     """The name of a photograph without the extension of an image file."""
+    # Only extensions of images are cut off: names such as "flight.2" contain a dot of their own.
     head, dot, tail = (name or "").strip().rpartition(".")
     return head if dot and tail.lower() in {"jpg", "jpeg", "tif", "tiff", "png"} else (name or "").strip()
 
@@ -55,11 +57,12 @@ def _position(row: dict[str, str], line: int) -> Position:
         x, y, z, *sigma = (float(row[column]) for column in COLUMNS[1:])
     except (TypeError, ValueError):
         raise WorkflowError(
-            f"Line {line} of the positions file does not hold six numbers behind the photograph's name, but {dict(row)}."
+            f"Line {line} of the positions file does not hold six numbers after the photograph's name, but {dict(row)}."
         ) from None
+    # Weights are reciprocal variances: a standard error of zero would be an infinite one.
     if min(sigma) <= 0:
         raise WorkflowError(
-            f"Line {line} of the positions file gives a standard error of zero or less; every one must be above zero."
+            f"Line {line} of the positions file gives a standard error of zero or less; all must be greater than zero."
         )
     return Position((x, y, z), (sigma[0], sigma[1], sigma[2]), _attitude(row, line))
 

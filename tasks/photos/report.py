@@ -1,16 +1,32 @@
-"""What the report says of the photographs: how many, where, with which camera, how exposed, and what they lack."""
+"""The report on the photographs: number, positions, cameras, exposure, and what is missing."""
 
 from collections import Counter
+from collections.abc import Iterator
 
 import numpy as np
 
 from orthomill.schemas.errors import some_of
-from orthomill.schemas.photo import Photo, Photos, photo_raster
+from orthomill.schemas.photo import Photo, PhotoRemark, PhotoRemarkCode, Photos, photo_raster
 from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport
 from orthomill.tasks.photos.pixels import Exposure
 from orthomill.tasks.photos.scans import Scans
 
 PICTURES = 6
+# Shares of clipped pixels and a contrast from which on matching suffers visibly; measured on the coarsest level, where noise has
+# been averaged away and only the scene's own contrast is left.
+_MOST_CLIPPED, _LEAST_CONTRAST = 0.1, 0.03
+# Marks are measured to half a pixel or so; twice the pixel is more than careless measuring explains.
+_WORST_FIT_PX = 2.0
+_SCAN_COLUMNS = (
+    "photo",
+    "marks",
+    "sigma of a mark, micrometres",
+    "sigma of a coordinate in the middle, micrometres",
+    "sigma of a coordinate at the outermost mark, micrometres",
+    "rotation of the scan, degrees",
+    "pixel along rows, micrometres",
+    "pixel along columns, micrometres",
+)
 
 
 def photos_report(
@@ -23,11 +39,31 @@ def photos_report(
         charts=_charts(photos),
         pictures=_pictures(photos),
         warnings=(
-            *photos.remarks,
+            *(remark_sentence(remark) for remark in photos.remarks),
             *_header_warnings(photos, positions_kind, cameras_kind),
             *_exposure_warnings(exposures),
             *_scan_warnings(scans),
         ),
+    )
+
+
+def remark_sentence(remark: PhotoRemark) -> str:
+    """What a remark of the index says to a person."""
+    if remark.code is PhotoRemarkCode.DUPLICATE_NAME:
+        used, set_aside = remark.photos
+        return (
+            f"{used} and {set_aside} have the same name {used.rpartition('/')[2].rpartition('.')[0]}, by which photographs are "
+            "identified: the second was set aside; rename it if it is another photograph."
+        )
+    if remark.code is PhotoRemarkCode.STRAY_POSITION:
+        return (
+            f"The GPS tag of {remark.photos[0]} lies {remark.distance_km or 0.0:.0f} km from the other photographs and is not "
+            "used; the photograph itself is."
+        )
+    return (
+        f"{some_of(remark.photos)}: the size of the other photographs of this camera with width and height exchanged, and no EXIF "
+        "flag that explains it. A program rotated the pixels; in which direction is unknown, so the interior orientation cannot be "
+        "shared with the others and is adjusted separately. Use the files as the camera wrote them."
     )
 
 
@@ -38,44 +74,41 @@ def _scan_grid(scans: Scans) -> Grid:
     )
     return Grid(
         title="Scans",
-        columns=(
-            "photo", "marks", "sigma of a mark, micrometres", "sigma of a coordinate in the middle, micrometres",
-            "sigma of a coordinate at the outermost mark, micrometres", "turn of the scan, degrees",
-            "pixel along rows, micrometres", "pixel along columns, micrometres",
-        ),
+        columns=_SCAN_COLUMNS,
         rows=rows,
-        note="The affine transformation from the scan to the calibrated marks; three marks fit without a residual. Its errors are "
-        "those of one photograph alone and partly go into its orientation; the block's standard errors do not count them.",
-    )  # fmt: skip
+        note="The affine transformation from the scan to the calibrated marks; three marks fit without residuals. Its errors are "
+        "common to all points of one photograph and are partly absorbed by its orientation; the standard errors of the block do "
+        "not include them.",
+    )
 
 
-def _scan_warnings(scans: Scans) -> list[str]:
-    pixel = [max(one.col_um or 0.0, one.row_um or 0.0) for one in scans.scans]
-    bad = [f"{one.photo} ({one.rms_um:.0f})" for one, p in zip(scans.scans, pixel, strict=True) if (one.rms_um or 0.0) > 2 * p]
-    found = [
-        f"The fiducial mark {mark} of {one.photo} lies {off:.1f} px from where the others put it and took no part: it was measured "
-        "wrongly or exchanged."
-        for one in scans.scans
-        for mark, off in one.wrong.items()
-    ]
+def _scan_warnings(scans: Scans) -> Iterator[str]:
+    for one in scans.scans:
+        for mark, off in one.wrong.items():
+            yield (
+                f"The fiducial mark {mark} of {one.photo} lies {off:.1f} px from where the others place it and was rejected: it "
+                "was measured wrongly or exchanged with another."
+            )
     if any(one.marks for one in scans.scans) and not scans.cut:
-        found.append(
-            "The scans are used out to their outermost fiducial marks. If these stand in the margin of the film, give picture_mm, "
-            "width and height of the exposed picture, or the margin gets into the surface and the orthoimage."
+        yield (
+            "The scans are used out to their outermost fiducial marks. If these lie in the margin of the film, give picture_mm, "
+            "the width and height of the exposed picture; otherwise the margin enters the surface and the orthoimage."
         )
+    # Where no marks were measured there is no standard error, and nothing to judge.
+    fits = [(one.photo, one.rms_um or 0.0, max(one.col_um or 0.0, one.row_um or 0.0)) for one in scans.scans]
+    bad = [f"{photo} ({rms:.0f})" for photo, rms, pixel in fits if rms > _WORST_FIT_PX * pixel]
     if bad:
-        found.append(
+        yield (
             f"The fiducial marks of {', '.join(bad[:8])} fit an affine transformation worse than two pixels (micrometres in "
-            "brackets): a mark was measured wrongly or exchanged, or the film is deformed unevenly. Five marks or more would tell "
-            "which."
+            "brackets): a mark was measured wrongly or exchanged, or the film is deformed irregularly. Five marks or more would "
+            "show which."
         )
-    behind = [one.photo for one in scans.scans if one.mirrored]
-    if behind:
-        found.append(
-            f"{_named(behind)} mirrored against the calibrated marks: right only where film was scanned from behind; else y of the "
-            "calibrated marks must count upwards, and marks keep their names."
+    mirrored = [one.photo for one in scans.scans if one.mirrored]
+    if mirrored:
+        yield (
+            f"{_named(mirrored)} mirrored with respect to the calibrated marks: correct only where film was scanned from the back; "
+            "otherwise let y of the calibrated marks count upwards and check the names of the marks."
         )
-    return found
 
 
 def _figures(photos: Photos) -> tuple[Figure, ...]:
@@ -84,14 +117,14 @@ def _figures(photos: Photos) -> tuple[Figure, ...]:
     base = _median_base(photos)
     return (
         Figure(name="photographs", value=len(photos.photos), sentence="Photographs read.", headline=True),
-        Figure(name="megapixels", value=round(megapixels, 1), unit="megapixels", sentence="Pixels of all photographs together."),
+        Figure(name="megapixels", value=round(megapixels, 1), unit="megapixels", sentence="Total number of pixels."),
         Figure(
             name="cameras",
             value=len({photo.camera for photo in photos.photos}),
             sentence="Different cameras, focal lengths or image sizes.",
         ),
         Figure(name="with_position", value=placed, sentence="Photographs whose projection centre is known before the adjustment."),
-        Figure(name="nearest_distance", value=base, unit="m", sentence="Median distance of a photograph to the nearest other one."),
+        Figure(name="nearest_distance", value=base, unit="m", sentence="Median distance between nearest projection centres."),
     )
 
 
@@ -99,6 +132,7 @@ def _median_base(photos: Photos) -> float | None:
     centres = np.array([photo.position for photo in photos.photos if photo.position is not None])
     if len(centres) < 2:
         return None
+    # The smallest distance is that of a centre to itself.
     nearest = [np.sort(np.linalg.norm(centres - centre, axis=1))[1] for centre in centres]
     return round(float(np.median(nearest)), 2)
 
@@ -122,13 +156,13 @@ def _photo_grid(photos: Photos, exposures: tuple[Exposure, ...]) -> Grid:
         title="Photographs",
         columns=columns,
         rows=rows,
-        note="Grey values in per cent of the full range, measured on the coarsest level.",
+        note="Grey values in per cent of the full range, measured on the coarsest pyramid level.",
     )
 
 
 def _kind(photo: Photo) -> str:
-    turn = "" if photo.exif_orientation == 1 else f", turned upright (EXIF orientation {photo.exif_orientation})"
-    return f"{'grey' if photo.bands == 1 else 'RGB'}, {8 if photo.dtype == 'uint8' else 16} bit{turn}"
+    rotated = "" if photo.exif_orientation == 1 else f", rotated upright (EXIF orientation {photo.exif_orientation})"
+    return f"{'grey' if photo.bands == 1 else 'RGB'}, {8 if photo.dtype == 'uint8' else 16} bit{rotated}"
 
 
 def _xyz(photo: Photo) -> tuple[float | None, ...]:
@@ -137,6 +171,7 @@ def _xyz(photo: Photo) -> tuple[float | None, ...]:
 
 def _camera_grid(photos: Photos) -> Grid:
     counts = Counter(photo.camera for photo in photos.photos)
+    # Reversed, so that the first photograph of a camera is the one that stays in the dictionary.
     first = {photo.camera: photo for photo in reversed(photos.photos)}
     rows = tuple(
         (name, count, first[name].focal_mm, first[name].focal_35mm, _rounded(first[name].pixel_um))
@@ -172,6 +207,7 @@ def _charts(photos: Photos) -> tuple[Chart, ...]:
 
 
 def _pictures(photos: Photos) -> tuple[Picture, ...]:
+    # Spread over the block: neighbours look alike.
     step = max(1, len(photos.photos) // PICTURES)
     return tuple(
         Picture(title=photo.name, raster=photo_raster(photo.name, photo.levels - 1), style="rgb")
@@ -179,40 +215,37 @@ def _pictures(photos: Photos) -> tuple[Picture, ...]:
     )
 
 
-def _header_warnings(photos: Photos, positions_kind: str, cameras_kind: str) -> list[str]:
-    warnings = []
-    homeless = [photo.name for photo in photos.photos if photo.position is None]
-    if homeless and positions_kind != "none":
+def _header_warnings(photos: Photos, positions_kind: str, cameras_kind: str) -> Iterator[str]:
+    unplaced = [photo.name for photo in photos.photos if photo.position is None]
+    if unplaced and positions_kind != "none":
         source = "GPS tags with longitude, latitude and altitude" if positions_kind == "exif" else "line in the positions file"
-        warnings.append(f"{_named(homeless)} without a position: no {source}.")
-    blind = [photo.name for photo in photos.photos if photo.focal_mm is None and photo.focal_35mm is None]
-    if blind and cameras_kind == "exif":
-        warnings.append(
-            f"{_named(blind)} without a focal length in EXIF: the workflow has to give the camera, or other photographs lend it."
+        yield f"{_named(unplaced)} without a position: no {source}."
+    no_focal = [photo.name for photo in photos.photos if photo.focal_mm is None and photo.focal_35mm is None]
+    if no_focal and cameras_kind == "exif":
+        yield (
+            f"{_named(no_focal)} without a focal length in EXIF: give the camera in the workflow, unless other photographs of the "
+            "same camera have one."
         )
     cameras = {photo.camera for photo in photos.photos}
     if len(cameras) > 1:
-        warnings.append(
+        yield (
             f"The photographs come from {len(cameras)} cameras, focal lengths or image sizes; "
             "each gets its own interior orientation."
         )
     if len({photo.bands for photo in photos.photos}) > 1:
-        warnings.append("Grey and colour photographs are mixed; the orthoimage shows grey where only grey ones see the ground.")
-    return warnings
+        yield "Grey and colour photographs are mixed; the orthoimage shows grey where only grey ones see the ground."
 
 
-def _exposure_warnings(exposures: tuple[Exposure, ...]) -> list[str]:
-    burnt = [exposure.photo for exposure in exposures if exposure.white > 0.1]
-    drowned = [exposure.photo for exposure in exposures if exposure.black > 0.1]
-    flat = [exposure.photo for exposure in exposures if exposure.contrast < 0.03]
-    warnings = []
-    if burnt:
-        warnings.append(f"{_named(burnt)} with more than 10 % of the pixels fully white: nothing can be matched there.")
-    if drowned:
-        warnings.append(f"{_named(drowned)} with more than 10 % of the pixels fully black: nothing can be matched there.")
+def _exposure_warnings(exposures: tuple[Exposure, ...]) -> Iterator[str]:
+    white = [exposure.photo for exposure in exposures if exposure.white > _MOST_CLIPPED]
+    black = [exposure.photo for exposure in exposures if exposure.black > _MOST_CLIPPED]
+    flat = [exposure.photo for exposure in exposures if exposure.contrast < _LEAST_CONTRAST]
+    if white:
+        yield f"{_named(white)} with more than 10 % of the pixels fully white: nothing can be matched there."
+    if black:
+        yield f"{_named(black)} with more than 10 % of the pixels fully black: nothing can be matched there."
     if flat:
-        warnings.append(f"{_named(flat)} with very little contrast: expect few tie points.")
-    return warnings
+        yield f"{_named(flat)} with very little contrast: expect few tie points."
 
 
 def _named(names: list[str]) -> str:

@@ -1,10 +1,11 @@
-"""Widths of the sensors of common cameras, for the many whose EXIF tags do not tell the size of a pixel.
+"""Sensor widths of common cameras, for the many whose EXIF tags do not give the pixel size.
 
-The name is EXIF's Model in capitals. Widths (longer side of the sensor, mm) are the makers' published ones; photographs are taken
-to use the whole width, which holds for the 3:2, 4:3 and 16:9 modes of these cameras.
+The name is EXIF's Model in capitals. Widths (longer side of the sensor, mm) are the makers' published ones; photographs are assumed
+to use the full width, which holds for the 3:2, 4:3 and 16:9 modes of these cameras.
 """
 
 SENSOR_WIDTH_MM: dict[str, float] = {
+    # DJI names its cameras by a code that differs between drones of the same sensor: each code has to be listed.
     "FC200": 6.17,
     "FC220": 6.17,
     "FC300C": 6.17,
@@ -32,6 +33,7 @@ SENSOR_WIDTH_MM: dict[str, float] = {
     "FC6520": 17.3,
     "FC6540": 23.5,
     "ZENMUSEP1": 35.9,
+    # Interchangeable-lens and compact cameras that survey drones carry.
     "ILCE-5100": 23.5,
     "ILCE-6000": 23.5,
     "ILCE-6300": 23.5,
@@ -70,5 +72,5 @@ SENSOR_WIDTH_MM: dict[str, float] = {
 
 
 def sensor_width_mm(model: str) -> float | None:
-    """Longer side of the sensor of a camera, mm; None when it is not in the table."""
+    """Longer side of the sensor of a camera model, mm; None when the model is not in the table."""
     return SENSOR_WIDTH_MM.get(model.strip().upper())

@@ -1,7 +1,7 @@
-"""The stage `photos`: image files into chunked rasters with pyramids, and one table of what is known of each photograph.
+"""The stage `photos`: image files to chunked rasters with pyramids, and a table of what is known about each photograph.
 
-Pixels come in strips of whole chunks, a tile high (or a tile wide for photographs that EXIF turns by a quarter, whose file rows
-become columns), so that memory is bounded by a strip however large the photograph.
+Pixels are read in strips of entire chunks, a tile high (or a tile wide for photographs that EXIF rotates by a quarter turn, whose
+file rows become columns), so that a strip bounds the memory however large the photograph.
 """
 
 from collections.abc import Iterator
@@ -26,7 +26,7 @@ SCANS = Table("photos/scans.json", Scans)
 
 
 def exposure_table(photo: str) -> Table[Exposure]:
-    """Where the exposure of a photograph is stored."""
+    """The table that holds the exposure of a photograph."""
     return Table(f"photos/exposure/{photo}.json", Exposure)
 
 
@@ -39,13 +39,14 @@ class PhotosStage(Stage):
         Digital(kind="digital"), "How image coordinates follow from pixels: digital cameras, or scans of film photographs."
     )
     max_megapixels: float = setting(
-        400.0, "Photographs with more pixels are refused, as a guard against files that are not meant.", "megapixels", gt=0
+        400.0, "Photographs with more pixels are refused, as a guard against files included by mistake.", "megapixels", gt=0
     )
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         """The table of photographs first, then their strips, levels and exposure."""
         ground_crs(view.project.crs)
         yield self._index_job(view)
+        # Sizes and numbers of levels are known when the headers have been read: planning continues from here when they are.
         photos = view.table(PHOTOS)
         for photo in photos.photos:
             yield from self._pixel_jobs(photo, view.project.tile)
@@ -85,7 +86,7 @@ class PhotosStage(Stage):
             reads={"overview": Raster(top.name, top.full)},
             writes={"exposure": exposure_table(photo.name)},
             params={"photo": photo.name},
-            scratch=16 * top.shape[0] * top.shape[1],
+            scratch=16 * top.shape[0] * top.shape[1],  # bytes: the grey values and two temporary arrays, float32
         )
 
     def _strip_jobs(self, photo: Photo, tile: int) -> Iterator[Job]:
@@ -115,6 +116,7 @@ class PhotosStage(Stage):
                 row=cell.row,
                 col=cell.col,
                 function=scan_tile,
+                # The frame is a rectangle around the marks, the scan may end before it: such tiles read nothing and are black.
                 reads={} if source.empty else {"pixels": PhotoPixels(photo.path, source)},
                 writes={"tile": Raster(spec.name, cell.window)},
                 params={"photo": photo, "window": cell.window, "source": source},
@@ -152,7 +154,8 @@ def _level_spec(photo: Photo, level: int, tile: int) -> RasterSpec:
 
 
 def _strips(photo: Photo, tile: int) -> Iterator[Window]:
-    """Strips of whole chunks of the upright photograph that are rows of its file."""
+    """Strips of entire chunks of the upright photograph that are rows of its file."""
+    # Compressed files decode row by row: a strip across the file's rows would decode the whole file for every strip.
     if turned(photo.exif_orientation):
         for col in range(0, photo.width, tile):
             yield Window(0, col, photo.height, min(tile, photo.width - col))

@@ -3,17 +3,26 @@
 import pytest
 
 from orthomill.schemas.errors import PhotoError, WorkflowError
-from orthomill.schemas.photo import Header
+from orthomill.schemas.photo import Header, PhotoRemark, PhotoRemarkCode
 from orthomill.schemas.project import NoPositions, PositionsFromExif, PositionsFromFile
 from orthomill.tasks.photos import exif
 from orthomill.tasks.photos.index import Limits, index_photos, photo_from_header
-from orthomill.tasks.photos.positions import read_positions
+from orthomill.tasks.photos.positions import photo_stem, read_positions
+from orthomill.tasks.photos.report import remark_sentence
 
 DRONE = {
-    "Make": "DJI", "Model": "FC300S", "FocalLength": "(3.61)", "FocalLengthIn35mmFilm": "20", "GPSLatitude": "(46) (50) (33.3855)",
-    "GPSLatitudeRef": "N", "GPSLongitude": "(91) (59) (40.4156)", "GPSLongitudeRef": "W", "GPSAltitude": "(198.309)",
-    "GPSAltitudeRef": "0x00", "DateTimeOriginal": "2016:06:23 16:31:59",
-}  # fmt: skip
+    "Make": "DJI",
+    "Model": "FC300S",
+    "FocalLength": "(3.61)",
+    "FocalLengthIn35mmFilm": "20",
+    "GPSLatitude": "(46) (50) (33.3855)",
+    "GPSLatitudeRef": "N",
+    "GPSLongitude": "(91) (59) (40.4156)",
+    "GPSLongitudeRef": "W",
+    "GPSAltitude": "(198.309)",
+    "GPSAltitudeRef": "0x00",
+    "DateTimeOriginal": "2016:06:23 16:31:59",
+}
 LIMITS = Limits(megapixels=50)
 EXIF_POSITIONS = PositionsFromExif(kind="exif")
 
@@ -24,7 +33,7 @@ def header(name: str = "a.jpg", **changes) -> Header:
 
 
 def photos_of(*arguments, **more):
-    return index_photos(*arguments, **more)["photos"]
+    return index_photos(*arguments, **more).photos
 
 
 def test_a_drone_photograph_is_read_whole():
@@ -43,7 +52,7 @@ def photos_turned(*sizes_and_flags):
         header(f"{i}.jpg", width=width, height=height, tags={**DRONE, "Orientation": str(flag)})
         for i, (width, height, flag) in enumerate(sizes_and_flags)
     ]
-    return index_photos(tuple(headers), "EPSG:26915", EXIF_POSITIONS, LIMITS)["photos"]
+    return index_photos(tuple(headers), "EPSG:26915", EXIF_POSITIONS, LIMITS).photos
 
 
 def test_photographs_turned_by_exif_keep_the_sensor_of_the_others():
@@ -60,8 +69,10 @@ def test_without_others_the_file_is_how_the_sensor_saw_it():
 
 def test_pixels_that_were_turned_without_a_flag_are_named():
     photos = photos_turned((4000, 2250, 1), (4000, 2250, 1), (2250, 4000, 1))
-    (text,) = photos.remarks
-    assert text.startswith("2: ") and "turned the pixels" in text and "as the camera wrote them" in text
+    (remark,) = photos.remarks
+    assert remark == PhotoRemark(code=PhotoRemarkCode.ROTATED_WITHOUT_FLAG, photos=("2",))
+    text = remark_sentence(remark)
+    assert text.startswith("2: ") and "rotated the pixels" in text and "as the camera wrote them" in text
     assert len({photo.camera for photo in photos.photos}) == 2
 
 
@@ -72,9 +83,14 @@ def test_gdal_prefixed_tags_mean_the_same():
 
 @pytest.mark.parametrize(
     "tags",
-    [{}, {"GPSLatitude": "(0) (0) (0)", "GPSLongitude": "(0) (0) (0)"}, {"GPSLatitude": "(nan)", "GPSLongitude": "(1)"},
-     {"GPSLatitude": "(95)", "GPSLongitude": "(10)"}, {"GPSLatitude": "(1) (2) (3) (4)", "GPSLongitude": "(10)"}],
-)  # fmt: skip
+    [
+        {},
+        {"GPSLatitude": "(0) (0) (0)", "GPSLongitude": "(0) (0) (0)"},
+        {"GPSLatitude": "(nan)", "GPSLongitude": "(1)"},
+        {"GPSLatitude": "(95)", "GPSLongitude": "(10)"},
+        {"GPSLatitude": "(1) (2) (3) (4)", "GPSLongitude": "(10)"},
+    ],
+)
 def test_broken_positions_count_as_none(tags):
     assert exif.longitude_latitude(tags) is None
 
@@ -98,7 +114,7 @@ def test_upright_sizes_follow_the_orientation_flag():
     assert photo_from_header(header(tags={"Orientation": "99"})).exif_orientation == 1
 
 
-def test_all_refusals_are_said_at_once():
+def test_all_refusals_are_reported_together():
     headers = (header("a.jpg", width=40000), header("b.jpg", dtype="float32"), header("c.jpg", bands=2), header("d.jpg"))
     with pytest.raises(PhotoError) as error:
         photos_of(headers, "EPSG:26915", EXIF_POSITIONS, LIMITS)
@@ -142,17 +158,21 @@ def test_positions_from_a_file_name_photographs_with_or_without_extension():
 
 @pytest.mark.parametrize(
     ("text", "part"),
-    [("photo,x,y\n", "no column z"), ("photo,x,y,z,sigma_x,sigma_y,sigma_z\na,1,2,three,1,1,1\n", "Line 2"),
-     ("photo,x,y,z,sigma_x,sigma_y,sigma_z\na,1,2,3,1,1,1\na.jpg,1,2,3,1,1,1\n", "Line 3"), ("", "no column"),
-     ("photo,x,y,z,sigma_x,sigma_y,sigma_z\na,1,2,3,1,0,1\n", "zero or less"),
-     ("photo,x,y,z,sigma_x,sigma_y,sigma_z\na,1,2\n", "Line 2")],
-)  # fmt: skip
+    [
+        ("photo,x,y\n", "no column z"),
+        ("photo,x,y,z,sigma_x,sigma_y,sigma_z\na,1,2,three,1,1,1\n", "Line 2"),
+        ("photo,x,y,z,sigma_x,sigma_y,sigma_z\na,1,2,3,1,1,1\na.jpg,1,2,3,1,1,1\n", "Line 3"),
+        ("", "no column"),
+        ("photo,x,y,z,sigma_x,sigma_y,sigma_z\na,1,2,3,1,0,1\n", "zero or less"),
+        ("photo,x,y,z,sigma_x,sigma_y,sigma_z\na,1,2\n", "Line 2"),
+    ],
+)
 def test_a_wrong_positions_file_names_its_line(text, part):
     with pytest.raises(WorkflowError, match=part):
         read_positions(text)
 
 
-def test_the_gimbal_tells_where_a_drone_looks():
+def test_the_gimbal_gives_the_direction_of_a_drones_camera():
     assert exif.gimbal_attitude({}) is None
     down = exif.gimbal_attitude({"GimbalYawDegree": "+90.0", "GimbalPitchDegree": "-90.0"})
     assert down == pytest.approx((0.0, 0.0, -90.0), abs=1e-6), "looking down with the top of the frame to the east"
@@ -160,7 +180,7 @@ def test_the_gimbal_tells_where_a_drone_looks():
     assert (omega, phi, kappa) == pytest.approx((60.0, 0.0, 0.0), abs=1e-6), "looking north and 30 degrees down"
 
 
-def test_a_positions_file_may_tell_attitudes():
+def test_a_positions_file_may_hold_attitudes():
     text = "photo,x,y,z,sigma_x,sigma_y,sigma_z,omega,phi,kappa\na,1,2,3,1,1,1,10,20,30\nb,1,2,3,1,1,1,,,\n"
     read = read_positions(text)
     assert read["a"].attitude == (10.0, 20.0, 30.0) and read["b"].attitude is None
@@ -171,7 +191,8 @@ def test_a_positions_file_may_tell_attitudes():
 def test_of_two_files_with_one_name_the_second_is_set_aside():
     photos = photos_of((header("d.jpg"), header("x/d.tif"), header("e.jpg")), "EPSG:26915", EXIF_POSITIONS, LIMITS)
     assert photos.names == ("d", "e") and photos["d"].path == "photos/d.jpg"
-    assert photos.remarks[0].startswith("photos/d.jpg and photos/x/d.tif have the same name d")
+    assert photos.remarks[0] == PhotoRemark(code=PhotoRemarkCode.DUPLICATE_NAME, photos=("photos/d.jpg", "photos/x/d.tif"))
+    assert remark_sentence(photos.remarks[0]).startswith("photos/d.jpg and photos/x/d.tif have the same name d,")
 
 
 def test_a_gps_tag_of_another_place_is_left_out_and_named():
@@ -181,4 +202,43 @@ def test_a_gps_tag_of_another_place_is_left_out_and_named():
     )
     photos = photos_of((*here, elsewhere), "EPSG:26915", EXIF_POSITIONS, LIMITS)
     assert photos["far"].position is None and photos["p0"].position is not None
-    assert "The GPS tag of far lies" in photos.remarks[0] and len(photos.names) == 6
+    (remark,) = photos.remarks
+    assert remark.code is PhotoRemarkCode.STRAY_POSITION and remark.photos == ("far",)
+    assert remark.distance_km == pytest.approx(9200, rel=0.2) and len(photos.names) == 6
+    assert remark_sentence(remark).startswith(f"The GPS tag of far lies {remark.distance_km:.0f} km from")
+
+
+def test_of_two_camps_of_positions_none_is_a_stray():
+    elsewhere = {**DRONE, "GPSLatitude": "(47) (50) (0)"}
+    headers = [header(f"p{i}.jpg", tags=DRONE if i % 2 else elsewhere) for i in range(4)]
+    photos = photos_of(tuple(headers), "EPSG:26915", EXIF_POSITIONS, LIMITS)
+    assert photos.remarks == () and all(photo.position is not None for photo in photos.photos)
+
+
+def test_neighbours_across_the_date_line_are_no_strays():
+    tags = [{**DRONE, "GPSLongitude": f"(179.99{i})", "GPSLongitudeRef": "EW"[i % 2], "GPSLatitude": "(-17)"} for i in range(6)]
+    headers = tuple(header(f"p{i}.jpg", tags=tag) for i, tag in enumerate(tags))
+    assert photos_of(headers, "EPSG:3832", EXIF_POSITIONS, LIMITS).remarks == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "stem"), [("a.jpg", "a"), (" a.TIFF ", "a"), ("flight.2", "flight.2"), ("flight.2.png", "flight.2"), (None, "")]
+)
+def test_only_extensions_of_images_are_cut_off_names(name, stem):
+    assert photo_stem(name) == stem
+
+
+def test_a_byte_order_mark_in_front_of_the_positions_is_skipped():
+    text = "\ufeffphoto,x,y,z,sigma_x,sigma_y,sigma_z\na,1,2,3,1,1,1\n"
+    assert read_positions(text)["a"].xyz == (1.0, 2.0, 3.0)
+
+
+def test_the_sigma_of_gps_is_that_of_the_setting():
+    positions = PositionsFromExif(kind="exif", sigma_plan=1.5, sigma_height=9.0)
+    (photo,) = photos_of((header(),), "EPSG:26915", positions, LIMITS).photos
+    assert photo.position_sigma == (1.5, 1.5, 9.0)
+
+
+def test_a_small_picture_is_refused_with_its_size():
+    with pytest.raises(PhotoError, match=r"a.jpg is only 60 x 2250 pixels, too small for a photograph \(at least 64 are needed\)"):
+        photos_of((header(width=60),), "EPSG:26915", EXIF_POSITIONS, LIMITS)

@@ -27,7 +27,7 @@ class _Silence:
     def finished(self, finished, seconds): ...
 
 
-def _run(root, **project) -> Session:
+def _run(root, stage: PhotosStage | None = None, **project) -> Session:
     base = {
         "project": "p",
         "crs": "EPSG:2100",
@@ -35,7 +35,8 @@ def _run(root, **project) -> Session:
         "positions": {"kind": "none"},
         "tile": 128,
     }
-    session = Session(Project.model_validate({**base, **project}), (PhotosStage(),), root, lambda source: image_files(root, source))
+    stages = (stage or PhotosStage(),)
+    session = Session(Project.model_validate({**base, **project}), stages, root, lambda source: image_files(root, source))
     session.run(SequentialRunner(2**30), _Silence())
     return session
 
@@ -98,3 +99,11 @@ def test_exposure_counts_the_ends_of_the_range():
     overview[:2], overview[2:3] = 255, 0
     found = exposure(overview, "a")
     assert (found.white, found.black) == (pytest.approx(0.2), pytest.approx(0.1))
+
+
+def test_the_limit_of_megapixels_is_that_of_the_setting(tmp_path):
+    (tmp_path / "in").mkdir()
+    Image.fromarray(_picture(150, 200)).save(tmp_path / "in" / "one.jpg")
+    (sentence,) = _run(tmp_path, stage=PhotosStage(max_megapixels=0.02)).failures.values()
+    assert "one.jpg has 0.0 megapixels (200 x 150), more than the 0.02 that are allowed" in sentence
+    assert not _run(tmp_path, stage=PhotosStage(max_megapixels=0.04)).failures

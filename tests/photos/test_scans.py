@@ -182,10 +182,15 @@ def test_the_stage_resamples_scans_to_the_frame(tmp_path, tile):
     marks, rows = texts(photos=("a", "b"))
     (tmp_path / "marks.csv").write_text(marks)
     (tmp_path / "measured.csv").write_text(rows)
-    project = Project.model_validate({
-        "project": "p", "crs": "EPSG:2100", "photographs": {"kind": "folder", "path": "in"},
-        "positions": {"kind": "none"}, "tile": tile,
-    })  # fmt: skip
+    project = Project.model_validate(
+        {
+            "project": "p",
+            "crs": "EPSG:2100",
+            "photographs": {"kind": "folder", "path": "in"},
+            "positions": {"kind": "none"},
+            "tile": tile,
+        }
+    )
     coordinates = {"kind": "fiducial_marks", "marks_path": "marks.csv", "measured_path": "measured.csv", "pixel_um": PIXEL}
     session = Session(project, (PhotosStage(coordinates=coordinates),), tmp_path, lambda source: image_files(tmp_path, source))
     session.run(SequentialRunner(2**30), _Silence())
