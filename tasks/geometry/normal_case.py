@@ -287,8 +287,9 @@ class EpipolarView:
     def numbers(self) -> EpipolarNumbers:
         """The mapping as kernels take it."""
         photo = self.view.numbers
-        own = *map(float, self.turn.ravel()), float(self.c), float(self.col0), float(self.row0)
-        return EpipolarNumbers(*own, photo.c, photo.col0, photo.row0, photo.k1, photo.k2, photo.k3, photo.p1, photo.p2)
+        lens = photo.k1, photo.k2, photo.k3, photo.p1, photo.p2
+        values = (*self.turn.ravel(), self.c, self.col0, self.row0, photo.c, photo.col0, photo.row0, *lens)
+        return EpipolarNumbers._make(map(float, values))
 
 
 def epipolar_view(pair: EpipolarPair, side: Side, view: View) -> EpipolarView:

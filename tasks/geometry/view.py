@@ -92,16 +92,9 @@ class View:
     def numbers(self) -> ViewNumbers:
         """The view as kernels take it."""
         camera = self.camera
-        return ViewNumbers(
-            *map(float, self.rotation.ravel()),
-            *map(float, self.centre),
-            float(camera.c),
-            float(camera.x0 + (camera.width - 1) / 2),
-            float((camera.height - 1) / 2 - camera.y0),
-            *map(float, lens_of(camera)),
-            float(camera.width),
-            float(camera.height),
-        )
+        principal = camera.x0 + (camera.width - 1) / 2, (camera.height - 1) / 2 - camera.y0
+        values = (*self.rotation.ravel(), *self.centre, camera.c, *principal, *lens_of(camera), camera.width, camera.height)
+        return ViewNumbers._make(map(float, values))
 
 
 @njit(cache=True, inline="always")

@@ -104,7 +104,10 @@ def _points(text: str, mistakes: list[str]) -> dict[str, ControlPoint]:
             continue
         values = _numbers(row, POINT_COLUMNS[2:], where.strip(), mistakes)
         if values:
-            known[row["name"]] = ControlPoint(name=row["name"], role=row["role"], xyz=values[:3], sigma=values[3:], measurements={})
+            x, y, z, *sigma = values
+            known[row["name"]] = ControlPoint(
+                name=row["name"], role=row["role"], xyz=(x, y, z), sigma=tuple(sigma), measurements={}
+            )
     return known
 
 
@@ -121,7 +124,8 @@ def _measurements(
         if mistake:
             mistakes.append(f"{where}{mistake}")
         elif values and photo:
-            measured[name][photo.name] = values
+            col, row_, sigma = values
+            measured[name][photo.name] = col, row_, sigma
     return measured
 
 

@@ -65,7 +65,7 @@ def _on_another_site(given: np.ndarray, xyz: np.ndarray, photos: Photos, own: st
     if not len(places):
         return None
     site = np.median(places, axis=0)
-    reach = np.linalg.norm(np.ptp(places[:, :2], axis=0)) + abs(float(np.median(places[:, 2])))
+    reach = float(np.linalg.norm(np.ptp(places[:, :2], axis=0))) + abs(float(np.median(places[:, 2])))
     distance = float(np.median(np.linalg.norm(xyz[:, :2] - site[:2], axis=1)))
     if distance <= max(_FAR * reach, _LEAST_FAR):
         return None

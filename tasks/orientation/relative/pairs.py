@@ -14,7 +14,7 @@ from orthomill.schemas.photo import Photos
 from orthomill.tasks.adjustment.model.network import Rays
 from orthomill.tasks.geometry.rotation import angles
 from orthomill.tasks.orientation.measurements import ideal, on_a_line, tie_rays
-from orthomill.tasks.orientation.relative.pure_rotation import Turned, turn_only
+from orthomill.tasks.orientation.relative.pure_rotation import PureRotation, pure_rotation
 from orthomill.tasks.orientation.relative.relative_orientation import Relative, epipolar_distance, model_points, orient_robust
 from orthomill.tasks.orientation.relative.start_distortion import start_distortion
 from orthomill.tasks.orientation.sensor_frame import Upright
@@ -100,7 +100,7 @@ def _relate(photos: Photos, cameras: Cameras, rays: Rays, coordinates: np.ndarra
             "open; tie points all over the frame are needed."
         )
         return RelativeOrientation(left=names[0], right=names[1], matches=len(a), kept=0, outcome=outcome)
-    turned = turn_only(observations, c_left, c_right, 3.0 * expected)
+    turned = pure_rotation(observations, c_left, c_right, 3.0 * expected)
     try:
         relative = orient_robust(observations, c_left, c_right, expected)
     except GeometryError as error:
@@ -112,7 +112,7 @@ def _relate(photos: Photos, cameras: Cameras, rays: Rays, coordinates: np.ndarra
     return _row(names, relative, observations, cameras.of(names[1]))
 
 
-def _without_base(names: tuple[str, str], turned: Turned, matches: int) -> RelativeOrientation:
+def _without_base(names: tuple[str, str], turned: PureRotation, matches: int) -> RelativeOrientation:
     """The row of a pair whose rays do not intersect: the same photograph twice, or a camera that only turned."""
     kept = int(turned.kept.sum())
     if turned.same:

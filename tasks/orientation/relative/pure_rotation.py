@@ -1,7 +1,7 @@
-"""Pairs without a base: does a mere turn of the camera explain the matches?
+"""Pairs without a base: the test whether a pure rotation of the camera explains the matches.
 
-Rays of homologous points then differ by a rotation only. Seeded samples of two matches give rotations; the best is refined on the
-matches that agree with it (Horn 1987 / Umeyama 1991 for directions).
+Homologous rays then differ by a rotation only. Seeded samples of two matches give rotations; the one that most matches agree with
+is refined on these matches. Source: Horn 1987 / Umeyama 1991 for the rotation between directions.
 """
 
 from dataclasses import dataclass
@@ -11,40 +11,47 @@ import numpy as np
 from orthomill.tasks.geometry.rotation import nearest_rotation
 from orthomill.tasks.orientation.relative.relative_forms import directions
 
+# Two matches fix a rotation, so even with 75 % wrong ones a sample of two right ones is among 60 with 98 % probability.
 SAMPLES = 60
 SAME = 0.05
-"""px; homologous points of one photograph given twice lie no farther apart than this, in the median"""
+"""px: homologous points of one photograph given twice differ by less, in the median; matches of different exposures never do"""
 
 
 @dataclass(frozen=True, eq=False)
-class Turned:
-    """A rotation (3, 3) left to right, the matches (s,) that it explains, and whether these lie at the same place in both."""
+class PureRotation:
+    """A rotation (3, 3) left to right, the matches (s,) bool that it explains, and whether these have the same pixel coordinates in
+    both photographs."""
 
     rotation: np.ndarray
     kept: np.ndarray
     same: bool
 
 
-def turn_only(observations: np.ndarray, c_left: float, c_right: float, threshold: float, seed: int = 5) -> Turned:
-    """The rotation that explains most of the matches (s, 4) within `threshold` px of the right image."""
-    rng, best = np.random.default_rng(seed), None
-    left, right = directions(observations, c_left, c_right)
-    left, right = (rays / np.linalg.norm(rays, axis=1, keepdims=True) for rays in (left, right))
-    for _ in range(SAMPLES):
-        own = rng.choice(len(left), 2, replace=False)
-        kept = _miss(nearest_rotation(right[own].T @ left[own]), left, right, c_right) < threshold
-        if best is None or kept.sum() > best.sum():
-            best = kept
+def pure_rotation(observations: np.ndarray, c_left: float, c_right: float, threshold: float, seed: int = 5) -> PureRotation:
+    """The rotation that explains most of the matches (s, 4) within `threshold` px in the right image."""
+    left, right = (rays / np.linalg.norm(rays, axis=1, keepdims=True) for rays in directions(observations, c_left, c_right))
+    kept = _best_sample(left, right, c_right, threshold, seed)
     rotation = np.eye(3)
     for _ in range(3):
-        if best.sum() < 2:
+        if kept.sum() < 2:
             break
-        rotation = nearest_rotation(right[best].T @ left[best])
-        best = _miss(rotation, left, right, c_right) < threshold
-    apart = np.abs(observations[:, :2] - observations[:, 2:])[best]
-    return Turned(rotation, best, bool(len(apart) and np.median(apart.max(axis=1)) < SAME))
+        rotation = nearest_rotation(right[kept].T @ left[kept])
+        kept = _misfit(rotation, left, right, c_right) < threshold
+    apart = np.abs(observations[:, :2] - observations[:, 2:])[kept]
+    return PureRotation(rotation, kept, bool(len(apart) and np.median(apart.max(axis=1)) < SAME))
 
 
-def _miss(rotation: np.ndarray, left: np.ndarray, right: np.ndarray, c: float) -> np.ndarray:
-    """(s,) px near the image centre."""
+def _best_sample(left: np.ndarray, right: np.ndarray, c: float, threshold: float, seed: int) -> np.ndarray:
+    """(s,) bool: the matches that agree with the best of the sampled rotations."""
+    rng, best = np.random.default_rng(seed), np.zeros(len(left), bool)
+    for _ in range(SAMPLES):
+        own = rng.choice(len(left), 2, replace=False)
+        kept = _misfit(nearest_rotation(right[own].T @ left[own]), left, right, c) < threshold
+        if kept.sum() > best.sum():
+            best = kept
+    return best
+
+
+def _misfit(rotation: np.ndarray, left: np.ndarray, right: np.ndarray, c: float) -> np.ndarray:
+    """(s,) px: angles between rotated left rays and right rays, as distances at the image centre."""
     return c * np.linalg.norm(left @ rotation.T - right, axis=1)

@@ -95,6 +95,11 @@ class BlockGrowth:
         """(M,) px: beyond this a ray is not believed while starting values are rough."""
         return np.maximum(4.0, 8.0 * self.rays.sigma) * self.slack
 
+    @property
+    def believed(self) -> np.ndarray:
+        """(M,) bool: rays that agree with a known point."""
+        return np.asarray(self.good & self.known[self.rays.point])
+
     slack = 2.0
 
     def place(self, photo: int, rotation: np.ndarray, centre: np.ndarray) -> None:
@@ -244,7 +249,7 @@ def from_given(material: GrowthMaterial, given: Given) -> BlockGrowth:
     except GeometryError:
         raise GeometryError(STRANGE_START) from None
     of_placed = growth.placed[growth.rays.photo]
-    if growth.placed.sum() < 2 or (growth.good & growth.known[growth.rays.point])[of_placed].mean() < LEAST_SHARE:
+    if growth.placed.sum() < 2 or growth.believed[of_placed].mean() < LEAST_SHARE:
         raise GeometryError(STRANGE_START)
     return growth
 
@@ -274,7 +279,8 @@ def _extend(growth: BlockGrowth) -> None:
 
 def _free_network(material: GrowthMaterial, active: np.ndarray, calibrate: bool) -> Network:
     photos, interior = len(active), material.interior
-    free = interior.free & GROWTH_PARAMETERS & (calibrate & interior.weight.any(axis=(1, 2)))[:, None]
+    weighted = np.asarray(interior.weight.any(axis=(1, 2)))
+    free = interior.free & GROWTH_PARAMETERS & (calibrate & weighted)[:, None]
     held = replace(interior, free=free, considered=np.zeros_like(free))
     return Network(
         material.camera_of[active],

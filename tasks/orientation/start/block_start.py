@@ -96,11 +96,13 @@ def _believed(material: GrowthMaterial, blocks: Blocks | None) -> float:
 
 def _blocks(material: GrowthMaterial, given: Given | None) -> Blocks:
     twice = _given_twice(material)
-    free, found, last = np.ones(len(material.names), bool), [], None
+    free = np.ones(len(material.names), bool)
+    found: list[BlockGrowth] = []
+    last: BlockGrowth | None = None
     free[list(twice)] = False
     if given is not None and given.known.sum() >= 2:
-        growth = from_given(material, given)
-        found, free, last = [growth], free & ~growth.placed, growth
+        last = from_given(material, given)
+        found, free = [last], free & ~last.placed
     tried: set[int] = set()
     while (group := _next_group(material, free, tried)) is not None:
         growth = _best_growth(material, group, free)

@@ -60,7 +60,7 @@ def consensus(model: np.ndarray, ground: np.ndarray, sigma: np.ndarray, upward: 
     """
     if len(model) < 4:
         return np.zeros(len(model))
-    best, lowest = None, np.inf
+    best, lowest = np.zeros(len(model)), np.inf
     for own, bonus in _samples(trusted):
         fit = fit_similarity(model[own], ground[own], sigma[own], upward)
         allowed = 3.0 * sigma + 0.02 * fit.scale * float(np.linalg.norm(np.ptp(model, axis=0)))
