@@ -118,7 +118,7 @@ def spikes(height: np.ndarray, cell: float, settings: SpikeFilter) -> np.ndarray
     # Stray heights leave first: they would inflate the standard deviations in which the true spikes are measured.
     found = stray(height, cell, settings)
     kept = np.where(found, np.float32(np.nan), height)
-    # A second round finds the spikes that a greater one had hidden by inflating sigma; more rounds change next to nothing.
+    # A second round finds the spikes that a greater one had hidden by inflating sigma.
     for _ in range(settings.rounds):
         now = _spikes(kept, neighbours, settings.sigmas, settings.min_support, floor)
         kept[now] = np.nan

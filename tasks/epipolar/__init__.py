@@ -1,1 +1,1 @@
-"""The stage `epipolar`: which pairs are matched, and their epipolar images."""
+"""The stage `epipolar`: selection of the pairs to be matched, and their epipolar images."""

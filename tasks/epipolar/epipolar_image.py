@@ -1,13 +1,14 @@
-"""One tile of an epipolar image from the window of the photograph that it shows.
+"""One tile of an epipolar image, resampled from the window of the photograph that it shows.
 
-Strategy. Every epipolar pixel is turned into the system of the photograph, projected there, distorted and looked up in the grey
-values: one resampling from the file to the normal case, with the distortion on the way. A pixel depends on nothing but its own
-coordinates, so any tiling gives the same image.
+Strategy. Every epipolar pixel is rotated into the system of the photograph, projected there, distorted, and interpolated in the
+grey values: a single resampling leads from the file to the normal case and removes the distortion on the way. A pixel depends only
+on its own coordinates, so any tiling gives the same image.
 
 Source: Karfis 2009, section 5.2 (methods/relative_orientation_and_epipolar.md, 1.10, inverse mapping).
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -27,7 +28,7 @@ EIGHT_BITS = GreyRange()
 
 @dataclass(frozen=True)
 class TileOfPair:
-    """Which tile of which image of a pair."""
+    """A tile of one image of a pair."""
 
     pair: EpipolarPair
     side: Side
@@ -41,8 +42,20 @@ class TileOfPair:
         return epipolar_view(self.pair, self.side, view_of(self.orientation, self.camera))
 
 
+class _Source(NamedTuple):
+    """The photograph for the kernel: its last row and column, first row and column of the window read, and the stretch."""
+
+    bottom: float
+    right: float
+    row: int
+    col: int
+    low: float
+    gain: float
+
+
 def photograph_range(overview: np.ndarray) -> GreyRange:
-    """The stretch of a photograph from its coarsest level (rows, cols, bands)."""
+    """The stretch of a photograph from its coarsest pyramid level (rows, cols, bands)."""
+    # One stretch per photograph: tiles stretched by themselves would meet in visible steps that matching takes for texture.
     low, high = grey_range(overview)
     return GreyRange(low=low, high=high)
 
@@ -52,36 +65,45 @@ def resample_tile(
 ) -> np.ndarray:
     """Grey epipolar tile, uint8 (tile.window.shape): 1 to 255, 0 outside the photograph.
 
-    pixels: (rows, cols, bands) uint8 or uint16, the window `photo_window` of the photograph; None where the tile does not meet it.
-    stretch: the grey values that become 0 and 255.
+    pixels: (rows, cols, bands) uint8 or uint16, the window `photo_window` of the photograph; None where the tile does not
+    overlap it. stretch: the grey values that become 0 and 255.
     """
     out = np.zeros(tile.window.shape, np.uint8)
     if pixels is not None:
-        frame = np.array([tile.camera.height, tile.camera.width, photo_window.row, photo_window.col])
-        scale = np.array([stretch.low, 255.0 / (stretch.high - stretch.low)])
-        _resample(grey(pixels), scale, tile.view.numbers, frame, (tile.window.row, tile.window.col), bicubic, out)
+        frame = _Source(
+            bottom=tile.camera.height - 1.0,
+            right=tile.camera.width - 1.0,
+            row=photo_window.row,
+            col=photo_window.col,
+            low=stretch.low,
+            gain=255.0 / (stretch.high - stretch.low),
+        )
+        _resample(grey(pixels), frame, tile.view.numbers, (tile.window.row, tile.window.col), bicubic, out)
     return out
 
 
 @njit(cache=True)
-def _resample(image, scale, n, frame, origin, bicubic, out):
-    """`n` is `EpipolarView.numbers`; `frame` holds height and width of the photograph and row and column of the window."""
-    bottom, right = frame[0] - 1.0, frame[1] - 1.0
+def _resample(image, source, n, origin, bicubic, out):
+    """`n` is `EpipolarView.numbers`; `origin` holds row and column of the first pixel of `out` in the epipolar image."""
     for i in range(out.shape[0]):
-        y = n[11] - (origin[0] + i)
+        y = n.row0 - (origin[0] + i)
         for j in range(out.shape[1]):
-            x = origin[1] + j - n[10]
-            u = n[0] * x + n[1] * y - n[2] * n[9]
-            v = n[3] * x + n[4] * y - n[5] * n[9]
-            w = n[6] * x + n[7] * y - n[8] * n[9]
+            x = origin[1] + j - n.col0
+            u = n.t11 * x + n.t12 * y - n.t13 * n.c
+            v = n.t21 * x + n.t22 * y - n.t23 * n.c
+            w = n.t31 * x + n.t32 * y - n.t33 * n.c
+            # a ray away from the camera would come out mirrored through the projection centre
             if w >= 0.0:
                 continue
-            xd, yd = distort_point(-u / w, -v / w, n[15], n[16], n[17], n[18], n[19])
-            col, row = n[13] + n[12] * xd, n[14] - n[12] * yd
-            if not (0.0 <= col <= right and 0.0 <= row <= bottom):
+            xd, yd = distort_point(-u / w, -v / w, n.k1, n.k2, n.k3, n.p1, n.p2)
+            col, row = n.photo_col0 + n.photo_c * xd, n.photo_row0 - n.photo_c * yd
+            # the frame of the photograph, not of the window read: outside, the distortion polynomial is extrapolated and may
+            # fold pixels back into the image
+            if not (0.0 <= col <= source.right and 0.0 <= row <= source.bottom):
                 continue
             if bicubic:
-                value = bicubic_at(image, row - frame[2], col - frame[3])
+                value = bicubic_at(image, row - source.row, col - source.col)
             else:
-                value = bilinear_at(image, row - frame[2], col - frame[3])
-            out[i, j] = np.uint8(min(max((value - scale[0]) * scale[1] + 0.5, 1.0), 255.0))
+                value = bilinear_at(image, row - source.row, col - source.col)
+            # from 1 on: 0 means outside the photograph, and black roofs must not become holes for the matching
+            out[i, j] = np.uint8(min(max((value - source.low) * source.gain + 0.5, 1.0), 255.0))

@@ -1,9 +1,10 @@
-"""How far the heights of a pair may be off because of the orientation: the part of their error that all nodes share.
+"""Standard errors of the heights of a pair by its orientation: the part of their error that all nodes share.
 
-Strategy. A point is intersected from its two pixels, which stay what they are when the orientation changes. With A the change of
-the four pixel coordinates by the ground point and B that by both exterior orientations and the interior orientation, an error e of
-these moves the point by -(A'A)^-1 A'B e. The joint covariance of e, as in precision.py, gives the standard error of the height at
-nine places of the pair, between which it is interpolated: the datum, weak geometry and a doubtful camera constant are all in it.
+Strategy. A point is intersected from its two pixels, which do not change with the orientation. Let A hold the derivatives of the
+four pixel coordinates by the ground point, and B those by both exterior orientations and the interior orientation: an error e of
+the latter moves the point by -(A'A)^-1 A'B e. The joint covariance of e (row_precision.py) gives the standard error of the height
+at nine places of the pair, between which it is interpolated. It contains the datum, a poorly determined geometry and an uncertain
+camera constant.
 """
 
 from dataclasses import replace
@@ -28,26 +29,30 @@ def height_sigmas(pair: EpipolarPair, block: Block) -> tuple[float, ...]:
     photos = block.of(pair.left), block.of(pair.right)
     if any(photo.covariance is None for photo in photos):
         return ()
+    # Nine places suffice: orientation errors bend a model smoothly, mostly by a tilt and by one quadratic term.
     xy = border_points(pair)
     pixels = np.column_stack([xy[:, 0] + pair.left_col0, pair.row0 - xy[:, 1]])
     parallax = np.full(len(xy), (pair.parallax_low + pair.parallax_high) / 2)
     ground = intersect_pair(pair, pixels, parallax)
     cameras = tuple(dict.fromkeys(block.of_photo[photo.photo] for photo in photos))
     by_point, by_orientation = _derivatives(block, photos, cameras, ground)
+    # Least squares and not an exact intersection: the two rays give four equations for three coordinates.
     influence = -np.linalg.pinv(by_point)[:, 2:3] @ by_orientation
     variance = np.einsum("nij,jk,nik->n", influence, joint_covariance(block, photos, cameras), influence)
+    # Rounding in a nearly singular covariance (free datum) can leave a tiny negative variance.
     return tuple(np.sqrt(np.maximum(variance, 0.0)).tolist())
 
 
 def _derivatives(
     block: Block, photos: tuple[ExteriorOrientation, ...], cameras: tuple[str, ...], ground: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Of the 4 pixel coordinates by the ground point (N, 4, 3) and by the unknowns of joint_covariance (N, 4, 12 + 8 k)."""
+    """Derivatives of 4 pixel coordinates by the ground point (N, 4, 3) and by the unknowns of joint_covariance (N, 4, 12 + 8 k)."""
     by_point = np.zeros((len(ground), 4, 3))
     by_orientation = np.zeros((len(ground), 4, 12 + 8 * len(cameras)))
     for k, photo in enumerate(photos):
         rows, view = slice(2 * k, 2 * k + 2), block_view(block, photo.photo)
         by_point[:, rows] = _by_point(view, ground)
+        # Moving the camera by +d images a point like moving the point by -d.
         by_orientation[:, rows, 6 * k : 6 * k + 3] = -by_point[:, rows]
         by_orientation[:, rows, 6 * k + 3 : 6 * k + 6] = _by_angles(view, photo, ground)
         own = 12 + 8 * cameras.index(block.of_photo[photo.photo])
@@ -56,7 +61,7 @@ def _derivatives(
 
 
 def _by_point(view: View, ground: np.ndarray) -> np.ndarray:
-    """(N, 2, 3)"""
+    """(N, 2, 3): derivatives of the pixel by X, Y and Z."""
     out = np.empty((len(ground), 2, 3))
     for k, step in enumerate(_STEPS[:3]):
         move = np.eye(3)[k] * step
@@ -65,7 +70,7 @@ def _by_point(view: View, ground: np.ndarray) -> np.ndarray:
 
 
 def _by_angles(view: View, photo: ExteriorOrientation, ground: np.ndarray) -> np.ndarray:
-    """(N, 2, 3): by omega, phi and kappa in radians."""
+    """(N, 2, 3): derivatives of the pixel by omega, phi and kappa in radians."""
     out, angles = np.empty((len(ground), 2, 3)), np.radians(photo.omega_phi_kappa)
     for k, step in enumerate(_STEPS[3:]):
         moves = step * np.eye(3)[k], -step * np.eye(3)[k]

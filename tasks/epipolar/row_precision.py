@@ -1,10 +1,10 @@
-"""How far homologous points may leave their common row, as the orientation's precision lets expect.
+"""Standard error of the y-parallax of a pair, as the precision of its orientation predicts it.
 
-Strategy. The errors of both exterior orientations and of the interior orientation are carried to the row coordinate of ground
-points at the border of what both photographs show: turns by Karfis' row partials, shifts of the centre by their projection, the
-interior orientation by the collinearity equations. Their joint covariance takes out what a weak datum does to both photographs
-alike, and what a doubtful camera constant does to orientation and camera together; where it is not known they count as independent,
-and the figure is an upper bound. An interior orientation that was not adjusted in the block has no part in it.
+Strategy. The errors of both exterior orientations and of the interior orientation are propagated to the row coordinate of ground
+points at the border of the common ground: rotations by Karfis' row partials, shifts of the centre by their projection, the interior
+orientation by the collinearity equations. The joint covariance removes what a poorly determined datum does to both photographs
+alike, and what an uncertain camera constant does to orientation and camera together. Where it is not known the errors count as
+independent, and the result is an upper bound. An interior orientation that was not adjusted in the block contributes nothing.
 
 Source: Karfis 2009, section 6.5 (methods/relative_orientation_and_epipolar.md, 1.14).
 """
@@ -23,26 +23,24 @@ from orthomill.tasks.geometry.view import View, block_view, view_of
 
 
 def row_sigma(pair: EpipolarPair, block: Block) -> float:
-    """Greatest standard error (px) of the y-parallax where both photographs of a pair show the ground; the block's sigma0 where the
-    orientation has no covariance."""
+    """Greatest standard error (px) of the y-parallax on the common ground of a pair; the block's sigma0 where the orientation has
+    no covariance."""
     if any(block.of(name).covariance is None for name in (pair.left, pair.right)):
         return block.sigma0_px
     return float(row_sigmas(pair, block, common_corners(pair, block)).max())
 
 
 def common_corners(pair: EpipolarPair, block: Block) -> np.ndarray:
-    """(N, 2): corners of what both photographs show at the mean parallax, epipolar x and y of the left image, px.
-
-    The corners of the epipolar images themselves show no photograph where frames lie askew to the base: there the distortion would
-    be carried on beyond all measurements.
-    """
+    """(N, 2): corners of the common ground at the mean parallax, epipolar x and y of the left image, px."""
+    # Not the corners of the epipolar images: with frames askew to the base these lie outside both photographs, where the
+    # distortion polynomial is extrapolated beyond all measurements and its errors explode.
     rotation, parallax = np.array(pair.rotation), (pair.parallax_low + pair.parallax_high) / 2
     left, right = (frame_polygon(block_view(block, name), rotation, pair.c) for name in (pair.left, pair.right))
     return common_polygon(left, right + np.array([parallax, 0.0]))
 
 
 def border_points(pair: EpipolarPair) -> np.ndarray:
-    """(9, 2): corners, middles of the edges and centre of the left image, epipolar x and y, px."""
+    """(9, 2): corners, edge midpoints and centre of the left image, epipolar x and y, px."""
     x = np.array([0.0, pair.left_cols / 2, pair.left_cols - 1.0]) - pair.left_col0
     y = pair.row0 - np.array([0.0, pair.rows / 2, pair.rows - 1.0])
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
@@ -54,8 +52,13 @@ def row_sigmas(pair: EpipolarPair, block: Block, left: np.ndarray) -> np.ndarray
     right = left - (parallax, 0.0)
     cameras = tuple(dict.fromkeys(block.of_photo[photo.photo] for photo in photos))
     partials = np.zeros((len(left), 12 + 8 * len(cameras)))
-    for side, photo, xy, first, sign in (("left", photos[0], left, 0, -1.0), ("right", photos[1], right, 6, 1.0)):
+    sides: tuple[tuple[Side, ExteriorOrientation, np.ndarray, int, float], ...] = (
+        ("left", photos[0], left, 0, -1.0),
+        ("right", photos[1], right, 6, 1.0),
+    )
+    for side, photo, xy, first, sign in sides:
         partials[:, first : first + 6] = sign * row_change(pair, photo, xy, parallax)
+        # added, not assigned: with one camera for both photographs its errors largely cancel in the y-parallax
         own = 12 + 8 * cameras.index(block.of_photo[photo.photo])
         view = view_of(photo, block.camera_of(photo.photo))
         partials[:, own : own + 8] += sign * interior_row_change(pair, side, view, xy)
@@ -65,12 +68,12 @@ def row_sigmas(pair: EpipolarPair, block: Block, left: np.ndarray) -> np.ndarray
 
 def row_change(pair: EpipolarPair, photo: ExteriorOrientation, xy: np.ndarray, parallax: float) -> np.ndarray:
     """(N, 6): change (px) of the epipolar y of image points xy (N, 2) by X, Y, Z, omega, phi and kappa of one photograph."""
-    return np.hstack([_by_centre(pair, xy, parallax), row_partials(xy, pair.c) @ _turns(pair, photo)])
+    return np.hstack([_by_centre(pair, xy, parallax), row_partials(xy, pair.c) @ _small_rotations(pair, photo)])
 
 
 def interior_row_change(pair: EpipolarPair, side: Side, view: View, xy: np.ndarray) -> np.ndarray:
-    """(N, 8): change of the epipolar y of image points xy (N, 2) by the interior parameters (order of INTERIOR): the same ray,
-    imaged by the camera with and without the change, by central differences."""
+    """(N, 8): change of the epipolar y of image points xy (N, 2) by the interior parameters (order of INTERIOR): the same ray is
+    imaged by the camera with and without the change."""
     epipolar = epipolar_view(pair, side, view)
     along = np.column_stack([xy, np.full(len(xy), -pair.c)]) @ np.array(pair.rotation) + view.centre
     return -by_interior(view, lambda changed: epipolar.from_photo(changed.project(along))[:, 1])
@@ -80,6 +83,7 @@ def by_interior(view: View, measured: Callable[[View], np.ndarray]) -> np.ndarra
     """(..., 8): central differences of what is `measured` (...) with a view by its interior parameters (order of INTERIOR)."""
     parts = []
     for k, name in enumerate(INTERIOR):
+        # c, x0, y0 in px; the distortion coefficients are pure numbers a thousand times smaller
         step, value = (0.01 if k < 3 else 1e-6), getattr(view.camera, name)
         more, less = (replace(view, camera=view.camera.model_copy(update={name: value + move})) for move in (step, -step))
         parts.append((measured(more) - measured(less)) / (2 * step))
@@ -87,7 +91,7 @@ def by_interior(view: View, measured: Callable[[View], np.ndarray]) -> np.ndarra
 
 
 def joint_covariance(block: Block, photos: tuple[ExteriorOrientation, ...], cameras: tuple[str, ...]) -> np.ndarray:
-    """(12 + 8 per camera, the same): both exterior orientations, then the different interior orientations."""
+    """(M, M), M = 12 + 8 per camera: both exterior orientations, then the interior orientation of each different camera."""
     size = 12 + 8 * len(cameras)
     total = np.zeros((size, size))
     for i, photo in enumerate(photos):
@@ -106,6 +110,7 @@ def joint_covariance(block: Block, photos: tuple[ExteriorOrientation, ...], came
 
 
 def _put(total: np.ndarray, row: int, column: int, part: np.ndarray) -> None:
+    """Write a block of a symmetric matrix and its transpose."""
     total[row : row + part.shape[0], column : column + part.shape[1]] = part
     total[column : column + part.shape[1], row : row + part.shape[0]] = part.T
 
@@ -122,13 +127,15 @@ def _joint(known: tuple[JointCovariance, ...], first: str, second: str, size: in
 
 def _by_centre(pair: EpipolarPair, xy: np.ndarray, parallax: float) -> np.ndarray:
     """(N, 3): change of y by X, Y, Z of the projection centre."""
+    # dy = (-c dY_b - y dZ_b) / depth in the base system; a shift along the base moves no row
     depth = pair.base * pair.c / parallax
     in_base = np.column_stack([np.zeros(len(xy)), np.full(len(xy), -pair.c), -xy[:, 1]]) / depth
     return in_base @ np.array(pair.rotation)
 
 
-def _turns(pair: EpipolarPair, photo: ExteriorOrientation) -> np.ndarray:
-    """(3, 3): columns are the small turns about the axes of the base system that omega, phi and kappa cause."""
+def _small_rotations(pair: EpipolarPair, photo: ExteriorOrientation) -> np.ndarray:
+    """(3, 3): columns are the small rotations about the axes of the base system that omega, phi and kappa cause."""
+    # dR R' is skew-symmetric and holds the rotation vector; this is exact for any attitude, also for oblique photographs.
     angles = np.radians(photo.omega_phi_kappa)
     rotation = rotation_matrix(*angles)
     skew = rotation_derivatives(*angles) @ rotation.T

@@ -1,9 +1,9 @@
-"""Which pairs of a block are worth matching.
+"""Selection of the pairs of a block that are worth matching.
 
-Strategy. Every two photographs whose footprints meet on the mean ground are judged by overlap, base over height, convergence and
-scale. What passes is taken in order of score (overlap times base over height: ground covered times precision) until
-each photograph has its fill, so that the number of pairs grows with the number of photographs. A photograph whose neighbours are
-all full still gets its best pair.
+Strategy. Every two photographs whose footprints overlap on the mean ground are judged by overlap, base over height, convergence and
+scale. Those that pass are taken in order of score (overlap times base over height: ground covered times precision) until each
+photograph takes part in as many pairs as allowed, so that the number of pairs grows linearly with the number of photographs. A
+photograph whose neighbours have all reached that number still gets its best pair.
 """
 
 from dataclasses import dataclass
@@ -39,13 +39,13 @@ class PairChoice(Settings):
     per_photo: int = setting(4, "Pairs that a photograph takes part in, at most; the best are taken first.", ge=1)
 
 
-_MOST_ROOM = 0.35
-"""share of the flying height; what stands higher is hardly seen by two photographs"""
+_GREATEST_ROOM = 0.35
+"""share of the flying height; higher objects are rarely visible in two photographs, and the parallax range would explode"""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """Two photographs, by number in the block, with what their pair would give."""
+    """Two photographs, by number in the block, and the geometry of their pair."""
 
     first: int
     second: int
@@ -61,44 +61,36 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Footprint:
-    """The ground at mean height that a photograph shows."""
+    """The ground that a photograph shows at the mean height."""
 
     polygon: np.ndarray
-    """(N, 2) m, about `origin`"""
+    """(N, 2) m, relative to `origin`"""
     area: float
     pixel: float
-    """m, at the middle of the photograph"""
+    """m, mean ground pixel"""
 
 
 def block_heights(block: Block, margin: float, room: float = 0.0) -> HeightRange:
-    """The heights that a pair must see: those of the block, widened by `margin` of the mean flying height, and upwards by
-    `room` (m) where that is more, but never so that it comes near the camera."""
+    """The heights that a pair must cover: those of the block, extended by `margin` of the mean flying height, and upwards by `room`
+    (m) where that is more, up to a limit well below the camera."""
+    # Tie points lie mostly on the ground. Room for crowns and roofs is given in metres, because trees do not grow with the
+    # flying height; the limit keeps drone flights at 30 m from asking for parallaxes up to the camera.
     flying = abs(float(np.mean([photo.centre[2] for photo in block.photos]) - (block.ground_low + block.ground_high) / 2))
     spare = margin * flying
-    return HeightRange(block.ground_low - spare, block.ground_high + max(spare, min(room, _MOST_ROOM * flying)))
+    return HeightRange(block.ground_low - spare, block.ground_high + max(spare, min(room, _GREATEST_ROOM * flying)))
 
 
 def choose_pairs(block: Block, choice: PairChoice, height_margin: float, height_room: float = 0.0) -> EpipolarPairs:
-    """The epipolar geometry of every useful pair, and why others are not used.
+    """The epipolar geometry of every useful pair, and the reasons why others are not used.
 
-    `height_margin` widens the block's heights, as a share of the flying height; `height_room` (m) upwards. Raises GeometryError
+    `height_margin` extends the block's heights, as a share of the flying height, `height_room` (m) upwards. Raises GeometryError
     when no pair is useful.
     """
     heights = block_heights(block, height_margin, height_room)
     views = [block_view(block, name) for name in block.names]
     found = candidates(views, heights.mean)
-    useful = [c for c in found if not why_not(c, choice)]
-    kept = best_pairs(useful, choice.per_photo)
-    refused = [
-        (view.name, "shows the horizon; a surface is measured in photographs that look down")
-        for view in views
-        if np.isnan(view.at_height(border_pixels(view), heights.mean)).any()
-    ]
-    refused += [
-        (_name(views, c), why_not(c, choice) or f"one of the photos already has {choice.per_photo} better pairs")
-        for c in found
-        if c not in kept
-    ]
+    kept = best_pairs([c for c in found if not why_not(c, choice)], choice.per_photo)
+    refused = [*_horizons(views, heights.mean), *_refused(views, found, kept, choice)]
     pairs = []
     for c in kept:
         try:
@@ -107,29 +99,46 @@ def choose_pairs(block: Block, choice: PairChoice, height_margin: float, height_
             refused.append((_name(views, c), str(error)))
     if not pairs:
         raise GeometryError(_no_pair(block, found, refused))
+    # In order of name: the order of the photographs in the block must not decide the order of jobs and fusion.
     return EpipolarPairs(pairs=tuple(sorted(pairs, key=lambda p: p.name)), not_used=tuple(sorted(refused)))
 
 
+def _horizons(views: list[View], z: float) -> list[tuple[str, str]]:
+    """Photographs without a footprint at height `z` (m), with the reason."""
+    reason = "shows the horizon; a surface is measured in photographs that look down"
+    return [(view.name, reason) for view in views if np.isnan(view.at_height(border_pixels(view), z)).any()]
+
+
+def _refused(views: list[View], found: list[Candidate], kept: list[Candidate], choice: PairChoice) -> list[tuple[str, str]]:
+    """Pairs that are not kept, with the reason."""
+    full = f"one of the photos already has {choice.per_photo} better pairs"
+    return [(_name(views, c), why_not(c, choice) or full) for c in found if c not in kept]
+
+
 def candidates(views: list[View], z: float) -> list[Candidate]:
-    """All pairs whose footprints meet at height `z` (m), in order of the photographs; none with a photograph that shows the
+    """All pairs whose footprints overlap at height `z` (m), in order of the photographs; none with a photograph that shows the
     horizon."""
+    # Footprints relative to the middle of the block: OpenCV intersects polygons in float32, which resolves map coordinates of
+    # millions of metres to half a metre only.
     origin = np.mean([view.centre for view in views], axis=0)[:2]
     prints = [footprint(view, z, origin) for view in views]
     nowhere = np.full((1, 2), np.nan)
     polygons = [nowhere if p is None else p.polygon for p in prints]
+    # bounding boxes first: of n^2 / 2 pairs of a large block only the neighbours have their polygons intersected
     low, high = (np.array([extreme(polygon, axis=0) for polygon in polygons]) for extreme in (np.min, np.max))
     found = []
     for i in range(len(views)):
         near = np.flatnonzero((low[i + 1 :] < high[i]).all(axis=1) & (high[i + 1 :] > low[i]).all(axis=1)) + i + 1
-        for j in near:
+        for j in map(int, near):
+            first, second = prints[i], prints[j]
             common = polygon_area(common_polygon(polygons[i], polygons[j]))
-            if common > 0:
-                found.append(_candidate((i, int(j)), (views[i], views[j]), (prints[i], prints[j]), common))
+            if first and second and common > 0:
+                found.append(_candidate((i, j), (views[i], views[j]), (first, second), common))
     return found
 
 
 def footprint(view: View, z: float, origin: np.ndarray) -> Footprint | None:
-    """The ground of a photograph at height `z` (m); None when a part of it looks over the horizon."""
+    """The ground of a photograph at height `z` (m), relative to `origin` (2,) m; None when a part of it shows the horizon."""
     ground = view.at_height(border_pixels(view), z)
     if np.isnan(ground).any():
         return None
@@ -143,6 +152,7 @@ def _candidate(numbers: tuple[int, int], views: tuple[View, View], prints: tuple
     base = second.centre - first.centre
     direction = first.rotation[2] + second.rotation[2]
     direction /= np.linalg.norm(direction)
+    # Only the part of the base across the viewing direction intersects rays; one photograph above the other gives no heights.
     across = np.linalg.norm(base - (base @ direction) * direction)
     height = prints[0].pixel * first.camera.c / 2 + prints[1].pixel * second.camera.c / 2
     cosine = np.clip(first.rotation[2] @ second.rotation[2], -1, 1)
@@ -157,7 +167,7 @@ def _candidate(numbers: tuple[int, int], views: tuple[View, View], prints: tuple
 
 
 def why_not(candidate: Candidate, choice: PairChoice) -> str | None:
-    """The reason why a pair is not useful, as a few words; None when it is."""
+    """The reason why a pair is not useful, in a few words; None when it is."""
     ratio = candidate.base_height
     tests = (
         (candidate.overlap < choice.overlap, f"overlap of {candidate.overlap:.0%} is below {choice.overlap:.0%}"),
@@ -173,7 +183,8 @@ def why_not(candidate: Candidate, choice: PairChoice) -> str | None:
 
 
 def best_pairs(useful: list[Candidate], per_photo: int) -> list[Candidate]:
-    """The pairs by falling score, so that no photograph has more than `per_photo`, but each that can have one has one."""
+    """The pairs by falling score: no photograph in more than `per_photo`, but every photograph that can in at least one."""
+    # Rounded scores, then numbers: equal geometry must not be ranked by the last bits of the orientation.
     ordered = sorted(useful, key=lambda c: (-round(c.score, 3), c.first, c.second))
     count: dict[int, int] = {}
     kept = [c for c in ordered if _take(c, count, per_photo)]
@@ -185,6 +196,7 @@ def best_pairs(useful: list[Candidate], per_photo: int) -> list[Candidate]:
 
 
 def _take(candidate: Candidate, count: dict[int, int], limit: int) -> bool:
+    """Whether both photographs have room for the pair; it is then counted."""
     both = candidate.first, candidate.second
     if any(count.get(photo, 0) >= limit for photo in both):
         return False

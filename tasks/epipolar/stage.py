@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import ClassVar, Literal
 
 from orthomill.schemas.epipolar import PAIRS, EpipolarPair, epipolar_raster, grey_table
-from orthomill.schemas.job import Export, Job, Raster
+from orthomill.schemas.job import Export, Job, Raster, Region
 from orthomill.schemas.observations import IMAGE_RESIDUALS
 from orthomill.schemas.orientation import BLOCK, Block
 from orthomill.schemas.photo import PHOTOS, Photos, photo_raster
@@ -16,11 +16,10 @@ from orthomill.schemas.settings import setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
 from orthomill.schemas.stage_report import report_table
 from orthomill.tasks.epipolar.epipolar_image import TileOfPair, photograph_range, resample_tile
+from orthomill.tasks.epipolar.parallax import SIDES
 from orthomill.tasks.epipolar.report import report
 from orthomill.tasks.epipolar.selection import PairChoice, choose_pairs
 from orthomill.tasks.geometry.normal_case import Side, epipolar_shape
-
-SIDES: tuple[Side, Side] = ("left", "right")
 
 
 class EpipolarStage(Stage):
@@ -31,10 +30,10 @@ class EpipolarStage(Stage):
     kind: Literal["epipolar"] = "epipolar"
     pairs: PairChoice = setting(PairChoice(), "Which pairs of photographs are used.")
     height_margin: float = setting(
-        0.08, "How far the surface may leave the heights of the tie points, as a share of the flying height.", ge=0, le=0.5
+        0.08, "How far the surface may exceed the heights of the tie points, as a share of the flying height.", ge=0, le=0.5
     )
     height_room: float = setting(
-        25.0, "How far crowns and roofs may stand above the highest tie points, which are mostly on the ground.", "m", ge=0
+        25.0, "How far crowns and roofs may rise above the highest tie points, which lie mostly on the ground.", "m", ge=0
     )
     interpolation: Literal["bicubic", "bilinear"] = setting("bicubic", "How photographs are resampled.")
 
@@ -54,6 +53,7 @@ class EpipolarStage(Stage):
             {"block": BLOCK, "pairs": PAIRS, "measured": IMAGE_RESIDUALS, "photos": PHOTOS},
             {"report": report_table(self.kind)},
         )
+        # The pairs decide which rasters exist, so the rest can only be planned once their job has run.
         pairs, block, photos = view.table(PAIRS), view.table(BLOCK), view.table(PHOTOS)
         yield from self._ranges(view, photos, pairs.pairs)
         for pair in pairs.pairs:
@@ -62,6 +62,7 @@ class EpipolarStage(Stage):
 
     def _ranges(self, view: ProjectView, photos: Photos, pairs: tuple[EpipolarPair, ...]) -> Iterator[Job]:
         """One stretch for each 16-bit photograph, from its coarsest level."""
+        # 8-bit photographs keep their grey values: a stretch would only add rounding.
         for name in sorted({name for pair in pairs for name in (pair.left, pair.right)}):
             photo = photos[name]
             if photo.dtype != "uint8":
@@ -84,7 +85,8 @@ class EpipolarStage(Stage):
         photo = photos[pair.left if side == "left" else pair.right]
         of_pair = TileOfPair(pair, side, block.of(photo.name), block.camera_of(photo.name), tile.window)
         window = of_pair.view.photo_window(tile.window)
-        reads = {} if window.empty else {"pixels": Raster(photo_raster(photo.name), window)}
+        # A tile beside the photograph reads nothing but is still written: downstream jobs need the whole image.
+        reads: dict[str, Region | tuple[Region, ...]] = {} if window.empty else {"pixels": Raster(photo_raster(photo.name), window)}
         if reads and photo.dtype != "uint8":
             reads["stretch"] = grey_table(photo.name)
         return Job(

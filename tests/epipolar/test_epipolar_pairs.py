@@ -135,7 +135,7 @@ def test_report_warns_in_sentences():
     quiet = report(block(), pairs, tie_points(0.1), photos())
     assert not quiet.warnings
     loud = report(block(), pairs, tie_points(2.0), photos())
-    assert any("leave their row" in sentence for sentence in loud.warnings)
+    assert any("lie off their row" in sentence for sentence in loud.warnings)
     weak = pairs.model_copy(update={"pairs": tuple(p.model_copy(update={"row_sigma": 2.5}) for p in pairs.pairs)})
     nothing = tie_points(0.1).take(np.zeros(0, int))
     assert any("2.50 px" in sentence for sentence in report(block(), weak, nothing, photos()).warnings)
