@@ -187,7 +187,7 @@ def _linearised(network: BoardNetwork, state: BoardState, corners: BoardCorners,
         weight,
         prior,
         prior_miss,
-        np.broadcast_to(np.eye(3), (len(first) - 1, 3, 3)),
+        np.tile(np.eye(3), (len(first) - 1, 1, 1)),
     )
 
 

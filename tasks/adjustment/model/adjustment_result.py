@@ -1,20 +1,40 @@
-"""What an adjustment hands over."""
+"""The result of an adjustment: the solution, its tests, and its precision."""
 
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
 from orthomill.tasks.adjustment.model.network import Network, Rays, State
 from orthomill.tasks.adjustment.testing.covariances import Covariance
 
+# The noncentrality delta_0 of Baarda's B-method, for alpha_0 = 0.1 % and beta_0 = 80 %: 3.29 + 0.84.
 NONCENTRALITY = 4.13
-"""A bias of this many standard errors is found with 80 % probability by a test at 0.1 % (Baarda 1968)."""
+"""A test at 0.1 % finds a bias of this many standard errors with 80 % probability (Baarda 1968)."""
+
+
+class ObservationKind(StrEnum):
+    """A group of observations, by the name that reports give it."""
+
+    TIES = "tie points in photographs"
+    POINTINGS = "surveyed points in photographs"
+    POSITIONS = "GNSS positions"
+    CONTROL = "surveyed coordinates"
+    DISTANCES = "distances"
+
+
+class SurveyedKind(StrEnum):
+    """What can be wrong as a whole among the surveyed observations."""
+
+    POSITION = "position"
+    CONTROL = "control"
+    DISTANCE = "distance"
 
 
 @dataclass(frozen=True, eq=False)
 class Factors:
-    """Estimated by stated standard error, per group of observations: tie points in the photographs, surveyed points in the
-    photographs, GNSS positions, coordinates of surveyed points, distances."""
+    """Ratio of estimated to stated standard errors of each group of observations: tie points in the photographs, surveyed points in
+    the photographs, GNSS positions, coordinates of surveyed points, distances."""
 
     image: float = 1.0
     pointing: float = 1.0
@@ -25,10 +45,10 @@ class Factors:
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """A group of observations in the balance of the adjustment: how many numbers, their part of the redundancy (the sum of their
-    redundancy numbers), and their estimated by stated standard error."""
+    """A group of observations: the `count` of its numbers, its share of the redundancy (the sum of its redundancy numbers), and the
+    ratio of estimated to stated standard errors."""
 
-    name: str
+    name: ObservationKind
     count: int
     redundancy: float
     factor: float
@@ -36,19 +56,19 @@ class Group:
 
 @dataclass(frozen=True)
 class Blunder:
-    """Something surveyed that contradicts the rest: `kind` position, control or distance, the `number` of its photo, point or
-    distance, and its misfit in standard errors."""
+    """A surveyed observation that contradicts the rest: its `kind`, the `number` of its photograph, point or distance, and its
+    misfit in standard errors."""
 
-    kind: str
+    kind: SurveyedKind
     number: int
     misfit: float
 
 
 @dataclass(frozen=True)
 class CorrelatedErrors:
-    """Errors that the measurements of a region share: `rms_px` of a coordinate over the frame (before the adjustment absorbs its
-    part), `share` of its variance that is the same in all photographs of a camera, `likelihood` ratio against white noise, and
-    `white`: variance of what no field explains by that of all residuals."""
+    """Errors shared by neighbouring measurements: `rms_px` of a coordinate over the frame (before the adjustment absorbs a part),
+    `share` of their variance that is common to all photographs of a camera, `likelihood` ratio against white noise, and `white`:
+    the share of the residual variance that no error field explains."""
 
     rms_px: float
     share: float
@@ -58,11 +78,14 @@ class CorrelatedErrors:
 
 @dataclass(frozen=True, eq=False)
 class Adjustment:
-    """The adjusted block. `used` (M,) marks the rays that took part, `residual` (M, 2) px observed minus computed of all rays,
-    `redundancy_number` (M, 2) and `standardised` (M, 2) are NaN for rays that did not. `cofactor` is the covariance of the
-    unknowns of the reduced system, `point_covariance` (N, 3, 3) m^2. `factors` and `groups`: what the residuals say of the stated
-    standard errors. `network` holds the weights as they were used in the end: 0 for the `blunders`. `correlated`: the correlated
-    image errors that the covariances carry, None where they are those of white noise; `before`: the result that does not carry them."""
+    """The adjusted block.
+
+    `used` (M,) marks the rays that took part; `residual` (M, 2) px, observed minus computed, is that of all rays;
+    `redundancy_number` (M, 2) and `standardised` (M, 2) are NaN for rays that took no part. `cofactor` is the covariance of the
+    unknowns of the reduced system, `point_covariance` (N, 3, 3) m^2. `factors` and `groups` compare the residuals with the stated
+    standard errors. `network` holds the weights of the final solution: 0 for the `blunders`. `correlated`: the correlated image
+    errors that the covariances include, None for white noise; `before`: the result whose covariances do not include them.
+    """
 
     state: State
     network: Network
@@ -83,18 +106,19 @@ class Adjustment:
 
     @property
     def white(self) -> "Adjustment":
-        """The result with the covariances of white noise: least squares took its weights from these."""
+        """The result with the covariances of white noise, on which the weights of the adjustment are based."""
         return self.before or self
 
     @property
     def sigma0_px(self) -> float:
-        """Standard error of a typical coordinate of a tie point, estimated from the residuals."""
+        """Standard error of a typical tie-point coordinate, estimated from the residuals, px."""
         ties = self.used & ~surveyed(self.network, self.rays)
+        # A block of surveyed points only has no tie points: its pointings take their place.
         return float(self.factors.image * np.sqrt(np.mean(self.rays.sigma[ties if ties.any() else self.used] ** 2)))
 
     @property
     def ray_sigma(self) -> np.ndarray:
-        """(M,) px: the standard errors of the measurements as they were estimated."""
+        """(M,) px: the estimated standard errors of the image measurements."""
         return self.rays.sigma * np.where(surveyed(self.network, self.rays), self.factors.pointing, self.factors.image)
 
     @property
@@ -108,5 +132,5 @@ class Adjustment:
 
 
 def surveyed(network: Network, rays: Rays) -> np.ndarray:
-    """(M,) which rays point at surveyed points."""
+    """(M,) bool: the rays that point at surveyed points."""
     return network.pointed[rays.point]

@@ -1,8 +1,7 @@
-"""What is known beside the rays: weighted positions, control, distances, a wish for verticality; or inner constraints when nothing
-holds the block in space.
+"""The datum: weighted positions, control, distances and verticality constraints; inner constraints where none of them is given.
 
-Robust factors scale the weights of whole positions and whole surveyed points: a wrong one must not drag the block along while it
-has not been found.
+Robust factors scale the weights of whole positions and whole surveyed points, so that a wrong one does not distort the block before
+it has been found.
 """
 
 from collections.abc import Iterator
@@ -26,7 +25,7 @@ class PriorFactors:
 
 
 def prior_sizes(network: Network, state: State) -> PriorFactors:
-    """Lengths of the residuals of positions, surveyed points and distances, in standard errors; 0 where nothing is known."""
+    """Lengths of the residuals of positions, surveyed points and distances, in standard errors; 0 where the weight is 0."""
     position = (network.centre_weight * position_residuals(network, state) ** 2).sum(axis=1)
     point = (network.point_weight * (network.point - state.point) ** 2).sum(axis=1)
     distance = network.distances.weight * distance_residuals(network, state) ** 2
@@ -34,14 +33,14 @@ def prior_sizes(network: Network, state: State) -> PriorFactors:
 
 
 def prior_factors(network: Network, state: State, huber: float) -> PriorFactors:
-    """Huber's factors of all that was surveyed; 1 for an infinite limit."""
+    """Huber's factors of the surveyed observations; 1 for an infinite limit."""
     size = prior_sizes(network, state)
     return PriorFactors(*(huber_weights(each, huber) for each in (size.centre, size.point, size.distance)))
 
 
 def add_prior(network: Network, state: State, matrix: BlockMatrix, factors: PriorFactors | None = None) -> np.ndarray:
-    """Adds all that is known beforehand to the normal `matrix`, but for eliminated points (they carry their own); its right-hand
-    side (n,)."""
+    """Adds all prior information to the normal `matrix`, except that on eliminated points (`Linear` holds it); returns its
+    right-hand side (n,)."""
     factors = factors or prior_factors(network, state, np.inf)
     right = np.zeros(len(matrix))
     for columns, J, weight, residual in _prior(network, state, factors):
@@ -52,7 +51,7 @@ def add_prior(network: Network, state: State, matrix: BlockMatrix, factors: Prio
 
 
 def prior_cost(network: Network, state: State, huber: float = np.inf) -> float:
-    """Weighted sum of squares (of Huber's loss for what was surveyed) of all that is known beforehand, points included."""
+    """Weighted sum of squares (Huber's loss for surveyed observations) of all prior information, that on points included."""
     value, size = network.interior.value - state.interior, prior_sizes(network, state)
     return float(
         huber_cost(size.centre, huber)
@@ -65,22 +64,23 @@ def prior_cost(network: Network, state: State, huber: float = np.inf) -> float:
 
 
 def position_residuals(network: Network, state: State) -> np.ndarray:
-    """GNSS position minus (projection centre + lever arm + shift), (P, 3) m; meaningless where the weight is 0."""
+    """GNSS position minus (projection centre + lever arm + shift), (P, 3) m; 0 where the weight is 0."""
     antenna = state.centre + np.einsum("pji,j->pi", state.rotation, state.lever) + state.shift
     return np.where(network.centre_weight > 0, network.centre - antenna, 0.0)
 
 
 def vertical_residuals(network: Network, state: State) -> np.ndarray:
-    """(P, 3) expected zenith in the image system by the zenith there: zero where they agree, and as long as the sine of the angle
-    between them; meaningless where the weight is 0."""
+    """(P, 3) cross product of the expected and the actual up direction in the image system, as long as the sine of the angle
+    between them; without meaning where the weight is 0."""
     return np.cross(network.up, state.rotation[:, :, 2])
 
 
 def position_derivatives(network: Network, state: State, photos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives (p, 3, m) of the places of the antennas of `photos` (p,) by the unknowns in the columns (p, m)."""
+    """Derivatives (p, 3, m) of the antenna positions of `photos` (p,) by the unknowns in the columns (p, m)."""
     alike = np.broadcast_to(np.eye(3), (len(photos), 3, 3))
     blocks, columns = [alike], [6 * photos[:, None] + np.arange(3)]
     turned = state.rotation[photos].transpose(0, 2, 1)
+    # The antenna depends on the rotation only through the lever arm; without one these columns would be zeros.
     if state.lever.any() or len(network.lever_columns):
         blocks.append(turned @ skew(state.lever))
         columns.append(6 * photos[:, None] + 3 + np.arange(3))
@@ -103,13 +103,14 @@ def distance_derivatives(network: Network, state: State) -> tuple[np.ndarray, np
     """Derivatives (D, 6) of the distances by their ends in the columns (D, 6)."""
     first, second = network.distances.ends.T
     along = state.point[second] - state.point[first]
+    # Two ends may coincide at a poor start: no direction is then better than NaN in every unknown.
     along = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
     place = np.searchsorted(network.kept, network.distances.ends)
     return np.hstack([-along, along]), network.kept_columns[place].reshape(-1, 6)
 
 
 def _prior(network: Network, state: State, factors: PriorFactors) -> Iterator[tuple[np.ndarray, ...]]:
-    """What is known beforehand, kind by kind: columns (q, m), derivatives (q, d, m), weights (q, d, d), residuals (q, d)."""
+    """The prior information, kind by kind: columns (q, m), derivatives (q, d, m), weights (q, d, d), residuals (q, d)."""
     yield _positions(network, state, factors.centre)
     yield _verticality(network, state)
     yield (
@@ -138,7 +139,11 @@ def _positions(network: Network, state: State, factor: np.ndarray) -> tuple[np.n
 
 
 def _verticality(network: Network, state: State) -> tuple[np.ndarray, ...]:
-    """The zenith u in the image system moves by w x u, and so does u x b by (b . w) u - (b . u) w, where b is the expected one."""
+    """The constraint that the up direction u in the image system is the expected one, b.
+
+    A rotation w moves u by w x u, and therefore u x b by (b . w) u - (b . u) w.
+    """
+    # A cross product instead of two tilt angles: it is defined for every attitude, also for photographs that look at the horizon.
     photos = np.flatnonzero(network.vertical_weight > 0)
     u, b = state.rotation[photos, :, 2], np.broadcast_to(network.up, (network.photos, 3))[photos]
     J = u[:, :, None] * b[:, None, :] - (b * u).sum(axis=1)[:, None, None] * np.eye(3)
@@ -147,12 +152,14 @@ def _verticality(network: Network, state: State) -> tuple[np.ndarray, ...]:
 
 
 def freedoms(network: Network, state: State) -> np.ndarray:
-    """(n, 7 or 6): how the unknowns move when the whole block is shifted, turned and (without distances) scaled; what measurements
-    in photographs cannot see."""
+    """(n, 7 or 6) the null space of the image measurements: how the unknowns move when the whole block is shifted, rotated and
+    (without distances) scaled."""
     H = np.zeros((network.unknowns, 7))
+    # Lever arms from the centroid keep the seven columns of one size, and the rotations nearly orthogonal to the shifts.
     middle = state.centre.mean(axis=0)
     for photo in range(network.photos):
         _add_freedom(H, 6 * photo + np.arange(3), state.centre[photo] - middle)
+        # Rotations of a photograph are in its image system, those of the block in the world; they act with opposite sign.
         H[6 * photo + 3 : 6 * photo + 6, 3:6] = -state.rotation[photo]
     for columns, point in zip(network.kept_columns, network.kept, strict=True):
         _add_freedom(H, columns, state.point[point] - middle)

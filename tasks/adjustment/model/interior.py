@@ -1,5 +1,4 @@
-"""How the interior orientation takes part in an adjustment: fixed, weighted by its covariance, or free. A choice of the
-workflow."""
+"""The interior orientation in an adjustment: fixed, weighted by its covariance, or free, as the workflow chooses."""
 
 from typing import Annotated, Literal
 
@@ -14,18 +13,18 @@ Parameter = Literal["c", "x0", "y0", "k1", "k2", "k3", "p1", "p2"]
 
 NOMINAL_SIGMA = {"c": 0.03, "x0": 0.01, "y0": 0.01, "k1": 0.1, "k2": 0.1, "k3": 0.0, "p1": 0.003, "p2": 0.003}
 """Standard errors of a camera that is known from EXIF only: c in units of c, x0 and y0 in units of the width, the others as
-numbers. Its k3 is held at 0: with k1 and k2 free and nothing known of any, it would only follow the noise at the border."""
+numbers. Its k3 is fixed at 0: with k1 and k2 free and nothing known of any, it would only follow the noise at the border."""
 
 
 class FixedInterior(Settings):
-    """The cameras are taken as they are."""
+    """The interior orientation keeps its values."""
 
     kind: Literal["fixed"]
 
 
 class WeightedInterior(Settings):
-    """The named parameters are unknowns, held by the covariance of the calibration (or by wide nominal bounds for a camera from
-    EXIF)."""
+    """The named parameters are unknowns, weighted by the covariance of the calibration (or by wide nominal standard errors for a
+    camera from EXIF)."""
 
     kind: Literal["weighted"]
     parameters: tuple[Parameter, ...] = setting(
@@ -36,7 +35,7 @@ class WeightedInterior(Settings):
 
 
 class FreeInterior(Settings):
-    """The named parameters are unknowns of which nothing is known beforehand (self-calibration)."""
+    """The named parameters are unknowns without prior weight (self-calibration)."""
 
     kind: Literal["free"]
     parameters: tuple[Parameter, ...] = setting(("c", "x0", "y0", "k1", "k2"), "Interior parameters to be adjusted.", min_length=1)
@@ -46,7 +45,7 @@ InteriorChoice = Annotated[FixedInterior | WeightedInterior | FreeInterior, Fiel
 
 
 def camera_covariance(camera: Camera) -> np.ndarray:
-    """(8, 8) in the order of INTERIOR: what the camera says, the nominal bounds for one from EXIF, else zero (held fixed)."""
+    """(8, 8) in the order of INTERIOR: that of the camera, the nominal one for a camera from EXIF, else zero (fixed)."""
     if camera.covariance is not None:
         return np.array(camera.covariance)
     if camera.source != "exif":
@@ -56,11 +55,11 @@ def camera_covariance(camera: Camera) -> np.ndarray:
 
 
 def interior_prior(cameras: list[Camera], choice: InteriorChoice, fix_nominal: bool = False) -> Interior:
-    """What is known and what is unknown of the interior orientations; `cameras` in the order of the network.
+    """Known and unknown interior parameters; `cameras` in the order of the network.
 
-    `fix_nominal`: c, x0 and y0 from EXIF keep their values and only lend their uncertainty. Over flat ground without control they
-    are flying height and place of the photographs in disguise, and take up every small error (a rolling shutter) with far too
-    small formal standard errors.
+    `fix_nominal`: c, x0 and y0 from EXIF keep their values and are considered parameters. Over flat ground without control they
+    cannot be separated from flying height and position of the photographs, and would absorb every small error (a rolling shutter)
+    with far too small formal standard errors.
     """
     value = np.array([camera.interior for camera in cameras])
     free, weight = np.zeros(value.shape, bool), np.zeros((len(cameras), 8, 8))
@@ -78,8 +77,8 @@ def interior_prior(cameras: list[Camera], choice: InteriorChoice, fix_nominal: b
 
 
 def given_sigmas(interior: Interior, parameters: tuple[int, ...] = (0,)) -> np.ndarray:
-    """(C, k) standard errors of given interior parameters (numbers in INTERIOR); for a camera constant of which none is stated the
-    nominal one, for others inf."""
+    """(C, k) prior standard errors of the interior `parameters` (numbers in INTERIOR); where none is given, the nominal one for the
+    camera constant and inf for the others."""
     value = interior.value
     sigma = np.full(value.shape, np.inf)
     sigma[:, 0] = NOMINAL_SIGMA["c"] * value[:, 0]
@@ -92,6 +91,6 @@ def given_sigmas(interior: Interior, parameters: tuple[int, ...] = (0,)) -> np.n
 
 
 def _inverse(covariance: np.ndarray) -> np.ndarray:
-    """Inverse by way of the correlation matrix: the parameters differ by many powers of ten."""
+    """Inverse by way of the correlation matrix: c in pixels and p1 as a number differ by many powers of ten."""
     scale = 1.0 / np.sqrt(np.diag(covariance))
     return np.linalg.pinv(covariance * scale[:, None] * scale, rcond=1e-12, hermitian=True) * scale[:, None] * scale

@@ -1,9 +1,9 @@
-"""A linearised bundle, and which of its unknowns have to do with each other.
+"""The linearised bundle, and the pattern of its reduced normal matrix.
 
-Derivatives are stored ray by ray; which unknowns they belong to is the same for all rays of a photograph, and stored once.
+Derivatives are stored ray by ray; the unknowns that they belong to are the same for all rays of a photograph, and stored once.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -15,11 +15,14 @@ from orthomill.tasks.adjustment.sparse.block_cholesky import Structure, structur
 from orthomill.tasks.adjustment.sparse.block_matrix import Pattern, pattern_of
 
 
-@dataclass(frozen=True, eq=False)
-class Linear:
-    """A linearised bundle: derivatives `jg` (M, 2, k) by the unknowns columns[row] and `jp` (M, 2, 3) by the point in its own
-    `frame` (N, 3, 3; columns are axes), with `row` (M,) and `columns` (T, k), -1 for none; residuals (M, 2), `weight` (M,)
-    1/px^2, `first` (N + 1,), and the points' own prior: weights and residuals (N, 3)."""
+class Linear(NamedTuple):
+    """A linearised bundle, as kernels take it.
+
+    `first` (N + 1,): rays first[i] to first[i + 1] belong to point i. Derivatives `jg` (M, 2, k) by the unknowns columns[row],
+    with `row` (M,) and `columns` (T, k), -1 for none; `jp` (M, 2, 3) by the point in its own `frame` (N, 3, 3; columns are axes).
+    `residual` (M, 2) px and `weight` (M,) 1/px^2 of the rays; `point_weight` and `point_residual` (N, 3) of the prior information
+    on the points, m.
+    """
 
     first: np.ndarray
     row: np.ndarray
@@ -32,11 +35,6 @@ class Linear:
     point_residual: np.ndarray
     frame: np.ndarray
 
-    @property
-    def arrays(self) -> tuple[np.ndarray, ...]:
-        """What kernels take: all but the frames."""
-        return tuple(vars(self).values())[:-1]
-
 
 def linearised(
     network: Network, state: State, rays: Rays, factor: np.ndarray | float = 1.0, point_factor: np.ndarray | float = 1.0
@@ -47,6 +45,7 @@ def linearised(
     jg, jp = derivatives(state, rays, network.camera_of)
     point_weight = network.point_weight * np.broadcast_to(point_factor, len(network.point))[:, None]
     if len(network.kept):
+        # A kept point is an unknown of the reduced system: its derivatives move there, and nothing is left to eliminate.
         kept = columns[row, 14] >= 0
         jg = np.concatenate([jg, np.where(kept[:, None, None], jp, 0.0)], axis=2)
         jp[kept] = 0.0
@@ -69,14 +68,14 @@ def linearised(
 
 def _frames(state: State, rays: Rays, surveyed: np.ndarray) -> np.ndarray:
     """(N, 3, 3) two axes across the mean ray of every point and one along it; the world's axes for points without rays and for
-    `surveyed` (N,) ones, whose prior is known in these."""
+    `surveyed` (N,) ones, whose prior weights refer to these."""
     away = state.point[rays.point] - state.centre[rays.photo]
     away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-12)
     along = np.stack([np.bincount(rays.point, away[:, k], len(state.point)) for k in range(3)], axis=1)
     length = np.linalg.norm(along, axis=1)
     own = ~surveyed & (length > 0)
     along = along[own] / length[own, None]
-    # Householder's mirror takes the third axis of the world to the ray (or against it, whichever is farther).
+    # Householder's reflection maps the third axis of the world to the ray or against it, whichever is farther: no cancellation.
     mirror = along + np.where(along[:, 2:] < 0, -1.0, 1.0) * (0.0, 0.0, 1.0)
     frames = np.tile(np.eye(3), (len(length), 1, 1))
     frames[own] -= 2.0 * mirror[:, :, None] * mirror[:, None, :] / (mirror**2).sum(axis=1)[:, None, None]
@@ -85,7 +84,7 @@ def _frames(state: State, rays: Rays, surveyed: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def _turn(jp, point, frame):
-    """Derivatives by the point in the world become those in its frame, in place."""
+    """Turns derivatives by the point in the world into those in its frame, in place."""
     for i in range(len(jp)):
         F = frame[point[i]]
         for k in range(2):
@@ -95,9 +94,9 @@ def _turn(jp, point, frame):
 
 
 def structure(network: Network, state: State, linear: Linear) -> Structure:
-    """Which blocks the reduced normal matrix of a bundle has, priors included, and how it is eliminated.
+    """The blocks of the reduced normal matrix of a bundle, prior information included, and their order of elimination.
 
-    In a free network the two photographs farthest apart come last: what holds it is put there (see `inverse_of`).
+    In a free network two photographs far apart come last: the datum is defined there (see `inverse_of`).
     """
     start = network.group_start
     seen = _cliques(linear, start)
@@ -108,18 +107,19 @@ def structure(network: Network, state: State, linear: Linear) -> Structure:
 
 def _ends(state: State) -> np.ndarray:
     """The numbers of two photographs far apart, ascending."""
+    # A datum on neighbours would let the rest of a long strip swing on a short lever, and the factors lose digits.
     one = np.linalg.norm(state.centre - state.centre.mean(axis=0), axis=1).argmax()
     other = np.linalg.norm(state.centre - state.centre[one], axis=1).argmax()
     return np.unique([one, other])
 
 
 def seen_pattern(linear: Linear, start: np.ndarray) -> Pattern:
-    """The blocks of the groups (see `Pattern`) that see points together."""
+    """The blocks of the groups (see `Pattern`) that observe common points."""
     return pattern_of(start, _cliques(linear, start))
 
 
 def _cliques(linear: Linear, start: np.ndarray) -> csr_array:
-    """(N, G): the groups that the rays of every point touch."""
+    """(N, G): the groups on which the rays of every point depend."""
     owner = np.append(np.repeat(np.arange(len(start) - 1), np.diff(start)), -1)
     groups = owner[linear.columns]
     first, members = _touched(linear.first, linear.row, groups, len(start) - 1)
@@ -128,6 +128,7 @@ def _cliques(linear: Linear, start: np.ndarray) -> csr_array:
 
 @njit(cache=True)
 def _touched(first, row, groups, count):
+    """The groups of every point, point after point, and where those of each point begin."""
     mark = np.full(count, -1)
     starts = np.zeros(len(first), np.int64)
     members = np.empty(max(len(row), 1), np.int32)
@@ -138,6 +139,7 @@ def _touched(first, row, groups, count):
                 g = groups[row[i], a]
                 if g >= 0 and mark[g] != point:
                     mark[g] = point
+                    # Grown by doubling: a bound beforehand would be (rays x 17), much more than is filled.
                     if filled == len(members):
                         members = np.concatenate((members, np.empty(len(members), np.int32)))
                     members[filled] = g

@@ -1,11 +1,11 @@
-"""The values of a bundle adjustment: what is unknown (`State`), what was measured (`Rays`), what is known beforehand (`Network`).
+"""The values of a bundle adjustment: unknowns (`State`), image measurements (`Rays`) and prior information (`Network`).
 
-Coordinates are local (a constant offset near the block is taken off first), so that float64 keeps a tenth of a micrometre.
-Rotations are corrected by small rotation vectors in the image system, which has no singular attitude; angles are for people.
+Coordinates are local (a constant offset near the block is subtracted first), so that float64 resolves a tenth of a micrometre.
+Rotations are corrected by small rotation vectors in the image system, for which no attitude is singular; reports print angles.
 
-Order of the unknowns of the reduced system: six per photo (X, Y, Z, three rotations), then the free interior parameters, the
+Order of the unknowns of the reduced system: six per photograph (X, Y, Z, three rotations), then the free interior parameters, the
 shift of the GNSS positions, the lever arm of the antenna, and the points that are kept (ends of measured distances, and points
-whose joint covariance is wanted). All other points are eliminated.
+whose joint covariance is needed). All other points are eliminated.
 """
 
 from collections.abc import Sequence
@@ -17,8 +17,8 @@ from scipy.sparse import csr_array
 
 @dataclass(frozen=True, eq=False)
 class Rays:
-    """Image measurements sorted by point: `point`, `photo` (M,) int32, `xy` (M, 2) px from the image centre, y up, observed;
-    `sigma` (M,) px."""
+    """Image measurements sorted by point: `point`, `photo` (M,) int32, observed `xy` (M, 2) px from the image centre, y up; `sigma`
+    (M,) px."""
 
     point: np.ndarray
     photo: np.ndarray
@@ -56,7 +56,7 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Distances:
-    """Distances measured between points: `ends` (D, 2) point numbers, `length` (D,) m, `weight` (D,) 1/m^2, 0 for one that takes no
+    """Measured distances between points: `ends` (D, 2) point numbers, `length` (D,) m, `weight` (D,) 1/m^2, 0 for one that takes no
     part."""
 
     ends: np.ndarray
@@ -78,9 +78,9 @@ NO_DISTANCES = Distances(np.zeros((0, 2), np.int64), np.zeros(0), np.zeros(0))
 
 @dataclass(frozen=True, eq=False)
 class Interior:
-    """What is known of the cameras: `value` (C, 8), `weight` (C, 8, 8) inverse covariance, `free` (C, 8) which parameters are
-    unknowns. `considered` (C, 8) of these keep their value, for the block cannot tell them honestly, but their covariance enters
-    that of everything else.
+    """Prior knowledge of the cameras: `value` (C, 8), `weight` (C, 8, 8) inverse covariance, `free` (C, 8) the parameters that are
+    unknowns. Those of them that are `considered` (C, 8) keep their value, because the block cannot determine them reliably, but
+    their covariance propagates into that of all others (Schmidt 1966).
     """
 
     value: np.ndarray
@@ -91,14 +91,14 @@ class Interior:
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """What is known beforehand; weights are inverse variances, 0 for nothing known.
+    """Prior information; weights are inverse variances, 0 where nothing is known.
 
-    camera_of (P,); centre, centre_weight (P, 3) GNSS positions; point, point_weight (N, 3) control; vertical_weight (P,) 1/rad^2 of
-    the wish that the vertical has its expected direction in a photograph, `up` (3,) or (P, 3) in the image system: (0, 0, 1)
-    looks straight down; shift: whether the GNSS positions have a common shift; free: no datum, the freedoms are held by inner
-    constraints. lever (3,) m as in `State`, an unknown where lever_weight (3,) 1/m^2 is above 0; kept
-    (K,) ascending numbers of the points that stay among the unknowns, ends of `distances` among them; named: numbers of points
-    that a person measured in the photographs, beside those with known coordinates.
+    camera_of (P,); centre, centre_weight (P, 3) GNSS positions; point, point_weight (N, 3) control; vertical_weight (P,) 1/rad^2
+    of the verticality constraint, whose expected direction is `up` (3,) or (P, 3) in the image system: (0, 0, 1) for a photograph
+    that looks straight down; shift: whether the GNSS positions have a common shift; free: no datum, inner constraints instead.
+    lever (3,) m as in `State`, an unknown where lever_weight (3,) 1/m^2 is above 0; kept (K,) ascending numbers of the points that
+    stay among the unknowns, the ends of `distances` among them; named: numbers of points that a person measured in the
+    photographs, in addition to those with known coordinates.
     """
 
     camera_of: np.ndarray
@@ -128,17 +128,18 @@ class Network:
     @property
     def pointed(self) -> np.ndarray:
         """(N,) bool: points that a person measured in the photographs."""
-        by_person = self.point_weight.any(axis=1)
+        by_person = np.asarray(self.point_weight.any(axis=1))
         by_person[self.named] = True
         return by_person
 
     @property
     def photos(self) -> int:
+        """The number of photographs."""
         return len(self.camera_of)
 
     @property
     def interior_columns(self) -> np.ndarray:
-        """(C, 8): the column of every interior parameter among the unknowns, -1 where it is held fixed."""
+        """(C, 8): the column of every interior parameter among the unknowns, -1 where it is fixed."""
         columns = np.full(self.interior.free.shape, -1, np.int64)
         columns[self.interior.free] = 6 * self.photos + np.arange(self.interior.free.sum())
         return columns
@@ -168,7 +169,7 @@ class Network:
 
     @property
     def group_start(self) -> np.ndarray:
-        """(G + 1,) where the groups of unknowns that always come together begin: photographs, cameras with free parameters, shift
+        """(G + 1,) where the groups of unknowns that always occur together begin: photographs, cameras with free parameters, shift
         and lever arm as one, kept points."""
         free = self.interior.free.sum(axis=1)
         alone = 3 * (self.shift + bool(self.lever_weight.all()))
@@ -177,8 +178,8 @@ class Network:
 
     @property
     def prior_cliques(self) -> csr_array:
-        """(K, G), nonzero: the groups that what is known beforehand ties together: each photograph with shift and lever arm, the
-        ends of each distance."""
+        """(K, G), nonzero: the groups that prior information connects: each photograph with shift and lever arm, and the ends of
+        each distance."""
         groups = len(self.group_start) - 1
         pairs = groups - len(self.kept) + np.searchsorted(self.kept, self.distances.ends)
         if self.shift or self.lever_weight.all():
@@ -195,17 +196,17 @@ class Network:
 
     @property
     def freedoms(self) -> int:
-        """The rank defect of a free network: place, direction, and scale unless a distance gives it."""
+        """The rank defect of a free network: position, orientation, and scale unless a distance gives it."""
         return (6 if self.distances.weight.any() else 7) * self.free
 
     @property
     def prior_observations(self) -> int:
-        """How many numbers are known beforehand."""
+        """The number of observed values in the prior information."""
         known = np.diagonal(self.interior.weight, axis1=1, axis2=2) > 0
         return int(
             (self.centre_weight > 0).sum()
             + (self.point_weight > 0).sum()
-            + 2 * (self.vertical_weight > 0).sum()
+            + 2 * (self.vertical_weight > 0).sum()  # two tilts: the cross product of two directions has rank two
             + (known & self.interior.free & ~self.interior.considered).sum()
             + len(self.lever_columns)
             + (self.distances.weight > 0).sum()
@@ -213,8 +214,8 @@ class Network:
 
 
 def ray_columns(network: Network, rays: Rays) -> tuple[np.ndarray, np.ndarray]:
-    """`row` (M,) and `columns` (T, 14), or (T, 17) with kept points: ray i touches the unknowns columns[row[i]], its photo's six,
-    its camera's eight, its point's three where it is kept (-1: fixed, or eliminated)."""
+    """`row` (M,) and `columns` (T, 14), or (T, 17) with kept points: ray i depends on the unknowns columns[row[i]], six of its
+    photograph, eight of its camera, three of its point where that is kept (-1: fixed, or eliminated)."""
     photo = rays.photo.astype(np.int32, copy=False)
     exterior = np.arange(6 * network.photos).reshape(-1, 6)
     columns = np.hstack([exterior, network.interior_columns[network.camera_of]])

@@ -1,10 +1,10 @@
-"""Robust weights: observations that disagree with the rest lose their pull, but keep their place until they are tested."""
+"""Robust weights: observations that disagree with the rest lose influence, but are not rejected before they are tested."""
 
 import numpy as np
 
 
 def huber_weights(size: np.ndarray, limit: float) -> np.ndarray:
-    """Factors (N,) for the weights of observations with standardised residuals of `size` (N,): 1 up to `limit`, then limit / size.
+    """Factors (N,) for the weights of observations with standardised residuals `size` (N,): 1 up to `limit`, then limit / size.
 
     Source: Huber 1964.
     """
@@ -12,18 +12,18 @@ def huber_weights(size: np.ndarray, limit: float) -> np.ndarray:
 
 
 def huber_losses(size: np.ndarray, limit: float) -> np.ndarray:
-    """Huber's loss, twice: size^2 inside the limit, 2 limit size - limit^2 outside."""
+    """Twice Huber's loss: size^2 inside the limit, 2 limit size - limit^2 outside."""
+    # Twice, so that without a limit it is the sum of squares of ordinary least squares. An infinite limit would make inf - inf.
     return np.where(size <= limit, size**2, 2.0 * limit * size - limit**2 if np.isfinite(limit) else 0.0)
 
 
 def huber_cost(size: np.ndarray, limit: float) -> float:
-    """The sum of Huber's losses, twice."""
+    """The sum of twice Huber's losses."""
     return float(huber_losses(size, limit).sum())
 
 
 def spread(size: np.ndarray) -> float:
-    """Standard error of one coordinate from the lengths (N,) of two-dimensional residuals, unmoved by up to half of outliers.
-
-    The median length of a circular normal law is 1.1774 standard errors.
-    """
+    """Standard error of one coordinate from the lengths (N,) of two-dimensional residuals, robust against almost half of
+    outliers."""
+    # The length follows Rayleigh's distribution, whose median is sqrt(2 ln 2) = 1.1774 standard errors.
     return float(np.median(size) / 1.1774) if len(size) else np.nan

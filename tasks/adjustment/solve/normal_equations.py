@@ -1,24 +1,30 @@
-"""Normal equations of a bundle with the points eliminated (Schur's complement), and the way back to points and their precision.
+"""Normal equations of a bundle with the points eliminated (Schur complement), and back substitution to points and their precision.
 
-A point touches only the photographs that see it, so that its 3 x 3 block is inverted on the spot and its part of the reduced
-system added; nothing of the size (points x photos) is ever stored, and of (photos x photos) only the blocks of those that share
-points. What the rays of a point have in common (their camera) is merged before pairs are summed. What rays say without regard to
-their point is summed by photograph. Kept points are not eliminated: they are columns like a photograph's.
+A point is connected only with the photographs that see it, so that its 3 x 3 block is inverted immediately and its contribution
+added to the reduced system. Nothing of the size (points x photographs) is ever stored, and of (photographs x photographs) only the
+blocks of those that share points. The blocks that the rays of a point share (their camera) are merged before pairs are summed. The
+direct part of the rays, without regard to their points, is summed by photograph. Kept points are not eliminated: they are columns
+like those of a photograph.
 
 A point is eliminated in a frame of its own, with one axis along its mean ray. Rays to a far point are nearly parallel: in world
-coordinates its block would be all but singular and what is left of its rays a small difference of large numbers, as large as what
-holds a weak block (the tilt of a strip). Along and across the ray the block is only badly scaled, which costs nothing.
+coordinates its block would be almost singular, and its contribution a small difference of large numbers, as large as what
+determines a weak block (the tilt of a strip). Along and across the ray the block is only badly scaled, which costs no digits.
 
 Source: Brown 1976, "The bundle adjustment: progress and prospects"; Triggs et al. 2000, section 6.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from orthomill.tasks.adjustment.model.linearisation import Linear, seen_pattern
 from orthomill.tasks.adjustment.sparse.block_matrix import BlockMatrix, Pattern, summed
+
+# Relative to the diagonal: a block that is only badly scaled, that of a far point along and across its ray, is not singular.
+SINGULAR = 1e-18
+"""Determinant of a point's block in units of the product of its diagonal, below which it is singular."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,14 +36,24 @@ class Normals:
     diagonal: np.ndarray
 
 
+class Cross(NamedTuple):
+    """The blocks between one point and the groups that its rays depend on, reused from point to point: `groups`, the `place` (G,)
+    where each begins in W (3, m), -1 for all others, and Z (3, m) = V^-1 W with the block V of the point itself."""
+
+    place: np.ndarray
+    groups: np.ndarray
+    W: np.ndarray
+    Z: np.ndarray
+
+
 @njit(cache=True)
 def _invert(V, out):
-    """Inverse of a symmetric 3 x 3 matrix; zero (a point that does not move) when it is singular."""
+    """Inverse of a symmetric 3 x 3 matrix; zero (a point that does not move) where it is singular."""
     c00 = V[1, 1] * V[2, 2] - V[1, 2] * V[1, 2]
     c01 = V[0, 2] * V[1, 2] - V[0, 1] * V[2, 2]
     c02 = V[0, 1] * V[1, 2] - V[0, 2] * V[1, 1]
     det = V[0, 0] * c00 + V[0, 1] * c01 + V[0, 2] * c02
-    if det <= 1e-18 * V[0, 0] * V[1, 1] * V[2, 2] or det <= 0.0:
+    if det <= SINGULAR * V[0, 0] * V[1, 1] * V[2, 2] or det <= 0.0:
         out[:] = 0.0
         return
     out[0, 0], out[0, 1], out[0, 2] = c00 / det, c01 / det, c02 / det
@@ -48,229 +64,258 @@ def _invert(V, out):
 
 
 @njit(cache=True)
-def _point_block(point, first, jp, residual, weight, prior_weight, prior_residual, damping, V, right):
+def _point_block(point, linear, damping, V, right):
+    """Writes the damped block V (3, 3) of a point and its right-hand side (3,), prior information included."""
     V[:] = 0.0
     for a in range(3):
-        V[a, a] = prior_weight[point, a]
-        right[a] = prior_weight[point, a] * prior_residual[point, a]
-    for i in range(first[point], first[point + 1]):
+        V[a, a] = linear.point_weight[point, a]
+        right[a] = linear.point_weight[point, a] * linear.point_residual[point, a]
+    for i in range(linear.first[point], linear.first[point + 1]):
         for k in range(2):
             for a in range(3):
-                right[a] += weight[i] * jp[i, k, a] * residual[i, k]
+                right[a] += linear.weight[i] * linear.jp[i, k, a] * linear.residual[i, k]
                 for b in range(3):
-                    V[a, b] += weight[i] * jp[i, k, a] * jp[i, k, b]
+                    V[a, b] += linear.weight[i] * linear.jp[i, k, a] * linear.jp[i, k, b]
     for a in range(3):
         V[a, a] *= 1.0 + damping
 
 
 @njit(cache=True)
-def _merged(begin, end, row, columns, jg, jp, weight, start, owner, place, own, W):
-    """The different groups `own` (count,) that rays begin to end touch; `place` (G,) says where in W (3, m) their blocks with the
-    point begin, and is -1 everywhere before. Returns count and m."""
+def _no_cross(linear, start):
+    """An empty `Cross` with room for the point that is connected with most unknowns; every group begins at start[g]."""
+    longest, width = 0, 0
+    for point in range(len(linear.first) - 1):
+        longest = max(longest, linear.first[point + 1] - linear.first[point])
+    for g in range(len(start) - 1):
+        width = max(width, start[g + 1] - start[g])
+    most = min(longest * linear.columns.shape[1] * width, start[-1])
+    groups = len(start) - 1
+    return Cross(np.full(groups, -1), np.empty(groups, np.int64), np.empty((3, most)), np.empty((3, most)))
+
+
+@njit(cache=True)
+def _merge(point, linear, pattern, cross):
+    """Fills groups, places and W with those of a point; `place` has to be -1 everywhere. Returns the number of groups and m."""
     count, m = 0, 0
-    for i in range(begin, end):
-        for a in range(columns.shape[1]):
-            column = columns[row[i], a]
+    for i in range(linear.first[point], linear.first[point + 1]):
+        for a in range(linear.columns.shape[1]):
+            column = linear.columns[linear.row[i], a]
             if column < 0:
                 continue
-            g = owner[column]
-            if place[g] < 0:
-                place[g], own[count] = m, g
+            g = pattern.owner[column]
+            if cross.place[g] < 0:
+                cross.place[g], cross.groups[count] = m, g
                 count += 1
-                width = start[g + 1] - start[g]
-                W[:, m : m + width] = 0.0
+                width = pattern.start[g + 1] - pattern.start[g]
+                cross.W[:, m : m + width] = 0.0
                 m += width
-            at = place[g] + column - start[g]
+            at = cross.place[g] + column - pattern.start[g]
             for b in range(3):
-                W[b, at] += weight[i] * (jg[i, 0, a] * jp[i, 0, b] + jg[i, 1, a] * jp[i, 1, b])
+                cross.W[b, at] += linear.weight[i] * (
+                    linear.jg[i, 0, a] * linear.jp[i, 0, b] + linear.jg[i, 1, a] * linear.jp[i, 1, b]
+                )
     return count, m
 
 
 @njit(cache=True)
-def _most(first, start, columns):
-    """The most unknowns that a point can touch."""
-    longest, width = 0, 0
-    for point in range(len(first) - 1):
-        longest = max(longest, first[point + 1] - first[point])
-    for g in range(len(start) - 1):
-        width = max(width, start[g + 1] - start[g])
-    return min(longest * columns.shape[1] * width, start[-1])
+def _carry(inverse, cross, m):
+    """Z = V^-1 W in the first m columns."""
+    for b in range(3):
+        for a in range(m):
+            cross.Z[b, a] = inverse[b, 0] * cross.W[0, a] + inverse[b, 1] * cross.W[1, a] + inverse[b, 2] * cross.W[2, a]
 
 
 @njit(cache=True)
-def _direct(row, columns, jg, residual, weight):
-    """What the rays say without regard to their point: normal matrices (T, k, k) and right-hand sides (T, k)."""
-    k = columns.shape[1]
-    normal, right = np.zeros((len(columns), k, k)), np.zeros((len(columns), k))
-    for i in range(len(row)):
-        t = row[i]
+def _clear(cross, count):
+    """Resets the places of the first `count` groups: a fill of all groups for every point would cost (points x groups)."""
+    for n in range(count):
+        cross.place[cross.groups[n]] = -1
+
+
+@njit(cache=True)
+def _direct(linear):
+    """The part of the rays without regard to their points: normal matrices (T, k, k) and right-hand sides (T, k)."""
+    k = linear.columns.shape[1]
+    normal, right = np.zeros((len(linear.columns), k, k)), np.zeros((len(linear.columns), k))
+    for i in range(len(linear.row)):
+        t = linear.row[i]
         for a in range(k):
-            x, y = weight[i] * jg[i, 0, a], weight[i] * jg[i, 1, a]
-            right[t, a] += x * residual[i, 0] + y * residual[i, 1]
+            x, y = linear.weight[i] * linear.jg[i, 0, a], linear.weight[i] * linear.jg[i, 1, a]
+            right[t, a] += x * linear.residual[i, 0] + y * linear.residual[i, 1]
             for b in range(k):
-                normal[t, a, b] += x * jg[i, 0, b] + y * jg[i, 1, b]
+                normal[t, a, b] += x * linear.jg[i, 0, b] + y * linear.jg[i, 1, b]
     return normal, right
 
 
 @njit(cache=True)
-def _eliminate(
-    first, row, columns, jg, jp, residual, weight, prior_weight, prior_residual, damping,
-    start, block_first, partner, offset, owner, values, right,
-):  # fmt: skip
-    """Takes what the points explain off the normal matrix and the right-hand side."""
-    V, inverse, vb, y = np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty(3)
-    most = _most(first, start, columns)
-    place, own = np.full(len(start) - 1, -1), np.empty(len(start) - 1, np.int64)
-    W, Z = np.empty((3, most)), np.empty((3, most))
-    for point in range(len(first) - 1):
-        begin, end = first[point], first[point + 1]
-        if begin == end:
+def _eliminate(linear, pattern, damping, values, right):
+    """Subtracts the contributions W' V^-1 W and W' V^-1 v of the points from the normal matrix and the right-hand side."""
+    V, inverse, v, y = np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty(3)
+    cross, start = _no_cross(linear, pattern.start), pattern.start
+    for point in range(len(linear.first) - 1):
+        if linear.first[point] == linear.first[point + 1]:
             continue
-        _point_block(point, first, jp, residual, weight, prior_weight, prior_residual, damping, V, vb)
+        _point_block(point, linear, damping, V, v)
         _invert(V, inverse)
+        # A point with a singular block does not move; its rays still count with the point as a constant.
         if inverse[0, 0] == 0.0:
             continue
         for a in range(3):
-            y[a] = inverse[a, 0] * vb[0] + inverse[a, 1] * vb[1] + inverse[a, 2] * vb[2]
-        count, m = _merged(begin, end, row, columns, jg, jp, weight, start, owner, place, own, W)
-        for b in range(3):
-            for a in range(m):
-                Z[b, a] = inverse[b, 0] * W[0, a] + inverse[b, 1] * W[1, a] + inverse[b, 2] * W[2, a]
+            y[a] = inverse[a, 0] * v[0] + inverse[a, 1] * v[1] + inverse[a, 2] * v[2]
+        count, m = _merge(point, linear, pattern, cross)
+        _carry(inverse, cross, m)
         for n in range(count):
-            g = own[n]
-            at = place[g]
+            g = cross.groups[n]
+            at = cross.place[g]
             for a in range(start[g + 1] - start[g]):
-                right[start[g] + a] -= W[0, at + a] * y[0] + W[1, at + a] * y[1] + W[2, at + a] * y[2]
-            for s in range(block_first[g], block_first[g + 1]):
-                other = place[partner[s]]
-                if other < 0:
-                    continue
-                width = start[partner[s] + 1] - start[partner[s]]
-                for a in range(start[g + 1] - start[g]):
-                    z0, z1, z2, base = Z[0, at + a], Z[1, at + a], Z[2, at + a], offset[s] + a * width
-                    for b in range(width):
-                        values[base + b] -= z0 * W[0, other + b] + z1 * W[1, other + b] + z2 * W[2, other + b]
-        for n in range(count):
-            place[own[n]] = -1
+                right[start[g] + a] -= cross.W[0, at + a] * y[0] + cross.W[1, at + a] * y[1] + cross.W[2, at + a] * y[2]
+            _subtract_row(g, pattern, cross, values)
+        _clear(cross, count)
 
 
 @njit(cache=True)
-def _back(first, row, columns, jg, jp, residual, weight, prior_weight, prior_residual, damping, correction):
-    out = np.zeros((len(first) - 1, 3))
-    V, inverse, vb = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
-    for point in range(len(first) - 1):
-        if first[point] == first[point + 1]:
+def _subtract_row(g, pattern, cross, values):
+    """Subtracts W' Z from the blocks of group g with the groups of the point."""
+    W, Z, at = cross.W, cross.Z, cross.place[g]
+    for s in range(pattern.first[g], pattern.first[g + 1]):
+        other = cross.place[pattern.partner[s]]
+        if other < 0:
             continue
-        _point_block(point, first, jp, residual, weight, prior_weight, prior_residual, damping, V, vb)
+        width = pattern.start[pattern.partner[s] + 1] - pattern.start[pattern.partner[s]]
+        for a in range(pattern.start[g + 1] - pattern.start[g]):
+            z0, z1, z2, base = Z[0, at + a], Z[1, at + a], Z[2, at + a], pattern.offset[s] + a * width
+            for b in range(width):
+                values[base + b] -= z0 * W[0, other + b] + z1 * W[1, other + b] + z2 * W[2, other + b]
+
+
+@njit(cache=True)
+def _back(linear, damping, correction):
+    """Back substitution: corrections (N, 3) of the points in their frames, V^-1 (v - W x)."""
+    out = np.zeros((len(linear.first) - 1, 3))
+    V, inverse, v = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    for point in range(len(linear.first) - 1):
+        if linear.first[point] == linear.first[point + 1]:
+            continue
+        _point_block(point, linear, damping, V, v)
         _invert(V, inverse)
-        for i in range(first[point], first[point + 1]):
+        for i in range(linear.first[point], linear.first[point + 1]):
             for n in range(2):
                 moved = 0.0
-                for a in range(columns.shape[1]):
-                    if columns[row[i], a] >= 0:
-                        moved += jg[i, n, a] * correction[columns[row[i], a]]
+                for a in range(linear.columns.shape[1]):
+                    if linear.columns[linear.row[i], a] >= 0:
+                        moved += linear.jg[i, n, a] * correction[linear.columns[linear.row[i], a]]
                 for b in range(3):
-                    vb[b] -= weight[i] * moved * jp[i, n, b]
+                    v[b] -= linear.weight[i] * moved * linear.jp[i, n, b]
         for a in range(3):
-            out[point, a] = inverse[a, 0] * vb[0] + inverse[a, 1] * vb[1] + inverse[a, 2] * vb[2]
+            out[point, a] = inverse[a, 0] * v[0] + inverse[a, 1] * v[1] + inverse[a, 2] * v[2]
     return out
 
 
 @njit(cache=True)
-def _precision(
-    first, row, columns, jg, jp, residual, weight, prior_weight, prior_residual,
-    start, block_first, partner, offset, owner, values, direct,
-):  # fmt: skip
-    points = np.zeros((len(first) - 1, 3, 3))
-    adjusted = np.zeros((len(row), 2))
-    k = columns.shape[1]
-    V, inverse, vb = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
-    most = _most(first, start, columns)
-    place, own = np.full(len(start) - 1, -1), np.empty(len(start) - 1, np.int64)
-    W, Z, QZ = np.empty((3, most)), np.empty((3, most)), np.empty((3, most))
-    for point in range(len(first) - 1):
-        begin, end = first[point], first[point + 1]
-        if begin == end:
+def _precision(linear, pattern, values, direct):
+    """Covariances (N, 3, 3) of the points in their frames and variances (M, 2) of the computed image coordinates; `values` hold the
+    covariance of the other unknowns, `direct` (T, k, k) its parts at linear.columns."""
+    points = np.zeros((len(linear.first) - 1, 3, 3))
+    adjusted = np.zeros((len(linear.row), 2))
+    V, inverse, v = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    cross = _no_cross(linear, pattern.start)
+    QZ = np.empty(cross.Z.shape)
+    for point in range(len(linear.first) - 1):
+        if linear.first[point] == linear.first[point + 1]:
             continue
-        _point_block(point, first, jp, residual, weight, prior_weight, prior_residual, 0.0, V, vb)
+        _point_block(point, linear, 0.0, V, v)
         _invert(V, inverse)
-        count, m = _merged(begin, end, row, columns, jg, jp, weight, start, owner, place, own, W)
-        for b in range(3):
-            for a in range(m):
-                Z[b, a] = inverse[b, 0] * W[0, a] + inverse[b, 1] * W[1, a] + inverse[b, 2] * W[2, a]
-                QZ[b, a] = 0.0
-        for n in range(count):
-            g = own[n]
-            at = place[g]
-            for s in range(block_first[g], block_first[g + 1]):
-                h = partner[s]
-                other = place[h]
-                if other < 0:
-                    continue
-                width = start[h + 1] - start[h]
-                for a in range(start[g + 1] - start[g]):
-                    base = offset[s] + a * width
-                    for d in range(3):
-                        total, z = 0.0, Z[d, at + a]
-                        for b in range(width):
-                            total += values[base + b] * Z[d, other + b]
-                        QZ[d, at + a] += total
-                        if h != g:
-                            for b in range(width):
-                                QZ[d, other + b] += values[base + b] * z
+        count, m = _merge(point, linear, pattern, cross)
+        _carry(inverse, cross, m)
+        _multiply(pattern, values, cross, (count, m), QZ)
+        # Q_pp = V^-1 + Z Q Z': the precision of the intersection, and that of orientation and cameras carried over.
         Q = inverse.copy()
         for d in range(3):
             for e in range(3):
                 for a in range(m):
-                    Q[d, e] += Z[d, a] * QZ[e, a]
+                    Q[d, e] += cross.Z[d, a] * QZ[e, a]
         points[point] = Q
-        for i in range(begin, end):
-            t = row[i]
+        for i in range(linear.first[point], linear.first[point + 1]):
             for n in range(2):
-                total = 0.0
-                for a in range(k):
-                    column = columns[t, a]
-                    if column < 0:
-                        continue
-                    part = 0.0
-                    for b in range(k):
-                        part += direct[t, a, b] * jg[i, n, b]
-                    total += jg[i, n, a] * part
-                    at = place[owner[column]] + column - start[owner[column]]
-                    for d in range(3):
-                        total -= 2.0 * jg[i, n, a] * QZ[d, at] * jp[i, n, d]
-                for d in range(3):
-                    for e in range(3):
-                        total += jp[i, n, d] * Q[d, e] * jp[i, n, e]
-                adjusted[i, n] = total
-        for n in range(count):
-            place[own[n]] = -1
+                adjusted[i, n] = _adjusted_variance(i, n, linear, direct, pattern, cross.place, (Q, QZ))
+        _clear(cross, count)
     return points, adjusted
 
 
+@njit(cache=True)
+def _multiply(pattern, values, cross, size, QZ):
+    """QZ (3, m) = Z Q over the `size` = (count, m) groups of a point; only the upper half of Q is stored."""
+    count, m = size
+    Z = cross.Z
+    QZ[:, :m] = 0.0
+    for n in range(count):
+        g = cross.groups[n]
+        at = cross.place[g]
+        for s in range(pattern.first[g], pattern.first[g + 1]):
+            h = pattern.partner[s]
+            other = cross.place[h]
+            if other < 0:
+                continue
+            width = pattern.start[h + 1] - pattern.start[h]
+            for a in range(pattern.start[g + 1] - pattern.start[g]):
+                base = pattern.offset[s] + a * width
+                for d in range(3):
+                    total, z = 0.0, Z[d, at + a]
+                    for b in range(width):
+                        total += values[base + b] * Z[d, other + b]
+                    QZ[d, at + a] += total
+                    if h != g:
+                        for b in range(width):
+                            QZ[d, other + b] += values[base + b] * z
+
+
+@njit(cache=True)
+def _adjusted_variance(i, n, linear, direct, pattern, place, of_point):
+    """Variance of coordinate n of ray i as computed from the adjusted unknowns: A Q A' + 2 A Q_xp B' + B Q_pp B', with the
+    covariance `of_point` = (Q_pp, -Q_px) and Q_xp = -(QZ)'."""
+    Q, QZ = of_point
+    t, total = linear.row[i], 0.0
+    for a in range(linear.columns.shape[1]):
+        column = linear.columns[t, a]
+        if column < 0:
+            continue
+        part = 0.0
+        for b in range(linear.columns.shape[1]):
+            part += direct[t, a, b] * linear.jg[i, n, b]
+        total += linear.jg[i, n, a] * part
+        at = place[pattern.owner[column]] + column - pattern.start[pattern.owner[column]]
+        for d in range(3):
+            total -= 2.0 * linear.jg[i, n, a] * QZ[d, at] * linear.jp[i, n, d]
+    for d in range(3):
+        for e in range(3):
+            total += linear.jp[i, n, d] * Q[d, e] * linear.jp[i, n, e]
+    return total
+
+
 def reduced_normals(linear: Linear, pattern: Pattern, damping: float = 0.0) -> Normals:
-    """The reduced normal equations in the blocks of `pattern`, without what is known beforehand but for the points."""
-    pieces, sides = _direct(linear.row, linear.columns, linear.jg, linear.residual, linear.weight)
+    """The reduced normal equations in the blocks of `pattern`; of the prior information only that on the points is included."""
+    pieces, sides = _direct(linear)
     matrix = BlockMatrix.zero(pattern)
+    # A photograph without rays has no piece; a row of a kept point exists only for the rays that see it.
     there = np.bincount(linear.row, minlength=len(pieces)) > 0
     matrix.add(linear.columns[there], pieces[there])
     right, diagonal = summed(linear.columns, sides, len(matrix)), matrix.diagonal()
-    _eliminate(*linear.arrays, damping, *pattern.arrays, matrix.values, right)
+    _eliminate(linear, pattern, damping, matrix.values, right)
     return Normals(matrix, right, diagonal)
 
 
 def point_corrections(linear: Linear, correction: np.ndarray, damping: float = 0.0) -> np.ndarray:
-    """Corrections (N, 3) of the points that belong to the corrections (n,) of the other unknowns; 0 for points without rays."""
-    return (linear.frame @ _back(*linear.arrays, damping, correction)[:, :, None])[:, :, 0]
+    """Corrections (N, 3) of the points by back substitution of the corrections (n,) of the other unknowns; 0 without rays."""
+    return (linear.frame @ _back(linear, damping, correction)[:, :, None])[:, :, 0]
 
 
 def point_precision(linear: Linear, cofactor: BlockMatrix) -> tuple[np.ndarray, np.ndarray]:
-    """Covariance (N, 3, 3) of the points with the effect of orientation and cameras, and the variances (M, 2) px^2 of the computed
-    image coordinates, from the covariance of the other unknowns; it has blocks for all that see a point together."""
-    points, adjusted = _precision(*linear.arrays, *cofactor.pattern.arrays, cofactor.values, cofactor.pieces(linear.columns))
+    """Covariance (N, 3, 3) of the points, the uncertainty of orientation and cameras included, and variances (M, 2) px^2 of the
+    computed image coordinates, from the covariance of the other unknowns, which has blocks for all groups that share a point."""
+    points, adjusted = _precision(linear, cofactor.pattern, cofactor.values, cofactor.pieces(linear.columns))
     return linear.frame @ points @ linear.frame.swapaxes(1, 2), adjusted
 
 
 def point_precision_alone(linear: Linear, start: np.ndarray) -> np.ndarray:
-    """Covariance (N, 3, 3) of the points when orientation and cameras are taken for exact; `start` as in `Pattern`."""
+    """Covariance (N, 3, 3) of the points with orientation and cameras free of error; `start` as in `Pattern`."""
     return point_precision(linear, BlockMatrix.zero(seen_pattern(linear, start)))[0]

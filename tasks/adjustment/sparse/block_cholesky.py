@@ -1,14 +1,15 @@
-"""Cholesky factors of block matrices, front by front, and the inverse where the matrix has blocks.
+"""Cholesky factors of block matrices, front by front, and the inverse in the blocks of the matrix.
 
-Each front is a small dense matrix: what the matrix says of its own unknowns, and what the fronts below left over. Its own unknowns
-are eliminated, the rest goes to the front above. The inverse comes back the same way: a front takes the inverse of its boundary
-from the front above, where all of it is known, and finds that of its own unknowns. The whole inverse is never formed.
+Each front is a small dense matrix: the blocks of its own unknowns, and the contributions of the fronts below. Its own unknowns are
+eliminated, the rest is passed to the front above. The inverse returns the same way: a front takes the inverse at its boundary from
+the front above, where all of it is known, and computes that of its own unknowns. The whole inverse is never formed.
 
 Source: Duff and Reid 1983 for fronts; Takahashi, Fagan and Chen 1973, Erisman and Tinney 1975 for the inverse on the pattern of
 the factor.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -18,11 +19,10 @@ from orthomill.tasks.adjustment.sparse.dissection import dissected
 from orthomill.tasks.adjustment.sparse.front_kernels import backward, eliminate, forward, take_product
 
 
-@dataclass(frozen=True, eq=False)
-class Step:
-    """A front by its unknowns: `columns` (s + b,), its `own` (s,) before those of the boundary; the `groups` of both with their
-    places `at` in the front, the `blocks` of the matrix that belong to it, the `parent` and the `place` (b,) of the boundary in the
-    parent's front."""
+class Step(NamedTuple):
+    """A front by its unknowns, as kernels take it: `columns` (s + b,), its `own` (s,) before those of the boundary; the `groups`
+    of both and their positions `at` in the front; the `blocks` of the matrix that enter it; its `parent` (-1: none) and the
+    `place` (b,) of the boundary in the parent's front."""
 
     columns: np.ndarray
     own: np.ndarray
@@ -35,7 +35,7 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """A pattern and the order in which it is eliminated. The pattern and the last front's unknowns are all that others need."""
+    """A pattern and its order of elimination."""
 
     pattern: Pattern
     steps: tuple[Step, ...]
@@ -47,11 +47,12 @@ class Structure:
 
 
 def structure_of(pattern: Pattern, photos: int, last: np.ndarray) -> Structure:
-    """How a matrix of this pattern is eliminated; see `dissected`."""
+    """The order of elimination of a pattern whose first `photos` groups are photographs; `last` as in `dissected`."""
     fronts = dissected(pattern, photos, last)
     front_of = np.empty(len(pattern.start) - 1, np.int64)
     for number, front in enumerate(fronts):
         front_of[front.own] = number
+    # A block enters where the first of its two groups is eliminated: from there on it is part of the contributions passed up.
     of_block = np.minimum(front_of[pattern.rows], front_of[pattern.partner])
     order = np.argsort(of_block, kind="stable")
     blocks = np.split(order, np.searchsorted(of_block[order], np.arange(1, len(fronts))))
@@ -69,19 +70,21 @@ def structure_of(pattern: Pattern, photos: int, last: np.ndarray) -> Structure:
 
 
 def _columns(pattern: Pattern, groups: np.ndarray) -> np.ndarray:
+    """The unknowns of `groups`, group after group."""
     size = np.diff(pattern.start)[groups]
     before = np.repeat(pattern.start[groups] - np.concatenate([[0], np.cumsum(size)])[:-1], size)
     return before + np.arange(len(before))
 
 
 def _positions(columns: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """The positions of the unknowns `wanted` in `columns`."""
     order = np.argsort(columns)
     return order[np.searchsorted(columns[order], wanted)]
 
 
 @dataclass(frozen=True, eq=False)
 class BlockCholesky:
-    """Factors U'U of a positive matrix: the rows (s, s + b) of U of every front, by its own and its boundary's unknowns."""
+    """Factors U'U of a positive definite matrix: of every front the rows (s, s + b) of U, columns in the order of the front."""
 
     structure: Structure
     upper: tuple[np.ndarray, ...]
@@ -102,7 +105,8 @@ class BlockCholesky:
     def selected_inverse(self) -> BlockMatrix:
         """A^-1 in the blocks of the pattern."""
         found, steps = BlockMatrix.zero(self.structure.pattern), self.structure.steps
-        rows, known = found.pattern.rows, {}
+        rows, known = found.pattern.rows, dict[int, np.ndarray]()
+        # An inverse is dropped once the last front below has read it: all of them together would be as large as the factor.
         waiting = np.bincount([step.parent for step in steps if step.parent >= 0], minlength=len(steps))
         for number in reversed(range(len(steps))):
             step = steps[number]
@@ -113,7 +117,7 @@ class BlockCholesky:
                 if not waiting[step.parent]:
                     del known[step.parent]
             Z = _inverted(self.upper[number], above)
-            _take(*found.pattern.arrays, found.values, step.blocks, rows, step.groups, step.at, Z)
+            _take(found.pattern, rows, step, Z, found.values)
             if waiting[number]:
                 known[number] = Z
         return found
@@ -122,22 +126,22 @@ class BlockCholesky:
 def factorised(structure: Structure, matrix: BlockMatrix, stiffness: np.ndarray | None = None) -> BlockCholesky:
     """The factors of a matrix; `stiffness` (s, s) is added at the unknowns of the last front.
 
-    Raises LinAlgError where the matrix is not finite and positive.
+    Raises LinAlgError where the matrix is not finite and positive definite.
     """
     if not np.isfinite(matrix.values).all():
         raise np.linalg.LinAlgError("the matrix is not finite")
-    rows, left = matrix.pattern.rows, {}
+    rows, left = matrix.pattern.rows, dict[int, list[tuple[np.ndarray, np.ndarray]]]()
     upper = []
     for number, step in enumerate(structure.steps):
         F = np.zeros((len(step.columns),) * 2)
-        _put(*matrix.pattern.arrays, matrix.values, step.blocks, rows, step.groups, step.at, F)
+        _put(matrix.pattern, rows, step, matrix.values, F)
         for place, rest in left.pop(number, ()):
             _join(F, place, rest)
         if stiffness is not None and step.parent < 0:
             F += stiffness
         s = len(step.own)
         if not eliminate(F, s):
-            raise np.linalg.LinAlgError("the matrix is not positive")
+            raise np.linalg.LinAlgError("the matrix is not positive definite")
         upper.append(F[:s].copy())
         if step.parent >= 0:
             left.setdefault(step.parent, []).append((step.place, F[s:, s:].copy()))
@@ -147,54 +151,61 @@ def factorised(structure: Structure, matrix: BlockMatrix, stiffness: np.ndarray 
 def _inverted(U: np.ndarray, above: np.ndarray) -> np.ndarray:
     """The inverse (s + b, s + b) at the unknowns of a front, from its rows of U and the inverse (b, b) at its boundary.
 
-    With G = U_ss^-1 U_sb it is -G Z_bb beside the boundary, and U_ss^-1 U_ss'^-1 + G Z_bb G' for the own unknowns.
+    With G = U_ss^-1 U_sb it is -G Z_bb between the own unknowns and the boundary, and U_ss^-1 U_ss'^-1 + G Z_bb G' for the own
+    unknowns (Takahashi's equations).
     """
     s, m = U.shape
     corner, G, own = U[:, :s].copy(), U[:, s:].copy(), np.eye(s)
     backward(corner, own)
     backward(corner, G)
     Z = np.empty((m, m))
-    beside, inner = np.zeros((s, m - s)), np.zeros((s, s))
-    take_product(beside, G, above)
+    across, inner = np.zeros((s, m - s)), np.zeros((s, s))
+    take_product(across, G, above)
     take_product(inner, own, own.T.copy())
-    take_product(inner, beside, np.ascontiguousarray(-G.T))
-    Z[s:, s:], Z[:s, s:], Z[s:, :s], Z[:s, :s] = above, beside, beside.T, -inner
+    take_product(inner, across, np.ascontiguousarray(-G.T))
+    Z[s:, s:], Z[:s, s:], Z[s:, :s], Z[:s, :s] = above, across, across.T, -inner
     return Z
 
 
 @njit(cache=True)
 def _join(F, place, rest):
-    """Adds what a front below leaves over, upper half, to its places in F."""
+    """Adds the contribution `rest` of a front below, upper half, at its places in F."""
     for a in range(len(place)):
         for b in range(a, len(place)):
             F[min(place[a], place[b]), max(place[a], place[b])] += rest[a, b]
 
 
 @njit(cache=True)
-def _put(start, first, partner, offset, owner, values, blocks, rows, groups, at, F):
-    """Writes the blocks of a front to their places in its upper half."""
-    place = np.full(len(first) - 1, -1)
-    for k in range(len(groups)):
-        place[groups[k]] = at[k]
-    for s in blocks:
-        g, h = rows[s], partner[s]
-        width = start[h + 1] - start[h]
-        for i in range(start[g + 1] - start[g]):
-            for j in range(width):
-                a, b = place[g] + i, place[h] + j
-                if g != h or i <= j:
-                    F[min(a, b), max(a, b)] = values[offset[s] + i * width + j]
+def _places(pattern, step):
+    """Where the groups of a front begin in it; -1 for all others."""
+    place = np.full(len(pattern.first) - 1, -1)
+    for k in range(len(step.groups)):
+        place[step.groups[k]] = step.at[k]
+    return place
 
 
 @njit(cache=True)
-def _take(start, first, partner, offset, owner, values, blocks, rows, groups, at, Z):
-    """Reads the blocks of a front from their places in it."""
-    place = np.full(len(first) - 1, -1)
-    for k in range(len(groups)):
-        place[groups[k]] = at[k]
-    for s in blocks:
-        g, h = rows[s], partner[s]
-        width = start[h + 1] - start[h]
-        for i in range(start[g + 1] - start[g]):
+def _put(pattern, rows, step, values, F):
+    """Writes the blocks of a front to their places in its upper half."""
+    place = _places(pattern, step)
+    for s in step.blocks:
+        g, h = rows[s], pattern.partner[s]
+        width = pattern.start[h + 1] - pattern.start[h]
+        for i in range(pattern.start[g + 1] - pattern.start[g]):
             for j in range(width):
-                values[offset[s] + i * width + j] = Z[place[g] + i, place[h] + j]
+                a, b = place[g] + i, place[h] + j
+                if g != h or i <= j:
+                    # The groups of a front are not in ascending order: a block of the upper half may belong below the diagonal.
+                    F[min(a, b), max(a, b)] = values[pattern.offset[s] + i * width + j]
+
+
+@njit(cache=True)
+def _take(pattern, rows, step, Z, values):
+    """Reads the blocks of a front from their places in it."""
+    place = _places(pattern, step)
+    for s in step.blocks:
+        g, h = rows[s], pattern.partner[s]
+        width = pattern.start[h + 1] - pattern.start[h]
+        for i in range(pattern.start[g + 1] - pattern.start[g]):
+            for j in range(width):
+                values[pattern.offset[s] + i * width + j] = Z[place[g] + i, place[h] + j]

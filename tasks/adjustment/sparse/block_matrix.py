@@ -1,22 +1,22 @@
-"""Symmetric matrices of which only the blocks are stored that are not zero by structure.
+"""Symmetric matrices that store only the blocks which are not zero by structure.
 
-Unknowns that always come together (the six of a photograph, the interior orientation of a camera, a kept point) are a group; two
-groups have a block where an observation, or a point that is eliminated, touches both. Blocks of the upper half, row by row; those
-on the diagonal are whole.
+Unknowns that always occur together (the six of a photograph, the interior orientation of a camera, a kept point) are a group; two
+groups have a block where an observation, or a point that is eliminated, depends on both. The blocks of the upper half are stored,
+row by row; those on the diagonal are whole.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from scipy.sparse import csr_array, eye_array, triu
 
 
-@dataclass(frozen=True, eq=False)
-class Pattern:
-    """Which blocks there are: group g has the unknowns start[g] to start[g + 1]; its blocks are first[g] to first[g + 1], with the
-    groups `partner` (ascending, from g itself); the numbers of block s begin at offset[s]. `owner` (n,): the group of every
-    unknown."""
+class Pattern(NamedTuple):
+    """The blocks of a matrix, as kernels take it: group g has the unknowns start[g] to start[g + 1] and the blocks first[g] to
+    first[g + 1], shared with the groups `partner` (ascending, from g itself); the values of block s begin at offset[s]. `owner`
+    (n,) is the group of every unknown."""
 
     start: np.ndarray
     first: np.ndarray
@@ -25,19 +25,15 @@ class Pattern:
     owner: np.ndarray
 
     @property
-    def arrays(self) -> tuple[np.ndarray, ...]:
-        """What kernels take."""
-        return self.start, self.first, self.partner, self.offset, self.owner
-
-    @property
     def rows(self) -> np.ndarray:
-        """(S,) the first group of every block."""
+        """(S,) the group of the rows of every block."""
         return np.repeat(np.arange(len(self.first) - 1), np.diff(self.first))
 
 
 def pattern_of(start: np.ndarray, cliques: csr_array) -> Pattern:
     """The pattern in which all groups of a clique have blocks with each other; `cliques` (any number, groups), nonzero where a
-    group belongs."""
+    group belongs to it."""
+    # The identity gives every group its diagonal block, also a photograph that no observation reaches: priors and damping need it.
     shared = triu(cliques.T @ cliques + eye_array(len(start) - 1, dtype=cliques.dtype), format="csr")
     shared.sort_indices()
     size = np.diff(start)
@@ -49,50 +45,53 @@ def pattern_of(start: np.ndarray, cliques: csr_array) -> Pattern:
 
 @dataclass(frozen=True, eq=False)
 class BlockMatrix:
-    """A symmetric matrix with the numbers `values` in the blocks of its pattern."""
+    """A symmetric matrix with the `values` of the blocks of its pattern."""
 
     pattern: Pattern
     values: np.ndarray
 
     @staticmethod
     def zero(pattern: Pattern) -> "BlockMatrix":
-        """All blocks 0."""
+        """The matrix whose blocks are all 0."""
         return BlockMatrix(pattern, np.zeros(pattern.offset[-1]))
 
     @staticmethod
     def of(pattern: Pattern, dense: np.ndarray) -> "BlockMatrix":
         """The blocks of a symmetric matrix (n, n)."""
         out = BlockMatrix.zero(pattern)
-        _read(*pattern.arrays, out.values, dense)
+        _read(pattern, out.values, dense)
         return out
 
     def __len__(self) -> int:
         return int(self.pattern.start[-1])
 
     def add(self, columns: np.ndarray, pieces: np.ndarray) -> None:
-        """Adds symmetric `pieces` (T, k, k) at the unknowns `columns` (T, k); -1: a row and column to be left out."""
-        _add(*self.pattern.arrays, self.values, np.atleast_2d(columns), np.ascontiguousarray(pieces))
+        """Adds symmetric `pieces` (T, k, k) at the unknowns `columns` (T, k); -1 omits a row and column.
+
+        Raises ValueError where the pattern has no block for a piece.
+        """
+        _add(self.pattern, self.values, np.atleast_2d(columns), np.ascontiguousarray(pieces))
 
     def pieces(self, columns: np.ndarray) -> np.ndarray:
         """(T, k, k) the parts at the unknowns `columns` (T, k); 0 for -1, NaN where there is no block."""
-        return _pieces(*self.pattern.arrays, self.values, np.atleast_2d(columns))
+        return _pieces(self.pattern, self.values, np.atleast_2d(columns))
 
     def add_product(self, left: np.ndarray, right: np.ndarray) -> None:
-        """Adds left right' to the blocks that there are; `left`, `right` (n, k)."""
-        _add_product(*self.pattern.arrays, self.values, np.ascontiguousarray(left), np.ascontiguousarray(right))
+        """Adds left right' to the blocks of the pattern; `left`, `right` (n, k)."""
+        _add_product(self.pattern, self.values, np.ascontiguousarray(left), np.ascontiguousarray(right))
 
     def scaled(self, scale: np.ndarray) -> "BlockMatrix":
         """Row and column i multiplied by scale[i]."""
         values = self.values.copy()
-        _scale(*self.pattern.arrays, values, scale)
+        _scale(self.pattern, values, scale)
         return BlockMatrix(self.pattern, values)
 
     def times(self, vectors: np.ndarray) -> np.ndarray:
         """The product (n, k) with `vectors` (n, k)."""
-        return _times(*self.pattern.arrays, self.values, np.ascontiguousarray(vectors))
+        return _times(self.pattern, self.values, np.ascontiguousarray(vectors))
 
     def diagonal(self) -> np.ndarray:
-        """(n,)"""
+        """(n,) the diagonal."""
         return self.values[diagonal_places(self.pattern)]
 
     def row_sums(self) -> np.ndarray:
@@ -100,57 +99,64 @@ class BlockMatrix:
         return BlockMatrix(self.pattern, np.abs(self.values)).times(np.ones((len(self), 1)))[:, 0]
 
     def dense(self) -> np.ndarray:
-        """(n, n)"""
+        """(n, n) the whole matrix, for tests and small systems."""
         return self.times(np.eye(len(self)))
 
 
 def diagonal_places(pattern: Pattern) -> np.ndarray:
-    """(n,) where the values of the diagonal are."""
+    """(n,) the positions of the diagonal in the values."""
     size = np.diff(pattern.start)
     inside = np.arange(pattern.start[-1]) - pattern.start[pattern.owner]
     return pattern.offset[pattern.first[pattern.owner]] + inside * (size[pattern.owner] + 1)
 
 
 def summed(columns: np.ndarray, parts: np.ndarray, unknowns: int) -> np.ndarray:
-    """(n,) the sums of `parts` (any shape) by the unknown in `columns` (the same shape; -1: none)."""
+    """(n,) the sums of `parts` (any shape) by unknown; `columns` has the same shape, -1 for none."""
     there = columns >= 0
     return np.bincount(columns[there], parts[there], minlength=unknowns)
 
 
 @njit(cache=True)
-def _block(first, partner, g, h):
+def _block(pattern, g, h):
     """The number of the block of groups g <= h, -1 where there is none."""
-    low, high = first[g], first[g + 1]
+    low, high = pattern.first[g], pattern.first[g + 1]
     while low < high:
         middle = (low + high) // 2
-        if partner[middle] < h:
+        if pattern.partner[middle] < h:
             low = middle + 1
         else:
             high = middle
-    return low if low < first[g + 1] and partner[low] == h else -1
+    return low if low < pattern.first[g + 1] and pattern.partner[low] == h else -1
 
 
 @njit(cache=True)
-def _add(start, first, partner, offset, owner, values, columns, pieces):
+def _position(pattern, s, row, column):
+    """Where block s holds the value at the unknowns `row` and `column`."""
+    width = pattern.start[pattern.partner[s] + 1] - pattern.start[pattern.partner[s]]
+    return pattern.offset[s] + (row - pattern.start[pattern.owner[row]]) * width + column - pattern.start[pattern.partner[s]]
+
+
+@njit(cache=True)
+def _add(pattern, values, columns, pieces):
     for t in range(len(columns)):
         for a in range(columns.shape[1]):
             ca = columns[t, a]
             if ca < 0:
                 continue
-            g = owner[ca]
+            g = pattern.owner[ca]
             for b in range(columns.shape[1]):
                 cb = columns[t, b]
-                if cb < 0 or owner[cb] < g:
+                if cb < 0 or pattern.owner[cb] < g:
                     continue
-                h = owner[cb]
-                s = _block(first, partner, g, h)
+                s = _block(pattern, g, pattern.owner[cb])
+                # A silent loss would be a wrong covariance: the pattern has to be that of the observations.
                 if s < 0:
                     raise ValueError("the pattern has no block for this piece")
-                values[offset[s] + (ca - start[g]) * (start[h + 1] - start[h]) + cb - start[h]] += pieces[t, a, b]
+                values[_position(pattern, s, ca, cb)] += pieces[t, a, b]
 
 
 @njit(cache=True)
-def _pieces(start, first, partner, offset, owner, values, columns):
+def _pieces(pattern, values, columns):
     k = columns.shape[1]
     out = np.zeros((len(columns), k, k))
     for t in range(len(columns)):
@@ -158,34 +164,32 @@ def _pieces(start, first, partner, offset, owner, values, columns):
             ca = columns[t, a]
             for b in range(k):
                 cb = columns[t, b]
-                if ca < 0 or cb < 0 or owner[cb] < owner[ca]:
+                if ca < 0 or cb < 0 or pattern.owner[cb] < pattern.owner[ca]:
                     continue
-                g, h = owner[ca], owner[cb]
-                s = _block(first, partner, g, h)
-                at = offset[s] + (ca - start[g]) * (start[h + 1] - start[h]) + cb - start[h]
-                out[t, a, b] = values[at] if s >= 0 else np.nan
+                s = _block(pattern, pattern.owner[ca], pattern.owner[cb])
+                out[t, a, b] = values[_position(pattern, s, ca, cb)] if s >= 0 else np.nan
                 out[t, b, a] = out[t, a, b]
     return out
 
 
 @njit(cache=True)
-def _read(start, first, partner, offset, owner, values, dense):
-    for g in range(len(first) - 1):
-        for s in range(first[g], first[g + 1]):
-            h, at = partner[s], offset[s]
-            for i in range(start[g], start[g + 1]):
-                for j in range(start[h], start[h + 1]):
+def _read(pattern, values, dense):
+    for g in range(len(pattern.first) - 1):
+        for s in range(pattern.first[g], pattern.first[g + 1]):
+            h, at = pattern.partner[s], pattern.offset[s]
+            for i in range(pattern.start[g], pattern.start[g + 1]):
+                for j in range(pattern.start[h], pattern.start[h + 1]):
                     values[at] = dense[i, j]
                     at += 1
 
 
 @njit(cache=True)
-def _add_product(start, first, partner, offset, owner, values, left, right):
-    for g in range(len(first) - 1):
-        for s in range(first[g], first[g + 1]):
-            h, at = partner[s], offset[s]
-            for i in range(start[g], start[g + 1]):
-                for j in range(start[h], start[h + 1]):
+def _add_product(pattern, values, left, right):
+    for g in range(len(pattern.first) - 1):
+        for s in range(pattern.first[g], pattern.first[g + 1]):
+            h, at = pattern.partner[s], pattern.offset[s]
+            for i in range(pattern.start[g], pattern.start[g + 1]):
+                for j in range(pattern.start[h], pattern.start[h + 1]):
                     total = 0.0
                     for k in range(left.shape[1]):
                         total += left[i, k] * right[j, k]
@@ -194,24 +198,25 @@ def _add_product(start, first, partner, offset, owner, values, left, right):
 
 
 @njit(cache=True)
-def _scale(start, first, partner, offset, owner, values, scale):
-    for g in range(len(first) - 1):
-        for s in range(first[g], first[g + 1]):
-            h, at = partner[s], offset[s]
-            for i in range(start[g], start[g + 1]):
-                for j in range(start[h], start[h + 1]):
+def _scale(pattern, values, scale):
+    for g in range(len(pattern.first) - 1):
+        for s in range(pattern.first[g], pattern.first[g + 1]):
+            h, at = pattern.partner[s], pattern.offset[s]
+            for i in range(pattern.start[g], pattern.start[g + 1]):
+                for j in range(pattern.start[h], pattern.start[h + 1]):
                     values[at] *= scale[i] * scale[j]
                     at += 1
 
 
 @njit(cache=True)
-def _times(start, first, partner, offset, owner, values, vectors):
+def _times(pattern, values, vectors):
     out = np.zeros(vectors.shape)
-    for g in range(len(first) - 1):
-        for s in range(first[g], first[g + 1]):
-            h, at = partner[s], offset[s]
-            for i in range(start[g], start[g + 1]):
-                for j in range(start[h], start[h + 1]):
+    for g in range(len(pattern.first) - 1):
+        for s in range(pattern.first[g], pattern.first[g + 1]):
+            h, at = pattern.partner[s], pattern.offset[s]
+            for i in range(pattern.start[g], pattern.start[g + 1]):
+                for j in range(pattern.start[h], pattern.start[h + 1]):
+                    # Diagonal blocks are stored whole: their lower half would otherwise count twice.
                     if h != g or j >= i:
                         for k in range(vectors.shape[1]):
                             out[i, k] += values[at] * vectors[j, k]

@@ -90,8 +90,8 @@ def effects(result: Adjustment, size: np.ndarray, white: Covariance, chosen: np.
     own_columns = np.full((len(linear.columns), 2 * TERMS), -1)
     own_columns[linear.row] = columns
     count, k = network.unknowns, 2 * TERMS * len(chosen)
-    augmented = replace(
-        linear, jg=np.concatenate([linear.jg, derivatives], axis=2), columns=np.hstack([linear.columns, own_columns])
+    augmented = linear._replace(
+        jg=np.concatenate([linear.jg, derivatives], axis=2), columns=np.hstack([linear.columns, own_columns])
     )
     start = np.append(network.group_start, count + 2 * TERMS * np.arange(1, len(chosen) + 1))
     normals = reduced_normals(augmented, seen_pattern(augmented, start))
