@@ -1,1 +1,52 @@
-"""orthomill: from overlapping photographs to a checked surface model and a blended true orthoimage."""
+"""orthomill: from overlapping photographs to a checked surface model and a blended true orthoimage.
+
+For notebooks and programs. `open` gives a finished project: its block, rasters, points and figures. `calibrate`, `orient`,
+`match` and `check` call the methods of the stages without a project.
+
+    >>> import orthomill
+    >>> volos = orthomill.open("runs/volos")
+    >>> volos.block.sigma0_px, volos.raster("densification/height").mean().compute()
+
+Everything is loaded when it is first asked for, so that importing the package costs nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from orthomill.calibration import BoardCalibration as BoardCalibration
+    from orthomill.calibration import calibrate as calibrate
+    from orthomill.finished_project import FinishedProject as FinishedProject
+    from orthomill.finished_project import open as open
+    from orthomill.matching import match as match
+    from orthomill.matching import read_photograph as read_photograph
+    from orthomill.orientation import OrientedBlock as OrientedBlock
+    from orthomill.orientation import orient as orient
+    from orthomill.surface_check import SurfaceCheck as SurfaceCheck
+    from orthomill.surface_check import check as check
+
+_PLACES = {
+    "open": ("finished_project", "open"),
+    "FinishedProject": ("finished_project", "FinishedProject"),
+    "calibrate": ("calibration", "calibrate"),
+    "BoardCalibration": ("calibration", "BoardCalibration"),
+    "orient": ("orientation", "orient"),
+    "OrientedBlock": ("orientation", "OrientedBlock"),
+    "match": ("matching", "match"),
+    "read_photograph": ("matching", "read_photograph"),
+    "check": ("surface_check", "check"),
+    "SurfaceCheck": ("surface_check", "SurfaceCheck"),
+}
+
+__all__ = [*_PLACES]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PLACES:
+        raise AttributeError(f"orthomill has no '{name}'; it has {', '.join(__all__)}")
+    module, attribute = _PLACES[name]
+    return getattr(import_module(f"orthomill.{module}"), attribute)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

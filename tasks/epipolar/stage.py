@@ -38,14 +38,7 @@ class EpipolarStage(Stage):
     interpolation: Literal["bicubic", "bilinear"] = setting("bicubic", "How photographs are resampled.")
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
-        yield Job(
-            self.kind,
-            "pairs",
-            choose_pairs,
-            {"block": BLOCK},
-            {"pairs": PAIRS},
-            {"choice": self.pairs, "height_margin": self.height_margin, "height_room": self.height_room},
-        )
+        yield self.pairs_job()
         yield Job(
             self.kind,
             "report",
@@ -55,12 +48,17 @@ class EpipolarStage(Stage):
         )
         # The pairs decide which rasters exist, so the rest can only be planned once their job has run.
         pairs, block, photos = view.table(PAIRS), view.table(BLOCK), view.table(PHOTOS)
-        yield from self._ranges(view, photos, pairs.pairs)
+        yield from self.grey_ranges(view, photos, pairs.pairs)
         for pair in pairs.pairs:
             for side in SIDES:
                 yield from self._image(pair, side, block, photos, view.project.tile)
 
-    def _ranges(self, view: ProjectView, photos: Photos, pairs: tuple[EpipolarPair, ...]) -> Iterator[Job]:
+    def pairs_job(self) -> Job:
+        """The choice of pairs, from the block alone."""
+        params = {"choice": self.pairs, "height_margin": self.height_margin, "height_room": self.height_room}
+        return Job(self.kind, "pairs", choose_pairs, {"block": BLOCK}, {"pairs": PAIRS}, params)
+
+    def grey_ranges(self, view: ProjectView, photos: Photos, pairs: tuple[EpipolarPair, ...]) -> Iterator[Job]:
         """One stretch for each 16-bit photograph, from its coarsest level."""
         # 8-bit photographs keep their grey values: a stretch would only add rounding.
         for name in sorted({name for pair in pairs for name in (pair.left, pair.right)}):

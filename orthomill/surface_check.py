@@ -1,0 +1,108 @@
+"""The check of a surface against photographs without a project: where it disagrees with them, and by how much."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from pyproj import CRS
+
+from orthomill.pipeline.storage.store import Store
+from orthomill.schemas.epipolar import PAIRS
+from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.job import Export, Job
+from orthomill.schemas.orientation import BLOCK, Block
+from orthomill.schemas.photo import PHOTOS
+from orthomill.schemas.project import Project
+from orthomill.schemas.raster import MapGrid, RasterSpec, map_raster
+from orthomill.schemas.stage_contract import ProjectView
+from orthomill.schemas.stage_report import StageReport, report_table
+from orthomill.schemas.surface import CORRECTED, HEIGHT, SURFACE, Surface
+from orthomill.tasks.dsm_check.report import DH, PRECISION
+from orthomill.tasks.dsm_check.stage import DsmCheckStage, SurfaceFile
+from orthomill.tasks.epipolar.stage import EpipolarStage
+from orthomill.tasks.photos.stage import PhotosStage
+from orthomill.temporary_run import GivenResults, Progress, photo_list, temporary_run
+
+_LEEWAY = 1 / 7
+"""share of the flying height by which a surface may leave the heights of the tie points"""
+
+
+@dataclass(frozen=True)
+class SurfaceCheck:
+    """The answer, on the cells of the surface."""
+
+    result: xr.Dataset
+    """dh: correction that the photographs ask for (m, NaN where they cannot judge); sigma: its standard error (m); height: the
+    corrected surface (m)"""
+    report: StageReport
+    """figures, charts, maps and warnings as in the report of a project"""
+
+
+class _PairsAlone(EpipolarStage):
+    """Which pairs see the surface, without their epipolar images, which the check does not need."""
+
+    def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
+        yield self.pairs_job()
+        yield from self.grey_ranges(view, view.table(PHOTOS), view.table(PAIRS).pairs)
+
+
+def check(
+    surface: str | Path | xr.DataArray,
+    photographs: str | Path | Sequence[str | Path],
+    block: Block,
+    *,
+    settings: DsmCheckStage | None = None,
+    progress: Progress | None = None,
+) -> SurfaceCheck:
+    """Check a height model against oriented photographs.
+
+    surface: a GeoTIFF, or an array (y, x) of heights in metres whose coordinates x, y are the centres of square cells in the CRS of
+    the block, north up, NaN where it has no height. photographs: a folder or files, named as in the block. block: from
+    `orthomill.orient` or `FinishedProject.block`. settings: the stage with settings other than its defaults.
+
+    Raises OrthomillError with one sentence, for example when no pair of photographs sees the surface.
+    """
+    project = Project(project="check", crs=block.crs, photographs=photo_list(photographs))
+    stage, given = settings or DsmCheckStage(), GivenResults.of({BLOCK: block})
+    if isinstance(surface, xr.DataArray):
+        given = GivenResults.of({BLOCK: block, SURFACE: _bounds(surface, block)}, {_spec(surface, block): _heights(surface)})
+    else:
+        stage = stage.model_copy(update={"surface": SurfaceFile(kind="file", path=str(Path(surface).resolve()))})
+    with temporary_run(project, (PhotosStage(), given, _PairsAlone(), stage), progress) as store:
+        return SurfaceCheck(_result(store), store.table(report_table("dsm_check")))
+
+
+def _result(store: Store) -> xr.Dataset:
+    data = xr.open_zarr(store.rasters, group="dsm_check", consolidated=False, decode_coords="all")
+    leaves = {DH: "dh", PRECISION: "sigma", CORRECTED: "height"}
+    return data[[name.split("/")[1] for name in leaves]].rename({n.split("/")[1]: new for n, new in leaves.items()}).load()
+
+
+def _heights(surface: xr.DataArray) -> np.ndarray:
+    return np.asarray(surface, np.float32)
+
+
+def _spec(surface: xr.DataArray, block: Block) -> RasterSpec:
+    return map_raster(HEIGHT, _grid(surface, block), "float32", block.crs, 512, nodata=float("nan"), unit="m")
+
+
+def _bounds(surface: xr.DataArray, block: Block) -> Surface:
+    flying = float(np.mean([photo.centre[2] for photo in block.photos])) - (block.ground_low + block.ground_high) / 2
+    spare = abs(flying) * _LEEWAY
+    return Surface(grid=_grid(surface, block), height_low=block.ground_low - spare, height_high=block.ground_high + spare)
+
+
+def _grid(surface: xr.DataArray, block: Block) -> MapGrid:
+    """The grid of the cell centres. Raises WorkflowError for another CRS, and for cells that are not square and north up."""
+    mapping = surface.coords.get("spatial_ref")
+    own = mapping.attrs.get("crs_wkt") if mapping is not None else None
+    if own is not None and CRS(own) != CRS(block.crs):
+        raise WorkflowError(f"The surface is in {CRS(own).name}, but the block in {block.crs}; reproject one of them.")
+    x, y = (np.asarray(surface.coords[name], np.float64) for name in ("x", "y"))
+    cell = float(x[1] - x[0])
+    regular = np.allclose(np.diff(x), cell, rtol=1e-6) and np.allclose(np.diff(y), -cell, rtol=1e-6)
+    if surface.dims != ("y", "x") or cell <= 0 or not regular:
+        raise WorkflowError("A surface to check has the dimensions (y, x), square cells, x rising and y falling; resample it.")
+    return MapGrid(west=x[0] - cell / 2, north=y[0] + cell / 2, cell=cell, rows=len(y), cols=len(x))
