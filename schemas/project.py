@@ -31,6 +31,9 @@ class SimulatedPhotos(Settings):
     kind: Literal["simulated"]
 
 
+PhotoFiles = PhotoFolder | PhotoList
+"""Photographs that exist as files before anything runs."""
+
 Photographs = Annotated[PhotoFolder | PhotoList | SimulatedPhotos, Field(discriminator="kind")]
 
 SERVES = "Shell pattern of the file names that this camera took; other photographs have the camera of their EXIF tags."

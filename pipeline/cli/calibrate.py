@@ -1,7 +1,7 @@
-"""The workflow of a calibration alone: photographs of chessboards, one stage, no project around it.
+"""The workflow of a calibration alone: photographs of chessboards, one stage, no other project data.
 
-It is made from the command line and never was a file; the run writes it beside its results like any other, so that it can be run
-again.
+It is made from the command line rather than read from a file; the run writes it next to its results like any other workflow, so
+that it can be run again.
 """
 
 import os
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 
 from orthomill.pipeline.storage.image_files import image_files, is_image_name, shown
 from orthomill.pipeline.workflow.workflow_checks import kind_of
@@ -21,13 +22,13 @@ from orthomill.schemas.project import CameraFromChessboards, PhotoFolder, PhotoL
 from orthomill.schemas.stage_contract import Stage
 
 _STAGE = "calibration"
-_NO_PLACE = "EPSG:3857"
-"""A workflow needs a system of coordinates; boards have none, and nothing of a calibration hangs on it."""
+_ANY_CRS = "EPSG:3857"
+"""A workflow needs a coordinate reference system; boards have none, and no result of a calibration depends on it."""
 
 
 @dataclass(frozen=True)
-class BoardsSaid:
-    """What the command line says of the boards."""
+class BoardOptions:
+    """What the command line says about the boards, still as text where it is parsed here."""
 
     corners: str
     square: float
@@ -37,24 +38,35 @@ class BoardsSaid:
 
 
 def calibration_workflow(
-    name: str, photos: Sequence[Path], said: BoardsSaid, root: Path, catalogue: tuple[type[Stage], ...]
+    name: str, photos: Sequence[Path], options: BoardOptions, root: Path, catalogue: tuple[type[Stage], ...]
 ) -> LoadedWorkflow:
-    """The workflow of a calibration with results in runs/<name> below `root`. Raises WorkflowError in one sentence."""
+    """The workflow of a calibration with results in runs/<name> below `root`. Raises WorkflowError with one sentence."""
     files = PhotoList(kind="list", paths=_files(photos, root))
     stage_type = next(stage for stage in catalogue if kind_of(stage) == _STAGE)
     try:
-        cameras = CameraFromChessboards(
-            kind="chessboards", photographs=files, corners=_corners(said.corners), square=said.square, boards=said.boards,
-            arrangement=said.arrangement,
-        )  # fmt: skip
-        project = Project(project=name, crs=_NO_PLACE, photographs=files, cameras=cameras)
-        stage = stage_type(parameters=tuple(part.strip() for part in said.parameters.split(",") if part.strip()))
+        cameras = _cameras(files, options)
+        project = Project(project=name, crs=_ANY_CRS, photographs=files, cameras=cameras)
+        parameters = tuple(part.strip() for part in options.parameters.split(",") if part.strip())
+        stage = stage_type.model_validate({"parameters": parameters})
     except ValidationError as error:
         raise WorkflowError("; ".join(_mistake(detail) for detail in error.errors()) + ".") from error
     return LoadedWorkflow(project, (stage,), root / f"{name}.yaml", root, workflow_text(project, (stage,)))
 
 
-def _mistake(detail: dict) -> str:
+def _cameras(files: PhotoList, options: BoardOptions) -> CameraFromChessboards:
+    settings = {
+        "kind": "chessboards",
+        "photographs": files,
+        "corners": _corners(options.corners),
+        "square": options.square,
+        "boards": options.boards,
+        "arrangement": options.arrangement,
+    }
+    return CameraFromChessboards.model_validate(settings)
+
+
+def _mistake(detail: ErrorDetails) -> str:
+    # The options have the names of the settings, except for the name of the project, which is called --name here.
     option = str(detail["loc"][0]) if detail["loc"] else "the calibration"
     return f"--{'name' if option == 'project' else option}: {detail['msg']} (found: {detail['input']})"
 
@@ -69,14 +81,15 @@ def _files(photos: Sequence[Path], root: Path) -> tuple[str, ...]:
         elif not path.is_file():
             raise WorkflowError(f"There is no photograph {shown(path)}; correct the path.")
         elif not is_image_name(path.name):
-            raise WorkflowError(f"{shown(path)} is no JPEG, TIFF or PNG image; leave it out.")
+            raise WorkflowError(f"{shown(path)} is not a JPEG, TIFF or PNG image; leave it out.")
         else:
             files.append(relative)
+    # A photograph may be given by itself and in a folder; its corners must not be counted as two observations.
     return tuple(dict.fromkeys(files))
 
 
 def _corners(text: str) -> tuple[int, int]:
     found = re.fullmatch(r"\s*(\d+)\s*[x×,]\s*(\d+)\s*", text)
     if not found:
-        raise WorkflowError(f"--corners is columns x rows of inner corners, such as 5x6, and not '{text}'.")
+        raise WorkflowError(f"--corners is '{text}'; write columns x rows of inner corners, such as 5x6.")
     return int(found[1]), int(found[2])

@@ -1,4 +1,4 @@
-"""Removes what runs left behind, and nothing else."""
+"""Removes the results of runs, and nothing else."""
 
 import shutil
 from pathlib import Path
@@ -15,15 +15,16 @@ def clean_run(folder: Path, stages: tuple[str, ...]) -> None:
     if not folder.is_dir():
         raise StoreError(f"{folder} does not exist; there is nothing to clean.")
     parts = [folder / part / stage for stage in stages for part in ("rasters.zarr", "tables", "jobs")]
+    # Under the lock: a run in progress would find its rasters and records gone between two jobs.
     with only_run(folder):
-        for doomed in parts or [folder]:
-            _remove(doomed)
+        for part in parts or [folder]:
+            _remove(part)
 
 
 def _remove(folder: Path) -> None:
     try:
         shutil.rmtree(folder)
-    except FileNotFoundError:
+    except FileNotFoundError:  # a stage that writes no rasters, or none yet
         return
     except OSError as error:
         raise StoreError(f"{folder} cannot be removed: {error.strerror}; make it writable.") from error

@@ -1,6 +1,6 @@
-"""The command `orthomill`: hands the catalogue of stages to the engine and speaks with the person at the terminal.
+"""The command `orthomill`: hands the catalogue of stages to the engine and talks to the user at the terminal.
 
-Every error that orthomill can explain is one sentence and an exit code: 1 for failed tiles, 2 for input that cannot be used,
+Every error that orthomill can explain is one sentence and an exit code: 1 for failed jobs, 2 for input that cannot be used,
 130 for Ctrl-C. A traceback is shown with --debug only.
 """
 
@@ -17,19 +17,20 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table as Lines
 
-from orthomill.pipeline.cli.calibrate import BoardsSaid, calibration_workflow
+from orthomill.pipeline.cli.calibrate import BoardOptions, calibration_workflow
 from orthomill.pipeline.cli.clean import clean_run
 from orthomill.pipeline.cli.doctor import doctor as examine
 from orthomill.pipeline.cli.inspect_photo import GuardedPhoto, picture_path, write_map
 from orthomill.pipeline.cli.plan_lines import plan_lines, plan_notes
+from orthomill.pipeline.cli.progress import Progress
 from orthomill.pipeline.engine.interruption import listen
 from orthomill.pipeline.engine.lock import is_running, only_run
 from orthomill.pipeline.engine.records import Record, Records
-from orthomill.pipeline.engine.run_facts import RunFacts
-from orthomill.pipeline.engine.running import DASHBOARD, MIB, Options, check_stage_names, rewrite_results, run_workflow, session_of
+from orthomill.pipeline.engine.run_facts import RunFacts, read_facts
+from orthomill.pipeline.engine.running import DASHBOARD, MIB, Options, check_stage_names, session_of
 from orthomill.pipeline.engine.session import TIME_FORMAT, Session, key_text
 from orthomill.pipeline.export.exports import export as export_file
-from orthomill.pipeline.report.results import read_facts
+from orthomill.pipeline.report.results import rewrite_results, run_with_report
 from orthomill.pipeline.report.summary import summary_markdown
 from orthomill.pipeline.workflow.settings_reference import write_settings_reference
 from orthomill.pipeline.workflow.starting_workflow import write_starting_workflow
@@ -51,17 +52,19 @@ err = Console(stderr=True, highlight=False)
 
 Name = Annotated[str, typer.Argument(help="Project name (workflows/<name>.yaml) or the path of a workflow file.")]
 Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
-From = Annotated[str | None, typer.Option("--from", help="Run this stage and all after it again, changed or not.")]
+From = Annotated[str | None, typer.Option("--from", help="Run this stage and all later ones again, changed or not.")]
 Until = Annotated[str | None, typer.Option(help="Stop after this stage.")]
-Sequential = Annotated[bool, typer.Option("--sequential", help="One job after the other in this process, without Dask.")]
+Sequential = Annotated[bool, typer.Option("--sequential", help="One job after another in this process, without Dask.")]
+Workers = Annotated[int, typer.Option(help="Worker processes; 0 is one per core.", min=0)]
+Memory = Annotated[int, typer.Option(help="Memory that one worker may use, in MiB.", min=256)]
 RasterName = Annotated[
-    str | None, typer.Argument(help="A raster of the store, e.g. densification/precision; without it, all products.")
+    str | None, typer.Argument(help="A raster of the store, e.g. densification/precision; all products when left out.")
 ]
 
 
 @contextmanager
 def plain_errors(debug: bool) -> Iterator[None]:
-    """Turns what orthomill can explain into a sentence and an exit code."""
+    """Turns every error that orthomill can explain into a sentence and an exit code."""
     try:
         yield
     except OrthomillError as error:
@@ -70,7 +73,7 @@ def plain_errors(debug: bool) -> Iterator[None]:
         err.print(f"[red]error:[/red] {escape(str(error))}", soft_wrap=True)
         raise typer.Exit(2) from None
     except KeyboardInterrupt:
-        err.print("Stopped. Finished tiles are kept; run the same command again to go on.")
+        err.print("Stopped. Finished jobs are kept; run the same command again to continue.")
         raise typer.Exit(130) from None
 
 
@@ -83,21 +86,31 @@ def run(
     name: Name,
     from_stage: From = None,
     until: Until = None,
-    workers: Annotated[int, typer.Option(help="Worker processes; 0 is one for each core.", min=0)] = 0,
-    memory: Annotated[int, typer.Option(help="Memory that one worker may use, in MiB.", min=256)] = 1500,
+    workers: Workers = 0,
+    memory: Memory = 1500,
     sequential: Sequential = False,
     scheduler: Annotated[str | None, typer.Option(help="Address of an existing Dask scheduler, e.g. tcp://10.0.0.5:8786.")] = None,
-    port: Annotated[int, typer.Option(help="Port of the dashboard; a taken one moves on.", min=1, max=65535)] = 8787,
+    port: Annotated[int, typer.Option(help="Port of the dashboard; the next free one if it is taken.", min=1, max=65535)] = 8787,
     debug: Debug = False,
 ) -> None:
-    """Run a workflow; goes on where an earlier run stopped."""
+    """Run a workflow; continues where an earlier run stopped."""
     with plain_errors(debug):
         loaded = _load(name)
-        options = Options(from_stage, until, workers, memory * MIB, sequential, scheduler, port)
-        facts = run_workflow(loaded, options, out, err)
-        _conclude(facts, loaded.run_folder)
+        facts = _run(loaded, Options(from_stage, until, workers, memory * MIB, sequential, scheduler, port))
     if not facts.complete:
         raise typer.Exit(1)
+
+
+def _run(loaded: LoadedWorkflow, options: Options) -> RunFacts:
+    """Run with progress lines on stderr, and print how it ended."""
+    facts = run_with_report(
+        loaded,
+        options,
+        watch=lambda titles, workers: Progress(titles, workers, err),
+        announce=lambda line: out.print(line, soft_wrap=True),
+    )
+    _conclude(facts, loaded.run_folder)
+    return facts
 
 
 def _conclude(facts: RunFacts, folder: Path) -> None:
@@ -108,7 +121,7 @@ def _conclude(facts: RunFacts, folder: Path) -> None:
         err.print(f"[red]failed[/red] {escape(failure.key)}: {escape(failure.sentence)}", soft_wrap=True)
     if not facts.complete:
         err.print(
-            "The project is not complete. What did not depend on the failed jobs is done; mend the cause and run again.",
+            "The project is not complete. What does not depend on the failed jobs is done; fix the cause and run again.",
             soft_wrap=True,
         )
 
@@ -118,28 +131,27 @@ def calibrate(
     photos: Annotated[list[Path], typer.Argument(help="Photographs of the chessboards, or folders of them.")],
     corners: Annotated[str, typer.Option(help="Inner corners of a board: columns x rows, e.g. 5x6.")],
     square: Annotated[float, typer.Option(help="Side of a square, m.")],
-    boards: Annotated[int, typer.Option(help="Equal boards that lie there together; 0: as many as are found.")] = 0,
-    arrangement: Annotated[str, typer.Option(help="plane: all on one plane; space: anywhere, but fixed.")] = "plane",
+    boards: Annotated[int, typer.Option(help="Number of equal boards in the scene; 0: as many as are found.")] = 0,
+    arrangement: Annotated[str, typer.Option(help="plane: all in one plane; space: anywhere, but fixed.")] = "plane",
     parameters: Annotated[str, typer.Option(help="Interior parameters, e.g. c,x0,y0,k1,k2,p1,p2; chosen when left out.")] = "",
     name: Annotated[str, typer.Option(help="Results go to runs/<name>.")] = "calibration",
-    workers: Annotated[int, typer.Option(help="Worker processes; 0 is one for each core.", min=0)] = 0,
-    memory: Annotated[int, typer.Option(help="Memory that one worker may use, in MiB.", min=256)] = 1500,
+    workers: Workers = 0,
+    memory: Memory = 1500,
     sequential: Sequential = False,
     debug: Debug = False,
 ) -> None:
     """Calibrate a camera from photographs of one or several chessboards."""
     with plain_errors(debug):
-        said = BoardsSaid(corners, square, boards, arrangement, parameters)
-        loaded = calibration_workflow(name, photos, said, Path.cwd(), STAGES)
-        facts = run_workflow(loaded, Options(None, None, workers, memory * MIB, sequential), out, err)
-        _conclude(facts, loaded.run_folder)
+        boards_used = BoardOptions(corners, square, boards, arrangement, parameters)
+        loaded = calibration_workflow(name, photos, boards_used, Path.cwd(), STAGES)
+        facts = _run(loaded, Options(None, None, workers, memory * MIB, sequential))
     if not facts.complete:
         raise typer.Exit(1)
     _print_calibration(loaded.run_folder)
 
 
 def _print_calibration(folder: Path) -> None:
-    """The parameters with their standard errors, as far as the run has come."""
+    """Print the parameters with their standard errors, if the run got that far."""
     path = folder / "products" / "calibration.json"
     if not path.exists():
         return
@@ -147,11 +159,11 @@ def _print_calibration(folder: Path) -> None:
     lines = Lines("parameter", "value", "standard error", box=None)
     for number, (name, value) in enumerate(zip(record["parameters"], record["values"], strict=True)):
         sigma = record["covariance"][number][number] ** 0.5
-        if sigma > 0:
+        if sigma > 0:  # 0: the parameter was not estimated
             lines.add_row(name, f"{value:.7g}", f"{sigma:.2g}")
     out.print(lines)
-    held = "" if record["held_out"] is None else f", held out {record['held_out']:.3f} px RMS"
-    out.print(f"sigma0 {record['sigma0']:.3f} px{held}, {record['redundancy']} redundant observations")
+    held_out = "" if record["held_out"] is None else f", held out {record['held_out']:.3f} px RMS"
+    out.print(f"sigma0 {record['sigma0']:.3f} px{held_out}, {record['redundancy']} redundant observations")
 
 
 @app.command()
@@ -167,7 +179,7 @@ def plan(name: Name, from_stage: From = None, until: Until = None, debug: Debug 
 
 @app.command()
 def status(name: Name, debug: Debug = False) -> None:
-    """Show what is done, what failed and why, also while a run is going on."""
+    """Show what is done, what failed and why, also while a run is in progress."""
     with plain_errors(debug):
         loaded = _load(name)
         folder = loaded.run_folder
@@ -178,18 +190,18 @@ def status(name: Name, debug: Debug = False) -> None:
             lines.add_row(stage.kind, *_status_row(Records(folder).of_stage(stage.kind), begun))
         out.print(lines)
         address = _dashboard_address(folder)
-        going_on = f"running now; dashboard: {address}" if address else "running now"
-        out.print(going_on if is_running(folder) else "not running", soft_wrap=True)
+        running = f"running now; dashboard: {address}" if address else "running now"
+        out.print(running if is_running(folder) else "not running", soft_wrap=True)
 
 
 def _begun(folder: Path) -> float | None:
-    """When the run that is going on began, s since 1970; None when there is none."""
+    """When the run in progress began, s since 1970; None when there is none."""
     facts = read_facts(folder) if is_running(folder) else None
     return datetime.strptime(facts.started, TIME_FORMAT).timestamp() if facts else None
 
 
 def _status_row(records: tuple[Record, ...], begun: float | None) -> Iterator[str]:
-    """The cells of a stage; with the jobs ended since `begun`, where a run is going on."""
+    """The cells of a stage; with the jobs begun since `begun`, where a run is in progress."""
     failed = [record for record in records if record.status == "failed"]
     yield str(len(records) - len(failed))
     if begun:
@@ -201,14 +213,15 @@ def _status_row(records: tuple[Record, ...], begun: float | None) -> Iterator[st
 
 
 def _dashboard_address(folder: Path) -> str:
-    """The address that a run on Dask keeps while it is going on; empty where there is none."""
+    """The address that a run on Dask keeps while it is in progress; empty where there is none."""
+    # The file alone proves nothing: a killed run leaves it behind, but the operating system frees its lock.
     path = folder / DASHBOARD
     return path.read_text() if is_running(folder) and path.exists() else ""
 
 
 @app.command()
 def report(name: Name, debug: Debug = False) -> None:
-    """Write the report and the summary again from what is there."""
+    """Write the report and the summary again from the stored results."""
     with plain_errors(debug):
         out.print(str(rewrite_results(_load(name))), soft_wrap=True)
 
@@ -260,7 +273,7 @@ def clean(
 
 @app.command()
 def dashboard(name: Name, debug: Debug = False) -> None:
-    """Print the address of the dashboard of a run that is going on."""
+    """Print the address of the dashboard of a run in progress."""
     with plain_errors(debug):
         folder = _load(name).run_folder
         none = f"{folder.name} is running without Dask, so there is no dashboard; see: orthomill status {name}"
@@ -286,11 +299,11 @@ def init(
 @inspect.command("window-size")
 def inspect_window_size(
     photo: Annotated[Path, typer.Argument(help="A photograph: JPEG, TIFF or PNG.")],
-    method: Annotated[Method, typer.Option(help="How the matching window is sized.")] = Method.FOERSTNER,
+    method: Annotated[Method, typer.Option(help="How the size of the matching window is chosen.")] = Method.FOERSTNER,
     largest: Annotated[int, typer.Option("--max", help="Side of the largest window, px.", min=7, max=101)] = 35,
-    limit: Annotated[float | None, typer.Option(help="Limit of the method in place of its default.")] = None,
-    assigned: Annotated[float | None, typer.Option(help="Find the limit that gives a window to this per cent of pixels.")] = None,
-    output: Annotated[Path | None, typer.Option(help="The PNG to write; default in the current folder.")] = None,
+    limit: Annotated[float | None, typer.Option(help="Threshold of the method, instead of its default.")] = None,
+    assigned: Annotated[float | None, typer.Option(help="Find the threshold that assigns a window to this % of pixels.")] = None,
+    output: Annotated[Path | None, typer.Option(help="The PNG to write; by default in the current folder.")] = None,
     debug: Debug = False,
 ) -> None:
     """Map the size of the matching window at every pixel: dark is small, light is large, white is none."""
@@ -332,8 +345,9 @@ def figures(
 
 
 def main() -> None:
-    """Entry point of the command. Planning makes hundreds of thousands of small objects that stay: looking for garbage among
-    them at Python's usual pace takes longer than making them."""
+    """Entry point of the command."""
+    # Planning creates hundreds of thousands of small objects that live on: collecting garbage among them at Python's usual
+    # threshold of 700 takes longer than creating them.
     gc.set_threshold(50_000)
     listen()
     app()

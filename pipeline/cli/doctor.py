@@ -1,7 +1,7 @@
-"""Examines a machine before it is asked to work: versions, cores, memory, disk, drivers, and what the run's folder can do.
+"""Examines a machine before it is put to work: versions, cores, memory, disk, drivers, and what the file system of the runs can do.
 
-Every finding is one row: what was looked at, what was found, whether that will do, and what to do about it when it will not.
-Nothing is left behind, and nothing outside of the given folder is written.
+Every finding is one row: what was examined, what was found, whether it suffices, and what to do where it does not. Nothing is left
+behind, and nothing outside the given folder is written.
 """
 
 import fcntl
@@ -26,9 +26,9 @@ LIBRARIES = (
     ("numpy", 1),
     ("scipy", 1),
     ("numba", 0),
-    ("opencv-python-headless", 5),
+    ("opencv-python-headless", 5),  # 4.x rounds remapped positions to 1/32 px
     ("rasterio", 1),
-    ("zarr", 3),
+    ("zarr", 3),  # the store is zarr format 3, which version 2 cannot read
     ("dask", 2024),
     ("distributed", 2024),
     ("pydantic", 2),
@@ -43,6 +43,7 @@ LIBRARIES = (
 DRIVERS = ("GTiff", "COG", "JPEG", "PNG")
 DASHBOARD_PORT = 8787
 LEAST_MEMORY, LEAST_DISK = 2 * GIB, 5 * GIB
+"""One worker with the default --memory of 1.5 GiB and the parent process; rasters and products of a small project."""
 
 
 @dataclass(frozen=True)
@@ -93,6 +94,7 @@ def _library(name: str, least: int) -> Finding:
 
 def _gdal() -> Finding:
     found = rasterio.__gdal_version__
+    # Statistics of a COG, which the report of the products relies on, came with 3.8.
     recent = tuple(int(part) for part in found.split(".")[:2]) >= (3, 8)
     return _judged("GDAL", found, recent, "3.8 or newer is needed; run `make setup`")
 
@@ -100,15 +102,16 @@ def _gdal() -> Finding:
 def _driver(name: str) -> Finding:
     with rasterio.Env() as environment:
         there = name in environment.drivers()
-    advice = "use the rasterio wheel from the package index, which has it"
+    advice = "use the rasterio wheel from the package index, which includes it"
     return _judged(f"GDAL driver {name}", "present" if there else "missing", there, advice)
 
 
 def _projections() -> Finding:
+    # Another installation's PROJ_DATA in the environment is the usual reason why a known code is not found.
     try:
         return Finding("PROJ database", CRS.from_epsg(2100).name, True)
     except CRSError:
-        advice = "unset PROJ_DATA and PROJ_LIB, or let them point to the database of pyproj"
+        advice = "unset PROJ_DATA and PROJ_LIB, or set them to the database of pyproj"
         return Finding("PROJ database", "missing", False, advice)
 
 
@@ -116,8 +119,9 @@ def _projections() -> Finding:
 
 
 def _cores() -> Finding:
+    # The affinity, where there is one, is what a container or a batch system grants; the machine may have more cores.
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else multiprocessing.cpu_count()
-    return Finding("processor cores", str(usable), True, "one core only: tiles run one after the other" if usable == 1 else "")
+    return Finding("processor cores", str(usable), True, "one core only: tiles run one after another" if usable == 1 else "")
 
 
 def _memory() -> Finding:
@@ -132,12 +136,12 @@ def _port(port: int) -> Finding:
         try:
             probe.bind(("127.0.0.1", port))
         except OSError:
-            return Finding(f"dashboard port {port}", "taken", True, "the dashboard moves on to the next free port and prints it")
+            return Finding(f"dashboard port {port}", "taken", True, "the dashboard takes the next free port and prints it")
     return Finding(f"dashboard port {port}", "free", True)
 
 
 def _kernel_cache() -> Finding:
-    """Where numba keeps compiled kernels: without it every worker compiles them anew, for minutes."""
+    """Where numba keeps compiled kernels: without it every worker compiles all of them again, which takes minutes."""
     folder = Path(os.environ.get("NUMBA_CACHE_DIR") or Path(__file__).parents[2])
     existing = next(place for place in (folder, *folder.parents) if place.exists())
     advice = "set NUMBA_CACHE_DIR to a folder that can be written, so that kernels are compiled once"
@@ -155,9 +159,10 @@ def _run_folder(folder: Path) -> list[Finding]:
     free = shutil.disk_usage(place).free
     return [
         Finding("run folder", str(place), True),
-        _judged("free disk", f"{free / GIB:.1f} GiB", free >= LEAST_DISK, "make room: a small project takes some GiB"),
+        _judged("free disk", f"{free / GIB:.1f} GiB", free >= LEAST_DISK, "make room: a small project takes several GiB"),
+        # Network file systems may grant every lock, or replace a file in two steps: both are tried, not looked up.
         _capability(place, "file locks", _lock, "two runs of one project could disturb each other: work on a local disk"),
-        _capability(place, "whole-file renaming", _rename, "an interrupted write could leave half a file: work on a local disk"),
+        _capability(place, "atomic renaming", _rename, "an interrupted write could leave half a file: work on a local disk"),
     ]
 
 
@@ -181,7 +186,7 @@ def _write(scratch: Path) -> None:
 
 
 def _lock(scratch: Path) -> None:
-    """A lock must be granted, and must keep a second opening of the same file out."""
+    """A lock must be granted once and refused to a second opening of the same file."""
     with (scratch / "lock").open("a") as first, (scratch / "lock").open("a") as second:
         fcntl.flock(first, fcntl.LOCK_EX | fcntl.LOCK_NB)
         try:

@@ -1,6 +1,6 @@
-"""Looks at a single photograph: reads it through the guarded readers, writes a map of it as a PNG, and shows the map's histogram.
+"""Inspects a single photograph: reads it with the checking readers, writes a map of it as a PNG, and prints the map's histogram.
 
-What the map is of, the catalogue knows.
+The catalogue provides the maps; this file knows only that one consists of grey levels with labels.
 """
 
 from collections.abc import Callable, Iterator
@@ -21,19 +21,19 @@ from orthomill.schemas.photo import Header
 from orthomill.schemas.raster import Window
 
 _BAR = 40
-"""characters of the longest bar"""
+"""length of the longest bar, characters"""
 
 
 @dataclass(frozen=True)
 class GuardedPhoto:
-    """A photograph on disk. Its header is read once; whatever cannot be a whole photograph raises PhotoError."""
+    """A photograph on disk. Its header is read once; anything but a complete photograph raises PhotoError."""
 
     path: Path
 
     @cached_property
     def header(self) -> Header:
         if not self.path.exists():
-            raise PhotoError(f"The photograph {shown(self.path)} does not exist; look at its name and its folder.")
+            raise PhotoError(f"The photograph {shown(self.path)} does not exist; check its name and folder.")
         return read_header(self.path).model_copy(update={"path": shown(self.path)})
 
     def read(self, window: Window) -> np.ndarray:
@@ -43,21 +43,21 @@ class GuardedPhoto:
 def picture_path(photo: Path, words: str, output: Path | None) -> Path:
     """Where the picture goes: `output`, or the photograph's name with `words` in the current folder.
 
-    The photograph's own folder would be the wrong place: what lies there is taken for a photograph by the next run. Raises
-    StoreError for a path that is no PNG, that has no folder, or that is the photograph itself.
+    Raises StoreError for a path that is not a PNG, that has no folder, or that is the photograph itself.
     """
+    # Not the photograph's own folder: the next run would take the picture for one of the photographs.
     path = output or Path(f"{photo.stem}_{words}.png")
     if path.suffix.lower() != ".png":
-        raise StoreError(f"The picture is a PNG, and {path} is not called so; give a name that ends in .png.")
+        raise StoreError(f"The picture is a PNG, but {path} does not end in .png; choose a name that does.")
     if not path.parent.is_dir():
-        raise StoreError(f"The folder {path.parent} for the picture does not exist; make it or choose another.")
+        raise StoreError(f"The folder {path.parent} for the picture does not exist; create it or choose another.")
     if path.exists() and photo.exists() and path.samefile(photo):
         raise StoreError(f"{path} is the photograph itself, which would be overwritten; choose another name for the picture.")
     return path
 
 
 def write_map(found: PhotoMap, path: Path, out: Console, err: Console) -> None:
-    """Write the picture and show its histogram. Raises StoreError when the picture cannot be written."""
+    """Write the picture and print its histogram. Raises StoreError when the picture cannot be written."""
     counts = np.zeros(256, np.int64)
     try:
         with Progress(console=err, transient=True) as progress:
@@ -68,10 +68,11 @@ def write_map(found: PhotoMap, path: Path, out: Console, err: Console) -> None:
     out.print(_histogram(found.labels, counts))
     for note in found.notes:
         out.print(note, soft_wrap=True)
-    out.print(f"{path}: {found.shape[1]} x {found.shape[0]} px, the grey values are those of the table", soft_wrap=True)
+    out.print(f"{path}: {found.shape[1]} x {found.shape[0]} px, grey values as in the table", soft_wrap=True)
 
 
 def _counted(strips: Iterator[np.ndarray], counts: np.ndarray, advance: Callable[[int], None]) -> Iterator[np.ndarray]:
+    # Counted while the strips are written, so that the map is never in memory as a whole.
     for strip in strips:
         counts += np.bincount(strip.ravel(), minlength=256)
         yield strip

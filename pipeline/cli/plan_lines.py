@@ -1,4 +1,4 @@
-"""What `orthomill plan` says: what is known of each stage now, what is not known yet, and what the photographs alone let expect."""
+"""What `orthomill plan` prints: what is known of each stage, what is not known yet, and an estimate from the photographs alone."""
 
 from collections.abc import Iterator
 
@@ -26,9 +26,10 @@ def _row(session: Session, stage: Stage) -> tuple[str, ...]:
     known = [planned for key, planned in session.graph.jobs.items() if key[0] == stage.kind]
     waiting = session.planner.waiting_for.get(stage.kind)
     reasons = sorted({session.reasons[planned.key] for planned in pending})
-    why = "; ".join(reasons + ([f"the rest is planned when {waiting} is there"] if waiting else [])) or "unchanged"
+    why = "; ".join(reasons + ([f"the rest is planned when {waiting} exists"] if waiting else [])) or "unchanged"
     written, memory = sum(planned.output_bytes for planned in pending), max((planned.memory for planned in pending), default=0)
     sizes = f"{written / MIB:.0f} MiB", f"{memory / MIB:.0f} MiB"
+    # The known jobs of a stage that waits are a lower bound; the sizes of a stage without any are unknown, not zero.
     if not waiting:
         return (str(len(known)), str(len(pending)), *sizes, why)
     return (*(_at_least(len(part)) for part in (known, pending)), *(sizes if pending else (UNKNOWN, UNKNOWN)), why)
@@ -39,20 +40,20 @@ def _at_least(count: int) -> str:
 
 
 def plan_notes(session: Session) -> Iterator[str]:
-    """Sentences below the rows, where some stage cannot be planned to its end yet."""
+    """Sentences below the rows, where some stage cannot be planned completely yet."""
     waiting = [stage.kind for stage in session.stages if stage.kind in session.planner.waiting_for]
     if not waiting:
         return
     yield (
-        f"{len(waiting)} of {len(session.stages)} stages wait for results of stages before them: what is not known yet is "
-        f"marked {UNKNOWN}. They are planned during the run; plan again then to see more."
+        f"{len(waiting)} of {len(session.stages)} stages wait for results of earlier stages; what is not known yet is "
+        f"marked {UNKNOWN}. They are planned during the run; repeat this command then to see more."
     )
     if estimate := _estimate(session):
         yield estimate
 
 
 def _estimate(session: Session) -> str:
-    """What the photographs alone let expect; empty for simulated ones."""
+    """An estimate from the photographs alone; empty for simulated ones."""
     source, tile = session.project.photographs, session.project.tile
     if source.kind == "simulated":
         return ""
@@ -64,5 +65,5 @@ def _estimate(session: Session) -> str:
     pixels = sum(header.width * header.height for header in headers)
     return (
         f"Estimate from the files alone: {len(headers)} photographs with {pixels / 1e6:.0f} million pixels are {tiles} tiles "
-        f"of {tile} px; a stage that goes through every photograph once has about so many jobs."
+        f"of {tile} px; a stage that processes every photograph once has about as many jobs."
     )

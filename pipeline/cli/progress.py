@@ -1,6 +1,6 @@
-"""What the terminal shows while tiles run: one line per stage with counts and the time still needed.
+"""What the terminal shows during a run: one line per stage with counts and the remaining time.
 
-On a terminal the lines stay in place and move; in a log a line is printed when a stage advances by a tenth or ends.
+On a terminal the lines are redrawn in place; in a log a line is printed when a stage advances by a tenth or ends.
 """
 
 import sys
@@ -32,7 +32,7 @@ class StageCount:
 
 
 class Progress:
-    """Counts jobs by stage and shows them. Use as a context manager; `workers` divides the work that is left."""
+    """Counts jobs by stage and shows them. Use as a context manager; the remaining work is divided among `workers`."""
 
     def __init__(self, titles: dict[str, str], workers: int, console: Console) -> None:
         self.counts = {kind: StageCount() for kind in titles}
@@ -72,6 +72,7 @@ class Progress:
         """Seconds that a stage's planned jobs still need on all workers; None before the first has ended."""
         if not count.done:
             return None
+        # The mean of the jobs done now: skipped ones took no time, and failed ones may have ended early.
         return count.seconds / count.done * (count.planned - count.ended) / self._workers
 
     def _log(self, kind: str, count: StageCount) -> None:

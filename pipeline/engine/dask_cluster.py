@@ -1,7 +1,7 @@
-"""Starts or finds the Dask cluster that jobs run on. One of the two files that know Dask.
+"""Starts or finds the Dask cluster that jobs run on. One of the two files that import Dask.
 
-Everything listens on 127.0.0.1 only. A taken dashboard port moves on to a free one. Each worker is one process with one thread,
-because numba kernels and OpenCV gain nothing from sharing a process, and memory is then counted per job.
+Everything listens on 127.0.0.1 only. If the dashboard's port is taken, the next free one is used. Each worker is one process with
+one thread, because numba kernels and OpenCV gain nothing from sharing a process, and memory can then be counted per job.
 """
 
 import logging
@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from multiprocessing import resource_tracker
 
 import dask
-from distributed import Client, LocalCluster
+from distributed import Client, LocalCluster, Worker
 from distributed.comm import CommClosedError
 
 from orthomill.schemas.errors import ResourceError
@@ -25,9 +25,11 @@ ANSWER = "20s"
 
 _SETTINGS = {
     "distributed.scheduler.allowed-failures": 2,
+    # Results are keys, not arrays: spilling them frees nothing, and a worker that keeps freed memory (see below) would stay paused.
     "distributed.worker.memory.spill": False,
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.pause": False,
+    # A job beyond its limit is killed by Dask, which reports it, before the kernel kills an arbitrary process.
     "distributed.worker.memory.terminate": 0.98,
     "distributed.worker.memory.monitor-interval": "300ms",
     "distributed.worker.profile.enabled": True,
@@ -35,19 +37,20 @@ _SETTINGS = {
     "distributed.admin.tick.interval": "500ms",
     "distributed.admin.system-monitor.interval": "2s",
     "distributed.scheduler.work-stealing-interval": "500ms",
+    # On a machine with all cores busy the client can wait longer than Dask's 30 s for its own scheduler.
     "distributed.comm.timeouts.connect": "60s",
     "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 32 * 2**20,
     "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 256 * 2**20,
 }
-"""A worker keeps the memory that arrays leave for the next ones: glibc's own thresholds, and Dask's, hand the pages of every tile
-back to the kernel, which then clears them again for the next tile. That took a fifth of the CPU time of a run.
+"""A worker keeps freed memory for the arrays of its next job: glibc's own thresholds, and Dask's, return the pages of every tile to
+the kernel, which then clears them for the next tile. That took a fifth of the CPU time of a run.
 
-Scheduler, nannies and workers look at themselves less often than Dask would have it: jobs take seconds, and looking up to a hundred
-times a second took 0.1 s of CPU time for every second of a run, whatever ran."""
+Scheduler, nannies and workers monitor themselves less often than by Dask's defaults: jobs take seconds, and polling up to a hundred
+times a second took 0.1 s of CPU time per second of a run, whatever was running."""
 
 
 def free_port(wanted: int) -> int:
-    """`wanted`, or the next port of 127.0.0.1 that nobody listens on."""
+    """`wanted`, or the next free port of 127.0.0.1; 0 (any) when fifty in a row are taken."""
     for port in range(wanted, min(wanted + 50, 65536)):
         with socket.socket() as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -68,7 +71,7 @@ def local_client(workers: int, memory: int, port: int) -> Iterator[Client]:
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     with dask.config.set(_SETTINGS):
         try:
-            with _deaf_to_ctrl_c():
+            with _ctrl_c_blocked():
                 cluster = LocalCluster(
                     n_workers=workers,
                     threads_per_worker=1,
@@ -81,7 +84,7 @@ def local_client(workers: int, memory: int, port: int) -> Iterator[Client]:
                 )
         except (RuntimeError, OSError, TimeoutError) as error:
             raise ResourceError(
-                f"The {workers} worker processes could not be started ({error}); look at memory and installation with "
+                f"The {workers} worker processes could not be started ({error}); check memory and installation with "
                 "'orthomill doctor', or run with --sequential, which needs none."
             ) from error
         with cluster, Client(cluster) as client:
@@ -89,10 +92,10 @@ def local_client(workers: int, memory: int, port: int) -> Iterator[Client]:
 
 
 @contextmanager
-def _deaf_to_ctrl_c() -> Iterator[None]:
-    """Threads started inside, and all processes that these start, never get Ctrl-C, which a terminal sends to everybody: only
-    this thread is to answer it, as soon as it is through here."""
-    resource_tracker.ensure_running()  # started by a thread inside, it would make that thread hear again
+def _ctrl_c_blocked() -> Iterator[None]:
+    """Threads started inside, and all processes that they start, never receive Ctrl-C, which a terminal sends to the whole process
+    group: only this thread is to handle it, after it has left this context."""
+    resource_tracker.ensure_running()  # started by a thread inside, it would unblock the signal for that thread
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -103,6 +106,7 @@ def _deaf_to_ctrl_c() -> Iterator[None]:
 @contextmanager
 def remote_client(address: str, memory: int) -> Iterator[Client]:
     """A client of an existing cluster whose workers see the project's folder. Raises ResourceError."""
+    # The errors of a lost connection are reported below in one sentence; Dask would log them with tracebacks.
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
@@ -115,14 +119,16 @@ def remote_client(address: str, memory: int) -> Iterator[Client]:
         with client:
             if not client.scheduler_info(n_workers=-1)["workers"]:
                 raise ResourceError(f"The Dask scheduler at {address} has no workers; start some with 'dask worker {address}'.")
+            # Workers that somebody else started do not offer the resource that the jobs ask for, and would never get one.
             client.run(_declare_memory, memory)
             yield client
     except CommClosedError as error:
         raise ResourceError(
-            f"The Dask scheduler at {address} was lost in the middle of the run; finished tiles are kept, so see to the cluster "
-            "and run the same command again to go on."
+            f"The Dask scheduler at {address} was lost in the middle of the run; finished jobs are kept, so restart the cluster "
+            "and run the same command again to continue."
         ) from error
 
 
-async def _declare_memory(memory: int, dask_worker: object = None) -> None:
+async def _declare_memory(memory: int, dask_worker: Worker) -> None:
+    # Dask passes the worker to a parameter of this name.
     await dask_worker.set_resources(**{MEMORY: memory})

@@ -1,7 +1,7 @@
-"""Runs jobs on Dask: worker processes of this machine, or any existing cluster. One of the two files that know Dask.
+"""Runs jobs on Dask: worker processes of this machine, or any existing cluster. One of the two files that import Dask.
 
 Dask's keys are the jobs' own keys, so that its dashboard groups progress by stage. Memory is a resource of each worker: the
-scheduler admits no more jobs to a worker than its memory allows.
+scheduler assigns no more jobs to a worker than its memory allows.
 """
 
 import uuid
@@ -26,17 +26,20 @@ class DaskRunner:
         self.description = description
         self._client = client
         self._futures: dict[Key, Future] = {}
+        self._key_of: dict[object, Key] = {}
         self._ended = as_completed()
         self._running = 0
         self._session = uuid.uuid4().hex[:8]
         """Last part of every Dask key: a cluster may hold the same jobs of another run."""
 
     def submit(self, work: JobOrder, dependencies: tuple[Key, ...], memory: int) -> None:
+        # Jobs skipped by this run have no future: their results are on disk already.
         before = [self._futures[key] for key in dependencies if key in self._futures]
-        future = self._client.submit(
-            execute, work, *before, key=(*work.job.key, self._session), retries=ATTEMPTS - 1, resources={MEMORY: memory}, pure=False
-        )
+        name = (*work.job.key, self._session)
+        # pure=False: Dask must not take two jobs with equal arguments for one, since what counts is what they write.
+        future = self._client.submit(execute, work, *before, key=name, retries=ATTEMPTS - 1, resources={MEMORY: memory}, pure=False)
         self._futures[work.job.key] = future
+        self._key_of[name] = work.job.key
         self._ended.add(future)
         self._running += 1
 
@@ -47,22 +50,23 @@ class DaskRunner:
     def next(self) -> Finished:
         future = self._next_ended()
         if future.cancelled():
-            raise CommClosedError("the scheduler was lost, and with it what it was asked for")
+            # Nobody here cancels a future that is still waited for: the client does so when it loses its scheduler.
+            raise CommClosedError("the scheduler was lost, and all submitted jobs with it")
         self._running -= 1
-        key = future.key[:-1]
+        key = self._key_of[future.key]
         if future.status == "finished":
             return Finished(key, "done")
         error = future.exception()
+        # Dask hands the exception of a job on to all that depend on it; only the job itself is reported as failed.
         if isinstance(error, JobFailed):
             return Finished(key, "failed", error.sentence) if error.key == key else Finished(key, "blocked")
         if isinstance(error, KilledWorker):
-            died_at_own = error.task == future.key
-            sentence = "its worker died each time it was tried; it may need more memory than --memory allows"
-            return Finished(key, "failed", sentence) if died_at_own else Finished(key, "blocked")
+            sentence = "its worker died at every attempt; it may need more memory than --memory allows"
+            return Finished(key, "failed", sentence) if error.task == future.key else Finished(key, "blocked")
         return Finished(key, "failed", f"Dask could not run it ({type(error).__name__}: {error})")
 
     def _next_ended(self) -> Future:
-        """The next future that has ended and is still so: Dask takes back what it said of jobs whose worker died since."""
+        """The next future that has ended and is still in that state: Dask revokes results of workers that died since."""
         while True:
             future = next(self._ended)
             if future.status in ("finished", "error", "cancelled"):

@@ -60,6 +60,7 @@ def _plain(value: Any) -> Any:
 @cache
 def of_code(function: Callable[..., Any]) -> str:
     """Digest of a function's module and of every project module it imports, and of the libraries it computes with."""
+    # Whole modules rather than the functions called: what a function reaches is undecidable, what its module imports is not.
     modules: dict[str, str] = {}
     _collect(function.__module__, modules)
     return digest(function.__qualname__, *_libraries(), *(modules[name] for name in sorted(modules)))
@@ -97,25 +98,26 @@ def _syntax(module: str) -> tuple[str, tuple[str, ...]]:
     imported = []
     for node in _statements(tree):
         if isinstance(node, ast.ImportFrom) and node.module:
-            imported.extend([node.module, *_submodules(node)])
+            imported.extend([node.module, *_submodules(node.module, node)])
         elif isinstance(node, ast.Import):
             imported.extend(alias.name for alias in node.names)
+        # The digest is of the syntax tree without docstrings: editing prose must not run a project again.
         if isinstance(node, ast.Module | ast.FunctionDef | ast.ClassDef):
             node.body = [part for part in node.body if not _is_docstring(part)] or [ast.Pass()]
     return digest(ast.dump(tree)), tuple(name for name in imported if name.split(".")[0] == PACKAGE)
 
 
-def _submodules(node: ast.ImportFrom) -> list[str]:
+def _submodules(package: str, node: ast.ImportFrom) -> list[str]:
     """Modules among the names that are imported from a package: `from orthomill.tasks.photos import exif`."""
-    spec = importlib.util.find_spec(node.module) if node.module.split(".")[0] == PACKAGE else None
+    spec = importlib.util.find_spec(package) if package.split(".")[0] == PACKAGE else None
     if spec is None or spec.submodule_search_locations is None:
         return []
     folders = [Path(place) for place in spec.submodule_search_locations]
-    return [f"{node.module}.{alias.name}" for alias in node.names if any((f / f"{alias.name}.py").exists() for f in folders)]
+    return [f"{package}.{alias.name}" for alias in node.names if any((f / f"{alias.name}.py").exists() for f in folders)]
 
 
 def _statements(tree: ast.Module) -> Iterator[ast.AST]:
-    """All statements, however deep: imports, functions and classes are among them, and expressions need not be walked."""
+    """All statements, at any depth: imports, functions and classes are among them, and expressions need not be visited."""
     waiting: list[ast.AST] = [tree]
     while waiting:
         node = waiting.pop()
@@ -129,7 +131,8 @@ def _is_docstring(node: ast.stmt) -> bool:
 
 
 def of_file(path: Path) -> str:
-    """Digest of a file's content. Raises FileNotFoundError."""
+    """Digest of a file's content. Raises OSError."""
+    # Photographs are read by many jobs; size and time of change stand for the content within one run, never between runs.
     state = path.stat()
     return _of_content(path, state.st_size, state.st_mtime_ns)
 

@@ -14,6 +14,7 @@ def only_run(folder: Path) -> Iterator[None]:
     """Hold the project's lock. Raises ResourceError when another process holds it or the folder cannot be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        # Opened for appending: opening for writing would erase the process number of the owner before it can be reported.
         stream = (folder / ".lock").open("a+")
     except OSError as error:
         raise ResourceError(
@@ -26,7 +27,7 @@ def only_run(folder: Path) -> Iterator[None]:
             stream.seek(0)
             owner = stream.read().strip() or "unknown"
             raise ResourceError(
-                f"{folder.name} is being run already (process {owner}); wait for it to end, or stop it first."
+                f"{folder.name} is already running (process {owner}); wait for it to end, or stop it first."
             ) from None
         stream.truncate(0)
         stream.write(str(os.getpid()))
@@ -38,6 +39,7 @@ def is_running(folder: Path) -> bool:
     """Whether a process holds the project's lock at this moment; writes nothing."""
     try:
         with (folder / ".lock").open() as stream:
+            # A shared lock suffices as a question, and two commands that ask at the same time do not take each other for a run.
             fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
         return True

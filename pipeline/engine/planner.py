@@ -1,6 +1,6 @@
-"""Asks the stages for their jobs, as far as can be planned at the moment.
+"""Asks the stages for their jobs, as far as they can be planned at the moment.
 
-A stage that asks for a table which is not finished, or reads what nobody writes yet, is suspended and asked again later. What it
+A stage that asks for a table which is not finished, or reads what no job writes yet, is suspended and asked again later. What it
 yielded before is in the graph already, so nothing waits for a whole stage to be planned or done.
 """
 
@@ -13,7 +13,7 @@ from orthomill.pipeline.engine.graph import Graph, NoWriter, PlannedJob
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.job import Table
-from orthomill.schemas.project import Photographs, Project
+from orthomill.schemas.project import PhotoFiles, Photographs, Project
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.stage_contract import NotYet, Stage
 
@@ -22,14 +22,14 @@ IMAGE_SUFFIXES = (".jpg", ".jpeg", ".tif", ".tiff", ".png")
 
 @dataclass
 class Planner:
-    """The planning state of one run. `is_done` says whether a job's result holds; `image_files` lists a user's photographs."""
+    """The planning state of one run. `is_done` says whether a job's result is valid; `list_images` lists the user's photographs."""
 
     project: Project
     stages: tuple[Stage, ...]
     graph: Graph
     store: Store
     is_done: Callable[[tuple[str, str, int, int]], bool]
-    list_images: Callable[[Photographs], tuple[str, ...]]
+    list_images: Callable[[PhotoFiles], tuple[str, ...]]
 
     def __post_init__(self) -> None:
         self.complete: set[str] = set()
@@ -44,7 +44,7 @@ class Planner:
     def advance(self) -> list[PlannedJob]:
         """Plan all that can be planned now; returns the new jobs in an order in which they can run.
 
-        Raises WorkflowError when a stage needs what no stage of the workflow makes.
+        Raises WorkflowError when a stage needs what no stage of the workflow produces.
         """
         new: list[PlannedJob] = []
         for stage in self.open_stages:
@@ -65,12 +65,13 @@ class Planner:
         return new
 
     def _wait_or_refuse(self, kind: str, what: str) -> None:
-        """A stage before this one may still come to write it; when all are planned, nobody will."""
+        """An earlier stage may still plan a job that writes it; once all of them are planned completely, none will."""
         earlier = self.stages[: [stage.kind for stage in self.stages].index(kind)]
         if all(stage.kind in self.complete for stage in earlier):
-            maker = what.split()[2].split("/")[0]
+            # By convention the name of a raster or table begins with the stage that writes it.
+            producer = what.split()[2].split("/")[0]
             raise WorkflowError(
-                f"The stage '{kind}' needs {what}, which no stage of this workflow makes; add the stage '{maker}' before it."
+                f"The stage '{kind}' needs {what}, which no stage of this workflow produces; add the stage '{producer}' before it."
             )
         self.waiting_for[kind] = what
 

@@ -1,4 +1,4 @@
-"""What is done: one small file per job under jobs/, with the fingerprints, the reason why it ran, and what it cost.
+"""What is done: one small file per job under jobs/, with its fingerprints, the reason why it ran, and its time and memory.
 
 A record is written after the job's results and removed before they are touched again, so that a run killed at any moment
 leaves no record of unfinished work.
@@ -30,7 +30,7 @@ class Fingerprint(BaseModel):
 
 
 class Record(BaseModel):
-    """What became of one job."""
+    """The outcome of one job."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -42,7 +42,7 @@ class Record(BaseModel):
     fingerprint: Fingerprint
     reason: str
     run: str = ""
-    """mark of the run that did it"""
+    """identifier of the run that did it"""
     births: dict[str, str] = {}
     """raster -> birth mark of the raster that was written"""
     started: float = 0.0
@@ -67,13 +67,14 @@ class Records:
 
     def path(self, key: Key) -> Path:
         stage, item, row, col = key
+        # Items are named after photographs, whose names may hold characters that a file system does not allow.
         return self.folder / stage / f"{re.sub(r'[^A-Za-z0-9_.-]', '~', item)}.{row}.{col}.json"
 
     def get(self, key: Key) -> Record | None:
         """The record of a job, None when there is none that can be read."""
         try:
             return Record.model_validate_json(self.path(key).read_bytes())
-        except (FileNotFoundError, ValidationError):
+        except (FileNotFoundError, ValidationError):  # a record of another version: doing the job again is always safe
             return None
 
     def put(self, record: Record) -> None:
@@ -94,7 +95,7 @@ class Records:
 
 
 def reason_to_run(record: Record | None, fingerprint: Fingerprint, births: dict[str, str], outputs_exist: bool) -> str | None:
-    """Why a job must run, in a few words; None when its result still holds."""
+    """Why a job must run, in a few words; None when its result is still valid."""
     if record is None:
         return "not done yet"
     if record.status == "failed":
@@ -105,6 +106,7 @@ def reason_to_run(record: Record | None, fingerprint: Fingerprint, births: dict[
         return "code changed"
     if record.fingerprint.inputs != fingerprint.inputs:
         return "inputs changed"
+    # A raster that was deleted and created again has another birth mark: its chunks are empty although the array exists.
     if record.births != births or not outputs_exist:
         return "result is missing"
     return None

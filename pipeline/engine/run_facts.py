@@ -1,34 +1,41 @@
 """What is known of a run apart from its results: when, where, how long, what was skipped, what failed.
 
-Plain frozen values that the engine fills and that the summary and the report print.
+Plain frozen values that the engine fills, keeps in `jobs/run.json`, and that the summary and the report print.
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 
+from pydantic import TypeAdapter, ValidationError
+
+from orthomill.pipeline.storage.table_files import write_whole
+
+FACTS = "jobs/run.json"
 StageTitle = tuple[str, str]
 """(kind, title) of a stage, in the order of the workflow."""
 
 
 @dataclass(frozen=True)
 class StageRun:
-    """How one stage fared. `jobs` are all jobs planned; those neither done, skipped nor failed are still waiting."""
+    """The state of one stage. `jobs` are all jobs planned; those neither done, skipped nor failed are still waiting."""
 
     kind: str
     jobs: int = 0
     done: int = 0
-    """run now and finished"""
+    """finished in this run"""
     skipped: int = 0
     """unchanged since an earlier run"""
     failed: int = 0
     seconds: float = 0.0
-    """work of its jobs added up, s, whichever run did them"""
+    """working time of its jobs added up, s, whichever run did them"""
     peak_bytes: int | None = None
     """largest memory of a worker while one of its jobs ran, whichever run did it"""
     reported: bool = True
-    """whether its report, where there is one, tells of what it holds now and not of an earlier run"""
+    """whether its report, where there is one, describes its present results and not those of an earlier run"""
 
     @property
     def waiting(self) -> int:
+        # At least 0: facts of a run that was killed while it planned may count a job as done before it is counted as planned.
         return max(self.jobs - self.done - self.skipped - self.failed, 0)
 
     @property
@@ -80,6 +87,11 @@ class RunFacts:
         return self.finished is not None and not self.failures and bool(self.stages) and all(s.complete for s in self.stages)
 
     @property
+    def worked(self) -> bool:
+        """Whether this run did anything: jobs that are neither done nor failed now were blocked or found unchanged."""
+        return any(stage.done or stage.failed for stage in self.stages)
+
+    @property
     def runs(self) -> int:
         """How many runs made the results."""
         return len(self.earlier) + any(stage.done for stage in self.stages)
@@ -89,6 +101,22 @@ class RunFacts:
         """Wall clock of all runs that made the results, s."""
         return sum(self.earlier) + self.seconds
 
-    def tells_of(self, later: "RunFacts") -> bool:
+    def describes(self, later: "RunFacts") -> bool:
         """Whether these facts of a complete run still hold after a later one that had nothing to do."""
         return self.complete and self.workflow == later.workflow and all(self.stage(stage.kind).jobs for stage in later.stages)
+
+
+_FACTS = TypeAdapter(RunFacts)
+
+
+def write_facts(folder: Path, facts: RunFacts) -> None:
+    """Keep what summary and report are made from, besides the store. Raises StoreError when the disk refuses."""
+    write_whole(folder / FACTS, _FACTS.dump_json(facts, indent=1))
+
+
+def read_facts(folder: Path) -> RunFacts | None:
+    """The facts that the last run left; None when there are none, or none that this version can read."""
+    try:
+        return _FACTS.validate_json((folder / FACTS).read_bytes())
+    except (FileNotFoundError, ValidationError):
+        return None

@@ -1,4 +1,4 @@
-"""What the engine asks of a runner, and the sequential one: no processes, no network, the reference for all others."""
+"""The interface of a runner, and the sequential one: no processes, no network, the reference for all others."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -8,12 +8,12 @@ from orthomill.pipeline.engine.execute import JobFailed, JobOrder, execute
 from orthomill.pipeline.engine.records import Key
 
 ATTEMPTS = 2
-"""A failed job is tried once more: a disk that was full, a worker that died."""
+"""A failed job is tried once more: the disk may have been full for a moment, or the worker may have been killed."""
 
 
 @dataclass(frozen=True)
 class Finished:
-    """The end of one job. "blocked" jobs were never tried, because something before them failed."""
+    """The end of one job. "blocked" jobs were never tried, because a job that they depend on failed."""
 
     key: Key
     status: Literal["done", "failed", "blocked"]
@@ -28,10 +28,10 @@ class Runner(Protocol):
     description: str
 
     def submit(self, work: JobOrder, dependencies: tuple[Key, ...], memory: int) -> None:
-        """Take a job; `dependencies` are keys of jobs submitted before."""
+        """Accept a job; `dependencies` are keys of jobs submitted before."""
 
     def next(self) -> Finished:
-        """Wait for the end of some job."""
+        """Wait for any job to end."""
 
     @property
     def busy(self) -> bool:
@@ -42,9 +42,9 @@ class Runner(Protocol):
 
 
 class SequentialRunner:
-    """One job after the other in this process."""
+    """One job after another in this process."""
 
-    description = "one job after the other in this process"
+    description = "one job after another in this process"
 
     def __init__(self, memory_limit: int) -> None:
         self.memory_limit = memory_limit
@@ -61,6 +61,7 @@ class SequentialRunner:
     def next(self) -> Finished:
         work, dependencies = self._waiting.popleft()
         key = work.job.key
+        # Jobs are submitted in an order in which they can run, so that every dependency has been tried by now.
         if self._unusable.intersection(dependencies):
             self._unusable.add(key)
             return Finished(key, "blocked")

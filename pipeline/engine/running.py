@@ -1,40 +1,43 @@
-"""Runs a workflow from start to report: the lock, the runner, the session, the summary, the page that people read."""
+"""Runs a workflow from start to finish: the lock, the runner, the session, the facts of the run.
+
+The engine neither draws reports nor prints: progress goes to a `Watcher`, the results to a `ResultWriter`, and both are handed in.
+`orthomill.pipeline.report.results.run_with_report` is the composition that a notebook uses; the command adds its progress lines.
+"""
 
 import os
 import platform
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
+from typing import Protocol
 
 import psutil
-from rich.console import Console
 
-from orthomill.pipeline.cli.progress import Progress
 from orthomill.pipeline.engine.lock import only_run
-from orthomill.pipeline.engine.run_facts import RunFacts, StageTitle
+from orthomill.pipeline.engine.run_facts import RunFacts, StageTitle, write_facts
 from orthomill.pipeline.engine.runner import Runner, SequentialRunner
-from orthomill.pipeline.engine.session import Session, now
-from orthomill.pipeline.report.results import REPORT, keep_results, read_facts, write_facts, write_results
+from orthomill.pipeline.engine.session import Session, Watcher, now, unwatched
+from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.pipeline.storage.table_files import write_whole
 from orthomill.pipeline.workflow.mistakes import did_you_mean
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow, image_files, write_workflow
-from orthomill.schemas.errors import ResourceError, StoreError, WorkflowError
+from orthomill.schemas.errors import ResourceError, WorkflowError
 from orthomill.schemas.stage_contract import Stage
 
 MIB = 2**20
 WORKERS_PER_CORE = 8
-"""More worker processes than this for each core are a slip of the pen, and starting them would stop the machine."""
+"""More worker processes than this per core are a typing error, and starting them would stall the machine."""
 DASHBOARD = "jobs/dashboard.txt"
-"""Holds the address of the dashboard while a run on Dask is going on."""
+"""Holds the address of the dashboard while a run on Dask is in progress."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """How to run. `workers` 0 is one for each core; `memory` is bytes for each worker."""
+    """How to run. `workers` 0 means one per core; `memory` is bytes per worker."""
 
     from_stage: str | None = None
     until: str | None = None
@@ -49,6 +52,16 @@ class Options:
         return self.workers or os.cpu_count() or 1
 
 
+class ResultWriter(Protocol):
+    """Writes what people read of a finished run; `stages` are all stages of the workflow, in its order."""
+
+    def __call__(self, store: ReadableStore, folder: Path, stages: tuple[StageTitle, ...], facts: RunFacts) -> None: ...
+
+
+Watch = Callable[[dict[str, str], int], AbstractContextManager[Watcher]]
+"""(titles of the stages by kind, number of workers) -> the progress display of one run."""
+
+
 def session_of(loaded: LoadedWorkflow, from_stage: str | None = None, until: str | None = None) -> Session:
     """A session of the stages that were asked for. Raises WorkflowError for stages that the workflow does not have."""
     check_stage_names(loaded, tuple(name for name in (from_stage, until) if name is not None))
@@ -56,13 +69,14 @@ def session_of(loaded: LoadedWorkflow, from_stage: str | None = None, until: str
     first = kinds.index(from_stage) if from_stage else len(kinds)
     last = kinds.index(until) if until else len(kinds) - 1
     if from_stage and first > last:
-        raise WorkflowError(f"--from {from_stage} comes after --until {until}, so nothing would run; exchange the two.")
+        raise WorkflowError(f"--from {from_stage} comes after --until {until}, so nothing would run; swap the two.")
+    # Later stages run again even where their own settings are unchanged: "--from" is asked for when a result is not trusted.
     forced = frozenset(kinds[first : last + 1])
     return Session(loaded.project, loaded.stages[: last + 1], loaded.root, partial(image_files, loaded.root), forced)
 
 
 def check_stage_names(loaded: LoadedWorkflow, names: tuple[str, ...]) -> None:
-    """Raises WorkflowError for a name that is no stage of the workflow."""
+    """Raises WorkflowError for a name that is not a stage of the workflow."""
     kinds = [stage.kind for stage in loaded.stages]
     for name in names:
         if name not in kinds:
@@ -70,69 +84,86 @@ def check_stage_names(loaded: LoadedWorkflow, names: tuple[str, ...]) -> None:
             raise WorkflowError(f"There is no stage '{name}' in {loaded.path.name}{meant} Its stages are {', '.join(kinds)}.")
 
 
-def run_workflow(loaded: LoadedWorkflow, options: Options, out: Console, err: Console) -> RunFacts:
-    """Run a workflow and write its report, whatever became of its tiles. Raises OrthomillError when it cannot start."""
-    _check_workers(options)
-    session = session_of(loaded, options.from_stage, options.until)
-    with only_run(session.folder):
-        write_workflow(loaded, session.folder / "workflow.yaml")
-        facts = RunFacts(
-            project=loaded.project.project,
-            crs=loaded.project.crs,
-            version=version("orthomill"),
-            started=now(),
-            workflow=(session.folder / "workflow.yaml").read_text(),
-            machine=_machine(),
-        )
-        (session.folder / DASHBOARD).unlink(missing_ok=True)
-        clock = time.monotonic()
-        session.plan()
-        work = bool(session.pending)
-        if work:
-            session.store.sweep()
-            write_facts(session.folder, replace(facts, **_ends(session)))
-            with _facts_of_an_interruption(session, facts):
-                facts = replace(facts, scheduler=_run(session, options, out, err))
-        facts = replace(facts, finished=now(), seconds=time.monotonic() - clock, **_ends(session))
-        write = write_results if work else keep_results
-        write(session.store, session.folder, _titles(session.stages if work else loaded.stages), facts)
-    return facts
-
-
-def _titles(stages: tuple[Stage, ...]) -> tuple[StageTitle, ...]:
+def titles_of(stages: tuple[Stage, ...]) -> tuple[StageTitle, ...]:
+    """(kind, title) of every stage."""
     return tuple((stage.kind, stage.title) for stage in stages)
 
 
+def run_workflow(
+    loaded: LoadedWorkflow,
+    options: Options,
+    write_results: ResultWriter,
+    watch: Watch = unwatched,
+    announce: Callable[[str], None] = lambda line: None,
+) -> RunFacts:
+    """Run a workflow and write its results, even when some of its jobs failed. Raises OrthomillError when it cannot start.
+
+    `watch` shows progress; `announce` receives single lines, such as the address of the dashboard.
+    """
+    _check_workers(options)
+    session = session_of(loaded, options.from_stage, options.until)
+    with only_run(session.folder):
+        facts, clock = _begin(loaded, session), time.monotonic()
+        session.plan()
+        if session.pending:
+            # Only now: the lock is held, so no live process can own a temporary file, and a run without work touches nothing.
+            session.store.sweep()
+            write_facts(session.folder, _so_far(facts, session))
+            with _facts_survive(session, facts):
+                facts = replace(facts, scheduler=_run(session, options, watch, announce))
+        facts = replace(_so_far(facts, session), finished=now(), seconds=time.monotonic() - clock)
+        write_results(session.store, session.folder, titles_of(loaded.stages), facts)
+    return facts
+
+
+def _begin(loaded: LoadedWorkflow, session: Session) -> RunFacts:
+    """Write the workflow as run, and return what is known before any job has run."""
+    filled_in = session.folder / "workflow.yaml"
+    write_workflow(loaded, filled_in)
+    # The address that a killed run left behind would point to a dead dashboard.
+    (session.folder / DASHBOARD).unlink(missing_ok=True)
+    return RunFacts(
+        project=loaded.project.project,
+        crs=loaded.project.crs,
+        version=version("orthomill"),
+        started=now(),
+        workflow=filled_in.read_text(),
+        machine=_machine(),
+    )
+
+
 def _check_workers(options: Options) -> None:
-    """Raises ResourceError for a number of workers that would drown this machine."""
+    """Raises ResourceError for more workers than this machine can serve."""
     cores = os.cpu_count() or 1
     if not options.sequential and not options.scheduler and options.processes > WORKERS_PER_CORE * cores:
         raise ResourceError(
-            f"--workers {options.processes} is too many for the {cores} cores of this machine, where more than one for each core "
-            f"gain little; give at most {WORKERS_PER_CORE * cores}, or leave it out."
+            f"--workers {options.processes} is too many for the {cores} cores of this machine, where more than one per core "
+            f"gains little; give at most {WORKERS_PER_CORE * cores}, or leave it out."
         )
 
 
 @contextmanager
-def _facts_of_an_interruption(session: Session, facts: RunFacts) -> Iterator[None]:
-    """A run that is stopped leaves its facts, so that `orthomill report` can show what is there."""
+def _facts_survive(session: Session, facts: RunFacts) -> Iterator[None]:
+    """An interrupted run leaves its facts, so that `orthomill report` can show what has been computed."""
     try:
         yield
-    except BaseException:
-        write_facts(session.folder, replace(facts, **_ends(session)))
+    except BaseException:  # KeyboardInterrupt included: Ctrl-C is the usual way in which a run is interrupted
+        write_facts(session.folder, _so_far(facts, session))
         raise
 
 
-def _run(session: Session, options: Options, out: Console, err: Console) -> str:
+def _run(session: Session, options: Options, watch: Watch, announce: Callable[[str], None]) -> str:
+    """Run all pending jobs; returns the description of the runner."""
+    # Checked before workers start: starting them takes seconds, and the refusal needs none of them.
     session.check_resources(options.memory)
     titles = {stage.kind: stage.title for stage in session.stages}
-    with _runner(session.folder, options, out) as runner, Progress(titles, options.processes, err) as progress:
-        session.run(runner, progress)
+    with _runner(session.folder, options, announce) as runner, watch(titles, options.processes) as watcher:
+        session.run(runner, watcher)
         return runner.description
 
 
-def _runner(folder: Path, options: Options, out: Console) -> AbstractContextManager[Runner]:
-    return _sequential(options) if options.sequential else _on_dask(folder, options, out)
+def _runner(folder: Path, options: Options, announce: Callable[[str], None]) -> AbstractContextManager[Runner]:
+    return _sequential(options) if options.sequential else _on_dask(folder, options, announce)
 
 
 @contextmanager
@@ -141,8 +172,8 @@ def _sequential(options: Options) -> Iterator[Runner]:
 
 
 @contextmanager
-def _on_dask(folder: Path, options: Options, out: Console) -> Iterator[Runner]:
-    """Dask is imported only here: importing it takes longer than finding that nothing has changed."""
+def _on_dask(folder: Path, options: Options, announce: Callable[[str], None]) -> Iterator[Runner]:
+    # Dask is imported only here: importing it takes longer than finding out that nothing has changed.
     from orthomill.pipeline.engine.dask_cluster import local_client, remote_client
     from orthomill.pipeline.engine.dask_runner import DaskRunner, kept_report
 
@@ -155,7 +186,7 @@ def _on_dask(folder: Path, options: Options, out: Console) -> Iterator[Runner]:
     address = folder / DASHBOARD
     with client_of as client:
         runner = DaskRunner(client, options.memory, place)
-        out.print(f"dashboard: {client.dashboard_link}", soft_wrap=True)
+        announce(f"dashboard: {client.dashboard_link}")
         write_whole(address, client.dashboard_link.encode())
         with kept_report(runner, folder / "dask_report.html"):
             try:
@@ -165,15 +196,16 @@ def _on_dask(folder: Path, options: Options, out: Console) -> Iterator[Runner]:
                 address.unlink(missing_ok=True)
 
 
-def _ends(session: Session) -> dict:
+def _so_far(facts: RunFacts, session: Session) -> RunFacts:
+    """The facts with what the session has done by now."""
     stages = session.stage_runs()
-    peaks = [stage.peak_bytes for stage in stages if stage.peak_bytes]
-    return {
-        "stages": stages,
-        "failures": session.failure_list(),
-        "peak_bytes": max(peaks, default=None),
-        "earlier": session.earlier_runs(),
-    }
+    return replace(
+        facts,
+        stages=stages,
+        failures=session.failure_list(),
+        peak_bytes=max((stage.peak_bytes for stage in stages if stage.peak_bytes), default=None),
+        earlier=session.earlier_runs(),
+    )
 
 
 def _machine() -> tuple[tuple[str, str], ...]:
@@ -186,14 +218,3 @@ def _machine() -> tuple[tuple[str, str], ...]:
         ("Python", platform.python_version()),
         *((name, version(name)) for name in libraries),
     )
-
-
-def rewrite_results(loaded: LoadedWorkflow) -> Path:
-    """Write summary and report again from what is stored; returns the report's path. Raises StoreError before the first run,
-    ResourceError while another is going on, whose facts would be overwritten."""
-    session = session_of(loaded)
-    if read_facts(session.folder) is None:
-        raise StoreError(f"{loaded.project.project} has not been run yet; run it first: orthomill run {loaded.project.project}")
-    with only_run(session.folder):
-        write_results(session.store, session.folder, _titles(session.stages), read_facts(session.folder))
-    return session.folder / REPORT

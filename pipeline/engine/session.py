@@ -1,4 +1,4 @@
-"""One run of one project: plan, skip what still holds, submit the rest, plan further as tables appear.
+"""One run of one project: plan, skip what is still valid, submit the rest, plan further as tables appear.
 
 All stages that can be planned are in flight together; the session only ever waits for the next job to end.
 """
@@ -6,7 +6,8 @@ All stages that can be planned are in flight together; the session only ever wai
 import shutil
 import time
 import uuid
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -21,31 +22,52 @@ from orthomill.pipeline.engine.runner import Finished, Runner
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import ResourceError
 from orthomill.schemas.job import Export, Raster, Table
-from orthomill.schemas.project import Photographs, Project
+from orthomill.schemas.project import PhotoFiles, Project
 from orthomill.schemas.stage_contract import Stage
 from orthomill.schemas.stage_report import report_table
 
 TIME_FORMAT = "%Y-%m-%dT%H:%M:%S%z"
 DISK_RESERVE = 200 * 2**20
-"""bytes that must stay free"""
+"""bytes that must stay free: records, tables and products come on top of the rasters that are counted"""
+COMPRESSION = 2
+"""Rasters are stored compressed; half of their plain size is a cautious estimate for heights and photographs alike."""
 
 
 class Watcher(Protocol):
-    """Somebody who shows progress."""
+    """Whatever shows the progress of a run."""
 
     def planned(self, key: Key) -> None: ...
     def skipped(self, key: Key) -> None: ...
     def finished(self, finished: Finished, seconds: float) -> None: ...
 
 
+class Unwatched:
+    """A watcher that shows nothing."""
+
+    def planned(self, key: Key) -> None:
+        """Nothing is shown."""
+
+    def skipped(self, key: Key) -> None:
+        """Nothing is shown."""
+
+    def finished(self, finished: Finished, seconds: float) -> None:
+        """Nothing is shown."""
+
+
+@contextmanager
+def unwatched(titles: dict[str, str], workers: int) -> Iterator[Watcher]:
+    """The progress display of a run that nobody watches."""
+    yield Unwatched()
+
+
 @dataclass
 class Session:
-    """The state of a run. `forced` stages run even where their results still hold."""
+    """The state of a run. `forced` stages run even where their results are still valid."""
 
     project: Project
     stages: tuple[Stage, ...]
     root: Path
-    list_images: Callable[[Photographs], tuple[str, ...]]
+    list_images: Callable[[PhotoFiles], tuple[str, ...]]
     forced: frozenset[str] = frozenset()
     done: set[Key] = field(default_factory=set)
     skipped: set[Key] = field(default_factory=set)
@@ -61,15 +83,17 @@ class Session:
         self.store = Store(self.folder)
         self.records = Records(self.folder)
         self._announced = 0
+        # Distinguishes the jobs of this run in the records: a worker that Dask asks twice can see that the job is done already.
         self._mark = uuid.uuid4().hex
         self.graph = Graph(self.root, relative)
-        self.planner = Planner(self.project, self.stages, self.graph, self.store, self._holds, self.list_images)
+        self.planner = Planner(self.project, self.stages, self.graph, self.store, self._is_valid, self.list_images)
 
-    def _holds(self, key: Key) -> bool:
+    def _is_valid(self, key: Key) -> bool:
         return key in self.done or key in self.skipped
 
     def plan(self) -> None:
-        """Plan all that can be planned now: what holds is skipped, the rest is pending."""
+        """Plan all that can be planned now: what is still valid is skipped, the rest is pending."""
+        # A skipped job may have written, in an earlier run, the table that a stage waits for: then more can be planned at once.
         while True:
             new = self.planner.advance()
             for planned in new:
@@ -92,21 +116,21 @@ class Session:
         if isinstance(planned.job, Export):
             return {}
         names = {region.name for region in planned.job.writes.values() if isinstance(region, Raster)}
-        return {name: self.store.birth(name) for name in names if self._raster_holds(name)}
+        return {name: self.store.birth(name) for name in names if self._raster_is_valid(name)}
 
-    def _raster_holds(self, name: str) -> bool:
+    def _raster_is_valid(self, name: str) -> bool:
         return self.store.has(name) and self.store.spec(name).same(self.graph.specs[name])
 
     def _outputs_exist(self, planned: PlannedJob) -> bool:
         if isinstance(planned.job, Export):
             return (self.folder / planned.job.path).exists()
         return all(
-            self.store.has_table(region) if isinstance(region, Table) else self._raster_holds(region.name)
+            self.store.has_table(region) if isinstance(region, Table) else self._raster_is_valid(region.name)
             for region in planned.job.writes.values()
         )
 
     def _unlocks(self, key: Key) -> bool:
-        """Whether a stage waits for a table that this job wrote, or may be planned further for another reason."""
+        """Whether a stage waits for a table that this job wrote."""
         job = self.graph.jobs[key].job
         if isinstance(job, Export):
             return False
@@ -120,6 +144,7 @@ class Session:
             stop_if_asked()
             finished = runner.next()
             self._note(finished, watcher)
+            # Planning walks through all open stages, so it is repeated only when a table has appeared that one of them waits for.
             if finished.status == "done" and self._unlocks(finished.key):
                 self._plan_and_submit(runner, watcher)
 
@@ -132,6 +157,7 @@ class Session:
                 watcher.skipped(key)
         self._announced = len(self.graph.jobs)
         for planned in self.pending:
+            # Rasters are created here and not by the workers: two workers that create the same one would race.
             self._create_outputs(planned)
             work = JobOrder(planned.job, self.root, self.folder, planned.fingerprint, self.reasons[planned.key], self._mark)
             runner.submit(work, planned.dependencies, planned.memory)
@@ -141,15 +167,15 @@ class Session:
         if isinstance(planned.job, Export):
             return
         for region in planned.job.writes.values():
-            if isinstance(region, Raster) and not self._raster_holds(region.name):
+            if isinstance(region, Raster) and not self._raster_is_valid(region.name):
                 self.store.create(self.graph.specs[region.name])
 
     def check_resources(self, memory_limit: int) -> None:
-        """Raises ResourceError when a pending job needs more memory than a worker has, or all together more disk than is free."""
+        """Raises ResourceError when a pending job needs more memory than a worker has, or all of them more disk than is free."""
         for planned in self.pending:
             check_memory(planned, memory_limit)
         self.folder.mkdir(parents=True, exist_ok=True)
-        needed = sum(planned.output_bytes for planned in self.pending) // 2
+        needed = sum(planned.output_bytes for planned in self.pending) // COMPRESSION
         free = shutil.disk_usage(self.folder).free
         if self.pending and needed + DISK_RESERVE > free:
             raise ResourceError(
@@ -170,37 +196,37 @@ class Session:
         watcher.finished(finished, seconds)
 
     def stage_runs(self) -> tuple[StageRun, ...]:
-        """How each stage fared so far."""
+        """The state of every stage so far."""
         return tuple(self._stage_run(stage.kind) for stage in self.stages)
 
     def _stage_run(self, kind: str) -> StageRun:
         keys = [key for key in self.graph.jobs if key[0] == kind]
-        held = self._held(keys)
+        valid = self._valid_records(keys)
         return StageRun(
             kind,
             jobs=len(keys),
             done=sum(key in self.done for key in keys),
             skipped=sum(key in self.skipped for key in keys),
             failed=sum(key in self.failures for key in keys),
-            seconds=sum(record.seconds for record in held),
-            peak_bytes=max((record.peak_bytes for record in held), default=None),
+            seconds=sum(record.seconds for record in valid),
+            peak_bytes=max((record.peak_bytes for record in valid), default=None),
             reported=self._reported(keys),
         )
 
-    def _held(self, keys: Iterable[Key]) -> list[Record]:
-        """Records of the jobs whose results hold, whichever run did them."""
-        return [record for key in keys if self._holds(key) and (record := self.records.get(key))]
+    def _valid_records(self, keys: Iterable[Key]) -> list[Record]:
+        """Records of the jobs whose results are valid, whichever run did them."""
+        return [record for key in keys if self._is_valid(key) and (record := self.records.get(key))]
 
     def earlier_runs(self) -> tuple[float, ...]:
-        """How long each earlier run took whose results still hold, from its first to its last job among them, s."""
+        """How long each earlier run took whose results are still valid, from its first to its last job among them, s."""
         spans: dict[str, tuple[float, float]] = {}
-        for record in self._held(self.skipped):
+        for record in self._valid_records(self.skipped):
             begun, ended = spans.get(record.run, (record.started, 0.0))
             spans[record.run] = min(begun, record.started), max(ended, record.started + record.seconds)
         return tuple(ended - begun for begun, ended in sorted(spans.values()))
 
     def _reported(self, keys: list[Key]) -> bool:
-        """Whether the job among `keys` that writes the stage's report is done; what lies there otherwise is of an earlier run."""
+        """Whether the job among `keys` that writes the stage's report is done; a report found otherwise is of an earlier run."""
         jobs = {key: self.graph.jobs[key].job for key in keys if key in self.done or key in self.skipped}
         return any(not isinstance(job, Export) and report_table(key[0]) in job.writes.values() for key, job in jobs.items())
 

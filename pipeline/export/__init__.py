@@ -1,1 +1,1 @@
-"""What people take away: rasters as GeoTIFF, points as LAZ, tables as JSON and CSV."""
+"""The products: rasters as GeoTIFF, points as LAZ, tables as JSON and CSV."""

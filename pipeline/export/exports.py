@@ -1,8 +1,8 @@
-"""Exports: what people take away, made from whole rasters block by block.
+"""Exports: the products of a run, made from whole rasters block by block.
 
-Every file is written under a temporary name in its folder and renamed when it is whole, so that a name that exists is a file
-that is complete. A COG is written first as a tiled GeoTIFF, one chunk at a time, and then copied by GDAL's COG driver: less
-time and memory than writing the COG directly. No more than one chunk of each raster is ever in memory.
+Every file is written under a temporary name in its folder and renamed when it is complete, so that a file under its own name is
+always complete. A COG is written first as a tiled GeoTIFF, one chunk at a time, and then copied by GDAL's COG driver: less time and
+memory than writing the COG directly. No more than one chunk of each raster is ever in memory.
 """
 
 import csv
@@ -15,11 +15,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 import rasterio
 import rasterio.shutil
 from lazrs import LazrsError
+from pydantic import BaseModel
 from rasterio.enums import ColorInterp
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
@@ -34,13 +36,15 @@ GDAL_CACHE = 64 * 2**20
 """GDAL's block cache, bytes: enough for a row of blocks of 100 thousand columns, and a bound on memory."""
 
 _PASSING = {"compress": "zstd", "zstd_level": 1}
-"""How a file is compressed that is deleted again at once: not at all would be a little faster, but could fill a disk."""
+"""Compression of a temporary file: none would be a little faster, but could fill the disk."""
+
+T = TypeVar("T")
 
 COLOURS = {3: ("red", "green", "blue"), 4: ("red", "green", "blue", "alpha")}
 
 
 def export(export: Export, store: ReadableStore, folder: Path) -> None:
-    """Make the file of `export` in the run's `folder`, complete or not at all.
+    """Write the file of `export` in the run's `folder`, complete or not at all.
 
     Raises StoreError when its rasters or tables are missing or do not fit together, ResourceError when the disk refuses.
     """
@@ -57,9 +61,10 @@ def export(export: Export, store: ReadableStore, folder: Path) -> None:
 
 
 def _inside(folder: Path, relative: str) -> Path:
+    # Links are followed here, unlike in a workflow: a product must not be written through a link to somewhere else.
     path = (folder / relative).resolve()
     if not path.is_relative_to(folder.resolve()):
-        raise StoreError(f"The export {relative} leaves the run's folder {folder}; name a path inside it.")
+        raise StoreError(f"The export {relative} is outside the run's folder {folder}; name a path inside it.")
     return path
 
 
@@ -69,7 +74,7 @@ def _first_line(error: Exception) -> str:
 
 @contextmanager
 def _renamed_when_whole(path: Path) -> Iterator[Path]:
-    """A temporary path beside `path`, renamed to it at the end; nothing is left behind by a failure."""
+    """A temporary path next to `path`, renamed to it at the end; a failure leaves nothing behind."""
     with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as scratch:
         temporary = Path(scratch) / path.name
         yield temporary
@@ -78,7 +83,7 @@ def _renamed_when_whole(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def _gdal() -> Iterator[None]:
-    """GDAL with a bounded cache. Photographs have no place on the ground, and that is nothing to be warned of."""
+    """GDAL with a bounded cache and without warnings about photographs, which are not georeferenced."""
     with rasterio.Env(GDAL_CACHEMAX=GDAL_CACHE), warnings.catch_warnings():
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         yield
@@ -109,12 +114,12 @@ class Stack:
 
     @property
     def is_picture(self) -> bool:
-        """One raster of 3 or 4 bands in whole numbers: red, green, blue and perhaps alpha."""
+        """Whether this is one raster of 3 or 4 unsigned integer bands: red, green, blue and perhaps alpha."""
         return len(self.specs) == 1 and self.bands in COLOURS and self.dtype.kind == "u"
 
     @property
     def has_codes(self) -> bool:
-        """Whether some band holds whole numbers whose mean would mean nothing."""
+        """Whether some band holds integer codes, whose mean has no meaning."""
         return not self.is_picture and any(np.dtype(spec.dtype).kind in "ui" for spec in self.specs.values())
 
     def windows(self) -> Iterator[Window]:
@@ -128,6 +133,7 @@ class Stack:
         values = store.read(spec.name, window)
         bands = values[None] if values.ndim == 2 else np.moveaxis(values, 2, 0)
         converted = bands.astype(self.dtype, copy=False)
+        # Bands with different nodata values share NaN; a nodata of NaN needs no replacement, and is not equal to itself.
         if spec.nodata is not None and spec.nodata == spec.nodata and self.nodata != self.nodata:
             converted = np.where(bands == spec.nodata, self.dtype.type(np.nan), converted)
         return converted
@@ -150,7 +156,7 @@ def _band_names(label: str, bands: int) -> list[str]:
 def stack_of(export: Export, store: ReadableStore) -> Stack:
     """The rasters of `export` as one stack: their common dtype and nodata, or float32 with NaN where they differ.
 
-    Raises StoreError when there are none or when they do not lie on one grid.
+    Raises StoreError when there are none or when they are not on one grid.
     """
     specs = {label: store.spec(name) for label, name in export.rasters.items()}
     if not specs:
@@ -159,8 +165,7 @@ def stack_of(export: Export, store: ReadableStore) -> Stack:
     for spec in specs.values():
         if (spec.shape[:2], spec.transform, spec.crs) != (first.shape[:2], first.transform, first.crs):
             raise StoreError(
-                f"{export.path} stacks {first.name} and {spec.name}, which lie on different grids; "
-                "export them to files of their own."
+                f"{export.path} combines {first.name} and {spec.name}, which are on different grids; export them to separate files."
             )
     return Stack(specs, *_type_and_nodata(tuple(specs.values())))
 
@@ -181,6 +186,7 @@ def _write_cog(export: Export, store: ReadableStore, path: Path) -> None:
         if stack.first.transform is not None:
             profile["transform"] = rasterio.Affine(*stack.first.transform)
         _write_tiled(stack, store, plain, profile | _PASSING)
+        # The predictor halves the size of heights; nearest overviews for codes, since the mean of two codes is a third one.
         rasterio.shutil.copy(
             plain,
             temporary,
@@ -198,14 +204,16 @@ def _write_cog(export: Export, store: ReadableStore, path: Path) -> None:
 def _write_tiff(export: Export, store: ReadableStore, path: Path) -> None:
     stack = stack_of(export, store)
     if len(stack.specs) != 1:
-        raise StoreError(f"{export.path} is to be a plain TIFF of {len(stack.specs)} rasters; it holds exactly one.")
+        raise StoreError(f"{export.path} is a plain TIFF of {len(stack.specs)} rasters, but it can hold exactly one.")
     with _gdal(), _renamed_when_whole(path) as temporary:
+        # TIFF: 3 is the floating point predictor, 2 horizontal differencing of integers.
         predictor = 3 if stack.dtype.kind == "f" else 2
         _write_tiled(stack, store, temporary, {"compress": "deflate", "zlevel": 1, "predictor": predictor})
 
 
 def _write_tiled(stack: Stack, store: ReadableStore, path: Path, profile: dict) -> None:
-    """A tiled GeoTIFF, one chunk of the store at a time; blocks divide the chunks, so that each is compressed once."""
+    """A tiled GeoTIFF, one chunk of the store at a time."""
+    # Blocks divide the chunks, so that each block is compressed once; a block must be a multiple of 16.
     block = math.gcd(stack.chunk, 512)
     profile = profile | {
         "driver": "GTiff",
@@ -245,22 +253,29 @@ def _write_laz(export: Export, store: ReadableStore, path: Path) -> None:
 
 
 def _write_json(export: Export, store: ReadableStore, path: Path) -> None:
-    write_whole(path, (_the_table(export, store).model_dump_json(indent=2) + "\n").encode())
+    write_whole(path, (_the_table(export, store, BaseModel).model_dump_json(indent=2) + "\n").encode())
 
 
 def _write_csv(export: Export, store: ReadableStore, path: Path) -> None:
-    write_whole(path, csv_text(_the_table(export, store)).encode())
+    write_whole(path, csv_text(_the_table(export, store, Columns)).encode())
 
 
 def _write_text(export: Export, store: ReadableStore, path: Path) -> None:
-    value = _the_table(export, store)
-    write_whole(path, getattr(value, "text", value).encode())
+    table = _the_table(export, store, BaseModel)
+    text = getattr(table, "text", None)
+    if not isinstance(text, str):
+        raise StoreError(f"{export.path} is a text, but {export.tables[0].path} has no text; export it as json instead.")
+    write_whole(path, text.encode())
 
 
-def _the_table(export: Export, store: ReadableStore) -> object:
+def _the_table(export: Export, store: ReadableStore, kind: type[T]) -> T:
+    """The one table of an export. Raises StoreError when there is not exactly one, or when it is not of the kind `kind`."""
     if len(export.tables) != 1:
         raise StoreError(f"{export.path} needs exactly one table, but names {len(export.tables)}.")
-    return store.table(export.tables[0])
+    value: Any = store.table(export.tables[0])
+    if not isinstance(value, kind):
+        raise StoreError(f"{export.path} cannot be written as {export.format} from {export.tables[0].path}; choose another format.")
+    return value
 
 
 def csv_text(columns: Columns) -> str:
@@ -273,8 +288,8 @@ def csv_text(columns: Columns) -> str:
     return out.getvalue()
 
 
-def _cells(values: np.ndarray) -> list:
-    """float32 by its own shortest digits, not by those of the float64 nearest to it."""
+def _cells(values: np.ndarray) -> list[Any]:
+    # str of a float32 gives its own shortest digits; tolist would give those of the nearest float64: 0.10000000149011612.
     return [str(value) for value in values] if values.dtype.kind == "f" else values.tolist()
 
 

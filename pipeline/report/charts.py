@@ -1,7 +1,7 @@
 """Charts as inline SVG: bars, lines, points, arrows and maps, drawn from `orthomill.schemas.stage_report.Chart`.
 
-Colours and fonts come from the page's style sheet (classes and CSS variables), so that one chart serves light, dark and
-paper. Everything is plain text with few decimals; a long series is thinned, and the caption says so.
+Colours and fonts come from the page's style sheet (classes and CSS variables), so that one chart serves light mode, dark mode and
+print. Coordinates have few decimals to keep the page small; a long series is thinned, and the caption says so.
 """
 
 import math
@@ -18,12 +18,13 @@ from orthomill.schemas.stage_report import Chart
 WIDTH, HEIGHT = 500, 290
 RIGHT, TOP, BOTTOM = 14, 14, 46
 ROW = 50
-"""px between the ticks of the y axis, about"""
+"""approximate distance of the ticks of the y axis, px"""
 SERIES_COLOURS = 6
 MOST_MARKS = 2500
+"""More marks than this hide each other on 500 px, and every one costs about 60 bytes of the page."""
 LEGEND_LEFT = 60.0
 LETTER = 6.4
-"""mean width of a letter, px"""
+"""mean width of a letter, px; the text is laid out by the browser, so its width can only be estimated here"""
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class Frame:
 
     @property
     def left(self) -> float:
-        """Room for the label and the longest tick of the y axis."""
+        """Left border of the plotting area, px: room for the label and the longest tick of the y axis."""
         return left_of(self.y_low, self.y_high, self.y_parts)
 
     def x(self, value: float) -> float:
@@ -59,13 +60,13 @@ class Frame:
 
 
 def left_of(low: float, high: float, parts: int) -> float:
-    """Where the plotting area begins, so that the ticks from `low` to `high` fit beside it, px."""
+    """Left border of the plotting area, px, such that the tick labels from `low` to `high` fit next to it."""
     step = nice_step(high - low, parts)
     return 32 + LETTER * max((len(tick_text(tick, step)) for tick in ticks(low, high, parts)), default=1)
 
 
 def chart_svg(chart: Chart) -> str:
-    """The chart as one <svg> element; a short sentence instead where there is nothing finite to draw."""
+    """The chart as one <svg> element; a short sentence instead where there is no finite value."""
     if not any(np.isfinite(y).any() for y in chart.series.values() if len(y)) or not np.isfinite(chart.x).any():
         return '<p class="nothing">Nothing to draw: the chart has no values.</p>'
     return DRAWERS[chart.style](chart)
@@ -85,6 +86,7 @@ def thinned(chart: Chart) -> bool:
 
 def _padded(low: float, high: float, share: float = 0.04) -> tuple[float, float]:
     span = high - low
+    # A single value gets an axis of a tenth of its size, so that the scale below is never divided by zero.
     if not span > 0:
         span = abs(low) * 0.1 or 1.0
         return low - span / 2, high + span / 2
@@ -126,7 +128,7 @@ def _x_axis(frame: Frame, label: str, upright: bool = False) -> Iterator[str]:
 
 
 def _legend(names: list[str], mark: str) -> tuple[list[str], float]:
-    """Names with their colours in rows above the plot, and the height they take; nothing for a single series."""
+    """Names with their colours in rows above the plot, and their height; nothing for a single series."""
     if len(names) < 2:
         return [], 0.0
     body, x, y = [], LEGEND_LEFT, 16.0
@@ -147,6 +149,7 @@ def _bars(chart: Chart) -> str:
     x = _bar_places(chart)
     series = {name: np.asarray(y, float)[: len(x)] for name, y in chart.series.items()}
     legend, used = _legend(list(series), "fill")
+    # Bars are as wide as the smallest step between them, so that unevenly spaced ones never overlap.
     widest = float(np.min(np.diff(np.unique(x)))) if len(np.unique(x)) > 1 else 1.0
     low, top = _range(np.concatenate(list(series.values())))
     slanted = _slanted(chart)
@@ -167,7 +170,7 @@ def _bars(chart: Chart) -> str:
 
 
 def _bar_heights(low: float, top: float) -> tuple[float, float]:
-    low, top = min(low, 0.0), max(top, 0.0)
+    low, top = min(low, 0.0), max(top, 0.0)  # bars begin at zero: a truncated axis exaggerates differences
     span = (top - low) or 1.0
     return (low - 0.06 * span if low < 0 else 0.0), (top + 0.06 * span if top > 0 or low == 0 else 0.0)
 
@@ -177,7 +180,7 @@ def _categorical(chart: Chart) -> bool:
 
 
 def _bar_places(chart: Chart) -> np.ndarray:
-    """Middles of the bars; one x more than there are bars means that x holds the bins' edges."""
+    """Centres of the bars; if there is one x more than there are bars, x holds the edges of the bins."""
     if _categorical(chart):
         return np.arange(len(chart.x), dtype=float)
     x = np.asarray(chart.x, float)
@@ -199,7 +202,7 @@ def _bar_marks(frame: Frame, x: np.ndarray, y: np.ndarray, place: tuple[int, int
 
 
 def _slanted(chart: Chart) -> float:
-    """Room for slanted category names below the axis; 0 when they fit upright."""
+    """Room for slanted category names below the axis; 0 when they fit horizontally."""
     if not _categorical(chart):
         return 0.0
     longest = max(len(label) for label in chart.labels)
@@ -209,7 +212,7 @@ def _slanted(chart: Chart) -> float:
 
 def _category_axis(frame: Frame, chart: Chart, slanted: bool) -> Iterator[str]:
     yield _line(frame.left, frame.floor, WIDTH - RIGHT, frame.floor, "axis")
-    every = max(1, math.ceil(len(chart.labels) / 40))
+    every = max(1, math.ceil(len(chart.labels) / 40))  # more than 40 slanted names on 500 px run into each other
     for place, label in list(enumerate(chart.labels))[::every]:
         shown = label if len(label) <= 26 else label[:25] + "…"
         yield _text(
@@ -237,7 +240,7 @@ def _curves(chart: Chart) -> str:
 
 
 def _polyline(frame: Frame, x: np.ndarray, y: np.ndarray, number: int) -> Iterator[str]:
-    """A curve that breaks where a value is missing; every n-th value only, when there are far more values than pixels."""
+    """A curve with gaps where values are missing; only every n-th value where there are far more values than pixels."""
     every = max(1, len(x) // MOST_MARKS)
     x, y = x[::every], y[::every]
     present = np.isfinite(x) & np.isfinite(y)
@@ -245,6 +248,7 @@ def _polyline(frame: Frame, x: np.ndarray, y: np.ndarray, number: int) -> Iterat
         if len(run) and present[run[0]]:
             path = " ".join(f"{frame.x(x[i]):.1f},{frame.y(y[i]):.1f}" for i in run)
             yield f'<polyline class="curve s{number % SERIES_COLOURS}" points="{path}"/>'
+            # Dots show which values of a short series were computed; on a long one they would hide the curve.
             if len(run) <= 40:
                 yield from _dots(frame, x[run], y[run], number)
 
@@ -262,10 +266,11 @@ def _dots(frame: Frame, x: np.ndarray, y: np.ndarray, number: int) -> Iterator[s
 
 
 def _plane_frame(x: np.ndarray, y: np.ndarray, used: float) -> Frame:
-    """Axes with the same scale, as high as the data asks for, within reason."""
+    """Axes with equal scale; the height follows from the extent of the data, within limits."""
     (x_low, x_high), (y_low, y_high) = _padded(*_range(x), 0.08), _padded(*_range(y), 0.08)
     wide, room = WIDTH - left_of(y_low, y_high, 6) - RIGHT, 400.0
     scale = max((x_high - x_low) / wide, (y_high - y_low) / room)
+    # A strip is far longer than wide: it keeps the same scale and gets empty margins instead of a distorted shape.
     tall = max((y_high - y_low) / scale, 150.0)
     grow_x, grow_y = (wide * scale - (x_high - x_low)) / 2, (tall * scale - (y_high - y_low)) / 2
     return Frame(x_low - grow_x, x_high + grow_x, y_low - grow_y, y_high + grow_y, TOP + used, TOP + used + tall + BOTTOM)
@@ -276,7 +281,7 @@ def _plane_axes(frame: Frame, chart: Chart) -> list[str]:
 
 
 def _labels(frame: Frame, x: np.ndarray, y: np.ndarray, labels: tuple[str, ...]) -> Iterator[str]:
-    """Names beside their points, as long as there are few enough to read."""
+    """Names next to their points, if there are few enough to be legible."""
     if len(labels) <= 60:
         for place_x, place_y, label in zip(x, y, labels, strict=False):
             if math.isfinite(place_x) and math.isfinite(place_y):
@@ -299,13 +304,15 @@ def _map(chart: Chart) -> str:
 
 
 def _arrows(chart: Chart) -> str:
-    """Vectors at their places, all enlarged alike: a usual one takes about a tenth of the width. One of round length is the key."""
+    """Vectors at their places, all with the same exaggeration, and a key of round length."""
     x, y, dx, dy = (np.asarray(values, float) for values in (chart.x, chart.series["y"], chart.series["dx"], chart.series["dy"]))
     frame = _plane_frame(x, y, 22.0)
     lengths = np.hypot(dx, dy)
     finite = lengths[np.isfinite(lengths) & (lengths > 0)]
+    # The 90th percentile sets the scale: the longest residual is often a blunder and would shrink all others to dots.
     usual = float(np.percentile(finite, 90)) if finite.size else 1.0
     every = max(1, math.ceil(len(x) / MOST_MARKS))
+    # A usual vector takes about a tenth of the width, less where the points are dense.
     enlarged = min(0.1, 1.2 / math.sqrt(len(x) / every)) * (WIDTH - frame.left - RIGHT) / usual
     drawn = np.minimum(1.0, LONGEST_ARROW * usual / np.maximum(lengths, 1e-300)) * enlarged
     body = _plane_axes(frame, chart) + _arrow_key(usual, enlarged, int((finite > LONGEST_ARROW * usual).sum()))
@@ -316,13 +323,13 @@ def _arrows(chart: Chart) -> str:
 
 
 LONGEST_ARROW = 2.0
-"""Longer arrows, in units of the usual one, are drawn this long and in another colour: an outlier shall not cross the page."""
+"""Longer arrows, in units of the usual one, are drawn this long and in another colour: an outlier must not cross the page."""
 
 
 def _arrow_key(usual: float, enlarged: float, cut: int) -> list[str]:
     key = nice_step(usual, 1)
     start = WIDTH - RIGHT - key * enlarged - 4
-    text = f"this long:{NARROW_SPACE}{tick_text(key, key)}"
+    text = f"scale of vectors:{NARROW_SPACE}{tick_text(key, key)}"
     note = f"{cut} longer than {number_text(LONGEST_ARROW * usual, decimals_of((usual,)))}: cut, red; " if cut else ""
     return [*_arrow(start, 14, key * enlarged, 0.0), _text(start - 8, 18, note + text, "legend", "end")]
 

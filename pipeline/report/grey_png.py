@@ -1,7 +1,7 @@
-"""A grey PNG that is written row by row, so that a picture of any size takes the memory of a strip.
+"""A greyscale PNG that is written row by row, so that a picture of any size takes the memory of a strip.
 
-Imaging libraries want the whole picture before they write it. The format is simple enough to be written as it comes: a header,
-the rows compressed in pieces, and an end. The file appears under its name when it is complete, and not before.
+Imaging libraries need the whole picture before they write it. The format is simple enough to be written incrementally: a header,
+the rows compressed in pieces, and an end chunk. The file appears under its name when it is complete, and not before.
 
 Source: W3C, Portable Network Graphics (third edition), 5 and 11.
 """
@@ -27,9 +27,9 @@ def write_grey_png(path: Path, shape: tuple[int, int], strips: Iterable[np.ndarr
             file.write(_SIGNATURE + _chunk(b"IHDR", struct.pack(">II5B", shape[1], shape[0], *_GREY_8_BITS)))
             deflate = zlib.compressobj()
             for strip in strips:
-                unfiltered = np.zeros((strip.shape[0], shape[1] + 1), np.uint8)  # every row begins with the number of its filter
+                unfiltered = np.zeros((strip.shape[0], shape[1] + 1), np.uint8)  # every row begins with its filter type, 0: none
                 unfiltered[:, 1:] = strip
-                file.write(_chunk(b"IDAT", deflate.compress(unfiltered)))
+                file.write(_chunk(b"IDAT", deflate.compress(unfiltered.data)))
             file.write(_chunk(b"IDAT", deflate.flush()) + _chunk(b"IEND", b""))
         os.replace(temporary, path)
     finally:

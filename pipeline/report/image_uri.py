@@ -1,6 +1,6 @@
-"""Small images as data URIs, so that a page can hold them: JPEG for photographs and relief, PNG with a palette for maps.
+"""Small images as data URIs, embedded in the page: JPEG for photographs and relief, PNG with a palette for maps.
 
-A palette keeps the colours of a map exactly those of its legend, in a third of the bytes of a PNG in full colour.
+With a palette the colours of a map are exactly those of its legend, in a third of the bytes of a full-colour PNG.
 """
 
 import base64
@@ -17,6 +17,7 @@ def _uri(kind: str, data: bytes) -> str:
 
 def jpeg_uri(colours: np.ndarray) -> str:
     """Colours (rows, cols, 3) uint8, red green blue, as JPEG."""
+    # Quality 87: artefacts stay invisible at the size of the report, at half the bytes of quality 95. OpenCV takes blue first.
     data = cv2.imencode(".jpg", np.ascontiguousarray(colours[..., ::-1]), [cv2.IMWRITE_JPEG_QUALITY, 87])[1]
     return _uri("jpeg", data.tobytes())
 

@@ -1,6 +1,6 @@
-"""Numbers for people: as many digits as they mean something, thousands apart, a minus that is a minus, units beside them.
+"""Numbers as a report prints them: significant digits only, thousands separated, a true minus sign.
 
-Columns of a table get one number of decimals, so that their points stand below each other.
+The cells of a column share one number of decimals, so that their decimal points are aligned.
 """
 
 import math
@@ -15,12 +15,12 @@ Cell = float | int | str | bool | None
 
 
 def number_text(value: Cell, decimals: int | None = None) -> str:
-    """A value as text: grouped digits, about four that count (or `decimals` after the point), words as they are."""
+    """A value as text: grouped digits, about four significant ones (or `decimals` after the point); words unchanged."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return ABSENT
     if isinstance(value, str):
         return value
-    if isinstance(value, bool):
+    if isinstance(value, bool):  # before int, of which bool is a subclass
         return "yes" if value else "no"
     if math.isinf(value):
         return "∞" if value > 0 else MINUS + "∞"
@@ -35,18 +35,20 @@ def _float_text(value: float, decimals: int) -> str:
         power = "10" + str(int(exponent)).translate(SUPERSCRIPTS)
         return (MINUS if value < 0 else "") + f"{mantissa}{NARROW_SPACE}·{NARROW_SPACE}{power}"
     text = f"{abs(value):.{decimals}f}"
+    # A value that rounds to zero has no sign: a column with both 0.00 and -0.00 would suggest a difference.
     return _grouped(text, value < 0 and float(text) != 0)
 
 
 def _grouped(text: str, negative: bool) -> str:
     whole, point, fraction = text.partition(".")
+    # ISO 80000-1 allows four digits without a space: 2100 is an EPSG code more often than a quantity.
     if len(whole) > 4:
         whole = f"{int(whole):,}".replace(",", NARROW_SPACE)
     return (MINUS if negative else "") + whole + point + fraction
 
 
 def decimals_of(values: Iterable[Cell]) -> int:
-    """Decimals that suit all `values` together: about four digits of the typical one, but none that nobody gave."""
+    """Decimals that suit all `values` together: about four digits of the typical one, but no more than the values have."""
     numbers = [abs(value) for value in values if isinstance(value, float) and math.isfinite(value)]
     sizes = sorted(number for number in numbers if number > 0)
     if not sizes:
@@ -63,7 +65,7 @@ def _wanted_decimals(typical: float) -> int:
 
 
 def _given_decimals(number: float) -> int:
-    text = f"{number:.9f}".rstrip("0")
+    text = f"{number:.9f}".rstrip("0")  # nine decimals: beyond them float64 shows rounding, not information
     return len(text.partition(".")[2])
 
 
@@ -74,7 +76,7 @@ def column_texts(values: tuple[Cell, ...]) -> list[str]:
 
 
 def is_numeric(values: tuple[Cell, ...]) -> bool:
-    """Whether a column holds numbers (absent ones aside), to be set right-aligned."""
+    """Whether a column holds numbers (ignoring absent ones), to be right-aligned."""
     present = [value for value in values if value is not None]
     return bool(present) and all(isinstance(value, int | float) and not isinstance(value, bool) for value in present)
 
@@ -99,7 +101,7 @@ def memory_text(count: int | None) -> str:
 
 
 def nice_step(span: float, parts: int) -> float:
-    """The step 1, 2 or 5 times a power of ten that cuts `span` into about `parts`; 1 for no span."""
+    """The step of 1, 2 or 5 times a power of ten that divides `span` into about `parts`; 1 for an empty span."""
     if not (math.isfinite(span) and span > 0):
         return 1.0
     power = 10.0 ** math.floor(math.log10(span / parts))
@@ -109,12 +111,13 @@ def nice_step(span: float, parts: int) -> float:
 def ticks(low: float, high: float, parts: int) -> list[float]:
     """Round numbers between `low` and `high`, about `parts` of them."""
     step = nice_step(high - low, parts)
+    # Counted in whole steps: adding a step again and again accumulates rounding, and 0.30000000000000004 is no tick.
     first = math.ceil(low / step - 1e-9)
     return [number * step for number in range(first, math.floor(high / step + 1e-9) + 1)]
 
 
 def tick_text(value: float, step: float) -> str:
-    """A tick with just the decimals its step needs."""
+    """A tick with exactly the decimals that its step needs."""
     if step < 1e-5 or abs(value) >= 1e12:
         return number_text(0 if value == 0 else value)
     return _grouped(f"{abs(value):.{max(0, -math.floor(math.log10(step) + 1e-9))}f}", value < 0 and abs(value) > step / 2)

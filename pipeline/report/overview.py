@@ -1,7 +1,7 @@
-"""A raster in reduced size, whatever its size: read one chunk at a time and reduced on the way.
+"""A raster of any size at reduced resolution: read one chunk at a time and reduced immediately.
 
-Heights and colours by the mean of the pixels that have a value, codes by the middle pixel of every block. Blocks need not fit
-the chunks: a block that two chunks share is added up from both.
+Heights and colours by the mean of the pixels that have a value, codes by the middle pixel of every block. Blocks need not be
+aligned with the chunks: a block that two chunks share is accumulated from both.
 """
 
 from dataclasses import dataclass
@@ -17,9 +17,9 @@ Reduced = tuple[tuple[slice, slice], np.ndarray, np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class Overview:
-    """A raster in reduced size: `values` (rows, cols) or (rows, cols, bands), float64, NaN where there is none.
+    """A raster at reduced resolution: `values` (rows, cols) or (rows, cols, bands), float64, NaN where there is none.
 
-    `share` (rows, cols) is the part of the original pixels that have a value, 0 to 1; `factor` the reduction.
+    `share` (rows, cols) is the fraction of the original pixels that have a value, 0 to 1; `factor` the reduction.
     """
 
     values: np.ndarray
@@ -28,7 +28,7 @@ class Overview:
 
 
 def overview(store: ReadableStore, name: str, limit: int, nearest: bool) -> Overview:
-    """A raster reduced by a whole factor to `limit` px or less, reading one chunk at a time.
+    """A raster reduced by an integer factor to `limit` px or less, reading one chunk at a time.
 
     `nearest` takes the middle pixel of every block; otherwise the mean of its pixels that have a value (finite, not nodata,
     alpha above 0). Blocks without any are NaN.
@@ -38,6 +38,7 @@ def overview(store: ReadableStore, name: str, limit: int, nearest: bool) -> Over
     rows, cols = -(-spec.shape[0] // factor), -(-spec.shape[1] // factor)
     bands = spec.shape[2] if len(spec.shape) == 3 else 1
     total, count, area = np.zeros((rows, cols, bands)), np.zeros((rows, cols, 1)), np.zeros((rows, cols, 1))
+    # The mean of two codes is a third code, so codes are picked and never averaged.
     reduced = _thinned if nearest else _summed
     for tile in tiles_of(spec.shape, max(spec.chunk, 64)):
         place, values, present, pixels = reduced(spec, _bands(store.read(spec.name, tile.window)), tile.window, factor)
@@ -56,7 +57,7 @@ def _bands(raw: np.ndarray) -> np.ndarray:
 def _present(spec: RasterSpec, raw: np.ndarray) -> np.ndarray:
     """Which pixels (h, w, 1) have a value."""
     present = np.isfinite(raw).all(axis=2, keepdims=True) if raw.dtype.kind == "f" else np.ones((*raw.shape[:2], 1), bool)
-    if spec.nodata is not None and spec.nodata == spec.nodata:
+    if spec.nodata is not None and spec.nodata == spec.nodata:  # a nodata of NaN, not equal to itself, is covered by isfinite
         present &= (raw != spec.nodata).any(axis=2, keepdims=True)
     if raw.shape[2] == 4:
         present &= raw[..., 3:] > 0
@@ -64,19 +65,20 @@ def _present(spec: RasterSpec, raw: np.ndarray) -> np.ndarray:
 
 
 def _summed(spec: RasterSpec, raw: np.ndarray, window: Window, factor: int) -> Reduced:
-    """Sums over the blocks that the window touches; a block cut by two windows gets a part from each."""
+    """Sums over the blocks that overlap the window; a block divided between two windows gets a part from each."""
     rows, high = _blocks(window.row, window.height, factor)
     cols, wide = _blocks(window.col, window.width, factor)
     area = np.outer(high, wide)[..., None]
     present = _present(spec, raw)
+    # The usual case, and the fast one: no copy of the pixels, and no second sum.
     if present.all():
         return (rows, cols), _block_sums(raw, window, factor), area, area
     return (rows, cols), _block_sums(np.where(present, raw, 0), window, factor), _block_sums(present, window, factor), area
 
 
 def _block_sums(array: np.ndarray, window: Window, factor: int) -> np.ndarray:
-    """Sums over the blocks (rows, cols, bands) float64 of the pixels of a window: all first rows of blocks at once, then all
-    second rows, and so on; columns likewise."""
+    """Sums over the blocks (rows, cols, bands) float64 of the pixels of a window."""
+    # All first rows of blocks at once, then all second rows, and so on: `factor` vector operations instead of one per block.
     lines = _sums_along(array, window.row, factor)
     return _sums_along(lines.swapaxes(0, 1), window.col, factor).swapaxes(0, 1)
 
@@ -108,7 +110,7 @@ def _thinned(spec: RasterSpec, raw: np.ndarray, window: Window, factor: int) -> 
 
 
 def _middles(start: int, length: int, factor: int, size: int) -> tuple[slice, np.ndarray]:
-    """Blocks whose middle pixel (the last pixel in a cut block) lies in the window, and that pixel's place in the window."""
+    """Blocks whose middle pixel (in an incomplete block: at most its last one) is in the window, and its place in the window."""
     blocks = np.arange(-(-size // factor))
     middle = np.minimum(blocks * factor + factor // 2, size - 1)
     inside = blocks[(middle >= start) & (middle < start + length)]

@@ -1,7 +1,7 @@
-"""The report: one self-contained HTML page, drawn from what every stage declares of itself, without knowing what it means.
+"""The report: one self-contained HTML page, generated from what every stage declares, without knowing what it means.
 
-Everything that varies is text that the template escapes; the only markup handed in are the charts, which escape their own
-text. The page asks the network for nothing: its pictures are data URIs, and a content security policy says so to the browser.
+Everything variable is text that the template escapes; the only markup passed in are the charts, which escape their own text. The
+page loads nothing from the network: its pictures are data URIs, and a content security policy makes the browser enforce this.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from orthomill.schemas.errors import StoreError
 from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport, report_table
 
 MOST_HEADLINES = 8
-"""headline figures shown when no stage marks any"""
+"""headline figures shown when no stage marks one"""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class FigureRow:
 
 @dataclass(frozen=True)
 class PictureView:
-    """A picture with its legend, or the sentence that says why there is none."""
+    """A picture with its legend, or the sentence that says why it is missing."""
 
     picture: Picture
     drawing: Drawing | None
@@ -58,7 +58,7 @@ class ChartView:
 
 @dataclass(frozen=True)
 class GridView:
-    """A table with its cells as text; `numeric` says which columns are set to the right."""
+    """A table with its cells as text; `numeric` says which columns are right-aligned."""
 
     grid: Grid
     numeric: tuple[bool, ...]
@@ -83,7 +83,7 @@ class Section:
 
 
 def write_report(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunFacts, path: Path) -> None:
-    """Write the page for a run, finished or not, whole or not at all. Raises StoreError when the disk refuses."""
+    """Write the page for a run, finished or not, completely or not at all. Raises StoreError when the disk refuses."""
     write_whole(path, report_html(store, stages, run).encode())
 
 
@@ -103,6 +103,7 @@ def report_html(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunFa
 
 @cache
 def _template() -> Template:
+    # StrictUndefined: a misspelt name in the template fails in the tests instead of leaving a gap in the page.
     loader = FileSystemLoader(Path(__file__).parent / "templates")
     environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters.update(
@@ -112,7 +113,7 @@ def _template() -> Template:
 
 
 class _Counter:
-    """Numbers the colour bars of a page, whose gradients need names of their own."""
+    """Numbers the colour bars of a page, because the ids of SVG gradients are shared by the whole page."""
 
     def __init__(self) -> None:
         self.last = 0
@@ -127,6 +128,7 @@ class _Counter:
 
 def _section(store: ReadableStore, stage: StageTitle, run: RunFacts, bars: _Counter) -> Section:
     kind, title = stage
+    # The report table may be that of an earlier run whose stage has failed since; its figures must not be shown as current.
     reported = run.stage(kind).reported and store.has_table(report_table(kind))
     report = store.table(report_table(kind)) if reported else StageReport()
     return Section(
@@ -152,7 +154,7 @@ def _state(run: StageRun, reported: bool) -> str:
 
 
 CAPITALS = frozenset(("crs", "sd", "rmse", "nmad", "rms", "psnr", "ssim", "dsm", "dem", "gsd", "gnss", "gps", "exif", "lsm", "cpu"))
-"""Abbreviations that stand in capitals in a label made from a name."""
+"""Abbreviations that are capitalised in a label made from a name."""
 
 
 def label_of(name: str) -> str:
@@ -170,13 +172,13 @@ def figure_row(kind: str, figure: Figure) -> FigureRow:
 
 
 def _without_unit(name: str, unit: str) -> str:
-    """`sigma0_px` in px is called `sigma0`: the unit stands beside the value."""
+    """`sigma0_px` in px is labelled `sigma0`: the unit is printed next to the value."""
     suffix = {"micrometres": "_um", "degrees": "_deg"}.get(unit, f"_{unit}")
     return name.removesuffix(suffix) or name
 
 
 def headlines(sections: tuple[Section, ...]) -> tuple[FigureRow, ...]:
-    """The figures a surveyor signs: those marked so, in order; the first of every stage when none is marked."""
+    """The figures that a surveyor signs: those marked as headlines, in order; the first of every stage when none is marked."""
     marked = tuple(
         row for section in sections for row, figure in zip(section.figures, section.report.figures, strict=True) if figure.headline
     )
@@ -184,20 +186,21 @@ def headlines(sections: tuple[Section, ...]) -> tuple[FigureRow, ...]:
 
 
 def verdict(run: RunFacts, sections: tuple[Section, ...]) -> str:
-    """One sentence that says whether the run is complete, and what is missing."""
+    """Whether the run is complete, and if not, what is missing."""
     if run.complete:
         skipped = sum(stage.skipped for stage in run.stages)
         unchanged = f", {numbers.number_text(skipped)} of them unchanged since an earlier run" if skipped else ""
         jobs = numbers.number_text(sum(stage.jobs for stage in run.stages))
-        return f"Complete. All {jobs} jobs of {len(run.stages)} stages are done{unchanged}."
+        stages = "1 stage" if len(run.stages) == 1 else f"{len(run.stages)} stages"
+        return f"Complete. All {jobs} jobs of {stages} are done{unchanged}."
     missing = [
         _counted(sum(stage.failed for stage in run.stages), "job failed", "jobs failed"),
         _counted(sum(stage.waiting for stage in run.stages), "job is waiting", "jobs are waiting"),
         _counted(sum(section.state == "not yet" for section in sections), "stage has not begun", "stages have not begun"),
     ]
     otherwise = "no job has run" if run.finished else "it is still running or was interrupted"
-    said = "; ".join(part for part in missing if part) or otherwise
-    return f"Not complete: {said}. Figures below hold for what is done; run the project again to go on."
+    reason = "; ".join(part for part in missing if part) or otherwise
+    return f"Not complete: {reason}. The figures below are valid for what is done; run the project again to continue."
 
 
 def _counted(count: int, one: str, many: str) -> str:
@@ -213,12 +216,13 @@ def _picture_view(store: ReadableStore, picture: Picture, bars: _Counter) -> Pic
 
 
 def _chart_view(chart: Chart) -> ChartView:
-    """A chart whose series do not fit its style costs its drawing, not the report."""
+    """A chart as markup; one whose series do not fit its style is replaced by a sentence."""
+    # One wrong chart must not cost the whole report at the end of a run of hours.
     try:
         svg = Markup(chart_svg(chart))
     except (KeyError, ValueError) as error:
         svg = Markup('<p class="nothing">This chart cannot be drawn: {}.</p>').format(str(error))
-    note = " Only a part of the marks is drawn." if thinned(chart) else ""
+    note = " Only some of the marks are drawn." if thinned(chart) else ""
     return ChartView(chart.title, svg, chart.caption + note)
 
 

@@ -1,7 +1,7 @@
-"""Pictures of rasters for the report: reduced, coloured by style, with their legend and their place on the ground.
+"""Pictures of rasters for the report: reduced, coloured by style, with their legend and their location on the ground.
 
 One painter per style turns an overview into an image and its legend. Where there is no value the picture shows a pale hatching,
-which no colour map contains.
+which cannot be mistaken for a colour of a colour map.
 """
 
 import math
@@ -18,18 +18,19 @@ from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.stage_report import Picture
 
 LIMIT = 1100
-"""longest side of a picture, px"""
+"""longest side of a picture, px: a full screen; larger ones would make the page too heavy to send by e-mail"""
 HATCH = np.array([[244, 243, 239], [219, 217, 210]], np.uint8)
 HATCH_PERIOD = 8
 RELIEF = ("#3f6b57", "#6f9271", "#b3b98a", "#dccf9f", "#c9a778", "#a17c5f", "#7d6256", "#cdc4bd", "#f4f1ee")
 BLUE_WHITE_RED = ("#08306b", "#2a6fb0", "#7fb5d8", "#d6e6ef", "#f7f7f5", "#f6d5c3", "#e58f6f", "#be3a34", "#67001f")
 UNKNOWN_CODE = "#8a8a8a"
 CODES, COLOUR_STEPS = 256, 254
+"""A palette has 256 entries; two of them are the hatching."""
 
 
 @dataclass(frozen=True)
 class ColourBar:
-    """How colours stand for values, and how often the values occur (`counts` over equal steps from `low` to `high`)."""
+    """Which colours represent which values, and how often the values occur (`counts` in equal steps from `low` to `high`)."""
 
     low: float
     high: float
@@ -40,7 +41,7 @@ class ColourBar:
 
 @dataclass(frozen=True)
 class ClassEntry:
-    """One line of a legend of codes; `share` of all pixels, in per cent."""
+    """One line of a legend of codes; `share` of all pixels, %."""
 
     colour: str
     meaning: str
@@ -49,7 +50,7 @@ class ClassEntry:
 
 @dataclass(frozen=True)
 class ScaleBar:
-    """A round length on the ground and the part of the picture's width that it takes, in per cent."""
+    """A round length on the ground and the share of the picture's width that it takes, %."""
 
     metres: float
     per_cent: float
@@ -57,7 +58,7 @@ class ScaleBar:
 
 @dataclass(frozen=True)
 class Drawing:
-    """A picture as the report shows it. Corners are (x, y) of the outer upper-left and lower-right corner, m."""
+    """A picture as shown in the report. `corners` are (x, y) of the outer upper-left and lower-right corner, m."""
 
     uri: str
     width: int
@@ -65,7 +66,7 @@ class Drawing:
     bar: ColourBar | None = None
     classes: tuple[ClassEntry, ...] = ()
     empty_share: float = 0.0
-    """per cent of the picture without a value"""
+    """share of the picture without a value, %"""
     scale: ScaleBar | None = None
     corners: tuple[tuple[float, float], tuple[float, float]] | None = None
 
@@ -91,7 +92,8 @@ def draw(store: ReadableStore, picture: Picture, limit: int = LIMIT) -> Drawing:
 
 
 def _paint_hillshade(seen: Overview, picture: Picture, spec: RasterSpec) -> _Painted:
-    """Heights tinted by elevation and shaded by light from the north-west, with a little light from the west and the north."""
+    """Heights tinted by elevation and shaded by light from the north-west, with some light from the west and the north."""
+    # Weak second lights keep slopes that run along the main light from looking flat.
     heights = _plane(seen)
     low, high = _limits(heights, picture)
     tint = palette(RELIEF, CODES)[_steps(heights, low, high, CODES)].astype(np.float64)
@@ -102,12 +104,13 @@ def _paint_hillshade(seen: Overview, picture: Picture, spec: RasterSpec) -> _Pai
 
 
 def shade(heights: np.ndarray, cell: float) -> np.ndarray:
-    """Brightness about 1 of heights (rows, cols) m on cells of `cell` m; 1 where there is no height.
+    """Brightness, about 1, of heights (rows, cols) m on cells of `cell` m; 1 where there is no height.
 
-    Relief is exaggerated until its steeper slopes show, whatever the terrain.
+    Heights are exaggerated such that the steeper slopes are visible in any terrain.
     """
     east, south = _slope(heights, 1) / cell, _slope(heights, 0) / cell
     steep = np.hypot(east, south)
+    # The 90th percentile: house walls, nearly vertical in a surface model, would otherwise flatten the terrain around them.
     usual = np.nanpercentile(steep, 90) if np.isfinite(steep).any() else 0.0
     exaggeration = float(np.clip(0.5 / usual, 0.3, 6.0)) if usual > 0 else 1.0
     east, south = east * exaggeration, south * exaggeration
@@ -131,7 +134,7 @@ def _slope(heights: np.ndarray, axis: int) -> np.ndarray:
 
 
 def _paint_rgb(seen: Overview, picture: Picture, spec: RasterSpec) -> _Painted:
-    """Colours as they are; more than 8 bits are stretched between the 1st and 99th percentile."""
+    """Colours as stored; more than 8 bits are stretched between the 1st and 99th percentile."""
     values = seen.values if seen.values.ndim == 3 else seen.values[..., None]
     colours = values[..., :3] if values.shape[2] >= 3 else np.repeat(values[..., :1], 3, axis=2)
     if spec.dtype != "uint8" and np.isfinite(colours).any():
@@ -173,7 +176,7 @@ def _paint_steps(values: np.ndarray, scale: _Scale) -> _Painted:
 
 
 def _paint_classes(seen: Overview, picture: Picture, spec: RasterSpec) -> _Painted:
-    """Codes in the colours given; a code nobody explained is grey and said to be unknown."""
+    """Codes in the given colours; codes without an explanation are grey and listed as such."""
     codes = np.where(seen.share > 0, _plane(seen), -1).astype(np.int64)
     known = picture.classes[: CODES - 3]
     index = np.full(codes.shape, len(known) + 2)
@@ -201,6 +204,7 @@ def _plane(seen: Overview) -> np.ndarray:
 
 
 def _limits(values: np.ndarray, picture: Picture) -> tuple[float, float]:
+    # Percentiles, because a single blunder in a surface would take up most of the colour range.
     low = _percentile(values, 2) if picture.low is None else picture.low
     high = _percentile(values, 98) if picture.high is None else picture.high
     return low, high if high > low else low + (abs(low) * 1e-3 or 1.0)
@@ -234,7 +238,7 @@ def _bar(values: np.ndarray, scale: _Scale) -> ColourBar | None:
 
 
 def _hatch(shape: tuple[int, ...]) -> np.ndarray:
-    """0 and 1: thin diagonal lines."""
+    """Thin diagonal lines as an array of 0 and 1."""
     rows, cols = np.ogrid[: shape[0], : shape[1]]
     return ((rows + cols) % HATCH_PERIOD == 0).astype(np.int64)
 

@@ -1,37 +1,54 @@
-"""What people read of a run: its facts, the summary and the report. They are written when something was done; a run that finds
-everything unchanged leaves them as they are, with the figures of the runs that did the work."""
+"""What people read of a run: the summary and the report, and the functions that run a workflow and write them.
 
+They are written when a run did something. A run that finds everything unchanged leaves them as they are, so that they keep the
+figures of the runs that did the work.
+"""
+
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from pydantic import TypeAdapter, ValidationError
-
 from orthomill.pipeline.engine.fingerprint import digest, of_modules
-from orthomill.pipeline.engine.run_facts import RunFacts, StageTitle
+from orthomill.pipeline.engine.lock import only_run
+from orthomill.pipeline.engine.run_facts import FACTS, RunFacts, StageTitle, read_facts, write_facts
+from orthomill.pipeline.engine.running import Options, Watch, run_workflow, session_of, titles_of
+from orthomill.pipeline.engine.session import unwatched
 from orthomill.pipeline.storage.reading import ReadableStore
-from orthomill.pipeline.storage.table_files import write_whole
+from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow
+from orthomill.schemas.errors import StoreError
 
-FACTS = "jobs/run.json"
 SUMMARY, REPORT = "summary.json", "report.html"
-_FACTS = TypeAdapter(RunFacts)
+DEFAULTS = Options()
+"""One worker per core of this machine, every stage."""
 
 
-def write_facts(folder: Path, facts: RunFacts) -> None:
-    """What summary and report are made from, besides the store."""
-    write_whole(folder / FACTS, _FACTS.dump_json(facts, indent=1))
+def run_with_report(
+    loaded: LoadedWorkflow,
+    options: Options = DEFAULTS,
+    watch: Watch = unwatched,
+    announce: Callable[[str], None] = lambda line: None,
+) -> RunFacts:
+    """Run a workflow and write its summary and report: the whole of `orthomill run`, for Python programs and notebooks.
+
+    Silent unless `watch` (progress) and `announce` (single lines) are given. Raises OrthomillError when the run cannot start;
+    jobs that failed are listed in the facts returned.
+    """
+    return run_workflow(loaded, options, update_results, watch, announce)
 
 
-def read_facts(folder: Path) -> RunFacts | None:
-    """The facts that the last run left; None when there are none, or none that this version understands."""
-    try:
-        return _FACTS.validate_json((folder / FACTS).read_bytes())
-    except (FileNotFoundError, ValidationError):
-        return None
+def update_results(store: ReadableStore, folder: Path, stages: tuple[StageTitle, ...], facts: RunFacts) -> None:
+    """Facts, summary and report of a run that did something; after one that did nothing they stay as they are, if current."""
+    if facts.worked:
+        ran = {stage.kind for stage in facts.stages}  # fewer than all after --until
+        write_results(store, folder, tuple(stage for stage in stages if stage[0] in ran), facts)
+    else:
+        keep_results(store, folder, stages, facts)
 
 
 def write_results(store: ReadableStore, folder: Path, stages: tuple[StageTitle, ...], facts: RunFacts) -> None:
-    """The facts, the summary and the report."""
-    from orthomill.pipeline.report.page import write_report  # what draws is loaded only where there is something to draw
+    """Write the facts, the summary and the report."""
+    # matplotlib and OpenCV are loaded only where there is something to draw: importing them takes longer than a run without work.
+    from orthomill.pipeline.report.page import write_report
     from orthomill.pipeline.report.summary import write_summary
 
     facts = replace(facts, written_by=_writers())
@@ -41,21 +58,39 @@ def write_results(store: ReadableStore, folder: Path, stages: tuple[StageTitle, 
 
 
 def keep_results(store: ReadableStore, folder: Path, stages: tuple[StageTitle, ...], facts: RunFacts) -> None:
-    """After a run that had nothing to do: summary and report stay, unless they are missing, were not finished, or were written by
-    other code; then they are written again from the facts of the run that did the work. `stages` are all of the workflow."""
+    """After a run without work: summary and report stay, unless they are missing, incomplete, or written by other code.
+
+    In those cases they are written again, from the facts of the run that did the work. `stages` are all of the workflow.
+    """
     earlier = read_facts(folder)
-    tells = facts if earlier is None or not earlier.tells_of(facts) else earlier
-    if tells is facts or not _are_current(folder, tells):
-        write_results(store, folder, tuple(stage for stage in stages if tells.stage(stage[0]).jobs), tells)
+    described = facts if earlier is None or not earlier.describes(facts) else earlier
+    if described is facts or not _are_current(folder, described):
+        write_results(store, folder, tuple(stage for stage in stages if described.stage(stage[0]).jobs), described)
+
+
+def rewrite_results(loaded: LoadedWorkflow) -> Path:
+    """Write summary and report again from what is stored; returns the report's path.
+
+    Raises StoreError before the first run, ResourceError while another run is in progress, whose facts would be overwritten.
+    """
+    session = session_of(loaded)
+    facts = read_facts(session.folder)
+    if facts is None:
+        raise StoreError(f"{loaded.project.project} has not been run yet; run it first: orthomill run {loaded.project.project}")
+    with only_run(session.folder):
+        # Read again under the lock: a run that ended in the meantime has newer facts.
+        write_results(session.store, session.folder, titles_of(session.stages), read_facts(session.folder) or facts)
+    return session.folder / REPORT
 
 
 def _are_current(folder: Path, facts: RunFacts) -> bool:
+    # The facts are written first, so that a page older than them belongs to a run that was killed before it wrote the page.
     written = (folder / FACTS).stat().st_mtime_ns
     pages = (folder / SUMMARY, folder / REPORT)
     return facts.written_by == _writers() and all(page.exists() and page.stat().st_mtime_ns >= written for page in pages)
 
 
 def _writers() -> str:
-    """Digest of all that makes summary and report what they are, besides the results."""
+    """Digest of everything but the results that determines summary and report."""
     template = Path(__file__).parent / "templates" / "report.html"
     return digest(of_modules("orthomill.pipeline.report.page", "orthomill.pipeline.report.summary"), template.read_text())

@@ -1,8 +1,8 @@
 """The summary of a run: every figure of its report under a stable name, for programs and for comparisons between runs.
 
 One flat table. A figure of a stage is `<stage>.<name>`; facts of the run itself are `run.<name>` and `run.<stage>.<name>`.
-Each entry holds its value, its unit and the sentence that says what it is. The file is sorted and strict JSON: a value that
-is not a finite number is null.
+Each entry has a value, a unit and a sentence that says what it is. The file is sorted and strict JSON: a number that is not finite
+is null.
 """
 
 import json
@@ -31,7 +31,7 @@ def summary(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunFacts)
 
 
 def _unique(kind: str, figures: tuple[Figure, ...]) -> Iterator[tuple[str, Figure]]:
-    """A name that a stage uses twice gets a number, so that no figure is lost."""
+    """The figures of a stage by name; a name that is used twice gets a number, so that no figure is lost."""
     seen: dict[str, int] = {}
     for figure in figures:
         seen[figure.name] = seen.get(figure.name, 0) + 1
@@ -41,6 +41,7 @@ def _unique(kind: str, figures: tuple[Figure, ...]) -> Iterator[tuple[str, Figur
 
 def _entry(figure: Figure) -> dict[str, Any]:
     value = figure.value
+    # JSON has no NaN, and readers that accept one disagree about its spelling.
     if isinstance(value, float) and not math.isfinite(value):
         value = None
     return {"value": value, "unit": figure.unit, "sentence": figure.sentence}
@@ -54,10 +55,10 @@ def _run_figures(run: RunFacts) -> tuple[Figure, ...]:
         _fact("version", run.version, "Version of orthomill that made the run."),
         _fact("scheduler", run.scheduler, "Where the jobs ran."),
         _fact("machine", machine, "The machine and its libraries."),
-        _fact("started", run.started, "When the last run began that had anything to do (ISO 8601)."),
-        _fact("finished", run.finished, "When that run ended (ISO 8601); null when it did not."),
-        _fact("runs", run.runs, "Runs that made these results; more than one after an interruption or a change."),
-        _fact("wall_seconds", run.whole_seconds, "Wall clock of all runs that made these results.", "s"),
+        _fact("started", run.started, "Beginning of the last run that did any work (ISO 8601)."),
+        _fact("finished", run.finished, "End of that run (ISO 8601); null when it did not finish."),
+        _fact("runs", run.runs, "Runs that produced these results; more than one after an interruption or a change."),
+        _fact("wall_seconds", run.whole_seconds, "Wall-clock time of all runs that produced these results.", "s"),
         _fact("failed_tiles", ", ".join(failure.key for failure in run.failures), "Keys of the jobs that failed."),
         _fact("complete", run.complete, "Whether every planned job of every stage is done or unchanged."),
         *_job_figures(run.stages, run.peak_bytes),
@@ -73,13 +74,13 @@ def _stage_figures(stage: StageRun) -> tuple[Figure, ...]:
 
 def _job_figures(stages: tuple[StageRun, ...], peak_bytes: int | None) -> tuple[Figure, ...]:
     return (
-        _fact("work_seconds", sum(stage.seconds for stage in stages), "Work of the jobs added up, whichever run did them.", "s"),
+        _fact("work_seconds", sum(stage.seconds for stage in stages), "Working time of all jobs, whichever run did them.", "s"),
         _fact("peak_memory", _mebibytes(peak_bytes), "Largest memory of one worker.", "MiB"),
         _fact("jobs", sum(stage.jobs for stage in stages), "Jobs planned."),
-        _fact("jobs_done", sum(stage.done for stage in stages), "Jobs done by the last run that had anything to do."),
-        _fact("jobs_skipped", sum(stage.skipped for stage in stages), "Jobs that it found unchanged since an earlier one."),
+        _fact("jobs_done", sum(stage.done for stage in stages), "Jobs done by the last run that did any work."),
+        _fact("jobs_skipped", sum(stage.skipped for stage in stages), "Jobs that this run found unchanged since an earlier run."),
         _fact("jobs_failed", sum(stage.failed for stage in stages), "Jobs that failed."),
-        _fact("jobs_waiting", sum(stage.waiting for stage in stages), "Jobs that were planned but not reached."),
+        _fact("jobs_waiting", sum(stage.waiting for stage in stages), "Jobs that were planned but not started."),
     )
 
 
@@ -92,25 +93,25 @@ def _mebibytes(count: int | None) -> float | None:
 
 
 def write_summary(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunFacts, path: Path) -> None:
-    """Write `summary.json`, whole or not at all. Raises StoreError when the disk refuses."""
+    """Write `summary.json`, completely or not at all. Raises StoreError when the disk refuses."""
     text = json.dumps(summary(store, stages, run), indent=1, sort_keys=True, ensure_ascii=False, allow_nan=False)
     write_whole(path, f"{text}\n".encode())
 
 
 INTRODUCTION = """# The figures of `summary.json`
 
-Every run leaves `runs/<project>/summary.json`: one flat object, sorted by name. An entry is
+Every run writes `runs/<project>/summary.json`: one flat object, sorted by name. An entry is
 `{"value": ..., "unit": "...", "sentence": "..."}`. Names are stable: a figure keeps its name from version to version, and
 a new meaning gets a new name.
 
 | name | what it is |
 | --- | --- |
-| `<stage>.<figure>` | a figure of the stage's report, in the unit beside it |
+| `<stage>.<figure>` | a figure of the stage's report, in the unit given |
 | `run.<fact>` | a fact of the run: versions, times, memory, jobs, whether it is complete |
-| `run.<stage>.<fact>` | the jobs, the work and the memory of one stage |
+| `run.<stage>.<fact>` | jobs, working time and memory of one stage |
 
-A value is a number, a word, true or false, or null when it could not be determined. Lengths are in metres and image residuals
-in pixels unless the unit says otherwise. A stage that has not reported yet has only its `run.<stage>` entries.
+A value is a number, a word, true or false, or null if it could not be determined. Lengths are in metres and image residuals in
+pixels unless the unit says otherwise. A stage that has not reported yet has only its `run.<stage>` entries.
 
 Generated from a run; do not edit by hand.
 """
@@ -119,7 +120,7 @@ Generated from a run; do not edit by hand.
 def summary_markdown(entries: Summary) -> str:
     """The page `docs/summary.md`: the scheme, then every name with its unit and its sentence, by stage.
 
-    Facts that every stage has alike (`run.<stage>.*`) are listed once. Values are left out: the page describes names.
+    Facts that every stage has (`run.<stage>.*`) are listed once. Values are left out: the page describes names.
     """
     rows: dict[str, dict[str, tuple[str, str]]] = {}
     for name, entry in entries.items():

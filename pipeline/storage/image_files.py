@@ -1,9 +1,8 @@
-"""Image files as people have them: JPEG, TIFF and PNG, looked at with suspicion.
+"""Image files as users have them: JPEG, TIFF and PNG, checked before they are trusted.
 
-A file is judged before it is decoded: is it an image at all (the content decides, not the name), is it complete (its end marker),
-is it of a sensible size and kind. Every refusal names the file and says what to do. Only three of GDAL's drivers are let in, and
-no file beside the image is read. EXIF tags are carried as text under their plain names ("FocalLength", "GPSLatitude"); what they
-mean is the business of those who read them.
+A file is checked before it is decoded: is it an image at all (the content decides, not the name), is it complete (its end marker),
+is it of a sensible size and kind. Every refusal names the file and says what to do. Only three of GDAL's drivers are allowed, and
+no sidecar file is read. EXIF tags are passed on as text under their plain names ("FocalLength", "GPSLatitude"), uninterpreted.
 """
 
 import fnmatch
@@ -23,12 +22,12 @@ from rasterio.windows import Window as GdalWindow
 
 from orthomill.schemas.errors import PhotoError, WorkflowError
 from orthomill.schemas.photo import Header
-from orthomill.schemas.project import Photographs
+from orthomill.schemas.project import PhotoFiles
 from orthomill.schemas.raster import Window
 
 IMAGE_SUFFIXES = frozenset({".jpg", ".jpeg", ".tif", ".tiff", ".png"})
 PIXEL_LIMIT = 2_000_000_000
-"""Larger images are refused before anything of them is decoded."""
+"""Larger images are refused before any of their pixels are decoded: a PNG of a few bytes can claim terabytes."""
 _SIGNATURES = {
     b"\xff\xd8\xff": "JPEG",
     b"\x89PNG\r\n\x1a\n": "PNG",
@@ -38,17 +37,19 @@ _SIGNATURES = {
     b"MM\0+": "GTiff",
 }
 """First bytes of a file -> the GDAL driver that may open it."""
+# libjpeg fills the missing part of a damaged scan with grey and only warns; matched grey would look like a textureless surface.
+# An .aux.xml or .ovr file next to the image could replace its statistics, georeference or pixels.
 _GDAL = {"GDAL_ERROR_ON_LIBJPEG_WARNING": "YES", "GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR", "GDAL_PAM_ENABLED": "NO"}
 
 _GIMBAL = re.compile(r"(Gimbal(?:Yaw|Pitch|Roll)Degree)\s*(?:=\s*\"|>)\s*([-+]?\d+(?:\.\d+)?)")
 
 
 def is_image_name(name: str) -> bool:
-    """Whether a file's name promises an image. Hidden files (`._DJI_0001.JPG` of macOS) do not."""
+    """Whether a file is named like an image. Hidden files (`._DJI_0001.JPG` of macOS) are not."""
     return Path(name).suffix.lower() in IMAGE_SUFFIXES and not Path(name).name.startswith(".")
 
 
-def image_files(root: Path, source: Photographs) -> tuple[str, ...]:
+def image_files(root: Path, source: PhotoFiles) -> tuple[str, ...]:
     """The image files of a folder or a list, relative to `root`, sorted by name. Raises WorkflowError when there are none."""
     if source.kind == "list":
         return tuple(sorted(source.paths))
@@ -65,15 +66,16 @@ def image_files(root: Path, source: Photographs) -> tuple[str, ...]:
 
 def _no_images(folder: str, pattern: str, without_pattern: int) -> str:
     if without_pattern:
-        return f"None of the {without_pattern} images in {folder} matches the pattern '{pattern}'; the pattern '*' takes all."
-    return f"The folder {folder} holds no JPEG, TIFF or PNG images; put the photographs there or correct the path."
+        return f"None of the {without_pattern} images in {folder} matches the pattern '{pattern}'; the pattern '*' matches all."
+    return f"The folder {folder} contains no JPEG, TIFF or PNG images; put the photographs there or correct the path."
 
 
 def read_header(path: Path) -> Header:
-    """Size, bands, dtype and EXIF tags of an image file. Raises PhotoError for whatever cannot be a whole photograph."""
+    """Size, bands, dtype and EXIF tags of an image file. Raises PhotoError for anything but a complete photograph."""
     with _opened(path) as dataset:
         _check_size(path, dataset)
         bands = _colour_bands(path, dataset)
+        # GDAL opens a truncated file without complaint and fails in the last tile, possibly hours later.
         if dataset.driver in _END_CHECKS:
             _END_CHECKS[dataset.driver](path)
         return Header(
@@ -82,16 +84,16 @@ def read_header(path: Path) -> Header:
 
 
 def read_pixels(path: Path, window: Window) -> np.ndarray:
-    """Pixels of a window, (height, width, bands) with 1 or 3 bands, as stored: the EXIF orientation flag is not obeyed here.
+    """Pixels of a window, (height, width, bands) with 1 or 3 bands, as stored: the EXIF orientation flag is not applied here.
 
-    An alpha band is left out. Raises PhotoError when the file is not an image, or breaks off inside the window.
+    An alpha band is left out. Raises PhotoError when the file is not an image, or ends inside the window.
     """
     with _opened(path) as dataset:
         _check_size(path, dataset)
         bands = _colour_bands(path, dataset)
         if window.clipped(dataset.shape) != window or window.empty:
             raise PhotoError(
-                f"{shown(path)} has {dataset.width} x {dataset.height} px, and {window} does not lie inside; "
+                f"{shown(path)} has {dataset.width} x {dataset.height} px, and {window} is not inside it; "
                 "the file has changed since it was first read, so run again."
             )
         part = GdalWindow(window.col, window.row, window.width, window.height)
@@ -129,7 +131,7 @@ def _driver(path: Path) -> str:
             return driver
     what = "plain text" if _is_text(start) else "another kind of file"
     raise PhotoError(
-        f"{shown(path)} is not a JPEG, TIFF or PNG image but {what}, whatever its name says; take it out of the photographs."
+        f"{shown(path)} is not a JPEG, TIFF or PNG image but {what}, whatever its name says; remove it from the photographs."
     )
 
 
@@ -138,7 +140,7 @@ def _first_bytes(path: Path) -> bytes:
         with open(path, "rb") as file:
             start = file.read(512)
     except FileNotFoundError:
-        raise PhotoError(f"The photograph {shown(path)} does not exist; put it there or take it out of the workflow.") from None
+        raise PhotoError(f"The photograph {shown(path)} does not exist; put it there or remove it from the workflow.") from None
     except OSError as error:
         raise PhotoError(f"The photograph {shown(path)} cannot be read ({error.strerror}).") from error
     if not start:
@@ -147,6 +149,7 @@ def _first_bytes(path: Path) -> bytes:
 
 
 def _is_text(start: bytes) -> bool:
+    # Tab to carriage return (9 to 13) are the only control characters of ordinary text.
     return not any(byte < 9 or 13 < byte < 32 for byte in start)
 
 
@@ -155,7 +158,7 @@ def _check_size(path: Path, dataset: rasterio.DatasetReader) -> None:
     if pixels > PIXEL_LIMIT:
         raise PhotoError(
             f"{shown(path)} claims {dataset.width} x {dataset.height} px, which is {pixels / 1e9:.1f} gigapixels; "
-            f"more than {PIXEL_LIMIT / 1e9:g} gigapixels are refused unread, so cut it into parts if it is genuine."
+            f"more than {PIXEL_LIMIT / 1e9:g} gigapixels are refused unread, so split it into parts if it is genuine."
         )
 
 
@@ -174,6 +177,7 @@ def _colour_bands(path: Path, dataset: rasterio.DatasetReader) -> int:
 
 def _tags(dataset: rasterio.DatasetReader) -> dict[str, str]:
     """EXIF tags without GDAL's prefix, and TIFF's own baseline tags under the names that EXIF gives them."""
+    # GDAL keeps the EXIF tags of a JPEG in the default domain, those of a TIFF in the domain EXIF.
     found = {**dataset.tags(), **dataset.tags(ns="EXIF")}
     tags = {name.removeprefix("EXIF_"): value for name, value in found.items() if name.startswith("EXIF_")}
     for tiff, exif in (("TIFFTAG_MAKE", "Make"), ("TIFFTAG_MODEL", "Model"), ("TIFFTAG_DATETIME", "DateTime")):
@@ -183,27 +187,29 @@ def _tags(dataset: rasterio.DatasetReader) -> dict[str, str]:
 
 
 def _gimbal_tags(xmp: dict[str, str]) -> dict[str, str]:
-    """How a drone's camera was held: GimbalYawDegree, GimbalPitchDegree and GimbalRollDegree, as attributes or as elements."""
+    """The attitude of a drone's camera: GimbalYawDegree, GimbalPitchDegree and GimbalRollDegree, as attributes or as elements."""
     return dict(_GIMBAL.findall(next(iter(xmp.values()), "")))
 
 
 def _check_jpeg_end(path: Path) -> None:
-    """A whole JPEG has an end-of-image marker after its last scan; the thumbnail's own marker, in the header, does not count."""
+    """A complete JPEG has an end-of-image marker after its last scan; the thumbnail's marker, in the header, does not count."""
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
         if content.rfind(b"\xff\xd9", _first_scan(content)) < 0:
             raise PhotoError(_truncated(path, "the end-of-image marker of a JPEG is missing"))
 
 
 def _first_scan(content: mmap.mmap) -> int:
-    """Offset of the first start-of-scan marker, found by walking the segments, so that embedded thumbnails are stepped over."""
+    """Offset of the first start-of-scan marker, found by following the segments, so that embedded thumbnails are skipped."""
     at = 2
     while at + 4 <= len(content) and content[at] == 0xFF and content[at + 1] != 0xDA:
+        # A marker may be preceded by any number of fill bytes 0xFF (ISO/IEC 10918-1, B.1.1.2).
         at += 1 if content[at + 1] == 0xFF else 2 + int.from_bytes(content[at + 2 : at + 4], "big")
     return min(at, len(content))
 
 
 def _check_png_end(path: Path) -> None:
     with open(path, "rb") as file:
+        # The end chunk is 12 bytes; cameras and editors append a few more after it.
         file.seek(max(os.path.getsize(path) - 4096, 0))
         if b"IEND\xaeB`\x82" not in file.read():
             raise PhotoError(_truncated(path, "the end chunk of a PNG is missing"))
@@ -217,7 +223,7 @@ def _truncated(path: Path, sign: str) -> str:
 
 
 def shown(path: Path) -> str:
-    """A path as a person knows it: relative to the current folder where it lies below it."""
+    """A path as the user knows it: relative to the current folder if it is inside it."""
     absolute = Path(os.path.abspath(path))
     try:
         return absolute.relative_to(Path.cwd()).as_posix()

@@ -1,4 +1,4 @@
-"""Reads georeferenced raster files that a user brings: windows of them, resampled to the project's grid."""
+"""Reads georeferenced raster files that the user provides: windows of them, resampled to the project's grid."""
 
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from orthomill.schemas.raster import MapGrid
 def read_map_grid(path: Path, crs: str) -> MapGrid:
     """The bounds of a file in `crs` as a grid of about its own cell size. Raises WorkflowError."""
     with _opened(path) as source:
+        # Bounds are densified along their edges: the corners alone do not bound a rectangle that another projection bends.
         west, south, east, north = transform_bounds(source.crs, _horizontal(crs), *source.bounds)
         cell = max((east - west) / source.width, (north - south) / source.height)
     rows, cols = (max(1, round(length / cell)) for length in (north - south, east - west))
@@ -27,11 +28,12 @@ def read_map_grid(path: Path, crs: str) -> MapGrid:
 
 
 def read_map(path: Path, region: MapFile) -> np.ndarray:
-    """The region's window as float32, bilinear; NaN where the file has nothing. Raises WorkflowError."""
+    """The region's window as float32, bilinear; NaN where the file has no value. Raises WorkflowError."""
     grid, window = region.grid, region.window
     with _opened(path) as source:
         if source.count < region.bands:
-            raise WorkflowError(f"{path} has {source.count} bands, but {region.bands} are needed.")
+            raise WorkflowError(f"{path} has {source.count} bands, but {region.bands} are needed; provide a file with as many.")
+        # A virtual warp reads only the source pixels of this window, so that a file of any size costs the memory of a tile.
         with WarpedVRT(
             source,
             crs=_horizontal(region.crs),
@@ -48,6 +50,7 @@ def read_map(path: Path, region: MapFile) -> np.ndarray:
 
 
 def _horizontal(crs: str) -> CRS:
+    # With a height part GDAL would also transform the values, as heights; a vertical datum is handled where the file is used.
     return CRS.from_user_input(crs.split("+")[0])
 
 
@@ -62,7 +65,5 @@ def _opened(path: Path) -> rasterio.DatasetReader:
         known = False
     if not known:
         source.close()
-        raise WorkflowError(
-            f"{path} does not say its coordinate reference system; assign one (for example with gdal_edit) and run again."
-        )
+        raise WorkflowError(f"{path} has no coordinate reference system; assign one (for example with gdal_edit) and run again.")
     return source

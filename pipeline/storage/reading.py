@@ -1,4 +1,4 @@
-"""What exports, pictures and the report need of a store: names, specifications, windows and tables, all read-only."""
+"""What exports, pictures and the report need from a store: names, specifications, windows and tables, all read-only."""
 
 from typing import Protocol, TypeVar
 

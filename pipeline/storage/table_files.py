@@ -1,7 +1,7 @@
-"""Tables on disk: pydantic models as JSON that people read, columns as parquet. A write is complete or absent.
+"""Tables on disk: pydantic models as readable JSON, columns as parquet. A write is complete or absent.
 
-A table that is nothing but bytes (descriptors, patches) is one binary value in its file: parquet knows no small numbers and would
-store each byte as one of 32 bits, which costs more to read than all that is done with it.
+A table that consists of bytes only (descriptors, patches) is one binary value in its file: parquet has no 8-bit type and would
+store each byte as a 32-bit integer, which costs more to read than everything that is done with it afterwards.
 """
 
 import os
@@ -24,10 +24,12 @@ def write_whole(path: Path, data: bytes) -> None:
     """Write a file so that a reader sees the old one or the new one, never a part. Raises StoreError."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        # In the same folder, since renaming is atomic only within one file system; the suffix is what `Store.sweep` removes.
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".part")
         try:
             with os.fdopen(handle, "wb") as stream:
                 stream.write(data)
+            # mkstemp grants access to the owner only, but results are shared like any other file.
             os.chmod(temporary, 0o666 & ~_umask())
             os.replace(temporary, path)
         except BaseException:
@@ -40,7 +42,8 @@ def write_whole(path: Path, data: bytes) -> None:
 
 
 def _umask() -> int:
-    """The permissions that this process withholds; it can only be read by setting it."""
+    """The permissions that this process withholds."""
+    # It can only be read by setting it. Workers have one thread, so that nothing is created in between.
     mask = os.umask(0o022)
     os.umask(mask)
     return mask
@@ -52,6 +55,7 @@ def write_table(path: Path, value: Any) -> None:
         columns = {f.name: np.asarray(getattr(value, f.name)) for f in fields(value)}
         only_bytes = all(column.dtype == np.uint8 for column in columns.values())
         arrays = {name: _one_value(column) if only_bytes else pa.array(column) for name, column in columns.items()}
+        # Dictionaries pay off for names and codes; random bytes only make them grow.
         sink = pa.BufferOutputStream()
         pq.write_table(pa.table(arrays), sink, compression="zstd", use_dictionary=not only_bytes)
         write_whole(path, sink.getvalue().to_pybytes())
@@ -72,7 +76,7 @@ def _numbers(column: pa.ChunkedArray) -> np.ndarray:
 
 
 def read_table(path: Path, table: Table[Any]) -> Any:
-    """The value of a stored table. Raises StoreError when it is absent or is not of its type."""
+    """The value of a stored table. Raises StoreError when it is absent or not of its type."""
     try:
         if issubclass(table.type, Columns):
             stored = pq.read_table(path)

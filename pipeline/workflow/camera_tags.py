@@ -1,4 +1,4 @@
-"""The few EXIF tags that a starting workflow is made of: camera, focal length and place, from a header's tags as text."""
+"""The few EXIF tags that a starting workflow uses: camera, focal length and position, from a header's tags as text."""
 
 import re
 
@@ -9,6 +9,7 @@ _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 
 def longitude_latitude(tags: dict[str, str]) -> tuple[float, float] | None:
     """Longitude and latitude in degrees from the GPS tags, east and north positive; None where they are absent or unset (0, 0)."""
+    # Receivers without a fix write zeros; nobody photographs the Gulf of Guinea at exactly (0, 0).
     longitude = _degrees(tags.get("GPSLongitude", ""), tags.get("GPSLongitudeRef", ""))
     latitude = _degrees(tags.get("GPSLatitude", ""), tags.get("GPSLatitudeRef", ""))
     if longitude is None or latitude is None or (longitude, latitude) == (0.0, 0.0) or abs(longitude) > 180 or abs(latitude) > 90:
@@ -17,7 +18,7 @@ def longitude_latitude(tags: dict[str, str]) -> tuple[float, float] | None:
 
 
 def _degrees(text: str, reference: str) -> float | None:
-    """ "(46) (50) (33.3855)" and N, S, E or W, to degrees; without a letter, north or east is meant."""
+    """Degrees from "(46) (50) (33.3855)" and N, S, E or W; without a letter, north or east is assumed."""
     parts = [float(number) for number in _NUMBER.findall(text)]
     if not 1 <= len(parts) <= 3:
         return None
@@ -26,8 +27,9 @@ def _degrees(text: str, reference: str) -> float | None:
 
 
 def utm_zone(longitude: float, latitude: float) -> str:
-    """The EPSG code of the UTM zone (WGS 84) of a place, e.g. "EPSG:32634"; the exceptions of Norway and Svalbard are obeyed."""
+    """The EPSG code of the UTM zone (WGS 84) of a position, e.g. "EPSG:32634", with the exceptions of Norway and Svalbard."""
     zone = min(int((longitude + 180) // 6) + 1, 60)
+    # Zone 32 is widened to cover south-western Norway; around Svalbard only the odd zones 31 to 37 are used.
     if 56 <= latitude < 64 and 3 <= longitude < 12:
         zone = 32
     if 72 <= latitude <= 84 and 0 <= longitude < 42:
@@ -36,13 +38,14 @@ def utm_zone(longitude: float, latitude: float) -> str:
 
 
 def focal_mm(tags: dict[str, str]) -> float | None:
-    """The focal length in millimetres; None where it is absent or 0."""
+    """The focal length in millimetres; None where it is absent or 0, which lenses without contacts report."""
     found = _NUMBER.search(tags.get("FocalLength", ""))
     return float(found[0]) if found and float(found[0]) > 0 else None
 
 
 def camera_name(header: Header) -> str | None:
-    """Maker, model and size, as far as the tags say them: "DJI FC300S, 4000 x 2250 px"; None where no camera is named."""
+    """Maker, model and size, as far as the tags contain them: "DJI FC300S, 4000 x 2250 px"; None where no camera is named."""
     words = [header.tags.get(name, "").strip() for name in ("Make", "Model")]
+    # Some makers repeat their name in the model: "Canon", "Canon EOS 550D".
     name = words[1] if words[0] and words[1].lower().startswith(words[0].lower()) else " ".join(word for word in words if word)
     return f"{name}, {header.width} x {header.height} px" if name else None

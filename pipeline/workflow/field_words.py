@@ -1,4 +1,4 @@
-"""Settings in words: what a field of a model may hold, as people say it.
+"""Settings in words: what a field of a model may hold.
 
 Error sentences, the settings reference, the workflow as run and the starting workflow all take their words from here, and this
 file takes them from the fields themselves; nothing about a setting is written down twice.
@@ -37,11 +37,12 @@ class Place:
 
 
 def locate(loc: tuple[str | int, ...], annotation: Any) -> Place:
-    """The place that pydantic's error location means: tags of unions, which are not in the file, are taken out of the path."""
+    """The place that pydantic's error location refers to, without the tags of unions, which are not in the file."""
     path: tuple[str | int, ...] = ()
     model, field = None, None
     for element in loc:
         annotation = _bare(annotation)
+        # pydantic inserts the tag of a union's variant into the location; a setting named like a tag cannot occur there.
         if element in variants(annotation):
             annotation = variants(annotation)[element]
         elif is_model(annotation):
@@ -96,13 +97,13 @@ def _bare(annotation: Any) -> Any:
 
 
 def optional(annotation: Any) -> bool:
-    """Whether nothing (null) is allowed."""
+    """Whether null is allowed."""
     annotation = _without_annotated(annotation)
     return typing.get_origin(annotation) in (Union, types.UnionType) and type(None) in typing.get_args(annotation)
 
 
 def type_words(annotation: Any) -> str:
-    """What may stand there: "a whole number", "one of ellipse, square", "2 numbers in brackets"."""
+    """What a value of this type is called: "a whole number", "one of ellipse, square", "2 numbers in brackets"."""
     tags = variants(annotation)
     words = [_member_words(member) for member in _members(annotation)]
     if len(tags) > 1:
@@ -181,7 +182,7 @@ def _patterns(field: FieldInfo) -> list[str]:
 
 
 def pattern_words(pattern: str) -> str:
-    """A regular expression in words, where we have words for it."""
+    """A regular expression in words, if there are words for it."""
     return _PATTERNS.get(pattern, f"of the form {pattern}")
 
 
@@ -189,16 +190,18 @@ def _project_pattern() -> str:
     return next(item.pattern for item in Project.model_fields["project"].metadata if getattr(item, "pattern", None))
 
 
-_PATTERNS = {_project_pattern(): "made of small letters, digits, - and _, with a letter or digit first"}
+_PATTERNS = {_project_pattern(): "made of lower-case letters, digits, - and _, beginning with a letter or digit"}
 
 
 def allowed(field: FieldInfo) -> str:
     """Everything a field may hold, with its unit: "a whole number (px), from 128 to 8192, a multiple of 64"."""
+    # "or null" is moved to the end, so that the bounds follow the type they belong to.
     words, null = type_words(field.annotation).removesuffix(_OR_NULL), optional(field.annotation)
     measure = f" ({unit(field)})" if unit(field) else ""
     return ", ".join([words + measure, *bounds(field)]) + (_OR_NULL if null else "")
 
 
 def number(value: float) -> str:
-    """A number as a person writes it: 0.3, 512, 1e-06."""
+    """A number without a needless ".0": 0.3, 512, 1e-06."""
+    # Above 1e15 not every whole number is a float64, and writing all digits would pretend so.
     return str(int(value)) if float(value).is_integer() and abs(value) < 1e15 else repr(float(value))

@@ -1,4 +1,4 @@
-"""Mistakes in a workflow file: gathered all together, each one a line with its place and a sentence that helps.
+"""Mistakes in a workflow file: collected together, each one a line with its place and a sentence that helps.
 
 pydantic finds what does not fit the models; this file says it in the words of the workflow: where, what was found, what is
 allowed, and what was probably meant.
@@ -53,7 +53,7 @@ _NUMBER_WITH_UNIT = re.compile(r"\s*([-+]?[\d.,]+(?:[eE][-+]?\d+)?)\s*([^\d\s.,]
 
 @dataclass(frozen=True, order=True)
 class Mistake:
-    """One mistake. `place` is empty where the file as a whole is meant."""
+    """One mistake. `place` is empty where it concerns the file as a whole."""
 
     line: int
     place: str
@@ -62,20 +62,20 @@ class Mistake:
 
 @dataclass
 class Mistakes:
-    """All mistakes of one file so far. `file` is its name as people know it, `document` what it says."""
+    """All mistakes of one file so far. `file` is its name as the user knows it, `document` its content."""
 
     file: str
     document: Document
     found: list[Mistake] = field(default_factory=list)
 
     def add(self, path: Path_, text: str, line: int | None = None) -> None:
-        """Record a mistake at a place of the document (on another `line` if given); the same one is recorded once."""
+        """Record a mistake at a place of the document (on another `line` if given); a repetition is ignored."""
         mistake = Mistake(line or self.document.line(path), place_words(path, self.document), text)
         if mistake not in self.found:
             self.found.append(mistake)
 
     def add_all(self, error: ValidationError, annotation: Any, base: Path_) -> None:
-        """Record what pydantic found wrong in the value at `base`, which was to be an `annotation`."""
+        """Record what pydantic found wrong in the value at `base`, which should be an `annotation`."""
         details = error.errors(include_url=False)
         taken = _meant(details, annotation)
         for detail in details:
@@ -83,6 +83,7 @@ class Mistakes:
             if detail["type"] == "missing" and place.path in taken:
                 continue
             text, path = _sentence(detail, place, self.document, base, annotation)
+            # Members of a plain union report one error each for the same value: the first one names the declared type.
             if not any(m.line == self.document.line(path) and m.place == place_words(path, self.document) for m in self.found):
                 self.add(path, text)
 
@@ -95,7 +96,8 @@ class Mistakes:
 def _line(file: str, mistake: Mistake) -> str:
     where = f"{mistake.place}: " if mistake.place else ""
     text = f"{file}:{mistake.line}: {where}{mistake.sentence}"
-    return "".join(letter if letter.isprintable() else " " for letter in text)  # what the file says must not steer a terminal
+    # The text quotes the file: control characters in it must not reach the terminal as commands.
+    return "".join(letter if letter.isprintable() else " " for letter in text)
 
 
 def place_words(path: Path_, document: Document) -> str:
@@ -112,7 +114,7 @@ def place_words(path: Path_, document: Document) -> str:
 
 
 def stage_kind(document: Document, index: int) -> str | None:
-    """The kind that entry `index` of the stages claims, if it claims any."""
+    """The kind that entry `index` of the stages names, if any."""
     try:
         item = document.at(("stages", index))
     except LookupError:
@@ -128,10 +130,11 @@ def did_you_mean(word: object, names: Iterable[str]) -> str:
 
 
 def nearest(word: object, names: Iterable[str]) -> str | None:
-    """The name nearest to a mistyped word, small and capital letters alike, or None."""
-    by_small = {name.lower(): name for name in names}
-    close = difflib.get_close_matches(str(word).lower(), by_small, n=1, cutoff=0.6)
-    return by_small[close[0]] if close else None
+    """The name nearest to a mistyped word, regardless of case, or None."""
+    by_lower = {name.lower(): name for name in names}
+    # 0.6 is difflib's default: "fotos" finds "photos" (0.73), words that share only a few letters find nothing.
+    close = difflib.get_close_matches(str(word).lower(), by_lower, n=1, cutoff=0.6)
+    return by_lower[close[0]] if close else None
 
 
 def found_words(value: Any, measure: str = "") -> str:
@@ -146,7 +149,7 @@ def found_words(value: Any, measure: str = "") -> str:
 
 
 def _meant(details: list[Any], annotation: Any) -> set[Path_]:
-    """Places of required fields that are there under a mistyped name, so that they are not reported as missing as well."""
+    """Places of required fields that are given under a mistyped name, so that they are not reported as missing as well."""
     places = [locate(detail["loc"], annotation) for detail in details if detail["type"] == "extra_forbidden"]
     near = [(place, nearest(place.path[-1], _field_names(place))) for place in places]
     return {(*place.path[:-1], name) for place, name in near if name}
@@ -159,13 +162,15 @@ def _field_names(place: Place) -> list[str]:
 def _sentence(detail: Any, place: Place, document: Document, base: Path_, annotation: Any) -> tuple[str, Path_]:
     """The sentence, and the path it belongs to, for one of pydantic's errors."""
     path, kind = (*base, *place.path), detail["type"]
+    # A list that is too short is reported by pydantic as a missing entry; for the user the list itself is wrong.
     if kind == "missing" and place.path and isinstance(place.path[-1], int):
         path, kind = path[:-1], "wrong length"
     value = _value(document, path)
     if kind == "extra_forbidden":
         return _unknown(place, path, document), path
     if kind == "missing":
-        return f"is missing; needed is {allowed(place.field)}. {sentence(place.field)}".rstrip(), path
+        wanted = allowed(place.field) if place.field else "a value"
+        return f"is missing; it must be {wanted}. {sentence(place.field)}".rstrip(), path
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         return _unknown_kind(value, path, place, annotation)
     if kind in ("value_error", "assertion_error"):
@@ -199,7 +204,7 @@ def _unknown_kind(value: Any, path: Path_, place: Place, annotation: Any) -> tup
     key = next(iter(value), None) if isinstance(value, dict) and len(value) == 1 else None
     if key in kinds:
         return f"write 'kind: {key}' instead of '{key}:', with its settings below it in the same column.", path
-    return f"says no kind; 'kind' must be {one_of(kinds)}.", path
+    return f"has no kind; 'kind' must be {one_of(kinds)}.", path
 
 
 def _needed(detail: Any, place: Place, value: Any) -> str:
@@ -217,7 +222,7 @@ def _needed(detail: Any, place: Place, value: Any) -> str:
 
 def _slug(value: Any) -> str:
     slug = re.sub(r"[^a-z0-9_-]+", "-", str(value).lower()).strip("-_")
-    return f" '{slug}' would do." if slug else ""
+    return f" '{slug}' is possible." if slug else ""
 
 
 def _hint(value: Any, field_info: FieldInfo) -> str:
@@ -237,11 +242,13 @@ def _number_hint(text: str, measure: str) -> str:
     if match is None:
         return ""
     try:
+        # A single comma is a decimal comma; "1,234.5" does not become a number, and no example is given for it.
         size = float(match[1].replace(",", "."))
     except ValueError:
         return ""
     given = (match[2] or "").lower()
     factor = 1.0 if not given or given == measure.lower() else _METRES.get(given, 0.0) / _METRES.get(measure.lower(), float("inf"))
     unit_words = f", in {measure}" if measure else ""
+    # Twelve digits: 30 cm times 0.01 is 0.3 and not 0.30000000000000004.
     example = f": {number(float(f'{size * factor:.12g}'))}" if factor else ""
     return f" Write the number alone{unit_words}{example}."

@@ -9,11 +9,10 @@ from typing import Any
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
-from pydantic_core import PydanticUndefined
 
 from orthomill.pipeline.workflow.field_words import bounds, is_model, sentence, type_words, unit, variants
 from orthomill.pipeline.workflow.workflow_checks import kind_of
-from orthomill.pipeline.workflow.workflow_text import flow
+from orthomill.pipeline.workflow.workflow_text import default_text
 from orthomill.schemas.project import Project
 from orthomill.schemas.stage_contract import Stage
 
@@ -42,12 +41,13 @@ def write_settings_reference(catalogue: tuple[type[Stage], ...], path: Path) -> 
 
 
 def _section(model: type[BaseModel], prefix: str, written: dict[type[BaseModel], str]) -> Iterator[str]:
-    """The table of a model, then one section for each kind of its tagged unions and for its nested models, each written once."""
+    """The table of a model, then one section per kind of its tagged unions and per nested model, each written once."""
     fields = {name: field for name, field in model.model_fields.items() if name != "kind"}
     yield from _table(fields) if fields else ("No settings.",)
     for name, field in fields.items():
         for kind, part in _models_in(field.annotation):
             heading = f"`{prefix}{name}`{f' of kind `{kind}`' if kind else ''}"
+            # Photographs, windows and camera sources occur in several places; one table each keeps the page readable.
             if part in written:
                 yield from ("", f"### {heading}", "", f"As {written[part]}.")
                 continue
@@ -56,12 +56,13 @@ def _section(model: type[BaseModel], prefix: str, written: dict[type[BaseModel],
 
 
 def _about(model: type[BaseModel]) -> tuple[str, ...]:
+    # The model's own docstring only: an inherited one describes the base class.
     own = model.__dict__.get("__doc__")
     return (" ".join(own.split()), "") if own else ()
 
 
 def _models_in(annotation: Any) -> Iterator[tuple[str, type[BaseModel]]]:
-    """(kind, model) of what is nested in a field; kind is empty for a plain model."""
+    """(kind, model) of everything nested in a field; kind is empty for a plain model."""
     tags = variants(annotation)
     if tags:
         yield from tags.items()
@@ -84,16 +85,4 @@ def _cell(text: str) -> str:
 
 
 def _default(field: FieldInfo) -> str:
-    if field.is_required():
-        return "required"
-    value = field.get_default(call_default_factory=True)
-    if value is PydanticUndefined:
-        return ""
-    plain = value.model_dump(mode="json") if isinstance(value, BaseModel) else _plain(value)
-    return f"`{flow(plain)}`"
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, tuple | list):
-        return [item.model_dump(mode="json") if isinstance(item, BaseModel) else item for item in value]
-    return value
+    return "required" if field.is_required() else f"`{default_text(field)}`"

@@ -1,7 +1,7 @@
-"""A commented starting workflow, made from what the photographs say of themselves.
+"""A commented starting workflow, made from the EXIF tags of the photographs.
 
-The headers of all photographs are read, no pixels. What the EXIF tags tell is filled in (CRS, cameras, positions); what they do not
-tell is left open with a comment that says what is wanted, and the loader asks for it in one sentence. The stages stand there in
+The headers of all photographs are read, no pixels. What the tags contain is filled in (CRS, cameras, positions); what they do not
+contain is left open with a comment that says what is needed, and the loader asks for it in one sentence. The stages are listed in
 order with their first settings commented out, so that a newcomer sees what can be changed.
 """
 
@@ -19,7 +19,7 @@ from orthomill.pipeline.storage.image_files import image_files, read_header, sho
 from orthomill.pipeline.workflow.camera_tags import camera_name, focal_mm, longitude_latitude, utm_zone
 from orthomill.pipeline.workflow.field_words import bounds, sentence, type_words, unit, variants
 from orthomill.pipeline.workflow.workflow_checks import SIMULATION, kind_of
-from orthomill.pipeline.workflow.workflow_text import flow
+from orthomill.pipeline.workflow.workflow_text import default_text, flow
 from orthomill.schemas.errors import PhotoError, StoreError, WorkflowError
 from orthomill.schemas.photo import Header
 from orthomill.schemas.project import PhotoFolder, Project
@@ -33,43 +33,44 @@ _NOT_AT_FIRST = frozenset({SIMULATION, "evaluation"})
 
 @dataclass(frozen=True)
 class Survey:
-    """What the headers of a folder of photographs tell."""
+    """What the headers of a folder of photographs contain."""
 
     folder: str
     headers: tuple[Header, ...]
 
     @cached_property
     def cameras(self) -> Counter[str]:
-        """Photographs by the camera they name."""
+        """Number of photographs by the camera they name."""
         return Counter(name for header in self.headers if (name := camera_name(header)))
 
     @cached_property
     def focal_lengths(self) -> Counter[float]:
-        """Photographs by focal length in mm."""
+        """Number of photographs by focal length in mm."""
         return Counter(length for header in self.headers if (length := focal_mm(header.tags)))
 
     @cached_property
     def places(self) -> tuple[tuple[float, float], ...]:
-        """Longitude and latitude in degrees of the photographs that know them."""
+        """Longitude and latitude in degrees of the photographs that have them."""
         return tuple(place for header in self.headers if (place := longitude_latitude(header.tags)))
 
     @property
     def utm(self) -> str | None:
-        """The UTM zone of the middle of the photographs, if any of them knows where it was taken."""
+        """The UTM zone of the middle of the photographs, if any of them has a position."""
         if not self.places:
             return None
+        # The median ignores single photographs taken before the receiver had a fix, or elsewhere.
         longitudes, latitudes = zip(*self.places, strict=True)
         return utm_zone(statistics.median(longitudes), statistics.median(latitudes))
 
     @property
     def without_focal(self) -> int:
-        """Photographs that do not tell their focal length."""
+        """Number of photographs without a focal length."""
         return len(self.headers) - self.focal_lengths.total()
 
 
 @dataclass(frozen=True)
 class StartingWorkflow:
-    """The file that was written, and what its owner should do next, one sentence each."""
+    """The file that was written, and what the user should do next, one sentence each."""
 
     path: Path
     survey: Survey
@@ -77,7 +78,7 @@ class StartingWorkflow:
 
 
 def survey_photographs(photos: Path, root: Path) -> Survey:
-    """Read the headers of all photographs of a folder. Raises WorkflowError, or PhotoError naming every file that is no good."""
+    """Read the headers of all photographs of a folder. Raises WorkflowError, or PhotoError naming every unusable file."""
     folder = _inside(photos, root)
     files = image_files(root, PhotoFolder(kind="folder", path=folder))
     headers, problems = [], []
@@ -97,13 +98,13 @@ def survey_photographs(photos: Path, root: Path) -> Survey:
 
 
 def _inside(photos: Path, root: Path) -> str:
-    """The folder relative to the root; links are not followed, so that a link inside the project will do."""
+    """The folder relative to the root; links are not followed, so that a link inside the project is accepted."""
     top = Path(os.path.abspath(root))
     folder = Path(os.path.normpath(top / photos))
     if not folder.is_relative_to(top):
         link = f"ln -s {shlex.quote(str(folder))} {shlex.quote(str(top / folder.name))}"
         raise WorkflowError(
-            f"The photographs in {photos} lie outside the project's folder {top}; copy them into it, or put a link "
+            f"The photographs in {photos} are outside the project's folder {top}; copy them into it, or create a link "
             f"there ({link}) and give --photos {folder.name}."
         )
     if not folder.is_dir():
@@ -118,11 +119,12 @@ def write_starting_workflow(
     _check_name(name)
     path = root / "workflows" / f"{name}.yaml"
     if path.exists():
-        raise WorkflowError(f"{shown(path)} exists already and is not overwritten; choose another name or remove it.")
+        raise WorkflowError(f"{shown(path)} exists already and is not overwritten; choose another name or delete it.")
     survey = survey_photographs(photos, root)
     text = starting_text(name, survey, catalogue, crs)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        # "x": whatever has appeared under this name since the check is not overwritten either.
         with open(path, "x", encoding="utf-8") as file:
             file.write(text)
     except OSError as error:
@@ -134,7 +136,7 @@ def _check_name(name: str) -> None:
     field = Project.model_fields["project"]
     pattern = next(item.pattern for item in field.metadata if getattr(item, "pattern", None))
     if not re.match(pattern, name):
-        raise WorkflowError(f"'{name}' cannot be the name of a project; it must be {bounds(field)[0]}.")
+        raise WorkflowError(f"'{name}' is not a possible project name; it must be {bounds(field)[0]}.")
 
 
 def starting_text(name: str, survey: Survey, catalogue: tuple[type[Stage], ...], crs: str | None = None) -> str:
@@ -156,8 +158,8 @@ def starting_text(name: str, survey: Survey, catalogue: tuple[type[Stage], ...],
         "",
         *_tile(),
         "",
-        "# The stages run in this order. A setting that is commented out has the value shown; take the '#' away to change it.",
-        "# All settings stand in docs/settings.md.",
+        "# The stages run in this order. A setting that is commented out has the value shown; remove the '#' to change it.",
+        "# All settings are listed in docs/settings.md.",
         "stages:",
     ]
     for stage in stages:
@@ -183,9 +185,9 @@ def _crs(survey: Survey, crs: str | None) -> Iterator[str]:
     if crs:
         yield f"crs: {flow(crs)}"
     elif survey.utm:
-        yield f"crs: {flow(survey.utm)}  # the UTM zone of the GPS positions; a national grid will do as well"
+        yield f"crs: {flow(survey.utm)}  # the UTM zone of the GPS positions; a national grid is possible as well"
     else:
-        yield "crs:  # to be filled in, e.g. EPSG:32634: the photographs do not tell where they were taken"
+        yield "crs:  # to be filled in, e.g. EPSG:32634: the photographs have no GPS positions"
 
 
 def _cameras(survey: Survey) -> Iterator[str]:
@@ -195,19 +197,19 @@ def _cameras(survey: Survey) -> Iterator[str]:
         yield "  kind: exif  # nominal values, refined by the block adjustment; a calibration from chessboards is better"
         return
     first = survey.headers[0]
-    yield "  kind: given  # no photograph tells its focal length, so it is wanted here"
+    yield "  kind: given  # no photograph has a focal length in its EXIF tags, so it must be given here"
     yield f"  c:  # to be filled in: camera constant in px: focal length / sensor width * {max(first.width, first.height)}"
     yield "  # x0: 0.0         # principal point, px right of the image centre"
     yield "  # y0: 0.0         # principal point, px above the image centre"
     yield "  # k1: 0.0         # radial distortion, radius in units of c, as in OpenCV"
-    yield "  # pixel_um: 4.5   # side of a pixel on the sensor, micrometres, if it is known"
+    yield "  # pixel_um: 4.5   # side of a pixel on the sensor, micrometres, if known"
 
 
 def _positions(survey: Survey) -> Iterator[str]:
     yield "# Where the photographs were taken: exif, file (a CSV file, e.g. from RTK) or none."
     yield "positions:"
     if not survey.places:
-        yield "  kind: none  # no photograph has GPS tags; without positions, control points are needed for scale and place"
+        yield "  kind: none  # no photograph has GPS tags; without positions, control points must define the datum"
         return
     yield "  kind: exif"
     for name in ("sigma_plan", "sigma_height"):
@@ -216,7 +218,7 @@ def _positions(survey: Survey) -> Iterator[str]:
 
 
 def _control() -> Iterator[str]:
-    yield "# Ground control and check points: none, or files as below (docs/guide.md tells their columns)."
+    yield "# Ground control and check points: none, or files as below (docs/guide.md describes their columns)."
     yield "control:"
     yield "  kind: none"
     yield "  # kind: files"
@@ -234,9 +236,8 @@ def _stage(stage: type[Stage]) -> Iterator[str]:
     shown_fields = [(name, field) for name, field in stage.model_fields.items() if name != "kind" and not field.is_required()]
     for name, field in shown_fields[:SETTINGS_SHOWN]:
         measure = f" [{unit(field)}]" if unit(field) else ""
-        value = stage.model_construct().model_dump(mode="json")[name]
         choices = f" ({type_words(field.annotation)})" if variants(field.annotation) else ""
-        yield f"    # {name}: {flow(value)}  # {sentence(field)}{measure}{choices}"
+        yield f"    # {name}: {default_text(field)}  # {sentence(field)}{measure}{choices}"
     for name, field in stage.model_fields.items():
         if field.is_required():
             yield f"    {name}:  # to be filled in: {sentence(field)}"
@@ -244,19 +245,19 @@ def _stage(stage: type[Stage]) -> Iterator[str]:
 
 def _notes(name: str, survey: Survey, crs: str | None) -> Iterator[str]:
     if not (crs or survey.utm):
-        yield "Fill in 'crs': no photograph tells where it was taken."
+        yield "Fill in 'crs': no photograph has a GPS position."
     if not survey.focal_lengths:
-        yield "Fill in 'cameras > c': no photograph tells its focal length."
+        yield "Fill in 'cameras > c': no photograph has a focal length in its EXIF tags."
     elif survey.without_focal:
         yield (
-            f"{survey.without_focal} of {len(survey.headers)} photographs do not tell their focal length; they take the camera of "
-            "the others of their size. Take out what is no photograph of the block."
+            f"{survey.without_focal} of {len(survey.headers)} photographs have no focal length; they are assigned the camera of "
+            "the others of their size. Remove images that do not belong to the block."
         )
     if survey.places and len(survey.places) < len(survey.headers):
         missing = len(survey.headers) - len(survey.places)
-        yield f"{missing} of {len(survey.headers)} photographs have no GPS position; they join by their overlap."
+        yield f"{missing} of {len(survey.headers)} photographs have no GPS position; they are oriented through their overlap."
     if not survey.places:
-        yield "No photograph has a GPS position: give control points or a positions file, else the block has no scale and no place."
+        yield "No photograph has a GPS position: give control points or a positions file, or the block has no scale and no datum."
     if len(survey.cameras) > 1:
-        yield f"The photographs come from {len(survey.cameras)} cameras or image sizes; check that none is there by mistake."
+        yield f"The photographs come from {len(survey.cameras)} cameras or image sizes; check that none is included by mistake."
     yield f"Then run: make project={name} run"

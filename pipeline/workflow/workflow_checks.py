@@ -1,7 +1,7 @@
-"""What a workflow must be beyond its types: a sensible list of stages, files that exist inside the project, a CRS in metres.
+"""What a workflow must satisfy beyond its types: a sensible list of stages, files that exist inside the project, a CRS in metres.
 
-None of it needs photogrammetry, and all of it is found before anything runs. Each check records what it finds in `Mistakes` and
-goes on, so that everything is told at once.
+None of it needs photogrammetry, and all of it is checked before anything runs. Each check records what it finds in `Mistakes` and
+continues, so that everything is reported at once.
 """
 
 import os
@@ -28,6 +28,7 @@ SIMULATION = "simulation"
 _FILE_FIELDS = frozenset({"path", "paths", "points", "measurements"})
 _METRE = frozenset({"metre", "meter"})
 _MANY_NAMES = 12
+"""Names of a folder are listed in a message up to this number; more would bury the sentence."""
 
 
 @dataclass(frozen=True)
@@ -52,11 +53,11 @@ def check_stages(kinds: Kinds, catalogue: tuple[type[Stage], ...], mistakes: Mis
     for kind, times in Counter(kinds.names).items():
         if times > 1:
             second = [index for index, name in kinds.entries if name == kind][1]
-            mistakes.add(("stages", second), f"this stage is listed {times} times; a stage runs once, so take the others out.")
+            mistakes.add(("stages", second), f"this stage is listed {times} times; a stage runs once, so remove the others.")
     for (_, before), (index, kind) in zip(kinds.entries, kinds.entries[1:], strict=False):
         if order[kind] < order[before]:
             right = ", ".join(sorted(set(kinds.names), key=order.__getitem__))
-            mistakes.add(("stages", index), f"{kind} works before {before}, so it must stand before it; the order is {right}.")
+            mistakes.add(("stages", index), f"{kind} runs before {before}, so it must be listed first; the order is {right}.")
     for stage in catalogue:
         _check_predecessors(stage, kinds, mistakes)
 
@@ -66,11 +67,11 @@ def _check_predecessors(stage: type[Stage], kinds: Kinds, mistakes: Mistakes) ->
     missing = [name for name in getattr(stage, "after", ()) if name not in kinds.names]
     for index in (index for index, name in kinds.entries if name == kind and missing):
         names = " and ".join(missing)
-        mistakes.add(("stages", index), f"{kind} builds on {names}, which is not in this workflow; add '- {missing[0]}' before it.")
+        mistakes.add(("stages", index), f"{kind} requires {names}, which is not in this workflow; add '- {missing[0]}' before it.")
 
 
 def check_simulation(project: Project, kinds: Kinds, catalogue: tuple[type[Stage], ...], mistakes: Mistakes) -> None:
-    """Whatever is simulated needs the stage that simulates it."""
+    """Simulated data need the stage that simulates them."""
     if SIMULATION in kinds.names or SIMULATION not in map(kind_of, catalogue):
         return
     for name in ("photographs", "positions", "control"):
@@ -79,7 +80,7 @@ def check_simulation(project: Project, kinds: Kinds, catalogue: tuple[type[Stage
 
 
 def check_crs(crs: str, photographs: PhotoFolder | PhotoList | Any, root: Path, mistakes: Mistakes) -> None:
-    """A projected CRS in metres; the height part, after '+', in metres upwards."""
+    """A projected CRS in metres; the height part, after '+', in metres, positive upwards."""
     try:
         system = CRS.from_user_input(crs)
     except CRSError:
@@ -96,12 +97,13 @@ def check_crs(crs: str, photographs: PhotoFolder | PhotoList | Any, root: Path, 
 
 
 def _guessed(crs: str, system: CRS) -> bool:
-    """Whether PROJ took a bare word for the system whose name looks most like it: too little to calculate with."""
+    """Whether PROJ took a bare word for the system with the most similar name."""
+    # PROJ resolves "2100" or "Greek" by a search in its database; coordinates must not depend on the first hit of a search.
     return not any(sign in crs for sign in ":+[{=") and system.name.lower() != crs.strip().lower()
 
 
 def _unknown_crs(crs: str) -> str:
-    advice = "look for the code at https://epsg.io"
+    advice = "look up the code at https://epsg.io"
     if crs.strip().isdigit():
         advice += "; codes are written as EPSG:2100"
     if "+" in crs:
@@ -111,30 +113,31 @@ def _unknown_crs(crs: str) -> str:
 
 def _plan_problem(plan: CRS) -> str:
     if plan.is_geographic:
-        return "is in degrees, but orthomill measures in metres and needs a projected system"
+        return "is in degrees, but orthomill needs a projected system in metres"
     if plan.is_geocentric:
-        return "is geocentric, but orthomill needs a projected system"
+        return "is geocentric, but orthomill needs a projected system in metres"
     if not plan.is_projected:
-        return "is not a projected system, and orthomill needs one in metres"
+        return "is not a projected system, but orthomill needs one in metres"
     units = {axis.unit_name for axis in plan.axis_info}
-    return "" if units <= _METRE else f"is in {' and '.join(sorted(units))}, but orthomill measures in metres"
+    return "" if units <= _METRE else f"is in {' and '.join(sorted(units))}, but orthomill needs metres"
 
 
 def _height_problem(vertical: list[CRS]) -> str:
     axes = [axis for part in vertical for axis in part.axis_info]
     bad = [f"{axis.unit_name}, {axis.direction}" for axis in axes if axis.unit_name not in _METRE or axis.direction != "up"]
-    return f"has a height part in {bad[0]}, but heights must be in metres, upwards" if bad else ""
+    return f"has a height part in {bad[0]}, but heights must be in metres, positive upwards" if bad else ""
 
 
 def _suggestion(photographs: Any, root: Path) -> str:
-    """The UTM zone of the first photographs that know where they are, else how to find it."""
+    """The UTM zone of the first photographs that have a position, or else how to find it."""
+    # Only a suggestion: three headers are enough for it, and a damaged photograph is reported elsewhere.
     try:
         files = image_files(root, photographs)[:3] if isinstance(photographs, PhotoFolder | PhotoList) else ()
         places = [place for file in files if (place := longitude_latitude(read_header(root / file).tags))]
     except OrthomillError:
         places = []
     if places:
-        return f"the GPS tags of the photographs suggest {utm_zone(*places[0])}, the UTM zone they lie in."
+        return f"the GPS tags of the photographs suggest {utm_zone(*places[0])}, the UTM zone they are in."
     return (
         "use a national grid, or UTM: EPSG:326nn north and EPSG:327nn south of the equator, nn being the zone, "
         "e.g. EPSG:32634 for 18 to 24 degrees east."
@@ -142,7 +145,7 @@ def _suggestion(photographs: Any, root: Path) -> str:
 
 
 def check_files(value: BaseModel, base: Path_, root: Path, mistakes: Mistakes) -> None:
-    """Every path that a model names lies inside the project and exists; every source of photographs holds photographs."""
+    """Every path that a model names is inside the project and exists; every source of photographs contains photographs."""
     if isinstance(value, PhotoFolder):
         _check_folder(value, base, root, mistakes)
     elif isinstance(value, PhotoList):
@@ -206,9 +209,9 @@ def _check_list(source: PhotoList, base: Path_, root: Path, mistakes: Mistakes) 
     for index, text in enumerate(source.paths):
         path = (*base, "paths", index)
         if text in source.paths[:index]:
-            mistakes.add(path, f"the photograph '{text}' is named twice; take one of them out.")
+            mistakes.add(path, f"the photograph '{text}' is listed twice; remove one of them.")
         elif not is_image_name(text):
-            mistakes.add(path, f"'{text}' is not named like a photograph; files that are read end in .jpg .jpeg .tif .tiff .png.")
+            mistakes.add(path, f"'{text}' is not named like a photograph; accepted are .jpg, .jpeg, .tif, .tiff and .png.")
         else:
             _check_file(text, path, root, mistakes, "photograph")
     if len(source.paths) == 1 and base == ("photographs",):
@@ -220,16 +223,18 @@ def _check_file(text: str, path: Path_, root: Path, mistakes: Mistakes, what: st
         return
     file = root / text
     if file.is_dir():
-        mistakes.add(path, f"'{text}' is a folder; a file is wanted here.")
+        mistakes.add(path, f"'{text}' is a folder; a file is needed here.")
     elif not file.is_file():
         mistakes.add(path, f"the {what} '{text}' does not exist{_near_file(file, root)}")
 
 
 def _inside(text: str, path: Path_, root: Path, mistakes: Mistakes) -> bool:
-    """Whether a path stays inside the project, judged by its words alone: links inside the project may lead out of it."""
+    """Whether a path stays inside the project."""
     if not text.strip() or "\0" in text:
-        mistakes.add(path, "is empty; name a file or folder inside the project." if not text.strip() else "holds a zero byte.")
+        problem = "is empty; name" if not text.strip() else "contains a null character; name"
+        mistakes.add(path, f"{problem} a file or folder inside the project.")
         return False
+    # Judged by the text alone, without following links: photographs often lie on another disk, linked into the project.
     top = os.path.abspath(root)
     full = os.path.normpath(os.path.join(top, text))
     if full == top or full.startswith(top.rstrip(os.sep) + os.sep):
@@ -237,22 +242,23 @@ def _inside(text: str, path: Path_, root: Path, mistakes: Mistakes) -> bool:
     name = os.path.basename(full) or "data"
     mistakes.add(
         path,
-        f"'{text}' leads out of the project's folder {top}; copy the files into it, or put a link there "
+        f"'{text}' is outside the project's folder {top}; copy the files into it, or create a link there "
         f"(ln -s {shlex.quote(full)} {shlex.quote(os.path.join(top, name))}) and write '{name}'.",
     )
     return False
 
 
 def _near_file(missing: Path, root: Path) -> str:
-    """ "; did you mean 'photos/a.jpg'?", from what is in the folder where the file should be."""
+    """ "; did you mean 'photos/a.jpg'?", from the content of the folder where the file should be."""
     folder = missing.parent
     if "\\" in missing.name:
-        return "; folders are parted by '/', not by a backslash."
+        return "; separate folders by '/', not by a backslash."
     if not folder.is_dir():
         return f", nor does its folder '{os.path.relpath(folder, root)}'."
+    # difflib compares with every name; beyond ten thousand the answer would keep the user waiting.
     names = sorted(entry.name for entry in folder.iterdir() if not entry.name.startswith("."))[:10_000]
     near = nearest(missing.name, names)
     if near:
         return f"; did you mean '{Path(os.path.relpath(folder / near, root)).as_posix()}'?"
     where = "the project's folder" if folder == root else f"'{os.path.relpath(folder, root)}'"
-    return f"; {where} holds {', '.join(names)}." if 0 < len(names) <= _MANY_NAMES else "."
+    return f"; {where} contains {', '.join(names)}." if 0 < len(names) <= _MANY_NAMES else "."

@@ -1,8 +1,8 @@
 """The workflow file: found, read, checked as a whole, and written back with every default filled in.
 
-Reading goes in three steps: text to plain data with line numbers (yaml_lines), plain data to models (tagged unions over `kind`, of
-the project's schema and the catalogue handed in), models to sense (workflow_checks). A step that fails for one part of the file
-does not keep the others from being checked: all mistakes are told together.
+Reading takes three steps: text to plain data with line numbers (yaml_lines), plain data to models (tagged unions over `kind`, of
+the project's schema and the catalogue passed in), and the checks that span several settings (workflow_checks). A step that fails
+for one part of the file does not prevent the others from being checked: all mistakes are reported together.
 """
 
 import os
@@ -26,8 +26,8 @@ from orthomill.schemas.stage_contract import Stage
 __all__ = ["LoadedWorkflow", "image_files", "load_workflow", "project_root", "resolve_workflow", "write_workflow"]
 
 _SUFFIXES = (".yaml", ".yml")
-_STANDING_IN = {"project": "unknown", "crs": "unknown", "photographs": {"kind": "folder", "path": "."}}
-"""For required fields with mistakes of their own, so that the rest of the project can still be looked at."""
+_PLACEHOLDERS = {"project": "unknown", "crs": "unknown", "photographs": {"kind": "folder", "path": "."}}
+"""For required fields with mistakes of their own, so that the rest of the project can still be checked."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,7 @@ def resolve_workflow(name_or_path: str, cwd: Path) -> Path:
 
     Raises WorkflowError with the nearest names when there is none.
     """
+    # A name with a slash or a suffix is a path: "volos" must mean the project even where a folder of that name exists.
     if "/" in name_or_path or name_or_path.endswith(_SUFFIXES):
         candidates = [cwd / name_or_path]
     else:
@@ -66,20 +67,20 @@ def _not_found(path: Path) -> str:
     files = sorted(file for file in folder.iterdir() if file.suffix in _SUFFIXES) if folder.is_dir() else []
     if not files:
         return (
-            f"There is no workflow {shown(path)}, and {shown(folder)} holds no workflow files; "
+            f"There is no workflow {shown(path)}, and {shown(folder)} contains no workflow files; "
             "write one with 'orthomill init NAME --photos DIR'."
         )
     names = [file.stem for file in files]
     near = nearest(path.stem, names)
     meant = f"; did you mean '{near}'?" if near else "."
-    return f"There is no workflow {shown(path)}{meant} There are: {', '.join(names)}."
+    return f"There is no workflow {shown(path)}{meant} Workflows here: {', '.join(names)}."
 
 
 def project_root(path: Path) -> Path:
     """The folder that all paths of a workflow are relative to.
 
-    The parent of the folder `workflows` that the file lies in; for the workflow as run, in runs/<project>, the parent of `runs`;
-    else the file's own folder.
+    The parent of the folder `workflows` that contains the file; for the workflow as run, in runs/<project>, the parent of `runs`;
+    otherwise the file's own folder.
     """
     folder = Path(os.path.abspath(path)).parent
     if folder.name == "workflows":
@@ -96,7 +97,7 @@ def load_workflow(path: Path, catalogue: tuple[type[Stage], ...]) -> LoadedWorkf
         raise WorkflowError(f"{_name(path, root)}:{error.line}: {error.sentence}.") from None
     mistakes = Mistakes(_name(path, root), document)
     for place, line, first in document.repeated:
-        mistakes.add(place, f"stands in line {first} already; say it once.", line)
+        mistakes.add(place, f"is already set in line {first}; set it once.", line)
     project = _project(document, mistakes, root)
     kinds = _kinds(document, catalogue)
     stages = _stages(document, catalogue, mistakes, root)
@@ -112,6 +113,7 @@ def _name(path: Path, root: Path) -> str:
 
 def _read_text(path: Path) -> str:
     try:
+        # Editors on Windows begin a file with a byte order mark, which YAML would take for a part of the first name.
         with open(path, encoding="utf-8-sig") as file:
             return file.read(SIZE_LIMIT + 1)
     except UnicodeDecodeError as error:
@@ -123,15 +125,15 @@ def _read_text(path: Path) -> str:
 def _project(document: Document, mistakes: Mistakes, root: Path) -> Project:
     if not isinstance(document.value, dict):
         names = ", ".join(Project.model_fields)
-        mistakes.add((), f"a workflow is a mapping with the settings {names} and stages, and this file is not one.")
+        mistakes.add((), f"a workflow is a mapping with the settings {names} and stages, but this file is not a mapping.")
         mistakes.raise_if_any()
-    said = {name: value for name, value in document.value.items() if name != "stages"}
+    given = {name: value for name, value in document.value.items() if name != "stages"}
     try:
-        project, wrong = Project.model_validate(said), frozenset[str]()
+        project, wrong = Project.model_validate(given), frozenset[str]()
     except ValidationError as error:
         mistakes.add_all(error, Project, ())
         wrong = frozenset(str(detail["loc"][0]) for detail in error.errors())
-        project = Project.model_validate(_STANDING_IN | {name: value for name, value in said.items() if name not in wrong})
+        project = Project.model_validate(_PLACEHOLDERS | {name: value for name, value in given.items() if name not in wrong})
     _check_project(project, wrong, root, mistakes)
     return project
 
@@ -152,7 +154,7 @@ def _stages(document: Document, catalogue: tuple[type[Stage], ...], mistakes: Mi
         mistakes.add(
             ("stages",),
             f"{problem}; a workflow lists at least one stage, each as '- kind: <stage>' with its settings "
-            f"below. Stages are: {names}.",
+            f"below. The stages are: {names}.",
         )
         return ()
     union = stage_union(catalogue)
@@ -163,6 +165,7 @@ def _stages(document: Document, catalogue: tuple[type[Stage], ...], mistakes: Mi
 def stage_union(catalogue: tuple[type[Stage], ...]) -> Any:
     """The catalogue as a union over `kind`."""
     union = reduce(or_, catalogue)
+    # pydantic refuses a discriminator on a union of one.
     return Annotated[union, Field(discriminator="kind")] if len(catalogue) > 1 else union
 
 
@@ -195,4 +198,4 @@ def write_workflow(loaded: LoadedWorkflow, path: Path) -> None:
         part.write_text(head + workflow_text(loaded.project, loaded.stages), encoding="utf-8")
         os.replace(part, path)
     except OSError as error:
-        raise StoreError(f"{shown(path)} cannot be written ({error.strerror}); free some disk or correct the rights.") from error
+        raise StoreError(f"{shown(path)} cannot be written ({error.strerror}); make room or make the folder writable.") from error

@@ -6,6 +6,8 @@ from typing import Any
 
 import yaml
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+from pydantic_core import to_jsonable_python
 
 from orthomill.pipeline.workflow.field_words import sentence, unit
 from orthomill.schemas.project import Project
@@ -24,7 +26,7 @@ def workflow_text(project: Project, stages: tuple[Stage, ...]) -> str:
 
 
 def comment(words: str, measure: str) -> str:
-    """ "  # Side of a tile. [px]", or nothing when there is nothing to say."""
+    """ "  # Side of a tile. [px]", or nothing where there are neither words nor a unit."""
     text = " ".join([*([words] if words else []), *([f"[{measure}]"] if measure else [])])
     return f"  # {text}" if text else ""
 
@@ -55,8 +57,13 @@ def _entry(model: BaseModel, indent: str) -> Iterator[str]:
     yield from lines[1:]
 
 
+def default_text(field: FieldInfo) -> str:
+    """The default of a field as YAML on one line."""
+    return flow(to_jsonable_python(field.get_default(call_default_factory=True)))
+
+
 def flow(data: Any) -> str:
-    """Plain data on one line, so that reading gives the same again."""
+    """Plain data as YAML on one line; reading it gives the same data again."""
     if data is None:
         return "null"
     if isinstance(data, bool):
@@ -73,12 +80,14 @@ def flow(data: Any) -> str:
 
 
 def _float(value: float) -> str:
-    """The shortest text that reads as the same number; with a point before the exponent, as older YAML readers want it."""
+    """The shortest text that reads as the same number."""
+    # YAML 1.1 readers take "1e-05" for a word and "1.0e-05" for a number.
     mantissa, exponent, power = repr(value).partition("e")
     return f"{mantissa}{'' if '.' in mantissa or not exponent else '.0'}{exponent}{power}"
 
 
 def _text(value: str) -> str:
+    # Quoted wherever some YAML reader might see a number, a truth value or a document marker.
     if _PLAIN.match(value) and value.lower() not in _WORDS_OF_YAML and not value.startswith((".", "---")):
         return value
     return yaml.safe_dump(value, default_style='"', width=float("inf"), allow_unicode=True).rstrip("\n")

@@ -80,7 +80,7 @@ class _Plan:
 class DsmCheckStage(Stage):
     """Two orthoimages from the surface must agree; where they do not, the shift tells how wrong the height is."""
 
-    title: ClassVar[str] = "Check of the surface"
+    title: ClassVar[str] = "Surface model check"
 
     kind: Literal["dsm_check"] = "dsm_check"
     surface: CheckedSurface = setting(DensifiedSurface(), "The surface that is checked.")

@@ -86,7 +86,7 @@ class _Judged:
 class EvaluationStage(Stage):
     """Surface model, orthoimage and orientation against truth or a reference: figures, maps, and shares within n sigma."""
 
-    title: ClassVar[str] = "evaluation"
+    title: ClassVar[str] = "Accuracy evaluation"
 
     kind: Literal["evaluation"] = "evaluation"
     reference: Annotated[TruthReference | FileReference | NoReference, Field(discriminator="kind")] = setting(

@@ -39,7 +39,7 @@ BLOCK_TABLES: dict[str, Table] = {
 class OrientationStage(Stage):
     """Relative orientation of pairs, then a bundle adjustment with control, GNSS positions and check points."""
 
-    title: ClassVar[str] = "Orient the photographs as one block"
+    title: ClassVar[str] = "Relative and block orientation"
     kind: Literal["orientation"] = "orientation"
     exterior: ExteriorSource = setting(
         Adjusted(kind="adjusted"),

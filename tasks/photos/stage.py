@@ -33,7 +33,7 @@ def exposure_table(photo: str) -> Table[Exposure]:
 class PhotosStage(Stage):
     """Reads JPEG, TIFF and PNG photographs of 8 or 16 bits, grey or RGB."""
 
-    title: ClassVar[str] = "Reading the photographs"
+    title: ClassVar[str] = "Photographs"
     kind: Literal["photos"] = "photos"
     coordinates: ImageCoordinates = setting(
         Digital(kind="digital"), "How image coordinates follow from pixels: digital cameras, or scans of film photographs."

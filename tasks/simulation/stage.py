@@ -49,7 +49,7 @@ _SCENE = {"surface": TRUTH_SURFACE, "material": TRUTH_MATERIAL, "building": TRUT
 class SimulationStage(Stage):
     """A flight over a simulated town near Volos, photographs of chessboards by the same camera, and a survey, truth known."""
 
-    title: ClassVar[str] = "simulated photographs"
+    title: ClassVar[str] = "Simulated photographs"
 
     kind: Literal["simulation"] = "simulation"
     seed: int = setting(2009, "Everything random follows from this number.", ge=0, le=10**6)

@@ -120,7 +120,7 @@ _CENTRE = {"mean": "mean", "median": "median", "robust": "deviation"}
 class TextureStage(Stage):
     """A true orthoimage: every ground cell is coloured by all photos that really see it."""
 
-    title: ClassVar[str] = "true orthoimage"
+    title: ClassVar[str] = "True orthoimage"
 
     kind: Literal["texture"] = "texture"
     cell: Annotated[float, Field(gt=0)] | Literal["auto"] = setting(

@@ -120,13 +120,13 @@ def test_the_crs_of_another_place_is_told(site):
 @pytest.mark.parametrize("path", ["../elsewhere", "/etc"])
 def test_a_path_that_leaves_the_project_is_refused(site, path):
     write_workflow(site, photographs={"kind": "folder", "path": path})
-    assert f"'{path}' leads out of the project's folder" in run_site()
+    assert f"'{path}' is outside the project's folder" in run_site()
 
 
 def test_an_export_that_leaves_the_run_is_refused(site):
     command("run", "site", "--sequential", "--until", "photos")
     raster = f"photos/{photographs(site)[0].stem}/0"
-    assert "leaves the run's folder" in command("export", "site", raster, "../../outside.tif", code=2)
+    assert "is outside the run's folder" in command("export", "site", raster, "../../outside.tif", code=2)
     assert not (site / "outside.tif").exists()
 
 
@@ -145,11 +145,11 @@ def test_a_full_disk_is_told_before_anything_runs(site, monkeypatch):
 def test_a_second_command_at_the_same_time_is_refused(site, words):
     command("run", "site", "--sequential", code=0)
     with only_run(site / "runs" / "site"):
-        assert "site is being run already (process" in command(*words, code=2)
+        assert "site is already running (process" in command(*words, code=2)
 
 
 def test_an_unknown_project_names_the_ones_there_are(site):
-    assert "did you mean 'site'? There are: site." in command("run", "sites", code=2)
+    assert "did you mean 'site'? Workflows here: site." in command("run", "sites", code=2)
 
 
 @pytest.mark.parametrize("words", [("run", "site", "--from"), ("plan", "site", "--until"), ("clean", "site", "--stage")])

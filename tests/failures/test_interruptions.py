@@ -58,7 +58,7 @@ def test_a_stopped_run_says_so_in_one_sentence_and_goes_on(site, undisturbed, ho
         process.terminate()
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert errors.endswith("Stopped. Finished tiles are kept; run the same command again to go on.\n")
+    assert errors.endswith("Stopped. Finished jobs are kept; run the same command again to continue.\n")
     assert "Traceback" not in errors and "leaked" not in errors
     assert "not running" in command("status", "site")
     assert "report.html" in command("report", "site")

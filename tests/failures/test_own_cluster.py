@@ -48,7 +48,7 @@ def test_another_cluster_gives_the_same_and_its_loss_is_one_sentence(cluster, tm
     scheduler.kill()
     _, errors = run.communicate(timeout=120)
     assert run.returncode != 0 and "Traceback" not in errors
-    assert f"The Dask scheduler at {address} was lost in the middle of the run; finished tiles are kept" in errors
+    assert f"The Dask scheduler at {address} was lost in the middle of the run; finished jobs are kept" in errors
 
 
 def test_workers_that_do_not_start_are_one_sentence(tmp_path, monkeypatch):

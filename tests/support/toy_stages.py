@@ -1,4 +1,4 @@
-"""A chain of three small stages, enough to try every habit of the engine: tables, tiles with halos, planning in steps, failures."""
+"""A chain of three small stages to exercise the engine (tables, tiles with halos, planning in steps, failures), and its runs."""
 
 import os
 import time
@@ -8,8 +8,12 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import BaseModel
 
+from orthomill.pipeline.engine.runner import Runner, SequentialRunner
+from orthomill.pipeline.engine.session import Session, Unwatched
+from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.job import Export, Job, Raster, Table
+from orthomill.schemas.project import Project
 from orthomill.schemas.raster import RasterSpec, Window, tiles_of
 from orthomill.schemas.stage_contract import Stage
 
@@ -115,3 +119,25 @@ class SumStage(Stage):
 
 
 CATALOGUE = (SourceStage, SmoothStage, SumStage)
+
+MEMORY = 1500 * 2**20
+PROJECT = Project.model_validate({"project": "toy", "crs": "EPSG:2100", "photographs": {"kind": "folder", "path": "photos"}})
+
+
+def session_in(root: Path, *stages: Stage, tile: int = 128, forced: frozenset[str] = frozenset()) -> Session:
+    """A session of the toy project in runs/toy below `root`; without `stages`, all three with their defaults."""
+    project = PROJECT.model_copy(update={"tile": tile})
+    return Session(project, stages or (SourceStage(), SmoothStage(), SumStage()), root, lambda source: (), forced)
+
+
+def run_in(root: Path, *stages: Stage, runner: Runner | None = None, **more) -> Session:
+    """Run the toy project; returns the session when it has ended."""
+    session = session_in(root, *stages, **more)
+    session.run(runner or SequentialRunner(MEMORY), Unwatched())
+    return session
+
+
+def pixels(root: Path, name: str = "smooth/numbers") -> np.ndarray:
+    """A whole raster of the run."""
+    store = Store(root / "runs" / "toy")
+    return store.read(name, store.spec(name).full)

@@ -53,7 +53,7 @@ def test_plan_tells_jobs_bytes_memory_and_why_and_writes_nothing(fresh):
     before = sorted(fresh.rglob("*"))
     said = command("plan", "site")
     assert "not done yet; the rest is" in said and "peak memory" in said and "600 MiB" in said
-    assert "tie_points ? ? ? ?" in said and "3 of 4 stages wait for results of stages before them" in said
+    assert "tie_points ? ? ? ?" in said and "3 of 4 stages wait for results of earlier stages" in said
     assert "Estimate from the files alone: 3 photographs with 1 million pixels are 18 tiles of 256 px" in said
     assert sorted(fresh.rglob("*")) == before
 

@@ -21,7 +21,7 @@ def test_every_row_says_what_was_found_and_a_failing_one_what_to_do(tmp_path):
         "memory",
         "free disk",
         "file locks",
-        "whole-file renaming",
+        "atomic renaming",
         "kernel cache",
         "dashboard port 8787",
     } <= {row.name for row in rows}

@@ -99,7 +99,7 @@ def test_a_limit_is_obeyed(folder):
     "words, sentence",
     [
         (("none.png",), "does not exist"),
-        (("photo.png", "--output", "map.jpg"), "ends in .png"),
+        (("photo.png", "--output", "map.jpg"), "does not end in .png"),
         (("photo.png", "--output", "nowhere/map.png"), "does not exist"),
         (("photo.png", "--output", "photo.png"), "the photograph itself"),
         (("photo.png", "--limit", "3", "--assigned", "90"), "not both"),

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from toy_stages import TOTAL, Size, SmoothStage, SourceStage, SumStage, Total
+from toy_stages import MEMORY, TOTAL, Size, SmoothStage, SourceStage, SumStage, Total, pixels, run_in, session_in
 
 from orthomill.pipeline.engine.graph import Graph, GraphError
 from orthomill.pipeline.engine.runner import SequentialRunner
@@ -20,36 +20,9 @@ from orthomill.pipeline.workflow.workflow_file import load_workflow
 from orthomill.schemas.errors import ResourceError, WorkflowError
 from orthomill.schemas.job import Job, Raster, Table
 from orthomill.schemas.orientation import Block
-from orthomill.schemas.project import Project
 from orthomill.schemas.raster import Window
 from orthomill.schemas.truth import TRUTH_BLOCK, TRUTH_ORTHO, TRUTH_SURFACE, TRUTH_VISIBILITY
 from orthomill.tasks.catalogue import STAGES
-
-MEMORY = 1500 * 2**20
-
-
-class Quiet:
-    def planned(self, key): ...
-    def skipped(self, key): ...
-    def finished(self, finished, seconds): ...
-
-
-def session_in(root: Path, *stages, tile: int = 128, forced=frozenset()) -> Session:
-    project = Project.model_validate(
-        {"project": "toy", "crs": "EPSG:2100", "photographs": {"kind": "folder", "path": "photos"}, "tile": tile}
-    )
-    return Session(project, stages or (SourceStage(), SmoothStage(), SumStage()), root, lambda source: (), forced)
-
-
-def run_in(root: Path, *stages, runner=None, **more) -> Session:
-    session = session_in(root, *stages, **more)
-    session.run(runner or SequentialRunner(MEMORY), Quiet())
-    return session
-
-
-def pixels(root: Path, name: str = "smooth/numbers") -> np.ndarray:
-    store = Store(root / "runs" / "toy")
-    return store.read(name, store.spec(name).full)
 
 
 def test_all_stages_run_and_nothing_runs_again(tmp_path):
@@ -221,8 +194,7 @@ def test_the_dashboard_listens_on_this_machine_only(client):
 SLOW_RUN = """
 import sys
 from pathlib import Path
-from test_engine import run_in
-from toy_stages import SourceStage, SmoothStage, SumStage
+from toy_stages import SmoothStage, SourceStage, SumStage, run_in
 run_in(Path(sys.argv[1]), SourceStage(rows=500, cols=500, pause=0.05), SmoothStage(), SumStage())
 """
 

@@ -131,12 +131,12 @@ def test_an_unfinished_run_lists_what_has_not_begun():
 
 
 def test_a_complete_run_says_so():
-    assert "Complete. All 3 jobs of 1 stages are done, 1 of them unchanged since an earlier run." in page(full_report())
+    assert "Complete. All 3 jobs of 1 stage are done, 1 of them unchanged since an earlier run." in page(full_report())
 
 
 def test_without_marked_figures_the_first_of_every_stage_stand_at_the_top():
     html = page(StageReport(figures=(Figure(name="first", value=1), Figure(name="second", value=2))))
-    strip = html[html.index('<div class="strip">') : html.index("What to look at")]
+    strip = html[html.index('<div class="strip">') : html.index(">Warnings<")]
     assert "First" in strip and "Second" not in strip
 
 
@@ -279,7 +279,7 @@ def test_gaps_in_a_chart_survive_the_store(tmp_path):
 def test_an_outlier_does_not_cross_the_page_and_is_said_to_be_cut():
     x, length = tuple(range(50)), (0.01,) * 49 + (50.0,)
     svg = chart_svg(Chart(title="t", style="arrows", x_label="", y_label="", x=x, series={"y": x, "dx": length, "dy": (0.0,) * 50}))
-    assert svg.count('class="arrow cut"') == 1 and "1 longer than 0.02: cut, red; this long:" in svg
+    assert svg.count('class="arrow cut"') == 1 and "1 longer than 0.02: cut, red; scale of vectors:" in svg
     steps = [abs(float(step)) for step in re.findall(r" l(-?[\d.]+),", svg)]
     assert 0 < max(steps) < 100
 
@@ -300,7 +300,7 @@ def test_many_points_are_thinned_and_said():
     x = tuple(map(float, range(20000)))
     chart = Chart(title="", style="points", x_label="", y_label="", x=x, series={"a": (1.0, 2.0) * 10000})
     assert chart_svg(chart).count("<circle") <= 2500
-    assert "Only a part of the marks is drawn." in page(StageReport(charts=(chart,)))
+    assert "Only some of the marks are drawn." in page(StageReport(charts=(chart,)))
 
 
 @pytest.mark.parametrize(

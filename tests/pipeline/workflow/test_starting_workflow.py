@@ -75,19 +75,19 @@ def test_nothing_is_overwritten(root):
 
 def test_photographs_outside_the_project_come_with_advice(root, tmp_path_factory):
     outside = tmp_path_factory.mktemp("card")
-    with pytest.raises(WorkflowError, match=r"lie outside the project's folder .*ln -s .*--photos card"):
+    with pytest.raises(WorkflowError, match=r"are outside the project's folder .*ln -s .*--photos card"):
         write_starting_workflow("site", outside, root, CATALOGUE)
     (root / "card").symlink_to(root / "photos")
     assert "path: card\n" in write_starting_workflow("site", root / "card", root, CATALOGUE).path.read_text()
 
 
 def test_folders_and_names_that_will_not_do(root):
-    with pytest.raises(WorkflowError, match="cannot be the name of a project; it must be made of small letters"):
+    with pytest.raises(WorkflowError, match="is not a possible project name; it must be made of lower-case letters"):
         write_starting_workflow("My Site", root / "photos", root, CATALOGUE)
     with pytest.raises(WorkflowError, match="does not exist"):
         write_starting_workflow("site", root / "nowhere", root, CATALOGUE)
     (root / "empty").mkdir()
-    with pytest.raises(WorkflowError, match="holds no JPEG, TIFF or PNG images"):
+    with pytest.raises(WorkflowError, match="contains no JPEG, TIFF or PNG images"):
         write_starting_workflow("site", root / "empty", root, CATALOGUE)
     photograph(root / "one" / "a.jpg")
     with pytest.raises(WorkflowError, match="is the only photograph"):

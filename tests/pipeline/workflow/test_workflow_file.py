@@ -64,7 +64,7 @@ stages:
 """,
     )
     assert [int(line.split(":")[1]) for line in lines] == [1, 3, 4, 7, 8, 9]
-    assert lines[0].endswith("'volos-town' would do.")
+    assert lines[0].endswith("'volos-town' is possible.")
     assert "photograps: there is no such setting; did you mean 'photographs'?" in lines[1]
     assert "stages > matching > windw: there is no such setting; did you mean 'window'?" in lines[3]
     assert "Settings of matching are: size, cell, centre," in lines[3]
@@ -92,7 +92,7 @@ stages:
         ("levels: [1, x]", "levels > entry 2: is 'x'; must be a list of numbers."),
         ("limit: far", "limit: is 'far'; must be a number (m) or null."),
         ("window: ellipse", "is 'ellipse'; must be a mapping with kind: one of ellipse, square. Write '{kind: ellipse}'."),
-        ("window: {}", "window: says no kind; 'kind' must be one of ellipse, square."),
+        ("window: {}", "window: has no kind; 'kind' must be one of ellipse, square."),
         ("window: {kind: elipse}", "window > kind: there is no kind of window 'elipse'; did you mean 'ellipse'?"),
         ("window: {kind: ellipse, max_axis_ratio: 9}", "window > max_axis_ratio: is 9; must be at most 8."),
         ("window: {kind: square, side: 3}", "window > side: there is no such setting. window has no settings."),
@@ -112,12 +112,12 @@ def test_one_wrong_setting_gives_one_clear_sentence(root, setting, expected):
         ("stages: matching", "stages: is not a list; a workflow lists at least one stage"),
         ("stages: [fotos]", "stages > fotos: there is no stage 'fotos'. Allowed: one of matching, painting."),
         ("stages: [matchin]", "did you mean 'matching'?"),
-        ("stages: [{size: 3}]", "stages > entry 1: says no kind; 'kind' must be one of matching, painting."),
+        ("stages: [{size: 3}]", "stages > entry 1: has no kind; 'kind' must be one of matching, painting."),
         ("stages: [{matching: {size: 3}}]", "write 'kind: matching' instead of 'matching:'"),
         ("stages: [3]", "must be a mapping of settings"),
         ("stages: [matching, matching]", "this stage is listed 2 times"),
-        ("stages: [painting]", "painting builds on matching, which is not in this workflow; add '- matching' before it."),
-        ("stages: [painting, matching]", "matching works before painting, so it must stand before it; the order is matching,"),
+        ("stages: [painting]", "painting requires matching, which is not in this workflow; add '- matching' before it."),
+        ("stages: [painting, matching]", "matching runs before painting, so it must be listed first; the order is matching,"),
     ],
 )
 def test_the_list_of_stages_must_make_sense(root, stages, expected):
@@ -126,7 +126,7 @@ def test_the_list_of_stages_must_make_sense(root, stages, expected):
 
 def test_a_key_that_stands_twice_is_refused_where_it_stands_again(root):
     assert only(root, f"{HEAD}tile: 512\ntile: 256\nstages: [matching]\n") == (
-        "workflows/site.yaml:5: tile: stands in line 4 already; say it once."
+        "workflows/site.yaml:5: tile: is already set in line 4; set it once."
     )
 
 
@@ -155,13 +155,13 @@ STAGES = "stages: [matching]\n"
 @pytest.mark.parametrize(
     ("crs", "expected"),
     [
-        ("EPSG:4326", "(WGS 84) is in degrees, but orthomill measures in metres and needs a projected system; use a national grid"),
+        ("EPSG:4326", "(WGS 84) is in degrees, but orthomill needs a projected system in metres; use a national grid"),
         ("EPSG:99999", "'EPSG:99999' is not a coordinate reference system that PROJ knows"),
-        ("gibberish", "is not a coordinate reference system that PROJ knows; look for the code at https://epsg.io."),
+        ("gibberish", "is not a coordinate reference system that PROJ knows; look up the code at https://epsg.io."),
         ("'2100'", "'2100' is neither a code nor the full name of a system; did you mean EPSG:2100 (GGRS87 / Greek Grid)?"),
-        ("EPSG:2263", "is in US survey foot, but orthomill measures in metres"),
+        ("EPSG:2263", "is in US survey foot, but orthomill needs metres"),
         ("EPSG:4978", "is geocentric"),
-        ("EPSG:2100+6360", "but heights must be in metres, upwards"),
+        ("EPSG:2100+6360", "but heights must be in metres, positive upwards"),
         ("2100", "crs: is 2100; must be a text. Put it in quotes."),
     ],
 )
@@ -173,7 +173,7 @@ def test_a_crs_that_cannot_be_measured_in(root, crs, expected):
 def test_a_crs_in_degrees_comes_with_the_utm_zone_of_the_photographs(root):
     photograph(root / "photos" / "A.jpg", gps=(22.94, 39.36))
     line = only(root, f"project: site\ncrs: EPSG:4326\nphotographs: {{kind: folder, path: photos}}\n{STAGES}")
-    assert line.endswith("the GPS tags of the photographs suggest EPSG:32634, the UTM zone they lie in.")
+    assert line.endswith("the GPS tags of the photographs suggest EPSG:32634, the UTM zone they are in.")
 
 
 @pytest.mark.parametrize("crs", ["EPSG:2100", "EPSG:2100+5773", "EPSG:32634+EPSG:5773"])
@@ -186,30 +186,30 @@ def test_plan_and_height_systems_in_metres_are_fine(root, crs):
     ("photographs", "expected"),
     [
         ("{kind: folder, path: phtos}", "path: the folder 'phtos' does not exist; did you mean 'photos'?"),
-        ("{kind: folder, path: control}", "path: The folder control holds no JPEG, TIFF or PNG images"),
+        ("{kind: folder, path: control}", "path: The folder control contains no JPEG, TIFF or PNG images"),
         ("{kind: folder, path: photos, pattern: 'DJI*'}", "None of the 2 images in photos matches the pattern 'DJI*'"),
         (
             "{kind: folder, path: photos, pattern: '*1.JPG'}",
             "'photos/IMG_0001.JPG' is the only photograph; heights come from overlap",
         ),
         ("{kind: folder, path: photos/IMG_0001.JPG}", "is a file; give its folder"),
-        ("{kind: folder, path: ../elsewhere}", "leads out of the project's folder"),
-        ("{kind: folder, path: photos/../../elsewhere}", "leads out of the project's folder"),
-        ("{kind: folder, path: /etc}", "leads out of the project's folder"),
+        ("{kind: folder, path: ../elsewhere}", "is outside the project's folder"),
+        ("{kind: folder, path: photos/../../elsewhere}", "is outside the project's folder"),
+        ("{kind: folder, path: /etc}", "is outside the project's folder"),
         ("{kind: folder, path: ''}", "is empty; name a file or folder"),
-        ('{kind: folder, path: "a\\0b"}', "holds a zero byte"),
+        ('{kind: folder, path: "a\\0b"}', "contains a null character"),
         (
             "{kind: list, paths: [photos/IMG_0001.JPG, photos/IMG_002.JPG]}",
             "paths > entry 2: the photograph 'photos/IMG_002.JPG' does not exist; did you mean 'photos/IMG_0002.JPG'?",
         ),
         ("{kind: list, paths: [photos/IMG_0001.JPG, other/a.jpg]}", "does not exist, nor does its folder 'other'."),
-        ("{kind: list, paths: [photos/IMG_0001.JPG, photos/IMG_0001.JPG]}", "is named twice"),
+        ("{kind: list, paths: [photos/IMG_0001.JPG, photos/IMG_0001.JPG]}", "is listed twice"),
         ("{kind: list, paths: [photos/IMG_0001.JPG, control/points.csv]}", "is not named like a photograph"),
         ("{kind: list, paths: [photos/IMG_0001.JPG]}", "is the only photograph"),
         ("{kind: list, paths: []}", "paths: is a list; must be a list of texts, not empty."),
-        ("{kind: list, paths: [photos/IMG_0001.JPG, '/etc/x.jpg']}", "leads out of the project's folder"),
+        ("{kind: list, paths: [photos/IMG_0001.JPG, '/etc/x.jpg']}", "is outside the project's folder"),
         ("photos", "photographs: is 'photos'; must be a mapping with kind: one of folder, list, simulated."),
-        ("{kind: folder}", "path: is missing; needed is a text. Folder with the photographs, relative to the project's root."),
+        ("{kind: folder}", "path: is missing; it must be a text. Folder with the photographs, relative to the project's root."),
     ],
 )
 def test_photographs_that_are_not_there(root, photographs, expected):
@@ -220,11 +220,14 @@ def test_photographs_that_are_not_there(root, photographs, expected):
 @pytest.mark.parametrize(
     ("what", "expected"),
     [
-        ("cameras: {kind: file, path: camera.json}", "the file 'camera.json' does not exist; the project's folder holds control,"),
-        ("cameras: {kind: file, path: ../camera.json}", "cameras > path: '../camera.json' leads out"),
-        ("cameras: {kind: file, path: photos}", "is a folder; a file is wanted here."),
+        (
+            "cameras: {kind: file, path: camera.json}",
+            "the file 'camera.json' does not exist; the project's folder contains control,",
+        ),
+        ("cameras: {kind: file, path: ../camera.json}", "cameras > path: '../camera.json' is outside"),
+        ("cameras: {kind: file, path: photos}", "is a folder; a file is needed here."),
         ("cameras: {kind: given, c: 0}", "cameras > c: is 0 px; must be greater than 0 px."),
-        ("cameras: {kind: given}", "cameras > c: is missing; needed is a number (px), greater than 0. Camera constant."),
+        ("cameras: {kind: given}", "cameras > c: is missing; it must be a number (px), greater than 0. Camera constant."),
         (
             "cameras: {kind: chessboards, photographs: {kind: folder, path: bords}, corners: [9, 6], square: 0.05}",
             "cameras > photographs > path: the folder 'bords' does not exist",
@@ -239,7 +242,10 @@ def test_photographs_that_are_not_there(root, photographs, expected):
             "control: {kind: files, points: control/points.csv, measurements: control/point.csv}",
             "control > measurements: the file 'control/point.csv' does not exist; did you mean 'control/points.csv'?",
         ),
-        ("control: {kind: files, points: 'control\\points.csv', measurements: control/points.csv}", "parted by '/', not by a"),
+        (
+            "control: {kind: files, points: 'control\\points.csv', measurements: control/points.csv}",
+            "separate folders by '/', not by a",
+        ),
     ],
 )
 def test_files_of_the_other_parts(root, what, expected):
@@ -249,7 +255,7 @@ def test_files_of_the_other_parts(root, what, expected):
 
 def test_files_in_settings_of_stages_are_looked_for_as_well(root):
     text = f"{HEAD}stages:\n  - matching\n  - kind: painting\n    colours_path: ../colours.csv\n"
-    assert "workflows/site.yaml:7: stages > painting > colours_path: '../colours.csv' leads out" in only(root, text)
+    assert "workflows/site.yaml:7: stages > painting > colours_path: '../colours.csv' is outside" in only(root, text)
 
 
 def test_a_link_inside_the_project_may_lead_out(root, tmp_path_factory):
@@ -278,7 +284,7 @@ def test_names_of_workflows(root):
     assert resolve_workflow("volos", root) == path
     assert resolve_workflow("workflows/volos.yaml", root) == path
     assert resolve_workflow(str(path), Path("/")) == path
-    with pytest.raises(WorkflowError, match=r"did you mean 'volos'\? There are: volos\."):
+    with pytest.raises(WorkflowError, match=r"did you mean 'volos'\? Workflows here: volos\."):
         resolve_workflow("vlos", root)
     with pytest.raises(WorkflowError, match=r"did you mean 'volos'\?"):
         resolve_workflow("workflows/vollos.yaml", root)

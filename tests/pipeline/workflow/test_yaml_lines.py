@@ -39,7 +39,7 @@ BOMB = "a: &a [x]\n" + "".join(f"{chr(98 + i)}: &{chr(98 + i)} [{', '.join([f'*{
         ("a: 1\nb: c: d", 2, "not valid YAML"),
         ("a: 'x\n", 2, "not valid YAML"),
         ("a: 1\n---\nb: 2", 2, "second document"),
-        ("[1]: 2", 1, "a name is wanted"),
+        ("[1]: 2", 1, "a name is needed"),
         ("a: \x07", 1, "not valid YAML"),
         ("#" * (SIZE_LIMIT + 1), 1, "at most"),
     ],
