@@ -1,7 +1,7 @@
 """The rotation nearest to a matrix: a rotation itself, and the turn between two sets of directions."""
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orthomill.tasks.geometry.rotation import nearest_rotation, rotation_matrix
@@ -9,12 +9,14 @@ from orthomill.tasks.geometry.rotation import nearest_rotation, rotation_matrix
 ANGLE = st.floats(-3.0, 3.0)
 
 
+@settings(deadline=None)
 @given(ANGLE, ANGLE, ANGLE)
 def test_a_rotation_is_nearest_to_itself(omega, phi, kappa):
     R = rotation_matrix(omega, phi, kappa)
     assert np.allclose(nearest_rotation(2.5 * R), R, atol=1e-12)
 
 
+@settings(deadline=None)
 @given(ANGLE, ANGLE, ANGLE, st.booleans())
 def test_it_takes_points_to_their_turned_places_and_never_mirrors(omega, phi, kappa, flat):
     R = rotation_matrix(omega, phi, kappa)

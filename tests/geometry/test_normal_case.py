@@ -14,14 +14,17 @@ from orthomill.tasks.geometry.normal_case import (
     base_rotation,
     common_polygon,
     epipolar_view,
+    frame_polygon,
     in_order,
     intersect_pair,
     mean_direction,
     normal_case,
     polygon_area,
     row_band,
+    row_partials,
 )
 from orthomill.tasks.geometry.rotation import rotation_matrix
+from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
 from orthomill.tasks.geometry.view import View
 
 HEIGHTS = HeightRange(30.0, 70.0)
@@ -126,6 +129,78 @@ def test_row_band_of_the_published_orientations():
     assert row_band(xy, 153.353, volos)[0] / 0.064 == pytest.approx(0.10, abs=0.01)
     assert row_band(xy, 153.353, volos)[0] / 0.015 == pytest.approx(0.41, abs=0.01)
     assert row_band(xy, 152.52, kea)[0] / 0.049 == pytest.approx(2.35, abs=0.01)
+
+
+def test_row_partials_are_the_derivatives_by_rotations_of_the_image():
+    """Rays that rotate by a small vector w against the image move y by the partials times w."""
+    c, xy = 700.0, np.random.default_rng(2).uniform(-200, 200, (30, 2))
+    rays = np.column_stack([xy, np.full(30, -c)])
+    for axis, partial in zip(np.eye(3), row_partials(xy, c).T, strict=True):
+        turned = [rays @ rotation_of_vector(sign * 1e-6 * axis).T for sign in (1, -1)]
+        y_plus, y_minus = (-c * r[:, 1] / r[:, 2] for r in turned)
+        np.testing.assert_allclose((y_plus - y_minus) / 2e-6, partial, rtol=1e-6, atol=1e-5)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.tuples(*[st.floats(-0.15, 0.15)] * 4), st.floats(-3, 3), st.floats(-3, 3), st.floats(-40, 40))
+def test_rows_are_equal_and_parallax_grows_with_height_for_any_attitude(tilts, kappa_left, kappa_right, climb):
+    """x_left - x_right = B c / depth, whatever the photographs' own angles."""
+    own = Camera(name="c", width=480, height=460, c=700.0, x0=4.0, k1=-0.05)
+    left = View("l", own, rotation_matrix(*tilts[:2], kappa_left), np.array([0.0, 0.0, 400.0]))
+    right = View("r", own, rotation_matrix(*tilts[2:], kappa_right), np.array([110.0, 15.0, 400.0 + climb]))
+    pair = normal_case(left, right, HeightRange(0.0, 40.0))
+    views = epipolar_view(pair, "left", left), epipolar_view(pair, "right", right)
+    ground = np.column_stack([np.full(5, 55.0), np.full(5, 8.0), np.linspace(0, 40, 5)])
+    a, b = (view.from_ground(ground) for view in views)
+    np.testing.assert_allclose(a[:, 1], b[:, 1], atol=1e-8)
+    parallax = (a[:, 0] - pair.left_col0) - (b[:, 0] - pair.right_col0)
+    depth = -((ground - left.centre) @ np.array(pair.rotation)[2])
+    np.testing.assert_allclose(parallax, pair.base * pair.c / depth, rtol=1e-10)
+    assert (np.diff(parallax) > 0).all()
+
+
+def test_no_parallax_gives_no_point():
+    pair, left, _ = pair_views("a1", "a2")
+    points = intersect_pair(pair, np.array([[left.col0, left.row0]] * 3), np.array([10.0, 0.0, -5.0]))
+    assert np.isfinite(points[0]).all() and np.isnan(points[1:]).all()
+    depth = np.linalg.norm(points[0] - np.array(pair.left_centre))
+    assert depth == pytest.approx(pair.c * pair.base / 10.0), "on the axis the depth is c B / p"
+
+
+def test_the_camera_constant_is_the_larger_one():
+    short = Camera(name="s", width=480, height=460, c=500.0)
+    left, right = (
+        View(n, cam, np.eye(3), np.array([x, 0, 400.0])) for n, cam, x in (("l", short, 0.0), ("r", views()["a1"].camera, 90.0))
+    )
+    assert normal_case(left, right, HEIGHTS).c == 700.0
+
+
+def test_a_photograph_that_looks_away_from_the_normal_image_is_named():
+    view = views()["a1"]
+    with pytest.raises(GeometryError, match="The photograph a1 is tilted too far"):
+        frame_polygon(view, rotation_matrix(np.radians(80), 0, 0) @ view.rotation, 700.0)
+
+
+def test_opposite_views_have_no_mean_direction():
+    one = views()["a1"]
+    other = View("down", one.camera, np.diag([1.0, -1.0, -1.0]) @ one.rotation, one.centre)
+    with pytest.raises(GeometryError, match="a1 and down look in opposite directions"):
+        mean_direction(one, other)
+
+
+@pytest.mark.parametrize(("step", "first"), [((100, 10, 0), "p"), ((-100, 10, 0), "q"), ((10, 100, 0), "p"), ((10, -100, 0), "q")])
+def test_left_is_where_the_base_begins_to_run_east_or_north(step, first):
+    p = View("p", views()["a1"].camera, np.eye(3), np.zeros(3))
+    q = View("q", p.camera, np.eye(3), np.array(step, float))
+    assert in_order(p, q)[0].name == first and in_order(q, p)[0].name == first
+
+
+def test_numbers_for_kernels_are_those_of_the_view():
+    _, left, _ = pair_views("a1", "a2")
+    n, photo = left.numbers, left.view.numbers
+    np.testing.assert_array_equal(np.reshape(n[:9], (3, 3)), left.turn)
+    assert (n.c, n.col0, n.row0) == (left.c, left.col0, left.row0)
+    assert (n.photo_c, n.photo_col0, n.photo_row0, n.k1, n.p2) == (photo.c, photo.col0, photo.row0, photo.k1, photo.p2)
 
 
 def test_polygons():

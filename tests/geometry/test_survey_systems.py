@@ -1,0 +1,123 @@
+"""Surveyed points between reference systems: published coordinates, vertical datums, and the mistakes that people make."""
+
+import numpy as np
+import pytest
+from pyproj import CRS, Transformer
+from pyproj.transformer import TransformerGroup
+
+from orthomill.schemas.errors import WorkflowError
+from orthomill.tasks.geometry.survey_system import fitting_system, survey_crs, transform_surveyed, vertical_name
+
+SITE = np.array([[407100.0, 4357010.0, 100.0], [407300.0, 4357400.0, 120.0], [407000.0, 4357100.0, 110.0]])
+GREECE = "EPSG:2100"
+
+
+def test_the_published_example_of_the_transverse_mercator_projection():
+    """EPSG guidance note 7-2, section 3.5.3.1: 50 30' N, 0 30' E on OSGB36 is E 577274.99, N 69740.50 of the British grid."""
+    xyz, sentence = transform_surveyed(np.array([[0.5, 50.5, 12.0]]), "EPSG:4277", "EPSG:27700")
+    assert xyz[0] == pytest.approx((577274.99, 69740.50, 12.0), abs=0.01) and sentence is None
+
+
+def test_the_published_example_of_the_lambert_projection_in_feet():
+    """EPSG guidance note 7-2, section 3.1.1.2: X 2963503.91, Y 254759.80 US survey feet is 28 30' N, 96 00' W on NAD27."""
+    here, _ = transform_surveyed(np.array([[2963503.91, 254759.80, 0.0]]), "EPSG:32040", "EPSG:26714")
+    there, _ = transform_surveyed(np.array([[-96.0, 28.5, 0.0]]), "EPSG:4267", "EPSG:26714")
+    np.testing.assert_allclose(here, there, atol=0.005)
+
+
+def test_points_of_the_project_system_are_returned_as_they_are():
+    points, sentence = transform_surveyed(SITE, GREECE, GREECE)
+    assert points is SITE and sentence is None
+
+
+def test_there_and_back_through_degrees():
+    there, _ = transform_surveyed(SITE, GREECE, "EPSG:32634")
+    back, _ = transform_surveyed(there, "EPSG:32634", GREECE)
+    np.testing.assert_allclose(back, SITE, atol=0.01)
+    assert (there[:, 2] == SITE[:, 2]).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        ("EPSG:2100", None),
+        ("EPSG:4326", None),
+        ("EPSG:4979", "ellipsoid of WGS 84"),
+        ("EPSG:32634+5773", "EGM96 height"),
+        ("EPSG:2100+5773", "EGM96 height"),
+    ],
+)
+def test_the_vertical_datum_is_read_from_the_system(text, name):
+    assert vertical_name(text) == name
+
+
+@pytest.mark.parametrize(
+    ("source", "target", "stated"), [("EPSG:4979", GREECE, "EPSG:4979"), (GREECE, "EPSG:32634+5773", "EPSG:32634+5773")]
+)
+def test_heights_stay_where_one_system_alone_defines_them(source, target, stated):
+    points = SITE if source == GREECE else np.array([[22.9, 39.4, 55.0]])
+    out, sentence = transform_surveyed(points, source, target)
+    assert (out[:, 2] == points[:, 2]).all()
+    assert sentence == f"Heights of control points were not transformed: only {stated} defines a vertical datum."
+
+
+@pytest.mark.filterwarnings("ignore:Best transformation")
+def test_a_missing_geoid_is_refused_and_not_guessed():
+    group = TransformerGroup(CRS("EPSG:4979"), CRS("EPSG:32634+5773"), always_xy=True)
+    if group.best_available:
+        pytest.skip("the grid is installed here")
+    with pytest.raises(WorkflowError, match=r"PROJ lacks the grid .*projsync"):
+        transform_surveyed(np.array([[22.9, 39.4, 55.0]]), "EPSG:4979", "EPSG:32634+5773")
+
+
+def test_ellipsoidal_heights_of_two_frames_differ_by_the_shift_of_the_frames():
+    """From geocentric coordinates to longitude, latitude, height of the same ellipsoid and back: nothing is lost."""
+    xyz = np.array([[22.9, 39.4, 55.0]])
+    earth = np.column_stack(Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True).transform(*xyz.T))
+    out, sentence = transform_surveyed(earth, "EPSG:4978", "EPSG:4979")
+    assert sentence is None
+    np.testing.assert_allclose(out, xyz, atol=1e-8)
+
+
+def test_coordinates_outside_of_a_projection_are_named():
+    with pytest.raises(WorkflowError, match="cannot be transformed from EPSG:4326 to EPSG:32634: their coordinates lie outside"):
+        transform_surveyed(np.array([[407100.0, 4357010.0, 1.0]]), "EPSG:4326", "EPSG:32634")
+
+
+@pytest.mark.parametrize(("text", "code"), [("WGS84 UTM 34N", 32634), ("wgs84 utm 16S", 32716), (" EPSG:2100 ", 2100)])
+def test_spellings_of_a_system(text, code):
+    assert survey_crs(text).to_epsg() == code
+
+
+@pytest.mark.parametrize("text", ["WGS84 UTM N", "WGS84 UTM 34X", "Greece"])
+def test_an_unknown_system_is_told_with_examples(text):
+    with pytest.raises(WorkflowError, match=f"'{text}' of the control points is not known to PROJ; name it like EPSG:32634"):
+        survey_crs(text)
+
+
+def as_system(code):
+    x, y = Transformer.from_crs(GREECE, code, always_xy=True).transform(SITE[:, 0], SITE[:, 1])
+    return np.column_stack([x, y, SITE[:, 2]])
+
+
+@pytest.mark.parametrize(
+    ("points", "words"),
+    [
+        (SITE, ""),
+        (SITE[:, [1, 0, 2]], "with X and Y exchanged"),
+        (as_system("EPSG:32634"), "in EPSG:32634"),
+        (as_system("EPSG:32635"), "in EPSG:32635"),
+        (as_system("EPSG:3857"), "in EPSG:3857"),
+        (as_system("EPSG:4326"), "in EPSG:4326"),
+        (as_system("EPSG:4326")[:, [1, 0, 2]], "in EPSG:4326 with latitude before longitude"),
+        (as_system("EPSG:32634")[:, [1, 0, 2]], "in EPSG:32634 with X and Y exchanged"),
+        (SITE + np.array([9e6, 0, 0]), None),
+    ],
+)
+def test_the_usual_mistakes_are_recognised(points, words):
+    assert fitting_system(points, GREECE, GREECE, SITE[0, :2]) == words
+
+
+def test_the_site_and_not_the_numbers_decides():
+    """The same points are on another site when the photographs were taken 60 km away."""
+    assert fitting_system(SITE, GREECE, GREECE, SITE[0, :2] + [0, 60_000.0]) is None
