@@ -1,22 +1,21 @@
-"""Who is whose nearest: mutual nearest neighbours among descriptors, with the ratio test.
+"""Mutual nearest neighbours among descriptors, with the ratio test.
 
-Descriptors are bytes, so all dot products of 128 of them are whole numbers below 2^24 and exact in float32: BLAS computes
-distances fast, and the same on every machine.
+Descriptors are bytes, so the dot products of 128 of them are integers below 2^24 and exact in float32: BLAS computes distances
+fast, and the same on every machine.
 
-Comparing all with all is most of the work of matching. Where the epipolar geometry of two photographs is known roughly, a
-feature is compared only with those of the other photograph about its epipolar line: the lines of a pencil, sorted, go through the
-photograph like the hand of a clock, so that features whose lines are neighbours share one narrow wedge. What is found there is then
-held against all features, so that it is what the search among all would have given: the nearest of all, and clearly so.
+Comparing all features with all is most of the work of matching. Where the epipolar geometry of two photographs is known
+approximately, a feature is compared only with those of the other photograph near its epipolar line: the lines of a pencil, sorted
+by angle, sweep the photograph like the hand of a clock, so that features with neighbouring lines share one narrow wedge. Matches
+found there are then compared with all features, so that the result is what the search among all would have given.
 
 Source: Lowe 2004 (ratio test); Hartley & Zisserman 2003, 9.2 (pencils of epipolar lines).
 """
 
 import numpy as np
 
-_BLOCK = 256
-"""rows of distances at a time: 8 MB of them with 8000 points stay in the cache"""
+_BLOCK = 256  # rows of distances at a time: with 8000 points these are 8 MB, which stay in the cache
+# Features whose epipolar lines share a wedge: fewer make the wedges narrower, but BLAS slower on small matrices.
 _LINES = 256
-"""features whose epipolar lines share a wedge"""
 
 
 def mutual_matches(left: np.ndarray, right: np.ndarray, ratio: float) -> np.ndarray:
@@ -27,12 +26,13 @@ def mutual_matches(left: np.ndarray, right: np.ndarray, ratio: float) -> np.ndar
     if len(left) < 2 or len(right) < 2:
         return np.empty((0, 2), dtype=np.int64)
     nearest, first, second, closest = _nearest(left.astype(np.float32), right.astype(np.float32))
+    # Squared distances are exact, so equality of the two minima says that the pair is nearest in both directions.
     mutual = first == closest[nearest]
     return _each_once(np.flatnonzero(mutual & (first < ratio**2 * second)), nearest)
 
 
 def _each_once(chosen: np.ndarray, nearest: np.ndarray) -> np.ndarray:
-    """Rows (M, 2) of left numbers in rising order and their nearest, where several have the same one the first."""
+    """Rows (M, 2) of left numbers in ascending order and their nearest; of several with the same nearest the first."""
     _, once = np.unique(nearest[chosen], return_index=True)
     chosen = chosen[np.sort(once)]
     return np.column_stack([chosen, nearest[chosen]])
@@ -41,15 +41,17 @@ def _each_once(chosen: np.ndarray, nearest: np.ndarray) -> np.ndarray:
 def matches_along_lines(
     descriptors: tuple[np.ndarray, np.ndarray], places: tuple[np.ndarray, np.ndarray], matrix: np.ndarray, band: float, ratio: float
 ) -> np.ndarray:
-    """Those of `mutual_matches` that lie near each other's epipolar lines, without comparing all with all.
+    """The part of `mutual_matches` near each other's epipolar lines, without comparing all with all.
 
     descriptors: (N, 128) uint8 of left and right; places: (N, 2) of the same, in the units of the geometry right' F left = 0 that
-    `matrix` F (3, 3) of rank 2 describes; band: distance from the line that is looked at on either side, in these units.
+    `matrix` F (3, 3) of rank 2 describes; band: distance searched on either side of the line, in these units.
     """
     left, right = (part.astype(np.float32) for part in descriptors)
     here, there = _along_lines((left, right), places, matrix, band, ratio)
     if not len(here):
         return np.empty((0, 2), dtype=np.int64)
+    # The few candidates are compared with all features again: a better or an equally good one away from the line makes the match
+    # false or ambiguous, and the search among all would have refused it.
     nearest, first, second, _ = _nearest(left[here], right)
     clear = (nearest == there) & (first < ratio**2 * second)
     here, there, first = here[clear], there[clear], first[clear]
@@ -62,14 +64,14 @@ def matches_along_lines(
 def _along_lines(
     descriptors: tuple[np.ndarray, np.ndarray], places: tuple[np.ndarray, np.ndarray], matrix: np.ndarray, band: float, ratio: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of left features and of their nearest among those about their epipolar lines, where it is clearly the nearest."""
+    """Numbers of left features and of their nearest ones near their epipolar lines, where these pass the ratio test."""
     lines, order = _pencil(places[0], matrix)
     right = np.column_stack([places[1], np.ones(len(places[1]))])
     here, there = [], []
     for start in range(0, len(order), _LINES):
         rows = order[start : start + _LINES]
         columns = np.flatnonzero(_in_wedge(right @ lines[rows[[0, -1]]].T, band))
-        if len(columns) < 2:
+        if len(columns) < 2:  # the ratio test needs a second candidate
             continue
         nearest, first, second, closest = _nearest(descriptors[0][rows], descriptors[1][columns])
         clear = (first < ratio**2 * second) & (first == closest[nearest])
@@ -80,10 +82,10 @@ def _along_lines(
 
 
 def _pencil(places: np.ndarray, matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Epipolar lines (N, 3) of left places (N, 2), scaled so that line' (x, y, 1) is a distance; and their order in the pencil.
+    """Epipolar lines (N, 3) of left places (N, 2), scaled so that line' (x, y, 1) is a distance, and their order in the pencil.
 
-    All lines are combinations cos t u1 + sin t u2, t from 0 to pi, of the first two left singular vectors of the matrix: t sorts
-    them. Between two lines of the pencil lie the points for which their signs differ.
+    F = U S V' has rank 2: all lines F x are combinations cos t u1 + sin t u2 of the first two left singular vectors, and t in
+    [0, pi) sorts them. Points between two lines of the pencil have distances of opposite sign from them.
     """
     axes, lengths, across = np.linalg.svd(matrix)
     part = np.column_stack([places, np.ones(len(places))]) @ across[:2].T * lengths[:2]
@@ -93,19 +95,20 @@ def _pencil(places: np.ndarray, matrix: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def _in_wedge(distances: np.ndarray, band: float) -> np.ndarray:
-    """Which points lie between two lines of a pencil, or within `band` of them. distances: (N, 2) from either line."""
+    """(N,) bool: points between two lines of a pencil, or within `band` of either. distances: (N, 2) from the two lines."""
     return (distances[:, 0] * distances[:, 1] <= 0.0) | (np.abs(distances).min(axis=1) < band)
 
 
 def _nearest(left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """For each left row the number of the nearest right one and the squared distances of the nearest two; for each right row the
-    squared distance of the nearest left one. Distances are exact, so that equality tells who is whose."""
+    squared distance of the nearest left one. All distances are exact."""
     nearest = np.empty(len(left), dtype=np.int64)
     first, second = np.empty(len(left), dtype=np.float32), np.empty(len(left), dtype=np.float32)
     closest = np.full(len(right), np.inf, dtype=np.float32)
     power, turned = (right**2).sum(axis=1), -2.0 * right.T
     for start in range(0, len(left), _BLOCK):
         block = left[start : start + _BLOCK]
+        # |l - r|^2 = |l|^2 - 2 l'r + |r|^2: one matrix product does nearly all the work.
         squared = block @ turned
         squared += power
         squared += (block**2).sum(axis=1)[:, None]

@@ -1,20 +1,18 @@
-"""Interest points with descriptors: SIFT, tile by tile, evenly over the photograph.
+"""Interest points with descriptors: SIFT, part by part, evenly distributed over the photograph.
 
 A part of a photograph is searched with a halo that holds the neighbourhood of the largest point that is kept (`LARGEST`), and
 starts at a multiple of 16 px, so that every octave is sampled at the same pixels as in the whole photograph: the division does
-not change the points beyond the rounding of OpenCV's filters. So that not even that depends on the project's tiles, the parts
-have a size of their own (`SEARCHED`). The strongest points of each cell of 64 px are kept, and of these the photograph keeps the
-best of every cell, then the second best, and so on up to its limit: weakly textured fields get points beside richly textured
-roofs.
+not change the points beyond the rounding of OpenCV's filters. For independence of the project's tiles even of that, the parts have
+a size of their own (`SEARCHED`). The strongest points of each cell of 64 px are kept, and of these the photograph keeps the best of
+every cell, then the second best, and so on up to its limit: weakly textured fields get points next to richly textured roofs.
 
 Descriptors are stored as bytes of RootSIFT, whose Euclidean distance is the Hellinger distance of the histograms.
 
 Source: Lowe 2004; Arandjelovic & Zisserman 2012.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
@@ -22,38 +20,45 @@ import numpy as np
 from orthomill.schemas.raster import Tile, Window, tiles_of
 from orthomill.tasks.imagery.pyramid import level_to_full
 from orthomill.tasks.imagery.radiometry import grey_bytes, grey_range
-from orthomill.tasks.tie_points.match_records import DESCRIPTOR, Features, Values
+from orthomill.tasks.tie_points.match_records import DESCRIPTOR, Features, FeatureTables, Values
 
+# Dask runs one job per core; OpenCV's own threads would only compete with them.
 cv2.setNumThreads(1)
 
 HALO = 96
+"""px of the level: 5.3 times the largest diameter, rounded up to a multiple of 16"""
 SEARCHED = 800
-"""Side of the parts that are searched, px of the level, about: twice this and no more than a few hundred MB are needed"""
+"""approximate side of the parts that are searched, px of the level; SIFT then needs a few hundred MB"""
 SMALLEST, LARGEST = 2.5, 18.0
 """Diameters of points, px of the level. A descriptor reaches about 5.3 diameters from its centre; the many points below 2.5 px
 are rarely found again in another photograph."""
 CELL = 64
-_SPARE = 2
+"""px of the level: side of the cells over which points are distributed evenly"""
+_OCTAVE_STEP = 16  # px: 2^4, so that four octaves are sampled at the same pixels in every part
+_SPARE = 2  # a cell offers this many times its fair share
+_LEAST_PER_CELL = 8
+# OpenCV packs octave and layer of a key point into one integer: 255 is octave -1 (the image doubled), 1 << 8 its first layer.
 _FIRST_OCTAVE = 255 | (1 << 8)
-"""OpenCV's code of octave -1, layer 1"""
+# 512 scales the root of a share to a byte: shares above a quarter, of which a histogram has four at most, are clipped.
+_ROOT_SIFT_SCALE = 512.0
 
 
 def searched_parts(shape: tuple[int, int]) -> Iterator[Tile]:
-    """The parts of a level that are searched: its rows and its columns in equal parts, each up to a multiple of 16 px.
+    """The parts of a level that are searched: its rows and columns in equal parts, rounded up to a multiple of 16 px.
 
-    The halo costs as much as it is wide, whatever it surrounds: a narrow last part would be all halo.
+    The halo costs the same whatever it surrounds: a narrow last part would consist of halo only.
     """
     return tiles_of(shape, (_searched_side(shape[0]), _searched_side(shape[1])))
 
 
 def _searched_side(length: int) -> int:
     parts = max(1, round(length / SEARCHED))
-    return -(-length // (16 * parts)) * 16
+    return -(-length // (_OCTAVE_STEP * parts)) * _OCTAVE_STEP
 
 
 @dataclass(frozen=True)
 class Detection:
-    """Where and how a tile is searched: the pyramid level, its shape, the tile's core window in it, and the photograph's limit."""
+    """Where and how a part is searched: the pyramid level, its shape, the part's core window in it, and the photograph's limits."""
 
     level: int
     shape: tuple[int, int]
@@ -63,25 +68,27 @@ class Detection:
 
     @property
     def window(self) -> Window:
-        """What has to be read of the level."""
+        """The window of the level that has to be read."""
         return self.core.grown(HALO).clipped(self.shape)
 
     @property
     def per_cell(self) -> int:
-        """Points that a cell may offer: several times its fair share, so that empty cells can be made up for."""
+        """Points that a cell may offer: several times its fair share, to compensate for empty cells."""
         cells = -(-self.shape[0] // CELL) * -(-self.shape[1] // CELL)
-        return max(8, -(-_SPARE * self.max_features // cells))
+        return max(_LEAST_PER_CELL, -(-_SPARE * self.max_features // cells))
 
 
-def tile_features(pixels: np.ndarray, overview: np.ndarray, detection: Detection) -> dict[str, Any]:
-    """Features and descriptors of one tile. pixels: `detection.window` of the level; overview: the coarsest level."""
+def tile_features(pixels: np.ndarray, overview: np.ndarray, detection: Detection) -> FeatureTables:
+    """Features and descriptors of one part. pixels: `detection.window` of the level; overview: the coarsest level."""
     grey = grey_bytes(pixels, grey_range(overview))
-    sift = cv2.SIFT_create(nfeatures=0, contrastThreshold=detection.contrast)
+    # OpenCV's own limit would be that of the part; the photograph's is applied to all parts together.
+    sift = cv2.SIFT.create(nfeatures=0, contrastThreshold=detection.contrast)
     points = [point for point in sift.detect(grey, None) if SMALLEST <= point.size <= LARGEST]
     numbers = np.array([(*point.pt, point.size, point.angle, point.response) for point in points]).reshape(-1, 5)
+    # Descriptors are most of the work: they are computed for the points that are kept only.
     chosen = _strongest_in_core(numbers, detection)
     descriptors = _descriptors(sift, grey, [points[number] for number in chosen])
-    return {"features": _features(numbers[chosen], detection), "descriptors": Values(descriptors.ravel())}
+    return FeatureTables(_features(numbers[chosen], detection), Values(descriptors.ravel()))
 
 
 def _strongest_in_core(numbers: np.ndarray, detection: Detection) -> np.ndarray:
@@ -90,6 +97,7 @@ def _strongest_in_core(numbers: np.ndarray, detection: Detection) -> np.ndarray:
     col, row = numbers[:, 0] + window.col, numbers[:, 1] + window.row
     inside = (col >= core.col) & (col < core.col + core.width) & (row >= core.row) & (row < core.row + core.height)
     kept = np.flatnonzero(inside)
+    # Position and direction break ties of equal strength: OpenCV's own order depends on its threads.
     order = kept[np.lexsort((numbers[kept, 3], col[kept], row[kept], -numbers[kept, 4]))]
     return order[_rank_in_cell(col[order], row[order]) < detection.per_cell]
 
@@ -101,7 +109,7 @@ def strongest_in_cells(col: np.ndarray, row: np.ndarray, strength: np.ndarray, p
 
 
 def _rank_in_cell(col: np.ndarray, row: np.ndarray) -> np.ndarray:
-    """How many points of the same cell stand before each one."""
+    """How many points of the same cell precede each one."""
     cell = (row // CELL).astype(np.int64) * 2**20 + (col // CELL).astype(np.int64)
     order = np.argsort(cell, kind="stable")
     _, starts, counts = np.unique(cell[order], return_index=True, return_counts=True)
@@ -110,19 +118,19 @@ def _rank_in_cell(col: np.ndarray, row: np.ndarray) -> np.ndarray:
     return rank
 
 
-def _descriptors(sift: Any, grey: np.ndarray, points: list[Any]) -> np.ndarray:
+def _descriptors(sift: cv2.SIFT, grey: np.ndarray, points: Sequence[cv2.KeyPoint]) -> np.ndarray:
     """RootSIFT (N, 128) uint8.
 
-    OpenCV builds its pyramid from the finest octave among the points; a dummy point of the finest octave of all keeps that from
-    depending on which points a tile happens to hold.
+    OpenCV builds its pyramid from the finest octave among the points; an additional point of the very finest octave makes it
+    independent of the points that a part happens to hold.
     """
     if not points:
         return np.empty((0, DESCRIPTOR), dtype=np.uint8)
-    dummy = cv2.KeyPoint(grey.shape[1] / 2, grey.shape[0] / 2, 2.0, 0.0, 0.0, _FIRST_OCTAVE)
-    _, raw = sift.compute(grey, [dummy, *points])
-    raw = raw[1:]
+    finest = cv2.KeyPoint(grey.shape[1] / 2, grey.shape[0] / 2, 2.0, 0.0, 0.0, _FIRST_OCTAVE)
+    _, raw = sift.compute(grey, [finest, *points])
+    raw = np.asarray(raw)[1:]
     shares = raw / np.maximum(raw.sum(axis=1, keepdims=True), 1.0)
-    return np.clip(np.rint(512.0 * np.sqrt(shares)), 0, 255).astype(np.uint8)
+    return np.clip(np.rint(_ROOT_SIFT_SCALE * np.sqrt(shares)), 0, 255).astype(np.uint8)
 
 
 def _features(numbers: np.ndarray, detection: Detection) -> Features:
@@ -136,11 +144,10 @@ def _features(numbers: np.ndarray, detection: Detection) -> Features:
     )
 
 
-def photo_features(
-    features: tuple[Features, ...], descriptors: tuple[Values, ...], level: int, max_features: int
-) -> dict[str, Any]:
-    """The features of a photograph from those of its tiles: at most `max_features`, evenly distributed, in order of their rows."""
+def photo_features(features: tuple[Features, ...], descriptors: tuple[Values, ...], level: int, max_features: int) -> FeatureTables:
+    """The features of a photograph from those of its parts: at most `max_features`, evenly distributed, in order of their rows."""
     col, row, response = (np.concatenate([getattr(part, name) for part in features]) for name in ("col", "row", "response"))
+    # Rank within the cell comes first: the best point of every cell is taken before the second best of any.
     by_strength = np.lexsort((col, row, -response))
     rank = np.empty(len(col), dtype=np.int64)
     rank[by_strength] = _rank_in_cell(col[by_strength] / 2**level, row[by_strength] / 2**level)
@@ -148,7 +155,4 @@ def photo_features(
     size, angle = (np.concatenate([getattr(part, name) for part in features]) for name in ("size", "angle"))
     chosen = best[np.lexsort((angle[best], col[best], row[best]))]
     values = np.concatenate([part.rows(DESCRIPTOR) for part in descriptors])[chosen]
-    return {
-        "features": Features(col[chosen], row[chosen], size[chosen], angle[chosen], response[chosen]),
-        "descriptors": Values(values.ravel()),
-    }
+    return FeatureTables(Features(col[chosen], row[chosen], size[chosen], angle[chosen], response[chosen]), Values(values.ravel()))

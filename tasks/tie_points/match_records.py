@@ -1,6 +1,7 @@
-"""The small tables that pass between the jobs of this stage. All pixel coordinates are those of the full photograph."""
+"""The tables that pass between the jobs of this stage. All pixel coordinates are those of the full-size photograph."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
@@ -28,7 +29,7 @@ class Features(Columns):
 
 @dataclass(frozen=True)
 class Values(Columns):
-    """Bytes of many equal records behind each other: descriptors (N x 128) or patches (N x side x side)."""
+    """Bytes of many records of one length in sequence: descriptors (N x 128) or patches (N x side x side)."""
 
     values: np.ndarray
     """uint8"""
@@ -36,6 +37,13 @@ class Values(Columns):
     def rows(self, length: int) -> np.ndarray:
         """(N, length)"""
         return self.values.reshape(-1, length)
+
+
+class FeatureTables(NamedTuple):
+    """Features of a photograph or of a tile, and their descriptors in the same order."""
+
+    features: Features
+    descriptors: Values
 
 
 @dataclass(frozen=True)
@@ -48,7 +56,7 @@ class PairMatches(Columns):
 
 
 class PairSummary(BaseModel):
-    """How the matching of one pair went."""
+    """The result of matching one pair."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -59,11 +67,19 @@ class PairSummary(BaseModel):
     inliers: int
     """of these, matches near their epipolar lines; 0 when the pair was not accepted"""
     alike: bool = False
-    """whether the two stand still: the same picture twice, or two from one place with the same view"""
+    """whether the two show no parallax: the same picture twice, or two from one place with the same view"""
 
     @property
     def accepted(self) -> bool:
+        """Whether the pair shows common ground."""
         return self.inliers > 0
+
+
+class MatchedPair(NamedTuple):
+    """Matches of two photographs, none when the pair is not accepted, and their summary."""
+
+    matches: PairMatches
+    summary: PairSummary
 
 
 @dataclass(frozen=True)
@@ -83,14 +99,14 @@ class Observations(Columns):
 
 
 class Links(BaseModel):
-    """Pairs of photographs (lower number, higher number) of which one is the reference of a track that the other shows."""
+    """Pairs of photographs (lower number, higher number) of which one is the reference of a track that the other one shows."""
 
     model_config = ConfigDict(frozen=True)
 
     pairs: tuple[tuple[int, int], ...]
     tracks: int
     conflicts: int
-    """tracks dropped because they met one photograph twice"""
+    """tracks dropped because they meet one photograph in two places"""
 
 
 @dataclass(frozen=True)
@@ -111,10 +127,17 @@ class Refined(Columns):
 
 
 class Scatter(BaseModel):
-    """How refined observations of a pair scatter about their epipolar lines."""
+    """Scatter of the refined observations of a pair about their epipolar lines."""
 
     model_config = ConfigDict(frozen=True)
 
     points: int
     sigma: float | None
     """robust standard error of a coordinate, px; None with too few points"""
+
+
+class RefinedPair(NamedTuple):
+    """Refined observations of either photograph of a pair, and their scatter about epipolar lines."""
+
+    refined: Refined
+    scatter: Scatter

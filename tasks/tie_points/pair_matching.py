@@ -1,16 +1,15 @@
 """Homologous features of two photographs: mutual nearest neighbours, ratio test, epipolar check.
 
-The largest features are compared first: where enough of them agree, all others are looked for about their epipolar lines only
-(descriptor_search.py). The epipolar geometry is found robustly (MAGSAC) from ideal image coordinates,
-the lens distortion removed as far as it is known: as an essential matrix (Nister 2004) for calibrated cameras, as a
-fundamental matrix when a camera is nominal only. A pair is accepted by Brown & Lowe's rule, which weighs the agreeing matches
-against those that chance would give.
+The largest features are compared first: where enough of them agree, all others are searched near their epipolar lines only
+(descriptor_search.py). The epipolar geometry is estimated robustly (MAGSAC) from image coordinates corrected for lens distortion as
+far as it is known: as an essential matrix (Nister 2004) for calibrated cameras, as a fundamental matrix when a camera is nominal
+only. A pair is accepted by the rule of Brown & Lowe, which compares the agreeing matches with the number expected by chance.
 
 Source: Lowe 2004 (ratio test); Barath et al. 2020 (MAGSAC++); Brown & Lowe 2007 (acceptance); Nister 2004.
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -18,21 +17,26 @@ import numpy as np
 from orthomill.schemas.camera import Camera, Cameras
 from orthomill.tasks.geometry.distortion import pixel_to_image
 from orthomill.tasks.tie_points.descriptor_search import matches_along_lines, mutual_matches
-from orthomill.tasks.tie_points.match_records import DESCRIPTOR, Features, PairMatches, PairSummary, Scatter, Values
+from orthomill.tasks.tie_points.match_records import DESCRIPTOR, Features, MatchedPair, PairMatches, PairSummary, Scatter, Values
 
+# Dask runs one job per core; OpenCV's own threads would only compete with them.
 cv2.setNumThreads(1)
 
+# The largest features of each photograph, the most repeatable ones, give the approximate epipolar geometry,
 _FIRST = 2000
-"""The largest features of each photograph, which are found again most surely, tell how two photographs lie to each other."""
+# if this many of their matches agree with it (beyond the rule of Brown & Lowe): a wrong geometry would hide all good matches.
 _SURE = 20
-"""So many of their matches must agree, so that the others are looked for about epipolar lines only,"""
+# Other features are searched within this many times the tolerance: the geometry of a few large points is less precise.
 _BAND = 6.0
-"""within so many times the tolerance."""
-_FEWEST = 16
-_STILL = 1.5
-"""px"""
-_FEWEST_FOR_SCATTER = 60
+# Brown & Lowe 2007: n matches that agree by chance are exceeded by 8.0 + 0.3 n with certainty.
+_CHANCE_OFFSET, _CHANCE_SHARE = 8.0, 0.3
+_FEWEST = 16  # twice the eight points that determine a fundamental matrix
+# px, and the share of matches: detection repeats within a pixel where nothing moved. Less than all, for clouds and cars move.
+_STILL, _STILL_SHARE = 1.5, 0.7
+_FEWEST_FOR_SCATTER = 60  # a median of 60 deviations is good to 15 %
 _TRIMMINGS = 4
+_CONFIDENCE, _MOST_SAMPLES = 0.9999, 5000
+_MAD_TO_SIGMA = 1.4826
 
 
 @dataclass(frozen=True)
@@ -43,18 +47,30 @@ class PairRules:
     tolerance: float
 
 
+class PhotoPair(NamedTuple):
+    """Two photographs by name, and their cameras."""
+
+    names: tuple[str, str]
+    cameras: tuple[Camera, Camera]
+
+    @classmethod
+    def of(cls, cameras: Cameras, names: tuple[str, str]) -> "PhotoPair":
+        """The pair with its cameras among all `cameras`."""
+        return cls(names, (cameras.of(names[0]), cameras.of(names[1])))
+
+
 def match_pair(
     left: tuple[Features, Values], right: tuple[Features, Values], cameras: Cameras, names: tuple[str, str], rules: PairRules
-) -> dict[str, Any]:
+) -> MatchedPair:
     """Matches of two photographs and their summary; no matches when the pair is not accepted."""
-    pairs = _searched(left, right, (cameras.of(names[0]), cameras.of(names[1])), rules)
-    return accepted_matches(left[0], right[0], pairs, cameras, names, rules)
+    pair = PhotoPair.of(cameras, names)
+    return accepted_matches((left[0], right[0]), _searched(left, right, pair.cameras, rules), pair, rules)
 
 
 def _searched(
     left: tuple[Features, Values], right: tuple[Features, Values], cameras: tuple[Camera, Camera], rules: PairRules
 ) -> np.ndarray:
-    """Matches (M, 2), numbers of features: among all, or along epipolar lines where the largest features tell these."""
+    """Matches (M, 2), numbers of features: among all, or along epipolar lines where the largest features determine these."""
     descriptors = left[1].rows(DESCRIPTOR), right[1].rows(DESCRIPTOR)
     if min(len(left[0]), len(right[0])) > 2 * _FIRST:
         places = _ideal((_pixels(left[0]), _pixels(right[0])), cameras)
@@ -62,7 +78,8 @@ def _searched(
         pairs = mutual_matches(descriptors[0][few[0]], descriptors[1][few[1]], rules.ratio)
         points = places[0][few[0][pairs[:, 0]]], places[1][few[1][pairs[:, 1]]]
         matrix = epipolar_matrix(points, cameras, rules.tolerance)
-        if matrix is not None and (sampson_distance(matrix, *points) < rules.tolerance).sum() >= max(_SURE, 8.0 + 0.3 * len(pairs)):
+        enough = max(_SURE, _CHANCE_OFFSET + _CHANCE_SHARE * len(pairs))
+        if matrix is not None and (sampson_distance(matrix, *points) < rules.tolerance).sum() >= enough:
             return matches_along_lines(descriptors, places, matrix, _BAND * rules.tolerance, rules.ratio)
     return mutual_matches(*descriptors, rules.ratio)
 
@@ -72,26 +89,25 @@ def _largest(features: Features) -> np.ndarray:
     return np.sort(np.argsort(-features.size, kind="stable")[:_FIRST])
 
 
-def accepted_matches(
-    left: Features, right: Features, pairs: np.ndarray, cameras: Cameras, names: tuple[str, str], rules: PairRules
-) -> dict[str, Any]:
-    """What is left of matches (M, 2), numbers of features, after the epipolar check: table and summary."""
-    points = _pixels(left)[pairs[:, 0]], _pixels(right)[pairs[:, 1]]
-    agree = epipolar_agreement(points, (cameras.of(names[0]), cameras.of(names[1])), rules.tolerance)
-    inliers = int(agree.sum())
-    alike = stand_still(points)
-    accepted = not alike and inliers >= max(_FEWEST, 8.0 + 0.3 * len(pairs))
+def accepted_matches(features: tuple[Features, Features], pairs: np.ndarray, pair: PhotoPair, rules: PairRules) -> MatchedPair:
+    """The matches (M, 2), numbers of features, that pass the epipolar check: table and summary."""
+    points = _pixels(features[0])[pairs[:, 0]], _pixels(features[1])[pairs[:, 1]]
+    agree = epipolar_agreement(points, pair.cameras, rules.tolerance)
+    alike = without_parallax(points)
+    accepted = not alike and int(agree.sum()) >= max(_FEWEST, _CHANCE_OFFSET + _CHANCE_SHARE * len(pairs))
     kept = pairs[agree] if accepted else pairs[:0]
-    summary = PairSummary(left=names[0], right=names[1], tentative=len(pairs), inliers=len(kept), alike=alike)
-    return {"matches": PairMatches(kept[:, 0].astype(np.int32), kept[:, 1].astype(np.int32)), "summary": summary}
+    summary = PairSummary(left=pair.names[0], right=pair.names[1], tentative=len(pairs), inliers=len(kept), alike=alike)
+    return MatchedPair(PairMatches(kept[:, 0].astype(np.int32), kept[:, 1].astype(np.int32)), summary)
 
 
-def stand_still(points: tuple[np.ndarray, np.ndarray]) -> bool:
-    """Whether most matches (M, 2) px have the same place in both photographs: then they show no parallax, and a link between them
-    would only count the same measurements twice."""
+def without_parallax(points: tuple[np.ndarray, np.ndarray]) -> bool:
+    """Whether most matches (M, 2) px have the same place in both photographs.
+
+    Such a pair determines no heights, and a link between the two would only count the same measurements twice.
+    """
     if len(points[0]) < _FEWEST:
         return False
-    return bool((np.abs(points[0] - points[1]).max(axis=1) < _STILL).mean() > 0.7)
+    return bool((np.abs(points[0] - points[1]).max(axis=1) < _STILL).mean() > _STILL_SHARE)
 
 
 def _pixels(features: Features) -> np.ndarray:
@@ -99,7 +115,7 @@ def _pixels(features: Features) -> np.ndarray:
 
 
 def epipolar_agreement(points: tuple[np.ndarray, np.ndarray], cameras: tuple[Camera, Camera], tolerance: float) -> np.ndarray:
-    """Which matches lie within `tolerance` px of their epipolar lines. points: (M, 2) px in each photograph."""
+    """(M,) bool: matches within `tolerance` px of their epipolar lines. points: (M, 2) px in each photograph."""
     left, right = _ideal(points, cameras)
     matrix = epipolar_matrix((left, right), cameras, tolerance)
     if matrix is None:
@@ -108,21 +124,21 @@ def epipolar_agreement(points: tuple[np.ndarray, np.ndarray], cameras: tuple[Cam
 
 
 def epipolar_matrix(points: tuple[np.ndarray, np.ndarray], cameras: tuple[Camera, Camera], tolerance: float) -> np.ndarray | None:
-    """F (3, 3) of right' F left = 0 that most matches agree with; None for too few of them, or where there is none.
+    """F (3, 3) of right' F left = 0 with which most matches agree; None for too few matches, or where there is no such matrix.
 
-    points: (M, 2) image coordinates in px, free of distortion as far as it is known.
+    points: (M, 2) image coordinates in px, corrected for distortion as far as it is known.
     """
     left, right = points
     if len(left) < _FEWEST:
         return None
+    # A camera constant from EXIF is wrong by several per cent: an essential matrix would force the matches onto wrong lines.
     if any(camera.source == "exif" for camera in cameras):
-        matrix = _fundamental(left, right, tolerance)
-    else:
-        matrix = _essential(left / cameras[0].c, right / cameras[1].c, tolerance / max(camera.c for camera in cameras))
-        if matrix is not None and matrix.shape == (3, 3):
-            scale = [np.diag([1 / camera.c, 1 / camera.c, 1.0]) for camera in cameras]
-            matrix = scale[1] @ matrix @ scale[0]
-    return matrix if matrix is not None and matrix.shape == (3, 3) else None
+        return _fundamental(left, right, tolerance)
+    essential = _essential(left / cameras[0].c, right / cameras[1].c, tolerance / max(camera.c for camera in cameras))
+    if essential is None:
+        return None
+    scale = [np.diag([1 / camera.c, 1 / camera.c, 1.0]) for camera in cameras]
+    return scale[1] @ essential @ scale[0]
 
 
 def _ideal(points: tuple[np.ndarray, np.ndarray], cameras: tuple[Camera, Camera]) -> tuple[np.ndarray, np.ndarray]:
@@ -130,44 +146,54 @@ def _ideal(points: tuple[np.ndarray, np.ndarray], cameras: tuple[Camera, Camera]
 
 
 def epipolar_scatter(points: tuple[np.ndarray, np.ndarray], cameras: tuple[Camera, Camera]) -> Scatter:
-    """Robust standard error of a matched coordinate, from what is left about the best fundamental matrix.
+    """Robust standard error of a matched coordinate, from the residuals about the best fundamental matrix.
 
-    points: (M, 2) px in each photograph, of which one is taken as free of error (it defines the point), so that all of the distance
-    belongs to the other: the Sampson distance shares it between both and is smaller by the root of 2. Lens distortion that the
-    cameras do not describe counts as scatter, and rightly so.
+    points: (M, 2) px in each photograph. Lens distortion that the cameras do not describe counts as scatter, as it should: it is an
+    error of the observations with respect to the model.
     """
     count = len(points[0])
     if count < _FEWEST_FOR_SCATTER:
         return Scatter(points=count, sigma=None)
     left, right = _ideal(points, cameras)
+    # A fundamental matrix even for calibrated cameras: an error of the interior orientation is not one of the matching.
     matrix = _fundamental(left, right, 1.0)
     sigma, limit = None, 1.0
     for _ in range(_TRIMMINGS):
-        if matrix is None or matrix.shape != (3, 3):
+        if matrix is None:
             break
         near = sampson_distance(matrix, left, right) < limit
         if near.sum() < _FEWEST_FOR_SCATTER // 2:
             break
-        matrix, _ = cv2.findFundamentalMat(left[near], right[near], cv2.FM_8POINT)
-        if matrix is not None and matrix.shape == (3, 3):
-            sigma = float(np.sqrt(2.0) * 1.4826 * np.median(sampson_distance(matrix, left, right)))
+        matrix = _unique(cv2.findFundamentalMat(left[near], right[near], cv2.FM_8POINT)[0])
+        if matrix is not None:
+            # One of the two points defines the tie point and is free of error, so the other has all of the distance; the Sampson
+            # distance divides it between both and is smaller by the root of 2.
+            sigma = float(np.sqrt(2.0) * _MAD_TO_SIGMA * np.median(sampson_distance(matrix, left, right)))
             limit = 3.0 * sigma
     return Scatter(points=count, sigma=sigma)
 
 
 def _fundamental(left: np.ndarray, right: np.ndarray, tolerance: float) -> np.ndarray | None:
-    """OpenCV's MAGSAC stumbles over a few sets of points ("!model.empty()"), good ones among them; RANSAC finds these."""
+    """The fundamental matrix of most matches; None where there is none."""
     try:
-        return cv2.findFundamentalMat(left, right, cv2.USAC_MAGSAC, tolerance, 0.9999, 5000)[0]
+        found = cv2.findFundamentalMat(left, right, cv2.USAC_MAGSAC, tolerance, _CONFIDENCE, _MOST_SAMPLES)[0]
     except cv2.error:
-        return cv2.findFundamentalMat(left, right, cv2.FM_RANSAC, tolerance, 0.9999, 5000)[0]
+        # MAGSAC of OpenCV fails for a few sets of points ("!model.empty()"), good ones among them; RANSAC does not.
+        found = cv2.findFundamentalMat(left, right, cv2.FM_RANSAC, tolerance, _CONFIDENCE, _MOST_SAMPLES)[0]
+    return _unique(found)
 
 
 def _essential(left: np.ndarray, right: np.ndarray, tolerance: float) -> np.ndarray | None:
-    matrix, _ = cv2.findEssentialMat(
-        left, right, np.eye(3), method=cv2.USAC_MAGSAC, prob=0.9999, threshold=tolerance, maxIters=5000
+    """The essential matrix of most matches; None where there is none."""
+    found, _ = cv2.findEssentialMat(
+        left, right, np.eye(3), method=cv2.USAC_MAGSAC, prob=_CONFIDENCE, threshold=tolerance, maxIters=_MOST_SAMPLES
     )
-    return matrix
+    return _unique(found)
+
+
+def _unique(found: np.ndarray | None) -> np.ndarray | None:
+    """The matrix (3, 3); None where OpenCV found none, or several (it then stacks them)."""
+    return None if found is None or found.shape != (3, 3) else np.asarray(found)
 
 
 def sampson_distance(matrix: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndarray:

@@ -1,15 +1,14 @@
 """Sub-pixel refinement: every observation of a track is matched by least squares against the track's reference photograph.
 
-Patches of the two photographs are laid out in mosaics, with gaps that no window and no smoothing can cross, and matched in one
-call. The affine starts from the difference of the SIFT directions and the ratio of the SIFT sizes; where a point contradicts
-the median of its pair by more than 25 degrees or a factor of 1.4 (two directions at one place), the median is taken.
+Patches of the two photographs are arranged in mosaics, with gaps that no window and no smoothing can cross, and matched in one
+call. The affine transformation starts from the difference of the SIFT directions and the ratio of the SIFT sizes; where a point
+contradicts the median of its pair by more than 25 degrees or a factor of 1.4 (two directions at one place), the median is used.
 
-Where the matching fails, the observation keeps its SIFT position with an accordingly larger standard error, or is dropped: a
+Where the matching fails, the observation keeps its SIFT position with a correspondingly larger standard error, or is dropped: a
 setting.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -19,19 +18,22 @@ from orthomill.tasks.imagery.pyramid import level_to_full
 from orthomill.tasks.matching.least_squares.matching import match_points
 from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
 from orthomill.tasks.matching.smoothing import reach_of
-from orthomill.tasks.tie_points.match_records import Observations, Refined, Values
+from orthomill.tasks.tie_points.match_records import Observations, Refined, RefinedPair, Values
 from orthomill.tasks.tie_points.pair_matching import epipolar_scatter
 from orthomill.tasks.tie_points.patches import joined_patches, nearest_pixels
 
-_BATCH = 1024
+_BATCH = 1024  # patches of a mosaic: about 3 MB with patches of 55 px, which fit the cache
+# SIFT repeats directions to some degrees and sizes to a tenth; beyond these limits it found another peak of its histogram or
+# another scale, and least-squares matching would start outside its radius of convergence.
 _DIRECTION_LIMIT, _SIZE_LIMIT = np.radians(25.0), np.log(1.4)
+# A patch must hold the window rotated by 45 degrees (root of 2) and enlarged by a quarter.
 _ENLARGEMENT = 1.75
-"""How much larger than the window a patch must be: a window turned by 45 degrees and enlarged by a quarter."""
+_COLUMNS = ("photo", "track", "col", "row", "sigma", "outcome")
 
 
 @dataclass(frozen=True)
 class PatchRules:
-    """At which pyramid level, in strips of which height, and how the patches of a photograph are matched."""
+    """How the patches of a photograph are matched: at which pyramid level and in strips of which height they were extracted."""
 
     level: int
     tile: int
@@ -44,6 +46,7 @@ class PatchRules:
 
     @property
     def gap(self) -> int:
+        """px between the patches of a mosaic: smoothing one must not reach the next."""
         return reach_of(self.matching.smoothing) + 1
 
 
@@ -55,7 +58,7 @@ def refine_pair(
     photos: tuple[int, int],
     names: tuple[str, str],
     rules: tuple[PatchRules, PatchRules],
-) -> dict[str, Any]:
+) -> RefinedPair:
     """Refined observations of either photograph whose track's reference is the other one, and their scatter about epipolar lines.
 
     photos, names: numbers and names of the two; left_patches, right_patches: all strips of either.
@@ -73,21 +76,20 @@ def refine_pair(
             refined_observations((chosen[0], chosen[1]), (cut[0], cut[1]), photos[other], (rules[reference], rules[other]))
         )
         ends.append(_left_and_right(chosen[0], parts[-1], reference))
-    columns = ("photo", "track", "col", "row", "sigma", "outcome")
-    refined = Refined(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in columns})
+    refined = Refined(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS})
     points = np.concatenate([end[0] for end in ends]), np.concatenate([end[1] for end in ends])
-    return {"refined": refined, "scatter": epipolar_scatter(points, (cameras.of(names[0]), cameras.of(names[1])))}
+    return RefinedPair(refined, epipolar_scatter(points, (cameras.of(names[0]), cameras.of(names[1]))))
 
 
 def _left_and_right(reference: Observations, refined: Refined, side: int) -> tuple[np.ndarray, np.ndarray]:
-    """Matched points (M, 2) px in the left and the right photograph; `side` says which of them is the reference."""
+    """Matched points (M, 2) px in the left and the right photograph; `side` is 0 when the left one is the reference, else 1."""
     good = refined.outcome == int(Outcome.CONVERGED)
     ends = [np.column_stack([table.col[good], table.row[good]]) for table in (reference, refined)]
     return (ends[0], ends[1]) if side == 0 else (ends[1], ends[0])
 
 
 def _shared(reference: Observations, other: Observations, photo: int) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of both tables that show the same track, for tracks whose reference is `photo`."""
+    """Rows of both tables with the same track, for tracks whose reference is `photo`."""
     _, left, right = np.intersect1d(reference.track, other.track, assume_unique=True, return_indices=True)
     own = reference.reference[left] == photo
     return left[own], right[own]
@@ -120,13 +122,14 @@ def refined_observations(
 def start_affine(reference: Observations, other: Observations) -> np.ndarray:
     """(N, 4) d other / d reference, col and row by col and row, from sizes and directions of the features."""
     turn = np.radians(other.angle.astype(np.float64) - reference.angle)
-    growth = np.log(other.size.astype(np.float64) / reference.size)
+    # Logarithms, so that a point twice and one half the size of its partner are equally far from equality.
+    log_scale = np.log(other.size.astype(np.float64) / reference.size)
     common_turn = _median_direction(turn)
-    common_growth = np.median(growth) if len(growth) else 0.0
-    strange = np.abs(_wrapped(turn - common_turn)) > _DIRECTION_LIMIT
-    turn = np.where(strange, common_turn, turn)
-    growth = np.where(np.abs(growth - common_growth) > _SIZE_LIMIT, common_growth, growth)
-    cos, sin = np.exp(growth) * np.cos(turn), np.exp(growth) * np.sin(turn)
+    common_scale = np.median(log_scale) if len(log_scale) else 0.0
+    outlying = np.abs(_wrapped(turn - common_turn)) > _DIRECTION_LIMIT
+    turn = np.where(outlying, common_turn, turn)
+    log_scale = np.where(np.abs(log_scale - common_scale) > _SIZE_LIMIT, common_scale, log_scale)
+    cos, sin = np.exp(log_scale) * np.cos(turn), np.exp(log_scale) * np.sin(turn)
     return np.column_stack([cos, -sin, sin, cos])
 
 
@@ -135,9 +138,10 @@ def _wrapped(angle: np.ndarray) -> np.ndarray:
 
 
 def _median_direction(turn: np.ndarray) -> float:
-    """Median of angles about their densest direction, so that a minority of opposite ones does not matter."""
+    """Median of angles about their densest direction, so that a minority of opposite ones has no influence."""
     if not len(turn):
         return 0.0
+    # Bins of 10 degrees, summed over three: a peak at the border of two bins is not missed.
     counts, edges = np.histogram(_wrapped(turn), bins=36, range=(-np.pi, np.pi))
     smooth = counts + np.roll(counts, 1) + np.roll(counts, -1)
     centre = edges[int(smooth.argmax())] + np.pi / 36
@@ -153,19 +157,21 @@ def _match_batch(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """col, row (px of the full photograph), sigma (px), outcome."""
     (mosaic, origins), (other_mosaic, _) = (_mosaic(stack[part], rules[0].gap) for stack in patches)
+    rows = np.arange(len(affine))[part]
     (positions, centres), (other_positions, other_centres) = (
-        nearest_pixels(table.take(part), rule.level) for table, rule in zip(observations, rules, strict=True)
+        nearest_pixels(table.take(rows), rule.level) for table, rule in zip(observations, rules, strict=True)
     )
     points, starts = origins + rules[0].half + positions - centres, origins + rules[1].half + other_positions - other_centres
     found = match_points(mosaic, other_mosaic, points, starts, rules[0].matching, affine[part])
     shift = found.position - starts
     full = level_to_full(other_positions + shift, rules[1].level)
+    # One number per observation: the adjustment weights both coordinates alike.
     sigma = np.sqrt((found.sigma_col**2 + found.sigma_row**2) / 2) * 2 ** rules[1].level
     return full[:, 0], full[:, 1], sigma, found.outcome
 
 
 def _mosaic(patches: np.ndarray, gap: int) -> tuple[np.ndarray, np.ndarray]:
-    """Patches (N, side, side) side by side with gaps of no data (0), and the (col, row) of their first pixels (N, 2)."""
+    """Patches (N, side, side) in one image with gaps of no data (0), and the (col, row) of their first pixels (N, 2)."""
     count, side = patches.shape[:2]
     pitch, columns = side + gap, max(1, int(np.ceil(np.sqrt(count))))
     rows = -(-count // columns)

@@ -1,8 +1,9 @@
-"""The stage's last step: assembles the tie points and tells how well they hold the block together."""
+"""The stage's last step: assembles the tie points and reports how well they connect the block."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -17,15 +18,19 @@ from orthomill.tasks.tie_points.match_records import Links, Observations, PairSu
 from orthomill.tasks.tie_points.tie_point_assembly import RefinementSummary, Weighting, assemble, with_measured_floor
 
 _CELLS = 8
+# Von Gruber's nine areas along 3 x 3: a relative orientation needs points in six of them at least.
 _GRUBER = 3
-"""areas along each side of a frame (von Gruber)"""
+# Tie points below which a photograph or a pair is poorly connected: five parameters of a relative orientation leave a redundancy
+# of 25, enough to find the gross errors that automatic matching contains.
 _WEAK = 30
-"""Tie points below which a photograph or a pair hangs on too little."""
+_LEAST_COVERAGE = 0.25  # of the frame; with less, distortion and attitude are extrapolated over most of it
+_MOST_PAIRS = 200  # rows of the table of pairs: beyond, nobody reads it
+_MOST_PARTS = 5  # parts of a divided block that are listed
 
 
 @dataclass(frozen=True)
 class Strength:
-    """What the tie points say of each photograph (arrays by photograph number) and of the block."""
+    """Connections of each photograph (arrays by photograph number) and of the block."""
 
     observations: np.ndarray
     partners: np.ndarray
@@ -40,28 +45,47 @@ class Strength:
     """distribution index: 1 when the nine von Gruber areas of the frame hold equally many tie points, 0 when one holds all"""
 
 
+class TiePointResults(NamedTuple):
+    """The tie points of all photographs, and the stage's report."""
+
+    tie_points: TiePoints
+    report: StageReport
+
+
 def finish(
-    photos: Photos, links: Links, summaries: tuple[PairSummary, ...], observations: tuple[Observations, ...],
-    refined: tuple[Refined, ...], scatters: tuple[Scatter, ...], weighting: Weighting,
-) -> dict[str, Any]:  # fmt: skip
+    photos: Photos,
+    links: Links,
+    summaries: tuple[PairSummary, ...],
+    observations: tuple[Observations, ...],
+    refined: tuple[Refined, ...],
+    scatters: tuple[Scatter, ...],
+    weighting: Weighting,
+) -> TiePointResults:
     """The tie points and the stage's report."""
     measured = with_measured_floor(weighting, scatters)
     points, summary = assemble(observations, refined, measured)
     strength = measure(points, photos)
     report = StageReport(
-        figures=(*_figures(points, strength, links, summaries, summary), _floor_figure(measured)),
+        figures=(
+            *_point_figures(points, strength),
+            *_pair_figures(links, summaries),
+            *_refinement_figures(summary),
+            *_block_figures(strength),
+            _floor_figure(measured),
+        ),
         grids=(_photo_grid(photos, strength), _pair_grid(summaries), _outcome_grid(summary)),
         charts=(_ray_chart(strength), _block_chart(photos, summaries)),
         warnings=tuple(_warnings(photos, strength, summaries)),
     )
-    return {"tie_points": points, "report": report}
+    return TiePointResults(points, report)
 
 
 def measure(points: TiePoints, photos: Photos) -> Strength:
-    """How strongly each photograph is tied."""
+    """How strongly each photograph is connected with the others."""
     count = len(photos.photos)
     shared = shared_points(points, count)
     observations = np.bincount(points.photo, minlength=count)
+    # Parts are separated more leniently than partners are counted: a warning about a divided block should be beyond doubt.
     _, block = connected_components(coo_array(shared >= _WEAK // 2), directed=False)
     frame = np.array([(photo.width, photo.height) for photo in photos.photos])
     cell = np.clip(np.column_stack([points.col, points.row]) / frame[points.photo] * _CELLS, 0, _CELLS - 1).astype(int)
@@ -78,13 +102,13 @@ def measure(points: TiePoints, photos: Photos) -> Strength:
 
 def distribution_index(own: TiePoints, size: np.ndarray) -> float:
     """How evenly the points of one photograph of `size` (width, height) fill its von Gruber areas: the entropy of their shares in
-    units of that of equal shares."""
+    units of that of equal shares, 0 to 1."""
     if not len(own):
         return 0.0
     area = np.clip(np.column_stack([own.col, own.row]) / size * _GRUBER, 0, _GRUBER - 1).astype(int)
     count = np.bincount(area[:, 1] * _GRUBER + area[:, 0], minlength=_GRUBER**2)
     share = count[count > 0] / len(own)
-    return float(-(share * np.log(share)).sum() / np.log(_GRUBER**2)) + 0.0
+    return float(-(share * np.log(share)).sum() / np.log(_GRUBER**2)) + 0.0  # turns -0.0, all points in one area, into 0.0
 
 
 def shared_points(points: TiePoints, photos: int) -> np.ndarray:
@@ -97,51 +121,52 @@ def shared_points(points: TiePoints, photos: int) -> np.ndarray:
     return shared
 
 
-def _figures(
-    points: TiePoints, strength: Strength, links: Links, summaries: tuple[PairSummary, ...], summary: RefinementSummary
-) -> tuple[Figure, ...]:
-    tracks, many = len(strength.rays), int((strength.rays >= 3).sum())
-    matched, tried = summary.outcomes.get(int(Outcome.CONVERGED), 0), sum(summary.outcomes.values())
+def _point_figures(points: TiePoints, strength: Strength) -> tuple[Figure, ...]:
+    in_three = int((strength.rays >= 3).sum())
+    per_point = round(float(strength.rays.mean()), 2)
     return (
-        Figure(name="tie_points", value=tracks, sentence="Ground points that two or more photographs show.", headline=True),
-        Figure(name="observations", value=len(points), sentence="Image measurements of them."),
-        Figure(name="tie_points_in_three", value=many, sentence="Tie points in three or more photographs."),
         Figure(
-            name="rays_per_point", value=round(float(strength.rays.mean()), 2), sentence="Photographs per tie point, on average."
+            name="tie_points", value=len(strength.rays), sentence="Ground points that two or more photographs show.", headline=True
         ),
+        Figure(name="observations", value=len(points), sentence="Image measurements of tie points."),
+        # A point in two photographs is controlled in one direction only: along the epipolar line a gross error stays invisible.
+        Figure(name="tie_points_in_three", value=in_three, sentence="Tie points in three or more photographs."),
+        Figure(name="rays_per_point", value=per_point, sentence="Photographs per tie point, mean."),
+    )
+
+
+def _pair_figures(links: Links, summaries: tuple[PairSummary, ...]) -> tuple[Figure, ...]:
+    accepted = sum(pair.accepted for pair in summaries)
+    conflicts = "Tracks dropped because they meet one photograph in two places."
+    return (
         Figure(name="pairs_compared", value=len(summaries), sentence="Pairs of photographs compared."),
-        Figure(name="pairs_accepted", value=sum(pair.accepted for pair in summaries), sentence="Pairs that show common ground."),
-        Figure(
-            name="tracks_in_conflict",
-            value=links.conflicts,
-            sentence="Tracks dropped because they met one photograph in two places.",
-        ),
-        Figure(
-            name="refined_share",
-            value=round(matched / max(tried, 1), 4),
-            sentence="Share of observations refined by least squares.",
-        ),
-        Figure(
-            name="refined_sigma_px",
-            value=_rounded(summary.median_sigma),
-            unit="px",
-            sentence="Median formal sigma of the refinement.",
-        ),
-        Figure(name="refined_shift_px", value=_rounded(summary.median_shift), unit="px", sentence="Median move by the refinement."),
-        Figure(
-            name="connected_parts", value=_parts(strength), sentence="Parts of the block without enough tie points between them."
-        ),
-        Figure(
-            name="distribution_index",
-            value=_rounded(float(np.median(strength.evenness))),
-            sentence="How evenly the nine von Gruber areas of a frame are filled, median over the photographs; 1: equally.",
-        ),
-        Figure(name="fewest_in_photo", value=int(strength.observations.min()), sentence="Tie points in the weakest photograph."),
+        Figure(name="pairs_accepted", value=accepted, sentence="Pairs that show common ground."),
+        Figure(name="tracks_in_conflict", value=links.conflicts, sentence=conflicts),
+    )
+
+
+def _refinement_figures(summary: RefinementSummary) -> tuple[Figure, ...]:
+    matched, tried = summary.outcomes.get(int(Outcome.CONVERGED), 0), sum(summary.outcomes.values())
+    share, sigma, shift = round(matched / max(tried, 1), 4), _rounded(summary.median_sigma), _rounded(summary.median_shift)
+    return (
+        Figure(name="refined_share", value=share, sentence="Share of observations refined by least-squares matching."),
+        Figure(name="refined_sigma_px", value=sigma, unit="px", sentence="Median formal standard error of the refinement."),
+        Figure(name="refined_shift_px", value=shift, unit="px", sentence="Median shift by the refinement."),
+    )
+
+
+def _block_figures(strength: Strength) -> tuple[Figure, ...]:
+    parts, fewest = _parts(strength), int(strength.observations.min())
+    even = "How evenly the nine von Gruber areas of a frame are filled, median over the photographs; 1: equally."
+    return (
+        Figure(name="connected_parts", value=parts, sentence="Parts of the block without enough tie points between them."),
+        Figure(name="distribution_index", value=_rounded(float(np.median(strength.evenness))), sentence=even),
+        Figure(name="fewest_in_photo", value=fewest, sentence="Tie points in the photograph with the fewest."),
     )
 
 
 def _floor_figure(weighting: Weighting) -> Figure:
-    sentence = "Scatter of refined points about their epipolar lines, which every observation's standard error includes."
+    sentence = "Scatter of refined points about their epipolar lines, included in the standard error of every observation."
     return Figure(name="scatter_px", value=round(weighting.floor, 4), unit="px", sentence=sentence)
 
 
@@ -160,19 +185,19 @@ def _photo_grid(photos: Photos, strength: Strength) -> Grid:
             photos.names, strength.observations, strength.partners, strength.coverage, strength.evenness, strict=True
         )
     )
-    columns = ("photo", "tie points", "photographs tied to it", "frame covered (%)", "distribution index")
+    columns = ("photo", "tie points", "connected photographs", "frame covered (%)", "distribution index")
     return Grid(
         title="Photographs",
         columns=columns,
         rows=rows,
-        note=f"Tied: {_WEAK} common tie points or more. Covered: of {_CELLS} x {_CELLS} cells. Distribution index: entropy of the "
-        "nine von Gruber areas, 1 when all hold equally many.",
+        note=f"Connected: {_WEAK} common tie points or more. Covered: of {_CELLS} x {_CELLS} cells. Distribution index: entropy of "
+        "the nine von Gruber areas, 1 when all hold the same number.",
     )
 
 
 def _pair_grid(summaries: tuple[PairSummary, ...]) -> Grid:
     accepted = sorted((pair for pair in summaries if pair.accepted), key=lambda pair: -pair.inliers)
-    rows = tuple((pair.left, pair.right, pair.tentative, pair.inliers) for pair in accepted[:200])
+    rows = tuple((pair.left, pair.right, pair.tentative, pair.inliers) for pair in accepted[:_MOST_PAIRS])
     left_out = len(summaries) - len(accepted)
     note = f"{left_out} more pairs were compared and show no common ground." if left_out else ""
     return Grid(title="Pairs", columns=("left", "right", "matches", "on epipolar lines"), rows=rows, note=note)
@@ -186,56 +211,61 @@ def _outcome_grid(summary: RefinementSummary) -> Grid:
 def _ray_chart(strength: Strength) -> Chart:
     counts = np.bincount(strength.rays)[2:]
     return Chart(
-        title="Photographs per tie point", style="bars", x_label="photographs", y_label="tie points",
-        x=tuple(float(rays) for rays in range(2, 2 + len(counts))), series={"tie points": tuple(float(count) for count in counts)},
-    )  # fmt: skip
+        title="Photographs per tie point",
+        style="bars",
+        x_label="photographs",
+        y_label="tie points",
+        x=tuple(float(rays) for rays in range(2, 2 + len(counts))),
+        series={"tie points": tuple(float(count) for count in counts)},
+    )
 
 
 def _block_chart(photos: Photos, summaries: tuple[PairSummary, ...]) -> Chart:
-    """Matches of neighbours in sequence: a gap shows where a strip hangs on little."""
+    """Matches of neighbours in sequence: a low bar shows where a strip is poorly connected."""
     found = {(pair.left, pair.right): float(pair.inliers) for pair in summaries}
     values = tuple(found.get(pair, 0.0) for pair in pairwise(photos.names))
     return Chart(
-        title="Matches between photographs that follow each other", style="bars", x_label="photograph number", y_label="matches",
-        x=tuple(float(number) for number in range(1, 1 + len(values))), series={"matches with the next": values},
-    )  # fmt: skip
+        title="Matches between consecutive photographs",
+        style="bars",
+        x_label="photograph number",
+        y_label="matches",
+        x=tuple(float(number) for number in range(1, 1 + len(values))),
+        series={"matches with the next": values},
+    )
 
 
-def _warnings(photos: Photos, strength: Strength, summaries: tuple[PairSummary, ...]) -> list[str]:
-    twins = {pair.right for pair in summaries if pair.alike}
-    lonely = [name for name, count in zip(photos.names, strength.observations, strict=True) if count == 0 and name not in twins]
-    weak = [f"{name} ({count})" for name, count in zip(photos.names, strength.observations, strict=True) if 0 < count < _WEAK]
-    uneven = [
-        name
-        for name, share, count in zip(photos.names, strength.coverage, strength.observations, strict=True)
-        if count and share < 0.25
-    ]
-    warnings = [
-        f"{pair.left} and {pair.right} are the same picture, or two from one place: {pair.right} is left out, for it would only "
-        "repeat the measurements of the other. Take one of them out of the project."
-        for pair in summaries
-        if pair.alike
-    ]
-    if lonely:
-        they = "it" if len(lonely) == 1 else "they"
-        warnings.append(f"No other photograph shows common ground with {some_of(lonely, most=10)}: {they} will not join the block.")
+def _warnings(photos: Photos, strength: Strength, summaries: tuple[PairSummary, ...]) -> Iterator[str]:
+    repeated = [pair for pair in summaries if pair.alike]
+    for pair in repeated:
+        yield (
+            f"{pair.left} and {pair.right} are the same picture, or two from one place: {pair.right} is left out, for it would "
+            "only repeat the measurements of the other. Remove one of them from the project."
+        )
+    counted = list(zip(photos.names, strength.observations, strength.coverage, strict=True))
+    left_out = {pair.right for pair in repeated}
+    unconnected = [name for name, count, _ in counted if count == 0 and name not in left_out]
+    if unconnected:
+        they = "it" if len(unconnected) == 1 else "they"
+        yield f"No other photograph shows common ground with {some_of(unconnected, most=10)}: {they} will not join the block."
+    weak = [f"{name} ({count})" for name, count, _ in counted if 0 < count < _WEAK]
     if weak:
-        warnings.append(f"Fewer than {_WEAK} tie points in {some_of(weak, most=10)}: expect a weak or failing orientation there.")
+        yield f"Fewer than {_WEAK} tie points in {some_of(weak, most=10)}: expect a poorly determined or failing orientation there."
+    uneven = [name for name, count, share in counted if count and share < _LEAST_COVERAGE]
     if uneven:
-        warnings.append(f"Tie points cover less than a quarter of the frame of {some_of(uneven, most=10)}.")
+        yield f"Tie points cover less than a quarter of the frame of {some_of(uneven, most=10)}."
     if _parts(strength) > 1:
-        warnings.append(_split(photos, strength))
-    return warnings
+        yield _divided(photos, strength)
 
 
-def _split(photos: Photos, strength: Strength) -> str:
+def _divided(photos: Photos, strength: Strength) -> str:
     parts = [
         [photos.names[number] for number in np.flatnonzero(strength.block == part)]
         for part in np.unique(strength.block)
         if part >= 0
     ]
     smaller = sorted(parts, key=len)[:-1]
-    named = "; ".join(some_of(part, most=10) for part in smaller[:5])
+    named = "; ".join(some_of(part, most=10) for part in smaller[:_MOST_PARTS])
     return (
-        f"The block falls into {len(parts)} parts without enough tie points between them; apart from the largest part lie: {named}."
+        f"The block is divided into {len(parts)} parts without enough tie points between them. Not connected with the largest "
+        f"part: {named}."
     )

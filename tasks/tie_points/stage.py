@@ -6,20 +6,21 @@
                                                            |
                             tie points and report  <- refined pairs
 
-Only the first and the patch jobs see pixels, a tile or a strip of tiles at a time; whatever follows works on points and patches.
+Only the feature jobs and the patch jobs read pixels, a part or a strip at a time; all other jobs work on points and patches. (With
+`search: correlation` the pairs read the searched level too.)
 """
 
 from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from orthomill.schemas.camera import CAMERAS
 from orthomill.schemas.errors import GeometryError
-from orthomill.schemas.job import Export, Job, Raster, Table
+from orthomill.schemas.job import Export, Job, Raster, Region, Table
 from orthomill.schemas.observations import TIE_POINTS
 from orthomill.schemas.photo import PHOTOS, Photo, Photos, photo_raster
-from orthomill.schemas.raster import RasterSpec, Window
+from orthomill.schemas.raster import RasterSpec, Tile, Window
 from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
 from orthomill.schemas.stage_report import report_table
@@ -53,7 +54,7 @@ VOCABULARY = Table("tie_points/appearance/vocabulary.parquet", Values)
 
 
 def _features(name: str) -> tuple[Table[Features], Table[Values]]:
-    """Where features and descriptors of a photograph or a tile are stored."""
+    """The tables of the features and descriptors of a photograph or a part of it."""
     return Table(f"tie_points/features/{name}.parquet", Features), Table(f"tie_points/descriptors/{name}.parquet", Values)
 
 
@@ -76,40 +77,42 @@ def _refined_tables(left: str, right: str) -> tuple[Table[Refined], Table[Scatte
 
 
 class FeatureSearch(Settings):
-    """Features with descriptors, whatever their scale and direction."""
+    """Features with descriptors, invariant against scale and rotation."""
 
     kind: Literal["features"]
 
 
 Search = Annotated[FeatureSearch | CorrelationSearch, Field(discriminator="kind")]
 
+_OF_DESCRIPTORS = ("ratio", "contrast")
+
 
 class TiePointsStage(Stage):
-    """Finds and refines points that two or more photographs show."""
+    """Finds points that two or more photographs show and refines their measurements."""
 
     title: ClassVar[str] = "Tie points"
     kind: Literal["tie_points"] = "tie_points"
     search: Search = setting(
         FeatureSearch(kind="features"),
-        "How points are found and matched: features with descriptors for photographs in any position, or the published interest "
+        "How points are found and matched: features with descriptors for photographs of any attitude, or the published interest "
         "points and correlation for near-vertical ones.",
     )
     search_side: int = setting(
         2000, "Points are searched on the pyramid level whose longer side is at most this.", "px", ge=500, le=20000
     )
-    max_features: int = setting(8000, "Points searched per photograph.", ge=200, le=100000)
+    max_features: int = setting(8000, "Points kept per photograph.", ge=200, le=100000)
     contrast: float = setting(
-        0.02, "Least contrast of a point (SIFT's threshold); lower finds more and weaker ones.", gt=0.0, le=0.2
+        0.02, "Least contrast of a point (SIFT's threshold); a lower value finds more and weaker points.", gt=0.0, le=0.2
     )
     ratio: float = setting(0.8, "Largest ratio of the best to the second best descriptor distance.", gt=0.3, le=1.0)
     epipolar_tolerance: float = setting(
-        1.5, "Distance from the epipolar line up to which a match agrees.", "px of the searched level", gt=0.0
+        1.5, "Distance from the epipolar line up to which a match is accepted.", "px of the searched level", gt=0.0
     )
     all_pairs_up_to: int = setting(15, "Up to this many photographs every pair is compared.", "photographs", ge=2)
     nearest: int = setting(
         10,
-        "Beyond, each photograph is compared with this many others: those that look at the nearest places, or those most like it "
-        "where its position is not known.",
+        "Of more photographs, each is compared with this many others: those that show the nearest ground, or those most similar to "
+        "it where its position is unknown.",
         "photographs",
         ge=2,
         le=100,
@@ -119,15 +122,36 @@ class TiePointsStage(Stage):
         "Least-squares matching of each observation against the track's reference.",
     )
     sigma_floor: float = setting(
-        0.03, "Standard error that no observation goes below; the scatter about epipolar lines counts when larger.", "px", gt=0.0
+        0.03,
+        "Least standard error of an observation; the measured scatter about epipolar lines replaces it when larger.",
+        "px",
+        gt=0.0,
     )
     sigma_unrefined: float = setting(
-        0.7, "Standard error of observations that could not be refined.", "px of the searched level", gt=0.0
+        0.7, "Standard error of observations that could not be refined and are kept.", "px of the searched level", gt=0.0
     )
-    unrefined: Literal["keep", "drop"] = setting("drop", "What becomes of observations that could not be refined.")
+    unrefined: Literal["keep", "drop"] = setting("drop", "Whether observations that could not be refined are kept.")
+
+    @model_validator(mode="after")
+    def _has_an_effect(self) -> "TiePointsStage":
+        """Raises ValueError for settings that the chosen mode does not read."""
+        # Compared with the default, not with what was set: the workflow as run lists every default and must run again.
+        idle = [name for name in _OF_DESCRIPTORS if getattr(self, name) != type(self).model_fields[name].default]
+        if self.search.kind == "correlation" and idle:
+            found = " and ".join(f"{name}: {getattr(self, name):g}" for name in idle)
+            raise ValueError(
+                f"{found} without effect with search: correlation, which compares no descriptors: remove the line, or set search: "
+                "features"
+            )
+        if self.unrefined == "drop" and self.sigma_unrefined != type(self).model_fields["sigma_unrefined"].default:
+            raise ValueError(
+                f"sigma_unrefined: {self.sigma_unrefined:g} without effect with unrefined: drop, which keeps no such observation: "
+                "remove the line, or set unrefined: keep"
+            )
+        return self
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
-        """Everything up to the tracks at once; patches and refinement when the tracks tell which photographs are linked."""
+        """Everything up to the tracks at once; patches and refinement when the tracks show which photographs are linked."""
         photos, tile = view.table(PHOTOS), view.project.tile
         if len(photos.photos) < 2:
             raise GeometryError(
@@ -142,137 +166,161 @@ class TiePointsStage(Stage):
             pairs = view.table(CANDIDATES).pairs
         else:
             pairs = candidate_pairs(photos, neighbourhood)
-        for left, right in pairs:
-            yield self._pair_job(photos.photos[left], photos.photos[right])
+        yield from (self._pair_job(photos.photos[left], photos.photos[right]) for left, right in pairs)
         yield self._track_job(photos, pairs)
         links = view.table(LINKS)
         for photo in photos.photos:
             yield from self._patch_jobs(photo, tile)
-        for left, right in links.pairs:
-            yield self._refinement_job(photos, (left, right), tile)
+        yield from (self._refinement_job(photos, pair, tile) for pair in links.pairs)
         yield self._last_job(photos, pairs, links)
 
     def _level(self, photo: Photo) -> int:
         """The level on which points are searched."""
-        longer = [max(level_shape((photo.height, photo.width), level)) for level in range(photo.levels)]
+        longer = [max(_level_size(photo, level)) for level in range(photo.levels)]
         return next((level for level, side in enumerate(longer) if side <= self.search_side), photo.levels - 1)
 
     def _patch_level(self, photo: Photo) -> int:
-        """Refinement goes one level finer than the search, as far as its pull-in range reaches."""
+        """The level on which observations are refined."""
+        # One level finer than the search: SIFT is good to half a pixel there, one pixel here, well within the pull-in range.
         return max(0, self._level(photo) - 1)
 
     def _feature_jobs(self, photo: Photo) -> Iterator[Job]:
         level = self._level(photo)
-        shape = level_shape((photo.height, photo.width), level)
         parts = []
-        by_features = self.search.kind == "features"
-        function, more = (tile_features, {}) if by_features else (tile_interest_points, {"search": self.search})
-        for cell in searched_parts(shape):
-            detection = Detection(level, shape, cell.window, self.max_features, self.contrast)
-            features, descriptors = _features(f"{photo.name}/{cell.row}-{cell.col}")
-            parts.append((features, descriptors))
-            yield Job(
-                stage=self.kind, item=f"{photo.name} features", row=cell.row, col=cell.col, function=function,
-                reads={"pixels": Raster(photo_raster(photo.name, level), detection.window), "overview": _overview(photo)},
-                writes={"features": features, "descriptors": descriptors}, params={"detection": detection, **more},
-                scratch=260 * detection.window.height * detection.window.width,
-            )  # fmt: skip
+        for cell in searched_parts(_level_size(photo, level)):
+            tables = _features(f"{photo.name}/{cell.row}-{cell.col}")
+            parts.append(tables)
+            yield self._part_job(photo, level, cell, tables)
         features, descriptors = _features(photo.name)
         yield Job(
-            stage=self.kind, item=f"{photo.name} chosen", function=photo_features,
+            stage=self.kind,
+            item=f"{photo.name} chosen",
+            function=photo_features,
             reads={"features": tuple(part[0] for part in parts), "descriptors": tuple(part[1] for part in parts)},
-            writes={"features": features, "descriptors": descriptors}, params={"level": level, "max_features": self.max_features},
+            writes={"features": features, "descriptors": descriptors},
+            params={"level": level, "max_features": self.max_features},
             scratch=16 * DESCRIPTOR * self.max_features,
-        )  # fmt: skip
+        )
+
+    def _part_job(self, photo: Photo, level: int, cell: Tile, tables: tuple[Table[Features], Table[Values]]) -> Job:
+        detection = Detection(level, _level_size(photo, level), cell.window, self.max_features, self.contrast)
+        by_correlation = self.search.kind == "correlation"
+        return Job(
+            stage=self.kind,
+            item=f"{photo.name} features",
+            row=cell.row,
+            col=cell.col,
+            function=tile_interest_points if by_correlation else tile_features,
+            reads={"pixels": Raster(photo_raster(photo.name, level), detection.window), "overview": _overview(photo)},
+            writes={"features": tables[0], "descriptors": tables[1]},
+            params={"detection": detection, **({"search": self.search} if by_correlation else {})},
+            # Bytes per pixel: OpenCV doubles the image and keeps all octaves of Gaussians and their differences as float32.
+            scratch=260 * detection.window.height * detection.window.width,
+        )
 
     def _appearance_jobs(self, photos: Photos, neighbourhood: Neighbourhood) -> Iterator[Job]:
-        """One signature per photograph, from heaps that a sample of all photographs forms."""
+        """One signature per photograph, with clusters formed by a sample of all photographs."""
         samples = {name: Table(f"tie_points/appearance/sample/{name}.parquet", Values) for name in photos.names}
         signatures = {name: Table(f"tie_points/appearance/{name}.parquet", Signature) for name in photos.names}
         size = 4 * DESCRIPTOR * self.max_features
         for name in photos.names:
             yield Job(self.kind, f"{name} sample", sample, {"photo": _features(name)}, {"sample": samples[name]}, scratch=size)
         yield Job(
-            self.kind, "vocabulary", vocabulary, {"samples": tuple(samples.values())}, {"words": VOCABULARY},
+            self.kind,
+            "vocabulary",
+            vocabulary,
+            {"samples": tuple(samples.values())},
+            {"words": VOCABULARY},
             scratch=8 * (DESCRIPTOR + WORDS) * SAMPLE * len(photos.names),
-        )  # fmt: skip
+        )
         for name in photos.names:
-            reads = {"photo": _features(name), "words": VOCABULARY}
+            reads: dict[str, Region | tuple[Region, ...]] = {"photo": _features(name), "words": VOCABULARY}
             yield Job(self.kind, f"{name} signature", signature, reads, {"signature": signatures[name]}, scratch=4 * size)
         yield Job(
-            self.kind, "alike", alike, {"photos": PHOTOS, "signatures": tuple(signatures.values())}, {"candidates": CANDIDATES},
-            {"neighbourhood": neighbourhood}, scratch=8 * WORDS * DESCRIPTOR * len(photos.names),
-        )  # fmt: skip
+            self.kind,
+            "alike",
+            alike,
+            {"photos": PHOTOS, "signatures": tuple(signatures.values())},
+            {"candidates": CANDIDATES},
+            {"neighbourhood": neighbourhood},
+            scratch=8 * WORDS * DESCRIPTOR * len(photos.names),
+        )
 
     def _pair_job(self, left: Photo, right: Photo) -> Job:
         if self.search.kind == "correlation":
-            return self._correlation_job(left, right)
+            return self._correlation_job((left, right), self.search)
         matches, summary = _pair_tables(left.name, right.name)
         scale = 2 ** max(self._level(left), self._level(right))
         return Job(
-            stage=self.kind, item=f"{left.name}+{right.name} matches", function=match_pair,
+            stage=self.kind,
+            item=f"{left.name}+{right.name} matches",
+            function=match_pair,
             reads={"left": _features(left.name), "right": _features(right.name), "cameras": CAMERAS},
             writes={"matches": matches, "summary": summary},
             params={"names": (left.name, right.name), "rules": PairRules(self.ratio, self.epipolar_tolerance * scale)},
             scratch=(3 * 4 * 1024 + 16 * DESCRIPTOR) * self.max_features,
-        )  # fmt: skip
+        )
 
-    def _correlation_job(self, left: Photo, right: Photo) -> Job:
-        """Both photographs whole on the searched level, whose size is bounded."""
+    def _correlation_job(self, pair: tuple[Photo, Photo], search: CorrelationSearch) -> Job:
+        """Reads both photographs completely on the searched level, the size of which `search_side` bounds."""
+        left, right = pair
         matches, summary = _pair_tables(left.name, right.name)
         levels = self._level(left), self._level(right)
-        shapes = [level_shape((photo.height, photo.width), level) for photo, level in zip((left, right), levels, strict=True)]
-        pixels = [
-            Raster(photo_raster(photo.name, level), Window(0, 0, *shape))
-            for photo, level, shape in zip((left, right), levels, shapes, strict=True)
-        ]
+        shapes = [_level_size(photo, level) for photo, level in zip(pair, levels, strict=True)]
+        names = [photo_raster(photo.name, level) for photo, level in zip(pair, levels, strict=True)]
+        pixels = tuple(Raster(name, Window(0, 0, *shape)) for name, shape in zip(names, shapes, strict=True))
         rules = PairRules(self.ratio, self.epipolar_tolerance * 2 ** max(levels))
         return Job(
-            stage=self.kind, item=f"{left.name}+{right.name} matches", function=correlate_pair,
-            reads={
-                "left": _features(left.name)[0], "right": _features(right.name)[0],
-                "left_pixels": pixels[0], "right_pixels": pixels[1], "cameras": CAMERAS,
-            },
+            stage=self.kind,
+            item=f"{left.name}+{right.name} matches",
+            function=correlate_pair,
+            reads={"features": tuple(_features(photo.name)[0] for photo in pair), "pixels": pixels, "cameras": CAMERAS},
             writes={"matches": matches, "summary": summary},
-            params={"names": (left.name, right.name), "levels": levels, "rules": rules, "search": self.search},
-            scratch=16 * sum(height * width for height, width in shapes) + 80 * self.search.correlation.search**2,
-        )  # fmt: skip
+            params={"names": (left.name, right.name), "levels": levels, "rules": rules, "search": search},
+            scratch=16 * sum(height * width for height, width in shapes) + 80 * search.correlation.search**2,
+        )
 
     def _track_job(self, photos: Photos, pairs: tuple[tuple[int, int], ...]) -> Job:
         names = photos.names
-        writes: dict[str, Any] = {observation_key(number): _observations(name) for number, name in enumerate(names)}
+        observations = {observation_key(number): _observations(name) for number, name in enumerate(names)}
         return Job(
-            stage=self.kind, item="tracks", function=build_tracks,
+            stage=self.kind,
+            item="tracks",
+            function=build_tracks,
             reads={
                 "features": tuple(_features(name)[0] for name in names),
                 "matches": tuple(_pair_tables(names[left], names[right])[0] for left, right in pairs),
                 "summaries": tuple(_pair_tables(names[left], names[right])[1] for left, right in pairs),
             },
-            writes={"links": LINKS, **writes},
+            writes={"links": LINKS, **observations},
             params={"pairs": pairs, "sizes": tuple((photo.width, photo.height) for photo in photos.photos)},
             scratch=300 * self.max_features * len(names),
-        )  # fmt: skip
+        )
 
     def _rules(self, photo: Photo, tile: int) -> PatchRules:
         return PatchRules(self._patch_level(photo), tile, self.refinement)
 
     def _strips(self, photo: Photo, tile: int) -> list[Strip]:
         rules = self._rules(photo, tile)
-        shape = level_shape((photo.height, photo.width), rules.level)
+        shape = _level_size(photo, rules.level)
         return [Strip(rules.level, shape, row, min(tile, shape[0] - row), rules.half) for row in range(0, shape[0], tile)]
 
     def _patch_jobs(self, photo: Photo, tile: int) -> Iterator[Job]:
         for number, strip in enumerate(self._strips(photo, tile)):
             yield Job(
-                stage=self.kind, item=f"{photo.name} patches", row=number, function=strip_patches,
+                stage=self.kind,
+                item=f"{photo.name} patches",
+                row=number,
+                function=strip_patches,
                 reads={
                     "pixels": Raster(photo_raster(photo.name, strip.level), strip.window),
                     "overview": _overview(photo),
                     "observations": _observations(photo.name),
                 },
-                writes={"patches": _patches(photo.name, number)}, params={"strip": strip},
+                writes={"patches": _patches(photo.name, number)},
+                params={"strip": strip},
                 scratch=(2 * strip.half + 1) ** 2 * (self.max_features + 512 * 40),
-            )  # fmt: skip
+            )
 
     def _refinement_job(self, photos: Photos, pair: tuple[int, int], tile: int) -> Job:
         left, right = (photos.photos[number] for number in pair)
@@ -280,7 +328,9 @@ class TiePointsStage(Stage):
         rules = (self._rules(left, tile), self._rules(right, tile))
         refined, scatter = _refined_tables(left.name, right.name)
         return Job(
-            stage=self.kind, item=f"{left.name}+{right.name} refinement", function=refine_pair,
+            stage=self.kind,
+            item=f"{left.name}+{right.name} refinement",
+            function=refine_pair,
             reads={
                 "observations": (_observations(left.name), _observations(right.name)),
                 "left_patches": sides[0],
@@ -290,13 +340,16 @@ class TiePointsStage(Stage):
             writes={"refined": refined, "scatter": scatter},
             params={"photos": pair, "names": (left.name, right.name), "rules": rules},
             scratch=60 * 1024 * (2 * rules[0].half + 8) ** 2,
-        )  # fmt: skip
+        )
 
     def _last_job(self, photos: Photos, pairs: tuple[tuple[int, int], ...], links: Links) -> Job:
         names = photos.names
+        # The setting counts pixels of the searched level; with several cameras the coarsest one is the cautious choice.
         coarsest = 2 ** max(self._level(photo) for photo in photos.photos)
         return Job(
-            stage=self.kind, item="tie points", function=finish,
+            stage=self.kind,
+            item="tie points",
+            function=finish,
             reads={
                 "photos": PHOTOS,
                 "links": LINKS,
@@ -308,10 +361,16 @@ class TiePointsStage(Stage):
             writes={"tie_points": TIE_POINTS, "report": report_table(self.kind)},
             params={"weighting": Weighting(self.sigma_floor, self.sigma_unrefined * coarsest, self.unrefined)},
             scratch=700 * links.tracks,
-        )  # fmt: skip
+        )
 
 
 def _overview(photo: Photo) -> Raster:
+    """The coarsest level, from which 16 bits are stretched alike in every part."""
     top = photo.levels - 1
-    height, width = level_shape((photo.height, photo.width), top)
-    return Raster(photo_raster(photo.name, top), Window(0, 0, height, width))
+    return Raster(photo_raster(photo.name, top), Window(0, 0, *_level_size(photo, top)))
+
+
+def _level_size(photo: Photo, level: int) -> tuple[int, int]:
+    """Rows and columns of a pyramid level."""
+    rows, cols = level_shape((photo.height, photo.width), level)
+    return rows, cols

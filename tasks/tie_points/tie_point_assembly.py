@@ -1,9 +1,9 @@
-"""The stage's result: every observation at its refined place, with an honest standard error.
+"""The stage's result: every observation at its refined position, with a realistic standard error.
 
-The reference observation of a track defines its point, so it has no matching error of its own; it gets the floor, as does every
-refined observation beside the precision of its matching. The floor stands for what a matching's own covariance does not see:
-perspective within the window, and lens distortion that nobody knows. It is measured: the median over all pairs of how refined
-points scatter about their epipolar lines, but never less than the setting.
+The reference observation of a track defines its point, so it has no matching error of its own; it gets the floor, and so does every
+refined observation in addition to the precision of its matching. The floor represents what the covariance of a matching does not
+contain: perspective within the window, and unknown lens distortion. It is measured: the median over all pairs of the scatter of
+refined points about their epipolar lines, but never less than the setting.
 """
 
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ from orthomill.tasks.tie_points.match_records import Observations, Refined, Scat
 
 @dataclass(frozen=True)
 class Weighting:
-    """floor, unrefined: standard errors in px; unmatched: what becomes of observations that were not refined."""
+    """floor, unrefined: standard errors in px; unmatched: whether observations that were not refined are kept."""
 
     floor: float
     unrefined: float
@@ -33,7 +33,7 @@ def with_measured_floor(weighting: Weighting, scatters: tuple[Scatter, ...]) -> 
 
 
 class RefinementSummary(BaseModel):
-    """What became of the observations."""
+    """Outcomes of the refinement of all observations."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -54,7 +54,9 @@ def assemble(
     good = outcome == int(Outcome.CONVERGED)
     moved = np.hypot(col - points.col[at], row - points.row[at])[good]
     points.col[at[good]], points.row[at[good]] = col[good], row[good]
+    # Independent errors: of the matching and of the model that it neglects.
     points.sigma[at[good]] = np.hypot(sigma[good], weighting.floor)
+    # A reference is kept even when nothing was matched against it; tracks that then have a single ray go below.
     usable = is_reference.copy()
     usable[at] = good if weighting.unmatched == "drop" else True
     summary = RefinementSummary(
@@ -66,7 +68,7 @@ def assemble(
 
 
 def _at_sift_positions(observations: tuple[Observations, ...], weighting: Weighting) -> tuple[TiePoints, np.ndarray]:
-    """All observations where they were detected, and which of them are references."""
+    """All observations at their detected positions, sorted by track, then photograph; and which of them are references."""
     photo = np.repeat(np.arange(len(observations), dtype=np.int32), [len(table) for table in observations])
     track, reference, col, row = (
         np.concatenate([getattr(table, name) for table in observations]) for name in ("track", "reference", "col", "row")
@@ -82,12 +84,13 @@ def _gathered(points: TiePoints, refined: tuple[Refined, ...]) -> tuple[np.ndarr
         np.concatenate([getattr(table, name) for table in refined]) for name in ("photo", "track", "col", "row", "sigma", "outcome")
     )
     photos = int(points.photo.max(initial=0)) + 1
+    # (track, photo) as one number: the rows of `points` ascend in it, so a binary search finds each observation.
     key = points.track.astype(np.int64) * photos + points.photo
     return np.searchsorted(key, track.astype(np.int64) * photos + photo), col, row, sigma, outcome
 
 
 def _renumbered(points: TiePoints) -> TiePoints:
-    """Without tracks that one photograph alone shows; the others are numbered from 0."""
+    """Without tracks that only one photograph shows; the others are numbered from 0."""
     _, inverse, rays = np.unique(points.track, return_inverse=True, return_counts=True)
     kept = points.take(rays[inverse] >= 2)
     number = np.unique(kept.track, return_inverse=True)[1].ravel().astype(np.int32)

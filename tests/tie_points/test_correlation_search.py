@@ -31,9 +31,7 @@ def points_of(pixels, tile, limit=600):
     for cell in tiles_of(SHAPE, tile):
         detection = Detection(0, SHAPE, cell.window, limit, 0.02)
         parts.append(tile_interest_points(pixels[detection.window.slices], pixels[::2, ::2], detection, SEARCH))
-    return photo_features(tuple(part["features"] for part in parts), tuple(part["descriptors"] for part in parts), 0, limit)[
-        "features"
-    ]
+    return photo_features(tuple(part.features for part in parts), tuple(part.descriptors for part in parts), 0, limit).features
 
 
 def test_the_mean_parallax_is_found_from_a_few_points(pair):
@@ -58,8 +56,8 @@ def test_points_do_not_depend_on_tiles(pair):
 def test_matches_are_homologous(pair):
     views, pixels = pair
     features = [points_of(one, 512) for one in pixels]
-    result = correlate_pair(*features, *pixels, cameras(), NAMES[:2], (0, 0), PairRules(0.8, 1.5), SEARCH)
-    matches, summary = result["matches"], result["summary"]
+    result = correlate_pair(tuple(features), tuple(pixels), cameras(), NAMES[:2], (0, 0), PairRules(0.8, 1.5), SEARCH)
+    matches, summary = result
     assert summary.accepted and len(matches) > 60
     left, right = (
         np.column_stack([one.col, one.row])[numbers] for one, numbers in zip(features, (matches.left, matches.right), strict=True)
@@ -72,8 +70,8 @@ def test_matches_are_homologous(pair):
 def test_a_pair_without_common_ground_is_not_accepted(pair):
     stranger = photograph(pair[0][0], texture(seed=9))
     features = [points_of(one, 512) for one in (pair[1][0], stranger)]
-    result = correlate_pair(*features, pair[1][0], stranger, cameras(), NAMES[:2], (0, 0), PairRules(0.8, 1.5), SEARCH)
-    assert not result["summary"].accepted and len(result["matches"]) == 0
+    result = correlate_pair(tuple(features), (pair[1][0], stranger), cameras(), NAMES[:2], (0, 0), PairRules(0.8, 1.5), SEARCH)
+    assert not result.summary.accepted and len(result.matches) == 0
 
 
 def test_a_window_is_read_with_what_its_points_depend_on():

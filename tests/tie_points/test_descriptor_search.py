@@ -80,8 +80,8 @@ def test_small_features_are_matched_where_the_largest_tell_the_lines():
     size = np.where(np.arange(5000) < 200, 12.0, 3.0)
     sides = photograph(places[0], descriptors[0], size), photograph(places[1], descriptors[1], size[order])
     found = match_pair(*sides, CAMERAS, ("a", "b"), PairRules(0.8, 1.5))
-    matches = found["matches"]
-    assert found["summary"].accepted and len(matches) > 1150
+    matches = found.matches
+    assert found.summary.accepted and len(matches) > 1150
     assert (order[matches.right] == matches.left).mean() > 0.99
 
 
@@ -89,7 +89,7 @@ def test_photographs_whose_largest_features_differ_are_compared_whole():
     places, descriptors, _, order = scene(MOTIONS["sideways"], 600, 4400)
     size = np.where(np.arange(5000) < 600, 3.0, 12.0)
     sides = photograph(places[0], descriptors[0], size), photograph(places[1], descriptors[1], size[order])
-    matches = match_pair(*sides, CAMERAS, ("a", "b"), PairRules(0.8, 1.5))["matches"]
+    matches = match_pair(*sides, CAMERAS, ("a", "b"), PairRules(0.8, 1.5)).matches
     assert len(matches) > 550 and (order[matches.right] == matches.left).mean() > 0.99
 
 

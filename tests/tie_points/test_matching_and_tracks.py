@@ -1,5 +1,7 @@
 """Pairs, matches and tracks on inputs small enough to know the answer."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,8 +14,8 @@ from orthomill.schemas.stage_contract import NotYet
 from orthomill.tasks.tie_points.appearance import alike, sample, signature, vocabulary
 from orthomill.tasks.tie_points.descriptor_search import mutual_matches
 from orthomill.tasks.tie_points.match_records import Features, Observations, PairMatches, PairSummary, Refined, Scatter, Values
-from orthomill.tasks.tie_points.pair_matching import stand_still
-from orthomill.tasks.tie_points.pair_selection import Neighbourhood, candidate_pairs, looked_at, needs_appearance
+from orthomill.tasks.tie_points.pair_matching import without_parallax
+from orthomill.tasks.tie_points.pair_selection import Neighbourhood, candidate_pairs, needs_appearance, viewed_ground
 from orthomill.tasks.tie_points.refinement import start_affine
 from orthomill.tasks.tie_points.report import distribution_index, measure, shared_points
 from orthomill.tasks.tie_points.stage import TiePointsStage
@@ -89,7 +91,7 @@ def test_oblique_photographs_are_paired_by_where_they_look():
         tilted = [p.model_copy(update={"attitude": (turn if n < 20 else -turn, 0.0, 0.0)}) for n, p in enumerate(row)]
         across = [pair for pair in candidate_pairs(Photos(photos=tuple(tilted)), Neighbourhood(10, 6)) if pair[0] < 20 <= pair[1]]
         assert least <= len(across) <= most
-    assert np.allclose(looked_at(tilted)[[3, 23]], [[120.0, -120.0], [120.0, 360.0]])
+    assert np.allclose(viewed_ground(tilted)[[3, 23]], [[120.0, -120.0], [120.0, 360.0]])
 
 
 def described(scene, seed, count=600):
@@ -151,8 +153,7 @@ def test_no_common_ground_is_one_sentence():
 
 def test_a_single_photograph_is_named():
     class View:
-        class project:  # noqa: N801
-            tile = 128
+        project = SimpleNamespace(tile=128)
 
         def table(self, table):
             if table == PHOTOS:
@@ -179,8 +180,14 @@ def test_unrefined_observations_are_kept_wide_or_dropped():
     one = np.zeros(2)
     left = Observations(np.array([0, 1], np.int32), np.zeros(2, np.int32), one + 5, one + 6, one + 2, one)
     right = Observations(np.array([0, 1], np.int32), np.zeros(2, np.int32), one + 7, one + 8, one + 2, one)
-    refined = Refined(np.ones(2, np.int32), np.array([0, 1], np.int32), np.array([7.5, np.nan]), np.array([8.5, np.nan]),
-                      np.array([0.04, np.nan], np.float32), np.array([1, 7], np.uint8))  # fmt: skip
+    refined = Refined(
+        np.ones(2, np.int32),
+        np.array([0, 1], np.int32),
+        np.array([7.5, np.nan]),
+        np.array([8.5, np.nan]),
+        np.array([0.04, np.nan], np.float32),
+        np.array([1, 7], np.uint8),
+    )
     kept, summary = assemble((left, right), (refined,), Weighting(0.03, 0.7, "keep"))
     assert kept.col.tolist() == [5, 7.5, 5, 7] and kept.sigma == pytest.approx([0.03, 0.05, 0.03, 0.7])
     assert summary.outcomes == {1: 1, 7: 1}
@@ -228,9 +235,9 @@ def test_the_distribution_index_is_one_for_even_and_zero_for_one_corner():
 def test_matches_at_the_same_place_tell_the_same_picture():
     rng = np.random.default_rng(1)
     here = rng.uniform(0, 1000, (100, 2))
-    assert stand_still((here, here + rng.normal(0, 0.2, here.shape)))
-    assert not stand_still((here, here + np.array([5.0, 0.0]))), "a small base is a base"
-    assert not stand_still((here[:10], here[:10]))
+    assert without_parallax((here, here + rng.normal(0, 0.2, here.shape)))
+    assert not without_parallax((here, here + np.array([5.0, 0.0]))), "a small base is a base"
+    assert not without_parallax((here[:10], here[:10]))
 
 
 def test_a_twin_takes_no_part_in_tracks():

@@ -8,7 +8,7 @@ from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import Window, tiles_of
 from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
 from orthomill.tasks.tie_points.features import CELL, Detection, photo_features, tile_features
-from orthomill.tasks.tie_points.match_records import DESCRIPTOR
+from orthomill.tasks.tie_points.match_records import DESCRIPTOR, FeatureTables
 from orthomill.tasks.tie_points.pair_matching import PairRules, epipolar_agreement, epipolar_scatter, match_pair
 from orthomill.tasks.tie_points.patches import Strip, strip_patches
 from orthomill.tasks.tie_points.refinement import PatchRules, refine_pair
@@ -20,13 +20,12 @@ RULES = PatchRules(0, 128, LeastSquaresMatching(max_shift=3.0, min_correlation=0
 PAIRS = ((0, 1), (0, 2), (1, 2))
 
 
-def features_of(pixels: np.ndarray, tile: int, limit: int = 1500) -> dict:
+def features_of(pixels: np.ndarray, tile: int, limit: int = 1500) -> FeatureTables:
     parts = []
     for cell in tiles_of(SHAPE, tile):
         detection = Detection(0, SHAPE, cell.window, limit, 0.02)
         parts.append(tile_features(pixels[detection.window.slices], pixels[::2, ::2], detection))
-    features, descriptors = (tuple(part[name] for part in parts) for name in ("features", "descriptors"))
-    return photo_features(features, descriptors, 0, limit)
+    return photo_features(tuple(part.features for part in parts), tuple(part.descriptors for part in parts), 0, limit)
 
 
 @pytest.fixture(scope="module")
@@ -42,15 +41,15 @@ def found(photos):
 
 @pytest.fixture(scope="module")
 def matched(found):
-    sides = [(one["features"], one["descriptors"]) for one in found]
+    sides = [tuple(one) for one in found]
     rules = PairRules(0.8, 1.5)
     return [match_pair(sides[left], sides[right], cameras(), (NAMES[left], NAMES[right]), rules) for left, right in PAIRS]
 
 
 @pytest.fixture(scope="module")
 def tracked(found, matched):
-    tables = tuple(one["features"] for one in found)
-    return build_tracks(tables, tuple(pair["matches"] for pair in matched), PAIRS, ((CAMERA.width, CAMERA.height),) * 3)
+    tables = tuple(one.features for one in found)
+    return build_tracks(tables, tuple(pair.matches for pair in matched), PAIRS, ((CAMERA.width, CAMERA.height),) * 3)
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +65,7 @@ def refined(photos, tracked):
         )
         for i, j in tracked["links"].pairs
     ]
-    return tuple(result["refined"] for result in results)
+    return tuple(result.refined for result in results)
 
 
 def points_in_relief(count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -80,14 +79,14 @@ def points_in_relief(count: int) -> tuple[np.ndarray, np.ndarray]:
 def test_tiles_find_the_points_of_the_whole(photos, found):
     tiled = features_of(photos[0], 128)
     whole = found[0]
-    assert len(tiled["features"]) == len(whole["features"])
-    near = np.abs(tiled["features"].col - whole["features"].col) + np.abs(tiled["features"].row - whole["features"].row) < 1e-2
-    same = (tiled["descriptors"].rows(DESCRIPTOR) == whole["descriptors"].rows(DESCRIPTOR)).all(axis=1)
+    assert len(tiled.features) == len(whole.features)
+    near = np.abs(tiled.features.col - whole.features.col) + np.abs(tiled.features.row - whole.features.row) < 1e-2
+    same = (tiled.descriptors.rows(DESCRIPTOR) == whole.descriptors.rows(DESCRIPTOR)).all(axis=1)
     assert near.mean() > 0.99 and same.mean() > 0.99
 
 
 def test_points_are_spread_over_the_frame(found):
-    features = found[0]["features"]
+    features = found[0].features
     cells = np.unique(np.column_stack([features.col // CELL, features.row // CELL]), axis=0)
     assert len(cells) == (CAMERA.height // CELL) * (CAMERA.width // CELL)
     assert len(features) <= 1500
@@ -95,18 +94,18 @@ def test_points_are_spread_over_the_frame(found):
 
 def test_accepted_matches_are_true(found, matched):
     for (i, j), pair in zip(PAIRS, matched, strict=True):
-        left, right = found[i]["features"].take(pair["matches"].left), found[j]["features"].take(pair["matches"].right)
+        left, right = found[i].features.take(pair.matches.left), found[j].features.take(pair.matches.right)
         truth = true_partner(views()[i], views()[j], np.column_stack([left.col, left.row]))
         miss = np.hypot(truth[:, 0] - right.col, truth[:, 1] - right.row)
-        assert pair["summary"].accepted and len(miss) > 50
+        assert pair.summary.accepted and len(miss) > 50
         assert (miss < 2.0).mean() > 0.97
 
 
 def test_photographs_of_different_ground_are_not_accepted(found):
     other = features_of(photograph(views()[0], texture(seed=9)), 512)
-    sides = [(one["features"], one["descriptors"]) for one in (found[0], other)]
+    sides = [tuple(one) for one in (found[0], other)]
     result = match_pair(sides[0], sides[1], cameras(), ("a", "b"), PairRules(0.8, 1.5))
-    assert not result["summary"].accepted and len(result["matches"]) == 0
+    assert not result.summary.accepted and len(result.matches) == 0
 
 
 def test_nominal_cameras_are_checked_without_their_constant():
