@@ -81,8 +81,11 @@ def _wrong_results(returned: Any, writes: dict[str, type]) -> Iterator[str]:
         yield from _wrong_fields(returned, fields, writes)
     elif get_origin(returned) is dict:
         held = get_args(returned)[1]
+        # A dict of several kinds of tables (links and the observations of every photograph) is a union: each write is one of them.
         yield from (
-            f"'{n}' is written as {_name(k)}, but it returns {_name(held)}" for n, k in writes.items() if not _gives(held, k)
+            f"'{n}' is written as {_name(k)}, but it returns {_name(held)}"
+            for n, k in writes.items()
+            if not any(_gives(member, k) for member in _members(held))
         )
     elif returned is None:
         yield "its return value has no annotation"

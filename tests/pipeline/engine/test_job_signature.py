@@ -148,6 +148,14 @@ def test_names_that_depend_on_the_data_come_back_as_a_dict_of_one_type():
     assert "'b' is written as Heights" in str(misfit(job(pages, {"z": Z}, {"a": REPORT, "b": HEIGHTS})))
 
 
+def test_a_dict_of_several_kinds_holds_any_of_them():
+    def parts(z: np.ndarray) -> dict[str, Report | Heights]:
+        return {}
+
+    assert misfit(job(parts, {"z": Z}, {"a": REPORT, "b": HEIGHTS})) is None
+    assert "'c' is written as ndarray" in str(misfit(job(parts, {"z": Z}, {"a": REPORT, "c": Z})))
+
+
 def test_a_function_that_does_not_say_what_it_returns_is_refused():
     def silent(z: np.ndarray):
         return z
