@@ -1,14 +1,14 @@
-"""Does the check of the surface find planted errors? A tilt of +-5 m and twenty bumps of +-3 m on the surface of a finished run.
+"""Does the surface check find planted errors? A tilt of +-5 m and twenty bumps of +-3 m on the surface of a finished run.
 
     python -m benchmarks.planted_errors runs/volos
 
 The benchmark of the embedded project calls it on its own run and keeps the page.
 
-Strategy. The surface that the run measured is deformed, checked by the functions of `dsm_check` in one piece, and the answer is
-compared with what was planted: sign, place and amplitude of every bump, and the tilt. How much of a bump comes back depends on
-its size against the matching window, so several radii are measured; and on where it stands, so bumps stand once on open
-ground that the untouched check agrees with, once anywhere that a height was measured. Alarms on the untouched surface are counted
-too; real errors of that surface are among them. Works on arrays: `check` and `recovered` can be used from a notebook.
+Strategy. The surface that the run measured is deformed, checked in one piece by the functions of `dsm_check`, and the result is
+compared with the planted errors: sign, position and amplitude of every bump, and the tilt. How much of a bump is recovered depends
+on its size relative to the matching window, so several radii are measured, and on its position: bumps are placed once on open
+ground that the check of the untouched surface confirms, once anywhere a height was measured. Alarms on the untouched surface are
+counted, too; real errors of that surface are among them. Works on arrays: `check` and `recovered` can be used from a notebook.
 """
 
 import sys
@@ -29,14 +29,14 @@ from orthomill.tasks.dsm_check.correction_map import CorrectionNodes
 from orthomill.tasks.dsm_check.coverage import CheckedPair, CheckedPairs, choose_checked_pairs
 from orthomill.tasks.dsm_check.nodes import NodeTile, check_nodes
 from orthomill.tasks.dsm_check.stage import DsmCheckStage
-from orthomill.tasks.dsm_check.tile import CorrectionRule, NodeWindow, correct_tile
+from orthomill.tasks.dsm_check.tile import CheckedCells, CorrectionRule, NodeWindow, correct_tile
 from orthomill.tasks.dsm_check.working_orthoimage import OrthoTile, ortho_tile
 from orthomill.tasks.simulation.deformation import Bump, Deformation, planted, shape_of
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What a check needs: geometry and photographs (rows, cols, bands) by name."""
+    """Input of a check: geometry, and photographs (rows, cols, bands) by name."""
 
     block: Block
     pairs: EpipolarPairs
@@ -46,23 +46,23 @@ class Scene:
 
 @dataclass(frozen=True)
 class Recovery:
-    """One planted bump and what the check says of it."""
+    """One planted bump and the result of the check at its position."""
 
     planted: float
     found: float
-    """m, amplitude of the bump in the check's answer, in the sense of the error (not of the correction)"""
+    """m, amplitude of the bump in the result, with the sign of the error (not of the correction)"""
     off: float
-    """m, distance of the place found from the place planted"""
+    """m, distance of the position found from the position planted"""
     checked: float
-    """share of the bump's cells that the check could judge"""
+    """share of the cells of the bump that could be checked"""
 
     @property
     def share(self) -> float:
         return self.found / self.planted
 
 
-def check(scene: Scene, heights: np.ndarray, stage: DsmCheckStage) -> dict[str, np.ndarray]:
-    """dh, precision and corrected height (rows, cols) m of a surface (rows, cols), checked in one piece."""
+def check(scene: Scene, heights: np.ndarray, stage: DsmCheckStage) -> CheckedCells:
+    """The checked cells of a surface (rows, cols) m, in one piece."""
     chosen = choose_checked_pairs(scene.pairs, scene.block, scene.surface, 64, stage.pairs, stage.pixels_per_cell)
     nodes = tuple(_nodes(scene, heights, stage, chosen, pair) for pair in chosen.pairs)
     whole = Window(0, 0, *heights.shape)
@@ -90,7 +90,7 @@ def _nodes(scene: Scene, heights: np.ndarray, stage: DsmCheckStage, chosen: Chec
 
 
 def recovered(deformation: Deformation, dh: np.ndarray) -> list[Recovery]:
-    """What the corrections (rows, cols) m say of every bump; the tilt planted is taken off first."""
+    """Recovery of every bump by the corrections (rows, cols) m; the planted tilt is removed first."""
     x, y = np.meshgrid(*deformation.grid.centres(Window(0, 0, *dh.shape)))
     error = -dh - deformation.tilt_at(x, y)
     return [_recovered(bump, x, y, error) for bump in deformation.bumps]
@@ -98,12 +98,15 @@ def recovered(deformation: Deformation, dh: np.ndarray) -> list[Recovery]:
 
 def _recovered(bump: Bump, x: np.ndarray, y: np.ndarray, error: np.ndarray) -> Recovery:
     near = np.hypot(x - bump.x, y - bump.y) < 1.5 * bump.radius
+    # the window is wider than the bump: its centre must not be found merely because nothing else was searched
     x, y, error = x[near], y[near], error[near]
     shape, known = shape_of(bump, x, y), np.isfinite(error)
     inside = shape > 0
+    # fewer cells do not determine an amplitude; the bump counts as not checked, not as missed
     if known[inside].mean() < 0.2:
         return Recovery(bump.height, 0.0, np.inf, float(known[inside].mean()))
     found = float((error * shape)[known].sum() / (shape**2)[known].sum())
+    # squared and of the right sign only: the noise around the bump would pull the centroid to the middle of the window
     weight = np.clip(error[known] * np.sign(bump.height), 0, None) ** 2
     weight /= max(weight.sum(), 1e-12)
     truth = (shape**2)[known] / (shape**2)[known].sum()
@@ -112,7 +115,7 @@ def _recovered(bump: Bump, x: np.ndarray, y: np.ndarray, error: np.ndarray) -> R
 
 
 def tilt_found(deformation: Deformation, dh: np.ndarray) -> float:
-    """Share of the planted tilt that the corrections hold (1: all of it)."""
+    """Share of the planted tilt that the corrections contain (1: all of it), by regression."""
     x, y = np.meshgrid(*deformation.grid.centres(Window(0, 0, *dh.shape)))
     tilt, error = deformation.tilt_at(x, y), -dh - (deformation.at(x, y) - deformation.tilt_at(x, y))
     known = np.isfinite(error)
@@ -120,17 +123,17 @@ def tilt_found(deformation: Deformation, dh: np.ndarray) -> float:
     return float((error * tilt).sum() / (tilt**2).sum())
 
 
-def false_alarms(answer: dict[str, np.ndarray], significance: float = 3.0) -> float:
-    """Share of the checked cells of an untouched surface that are called wrong."""
-    known = np.isfinite(answer["dh"])
-    return float((np.abs(answer["dh"]) > significance * answer["precision"])[known].mean())
+def false_alarms(answer: CheckedCells, significance: float = 3.0) -> float:
+    """Share of the checked cells of an untouched surface that are reported as wrong."""
+    known = np.isfinite(answer.dh)
+    return float((np.abs(answer.dh) > significance * answer.precision)[known].mean())
 
 
-def open_places(answer: dict[str, np.ndarray], heights: np.ndarray, scene: Scene) -> np.ndarray:
-    """Ground points (N, 2) m where a bump can be seen: the untouched surface is checked, agrees, and is not steep."""
+def open_places(answer: CheckedCells, heights: np.ndarray, scene: Scene) -> np.ndarray:
+    """Ground points (N, 2) m where a bump is detectable: the untouched surface was checked, agrees, and is not steep."""
     grid = scene.surface.grid
     slope = np.hypot(*np.gradient(heights, grid.cell))
-    good = np.isfinite(answer["dh"]) & (np.abs(answer["dh"]) < 3 * answer["precision"]) & (slope < 0.5)
+    good = np.isfinite(answer.dh) & (np.abs(answer.dh) < 3 * answer.precision) & (slope < 0.5)
     side = max(8, max(grid.shape) // 80)
     rows, cols = (n // side for n in grid.shape)
     share = good[: rows * side, : cols * side].reshape(rows, side, cols, side).mean(axis=(1, 3))
@@ -147,7 +150,7 @@ def any_places(heights: np.ndarray, scene: Scene) -> np.ndarray:
 
 
 def run(scene: Scene, heights: np.ndarray, radii: tuple[float, ...] = (6, 10, 15, 25, 50)) -> str:
-    """Plant, check, compare, for each radius (cells) and kind of place; the table as text."""
+    """Plant, check and compare for each radius (cells) and kind of place; returns the table as text."""
     stage, start = DsmCheckStage(), time.process_time()
     untouched = check(scene, heights, stage)
     seconds = time.process_time() - start
@@ -161,7 +164,7 @@ def run(scene: Scene, heights: np.ndarray, radii: tuple[float, ...] = (6, 10, 15
         "not judged",
         "share: median",
         "least",
-        "off, median (m)",
+        "offset, median (m)",
         "tilt",
         "NMAD (m)",
     )
@@ -183,10 +186,11 @@ def run(scene: Scene, heights: np.ndarray, radii: tuple[float, ...] = (6, 10, 15
 
 def _row(name: str, radius: float, deformation: Deformation, scene: Scene, heights: np.ndarray, stage: DsmCheckStage) -> str:
     x, y = np.meshgrid(*scene.surface.grid.centres(Window(0, 0, *heights.shape)))
+    # the bounds grow with the deformation, or the check would not look at the tops of the bumps
     low, high = scene.surface.height_low - 10, scene.surface.height_high + 10
     surface = scene.surface.model_copy(update={"height_low": low, "height_high": high})
     wrong = (heights + deformation.at(x, y)).astype(np.float32)
-    dh = check(Scene(scene.block, scene.pairs, surface, scene.photographs), wrong, stage)["dh"]
+    dh = check(Scene(scene.block, scene.pairs, surface, scene.photographs), wrong, stage).dh
     bumps = recovered(deformation, dh)
     judged = [b for b in bumps if np.isfinite(b.off)]
     shares = [b.share for b in judged] or [np.nan]

@@ -1,9 +1,9 @@
 """Where the surface is wrong: its trend, and connected areas that deviate from it, found on a coarse raster of blocks of cells.
 
-Strategy. Each tile leaves three numbers per block of cells: the share that was checked, the mean correction and its mean standard
-error. One job then sees the whole as a small raster. A plane through the blocks, robust against the areas, is the trend
-(a surface that is shifted or tilted as a whole is a matter of orientation or datum, not of places); neighbouring blocks that
-deviate from it significantly and with the same sign are one area. Areas are ranked by volume.
+Strategy. Each tile yields three numbers per block of cells: the share that was checked, the mean correction and its mean standard
+error. One job then sees the whole surface as a small raster. A plane through the blocks, robust against the areas, is the trend (a
+shift or tilt of the whole surface is an error of orientation or datum, not a local one). Neighbouring blocks that deviate from it
+significantly and with the same sign form an area. Areas are ranked by volume.
 """
 
 from dataclasses import dataclass
@@ -14,6 +14,11 @@ from scipy.ndimage import find_objects, label
 from orthomill.schemas.raster import MapGrid
 
 CHECKED, MEAN, SIGMA = range(3)
+"""bands of the coarse raster"""
+_JUDGED = 0.3
+"""share of a block that must have been checked: the mean of fewer cells is that of their edges and trees"""
+_LEAST_BLOCKS = 30
+"""blocks that a plane needs; below, a few buildings would tilt it"""
 
 
 @dataclass(frozen=True)
@@ -28,23 +33,24 @@ class SuspiciousArea:
     dh: float
     """m, mean correction: negative where the surface is too high"""
     extreme: float
-    """m, of the block that is worst"""
+    """m, of the worst block"""
 
 
 @dataclass(frozen=True)
 class Trend:
-    """A plane through the corrections: dh at the middle of the surface (m), and how it grows to the east and to the north."""
+    """A plane through the corrections: dh at the middle of the surface (m), and its gradients to the east and to the north."""
 
     middle: float
     east: float
     north: float
     """m per km"""
     range: float
-    """m between its lowest and its highest corner"""
+    """m, between its lowest and its highest corner"""
 
 
 def block_size(shape: tuple[int, int], cells: int = 8, most: int = 1024) -> int:
-    """Side of a block in cells, 8 to 64, so that the coarse raster has at most `most` rows and columns if that is possible."""
+    """Side of a block in cells, 8 to 64: the smallest that keeps the coarse raster within `most` rows and columns, if possible."""
+    # powers of two from 8: every tile size that the project allows is a multiple, so tiles write whole blocks
     while cells < 64 and max(shape) > cells * most:
         cells *= 2
     return cells
@@ -53,6 +59,7 @@ def block_size(shape: tuple[int, int], cells: int = 8, most: int = 1024) -> int:
 def blocks(dh: np.ndarray, sigma: np.ndarray, size: int) -> np.ndarray:
     """(rows, cols, 3) float32 of a tile (rows, cols) m: share of checked cells, their mean dh and mean sigma (0 without any)."""
     rows, cols = -(-dh.shape[0] // size), -(-dh.shape[1] // size)
+    # sums of float64, not means of means: blocks at the border of the surface hold fewer cells
     padding = (0, rows * size - dh.shape[0]), (0, cols * size - dh.shape[1])
     folded, spread = (np.pad(a, padding, constant_values=np.nan).reshape(rows, size, cols, size) for a in (dh, sigma))
     number = np.isfinite(folded).sum(axis=(1, 3))
@@ -68,20 +75,24 @@ def fitted_trend(coarse: np.ndarray, grid: MapGrid, size: int) -> tuple[Trend, n
     rows, cols = np.indices(coarse.shape[:2])
     km = size * grid.cell / 1000
     design = np.stack([np.ones(rows.shape), (cols - cols.mean()) * km, (rows.mean() - rows) * km], axis=-1)
-    known = coarse[..., CHECKED] > 0.3
+    known = coarse[..., CHECKED] > _JUDGED
     plane = np.zeros(3)
-    if known.sum() >= 30:
+    if known.sum() >= _LEAST_BLOCKS:
         plane = _robust_plane(design[known], coarse[known][:, MEAN].astype(np.float64))
     elif known.any():
         plane[0] = np.median(coarse[known][:, MEAN])
     values = design @ plane
-    return Trend(*map(float, plane), float(np.ptp(values))), values
+    middle, east, north = map(float, plane)
+    return Trend(middle, east, north, float(np.ptp(values))), values
 
 
 def _robust_plane(design: np.ndarray, dh: np.ndarray) -> np.ndarray:
+    """Coefficients (3,) of dh (N,) over design (N, 3), by iterated least squares with Huber weights."""
+    # Starts from the median: a start by plain least squares follows a large area and may not leave it again.
     plane = np.array([np.median(dh), 0.0, 0.0])
     for _ in range(20):
         residual = np.abs(dh - design @ plane)
+        # 1.5 sigma with sigma from the median deviation: Huber's constant for 95 % efficiency under the normal law is 1.345
         limit = 1.5 * max(1.4826 * np.median(residual), 1e-6)
         weight = np.minimum(1.0, limit / np.maximum(residual, 1e-12))[:, None]
         plane = np.linalg.lstsq(design * np.sqrt(weight), dh * np.sqrt(weight[:, 0]), rcond=None)[0]
@@ -89,13 +100,16 @@ def _robust_plane(design: np.ndarray, dh: np.ndarray) -> np.ndarray:
 
 
 def suspicious_areas(coarse: np.ndarray, trend: np.ndarray, grid: MapGrid, size: int, significance: float) -> list[SuspiciousArea]:
-    """Areas of a coarse raster (rows, cols, 3) that leave the trend (rows, cols), greatest volume first.
+    """Areas of a coarse raster (rows, cols, 3) that deviate from the trend (rows, cols), largest volume first.
 
     Single blocks are left out as noise.
     """
+    # Significance by the mean sigma, not divided by the root of the cells in a block: the corrections of neighbouring cells come
+    # from overlapping windows and are correlated.
     found = []
     deviation = coarse[..., MEAN] - trend
-    marked = (coarse[..., CHECKED] > 0.3) & (np.abs(deviation) > significance * coarse[..., SIGMA])
+    marked = (coarse[..., CHECKED] > _JUDGED) & (np.abs(deviation) > significance * coarse[..., SIGMA])
+    # signs apart: a hollow beside a bump is two errors, and their volumes must not cancel
     for sign in (-1, 1):
         numbers, _ = label(marked & (np.sign(deviation) == sign), structure=np.ones((3, 3)))
         for k, place in enumerate(find_objects(numbers), start=1):
@@ -107,6 +121,7 @@ def suspicious_areas(coarse: np.ndarray, trend: np.ndarray, grid: MapGrid, size:
 
 
 def _area(dh: np.ndarray, weights: np.ndarray, place: tuple[np.ndarray, np.ndarray], grid: MapGrid, size: int) -> SuspiciousArea:
+    # the centroid of the volume, not of the outline: it leads to the place where the error is largest
     side = size * grid.cell
     volume = np.abs(dh) * weights
     return SuspiciousArea(

@@ -1,14 +1,14 @@
 """From corrections at scattered points to a correction and its precision in every cell, and to the corrected surface.
 
-Strategy. The nodes of all pairs that lie near a tile are first freed of spikes (against the median of their neighbours). Then every
-cell fits a plane to the corrections within a fixed radius, weighted by nearness: a linear interpolation that knows how well its
-points agree. Only **corrections** are interpolated and added; interpolating corrected heights would smooth the surface
-(methods/measured.md). The standard error holds the nodes' own and their scatter about the plane; it is not divided by the
-square root of their number, because the windows of neighbours overlap. Points are added up in the order of the whole
-raster, so that any tiling gives the same sums.
+Strategy. Spikes are first removed from the nodes of all pairs near a tile (against the median of their neighbours). Then a plane is
+fitted in every cell to the corrections within a fixed radius, weighted by distance: a linear interpolation that also shows how well
+its points agree. Only **corrections** are interpolated and added; interpolating corrected heights would smooth the surface
+(methods/measured.md). The standard error contains that of the nodes and their scatter about the plane; it is not divided by the
+square root of their number, because the windows of neighbours overlap. Points are summed in the order of the whole raster, so that
+any tiling gives the same sums.
 
-The surface is changed only where the correction exceeds its own standard error clearly: below, it is noise that would be added
-to a good surface. The share grows from 0 to 1 around the limit, so that no step arises.
+The surface is changed only where the correction clearly exceeds its own standard error: below, noise would be added to a good
+surface. The share that is applied grows from 0 to 1 around the limit, so that no step arises.
 """
 
 from dataclasses import dataclass
@@ -22,23 +22,31 @@ from orthomill.schemas.raster import Window
 from orthomill.tasks.dsm_check.nodes import DH, EAST, OUTCOME, SIGMA, SOUTH, node_offset
 
 _STRIP = 64
-"""rows of cells whose sums are held at a time"""
+"""rows of cells whose sums are in memory at a time"""
+_LEAST_NEIGHBOURS = 5
+"""of the 24 around a node: the median of fewer is no majority, and an isolated correction cannot be checked"""
+_LEAST_POINTS = 3.0
+"""points that determine a plane"""
+_SPIKE = 3.0
+"""standard errors by which a correction may differ from the median of its neighbours"""
+_W, _X, _Y, _XX, _XY, _YY, _Z, _XZ, _YZ, _ZZ, _VARIANCE, _POINTS = range(12)
+"""weighted sums per cell: x to the right and y down from the cell to a point (cells), z its dh, its variance; number of points"""
 
 
 @dataclass(frozen=True)
 class CorrectionNodes:
-    """How nodes lie among the cells, and how far their corrections reach."""
+    """The grid of nodes among the cells, and the reach of their corrections."""
 
     step: int
     pixels_per_cell: int
     radius: float
-    """cells: a correction counts that far"""
+    """cells: a correction is used up to that distance"""
     move: float
-    """cells: a corrected point may lie that far from its node"""
+    """cells: greatest distance of a corrected point from its node"""
 
     @property
     def halo(self) -> int:
-        """Nodes around a tile that its cells depend on: reach of the fit, of the points, and of the median filter."""
+        """Nodes around a tile on which its cells depend: reach of the fit, of the points, and of the median filter."""
         return int(np.ceil((self.radius + self.move) / self.step)) + 3
 
 
@@ -51,7 +59,7 @@ class CorrectionMap:
 
 
 def without_spikes(nodes: np.ndarray) -> np.ndarray:
-    """Nodes (rows, cols, bands) whose correction contradicts the median of their neighbours become INCONSISTENT; a copy."""
+    """A copy of nodes (rows, cols, bands) in which corrections that contradict the median of their neighbours are INCONSISTENT."""
     nodes = nodes.copy()
     spikes = np.zeros(nodes.shape[:2], np.bool_)
     _spikes(np.ascontiguousarray(nodes[..., DH]), np.ascontiguousarray(nodes[..., SIGMA]), spikes)
@@ -62,7 +70,7 @@ def without_spikes(nodes: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def _spikes(dh, sigma, spikes):
-    """Against the median of the 5 x 5 neighbours: more than three times the greatest of own sigma and their spread."""
+    """Marks differences from the median of the 5 x 5 neighbours beyond three times the larger of own sigma and their spread."""
     near = np.empty(24)
     for r in range(dh.shape[0]):
         for c in range(dh.shape[1]):
@@ -74,21 +82,23 @@ def _spikes(dh, sigma, spikes):
                     if (i != r or j != c) and np.isfinite(dh[i, j]):
                         near[n] = dh[i, j]
                         n += 1
-            if n < 5:
+            if n < _LEAST_NEIGHBOURS:
                 spikes[r, c] = True
                 continue
             middle = np.median(near[:n])
+            # the spread of the neighbours: along a true step of the error they differ, and no side of it may be removed
             spread = 1.4826 * np.median(np.abs(near[:n] - middle))
-            spikes[r, c] = abs(dh[r, c] - middle) > 3.0 * max(sigma[r, c], spread)
+            spikes[r, c] = abs(dh[r, c] - middle) > _SPIKE * max(sigma[r, c], spread)
 
 
 def node_points(nodes: np.ndarray, first: tuple[int, int], grid: CorrectionNodes) -> np.ndarray:
-    """(N, 4) float64: row and column in cells of the whole surface, dh, sigma (m) of the good nodes (rows, cols, bands).
+    """(N, 4) float64: row and column in cells of the whole surface, dh and sigma (m) of the corrected nodes (rows, cols, bands).
 
     first: number (row, col) of the first node of the array, counted over the whole surface.
     """
     rows, cols = np.nonzero(np.isfinite(nodes[..., DH]))
     good = nodes[rows, cols].astype(np.float64)
+    # A point may lie anywhere along its ray. The halo of a tile is finite: points beyond it would be seen by one tile only.
     near = np.hypot(good[:, EAST], good[:, SOUTH]) <= grid.move
     offset = node_offset(grid.step, grid.pixels_per_cell)
     points = np.column_stack(
@@ -105,11 +115,12 @@ def node_points(nodes: np.ndarray, first: tuple[int, int], grid: CorrectionNodes
 def interpolate(points: np.ndarray, window: Window, radius: float) -> CorrectionMap:
     """dh in the cells of `window` from points (N, 4) of `node_points`; NaN where fewer than three lie within `radius` cells."""
     dh, sigma = np.full(window.shape, np.nan, np.float32), np.full(window.shape, np.nan, np.float32)
+    # In strips: twelve float64 per cell of a whole tile would be the largest array of the run.
     for top in range(0, window.height, _STRIP):
         height = min(_STRIP, window.height - top)
         low, high = window.row + top - radius, window.row + top + height - 1 + radius
         near = points[(points[:, 0] >= low) & (points[:, 0] <= high)]
-        sums = np.zeros((height, window.width, 12))
+        sums = np.zeros((height, window.width, _POINTS + 1))
         _accumulate(near, (window.row + top, window.col), radius, sums)
         _solve(sums, radius, dh[top : top + height], sigma[top : top + height])
     return CorrectionMap(dh, sigma)
@@ -117,52 +128,55 @@ def interpolate(points: np.ndarray, window: Window, radius: float) -> Correction
 
 @njit(cache=True)
 def _accumulate(points, origin, radius, sums):
-    """Differences of coordinates are taken in one step, so that their rounding does not depend on the tile."""
+    """Adds points (N, 4) to sums (rows, cols, 12) of the cells within `radius`."""
     for i in range(points.shape[0]):
         row, col, dh, sigma = points[i, 0] - origin[0], points[i, 1] - origin[1], points[i, 2], points[i, 3]
         for r in range(max(int(np.ceil(row - radius)), 0), min(int(np.floor(row + radius)) + 1, sums.shape[0])):
             for c in range(max(int(np.ceil(col - radius)), 0), min(int(np.floor(col + radius)) + 1, sums.shape[1])):
+                # one subtraction from the integer cell, so that rounding does not depend on the origin of the tile
                 y, x = points[i, 0] - (origin[0] + r), points[i, 1] - (origin[1] + c)
                 nearness = 1.0 - np.sqrt(x * x + y * y) / radius
                 if nearness <= 0.0:
                     continue
+                # falls to zero with zero slope at the radius: a point that enters or leaves causes no step
                 w = nearness * nearness
                 s = sums[r, c]
-                s[0] += w
-                s[1] += w * x
-                s[2] += w * y
-                s[3] += w * x * x
-                s[4] += w * x * y
-                s[5] += w * y * y
-                s[6] += w * dh
-                s[7] += w * x * dh
-                s[8] += w * y * dh
-                s[9] += w * dh * dh
-                s[10] += w * sigma * sigma
-                s[11] += 1.0
+                s[_W] += w
+                s[_X] += w * x
+                s[_Y] += w * y
+                s[_XX] += w * x * x
+                s[_XY] += w * x * y
+                s[_YY] += w * y * y
+                s[_Z] += w * dh
+                s[_XZ] += w * x * dh
+                s[_YZ] += w * y * dh
+                s[_ZZ] += w * dh * dh
+                s[_VARIANCE] += w * sigma * sigma
+                s[_POINTS] += 1.0
 
 
 @njit(cache=True)
 def _solve(sums, radius, dh, sigma):
-    """The plane at the cell's centre; a small ridge keeps the slope flat where the points lie on one side or on a line."""
+    """Value and standard error of the plane at the cell's centre, dh and sigma (rows, cols) m."""
     for r in range(sums.shape[0]):
         for c in range(sums.shape[1]):
             s = sums[r, c]
-            if s[11] < 3.0:
+            if s[_POINTS] < _LEAST_POINTS:
                 continue
-            w, x, y, z = s[0], s[1] / s[0], s[2] / s[0], s[6] / s[0]
+            w, x, y, z = s[_W], s[_X] / s[_W], s[_Y] / s[_W], s[_Z] / s[_W]
+            # A small ridge: where all points lie on one side or on a line, the slope is undetermined and would extrapolate wildly.
             ridge = (0.1 * radius) ** 2
-            xx, xy, yy = s[3] / w - x * x + ridge, s[4] / w - x * y, s[5] / w - y * y + ridge
-            xz, yz = s[7] / w - x * z, s[8] / w - y * z
+            xx, xy, yy = s[_XX] / w - x * x + ridge, s[_XY] / w - x * y, s[_YY] / w - y * y + ridge
+            xz, yz = s[_XZ] / w - x * z, s[_YZ] / w - y * z
             determinant = xx * yy - xy * xy
             a, b = (xz * yy - yz * xy) / determinant, (yz * xx - xz * xy) / determinant
-            scatter = s[9] / w - z * z - a * xz - b * yz
+            scatter = s[_ZZ] / w - z * z - a * xz - b * yz
             dh[r, c] = z - a * x - b * y
-            sigma[r, c] = np.sqrt(s[10] / w + max(scatter, 0.0))
+            sigma[r, c] = np.sqrt(s[_VARIANCE] / w + max(scatter, 0.0))
 
 
 def share_applied(correction: CorrectionMap, apply: Literal["all", "significant", "none"], significance: float) -> np.ndarray:
-    """(rows, cols) float32 in [0, 1]: how much of dh is added; 0 where there is none."""
+    """(rows, cols) float32 in [0, 1]: the share of dh that is added; 0 where there is none."""
     if apply == "none":
         return np.zeros_like(correction.dh)
     if apply == "all":
@@ -172,5 +186,5 @@ def share_applied(correction: CorrectionMap, apply: Literal["all", "significant"
 
 
 def corrected_heights(heights: np.ndarray, correction: CorrectionMap, share: np.ndarray) -> np.ndarray:
-    """heights + share * dh, (rows, cols) float32; without height there is none."""
+    """heights + share * dh, (rows, cols) float32 m; cells without a height stay empty."""
     return (heights + np.where(share > 0, share * np.nan_to_num(correction.dh), 0)).astype(np.float32)

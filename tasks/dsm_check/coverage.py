@@ -1,8 +1,8 @@
-"""Which pairs check the surface, and where.
+"""Selection of the pairs that check the surface, and of their parts of it.
 
-Strategy. The ground that both photographs of a pair see is a polygon. Pairs are taken greedily: the one that adds most unchecked
-ground, weighted by base over height, first, until every place that can be checked is checked once. Each pair then gets the
-window of the surface model that holds its polygon, on the edges of tiles.
+Strategy. The common ground of a pair is a polygon. Pairs are selected greedily, first the one that adds most unchecked ground,
+weighted by base over height, until all ground that can be checked is covered once. Each pair then gets the window of the surface
+model that encloses its polygon, aligned with tiles.
 """
 
 import numpy as np
@@ -18,11 +18,15 @@ from orthomill.tasks.geometry.normal_case import border_pixels, common_polygon, 
 from orthomill.tasks.geometry.view import block_view
 
 _CELLS = 96
-"""cells along the longer side of the raster that coverage is counted on"""
+"""cells along the longer side of the raster on which coverage is counted"""
+_NEGLIGIBLE = 0.005
+"""share of the ground that can be checked: a pair that adds less costs as much as any other and brings next to nothing"""
+_STEEP = 0.6
+"""base over height beyond which a pair is not preferred any more: precision still grows, but its photographs differ too much"""
 
 
 class CheckedPair(BaseModel):
-    """A pair that checks the surface, and the window of the surface model (row, col, height, width in cells) that it sees."""
+    """A pair that checks the surface, and its window of the surface model (row, col, height, width in cells)."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -40,31 +44,32 @@ class CheckedPair(BaseModel):
 
 
 class CheckedPairs(BaseModel):
-    """The pairs that check the surface, and how many pixels of orthoimage a cell gets."""
+    """The pairs that check the surface, and the number of orthoimage pixels along a cell."""
 
     model_config = ConfigDict(frozen=True)
 
     pairs: tuple[CheckedPair, ...]
     pixels_per_cell: int
     pixel_height: float
-    """m: the height error that one pixel of shift between the orthoimages stands for"""
+    """m: height error that shifts the two orthoimages by one pixel, mean over the pairs"""
 
 
 CHECKED_SURFACE = Table("dsm_check/surface.json", Surface)
-"""The grid and the bounds of height of the surface under test."""
+"""Grid and height bounds of the surface under test."""
 CHECKED_PAIRS = Table("dsm_check/pairs.json", CheckedPairs)
 
 
 def measured_surface(surface: Surface) -> Surface:
-    """The surface under test is the one that the project measured."""
+    """The surface under test where the project's own surface is checked: the same."""
     return surface
 
 
 def foreign_surface(grid: MapGrid, block: Block, surface: Surface | None = None) -> Surface:
-    """Where a surface from elsewhere is checked: on its own grid, or on that of the project's surface where there is one.
+    """The surface under test where a file is checked: on its own grid, or on that of the project's surface if there is one.
 
-    Its heights may leave those of the tie points by a seventh of the flying height; higher and lower ones are not seen.
+    Its heights may exceed those of the tie points by a seventh of the flying height; higher and lower ones are not checked.
     """
+    # The header of a file does not tell its heights, and reading all of them to find out would delay every other job.
     flying = float(np.mean([photo.centre[2] for photo in block.photos])) - (block.ground_low + block.ground_high) / 2
     low, high = block.ground_low - abs(flying) / 7, block.ground_high + abs(flying) / 7
     return Surface(grid=surface.grid if surface else grid, height_low=low, height_high=high)
@@ -75,13 +80,16 @@ def choose_checked_pairs(
 ) -> CheckedPairs:
     """The pairs that cover the surface once (at most `count`), with their windows on the grid in whole tiles.
 
-    Raises GeometryError when no pair sees the surface.
+    Raises GeometryError when no pair shows the surface.
     """
     grid = surface.grid
     polygons = [seen_ground(pair, block, surface) for pair in pairs.pairs]
+    # Steeper pairs measure heights better: the greedy choice weighs ground gained by base over height.
     order = best_cover([rasterised(p, grid) for p in polygons], [p.base_height for p in pairs.pairs], count)
     if not order:
-        raise GeometryError("No pair of photographs sees the surface model: is it of another place or in another reference system?")
+        raise GeometryError(
+            "No pair of photographs shows the surface model: it is of another place or in another reference system. Check its CRS."
+        )
     chosen = tuple(
         CheckedPair(
             name=pair.name,
@@ -94,58 +102,64 @@ def choose_checked_pairs(
         for k, share in order
         for pair in (pairs.pairs[k],)
     )
+    # The orthoimages should resolve what the photographs show: coarser pixels lose the texture that matching needs.
     factor = pixels_per_cell or (2 if grid.cell > 1.5 * ground_pixel(block, surface) else 1)
     ratio = float(np.mean([1 / pair.base_height for pair in chosen]))
     return CheckedPairs(pairs=chosen, pixels_per_cell=factor, pixel_height=grid.cell / factor * ratio)
 
 
 def seen_ground(pair: EpipolarPair, block: Block, surface: Surface) -> np.ndarray:
-    """Convex polygon (N, 2) m of the ground that both photographs may see between the bounds of height; (0, 2) without any."""
+    """Convex polygon (N, 2) m of the ground that both photographs may show between the height bounds; (0, 2) without any."""
     left, right = block_view(block, pair.left), block_view(block, pair.right)
-    corners = []
+    parts = []
     for z in (surface.height_low, surface.height_high):
         two = [convex(view.at_height(border_pixels(view), z)[:, :2]) for view in (left, right)]
-        corners.append(common_polygon(*two))
-    corners = np.concatenate(corners)
+        parts.append(common_polygon(*two))
+    # generously, at both heights: a place at the border that turns out invisible only costs nodes that are OUTSIDE
+    corners = np.concatenate(parts)
     return convex(corners) if len(corners) > 2 else np.empty((0, 2))
 
 
 def ground_pixel(block: Block, surface: Surface) -> float:
     """Mean ground pixel of the photographs, m."""
+    # vertical photographs are assumed; a factor of 1.5 in the only use forgives the tilt
     mean = (surface.height_low + surface.height_high) / 2
     return float(np.mean([(photo.centre[2] - mean) / block.camera_of(photo.photo).c for photo in block.photos]))
 
 
 def rasterised(polygon: np.ndarray, grid: MapGrid) -> np.ndarray:
-    """Which of about 96 x 96 places (bool) of the grid lie inside a convex polygon (N, 2) m."""
+    """Which places (bool) of a coarse raster of the grid (96 along the longer side) lie inside a convex polygon (N, 2) m."""
+    # coverage decides on pairs, not on cells: a percent of the surface is fine enough
     size = max(grid.rows, grid.cols) * grid.cell / _CELLS
     x = grid.west + (np.arange(int(np.ceil(grid.cols * grid.cell / size))) + 0.5) * size
     y = grid.north - (np.arange(int(np.ceil(grid.rows * grid.cell / size))) + 0.5) * size
     inside = np.full((len(y), len(x)), len(polygon) > 2)
-    turn = None
+    # OpenCV returns convex polygons in either orientation: the sign of the area says which side is inside
+    turn = np.sign(_turn(polygon)) if len(polygon) else 0.0
     for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
         side = (b[0] - a[0]) * (y[:, None] - a[1]) - (b[1] - a[1]) * (x[None, :] - a[0])
-        turn = turn or np.sign(_turn(polygon))
         inside &= side * turn >= 0
     return inside
 
 
 def _turn(polygon: np.ndarray) -> float:
+    """Twice the signed area of a polygon (N, 2)."""
     x, y = (polygon - polygon.mean(axis=0)).T
     return float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
 
 
 def best_cover(covers: list[np.ndarray], weights: list[float], count: int | None) -> list[tuple[int, float]]:
-    """Numbers of the pairs that cover most, best first, with the share of all places that each adds.
+    """Numbers of the pairs that cover the most ground, best first, with the share of all places that each adds.
 
     Stops at `count`, or when no pair adds more than half a percent of what can be covered.
     """
     left = np.any(covers, axis=0)
-    enough = 0.005 * left.sum()
+    enough = _NEGLIGIBLE * left.sum()
     chosen: list[tuple[int, float]] = []
+    # Greedy: the exact smallest cover is NP-hard, and one pair more than necessary is no loss.
     while len(chosen) < (count or len(covers)):
         gains = [(cover & left).sum() for cover in covers]
-        best = int(np.argmax([gain * min(weight, 0.6) for gain, weight in zip(gains, weights, strict=True)]))
+        best = int(np.argmax([gain * min(weight, _STEEP) for gain, weight in zip(gains, weights, strict=True)]))
         if gains[best] <= enough:
             break
         chosen.append((best, float(gains[best] / left.size)))
@@ -155,6 +169,7 @@ def best_cover(covers: list[np.ndarray], weights: list[float], count: int | None
 
 def _box(polygon: np.ndarray, grid: MapGrid, tile: int) -> tuple[int, int, int, int]:
     """The window around a polygon, widened to whole tiles."""
+    # whole tiles: chunks of the pair's rasters then coincide with tiles, and no chunk has two writers
     col, row = grid.pixel(polygon[:, 0], polygon[:, 1])
     top, left = (int(np.floor(max(v.min(), 0) / tile)) * tile for v in (row, col))
     bottom, right = (int(np.ceil((v.max() + 1) / tile)) * tile for v in (row, col))

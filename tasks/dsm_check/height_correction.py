@@ -1,12 +1,12 @@
 """From two homologous places in a pair of orthoimages to the true point: the deterministic correction of a surface model.
 
-Strategy. An orthoimage made with a wrong height shows a point away from its place, on the ray of its photograph. The pixel A' of
-the left orthoimage shows what the left photograph sees through the ground point (A', height of the model there); A'' does so
-for the right one. Two constructions find the point where both look:
-- rays: the rigorous intersection of the two 3-D rays; what keeps them apart is a y-parallax, the test for wrong matches.
-- plan: the published construction. The lines from the nadirs through A' and A'' meet in plan, similar triangles give two heights,
-  their mean is taken. It fails near the line through both nadirs, so points whose angle is flat or sharp are refused,
-  and near the nadirs themselves.
+Strategy. An orthoimage made with a wrong height shows a point displaced from its true place, on the ray of its photograph. The
+pixel A' of the left orthoimage shows what the left photograph sees through the ground point (A', height of the model there); the
+same holds for A'' and the right one. Two constructions find the point where both rays meet:
+- rays: the rigorous intersection of the two 3-D rays; their distance is a y-parallax, the test for wrong matches.
+- plan: the published construction. The lines from the nadirs through A' and A'' intersect in plan, similar triangles give two
+  heights, and their mean is taken. It is singular on the line through both nadirs and at the nadirs, so points with a flat or
+  sharp angle, and points near a nadir, are refused.
 No iteration is needed: both are exact for errors of any size.
 
 Source: Skarlatos, PhD thesis, sections 3.4.2 and 3.4.3 (methods/matching_and_dsm_check.md, 1.7); methods/measured.md.
@@ -37,7 +37,7 @@ class PlanCorrection(Settings):
     angle_high: float = setting(166.5, "Greatest angle of the two nadir lines at the point.", "degrees", gt=90, le=180)
     nadir: float = setting(
         0.02,
-        "Least distance from both nadirs, where one photograph tells nothing of height, as a share of the flying height.",
+        "Least distance from both nadirs, where one photograph contains no information on height, as a share of the flying height.",
         ge=0,
         lt=1,
     )
@@ -56,10 +56,10 @@ class Centres:
 
 @dataclass(frozen=True)
 class CorrectedPoints:
-    """Where two orthoimages say that the surface is."""
+    """Surface points derived from homologous points of two orthoimages."""
 
     points: np.ndarray
-    """(N, 3) m, NaN where the lines do not meet"""
+    """(N, 3) m, NaN where the lines do not intersect"""
     gap: np.ndarray
     """(N,) m: distance of the two rays, or difference of the two heights of the plan construction"""
     accepted: np.ndarray
@@ -79,13 +79,15 @@ def correct(
 
 
 def ray_intersection(left: np.ndarray, right: np.ndarray, centres: Centres, limit: float = np.inf) -> CorrectedPoints:
-    """Intersection of the rays through left, right (N, 3) m; refused where the rays pass at more than `limit` m."""
+    """Intersection of the rays through left, right (N, 3) m; refused where the rays pass each other at more than `limit` m."""
     rays = np.stack([left - centres.left, right - centres.right])
     rays /= np.linalg.norm(rays, axis=2, keepdims=True)
     origins = np.broadcast_to(np.stack([centres.left, centres.right])[:, None], rays.shape)
+    # NaN would spread through the solution of the whole batch
     known = np.isfinite(rays).all(axis=(0, 2))
     points, gap = np.full((len(left), 3), np.nan), np.full(len(left), np.nan)
     points[known], distance = intersect_rays(origins[:, known], rays[:, known])
+    # the intersection reports the distance of its point from either ray, which is half the gap between them
     gap[known] = 2.0 * distance
     return CorrectedPoints(points, gap, gap <= limit)
 
@@ -94,12 +96,14 @@ def plan_intersection(left: np.ndarray, right: np.ndarray, centres: Centres, set
     """The plan construction; refused where the angle nadir-point-nadir is outside the limits (singular on the base line)."""
     d1, d2 = (left - centres.left)[:, :2], (right - centres.right)[:, :2]
     base = (centres.right - centres.left)[:2]
+    # eq. 3.14 and 3.15: lines N + s d in plan; a point scaled by s along its line is (1 - s) of the depth higher
     with np.errstate(divide="ignore", invalid="ignore"):
         denominator = _cross(d1, d2)
         s, u = _cross(base, d2) / denominator, _cross(base, d1) / denominator
         plan = centres.left[:2] + s[:, None] * d1
         from_left = left[:, 2] + (centres.left[2] - left[:, 2]) * (1 - s)
         from_right = right[:, 2] + (centres.right[2] - right[:, 2]) * (1 - u)
+        # the angle of the published filter: near 0 and 180 degrees the two lines in plan are almost parallel
         angle = nadir_angle(plan, centres)
         off = np.minimum(_off_nadir(left, centres.left), _off_nadir(right, centres.right))
         accepted = (angle >= settings.angle_low) & (angle <= settings.angle_high) & (off >= settings.nadir)

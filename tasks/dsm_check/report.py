@@ -1,4 +1,4 @@
-"""What the check tells people: how far the surface agrees with the photographs, and where it does not."""
+"""The report of the check: how well surface and photographs agree, and where they do not."""
 
 import math
 from collections.abc import Iterator
@@ -11,18 +11,22 @@ from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport
 from orthomill.schemas.surface import CORRECTED
 from orthomill.tasks.dsm_check.areas import SuspiciousArea, Trend, fitted_trend, suspicious_areas
-from orthomill.tasks.dsm_check.coverage import CheckedPairs
-from orthomill.tasks.dsm_check.statistics import Counts, Summary, TileCounts, added, bin_width, summarised
+from orthomill.tasks.dsm_check.coverage import CheckedPair, CheckedPairs
+from orthomill.tasks.dsm_check.statistics import Counts, PairCounts, Summary, TileCounts, added, bin_width, summarised
 
 DH = "dsm_check/dh"
 PRECISION = "dsm_check/precision"
 _LISTED = 20
+"""areas in the table"""
 _WARNED = 5
+"""areas in the warning"""
+_SHIFT_LIMIT, _TILT_LIMIT = 0.3, 0.5
+"""orthoimage pixels: shift and range of the trend beyond the errors that a sound orientation causes"""
 
 
 @dataclass(frozen=True)
 class Blocks:
-    """What the coarse raster's blocks are."""
+    """The blocks of the coarse raster."""
 
     grid: MapGrid
     """of the surface"""
@@ -38,7 +42,7 @@ def report(tiles: tuple[TileCounts, ...], pairs: CheckedPairs, coarse: np.ndarra
     trend, plane = fitted_trend(coarse, blocks.grid, blocks.size)
     areas = suspicious_areas(coarse, plane, blocks.grid, blocks.size, blocks.significance)
     return StageReport(
-        figures=(*_figures(tiles, whole, pairs), *_place_figures(trend, areas)),
+        figures=_figures(_cell_values(tiles, whole, pairs) | _place_values(trend, areas)),
         grids=(_pairs_grid(tiles, pairs), _outcomes_grid(tiles, pairs), *_areas_grid(areas)),
         charts=(_histogram(total, pairs.pixel_height),) if whole.number else (),
         pictures=_pictures(pairs, whole),
@@ -54,124 +58,106 @@ def _share(part: int, of: int) -> float:
     return round(100 * part / max(of, 1), 2)
 
 
-def _figures(tiles: tuple[TileCounts, ...], whole: Summary, pairs: CheckedPairs) -> tuple[Figure, ...]:
+_FIGURES = (
+    ("dh_mean", "m", "Mean correction: photographs minus surface model."),
+    ("dh_std", "m", "Standard deviation of the corrections."),
+    ("dh_median", "m", "Median correction."),
+    ("dh_nmad", "m", "Robust spread of the corrections: agreement of surface and photographs, not the accuracy of the surface."),
+    ("dh_within_1_sigma", "%", "Cells whose correction is below its own standard error (68 % if all errors are random)."),
+    ("dh_within_3_sigma", "%", "Cells whose correction is below three of its standard errors."),
+    ("checked", "%", "Share of the measured cells that could be checked."),
+    ("changed", "%", "Share of the measured cells that the check changed."),
+    ("pairs", "", "Pairs of orthoimages that were compared."),
+    ("pixel_height", "m", "Height error that shifts the two orthoimages by one pixel, on average."),
+    ("suspicious_areas", "", "Connected areas where the surface deviates significantly from its own trend, too high or too low."),
+    ("suspicious_area", "m2", "Their total area."),
+    ("tilt_east", "m/km", "Gradient of the correction to the east."),
+    ("tilt_north", "m/km", "Gradient of the correction to the north."),
+    ("trend_range", "m", "Range of the trend of the corrections between the corners of the surface."),
+)
+"""name, unit and meaning of every figure, in the order of the report"""
+_HEADLINES = ("dh_nmad", "checked", "suspicious_areas")
+
+
+def _figures(values: dict[str, float | int | None]) -> tuple[Figure, ...]:
+    return tuple(
+        Figure(name=name, value=values[name], unit=unit, sentence=sentence, headline=name in _HEADLINES)
+        for name, unit, sentence in _FIGURES
+    )
+
+
+def _cell_values(tiles: tuple[TileCounts, ...], whole: Summary, pairs: CheckedPairs) -> dict[str, float | int | None]:
     heights, checked, changed = (sum(getattr(tile, name) for tile in tiles) for name in ("heights", "checked", "changed"))
-    return (
-        Figure(name="dh_mean", value=_known(whole.mean), unit="m", sentence="Mean correction: photographs minus surface model."),
-        Figure(name="dh_std", value=_known(whole.std), unit="m", sentence="Standard deviation of the corrections."),
-        Figure(name="dh_median", value=_known(whole.median), unit="m", sentence="Median correction."),
-        Figure(
-            name="dh_nmad",
-            value=_known(whole.nmad),
-            unit="m",
-            headline=True,
-            sentence="Robust spread of the corrections: agreement of surface and photographs, not the accuracy of the surface.",
-        ),
-        Figure(
-            name="dh_within_1_sigma",
-            value=_known(100 * whole.within_1, 1),
-            unit="%",
-            sentence="Cells whose correction is below its own standard error (68 % if only chance were at work).",
-        ),
-        Figure(
-            name="dh_within_3_sigma",
-            value=_known(100 * whole.within_3, 1),
-            unit="%",
-            sentence="Cells whose correction is below three of its standard errors.",
-        ),
-        Figure(
-            name="checked",
-            value=_share(checked, heights),
-            unit="%",
-            headline=True,
-            sentence="Share of the measured cells that could be checked.",
-        ),
-        Figure(
-            name="changed", value=_share(changed, heights), unit="%", sentence="Share of the measured cells that the check changed."
-        ),
-        Figure(name="pairs", value=len(pairs.pairs), sentence="Pairs of orthoimages that the check compared."),
-        Figure(
-            name="pixel_height",
-            value=_known(pairs.pixel_height),
-            unit="m",
-            sentence="Height error that shifts the two orthoimages by one pixel, on average.",
-        ),
-    )
+    return {
+        "dh_mean": _known(whole.mean),
+        "dh_std": _known(whole.std),
+        "dh_median": _known(whole.median),
+        "dh_nmad": _known(whole.nmad),
+        "dh_within_1_sigma": _known(100 * whole.within_1, 1),
+        "dh_within_3_sigma": _known(100 * whole.within_3, 1),
+        "checked": _share(checked, heights),
+        "changed": _share(changed, heights),
+        "pairs": len(pairs.pairs),
+        "pixel_height": _known(pairs.pixel_height),
+    }
 
 
-def _place_figures(trend: Trend, areas: list[SuspiciousArea]) -> tuple[Figure, ...]:
-    return (
-        Figure(
-            name="suspicious_areas",
-            value=len(areas),
-            headline=True,
-            sentence="Connected areas where the surface leaves its own trend clearly, too high or too low.",
-        ),
-        Figure(name="suspicious_area", value=round(sum(a.area for a in areas), 1), unit="m2", sentence="Their area together."),
-        Figure(name="tilt_east", value=_known(trend.east), unit="m/km", sentence="How the correction grows to the east."),
-        Figure(name="tilt_north", value=_known(trend.north), unit="m/km", sentence="How the correction grows to the north."),
-        Figure(
-            name="trend_range",
-            value=_known(trend.range),
-            unit="m",
-            sentence="Difference of the trend of the corrections between the corners of the surface.",
-        ),
-    )
+def _place_values(trend: Trend, areas: list[SuspiciousArea]) -> dict[str, float | int | None]:
+    return {
+        "suspicious_areas": len(areas),
+        "suspicious_area": round(sum(a.area for a in areas), 1),
+        "tilt_east": _known(trend.east),
+        "tilt_north": _known(trend.north),
+        "trend_range": _known(trend.range),
+    }
 
 
-def _of_pair(tiles: tuple[TileCounts, ...], name: str) -> list:
+def _of_pair(tiles: tuple[TileCounts, ...], name: str) -> list[PairCounts]:
     return [pair for tile in tiles for pair in tile.pairs if pair.pair == name]
 
 
+_PAIR_COLUMNS = (
+    "pair",
+    "base/height",
+    "nodes",
+    "matched (%)",
+    "mean (m)",
+    "std (m)",
+    "median (m)",
+    "NMAD (m)",
+    "within 1 sigma (%)",
+    "within 3 sigma (%)",
+)
+
+
+def _pair_row(pair: CheckedPair, parts: list[PairCounts], pixel_height: float) -> tuple[float | int | str | None, ...]:
+    s = summarised(added([part.dh for part in parts]), pixel_height)
+    # nodes outside the photographs or in gaps of the surface were never to be matched
+    tried = sum(sum(part.outcomes) - part.outcomes[Outcome.OUTSIDE] for part in parts)
+    lengths = _known(s.mean), _known(s.std), _known(s.median), _known(s.nmad)
+    shares = _known(100 * s.within_1, 1), _known(100 * s.within_3, 1)
+    return pair.name, round(pair.base_height, 3), tried, _share(s.number, tried), *lengths, *shares
+
+
 def _pairs_grid(tiles: tuple[TileCounts, ...], pairs: CheckedPairs) -> Grid:
-    rows = []
-    for pair in pairs.pairs:
-        parts = _of_pair(tiles, pair.name)
-        s = summarised(added([part.dh for part in parts]), pairs.pixel_height)
-        tried = sum(sum(part.outcomes) for part in parts) - sum(part.outcomes[Outcome.OUTSIDE] for part in parts)
-        rows.append(
-            (
-                pair.name,
-                round(pair.base_height, 3),
-                tried,
-                _share(s.number, tried),
-                _known(s.mean),
-                _known(s.std),
-                _known(s.median),
-                _known(s.nmad),
-                _known(100 * s.within_1, 1),
-                _known(100 * s.within_3, 1),
-            )
-        )
     return Grid(
         title="The check by pairs",
-        rows=tuple(rows),
-        columns=(
-            "pair",
-            "base/height",
-            "nodes",
-            "matched (%)",
-            "mean (m)",
-            "std (m)",
-            "median (m)",
-            "NMAD (m)",
-            "within 1 sigma (%)",
-            "within 3 sigma (%)",
-        ),
-        note="A mean that differs from pair to pair points at the orientation rather than at the surface. Errors that surface and "
-        "check share stay unseen: orientation and camera, and, where the surface was matched in the same photographs, what "
-        "matching gets wrong at building edges, in trees and in narrow gaps.",
+        columns=_PAIR_COLUMNS,
+        rows=tuple(_pair_row(pair, _of_pair(tiles, pair.name), pairs.pixel_height) for pair in pairs.pairs),
+        note="A mean that differs between pairs indicates an error of the orientation rather than of the surface. Errors common to "
+        "surface and check remain undetected: those of orientation and camera and, where the surface was matched in the same "
+        "photographs, those of matching at building edges, in trees and in narrow gaps.",
     )
 
 
 def _outcomes_grid(tiles: tuple[TileCounts, ...], pairs: CheckedPairs) -> Grid:
     every = [part.outcomes for pair in pairs.pairs for part in _of_pair(tiles, pair.name)]
-    totals = np.sum(every or [[0] * len(Outcome)], axis=0)
+    totals = np.sum(np.array(every or [(0,) * len(Outcome)]), axis=0)
     return Grid(
-        title="What became of the nodes",
+        title="Outcomes of the nodes",
         columns=("outcome", "nodes"),
         rows=tuple((Outcome(code).sentence, int(number)) for code, number in enumerate(totals) if number),
-        note="Vehicles that moved and places that only one photograph sees must fail here; what slips through is a false alarm.",
+        note="Moving vehicles and places visible in one photograph only must fail here; those that pass cause false alarms.",
     )
 
 
@@ -181,13 +167,14 @@ def _areas_grid(areas: list[SuspiciousArea]) -> tuple[Grid, ...]:
     rows = tuple(
         (round(a.x, 1), round(a.y, 1), round(a.area, 1), round(a.dh, 2), round(a.extreme, 2), _side(a.dh)) for a in areas[:_LISTED]
     )
-    columns = ("X (m)", "Y (m)", "area (m2)", "mean correction (m)", "greatest (m)", "surface is")
-    note = f"The {len(rows)} largest of {len(areas)} by volume, against the trend of the whole surface: look at them first."
+    columns = ("X (m)", "Y (m)", "area (m2)", "mean correction (m)", "largest (m)", "surface is")
+    note = f"The {len(rows)} largest of {len(areas)} by volume, relative to the trend of the whole surface: inspect them first."
     return (Grid(title="Suspicious areas", columns=columns, rows=rows, note=note),)
 
 
 def _histogram(counts: Counts, pixel_height: float) -> Chart:
     values, filled = np.array(counts.bins) * bin_width(pixel_height), np.array(counts.filled)
+    # four NMAD show the body of the distribution; a few blunders would otherwise squeeze it into one bar
     reach = max(4 * summarised(counts, pixel_height).nmad, 0.5 * pixel_height)
     edges = np.linspace(-reach, reach, 42)
     number, _ = np.histogram(np.clip(values, -reach, reach), edges, weights=filled)
@@ -198,11 +185,12 @@ def _histogram(counts: Counts, pixel_height: float) -> Chart:
         y_label="cells",
         x=tuple(((edges[:-1] + edges[1:]) / 2).round(4).tolist()),
         series={"cells": tuple(map(float, number))},
-        caption="Photographs minus surface model; the outermost bars hold everything beyond.",
+        caption="Photographs minus surface model; the outermost bars contain everything beyond.",
     )
 
 
 def _pictures(pairs: CheckedPairs, whole: Summary) -> tuple[Picture, ...]:
+    # at least one pixel of shift: on a good surface the colours must not turn noise into mountains
     reach = round(max(5 * whole.nmad, pairs.pixel_height), 2) if whole.number else None
     low = -reach if reach else None
     return (
@@ -213,7 +201,7 @@ def _pictures(pairs: CheckedPairs, whole: Summary) -> tuple[Picture, ...]:
             unit="m",
             low=low,
             high=reach,
-            caption="Correction that the photographs ask for. Negative: the surface is too high. Empty: could not be checked.",
+            caption="Correction derived from the photographs. Negative: the surface is too high. Empty: could not be checked.",
         ),
         Picture(
             title="Precision of the check", raster=PRECISION, style="ramp", unit="m", caption="Standard error of the correction."
@@ -224,16 +212,17 @@ def _pictures(pairs: CheckedPairs, whole: Summary) -> tuple[Picture, ...]:
 
 def _surface_warnings(tiles: tuple[TileCounts, ...], trend: Trend, pairs: CheckedPairs) -> Iterator[str]:
     heights, checked = sum(tile.heights for tile in tiles), sum(tile.checked for tile in tiles)
+    # with less than half of the surface checked the figures above do not speak for the whole
     if checked < 0.5 * heights:
         yield (
             f"Only {_share(checked, heights):.0f} % of the surface could be checked; the rest lies outside the pairs of "
             "photographs, has too little texture, or is hidden in one of them."
         )
-    if abs(trend.middle) > 0.3 * pairs.pixel_height:
-        yield f"The surface as a whole is {_side(trend.middle)} by about {abs(trend.middle):.2f} m against the photographs."
-    if trend.range > 0.5 * pairs.pixel_height:
+    if abs(trend.middle) > _SHIFT_LIMIT * pairs.pixel_height:
+        yield f"The surface as a whole is {_side(trend.middle)} by about {abs(trend.middle):.2f} m relative to the photographs."
+    if trend.range > _TILT_LIMIT * pairs.pixel_height:
         yield (
-            f"The surface is tilted against the photographs: the correction grows by {trend.east:.2f} m per km to the east "
+            f"The surface is tilted relative to the photographs: the correction grows by {trend.east:.2f} m per km to the east "
             f"and by {trend.north:.2f} m per km to the north, {trend.range:.1f} m in all."
         )
 
@@ -245,9 +234,10 @@ def _area_warnings(areas: list[SuspiciousArea]) -> Iterator[str]:
         f"{_side(area.dh)} by about {abs(area.dh):.2g} m over {area.area:.2g} m2 at X {area.x:.0f}, Y {area.y:.0f}"
         for area in areas[:_WARNED]
     )
-    more = f"; {len(areas) - _WARNED} more areas stand in the table" if len(areas) > _WARNED else ""
-    yield f"Photographs and surface disagree in places: the surface is {named}{more}."
+    more = f"; {len(areas) - _WARNED} more areas are in the table" if len(areas) > _WARNED else ""
+    yield f"Photographs and surface disagree locally: the surface is {named}{more}."
 
 
 def _side(dh: float) -> str:
+    # dh is what must be added to the surface
     return "too high" if dh < 0 else "too low"

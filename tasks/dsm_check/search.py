@@ -1,14 +1,15 @@
-"""Where to start matching: a small correlation search along the line that height errors follow, coarse then fine.
+"""Start values for matching: a correlation search along the base of the pair, coarse to fine.
 
-Strategy. A wrong height moves the homologous point along the base of the pair, so that is where it is looked for: on orthoimages of
-half the size all shifts along the base up to the reach and one pixel to either side, then the neighbours of the best at full
-size. The surface model has the benefit of the doubt: another shift is preferred to none only when it correlates clearly better.
-Searching back from the place found must return to the point.
+Strategy. A wrong height moves the homologous point along the base of the pair, so the search is restricted to that line: on
+orthoimages of half size all shifts along the base up to the reach and one pixel to either side, then the neighbours of the best at
+full size. The surface model has the benefit of the doubt: a shift is accepted only if it correlates clearly better than no shift.
+The reverse search from the place found must return to the point.
 
-Source: normalised correlation and back-matching: Karfis 2009, 4.3.1 and 4.4; methods/measured.md (limit across the base).
+Source: normalised correlation and reverse matching: Karfis 2009, 4.3.1 and 4.4; methods/measured.md (limit across the base).
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -16,19 +17,23 @@ from numba import njit
 
 from orthomill.schemas.settings import Settings, setting
 
+# workers are processes: OpenCV's own threads would compete with them for the same cores
 cv2.setNumThreads(1)
 
 _NONE = -2.0
+"""correlation where none can be computed: below every coefficient"""
+_LEAST_POWER = 1.0
+"""product of the centred sums of squares: windows below it are flat, and rounding would decide their correlation"""
 
 
 class ShiftSearch(Settings):
-    """How far homologous points of two orthoimages may lie apart."""
+    """The search for homologous points of two orthoimages."""
 
-    reach: int = setting(10, "Greatest shift along the base that is looked for.", "orthoimage pixels", ge=2, le=40)
+    reach: int = setting(10, "Greatest shift along the base that is searched.", "orthoimage pixels", ge=2, le=40)
     window: int = setting(13, "Side of the correlation window on orthoimages of half the size.", "px", ge=5, le=31)
     gain: float = setting(0.05, "How much better than no shift another shift must correlate.", ge=0, le=1)
     across: float = setting(2.0, "Greatest shift across the base; larger ones are wrong matches.", "orthoimage pixels", gt=0)
-    back: float = setting(1.5, "Greatest distance from the point when searching back.", "orthoimage pixels", gt=0)
+    back: float = setting(1.5, "Greatest distance from the point at which the reverse search may end.", "orthoimage pixels", gt=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +44,18 @@ class HalfSize:
     """float32, 0 without data"""
     total: np.ndarray
     squares: np.ndarray
-    """float64: sums of the window around each pixel, NaN where it leaves the image or touches no data"""
+    """float64: sums of the window around each pixel, NaN where it extends beyond the image or contains no data"""
+
+
+class _Halves(NamedTuple):
+    """Both orthoimages at half size for kernels, arrays (rows, cols) as in HalfSize."""
+
+    left: np.ndarray
+    right: np.ndarray
+    left_total: np.ndarray
+    right_total: np.ndarray
+    left_squares: np.ndarray
+    right_squares: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,12 +74,12 @@ class OrthoPair:
 
 def ortho_pair(left: np.ndarray, right: np.ndarray, search: ShiftSearch) -> OrthoPair:
     """Both sizes of a pair of orthoimages (rows, cols) uint8; rows and columns must start at even numbers of the whole image."""
-    halves = [half_size(image, search.window // 2) for image in (left, right)]
-    return OrthoPair(left.astype(np.float32), right.astype(np.float32), *halves)
+    left_half, right_half = (half_size(image, search.window // 2) for image in (left, right))
+    return OrthoPair(left.astype(np.float32), right.astype(np.float32), left_half, right_half)
 
 
 def half_size(image: np.ndarray, half: int) -> HalfSize:
-    """Means of 2 x 2 pixels, no data where one of them has none, and sums over windows of 2 half + 1 pixels.
+    """Means of 2 x 2 pixels, no data where one of the four has none, and sums over windows of 2 half + 1 pixels.
 
     All values are multiples of a quarter, so their sums are exact: no window depends on the tile that it is computed in.
     """
@@ -71,6 +87,7 @@ def half_size(image: np.ndarray, half: int) -> HalfSize:
     quarters = [image[r : 2 * rows : 2, c : 2 * cols : 2] for r in (0, 1) for c in (0, 1)]
     mean = sum(quarter.astype(np.float64) for quarter in quarters) / 4.0
     grey = np.where(np.minimum.reduce(quarters) > 0, mean, 0.0)
+    # a window with a single pixel without data would correlate its shape instead of the ground
     incomplete = cv2.dilate((grey == 0).astype(np.uint8), np.ones((2 * half + 1, 2 * half + 1), np.uint8)) > 0
     sums = [window_sums(values, half) for values in (grey, grey**2)]
     for values in sums:
@@ -79,7 +96,7 @@ def half_size(image: np.ndarray, half: int) -> HalfSize:
 
 
 def window_sums(values: np.ndarray, half: int) -> np.ndarray:
-    """Sums (rows, cols) float64 over the window of 2 half + 1 pixels around each; NaN where it leaves the array."""
+    """Sums (rows, cols) float64 over the window of 2 half + 1 pixels around each; NaN where it extends beyond the array."""
     side = 2 * half + 1
     if min(values.shape) < side:
         return np.full(values.shape, np.nan)
@@ -89,24 +106,24 @@ def window_sums(values: np.ndarray, half: int) -> np.ndarray:
 
 
 def shifts(pair: OrthoPair, points: np.ndarray, direction: np.ndarray, search: ShiftSearch, gain: float) -> np.ndarray:
-    """Whole-pixel shifts (N, 2) (col, row) int32 from points (N, 2) of the left to the right image.
+    """Integer pixel shifts (N, 2) (col, row) int32 from points (N, 2) of the left to the right image.
 
     direction (2,): unit vector (col, row) along which height errors move points. gain: how much better than no shift another must
-    correlate; with 0 the answer is refined at full size even where no shift is best.
+    correlate; with 0 the result is refined at full size even where no shift is best.
     """
     out = np.zeros((len(points), 2), np.int32)
     a, b = pair.left_half, pair.right_half
-    halves = a.grey, a.total, a.squares, b.grey, b.total, b.squares
+    halves = _Halves(a.grey, b.grey, a.total, b.total, a.squares, b.squares)
     steps = _steps(direction, search.reach)
-    _search(pair.left, pair.right, halves, points.astype(np.int64), steps, (search.window // 2, gain), out)
+    _search(pair.left, pair.right, halves, points.astype(np.int64), steps, search.window // 2, gain, out)
     return out
 
 
 def distance_back(pair: OrthoPair, points: np.ndarray, there: np.ndarray, direction: np.ndarray, search: ShiftSearch) -> np.ndarray:
-    """How far (N,) px from points (N, 2) the search back from their matches `there` (N, 2) ends; NaN for NaN.
+    """Distance (N,) px from points (N, 2) at which the reverse search from their matches `there` (N, 2) ends; NaN for NaN.
 
-    Where the match lies so near the point that no shift back is a return, no shift has the benefit of the doubt; elsewhere that
-    would hide a wrong match.
+    Where the match lies so close to the point that no shift is already a return, no shift has the benefit of the doubt; elsewhere
+    that would hide a wrong match.
     """
     whole = np.rint(np.where(np.isfinite(there), there, points)).astype(np.int64)
     far = ~(np.hypot(*(there - points).T) <= search.back)
@@ -118,6 +135,8 @@ def distance_back(pair: OrthoPair, points: np.ndarray, there: np.ndarray, direct
 
 def _steps(direction: np.ndarray, reach: int) -> np.ndarray:
     """Shifts (M, 2) of half-size pixels along the base and one to either side, nearest first."""
+    # nearest first: of shifts that correlate equally well on repetitive texture the smallest is kept, and the first is none
+    # one pixel to either side: residual y-parallaxes of the orientation, and the rounding of an oblique line to pixels
     normal = np.array([-direction[1], direction[0]])
     along = [k * direction + m * normal for k in range(-(reach // 2) - 1, reach // 2 + 2) for m in (-1, 0, 1)]
     steps = np.unique(np.rint(along).astype(np.int64), axis=0)
@@ -126,7 +145,8 @@ def _steps(direction: np.ndarray, reach: int) -> np.ndarray:
 
 @njit(cache=True, forceinline=True, fastmath={"reassoc", "contract", "nsz", "arcp"})
 def _product(a, b, ar, ac, br, bc, half):
-    """Sum of products of two windows about the grey value 128."""
+    """Sum of products of two windows relative to the grey value 128."""
+    # relative to the middle grey value: float32 sums of raw products would lose the digits that the covariance needs
     total = np.float32(0.0)
     for i in range(-half, half + 1):
         for j in range(-half, half + 1):
@@ -138,14 +158,14 @@ def _product(a, b, ar, ac, br, bc, half):
 def _coefficient(product, sa, saa, sb, sbb, n):
     """Normalised correlation from sums over n pixels; NaN sums and flat windows give -2."""
     power = (saa - sa * sa / n) * (sbb - sb * sb / n)
-    if not power > 1.0:
+    if not power > _LEAST_POWER:
         return _NONE
     return (product - (sa - 128.0 * n) * (sb - 128.0 * n) / n) / np.sqrt(power)
 
 
 @njit(cache=True)
 def _window_sums(image, row, col, half):
-    """Sum and sum of squares of the window; NaN where it leaves the image or touches no data."""
+    """Sum and sum of squares of the window; NaN where it extends beyond the image or contains no data."""
     total = squares = 0.0
     if row < half or col < half or row >= image.shape[0] - half or col >= image.shape[1] - half:
         return np.nan, np.nan
@@ -162,20 +182,24 @@ def _window_sums(image, row, col, half):
 @njit(cache=True, forceinline=True)
 def _coarse(halves, row, col, steps, half, gain):
     """Number of the step that correlates best at half size; 0 is no shift."""
-    a, at, asq, b, bt, bsq = halves
+    a, b = halves.left, halves.right
     n = (2 * half + 1) ** 2
     best, step = _NONE, 0
-    if row >= a.shape[0] or col >= a.shape[1] or not np.isfinite(at[row, col]):
+    if row >= a.shape[0] or col >= a.shape[1] or not np.isfinite(halves.left_total[row, col]):
         return 0
     for k in range(steps.shape[0]):
         r, c = row + steps[k, 1], col + steps[k, 0]
-        if r < half or c < half or r >= b.shape[0] - half or c >= b.shape[1] - half or not np.isfinite(bt[r, c]):
+        if r < half or c < half or r >= b.shape[0] - half or c >= b.shape[1] - half or not np.isfinite(halves.right_total[r, c]):
             continue
-        found = _coefficient(_product(a, b, row, col, r, c, half), at[row, col], asq[row, col], bt[r, c], bsq[r, c], n)
+        product = _product(a, b, row, col, r, c, half)
+        sa, saa = halves.left_total[row, col], halves.left_squares[row, col]
+        found = _coefficient(product, sa, saa, halves.right_total[r, c], halves.right_squares[r, c], n)
+        # the surface under test is right until the images clearly say otherwise
         if k == 0:
             found += gain
         if found > best:
             best, step = found, k
+        # no shift with its gain cannot be beaten: a coefficient is at most 1
         if best >= 1.0:
             break
     return step
@@ -184,6 +208,7 @@ def _coarse(halves, row, col, steps, half, gain):
 @njit(cache=True, forceinline=True)
 def _fine(left, right, col, row, first, half):
     """The shift next to `first` (2,) that correlates best at full size; `first` where none can be computed."""
+    # at full size only the eight neighbours: half size leaves an uncertainty of one pixel
     n = (2 * half + 1) ** 2
     best, dc, dr = _NONE, first[0], first[1]
     sa, saa = _window_sums(left, row, col, half)
@@ -201,12 +226,13 @@ def _fine(left, right, col, row, first, half):
 
 
 @njit(cache=True)
-def _search(left, right, halves, points, steps, numbers, out):
-    half, gain = numbers
+def _search(left, right, halves, points, steps, half, gain, out):
+    """Fills shifts (N, 2) px of points (N, 2); steps (M, 2) of half-size pixels, the first none."""
     for i in range(points.shape[0]):
         col, row = points[i, 0], points[i, 1]
         if col < 0 or row < 0:
             continue
         step = _coarse(halves, row // 2, col // 2, steps, half, gain)
+        # without a shift at half size the start stays exactly on the node, and least-squares matching begins with the identity
         if step > 0 or gain == 0.0:
             out[i, 0], out[i, 1] = _fine(left, right, col, row, 2 * steps[step], half)

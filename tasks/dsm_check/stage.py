@@ -1,8 +1,8 @@
 """The check of the surface without reference data, tile by tile.
 
-First the pairs that check it are chosen. For every pair and tile come two orthoimages from the surface under test, then the nodes
-where they are compared. A tile of the answer needs the nodes around it of every pair that sees it; coarse blocks and counts of all
-tiles make the report.
+First the pairs that check it are selected. Every pair and tile gets two orthoimages made with the surface under test, then the
+nodes at which they are compared. A tile of the result needs the nodes around it of every pair that shows it; the report is made of
+the coarse blocks and counts of all tiles.
 """
 
 from collections.abc import Iterator
@@ -41,7 +41,7 @@ from orthomill.tasks.geometry.footprint import photo_window
 from orthomill.tasks.geometry.view import block_view
 
 INPUT = "dsm_check/input"
-"""float32 m: the surface under test, wherever it comes from"""
+"""float32 m: the surface under test, whatever its source"""
 COARSE = "dsm_check/coarse"
 """float32 (rows, cols, 3): share checked, mean correction and mean sigma (m) in blocks of cells"""
 
@@ -53,18 +53,20 @@ class DensifiedSurface(Settings):
 
 
 class SurfaceFile(Settings):
-    """A surface model from elsewhere; it is brought to the grid of the project's own surface where there is one."""
+    """A surface model from a file; it is resampled to the grid of the project's own surface if there is one."""
 
     kind: Literal["file"]
     path: str = setting(..., "GeoTIFF with heights, relative to the project's root.")
 
+
+Reads = dict[str, Region | tuple[Region, ...]]
 
 CheckedSurface = Annotated[DensifiedSurface | SurfaceFile, Field(discriminator="kind")]
 
 
 @dataclass(frozen=True)
 class _Plan:
-    """What planning knows once the tables exist."""
+    """The tables that planning needs."""
 
     block: Block
     photos: Photos
@@ -78,7 +80,7 @@ class _Plan:
 
 
 class DsmCheckStage(Stage):
-    """Two orthoimages from the surface must agree; where they do not, the shift tells how wrong the height is."""
+    """Two orthoimages made with the surface must agree; where they do not, their shift gives the error of the height."""
 
     title: ClassVar[str] = "Surface model check"
 
@@ -95,7 +97,7 @@ class DsmCheckStage(Stage):
     apply: Literal["all", "significant", "none"] = setting(
         "significant", "Which corrections are added to the surface; below their own standard error they would add noise."
     )
-    significance: float = setting(3.0, "A correction of so many of its standard errors is significant.", "sigma", ge=1, le=10)
+    significance: float = setting(3.0, "A correction of this many of its standard errors is significant.", "sigma", ge=1, le=10)
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         size = view.project.tile
@@ -108,6 +110,7 @@ class DsmCheckStage(Stage):
             {"checked": CHECKED_PAIRS},
             {"tile": size, "count": self.pairs, "pixels_per_cell": self.pixels_per_cell},
         )
+        # The grid of a file is known only after its header was read: planning continues when that job is done.
         surface = view.table(CHECKED_SURFACE)
         yield from self._input(view, surface.grid, size)
         plan = _Plan(view.table(BLOCK), view.table(PHOTOS), surface, view.table(CHECKED_PAIRS), size)
@@ -117,16 +120,16 @@ class DsmCheckStage(Stage):
         yield from self._answer(view, plan)
 
     def _surface(self, view: ProjectView) -> Job:
-        writes = {"surface": CHECKED_SURFACE}
+        writes: dict[str, Raster | Table] = {"surface": CHECKED_SURFACE}
         if self.surface.kind == "densification":
             return Job(self.kind, "surface", measured_surface, {"surface": SURFACE}, writes)
-        reads: dict[str, Region] = {"grid": MapHeader(self.surface.path, view.project.crs), "block": BLOCK}
+        reads: Reads = {"grid": MapHeader(self.surface.path, view.project.crs), "block": BLOCK}
         if view.has_stage("densification"):
             reads["surface"] = SURFACE
         return Job(self.kind, "surface", foreign_surface, reads, writes)
 
     def _input(self, view: ProjectView, grid: MapGrid, size: int) -> Iterator[RasterSpec | Job]:
-        """Whatever the source, these jobs fill the raster under test."""
+        """The jobs that fill the raster under test, whatever its source."""
         yield map_raster(INPUT, grid, "float32", view.project.crs, size, nodata=float("nan"), unit="m")
         for tile in tiles_of(grid.shape, size):
             yield Job(
@@ -146,6 +149,7 @@ class DsmCheckStage(Stage):
 
     def _orthoimages(self, view: ProjectView, plan: _Plan, pair: CheckedPair) -> Iterator[RasterSpec | Job]:
         factor, window, grid = plan.pairs.pixels_per_cell, pair.window, plan.grid
+        # a raster per pair on the window of the pair: whole-surface rasters for every pair would be mostly empty
         own = MapGrid(
             west=grid.west + window.col * grid.cell,
             north=grid.north - window.row * grid.cell,
@@ -161,11 +165,13 @@ class DsmCheckStage(Stage):
 
     def _orthoimage(self, plan: _Plan, pair: CheckedPair, side: str, photo: str, tile: Tile) -> Job:
         window = _shifted(tile.window, pair.window.row, pair.window.col)
+        # one cell more: the bilinear heights of the outermost pixels use the neighbouring cells
         heights = window.grown(1).clipped(plan.grid.shape)
         seen = photo_window(block_view(plan.block, photo), plan.grid, window, plan.surface.height_low, plan.surface.height_high)
-        reads = {"heights": Raster(INPUT, heights)}
+        reads: Reads = {"heights": Raster(INPUT, heights)}
         if not seen.empty:
             reads["pixels"] = Raster(photo_raster(photo), seen)
+            # 16-bit photographs get the stretch that their epipolar images have, so both stages match the same grey values
             if plan.photos[photo].dtype != "uint8":
                 reads["stretch"] = grey_table(photo)
         factor = plan.pairs.pixels_per_cell
@@ -196,6 +202,7 @@ class DsmCheckStage(Stage):
 
     def _node_tile(self, plan: _Plan, pair: CheckedPair, tile: Tile) -> Job:
         factor = plan.pairs.pixels_per_cell
+        # an even number of cells, so that pixels of half size are the same in every tile
         seen = tile.window.grown(-(-self.matching.halo // (2 * factor)) * 2).clipped(pair.window.shape)
         what = NodeTile(
             plan.block.of(pair.left),
@@ -206,7 +213,7 @@ class DsmCheckStage(Stage):
             factor,
             self.step,
         )
-        reads = {
+        reads: Reads = {
             "left": Raster(ortho_raster(pair.name, "left"), seen.scaled(factor)),
             "right": Raster(ortho_raster(pair.name, "right"), seen.scaled(factor)),
             "heights": Raster(INPUT, what.seen),
@@ -248,11 +255,14 @@ class DsmCheckStage(Stage):
         yield Export(self.kind, "product", "products/dsm_check.tif", "cog", {"dh": DH, "height": CORRECTED, "sigma": PRECISION})
 
     def _answer_tile(self, plan: _Plan, tile: Tile, size: int) -> Job:
+        # A corrected point lies off its node by the shift in either orthoimage, in the worst case by twice the reach of the search.
         factor = plan.pairs.pixels_per_cell
         nodes = CorrectionNodes(self.step, factor, self.radius * self.step, 2 * self.matching.search.reach / factor)
-        reads, windows = [], []
+        reads: list[Region] = []
+        windows: list[NodeWindow] = []
         for pair in plan.pairs.pairs:
             window, read = self._nodes_near(plan, pair, tile.window, nodes.halo)
+            # a pair beside the tile is left out: an empty window is no region that could be read
             if not window.given.empty:
                 windows.append(window)
                 reads.append(read)
@@ -288,7 +298,7 @@ class DsmCheckStage(Stage):
 
 
 def ortho_raster(pair: str, side: str) -> str:
-    """uint8 (rows, cols) grey, 0 without data; on the cells of the pair's window, or their halves."""
+    """uint8 (rows, cols) grey, 0 without data; one or two pixels along a cell of the pair's window."""
     return f"dsm_check/ortho/{pair}/{side}"
 
 
@@ -302,7 +312,7 @@ def _counts_table(tile: Tile) -> Table[TileCounts]:
 
 
 def _coarser(window: Window, size: int) -> Window:
-    """The blocks of `size` cells of a window that begins on a tile's edge."""
+    """The blocks of `size` cells of a window that begins at a multiple of `size`."""
     return Window(window.row // size, window.col // size, -(-window.height // size), -(-window.width // size))
 
 

@@ -1,7 +1,7 @@
-"""What the check says in numbers: counts and histograms per tile, which add up to the statistics of the whole.
+"""The check in numbers: counts and histograms per tile that add up to the statistics of the whole surface.
 
-Strategy. Medians cannot be added, histograms can: corrections are counted in bins of a two-hundredth of what one pixel of shift
-stands for, so that median and NMAD of any number of tiles are known to that bin.
+Strategy. Medians cannot be added, histograms can: corrections are counted in bins of a two-hundredth of the height that one pixel
+of shift stands for, so that median and NMAD of any number of tiles are known to within a bin.
 """
 
 from dataclasses import dataclass
@@ -15,10 +15,11 @@ from orthomill.tasks.dsm_check.nodes import DH, OUTCOME, SIGMA
 
 BINS_PER_PIXEL = 200
 _LAST_BIN = 100 * BINS_PER_PIXEL
+"""Corrections of more than a hundred pixels share the outermost bins: no search reaches that far."""
 
 
 class Counts(BaseModel):
-    """Sums over corrections: number, sum and sum of squares (m), how many lie within 1 and 3 of their sigma, filled bins."""
+    """Sums over corrections: number, sum and sum of squares (m), number within 1 and 3 of their sigma, occupied bins."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -30,17 +31,17 @@ class Counts(BaseModel):
     bins: tuple[int, ...] = ()
     """numbers of the bins that are not empty"""
     filled: tuple[int, ...] = ()
-    """how many corrections each of them holds"""
+    """number of corrections in each of them"""
 
 
 class PairCounts(BaseModel):
-    """The nodes of one pair in one tile: what became of them, and the corrections that passed."""
+    """The nodes of one pair in one tile: their outcomes, and the accepted corrections."""
 
     model_config = ConfigDict(frozen=True)
 
     pair: str
     outcomes: tuple[int, ...]
-    """by number of `Outcome`"""
+    """by code of `Outcome`"""
     dh: Counts
 
 
@@ -54,7 +55,7 @@ class TileCounts(BaseModel):
     checked: int
     """cells with a height and a correction"""
     changed: int
-    """cells whose height the check changed"""
+    """cells whose height was changed"""
     dh: Counts
     pairs: tuple[PairCounts, ...]
 
@@ -70,11 +71,12 @@ class Summary:
     nmad: float
     within_1: float
     within_3: float
-    """share of all, 0 to 1"""
+    """shares of all, 0 to 1"""
 
 
 def count(dh: np.ndarray, sigma: np.ndarray, pixel_height: float) -> Counts:
-    """Counts of corrections (any shape) m with their sigma; NaN is left out."""
+    """Counts of corrections dh (any shape) m with their sigma; NaN is left out."""
+    # float64 before summing: the sum of float32 squares of a million cells loses the small ones
     known = np.isfinite(dh)
     dh, sigma = dh[known].astype(np.float64), sigma[known]
     bins, filled = np.unique(np.clip(np.rint(dh / bin_width(pixel_height)), -_LAST_BIN, _LAST_BIN).astype(int), return_counts=True)
@@ -90,12 +92,13 @@ def count(dh: np.ndarray, sigma: np.ndarray, pixel_height: float) -> Counts:
 
 
 def bin_width(pixel_height: float) -> float:
-    """m"""
+    """Width of a bin, m."""
     return pixel_height / BINS_PER_PIXEL
 
 
 def count_pair(name: str, nodes: np.ndarray, pixel_height: float) -> PairCounts:
     """Counts of the nodes (rows, cols, bands) of one pair."""
+    # NaN is what the store holds of nodes that no job wrote: NOT_TRIED
     codes = np.nan_to_num(nodes[..., OUTCOME]).astype(int).ravel()
     return PairCounts(
         pair=name,
@@ -108,6 +111,7 @@ def count_tile(
     heights: np.ndarray, correction: CorrectionMap, share: np.ndarray, pairs: tuple[PairCounts, ...], pixel_height: float
 ) -> TileCounts:
     """Counts of one tile; arrays are (rows, cols)."""
+    # corrections reach beyond the surface; where it has no height there is nothing to check
     known = np.isfinite(heights)
     dh = np.where(known, correction.dh, np.nan)
     return TileCounts(
@@ -138,18 +142,20 @@ def added(parts: list[Counts]) -> Counts:
 
 def summarised(counts: Counts, pixel_height: float) -> Summary:
     """Mean, standard deviation, median, NMAD and shares of counted corrections."""
-    n = counts.number
+    n, nan = counts.number, float("nan")
     if not n:
-        return Summary(0, *[float("nan")] * 6)
+        return Summary(0, nan, nan, nan, nan, nan, nan)
     values, filled = np.array(counts.bins) * bin_width(pixel_height), np.array(counts.filled)
     middle = _weighted_median(values, filled)
     nmad = 1.4826 * _weighted_median(np.abs(values - middle), filled)
+    # mean and std from exact sums; only median and NMAD depend on the bins
     mean = counts.total / n
     std = float(np.sqrt(max(counts.squares / n - mean**2, 0)))
     return Summary(n, mean, std, middle, nmad, counts.within_1 / n, counts.within_3 / n)
 
 
 def _weighted_median(values: np.ndarray, filled: np.ndarray) -> float:
+    # stable: bins of equal distance from the median keep their order, so every merge of tiles gives the same bits
     order = np.argsort(values, kind="stable")
     upto = np.cumsum(filled[order])
     return float(values[order][np.searchsorted(upto, upto[-1] / 2)])

@@ -1,13 +1,14 @@
 """One tile of an orthoimage of one photograph, from the surface model under test.
 
-Strategy. Every pixel takes its height from the model (bilinear between cell centres), is projected into the photograph and looked
-up there. Nothing is hidden: where the model is wrong, or where something stands in front, the image shows it, and that is what the
-check looks for. Where the model has no height the orthoimage has no data (0).
+Strategy. Every pixel takes its height from the model (bilinear between cell centres), is projected into the photograph and
+interpolated there. Occlusions are not removed: where the model is wrong, or where an object stands in front, the image shows it,
+and that is what the check compares. Where the model has no height the orthoimage has no data (0).
 
 Source: methods/matching_and_dsm_check.md, 1.7, step 1.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -25,7 +26,7 @@ EIGHT_BITS = GreyRange()
 
 @dataclass(frozen=True)
 class OrthoTile:
-    """Which part of which orthoimage. Windows lie on the grid of the surface model."""
+    """A tile of an orthoimage. Windows lie on the grid of the surface model."""
 
     orientation: ExteriorOrientation
     camera: Camera
@@ -34,7 +35,7 @@ class OrthoTile:
     window: Window
     """the cells of this tile"""
     heights: Window
-    """the cells whose heights are given: the window and its neighbours"""
+    """the cells whose heights are given: the window and its neighbouring cells"""
     pixels_per_cell: int
     photo: Window
     """the window of the photograph"""
@@ -46,23 +47,51 @@ def ortho_tile(
     """Grey orthoimage of a tile, uint8 (window.height * pixels_per_cell, ...): 1 to 255, 0 without height or photograph.
 
     heights: (tile.heights.shape) m, NaN where there is none. pixels: (rows, cols, bands), the window `tile.photo`; None where the
-    photograph does not see the tile.
+    photograph does not show the tile.
     """
+    # 0 is no data, so tiles that the photograph does not show need nothing but this
     factor = tile.pixels_per_cell
     out = np.zeros((tile.window.height * factor, tile.window.width * factor), np.uint8)
     if pixels is not None:
-        numbers = view_of(tile.orientation, tile.camera).numbers
-        scale = np.array([stretch.low, 255.0 / (stretch.high - stretch.low)])
-        own, given, photo = tile.window, tile.heights, tile.photo
-        place = np.array([own.row, own.col, given.row, given.col, factor, photo.row, photo.col])
-        ground = np.array([tile.grid.west, tile.grid.north, tile.grid.cell])
-        _resample(heights.astype(np.float32), grey(pixels), scale, numbers, place, ground, out)
+        view = view_of(tile.orientation, tile.camera).numbers
+        scale = _Stretch(stretch.low, 255.0 / (stretch.high - stretch.low))
+        _resample(heights.astype(np.float32), grey(pixels), scale, view, _frame(tile), out)
     return out
+
+
+class _Stretch(NamedTuple):
+    """grey value of the orthoimage = (value - low) * gain"""
+
+    low: float
+    gain: float
+
+
+class _Frame(NamedTuple):
+    """First row and column of the tile and of its heights in the surface, and of the pixels in the photograph; pixels along a cell;
+    upper left corner and cell of the surface's grid, m."""
+
+    row: int
+    col: int
+    heights_row: int
+    heights_col: int
+    photo_row: int
+    photo_col: int
+    factor: int
+    west: float
+    north: float
+    cell: float
+
+
+def _frame(tile: OrthoTile) -> _Frame:
+    own, given, photo, grid = tile.window, tile.heights, tile.photo, tile.grid
+    first = own.row, own.col, given.row, given.col, photo.row, photo.col
+    return _Frame(*first, tile.pixels_per_cell, grid.west, grid.north, grid.cell)
 
 
 @njit(cache=True, inline="always")
 def height_at(heights, row, col):
-    """Height between cell centres, bilinear; NaN where a cell that takes part has none, or outside."""
+    """Height between cell centres, bilinear; NaN where a contributing cell has none, or outside."""
+    # A neighbour of weight zero does not contribute: on a cell centre beside a gap the height is known.
     r, c = int(np.floor(row)), int(np.floor(col))
     fr, fc = row - r, col - c
     r1, c1 = (r + 1 if fr > 0.0 else r), (c + 1 if fc > 0.0 else c)
@@ -74,22 +103,23 @@ def height_at(heights, row, col):
 
 
 @njit(cache=True)
-def _resample(heights, image, scale, n, place, ground, out):
-    """`n` is `View.numbers`; place: row and column of tile and heights, pixels per cell, row and column of the photo window."""
-    factor = place[4]
+def _resample(heights, image, stretch, view, frame, out):
+    """`view` is `View.numbers`."""
     for i in range(out.shape[0]):
-        cell_row = place[0] + (i + 0.5) / factor - 0.5
-        y = ground[1] - (cell_row + 0.5) * ground[2]
+        # the first of `factor` pixels lies half a cell minus half a pixel before the centre of its cell
+        cell_row = frame.row + (i + 0.5) / frame.factor - 0.5
+        y = frame.north - (cell_row + 0.5) * frame.cell
         for j in range(out.shape[1]):
-            cell_col = place[1] + (j + 0.5) / factor - 0.5
-            z = height_at(heights, cell_row - place[2], cell_col - place[3])
+            cell_col = frame.col + (j + 0.5) / frame.factor - 0.5
+            z = height_at(heights, cell_row - frame.heights_row, cell_col - frame.heights_col)
             if not np.isfinite(z):
                 continue
-            col, row, _ = project_point(n, ground[0] + (cell_col + 0.5) * ground[2], y, z)
-            if not (0.0 <= col <= n[20] - 1.0 and 0.0 <= row <= n[21] - 1.0):
+            col, row, _ = project_point(view, frame.west + (cell_col + 0.5) * frame.cell, y, z)
+            if not (0.0 <= col <= view.width - 1.0 and 0.0 <= row <= view.height - 1.0):
                 continue
-            row, col = row - place[5], col - place[6]
+            row, col = row - frame.photo_row, col - frame.photo_col
+            # heights beyond the bounds of the surface project outside the window that was read; they stay without data
             if row < -0.5 or col < -0.5 or row > image.shape[0] - 0.5 or col > image.shape[1] - 0.5:
                 continue
-            value = (bicubic_at(image, row, col) - scale[0]) * scale[1]
+            value = (bicubic_at(image, row, col) - stretch.low) * stretch.gain
             out[i, j] = np.uint8(min(max(value + 0.5, 1.0), 255.0))

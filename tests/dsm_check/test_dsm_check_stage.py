@@ -196,7 +196,7 @@ def test_greedy_cover():
 
 def test_a_surface_from_elsewhere_is_refused():
     far = Surface(grid=GRID.model_copy(update={"west": GRID.west + 50_000}), height_low=20, height_high=85)
-    with pytest.raises(GeometryError, match="No pair of photographs sees the surface model"):
+    with pytest.raises(GeometryError, match="No pair of photographs shows the surface model"):
         choose_checked_pairs(choose_pairs(block(), PairChoice(), 0.08), block(), far, 128, None, None)
 
 
