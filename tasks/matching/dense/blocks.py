@@ -28,7 +28,8 @@ from scipy import ndimage
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import Window
 from orthomill.schemas.settings import Settings, setting
-from orthomill.tasks.matching.dense.epipolar_least_squares import EpipolarLimits, NodeParallaxes, StartSurface, match_nodes
+from orthomill.tasks.matching.dense.epipolar_least_squares import EpipolarLimits, NodeParallaxes, match_nodes
+from orthomill.tasks.matching.dense.node_surfaces import StartSurface
 from orthomill.tasks.matching.dense.semi_global import SemiGlobal, remove_specks, semi_global
 from orthomill.tasks.matching.least_squares.grey_values import cubic_weights
 from orthomill.tasks.matching.least_squares.matching import PreparedImage, match_points
@@ -155,21 +156,24 @@ def match_block(left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, 
     nodes are at the left pixels HALO + i * step.
     """
     grey_left, grey_right = smoothed(with_gaps(left), settings.smoothing), smoothed(with_gaps(right), settings.smoothing)
-    shape = tuple(-(-(side - 2 * HALO) // settings.step) for side in left.shape)
     start = start_surface(grey_left, grey_right, parallaxes, settings)
     if start is None:
-        return BlockMatch(_empty(shape, grey_left[HALO : -HALO : settings.step, HALO : -HALO : settings.step]), float("nan"))
+        return BlockMatch(_nothing_found(grey_left[HALO : -HALO : settings.step, HALO : -HALO : settings.step]), float("nan"))
     y_parallax = residual_y_parallax(grey_left, grey_right, start, parallaxes.high)
     if np.isfinite(y_parallax):
         grey_right = moved_rows(grey_right, np.float32(y_parallax))
-    ring = settings.step
-    rows, cols = (HALO - ring + settings.step * np.arange(n + 2) for n in shape)
-    nodes = consistent(match_nodes(grey_left, grey_right, start, rows, cols, parallaxes.high, settings.limits), settings)
+    nodes = _fine_nodes(grey_left, grey_right, start, parallaxes.high, settings)
     wanted = barren(nodes, settings)
     if wanted.any():
-        coarse = coarse_nodes(grey_left, grey_right, parallaxes, shape, settings)
-        nodes = _completed(nodes, coarse, wanted)
+        nodes = _completed(nodes, coarse_nodes(grey_left, grey_right, parallaxes, wanted.shape, settings), wanted)
     return BlockMatch(nodes, y_parallax)
+
+
+def _fine_nodes(left: np.ndarray, right: np.ndarray, start: StartSurface, shift: int, settings: DenseMatching) -> NodeParallaxes:
+    """The nodes of the core, matched with a ring of one node around them that only testifies for its neighbours."""
+    counts = (-(-(side - 2 * HALO) // settings.step) for side in left.shape)
+    rows, cols = (HALO - settings.step + settings.step * np.arange(count + 2) for count in counts)
+    return consistent(match_nodes(left, right, start, rows, cols, shift, settings.limits), settings)
 
 
 def barren(nodes: NodeParallaxes, settings: DenseMatching) -> np.ndarray:
@@ -183,7 +187,7 @@ def barren(nodes: NodeParallaxes, settings: DenseMatching) -> np.ndarray:
 
 
 def coarse_nodes(
-    left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, shape: tuple[int, int], settings: DenseMatching
+    left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, shape: tuple[int, ...], settings: DenseMatching
 ) -> NodeParallaxes:
     """The nodes of a block as the coarse level sees them: its nearest pixel's parallax, never better than `coarse_sigma`."""
     level, factor = settings.coarse_level, 2**settings.coarse_level
@@ -195,26 +199,16 @@ def coarse_nodes(
     found = consistent(found, settings)
     remove_specks(found.parallax, np.float32(settings.neighbour_tolerance), settings.start.speckle)
     nearest = np.ix_(*(settings.step * np.arange(n) // factor for n in shape))
-    parallax, correlation = found.parallax[nearest] * np.float32(factor), found.correlation[nearest]
-    sigma = np.maximum(found.sigma[nearest], np.float32(settings.coarse_sigma)) * np.float32(factor)
+    parallax, sigma, correlation, outcome = (table[nearest] for table in found)
+    sigma = np.maximum(sigma, np.float32(settings.coarse_sigma))
     unlike = ~(correlation >= settings.coarse_correlation)
     parallax[unlike], sigma[unlike] = np.nan, np.nan
-    return NodeParallaxes(parallax, sigma, correlation, found.outcome[nearest])
+    return NodeParallaxes(parallax * np.float32(factor), sigma * np.float32(factor), correlation, outcome)
 
 
 def _completed(nodes: NodeParallaxes, coarse: NodeParallaxes, wanted: np.ndarray) -> NodeParallaxes:
-    taken = wanted & np.isfinite(coarse.parallax)
-    return NodeParallaxes(
-        *(
-            np.where(taken, new, old)
-            for old, new in (
-                (nodes.parallax, coarse.parallax),
-                (nodes.sigma, coarse.sigma),
-                (nodes.correlation, coarse.correlation),
-                (nodes.outcome, coarse.outcome),
-            )
-        )
-    )
+    answered = wanted & np.isfinite(coarse.parallax)
+    return NodeParallaxes._make(np.where(answered, new, old) for old, new in zip(nodes, coarse, strict=True))
 
 
 def start_surface(left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, settings: DenseMatching) -> StartSurface | None:
@@ -330,7 +324,6 @@ def placed(array: np.ndarray, window: Window, wanted: Window) -> np.ndarray:
     return out
 
 
-def _empty(shape: tuple[int, int], grey: np.ndarray) -> NodeParallaxes:
-    """Nodes of a block in which nothing was found."""
-    outcome = np.where(np.isnan(grey), Outcome.OUTSIDE, Outcome.NOT_TRIED).astype(np.uint8)
-    return NodeParallaxes(*(np.full(shape, np.nan, np.float32) for _ in range(3)), outcome)
+def _nothing_found(grey: np.ndarray) -> NodeParallaxes:
+    """Nodes of a block without a start surface; grey: (rows, cols) left grey values at the nodes."""
+    return NodeParallaxes.unmatched(np.where(np.isnan(grey), Outcome.OUTSIDE, Outcome.NOT_TRIED).astype(np.uint8))

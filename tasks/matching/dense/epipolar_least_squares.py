@@ -1,38 +1,44 @@
-"""Least-squares matching along epipolar rows: parallax and its two slopes at nodes of the left image, on one surface at a time.
+"""Least-squares matching along epipolar rows: parallax and its two slopes at the nodes of the left image, one surface at a time.
 
 Strategy
 - Rows are homologous, so the unknowns are the parallax and its derivatives along and across the row; resampling is one-dimensional.
-- A start surface (whole-pixel parallaxes of semi-global matching) gives every node its start plane, and its *support*: the pixels
-  of the window that lie on the same surface as the node. At a roof edge the window keeps the roof and drops the ground, so that
-  parallaxes do not smear over the wall. Where it would have to drop more than a little, a smaller window takes its place.
+- Every node starts on the plane of a start surface and uses only the pixels of its window that lie on that surface, its support
+  (node_surfaces.py). Where the support falls below `_WHOLE` of the window, a smaller window replaces it.
 - Where the start surface is empty or breaks within a pixel or two, the surfaces on both sides are tried, and the one whose grey
-  values fit best at the node itself (not in the window as a whole) is kept.
+  values fit best at the node itself (not over the whole window) is kept.
 - Otherwise as in inverse_compositional.py: inverse-compositional, gain and offset eliminated, covariance with correlated residuals.
 
-Source: methods/matching_windows.md 2.1; relative_orientation_and_epipolar.md 1.18; the support is our own.
+Source: methods/matching_windows.md 2.1; relative_orientation_and_epipolar.md 1.18.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from orthomill.schemas.outcome import Outcome
+from orthomill.tasks.matching.dense.node_surfaces import Node, StartSurface, fit_surface, start_parallaxes, surface_window
+from orthomill.tasks.matching.least_squares import result_columns as outcomes
 from orthomill.tasks.matching.least_squares.grey_values import EXACT, cubic_weights
 from orthomill.tasks.matching.least_squares.small_systems import invert
 from orthomill.tasks.matching.least_squares.window_block import dot
 
-_CONVERGED, _LOW_TEXTURE, _OUTSIDE = int(Outcome.CONVERGED), int(Outcome.LOW_TEXTURE), int(Outcome.OUTSIDE)
-_NOT_CONVERGED, _MOVED_TOO_FAR, _SINGULAR = int(Outcome.NOT_CONVERGED), int(Outcome.MOVED_TOO_FAR), int(Outcome.SINGULAR)
-_LOW_CORRELATION, _INCONSISTENT, _NOT_TRIED = int(Outcome.LOW_CORRELATION), int(Outcome.INCONSISTENT), int(Outcome.NOT_TRIED)
+_PARALLAX, _SIGMA, _CORRELATION, _MISFIT, _SIGMA0 = range(5)
+"""Places in the row of numbers that an attempt leaves behind."""
 _CENTRE = 1
 """half the side of the patch at the node in which surfaces compete"""
 _WHOLE = 0.85
-"""share of the window on the node's surface below which the smaller window is taken"""
+"""share of the window on the node's surface below which the smaller window is used"""
+_FEWEST = 6
+"""pixels of support: five unknowns (three of the plane, gain and offset) and one more"""
+_DAMPING = 1.001
+"""Factor of the diagonal of the normal matrix: slopes that the texture hardly determines stay near their start."""
+_MAX_STEP, _MAX_SLOPE_STEP = 1.5, 0.1
+"""limits of the change in one iteration: of the parallax (px) and of its slopes"""
+_FLAT = 1e-6
+"""variance of grey values below which a window counts as constant"""
 
 
-@dataclass(frozen=True)
-class EpipolarLimits:
+class EpipolarLimits(NamedTuple):
     """What the kernel needs of the settings: see `DenseMatching` in blocks.py for meaning and units."""
 
     half: int
@@ -41,115 +47,81 @@ class EpipolarLimits:
     stop: float
     max_shift: float
     surface_tolerance: float
+    """px of the start surface; the kernel receives px of the image"""
     min_support: float
     min_correlation: float
     min_gradient: float
     smoothing: float
 
-    def numbers_for(self, factor: int) -> tuple[float, ...]:
-        """For the kernel, with a start surface whose pixels are `factor` px wide."""
-        return (
-            self.half,
-            self.max_iterations,
-            self.stop,
-            self.max_shift,
-            self.surface_tolerance * factor,
-            self.min_support,
-            self.min_correlation,
-            self.min_gradient,
-            self.edge_half,
-        )
 
-
-@dataclass(frozen=True)
-class NodeParallaxes:
-    """Of a grid of nodes (rows, cols): parallax and sigma (float32, px, NaN where there is none), correlation, outcome (uint8)."""
+class NodeParallaxes(NamedTuple):
+    """Results at a grid of nodes, each (rows, cols)."""
 
     parallax: np.ndarray
+    """float32, px, NaN where not matched"""
     sigma: np.ndarray
+    """float32: standard error, px, NaN where not matched"""
     correlation: np.ndarray
+    """float32, NaN where the window was never resampled"""
     outcome: np.ndarray
+    """uint8 `Outcome`"""
+
+    @classmethod
+    def unmatched(cls, outcome: np.ndarray) -> "NodeParallaxes":
+        """Nodes without any parallax, with their outcomes (rows, cols)."""
+        parallax, sigma, correlation = (np.full(outcome.shape, np.nan, np.float32) for _ in range(3))
+        return cls(parallax, sigma, correlation, outcome)
 
 
-@dataclass(frozen=True)
-class StartSurface:
-    """Parallaxes (H / factor, W / factor) float32 in px of the left image (H, W), NaN where there are none."""
+class RowPair(NamedTuple):
+    """Two epipolar images, float32, NaN without data: the right column of left column c at parallax q is c + shift - q."""
 
-    parallax: np.ndarray
-    factor: int
-
-
-@njit(cache=True)
-def _surface_window(start, factor, row, col, half, window):
-    """Start parallaxes of the pixels of a window (n,), NaN where there are none."""
-    i = 0
-    for r in range(row - half, row + half + 1):
-        for c in range(col - half, col + half + 1):
-            y, x = r // factor, c // factor
-            window[i] = start[y, x] if 0 <= y < start.shape[0] and 0 <= x < start.shape[1] else np.float32(np.nan)
-            i += 1
+    left: np.ndarray
+    right: np.ndarray
+    shift: int
 
 
-@njit(cache=True)
-def _plane(window, half, level, reach, guess, plane, sums):
-    """Plane (value, slope x, slope y) through the pixels within `reach` of `guess` (3,); False when there are too few."""
-    sums[:] = 0.0
-    i = 0
-    for y in range(-half, half + 1):
-        for x in range(-half, half + 1):
-            value = window[i] - level
-            if abs(value - guess[0] - guess[1] * x - guess[2] * y) <= reach:
-                sums[0] += 1
-                sums[1] += x
-                sums[2] += y
-                sums[3] += x * x
-                sums[4] += x * y
-                sums[5] += y * y
-                sums[6] += value
-                sums[7] += value * x
-                sums[8] += value * y
-            i += 1
-    n = sums[0]
-    if n < 6:
-        return False
-    mx, my, mv = sums[1] / n, sums[2] / n, sums[6] / n
-    cxx, cxy, cyy = sums[3] - n * mx * mx + 0.05 * n, sums[4] - n * mx * my, sums[5] - n * my * my + 0.05 * n
-    cvx, cvy = sums[7] - n * mv * mx, sums[8] - n * mv * my
-    determinant = cxx * cyy - cxy * cxy
-    sx, sy = (cvx * cyy - cvy * cxy) / determinant, (cvy * cxx - cvx * cxy) / determinant
-    plane[1], plane[2] = min(max(sx, -0.8), 0.8), min(max(sy, -0.8), 0.8)
-    plane[0] = mv - plane[1] * mx - plane[2] * my
-    return True
+class RowWarp(NamedTuple):
+    """Where the pixel (x, y) of a window lies in its right row: at column base + t + a x + b y."""
+
+    base: int
+    t: float
+    a: float
+    b: float
 
 
-@njit(cache=True)
-def _support(left, row, col, half, window, level, plane, tolerance, mask):
-    """Mark the pixels of the window (n,) that lie on the plane; pixels of unknown parallax count where nothing else is in sight."""
-    foreign = 0
-    for i in range(window.size):
-        y, x = i // (2 * half + 1) - half, i % (2 * half + 1) - half
-        if abs(window[i] - level - plane[0] - plane[1] * x - plane[2] * y) > tolerance:
-            foreign += 1
-    count = 0
-    for i in range(window.size):
-        y, x = i // (2 * half + 1) - half, i % (2 * half + 1) - half
-        value = window[i]
-        mask[i] = 0.0
-        if value != value:
-            belongs = foreign * 10 <= window.size
-        else:
-            belongs = abs(value - level - plane[0] - plane[1] * x - plane[2] * y) <= tolerance
-        if belongs:
-            r, c = row + y, col + x
-            data = left[r, c] + left[r, c - 1] + left[r, c + 1]
-            if data == data:
-                mask[i] = 1.0
-                count += 1
-    return count
+class Exposure(NamedTuple):
+    """Grey values of both windows: means over the support, and the factor from right to left contrast."""
+
+    mean_left: float
+    mean_right: float
+    scale: float
+
+
+class NodeScratch(NamedTuple):
+    """Arrays for a window of n pixels, reused by every node."""
+
+    mask: np.ndarray
+    """(n,) float32: 1 on the support, else 0"""
+    template: np.ndarray
+    """(n,) float32: left grey values about their mean, 0 off the support"""
+    patch: np.ndarray
+    """(n,) float32: the same of the resampled right window"""
+    influence: np.ndarray
+    """(n,) float32: of the residuals on the parallax"""
+    jacobian: np.ndarray
+    """(3, n) float32: derivatives by parallax, slope along and slope across the row"""
+    normal: np.ndarray
+    lower: np.ndarray
+    inverse: np.ndarray
+    """(3, 3) each"""
+    correlation: np.ndarray
+    """(3,) float32: of residuals 0, 1 and 2 px apart"""
 
 
 @njit(cache=True, forceinline=True, fastmath=EXACT)
 def _centre_masked(p, mask, count):
+    """Subtract from `p` its mean over the support and clear the rest; returns the mean."""
     total = np.float32(0.0)
     for i in range(p.size):
         total += p[i] * mask[i]
@@ -160,13 +132,14 @@ def _centre_masked(p, mask, count):
 
 
 @njit(cache=True, forceinline=True)
-def _template(left, row, col, half, mask, count, template, jacobian):
-    """Template (n,) and derivatives (3, n), zero outside the support; returns its power and that of the row gradients."""
+def _build_template(left, node, count, scratch):
+    """Fill template and derivatives, zero off the support; returns the template's power and that of the row gradients."""
+    half, mask, template, jacobian = node.half, scratch.mask, scratch.template, scratch.jacobian
     i = 0
     for y in range(-half, half + 1):
         for x in range(-half, half + 1):
             if mask[i] > 0:
-                r, c = row + y, col + x
+                r, c = node.row + y, node.col + x
                 template[i] = left[r, c]
                 gx = np.float32(0.5) * (left[r, c + 1] - left[r, c - 1])
             else:
@@ -176,6 +149,7 @@ def _template(left, row, col, half, mask, count, template, jacobian):
     gradient = dot(jacobian[0], jacobian[0])
     _centre_masked(template, mask, count)
     power = dot(template, template)
+    # Gain and offset are eliminated: derivatives made orthogonal to a constant and to the template.
     for k in range(3):
         _centre_masked(jacobian[k], mask, count)
         share = dot(jacobian[k], template) / max(power, np.float32(1e-12))
@@ -185,14 +159,16 @@ def _template(left, row, col, half, mask, count, template, jacobian):
 
 
 @njit(cache=True)
-def _warp(right, row, base, t, a, b, half, mask, patch):
-    """Right image at column base + t + a x + b y of row + y, on the support; False where that leaves the image."""
+def _resample(right, node, warp, mask, patch):
+    """Fill `patch` with the right image under a warp, on the support; False where that leaves the image."""
+    base, t, a, b = warp
+    half = node.half
     reach = abs(a) * half + abs(b) * half
     if not (base + t - reach >= 1 and base + t + reach < right.shape[1] - 2):
         return False
     i = 0
     for y in range(-half, half + 1):
-        line = right[row + y]
+        line = right[node.row + y]
         start = t + b * y
         for x in range(-half, half + 1):
             if mask[i] > 0:
@@ -209,7 +185,7 @@ def _warp(right, row, base, t, a, b, half, mask, patch):
 
 @njit(cache=True, forceinline=True, fastmath=EXACT)
 def _correlated_power(influence, window, correlation):
-    """a' C a of the influence a (n,), C the correlation of pixels by their distance, up to 2 px each way."""
+    """a' C a of the influence a (n,), C the correlation of residuals by their distance, up to 2 px each way."""
     total = dot(influence, influence)
     for dy in range(3):
         for dx in range(-2, 3):
@@ -224,114 +200,115 @@ def _correlated_power(influence, window, correlation):
 
 
 @njit(cache=True)
-def _misfit(template, patch, scale, half, mask, mean_left, mean_right, left, right, row, col, base, t, a, b):
-    """Mean absolute grey value residual in the small patch at the node, support or not."""
+def _misfit(pair, node, warp, exposure):
+    """Mean absolute grey value residual in the small patch at the node, whether or not it belongs to the support."""
     total, count = 0.0, 0
     for y in range(-_CENTRE, _CENTRE + 1):
         for x in range(-_CENTRE, _CENTRE + 1):
-            u = t + a * x + b * y
+            u = warp.t + warp.a * x + warp.b * y
             c = int(np.floor(u))
             w0, w1, w2, w3 = cubic_weights(np.float32(u - c))
-            c += base - 1
-            line = right[row + y]
+            c += warp.base - 1
+            line = pair.right[node.row + y]
             grey = w0 * line[c] + w1 * line[c + 1] + w2 * line[c + 2] + w3 * line[c + 3]
-            total += abs((grey - mean_right) * scale - (left[row + y, col + x] - mean_left))
+            own = pair.left[node.row + y, node.col + x] - exposure.mean_left
+            total += abs((grey - exposure.mean_right) * exposure.scale - own)
             count += 1
     return total / count
 
 
-@njit(cache=True, forceinline=True)
-def _refine(left, right, row, col, shift, half, plane, count, numbers, buffers, values):
-    """Refine the plane of a node; values: parallax, sigma, correlation, misfit at the node, sigma0. Returns the outcome.
+@njit(cache=True)
+def _mean_left(left, node, mask):
+    """Mean grey value of the left window over the support, float64."""
+    half, side = node.half, 2 * node.half + 1
+    total, n = 0.0, 0
+    for i in range(mask.size):
+        if mask[i] > 0:
+            total += left[node.row + i // side - half, node.col + i % side - half]
+            n += 1
+    return total / n
 
-    The right column of left column c at parallax q is c + shift - q.
-    """
-    _, max_iterations, stop, max_shift, _, _, min_correlation, min_gradient, _ = numbers
-    mask, template, patch, influence, jacobian, normal, lower, inverse, correlation = buffers
-    power, gradient = _template(left, row, col, half, mask, count, template, jacobian)
-    if not (gradient > count * min_gradient * min_gradient and power > 1e-6 * count):
-        return _LOW_TEXTURE
+
+@njit(cache=True, forceinline=True)
+def _influence(inverse, jacobian, influence):
+    """Fill the influence of the residuals on the parallax: the first row of the inverse times the derivatives."""
+    influence[:] = 0.0
+    for k in range(3):
+        factor = np.float32(inverse[0, k])
+        for i in range(influence.size):
+            influence[i] += factor * jacobian[k, i]
+
+
+@njit(cache=True, forceinline=True)
+def _solution(inverse, jacobian, patch, scale):
+    """Corrections of parallax and slopes, limited."""
+    j0, j1, j2 = dot(jacobian[0], patch) * scale, dot(jacobian[1], patch) * scale, dot(jacobian[2], patch) * scale
+    d0 = inverse[0, 0] * j0 + inverse[0, 1] * j1 + inverse[0, 2] * j2
+    d1 = inverse[1, 0] * j0 + inverse[1, 1] * j1 + inverse[1, 2] * j2
+    d2 = inverse[2, 0] * j0 + inverse[2, 1] * j1 + inverse[2, 2] * j2
+    return (
+        min(max(d0, -_MAX_STEP), _MAX_STEP),
+        min(max(d1, -_MAX_SLOPE_STEP), _MAX_SLOPE_STEP),
+        min(max(d2, -_MAX_SLOPE_STEP), _MAX_SLOPE_STEP),
+    )
+
+
+@njit(cache=True, forceinline=True)
+def _refine(pair, node, plane, count, limits, scratch, values):
+    """Refine the plane (parallax, slopes) of a node with `count` pixels of support; returns the outcome, fills `values` (5,)."""
+    mask, patch, jacobian, inverse = scratch.mask, scratch.patch, scratch.jacobian, scratch.inverse
+    power, gradient = _build_template(pair.left, node, count, scratch)
+    if not (gradient > count * limits.min_gradient * limits.min_gradient and power > _FLAT * count):
+        return outcomes.LOW_TEXTURE
     for i in range(3):
         for j in range(i + 1):
-            normal[i, j] = normal[j, i] = dot(jacobian[i], jacobian[j])
-        normal[i, i] *= 1.001
-    if not invert(normal, 3, lower, inverse):
-        return _SINGULAR
-    base = int(col + shift - np.rint(plane[0]))
-    t, a, b = np.rint(plane[0]) - plane[0], 1.0 - plane[1], -plane[2]
+            scratch.normal[i, j] = scratch.normal[j, i] = dot(jacobian[i], jacobian[j])
+        scratch.normal[i, i] *= _DAMPING
+    if not invert(scratch.normal, 3, scratch.lower, inverse):
+        return outcomes.SINGULAR
+    # Coordinates count from an integer pixel near by: float32 then resolves 1e-5 px, and tiles agree.
+    whole = np.rint(plane[0])
+    base = int(node.col + pair.shift - whole)
+    t, a, b = whole - plane[0], 1.0 - plane[1], -plane[2]
     begin = t
-    for _ in range(int(max_iterations)):
-        if not _warp(right, row, base, t, a, b, half, mask, patch):
-            return _OUTSIDE
+    for _ in range(limits.max_iterations):
+        warp = RowWarp(base, t, a, b)
+        if not _resample(pair.right, node, warp, mask, patch):
+            return outcomes.OUTSIDE
         mean_right = _centre_masked(patch, mask, count)
         if mean_right != mean_right:
-            return _OUTSIDE
+            return outcomes.OUTSIDE
         power_right = dot(patch, patch)
-        if power_right <= 1e-6 * count:
-            return _LOW_TEXTURE
+        if power_right <= _FLAT * count:
+            return outcomes.LOW_TEXTURE
         scale = np.sqrt(power / power_right)
-        values[2] = dot(template, patch) / np.sqrt(power * power_right)
-        j0, j1, j2 = dot(jacobian[0], patch) * scale, dot(jacobian[1], patch) * scale, dot(jacobian[2], patch) * scale
-        d0 = inverse[0, 0] * j0 + inverse[0, 1] * j1 + inverse[0, 2] * j2
-        d1 = inverse[1, 0] * j0 + inverse[1, 1] * j1 + inverse[1, 2] * j2
-        d2 = inverse[2, 0] * j0 + inverse[2, 1] * j1 + inverse[2, 2] * j2
-        d0, d1, d2 = min(max(d0, -1.5), 1.5), min(max(d1, -0.1), 0.1), min(max(d2, -0.1), 0.1)
+        values[_CORRELATION] = dot(scratch.template, patch) / np.sqrt(power * power_right)
+        d0, d1, d2 = _solution(inverse, jacobian, patch, scale)
         a /= 1.0 + d1
         b -= a * d2
         t -= a * d0
-        if abs(t - begin) > max_shift:
-            return _MOVED_TOO_FAR
+        if abs(t - begin) > limits.max_shift:
+            return outcomes.MOVED_TOO_FAR
         if not (0.25 < a < 4.0 and abs(b) < 2.0):
-            return _NOT_CONVERGED
-        if abs(a * d0) < stop:
-            rho = min(max(values[2], 1e-3), 1.0)
-            values[4] = np.sqrt(power * (1.0 / (rho * rho) - 1.0) / max(count - 5, 1))
-            influence[:] = 0.0
-            for k in range(3):
-                factor = np.float32(inverse[0, k])
-                for i in range(influence.size):
-                    influence[i] += factor * jacobian[k, i]
-            values[0] = np.rint(plane[0]) - t
-            values[1] = a * values[4] * np.sqrt(_correlated_power(influence, 2 * half + 1, correlation))
-            mean_left, n = 0.0, 0
-            for i in range(mask.size):
-                if mask[i] > 0:
-                    mean_left += left[row + i // (2 * half + 1) - half, col + i % (2 * half + 1) - half]
-                    n += 1
-            values[3] = _misfit(template, patch, scale, half, mask, mean_left / n, mean_right, left, right, row, col, base, t, a, b)
-            return _CONVERGED if values[2] >= min_correlation else _LOW_CORRELATION
-    return _NOT_CONVERGED
+            return outcomes.NOT_CONVERGED
+        if abs(a * d0) < limits.stop:
+            # With the gain estimated, the residual power follows from the correlation alone: (1 - rho^2) / rho^2.
+            rho = min(max(values[_CORRELATION], 1e-3), 1.0)
+            values[_SIGMA0] = np.sqrt(power * (1.0 / (rho * rho) - 1.0) / max(count - 5, 1))
+            _influence(inverse, jacobian, scratch.influence)
+            values[_PARALLAX] = whole - t
+            correlated = _correlated_power(scratch.influence, 2 * node.half + 1, scratch.correlation)
+            values[_SIGMA] = a * values[_SIGMA0] * np.sqrt(correlated)
+            exposure = Exposure(_mean_left(pair.left, node, mask), mean_right, scale)
+            values[_MISFIT] = _misfit(pair, node, RowWarp(base, t, a, b), exposure)
+            return outcomes.CONVERGED if values[_CORRELATION] >= limits.min_correlation else outcomes.LOW_CORRELATION
+    return outcomes.NOT_CONVERGED
 
 
 @njit(cache=True)
-def _hypotheses(window, half, reach, found):
-    """Start parallaxes worth trying at the centre of a window: its own, and the lowest and highest within `reach` px of it."""
-    side = 2 * half + 1
-    own = window[half * side + half]
-    low, high = np.float32(np.inf), np.float32(-np.inf)
-    for y in range(-reach, reach + 1):
-        for x in range(-reach, reach + 1):
-            value = window[(half + y) * side + half + x]
-            if value == value:
-                low, high = min(low, value), max(high, value)
-    count = 0
-    if own == own:
-        found[0] = own
-        count = 1
-    for value in (low, high):
-        new = abs(value) < np.float32(1e9)
-        for i in range(count):
-            new = new and abs(value - found[i]) > np.float32(2.5)
-        if new:
-            found[count] = value
-            count += 1
-    return count
-
-
-@njit(cache=True)
-def _buffers(half, correlation):
+def _scratch(half, correlation):
     n = (2 * half + 1) ** 2
-    return (
+    return NodeScratch(
         np.empty(n, np.float32),
         np.empty(n, np.float32),
         np.empty(n, np.float32),
@@ -345,59 +322,50 @@ def _buffers(half, correlation):
 
 
 @njit(cache=True)
-def _surface(left, row, col, half, window, level, tolerance, plane, scratch, mask):
-    """The plane of the surface at `level` in a window and its support; the number of its pixels, 0 when there is no plane."""
-    guess, sums = scratch
-    guess[:] = 0.0
-    if not _plane(window, half, level, tolerance + 0.1 * half, guess, plane, sums):
-        return 0
-    guess[:] = plane
-    _plane(window, half, level, tolerance, guess, plane, sums)
-    return _support(left, row, col, half, window, level, plane, tolerance, mask)
-
-
-@njit(cache=True)
-def _match_nodes(left, right, start, factor, rows, cols, shift, correlation, numbers, parallax, sigma, likeness, outcome):
-    wide, edge, tolerance, min_support = int(numbers[0]), int(numbers[8]), numbers[4], numbers[5]
+def _match_nodes(pair, start, rows, cols, limits, correlation, nodes):
+    wide, edge, tolerance = limits.half, limits.edge_half, limits.surface_tolerance
     found = np.empty(3, np.float32)
     window, edge_window = np.empty((2 * wide + 1) ** 2, np.float32), np.empty((2 * edge + 1) ** 2, np.float32)
-    wide_buffers, edge_buffers = _buffers(wide, correlation), _buffers(edge, correlation)
-    plane, scratch, values = np.empty(3), (np.empty(3), np.empty(9)), np.empty(5)
+    wide_scratch, edge_scratch = _scratch(wide, correlation), _scratch(edge, correlation)
+    guess, plane, values = np.empty(3), np.empty(3), np.empty(5)
+    parallax, sigma, likeness, outcome = nodes
     for i in range(rows.size):
         for j in range(cols.size):
             row, col = rows[i], cols[j]
-            inside = wide < row < left.shape[0] - wide - 1 and wide < col < left.shape[1] - wide - 1
-            if not inside or np.isnan(left[row, col]):
-                outcome[i, j] = _OUTSIDE
+            inside = wide < row < pair.left.shape[0] - wide - 1 and wide < col < pair.left.shape[1] - wide - 1
+            if not inside or np.isnan(pair.left[row, col]):
+                outcome[i, j] = outcomes.OUTSIDE
                 continue
-            _surface_window(start, factor, row, col, wide, window)
-            count = _hypotheses(window, wide, min(wide, 2 * factor), found)
+            node = Node(row, col, wide)
+            surface_window(start, node, window)
+            count = start_parallaxes(window, wide, min(wide, 2 * start.factor), found)
             if count == 0:
-                count = _hypotheses(window, wide, wide, found)
+                count = start_parallaxes(window, wide, wide, found)
             best = np.inf
-            outcome[i, j] = _NOT_TRIED
+            outcome[i, j] = outcomes.NOT_TRIED
             for h in range(count):
-                level, half, buffers = np.float64(found[h]), wide, wide_buffers
-                support = _surface(left, row, col, half, window, level, tolerance, plane, scratch, buffers[0])
+                level, node, scratch = np.float64(found[h]), Node(row, col, wide), wide_scratch
+                support = fit_surface(pair.left, node, window, level, tolerance, guess, plane, scratch.mask)
                 if edge < wide and support < _WHOLE * window.size:
-                    half, buffers = edge, edge_buffers
-                    _surface_window(start, factor, row, col, half, edge_window)
-                    support = _surface(left, row, col, half, edge_window, level, tolerance, plane, scratch, buffers[0])
-                if support < min_support * (2 * half + 1) ** 2 or support < 6:
+                    node, scratch = Node(row, col, edge), edge_scratch
+                    surface_window(start, node, edge_window)
+                    support = fit_surface(pair.left, node, edge_window, level, tolerance, guess, plane, scratch.mask)
+                if support < limits.min_support * (2 * node.half + 1) ** 2 or support < _FEWEST:
                     continue
                 plane[0] += level
                 values[:] = np.nan
-                result = _refine(left, right, row, col, shift, half, plane, support, numbers, buffers, values)
-                if result == _CONVERGED and values[3] < best:
-                    best = values[3]
+                result = _refine(pair, node, plane, support, limits, scratch, values)
+                if result == outcomes.CONVERGED and values[_MISFIT] < best:
+                    best = values[_MISFIT]
                     outcome[i, j] = result
-                    parallax[i, j], sigma[i, j], likeness[i, j] = values[0], values[1], values[2]
-                    if best > 4.0 * values[4] + 1.0:
-                        outcome[i, j] = _INCONSISTENT
+                    parallax[i, j], sigma[i, j], likeness[i, j] = values[_PARALLAX], values[_SIGMA], values[_CORRELATION]
+                    # A window can fit while its node does not: the node then lies on a surface that the window dropped.
+                    if best > 4.0 * values[_SIGMA0] + 1.0:
+                        outcome[i, j] = outcomes.INCONSISTENT
                 elif best == np.inf:
                     outcome[i, j] = result
-                    likeness[i, j] = values[2]
-            if outcome[i, j] != _CONVERGED:
+                    likeness[i, j] = values[_CORRELATION]
+            if outcome[i, j] != outcomes.CONVERGED:
                 parallax[i, j] = np.nan
                 sigma[i, j] = np.nan
 
@@ -411,23 +379,11 @@ def match_nodes(
     shift: the right column of left column c at parallax q is c + shift - q.
     """
     shape = len(rows), len(cols)
-    nodes = NodeParallaxes(*(np.full(shape, np.nan, np.float32) for _ in range(3)), np.zeros(shape, np.uint8))
+    nodes = NodeParallaxes.unmatched(np.zeros(shape, np.uint8))
+    # Never below 0.3 px: optics and resampling correlate neighbouring residuals even without smoothing.
     sigma = max(limits.smoothing, 0.3)
     correlation = np.exp(-(np.arange(3) ** 2) / (4.0 * sigma**2)).astype(np.float32)
     rows, cols = np.asarray(rows, np.int64), np.asarray(cols, np.int64)
-    _match_nodes(
-        left,
-        right,
-        start.parallax,
-        start.factor,
-        rows,
-        cols,
-        shift,
-        correlation,
-        limits.numbers_for(start.factor),
-        nodes.parallax,
-        nodes.sigma,
-        nodes.correlation,
-        nodes.outcome,
-    )
+    scaled = limits._replace(surface_tolerance=limits.surface_tolerance * start.factor)
+    _match_nodes(RowPair(left, right, shift), start, rows, cols, scaled, correlation, nodes)
     return nodes

@@ -1,12 +1,14 @@
-"""Grey values between pixels, for the kernels of matching: image (H, W) float32, pixel centres at whole numbers, NaN without data.
+"""Grey values between pixels, for the kernels of matching: image (H, W) float32, pixel centres at integers, NaN without data.
 
 Strategy
-- Nothing is clamped: the caller has made sure that the pixels around exist, and NaN runs through.
-- Images come flat, with unsigned indices, so that no test for negative ones stands in the inner loops.
-- Coordinates are float32 and relative to a whole pixel near by: exact to 1e-5 px, and the same in every tile.
+- Nothing is clamped: the caller has made sure that the neighbouring pixels exist, and NaN propagates.
+- Images are flat with unsigned indices, so that the inner loops need no test for negative ones.
+- Coordinates are float32 and relative to an integer pixel near by: exact to 1e-5 px, and the same in every tile.
 
 Source: Keys 1981 (cubic convolution, a = -1/2).
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -14,14 +16,23 @@ from numba import njit
 EXACT = {"reassoc", "contract", "nsz", "arcp"}
 """Sums may be reordered; NaN keeps its meaning.
 
-A kernel with it, and every kernel that calls one, is to be `forceinline`: else a process that has just compiled it and one that
-loads it from the cache may call two differently optimised copies, whose sums differ in the last bit.
+A kernel with these flags, and every kernel that calls one, must be `forceinline`: otherwise a process that has just compiled it and
+one that loads it from the cache may call two differently optimised copies, whose sums differ in the last bit.
 """
+
+
+class FlatImage(NamedTuple):
+    """A grey image (rows, cols), row by row in one dimension."""
+
+    pixels: np.ndarray
+    """(rows * cols,) float32"""
+    rows: int
+    cols: int
 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def nearest_pixel(x):
-    """Halves always go up: rounding them to even would make a point depend on where its tile begins."""
+    """Halves always round up: rounding them to even would make a point depend on where its tile begins."""
     return int(np.floor(x + 0.5))
 
 
@@ -46,7 +57,7 @@ def cubic_weights(f):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def bilinear(flat, width, k, f, g):
-    """The value at (f, g) in [0, 1)^2 right of and below the pixel of index k (uint64) in an image `width` (uint64) wide."""
+    """The value at (f, g) in [0, 1)^2 right of and below pixel k (uint64) of an image with `width` (uint64) columns."""
     one = np.uint64(1)
     top = flat[k] + f * (flat[k + one] - flat[k])
     bottom = flat[k + width] + f * (flat[k + width + one] - flat[k + width])
@@ -70,10 +81,8 @@ def bicubic(flat, width, k, f, g):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def leaves(shape, centre_x, centre_y, reach_x, reach_y):
-    """Whether a window about (centre_x, centre_y), with the reach of the interpolation, leaves an image of that shape.
-
-    True for NaN as well. A thousandth of a pixel is kept for the rounding of coordinates to float32.
-    """
+    """Whether a window about (centre_x, centre_y), with the pixels that interpolation needs, leaves an image of that shape."""
+    # Stated as "not inside", so that NaN counts as outside; 0.001 px cover the rounding of coordinates to float32.
     inside = (
         centre_x - reach_x >= 1.001
         and centre_x + reach_x < shape[1] - 2.001

@@ -2,11 +2,11 @@
 
 Strategy
 - Both images are smoothed; pixels without data are NaN (smoothing.py). A window that touches NaN anywhere is OUTSIDE.
-- The window lies around the pixel nearest to the left point. What is left of the sub-pixel position is carried over by the
-  affine: right(point) = t + A (point - pixel).
-- Which unknowns, which gradients, which window: matching_model.py. The recommended form is in inverse_compositional.py, the
-  published ones in forward_matching.py.
-- All positions inside the kernels are relative to whole pixels, so a point in a tile moves as it does in the whole image.
+- The window is centred on the pixel nearest to the left point; the sub-pixel remainder is transferred by the affine:
+  right(point) = t + A (point - pixel).
+- Unknowns, gradients and windows are chosen in model.py. The recommended form is in inverse_compositional.py, the published ones
+  in forward.py.
+- All positions inside the kernels are relative to integer pixels, so a point in a tile moves as it does in the whole image.
 
 Source: methods/matching_windows.md 2.1; matching_and_dsm_check.md 1.3, 1.4.
 """
@@ -29,10 +29,11 @@ from orthomill.tasks.matching.least_squares.model import (
     reach_of_window,
     rules_of,
 )
+from orthomill.tasks.matching.least_squares.result_columns import Attempts, Found
 from orthomill.tasks.matching.smoothing import smoothed, with_gaps
 
 _FARTHEST = 1e9
-"""Coordinates beyond this are not those of a pixel."""
+"""Coordinates beyond this are not those of a pixel, and would overflow the integers of the kernels."""
 _OVERFLOW = float(np.finfo(np.float32).max)
 _CONVERGED, _NOT_CONVERGED = int(Outcome.CONVERGED), int(Outcome.NOT_CONVERGED)
 
@@ -48,13 +49,13 @@ class Matches:
     row: np.ndarray
     """(N,) float64: position in the right image, px"""
     reference: np.ndarray
-    """(N, 2) float64 (col, row): the place in the left image that is matched with it, px: the point, or the centroid"""
+    """(N, 2) float64 (col, row): the place in the left image that corresponds to it, px: the point, or the centroid"""
     covariance: np.ndarray
     """(N, 2, 2) float32: of (col, row), px^2"""
     sigma0: np.ndarray
     """(N,) float32: standard deviation of the grey value residuals, in grey values of the left image"""
     correlation: np.ndarray
-    """(N,) float32: of the matched windows; NaN when it never came to that"""
+    """(N,) float32: of the matched windows; NaN where the right window was never resampled"""
     affine: np.ndarray
     """(N, 4) float32: d right / d left as a12, a21, b12, b21; col' = a12 x + a21 y, row' = b12 x + b21 y"""
     radiometry: np.ndarray
@@ -97,7 +98,7 @@ class Matches:
 
 @dataclass(frozen=True)
 class PreparedImage:
-    """A grey image made ready for matching, to be used in many calls: (H, W) float32, smoothed, NaN without data."""
+    """A grey image prepared for matching, to be reused by many calls: (H, W) float32, smoothed, NaN without data."""
 
     grey: np.ndarray
 
@@ -122,11 +123,11 @@ def match_points(
     left, right: (H, W) of uint8, uint16 or float32, of any two sizes, 0 or NaN is no data; or images from `prepare`.
     points, starts: (N, 2) (col, row) in px, left positions and where to start in the right image. affine: (N, 4) start values as
     in `Matches.affine`, None for identity. half: (N,) half sides of the windows, 0 where a point has none and is not tried; None
-    for `settings.window` everywhere. reference: the place in the left window whose match is handed over, the point itself or the
-    centroid of the squared gradients, where the window tells most (`Matches.reference` says where that is).
+    for `settings.window` everywhere. reference: the place in the left window whose match is returned, the point itself or the
+    centroid of the squared gradients, where the window is determined best (`Matches.reference` holds it).
 
     Never raises on the contents of images or points: every point gets its outcome. ValueError when tables differ in length or an
-    image has not two dimensions.
+    image is not two-dimensional.
     """
     left, right = (
         np.ascontiguousarray((image if isinstance(image, PreparedImage) else prepare(image, settings)).grey)
@@ -137,20 +138,18 @@ def match_points(
     affine = np.tile([1.0, 0.0, 0.0, 1.0], (count, 1)) if affine is None else np.array(affine, dtype=np.float64).reshape(-1, 4)
     half = np.full(count, settings.half) if half is None else np.clip(np.asarray(half, dtype=np.int64).reshape(-1), 0, MOST_HALF)
     _check_shapes((left, right), count, (starts, affine, half))
-    values = np.full((count, column.COLUMNS), np.nan)
-    values[:, column.REFERENCE_COL], values[:, column.REFERENCE_ROW] = points[:, 0], points[:, 1]
-    outcome, iterations = _before(points, starts, affine, half), np.zeros(count, np.uint8)
+    attempts = Attempts(points, starts, affine, half)
+    found = _before(attempts)
     reach = reach_of_window(int(half.max(initial=1)), settings.shape)
-    rules = rules_of(settings, centroid=reference == "centroid")
     kernel = match_forward if isinstance(settings.formulation, Forward) else match_inverse
-    kernel(left, right, points, starts, affine, half, reach, rules, values, outcome, iterations)
-    _refuse_overflow(values, outcome)
-    return _matches(values, half, iterations, outcome)
+    kernel(left, right, attempts, reach, rules_of(settings, centroid=reference == "centroid"), found)
+    _refuse_overflow(found.values, found.outcome)
+    return _matches(found, half)
 
 
 @njit(cache=True)
 def _refuse_overflow(values, outcome):
-    """Grey values near the end of float32 can leave an infinite gain or variance behind: such a point is not a match."""
+    """Refuse points with an infinite gain or variance, which grey values near the end of float32 can leave behind."""
     for i in range(len(values)):
         if outcome[i] != _CONVERGED:
             continue
@@ -162,28 +161,33 @@ def _refuse_overflow(values, outcome):
 
 
 def _check_shapes(images: tuple[np.ndarray, ...], count: int, tables: tuple[np.ndarray, ...]) -> None:
-    """The kernels trust their arguments: what does not fit together must not reach them."""
+    """Raise ValueError for arguments that do not fit together: the kernels do not check bounds."""
     if any(image.ndim != 2 for image in images):
         raise ValueError(f"Images to match have rows and columns only, not shapes {[image.shape for image in images]}.")
     if any(len(table) != count for table in tables):
         raise ValueError(f"{count} points need as many starts, affines and window sizes, not {[len(table) for table in tables]}.")
 
 
-def _before(points: np.ndarray, starts: np.ndarray, affine: np.ndarray, half: np.ndarray) -> np.ndarray:
-    """(N,) uint8 outcomes before anything is tried: CONVERGED stands for worth trying."""
-    outcome = np.full(len(points), Outcome.CONVERGED, np.uint8)
-    known = np.ones(len(points), bool)
-    for table, limit in ((points, _FARTHEST), (starts, _FARTHEST), (affine, np.inf)):
+def _before(attempts: Attempts) -> Found:
+    """The table of results before anything is tried: its outcome CONVERGED stands for worth trying."""
+    count = len(attempts.points)
+    values = np.full((count, column.COLUMNS), np.nan)
+    values[:, [column.REFERENCE_COL, column.REFERENCE_ROW]] = attempts.points
+    outcome = np.full(count, Outcome.CONVERGED, np.uint8)
+    known = np.ones(count, bool)
+    for table, limit in ((attempts.points, _FARTHEST), (attempts.starts, _FARTHEST), (attempts.affine, np.inf)):
+        # Stated with <, so that NaN counts as unknown; column by column, for reducing short rows costs three times as much.
         for k in range(table.shape[1]):
             known &= np.abs(table[:, k]) < limit
-    area = affine[:, 0] * affine[:, 3] - affine[:, 1] * affine[:, 2]
+    area = attempts.affine[:, 0] * attempts.affine[:, 3] - attempts.affine[:, 1] * attempts.affine[:, 2]
     outcome[~((area > LEAST_AREA) & (area < 1.0 / LEAST_AREA))] = Outcome.NOT_CONVERGED
     outcome[~known] = Outcome.OUTSIDE
-    outcome[half < 1] = Outcome.NOT_TRIED
-    return outcome
+    outcome[attempts.half < 1] = Outcome.NOT_TRIED
+    return Found(values, outcome, np.zeros(count, np.uint8))
 
 
-def _matches(values: np.ndarray, half: np.ndarray, iterations: np.ndarray, outcome: np.ndarray) -> Matches:
+def _matches(found: Found, half: np.ndarray) -> Matches:
+    values = found.values
     covariance = values[:, [column.VAR_COL, column.COVARIANCE, column.COVARIANCE, column.VAR_ROW]]
     return Matches(
         col=values[:, column.COL],
@@ -195,6 +199,6 @@ def _matches(values: np.ndarray, half: np.ndarray, iterations: np.ndarray, outco
         affine=values[:, column.A12 : column.A12 + 4].astype(np.float32),
         radiometry=values[:, [column.GAIN, column.OFFSET]].astype(np.float32),
         half=half.astype(np.uint8),
-        iterations=iterations,
-        outcome=outcome,
+        iterations=found.iterations,
+        outcome=found.outcome,
     )

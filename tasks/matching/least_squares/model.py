@@ -19,6 +19,9 @@ LEAST_AREA = 0.1
 """A window that the affine shrinks or enlarges beyond this area, or its inverse, has gone astray."""
 GRADIENTS = ("whole_pixels", "resampled_left", "resampled_right", "window_right")
 """Where the forward form takes its gradients, in the order in which its kernel counts."""
+RADIOMETRIES = ("none", "normalised", "estimated")
+"""How exposure is treated, in the order in which the kernels count."""
+RADIOMETRY_NONE, RADIOMETRY_NORMALISED, RADIOMETRY_ESTIMATED = range(len(RADIOMETRIES))
 _NO_LIMIT = 1e6
 
 
@@ -139,8 +142,6 @@ def published(window: int, shape: Square | Ellipse | None = None, limited: bool 
 
 PUBLISHED = published(27)
 """The published square recipe at its best size."""
-RECOMMENDED = LeastSquaresMatching()
-"""Inverse-compositional, smoothed, bicubic, gain and offset estimated, stop at 0.02 px, limits of 3 px and 0.1."""
 
 
 class Rules(NamedTuple):
@@ -148,7 +149,7 @@ class Rules(NamedTuple):
 
     shift_only: bool
     radiometry: int
-    """0 none, 1 normalised, 2 estimated"""
+    """as `RADIOMETRIES` counts them"""
     centroid: bool
     bicubic: bool
     gradients: int
@@ -173,19 +174,18 @@ def rules_of(settings: LeastSquaresMatching, centroid: bool) -> Rules:
 
     centroid: whether the centroid of the window's squared gradients is handed over in place of the point.
     """
-    shape = settings.shape
+    ellipse = settings.shape if isinstance(settings.shape, Ellipse) else None
     forward = settings.formulation if isinstance(settings.formulation, Forward) else Forward()
-    ellipse = isinstance(shape, Ellipse)
     return Rules(
         shift_only=settings.geometry == "shift",
-        radiometry=("none", "normalised", "estimated").index(settings.radiometry),
+        radiometry=RADIOMETRIES.index(settings.radiometry),
         centroid=centroid,
         bicubic=settings.interpolation == "bicubic",
         gradients=GRADIENTS.index(forward.gradients),
         max_area_change=forward.max_area_change or math.inf,
-        ellipse=ellipse,
-        across=ellipse and shape.major_axis == "across",
-        max_axis_ratio=float(shape.max_axis_ratio) if ellipse else 1.0,
+        ellipse=ellipse is not None,
+        across=ellipse is not None and ellipse.major_axis == "across",
+        max_axis_ratio=float(ellipse.max_axis_ratio) if ellipse else 1.0,
         smoothing=settings.smoothing,
         max_iterations=settings.max_iterations,
         stop=settings.stop,

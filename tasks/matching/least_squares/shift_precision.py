@@ -1,8 +1,8 @@
 """Precision of a matched shift when neighbouring residuals are correlated.
 
-Strategy. Smoothing makes the residuals of neighbouring pixels alike, and leaving that out makes standard errors two to three times
-too small. The cofactors of the shift are a' C a, with a the influence of the residuals on it and C their correlation: that of white
-noise after the Gaussian, cut at two pixels, separable, so that C a is one short sum along rows and one down columns.
+Strategy. Smoothing correlates the residuals of neighbouring pixels; ignoring that makes standard errors two to three times too
+small. The cofactors of the shift are a' C a, with a the influence of the residuals on it and C their correlation: that of white
+noise after the Gaussian, truncated at two pixels and separable, so that C a is one short sum along rows and one down columns.
 """
 
 import numpy as np
@@ -17,13 +17,17 @@ def residual_correlation(smoothing):
 
     Never less than that of 0.3 px, which is what optics and resampling leave.
     """
+    # White noise after a Gaussian of sigma has the autocorrelation exp(-d^2 / (4 sigma^2)) at a distance of d.
     sigma = max(smoothing, 0.3)
     return np.float32(np.exp(-1.0 / (4.0 * sigma * sigma))), np.float32(np.exp(-1.0 / (sigma * sigma)))
 
 
 @njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
 def influence(block, pad, xs, ys, weights, grey_share, offset, out):
-    """Influence of the residuals on one unknown: the derivatives times `weights` (6,), made orthogonal, zero outside."""
+    """Influence of the residuals on one unknown: the derivatives times `weights` (6,), orthogonal to gain and offset, zero outside.
+
+    block: `WindowBlock`. pad: zeros before and after the block in `out`.
+    """
     grey, gx, gy, inside = block
     w0, w1, w2 = np.float32(weights[0]), np.float32(weights[1]), np.float32(weights[2])
     w3, w4, w5 = np.float32(weights[3]), np.float32(weights[4]), np.float32(weights[5])

@@ -1,7 +1,7 @@
 """Symmetric systems of a few unknowns, for kernels: Cholesky, without allocation.
 
-Strategy. `factor` leaves the lower triangle with the inverse of its diagonal, so that `solve` needs no division. Pivots that fall
-below 1e-6 of their diagonal element count as zero: the texture does not determine that unknown.
+Strategy. `factor` returns the lower triangle with the inverse of its diagonal, so that `solve` needs no division. Pivots below 1e-6
+of their diagonal element count as zero: the texture does not determine that unknown.
 """
 
 import numpy as np
@@ -34,6 +34,7 @@ def factor(matrix, size, lower):
 @njit(cache=True, error_model="numpy")
 def solve(lower, size, x):
     """Overwrite the right side `x` (size,) with the solution."""
+    # Forward substitution, then back substitution with the transpose.
     for i in range(size):
         total = x[i]
         for k in range(i):

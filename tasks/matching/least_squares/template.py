@@ -1,9 +1,9 @@
 """The left window of inverse-compositional matching: cut, differentiated, its normal matrix built and factored.
 
 Strategy
-- Gradients are central differences of the left window at its own whole pixels: nothing is resampled before it is differentiated.
+- Gradients are central differences of the left window at its own pixels: nothing is resampled before it is differentiated.
 - Gain and offset are eliminated: the derivatives are made orthogonal to the window and to a constant by correcting the moments,
-  which is the same as estimating both with the geometric unknowns.
+  which is equivalent to estimating both along with the geometric unknowns.
 
 Source: Baker & Matthews 2004; methods/matching_windows.md 2.1 (rows 1 to 3).
 """
@@ -14,10 +14,12 @@ import numpy as np
 from numba import njit
 
 from orthomill.tasks.matching.least_squares import result_columns as results
+from orthomill.tasks.matching.least_squares.model import RADIOMETRY_ESTIMATED, RADIOMETRY_NONE
 from orthomill.tasks.matching.least_squares.shift_precision import residual_correlation
 from orthomill.tasks.matching.least_squares.small_systems import factor, solve
 from orthomill.tasks.matching.least_squares.window_block import (
     LANES,
+    WindowBlock,
     block_pitch,
     cut_window,
     draw_block,
@@ -28,19 +30,34 @@ from orthomill.tasks.matching.least_squares.window_block import (
 from orthomill.tasks.matching.least_squares.window_shape import ellipse_axes, ellipse_window, pixels_of, square_window
 
 FLAT = 1e-6
-"""Variance of grey values below which a window is taken as constant."""
+"""Variance of grey values below which a window counts as constant."""
 ZERO = np.float32(0.0)
+GX_GX, GX_GY, GY_GY = range(3)
+"""Rows of the moments: products of gradients; their columns are the factors 1, x, y, xx, xy, yy."""
+
+
+class MatchPoint(NamedTuple):
+    """A point of the left image and its window."""
+
+    col: int
+    row: int
+    """the nearest pixel, the centre of the window"""
+    x: float
+    y: float
+    """the point, from that pixel, px"""
+    half: int
+    """half side of the window, px"""
 
 
 class Template(NamedTuple):
-    """What a window is when its block has been cut."""
+    """A window once its block has been cut."""
 
     reach_x: int
     reach_y: int
     n: int
     """floats of its block"""
-    count: int
-    """its pixels"""
+    pixels: int
+    """number of its pixels"""
     level: float
     """grey value that the block counts from"""
     mean: float
@@ -50,37 +67,45 @@ class Template(NamedTuple):
 
 
 class WindowScratch(NamedTuple):
-    """Arrays that every point uses again."""
+    """Arrays that are reused by every point."""
 
     spans: np.ndarray
+    """(rows, 2) int64: first and last column of every row of the window"""
     drawn: np.ndarray
-    """reach of the square whose coordinates are in place"""
+    """(1,) int64: reach of the square whose coordinates are in place"""
     xs: np.ndarray
     ys: np.ndarray
+    """(n,) float32: column and row of every pixel of the block, from its centre"""
     grey: np.ndarray
     gx: np.ndarray
     gy: np.ndarray
     inside: np.ndarray
+    """(n,) float32: as in `WindowBlock`"""
     patch: np.ndarray
+    """(n,) float32: the right window"""
     moments: np.ndarray
+    """(3, 6): rows GX_GX, GX_GY, GY_GY"""
     plain: np.ndarray
-    """sums of the derivatives"""
+    """(6,): sums of the derivatives"""
     likewise: np.ndarray
-    """sums of the derivatives times the centred grey values"""
+    """(6,): sums of the derivatives times the centred grey values"""
     normal: np.ndarray
     lower: np.ndarray
+    """(6, 6): the normal matrix and its factor"""
     d: np.ndarray
+    """(6,): right side and solution, for the shift and the affine of x, then of y"""
     on_x: np.ndarray
     on_y: np.ndarray
     """influence of the residuals on both shifts, between zeros"""
     along: np.ndarray
+    """scratch of the correlated products"""
     kernel: tuple[float, float]
     """correlation of residuals one and two pixels apart"""
 
 
 @njit(cache=True, error_model="numpy")
 def work_for(reach, smoothing):
-    """Arrays for windows that reach `reach` px from their centre."""
+    """Scratch for windows that reach `reach` px from their centre."""
     size = block_pitch(reach) * (2 * reach + 1) + LANES
     longer = size + 4 * block_pitch(reach)
     return WindowScratch(
@@ -108,12 +133,13 @@ def work_for(reach, smoothing):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def unknowns_of(rules):
-    return (2 if rules.shift_only else 6) + (0 if rules.radiometry == 0 else 2)
+    """Unknowns of the adjustment, with gain and offset where the radiometry is not taken as equal."""
+    return (2 if rules.shift_only else 6) + (0 if rules.radiometry == RADIOMETRY_NONE else 2)
 
 
 @njit(cache=True, error_model="numpy")
 def solve_shift(lower, shift_only, d):
-    """Overwrite the right side d (6,) with the corrections; those of the affine are 0 when there are shifts only."""
+    """Overwrite the right side d (6,) with the corrections; those of the affine are 0 where only shifts are estimated."""
     if not shift_only:
         solve(lower, 6, d)
         return
@@ -147,36 +173,40 @@ def _without_radiometry(normal, plain, grey, power, count):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def build_template(flat, shape, col, row, half, axes, rules, work):
-    """Cut the window, and build and factor its normal matrix; returns (outcome, template), CONVERGED when it can be matched.
+def build_template(image, point, axes, rules, work):
+    """Cut the window of a point, build and factor its normal matrix; the outcome is CONVERGED when it can be matched.
 
-    flat, shape: the left image and its (rows, columns).
+    image: the left one, a `FlatImage`.
     """
+    col, row, half = point.col, point.row, point.half
     if rules.ellipse:
         reach_x, reach_y = ellipse_window(half, axes, 0.0, 0.0, work.spans)
     else:
         reach_x, reach_y = square_window(half, work.spans)
     n = block_pitch(reach_x) * (2 * reach_y + 1)
     template = Template(reach_x, reach_y, n, 0, 0.0, 0.0, 0.0)
-    if not (reach_x < col < shape[1] - reach_x - 1 and reach_y < row < shape[0] - reach_y - 1):
+    if not (reach_x < col < image.cols - reach_x - 1 and reach_y < row < image.rows - reach_y - 1):
         return results.OUTSIDE, template
     grey, gx, gy, inside = work.grey[:n], work.gx[:n], work.gy[:n], work.inside[:n]
     xs, ys, moments = work.xs[:n], work.ys[:n], work.moments
+    # The coordinates of a square are those of the point before; only another size draws them again.
     if rules.ellipse or work.drawn[0] != reach_x:
         draw_block(reach_x, reach_y, work.spans, xs, ys, inside)
         work.drawn[0] = reach_x
         grey[:], gx[:], gy[:], work.patch[:n] = ZERO, ZERO, ZERO, ZERO
-    level = cut_window(flat, shape[1], col, row, (reach_x, reach_y), work.spans, grey, gx, gy)
-    second_moments(gx, gx, xs, ys, moments[0])
-    second_moments(gx, gy, xs, ys, moments[1])
-    second_moments(gy, gy, xs, ys, moments[2])
+    level = cut_window(image, (col, row), (reach_x, reach_y), work.spans, WindowBlock(grey, gx, gy, inside))
+    second_moments(gx, gx, xs, ys, moments[GX_GX])
+    second_moments(gx, gy, xs, ys, moments[GX_GY])
+    second_moments(gy, gy, xs, ys, moments[GY_GY])
     count = pixels_of(work.spans, 2 * reach_y + 1)
     total, power, _ = grey_sums(grey, grey)
     mean = total / count
     power -= total * mean
-    gxx, gxy, gyy = moments[0, 0], moments[1, 0], moments[2, 0]
+    gxx, gxy, gyy = moments[GX_GX, 0], moments[GX_GY, 0], moments[GY_GY, 0]
+    # NaN of pixels without data has run into the sums: one comparison finds it.
     if not (power < np.inf and gxx + gyy < np.inf):
         return results.OUTSIDE, template
+    # The smaller eigenvalue of the structure tensor: a straight edge has gradients, but none along itself.
     weakest = 0.5 * (gxx + gyy) - np.sqrt(0.25 * (gxx - gyy) ** 2 + gxy * gxy)
     if weakest <= count * rules.min_gradient**2 or power <= FLAT * count:
         return results.LOW_TEXTURE, template
@@ -185,7 +215,7 @@ def build_template(flat, shape, col, row, half, axes, rules, work):
     for k in range(6):
         work.likewise[k] -= mean * work.plain[k]
     _normal_matrix(moments, work.normal)
-    if rules.radiometry == 2:
+    if rules.radiometry == RADIOMETRY_ESTIMATED:
         _without_radiometry(work.normal, work.plain, work.likewise, power, count)
     if rules.shift_only:
         work.normal[1, 0], work.normal[1, 1] = work.normal[3, 0], work.normal[3, 3]
@@ -196,7 +226,7 @@ def build_template(flat, shape, col, row, half, axes, rules, work):
 
 @njit(cache=True, error_model="numpy")
 def ellipse_of(rules, work):
-    """Axes of the ellipse that the cofactors of both shifts ask for."""
+    """Axes of the ellipse that follows from the cofactors of both shifts."""
     d = work.d
     d[:] = 0.0
     d[0] = 1.0

@@ -1,11 +1,13 @@
 """The block of a window, and the sums over it that least-squares matching needs.
 
 Strategy
-- A window is a block of padded rows, zero outside of its shape, so that every sum is one run over contiguous float32, and
-  neighbours in any direction are at a constant distance. Grey values are counted from that of the centre: sums stay small.
+- A window is a block of padded rows, zero outside its shape, so that every sum is one run over contiguous float32 and neighbours in
+  any direction are at a constant distance. Grey values are counted from that of the centre, so that float32 sums stay small.
 - Moments: derivatives by the affine are gx and gy times 1, x and y, so all their products are sums of gx gx, gx gy, gy gy times
   powers of x and y. No image of a derivative is ever stored.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -18,9 +20,33 @@ PAD = 2
 """Zeros between the rows of a block, at least: the correlation of residuals reaches that far."""
 
 
+class WindowBlock(NamedTuple):
+    """A window as padded rows, each (n,) float32, zero outside the window's shape."""
+
+    grey: np.ndarray
+    """from the grey value of the centre"""
+    gx: np.ndarray
+    gy: np.ndarray
+    """gradients, grey values per px"""
+    inside: np.ndarray
+    """1 inside the shape"""
+
+
+class Placement(NamedTuple):
+    """Where the pixel (x, y) of a window lies in the right image: at base + t + A (x, y), px."""
+
+    base_col: int
+    base_row: int
+    """an integer pixel near by"""
+    t: np.ndarray
+    """(2,) float64"""
+    a: np.ndarray
+    """(4,) float64: a12, a21, b12, b21, the rows of A"""
+
+
 @njit(cache=True, error_model="numpy", inline="always")
 def block_pitch(reach):
-    """Distance of the rows of a block: room for the window and the padding."""
+    """Distance between the rows of a block: the window and its padding."""
     return 2 * reach + 1 + PAD
 
 
@@ -38,17 +64,20 @@ def draw_block(reach_x, reach_y, spans, xs, ys, inside):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def full_lanes(n, room):
-    """`n` rounded up to whole vectors, where the image has `room` for it: a rest would be worked at one by one."""
+    """`n` rounded up to whole vectors where the image has `room` for it: a remainder would be processed pixel by pixel."""
     wide = (n + LANES - 1) // LANES * LANES
     return wide if wide <= room else n
 
 
 @njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
-def cut_window(flat, width, col, row, reach, spans, grey, gx, gy):
-    """Fill blocks with the left window about (col, row) and its gradients; returns the grey value it counts from.
+def cut_window(image, pixel, reach, spans, block):
+    """Fill a `WindowBlock` with the left window about `pixel` (col, row) and its gradients; returns the grey value it counts from.
 
-    flat, width: the left image. One loop for each block: several results at once keep compilers from working on many pixels.
+    image: the left one, a `FlatImage`.
     """
+    flat, width = image.pixels, image.cols
+    grey, gx, gy, _ = block
+    col, row = pixel
     reach_x, reach_y = reach
     pitch = block_pitch(reach_x)
     level, half, zero = flat[np.uint64(row * width + col)], np.float32(0.5), np.float32(0.0)
@@ -62,6 +91,7 @@ def cut_window(flat, width, col, row, reach, spans, grey, gx, gy):
         up, centre, down, length = np.uint64(k - width), np.uint64(k - 1), np.uint64(k + width), np.uint64(wide)
         above, line, below = flat[up : up + length], flat[centre : centre + length + np.uint64(2)], flat[down : down + length]
         to_grey, to_x, to_y = grey[at : at + wide], gx[at : at + wide], gy[at : at + wide]
+        # One loop per result: with several results in one loop compilers do not vectorise.
         for i in range(wide):
             to_grey[i] = line[i + 1] - level if i < n else zero
         for i in range(wide):
@@ -115,7 +145,7 @@ def grey_sums(p, q):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _same_steps(rest, drift, most):
-    """How many pixels, at most `most`, a coordinate that is `rest` in [0, 1) beyond a whole pixel stays there while drifting."""
+    """For how many pixels, at most `most`, a coordinate `rest` in [0, 1) beyond an integer keeps that integer while drifting."""
     if drift == 0.0:
         return most
     room = (np.float32(1.0) - rest) / drift if drift > 0.0 else rest / -drift
@@ -123,12 +153,9 @@ def _same_steps(rest, drift, most):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
-def _bicubic_run(flat, k, width, rest, drift, level, n, patch, at):
-    """Fill n pixels of `patch` from `at` on: their neighbours lie side by side, so that they are read many at once.
-
-    What goes over the n pixels is zero.
-    """
-    one = np.uint64(1)
+def _bicubic_run(image, k, rest, drift, level, n, patch, at):
+    """Fill n pixels of `patch` from `at` on, zero beyond them: their neighbours are contiguous, so that many are read at once."""
+    flat, width, one = image.pixels, np.uint64(image.cols), np.uint64(1)
     wide = full_lanes(n, flat.size - int(k + width + width) - 2)
     length = np.uint64(wide + 3)
     a, b, c, d = k - width - one, k - one, k + width - one, k + width + width - one
@@ -148,8 +175,9 @@ def _bicubic_run(flat, k, width, rest, drift, level, n, patch, at):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
-def _bilinear_run(flat, k, width, rest, drift, level, n, patch, at):
+def _bilinear_run(image, k, rest, drift, level, n, patch, at):
     """As `_bicubic_run`, from 2 x 2 pixels."""
+    flat, width = image.pixels, np.uint64(image.cols)
     wide = full_lanes(n, flat.size - int(k + width) - 1)
     length = np.uint64(wide + 1)
     above, below = flat[k : k + length], flat[k + width : k + width + length]
@@ -163,20 +191,21 @@ def _bilinear_run(flat, k, width, rest, drift, level, n, patch, at):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
-def warp_window(flat, width, base, t, a, use_bicubic, reach, spans, patch):
-    """Fill the block `patch` with the right image at base + t + A (x, y); returns the grey value it counts from.
+def warp_window(image, place, use_bicubic, reach, spans, patch):
+    """Fill the block `patch` with the right image under a `Placement`; returns the grey value it counts from.
 
-    flat, width: the right image; base: the whole pixel (col, row) that t (px) is counted from. A row of the window is cut into
-    runs whose pixels fall between neighbouring pixels of one row of the image.
+    image: the right one, a `FlatImage`. A row of the window is cut into runs whose pixels fall between neighbouring pixels of one
+    row of the image.
     """
+    flat, width = image.pixels, image.cols
+    base_col, base_row, t, a = place
     whole_x, whole_y = int(np.floor(t[0])), int(np.floor(t[1]))
     rest_x, rest_y = t[0] - whole_x, t[1] - whole_y
-    origin = (base[1] + whole_y) * width + base[0] + whole_x
+    origin = (base_row + whole_y) * width + base_col + whole_x
     reach_x, reach_y = reach
     pitch = block_pitch(reach_x)
     drift = np.float32(a[0] - 1.0), np.float32(a[2])
     level = flat[np.uint64(origin)]
-    stride = np.uint64(width)
     for j in range(2 * reach_y + 1):
         first, last = spans[j]
         y = j - reach_y
@@ -191,9 +220,9 @@ def warp_window(flat, width, base, t, a, use_bicubic, reach, spans, patch):
             k = np.uint64(origin + int(r) * width + int(c) + x)
             at = j * pitch + reach_x + x
             if use_bicubic:
-                _bicubic_run(flat, k, stride, rest, drift, level, count, patch, at)
+                _bicubic_run(image, k, rest, drift, level, count, patch, at)
             else:
-                _bilinear_run(flat, k, stride, rest, drift, level, count, patch, at)
+                _bilinear_run(image, k, rest, drift, level, count, patch, at)
             x += count
     return level
 

@@ -1,10 +1,10 @@
 """Which pixels belong to a window: a square, or an ellipse shaped by the covariance of the shift.
 
 Strategy. Both shapes are convex, so a window is one span of columns per row and every loop over it runs along rows. The published
-rule for an ellipse (the sum of the distances of a pixel's centre from both foci is less than the long axis) is the same as asking
-that the quadratic form of the ellipse is below 1 there, and that has a closed solution per row.
+rule for an ellipse (the sum of the distances of a pixel's centre from both foci is less than the long axis) is equivalent to a
+quadratic form below 1, which has a closed solution per row.
 
-Source: Skarlatos, PhD thesis, 3.1.7 (methods/matching_and_dsm_check.md 1.4); the cap on the ratio of the axes is our own.
+Source: Skarlatos, PhD thesis, 3.1.7 (methods/matching_and_dsm_check.md 1.4); the limit of the ratio of the axes is our own.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from numba import njit
 
 @njit(cache=True, error_model="numpy")
 def square_window(half, spans):
-    """Spans of a square: spans[j] = first and last column of row j - half, all relative to the centre; returns its reaches."""
+    """Fill the spans of a square: first and last column of row j - half, from the centre; returns its reaches."""
     for j in range(2 * half + 1):
         spans[j, 0], spans[j, 1] = -half, half
     return half, half
@@ -21,7 +21,7 @@ def square_window(half, spans):
 
 @njit(cache=True, error_model="numpy")
 def ellipse_window(half, axes, offset_x, offset_y, spans):
-    """Spans of an ellipse with the area of the square of half side `half`.
+    """Fill the spans of an ellipse with the area of the square of half side `half`.
 
     axes: the ratio of its axes (>= 1) and the direction (cos, sin) of the long one. offset_x, offset_y: its centre, from the pixel
     that rows and columns are counted from. Returns the reaches (columns, rows) to either side; an empty row has first > last.
@@ -52,6 +52,7 @@ def ellipse_axes(var_x, var_y, covariance, max_ratio, across):
     middle, half_difference = 0.5 * (var_x + var_y), 0.5 * (var_x - var_y)
     radius = np.sqrt(half_difference * half_difference + covariance * covariance)
     theta = 0.5 * np.arctan2(2.0 * covariance, var_x - var_y)
+    # Rounding can leave the smaller eigenvalue at or below zero, where the ratio has no value but its limit.
     least = middle - radius
     ratio = max_ratio
     if least > 0.0:

@@ -120,10 +120,10 @@ def _best(image: np.ndarray, other: np.ndarray, pixel: np.ndarray, centre: np.nd
     surface = correlation_surface(template, search, settings.min_deviation)
     if not (surface > -2.0).any():
         return _BestPlace(Outcome.LOW_TEXTURE if np.isneginf(surface).all() else Outcome.OUTSIDE)
-    row, col = np.unravel_index(np.nanargmax(surface), surface.shape)
+    row, col = (int(place) for place in np.unravel_index(np.nanargmax(surface), surface.shape))
     first = np.maximum(centre - half - reach, 0) + half
     found = _BestPlace(
-        Outcome.CONVERGED, int(first[0] + col), int(first[1] + row), float(surface[row, col]), _peak(surface, row, col)
+        Outcome.CONVERGED, int(first[0]) + col, int(first[1]) + row, float(surface[row, col]), _peak(surface, row, col)
     )
     if found.correlation < settings.min_correlation:
         return found._replace(outcome=Outcome.LOW_CORRELATION)

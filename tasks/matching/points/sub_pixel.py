@@ -13,7 +13,7 @@ def paraboloid_peaks(around: np.ndarray) -> np.ndarray:
     (0, 0) where the values have no peak or one of them is not finite.
     """
     values = np.asarray(around, dtype=np.float64)
-    finite = np.isfinite(values).all(axis=(1, 2))
+    finite = np.all(np.isfinite(values), axis=(1, 2))
     v = np.where(finite[:, None, None], values, 0.0)
     gx, gy = 0.5 * (v[:, 1, 2] - v[:, 1, 0]), 0.5 * (v[:, 2, 1] - v[:, 0, 1])
     xx, yy = v[:, 1, 0] - 2.0 * v[:, 1, 1] + v[:, 1, 2], v[:, 0, 1] - 2.0 * v[:, 1, 1] + v[:, 2, 1]

@@ -26,8 +26,8 @@ from orthomill.schemas.settings import Settings, setting
 from orthomill.tasks.matching.least_squares.matching import Matches
 from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
 from orthomill.tasks.matching.smoothing import reach_of, with_gaps
-from orthomill.tasks.matching.strategies.match_tables import merged, rejected, taken
-from orthomill.tasks.matching.strategies.node_grid import ImagePart, NodeGrid, PreparedPair, agreement, from_neighbours
+from orthomill.tasks.matching.strategies.match_tables import merged, taken
+from orthomill.tasks.matching.strategies.node_grid import GridMatches, ImagePart, NodeGrid, PreparedPair, agreeing, from_neighbours
 
 _UNSOLVED = 1e-3
 """Weight of a node that only hands down its start, beside solved ones."""
@@ -88,16 +88,8 @@ class Field:
         """Right positions (M, 2) and affines (M, 4) of points (M, 2) of the same level; NaN where nothing is known."""
         right, affine = np.empty((len(points), 2)), np.empty((len(points), 4))
         first = np.array([self.grid.col, self.grid.row], dtype=np.float64)
-        shape = self.grid.shape
-        _predict(
-            self.right.reshape(*shape, 2),
-            self.affine.reshape(*shape, 4),
-            self.solved.reshape(shape),
-            points / self.grid.step - first,
-            float(self.grid.step),
-            right,
-            affine,
-        )
+        nodes = GridMatches.of(self.grid, self.solved, self.right, self.affine)
+        _predict(nodes, points / self.grid.step - first, float(self.grid.step), right, affine)
         return right, affine
 
     def below(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -165,32 +157,26 @@ def _field(left: ImagePart, right: ImagePart, grid: NodeGrid, search: SearchRang
     solved = found.matches.converged
     right_of = np.where(solved[:, None], found.matches.position, found.starts)
     affine = np.where(solved[:, None], found.matches.affine, found.start_affine)
-    tables = _as_grid(found.grid, solved, found.matches.position, found.matches.affine, ~solved, right_of, affine)
-    from_neighbours(*tables[:3], float(found.grid.step), *tables[3:])
+    nodes = GridMatches.of(found.grid, solved, found.matches.position, found.matches.affine)
+    from_neighbours(nodes, float(found.grid.step), GridMatches.of(found.grid, ~solved, right_of, affine))
     return Field(grid, right_of[found.core], affine[found.core], solved[found.core])
 
 
 def _solved(pair: PreparedPair, grid: NodeGrid, starts: np.ndarray, affine: np.ndarray, settings: PyramidMatching) -> Matches:
     """Match nodes, reject those that their neighbours contradict, and give failed and weak ones a second attempt."""
     points = grid.points()
-    first = _agreeing(pair.match(points, starts, affine), grid, settings)
+    rule = settings.min_neighbours, settings.neighbour_tolerance
+    first = agreeing(pair.match(points, starts, affine), grid, *rule)
     weak = first.converged & ~(first.sigma <= settings.weak_sigma)
     starts[weak], affine[weak] = first.position[weak], first.affine[weak]
     failed = ~first.converged & (first.outcome != Outcome.OUTSIDE)
-    from_neighbours(
-        *_as_grid(grid, first.converged, first.position, first.affine), float(grid.step), *_as_grid(grid, failed, starts, affine)
-    )
+    nodes = GridMatches.of(grid, first.converged, first.position, first.affine)
+    from_neighbours(nodes, float(grid.step), GridMatches.of(grid, failed, starts, affine))
     again = weak | failed
     second = pair.match(points[again], starts[again], affine[again], settings.wide_window // 2)
     better = second.converged | failed[again]
     again[again] = better
-    return _agreeing(merged(first, taken(second, better), again), grid, settings)
-
-
-def _agreeing(found: Matches, grid: NodeGrid, settings: PyramidMatching) -> Matches:
-    solved, position, affine = _as_grid(grid, found.converged, found.position, found.affine)
-    count = agreement(solved, position, affine, float(grid.step), settings.neighbour_tolerance).ravel()
-    return rejected(found, found.converged & (count < settings.min_neighbours), Outcome.INCONSISTENT)
+    return agreeing(merged(first, taken(second, better), again), grid, *rule)
 
 
 def _best_starts(pair: PreparedPair, points: np.ndarray, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -221,11 +207,6 @@ def _covering(points: np.ndarray, settings: PyramidMatching) -> NodeGrid:
     return NodeGrid(first[1], first[0], last[1] - first[1] + 1, last[0] - first[0] + 1, step)
 
 
-def _as_grid(grid: NodeGrid, *tables: np.ndarray) -> list[np.ndarray]:
-    """Tables (rows * cols, ...) as (rows, cols, ...), without a copy."""
-    return [table.reshape(*grid.shape, *table.shape[1:]) for table in tables]
-
-
 def _check_origins(left: ImagePart, right: ImagePart, settings: PyramidMatching) -> None:
     unit = 2**settings.levels
     for part in (left, right):
@@ -237,8 +218,9 @@ def _check_origins(left: ImagePart, right: ImagePart, settings: PyramidMatching)
 
 
 @njit(cache=True)
-def _predict(right, affine, solved, places, step, out, out_affine):
-    """Weighted mean of what the four nodes around each place (M, 2), in units of the grid, predict."""
+def _predict(nodes, places, step, out, out_affine):
+    """Weighted mean of what the four nodes around each place (M, 2), in units of the grid, predict. nodes: `GridMatches`."""
+    solved, right, affine = nodes
     rows, cols = solved.shape
     for i in range(places.shape[0]):
         first_col, first_row = int(np.floor(places[i, 0])), int(np.floor(places[i, 1]))

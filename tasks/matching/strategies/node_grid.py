@@ -5,13 +5,15 @@ part with its halo sees the nodes, the starts and the windows that the whole see
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from orthomill.schemas.outcome import Outcome
 from orthomill.tasks.matching.least_squares.matching import Matches, PreparedImage, match_points, prepare
 from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
-from orthomill.tasks.matching.strategies.match_tables import moved
+from orthomill.tasks.matching.strategies.match_tables import moved, rejected
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,19 +81,43 @@ class PreparedPair:
 
         half: half side of the windows, None for that of the settings.
         """
-        half = np.where(np.isfinite(starts).all(axis=1), self.settings.half if half is None else half, 0)
+        halves = np.where(np.isfinite(starts).all(axis=1), self.settings.half if half is None else half, 0)
         found = match_points(
-            self.left, self.right, points - self.left_origin, starts - self.right_origin, self.settings, affine, half
+            self.left, self.right, points - self.left_origin, starts - self.right_origin, self.settings, affine, halves
         )
         return moved(found, self.left_origin, self.right_origin)
 
 
+class GridMatches(NamedTuple):
+    """Matched nodes as kernels read them."""
+
+    solved: np.ndarray
+    """(rows, cols) bool"""
+    right: np.ndarray
+    """(rows, cols, 2) float64 (col, row), px"""
+    affine: np.ndarray
+    """(rows, cols, 4)"""
+
+    @classmethod
+    def of(cls, grid: NodeGrid, solved: np.ndarray, right: np.ndarray, affine: np.ndarray) -> "GridMatches":
+        """Tables (rows * cols, ...) of a grid, without a copy."""
+        return cls(solved.reshape(grid.shape), right.reshape(*grid.shape, 2), affine.reshape(*grid.shape, 4))
+
+
+def agreeing(found: Matches, grid: NodeGrid, min_neighbours: int, tolerance: float) -> Matches:
+    """Reject the nodes whose position fewer than `min_neighbours` of their neighbours predict within `tolerance` px."""
+    nodes = GridMatches.of(grid, found.converged, found.position, found.affine)
+    count = agreement(nodes, float(grid.step), tolerance).ravel()
+    return rejected(found, found.converged & (count < min_neighbours), Outcome.INCONSISTENT)
+
+
 @njit(cache=True)
-def agreement(solved, right, affine, step, tolerance):
+def agreement(nodes, step, tolerance):
     """How many of the eight neighbours of a node predict its position within `tolerance` px: (rows, cols) uint8.
 
-    solved (rows, cols) bool, right (rows, cols, 2), affine (rows, cols, 4); step: distance of the nodes, px.
+    nodes: `GridMatches`; step: distance of the nodes, px.
     """
+    solved, right, affine = nodes
     rows, cols = solved.shape
     count = np.zeros((rows, cols), np.uint8)
     for r in range(rows):
@@ -112,16 +138,17 @@ def agreement(solved, right, affine, step, tolerance):
 
 
 @njit(cache=True)
-def from_neighbours(solved, right, affine, step, wanted, start, start_affine):
-    """Give wanted nodes (rows, cols) bool that have solved neighbours the mean of their predictions; returns which got one.
+def from_neighbours(nodes, step, wanted):
+    """Give wanted nodes that have solved neighbours the mean of their predictions; returns which got one, (rows, cols) bool.
 
-    start (rows, cols, 2) and start_affine (rows, cols, 4) are overwritten there.
+    nodes, wanted: `GridMatches`; `wanted.solved` marks the wanted ones, whose position and affine are overwritten.
     """
+    solved, right, affine = nodes
     rows, cols = solved.shape
     given = np.zeros((rows, cols), np.bool_)
     for r in range(rows):
         for c in range(cols):
-            if not wanted[r, c]:
+            if not wanted.solved[r, c]:
                 continue
             n, px, py, a0, a1, a2, a3 = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             for y in range(max(r - 1, 0), min(r + 2, rows)):
@@ -136,7 +163,7 @@ def from_neighbours(solved, right, affine, step, wanted, start, start_affine):
                     n += 1
             if n > 0:
                 given[r, c] = True
-                start[r, c, 0], start[r, c, 1] = px / n, py / n
-                start_affine[r, c, 0], start_affine[r, c, 1] = a0 / n, a1 / n
-                start_affine[r, c, 2], start_affine[r, c, 3] = a2 / n, a3 / n
+                wanted.right[r, c, 0], wanted.right[r, c, 1] = px / n, py / n
+                wanted.affine[r, c, 0], wanted.affine[r, c, 1] = a0 / n, a1 / n
+                wanted.affine[r, c, 2], wanted.affine[r, c, 3] = a2 / n, a3 / n
     return given

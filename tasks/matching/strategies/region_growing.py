@@ -19,7 +19,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.settings import Settings, setting
 from orthomill.tasks.matching.least_squares.matching import Matches
 from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
@@ -27,8 +26,7 @@ from orthomill.tasks.matching.smoothing import reach_of
 from orthomill.tasks.matching.strategies.coarse_to_fine import PyramidMatching, SearchRange, coarse_field
 from orthomill.tasks.matching.strategies.coarse_to_fine import halo as pyramid_halo
 from orthomill.tasks.matching.strategies.growth_queue import SEED, Queues, pop_each, push, push_neighbours, queues_for
-from orthomill.tasks.matching.strategies.match_tables import rejected
-from orthomill.tasks.matching.strategies.node_grid import ImagePart, NodeGrid, PreparedPair, agreement
+from orthomill.tasks.matching.strategies.node_grid import ImagePart, NodeGrid, PreparedPair, agreeing
 
 _MATCHING = LeastSquaresMatching(window=21, smoothing=0.6, max_shift=2.0)
 
@@ -93,7 +91,7 @@ def grow(left: ImagePart, right: ImagePart, grid: NodeGrid, seeds: Seeds, settin
             True,
         )
         found = _grown(pair, points, queues, grid, found, settings)
-    return _agreeing(found, grid, settings)
+    return agreeing(found, grid, settings.min_neighbours, settings.neighbour_tolerance)
 
 
 def found_seeds(
@@ -176,10 +174,3 @@ def _grown(
             False,
         )
     return found
-
-
-def _agreeing(found: Matches, grid: NodeGrid, settings: RegionGrowing) -> Matches:
-    """Reject nodes that their neighbours contradict."""
-    tables = (table.reshape(*grid.shape, *table.shape[1:]) for table in (found.converged, found.position, found.affine))
-    count = agreement(*tables, float(grid.step), settings.neighbour_tolerance).ravel()
-    return rejected(found, found.converged & (count < settings.min_neighbours), Outcome.INCONSISTENT)

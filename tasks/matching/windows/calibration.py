@@ -19,7 +19,7 @@ from orthomill.tasks.matching.windows.sizes import (
     FixedWindow,
     FoerstnerWindow,
     GreyLevels,
-    SingleWindow,
+    LimitedWindow,
     StatisticalWindow,
     WindowSizing,
     crossings,
@@ -50,8 +50,7 @@ def last_limits(image: GreyLevels, points: np.ndarray, sizing: WindowSizing) -> 
 
     Raises WorkflowError for a fixed window, which has no limit.
     """
-    if isinstance(sizing, FixedWindow):
-        raise WorkflowError("A fixed window has no limit that could be calibrated; choose another method.")
+    sizing = _with_limit(sizing)
     if isinstance(sizing, CombinedWindow):
         return np.hstack([last_limits(image, points, sizing.foerstner), last_limits(image, points, sizing.entropy)])
     pixels = nearest_pixels(points, image.levels.shape)
@@ -59,7 +58,13 @@ def last_limits(image: GreyLevels, points: np.ndarray, sizing: WindowSizing) -> 
     return np.concatenate(batches)[:, None] if batches else np.empty((0, 1))
 
 
-def _last(image: GreyLevels, pixels: np.ndarray, sizing: SingleWindow) -> np.ndarray:
+def _with_limit(sizing: WindowSizing) -> LimitedWindow | CombinedWindow:
+    if isinstance(sizing, FixedWindow):
+        raise WorkflowError("A fixed window has no limit that could be calibrated; choose another method.")
+    return sizing
+
+
+def _last(image: GreyLevels, pixels: np.ndarray, sizing: LimitedWindow) -> np.ndarray:
     growth = growth_of(image, pixels, sizing)
     if isinstance(sizing, FoerstnerWindow):
         weight, roundness = gradient_weights(image.levels, growth)
@@ -79,6 +84,7 @@ def _highest(values: np.ndarray) -> np.ndarray:
 
 def calibrated(sizing: WindowSizing, last: np.ndarray, share: float) -> LimitCalibration:
     """The sizing whose limits give a window to `share` (0 to 1) of the points with these `last_limits` (N, limits)."""
+    sizing = _with_limit(sizing)
     if not 0.0 < share <= 1.0:
         raise WorkflowError(f"{100 * share:g} per cent of the points cannot be given a window; say more than 0 and at most 100.")
     if not len(last):
@@ -86,13 +92,12 @@ def calibrated(sizing: WindowSizing, last: np.ndarray, share: float) -> LimitCal
     wanted = min(math.ceil(share * len(last)), len(last))
     limits = _limits(last, wanted)
     if isinstance(sizing, CombinedWindow):
-        parts = {"foerstner": _limited(sizing.foerstner, limits[0]), "entropy": _limited(sizing.entropy, limits[1])}
-        sizing = sizing.model_copy(update=parts)
-        used = (_limit(sizing.foerstner), _limit(sizing.entropy))
+        parts: tuple[LimitedWindow, ...] = _limited(sizing.foerstner, limits[0]), _limited(sizing.entropy, limits[1])
+        sizing = sizing.model_copy(update={"foerstner": parts[0], "entropy": parts[1]})
     else:
         sizing = _limited(sizing, limits[0])
-        used = (_limit(sizing),)
-    return LimitCalibration(sizing, float((last > used).all(axis=1).mean()))
+        parts = (sizing,)
+    return LimitCalibration(sizing, float((last > [_limit(part) for part in parts]).all(axis=1).mean()))
 
 
 def _limits(last: np.ndarray, wanted: int) -> np.ndarray:
@@ -104,11 +109,11 @@ def _limits(last: np.ndarray, wanted: int) -> np.ndarray:
     return np.nextafter(last[order[worst], np.arange(last.shape[1])], -np.inf)
 
 
-def _limit(sizing: SingleWindow) -> float:
-    return getattr(sizing, LIMITS[type(sizing)])
+def _limit(sizing: LimitedWindow) -> float:
+    return float(getattr(sizing, LIMITS[type(sizing)]))
 
 
-def _limited(sizing: SingleWindow, limit: float) -> SingleWindow:
+def _limited(sizing: LimitedWindow, limit: float) -> LimitedWindow:
     """The sizing with its limit set, kept within what the method can measure."""
     highest = {EntropyWindow: 6.0, StatisticalWindow: 255.0}.get(type(sizing), 1e12)
     return sizing.model_copy(update={LIMITS[type(sizing)]: float(min(max(limit, 0.0), highest))})

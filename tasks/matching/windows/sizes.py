@@ -106,7 +106,8 @@ class CombinedWindow(Settings):
         return tuple(sorted({*self.foerstner.halves, *self.entropy.halves}))
 
 
-SingleWindow = FixedWindow | StatisticalWindow | EntropyWindow | FoerstnerWindow
+LimitedWindow = StatisticalWindow | EntropyWindow | FoerstnerWindow
+SingleWindow = FixedWindow | LimitedWindow
 WindowSizing = Annotated[SingleWindow | CombinedWindow, Field(discriminator="kind")]
 
 
@@ -172,7 +173,7 @@ def nearest_pixels(points: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     """(N, 2) int64 (col, row) nearest to points (N, 2); (-1, -1) outside an image of `shape` and where a point is not finite."""
     points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
     nearest = np.floor(points + 0.5)
-    inside = ((nearest >= 0) & (nearest < [shape[1], shape[0]])).all(axis=1)
+    inside = np.all((nearest >= 0) & (nearest < [shape[1], shape[0]]), axis=1)
     return np.where(inside[:, None], nearest, -1).astype(np.int64)
 
 
