@@ -6,6 +6,7 @@ from enum import StrEnum
 import numpy as np
 
 from orthomill.tasks.adjustment.model.network import Network, Rays, State
+from orthomill.tasks.adjustment.model.surveyed_observations import Blunder
 from orthomill.tasks.adjustment.testing.covariances import Covariance
 
 # The noncentrality delta_0 of Baarda's B-method, for alpha_0 = 0.1 % and beta_0 = 80 %: 3.29 + 0.84.
@@ -23,14 +24,6 @@ class ObservationKind(StrEnum):
     DISTANCES = "distances"
 
 
-class SurveyedKind(StrEnum):
-    """What can be wrong as a whole among the surveyed observations."""
-
-    POSITION = "position"
-    CONTROL = "control"
-    DISTANCE = "distance"
-
-
 @dataclass(frozen=True, eq=False)
 class Factors:
     """Ratio of estimated to stated standard errors of each group of observations: tie points in the photographs, surveyed points in
@@ -43,6 +36,10 @@ class Factors:
     distance: float = 1.0
 
 
+AS_STATED = Factors()
+"""All standard errors are right."""
+
+
 @dataclass(frozen=True, eq=False)
 class Group:
     """A group of observations: the `count` of its numbers, its share of the redundancy (the sum of its redundancy numbers), and the
@@ -52,16 +49,6 @@ class Group:
     count: int
     redundancy: float
     factor: float
-
-
-@dataclass(frozen=True)
-class Blunder:
-    """A surveyed observation that contradicts the rest: its `kind`, the `number` of its photograph, point or distance, and its
-    misfit in standard errors."""
-
-    kind: SurveyedKind
-    number: int
-    misfit: float
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
-"""Points whose rays meet: before the cameras, at a distance that follows from the rays and is not lost in their noise.
+"""Points whose rays intersect: in front of the cameras, at a distance that the rays determine.
 
 What is far away compared with the base (a skyline behind a street, the horizon of an oblique photograph) is seen along rays that
-are parallel but for noise. Such a point is as well at infinity, its coordinates are not determined, and an adjustment that looks
-for them does not come to an end.
+are parallel within their noise. Such a point may as well be at infinity: its coordinates are not determined, and an adjustment
+that estimates them does not converge.
 """
 
 from dataclasses import replace
@@ -15,17 +15,39 @@ from orthomill.tasks.adjustment.model.network import Network, Rays, State
 from orthomill.tasks.adjustment.model.robust_weights import huber_losses, huber_weights
 from orthomill.tasks.adjustment.solve.normal_equations import point_corrections
 
+# At a quarter of the distance the linear law of errors ends: two standard errors farther a point is at twice the distance, the
+# same amount nearer at two thirds of it.
 UNSURE = 0.25
-"""A point whose distance has a larger standard error, in units of itself, is not determined: beyond this the linear law of errors
-says nothing about it."""
+"""Standard error of a distance, in units of itself, beyond which a point is not determined."""
+
+
+def usable_rays(network: Network, state: State, rays: Rays, used: np.ndarray) -> np.ndarray:
+    """(M,) bool: the `used` rays that intersect, of points that have enough of them."""
+    return enough_rays(network, rays, intersecting(network, state, rays, used))
+
+
+def enough_rays(network: Network, rays: Rays, used: np.ndarray) -> np.ndarray:
+    """(M,) bool: `used` without the rays of points that have neither two rays nor known coordinates; the ends of distances, which
+    are among the unknowns, keep all of theirs."""
+    known, end = network.point_weight.any(axis=1), np.zeros(len(network.point), bool)
+    end[network.kept] = True
+    count = np.bincount(rays.point[used], minlength=len(network.point))
+    # Without rays a kept point would leave a singular block in the normal matrix; its rays, even doubtful ones, prevent that.
+    starved = end & ~known & (count < 2)
+    return (used | starved[rays.point]) & ((count >= 2) | known | end)[rays.point]
+
+
+def sufficiently_observed(network: Network, rays: Rays) -> Rays:
+    """The rays of points that have enough of them."""
+    return rays.take(enough_rays(network, rays, np.ones(len(rays), bool)))
 
 
 def intersecting(network: Network, state: State, rays: Rays, used: np.ndarray) -> np.ndarray:
-    """(M,) bool: the `used` rays without those that look away from their point, and without those of points whose distance they
-    do not determine. Points that a person measured keep the latter.
+    """(M,) bool: the `used` rays without those that point away from their point, and without those of points whose distance they do
+    not determine, unless a person measured these.
 
-    A point's standard error is the longest axis of the error ellipsoid of its rays alone, with their stated standard errors; its
-    distance is that from the nearest of its projection centres.
+    The standard error of a point is the longest semi-axis of the error ellipsoid of its rays alone, with their stated standard
+    errors; its distance is that from the nearest of its projection centres.
     """
     used = used & (np.abs(residuals(state, rays, network.camera_of)).max(axis=1) < BEHIND)
     taken = rays.take(used)
@@ -33,7 +55,7 @@ def intersecting(network: Network, state: State, rays: Rays, used: np.ndarray) -
     distance = np.maximum(np.linalg.norm(towards, axis=1), 1e-12)
     towards /= distance[:, None]
     across = taken.sigma / state.interior[network.camera_of[taken.photo], 0] * distance
-    # Lengths in units of the distance, so that points far away lose no digits.
+    # Lengths in units of the distance: for points far away the squares of metres would lose digits.
     nearest = np.full(len(state.point), np.inf)
     np.minimum.at(nearest, taken.point, distance)
     weight = (nearest[taken.point] / across) ** 2
@@ -48,10 +70,11 @@ def intersecting(network: Network, state: State, rays: Rays, used: np.ndarray) -
 
 
 def intersected(network: Network, state: State, rays: Rays, huber: float) -> State:
-    """The state with every point moved by a step towards where its rays meet, all else held; points that gain nothing stay.
+    """The state with every point moved by one step towards the intersection of its rays, all else fixed; points that gain nothing
+    stay.
 
-    Points whose rays hardly meet follow a photograph that moves, but not in proportion: where they are left behind, the valley that
-    it moves in is curved, and steps along it stay short.
+    Points with nearly parallel rays follow a photograph that moves, but not in proportion. Where they lag behind, the valley of the
+    cost function is curved, and steps along it stay short.
     """
     size = residual_lengths(network, state, rays)
     step = point_corrections(linearised(network, state, rays, huber_weights(size, huber)), np.zeros(network.unknowns))

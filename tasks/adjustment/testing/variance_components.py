@@ -1,14 +1,14 @@
-"""What the residuals say of the stated standard errors: one factor per group of observations.
+"""Variance components: one factor per group of observations, the ratio of estimated to stated standard errors.
 
-Image measurements get the factor that their residuals and their part of the redundancy give. What a person measured or surveyed
-keeps the standard errors it came with unless it contradicts them: then these are enlarged.
+Image measurements get the factor that their residuals and their share of the redundancy yield. What a person measured or surveyed
+keeps its stated standard errors unless it contradicts them; then these are enlarged.
 
 Source: Foerstner 1979 for the estimation of variance components from redundancy parts.
 """
 
 import numpy as np
 
-from orthomill.tasks.adjustment.model.adjustment_result import Adjustment, Factors, Group, surveyed
+from orthomill.tasks.adjustment.model.adjustment_result import Adjustment, Factors, Group, ObservationKind, surveyed
 from orthomill.tasks.adjustment.model.datum import (
     distance_derivatives,
     distance_residuals,
@@ -16,15 +16,16 @@ from orthomill.tasks.adjustment.model.datum import (
     position_residuals,
 )
 
-POINTINGS = "surveyed points in photographs"
-"""A group of observations, by its name"""
+LEAST_REDUNDANCY_OF_GROUP = 3.0
+"""Redundancy below which the stated standard errors of a surveyed group are not questioned."""
 
 
-def estimated(result: Adjustment) -> tuple[Factors, tuple[Group, ...]]:
-    """The factors by which stated standard errors are to be multiplied, and the balance of the groups."""
+def estimated_factors(result: Adjustment) -> tuple[Factors, tuple[Group, ...]]:
+    """The factors of the stated standard errors, and the groups with their shares of the redundancy."""
     by_person, old = surveyed(result.network, result.rays), result.factors
     ties, pointings = result.used & ~by_person, result.used & by_person
     square, redundancy = _image_share(result, ties)
+    # The residuals refer to the weights of the last solution, which contain the old factor: the new one multiplies it.
     image = old.image * float(np.sqrt(square / redundancy)) if redundancy > 0 else old.image
     shares = (_image_share(result, pointings), _position_share(result), _control_share(result), _distance_share(result))
     rest = [_enlarged(f, *share) for f, share in zip((old.pointing, old.position, old.control, old.distance), shares, strict=True)]
@@ -36,18 +37,18 @@ def estimated(result: Adjustment) -> tuple[Factors, tuple[Group, ...]]:
         _known(result.network.point_weight),
         _known(result.network.distances.weight),
     )
-    names = ("tie points in photographs", POINTINGS, "GNSS positions", "surveyed coordinates", "distances")
     parts = (redundancy, *(share[1] for share in shares))
     factors = (new.image, *rest)
-    return new, tuple(Group(*row) for row in zip(names, counts, parts, factors, strict=True) if row[1])
+    return new, tuple(Group(*row) for row in zip(ObservationKind, counts, parts, factors, strict=True) if row[1])
 
 
-def settled(new: Factors, old: Factors) -> bool:
+def converged(new: Factors, old: Factors) -> bool:
     """Whether two sets of factors agree within 1 %."""
     return all(abs(vars(new)[name] / vars(old)[name] - 1.0) <= 0.01 for name in vars(new))
 
 
 def _known(weight: np.ndarray) -> int:
+    """The number of observed values among weights."""
     return int((weight > 0).sum())
 
 
@@ -58,7 +59,7 @@ def _image_share(result: Adjustment, chosen: np.ndarray) -> tuple[float, float]:
 
 
 def position_covariances(result: Adjustment, photos: np.ndarray) -> np.ndarray:
-    """(p, 3, 3) m^2 of the adjusted places of the antennas of `photos` (p,)."""
+    """(p, 3, 3) m^2 of the adjusted antenna positions of `photos` (p,)."""
     J, columns = position_derivatives(result.network, result.state, photos)
     return J @ result.cofactor.blocks.pieces(columns) @ J.transpose(0, 2, 1)
 
@@ -81,6 +82,7 @@ def _control_share(result: Adjustment) -> tuple[float, float]:
 
 
 def _distance_share(result: Adjustment) -> tuple[float, float]:
+    """Weighted square sum and redundancy of the distances."""
     weight = result.network.distances.weight
     square = (weight * distance_residuals(result.network, result.state) ** 2).sum()
     return float(square), float((1.0 - weight * distance_variances(result))[weight > 0].sum())
@@ -93,9 +95,9 @@ def distance_variances(result: Adjustment) -> np.ndarray:
 
 
 def _enlarged(old: float, square: float, redundancy: float) -> float:
-    """Standard errors are enlarged only where three or more redundant numbers contradict them by more than chance (about 99.9
-    %)."""
-    if redundancy < 3.0:
+    """The new factor of a surveyed group: above 1 only where its redundancy is sufficient and the contradiction is no chance."""
+    if redundancy < LEAST_REDUNDANCY_OF_GROUP:
         return old
     factor = old * np.sqrt(square / redundancy)
+    # The ratio of standard errors scatters by 1 / sqrt(2 r); 2.2 / sqrt(r) is 3.1 of these, exceeded by chance about once in 1000.
     return float(max(factor, 1.0)) if factor > 1.0 + 2.2 / np.sqrt(redundancy) else 1.0

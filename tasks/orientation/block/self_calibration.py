@@ -16,7 +16,7 @@ from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.model.interior import given_sigmas
 from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import Network, Rays, State
-from orthomill.tasks.adjustment.testing.blunders import sufficiently_observed
+from orthomill.tasks.adjustment.solve.ray_intersection import sufficiently_observed
 from orthomill.tasks.adjustment.testing.covariances import covariance_of
 
 AREAS = 9

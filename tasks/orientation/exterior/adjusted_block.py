@@ -19,7 +19,7 @@ from orthomill.schemas.photo import Photos
 from orthomill.schemas.settings import Settings
 from orthomill.tasks.adjustment.bundle import BlunderTest
 from orthomill.tasks.adjustment.model.interior import InteriorChoice, interior_prior
-from orthomill.tasks.adjustment.testing.blunders import sufficiently_observed
+from orthomill.tasks.adjustment.solve.ray_intersection import sufficiently_observed
 from orthomill.tasks.orientation.block.assembly import BlockResults, Part, known_of, problem_of, starting_values
 from orthomill.tasks.orientation.block.camera_constant import adjust_tested
 from orthomill.tasks.orientation.block.correlated_image_errors import carried

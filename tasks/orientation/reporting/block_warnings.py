@@ -3,7 +3,7 @@
 import numpy as np
 
 from orthomill.schemas.errors import some_of
-from orthomill.tasks.adjustment.testing.variance_components import POINTINGS
+from orthomill.tasks.adjustment.model.adjustment_result import ObservationKind
 from orthomill.tasks.orientation.interchange.foreign_block import MIRRORED
 from orthomill.tasks.orientation.reporting.block_facts import CELLS, Facts, coverage, filled_areas
 
@@ -174,7 +174,7 @@ def _factor_warnings(facts: Facts) -> list[str]:
         found.append(
             f"The ground control is worse than stated: its standard errors were enlarged {precision.control_factor:.1f} times."
         )
-    pointing = next((group.factor for group in precision.groups if group.name == POINTINGS), 1.0)
+    pointing = next((group.factor for group in precision.groups if group.name == ObservationKind.POINTINGS), 1.0)
     if pointing > 1.0:
         found.append(
             "The measurements of surveyed points in the photographs fit worse than stated: their standard errors were enlarged "

@@ -5,7 +5,7 @@ import numpy as np
 from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import DistanceResidual, GroundResidual, GroundResiduals
 from orthomill.tasks.adjustment.model.datum import distance_residuals, position_residuals
-from orthomill.tasks.adjustment.testing.blunders import CHECKABLE
+from orthomill.tasks.adjustment.testing.surveyed_blunders import CHECKABLE
 from orthomill.tasks.adjustment.testing.variance_components import distance_variances, position_covariances
 from orthomill.tasks.orientation.block.assembly import BlockResults
 from orthomill.tasks.orientation.control.ground_points import approximate_points, intersect_ground

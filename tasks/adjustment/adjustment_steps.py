@@ -1,0 +1,93 @@
+"""The steps of a bundle adjustment after the robust solution, each from one state to the next."""
+
+from dataclasses import replace
+
+from orthomill.tasks.adjustment.model.adjustment_result import Adjustment
+from orthomill.tasks.adjustment.model.surveyed_observations import Blunder, has_weight, without
+from orthomill.tasks.adjustment.progress import Progress
+from orthomill.tasks.adjustment.solve.minimise import minimise
+from orthomill.tasks.adjustment.solve.ray_intersection import enough_rays, usable_rays
+from orthomill.tasks.adjustment.testing.ray_blunders import ray_blunders
+from orthomill.tasks.adjustment.testing.solution_precision import tested_solution
+from orthomill.tasks.adjustment.testing.surveyed_blunders import is_outlier, surveyed_blunder, with_reinstated
+from orthomill.tasks.adjustment.testing.variance_components import converged, estimated_factors
+
+
+def plain_solution(now: Progress) -> Progress:
+    """Least squares with the present weights and observations, and its precision."""
+    network, rays = now.weighted_network, now.weighted_rays
+    used = usable_rays(network, now.state, rays, now.used)
+    state, steps = minimise(network, now.state, rays.take(used))
+    result = tested_solution(network, state, rays, used, now.factors)
+    return replace(now, state=state, used=used, iterations=now.iterations + steps, result=result, changed=False)
+
+
+def without_surveyed_blunder(now: Progress) -> Progress:
+    """Rejects the surveyed observation that contradicts the rest most, if any does."""
+    found = surveyed_blunder(now.solution, now.test.limit)
+    if found is None:
+        now, found = _examined(now, surveyed_blunder(now.solution, now.test.limit, by_group=False))
+    if found is None:
+        return now
+    now = now.without(found)
+    return replace(now, used=enough_rays(now.network, now.rays, now.used))
+
+
+def _examined(now: Progress, suspect: Blunder | None) -> tuple[Progress, Blunder | None]:
+    """The suspect if it contradicts the solution without it, else None.
+
+    A blunder enlarges the usual misfit of its group and can hide in that unit. One that exceeds only its stated standard error is
+    therefore a suspect: the block is adjusted without it once, and its misfit compared with those of the others there.
+    """
+    if suspect is None or (suspect.kind, suspect.number) in now.confirmed:
+        return now, None
+    rest, steps = _solution_without(now, suspect)
+    confirmed = now.confirmed | {(suspect.kind, suspect.number)}
+    now = replace(now, confirmed=confirmed, iterations=now.iterations + steps)
+    return now, suspect if is_outlier(rest, now.weighted_network, suspect, now.test.limit) else None
+
+
+def _solution_without(now: Progress, suspect: Blunder) -> tuple[Adjustment, int]:
+    """The plain solution without one observation, and its iterations."""
+    network, rays = without(now.weighted_network, suspect), now.weighted_rays
+    used = enough_rays(network, rays, now.used)
+    state, steps = minimise(network, now.state, rays.take(used))
+    return tested_solution(network, state, rays, used, now.factors), steps
+
+
+def with_variance_components(now: Progress) -> Progress:
+    """The standard errors of the groups, estimated from the last solution."""
+    estimated, groups = estimated_factors(now.solution)
+    stable = converged(estimated, now.factors)
+    return replace(now, estimated=estimated, groups=groups, rounds=now.rounds + 1, changed=not stable)
+
+
+def without_ray_blunders(now: Progress) -> Progress:
+    """Rejects the worst ray of every point whose standardised residual is too large, by the estimated standard errors."""
+    limit = now.by_group(now.estimated) / now.by_group(now.factors) * now.test.limit
+    left = enough_rays(now.network, now.rays, now.used & ~ray_blunders(now.solution, limit))
+    return replace(now, used=left, changed=now.changed or bool((left != now.used).any()))
+
+
+def reweighted(now: Progress) -> Progress:
+    """The estimated standard errors become those of the next solution."""
+    return replace(now, factors=now.estimated)
+
+
+def with_reinstated_blunders(now: Progress) -> Progress:
+    """Reinstates, once, the surveyed observations that agree with the solution although they were rejected."""
+    # Once: what contradicts the block again would otherwise be rejected and reinstated without end.
+    if now.reinstated:
+        return now
+    network = with_reinstated(now.network, now.solution, now.blunders, now.first, now.test.limit)
+    if network is now.network:
+        return now
+    blunders = tuple(blunder for blunder in now.blunders if not has_weight(network, blunder))
+    return replace(now, network=network, blunders=blunders, reinstated=True, changed=True)
+
+
+def final_result(now: Progress) -> Adjustment:
+    """The result of the last solution with everything that was found on the way to it."""
+    return replace(
+        now.solution, iterations=now.iterations, rays=now.rays, factors=now.estimated, groups=now.groups, blunders=now.blunders
+    )

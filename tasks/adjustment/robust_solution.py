@@ -1,0 +1,93 @@
+"""The robust solution of a bundle: Huber's weights in the unit of the observed residuals, then rejection of gross blunders.
+
+Distances are compared with each other first, because the scale of a free block depends on them. Then three solutions with Huber's
+weights; gross blunders are removed from it, first whole positions, surveyed points and distances, then single rays.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from orthomill.tasks.adjustment.model.adjustment_result import surveyed
+from orthomill.tasks.adjustment.model.collinearity import residual_lengths
+from orthomill.tasks.adjustment.model.network import Network, Rays, State
+from orthomill.tasks.adjustment.model.robust_weights import spread
+from orthomill.tasks.adjustment.model.surveyed_observations import Blunder, SurveyedKind
+from orthomill.tasks.adjustment.progress import BlunderTest, Progress
+from orthomill.tasks.adjustment.solve.minimise import minimise
+from orthomill.tasks.adjustment.solve.ray_intersection import enough_rays, usable_rays
+from orthomill.tasks.adjustment.testing.distance_agreement import agreement
+from orthomill.tasks.adjustment.testing.gross_blunders import gross_blunder, lengths_of_rays
+
+# The unit changes as the block improves: the first two solutions need no sharp end.
+TOLERANCES = (1e-2, 1e-2, 1e-3)
+"""Gains in units of the cost at which the three robust solutions stop."""
+
+
+def robust_solution(network: Network, start: State, rays: Rays, test: BlunderTest) -> Progress:
+    """The robust solution from the `start`, without its gross blunders. Raises GeometryError as `minimise` does."""
+    now = _with_agreeing_distances(Progress(network, rays, test, network, start, np.ones(len(rays), bool)))
+    for tolerance in TOLERANCES:
+        now, scaled = _huber_solution(now, tolerance)
+    return _without_gross_rays(_without_gross_surveyed(now, scaled))
+
+
+def _huber_solution(now: Progress, tolerance: float) -> tuple[Progress, Rays]:
+    """The solution with Huber's weights, and the rays that it used with standard errors in the unit of their group's residuals."""
+    used = usable_rays(now.network, now.state, now.rays, now.used)
+    # The floor keeps rays of a nearly perfect start from being scaled until all others look wrong.
+    unit = _units(now.network, now.state, now.rays, used, least=0.1)
+    scaled = replace(now.rays, sigma=now.rays.sigma * unit).take(used)
+    state, steps = minimise(now.network, now.state, scaled, now.test.huber, tolerance)
+    return replace(now, state=state, used=used, iterations=now.iterations + steps), scaled
+
+
+def _without_gross_surveyed(now: Progress, scaled: Rays) -> Progress:
+    """The solution without gross blunders among the surveyed observations, the worst removed first."""
+    while (found := gross_blunder(now.network, now.state, scaled, now.test.gross_surveyed)) is not None:
+        now = now.without(found)
+        state, steps = minimise(now.network, now.state, scaled, now.test.huber, TOLERANCES[-1])
+        now = replace(now, state=state, iterations=now.iterations + steps)
+    return now
+
+
+def _without_gross_rays(now: Progress) -> Progress:
+    """The same solution; rays with gross residuals, and points that have too few rays without them, are not used."""
+    unit = _units(now.network, now.state, now.rays, now.used, least=1e-3)
+    good = residual_lengths(now.network, now.state, now.rays) < now.test.gross * unit
+    return replace(now, used=enough_rays(now.network, now.rays, now.used & good))
+
+
+def _with_agreeing_distances(now: Progress) -> Progress:
+    """The distances that agree with each other where the rays alone put their ends; a free block is scaled by them."""
+    network, distances, test = now.network, now.network.distances, now.test
+    if len(distances) < 2:
+        return now
+    alone, scaled, steps = _without_distances(now)
+    found = agreement(distances.length, distances.sigma, *lengths_of_rays(network, alone, scaled, test.gross_surveyed), test.limit)
+    weight = np.where(found.wrong, 0.0, 1.0 / found.sigma**2)
+    blunders = tuple(Blunder(SurveyedKind.DISTANCE, int(i), float(found.misfit[i])) for i in np.flatnonzero(found.wrong))
+    now = replace(now, network=replace(network, distances=replace(distances, weight=weight)), blunders=blunders, iterations=steps)
+    if not network.free:
+        return now
+    # Without any distance the scale of a free block is arbitrary: every distance would look wrong by the same factor.
+    return replace(now, state=replace(alone, centre=alone.centre * found.scale, point=alone.point * found.scale))
+
+
+def _without_distances(now: Progress) -> tuple[State, Rays, int]:
+    """The robust solution of the rays alone, the rays that it used, and its iterations."""
+    network, distances = now.network, now.network.distances
+    used = usable_rays(network, now.state, now.rays, now.used)
+    bare = replace(network, distances=replace(distances, weight=np.zeros(len(distances))))
+    scaled = replace(now.rays, sigma=now.rays.sigma * _units(bare, now.state, now.rays, used, least=0.1)).take(used)
+    alone, steps = minimise(bare, now.state, scaled, now.test.huber, TOLERANCES[0])
+    return alone, scaled, steps
+
+
+def _units(network: Network, state: State, rays: Rays, used: np.ndarray, least: float) -> np.ndarray:
+    """(M,) the spread of the residuals of each ray's group, in stated standard errors; at least 1 for pointings."""
+    size, by_person = residual_lengths(network, state, rays), surveyed(network, rays)
+    ties, pointings = size[used & ~by_person], size[used & by_person]
+    tie_unit = max(spread(ties), least) if len(ties) else 1.0
+    # Pointings are few: by chance they may agree much better than stated, and the next one would be rejected for that.
+    return np.where(by_person, max(spread(pointings), 1.0) if len(pointings) else 1.0, tie_unit)

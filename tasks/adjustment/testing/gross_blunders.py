@@ -1,0 +1,96 @@
+"""Gross blunders among surveyed observations, found on a robust solution.
+
+Positions are tested by their plain misfit. Surveyed points and distances are compared with the intersections of the rays of the
+points without them: a precise coordinate or distance would pull these rays with it, and they would look wrong.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orthomill.tasks.adjustment.model.collinearity import residual_lengths
+from orthomill.tasks.adjustment.model.datum import prior_sizes
+from orthomill.tasks.adjustment.model.linearisation import linearised
+from orthomill.tasks.adjustment.model.network import NO_DISTANCES, Network, Rays, State
+from orthomill.tasks.adjustment.model.surveyed_observations import Blunder, SurveyedKind
+from orthomill.tasks.adjustment.solve.normal_equations import point_corrections, point_precision_alone
+from orthomill.tasks.adjustment.testing.surveyed_blunders import usual_misfit, worst_of
+
+# Gauss-Newton on three unknowns per point, from a robust solution; each step squares the error.
+STEPS = 6
+"""Steps of the intersection of the rays of a point."""
+
+
+@dataclass(frozen=True, eq=False)
+class Intersections:
+    """Points that a person measured, as intersected from their rays alone: `point` (N, 3), `covariance` (N, 3, 3) m^2, `good` (N,)
+    bool: their rays intersect."""
+
+    point: np.ndarray
+    covariance: np.ndarray
+    good: np.ndarray
+
+
+def gross_blunder(network: Network, state: State, rays: Rays, limit: float) -> Blunder | None:
+    """The surveyed observation with the largest misfit beyond `limit` standard errors; None where there is none.
+
+    A surveyed point whose rays do not intersect has a wrong pointing, which the test of the rays finds.
+    """
+    centres = np.flatnonzero(network.centre_weight.any(axis=1))
+    points = _intersections(network, state, rays, limit)
+    found = _beyond(SurveyedKind.POSITION, centres, prior_sizes(network, state).centre[centres], limit)
+    found += _beyond(SurveyedKind.CONTROL, *_control_misfits(network, points), limit)
+    return worst_of(network, found + _beyond(SurveyedKind.DISTANCE, *_distance_misfits(network, points), limit))
+
+
+def lengths_of_rays(network: Network, state: State, rays: Rays, limit: float) -> tuple[np.ndarray, np.ndarray]:
+    """The measured distances (D,) as the rays of their ends alone determine them, and standard errors; NaN where rays do not
+    intersect within `limit` standard errors."""
+    return _lengths(network, _intersections(network, state, rays, limit))
+
+
+def _beyond(kind: SurveyedKind, number: np.ndarray, size: np.ndarray, limit: float) -> list[Blunder]:
+    unit = usual_misfit(size)
+    return [Blunder(kind, int(i), float(s)) for i, s in zip(number, size, strict=True) if s > limit * unit]
+
+
+def _intersections(network: Network, state: State, rays: Rays, limit: float) -> Intersections:
+    rays = rays.take(network.pointed[rays.point])
+    count = np.bincount(rays.point, minlength=len(network.point))
+    rays = rays.take(count[rays.point] >= 2)
+    bare = replace(network, point_weight=np.zeros_like(network.point_weight), kept=network.kept[:0], distances=NO_DISTANCES)
+    fixed = np.zeros(bare.unknowns)
+    for _ in range(STEPS):
+        state = replace(state, point=state.point + point_corrections(linearised(bare, state, rays), fixed))
+    covariance = point_precision_alone(linearised(bare, state, rays), bare.group_start)
+    worst = np.zeros(len(network.point))
+    np.maximum.at(worst, rays.point, residual_lengths(bare, state, rays))
+    # A point without rays has a worst residual of exactly 0.
+    return Intersections(state.point, covariance, (count >= 2) & (worst < limit) & (worst > 0.0))
+
+
+def _control_misfits(network: Network, points: Intersections) -> tuple[np.ndarray, np.ndarray]:
+    """Surveyed points (n,) whose rays intersect, and their distances from the given coordinates, in standard errors."""
+    number = np.flatnonzero(points.good & network.point_weight.any(axis=1))
+    away, weight = (network.point - points.point)[number], network.point_weight[number]
+    given = np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0)
+    spread = points.covariance[number] + given[:, None] * np.eye(3)
+    return number, np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", away, np.linalg.inv(spread), away), 0.0))
+
+
+def _distance_misfits(network: Network, points: Intersections) -> tuple[np.ndarray, np.ndarray]:
+    """Distances (n,) between points whose rays intersect, and their differences from the intersected ones, in standard errors."""
+    distances = network.distances
+    found, sigma = _lengths(network, points)
+    number = np.flatnonzero(np.isfinite(found) & (distances.weight > 0))
+    return number, np.abs(distances.length - found)[number] / np.hypot(sigma, distances.sigma)[number]
+
+
+def _lengths(network: Network, points: Intersections) -> tuple[np.ndarray, np.ndarray]:
+    ends = network.distances.ends
+    along = points.point[ends[:, 1]] - points.point[ends[:, 0]]
+    found = np.linalg.norm(along, axis=1)
+    along /= np.maximum(found, 1e-12)[:, None]
+    spread = np.einsum("ni,nij,nj->n", along, points.covariance[ends].sum(axis=1), along)
+    good = points.good[ends].all(axis=1)
+    return np.where(good, found, np.nan), np.where(good, np.sqrt(spread), np.nan)
