@@ -4,26 +4,22 @@ The bounds follow from the geometry: a pixel is 0.65 m on the ground, base over 
 height; heights better than a third of that, plan better than half a pixel, and nothing worse than three of its own standard errors.
 """
 
-import json
 import re
 import shutil
-from dataclasses import dataclass
 from html.parser import HTMLParser
-from pathlib import Path
 
 import laspy
 import numpy as np
 import pytest
 import rasterio
 from rasterio.enums import ColorInterp
-from small_site import command, results_of, start_command
+from simulated_run import PROJECT, Run, run_in
+from small_site import command, results_of
 
 from orthomill.schemas.orientation import Block
 
 pytestmark = pytest.mark.slow
 
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
-PROJECT = "volos_small"
 STAGES = (
     "simulation",
     "photos",
@@ -38,35 +34,6 @@ STAGES = (
 )
 PARALLAX_HEIGHT = 1.17
 """m of height that a pixel of parallax is worth"""
-
-
-@dataclass(frozen=True)
-class Run:
-    """A root in which the project was run, and what the command said."""
-
-    root: Path
-    said: str
-
-    @property
-    def folder(self) -> Path:
-        return self.root / "runs" / PROJECT
-
-    def summary(self) -> dict[str, object]:
-        return {name: figure["value"] for name, figure in json.loads((self.folder / "summary.json").read_text()).items()}
-
-
-def run_in(root: Path, *words: str) -> Run:
-    (root / "workflows").mkdir(exist_ok=True)
-    shutil.copy(WORKFLOWS / f"{PROJECT}.yaml", root / "workflows")
-    out, errors = (process := start_command(root, "run", PROJECT, *words)).communicate(timeout=500)
-    assert process.returncode == 0, errors
-    return Run(root, out)
-
-
-@pytest.fixture(scope="session")
-def run(tmp_path_factory):
-    """The project run by two worker processes."""
-    return run_in(tmp_path_factory.mktemp("simulated"), "--workers", "2")
 
 
 @pytest.fixture(scope="session")
