@@ -1,5 +1,5 @@
-"""Every pair of photographs that shares tie points, relatively oriented on its own: the first check of the matches, and the
-start."""
+"""The relative orientation of every pair of photographs that shares tie points: the first check of the matches, and the start of
+the block."""
 
 import cv2
 import numpy as np
@@ -21,19 +21,33 @@ from orthomill.tasks.orientation.sensor_frame import Upright
 
 cv2.setNumThreads(1)
 NO_PARALLAX = 0.9
-"""A pair without a base: a mere turn of the camera explains this share of the matches that any relative orientation explains."""
+"""A pair has no base where a pure rotation explains this share of the matches that a relative orientation explains. Not all of
+them, because the two further unknowns of a base always fit some wrong matches, too."""
 
 LEAST_SEEN, FARTHEST_SEEN = 8, 10.0
-"""A pair needs so many matches whose distortion can be undone, to ideal places within so many camera constants of the centre."""
+"""Least number of matches whose distortion can be inverted, and how far out their ideal points may lie, in camera constants: the
+iteration that inverts a folding distortion diverges to points far outside of any frame."""
+ON_LINE = 3.0
+"""Matches within so many standard errors of one line of a frame leave the rotation about it undetermined."""
+CHANCE = -3.0
+"""log10 of the expected number of chance agreements: below it, fewer than one in a thousand blocks of wrong matches."""
 FOLDED = (
     "the distortion of the camera cannot be undone at nearly all of the {2} matches of {0} and {1}; it is that of another camera, "
     "or its camera constant is far too short."
 )
 
 
+NARROW = (
+    "the {2} matches of {0} and {1} lie on one line in {3}, which leaves the relative orientation undetermined; tie points all "
+    "over the frame are needed."
+)
+LEAST_KEPT = 8
+"""Three more than the unknowns: fewer agreeing matches say nothing."""
+
+
 def relate_pairs(photos: Photos, cameras: Cameras, tie_points: TiePoints, least: int) -> RelativeOrientations:
-    """The relative orientations of all pairs that share `least` tie points or more, strongest first by number of matches, in the
-    frames of the sensors. Where nominal cameras do not fit because of their lens, with a rough distortion of it."""
+    """The relative orientations of all pairs that share `least` tie points or more, those with most kept matches first, in the
+    frames of the sensors. Nominal cameras whose lens distortion prevents a fit get an approximate k1, returned with the pairs."""
     upright = Upright(photos, cameras)
     if upright.anything:
         photos, cameras, tie_points = upright.sensor_photos(), upright.sensor_cameras(), upright.sensor_ties(tie_points)
@@ -53,21 +67,23 @@ def relate_pairs(photos: Photos, cameras: Cameras, tie_points: TiePoints, least:
 
 
 def no_pairs() -> RelativeOrientations:
-    """A block whose photographs were not related here."""
+    """The table of a block whose pairs are not oriented: its exterior orientation is read from a file."""
     return RelativeOrientations()
 
 
 def ideal_coordinates(photos: Photos, cameras: Cameras, rays: Rays) -> np.ndarray:
-    """(M, 2) ideal image coordinates in units of c."""
+    """Ideal image coordinates (M, 2) of rays, in units of c."""
     out = np.empty_like(rays.xy)
     for number in np.unique(rays.photo):
         own = rays.photo == number
+        # In units of c, because the two photographs of a pair may come from cameras of different size.
         out[own] = ideal(cameras.of(photos.names[number]), rays.xy[own])
     return out
 
 
 def sharing_pairs(rays: Rays, photos: int, least: int) -> list[tuple[int, int]]:
     """Pairs of photo numbers (left < right) with `least` common points or more."""
+    # Photographs x points as a sparse matrix: its product with itself counts the common points of all pairs at once.
     seen = csr_array((np.ones(len(rays), np.int32), (rays.photo, rays.point)), shape=(photos, int(rays.point.max(initial=-1)) + 1))
     common = (seen @ seen.T).tocoo()
     return sorted(
@@ -76,65 +92,70 @@ def sharing_pairs(rays: Rays, photos: int, least: int) -> list[tuple[int, int]]:
 
 
 def common_rays(rays: Rays, left: int, right: int) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of the rays of the points that two photos share."""
+    """Indices of the rays of all points that two photographs share, in the same order."""
     a, b = np.flatnonzero(rays.photo == left), np.flatnonzero(rays.photo == right)
     _, i, j = np.intersect1d(rays.point[a], rays.point[b], return_indices=True)
     return a[i], b[j]
 
 
 def _relate(photos: Photos, cameras: Cameras, rays: Rays, coordinates: np.ndarray, pair: tuple[int, int]) -> RelativeOrientation:
+    """The relative orientation of one pair of photo numbers, or the row that says why there is none."""
     names = photos.names[pair[0]], photos.names[pair[1]]
     a, b = common_rays(rays, *pair)
     shared = len(a)
     seen = (np.abs(np.hstack([coordinates[a], coordinates[b]])) < FARTHEST_SEEN).all(axis=1)
     a, b = a[seen], b[seen]
     if len(a) < LEAST_SEEN:
-        return RelativeOrientation(left=names[0], right=names[1], matches=shared, kept=0, outcome=FOLDED.format(*names, shared))
+        return _failed(names, shared, FOLDED.format(*names, shared))
     c_left, c_right = (cameras.of(name).c for name in names)
     observations = np.hstack([coordinates[a] * c_left, coordinates[b] * c_right])
+    # Not below a pixel: what a nominal camera leaves of its lens distortion is of that size, however sharp the tie points are.
     expected = max(1.0, float(np.median(rays.sigma[a])))
-    narrow = next((n for n, xy in zip(names, np.hsplit(observations, 2), strict=True) if on_a_line(xy, 3.0 * expected)), None)
+    narrow = next((n for n, xy in zip(names, np.hsplit(observations, 2), strict=True) if on_a_line(xy, ON_LINE * expected)), None)
     if narrow:
-        outcome = (
-            f"the {len(a)} matches of {names[0]} and {names[1]} lie on one line in {narrow}, which leaves the relative orientation "
-            "open; tie points all over the frame are needed."
-        )
-        return RelativeOrientation(left=names[0], right=names[1], matches=len(a), kept=0, outcome=outcome)
-    turned = pure_rotation(observations, c_left, c_right, 3.0 * expected)
+        return _failed(names, len(a), NARROW.format(*names, len(a), narrow))
+    rotated = pure_rotation(observations, c_left, c_right, 3.0 * expected)
     try:
         relative = orient_robust(observations, c_left, c_right, expected)
     except GeometryError as error:
-        if turned.kept.sum() < 8:
-            return RelativeOrientation(left=names[0], right=names[1], matches=len(a), kept=0, outcome=str(error))
-        return _without_base(names, turned, len(a))
-    if turned.kept.sum() >= max(8, NO_PARALLAX * relative.kept.sum()):
-        return _without_base(names, turned, len(a))
+        # Matches of a pure rotation leave the base undetermined, which makes the relative orientation fail, too.
+        return _failed(names, len(a), str(error)) if rotated.kept.sum() < LEAST_KEPT else _without_base(names, rotated, len(a))
+    if rotated.kept.sum() >= max(LEAST_KEPT, NO_PARALLAX * relative.kept.sum()):
+        return _without_base(names, rotated, len(a))
     return _row(names, relative, observations, cameras.of(names[1]))
 
 
-def _without_base(names: tuple[str, str], turned: PureRotation, matches: int) -> RelativeOrientation:
-    """The row of a pair whose rays do not intersect: the same photograph twice, or a camera that only turned."""
-    kept = int(turned.kept.sum())
-    if turned.same:
-        where = f"{kept} tie points lie at the same place"
+def _failed(names: tuple[str, str], matches: int, outcome: str) -> RelativeOrientation:
+    """The row of a pair without a relative orientation."""
+    return RelativeOrientation(left=names[0], right=names[1], matches=matches, kept=0, outcome=outcome)
+
+
+def _without_base(names: tuple[str, str], rotated: PureRotation, matches: int) -> RelativeOrientation:
+    """The row of a pair whose rays do not intersect: the same photograph twice, or a camera that only rotated."""
+    kept = int(rotated.kept.sum())
+    if rotated.same:
+        where = f"{kept} tie points have the same pixel coordinates in both"
         outcome = f"{names[1]} is the same photograph as {names[0]} ({where}); leave one of them out."
     else:
         outcome = (
             f"{names[0]} and {names[1]} were taken from one place (pure rotation): {kept} of {matches} matches show no parallax, "
             "so they give no points on the ground. Photographs from other places are needed."
         )
-    turn = tuple(float(v) for v in np.degrees(angles(turned.rotation)))
+    turn = tuple(float(v) for v in np.degrees(angles(rotated.rotation)))
     return RelativeOrientation(
-        left=names[0], right=names[1], matches=matches, kept=kept, outcome=outcome, omega_phi_kappa=turn, same_photo=turned.same
+        left=names[0], right=names[1], matches=matches, kept=kept, outcome=outcome, omega_phi_kappa=turn, same_photo=rotated.same
     )
 
 
 def chance_agreement(relative: Relative, observations: np.ndarray, camera: Camera) -> float:
-    """log10 of how many relative orientations would keep as many matches as well, were all matches random; below -3: no chance.
+    """log10 of the expected number of relative orientations that would fit as many matches as closely if all matches were random.
 
     Source: Moisan and Stival 2004, the a contrario test of epipolar geometry.
     """
+    # A random point lies within the band of the epipolar line with the ratio of the areas of band and frame; five matches determine
+    # the orientation and agree with it anyway.
     count, kept = len(observations), int(relative.kept.sum())
+    # Distances are per coordinate of four; across the line in one image the same discrepancy is larger by sqrt(2).
     distance = np.sqrt(2.0) * max(float(epipolar_distance(relative.solution.model, observations[relative.kept]).max()), 0.1)
     band = min(2.0 * distance * np.hypot(camera.width, camera.height) / (camera.width * camera.height), 1.0)
     choices = np.log(max(count - 5, 1)) + _log_choose(count, kept) + _log_choose(kept, 5)
@@ -142,16 +163,19 @@ def chance_agreement(relative: Relative, observations: np.ndarray, camera: Camer
 
 
 def _log_choose(n: int, k: int) -> float:
+    """Natural logarithm of the binomial coefficient: the coefficient itself overflows for thousands of matches."""
     return float(gammaln(n + 1) - gammaln(k + 1) - gammaln(n - k + 1))
 
 
 def _row(names: tuple[str, str], relative: Relative, observations: np.ndarray, camera: Camera) -> RelativeOrientation:
+    """The row of a pair with a relative orientation, unless its agreement may be chance."""
     solution, model = relative.solution, relative.solution.model
     kept, base = int(relative.kept.sum()), model.base
+    # The median: a few points near infinity, or next to the base, say nothing about the geometry of the pair.
     intersection = float(np.degrees(np.median(model_points(model, observations[relative.kept])[1])))
     outcome = (
         "oriented"
-        if kept >= 8 and chance_agreement(relative, observations, camera) < -3.0
+        if kept >= LEAST_KEPT and chance_agreement(relative, observations, camera) < CHANCE
         else f"Only {kept} of {len(observations)} matches agree with one relative orientation, which may be chance."
     )
     return RelativeOrientation(

@@ -1,8 +1,8 @@
 """Relative orientation in the classical forms of near-vertical pairs, and derived from exterior orientations.
 
-`DependentOrientation`: the left photograph fixed, b_x = 1, unknowns b_y, b_z, omega, phi, kappa of the right one. `FiveRotations`:
-the base is the x axis, and both photographs turn: kappa and phi of the left one, omega, phi and kappa of the right one (omega of
-the left one is 0). Both say the same five things of a pair and begin at zero.
+`DependentOrientation`: the left photograph is fixed, b_x = 1, unknowns b_y, b_z, omega, phi, kappa of the right one.
+`FiveRotations`: the base is the x axis, and both photographs rotate: kappa and phi of the left one, omega, phi and kappa of the
+right one (omega of the left one is 0). Both parametrise the same five degrees of freedom and start at zero.
 
 Image coordinates are ideal (no distortion), px, origin at the principal point, y up, as rows (x_left, y_left, x_right, y_right).
 Sources: Karfis 2009, section 3.3 (methods/relative_orientation_and_epipolar.md, 1.8); the dissertation's section 4.3.5
@@ -18,7 +18,7 @@ from orthomill.tasks.geometry.rotation import angles, rotation_derivatives, rota
 
 
 def directions(observations: np.ndarray, c_left: float, c_right: float) -> tuple[np.ndarray, np.ndarray]:
-    """Directions (s, 3) of the left and the right rays in their image systems."""
+    """Directions (s, 3) of the left and of the right rays in their image systems, of length c at the principal point."""
     s = len(observations)
     return (
         np.column_stack([observations[:, :2], np.full(s, -c_left)]),
@@ -30,6 +30,7 @@ def coplanarity(left: np.ndarray, right: np.ndarray, base: np.ndarray, R: np.nda
     """F = base . (left x R' right); dF/dobservations (s, 4); dF/d(R' right) (s, 3)."""
     turned = right @ R
     F = np.cross(left, turned) @ base
+    # The triple product is cyclic: each vector's derivative is the vector product of the two others.
     by_left = np.cross(turned, base)
     by_turned = np.cross(base, left)
     return F, np.hstack([by_left[:, :2], (by_turned @ R.T)[:, :2]]), by_turned
@@ -117,6 +118,7 @@ class FiveRotations:
     def evaluate(self, observations: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The coplanarity in the base system, its derivatives by the unknowns (s, 5) and the observations (s, 4)."""
         left, right = directions(observations, self.c_left, self.c_right)
+        # Both rays are rotated into the base system, where the condition is the published y-parallax equation (4.17).
         base, turned = np.array([1.0, 0.0, 0.0]), left @ self.left
         F, _, by_right = coplanarity(turned, right, base, self.right)
         by_left = np.cross(right @ self.right, base)
@@ -167,6 +169,7 @@ def from_exterior(exterior: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     left, right = rotation_matrix(*exterior[3:6]), rotation_matrix(*exterior[9:12])
     base = exterior[6:9] - exterior[:3]
     base = base / np.linalg.norm(base)
+    # The smallest rotation is undefined between opposite vectors; the base in the image system does not depend on it.
     if base[0] < -0.999:
         return left @ base, right @ left.T
     to_base = smallest_rotation(base, np.array([1.0, 0.0, 0.0]))
@@ -177,7 +180,11 @@ def derived_precision(
     exterior: np.ndarray, covariance: np.ndarray, form: Callable[[np.ndarray, np.ndarray], np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
     """The five unknowns of a form and their covariance (5, 5) from two exterior orientations (12,) and their joint covariance
-    (12, 12). `form`: base and rotation to unknowns; by central differences."""
+    (12, 12). `form`: base and rotation to unknowns. Derivatives by central differences.
+
+    Errors that both photographs share, as of a poorly determined datum, cancel because the joint covariance holds them.
+    """
+    # A step of a millionth of the base or of a radian: truncation of central differences (1e-12) stays below rounding (1e-10).
     scale = np.repeat([np.linalg.norm(exterior[6:9] - exterior[:3]), 1.0, np.linalg.norm(exterior[6:9] - exterior[:3]), 1.0], 3)
     columns = []
     for k in range(12):

@@ -2,8 +2,8 @@
 
 `DependentOrientation` is the published form: left photograph fixed, b_x = 1, unknowns b_y, b_z, omega, phi, kappa, zero starting
 values, one rejection at a time. It suits near-vertical pairs whose base lies along x. `GeneralOrientation` keeps the base as a unit
-vector and the rotation as a matrix, both corrected on their own manifold; with a robust start from five-point samples it suits
-every pair, also when most matches are wrong.
+vector and the rotation as a matrix, both corrected on their manifolds; with a robust start from five-point samples it suits every
+pair, also where most matches are wrong.
 
 Image coordinates are ideal (no distortion), px, origin at the principal point, y up, as rows (x_left, y_left, x_right, y_right).
 Source: Karfis 2009, sections 3.3 and 3.4 (methods/relative_orientation_and_epipolar.md, 1.8 and 1.9); Nister 2004 for the
@@ -19,18 +19,18 @@ from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.solve.mixed_model import MixedSolution, solve_mixed
 from orthomill.tasks.geometry.intersection import intersect_rays
 from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
-from orthomill.tasks.orientation.relative.relative_forms import DependentOrientation, FiveRotations, coplanarity, directions
+from orthomill.tasks.orientation.relative.relative_forms import DependentOrientation, coplanarity, directions
 
 LIMIT = 3.29
-"""A match farther from its epipolar line, in standard errors, is wrong; a right one is so in one of a thousand cases."""
+"""Matches farther from their epipolar line, in standard errors, are rejected: 0.1 % of correct ones with normal errors."""
 FLIP = np.diag([1.0, -1.0, -1.0])
 """Between our image system (y up, looking along -z) and computer vision's (y down, looking along z)."""
 
 
 @dataclass(frozen=True, eq=False)
 class GeneralOrientation:
-    """Unit base (3,) and rotation (3, 3) left to right; unknowns are two turns of the base across itself and a rotation vector,
-    radians."""
+    """Unit base (3,) and rotation (3, 3) left to right. Unknowns, radians: two small rotations of the base across itself, and a
+    rotation vector."""
 
     c_left: float
     c_right: float
@@ -40,6 +40,7 @@ class GeneralOrientation:
     @property
     def across(self) -> np.ndarray:
         """(2, 3): two unit vectors perpendicular to the base."""
+        # The null space from an SVD exists for every base; vector products with a coordinate axis fail for one of them.
         return np.linalg.svd(self.base[None])[2][1:]
 
     def moved(self, correction: np.ndarray) -> "GeneralOrientation":
@@ -65,11 +66,11 @@ class Relative:
 
 
 def orient_dependent(observations: np.ndarray, c_left: float, c_right: float, limit: float = 2.67) -> Relative:
-    """The published procedure: zero starting values, then the one match with the largest y residual beyond `limit` sigma0 goes, and
-    again.
+    """The published procedure: zero starting values, then the match with the largest y residual beyond `limit` sigma0 is rejected,
+    one at a time.
 
-    It cannot stand many blunders: 118 wrong ones in 154 inflate sigma0 until none exceeds the limit. Use `orient_robust` for these.
-    Raises GeometryError as `solve_mixed`.
+    It fails with many blunders: 118 wrong matches in 154 inflate sigma0 until none exceeds the limit. `orient_robust` does not.
+    Raises GeometryError as `solve_mixed`. Source: Karfis 2009, section 3.4 (methods page, 1.9; acceptance checks 8, 9 and 11).
     """
     kept = np.ones(len(observations), bool)
     model = DependentOrientation(c_left, c_right)
@@ -82,39 +83,21 @@ def orient_dependent(observations: np.ndarray, c_left: float, c_right: float, li
         model = solution.model
 
 
-def orient_snooped(
-    start: DependentOrientation | GeneralOrientation | FiveRotations,
-    observations: np.ndarray,
-    sigma: np.ndarray | None = None,
-    limit: float = 3.29,
-) -> Relative:
-    """Data snooping: the match with the largest standardised discrepancy beyond `limit` goes, one at a time, from a good `start`.
-
-    Unlike the published test it knows how much of an error each match shows in its own discrepancy. `sigma` (s, 4): standard errors
-    of the coordinates. Source: Baarda 1968. Raises GeometryError as `solve_mixed`.
-    """
-    kept, model = np.ones(len(observations), bool), start
-    while True:
-        solution = solve_mixed(model, observations[kept], limit=1e-10, sigma=None if sigma is None else sigma[kept])
-        size = np.abs(solution.standardised)
-        if solution.redundancy < 2 or size.max() <= limit:
-            return Relative(solution, kept)
-        kept[np.flatnonzero(kept)[size.argmax()]] = False
-        model = solution.model
-
-
 def orient_robust(observations: np.ndarray, c_left: float, c_right: float, expected: float = 1.0, seed: int = 7) -> Relative:
-    """Relative orientation for any geometry and with most matches wrong.
+    """Relative orientation for any geometry, even with most matches wrong.
 
     A seeded five-point search (threshold three times `expected`, the standard error of a coordinate in px), then the mixed model on
     those matches whose distance from their epipolar lines is within LIMIT standard errors, until the set no longer changes.
     Raises GeometryError.
     """
     model, kept = _five_point_start(observations, c_left, c_right, 3.0 * expected, seed)
+    # The set of kept matches usually repeats after three rounds; it may alternate by single matches, so rounds are limited.
     for _ in range(10):
         solution = solve_mixed(model, observations[kept], limit=1e-10)
         model = solution.model
         distance = epipolar_distance(model, observations)
+        # Bounded on both sides: exact matches would leave a unit of zero and reject each other, and a set of wrong matches would
+        # widen it until everything fits.
         unit = min(max(_unit(solution, distance[kept]), 0.02 * expected), 1.5 * expected)
         fresh = (distance < LIMIT * unit) & in_front(model, observations)
         if (fresh == kept).all() or fresh.sum() < 6:
@@ -124,8 +107,8 @@ def orient_robust(observations: np.ndarray, c_left: float, c_right: float, expec
 
 
 def _unit(solution: MixedSolution, distance: np.ndarray) -> float:
-    """Standard error of the distances from the epipolar lines: by their median, for wrong matches lie among them, but with the
-    degrees of freedom that the orientation took."""
+    """Standard error of the distances from the epipolar lines: from their median, because wrong matches are among them, corrected
+    for the degrees of freedom of the orientation."""
     share = solution.redundancy / max(len(distance), 1)
     return 1.4826 * float(np.median(distance)) / np.sqrt(max(share, 0.1))
 
@@ -137,6 +120,7 @@ def _five_point_start(
         raise GeometryError(f"{len(observations)} matches are too few for a relative orientation; at least 6 are needed.")
     left = np.ascontiguousarray(observations[:, :2] / c_left * [1, -1])
     right = np.ascontiguousarray(observations[:, 2:] / c_right * [1, -1])
+    # OpenCV samples from a generator of the thread: without the seed results depend on what ran before.
     cv2.setRNGSeed(seed)
     essential, mask = cv2.findEssentialMat(
         left, right, np.eye(3), method=cv2.RANSAC, prob=0.99999, threshold=threshold / (0.5 * (c_left + c_right)), maxIters=10000
@@ -145,6 +129,7 @@ def _five_point_start(
         raise GeometryError(
             "No relative orientation agrees with six or more of the matches; they are wrong, or the photographs do not overlap."
         )
+    # Several solutions come stacked. The first one is taken; recoverPose picks its base and rotation with points in front of both.
     _, R, t, _ = cv2.recoverPose(essential[:3], left, right, np.eye(3), mask=mask.copy())
     rotation = FLIP @ R @ FLIP
     base = -rotation.T @ FLIP @ t[:, 0]
@@ -153,14 +138,14 @@ def _five_point_start(
 
 
 def epipolar_distance(model: DependentOrientation | GeneralOrientation, observations: np.ndarray) -> np.ndarray:
-    """(s,) px: how far all four coordinates together must move to fulfil the condition, in units of one coordinate's standard
-    error."""
+    """(s,) px: the length of the smallest correction of the four coordinates that fulfils the coplanarity condition (Sampson's
+    distance)."""
     F, _, B = model.evaluate(observations)
     return np.abs(F) / np.sqrt((B**2).sum(axis=1))
 
 
 def model_points(model: DependentOrientation | GeneralOrientation, observations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points (s, 3) in the left image system for a base of length 1, and the angles (s,) rad at which their rays meet."""
+    """Points (s, 3) in the left image system for a base of length 1, and the angles (s,) rad at which their rays intersect."""
     left, right = directions(observations, model.c_left, model.c_right)
     rays = np.stack([left, right @ model.rotation])
     rays /= np.linalg.norm(rays, axis=2, keepdims=True)
@@ -170,7 +155,7 @@ def model_points(model: DependentOrientation | GeneralOrientation, observations:
 
 
 def in_front(model: DependentOrientation | GeneralOrientation, observations: np.ndarray) -> np.ndarray:
-    """(s,) bool: the rays meet before both cameras."""
+    """(s,) bool: the rays intersect in front of both cameras."""
     points, _ = model_points(model, observations)
     with np.errstate(invalid="ignore"):
         return (points[:, 2] < 0) & (((points - model.base) @ model.rotation.T)[:, 2] < 0)

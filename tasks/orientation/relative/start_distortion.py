@@ -1,8 +1,8 @@
-"""Rough radial distortion of nominal cameras, found from pairs alone.
+"""Approximate radial distortion of nominal cameras, found from pairs alone.
 
-Wide lenses bend the picture so much that pairs which overlap at their borders fit no central projection: their matches are thrown
-out, or the block settles in a wrong shape that no bundle adjustment leaves again. Where many matches fit no relative orientation,
-a few values of k1 are tried, and the one with which most matches fit is taken as the start. The block adjustment finds the rest.
+Wide-angle lenses distort so much that pairs which overlap at their borders fit no central projection: their matches are rejected,
+or the block converges to a wrong shape that no bundle adjustment leaves again. Where many matches fit no relative orientation, a
+few values of k1 are tried, and the one with which most matches fit is the starting value. The block adjustment refines it.
 """
 
 from collections.abc import Callable
@@ -14,29 +14,32 @@ from orthomill.schemas.camera import Cameras
 from orthomill.schemas.orientation import RelativeOrientation
 from orthomill.tasks.orientation.folding import reach
 
+# Steps of 0.05: a remaining error of 0.025 moves a corner at 0.7 c by 0.9 % of c, within reach of the bundle adjustment. Barrel
+# distortion (negative) is larger than pincushion distortion in common lenses.
 _TRIED = (-0.2, -0.15, -0.1, -0.05, 0.05, 0.1)
 _FITTING = 0.95
-"""Nothing is tried where this share of the matches fits."""
+"""No value is tried where this share of the matches fits: the rest are ordinary wrong matches."""
 _GAIN = 1.05
-"""A distortion must make so many times more matches fit than none."""
+"""A distortion must make this factor more matches fit than none, or chance would choose it."""
 _MOST_PAIRS = 12
+"""Each value relates so many pairs again; the strongest ones decide, and the time does not grow with the block."""
 _ROOM = 0.95
-"""The farthest corner must lie within this share of the largest radius that a distortion can reach."""
+"""The farthest corner must lie within this share of the largest radius at which a distortion can be inverted."""
 
 Relating = Callable[[Cameras, list[tuple[str, str]]], list[RelativeOrientation]]
-"""Relates pairs, by the names of their photographs, with given cameras."""
+"""Orients pairs, given by the names of their photographs, with given cameras."""
 
 
 @dataclass(frozen=True)
 class Distorted:
-    """The cameras to begin with, and k1 by the name of those that were changed."""
+    """The cameras of the start, and the k1 of those that were changed, by name."""
 
     cameras: Cameras
     k1: dict[str, float]
 
 
 def start_distortion(cameras: Cameras, found: list[RelativeOrientation], relate: Relating) -> Distorted:
-    """`found`: the pairs without distortion; only cameras from EXIF, which have none, are looked at."""
+    """`found`: the pairs oriented without distortion. Only cameras from EXIF, which have none, are considered."""
     chosen: dict[str, float] = {}
     for name, camera in cameras.cameras.items():
         own = [pair for pair in found if {cameras.of_photo[pair.left], cameras.of_photo[pair.right]} == {name}]
@@ -54,9 +57,10 @@ def start_distortion(cameras: Cameras, found: list[RelativeOrientation], relate:
 
 
 def _kept(pairs: list[RelativeOrientation]) -> int:
+    """Matches that fit a relative orientation."""
     return sum(pair.kept for pair in pairs if pair.oriented)
 
 
 def _explained(pairs: list[RelativeOrientation]) -> int:
-    """Matches that fit something, a mere turn of the camera too: no distortion shall make a base of it."""
+    """Matches that fit a relative orientation or a pure rotation: a distortion must not turn the latter into a base."""
     return sum(pair.kept for pair in pairs)
