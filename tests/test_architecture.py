@@ -2,6 +2,7 @@
 
 import ast
 from collections import Counter
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -84,8 +85,8 @@ def test_only_two_files_import_dask():
     assert found == {"dask_runner.py", "dask_cluster.py"}
 
 
-def test_only_the_store_imports_zarr():
-    assert {path.name for path in modules("pipeline") if imports_any(path, "zarr")} == {"store.py"}
+def test_only_the_storage_room_imports_zarr():
+    assert {path.parent.name for path in modules("pipeline") if imports_any(path, "zarr")} == {"storage"}
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "tasks").glob("*/stage.py")), ids=relative)
@@ -133,3 +134,30 @@ def test_nobody_meets_two_classes_of_one_name():
     trees = [ast.parse(path.read_text()) for path in modules("orthomill", "schemas", "tasks", "pipeline")]
     names = Counter(node.name for tree in trees for node in ast.walk(tree) if isinstance(node, ast.ClassDef))
     assert not [name for name, times in names.items() if times > 1]
+
+
+ROOMED = ("pipeline",)
+PIPELINE_ROOMS = ("storage", "workflow", "export", "engine", "report", "cli")  # from the ground up
+
+
+def neighbours(floor: str) -> dict[str, set[str]]:
+    """room -> the other rooms of its floor that it imports."""
+    prefix = floor.replace("/", ".")
+    found: dict[str, set[str]] = {}
+    for path in modules(floor):
+        room = path.relative_to(ROOT / floor).parts[0]
+        if room.endswith(".py"):
+            continue
+        names = [name.removeprefix(prefix + ".").split(".")[0] for name in imports_any(path, prefix) if name != prefix]
+        found.setdefault(room, set()).update(name for name in names if name != room and (ROOT / floor / name).is_dir())
+    return found
+
+
+@pytest.mark.parametrize("floor", ROOMED)
+def test_rooms_of_a_floor_import_in_no_circle(floor):
+    TopologicalSorter(neighbours(floor)).prepare()  # raises CycleError, which names the circle
+
+
+@pytest.mark.parametrize("room", PIPELINE_ROOMS)
+def test_a_room_of_the_pipeline_imports_only_rooms_below_it(room):
+    assert neighbours("pipeline")[room] <= set(PIPELINE_ROOMS[: PIPELINE_ROOMS.index(room)])

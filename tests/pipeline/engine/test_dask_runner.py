@@ -1,0 +1,151 @@
+"""What the runner makes of Dask's answers, on a client that answers as it is told to; real workers are in test_engine.py."""
+
+import socket
+
+import pytest
+from distributed import KilledWorker
+from distributed.comm import CommClosedError
+from toy_stages import SIZE, make_size
+
+from orthomill.pipeline.engine import dask_runner as runner_module
+from orthomill.pipeline.engine.dask_cluster import MEMORY, free_port
+from orthomill.pipeline.engine.dask_runner import DaskRunner, kept_report
+from orthomill.pipeline.engine.execute import JobFailed, JobOrder
+from orthomill.pipeline.engine.records import Fingerprint
+from orthomill.schemas.job import Job
+
+
+class Answer:
+    """A future that has ended."""
+
+    def __init__(self, key: object, status: str, error: Exception | None = None) -> None:
+        self.key, self.status, self._error = key, status, error
+
+    def cancelled(self) -> bool:
+        return self.status == "cancelled"
+
+    def exception(self) -> Exception | None:
+        return self._error
+
+
+class Client:
+    """Remembers what is submitted; every job ends with the status and error that are planned for its item."""
+
+    status = "running"
+
+    def __init__(self, **planned: tuple) -> None:
+        self.planned, self.submitted, self.cancelled = planned, [], []
+
+    def submit(self, function, work, *before, key, **options):
+        self.submitted.append((key, before, options))
+        status, *error = self.planned.get(work.job.item, ("finished",))
+        return Answer(key, status, error[0](key) if error else None)
+
+    def cancel(self, futures, force):
+        self.cancelled = futures
+
+
+class Ended(list):
+    """Futures in the order in which they were added, as `as_completed` hands them out."""
+
+    add = list.append
+
+    def __next__(self):
+        return self.pop(0)
+
+
+@pytest.fixture
+def runner_of(tmp_path, monkeypatch):
+    monkeypatch.setattr(runner_module, "as_completed", Ended)
+
+    def build(*items: str, **planned: tuple) -> DaskRunner:
+        runner = DaskRunner(Client(**planned), 2**30, "a test")
+        previous: tuple = ()
+        for item in items:
+            work = JobOrder(Job("a", item, make_size, {}, {"size": SIZE}), tmp_path, tmp_path, PRINT, "")
+            runner.submit(work, previous, 7)
+            previous = (work.job.key,)
+        return runner
+
+    return build
+
+
+PRINT = Fingerprint(settings="s", code="c", inputs="i")
+
+
+def failed(item: str):
+    return "error", lambda key: JobFailed(("a", item, 0, 0), "The rays do not intersect.")
+
+
+def killed(item: str):
+    return "error", lambda key: KilledWorker(("a", item, 0, 0, key[-1]), None, 3)
+
+
+def test_jobs_carry_their_keys_their_memory_and_what_they_wait_for(runner_of):
+    runner = runner_of("one", "two")
+    (first, before, options), (second, waits_for, _) = runner._client.submitted
+    assert first[:4] == ("a", "one", 0, 0) and second[:4] == ("a", "two", 0, 0) and first[4] == second[4]
+    assert before == () and [future.key for future in waits_for] == [first]
+    assert options["resources"] == {MEMORY: 7} and options["pure"] is False
+
+
+def test_two_runs_on_one_cluster_do_not_share_keys(runner_of):
+    one, other = runner_of("one"), runner_of("one")
+    assert one._client.submitted[0][0] != other._client.submitted[0][0]
+
+
+@pytest.mark.parametrize(
+    ("answer", "status", "sentence"),
+    [
+        (("finished",), "done", ""),
+        (failed("one"), "failed", "The rays do not intersect."),
+        (failed("before"), "blocked", ""),
+        (killed("one"), "failed", "its worker died at every attempt; it may need more memory than --memory allows"),
+        (killed("before"), "blocked", ""),
+        (("error", lambda key: RuntimeError("no pickle")), "failed", "Dask could not run it (RuntimeError: no pickle)"),
+    ],
+)
+def test_every_end_of_a_job_has_its_status_and_sentence(runner_of, answer, status, sentence):
+    runner = runner_of("one", one=answer)
+    ended = runner.next()
+    assert (ended.key, ended.status, ended.sentence) == (("a", "one", 0, 0), status, sentence)
+    assert not runner.busy
+
+
+def test_a_lost_scheduler_is_not_taken_for_a_failed_job(runner_of):
+    runner = runner_of("one", one=("cancelled",))
+    with pytest.raises(CommClosedError, match="scheduler was lost"):
+        runner.next()
+
+
+def test_a_result_that_dask_revokes_is_waited_for_again(runner_of):
+    runner = runner_of("one")
+    future = runner._futures["a", "one", 0, 0]
+    statuses = iter(["pending", *["finished"] * 3])
+    future.__class__ = type("Revoked", (Answer,), {"status": property(lambda self: next(statuses), lambda self, value: None)})
+    assert runner.next().status == "done"
+
+
+def test_closing_cancels_what_is_left_if_the_client_still_lives(runner_of):
+    runner = runner_of("one", "two")
+    runner.close()
+    assert len(runner._client.cancelled) == 2
+    lost = runner_of("one")
+    lost._client.status = "closed"
+    lost.close()
+    assert lost._client.cancelled == []
+
+
+def test_a_report_is_kept_of_runs_on_dask_only(tmp_path):
+    with kept_report(object(), tmp_path / "run" / "dask_report.html"):
+        pass
+    assert (tmp_path / "run").is_dir() and not list((tmp_path / "run").iterdir())
+
+
+def test_a_taken_port_gives_way_to_the_next_free_one():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        number = taken.getsockname()[1]
+        assert free_port(number) != number
+    assert free_port(70_000) == 0

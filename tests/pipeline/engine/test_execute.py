@@ -1,0 +1,192 @@
+"""One job: its inputs are read, its results written whole, and its end recorded, whatever the end is."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from toy_stages import SIZE, Size, make_size
+
+from orthomill.pipeline.engine.execute import JobFailed, JobOrder, execute
+from orthomill.pipeline.engine.records import Fingerprint, Records
+from orthomill.pipeline.engine.runner import ATTEMPTS, SequentialRunner
+from orthomill.pipeline.storage.store import Store
+from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.job import Export, Job, Raster, Table, TextFile
+from orthomill.schemas.raster import RasterSpec, Window
+
+PRINT = Fingerprint(settings="s", code="c", inputs="i")
+SPEC = RasterSpec(name="a/z", shape=(64, 64), dtype="float32", chunk=64)
+SIDES = {"rows": 3, "cols": 4}
+KEY = ("a", "size", 0, 0)
+
+
+class Both(NamedTuple):
+    """A raster and a table of one job."""
+
+    z: np.ndarray
+    size: Size
+    more: Size | None = None
+
+
+def both(z: np.ndarray) -> Both:
+    return Both(z + 1, Size(rows=1, cols=2))
+
+
+def measure(text: str) -> Size:
+    return Size(rows=text.count("\n"), cols=len(text))
+
+
+def refuse(rows: int, cols: int) -> Size:
+    raise GeometryError("The rays do not intersect; add a photograph.")
+
+
+def stumble(rows: int, cols: int) -> Size:
+    return Size(rows=rows // 0, cols=cols)
+
+
+def wrong(rows: int, cols: int) -> Size:
+    return {"other": Size(rows=rows, cols=cols)}
+
+
+def order(root: Path, job: Job | Export, run: str = "") -> JobOrder:
+    return JobOrder(job, root, root / "run", PRINT, "not done yet", run)
+
+
+def size_job(function=make_size) -> Job:
+    return Job("a", "size", function, {}, {"size": SIZE}, SIDES)
+
+
+def test_a_table_is_written_and_recorded(tmp_path):
+    assert execute(order(tmp_path, size_job())) == KEY
+    assert Store(tmp_path / "run").table(SIZE) == Size(rows=3, cols=4)
+    record = Records(tmp_path / "run").get(KEY)
+    assert (record.status, record.reason, record.fingerprint, record.births) == ("done", "not done yet", PRINT, {})
+    assert record.peak_bytes > 0 and record.seconds >= 0
+
+
+def test_several_results_go_where_their_names_say(tmp_path):
+    store = Store(tmp_path / "run")
+    store.create(SPEC)
+    region = Raster("a/z", SPEC.full)
+    execute(order(tmp_path, Job("a", "size", both, {"z": region}, {"z": region, "size": SIZE})))
+    assert (store.read("a/z", SPEC.full) == 1).all() and store.table(SIZE).cols == 2
+    assert Records(tmp_path / "run").get(KEY).births == {"a/z": store.birth("a/z")}
+
+
+def test_several_regions_arrive_as_a_tuple(tmp_path):
+    store = Store(tmp_path / "run")
+    store.create(SPEC)
+    seen = []
+
+    def shapes(parts: tuple[np.ndarray, ...]) -> Size:
+        seen.extend(part.shape for part in parts)
+        return Size(rows=0, cols=0)
+
+    regions = (Raster("a/z", Window(0, 0, 3, 4)), Raster("a/z", Window(5, 5, 6, 7)))
+    execute(order(tmp_path, Job("a", "size", shapes, {"parts": regions}, {"size": SIZE})))
+    assert seen == [(3, 4), (6, 7)]
+
+
+@pytest.mark.parametrize("content", [b"a,b\n1,2\n", b"\xef\xbb\xbfa,b\n1,2\n"])
+def test_a_text_arrives_without_a_byte_order_mark(tmp_path, content):
+    (tmp_path / "points.csv").write_bytes(content)
+    execute(order(tmp_path, Job("a", "size", measure, {"text": TextFile("points.csv")}, {"size": SIZE})))
+    assert Store(tmp_path / "run").table(SIZE) == Size(rows=2, cols=8)
+
+
+def test_a_file_that_is_not_text_is_a_sentence(tmp_path):
+    (tmp_path / "points.csv").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(JobFailed) as caught:
+        execute(order(tmp_path, Job("a", "size", measure, {"text": TextFile("points.csv")}, {"size": SIZE})))
+    assert "is not a text file in UTF-8" in caught.value.sentence
+
+
+@pytest.mark.parametrize(
+    ("function", "sentence"),
+    [
+        (refuse, "The rays do not intersect; add a photograph."),
+        (stumble, "unexpected ZeroDivisionError: "),
+        (wrong, "was to give ['size'] but gave ['other']"),
+    ],
+)
+def test_a_failure_is_recorded_with_its_sentence_and_traceback(tmp_path, function, sentence):
+    with pytest.raises(JobFailed) as caught:
+        execute(order(tmp_path, size_job(function)))
+    record = Records(tmp_path / "run").get(KEY)
+    assert record.status == "failed" and "Traceback" in record.traceback
+    assert sentence in record.error and caught.value.sentence == record.error and caught.value.key == KEY
+    assert not Store(tmp_path / "run").has_table(SIZE)
+
+
+def test_a_job_that_this_run_has_done_is_not_done_again(tmp_path):
+    execute(order(tmp_path, size_job(), run="now"))
+    Store(tmp_path / "run").write_table(SIZE, Size(rows=99, cols=99))
+    execute(order(tmp_path, size_job(), run="now"))
+    assert Store(tmp_path / "run").table(SIZE).rows == 99
+    execute(order(tmp_path, size_job(), run="later"))
+    assert Store(tmp_path / "run").table(SIZE).rows == 3
+
+
+def test_a_job_that_fails_now_leaves_no_record_of_its_earlier_success(tmp_path):
+    execute(order(tmp_path, size_job()))
+    with pytest.raises(JobFailed):
+        execute(order(tmp_path, size_job(refuse)))
+    assert Records(tmp_path / "run").get(KEY).status == "failed"
+
+
+def test_an_export_is_a_job_like_any_other(tmp_path):
+    Store(tmp_path / "run").write_table(SIZE, Size(rows=1, cols=2))
+    execute(order(tmp_path, Export("a", "file", "products/size.json", "json", tables=(SIZE,))))
+    assert (tmp_path / "run" / "products" / "size.json").exists()
+    assert Records(tmp_path / "run").get(("a", "file", 0, 0)).status == "done"
+
+
+# --- the sequential runner ---------------------------------------------------------------------------------------------------
+
+
+def ends(runner: SequentialRunner) -> dict:
+    found = {}
+    while runner.busy:
+        ended = runner.next()
+        found[ended.key] = ended
+    return found
+
+
+def test_jobs_after_a_failure_are_blocked_and_others_run(tmp_path):
+    runner = SequentialRunner(2**30)
+    names = ("first", "after", "last", "alone")
+    jobs = {name: Job("a", name, make_size, {}, {"size": Table(f"a/{name}.json", Size)}, SIDES) for name in names}
+    jobs["first"] = Job("a", "first", refuse, {}, {"size": Table("a/first.json", Size)}, SIDES)
+    for name, before in (("first", ()), ("after", ("first",)), ("last", ("after",)), ("alone", ())):
+        runner.submit(order(tmp_path, jobs[name]), tuple(("a", other, 0, 0) for other in before), 0)
+    status = {key[1]: ended.status for key, ended in ends(runner).items()}
+    assert status == {"first": "failed", "after": "blocked", "last": "blocked", "alone": "done"}
+
+
+class Attempts:
+    """Fails as often as it is told to."""
+
+    def __init__(self, failures: int) -> None:
+        self.failures, self.calls = failures, 0
+
+    def __call__(self) -> Size:
+        self.calls += 1
+        if self.calls <= self.failures:
+            raise GeometryError("not yet.")
+        return Size(rows=0, cols=0)
+
+
+@pytest.mark.parametrize(("failures", "status"), [(ATTEMPTS - 1, "done"), (ATTEMPTS, "failed")])
+def test_a_job_is_tried_again(tmp_path, failures, status):
+    function = Attempts(failures)
+    runner = SequentialRunner(2**30)
+    runner.submit(order(tmp_path, Job("a", "size", function, {}, {"size": SIZE})), (), 0)
+    assert ends(runner)[KEY].status == status and function.calls == ATTEMPTS
+
+
+def test_a_closed_runner_has_nothing_to_do(tmp_path):
+    runner = SequentialRunner(2**30)
+    runner.submit(order(tmp_path, size_job()), (), 0)
+    runner.close()
+    assert not runner.busy

@@ -1,0 +1,109 @@
+"""The records of jobs: kept whole, read back as they were, and judged in a fixed order."""
+
+import string
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from orthomill.pipeline.engine.records import Fingerprint, Record, Records, reason_to_run
+
+PRINT = Fingerprint(settings="s", code="c", inputs="i")
+
+
+def record(**more) -> Record:
+    fields = {
+        "stage": "texture",
+        "item": "tile",
+        "row": 2,
+        "col": 3,
+        "status": "done",
+        "fingerprint": PRINT,
+        "reason": "not done yet",
+    }
+    return Record(**(fields | more))
+
+
+@pytest.fixture
+def records(tmp_path):
+    return Records(tmp_path)
+
+
+def test_a_record_comes_back_as_it_was(records):
+    kept = record(births={"texture/ortho": "b"}, started=12.5, seconds=0.25, worker="77", peak_bytes=2**30, run="r")
+    records.put(kept)
+    assert records.get(kept.key) == kept
+    assert records.folder.joinpath("texture", "tile.2.3.json").exists()
+
+
+def test_a_job_without_a_record_has_none(records):
+    assert records.get(("texture", "tile", 0, 0)) is None
+    assert records.of_stage("texture") == ()
+    records.remove(("texture", "tile", 0, 0))
+
+
+def test_a_removed_record_is_gone(records):
+    records.put(record())
+    records.remove(record().key)
+    assert records.get(record().key) is None
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[]", b'{"stage": "texture"}', b"\xff\xfe"])
+def test_a_damaged_record_counts_as_none(records, content):
+    records.put(record())
+    records.put(record(row=9))
+    records.path(record().key).write_bytes(content)
+    assert records.get(record().key) is None
+    assert [kept.row for kept in records.of_stage("texture")] == [9]
+
+
+def test_the_records_of_a_stage_are_its_own(records):
+    for stage, row in (("texture", 1), ("texture", 0), ("photos", 5)):
+        records.put(record(stage=stage, row=row))
+    assert [kept.row for kept in records.of_stage("texture")] == [0, 1]
+    assert [kept.row for kept in records.of_stage("photos")] == [5]
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(item=st.text(min_size=1, max_size=40))
+def test_any_name_of_a_photograph_gives_a_file_inside_the_stage(records, item):
+    """Slashes, dots and control characters of a name must not lead out of the folder or make an impossible file name."""
+    path = records.path(("photos", item, 0, 0))
+    assert path.parent == records.folder / "photos"
+    assert set(path.name) <= set(string.ascii_letters + string.digits + "_.-~")
+    records.put(record(stage="photos", item=item))
+    found = records.get(("photos", item, 2, 3))
+    assert found is not None and found.item == item
+
+
+OTHER = {name: PRINT.model_copy(update={name: "x"}) for name in ("settings", "code", "inputs")}
+
+
+@pytest.mark.parametrize(
+    ("kept", "wanted", "births", "exists", "reason"),
+    [
+        (None, PRINT, {}, True, "not done yet"),
+        (record(status="failed"), PRINT, {}, True, "failed before"),
+        (record(), OTHER["settings"], {}, True, "settings changed"),
+        (record(), OTHER["code"], {}, True, "code changed"),
+        (record(), OTHER["inputs"], {}, True, "inputs changed"),
+        (record(births={"a": "1"}), PRINT, {"a": "2"}, True, "result is missing"),
+        (record(births={"a": "1"}), PRINT, {}, True, "result is missing"),
+        (record(), PRINT, {}, False, "result is missing"),
+        (record(births={"a": "1"}), PRINT, {"a": "1"}, True, None),
+    ],
+)
+def test_the_reason_to_run(kept, wanted, births, exists, reason):
+    assert reason_to_run(kept, wanted, births, exists) == reason
+
+
+def test_a_changed_setting_is_named_before_changed_code_and_inputs():
+    """The user changed the setting; that everything after it changes too is only a consequence."""
+    changed = Fingerprint(settings="x", code="x", inputs="x")
+    assert reason_to_run(record(), changed, {}, False) == "settings changed"
+    assert reason_to_run(record(), OTHER["inputs"].model_copy(update={"code": "x"}), {}, False) == "code changed"
+
+
+def test_every_part_of_a_fingerprint_counts_in_its_text():
+    texts = {PRINT.text, *(other.text for other in OTHER.values())}
+    assert len(texts) == 4
