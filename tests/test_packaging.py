@@ -1,0 +1,106 @@
+"""The package as it is installed: one name at the top of site-packages, whatever lies in the user's folder."""
+
+import os
+import subprocess
+import sys
+import sysconfig
+import tomllib
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+FOLDERS = ("orthomill", "pipeline", "schemas", "tasks")
+INTRUDER = 'raise ImportError("a file of the user was taken for a part of orthomill")\n'
+
+
+def declared() -> list[str]:
+    return tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
+
+
+def test_every_folder_of_modules_is_a_declared_package():
+    found = {path.parent.relative_to(ROOT) for folder in FOLDERS for path in (ROOT / folder).rglob("*.py")}
+    names = {"orthomill" if path == Path("orthomill") else f"orthomill.{'.'.join(path.parts)}" for path in found}
+    assert sorted(declared()) == sorted(names)
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory) -> Path:
+    """The wheel, built from a copy of the tracked folders so that nothing is left behind in the checkout."""
+    place = tmp_path_factory.mktemp("wheel")
+    source = place / "source"
+    source.mkdir()
+    for name in (*FOLDERS, "pyproject.toml", "README.md", "LICENSE", "NOTICE"):
+        (source / name).symlink_to(ROOT / name)
+    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", str(place), str(source)]
+    subprocess.run(command, check=True, capture_output=True, text=True, timeout=300)
+    return next(place.glob("*.whl"))
+
+
+def test_the_wheel_brings_one_name_and_all_that_is_no_code(wheel):
+    names = zipfile.ZipFile(wheel).namelist()
+    assert {name.split("/")[0] for name in names if ".dist-info" not in name} == {"orthomill"}
+    assert {"orthomill/pipeline/report/templates/report.html", "orthomill/tasks/simulation/textures/village.jpg"} <= set(names)
+    modules = {name for name in names if name.endswith(".py")}
+    assert len(modules) == sum(1 for folder in FOLDERS for _ in (ROOT / folder).rglob("*.py"))
+
+
+@pytest.fixture(scope="module")
+def installed(wheel, tmp_path_factory) -> Path:
+    """The scripts of a fresh environment with the wheel; the libraries are those of this one, without this checkout."""
+    place = tmp_path_factory.mktemp("environment")
+    venv.create(place, with_pip=False)
+    packages = next((place / "lib").glob("python*/site-packages"))
+    libraries = Path(sysconfig.get_path("purelib"))
+    for entry in libraries.iterdir():
+        if "orthomill" not in entry.name:
+            (packages / entry.name).symlink_to(entry)
+    command = [
+        sys.executable,
+        "-m",
+        "pip",
+        "--python",
+        str(place / "bin" / "python"),
+        "install",
+        "--quiet",
+        "--no-deps",
+        str(wheel),
+    ]
+    subprocess.run(command, check=True, capture_output=True, text=True, timeout=300)
+    return place / "bin"
+
+
+@pytest.fixture
+def folder(tmp_path) -> Path:
+    """A folder of somebody who has modules called like ours."""
+    for name in ("tasks", "schemas", "pipeline"):
+        (tmp_path / f"{name}.py").write_text(INTRUDER)
+    return tmp_path
+
+
+def answer(installed: Path, folder: Path, *words: str) -> str:
+    environment = {name: value for name, value in os.environ.items() if name not in {"PYTHONPATH", "NUMBA_CACHE_DIR"}}
+    environment["XDG_CACHE_HOME"] = str(folder / "cache")
+    done = subprocess.run(
+        [str(installed / words[0]), *words[1:]], cwd=folder, env=environment, capture_output=True, text=True, timeout=550
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_modules_of_the_user_are_not_taken_for_ours(installed, folder):
+    code = "import orthomill, orthomill.tasks.catalogue as c; print(c.__file__)"
+    assert "site-packages/orthomill/tasks/catalogue.py" in answer(installed, folder, "python", "-c", code)
+
+
+@pytest.mark.slow
+def test_a_project_runs_where_modules_are_called_like_ours(installed, folder):
+    (folder / "workflows").mkdir()
+    text = (ROOT / "workflows" / "volos_small.yaml").read_text()
+    (folder / "workflows" / "volos_small.yaml").write_text(text)
+    said = answer(installed, folder, "orthomill", "run", "volos_small", "--until", "photos", "--workers", "1")
+    assert ", 0 failed" in said
+    assert (folder / "runs" / "volos_small" / "tables" / "photos" / "photos.json").exists()
+    assert list((folder / "cache" / "orthomill" / "kernels").iterdir()), "compiled kernels are kept in the user's cache"
