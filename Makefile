@@ -9,15 +9,15 @@ project ?= volos
 options ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run plan status report export dashboard doctor test test-fast test-slow lint types format bench bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-camera-constants docs clean clean-all
+.PHONY: help setup run plan status report export dashboard doctor test test-fast test-slow lint types links format bench bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-camera-constants docs clean clean-all
 
 help: ## List all targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-18s %s\n", $$1, $$2}'
 
 $(STAMP): requirements.lock pyproject.toml
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --disable-pip-version-check -r requirements.lock
-	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --editable .
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --editable .
 	@$(BIN)/python -c "import sys; assert sys.version_info >= (3, 11), 'orthomill needs Python 3.11 or newer'"
 	@touch $(STAMP)
 
@@ -44,8 +44,8 @@ dashboard: $(STAMP) ## Print the address of the dashboard of a run that is going
 doctor: $(STAMP) ## Examine this machine
 	@$(BIN)/orthomill doctor
 
-test: $(STAMP) ## Run all tests
-	@$(BIN)/python -m pytest
+test: $(STAMP) ## Run all tests, on two processes
+	@$(BIN)/python -m pytest -n 2 --dist loadfile
 
 test-fast: $(STAMP) ## Run the tests that take seconds
 	@$(BIN)/python -m pytest -m "not slow"
@@ -57,9 +57,12 @@ lint: $(STAMP) types ## Check style, format and types
 	@$(BIN)/ruff check $(CODE)
 	@$(BIN)/ruff format --check --quiet $(CODE) || (echo "run 'make format'"; exit 1)
 
-types: $(STAMP) ## Check types (the folders of the package are brought together by links for the checker)
+# Type checker and documentation do not know that these folders are one package (pyproject.toml): links bring it together for them.
+links:
 	@mkdir -p .cache/types/orthomill
 	@for part in $(wildcard orthomill/*.py) pipeline tasks schemas; do ln -sfn ../../../$$part .cache/types/orthomill/; done
+
+types: $(STAMP) links ## Check types
 	@cd .cache/types && ../../$(BIN)/mypy --config-file ../../pyproject.toml --cache-dir ../../.mypy_cache -p orthomill
 
 format: $(STAMP) ## Format the code and mend what the linter can mend
@@ -93,8 +96,10 @@ bench-orientation-simulated: $(STAMP) ## Orientation on simulated measurements: 
 bench-adjustment: $(STAMP) ## Growth of the adjustment up to 1000 photographs (options="against=CHECKOUT")
 	@$(BIN)/python -m benchmarks.orientation.adjustment_growth $(options)
 
-docs: $(STAMP) ## Write the generated pages of docs/
+docs: $(STAMP) links ## Write the generated pages of docs/ and the documentation site to .cache/site
 	@$(BIN)/orthomill reference
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements-docs.lock
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict && echo ".cache/site/index.html"
 
 clean: $(STAMP) ## Remove the results of a project
 	@$(BIN)/orthomill clean $(project)
