@@ -3,6 +3,7 @@
 from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.camera import Camera
+from orthomill.schemas.findings.block_findings import BlockFinding
 from orthomill.schemas.job import Table
 
 
@@ -22,8 +23,8 @@ class ExteriorOrientation(BaseModel):
     residual_px: float | None = None
     """root mean square of its image residuals"""
     with_interior: dict[str, tuple[tuple[float, ...], ...]] = {}
-    """camera -> 6 x 8: how its errors go together with those of the camera's interior orientation (order of INTERIOR, px); for
-    cameras that were adjusted in the block"""
+    """camera -> 6 x 8: covariance with the interior orientation of the camera (order of INTERIOR, px); for cameras that were
+    adjusted in the block"""
 
 
 class Unoriented(BaseModel):
@@ -36,14 +37,15 @@ class Unoriented(BaseModel):
 
 
 class JointCovariance(BaseModel):
-    """How the errors of two photographs go together: what a weak datum does to both alike is no error between them."""
+    """The covariance between two photographs or cameras: what a poorly determined datum does to both alike is no error between
+    them."""
 
     model_config = ConfigDict(frozen=True)
 
     first: str
     second: str
     covariance: tuple[tuple[float, ...], ...]
-    """6 x 6: rows X, Y, Z, omega, phi, kappa of the first, columns those of the second; m and radians"""
+    """photographs: 6 x 6, rows X, Y, Z, omega, phi, kappa of the first, columns those of the second; m and radians"""
 
 
 class Block(BaseModel):
@@ -66,12 +68,11 @@ class Block(BaseModel):
     ground_high: float
     """robust range of tie point heights, m"""
     joint: tuple[JointCovariance, ...] = ()
-    """of the pairs of photographs that share tie points"""
+    """of all pairs of photographs that share tie points"""
     joint_cameras: tuple[JointCovariance, ...] = ()
-    """of the pairs of cameras that were adjusted: 8 x 8 in the order of INTERIOR"""
+    """of all pairs of adjusted cameras: 8 x 8 in the order of INTERIOR"""
     groups: tuple[tuple[str, ...], ...] = ()
-    """photographs that hang together by tie points, the largest group first; several groups are held by their positions and
-    control only"""
+    """photographs that tie points connect, the largest group first; only positions and control connect several groups"""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -88,7 +89,7 @@ BLOCK = Table("orientation/block.json", Block)
 
 
 class RelativeOrientation(BaseModel):
-    """How the right photograph of a pair lies to the left one; what two photographs alone can tell.
+    """The orientation of the right photograph of a pair relative to the left one, up to the length of the base.
 
     `base` is a unit vector in the image system of the left photograph, `omega_phi_kappa` (degrees) turn it into the right one's:
     R = R3(kappa) R2(phi) R1(omega). Parameters and standard errors of the dependent relative orientation follow where the base lies
@@ -114,7 +115,7 @@ class RelativeOrientation(BaseModel):
     intersection_deg: float = 0.0
     """median angle at which homologous rays meet"""
     same_photo: bool = False
-    """both are one and the same photograph, given twice"""
+    """both are the same photograph, given twice"""
 
     @property
     def oriented(self) -> bool:
@@ -128,7 +129,7 @@ class RelativeOrientations(BaseModel):
 
     pairs: tuple[RelativeOrientation, ...] = ()
     start_k1: dict[str, float] = {}
-    """nominal camera -> rough k1 with which its pairs fit; empty where they fit without"""
+    """nominal camera -> approximate k1 with which its pairs fit; empty where they fit without"""
 
 
 class GroundResidual(BaseModel):
@@ -174,7 +175,7 @@ class GroundResiduals(BaseModel):
 
 
 class ParameterCorrelation(BaseModel):
-    """Two unknowns that the observations can hardly tell apart."""
+    """Two strongly correlated unknowns, which the observations hardly distinguish."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -184,21 +185,21 @@ class ParameterCorrelation(BaseModel):
 
 
 class ObservationGroup(BaseModel):
-    """A group of observations in the balance of the adjustment."""
+    """A group of observations with its variance component."""
 
     model_config = ConfigDict(frozen=True)
 
     name: str
     count: int
-    """numbers observed"""
+    """scalar observations"""
     redundancy: float
-    """its part of the redundancy"""
+    """its part of the redundancy: the sum of its redundancy numbers"""
     factor: float
     """estimated by stated standard error"""
 
 
 class LargestResidual(BaseModel):
-    """One of the measurements in photographs that fit worst among those that took part."""
+    """One of the image measurements with the largest standardised residuals, of those that took part."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -212,11 +213,11 @@ class LargestResidual(BaseModel):
     redundancy_number: float
     """the share of an error of this measurement that its own residual shows"""
     detectable_px: float
-    """the smallest error of it that the test would find"""
+    """the smallest gross error of it that the test detects (inner reliability)"""
 
 
 class BlockPrecision(BaseModel):
-    """The account of the adjustment beyond the block itself: what was estimated of the observations, and what is weak."""
+    """The results of the adjustment beyond the block itself: precision and reliability of the observations, blunders, findings."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -230,28 +231,26 @@ class BlockPrecision(BaseModel):
     gnss_shift_sigma: tuple[float, float, float] | None = None
     correlations: tuple[ParameterCorrelation, ...] = ()
     """of 0.9 or more"""
-    weaknesses: tuple[str, ...] = ()
-    """sentences about datum, start and what was set aside"""
+    findings: tuple[BlockFinding, ...] = ()
+    """about datum, cameras, contradictions and connection; the report puts them into words"""
     lever_arm: tuple[float, float, float] | None = None
-    """from the projection centre to the antenna in the image system (x right, y up, z backwards), m; where it was used"""
+    """from the projection centre to the antenna in the image system (x right, y up, z backwards), m; None: not used"""
     lever_arm_sigma: tuple[float, float, float] | None = None
     groups: tuple[ObservationGroup, ...] = ()
     largest: tuple[LargestResidual, ...] = ()
     """largest standardised residuals, the worst first"""
     blunders: tuple[str, ...] = ()
-    """names of the positions and control points that contradicted the block and took no part"""
+    """names of the positions, control points and distances that contradicted the block and took no part"""
     common_px: float | None = None
-    """errors that the measurements of a region of a photograph share, root mean square over the frame; None where the residuals are
-    those of white noise"""
+    """correlated image errors, root mean square over the frame; None where the residuals are those of white noise"""
     common_share: float | None = None
-    """the part of their variance that is the same in all photographs of a camera"""
+    """the part of their variance which is the same in all photographs of a camera"""
     white_sigma: dict[str, tuple[float, ...]] = {}
-    """by camera: standard errors of its interior parameters (order of INTERIOR) if the measurements had no errors in common"""
+    """camera -> standard errors of its interior parameters (order of INTERIOR) under the assumption of white noise"""
 
 
 class SeparateBlocks(BaseModel):
-    """Groups of photographs that nothing connects to the project's system: each a free block of its own, with its own tie
-    points."""
+    """Groups of photographs that nothing connects to the project's system: free blocks of their own."""
 
     model_config = ConfigDict(frozen=True)
 

@@ -23,7 +23,7 @@ from benchmarks.orientation.stone_wall import control_texts, read_wall
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.camera import CAMERAS, Camera
 from orthomill.schemas.observations import CONTROL, TIE_POINTS
-from orthomill.schemas.orientation import RELATIVE, BlockPrecision
+from orthomill.schemas.orientation import RELATIVE
 from orthomill.schemas.photo import PHOTOS
 from orthomill.tasks.adjustment.model.interior import FreeInterior, InteriorChoice, WeightedInterior
 from orthomill.tasks.orientation.exterior.adjusted_block import BlockChoices, orient_block
@@ -110,8 +110,8 @@ def found(store: Store, choice: InteriorChoice, crs: str) -> Found:
     photos, cameras, ties, control, relative = (store.table(t) for t in (PHOTOS, CAMERAS, TIE_POINTS, CONTROL, RELATIVE))
     choices = BlockChoices(interior=choice, gnss_shift=False, vertical_sigma=5.0, rejection=4.0)
     out = orient_block(photos, cameras, ties, control, relative, crs, choices)
-    name, camera = next(iter(out["block"].cameras.items()))
-    precision: BlockPrecision = out["precision"]
+    name, camera = next(iter(out.block.cameras.items()))
+    precision = out.precision
     sigma = _sigma(camera)
     return Found(camera.c, precision.white_sigma.get(name, (sigma,))[0], sigma, precision.common_px, precision.common_share)
 

@@ -8,6 +8,7 @@ calibrations whose boards never reached the corners.
 import numpy as np
 
 from orthomill.schemas.camera import Camera, Cameras
+from orthomill.schemas.findings.block_findings import DistortionFolds
 
 
 def reach(camera: Camera) -> float:
@@ -20,18 +21,13 @@ def reach(camera: Camera) -> float:
     return camera.c * float(np.sqrt(r2)) * (1.0 + r2 * (camera.k1 + r2 * (camera.k2 + r2 * camera.k3)))
 
 
-def folding_remarks(cameras: Cameras) -> tuple[str, ...]:
-    """A sentence for every camera whose distortion folds the corners of its frame."""
+def folding_cameras(cameras: Cameras) -> tuple[DistortionFolds, ...]:
+    """The cameras whose distortion folds the corners of their frames, in the order of their names."""
     found = []
     for name, camera in sorted(cameras.cameras.items()):
         limit, far = reach(camera), _farthest(camera)
         if limit < far:
-            found.append(
-                f"The distortion of the camera {name} cannot be undone farther than {limit:.0f} px from its principal point, while "
-                f"a corner of the frame lies {far:.0f} px away (k1 = {camera.k1:.3g}, c = {camera.c:.0f} px): tie points farther "
-                "out take no part, and those near the limit are poor. Look for a camera constant or distortion of another camera "
-                "or image size, or calibrate with points that reach the corners."
-            )
+            found.append(DistortionFolds(camera=name, reach_px=limit, corner_px=far, k1=camera.k1, c=camera.c))
     return tuple(found)
 
 

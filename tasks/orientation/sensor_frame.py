@@ -15,7 +15,7 @@ import numpy as np
 
 from orthomill.schemas.camera import Camera, Cameras
 from orthomill.schemas.observations import Control, ControlPoint, ImageResiduals, TiePoints
-from orthomill.schemas.orientation import Block, ExteriorOrientation, JointCovariance, LargestResidual, SeparateBlocks
+from orthomill.schemas.orientation import Block, ExteriorOrientation, JointCovariance, LargestResidual
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.tasks.geometry.camera_change import QUARTER_TURNS, TURN, interior_turn, sensor_name, turned
 from orthomill.tasks.geometry.rotation import angles, rotation_matrix
@@ -128,21 +128,7 @@ class Upright:
         back = {name: _about_axis(self.flag(name)).T if name in self.photos.names else np.eye(3) for name in given}
         return {name: replace(pose, rotation=back[name] @ pose.rotation) for name, pose in given.items()}
 
-    def tables(self, tables: dict[str, Any]) -> dict[str, object]:
-        """The tables of an oriented block of sensors, told in upright photographs."""
-        precision = tables["precision"]
-        changed = {
-            "largest": tuple(self.largest(row) for row in precision.largest),
-            "white_sigma": self._white_sigmas(precision.white_sigma, tables["block"]),
-        }
-        return tables | {
-            "block": self.block(tables["block"]),
-            "image_residuals": self.residuals(tables["image_residuals"]),
-            "precision": precision.model_copy(update=changed),
-            "separate": SeparateBlocks(blocks=tuple(self.block(block) for block in tables["separate"].blocks)),
-        }
-
-    def _white_sigmas(self, white: Mapping[str, tuple[float, ...]], block: Block) -> dict[str, tuple[float, ...]]:
+    def white_sigmas(self, white: Mapping[str, tuple[float, ...]], block: Block) -> dict[str, tuple[float, ...]]:
         """Standard errors of the sensors' interior parameters as those of the cameras in upright photographs."""
         return {
             name: tuple(map(float, np.abs(interior_turn(flag)) @ white[sensor]))

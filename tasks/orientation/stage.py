@@ -1,7 +1,9 @@
-"""Stage `orientation`: pairs are related one by one, then all photographs become one block in the project's system."""
+"""Stage `orientation`: relative orientation pair by pair, then all photographs as one block in the project's system."""
 
 from collections.abc import Callable, Iterator
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Self
+
+from pydantic import model_validator
 
 from orthomill.schemas.camera import CAMERAS
 from orthomill.schemas.job import Export, Job, Raster, Region, Table, TextFile
@@ -16,24 +18,36 @@ from orthomill.tasks.adjustment.model.interior import InteriorChoice, WeightedIn
 from orthomill.tasks.orientation.control.control_files import no_control
 from orthomill.tasks.orientation.control.control_system import control_from_files, control_from_list
 from orthomill.tasks.orientation.exterior.adjusted_block import BlockChoices, orient_block
-from orthomill.tasks.orientation.exterior.fixed_block import hold_block
-from orthomill.tasks.orientation.exterior.sources import Adjusted, ExteriorSource
+from orthomill.tasks.orientation.exterior.fixed_block import orient_fixed
+from orthomill.tasks.orientation.exterior.sources import Adjusted, ExteriorSource, ForeignSource
 from orthomill.tasks.orientation.exterior.started_block import orient_from
 from orthomill.tasks.orientation.relative.pairs import no_pairs, relate_pairs
 from orthomill.tasks.orientation.report import report
 from orthomill.tasks.orientation.reporting.overlap_map import OVERLAP, SIDE, overlap_map
+from orthomill.tasks.orientation.results.block_tables import BlockTables
 from orthomill.tasks.orientation.results.products import PRODUCTS, block_products, product_table
 from orthomill.tasks.orientation.start.up_direction import Looking
 
 SCRATCH = 256 * 2**20
 _SIMULATED = ("photographs/control.csv", "photographs/measurements.csv")
-BLOCK_TABLES: dict[str, Table] = {
+BLOCK_TABLES: dict[str, Raster | Table] = {
     "block": BLOCK,
     "points": GROUND_POINTS,
     "image_residuals": IMAGE_RESIDUALS,
     "ground_residuals": GROUND_RESIDUALS,
     "precision": BLOCK_PRECISION,
 }
+OF_THE_ADJUSTMENT = (
+    "least_matches",
+    "interior",
+    "gnss_shift",
+    "lever_arm",
+    "lever_sigma",
+    "looking",
+    "vertical_sigma",
+    "rejection",
+)
+"""Settings that only the block adjustment reads."""
 
 
 class OrientationStage(Stage):
@@ -43,7 +57,8 @@ class OrientationStage(Stage):
     kind: Literal["orientation"] = "orientation"
     exterior: ExteriorSource = setting(
         Adjusted(kind="adjusted"),
-        "Where the exterior orientation comes from: the own adjustment, or a file of another program, which is held or a start.",
+        "Where the exterior orientation comes from: the block adjustment, or a file of another program, which is fixed or gives "
+        "starting values.",
     )
     least_matches: int = setting(15, "Pairs that share fewer tie points are not related.", "tie points", ge=6)
     interior: InteriorChoice = setting(
@@ -58,18 +73,18 @@ class OrientationStage(Stage):
         "m",
     )
     lever_sigma: float = setting(
-        0.0, "Standard error of the lever arm, which is then adjusted; 0 takes it for exactly known.", "m", ge=0
+        0.0, "Standard error of the lever arm, which is then adjusted; 0: exactly known, not adjusted.", "m", ge=0
     )
     looking: Looking = setting(
         "auto",
-        "How photographs look that have no attitude: straight down, or level (held upright, as in a hand); auto takes photographs "
+        "How photographs without an attitude look: straight down, or level (held upright, as in a hand); auto takes photographs "
         "that look along the line of their positions or to all sides for level. Used only where positions and control lie on one "
-        "line and leave the tilt about it open.",
+        "line and leave the tilt about it undetermined.",
     )
     vertical_sigma: float = setting(
         5.0,
-        "Standard error of the mean vertical that attitudes or `looking` tell; used only where positions and control lie on one "
-        "line and leave the tilt about it open.",
+        "Standard error of the mean vertical by attitudes or `looking`; used only where positions and control lie on one line and "
+        "leave the tilt about it undetermined.",
         "degrees",
         gt=0,
         le=45,
@@ -78,10 +93,26 @@ class OrientationStage(Stage):
         4.0, "Image measurements with a larger standardised residual are rejected.", "standard errors", ge=2.5
     )
 
+    @model_validator(mode="after")
+    def _a_fixed_orientation_is_not_adjusted(self) -> Self:
+        unread = [name for name in OF_THE_ADJUSTMENT if getattr(self, name) != type(self).model_fields[name].default]
+        if self._fixed_source is not None and unread:
+            raise ValueError(
+                "an exterior orientation that is fixed (`use: fixed`) is not adjusted, so these settings have no effect: "
+                f"{', '.join(unread)}; leave them out, or adjust the block with `use: start` or `exterior: {{kind: adjusted}}`"
+            )
+        return self
+
+    @property
+    def _fixed_source(self) -> ForeignSource | None:
+        """The file that fixes the exterior orientation; None where the block is adjusted."""
+        source = self.exterior
+        return source if source.kind != "adjusted" and source.use == "fixed" else None
+
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         yield self._control(view)
-        held = self.exterior.kind != "adjusted" and self.exterior.use == "held"
-        yield from self._held_jobs(view) if held else self._adjusted_jobs(view)
+        fixed = self._fixed_source
+        yield from self._fixed_jobs(view, fixed) if fixed else self._adjusted_jobs(view)
         yield Job(
             "orientation",
             "report",
@@ -138,7 +169,7 @@ class OrientationStage(Stage):
             lever_sigma=self.lever_sigma,
             looking=self.looking,
         )
-        function: Callable[..., dict[str, object]] = orient_block
+        function: Callable[..., BlockTables] = orient_block
         reads: dict[str, Region | tuple[Region, ...]] = {
             "photos": PHOTOS, "cameras": CAMERAS, "tie_points": TIE_POINTS, "control": CONTROL, "relative": RELATIVE
         }  # fmt: skip
@@ -156,20 +187,20 @@ class OrientationStage(Stage):
             scratch=SCRATCH,
         )
 
-    def _held_jobs(self, view: ProjectView) -> Iterator[Job]:
-        """The block of another program; the own tie points examine it, where the workflow has them."""
+    def _fixed_jobs(self, view: ProjectView, source: ForeignSource) -> Iterator[Job]:
+        """The block of another program; tie points examine it, where the workflow has them."""
         yield Job("orientation", "pairs", no_pairs, reads={}, writes={"relative": RELATIVE})
-        texts = tuple(TextFile(path) for path in self.exterior.files)
+        texts = tuple(TextFile(path) for path in source.files)
         reads: dict[str, Region | tuple[Region, ...]] = {"photos": PHOTOS, "cameras": CAMERAS, "control": CONTROL, "texts": texts}
         if view.has_stage("tie_points"):
             reads["tie_points"] = TIE_POINTS
         yield Job(
             "orientation",
             "block",
-            hold_block,
+            orient_fixed,
             reads=reads,
             writes=dict(BLOCK_TABLES),
-            params={"crs": view.project.crs, "source": self.exterior},
+            params={"crs": view.project.crs, "source": source},
             scratch=SCRATCH,
         )
 
@@ -178,17 +209,21 @@ class OrientationStage(Stage):
         if source.kind == "none":
             return Job("orientation", "control", no_control, reads={}, writes={"control": CONTROL})
         if source.kind == "gcp_list":
-            reads: dict[str, Region] = {"photos": PHOTOS, "text": TextFile(source.path)}
-            return _control_job(control_from_list, reads, {"source": source, "crs": view.project.crs})
+            listed: dict[str, Region | tuple[Region, ...]] = {"photos": PHOTOS, "text": TextFile(source.path)}
+            return _control_job(control_from_list, listed, {"source": source, "crs": view.project.crs})
         if source.kind == "simulated":
             own, points, measurements, distances = None, view.run_file(_SIMULATED[0]), view.run_file(_SIMULATED[1]), None
         else:
             own, points, measurements, distances = source.crs, source.points, source.measurements, source.distances
-        reads = {"photos": PHOTOS, "points": TextFile(points), "measurements": TextFile(measurements)}
+        reads: dict[str, Region | tuple[Region, ...]] = {
+            "photos": PHOTOS,
+            "points": TextFile(points),
+            "measurements": TextFile(measurements),
+        }
         if distances:
             reads["distances"] = TextFile(distances)
         return _control_job(control_from_files, reads, {"own": own, "crs": view.project.crs})
 
 
-def _control_job(function: Callable[..., Control], reads: dict[str, Region], params: dict[str, Any]) -> Job:
+def _control_job(function: Callable[..., Control], reads: dict[str, Region | tuple[Region, ...]], params: dict[str, Any]) -> Job:
     return Job("orientation", "control", function, reads=reads, writes={"control": CONTROL}, params=params)

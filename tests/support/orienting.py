@@ -6,6 +6,7 @@ from orthomill.tasks.adjustment.model.interior import WeightedInterior
 from orthomill.tasks.geometry.rotation import angles
 from orthomill.tasks.orientation.exterior.adjusted_block import BlockChoices, orient_block
 from orthomill.tasks.orientation.relative.pairs import relate_pairs
+from orthomill.tasks.orientation.reporting.finding_sentences import finding_sentence
 
 
 def orient(block, given=None, **changes):
@@ -13,7 +14,12 @@ def orient(block, given=None, **changes):
     relative = relate_pairs(block.photos, block.cameras, block.tie_points, 15)
     choices = BlockChoices(**(usual | changes))
     out = orient_block(block.photos, block.cameras, block.tie_points, block.control, relative, "EPSG:2100", choices, given)
-    return out | {"relative": relative}
+    return out._asdict() | {"relative": relative}
+
+
+def sentences(precision):
+    """What the report says of the findings of an adjustment."""
+    return [finding_sentence(finding) for finding in precision.findings]
 
 
 def standardised_orientation(block, result):

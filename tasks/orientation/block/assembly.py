@@ -1,7 +1,7 @@
 """From starts and datums to the numbers of one adjustment.
 
-Every part has its photographs, its model and its datum; parts that share the project's system are put side by side. A tie point
-belongs to one part, and only the rays of that part's photographs are believed; surveyed points belong to all.
+Every part has its photographs, its model and its datum; parts that share the project's system are adjusted together. A tie point
+belongs to one part, and only the rays of that part's photographs are used; surveyed points belong to all.
 """
 
 from collections.abc import Mapping
@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orthomill.schemas.camera import Camera, Cameras
+from orthomill.schemas.findings.block_findings import BlockFinding
 from orthomill.schemas.observations import Control, ControlPoint
 from orthomill.schemas.photo import Photos
 from orthomill.tasks.adjustment.model.adjustment_result import Adjustment
@@ -24,10 +25,10 @@ from orthomill.tasks.orientation.start.georeference import Datum, Known, held
 from orthomill.tasks.orientation.start.up_direction import TOP
 
 MEETING = 0.01
-"""rad: where the rays of a control point miss each other by more, one of them is another point's; only its coordinates then place
-it, and tell which ray is wrong."""
+"""rad: where the rays of a control point miss each other by more, one of them belongs to another point; only its coordinates then
+place it, and show which ray is wrong."""
 DEPTHS = 2.0
-"""So do rays that meet this many times nearer or farther than tie points lie."""
+"""Rays that meet this many times nearer or farther than tie points lie do so by chance, too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +47,7 @@ class Part:
 class Problem:
     """The block in local numbers: `active` (p,) numbers of its photos, `names` of them, `rays` of tie points and surveyed points,
     `good` (M,) after the start, `ties` the number of tie points, `measured` the number of all rays of its photos, also of points
-    that were never intersected; `surveyed`: points that a person measured, but for check points; `groups`: names by part."""
+    that were never intersected; `surveyed`: points that a person measured, except check points; `groups`: names by part."""
 
     active: np.ndarray
     names: tuple[str, ...]
@@ -65,15 +66,15 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class BlockResults:
-    """All that the tables are made from; `remarks`: sentences about the interior orientation; `anew` (C,) px: camera constants with
-    which the start is to be made once more (NaN: as given)."""
+    """All that the tables are made from; `findings` about the cameras; `restart` (C,) px: camera constants with which the start is
+    to be made again (NaN: as given)."""
 
     cameras: Cameras
     problem: Problem
     result: Adjustment
     datum: Datum
-    remarks: tuple[str, ...]
-    anew: np.ndarray
+    findings: tuple[BlockFinding, ...]
+    restart: np.ndarray
 
 
 def taking_part(control: Control) -> list[ControlPoint]:
@@ -85,7 +86,7 @@ def known_of(
     photos: Photos, cameras: Cameras, material: GrowthMaterial, start: BlockStart, control: Control, tops: Mapping[str, np.ndarray]
 ) -> tuple[State, Known]:
     """The model of a start, with its photographs only, and what is known of these and of the ground; `tops`: the direction to the
-    top of photographs, of those where it is not the y axis of the image system."""
+    top of those photographs where it is not the y axis of the image system."""
     model = replace(
         start.state,
         rotation=start.state.rotation[start.photos],
@@ -110,8 +111,8 @@ def known_of(
 
 
 def _at_depth(material: GrowthMaterial, start: BlockStart, model: State, rays: Rays, placed: np.ndarray) -> np.ndarray:
-    """(n,) bool: points that lie about as far before their photographs as tie points do; two rays of different points may meet, but
-    elsewhere."""
+    """(n,) bool: points that lie about as far before their photographs as tie points do: two rays of different points may meet by
+    chance, but at another depth."""
     own = start.good & start.known[material.rays.point] & np.isin(material.rays.photo, start.photos)
     photo = np.searchsorted(start.photos, material.rays.photo[own])
     low, high = np.percentile(_depths(model, photo, model.point[material.rays.point[own]]), [1.0, 99.0])
@@ -134,7 +135,7 @@ def _positions(photos: Photos, names: tuple[str, ...]) -> tuple[np.ndarray, np.n
 
 
 def _zeniths(photos: Photos, names: tuple[str, ...]) -> np.ndarray:
-    """(P, 3) the zenith in the image systems by the attitudes of the photographs; NaN where they have none."""
+    """(P, 3) the up direction in the image systems by the attitudes of the photographs; NaN where they have none."""
     attitudes = (photos[name].attitude for name in names)
     return np.array([(np.nan,) * 3 if a is None else rotation_matrix(*np.radians(a))[:, 2] for a in attitudes])
 
@@ -157,44 +158,72 @@ def _lengths(points: list[ControlPoint], control: Control) -> tuple[tuple[int, i
     )
 
 
-def problem_of(material: GrowthMaterial, parts: list[Part], cameras: Cameras, control: Control) -> tuple[Problem, Datum]:
-    """The problem of several parts and their common datum: the first part's, with what all of them set aside."""
+@dataclass(frozen=True, eq=False)
+class _Membership:
+    """`active` (p,) numbers of the photographs in any part, `number` (P,) their places in it (-1: in none), `part_of` (P,) their
+    parts (-1: none), `owner` (N,) the parts of the tie points (-1: none)."""
+
+    active: np.ndarray
+    number: np.ndarray
+    part_of: np.ndarray
+    owner: np.ndarray
+
+
+def _membership(material: GrowthMaterial, parts: list[Part]) -> _Membership:
     active = np.sort(np.concatenate([part.start.photos for part in parts]))
     number, part_of = np.full(len(material.names), -1, np.int32), np.full(len(material.names), -1)
     number[active] = np.arange(len(active))
     owner = np.full(material.points, -1)
     for i, part in enumerate(parts):
         part_of[part.start.photos] = i
+        # Parts come with the largest first: a track that several of them know is wrong in one, more likely in the smaller.
         owner[part.start.known & (owner < 0)] = i
-    inside = (number[material.rays.photo] >= 0) & (owner[material.rays.point] >= 0)
-    ties = material.rays.take(inside)
-    trust = np.stack([part.start.good for part in parts])[np.maximum(part_of[ties.photo], 0), np.flatnonzero(inside)]
-    names = tuple(material.names[i] for i in active)
-    points = taking_part(control)
+    return _Membership(active, number, part_of, owner)
+
+
+def problem_of(material: GrowthMaterial, parts: list[Part], cameras: Cameras, control: Control) -> tuple[Problem, Datum]:
+    """The problem of several parts and their common datum: that of the first part, less what all of them set aside."""
+    member = _membership(material, parts)
+    names, points = tuple(material.names[i] for i in member.active), taking_part(control)
+    ties, good = _tie_rays(material, parts, member)
     ground = ground_rays(points, {name: i for i, name in enumerate(names)}, cameras)
-    rays = Rays(
-        np.concatenate([ties.point, ground.point + material.points]).astype(np.int32),
-        np.concatenate([number[ties.photo], ground.photo]).astype(np.int32),
-        np.vstack([ties.xy, ground.xy]),
-        np.concatenate([ties.sigma, ground.sigma]),
-    )
-    known = _known_together(parts, number, len(active))
+    known = _known_together(parts, member.number, len(member.active))
     problem = Problem(
-        active=active,
+        active=member.active,
         names=names,
         camera_names=material.camera_names,
         cameras=material.cameras,
-        camera_of=material.camera_of[active],
-        rays=rays,
-        good=np.concatenate([trust & (owner[ties.point] == part_of[ties.photo]), np.ones(len(ground), bool)]),
+        camera_of=material.camera_of[member.active],
+        rays=_with_surveyed(ties, ground, material.points),
+        good=np.concatenate([good, np.ones(len(ground), bool)]),
         ties=material.points,
-        measured=int((number[material.rays.photo] >= 0).sum()) + len(ground),
+        measured=int((member.number[material.rays.photo] >= 0).sum()) + len(ground),
         surveyed=points,
         known=known,
         distances=known.distances,
         groups=tuple(tuple(material.names[i] for i in part.start.photos) for part in parts),
     )
-    return problem, _datum_together(parts, number, len(active))
+    return problem, _datum_together(parts, member.number, len(member.active))
+
+
+def _tie_rays(material: GrowthMaterial, parts: list[Part], member: _Membership) -> tuple[Rays, np.ndarray]:
+    """The rays of the tie points in local photograph numbers, and (M,) bool which of them the part of their photograph trusts and
+    owns."""
+    inside = (member.number[material.rays.photo] >= 0) & (member.owner[material.rays.point] >= 0)
+    ties = material.rays.take(inside)
+    part = member.part_of[ties.photo]
+    trusted = np.stack([part.start.good for part in parts])[np.maximum(part, 0), np.flatnonzero(inside)]
+    return replace(ties, photo=member.number[ties.photo]), trusted & (member.owner[ties.point] == part)
+
+
+def _with_surveyed(ties: Rays, ground: Rays, first: int) -> Rays:
+    """Rays of tie points, then those of surveyed points, which are numbered from `first` on."""
+    return Rays(
+        np.concatenate([ties.point, ground.point + first]).astype(np.int32),
+        np.concatenate([ties.photo, ground.photo]).astype(np.int32),
+        np.vstack([ties.xy, ground.xy]),
+        np.concatenate([ties.sigma, ground.sigma]),
+    )
 
 
 def _known_together(parts: list[Part], number: np.ndarray, photos: int) -> Known:
@@ -217,8 +246,20 @@ def _datum_together(parts: list[Part], number: np.ndarray, photos: int) -> Datum
         positions[number[part.start.photos]] = part.datum.positions_aside
     far = np.any([part.datum.control_aside for part in parts], axis=0)
     near = np.any([part.known.placed & ~part.datum.control_aside for part in parts], axis=0)
-    weaknesses = tuple(dict.fromkeys(text for part in parts for text in part.datum.weaknesses))
-    return replace(parts[0].datum, positions_aside=positions, control_aside=far & ~near, weaknesses=weaknesses)
+    findings = tuple(dict.fromkeys(finding for part in parts for finding in part.datum.findings))
+    return replace(parts[0].datum, positions_aside=positions, control_aside=far & ~near, findings=findings)
+
+
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    """The starts of all parts in the system of the first datum: photographs and points, the up direction (p, 3) that is expected
+    in the image systems, and the weights (p,) 1/rad^2 of its mean (0: not needed)."""
+
+    rotation: np.ndarray
+    centre: np.ndarray
+    point: np.ndarray
+    zenith: np.ndarray
+    vertical: np.ndarray
 
 
 def starting_values(
@@ -226,52 +267,68 @@ def starting_values(
 ) -> tuple[Network, State, np.ndarray]:
     """The network, the state to begin with, and (M,) which rays take part; `vertical_sigma` (rad) of the mean vertical, where a
     part needs it."""
-    photos, count = len(problem.names), problem.ties + len(problem.surveyed)
-    rotation, centre, point = np.zeros((photos, 3, 3)), np.zeros((photos, 3)), np.zeros((count, 3))
-    zenith, vertical, filled = np.zeros((photos, 3)), np.zeros(photos), np.zeros(count, bool)
-    for part in parts:
-        own = np.searchsorted(problem.active, part.start.photos)
-        fit, offset = part.datum.similarity, part.datum.origin - datum.origin
-        rotation[own] = part.model.rotation @ fit.rotation.T
-        centre[own] = fit.apply(part.model.centre) + offset
-        fresh = part.start.known & ~filled[: problem.ties]
-        point[: problem.ties][fresh] = fit.apply(part.model.point[fresh]) + offset
-        filled[: problem.ties] |= fresh
-        if part.datum.zenith is not None:
-            told = np.isfinite(part.datum.zenith).all(axis=1)
-            zenith[own[told]], vertical[own[told]] = part.datum.zenith[told], 1.0 / (vertical_sigma**2 * told.sum())
-    known = problem.known
+    count, known = problem.ties + len(problem.surveyed), problem.known
+    start = _placed_parts(problem, parts, datum, vertical_sigma, count)
     surveyed = np.where(np.isfinite(known.control_model), known.control_model, known.control - datum.origin)
-    point[problem.ties :] = np.nan_to_num(surveyed)
-    state = State(rotation, centre, point, parts[0].model.interior, np.zeros(3))
-    network = replace(_network(material, problem, vertical, count), up=zenith)
+    start.point[problem.ties :] = np.nan_to_num(surveyed)
+    state = State(start.rotation, start.centre, start.point, parts[0].model.interior, np.zeros(3))
+    network = replace(_network(material, problem, start.vertical, count), up=start.zenith)
     network = held(network, known, datum, problem.ties)
-    good = problem.good & _placed(problem, network, state, np.isfinite(surveyed).all(axis=1))
+    finite: np.ndarray = np.isfinite(surveyed).all(axis=1)
+    good = problem.good & _usable(problem, network, state, finite)
     return _with_distances(network, problem, datum, good), state, good
 
 
+def _placed_parts(problem: Problem, parts: list[Part], datum: Datum, vertical_sigma: float, count: int) -> _Placed:
+    photos = len(problem.names)
+    start = _Placed(np.zeros((photos, 3, 3)), np.zeros((photos, 3)), np.zeros((count, 3)), np.zeros((photos, 3)), np.zeros(photos))
+    filled = np.zeros(problem.ties, bool)
+    for part in parts:
+        own = np.searchsorted(problem.active, part.start.photos)
+        fit, offset = part.datum.similarity, part.datum.origin - datum.origin
+        start.rotation[own] = part.model.rotation @ fit.rotation.T
+        start.centre[own] = fit.apply(part.model.centre) + offset
+        fresh = part.start.known & ~filled
+        start.point[: problem.ties][fresh] = fit.apply(part.model.point[fresh]) + offset
+        filled |= fresh
+        if part.datum.zenith is not None:
+            known = np.isfinite(part.datum.zenith).all(axis=1)
+            start.zenith[own[known]] = part.datum.zenith[known]
+            # vertical_sigma is that of the mean over the photographs, so each gets its share of the weight.
+            start.vertical[own[known]] = 1.0 / (vertical_sigma**2 * known.sum())
+    return start
+
+
 def _network(material: GrowthMaterial, problem: Problem, vertical: np.ndarray, count: int) -> Network:
+    # Cameras of photographs outside of this block would leave empty columns in the normal equations.
     present = np.isin(np.arange(len(problem.cameras)), problem.camera_of)[:, None]
     interior = replace(material.interior, free=material.interior.free & present, considered=material.interior.considered & present)
     none, nothing = np.zeros((len(problem.names), 3)), np.zeros((count, 3))
     return Network(problem.camera_of, interior, none, none, nothing, nothing, vertical)
 
 
-def _placed(problem: Problem, network: Network, state: State, finite: np.ndarray) -> np.ndarray:
-    """(M,) rays of tie points, and those of surveyed points that have a place before the camera and hang on enough."""
+def _usable(problem: Problem, network: Network, state: State, finite: np.ndarray) -> np.ndarray:
+    """(M,) rays of tie points, and those of surveyed points that have a place in front of the camera and are sufficiently observed:
+    by coordinates or by two rays."""
     rays = problem.rays
-    of_person = rays.point >= problem.ties
+    surveyed = rays.point >= problem.ties
+    placed = np.concatenate([np.ones(problem.ties, bool), finite])[rays.point]
     ahead = np.abs(residuals(state, rays, network.camera_of)).max(axis=1) < BEHIND
-    good = ~of_person | (ahead & finite[np.maximum(rays.point - problem.ties, 0)] if len(finite) else ~of_person)
-    count = np.bincount(rays.point[good & of_person], minlength=len(network.point))
-    return good & (~of_person | network.point_weight.any(axis=1)[rays.point] | (count[rays.point] >= 2))
+    good: np.ndarray = ~surveyed | (ahead & placed)
+    count = np.bincount(rays.point[good & surveyed], minlength=len(network.point))
+    with_coordinates = network.point_weight.any(axis=1)
+    usable: np.ndarray = good & (~surveyed | with_coordinates[rays.point] | (count[rays.point] >= 2))
+    return usable
 
 
 def _with_distances(network: Network, problem: Problem, datum: Datum, good: np.ndarray) -> Network:
     """The network with the distances whose ends are both determined; these ends stay among the unknowns."""
-    seen = np.bincount(problem.rays.point[good], minlength=len(network.point)) > 0
-    rows = [(a + problem.ties, b + problem.ties, *rest) for a, b, *rest in problem.distances]
-    rows = [row for row in rows if seen[row[0]] and seen[row[1]]]
+    seen: np.ndarray = np.bincount(problem.rays.point[good], minlength=len(network.point)) > 0
+    rows = [
+        (a + problem.ties, b + problem.ties, length, sigma)
+        for a, b, length, sigma in problem.distances
+        if seen[a + problem.ties] and seen[b + problem.ties]
+    ]
     if not rows:
         return network
     ends = np.array([row[:2] for row in rows], np.int64)

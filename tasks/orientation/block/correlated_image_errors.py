@@ -1,56 +1,61 @@
-"""Errors in common, from the residuals of an adjusted block into its standard errors and into words."""
+"""Correlated image errors: estimated from the residuals of an adjusted block, carried into its standard errors, and reported where
+they matter."""
 
 from dataclasses import replace
 
 import numpy as np
 
 from orthomill.schemas.camera import INTERIOR
-from orthomill.tasks.adjustment.model.adjustment_result import Adjustment
+from orthomill.schemas.findings.block_findings import ImageErrorsCorrelated
+from orthomill.tasks.adjustment.model.adjustment_result import Adjustment, CorrelatedErrors
 from orthomill.tasks.adjustment.testing.error_field_precision import with_correlated_errors
 from orthomill.tasks.adjustment.testing.error_fields import correlated_errors
 from orthomill.tasks.orientation.block.assembly import BlockResults, Problem
 
 NOTABLE = 2.0
-"""Standard errors that grow by this factor are spoken of."""
-OF_CAMERA = 0.5
-"""From this share on the fields are said to be the camera's, below to be those of single photographs."""
+"""Standard errors that grow by less are not reported: the estimate of the correlation itself is no better than that."""
+SHAPE = 3
+"""c, x0, y0, the first parameters of INTERIOR: a surveyor reads their standard errors, and correlated errors affect them most."""
 
 
-def carried(account: BlockResults) -> BlockResults:
-    """The account whose standard errors carry the errors in common that its residuals show, with a sentence where that matters."""
-    problem, result = account.problem, account.result
+def including_correlation(results: BlockResults) -> BlockResults:
+    """The block results whose standard errors include the correlated image errors that the residuals show."""
+    problem, result = results.problem, results.result
     size = np.array([(problem.cameras[k].width, problem.cameras[k].height) for k in problem.camera_of], float)
     errors = correlated_errors(result, size)
     if errors is None:
-        return account
-    honest = with_correlated_errors(result, errors, size)
-    return replace(account, result=honest, remarks=(*account.remarks, *_told(problem, result, honest)))
+        return results
+    correlated = with_correlated_errors(result, errors, size)
+    return replace(results, result=correlated, findings=(*results.findings, *_notable(problem, result, correlated, errors)))
 
 
-def _told(problem: Problem, white: Adjustment, honest: Adjustment) -> tuple[str, ...]:
-    """Names what grew most: of the interior orientations, where they are adjusted, else of the projection centres."""
-    names = _names(problem, white)
-    columns = np.array(sorted(names))
-    small, large = (np.sqrt(np.maximum(result.cofactor.variances[columns], 0.0)) for result in (white, honest))
+def _notable(
+    problem: Problem, white: Adjustment, correlated: Adjustment, errors: CorrelatedErrors
+) -> tuple[ImageErrorsCorrelated, ...]:
+    """The unknown that lost most precision: of the adjusted interior orientations, or else of the projection centres."""
+    unknowns = _unknowns(problem, white)
+    columns = np.array(sorted(unknowns))
+    small, large = (np.sqrt(np.maximum(result.cofactor.variances[columns], 0.0)) for result in (white, correlated))
     growth = np.divide(large, small, out=np.ones_like(large), where=small > 0)
     worst = int(growth.argmax())
     if growth[worst] < NOTABLE:
         return ()
-    whose = (
-        "mostly alike in all photographs, as where the lens bends otherwise than its distortion parameters can say"
-        if honest.correlated.share >= OF_CAMERA
-        else "mostly different in each, as a stabiliser that shifts the sensor, a slow shutter or uneven film does it"
-    )
+    parameter, owner = unknowns[int(columns[worst])]
     return (
-        f"Errors in common: whole regions of a photograph are displaced together, by {honest.correlated.rms_px:.2f} px on average, "
-        f"{whose}. The standard errors carry it: that of {names[int(columns[worst])]} is {large[worst]:.2g}; if every measurement "
-        f"erred by itself it would be {small[worst]:.2g}. Calibrate the camera, switch stabilisers off, add photographs turned by "
-        "90 degrees.",
+        ImageErrorsCorrelated(
+            rms_px=errors.rms_px,
+            camera_share=errors.share,
+            parameter=parameter,
+            owner=owner,
+            sigma=float(large[worst]),
+            white_sigma=float(small[worst]),
+        ),
     )
 
 
-def _names(problem: Problem, result: Adjustment) -> dict[int, str]:
-    """What stands in the columns of interior parameters that are adjusted; of projection centres where none is."""
+def _unknowns(problem: Problem, result: Adjustment) -> dict[int, tuple[str, str]]:
+    """Column -> parameter and camera of the interior parameters that are adjusted; without any, axis and photograph of the
+    projection centres."""
     columns = np.where(result.network.interior.considered, -1, result.network.interior_columns)
-    found = {int(columns[k, i]): f"{INTERIOR[i]} of {problem.camera_names[k]}" for k, i in np.argwhere(columns[:, :3] >= 0)}
-    return found or {6 * i + k: f"{axis} of {name}" for i, name in enumerate(problem.names) for k, axis in enumerate("XYZ")}
+    found = {int(columns[k, i]): (INTERIOR[i], problem.camera_names[k]) for k, i in np.argwhere(columns[:, :SHAPE] >= 0)}
+    return found or {6 * i + k: (axis, name) for i, name in enumerate(problem.names) for k, axis in enumerate("XYZ")}

@@ -1,7 +1,7 @@
-"""The block: starts, datum, bundle, and the account of it in tables.
+"""The block: starts, datum, adjustment, and the tables of its results.
 
-Photographs are renumbered to those that joined, surveyed points follow the tie points, and coordinates are local while numbers are
-crunched; all that leaves this file is in the project's CRS again. Groups of photographs that no tie point connects are adjusted
+Photographs are renumbered to those that joined, surveyed points follow the tie points, and coordinates are local during the
+computation; all that leaves this file is in the project's CRS again. Groups of photographs that no tie point connects are adjusted
 together where positions or control place them in the project's system; the others become free blocks of their own.
 """
 
@@ -13,31 +13,40 @@ import numpy as np
 
 from orthomill.schemas.camera import Cameras
 from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.findings.block_findings import BlockFinding
 from orthomill.schemas.observations import Control, TiePoints
 from orthomill.schemas.orientation import RelativeOrientations, SeparateBlocks, Unoriented
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.settings import Settings
 from orthomill.tasks.adjustment.bundle import BlunderTest
 from orthomill.tasks.adjustment.model.interior import InteriorChoice, interior_prior
+from orthomill.tasks.adjustment.model.network import Rays
 from orthomill.tasks.adjustment.solve.ray_intersection import sufficiently_observed
-from orthomill.tasks.orientation.block.assembly import BlockResults, Part, known_of, problem_of, starting_values
-from orthomill.tasks.orientation.block.camera_constant import adjust_tested
-from orthomill.tasks.orientation.block.correlated_image_errors import carried
-from orthomill.tasks.orientation.block.self_calibration import determined, told_by_shape
-from orthomill.tasks.orientation.folding import folding_remarks
+from orthomill.tasks.orientation.block.assembly import BlockResults, Part, Problem, known_of, problem_of, starting_values
+from orthomill.tasks.orientation.block.camera_constant import Tested, adjust_tested
+from orthomill.tasks.orientation.block.correlated_image_errors import including_correlation
+from orthomill.tasks.orientation.block.self_calibration import determinable_without_control, determined
+from orthomill.tasks.orientation.folding import folding_cameras
 from orthomill.tasks.orientation.interchange.foreign_block import ForeignPose
 from orthomill.tasks.orientation.measurements import tie_rays
+from orthomill.tasks.orientation.reporting.finding_sentences import finding_sentence
 from orthomill.tasks.orientation.results.adjustment_results import block_precision
 from orthomill.tasks.orientation.results.block_results import block_table, ground_points, image_residuals
+from orthomill.tasks.orientation.results.block_tables import BlockTables
 from orthomill.tasks.orientation.results.ground_results import ground_residuals
 from orthomill.tasks.orientation.sensor_frame import Sensors, Upright
 from orthomill.tasks.orientation.start.block_growth import Given, GrowthMaterial
 from orthomill.tasks.orientation.start.block_start import Blocks, BlockStart, start_blocks, start_with, without_photo
-from orthomill.tasks.orientation.start.georeference import choose_datum
+from orthomill.tasks.orientation.start.georeference import Datum, choose_datum
 from orthomill.tasks.orientation.start.up_direction import Looking
 from orthomill.tasks.orientation.start.weak_photograph import AWAY, away_from_its_position, set_aside, weakest
 
+# Workers run several jobs at a time; OpenCV's own threads would compete with them for the same cores.
 cv2.setNumThreads(1)
+
+ENOUGH_CONTROL = 3
+"""Control points that determine a similarity transformation, and with it the flying height apart from the camera constant and the
+positions apart from a common shift."""
 
 
 class BlockChoices(Settings):
@@ -75,44 +84,61 @@ def orient_block(
     crs: str,
     choices: BlockChoices,
     given: Mapping[str, ForeignPose] | None = None,
-) -> dict[str, object]:
-    """Orients all photographs that can be oriented; `given`: approximate exterior orientations to begin with. Returns the tables
-    block, points, image_residuals, ground_residuals, precision and separate.
+) -> BlockTables:
+    """Orients all photographs that can be oriented; `given`: approximate exterior orientations to start with.
 
     Raises GeometryError when there is no block at all or its observations do not determine it.
     """
     upright = Upright(photos, cameras)
     tables = _block_of_sensors(upright.sensors(tie_points, control, given), relative, crs, choices)
-    return upright.tables(tables) if upright.anything else tables
+    return _upright_tables(upright, tables) if upright.anything else tables
 
 
-def _block_of_sensors(seen: Sensors, relative: RelativeOrientations, crs: str, choices: BlockChoices) -> dict[str, object]:
+def _upright_tables(upright: Upright, tables: BlockTables) -> BlockTables:
+    """The tables of a block of sensors for upright photographs; surveyed points and ground points are the same."""
+    changed = {
+        "largest": tuple(upright.largest(row) for row in tables.precision.largest),
+        "white_sigma": upright.white_sigmas(tables.precision.white_sigma, tables.block),
+    }
+    separate = tables.separate and SeparateBlocks(blocks=tuple(upright.block(block) for block in tables.separate.blocks))
+    return tables._replace(
+        block=upright.block(tables.block),
+        image_residuals=upright.residuals(tables.image_residuals),
+        precision=tables.precision.model_copy(update=changed),
+        separate=separate,
+    )
+
+
+def _block_of_sensors(seen: Sensors, relative: RelativeOrientations, crs: str, choices: BlockChoices) -> BlockTables:
     """The tables of photographs as their sensors saw them."""
     photos, tie_points, control, cameras = seen.photos, seen.tie_points, seen.control, seen.cameras
     cameras = cameras.with_k1(relative.start_k1)
     usable = [point for point in control.points if point.role == "control" and len(point.measurements) >= 2]
-    material, tracks = _material(photos, cameras, tie_points, relative, choices, len(usable) < 3)
+    material, tracks = _material(photos, cameras, tie_points, relative, choices, len(usable) < ENOUGH_CONTROL)
     have = _Input(photos, cameras, control, material, choices, seen.tops)
     try:
-        oriented = _settled(have, *_given(photos, seen.given))
+        oriented = _with_restart(have, *_given(photos, seen.given))
     except GeometryError as error:
-        raise GeometryError(" ".join((str(error), *folding_remarks(cameras)))) from error
-    account, apart = carried(oriented.account), tuple(block_table(crs, carried(one), ()) for one in oriented.apart)
-    return {
-        "block": block_table(crs, account, oriented.unoriented),
-        "points": ground_points(account, tracks),
-        "image_residuals": image_residuals(account, tracks, control),
-        "ground_residuals": ground_residuals(account, control),
-        "precision": block_precision(account, tracks, apart, control),
-        "separate": SeparateBlocks(blocks=apart),
-    }
+        # A distortion that cannot be undone is a likely cause, and there is no report that could name it.
+        causes = (finding_sentence(finding) for finding in folding_cameras(cameras))
+        raise GeometryError(" ".join((str(error), *causes))) from error
+    results = including_correlation(oriented.results)
+    apart = tuple(block_table(crs, including_correlation(one), ()) for one in oriented.apart)
+    return BlockTables(
+        block=block_table(crs, results, oriented.unoriented),
+        points=ground_points(results, tracks),
+        image_residuals=image_residuals(results, tracks, control),
+        ground_residuals=ground_residuals(results, control),
+        precision=block_precision(results, tracks, apart, control),
+        separate=SeparateBlocks(blocks=apart),
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class _Oriented:
-    """The account of the block, those of blocks apart, and the photographs in none."""
+    """The results of the block, those of blocks apart, and the photographs in none."""
 
-    account: BlockResults
+    results: BlockResults
     apart: tuple[BlockResults, ...]
     unoriented: tuple[Unoriented, ...]
 
@@ -123,13 +149,13 @@ def _material(
     tie_points: TiePoints,
     relative: RelativeOrientations,
     choices: BlockChoices,
-    hold_nominal: bool,
+    keep_nominal: bool,
 ) -> tuple[GrowthMaterial, np.ndarray]:
     rays, tracks = tie_rays(photos, cameras, tie_points)
     used = sorted({cameras.of_photo[name] for name in photos.names})
     camera_of = np.array([used.index(cameras.of_photo[name]) for name in photos.names], np.int64)
     values = [cameras.cameras[name] for name in used]
-    interior = interior_prior(values, choices.interior, hold_nominal)
+    interior = interior_prior(values, choices.interior, keep_nominal)
     return GrowthMaterial(photos.names, tuple(used), values, camera_of, interior, rays, len(tracks), relative.pairs), tracks
 
 
@@ -146,33 +172,33 @@ def _given(photos: Photos, given: Mapping[str, ForeignPose] | None) -> tuple[Giv
     return Given(rotation, centre - origin, known), origin
 
 
-def _settled(have: _Input, given: Given | None, origin: np.ndarray | None) -> _Oriented:
-    """The block; begun once more where its camera constants turn out wrong: what was lost to these comes back."""
+def _with_restart(have: _Input, given: Given | None, origin: np.ndarray | None) -> _Oriented:
+    """The block; started again where its camera constants turn out wrong, for these have cost it tie points and photographs."""
     first = _oriented(have, start_blocks(have.material, given), origin)
-    anew = first.account.anew
-    if not np.isfinite(anew).any():
+    restart = first.results.restart
+    if not np.isfinite(restart).any():
         return first
-    constants = np.where(np.isfinite(anew), anew, have.material.interior.value[:, 0])
+    constants = np.where(np.isfinite(restart), restart, have.material.interior.value[:, 0])
     try:
         second = _oriented(have, start_with(have.material, constants, given), origin)
     except GeometryError:
         return first
-    return second if _explains(second) > _explains(first) else first
+    return second if _explained(second) > _explained(first) else first
 
 
-def _explains(oriented: _Oriented) -> tuple[int, int]:
-    """Photographs and rays of the block."""
-    return len(oriented.account.problem.names), int(oriented.account.result.used.sum())
+def _explained(oriented: _Oriented) -> tuple[int, int]:
+    """Photographs and rays of the block: of two starts, the one that explains more observations is right."""
+    return len(oriented.results.problem.names), int(oriented.results.result.used.sum())
 
 
 def _oriented(have: _Input, blocks: Blocks, origin: np.ndarray | None) -> _Oriented:
     starts, unoriented = blocks
     parts = [_part(have, start, origin if i == 0 else None) for i, start in enumerate(starts)]
     joined = [part for part in parts if not part.datum.free] or parts[:1]
-    account, weak = _adjusted(have, joined)
+    results, weak = _adjusted(have, joined)
     others = [_adjusted(have, [part]) for part in parts if all(part is not p for p in joined)]
-    told = (*weak, *(one for _, left in others for one in left))
-    return _Oriented(account, tuple(one for one, _ in others), (*told, *unoriented))
+    left = (*weak, *(photo for _, photos in others for photo in photos))
+    return _Oriented(results, tuple(one for one, _ in others), (*left, *unoriented))
 
 
 def _part(have: _Input, start: BlockStart, origin: np.ndarray | None) -> Part:
@@ -183,39 +209,70 @@ def _part(have: _Input, start: BlockStart, origin: np.ndarray | None) -> Part:
 
 
 def _adjusted(have: _Input, parts: list[Part]) -> tuple[BlockResults, tuple[Unoriented, ...]]:
-    """The adjustment of parts that share a datum, and the weak photographs that were set aside because it fails with them, or they
-    contradict their position."""
-    choices, aside = have.choices, ()
-    if choices.gnss_shift and not any(part.known.placed.sum() >= 3 for part in parts):
-        raise GeometryError(
-            "A shift of the GNSS positions can only be told apart with 3 or more control points; "
-            f"{max(int(part.known.placed.sum()) for part in parts)} can be used here."
-        )
+    """The adjustment of parts that share a datum, and the poorly determined photographs that were left out because it fails with
+    them, or they contradict their position."""
+    _require_control_for_shift(have.choices, parts)
+    left_out: tuple[Unoriented, ...] = ()
     while True:
-        problem, datum = problem_of(have.material, parts, have.cameras, have.control)
-        network, state, good = starting_values(have.material, problem, parts, datum, np.radians(choices.vertical_sigma))
-        network = network.with_lever(choices.lever_arm, choices.lever_sigma, choices.gnss_shift)
-        rays, test = problem.rays.take(good), BlunderTest(limit=choices.rejection)
-        network, remarks = determined(told_by_shape(network, state, rays), state, rays, problem.camera_names)
-        try:
-            tested = adjust_tested(
-                network, state.with_lever(network.lever), rays, test, problem.camera_names, choices.interior.kind == "fixed"
-            )
-            weak, why = away_from_its_position(tested.result, datum.positions_aside), AWAY
-        except GeometryError as error:
-            tested, why, failure = None, str(error), error
-            weak = weakest(network, state, sufficiently_observed(network, rays))
-        left = [] if weak is None else _without(have, parts, int(problem.active[weak]))
-        if not left and tested is None:
-            raise failure
-        if not left:
-            remarks = (*folding_remarks(have.cameras), *remarks, *tested.remarks)
-            return BlockResults(have.cameras, problem, tested.result, datum, remarks, tested.anew), aside
-        count, parts = int((rays.photo == weak).sum()), left
-        aside += (Unoriented(photo=problem.names[weak], reason=set_aside(problem.names[weak], count, why)),)
+        attempt = _attempt(have, parts)
+        fewer = [] if attempt.weak is None else _without(have, parts, int(attempt.problem.active[attempt.weak]))
+        if fewer and attempt.weak is not None:
+            name = attempt.problem.names[attempt.weak]
+            rays = int((attempt.rays.photo == attempt.weak).sum())
+            left_out += (Unoriented(photo=name, reason=set_aside(name, rays, attempt.why)),)
+            parts = fewer
+        elif isinstance(attempt.outcome, GeometryError):
+            raise attempt.outcome
+        else:
+            return _results(have, attempt, attempt.outcome), left_out
+
+
+def _require_control_for_shift(choices: BlockChoices, parts: list[Part]) -> None:
+    placed = max(int(part.known.placed.sum()) for part in parts)
+    if choices.gnss_shift and placed < ENOUGH_CONTROL:
+        raise GeometryError(
+            "A common shift of the GNSS positions can only be determined with 3 or more control points; "
+            f"{placed} can be used here. Give more control, or set gnss_shift: none."
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Attempt:
+    """One adjustment of a problem: its result or its failure, what was found about the interior orientation before it, and the
+    photograph to try without (`weak`, None: none), with the reason."""
+
+    problem: Problem
+    datum: Datum
+    rays: Rays
+    findings: tuple[BlockFinding, ...]
+    outcome: Tested | GeometryError
+    weak: int | None
+    why: str
+
+
+def _attempt(have: _Input, parts: list[Part]) -> _Attempt:
+    choices = have.choices
+    problem, datum = problem_of(have.material, parts, have.cameras, have.control)
+    network, state, good = starting_values(have.material, problem, parts, datum, np.radians(choices.vertical_sigma))
+    network = network.with_lever(choices.lever_arm, choices.lever_sigma, choices.gnss_shift)
+    rays, test = problem.rays.take(good), BlunderTest(limit=choices.rejection)
+    network, findings = determined(determinable_without_control(network, state, rays), state, rays, problem.camera_names)
+    fixed = choices.interior.kind == "fixed"
+    try:
+        tested = adjust_tested(network, state.with_lever(network.lever), rays, test, problem.camera_names, fixed)
+        weak = away_from_its_position(tested.result, datum.positions_aside)
+    except GeometryError as error:
+        weak = weakest(network, state, sufficiently_observed(network, rays))
+        return _Attempt(problem, datum, rays, findings, error, weak, str(error))
+    return _Attempt(problem, datum, rays, findings, tested, weak, AWAY)
+
+
+def _results(have: _Input, attempt: _Attempt, tested: Tested) -> BlockResults:
+    findings = (*folding_cameras(have.cameras), *attempt.findings, *tested.findings)
+    return BlockResults(have.cameras, attempt.problem, tested.result, attempt.datum, findings, tested.restart)
 
 
 def _without(have: _Input, parts: list[Part], photo: int) -> list[Part]:
-    """The parts without a photograph; none where too little would be left."""
+    """The parts without a photograph; none where fewer than two photographs would be left in one."""
     left = [_part(have, without_photo(part.start, photo), part.origin) if photo in part.start.photos else part for part in parts]
     return left if all(len(part.start.photos) >= 2 for part in left) else []

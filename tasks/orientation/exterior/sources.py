@@ -1,8 +1,12 @@
-"""Where the exterior orientation comes from: the own adjustment, or a file of another program."""
+"""Where the exterior orientation comes from: the block adjustment of this project, or a file of another program.
 
-from typing import Annotated, Literal
+A file either fixes the orientation, or gives starting values. What only a fixed orientation reads is refused with starting values:
+it would be ignored in silence.
+"""
 
-from pydantic import Field
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
 
 from orthomill.schemas.settings import Settings, setting
 from orthomill.tasks.orientation.interchange.angles_csv import read_angles
@@ -11,14 +15,24 @@ from orthomill.tasks.orientation.interchange.foreign_block import ForeignBlock
 from orthomill.tasks.orientation.interchange.opensfm import read_opensfm
 
 _PLACED = "project: its coordinates are those of the project; positions: it is fitted to the positions of its photographs."
-_USE = "held: taken as it is and examined; start: starting values of the own adjustment, which needs the stage tie_points."
-_GROUND = "Lowest and highest ground height; needed only where neither tie points nor points of the file tell it."
+_USE = "fixed: taken as it is and examined; start: starting values of the block adjustment, which needs the stage tie_points."
+_GROUND = "Lowest and highest ground height; needed only where neither tie points nor points of the file determine it."
 
 
 class Adjusted(Settings):
-    """Found from the tie points and adjusted with everything that is known."""
+    """Found from the tie points, and adjusted with control and positions."""
 
     kind: Literal["adjusted"]
+
+
+def _refuse_unread(use: str, ground: tuple[float, float] | None, points_path: str | None = None) -> None:
+    """Raises ValueError for settings that starting values have no use for: the adjustment finds the ground itself."""
+    for name, value in (("ground", ground), ("points_path", points_path)):
+        if use == "start" and value is not None:
+            raise ValueError(
+                f"{name} is set, but has no effect with `use: start`, where the adjustment determines the height of the ground; "
+                f"leave {name} out, or set `use: fixed`"
+            )
 
 
 class FromAngles(Settings):
@@ -27,8 +41,13 @@ class FromAngles(Settings):
     kind: Literal["csv"]
     path: str = setting(..., "CSV with the columns photo, x, y, z, omega, phi, kappa (and sigma_x to sigma_kappa where known).")
     placed: Literal["project", "positions"] = setting("project", _PLACED)
-    use: Literal["held", "start"] = setting("held", _USE)
+    use: Literal["fixed", "start"] = setting("fixed", _USE)
     ground: tuple[float, float] | None = setting(None, _GROUND, "m")
+
+    @model_validator(mode="after")
+    def _everything_is_read(self) -> Self:
+        _refuse_unread(self.use, self.ground)
+        return self
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -45,10 +64,15 @@ class FromColmap(Settings):
     kind: Literal["colmap"]
     cameras_path: str = setting(..., "COLMAP's cameras.txt.")
     images_path: str = setting(..., "COLMAP's images.txt.")
-    points_path: str | None = setting(None, "COLMAP's points3D.txt: tells the height of the ground where there are no tie points.")
+    points_path: str | None = setting(None, "COLMAP's points3D.txt: gives the height of the ground where there are no tie points.")
     placed: Literal["project", "positions"] = setting("positions", _PLACED)
-    use: Literal["held", "start"] = setting("held", _USE)
+    use: Literal["fixed", "start"] = setting("fixed", _USE)
     ground: tuple[float, float] | None = setting(None, _GROUND, "m")
+
+    @model_validator(mode="after")
+    def _everything_is_read(self) -> Self:
+        _refuse_unread(self.use, self.ground, self.points_path)
+        return self
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -66,8 +90,13 @@ class FromOpensfm(Settings):
     path: str = setting(..., "The file opensfm/reconstruction.json.")
     reference_path: str | None = setting(None, "OpenSfM's reference_lla.json, where the reconstruction does not hold it.")
     placed: Literal["project", "positions"] = setting("project", _PLACED)
-    use: Literal["held", "start"] = setting("held", _USE)
+    use: Literal["fixed", "start"] = setting("fixed", _USE)
     ground: tuple[float, float] | None = setting(None, _GROUND, "m")
+
+    @model_validator(mode="after")
+    def _everything_is_read(self) -> Self:
+        _refuse_unread(self.use, self.ground)
+        return self
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -78,11 +107,11 @@ class FromOpensfm(Settings):
         return self.path
 
 
-HeldSource = FromAngles | FromColmap | FromOpensfm
-ExteriorSource = Annotated[Adjusted | HeldSource, Field(discriminator="kind")]
+ForeignSource = FromAngles | FromColmap | FromOpensfm
+ExteriorSource = Annotated[Adjusted | ForeignSource, Field(discriminator="kind")]
 
 
-def read_foreign(texts: tuple[str, ...], source: HeldSource, crs: str) -> ForeignBlock:
+def read_foreign(texts: tuple[str, ...], source: ForeignSource, crs: str) -> ForeignBlock:
     """The block of a source from the texts of its files, in their order. Raises WorkflowError."""
     if source.kind == "csv":
         return read_angles(*texts)

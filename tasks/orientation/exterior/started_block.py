@@ -1,13 +1,14 @@
-"""A block that begins with the approximate exterior orientation of a file, and is adjusted with everything that is known."""
+"""A block that starts with the approximate exterior orientation of a file, and is then adjusted like any other."""
 
 from orthomill.schemas.camera import Cameras
 from orthomill.schemas.observations import Control, TiePoints
 from orthomill.schemas.orientation import RelativeOrientations
 from orthomill.schemas.photo import Photos
 from orthomill.tasks.orientation.exterior.adjusted_block import BlockChoices, orient_block
-from orthomill.tasks.orientation.exterior.fixed_block import placed
-from orthomill.tasks.orientation.exterior.sources import HeldSource, read_foreign
+from orthomill.tasks.orientation.exterior.fixed_block import placed_block
+from orthomill.tasks.orientation.exterior.sources import ForeignSource, read_foreign
 from orthomill.tasks.orientation.interchange.foreign_block import upright_block
+from orthomill.tasks.orientation.results.block_tables import BlockTables
 
 
 def orient_from(
@@ -19,12 +20,12 @@ def orient_from(
     texts: tuple[str, ...],
     crs: str,
     choices: BlockChoices,
-    source: HeldSource,
-) -> dict[str, object]:
+    source: ForeignSource,
+) -> BlockTables:
     """The tables of `orient_block`, started from a foreign block; `texts`: the files of `source`. Photographs that the files lack
     join by their tie points; the cameras are the project's own.
 
     Raises WorkflowError for the files, GeometryError where the tie points contradict the start or do not determine the block.
     """
-    start = placed(upright_block(read_foreign(texts, source, crs), photos), photos, cameras, source)
+    start = placed_block(upright_block(read_foreign(texts, source, crs), photos), photos, cameras, source)
     return orient_block(photos, cameras, tie_points, control, relative, crs, choices, start.poses)

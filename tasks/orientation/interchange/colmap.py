@@ -9,6 +9,7 @@ import numpy as np
 
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.findings.block_findings import CameraConstantsAveraged
 from orthomill.tasks.geometry.rotation_quaternion import quaternion, rotation_of_quaternion
 from orthomill.tasks.orientation.interchange.foreign_block import Y_DOWN, ForeignBlock, ForeignPose, photo_name
 
@@ -27,9 +28,9 @@ _ORIGIN = "# Coordinates are those of the reference system less the origin:"
 def read_colmap(cameras: str, images: str, points: str = "") -> ForeignBlock:
     """The texts of cameras.txt, images.txt and (where there is one) points3D.txt as a block. Raises WorkflowError."""
     known: dict[str, Camera] = {}
-    remarks: list[str] = []
+    findings: list[CameraConstantsAveraged] = []
     for line in _lines(cameras):
-        number, camera = _camera(line, remarks)
+        number, camera = _camera(line, findings)
         known[number] = camera
     origin = _origin(images)
     poses, of_photo = {}, {}
@@ -47,7 +48,7 @@ def read_colmap(cameras: str, images: str, points: str = "") -> ForeignBlock:
     rows = [line.split() for line in _lines(points)]
     errors = [float(row[7]) for row in rows if float(row[7]) >= 0.0]
     xyz = np.array([row[1:4] for row in rows], float).reshape(-1, 3) + origin
-    return ForeignBlock(poses, of_photo, xyz, float(np.mean(errors)) if errors else None, tuple(dict.fromkeys(remarks)))
+    return ForeignBlock(poses, of_photo, xyz, float(np.mean(errors)) if errors else None, tuple(dict.fromkeys(findings)))
 
 
 def _lines(text: str) -> list[str]:
@@ -64,7 +65,7 @@ def _origin(text: str) -> np.ndarray:
     return np.array(line.removeprefix(_ORIGIN).split()[:3], float) if line else np.zeros(3)
 
 
-def _camera(line: str, remarks: list[str]) -> tuple[str, Camera]:
+def _camera(line: str, findings: list[CameraConstantsAveraged]) -> tuple[str, Camera]:
     number, model, width, height, *numbers = line.split()
     if model not in _LENS or len(numbers) != len(_LENS[model]):
         raise WorkflowError(
@@ -77,10 +78,7 @@ def _camera(line: str, remarks: list[str]) -> tuple[str, Camera]:
     fx, fy = value.get("f", value.get("fx", 0.0)), value.get("f", value.get("fy", 0.0))
     if abs(fx / fy - 1.0) > 1e-6:
         off = 0.5 * abs(fx - fy) / max(fx, fy) * 0.5 * max(float(width), float(height))
-        remarks.append(
-            f"Camera {number} has two camera constants, {fx:.2f} and {fy:.2f} px; their mean is taken, which is {off:.1f} px wrong "
-            "at the border of the frame."
-        )
+        findings.append(CameraConstantsAveraged(camera=number, x_px=fx, y_px=fy, error_px=off))
     lens = {name: value.get(name, 0.0) for name in ("k1", "k2", "k3", "p1", "p2")}
     camera = Camera(
         name=f"camera {number}", width=int(width), height=int(height), c=0.5 * (fx + fy),

@@ -10,7 +10,8 @@ from pathlib import PurePath
 import numpy as np
 
 from orthomill.schemas.camera import Camera
-from orthomill.schemas.errors import WorkflowError, some_of
+from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.findings.block_findings import BlockFinding, PhotosUnknown
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.tasks.geometry.camera_change import TURN, file_size, scaled, turned
 
@@ -34,13 +35,13 @@ class ForeignPose:
 @dataclass(frozen=True, eq=False)
 class ForeignBlock:
     """Poses by the name of the photograph, its camera by the same name (none: the project's own), points (N, 3) that the program
-    found, the mean reprojection error that it states (px), and sentences about what could not be carried over."""
+    found, the mean reprojection error that it states (px), and what could not be carried over."""
 
     poses: dict[str, ForeignPose]
     cameras: dict[str, Camera]
     points: np.ndarray
     error_px: float | None = None
-    remarks: tuple[str, ...] = ()
+    findings: tuple[BlockFinding, ...] = ()
 
 
 def photo_name(word: str) -> str:
@@ -61,7 +62,7 @@ def upright_block(block: ForeignBlock, photos: Photos) -> ForeignBlock:
         )
     poses = {name: _turned_pose(block.poses[name], photo, "to upright") for name, photo in known.items()}
     cameras = {name: _upright_camera(block.cameras[name], photo) for name, photo in known.items() if name in block.cameras}
-    return ForeignBlock(poses, cameras, block.points, block.error_px, (*block.remarks, *_left_out(block, known)))
+    return ForeignBlock(poses, cameras, block.points, block.error_px, (*block.findings, *_left_out(block, known)))
 
 
 def _in_own_words(block: ForeignBlock, photos: Photos) -> ForeignBlock:
@@ -76,12 +77,10 @@ def _in_own_words(block: ForeignBlock, photos: Photos) -> ForeignBlock:
     return replace(block, poses={word[name]: pose for name, pose in block.poses.items()}, cameras=cameras)
 
 
-def _left_out(block: ForeignBlock, known: dict[str, Photo]) -> tuple[str, ...]:
-    """A sentence about photographs of the block that the project does not have."""
-    others = [name for name in block.poses if name not in known]
-    if not others:
-        return ()
-    return (f"The block that was read has {len(others)} photographs that the project has not: {some_of(others)}.",)
+def _left_out(block: ForeignBlock, known: dict[str, Photo]) -> tuple[PhotosUnknown, ...]:
+    """Photographs of the block that the project does not have."""
+    others = tuple(name for name in block.poses if name not in known)
+    return (PhotosUnknown(photos=others),) if others else ()
 
 
 def file_view(photo: Photo, camera: Camera, pose: ForeignPose) -> tuple[Camera, ForeignPose]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.findings.block_findings import BlockFinding, CameraConstantsAveraged, LargestReconstruction
 from orthomill.tasks.geometry.rotation_vector import rotation_of_vector, vector_of_rotation
 from orthomill.tasks.geometry.topocentric import Reference, Topocentric, reference_of
 from orthomill.tasks.orientation.interchange.foreign_block import Y_DOWN, ForeignBlock, ForeignPose, photo_name
@@ -44,10 +45,10 @@ def read_opensfm(text: str, crs: str, reference: str | None = None) -> ForeignBl
         raise WorkflowError(
             "The reconstruction does not say where on earth it lies (reference_lla); name OpenSfM's reference_lla.json as well."
         )
-    remarks = [remark for _, remark in cameras.values() if remark]
+    findings: list[BlockFinding] = [finding for _, finding in cameras.values() if finding]
     if len(parts) > 1:
-        remarks.append(f"The file holds {len(parts)} reconstructions; the largest, of {len(part['shots'])} photographs, is taken.")
-    return _on_map(ForeignBlock(poses, of_photo, points, None, tuple(remarks)), _reference(place), crs)
+        findings.append(LargestReconstruction(count=len(parts), photos=len(part["shots"])))
+    return _on_map(ForeignBlock(poses, of_photo, points, None, tuple(findings)), _reference(place), crs)
 
 
 def _reference(place: dict[str, float]) -> Reference:
@@ -59,8 +60,8 @@ def _pose(shot: dict[str, Any]) -> ForeignPose:
     return ForeignPose(Y_DOWN @ rotation, -rotation.T @ np.array(shot["translation"], float))
 
 
-def _camera(name: str, values: dict[str, Any]) -> tuple[Camera, str]:
-    """The camera, and a sentence about what it loses on the way."""
+def _camera(name: str, values: dict[str, Any]) -> tuple[Camera, CameraConstantsAveraged | None]:
+    """The camera, and what it loses on the way."""
     kind = values["projection_type"]
     if kind not in _MODELS:
         raise WorkflowError(f"The camera {name} is {kind}; cameras that can be read are {', '.join(_MODELS)}.")
@@ -72,8 +73,8 @@ def _camera(name: str, values: dict[str, Any]) -> tuple[Camera, str]:
         x0=values.get("c_x", 0.0) * longer, y0=-values.get("c_y", 0.0) * longer, **{k: values.get(k, 0.0) for k in lens},
     )  # fmt: skip
     off = 0.25 * abs(x - y) * longer / max(x, y)
-    remark = f"{name} has two camera constants; their mean is taken, which is {off:.1f} px wrong at the border of the frame."
-    return camera, remark if off > 0.01 else ""
+    lost = CameraConstantsAveraged(camera=name, x_px=x * longer, y_px=y * longer, error_px=off)
+    return camera, lost if off > 0.01 else None
 
 
 def _on_map(block: ForeignBlock, reference: Reference, crs: str) -> ForeignBlock:
@@ -83,7 +84,7 @@ def _on_map(block: ForeignBlock, reference: Reference, crs: str) -> ForeignBlock
         name: ForeignPose(pose.rotation @ frame.turn(pose.centre).T, frame.to_map(pose.centre[None])[0])
         for name, pose in block.poses.items()
     }
-    return ForeignBlock(poses, block.cameras, frame.to_map(block.points), block.error_px, block.remarks)
+    return ForeignBlock(poses, block.cameras, frame.to_map(block.points), block.error_px, block.findings)
 
 
 def write_opensfm(block: ForeignBlock, files: dict[str, str], crs: str) -> str:

@@ -6,6 +6,7 @@ from orthomill.schemas.errors import some_of
 from orthomill.tasks.adjustment.model.adjustment_result import ObservationKind
 from orthomill.tasks.orientation.interchange.foreign_block import MIRRORED
 from orthomill.tasks.orientation.reporting.block_facts import CELLS, Facts, coverage, filled_areas
+from orthomill.tasks.orientation.reporting.finding_sentences import finding_sentence
 
 ONE_SIDED = 0.2
 """Share of the block's frame that control must cover"""
@@ -15,7 +16,7 @@ def block_warnings(facts: Facts) -> list[str]:
     """Whole sentences about what is weak in the block, and what to do."""
     return [
         *(u.reason for u in facts.block.unoriented),
-        *facts.precision.weaknesses,
+        *(finding_sentence(finding) for finding in facts.precision.findings),
         *facts.control.remarks,
         *_control_warnings(facts),
         *_camera_warnings(facts),

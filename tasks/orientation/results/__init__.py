@@ -1,1 +1,1 @@
-"""The adjusted block as tables and files that leave the stage."""
+"""The adjusted block as tables and files."""

@@ -1,152 +1,145 @@
-"""The account of the adjustment itself: groups of observations, worst residuals, blunders by name, and what is weak."""
+"""The results of the adjustment itself: groups of observations, largest residuals, blunders by name, correlations, findings."""
+
+from collections.abc import Iterator
+from itertools import combinations
 
 import numpy as np
 
 from orthomill.schemas.camera import INTERIOR
+from orthomill.schemas.findings.block_findings import (
+    BlockFinding,
+    BlockSeparate,
+    ConstantNominal,
+    GroupsUnconnected,
+    PrincipalPointMoved,
+)
 from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import Block, BlockPrecision, LargestResidual, ObservationGroup, ParameterCorrelation
 from orthomill.tasks.adjustment.model.adjustment_result import Adjustment
 from orthomill.tasks.adjustment.model.interior import given_sigmas
 from orthomill.tasks.orientation.block.assembly import BlockResults, Problem
 from orthomill.tasks.orientation.block.camera_constant import MOVED
-from orthomill.tasks.orientation.results.contradictions import (
-    blunder_sentences,
-    check_pointing_sentences,
-    distance_blunders,
-    distance_sentences,
-    pointing_sentences,
-    surveyed_blunders,
-)
+from orthomill.tasks.orientation.results.contradictions import contradicting_distances, contradicting_points, contradictions
 
 WORST = 12
-"""How many of the largest standardised residuals are named."""
+"""How many of the largest standardised residuals are named: a table that is read, not searched."""
+STRONG = 0.9
+"""Correlations from this on are reported: above it, the variance of one parameter grows more than fivefold through the other."""
+PRINCIPAL_POINT = slice(1, 3)
+"""x0, y0 in the order of INTERIOR"""
 
 
-def block_precision(account: BlockResults, tracks: np.ndarray, apart: tuple[Block, ...], control: Control) -> BlockPrecision:
-    """The table of the adjustment's own account; `apart`: blocks that nothing connects to the project's system."""
-    problem, result = account.problem, account.result
+def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Block, ...], control: Control) -> BlockPrecision:
+    """The table of the adjustment; `tracks` (N,) of its tie points, `apart`: blocks that nothing connects to the project's
+    system."""
+    problem, result = results.problem, results.result
     network, factors = result.network, result.factors
-    blunders = [] if account.datum.free else surveyed_blunders(account)
-    distances = distance_blunders(account)
+    # Without a datum nothing is known of the ground, so no coordinate can contradict the block.
+    points = [] if results.datum.free else contradicting_points(results)
+    distances = contradicting_distances(results)
     return BlockPrecision(
         image_factor=factors.image,
         position_factor=factors.position,
         control_factor=factors.control,
         rays=int(result.used.sum()),
         rejected=int(problem.measured - result.used.sum()),
-        gnss_shift=tuple(map(float, result.state.shift)) if network.shift else None,
+        gnss_shift=_vector(result.state.shift) if network.shift else None,
         gnss_shift_sigma=_sigmas(result, network.shift_columns),
-        lever_arm=tuple(map(float, result.state.lever)) if result.state.lever.any() or len(network.lever_columns) else None,
+        lever_arm=_vector(result.state.lever) if result.state.lever.any() or len(network.lever_columns) else None,
         lever_arm_sigma=_sigmas(result, network.lever_columns),
         groups=tuple(ObservationGroup(name=g.name, count=g.count, redundancy=g.redundancy, factor=g.factor) for g in result.groups),
         largest=tuple(_largest(problem, result, tracks)),
         correlations=tuple(_correlations(problem, result)),
-        blunders=(*(row.name for row in blunders), *(f"{row.first} - {row.second}" for row in distances)),
-        common_px=result.correlated and result.correlated.rms_px,
-        common_share=result.correlated and result.correlated.share,
+        blunders=(*(row.name for row in points), *(f"{row.first} - {row.second}" for row in distances)),
+        common_px=result.correlated.rms_px if result.correlated else None,
+        common_share=result.correlated.share if result.correlated else None,
         white_sigma=_white_sigmas(problem, result),
-        weaknesses=(
-            *account.datum.weaknesses,
-            *blunder_sentences(account, blunders),
-            *distance_sentences(account, distances),
-            *pointing_sentences(account, blunders),
-            *(() if account.datum.free else check_pointing_sentences(account, control)),
-            *account.remarks,
-            *_nominal(problem, result),
-            *_moved_principal_points(account),
+        findings=(
+            *results.datum.findings,
+            *contradictions(results, points, distances, control),
+            *results.findings,
+            *_nominal_constants(problem, result),
+            *_moved_principal_points(results),
             *_unconnected(problem, apart),
         ),
     )
 
 
+def _vector(values: np.ndarray) -> tuple[float, float, float]:
+    x, y, z = map(float, values)
+    return x, y, z
+
+
 def _sigmas(result: Adjustment, columns: np.ndarray) -> tuple[float, float, float] | None:
-    return tuple(map(float, np.sqrt(result.cofactor.variances[columns]))) if len(columns) else None
+    return _vector(np.sqrt(result.cofactor.variances[columns])) if len(columns) else None
 
 
 def _white_sigmas(problem: Problem, result: Adjustment) -> dict[str, tuple[float, ...]]:
-    """Standard errors of adjusted interior parameters without the errors in common; nothing where there are none."""
+    """Standard errors of adjusted interior parameters without correlated image errors; nothing where there are none."""
     if result.before is None:
         return {}
+    # Parameters that were not adjusted have the column -1: the 0 appended here.
     sigma = np.append(np.sqrt(np.maximum(result.white.cofactor.variances, 0.0)), 0.0)
     rows = zip(problem.camera_names, result.network.interior_columns, strict=True)
     return {name: tuple(map(float, sigma[own])) for name, own in rows if (own >= 0).any()}
 
 
 def _largest(problem: Problem, result: Adjustment, tracks: np.ndarray) -> list[LargestResidual]:
-    size, detectable = np.nan_to_num(np.abs(result.standardised)), result.detectable
-    rows = []
-    for place in np.argsort(-size, axis=None)[:WORST]:
-        ray, axis = divmod(int(place), 2)
-        point = int(result.rays.point[ray])
-        tie = point < problem.ties
-        rows.append(
-            LargestResidual(
-                point=f"tie point {tracks[point]}" if tie else problem.surveyed[point - problem.ties].name,
-                photo=problem.names[result.rays.photo[ray]],
-                axis="xy"[axis],
-                residual_px=float(result.residual[ray, axis]),
-                standardised=float(result.standardised[ray, axis]),
-                redundancy_number=float(result.redundancy_number[ray, axis]),
-                detectable_px=float(detectable[ray, axis]),
-            )
-        )
+    # A residual without redundancy has no standardised value: it sorts last, and is dropped.
+    size = np.nan_to_num(np.abs(result.standardised))
+    places = (divmod(int(place), 2) for place in np.argsort(-size, axis=None)[:WORST])
+    rows = [_residual(problem, result, tracks, ray, axis) for ray, axis in places]
     return [row for row in rows if np.isfinite(row.standardised)]
 
 
-def _nominal(problem: Problem, result: Adjustment) -> list[str]:
-    """A sentence for every camera constant that was only considered."""
-    found = []
+def _residual(problem: Problem, result: Adjustment, tracks: np.ndarray, ray: int, axis: int) -> LargestResidual:
+    point = int(result.rays.point[ray])
+    tie = point < problem.ties
+    return LargestResidual(
+        point=f"tie point {tracks[point]}" if tie else problem.surveyed[point - problem.ties].name,
+        photo=problem.names[result.rays.photo[ray]],
+        axis="xy"[axis],
+        residual_px=float(result.residual[ray, axis]),
+        standardised=float(result.standardised[ray, axis]),
+        redundancy_number=float(result.redundancy_number[ray, axis]),
+        detectable_px=float(result.detectable[ray, axis]),
+    )
+
+
+def _nominal_constants(problem: Problem, result: Adjustment) -> Iterator[ConstantNominal]:
+    """The camera constants that were only considered."""
     for k in np.flatnonzero(result.network.interior.considered[:, 0]):
         camera, column = problem.cameras[k], result.network.interior_columns[k, 0]
-        share = 100.0 * np.sqrt(result.cofactor.variances[column]) / camera.c
-        found.append(
-            f"The camera constant of {problem.camera_names[k]} is nominal (from EXIF, {camera.c:.0f} px, within {share:.0f} %) and "
-            "cannot be told from the flying height without control: it and the principal point kept their values, and heights "
-            "above and below the mean ground are uncertain by the same share. Calibrate the camera, or give three control points."
-        )
-    return found
+        share = float(np.sqrt(result.cofactor.variances[column]) / camera.c)
+        yield ConstantNominal(camera=problem.camera_names[k], c=camera.c, share=share)
 
 
-def _moved_principal_points(account: BlockResults) -> list[str]:
-    """A sentence for every principal point that left its stated place by many of its standard errors."""
-    interior, found = account.result.network.interior, []
-    known = np.diagonal(interior.weight, axis1=1, axis2=2)[:, 1:3] > 0
-    free = interior.free[:, 1:3] & ~interior.considered[:, 1:3] & known
-    away = account.result.state.interior[:, 1:3] - interior.value[:, 1:3]
+def _moved_principal_points(results: BlockResults) -> Iterator[PrincipalPointMoved]:
+    """The principal points that left their given places by many of their standard errors."""
+    interior = results.result.network.interior
+    known = np.diagonal(interior.weight, axis1=1, axis2=2)[:, PRINCIPAL_POINT] > 0
+    free = interior.free[:, PRINCIPAL_POINT] & ~interior.considered[:, PRINCIPAL_POINT] & known
+    away = results.result.state.interior[:, PRINCIPAL_POINT] - interior.value[:, PRINCIPAL_POINT]
     for k in np.flatnonzero((free & (np.abs(away) > MOVED * given_sigmas(interior, (1, 2)))).any(axis=1)):
-        found.append(
-            f"The principal point of {account.problem.camera_names[k]} moved {np.linalg.norm(away[k]):.0f} px from its stated "
-            "place, many times its standard error: the block can hardly tell it from tangential distortion and the direction of "
-            "the photographs, and systematic errors push it. Calibrate the camera, or hold x0 and y0 to compare."
-        )
-    return found
+        yield PrincipalPointMoved(camera=results.problem.camera_names[k], moved_px=float(np.linalg.norm(away[k])))
 
 
-def _unconnected(problem: Problem, apart: tuple[Block, ...]) -> list[str]:
-    found = []
+def _unconnected(problem: Problem, apart: tuple[Block, ...]) -> Iterator[BlockFinding]:
     if len(problem.groups) > 1:
-        others = "; ".join(", ".join(group) for group in problem.groups[1:])
-        found.append(
-            f"The photographs form {len(problem.groups)} groups which no reliable tie points connect; each is held by its own "
-            f"positions and control only. Beside the largest: {others}. Photographs between them would join them."
-        )
+        yield GroupsUnconnected(groups=problem.groups)
     for block in apart:
-        found.append(
-            f"{', '.join(block.names)} form a separate group which neither tie points nor positions or control connect to the "
-            "block; it is kept as a free block of its own and takes no part in later stages. Run its photographs as a project of "
-            "their own, or give positions or control that place it."
-        )
-    return found
+        yield BlockSeparate(photos=block.names)
 
 
 def _correlations(problem: Problem, result: Adjustment) -> list[ParameterCorrelation]:
-    """Interior parameters against each other, against the mean height of the centres, and that of 0.9 or more only."""
+    """Strong correlations of the interior parameters with each other and with the mean height of the projection centres."""
     names, columns = [], []
     for k, own in enumerate(result.network.interior_columns):
         names += [f"{INTERIOR[i]} of {problem.cameras[k].name}" for i in np.flatnonzero(own >= 0)]
         columns += list(own[own >= 0])
     photos = len(problem.names)
     names.append("the mean height of the projection centres")
+    # The mean height stands for the flying height: single centres are hardly correlated with c, all of them together are.
     J = np.zeros((len(names), len(result.cofactor)))
     J[np.arange(len(columns)), columns] = 1.0
     J[-1, 6 * np.arange(photos) + 2] = 1.0 / photos
@@ -155,7 +148,6 @@ def _correlations(problem: Problem, result: Adjustment) -> list[ParameterCorrela
     correlation = covariance / np.outer(scale, scale)
     return [
         ParameterCorrelation(first=names[i], second=names[j], value=float(correlation[i, j]))
-        for i in range(len(names))
-        for j in range(i + 1, len(names))
-        if abs(correlation[i, j]) >= 0.9
+        for i, j in combinations(range(len(names)), 2)
+        if abs(correlation[i, j]) >= STRONG
     ]

@@ -1,4 +1,8 @@
-"""The tables of an adjusted block that leave the stage, in the project's CRS: orientations, cameras, points, residuals."""
+"""The tables of an adjusted block, in the project's CRS: orientations, cameras, points, residuals.
+
+Covariances between photographs, and between photographs and cameras, are kept: an error of the datum that moves two photographs
+alike is no error between them, and later stages must not add it twice.
+"""
 
 from itertools import combinations
 
@@ -18,27 +22,29 @@ from orthomill.tasks.orientation.start.georeference import Datum
 
 
 def rays_used(problem: Problem, result: Adjustment) -> np.ndarray:
-    """(M,) bool: which rays of the problem took part to the end."""
+    """(M,) bool: which rays of the problem took part in the final adjustment."""
     used = np.zeros(len(problem.rays), bool)
     used[_positions_of(problem.rays, result.rays)] = result.used
     return used
 
 
 def _positions_of(rays: Rays, part: Rays) -> np.ndarray:
-    """Where the rays of `part` stand in `rays`: a photograph sees a point once."""
+    """The places of the rays of `part` in `rays`, which are sorted by point, then photograph."""
+    # A photograph measures a point once, so that point and photograph together are a key.
     photos = int(rays.photo.max(initial=0)) + 1
     return np.searchsorted(rays.point.astype(np.int64) * photos + rays.photo, part.point.astype(np.int64) * photos + part.photo)
 
 
-def block_table(crs: str, account: BlockResults, unoriented: tuple[Unoriented, ...]) -> Block:
+def block_table(crs: str, results: BlockResults, unoriented: tuple[Unoriented, ...]) -> Block:
     """The block as later stages read it."""
-    problem, result, datum = account.problem, account.result, account.datum
+    problem, result, datum = results.problem, results.result, results.datum
     tie = np.unique(result.rays.point[result.used & (result.rays.point < problem.ties)])
+    # Percentiles, for a single wrong match may lie kilometres away, and later stages search heights in this range.
     low, high = np.percentile(result.state.point[tie, 2], [0.5, 99.5]) + datum.origin[2]
     return Block(
         crs=crs,
-        cameras=_cameras(account),
-        of_photo={name: account.cameras.of_photo[name] for name in problem.names},
+        cameras=_cameras(results),
+        of_photo={name: results.cameras.of_photo[name] for name in problem.names},
         photos=tuple(_exterior(problem, result, datum, i) for i in range(len(problem.names))),
         unoriented=unoriented,
         datum=datum.sentence,
@@ -58,6 +64,7 @@ def _joint(problem: Problem, result: Adjustment) -> tuple[JointCovariance, ...]:
     shared = {pair for own in _photos_of_points(result) for pair in combinations(own, 2)}
     turns = [_to_angles(result.state.rotation[photo]) for photo in range(len(problem.names))]
     found = []
+    # Other pairs are never intersected by a later stage; all pairs would be quadratic in the number of photographs.
     for a, b in sorted(shared):
         both = np.concatenate([6 * a + np.arange(6), 6 * b + np.arange(6)])
         covariance = turns[a] @ result.cofactor.joint(both)[:6, 6:] @ turns[b].T
@@ -77,7 +84,7 @@ def _joint_cameras(problem: Problem, result: Adjustment) -> tuple[JointCovarianc
 
 
 def _adjusted_cameras(problem: Problem, result: Adjustment) -> dict[int, np.ndarray]:
-    """The columns (8,) of the interior orientation of the cameras that were adjusted; -1 for parameters that were not."""
+    """Camera -> columns (8,) of its interior orientation, for cameras that were adjusted; -1 for parameters that were not."""
     return {k: own for k, own in enumerate(result.network.interior_columns) if (own >= 0).any() and k in problem.camera_of}
 
 
@@ -99,7 +106,7 @@ def _photos_of_points(result: Adjustment) -> set[tuple[int, ...]]:
 
 
 def _to_angles(rotation: np.ndarray) -> np.ndarray:
-    """(6, 6): from the unknowns of the adjustment to X, Y, Z, omega, phi, kappa."""
+    """(6, 6): from the unknowns of the adjustment (centre, small rotation vector) to X, Y, Z, omega, phi, kappa."""
     turned = np.eye(6)
     turned[3:, 3:] = angles_from_vector(rotation)
     return turned
@@ -114,6 +121,7 @@ def _exterior(problem: Problem, result: Adjustment, datum: Datum, photo: int) ->
         photo=problem.names[photo],
         centre=tuple(map(float, result.state.centre[photo] + datum.origin)),
         omega_phi_kappa=tuple(float(v) for v in np.degrees(angles(R))),
+        # Rounding leaves it a little asymmetric, which factorisations of later stages do not forgive.
         covariance=_rows(0.5 * (covariance + covariance.T)),
         observations=int(own.sum()),
         residual_px=float(np.sqrt((result.residual[own] ** 2).mean())) if own.any() else None,
@@ -124,9 +132,9 @@ def _exterior(problem: Problem, result: Adjustment, datum: Datum, photo: int) ->
     )
 
 
-def _cameras(account: BlockResults) -> dict[str, Camera]:
-    """The cameras as adjusted: values and covariance where they took part, untouched where they were fixed."""
-    cameras, problem, result, out = account.cameras, account.problem, account.result, {}
+def _cameras(results: BlockResults) -> dict[str, Camera]:
+    """The cameras with adjusted values and covariances; those that were fixed as given."""
+    cameras, problem, result, out = results.cameras, results.problem, results.result, {}
     for k, columns in enumerate(result.network.interior_columns):
         camera, name = problem.cameras[k], problem.camera_names[k]
         if (columns < 0).all() or k not in problem.camera_of:
@@ -138,32 +146,38 @@ def _cameras(account: BlockResults) -> dict[str, Camera]:
     return {name: out[name] for name in sorted(out) if name in {cameras.of_photo[photo] for photo in problem.names}}
 
 
-def ground_points(account: BlockResults, tracks: np.ndarray) -> GroundPoints:
+def ground_points(results: BlockResults, tracks: np.ndarray) -> GroundPoints:
     """The tie points with two rays or more."""
-    problem, result, datum = account.problem, account.result, account.datum
+    problem, result, datum = results.problem, results.result, results.datum
     rays, square = result.rays, (result.residual**2).mean(axis=1)
     count = np.bincount(rays.point[result.used], minlength=len(result.state.point))[: problem.ties]
     total = np.bincount(rays.point[result.used], square[result.used], minlength=len(result.state.point))[: problem.ties]
     keep = np.flatnonzero(count >= 2)
-    xyz = result.state.point[keep] + datum.origin
-    sigma = np.sqrt(np.diagonal(result.point_covariance[keep], axis1=1, axis2=2)).astype(np.float32)
+    x, y, z = (result.state.point[keep] + datum.origin).T
+    sigma_x, sigma_y, sigma_z = np.sqrt(np.diagonal(result.point_covariance[keep], axis1=1, axis2=2)).astype(np.float32).T
     return GroundPoints(
-        tracks[keep].astype(np.int32),
-        *xyz.T,
-        *sigma.T,
-        count[keep].astype(np.int16),
-        np.sqrt(total[keep] / count[keep]).astype(np.float32),
+        track=tracks[keep].astype(np.int32),
+        x=x,
+        y=y,
+        z=z,
+        sigma_x=sigma_x,
+        sigma_y=sigma_y,
+        sigma_z=sigma_z,
+        rays=count[keep].astype(np.int16),
+        residual=np.sqrt(total[keep] / count[keep]).astype(np.float32),
     )
 
 
-def image_residuals(account: BlockResults, tracks: np.ndarray, control: Control) -> ImageResiduals:
+def image_residuals(results: BlockResults, tracks: np.ndarray, control: Control) -> ImageResiduals:
     """All measurements in the photographs of the block, used or not."""
-    problem, result = account.problem, account.result
+    problem, result = results.problem, results.result
     rays, used = problem.rays, rays_used(problem, result)
     standardised = np.full(len(rays), np.nan)
     standardised[_positions_of(rays, result.rays)] = np.abs(result.standardised).max(axis=1)
+    # Rows count downwards, image coordinates upwards.
     v = -residuals(result.state, rays, problem.camera_of) * [1.0, -1.0]
     place = {point.name: i for i, point in enumerate(control.points)}
+    # Surveyed points have negative numbers, by their places in the table of control: tracks count from 0.
     ground = np.array([-1 - place[point.name] for point in problem.surveyed], np.int64)
     track = np.concatenate([tracks, ground])[rays.point]
     size = np.array([(problem.cameras[k].width, problem.cameras[k].height) for k in problem.camera_of])[rays.photo]

@@ -1,4 +1,5 @@
-"""The account on the ground and in the air: control, check points, positions and distances against the adjusted block."""
+"""Control, check points, positions and distances against the adjusted block, each with the standard error that is predicted for
+its difference."""
 
 import numpy as np
 
@@ -12,36 +13,38 @@ from orthomill.tasks.orientation.control.ground_points import approximate_points
 from orthomill.tasks.orientation.measurements import ground_rays
 
 
-def ground_residuals(account: BlockResults, control: Control) -> GroundResiduals:
-    """How the block fits what is known; what was set aside or thrown out is compared all the same."""
-    distances = tuple(distance_rows(account))
-    if account.datum.free:
+def ground_residuals(results: BlockResults, control: Control) -> GroundResiduals:
+    """How the block fits what is known; observations that took no part are compared all the same."""
+    distances = tuple(distance_rows(results))
+    # Coordinates of a free network are those of no ground point.
+    if results.datum.free:
         return GroundResiduals(distances=distances)
-    rows = (*control_rows(account), *position_rows(account), *_check_rows(account, control))
+    rows = (*control_rows(results), *position_rows(results), *_check_rows(results, control))
     return GroundResiduals(points=rows, distances=distances)
 
 
-def control_rows(account: BlockResults) -> list[GroundResidual]:
-    """Control points, those that were set aside too."""
-    problem, result, known, rows = account.problem, account.result, account.problem.known, []
+def control_rows(results: BlockResults) -> list[GroundResidual]:
+    """Control points, also those that took no part."""
+    problem, result, known, rows = results.problem, results.result, results.problem.known, []
     for i, point in enumerate(problem.surveyed):
         number, weight = problem.ties + i, result.network.point_weight[problem.ties + i]
         own = result.used & (result.rays.point == number)
         took_part = bool(weight.any())
         if point.role != "control" or not (took_part or own.any()):
             continue
-        difference = result.state.point[number] + account.datum.origin - known.control[i]
+        difference = result.state.point[number] + results.datum.origin - known.control[i]
         spread, white = (np.diag(r.point_covariance[number]) for r in (result, result.white))
         variance = _of_residual(weight, spread, white) if took_part else known.control_sigma[i] ** 2 + spread
         rows.append(_residual(point.name, "control", difference, variance, int(own.sum()), result.residual[own]))
     return rows
 
 
-def position_rows(account: BlockResults) -> list[GroundResidual]:
-    """Positions of the photographs, those that were set aside too."""
-    problem, result, rows = account.problem, account.result, []
+def position_rows(results: BlockResults) -> list[GroundResidual]:
+    """Positions of the photographs, also those that took no part."""
+    problem, result, rows = results.problem, results.result, []
     state, network = result.state, result.network
-    antenna = state.centre + np.einsum("pji,j->pi", state.rotation, state.lever) + state.shift + account.datum.origin
+    # What a receiver measured: the centre, moved by the lever arm (image system, so R^T) and by the common shift.
+    antenna = state.centre + np.einsum("pji,j->pi", state.rotation, state.lever) + state.shift + results.datum.origin
     number = np.flatnonzero(np.isfinite(problem.known.position).all(axis=1))
     spreads = (np.diagonal(position_covariances(r, number), axis1=1, axis2=2) for r in (result, result.white))
     for i, spread, white in zip(number, *spreads, strict=True):
@@ -52,29 +55,31 @@ def position_rows(account: BlockResults) -> list[GroundResidual]:
     return rows
 
 
-def _check_rows(account: BlockResults, control: Control) -> list[GroundResidual]:
-    problem, result = account.problem, account.result
+def _check_rows(results: BlockResults, control: Control) -> list[GroundResidual]:
+    problem, result = results.problem, results.result
     points = [point for point in control.points if point.role == "check"]
-    rays = ground_rays(points, {name: i for i, name in enumerate(problem.names)}, account.cameras)
+    rays = ground_rays(points, {name: i for i, name in enumerate(problem.names)}, results.cameras)
     start, _ = approximate_points(result.state, problem.cameras, problem.camera_of, rays, len(points))
     found, rows = intersect_ground(result, start, rays), []
     for i, point in enumerate(points):
         if np.isfinite(found.point[i]).all():
-            difference = found.point[i] + account.datum.origin - point.xyz
+            difference = found.point[i] + results.datum.origin - point.xyz
+            # A check point is independent of the block: the variances add.
             variance = np.diag(found.covariance[i]) + np.square(point.sigma)
             own = rays.point == i
             rows.append(_residual(point.name, "check", difference, variance, int(own.sum()), found.residual[own]))
     return rows
 
 
-def distance_rows(account: BlockResults) -> list[DistanceResidual]:
+def distance_rows(results: BlockResults) -> list[DistanceResidual]:
     """Measured distances against the block; one that nothing checks has a predicted difference of 0."""
-    network, state, problem = account.result.network, account.result.state, account.problem
-    misclosure, rows = distance_residuals(network, state), []
-    spread, white = (distance_variances(r) for r in (account.result, account.result.white))
-    for i, ((first, second), stated) in enumerate(zip(*stated_distances(account), strict=True)):
+    network, state, problem = results.result.network, results.result.state, results.problem
+    residual, rows = distance_residuals(network, state), []
+    spread, white = (distance_variances(r) for r in (results.result, results.result.white))
+    for i, ((first, second), stated) in enumerate(zip(*stated_distances(results), strict=True)):
         weight = network.distances.weight[i]
         variance = _of_residual(weight, spread[i], white[i]) if weight > 0 else stated**2 + spread[i]
+        # The only distance of a free network has no redundancy: its residual is 0 by construction, not by precision.
         predicted = np.sqrt(variance) if variance > CHECKABLE * stated**2 else 0.0
         names = problem.surveyed[first].name, problem.surveyed[second].name
         rows.append(
@@ -82,23 +87,23 @@ def distance_rows(account: BlockResults) -> list[DistanceResidual]:
                 first=names[0],
                 second=names[1],
                 length=float(network.distances.length[i]),
-                difference=float(-misclosure[i]),
+                difference=float(-residual[i]),
                 predicted=float(predicted),
             )
         )
     return rows
 
 
-def stated_distances(account: BlockResults) -> tuple[list[list[int]], np.ndarray]:
+def stated_distances(results: BlockResults) -> tuple[list[list[int]], np.ndarray]:
     """The ends (numbers of surveyed points) and stated standard errors (D,) m of the distances of the adjustment."""
-    stated = {(first, second): sigma for first, second, _, sigma in account.problem.distances}
-    ends = (account.result.network.distances.ends - account.problem.ties).tolist()
+    stated = {(first, second): sigma for first, second, _, sigma in results.problem.distances}
+    ends = (results.result.network.distances.ends - results.problem.ties).tolist()
     return ends, np.array([stated[first, second] for first, second in ends])
 
 
 def _of_residual(weight: np.ndarray, spread: np.ndarray, white: np.ndarray) -> np.ndarray:
-    """Variances of the residuals of what took part: what least squares took off its own variance it took for white noise; errors in
-    common come on top."""
+    """Variances of the residuals of observations that took part: Qvv = Qll - A Qxx A^T holds for the weights of the adjustment,
+    that is for white noise; the effect of correlated image errors comes on top."""
     return 1.0 / weight - white + (spread - white)
 
 

@@ -10,15 +10,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from orthomill.schemas.findings.block_findings import (
+    AxesExchanged,
+    BlockFinding,
+    ControlOnALine,
+    DatumMisfit,
+    LooksUpward,
+    NoDatum,
+    PositionsCrowded,
+    TiltUnobserved,
+)
 from orthomill.tasks.adjustment.model.network import Network, State
 from orthomill.tasks.orientation.start.similarity import Similarity, Upward, consensus, fit_similarity, turn_precision
-from orthomill.tasks.orientation.start.up_direction import DOWN, SENTENCES, Looking, expected_zenith, upward
+from orthomill.tasks.orientation.start.up_direction import DOWN, SENTENCES, Basis, Looking, expected_zenith, upward
 
 WEAK_TURN = np.radians(1.0)
-CROWDED = (
-    "The positions of the photographs lie closer together than their own standard errors, so they give neither scale nor direction "
-    "and were not used. Correct them, or state their true precision."
-)
 BENDS = 0.02
 """A free model bends by this share of its extent before anything holds it."""
 UPWARD = 0.5
@@ -54,7 +60,7 @@ class Known:
 @dataclass(frozen=True, eq=False)
 class Datum:
     """Where the block goes: `similarity` into local coordinates, `origin` (3,) to be added to these, whether it is free, the
-    `zenith` (P, 3) that is expected in the image systems (NaN: of no use; None: not needed), the sentences for people, and which
+    `zenith` (P, 3) that is expected in the image systems (NaN: of no use; None: not needed), what a reader must know, and which
     positions (P,) and control points (n,) are set aside because they lie elsewhere."""
 
     similarity: Similarity
@@ -62,7 +68,7 @@ class Datum:
     free: bool
     zenith: np.ndarray | None
     sentence: str
-    weaknesses: tuple[str, ...]
+    findings: tuple[BlockFinding, ...]
     positions_aside: np.ndarray
     control_aside: np.ndarray
 
@@ -82,7 +88,7 @@ def choose_datum(
     sigma = np.sqrt((np.vstack([known.position_sigma[has], known.control_sigma[placed]]) ** 2).mean(axis=1))
     if np.linalg.norm(np.ptp(target, axis=0)) < 3.0 * np.median(sigma):
         free = _free(model, known, origin)
-        return replace(free, weaknesses=(*free.weaknesses, CROWDED))
+        return replace(free, findings=(*free.findings, PositionsCrowded()))
     trusted = np.arange(len(source)) >= has.sum()
     origin = np.round(np.median(target[trusted] if trusted.sum() >= 3 else target, axis=0))
     zenith, basis = expected_zenith(model.rotation, known.zenith, known.top, looking, _direction(source))
@@ -98,15 +104,15 @@ def choose_datum(
     similarity = fit_similarity(source[near], (target - origin)[near], sigma[near], upright if weak else none)
     misfit = (similarity.apply(source) - (target - origin))[near]
     looks_up = None if has.any() else _looks_up(model, similarity, source[near], (target - origin)[near], sigma[near])
-    if looks_up and looks_up.mirrored:
-        return replace(_free(model, known, None), weaknesses=(looks_up.sentence,))
+    if isinstance(looks_up, AxesExchanged):
+        return replace(_free(model, known, None), findings=(looks_up,))
     aside = np.zeros(len(has), bool), np.zeros(len(placed), bool)
     aside[0][has], aside[1][placed] = ~near[~trusted], ~near[trusted]
-    weaknesses = _weaknesses(weak, basis, turn, vertical_sigma, known.control[placed & ~aside[1]], sigma[near], misfit, extent)
-    weaknesses += (looks_up.sentence,) if looks_up else ()
+    findings = _findings(weak, basis, turn, vertical_sigma, known.control[placed & ~aside[1]], sigma[near], misfit, extent)
+    findings += (looks_up,) if looks_up else ()
     positions, control = int((has & ~aside[0]).sum()), int((placed & ~aside[1]).sum())
     sentence = _sentence(positions, control, basis if weak else None)
-    return Datum(similarity, origin, False, zenith if weak else None, sentence, weaknesses, *aside)
+    return Datum(similarity, origin, False, zenith if weak else None, sentence, findings, *aside)
 
 
 def _direction(points: np.ndarray) -> np.ndarray:
@@ -114,15 +120,9 @@ def _direction(points: np.ndarray) -> np.ndarray:
     return np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][0]
 
 
-@dataclass(frozen=True)
-class _LookingUp:
-    """Photographs that by their control look up from below; `mirrored`: because X and Y of the control are exchanged."""
-
-    mirrored: bool
-    sentence: str
-
-
-def _looks_up(model: State, similarity: Similarity, source: np.ndarray, target: np.ndarray, sigma: np.ndarray) -> _LookingUp | None:
+def _looks_up(
+    model: State, similarity: Similarity, source: np.ndarray, target: np.ndarray, sigma: np.ndarray
+) -> AxesExchanged | LooksUpward | None:
     """Control with X and Y exchanged shows the ground in a mirror, which is nearly the ground seen from below."""
     if (similarity.rotation @ _mean_up(model))[2] > -UPWARD:
         return None
@@ -131,16 +131,8 @@ def _looks_up(model: State, similarity: Similarity, source: np.ndarray, target: 
     own, better = (float(np.sqrt(((fit.apply(source) - to) ** 2).sum(axis=1).mean())) for fit, to in
                    ((similarity, target), (other, exchanged)))  # fmt: skip
     if (other.rotation @ _mean_up(model))[2] > UPWARD and 2.0 * better < own:
-        return _LookingUp(
-            True,
-            f"With X and Y of the control exchanged it fits the block to {better:.2f} m, but as it was given only to {own:.2f} m, "
-            "and with photographs that look up from below the ground: it was set aside. Exchange X and Y in the file.",
-        )
-    return _LookingUp(
-        False,
-        "By the control the photographs look upwards from below. Unless they show a ceiling, X and Y of the control are exchanged: "
-        "compare its file.",
-    )
+        return AxesExchanged(exchanged_m=better, given_m=own)
+    return LooksUpward()
 
 
 def _mean_up(model: State) -> np.ndarray:
@@ -173,11 +165,6 @@ def _free(model: State, known: Known, origin: np.ndarray | None) -> Datum:
         )
     count = len(known.distances)
     scaled = f"; {count} measured distance{'s give' if count > 1 else ' gives'} the scale" if length else ""
-    weak = (
-        "The block has a scale but no place: its coordinates are metres in a system of its own. "
-        if length
-        else "The block has no datum: its coordinates are not metres in the project's system. "
-    ) + "Give positions or three control points."
     return Datum(
         similarity,
         np.zeros(3) if origin is None else origin,
@@ -185,7 +172,7 @@ def _free(model: State, known: Known, origin: np.ndarray | None) -> Datum:
         None,
         f"Free network: neither positions nor control hold the block; {what}{scaled}; standard errors refer to the block's own "
         "shape.",
-        (weak,),
+        (NoDatum(scaled=bool(length)),),
         np.isfinite(known.position).all(axis=1),
         known.placed,
     )
@@ -211,7 +198,7 @@ def _scale_of_distances(known: Known) -> float | None:
     return float(np.median(found)) if found else None
 
 
-def _sentence(positions: int, control: int, basis: str | None) -> str:
+def _sentence(positions: int, control: int, basis: Basis | None) -> str:
     held = []
     if control:
         held.append(f"{control} ground control point{'s' * (control > 1)}")
@@ -222,37 +209,29 @@ def _sentence(positions: int, control: int, basis: str | None) -> str:
     return f"{kind}: the block is held by {' and '.join(held)}, each with its standard errors{lean}."
 
 
-def _weaknesses(
+def _findings(
     weak: bool,
-    basis: str,
+    basis: Basis,
     turn: float,
     vertical: float,
     control: np.ndarray,
     sigma: np.ndarray,
     residual: np.ndarray,
     extent: float,
-) -> tuple[str, ...]:
-    found = []
+) -> tuple[BlockFinding, ...]:
+    found: list[BlockFinding] = []
     if weak:
-        total = np.degrees(1.0 / np.sqrt(1.0 / turn**2 + 1.0 / vertical**2))
-        fixed = "do not fix" if not np.isfinite(turn) or turn > 1.0 else f"fix only to {np.degrees(turn):.1f} degrees"
-        found.append(
-            "The positions and control lie so close to one line (collinear projection centres), for their standard errors, that "
-            f"they {fixed} the tilt about it; it rests {SENTENCES[basis]}, and is known to about {total:.1f} degrees if that is "
-            "right. Fly a second strip, give control beside the line, state the true precision of the positions, or say how the "
-            "photographs look (`looking` and `vertical_sigma` of the stage orientation)."
-        )
+        total = float(np.degrees(1.0 / np.sqrt(1.0 / turn**2 + 1.0 / vertical**2)))
+        alone = float(np.degrees(turn)) if np.isfinite(turn) else None
+        found.append(TiltUnobserved(tilt_sigma_deg=alone, basis=basis, sigma_deg=total))
     if len(control) >= 3:
         spread = np.linalg.svd(control[:, :2] - control[:, :2].mean(axis=0), compute_uv=False)
         if spread[1] < 0.1 * spread[0]:
-            found.append("The control is one-sided: its points lie nearly on one line. Add control away from that line.")
+            found.append(ControlOnALine())
     length = np.linalg.norm(residual, axis=1)
     size = float(np.median(length / sigma))
     if size > 4.0 and np.median(length) > BENDS * extent:
-        found.append(
-            f"The known positions and the block's shape disagree: the median misfit before the adjustment is {size:.0f} standard "
-            "errors. Positions, their standard errors or the CRS may be wrong."
-        )
+        found.append(DatumMisfit(ratio=size))
     return tuple(found)
 
 

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 Looking = Literal["auto", "down", "level"]
+Basis = Literal["attitude", "down", "level"]
 
 DOWN, TOP = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
 """The zenith in the image system (x right, y up, z backwards) of a photograph that looks straight down, and of a level one that
@@ -18,7 +19,7 @@ ALONG = np.sin(np.radians(45.0))
 """Photographs whose axes are nearer to the line of their centres than 45 degrees do not look down."""
 TOGETHER = 0.7
 """Photographs whose mean axis, of unit vectors, is shorter look to all sides."""
-SENTENCES = {
+SENTENCES: dict[Basis, str] = {
     "attitude": "on the attitudes that came with the photographs",
     "down": "on the assumption that the photographs look straight down on average",
     "level": "on the assumption that the photographs were held level and upright on average",
@@ -27,7 +28,7 @@ SENTENCES = {
 
 def expected_zenith(
     rotation: np.ndarray, known: np.ndarray, top: np.ndarray, looking: Looking, line: np.ndarray
-) -> tuple[np.ndarray, str]:
+) -> tuple[np.ndarray, Basis]:
     """The zenith (P, 3) in the image systems of the photographs, NaN for those that say nothing of it, and what it rests on (a key
     of SENTENCES). `rotation` (P, 3, 3) and `line` (3,), the direction of the known points, are of the model; `known` (P, 3) is
     the zenith by attitudes (NaN: unknown), `top` (P, 3) the zenith of level photographs."""

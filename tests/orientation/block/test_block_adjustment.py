@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from orienting import ground_errors, orient, standardised_lengths, standardised_orientation
+from orienting import ground_errors, orient, sentences, standardised_lengths, standardised_orientation
 from simulated_block import DRONE, one_strip, photo_of, simulate, two_strips, view
 
 from orthomill.schemas.errors import GeometryError
@@ -64,7 +64,7 @@ def test_one_strip_with_rough_positions_says_that_its_tilt_is_assumed():
     assert len(result.photos) == 8
     assert np.abs(standardised_orientation(block, result)).max() < 4
     assert "straight down" in result.datum
-    assert any("collinear" in text for text in out["precision"].weaknesses)
+    assert any("collinear" in text for text in sentences(out["precision"]))
     sigma = np.sqrt(np.diag(np.array(result.photos[3].covariance)))
     assert np.degrees(sigma[3:].max()) > 2
     assert np.degrees(sigma[3:].min()) < 2
@@ -75,7 +75,7 @@ def test_nominal_camera_constant_is_held_without_control_and_its_doubt_reaches_t
     out = orient(block)
     camera = out["block"].cameras["cam"]
     assert camera.c == 1165.0 and camera.covariance[0][0] == pytest.approx((0.03 * 1165) ** 2)
-    assert any("nominal" in text for text in out["precision"].weaknesses)
+    assert any("nominal" in text for text in sentences(out["precision"]))
     sure = orient(block, interior=WeightedInterior(kind="weighted", parameters=("k1",)))
     assert np.median(out["points"].sigma_z) > np.median(sure["points"].sigma_z) + 0.5
 
@@ -164,7 +164,7 @@ def test_separate_groups_with_positions_share_one_system_and_are_named():
     assert set(result.names) == {v.name for v in views}
     assert result.groups == (tuple(f"near{i}" for i in range(5)), tuple(f"far{i}" for i in range(3)))
     assert np.abs(standardised_orientation(replace(block, views=views), result)).max() < 4.5
-    assert any("2 groups" in text and "far1" in text for text in out["precision"].weaknesses)
+    assert any("2 groups" in text and "far1" in text for text in sentences(out["precision"]))
     assert [u.photo for u in result.unoriented] == ["alone"] and "no tie points" in result.unoriented[0].reason
 
 
@@ -174,7 +174,7 @@ def test_a_group_without_positions_is_kept_as_a_block_of_its_own():
     assert out["block"].names == tuple(f"near{i}" for i in range(5))
     (separate,) = out["separate"].blocks
     assert separate.names == ("far0", "far1", "far2") and separate.datum.startswith("Free network")
-    assert any("free block of its own" in text and "far1" in text for text in out["precision"].weaknesses)
+    assert any("free block of its own" in text and "far1" in text for text in sentences(out["precision"]))
 
 
 def test_no_overlap_at_all_is_one_clear_sentence():

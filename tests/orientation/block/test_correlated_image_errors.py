@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from orienting import orient
+from orienting import orient, sentences
 from simulated_block import turned_upright, two_strips
 
 from orthomill.tasks.adjustment.model.interior import FreeInterior
@@ -31,7 +31,7 @@ def test_fields_reach_the_standard_errors_of_the_camera_and_are_told():
     assert precision.common_share < 0.5
     assert sigma > 2 * white
     assert abs(camera.c - block.views[0].camera.c) < 3 * sigma
-    told = [text for text in precision.weaknesses if text.startswith("Errors in common")]
+    told = [text for text in sentences(precision) if text.startswith("Correlated image errors")]
     assert len(told) == 1 and "mostly different in each" in told[0]
 
 

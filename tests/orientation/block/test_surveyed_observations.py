@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from orienting import orient, standardised_lengths, standardised_orientation
+from orienting import orient, sentences, standardised_lengths, standardised_orientation
 from simulated_block import one_strip, two_strips
 
 from orthomill.schemas.errors import GeometryError
@@ -63,7 +63,7 @@ def test_a_gross_blunder_in_control_is_found_and_named(error):
     name = [p.name for p in block.control.points if p.role == "control"][2]
     out = orient(with_blunder(block, name, error))
     assert out["precision"].blunders == (name,)
-    assert any(name in text and "contradicts the block" in text for text in out["precision"].weaknesses)
+    assert any(name in text and "contradicts the block" in text for text in sentences(out["precision"]))
     row = next(p for p in out["ground_residuals"].points if p.name == name)
     assert np.abs((np.array(row.difference) + error) / row.predicted).max() < 4.5
     assert np.abs(standardised_orientation(block, out["block"])).max() < 4.5
@@ -96,7 +96,7 @@ def test_a_wrong_measurement_of_a_control_point_is_not_blamed_on_its_coordinates
     image, number = out["image_residuals"], -1 - [p.name for p in block.control.points].index(point.name)
     own = image.take(image.track == number)
     assert (own.used == (own.photo != block.photos.names.index(photo))).all()
-    (text,) = [text for text in out["precision"].weaknesses if "measurements of the control point" in text]
+    (text,) = [text for text in sentences(out["precision"]) if "measurements of the control point" in text]
     assert f"1 of {len(point.measurements)} measurements of the control point {point.name}" in text and photo in text
 
 
@@ -117,7 +117,7 @@ def test_positions_of_another_place_lose_against_control():
     block = with_positions(two_strips(15), lambda i: (50000.0, -20000.0, 300.0))
     out = orient(block)
     assert set(out["precision"].blunders) == set(block.photos.names)
-    assert any("53.9 km" in text and "another CRS" in text for text in out["precision"].weaknesses)
+    assert any("53.9 km" in text and "another CRS" in text for text in sentences(out["precision"]))
     assert np.abs(standardised_orientation(block, out["block"])).max() < 4.5
 
 
@@ -236,7 +236,7 @@ def test_a_wrong_distance_beside_control_is_named_and_blames_no_control():
     wrong = Distance(first=first.name, second=second.name, length=length + 1.0, sigma=0.02)
     out = orient(with_control(block, lambda i, p: p, (wrong,)))
     assert out["precision"].blunders == (f"{first.name} - {second.name}",)
-    assert any("The distance from" in text and "took no part" in text for text in out["precision"].weaknesses)
+    assert any("The distance from" in text and "took no part" in text for text in sentences(out["precision"]))
     row = out["ground_residuals"].distances[0]
     assert row.difference == pytest.approx(-1.0, abs=4 * row.predicted)
     assert np.abs(standardised_orientation(block, out["block"])).max() < 4.5
@@ -310,8 +310,8 @@ def test_a_table_of_angles_is_a_start():
     choices = BlockChoices(interior=FIXED, gnss_shift=False, vertical_sigma=5.0, rejection=4.0)
     texts = ("\n".join(lines[:-1]),)
     out = orient_from(block.photos, block.cameras, block.tie_points, block.control, relative, texts, "EPSG:2100", choices, source)
-    assert len(out["block"].photos) == 6 and out["block"].sigma0_px == pytest.approx(0.3, rel=0.1)
-    assert out["block"].datum.startswith("Control")
+    assert len(out.block.photos) == 6 and out.block.sigma0_px == pytest.approx(0.3, rel=0.1)
+    assert out.block.datum.startswith("Control")
 
 
 def as_ties(block, *distances):
@@ -341,13 +341,13 @@ def test_two_distances_that_disagree_are_both_told_and_the_block_is_oriented():
     distances = chained(block, 2, lambda i, length: length * (1.03 if i else 1.0))
     out = orient(as_ties(block, *distances), interior=FIXED)
     assert len(out["block"].photos) == 6 and out["precision"].blunders == ()
-    assert sum("contradicts the other distances" in text for text in out["precision"].weaknesses) == 2
+    assert sum("contradicts the other distances" in text for text in sentences(out["precision"])) == 2
 
 
 def test_one_distance_is_no_contradiction_but_is_not_checked():
     block = two_strips(33, np.zeros(8), gnss=None)
     out = orient(as_ties(block, *chained(block, 1, lambda i, length: length)), interior=FIXED)
-    said = [text for text in out["precision"].weaknesses if "istance" in text]
+    said = [text for text in sentences(out["precision"]) if "istance" in text]
     assert len(said) == 1 and said[0].startswith("One distance alone gives the scale")
 
 
@@ -367,7 +367,7 @@ def test_measurements_under_exchanged_names_are_named_and_the_others_of_these_po
 
     out = orient(with_control(block, exchanged), interior=FIXED)
     for point, other in ((a, b), (b, a)):
-        (said,) = [text for text in out["precision"].weaknesses if f"control point {point.name} in photographs" in text]
+        (said,) = [text for text in sentences(out["precision"]) if f"control point {point.name} in photographs" in text]
         assert f"{photo} (" in said and f"where {other.name} lies" in said
     assert {a.name, b.name} <= {row.name for row in out["ground_residuals"].of_role("control")}
     assert np.abs(standardised_orientation(block, out["block"])).max() < 5
@@ -377,5 +377,5 @@ def test_control_with_x_and_y_exchanged_turns_no_block_upside_down():
     """Without positions nothing tells the site; but a mirrored ground would be seen from below."""
     block = two_strips(35, np.zeros(8), gnss=None)
     out = orient(with_control(block, lambda i, p: p.model_copy(update={"xyz": (p.xyz[1], p.xyz[0], p.xyz[2])})), interior=FIXED)
-    assert any("Exchange X and Y in the file" in text for text in out["precision"].weaknesses)
+    assert any("Exchange X and Y in the file" in text for text in sentences(out["precision"]))
     assert out["block"].datum.startswith("Free network") and len(out["block"].photos) == 6

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from orienting import orient
+from orienting import orient, sentences
 from simulated_block import TRUE_CAMERA, two_strips
 
 from orthomill.schemas.camera import Camera
@@ -16,7 +16,7 @@ from orthomill.tasks.geometry.rotation_quaternion import quaternion
 from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
 from orthomill.tasks.geometry.topocentric import Reference, Topocentric
 from orthomill.tasks.geometry.view import View, block_view
-from orthomill.tasks.orientation.exterior.fixed_block import hold_block
+from orthomill.tasks.orientation.exterior.fixed_block import orient_fixed
 from orthomill.tasks.orientation.exterior.sources import FromAngles, FromColmap, FromOpensfm
 from orthomill.tasks.orientation.interchange.angles_csv import read_angles
 from orthomill.tasks.orientation.interchange.colmap import read_colmap
@@ -50,10 +50,10 @@ def texts_of(products, source):
 def test_what_leaves_comes_back_the_same(volos_like, products, source):
     block, result = volos_like
     cameras = block.cameras.model_copy(update={"cameras": result["block"].cameras})
-    tables = hold_block(block.photos, cameras, block.control, texts_of(products, source), source, CRS, block.tie_points)
+    tables = orient_fixed(block.photos, cameras, block.control, texts_of(products, source), source, CRS, block.tie_points)
     ground = block.ground[:200]
     for name in result["block"].names:
-        before, after = block_view(result["block"], name), block_view(tables["block"], name)
+        before, after = block_view(result["block"], name), block_view(tables.block, name)
         rounding = 5e-8 if source.kind == "opensfm" else 5e-9, "OpenSfM's numbers go through geocentric coordinates of 6 000 km"
         assert np.abs(after.centre - before.centre).max() < rounding[0], rounding[1]
         assert np.abs(after.rotation - before.rotation).max() < 1e-9
@@ -61,36 +61,35 @@ def test_what_leaves_comes_back_the_same(volos_like, products, source):
 
 
 @pytest.mark.parametrize("source", [COLMAP, OPENSFM, ANGLES], ids=lambda source: source.kind)
-def test_own_tie_points_examine_a_held_block(volos_like, products, source):
+def test_own_tie_points_examine_a_fixed_block(volos_like, products, source):
     block, result = volos_like
     cameras = block.cameras.model_copy(update={"cameras": result["block"].cameras})
-    tables = hold_block(block.photos, cameras, block.control, texts_of(products, source), source, CRS, block.tie_points)
+    tables = orient_fixed(block.photos, cameras, block.control, texts_of(products, source), source, CRS, block.tie_points)
     own = result["image_residuals"].take(result["image_residuals"].used & (result["image_residuals"].track >= 0))
     rms = np.sqrt(np.mean(np.concatenate([own.v_col, own.v_row]) ** 2))
-    assert tables["block"].sigma0_px == pytest.approx(rms, rel=0.03)
-    check = [point for point in tables["ground_residuals"].points if point.role == "check"]
+    assert tables.block.sigma0_px == pytest.approx(rms, rel=0.03)
+    check = [point for point in tables.ground_residuals.points if point.role == "check"]
     assert len(check) == 8 and all(np.abs(point.difference).max() < 1.0 for point in check)
     empty = SimpleNamespace(pairs=())
-    page = report(block.photos, cameras, block.control, empty, *(tables[name] for name in ("block", "points", "image_residuals")),
-                  tables["ground_residuals"], tables["precision"])  # fmt: skip
+    page = report(block.photos, cameras, block.control, empty, tables.block, tables.points, tables.image_residuals,
+                  tables.ground_residuals, tables.precision)  # fmt: skip
     assert next(figure.value for figure in page.figures if figure.name == "photos_oriented") == 6
 
 
 def test_without_tie_points_the_programs_own_points_tell_the_height(volos_like, products):
     block, result = volos_like
-    tables = hold_block(block.photos, block.cameras, block.control, texts_of(products, COLMAP), COLMAP, CRS)
-    assert tables["block"].ground_low == pytest.approx(result["block"].ground_low, abs=0.5)
-    assert len(tables["image_residuals"]) == len(tables["points"]) == 0
-    shown = (tables[name] for name in ("block", "points", "image_residuals", "ground_residuals", "precision"))
-    page = report(block.photos, block.cameras, block.control, SimpleNamespace(pairs=()), *shown)
+    tables = orient_fixed(block.photos, block.cameras, block.control, texts_of(products, COLMAP), COLMAP, CRS)
+    assert tables.block.ground_low == pytest.approx(result["block"].ground_low, abs=0.5)
+    assert len(tables.image_residuals) == len(tables.points) == 0
+    page = report(block.photos, block.cameras, block.control, SimpleNamespace(pairs=()), *tables[:5])
     assert next(figure.value for figure in page.figures if figure.name == "sigma0_px") is None
-    assert any("No own tie points examine" in text for text in page.warnings)
+    assert any("No tie points of the project examine" in text for text in page.warnings)
     assert not any("Weakly tied" in text for text in page.warnings)
-    with pytest.raises(GeometryError, match="Nothing tells how high the ground"):
-        hold_block(block.photos, block.cameras, block.control, texts_of(products, ANGLES), ANGLES, CRS)
+    with pytest.raises(GeometryError, match="Nothing determines the height of the ground"):
+        orient_fixed(block.photos, block.cameras, block.control, texts_of(products, ANGLES), ANGLES, CRS)
     given = ANGLES.model_copy(update={"ground": (90.0, 150.0)})
-    tables = hold_block(block.photos, block.cameras, block.control, texts_of(products, ANGLES), given, CRS)
-    assert (tables["block"].ground_low, tables["block"].ground_high) == (90.0, 150.0)
+    tables = orient_fixed(block.photos, block.cameras, block.control, texts_of(products, ANGLES), given, CRS)
+    assert (tables.block.ground_low, tables.block.ground_high) == (90.0, 150.0)
 
 
 def test_a_model_in_a_system_of_its_own_is_placed_by_positions(volos_like, products):
@@ -110,10 +109,10 @@ def test_a_model_in_a_system_of_its_own_is_placed_by_positions(volos_like, produ
             lines.append(f"{words[0]} {numbers} {words[8]} {words[9]}\n0.5 0.5 -1")
     source = COLMAP.model_copy(update={"placed": "positions", "points_path": None})
     texts = (products["cameras.txt"], "\n".join(lines))
-    tables = hold_block(block.photos, block.cameras, block.control, texts, source, CRS, block.tie_points)
+    tables = orient_fixed(block.photos, block.cameras, block.control, texts, source, CRS, block.tie_points)
     truth = np.array([view.centre for view in block.views])
-    assert np.abs(np.array([photo.centre for photo in tables["block"].photos]) - truth).max() < 0.5
-    assert "placed by 6 positions" in tables["block"].datum
+    assert np.abs(np.array([photo.centre for photo in tables.block.photos]) - truth).max() < 0.5
+    assert "placed by 6 positions" in tables.block.datum
 
 
 def test_colmap_pixels_begin_at_the_corner():
@@ -210,55 +209,56 @@ def test_lenses_that_cannot_be_carried_over_are_refused():
         read_opensfm('[{"cameras": {"v": {"projection_type": "fisheye", "width": 1, "height": 1}}, "shots": {}}]', CRS)
     with pytest.raises(WorkflowError, match=r"not a reconstruction\.json"):
         read_opensfm('{"type": "FeatureCollection"}', CRS)
-    assert "two camera constants" in read_colmap("1 PINHOLE 640 480 500 501 320 240\n", "1 1 0 0 0 0 0 0 1 a\n").remarks[0]
+    (lost,) = read_colmap("1 PINHOLE 640 480 500 501 320 240\n", "1 1 0 0 0 0 0 0 1 a\n").findings
+    assert (lost.camera, lost.x_px, lost.y_px) == ("1", 500.0, 501.0)
 
 
 def test_a_block_of_other_photographs_is_told(volos_like):
     block, _ = volos_like
     with pytest.raises(WorkflowError, match="None of the 6 photographs of the project"):
-        hold_block(block.photos, block.cameras, block.control, ("zz 1 2 3 0 0 0\n",), ANGLES, CRS, block.tie_points)
+        orient_fixed(block.photos, block.cameras, block.control, ("zz 1 2 3 0 0 0\n",), ANGLES, CRS, block.tie_points)
 
 
-def held_table(block, change=lambda i: 0.0, name=lambda name: name):
-    """The tables of a held block whose CSV has X, Y, Z, omega, phi, kappa changed by `change(number)`."""
+def fixed_tables(block, change=lambda i: 0.0, name=lambda name: name):
+    """The tables of a fixed block whose CSV has X, Y, Z, omega, phi, kappa changed by `change(number)`."""
     text = "photo,x,y,z,omega,phi,kappa\n"
     for i, view in enumerate(block.views):
         pose = np.array([*view.centre, *np.degrees(angles(view.rotation))]) + change(i)
         text += ",".join((name(view.name), *(repr(float(v)) for v in pose))) + "\n"
     cameras = block.cameras.model_copy(update={"cameras": {"cam": TRUE_CAMERA}})
-    return hold_block(block.photos, cameras, block.control, (text,), ANGLES, CRS, block.tie_points)
+    return orient_fixed(block.photos, cameras, block.control, (text,), ANGLES, CRS, block.tie_points)
 
 
 def test_photographs_that_only_one_of_the_two_has_are_named():
     block = two_strips(4)
-    tables = held_table(block, name=lambda name: {"s0_0": "Z9"}.get(name, f"photos/{name.upper()}.JPG"))
-    assert len(tables["block"].photos) == 5 and tables["precision"].weaknesses[-1].endswith("that the project has not: Z9.")
-    assert [one.photo for one in tables["block"].unoriented] == ["s0_0"]
-    assert len(tables["precision"].weaknesses) == 1
+    tables = fixed_tables(block, name=lambda name: {"s0_0": "Z9"}.get(name, f"photos/{name.upper()}.JPG"))
+    assert len(tables.block.photos) == 5 and sentences(tables.precision)[-1].endswith("which the project does not have: Z9.")
+    assert [one.photo for one in tables.block.unoriented] == ["s0_0"]
+    assert len(sentences(tables.precision)) == 1
 
 
 def test_a_foreign_block_of_another_system_is_told():
     block = two_strips(4)
-    tables = held_table(block, lambda i: [0.0, 0.0, 43.0, 0.0, 0.0, 0.0])
-    assert any("elsewhere" in text and "+43." in text for text in tables["precision"].weaknesses)
+    tables = fixed_tables(block, lambda i: [0.0, 0.0, 43.0, 0.0, 0.0, 0.0])
+    assert any("elsewhere" in text and "+43." in text for text in sentences(tables.precision))
 
 
 def test_a_foreign_block_that_the_tie_points_contradict_is_told():
     block = two_strips(4)
-    tables = held_table(block, lambda i: [0.0, 0.0, 0.0, 2.0 * (i % 2), 0.0, 0.0])
-    assert any("own tie points miss the orientation" in text for text in tables["precision"].weaknesses)
+    tables = fixed_tables(block, lambda i: [0.0, 0.0, 0.0, 2.0 * (i % 2), 0.0, 0.0])
+    assert any("tie points miss the orientation" in text for text in sentences(tables.precision))
 
 
 def test_a_foreign_block_whose_rays_part_is_told():
-    with pytest.raises(GeometryError, match=r"rays of the .* do not meet before the photographs as a orients them"):
-        held_table(two_strips(4), lambda i: [0.0, 0.0, 0.0, 0.0, 0.0, 180.0])
+    with pytest.raises(GeometryError, match=r"rays of the .* do not meet in front of the photographs as a orients them"):
+        fixed_tables(two_strips(4), lambda i: [0.0, 0.0, 0.0, 0.0, 0.0, 180.0])
 
 
 def test_a_slightly_wrong_foreign_orientation_shows_in_the_residuals():
     block = two_strips(4)
-    tables = held_table(block, lambda i: [0.0, 0.0, 0.0, 0.05 * (i % 2), 0.0, 0.0])
+    tables = fixed_tables(block, lambda i: [0.0, 0.0, 0.0, 0.05 * (i % 2), 0.0, 0.0])
     own = orient(block)["block"].sigma0_px
-    assert tables["block"].sigma0_px > 1.5 * own
+    assert tables.block.sigma0_px > 1.5 * own
 
 
 def test_a_camera_of_the_scan_itself_does_not_fit_its_frame():

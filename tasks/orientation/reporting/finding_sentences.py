@@ -1,0 +1,350 @@
+"""The words of the report for what the orientation found out: one function per finding, each a sentence with its remedy."""
+
+from functools import singledispatch
+
+import numpy as np
+
+from orthomill.schemas.camera import INTERIOR
+from orthomill.schemas.errors import some_of
+from orthomill.schemas.findings.block_findings import (
+    AxesExchanged,
+    BlockElsewhere,
+    BlockFinding,
+    BlockSeparate,
+    BlockUnexamined,
+    CameraConstantsAveraged,
+    CheckMeasurementsApart,
+    ConstantContradicted,
+    ConstantNominal,
+    ControlContradicted,
+    ControlOnALine,
+    DatumMisfit,
+    DistanceContradicted,
+    DistanceUnchecked,
+    DistortionFolds,
+    GroupsUnconnected,
+    ImageErrorsCorrelated,
+    InteriorFixed,
+    InteriorUndetermined,
+    LargestReconstruction,
+    LooksUpward,
+    MeasurementsRejected,
+    Misfit,
+    NoDatum,
+    PhotosUnknown,
+    PositionContradicted,
+    PositionsAlongView,
+    PositionsCrowded,
+    PositionsElsewhere,
+    PrincipalPointMoved,
+    TiePointsMisfit,
+    TiltUnobserved,
+    Vector,
+)
+from orthomill.tasks.orientation.start.up_direction import SENTENCES
+
+MOSTLY_CAMERA = 0.5
+"""From this share of their variance on, correlated image errors are attributed to the camera, below it to single photographs."""
+KILOMETRE = 1000.0
+OPEN_DEG = np.degrees(1.0)
+"""A tilt with a larger standard error is called undetermined: linearised angles mean nothing there."""
+
+
+@singledispatch
+def finding_sentence(finding: BlockFinding) -> str:
+    """The finding as a whole sentence: what was found, and what to do about it."""
+    raise TypeError(f"the report has no words for {type(finding).__name__}")
+
+
+@finding_sentence.register
+def no_datum(finding: NoDatum) -> str:
+    what = (
+        "The block has a scale but no datum: its coordinates are metres in a system of its own."
+        if finding.scaled
+        else "The block has no datum: its coordinates are not metres in the project's system."
+    )
+    return f"{what} Give positions or three control points."
+
+
+@finding_sentence.register
+def positions_crowded(finding: PositionsCrowded) -> str:
+    return (
+        "The positions of the photographs lie closer together than their own standard errors, so they determine neither scale nor "
+        "direction and were not used. Correct them, or state their true precision."
+    )
+
+
+@finding_sentence.register
+def tilt_unobserved(finding: TiltUnobserved) -> str:
+    alone = finding.tilt_sigma_deg
+    fixed = "do not determine" if alone is None or alone > OPEN_DEG else f"determine only to {alone:.1f} degrees"
+    return (
+        "The positions and control are so nearly collinear (projection centres of one strip), for their standard errors, that they "
+        f"{fixed} the tilt about their line; it rests {SENTENCES[finding.basis]}, and is known to about {finding.sigma_deg:.1f} "
+        "degrees if that is right. Fly a second strip, give control away from the line, state the true precision of the positions, "
+        "or say how the photographs look (`looking` and `vertical_sigma` of the stage orientation)."
+    )
+
+
+@finding_sentence.register
+def control_on_a_line(finding: ControlOnALine) -> str:
+    return "The control is one-sided: its points lie nearly on one line. Add control away from that line."
+
+
+@finding_sentence.register
+def datum_misfit(finding: DatumMisfit) -> str:
+    return (
+        f"The known positions and the shape of the block disagree: the median misfit before the adjustment is {finding.ratio:.0f} "
+        "standard errors. Positions, their standard errors or the CRS may be wrong."
+    )
+
+
+@finding_sentence.register
+def looks_upward(finding: LooksUpward) -> str:
+    return (
+        "By the control the photographs look upwards from below. Unless they show a ceiling, X and Y of the control are exchanged: "
+        "compare its file."
+    )
+
+
+@finding_sentence.register
+def axes_exchanged(finding: AxesExchanged) -> str:
+    return (
+        f"With X and Y of the control exchanged it fits the block to {finding.exchanged_m:.2f} m, but as given only to "
+        f"{finding.given_m:.2f} m, and with photographs that look up from below the ground: it was not used. Exchange X and Y in "
+        "the file."
+    )
+
+
+@finding_sentence.register
+def distortion_folds(finding: DistortionFolds) -> str:
+    return (
+        f"The distortion of the camera {finding.camera} cannot be undone farther than {finding.reach_px:.0f} px from its principal "
+        f"point, while a corner of the frame lies {finding.corner_px:.0f} px away (k1 = {finding.k1:.3g}, c = {finding.c:.0f} px): "
+        "tie points farther out take no part, and those near the limit are poor. Look for a camera constant or distortion of "
+        "another camera or image size, or calibrate with points that reach the corners."
+    )
+
+
+@finding_sentence.register
+def interior_undetermined(finding: InteriorUndetermined) -> str:
+    how = "not at all" if finding.share is None else f"only to {100 * finding.share:.0f} %"
+    return (
+        f"Self-calibration: the block determines {', '.join(INTERIOR[:3])} of {finding.camera} {how} (flat ground seen from above, "
+        "points on a line or in one plane, or one position), so they kept their values. Give control at different heights, oblique "
+        "photographs or photographs turned by 90 degrees, or a calibration."
+    )
+
+
+@finding_sentence.register
+def interior_fixed(finding: InteriorFixed) -> str:
+    return (
+        f"The interior orientation of {' and '.join(finding.cameras)} could not be adjusted: the block does not determine it. It "
+        "was kept fixed; calibrate the camera, or add oblique photographs or control at different heights."
+    )
+
+
+@finding_sentence.register
+def constant_contradicted(finding: ConstantContradicted) -> str:
+    end = "but the workflow fixes it" if finding.fixed else "which was used"
+    return (
+        f"The block contradicts the camera constant of {finding.camera}: {finding.given_px:.0f} px were given, "
+        f"{finding.adjusted_px:.0f} px (standard error {_digits(finding.sigma_px)} px) fit, {end}. Look for a wrong focal length, "
+        "zoom or photograph size, or calibrate the camera."
+    )
+
+
+def _digits(sigma: float) -> str:
+    return f"{sigma:.0f}" if sigma >= 1.0 else f"{sigma:.2g}"
+
+
+@finding_sentence.register
+def constant_nominal(finding: ConstantNominal) -> str:
+    return (
+        f"The camera constant of {finding.camera} is nominal (from EXIF, {finding.c:.0f} px, within {100 * finding.share:.0f} %) "
+        "and cannot be distinguished from the flying height without control: it and the principal point kept their values, and "
+        "heights above and below the mean ground are uncertain by the same share. Calibrate the camera, or give three control "
+        "points."
+    )
+
+
+@finding_sentence.register
+def principal_point_moved(finding: PrincipalPointMoved) -> str:
+    return (
+        f"The principal point of {finding.camera} moved {finding.moved_px:.0f} px from its given place, many times its standard "
+        "error: the block can hardly distinguish it from tangential distortion and the direction of the photographs, and "
+        "systematic errors push it. Calibrate the camera, or fix x0 and y0 to compare."
+    )
+
+
+@finding_sentence.register
+def image_errors_correlated(finding: ImageErrorsCorrelated) -> str:
+    whose = (
+        "mostly alike in all photographs, as where the distortion parameters cannot describe the lens"
+        if finding.camera_share >= MOSTLY_CAMERA
+        else "mostly different in each, as by a stabiliser that shifts the sensor, a slow shutter or uneven film"
+    )
+    return (
+        f"Correlated image errors: whole regions of a photograph are displaced together, by {finding.rms_px:.2f} px on average, "
+        f"{whose}. The standard errors include them: that of {finding.parameter} of {finding.owner} is {finding.sigma:.2g}; with "
+        f"independent measurements it would be {finding.white_sigma:.2g}. Calibrate the camera, switch stabilisers off, add "
+        "photographs turned by 90 degrees."
+    )
+
+
+@finding_sentence.register
+def control_contradicted(finding: ControlContradicted) -> str:
+    return (
+        f"The control point {finding.point} contradicts the block {_misses(finding.difference, finding.ratio)}; it took no part. "
+        "Compare its coordinates (name, CRS, height system) and its measurements in the photographs."
+    )
+
+
+@finding_sentence.register
+def position_contradicted(finding: PositionContradicted) -> str:
+    return (
+        f"The position of {finding.photo} contradicts the block {_misses(finding.difference, finding.ratio)}; it took no part. "
+        "Correct it or leave it out."
+    )
+
+
+def _misses(difference: Vector, ratio: float) -> str:
+    there = ", ".join(f"{value:+.2f}" for value in difference)
+    return f"(block minus given: {there} m in X, Y, Z; {ratio:.0f} times the predicted standard error)"
+
+
+@finding_sentence.register
+def positions_elsewhere(finding: PositionsElsewhere) -> str:
+    away = finding.distance_m
+    length = f"{away / KILOMETRE:.1f} km" if away >= KILOMETRE else f"{away:.0f} m"
+    return (
+        f"The positions of {finding.photos} photographs contradict the block: they lie {length} from where everything else puts "
+        "these photographs, and took no part. They are of another place or in another CRS, or the control is; compare one "
+        "photograph with a map."
+    )
+
+
+@finding_sentence.register
+def positions_along_view(finding: PositionsAlongView) -> str:
+    return (
+        f"The positions of {finding.photos} photographs contradict the control by {abs(finding.along_m):.1f} m along the viewing "
+        "direction and hardly across it, as heights in two systems do (above the ellipsoid and above the sea), or a wrong camera "
+        "constant. The positions took no part; compare the systems, and the focal length."
+    )
+
+
+@finding_sentence.register
+def distance_contradicted(finding: DistanceContradicted) -> str:
+    which = f"The distance from {finding.first} to {finding.second} ({finding.length:.3f} m) contradicts"
+    off = f"block minus given: {finding.difference:+.3f} m"
+    if finding.outcome == "downweighted":
+        return (
+            f"{which} the other distances ({off}), and too few of them show which is wrong; the scale of the block lies between "
+            "them. Measure it again, or one more."
+        )
+    end = (
+        "it took no part. Compare it with its two points"
+        if finding.outcome == "excluded"
+        else "too few others show which of them is wrong. Measure it again"
+    )
+    return f"{which} the block ({off}, {finding.ratio:.0f} times the predicted standard error); {end}."
+
+
+@finding_sentence.register
+def distance_unchecked(finding: DistanceUnchecked) -> str:
+    return (
+        "One distance alone gives the scale of the block, and nothing checks it: measure two more, so that a wrong one can be "
+        "identified."
+    )
+
+
+@finding_sentence.register
+def measurements_rejected(finding: MeasurementsRejected) -> str:
+    count = len(finding.rejected)
+    them = "it" if count == 1 else "them"
+    named = any(one.lies_on for one in finding.rejected)
+    advice = f"Give {them} the right name" if named else f"Measure {them} again"
+    return (
+        f"{count} of {finding.measured} measurements of the {finding.role} point {finding.point} in photographs contradict the "
+        f"others and took no part: {_places(finding.rejected)}. {advice}."
+    )
+
+
+@finding_sentence.register
+def check_measurements_apart(finding: CheckMeasurementsApart) -> str:
+    return (
+        f"{len(finding.apart)} of {finding.measured} measurements of the check point {finding.point} in photographs do not meet "
+        f"the others, which lie on its coordinates: {_places(finding.apart)}. Measure again, or give the right name."
+    )
+
+
+def _places(misfits: tuple[Misfit, ...]) -> str:
+    return ", ".join(
+        f"{one.photo} ({one.misfit_px:.0f} px off{f', where {one.lies_on} lies' if one.lies_on else ''})" for one in misfits
+    )
+
+
+@finding_sentence.register
+def groups_unconnected(finding: GroupsUnconnected) -> str:
+    others = "; ".join(", ".join(group) for group in finding.groups[1:])
+    return (
+        f"The photographs form {len(finding.groups)} groups which no reliable tie points connect; each is held by its own "
+        f"positions and control only. Apart from the largest: {others}. Photographs between them would join them."
+    )
+
+
+@finding_sentence.register
+def block_separate(finding: BlockSeparate) -> str:
+    return (
+        f"{', '.join(finding.photos)} form a separate group which neither tie points nor positions or control connect to the "
+        "block; it is kept as a free block of its own and takes no part in later stages. Run its photographs as a project of their "
+        "own, or give positions or control that place it."
+    )
+
+
+@finding_sentence.register
+def camera_constants_averaged(finding: CameraConstantsAveraged) -> str:
+    return (
+        f"The camera {finding.camera} of the block that was read has two camera constants, {finding.x_px:.2f} and "
+        f"{finding.y_px:.2f} px; their mean is taken, which is {finding.error_px:.1f} px wrong at the border of the frame."
+    )
+
+
+@finding_sentence.register
+def largest_reconstruction(finding: LargestReconstruction) -> str:
+    return f"The file holds {finding.count} reconstructions; the largest, of {finding.photos} photographs, is taken."
+
+
+@finding_sentence.register
+def photos_unknown(finding: PhotosUnknown) -> str:
+    return (
+        f"The block that was read has {len(finding.photos)} photographs which the project does not have: {some_of(finding.photos)}."
+    )
+
+
+@finding_sentence.register
+def block_elsewhere(finding: BlockElsewhere) -> str:
+    x, y, z = finding.offset
+    return (
+        f"The block that was read from {finding.source} puts its photographs elsewhere than their positions do (median: {x:+.1f}, "
+        f"{y:+.1f}, {z:+.1f} m in X, Y, Z): its coordinates are in another reference or height system than the project, or the "
+        "positions are of another place."
+    )
+
+
+@finding_sentence.register
+def tie_points_misfit(finding: TiePointsMisfit) -> str:
+    return (
+        f"The project's tie points miss the orientation that was read from {finding.source} by {finding.rms_px:.1f} px, "
+        f"{finding.factor:.0f} times their standard errors: it is not that of these photographs and cameras. Look for another "
+        "order or unit of the angles, other axes, a camera of other pixels, or photographs under wrong names; or let the "
+        "photographs be oriented here (exterior: {kind: adjusted})."
+    )
+
+
+@finding_sentence.register
+def block_unexamined(finding: BlockUnexamined) -> str:
+    return (
+        f"No tie points of the project examine the orientation that was read from {finding.source}: with the stage tie_points in "
+        "the workflow the report would show how well it fits."
+    )
