@@ -19,27 +19,20 @@ import orthomill.pipeline  # noqa: F401  one thread for numerical libraries: CPU
 import cv2  # isort: skip
 import numpy as np  # isort: skip
 
+from benchmarks.calibration.board_setups import FIVE_BOARDS, PUBLISHED, SIX_BOARDS, BoardSetup, places_of, views_of
 from benchmarks.calibration.calibration_large import large_photos, whole_set
 from orthomill.schemas.raster import Window
 from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment
 from orthomill.tasks.adjustment.boards.board_network import PARAMETERS
 from orthomill.tasks.calibration.detection.board_detection import COARSE_SIDE, find_boards, pyramid
-from orthomill.tasks.calibration.reporting.advice import geometry, geometry_warnings
+from orthomill.tasks.calibration.reporting.advice import geometry, geometry_advice
+from orthomill.tasks.calibration.reporting.advice_sentences import advice_sentence
 from orthomill.tasks.calibration.solving.arranging import arrangement_of
 from orthomill.tasks.calibration.solving.calibration_precision import correlations
 from orthomill.tasks.calibration.solving.model_choice import MODELS, held_out
 from orthomill.tasks.calibration.solving.solving import CalibrationTarget, solve
 from orthomill.tasks.simulation.boards.board_rendering import BoardFilm, photograph_floor
-from orthomill.tasks.simulation.boards.board_scene import (
-    FIVE_BOARDS,
-    PUBLISHED,
-    SIX_BOARDS,
-    BoardSetup,
-    BoardType,
-    floor_corners,
-    places_of,
-    views_of,
-)
+from orthomill.tasks.simulation.boards.board_scene import BoardType, floor_corners
 
 ROOT = Path(__file__).parents[2]
 DATA = Path(os.environ.get("ORTHOMILL_DATA", ROOT.parent / "shared" / "data"))
@@ -121,8 +114,9 @@ def one_board_instead() -> Iterator[str]:
         result = arrangement_of(corners.found, corners.target).result
         table = correlations(result)
         pairs = (("x0", "phi"), ("x0", "omega"), ("y0", "omega"), ("y0", "phi"))
-        cells = [f"{part[table.rows.index(a), table.columns.index(b)]:.0%}" for a, b in pairs
-                 for part in (table.typical, table.largest)]  # fmt: skip
+        cells = [
+            f"{part[table.rows.index(a), table.columns.index(b)]:.0%}" for a, b in pairs for part in (table.typical, table.largest)
+        ]
         sigma = np.sqrt(np.diag(result.interior_covariance))
         yield f"| {name} | {' | '.join(cells)} | {sigma[1]:.2f} |"
 
@@ -137,7 +131,7 @@ def poor_geometry() -> Iterator[str]:
         known = arrangement_of(corners.found, corners.target)
         result, c = known.result, FIVE_BOARDS.camera.c
         sigma = float(np.sqrt(result.interior_covariance[0, 0]))
-        said = " ".join(geometry_warnings(result, geometry(result, corners.target)))
+        said = " ".join(map(advice_sentence, geometry_advice(result, geometry(result, corners.target))))
         yield (
             f"| {name} | {known.constant.c:.0f} | {known.iterations} | {result.state.interior[0]:.1f} +- {sigma:.1f} ({c}) | "
             f"{abs(result.state.interior[0] - c) / sigma:.1f} | {said} |"
@@ -148,8 +142,9 @@ def rendered_accuracy() -> Iterator[str]:
     """Corners of rendered photos against their true places: noise sigma 2, blur 0.7 px."""
     for factor in (0.25, 0.4):
         camera = SIX_BOARDS.camera
-        camera = camera.model_copy(update={"width": round(camera.width * factor), "height": round(camera.height * factor),
-                                           "c": camera.c * factor})  # fmt: skip
+        camera = camera.model_copy(
+            update={"width": round(camera.width * factor), "height": round(camera.height * factor), "c": camera.c * factor}
+        )
         setup = replace(SIX_BOARDS, camera=camera, photos=4)
         floor, miss, found = floor_corners(places_of(setup), setup.board), [], 0
         for number, view in enumerate(views_of(setup)):
@@ -170,8 +165,12 @@ def real_sets() -> dict[str, list[str]]:
     """Names and files of the photographs that are there."""
     rig = DATA / "chessboards" / "stereo_rig"
     doc = f"{DOC}/**"
-    sets = {"stereo rig, left": f"{rig}/left*.jpg", "stereo rig, right": f"{rig}/right*.jpg",
-            "OpenCV samples, left": f"{doc}/left??.jpg", "OpenCV samples, right": f"{doc}/right??.jpg"}  # fmt: skip
+    sets = {
+        "stereo rig, left": f"{rig}/left*.jpg",
+        "stereo rig, right": f"{rig}/right*.jpg",
+        "OpenCV samples, left": f"{doc}/left??.jpg",
+        "OpenCV samples, right": f"{doc}/right??.jpg",
+    }
     found = {name: sorted(glob.glob(pattern, recursive=True), key=_number) for name, pattern in sets.items()}
     return {name: files for name, files in found.items() if files}
 
@@ -214,8 +213,11 @@ def real_row(name: str, files: list[str]) -> Iterator[str]:
 
 def _numbers(result: BoardAdjustment) -> str:
     sigma = np.sqrt(np.diag(result.interior_covariance))
-    return ", ".join(f"{name} {result.state.interior[i]:.{d}f} +- {sigma[i]:.{d}f}"
-                     for name, d in (("c", 2), ("k1", 4)) if (i := PARAMETERS.index(name)) >= 0)  # fmt: skip
+    return ", ".join(
+        f"{name} {result.state.interior[i]:.{d}f} +- {sigma[i]:.{d}f}"
+        for name, d in (("c", 2), ("k1", 4))
+        if (i := PARAMETERS.index(name)) >= 0
+    )
 
 
 def _peer_held_out(points: list[np.ndarray], solid: np.ndarray, size: tuple[int, int]) -> float:
@@ -241,40 +243,67 @@ def three_boards() -> Iterator[str]:
 def page() -> str:
     """The whole page as Markdown."""
     lines = [
-        "# Calibration from several chessboards", "",
+        "# Calibration from several chessboards",
+        "",
         f"Measured by `make bench-calibration` on {platform.machine()}, {os.cpu_count()} cores, Python "
         f"{platform.python_version()}, OpenCV "
-        f"{cv2.__version__}; seconds are CPU seconds of one core.", "",
-        f"## Published set-ups, {SEEDS} seeds each (places of boards, photos and noise)", "",
+        f"{cv2.__version__}; seconds are CPU seconds of one core.",
+        "",
+        f"## Published set-ups, {SEEDS} seeds each (places of boards, photos and noise)",
+        "",
         "Noise of a corner coordinate is the published sigma0; five parameters c, x0, y0, k1, k2. Published standard errors of "
         "c: 1.4 px "
-        "(7 photos, 12 boards), 0.5 px (14), 0.6 px (16), 0.5 px (34).", "",
+        "(7 photos, 12 boards), 0.5 px (14), 0.6 px (16), 0.5 px (34).",
+        "",
         "| set-up | photos | boards | within 1 sigma | within 3 | sigma0 / noise | most iterations | all named | sigma of c (px) | "
-        "interior, in-plane | x0, phi | s |", "| --- " * 12 + "|",
-        *(monte_carlo(setup) for setup in PUBLISHED), "",
-        "## Principal point and angles: several boards or one of their extent", "",
+        "interior, in-plane | x0, phi | s |",
+        "| --- " * 12 + "|",
+        *(monte_carlo(setup) for setup in PUBLISHED),
+        "",
+        "## Principal point and angles: several boards or one of their extent",
+        "",
         "11 photographs, lens and noise of `six_boards`; correlations: root mean square over the photographs, and the largest of "
         "them. Published are bars without a rule for their height: x0 with phi 50 to 60 % with several boards, more than 80 % with "
         "one, and at most 30 % for x0 with the other angles. That is the picture of a camera that was not turned over the single "
         "board: turning it shares x0 out between phi and omega, with one board or many. In like photographs several boards lower "
-        "the correlations by a quarter and the standard error of x0 by a third.", "",
+        "the correlations by a quarter and the standard error of x0 by a third.",
+        "",
         "| set-up | x0, phi | largest | x0, omega | largest | y0, omega | largest | y0, phi | largest | sigma of x0 (px) |",
-        "| --- " * 10 + "|", *one_board_instead(), "",
-        "## Poor geometry", "", "| case | initial c | iterations | c (truth) | error / sigma | what the report says |",
+        "| --- " * 10 + "|",
+        *one_board_instead(),
+        "",
+        "## Poor geometry",
+        "",
+        "| case | initial c | iterations | c (truth) | error / sigma | what the report says |",
         "| --- " * 6 + "|",
-        *poor_geometry(), "",
-        "## Corners of rendered photos (noise sigma 2, blur 0.7 px)", "", "| photo | boards found | RMS (px) | largest (px) |",
-        "| --- " * 4 + "|", *rendered_accuracy(), "",
-        "## Real photographs", "",
+        *poor_geometry(),
+        "",
+        "## Corners of rendered photos (noise sigma 2, blur 0.7 px)",
+        "",
+        "| photo | boards found | RMS (px) | largest (px) |",
+        "| --- " * 4 + "|",
+        *rendered_accuracy(),
+        "",
+        "## Real photographs",
+        "",
         "RMS is the root mean square length of the residual vectors, of the corners used and (in brackets) of all. Held out: "
         "each half of the "
-        "photographs measured with the calibration of the other.", "",
-        "| photographs | by | boards | RMS (px) | held out (px) | parameters | s |", "| --- " * 7 + "|",
-        *(row for name, files in real_sets().items() for row in real_row(name, files)), "",
-        "| photo | corners | boards found |", "| --- " * 3 + "|", *three_boards(), "",
-        "## Time", "", large_photos((c := corners_of(FIVE_BOARDS, NOISE["five_boards"], 0)).found, c.target), "",
+        "photographs measured with the calibration of the other.",
+        "",
+        "| photographs | by | boards | RMS (px) | held out (px) | parameters | s |",
+        "| --- " * 7 + "|",
+        *(row for name, files in real_sets().items() for row in real_row(name, files)),
+        "",
+        "| photo | corners | boards found |",
+        "| --- " * 3 + "|",
+        *three_boards(),
+        "",
+        "## Time",
+        "",
+        large_photos((c := corners_of(FIVE_BOARDS, NOISE["five_boards"], 0)).found, c.target),
+        "",
         *((whole_set(), "") if os.environ.get("WHOLE") else ()),
-    ]  # fmt: skip
+    ]
     return "\n".join(lines)
 
 

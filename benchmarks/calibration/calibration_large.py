@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from benchmarks.calibration.board_setups import FIVE_BOARDS, places_of, views_of
 from benchmarks.measured_run import orthomill
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.raster import Window
@@ -17,7 +18,6 @@ from orthomill.tasks.calibration.solving.arranging import arrangement_of
 from orthomill.tasks.calibration.solving.model_choice import MODELS, compare
 from orthomill.tasks.calibration.solving.solving import CalibrationTarget, solve
 from orthomill.tasks.simulation.boards.board_rendering import BoardFilm, photograph_floor
-from orthomill.tasks.simulation.boards.board_scene import FIVE_BOARDS, places_of, views_of
 
 KEPT = Path(__file__).parents[2] / ".cache" / "calibration_34_photos"
 

@@ -1,4 +1,4 @@
-"""What the jobs of a calibration from chessboards hand on to each other."""
+"""The tables that the jobs of a calibration from chessboards exchange."""
 
 from dataclasses import dataclass
 from pathlib import PurePath
@@ -11,11 +11,12 @@ from orthomill.schemas.job import Columns, Table
 
 
 class _Record(BaseModel):
+    # Unknown values are NaN; JSON has no number for them, and null would not come back as a float.
     model_config = ConfigDict(frozen=True, ser_json_inf_nan="constants")
 
 
 class BoardPhotos(_Record):
-    """The photographs of chessboards, all of one size (width, height) as their files are."""
+    """The photographs of chessboards, all of one size (width, height) as stored in their files."""
 
     paths: tuple[str, ...]
     size: tuple[int, int]
@@ -23,6 +24,7 @@ class BoardPhotos(_Record):
     @property
     def names(self) -> tuple[str, ...]:
         """Stems of the files; the whole path where two stems are alike."""
+        # Stems name tables and rasters: two folders of one camera both hold a DSC_0001, and one would overwrite the other.
         stems = [PurePath(path).stem for path in self.paths]
         whole = ["_".join(PurePath(path).with_suffix("").parts).replace("..", "up") for path in self.paths]
         return tuple(name if stems.count(name) == 1 else full for name, full in zip(stems, whole, strict=True))
@@ -33,10 +35,10 @@ class Corners(Columns):
     """Chessboard corners of one photograph, board after board, row by row."""
 
     board: np.ndarray
-    """int32: number of the board in the photograph, or of the board among all once they are named"""
+    """int32: number of the board in the photograph, or among all boards once they are identified"""
     column: np.ndarray
     row: np.ndarray
-    """int32: place of the corner on its board"""
+    """int32: position of the corner on its board"""
     x: np.ndarray
     y: np.ndarray
     """float64: pixel coordinates (col, row)"""
@@ -48,8 +50,12 @@ class Corners(Columns):
 
 
 class PhotoSearch(_Record):
-    """What the search in one photograph found: whole boards, cut ones, cut ones of which it cannot be said what part they are,
-    refused ones, sizes of boards of another kind, blur of edges (px) and share of overexposed pixels."""
+    """Result of the search in one photograph.
+
+    Numbers of boards: whole (`boards`), `cut` ones, cut ones whose corners cannot be numbered (`unnumbered`), rejected finds
+    (`false`), boards with more corners than stated (`larger`). `other`: sizes (columns, rows) of boards of another kind; `blur`:
+    standard deviation of the edges, px; `overexposed`: share of the pixels of the boards.
+    """
 
     photo: str
     boards: int
@@ -63,15 +69,15 @@ class PhotoSearch(_Record):
 
 
 class Prediction(_Record):
-    """Where a board should be in a photograph that shows it cut or did not give it away: pixels (col, row) of all its corners,
-    also those outside the frame; NaN where the lens is not known so far out."""
+    """The predicted image of a board that was missed or found only in part: pixels (col, row) of all its corners, also of those
+    outside the frame; NaN where that would extrapolate the distortion too far."""
 
     board: int
     pixels: tuple[tuple[float, float], ...]
 
 
 class ArrangedPhoto(_Record):
-    """`names`: number of the board for every board found, -1: not used; `certain`: more than one board was named."""
+    """`names`: number of the board for every board found, -1: not used; `certain`: more than one board was identified."""
 
     photo: str
     names: tuple[int, ...]
@@ -80,20 +86,20 @@ class ArrangedPhoto(_Record):
 
 
 class Arranged(_Record):
-    """The boards named in all photographs, with what is still to be looked for."""
+    """The boards identified in all photographs, with the images that the second search looks for."""
 
     boards: int
     photos: tuple[ArrangedPhoto, ...]
 
     @property
     def incomplete(self) -> tuple[str, ...]:
-        """Photographs that are to be looked at again."""
+        """Photographs that are searched a second time."""
         return tuple(photo.photo for photo in self.photos if photo.predictions)
 
 
 @dataclass(frozen=True)
 class CornerResiduals(Columns):
-    """Every measured corner in the adjustment: pixels (col, row), residual (px, rows down), whether it was used."""
+    """Every measured corner in the adjustment: pixels (col, row), residual (px, y downwards as rows), whether it was used."""
 
     photo: np.ndarray
     board: np.ndarray
@@ -107,7 +113,7 @@ class CornerResiduals(Columns):
 
 
 class AdjustedPose(_Record):
-    """Place (m) and rotation (degrees) with standard errors; of a photograph, or of a board in the system of board 0."""
+    """Position (m) and rotation (degrees) with standard errors; of a photograph, or of a board in the system of board 0."""
 
     name: str
     place: tuple[float, float, float]
@@ -117,7 +123,7 @@ class AdjustedPose(_Record):
 
 
 class Calibration(_Record):
-    """The calibration as a record: the camera, all parameters that were estimated with covariance, photographs and boards."""
+    """The calibration as a record: the camera, all interior parameters with their covariance, photographs and boards."""
 
     camera: Camera
     parameters: tuple[str, ...]
@@ -152,17 +158,17 @@ def corners_table(name: str) -> Table[Corners]:
 
 
 def completed_table(name: str) -> Table[Corners]:
-    """Corners of boards that were looked for where they had to be."""
+    """Where the corners of the second search in a photograph are stored."""
     return Table(f"calibration/completed/{name}.parquet", Corners)
 
 
 def search_table(name: str) -> Table[PhotoSearch]:
-    """What the search in a photograph found."""
+    """Where the result of the search in a photograph is stored."""
     return Table(f"calibration/search/{name}.json", PhotoSearch)
 
 
 def text_table(name: str) -> Table[TextPage]:
-    """A camera file in the words of another program."""
+    """A camera file in the format of another program."""
     return Table(f"calibration/text/{name}.json", TextPage)
 
 

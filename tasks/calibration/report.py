@@ -1,28 +1,45 @@
-"""What the report says of cameras, wherever they come from: parameters with standard errors, and the distortion curve."""
+"""What the report shows of cameras from any source: parameters with standard errors, the distortion curve, and warnings."""
 
 from collections import Counter
 
 import numpy as np
 
 from orthomill.schemas.camera import INTERIOR, Camera, Cameras
-from orthomill.schemas.photo import Photos
+from orthomill.schemas.errors import some_of
+from orthomill.schemas.photo import Photo, Photos
 from orthomill.schemas.stage_report import Chart, Figure, Grid, StageReport
+from orthomill.tasks.calibration.cameras.camera_sharing import SharedCameras
 from orthomill.tasks.calibration.cameras.nominal_cameras import nominal_constant
+from orthomill.tasks.calibration.cameras.untagged_photographs import GUESS_SHARE, Substitute, UntaggedPhotos
 from orthomill.tasks.geometry.camera_change import sensor_name
 from orthomill.tasks.geometry.distortion import image_to_pixel
 
 _UNITS = {"c": "px", "x0": "px", "y0": "px"}
 _SOURCES = {
-    "exif": "nominal, from EXIF", "file": "from a file", "given": "typed into the workflow", "chessboards": "from chessboards",
-    "block": "from a block adjustment", "truth": "the simulated truth",
-}  # fmt: skip
+    "exif": "nominal, from EXIF",
+    "file": "from a file",
+    "given": "typed into the workflow",
+    "chessboards": "from chessboards",
+    "block": "from a block adjustment",
+    "truth": "the simulated truth",
+}
 
 
-def cameras_report(cameras: Cameras, photos: Photos, sources: dict[str, Camera]) -> StageReport:
-    """The report for cameras that were not calibrated here."""
+# EXIF rounds both descriptions of one lens: an equivalent of 28 mm is good to 2 %, a pixel size from the sensor's format to a few
+# percent. What differs by more is a wrong tag.
+_CONTRADICTION = 0.15
+"""Relative difference above which two camera constants of one photograph's tags contradict each other."""
+
+
+def cameras_report(cameras: Cameras, shared: SharedCameras) -> StageReport:
+    """The report of the cameras in use. shared: the photographs and the cameras of the sensors that they were made from."""
     shown = tuple(cameras.cameras.values())
     figures = (Figure(name="cameras", value=len(shown), sentence="Interior orientations in use."), *_camera_figures(shown))
-    warnings = [*_scale_warnings(cameras, sources), *_nominal_warnings(shown, photos)]
+    warnings = [
+        *map(untagged_sentence, shared.untagged),
+        *_scale_warnings(cameras, shared.cameras),
+        *_nominal_warnings(shown, shared.photos),
+    ]
     return StageReport(figures=figures, grids=_camera_grids(cameras), charts=(_distortion_chart(shown),), warnings=tuple(warnings))
 
 
@@ -44,10 +61,27 @@ def _camera_figures(cameras: tuple[Camera, ...]) -> tuple[Figure, ...]:
     )
 
 
+def untagged_sentence(untagged: UntaggedPhotos) -> str:
+    """Which photographs have no camera constant in their tags, which one they use instead, and what to do about it."""
+    names = some_of(untagged.photos)
+    if untagged.substitute is Substitute.SAME_SIZE:
+        return (
+            f"EXIF gives no focal length of {names}; taken as photographs of {untagged.camera}, which has their size. If another "
+            "camera took them, give it a camera of its own or leave them out."
+        )
+    guessed = sorted({f"{constant:.0f} px" for constant in untagged.constants})
+    return (
+        f"EXIF gives no focal length of {names}, and no other photograph has their size: a camera constant of "
+        f"{', '.join(guessed)} was guessed, with a standard error of {100 * GUESS_SHARE:.0f} %. Give their camera in a file, or "
+        "leave them out."
+    )
+
+
 def _sigma(camera: Camera, name: str) -> float | None:
     if camera.covariance is None:
         return None
     at = INTERIOR.index(name)
+    # A covariance that went through turns and scalings may have a variance of -1e-20 for a fixed parameter.
     return float(np.sqrt(max(camera.covariance[at][at], 0.0)))
 
 
@@ -78,11 +112,13 @@ def _camera_grid(camera: Camera, photographs: int) -> Grid:
 
 
 def _with_sigma(value: float, sigma: float | None) -> tuple[str, str]:
-    """A parameter with the digits that its standard error leaves, and the standard error; one that was held says so."""
+    """A parameter with the digits that its standard error supports, and the standard error; or that it is fixed or unknown."""
     if sigma is None:
         return f"{value:.7g}", "not known"
     if sigma == 0:
-        return f"{value:.7g}", "held"
+        return f"{value:.7g}", "fixed"
+    # Two significant digits of the standard error. Coefficients in px^-2 would need a dozen decimals: these get an exponent
+    # instead.
     decimals = max(0, 1 - int(np.floor(np.log10(sigma))))
     return (f"{value:.{decimals}f}", f"{sigma:.{decimals}f}") if decimals < 9 else (f"{value:.6g}", f"{sigma:.2g}")
 
@@ -97,12 +133,18 @@ def _distortion_chart(cameras: tuple[Camera, ...]) -> Chart:
     radius = np.linspace(0.0, reach, 60)
     curves = {camera.name: tuple(_radial(camera, radius).round(4).tolist()) for camera in cameras}
     return Chart(
-        title="Radial distortion", style="lines", x_label="distance from the principal point (px)", y_label="displacement (px)",
-        x=tuple(radius.round(2).tolist()), series=curves, caption="Observed minus ideal; negative is towards the centre (barrel).",
-    )  # fmt: skip
+        title="Radial distortion",
+        style="lines",
+        x_label="distance from the principal point (px)",
+        y_label="displacement (px)",
+        x=tuple(radius.round(2).tolist()),
+        series=curves,
+        caption="Observed minus ideal; negative is towards the centre (barrel).",
+    )
 
 
 def _radial(camera: Camera, radius: np.ndarray) -> np.ndarray:
+    """Radial distortion (n,) px at ideal radii (n,) px from the principal point, without its tangential part."""
     centred = camera.model_copy(update={"x0": 0.0, "y0": 0.0, "p1": 0.0, "p2": 0.0})
     pixels = image_to_pixel(centred, np.column_stack([radius, np.zeros_like(radius)]))
     return pixels[:, 0] - (camera.width - 1) / 2 - radius
@@ -114,8 +156,7 @@ def _scale_warnings(cameras: Cameras, sources: dict[str, Camera]) -> list[str]:
         source = sources[sensor_name(name)]
         if {camera.width, camera.height} != {source.width, source.height}:
             warnings.append(
-                f"The camera {source.name} is known for {source.width} x {source.height} pixels and was scaled to the "
-                f"{camera.width} x "
+                f"The camera {source.name} has {source.width} x {source.height} pixels and was scaled to the {camera.width} x "
                 f"{camera.height} of its photographs; this is right only if they were reduced, not cropped."
             )
     return warnings
@@ -127,12 +168,24 @@ def _nominal_warnings(cameras: tuple[Camera, ...], photos: Photos) -> list[str]:
         warnings.append(
             "The interior orientation is nominal, from EXIF tags, without lens distortion; the block adjustment has to refine it."
         )
-    for photo in {photo.camera: photo for photo in photos.photos}.values():
-        nominal, second = nominal_constant(photo), nominal_constant(photo.model_copy(update={"pixel_um": None}))
-        if nominal and second and photo.pixel_um and abs(nominal[0] / second[0] - 1.0) > 0.15:
-            warnings.append(
-                f"The EXIF tags of {photo.camera} contradict each other: the camera constant is {nominal[0]:.0f} px by "
-                "focal length and pixel "
-                f"size, but {second[0]:.0f} px by the 35 mm equivalent."
-            )
-    return warnings
+    of_camera = {photo.camera: photo for photo in photos.photos}
+    return warnings + [_contradiction(photo) for photo in of_camera.values() if _contradicts(photo)]
+
+
+def _two_constants(photo: Photo) -> tuple[float, float] | None:
+    """The camera constant (px) by focal length and pixel size, and by the 35 mm equivalent, where the tags give both."""
+    by_pixel, by_35mm = nominal_constant(photo), nominal_constant(photo.model_copy(update={"pixel_um": None}))
+    return (by_pixel[0], by_35mm[0]) if by_pixel and by_35mm and photo.pixel_um else None
+
+
+def _contradicts(photo: Photo) -> bool:
+    both = _two_constants(photo)
+    return both is not None and abs(both[0] / both[1] - 1.0) > _CONTRADICTION
+
+
+def _contradiction(photo: Photo) -> str:
+    by_pixel, by_35mm = _two_constants(photo) or (np.nan, np.nan)
+    return (
+        f"The EXIF tags of {photo.camera} contradict each other: the camera constant is {by_pixel:.0f} px by focal length and "
+        f"pixel size, but {by_35mm:.0f} px by the 35 mm equivalent."
+    )

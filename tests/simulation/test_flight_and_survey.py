@@ -10,7 +10,16 @@ from small_block import FLIGHT, scene, site, whole
 from orthomill.schemas.raster import Window, tiles_of
 from orthomill.schemas.truth import Material
 from orthomill.tasks.geometry.view import view_of
-from orthomill.tasks.simulation.boards.project_boards import CORNERS, SQUARE, BoardPhoto, board_corners, board_view, render_boards
+from orthomill.tasks.simulation.boards.board_scene import floor_corners
+from orthomill.tasks.simulation.boards.project_boards import (
+    BOARD,
+    CORNERS,
+    SQUARE,
+    BoardPhoto,
+    board_places,
+    board_view,
+    render_boards,
+)
 from orthomill.tasks.simulation.flight import FlightSettings, camera_of, orientations, true_block, views
 from orthomill.tasks.simulation.jobs import see, sight_window
 from orthomill.tasks.simulation.scene.hash_noise import normal_of, value_noise
@@ -125,7 +134,7 @@ def test_corners_are_where_the_board_has_them():
     for number in range(6):
         photo = BoardPhoto(number, 5, 2009, 2.0)
         image = render_boards(camera, photo, Window(0, 0, camera.height, camera.width))
-        pixels = board_view(camera, photo).project(board_corners(5).reshape(-1, 3)).reshape(5, -1, 2)
+        pixels = board_view(camera, photo).project(floor_corners(board_places(5), BOARD).reshape(-1, 3)).reshape(5, -1, 2)
         for board in pixels:
             if ((board < 12) | (board > camera.width - 13)).any() or np.linalg.norm(board[1] - board[0]) < 12:
                 continue

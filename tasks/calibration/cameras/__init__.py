@@ -1,1 +1,1 @@
-"""Cameras that need no chessboards: from EXIF, from a file, typed in; and who took which photograph."""
+"""Cameras that need no chessboards: from EXIF, from a file, typed in; and which camera took which photograph."""

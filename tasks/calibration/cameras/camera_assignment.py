@@ -1,4 +1,4 @@
-"""Which photograph was taken with which camera, and whether it fits."""
+"""Which photograph was taken with which camera, and whether the camera fits it."""
 
 from collections.abc import Mapping
 
@@ -7,7 +7,10 @@ from orthomill.schemas.errors import PhotoError
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.tasks.geometry.camera_change import scaled, sensor_size, turned, upright_name
 
+# Reduced copies are rounded to integer pixels: the aspect ratio of even a small one changes by less than half a percent, while the
+# common formats (3:2, 4:3, 16:9) are 12 % and more apart.
 _SAME_SHAPE = 0.005
+"""Largest relative difference between the aspect ratios of a camera and its photographs."""
 
 
 def cameras_for(photos: Photos, sources: Mapping[str, Camera]) -> Cameras:
@@ -20,14 +23,16 @@ def cameras_for(photos: Photos, sources: Mapping[str, Camera]) -> Cameras:
         camera = sources[misfits[0].camera]
         names = ", ".join(f"{photo.name} ({photo.width} x {photo.height})" for photo in misfits[:8])
         raise PhotoError(
-            f"The camera {camera.name} has {camera.width} x {camera.height} pixels, another shape than {len(misfits)} "
-            f"photographs: {names}; "
-            "take them out of the workflow, give the camera that took them, or say which photographs this one serves (serves)."
+            f"The camera {camera.name} has {camera.width} x {camera.height} pixels, another aspect ratio than {len(misfits)} "
+            f"photographs: {names}; take them out of the workflow, give the camera that took them, or say which photographs this "
+            "one serves (serves)."
         )
+    # The collinearity equations of all later stages have eight interior parameters; leaving these two out silently would bend the
+    # block.
     sheared = sorted({camera.name for camera in sources.values() if camera.affinity or camera.skew})
     if sheared:
         raise PhotoError(
-            f"The camera {sheared[0]} has an affinity or a skew, which the stages after the calibration do not know; calibrate "
+            f"The camera {sheared[0]} has an affinity or a skew, which the stages after the calibration do not support; calibrate "
             "without these two parameters for a project with photographs."
         )
     first = {upright_name(photo): photo for photo in reversed(photos.photos)}
@@ -36,12 +41,12 @@ def cameras_for(photos: Photos, sources: Mapping[str, Camera]) -> Cameras:
 
 
 def fits(camera: Camera, photo: Photo) -> bool:
-    """Whether the photograph has the camera's shape, in any size."""
+    """Whether the photograph has the camera's aspect ratio, in any size."""
     width, height = sensor_size(photo)
     return abs(width / camera.width * camera.height / height - 1.0) < _SAME_SHAPE
 
 
 def fitted(camera: Camera, photo: Photo) -> Camera:
-    """The camera of the sensor as this photograph shows it, under the name that the upright photograph gives it."""
+    """The camera of the sensor scaled and turned to this photograph, under the name of the upright photograph's camera."""
     own = turned(scaled(camera, sensor_size(photo)), photo.sensor_orientation)
     return own.model_copy(update={"name": upright_name(photo), "pixel_um": own.pixel_um or photo.pixel_um})

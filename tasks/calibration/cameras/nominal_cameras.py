@@ -1,6 +1,6 @@
-"""Cameras without a calibration of their own: nominal ones from EXIF, typed ones, and ones from a file.
+"""Cameras that are not calibrated here: nominal ones from EXIF, typed ones, and ones from a file.
 
-A nominal camera is a start value with honest, wide standard errors; the block adjustment refines it.
+A nominal camera is an initial value with wide standard errors; the block adjustment refines it.
 """
 
 import json
@@ -14,12 +14,16 @@ from orthomill.schemas.photo import Photo, Photos
 from orthomill.schemas.project import CameraGiven
 from orthomill.tasks.geometry.camera_change import QUARTER_TURNS, sensor_name, sensor_size, turned
 
+# EXIF holds the marked focal length, not the one at the focused distance; a 35 mm equivalent is rounded to whole millimetres, and
+# makers disagree whether it refers to the width or to the diagonal of the frame.
 _SHARE_FROM_PIXEL, _SHARE_FROM_35MM = 0.02, 0.05
 """Relative standard error of a camera constant from a focal length and a pixel size, and from a 35 mm equivalent."""
+# As large as the distortion of consumer lenses: a block must be able to move the coefficients from zero to there.
 _LENS_SIGMA = {"k1": 0.1, "k2": 0.1, "p1": 0.002, "p2": 0.002}
 _PRINCIPAL_POINT_SHARE = 0.01
 """Standard error of the principal point as a share of the width."""
 _WIDTH_35MM = 36.0
+"""mm: width of a 35 mm film frame"""
 
 
 def nominal_constant(photo: Photo) -> tuple[float, float] | None:
@@ -34,7 +38,7 @@ def nominal_constant(photo: Photo) -> tuple[float, float] | None:
 
 
 def nominal_camera(photo: Photo) -> Camera:
-    """The camera that the EXIF tags of a photograph tell."""
+    """The camera according to the EXIF tags of a photograph."""
     width, height = sensor_size(photo)
     c, sigma_c = nominal_constant(photo) or (0.0, 0.0)
     sigma = {"c": sigma_c, "x0": _PRINCIPAL_POINT_SHARE * width, "y0": _PRINCIPAL_POINT_SHARE * width, **_LENS_SIGMA}
@@ -43,7 +47,8 @@ def nominal_camera(photo: Photo) -> Camera:
 
 
 def camera_given(given: CameraGiven, photos: Photos) -> dict[str, Camera]:
-    """The camera typed into the workflow; it counts the pixels of the first photograph and serves all."""
+    """The camera typed into the workflow, by name of `Photo.camera`: its pixels are those of the first photograph, and it serves
+    all."""
     width, height = sensor_size(photos.photos[0])
     numbers = {name: getattr(given, name) for name in INTERIOR}
     covariance = _diagonal({"c": given.sigma_c}) if given.sigma_c else None
@@ -54,7 +59,7 @@ def camera_given(given: CameraGiven, photos: Photos) -> dict[str, Camera]:
 
 
 def cameras_from_file(text: str, path: str, photos: Photos) -> dict[str, Camera]:
-    """The camera or cameras of a file: one `Camera`, the `Cameras` of an earlier run, or those that its block adjusted
+    """The camera or cameras of a file: one `Camera`, the `Cameras` of an earlier run, or those of its adjusted block
     (products/cameras.json).
 
     Of several cameras each photograph gets the one of its own name. Raises WorkflowError with what is wrong in the file.
@@ -81,17 +86,17 @@ def _parsed(text: str, path: str) -> dict[str, Camera]:
         camera = Camera.model_validate(content).model_copy(update={"source": "file"})
         return {camera.name: camera}
     except json.JSONDecodeError as error:
-        raise WorkflowError(f"{path} is not a camera file: it is no JSON (line {error.lineno}: {error.msg}).") from error
+        raise WorkflowError(f"{path} is not a camera file: it is not JSON (line {error.lineno}: {error.msg}).") from error
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"]) or "the whole"
         raise WorkflowError(
-            f"{path} is not a camera file: {place}: {first['msg']}; it must hold name, width, height and c at least."
+            f"{path} is not a camera file: {place}: {first['msg']}; it must have at least name, width, height and c."
         ) from error
 
 
 def _file_cameras(cameras: Cameras) -> dict[str, Camera]:
-    """By the names of their sensors: a block tells the cameras of photographs that EXIF turned as these lie upright."""
+    """By the names of their sensors: a block records the cameras of photographs that EXIF turned as these lie upright."""
     found: dict[str, Camera] = {}
     for name, camera in sorted(cameras.cameras.items()):
         sensor = sensor_name(name)

@@ -1,11 +1,13 @@
-"""Photographs whose EXIF tags tell no camera constant, among others that do: edited or sent through a messenger, they lost them.
+"""Photographs without a camera constant in their EXIF tags, next to others that have one: edited, or sent through a messenger.
 
-Such a photograph takes the camera of the others of its size: the one that took most of them. Where there is none of its size, a
-constant is guessed, with a standard error that says so: matching does not need it, and the block shows whether it fits. Either
-way the photograph is named; a block does not fail because of it.
+Such a photograph takes the camera of the others of its size: the one that took most of them. Where no other photograph has its
+size, a constant is guessed, with a standard error that covers most lenses: matching does not depend on it, and the block adjustment
+shows whether it fits. Either way the photographs are listed; a block does not fail because of them.
 """
 
 from collections import Counter
+from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
@@ -15,31 +17,58 @@ from orthomill.schemas.photo import Photo, Photos
 from orthomill.tasks.calibration.cameras.nominal_cameras import nominal_camera, nominal_constant
 from orthomill.tasks.geometry.camera_change import sensor_size
 
-_GUESS, _GUESS_SHARE = 1.0, 0.25
-"""A camera constant in units of the longer side (a 36 mm lens on 35 mm film), and its relative standard error: phones, drones and
-normal lenses lie within."""
+# A 36 mm lens on 35 mm film: between the wide lenses of phones and drones and the normal lens of a camera, so that one standard
+# error of a quarter reaches both.
+_GUESS = 1.0
+"""The guessed camera constant in units of the longer side."""
+GUESS_SHARE = 0.25
+"""Relative standard error of a guessed camera constant."""
 
 
-def cameras_from_exif(photos: Photos) -> tuple[Photos, dict[str, Camera], tuple[str, ...]]:
-    """The photographs, blind ones with the camera lent to them; one nominal camera per `Photo.camera`; a sentence for every group
-    of blind photographs. Raises PhotoError when no photograph tells a camera constant."""
-    blind = [photo for photo in photos.photos if nominal_constant(photo) is None]
-    if len(blind) == len(photos.photos):
-        raise PhotoError(_nobody_knows(photos))
-    telling = [photo for photo in photos.photos if nominal_constant(photo) is not None]
-    cameras = {photo.camera: nominal_camera(photo) for photo in reversed(telling)}
-    lent = {photo.name: _lender(photo, telling) for photo in blind}
-    cameras |= {photo.camera: _guessed(photo) for photo in blind if lent[photo.name] is None}
-    taken = tuple(photo.model_copy(update={"camera": lent.get(photo.name) or photo.camera}) for photo in photos.photos)
-    return photos.model_copy(update={"photos": taken}), cameras, _sentences(blind, lent, cameras)
+class Substitute(StrEnum):
+    """Where the camera of photographs without EXIF comes from."""
+
+    SAME_SIZE = "same size"
+    GUESSED = "guessed"
 
 
-def _lender(photo: Photo, telling: list[Photo]) -> str | None:
-    """The camera of most photographs of the same size that lie alike in their files."""
+@dataclass(frozen=True)
+class UntaggedPhotos:
+    """`photos`: names of photographs whose tags give no camera constant; `camera`: the one they take by their size, None when it is
+    guessed; `constants`: the guessed camera constants, px."""
+
+    substitute: Substitute
+    photos: tuple[str, ...]
+    camera: str | None = None
+    constants: tuple[float, ...] = ()
+
+
+def cameras_from_exif(photos: Photos) -> tuple[Photos, dict[str, Camera], tuple[UntaggedPhotos, ...]]:
+    """The photographs, each with its camera; one nominal camera per `Photo.camera`; and the groups of photographs without tags.
+
+    Raises PhotoError when no photograph gives a camera constant.
+    """
+    untagged = [photo for photo in photos.photos if nominal_constant(photo) is None]
+    if len(untagged) == len(photos.photos):
+        raise PhotoError(_no_constant(photos))
+    tagged = [photo for photo in photos.photos if nominal_constant(photo) is not None]
+    # Reversed, so that the first photograph of a camera decides, as it does wherever photographs share a name.
+    cameras = {photo.camera: nominal_camera(photo) for photo in reversed(tagged)}
+    substitutes = {photo.name: _same_size(photo, tagged) for photo in untagged}
+    cameras |= {photo.camera: _guessed(photo) for photo in untagged if substitutes[photo.name] is None}
+    assigned = tuple(photo.model_copy(update={"camera": substitutes.get(photo.name) or photo.camera}) for photo in photos.photos)
+    return photos.model_copy(update={"photos": assigned}), cameras, _groups(untagged, substitutes, cameras)
+
+
+def _same_size(photo: Photo, tagged: list[Photo]) -> str | None:
+    """The camera of most photographs of the same size and EXIF orientation."""
+    # Editors that drop the tags often turn the pixels as well. Only photographs stored in the same orientation are sure to have the
+    # same pixel axes, and with them the same signs of principal point and tangential distortion.
     same = [
-        other.camera for other in telling
+        other.camera
+        for other in tagged
         if sensor_size(other) == sensor_size(photo) and other.exif_orientation == photo.exif_orientation
-    ]  # fmt: skip
+    ]
     return Counter(same).most_common(1)[0][0] if same else None
 
 
@@ -48,33 +77,28 @@ def _guessed(photo: Photo) -> Camera:
     c = _GUESS * max(width, height)
     camera = nominal_camera(photo.model_copy(update={"focal_mm": None, "focal_35mm": 36.0 * _GUESS}))
     covariance = np.array(camera.covariance)
-    covariance[INTERIOR.index("c"), INTERIOR.index("c")] = (_GUESS_SHARE * c) ** 2
+    covariance[INTERIOR.index("c"), INTERIOR.index("c")] = (GUESS_SHARE * c) ** 2
     return camera.model_copy(update={"covariance": tuple(map(tuple, covariance.tolist()))})
 
 
-def _sentences(blind: list[Photo], lent: dict[str, str | None], cameras: dict[str, Camera]) -> tuple[str, ...]:
+def _groups(untagged: list[Photo], substitutes: dict[str, str | None], cameras: dict[str, Camera]) -> tuple[UntaggedPhotos, ...]:
+    """One group per substitute camera, in the order of the photographs; all guessed ones in one group."""
     found = []
-    for lender in dict.fromkeys(lent.values()):
-        names = some_of([photo.name for photo in blind if lent[photo.name] == lender])
-        if lender:
-            found.append(
-                f"EXIF tells no focal length of {names}; taken as photographs of {lender}, which has their size. If another camera "
-                "took them, give it a camera of its own or leave them out."
-            )
+    for camera in dict.fromkeys(substitutes.values()):
+        own = [photo for photo in untagged if substitutes[photo.name] == camera]
+        names = tuple(photo.name for photo in own)
+        if camera:
+            found.append(UntaggedPhotos(Substitute.SAME_SIZE, names, camera=camera))
         else:
-            guessed = sorted({f"{cameras[photo.camera].c:.0f} px" for photo in blind if lent[photo.name] is None})
-            found.append(
-                f"EXIF tells no focal length of {names}, and no other photograph has their size: a camera constant of "
-                f"{', '.join(guessed)} was guessed, good to {100 * _GUESS_SHARE:.0f} %. Give their camera in a file, or leave them "
-                "out."
-            )
+            constants = tuple(cameras[photo.camera].c for photo in own)
+            found.append(UntaggedPhotos(Substitute.GUESSED, names, constants=constants))
     return tuple(found)
 
 
-def _nobody_knows(photos: Photos) -> str:
+def _no_constant(photos: Photos) -> str:
     return (
         f"No camera constant can be found for {len(photos.photos)} of {len(photos.photos)} photographs "
-        f"({some_of(photos.names)}): their EXIF tags do not tell a focal length together with the size of a pixel or its "
-        "35 mm equivalent; add the camera to the workflow, for example cameras: {kind: given, c: <camera constant in pixels>}, or "
+        f"({some_of(photos.names)}): their EXIF tags give no focal length together with the size of a pixel, and no 35 mm "
+        "equivalent; add the camera to the workflow, for example cameras: {kind: given, c: <camera constant in pixels>}, or "
         "a camera file, or photographs of a chessboard."
     )

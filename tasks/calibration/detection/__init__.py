@@ -1,1 +1,1 @@
-"""Chessboards in one photograph: corners, lattices and the homographies of their planes."""
+"""Detection of chessboards in one photograph: corners, lattices and the homographies of their planes."""

@@ -1,19 +1,21 @@
-"""What a chessboard corner looks like: a saddle of grey values between four squares; sub-pixel places and checks of corners.
+"""The chessboard corner as a saddle of grey values between four squares: sub-pixel measurement and tests of corners.
 
 A corner is refined as the saddle point of its neighbourhood (Foerstner's gradient condition, OpenCV's cornerSubPix), in a window
-that follows the spacing of the corners. Whether a place is a corner at all, and of which colours, is asked of the middles of the
-four squares around it: opposite ones are alike, neighbouring ones are not.
+that follows the spacing of the corners. Whether a point is a corner at all, and of which colours, follows from the grey values in
+the four squares around it: opposite ones are alike, adjacent ones are not.
 """
 
 import cv2
 import numpy as np
 
+# The engine runs one job per core; threads of OpenCV would compete with the other jobs.
 cv2.setNumThreads(1)
 
 _STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 60, 1e-4)
 _LARGEST_HALF_WINDOW = 11
+"""px: larger windows add little precision, but let edges that distortion bends bias the corner."""
 _SQUARE = 0.35
-"""Where a square is sampled, in its sides from the corner."""
+"""Where a square is sampled, in its sides from the corner: away from blurred edges, and inside under perspective."""
 
 
 def spacings(grid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -31,9 +33,10 @@ def _steps(grid: np.ndarray) -> np.ndarray:
 def refined(image: np.ndarray, grid: np.ndarray) -> np.ndarray:
     """Corners (rows, cols, 2) (col, row) as saddle points of a grey image (rows, cols) uint8.
 
-    A corner that runs away from its start by more than its window stays there; NaN stays NaN.
+    A corner that moves out of the window around its start keeps the start; NaN stays NaN.
     """
     across, down = spacings(grid)
+    # One window for the whole grid, by its smallest spacing: a window that reaches the next corner would be drawn towards it.
     spacing = min(np.nanmin(np.linalg.norm(across, axis=2)), np.nanmin(np.linalg.norm(down, axis=2)))
     half = int(np.clip(0.4 * spacing, 2, _LARGEST_HALF_WINDOW))
     start = grid.reshape(-1, 1, 2)
@@ -42,20 +45,22 @@ def refined(image: np.ndarray, grid: np.ndarray) -> np.ndarray:
     if inside.any():
         found = cv2.cornerSubPix(image, start[inside].astype(np.float32), (half, half), (-1, -1), _STOP)
         points[inside] = found.reshape(-1, 2).astype(np.float64)
-    ran_away = np.abs(points - start[:, 0]).max(axis=1) > half
-    return np.where(ran_away[:, None], start[:, 0], points).reshape(grid.shape)
+    diverged = np.abs(points - start[:, 0]).max(axis=1) > half
+    return np.where(diverged[:, None], start[:, 0], points).reshape(grid.shape)
 
 
 def contrast(image: np.ndarray, points: np.ndarray, across: np.ndarray, down: np.ndarray) -> np.ndarray:
-    """Signed contrast (...,) of corners: half of (square before + square behind - the two beside), in grey values; less the
-    differences of opposite squares. Negative where the squares before and behind are black; NaN where a square leaves the image.
+    """Signed contrast (...,) of corners in grey values: half the difference between the two diagonal pairs of squares, reduced by
+    the differences within the pairs. Negative where the squares at -across - down and across + down are black; NaN where a square
+    leaves the image.
 
-    points, across, down: (..., 2); the square "before" lies at -across - down.
+    points, across, down: (..., 2) px, the corners and the steps to the next column and row.
     """
-    grey = np.stack([
-        sampled(image, points + _SQUARE * (side * across + rest * down)) for side, rest in ((-1, -1), (1, 1), (1, -1), (-1, 1))
-    ])  # fmt: skip
+    grey = np.stack(
+        [sampled(image, points + _SQUARE * (side * across + rest * down)) for side, rest in ((-1, -1), (1, 1), (1, -1), (-1, 1))]
+    )
     pattern = (grey[0] + grey[1] - grey[2] - grey[3]) / 2.0
+    # An edge or a line differs across the point as much as a corner does, but then one pair is unlike in itself.
     unlike = (np.abs(grey[0] - grey[1]) + np.abs(grey[2] - grey[3])) / 2.0
     return np.sign(pattern) * np.maximum(np.abs(pattern) - unlike, 0.0)
 
@@ -75,13 +80,13 @@ def sampled(image: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 def signs(rows: int, cols: int) -> np.ndarray:
-    """(rows, cols) -1 and +1: the sign that `contrast` has on a board whose first square is black."""
+    """(rows, cols) -1 and +1: the signs of `contrast` on a board whose first square is black."""
     return np.where(np.add.outer(np.arange(rows), np.arange(cols)) % 2 == 0, -1.0, 1.0)
 
 
 def edge_blur(image: np.ndarray, grid: np.ndarray) -> float:
-    """Standard deviation (px) of the blur across the edges between neighbouring corners (rows, cols, 2); NaN if it cannot be
-    told."""
+    """Standard deviation (px) of the blur across the edges between neighbouring corners (rows, cols, 2); NaN where no edge lies in
+    the image."""
     middle = (grid[:, 1:] + grid[:, :-1]) / 2.0
     along = grid[:, 1:] - grid[:, :-1]
     length = np.maximum(np.linalg.norm(along, axis=2), 1e-9)
@@ -90,7 +95,9 @@ def edge_blur(image: np.ndarray, grid: np.ndarray) -> float:
     profile = np.stack([sampled(image, middle + step * length[..., None] * normal) for step in reach], axis=-1)
     rise = np.abs(profile[..., -4:].mean(axis=-1) - profile[..., :4].mean(axis=-1))
     slope = np.abs(np.diff(profile, axis=-1)).max(axis=-1) / (0.02 * length)
+    # A step of height h blurred by a Gaussian has the largest slope h / (sqrt(2 pi) sigma).
     with np.errstate(divide="ignore", invalid="ignore"):
         sigma = rise / (np.sqrt(2.0 * np.pi) * slope)
     sigma = sigma[np.isfinite(sigma)]
+    # The median: edges next to a rejected corner or in shadow have no meaningful slope.
     return float(np.median(sigma)) if len(sigma) else float("nan")

@@ -1,1 +1,1 @@
-"""Which board of one photograph is which board of another."""
+"""Identification: which board of one photograph is which board of another."""

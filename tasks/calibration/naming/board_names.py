@@ -1,16 +1,17 @@
-"""Which board of one photo is which board of another: boards look alike, only their places tell them apart.
+"""Identification of the boards: which board of one photo is which of another. Boards are alike; only their places differ.
 
-Strategy. The photo with the most boards gives a first map of them. A board has an origin and axes of its own, so that one board of
-a photo taken for one board of the map already fixes the view, turn and all; the nearest board that it predicts well is added, the
-view is fitted again, and so on outwards. Distortion and the error of the extrapolation are thus taken up as they grow. Every pair
-of a photo's board and a map's board is tried; the trial that names most boards wins, and among equals the one that fits best. That
-is one-to-one by construction, needs no principal axes (which exchange places when they are nearly equally long), cannot be turned
-by 180 degrees, cannot be mirrored, and does not mind missing boards. Boards that the map lacks are added by photos that name at
-least two others; then all photos are named again with the whole map.
+Strategy. The photo with the most boards gives a first map. A board has an origin and axes of its own, so that assigning one board
+of a photo to one board of the map already fixes the projection, including its rotation; the nearest board that it predicts well is
+added, the projection is fitted again, and so on outwards. Distortion and the error of extrapolation are thus absorbed step by step.
+Every pair of a photo's board and a map's board is tried; the trial that names most boards wins, and among equals the one that fits
+best. The assignment is one-to-one by construction, needs no principal axes (which are exchanged when they are nearly equally long),
+cannot be rotated by 180 degrees or mirrored, and tolerates missing boards. Boards that the map lacks are added from photos that
+name at least two others; then all photos are named again with the complete map.
 
-How a view follows from boards, on a plane or anywhere in space, is the business of `looks.py`.
+`board_views.py` derives projections and places from boards, on a plane or anywhere in space.
 
-A photo with a single board cannot say which one it is, and need not: equal boards serve alike, its pose is its own anyway.
+A photo with a single board cannot say which one it is, and need not: all boards are equal, and the photo's exterior orientation
+is its own in any case.
 
 Source: Kawka 2021, S2 and S4, where boards are matched by principal axes (methods/calibration.md).
 """
@@ -20,114 +21,119 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orthomill.schemas.errors import GeometryError
-from orthomill.tasks.calibration.naming.board_views import Look, PlaneLook, on_map, seen
+from orthomill.tasks.calibration.naming.board_views import BoardViews, PlaneViews, imaged, on_map
 from orthomill.tasks.geometry.rotation import nearest_rotation
 
 NO_BOARDS = "No photograph shows a chessboard that could be used; check the number of inner corners."
+# Generous, as the first prediction extrapolates a homography from one board through unknown distortion; boards do not overlap, so
+# that a wrong one is hardly ever so near.
 _NEAR = 0.4
-"""Largest mean distance of a board's corners from where they are predicted, in sizes of the board in the photo."""
+"""Largest mean distance of a board's corners from their prediction, in sizes of the board in the photo."""
 LOOSE, STRICT = 0.12, 0.02
-"""The same after all boards of the photo were fitted together: with distortion that is not known yet, and without any."""
+"""The same after all boards of the photo were fitted together: with unknown distortion, and without any."""
 _AMBIGUOUS = 2.0
-"""Another naming of as many boards that fits up to so many times worse makes a photo ambiguous."""
+"""A photo is ambiguous when another naming of as many boards fits at most so many times worse."""
 
 
 @dataclass(frozen=True, eq=False)
 class NamedPhoto:
-    """`names` (B,): the number of the board in the map for every board found, -1 for none. `view` (3, 4) from the map to the
-    photo (looks.py), None when nothing could be named. `certain`: False when a single board was named, for it could be any."""
+    """`names` (B,): the number in the map of every board found, -1 for none. `projection` (3, 4) from the map to the photo
+    (board_views.py), None when nothing could be named. `certain`: False when a single board was named, for it could be any."""
 
     names: np.ndarray
-    view: np.ndarray | None
+    projection: np.ndarray | None
     certain: bool
 
 
 @dataclass(frozen=True, eq=False)
 class Naming:
-    """`places` (K, 4, 4): rigid motions of the boards into the system of board 0, the one nearest to the middle; photos in their
-    order."""
+    """`places` (K, 4, 4): rigid motions of the boards into the system of board 0, the most central one; photos in their order."""
 
     places: np.ndarray
     photos: tuple[NamedPhoto, ...]
 
 
-def plane_looks(found: list[np.ndarray], local: np.ndarray) -> list[Look]:
+def plane_views(found: list[np.ndarray], local: np.ndarray) -> list[BoardViews]:
     """found: per photo (B, N, 2) px from the image centre, y up, NaN for corners that are not known; local: (N, 2) m."""
-    return [PlaneLook(xy, local) for xy in found]
+    return [PlaneViews(xy, local) for xy in found]
 
 
-def name_boards(looks: list[Look], local: np.ndarray, boards: int, fit: float = LOOSE) -> Naming:
-    """Names the boards of all photos; local: (N, 2) m. `boards` that there are; 0: as many as the photos show. `fit`: LOOSE or
-    STRICT.
+def name_boards(views: list[BoardViews], local: np.ndarray, boards: int, fit: float = LOOSE) -> Naming:
+    """Names the boards of all photos; local: (N, 2) m. `boards`: how many there are; 0: as many as the photos show. `fit`: LOOSE
+    or STRICT.
 
     Raises GeometryError when no photo shows a board.
     """
-    order = sorted(range(len(looks)), key=lambda photo: (-int(np.isfinite(looks[photo].xy).all(axis=(1, 2)).sum()), photo))
-    if not order or not len(looks[order[0]].xy):
+    # Whole boards count: a cut board fixes the map less well. The photo's number makes the order unique, and with it the result.
+    order = sorted(range(len(views)), key=lambda photo: (-int(np.isfinite(views[photo].xy).all(axis=(1, 2)).sum()), photo))
+    if not order or not len(views[order[0]].xy):
         raise GeometryError(NO_BOARDS)
-    places = _map_of(looks[order[0]], local)
+    places = _map_of(views[order[0]], local)
     for photo in order[1:]:
-        places = _extended(places, _named(looks[photo], places, local, fit), looks[photo])
-    photos = [_named(look, places, local, fit) for look in looks]
-    places, photos = _without_strangers(places, photos, boards)
-    return _averaged(places, photos, looks, local)
+        places = _extended(places, _named(views[photo], places, local, fit), views[photo])
+    photos = [_named(own, places, local, fit) for own in views]
+    places, photos = _most_frequent(places, photos, boards)
+    return _averaged(places, photos, views, local)
 
 
-def _map_of(look: Look, local: np.ndarray) -> np.ndarray:
+def _map_of(views: BoardViews, local: np.ndarray) -> np.ndarray:
     """The boards of one photo in the system of its most central one: (B, 4, 4), S2 to S6."""
-    middles = np.nanmean(look.xy, axis=1)
+    middles = np.nanmean(views.xy, axis=1)
     centre = int(np.linalg.norm(middles - middles.mean(axis=0), axis=1).argmin())
     order = np.argsort(np.linalg.norm(middles - middles[centre], axis=1), kind="stable")
     places = np.eye(4)[None]
-    for number, board in enumerate(order[1:], start=1):
-        # Boards join from the middle outwards, so that the view of those before hardly extrapolates.
-        view = look.view(order[:number], on_map(places, local))
-        places = look.together(order[: number + 1], np.append(places, look.place(view, board)[None], axis=0))
+    for number, board in enumerate(order[1:].tolist(), start=1):
+        # Boards join from the middle outwards, so that the projection from those before hardly extrapolates.
+        projection = views.projection(order[:number], on_map(places, local))
+        places = views.together(order[: number + 1], np.append(places, views.place(projection, board)[None], axis=0))
     return places
 
 
-def _named(look: Look, places: np.ndarray, local: np.ndarray, fit: float) -> NamedPhoto:
+def _named(views: BoardViews, places: np.ndarray, local: np.ndarray, fit: float) -> NamedPhoto:
     """The best of all trials; of an ambiguous photo only its most central board, which may be any."""
-    xy = look.xy
+    xy = views.xy
     best, score, second = NamedPhoto(np.full(len(xy), -1), None, False), (0, -np.inf), -np.inf
     points = on_map(places, local)
     size = np.array([np.linalg.norm(np.nanmax(board, axis=0) - np.nanmin(board, axis=0)) for board in xy])
     for board in range(len(xy)):
         for name in range(len(places)):
-            names, view, misfit = _grown((board, name), look, points, size)
+            names, projection, misfit = _grown((board, name), views, points, size)
             trial = (int((names >= 0).sum()), -misfit)
             if not misfit < fit or trial[0] < score[0] or np.array_equal(names, best.names):
                 continue
             if trial > score:
+                # The former best is a rival only if it names as many boards.
                 second = score[1] if trial[0] == score[0] else -np.inf
-                best, score = NamedPhoto(names, view, trial[0] > 1 or len(places) == 1), trial
+                best, score = NamedPhoto(names, projection, trial[0] > 1 or len(places) == 1), trial
             else:
                 second = max(second, trial[1])
+    # Scores are negative misfits: the rival is ambiguous when its misfit is less than _AMBIGUOUS times the best one.
     ambiguous = score[0] > 1 and second > _AMBIGUOUS * score[1]
     return _most_central(best, xy) if ambiguous else best
 
 
 def _most_central(photo: NamedPhoto, xy: np.ndarray) -> NamedPhoto:
-    """The photo with a single name: two boards that lie to each other nearly as they do after exchanging places can be named in two
-    ways, and a homography takes up the difference."""
+    """The photo with a single name: two boards whose relative place is nearly the same after exchanging them can be named in two
+    ways, and a homography absorbs the difference."""
     named = np.flatnonzero(photo.names >= 0)
     board = named[np.linalg.norm(np.nanmean(xy[named], axis=1), axis=1).argmin()]
-    return NamedPhoto(np.where(np.arange(len(xy)) == board, photo.names, -1), photo.view, False)
+    return NamedPhoto(np.where(np.arange(len(xy)) == board, photo.names, -1), photo.projection, False)
 
 
-def _grown(start: tuple[int, int], look: Look, points: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Names (B,), view and mean misfit (in sizes of a board) that follow from one pair."""
-    names = np.full(len(look.xy), -1)
+def _grown(start: tuple[int, int], views: BoardViews, points: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Names (B,), projection and mean misfit (in sizes of a board) that follow from one pair of photo board and map board."""
+    names = np.full(len(views.xy), -1)
     names[start[0]] = start[1]
     while True:
         known = np.flatnonzero(names >= 0)
-        view = look.view(known, points[names[known]])
-        off = _misfits(look.xy, seen(view, points)) / size[:, None]
+        projection = views.projection(known, points[names[known]])
+        off = _misfits(views.xy, imaged(projection, points)) / size[:, None]
         own = off[known, names[known]]
+        # A board has one name and a name one board: rows and columns that are taken are out of the search.
         off[known], off[:, names[known]] = np.inf, np.inf
         board, name = np.unravel_index(off.argmin(), off.shape)
         if off[board, name] > _NEAR:
-            return names, view, float(own.mean())
+            return names, projection, float(own.mean())
         names[board] = name
 
 
@@ -140,49 +146,53 @@ def _misfits(xy: np.ndarray, computed: np.ndarray) -> np.ndarray:
     return total / known.sum(axis=2)
 
 
-def _extended(places: np.ndarray, named: NamedPhoto, look: Look) -> np.ndarray:
-    """The map with the boards that a photo shows besides two or more known ones."""
-    unknown = np.flatnonzero(named.names < 0)
-    if (named.names >= 0).sum() < 2:
+def _extended(places: np.ndarray, named: NamedPhoto, views: BoardViews) -> np.ndarray:
+    """The map with the boards that a photo shows in addition to two or more known ones."""
+    # A single known board leaves its identity open, and with it the place of every board next to it.
+    if named.projection is None or (named.names >= 0).sum() < 2:
         return places
-    return np.concatenate([places, *(look.place(named.view, board)[None] for board in unknown)])
+    projection = named.projection
+    unknown = np.flatnonzero(named.names < 0).tolist()
+    return np.concatenate([places, *(views.place(projection, board)[None] for board in unknown)])
 
 
-def _without_strangers(places: np.ndarray, photos: list[NamedPhoto], boards: int) -> tuple[np.ndarray, list[NamedPhoto]]:
-    """Only the `boards` that most photos show (what else was found is no board), the most central one first."""
+def _most_frequent(places: np.ndarray, photos: list[NamedPhoto], boards: int) -> tuple[np.ndarray, list[NamedPhoto]]:
+    """Only the `boards` that most photos show (anything else is a false detection), the most central one first."""
     times = np.array([sum(name in photo.names for photo in photos) for name in range(len(places))])
     kept = np.argsort(-times, kind="stable")[: boards or len(places)]
     kept = kept[times[kept] > 0]
     middle = places[kept, :3, 3].mean(axis=0)
     order = kept[np.argsort(np.linalg.norm(places[kept, :3, 3] - middle, axis=1), kind="stable")]
+    # One element more than boards: names[-1] = -1 keeps boards without a name without one.
     number = np.full(len(places) + 1, -1)
     number[order] = np.arange(len(order))
-    return places[order], [_renamed(photo, number) for photo in photos]
+    return places[order], [_renumbered(photo, number) for photo in photos]
 
 
-def _renamed(photo: NamedPhoto, number: np.ndarray) -> NamedPhoto:
-    """The photo with new numbers; a single board is called board 0, which serves like any other."""
+def _renumbered(photo: NamedPhoto, number: np.ndarray) -> NamedPhoto:
+    """The photo with new numbers; a single board becomes board 0, as all boards are equal."""
     names = number[photo.names]
     if not photo.certain:
         names = np.where(names >= 0, 0, -1)
-    return NamedPhoto(names, photo.view, photo.certain)
+    return NamedPhoto(names, photo.projection, photo.certain)
 
 
-def _averaged(places: np.ndarray, photos: list[NamedPhoto], looks: list[Look], local: np.ndarray) -> Naming:
-    """The places of the boards as the median over the photos that show board 0, each refined by itself (S6), and the views of all
-    photos in the system of board 0."""
+def _averaged(places: np.ndarray, photos: list[NamedPhoto], views: list[BoardViews], local: np.ndarray) -> Naming:
+    """The places of the boards as the median over the photos that show board 0, each refined by itself (S6), and the projections
+    of all photos in the system of board 0."""
     start = np.linalg.inv(places[0]) @ places
-    seen_at: list[list[np.ndarray]] = [[] for _ in places]
-    for photo, look in zip(photos, looks, strict=True):
+    observed: list[list[np.ndarray]] = [[] for _ in places]
+    for photo, own in zip(photos, views, strict=True):
         shown = np.flatnonzero(photo.names >= 0)
         shown = shown[np.argsort(photo.names[shown], kind="stable")]
+        # Places of different photos can only be averaged in one system, which is that of board 0.
         if len(shown) > 1 and photo.names[shown[0]] == 0:
-            refined = look.together(shown, start[photo.names[shown]])
+            refined = own.together(shown, start[photo.names[shown]])
             for name, place in zip(photo.names[shown], refined, strict=True):
-                seen_at[name].append(place)
-    settled = np.array([_median(np.array(own)) if own else start[name] for name, own in enumerate(seen_at)])
-    points = on_map(settled, local)
-    return Naming(settled, tuple(_with_view(photo, look, points) for photo, look in zip(photos, looks, strict=True)))
+                observed[name].append(place)
+    averaged = np.array([_median(np.array(own)) if own else start[name] for name, own in enumerate(observed)])
+    points = on_map(averaged, local)
+    return Naming(averaged, tuple(_with_projection(photo, own, points) for photo, own in zip(photos, views, strict=True)))
 
 
 def _median(places: np.ndarray) -> np.ndarray:
@@ -192,6 +202,6 @@ def _median(places: np.ndarray) -> np.ndarray:
     return middle
 
 
-def _with_view(photo: NamedPhoto, look: Look, points: np.ndarray) -> NamedPhoto:
+def _with_projection(photo: NamedPhoto, views: BoardViews, points: np.ndarray) -> NamedPhoto:
     known = np.flatnonzero(photo.names >= 0)
-    return replace(photo, view=look.view(known, points[photo.names[known]]) if len(known) else None)
+    return replace(photo, projection=views.projection(known, points[photo.names[known]]) if len(known) else None)

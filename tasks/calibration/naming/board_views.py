@@ -1,11 +1,12 @@
-"""The boards of one photo as a camera sees them: by homographies when they lie on one plane, by poses when they lie anywhere.
+"""The board views of one photograph: by homographies when the boards lie on one plane, by poses when they lie anywhere in space.
 
-Both say the same three things, in which naming is written once: the view (3, 4) of the photo from some of its boards that are known
-in the map, where in the map another of its boards lies, and how its boards lie to each other. A homography needs neither camera
-constant nor pose, but carries only over a plane. A pose carries anywhere, but needs image coordinates free of distortion and c.
+Either kind gives the three things that identification needs: the projection (3, 4) of the photo from some boards that are known in
+the map, the place of another of its boards in the map, and the places of its boards relative to each other. A homography needs
+neither camera constant nor pose, but is valid on its plane only. A pose is valid anywhere, but needs c and image coordinates free
+of distortion.
 
-A view takes points (X, Y, Z, 1) of the map to image coordinates times their third component, which is negative before the camera. A
-place is a (4, 4) rigid motion from a board's own system into the map.
+A projection takes points (X, Y, Z, 1) of the map to image coordinates times their third component, which is negative in front of
+the camera. A place is a (4, 4) rigid motion from a board's own system into the map.
 
 Source: Kawka 2021, S3, S5 and S6 (methods/calibration.md); Kabsch 1976 for the poses.
 """
@@ -19,21 +20,22 @@ from orthomill.tasks.calibration.detection.homographies import applied, homograp
 from orthomill.tasks.geometry.rotation import nearest_rotation
 
 
-class Look(Protocol):
+class BoardViews(Protocol):
     """`xy` (B, N, 2) px from the image centre, y up: the corners of the boards of a photo, NaN where one is not known."""
 
-    xy: np.ndarray
+    @property
+    def xy(self) -> np.ndarray: ...
 
-    def view(self, boards: np.ndarray, points: np.ndarray) -> np.ndarray:
+    def projection(self, boards: np.ndarray, points: np.ndarray) -> np.ndarray:
         """(3, 4) from the photo's `boards` (n,), whose corners in the map are `points` (n, N, 3)."""
         ...
 
-    def place(self, view: np.ndarray, board: int) -> np.ndarray:
+    def place(self, projection: np.ndarray, board: int) -> np.ndarray:
         """(4, 4): where the board lies in the map."""
         ...
 
     def together(self, boards: np.ndarray, places: np.ndarray) -> np.ndarray:
-        """(n, 4, 4): the places of `boards` in the system of the first, as this photo has them; `places` (n, 4, 4) are near."""
+        """(n, 4, 4): the places of `boards` in the system of the first, as this photo has them; `places` (n, 4, 4) approximate."""
         ...
 
 
@@ -42,9 +44,9 @@ def on_map(places: np.ndarray, local: np.ndarray) -> np.ndarray:
     return np.einsum("kij,nj->kni", places[:, :3, :2], local) + places[:, None, :3, 3]
 
 
-def seen(view: np.ndarray, points: np.ndarray) -> np.ndarray:
+def imaged(projection: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Image coordinates (..., 2) of points (..., 3) of the map; NaN behind the camera."""
-    u = points @ view[:, :3].T + view[:, 3]
+    u = points @ projection[:, :3].T + projection[:, 3]
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(u[..., 2:] < 0, u[..., :2] / u[..., 2:], np.nan)
 
@@ -63,60 +65,64 @@ def motion_in_plane(place: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class PlaneLook:
+class PlaneViews:
     """Boards on the plane Z = 0 of the map; local: (N, 2) m."""
 
     xy: np.ndarray
     local: np.ndarray
 
-    def view(self, boards: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """By a homography, signed so that the boards lie before the camera."""
+    def projection(self, boards: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """By a homography, with the sign that puts the boards in front of the camera."""
         xy = self.xy[boards]
         known = np.isfinite(xy).all(axis=-1)
         H = homography(points[known][:, :2], xy[known])
+        # A homography is defined up to scale; the sign decides which side of the plane's horizon is imaged. The sum over all points
+        # decides, as a corner close to the horizon of a poor first fit may fall on the wrong side.
         H *= -np.sign((points[known][:, :2] @ H[2, :2] + H[2, 2]).sum())
         return np.insert(H, 2, 0.0, axis=1)
 
-    def place(self, view: np.ndarray, board: int) -> np.ndarray:
+    def place(self, projection: np.ndarray, board: int) -> np.ndarray:
         """By the motion in the plane that fits best (S5)."""
         known = np.isfinite(self.xy[board]).all(axis=-1)
-        back = applied(np.linalg.inv(view[:, [0, 1, 3]]), self.xy[board][known])
+        back = applied(np.linalg.inv(projection[:, [0, 1, 3]]), self.xy[board][known])
         return in_plane(rigid_motion(self.local[known], back))
 
     def together(self, boards: np.ndarray, places: np.ndarray) -> np.ndarray:
         """Homography and motions adjusted together (S6)."""
         own = np.linalg.inv(places[0]) @ places
         motions = np.array([motion_in_plane(place) for place in own])
-        H = self.view(boards, on_map(own, self.local))[:, [0, 1, 3]]
+        H = self.projection(boards, on_map(own, self.local))[:, [0, 1, 3]]
+        # The refinement parametrises H with h33 = 1; the sign of the projection is lost there and not needed.
         _, motions = refined_together(H / H[2, 2], motions, self.local, self.xy[boards])
         return np.array([in_plane(motion) for motion in motions])
 
 
 @dataclass(frozen=True, eq=False)
-class SpaceLook:
-    """Boards anywhere. `poses` (B, 4, 4) take a board's own system into the camera's (x right, y up, z backwards), each from that
-    board alone; `c` px; xy is free of distortion and counts from the principal point; local: (N, 2) m."""
+class SpaceViews:
+    """Boards anywhere in space. `poses` (B, 4, 4) take a board's own system into the camera's (x right, y up, z backwards), each
+    from that board alone; `c` px; xy is free of distortion and relative to the principal point; local: (N, 2) m."""
 
     xy: np.ndarray
     local: np.ndarray
     poses: np.ndarray
     c: float
 
-    def view(self, boards: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """By the rigid motion that takes the points of the map onto those that the poses give."""
+    def projection(self, boards: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """By the rigid motion that takes the points of the map onto those of the poses."""
+        # All N corners, also of cut boards: the pose of a board predicts the corners that were not measured.
         M = _rigid(points.reshape(-1, 3), on_map(self.poses[boards], self.local).reshape(-1, 3))
         return np.diag([-self.c, -self.c, 1.0]) @ M[:3]
 
-    def place(self, view: np.ndarray, board: int) -> np.ndarray:
+    def place(self, projection: np.ndarray, board: int) -> np.ndarray:
         """By the pose of the board itself."""
-        return np.linalg.inv(self._motion(view)) @ self.poses[board]
+        return np.linalg.inv(self._motion(projection)) @ self.poses[board]
 
     def together(self, boards: np.ndarray, places: np.ndarray) -> np.ndarray:
-        """As the poses say."""
+        """By the poses alone; `places` is not needed."""
         return np.linalg.inv(self.poses[boards[0]]) @ self.poses[boards]
 
-    def _motion(self, view: np.ndarray) -> np.ndarray:
-        return np.vstack([np.diag([-1.0 / self.c, -1.0 / self.c, 1.0]) @ view, [0.0, 0.0, 0.0, 1.0]])
+    def _motion(self, projection: np.ndarray) -> np.ndarray:
+        return np.vstack([np.diag([-1.0 / self.c, -1.0 / self.c, 1.0]) @ projection, [0.0, 0.0, 0.0, 1.0]])
 
 
 def _rigid(points: np.ndarray, onto: np.ndarray) -> np.ndarray:

@@ -1,1 +1,1 @@
-"""What the report says of a calibration from chessboards."""
+"""What the report shows of a calibration from chessboards."""

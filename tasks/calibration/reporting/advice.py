@@ -1,16 +1,16 @@
-"""What is weak about a calibration, in plain sentences, and what to photograph instead.
+"""Weaknesses of a calibration, as codes with their numbers; `advice_sentences.py` puts them into words.
 
 Geometry first: how far the photographs are tilted against the plane of the boards, in how many directions, how far they are turned
-about their axes, how much of the frame the corners cover. Then what the adjustment itself shows: correlations, halves that differ,
+about their axes, how much of the frame the corners cover. Then what the adjustment shows: correlations, halves that differ,
 held-out residuals, boards that are not flat, photographs that are blurred or overexposed.
 """
 
 from collections import Counter
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
-from orthomill.schemas.errors import some_of
 from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment
 from orthomill.tasks.calibration.board_tables import PhotoSearch
 from orthomill.tasks.calibration.solving.calibration_precision import correlations
@@ -20,17 +20,63 @@ from orthomill.tasks.geometry.rotation import angles
 
 CELLS = 8
 """The frame is divided into CELLS x CELLS for its coverage."""
+# Below 10 degrees of tilt c and Z0 are correlated beyond 90 %; the published hard cases had 5 photographs below 8 degrees.
 _COVERED, _TILTED, _TURNED = 0.6, 10.0, 40.0
-_TIED = 0.9
+"""Least share of the cells with corners, least tilt and least range of kappa (degrees)."""
+_SIDEWAYS = 5.0
+"""degrees: a smaller tilt has no direction that matters"""
+_STRONG = 0.9
+"""Correlation above which two unknowns are hardly separated."""
 _BLURRED, _OVEREXPOSED = 2.5, 0.25
+"""px of the standard deviation of edges, and share of saturated pixels: half of the white squares."""
+_WORSE, _HALVES, _REJECTED, _UNEVEN = 1.5, 4.0, 0.05, 2.5
+"""Largest ratio of held-out to used residuals; of the halves' difference to its standard error; share of rejected corners; ratio of
+one board's residuals to those of the others."""
+
+
+class Weakness(StrEnum):
+    """What may be wrong with a calibration."""
+
+    NO_TILT = "no tilt"
+    LITTLE_TILT = "little tilt"
+    ONE_SIDED_TILT = "one-sided tilt"
+    NOT_TURNED = "not turned"
+    LITTLE_COVERAGE = "little coverage"
+    STRONG_CORRELATION = "strong correlation"
+    NOT_CHECKED = "not checked"
+    HELD_OUT_WORSE = "held-out worse"
+    HALVES_DIFFER = "halves differ"
+    MANY_REJECTED = "many rejected"
+    LARGE_SIGMA0 = "large sigma0"
+    UNEVEN_BOARDS = "uneven boards"
+    BLURRED = "blurred"
+    OVEREXPOSED = "overexposed"
+    LARGER_BOARDS = "larger boards"
+    OTHER_BOARDS = "other boards"
 
 
 @dataclass(frozen=True)
-class Geometry:
-    """`tilt`: median and largest angle between photo and boards, `turned`: largest difference of kappa (0 to 90 degrees and
-    beyond), both
-    in degrees; `directions`: of four quadrants, in how many photos are tilted by 5 degrees or more; `coverage`: share of the
-    frame."""
+class Advice:
+    """A weakness with its numbers.
+
+    `value`: the figure that is too large or too small, in the unit of its sentence; `names`: photographs, boards, parameters or
+    pairs of parameters concerned, and `values` their figures; `corners`: columns and rows of boards of another kind.
+    """
+
+    code: Weakness
+    value: float = 0.0
+    names: tuple[str, ...] = ()
+    values: tuple[float, ...] = ()
+    corners: tuple[int, int] = (0, 0)
+
+
+@dataclass(frozen=True)
+class PhotoGeometry:
+    """How diverse the photographs are.
+
+    Tilt: median and largest angle between photo and boards, degrees; `turned`: largest difference of kappa, degrees; `directions`:
+    in how many of four quadrants photos are tilted by 5 degrees or more; `coverage`: share of the frame's cells.
+    """
 
     tilt_median: float
     tilt_largest: float
@@ -39,142 +85,104 @@ class Geometry:
     coverage: float
 
 
-def geometry(result: BoardAdjustment, target: CalibrationTarget) -> Geometry:
-    """How diverse the photographs are."""
+def geometry(result: BoardAdjustment, target: CalibrationTarget) -> PhotoGeometry:
+    """The geometry of the photographs used."""
     R = result.state.rotation
     tilt = np.degrees(np.arccos(np.clip(np.abs(R[:, 2, 2]), 0.0, 1.0)))
-    side = np.arctan2(R[:, 2, 1], R[:, 2, 0])[tilt >= 5.0]
+    side = np.arctan2(R[:, 2, 1], R[:, 2, 0])[tilt >= _SIDEWAYS]
     kappa = np.array([angles(rotation)[2] for rotation in R])
+    # Differences on the circle: -179 and 179 degrees are 2 degrees apart.
     apart = np.abs(np.angle(np.exp(1j * (kappa[:, None] - kappa[None]))))
-    return Geometry(
-        float(np.median(tilt)), float(tilt.max()), float(np.degrees(apart.max())),
-        len(np.unique(np.floor(side / (np.pi / 2)))), float(len(np.unique(frame_cells(result, target))) / CELLS**2),
-    )  # fmt: skip
+    return PhotoGeometry(
+        tilt_median=float(np.median(tilt)),
+        tilt_largest=float(tilt.max()),
+        turned=float(np.degrees(apart.max())),
+        directions=len(np.unique(np.floor(side / (np.pi / 2)))),
+        coverage=float(len(np.unique(frame_cells(result, target))) / CELLS**2),
+    )
 
 
 def frame_cells(result: BoardAdjustment, target: CalibrationTarget) -> np.ndarray:
-    """Number of the cell of the frame for every corner used."""
+    """Number of the cell of the frame for every corner used, row by row."""
     pixels = target.pixels(result.corners.xy[result.used])
     cell = np.clip((pixels / target.size * CELLS).astype(int), 0, CELLS - 1)
     return cell[:, 1] * CELLS + cell[:, 0]
 
 
-def geometry_warnings(result: BoardAdjustment, shape: Geometry) -> list[str]:
-    """What the arrangement of the photographs leaves undetermined, and how to mend it."""
-    out = []
+def geometry_advice(result: BoardAdjustment, shape: PhotoGeometry) -> list[Advice]:
+    """What the arrangement of the photographs determines poorly."""
+    return [*_tilt_advice(shape), *_turn_advice(shape), *_correlation_advice(result)]
+
+
+def _tilt_advice(shape: PhotoGeometry) -> list[Advice]:
+    # One sentence: without tilt its directions are meaningless.
     if shape.tilt_largest < _TILTED:
-        out.append(
-            f"All photographs look straight down on the boards (largest tilt {shape.tilt_largest:.1f} degrees): c and the "
-            f"distance Z0 "
-            "cannot be separated; tilt the camera by 20 to 40 degrees in different directions."
-        )
-    elif shape.tilt_median < _TILTED:
-        out.append(
-            f"Most photographs look straight down on the boards (median tilt {shape.tilt_median:.1f} degrees): c and the "
-            f"distance Z0 "
-            "hang together; add photographs tilted by 20 to 40 degrees."
-        )
-    elif shape.directions < 3:
-        out.append(
-            "The photographs are tilted towards one side only: the principal point and the tilt hang together; tilt the camera "
-            "towards all four sides."
-        )
-    if shape.turned < _TURNED:
-        out.append(
-            f"The camera was not turned about its axis (kappa differs by {shape.turned:.0f} degrees at most): x0 hangs together "
-            f"with "
-            "phi and y0 with omega; take some photographs turned by 90 degrees."
-        )
-    if shape.coverage < _COVERED:
-        out.append(
-            f"Corners fall into only {100 * shape.coverage:.0f} % of the frame's {CELLS} x {CELLS} cells; distortion elsewhere is "
-            "extrapolated."
-        )
-    return out + _tied(result)
+        return [Advice(Weakness.NO_TILT, shape.tilt_largest)]
+    if shape.tilt_median < _TILTED:
+        return [Advice(Weakness.LITTLE_TILT, shape.tilt_median)]
+    return [Advice(Weakness.ONE_SIDED_TILT, shape.directions)] if shape.directions < 3 else []
 
 
-def _tied(result: BoardAdjustment) -> list[str]:
+def _turn_advice(shape: PhotoGeometry) -> list[Advice]:
+    turned = [Advice(Weakness.NOT_TURNED, shape.turned)] if shape.turned < _TURNED else []
+    covered = [Advice(Weakness.LITTLE_COVERAGE, shape.coverage)] if shape.coverage < _COVERED else []
+    return turned + covered
+
+
+def _correlation_advice(result: BoardAdjustment) -> list[Advice]:
     table = correlations(result)
     pairs = [("c", "Z0"), ("x0", "phi"), ("y0", "omega"), ("x0", "omega"), ("y0", "phi"), ("x0", "X0"), ("y0", "Y0"), ("c", "phi")]
-    strong = []
-    for row, column in pairs:
-        if row in table.rows:
-            value = table.typical[table.rows.index(row), table.columns.index(column)]
-            if value > _TIED:
-                strong.append(f"{row} and {column} ({100 * value:.0f} %)")
-    return [f"Strong correlations between interior and exterior orientation: {', '.join(strong)}."] if strong else []
+    found = {
+        f"{row} and {column}": float(table.typical[table.rows.index(row), table.columns.index(column)])
+        for row, column in pairs
+        if row in table.rows
+    }
+    strong = {pair: value for pair, value in found.items() if value > _STRONG}
+    return [Advice(Weakness.STRONG_CORRELATION, names=tuple(strong), values=tuple(strong.values()))] if strong else []
 
 
-def result_warnings(result: BoardAdjustment, check: HeldOut | None, target: CalibrationTarget) -> list[str]:
-    """What residuals, halves and rejections say."""
-    out = []
-    if check is None:
-        out.append("There are too few photographs of boards to check the calibration on some that take no part.")
-    else:
-        if check.rms > 1.5 * result.rms:
-            out.append(
-                f"Photographs that took no part fit {check.rms / result.rms:.1f} times worse than those that did; the standard "
-                "errors of the interior orientation are too small by about as much."
-            )
-        name, ratio = check.worst
-        if ratio > 4.0:
-            out.append(
-                f"Two halves of the photographs differ in {name} by {ratio:.1f} of its formal standard errors: formal precision "
-                "flatters; take the difference of the halves for the precision."
-            )
-    share = float(1.0 - result.used.mean())
-    if share > 0.05:
-        out.append(
-            f"{100 * share:.0f} % of the corners were rejected: look for boards that are not flat, moved between photographs, or "
-            "are not all of one size."
-        )
+def result_advice(result: BoardAdjustment, check: HeldOut | None, target: CalibrationTarget) -> list[Advice]:
+    """What residuals, halves and rejections show."""
+    rejected = float(1.0 - result.used.mean())
+    # The same angular error is more pixels in a larger frame: 1.5 px for one of 5000.
     scale = max(target.size) / 5000.0
+    out = _check_advice(result, check)
+    if rejected > _REJECTED:
+        out.append(Advice(Weakness.MANY_REJECTED, rejected))
     if result.sigma0 > max(1.0, 1.5 * scale):
-        out.append(
-            f"sigma0 is {result.sigma0:.2f} px, far more than corners are uncertain: the boards moved, are warped or of different "
-            "size, the lens was refocused, or the distortion model does not suit the lens. Boards on an uneven floor want "
-            "arrangement: space. The standard errors do not cover such faults: do not sign this calibration."
-        )
-    return out + _uneven_boards(result)
+        out.append(Advice(Weakness.LARGE_SIGMA0, result.sigma0))
+    return out + _board_advice(result)
 
 
-def _uneven_boards(result: BoardAdjustment) -> list[str]:
+def _check_advice(result: BoardAdjustment, check: HeldOut | None) -> list[Advice]:
+    if check is None:
+        return [Advice(Weakness.NOT_CHECKED)]
+    parameter, ratio = check.worst
+    worse = check.rms / result.rms if check.rms > _WORSE * result.rms else 0.0
+    out = [Advice(Weakness.HELD_OUT_WORSE, worse)] if worse else []
+    return [*out, Advice(Weakness.HALVES_DIFFER, ratio, (parameter,))] if ratio > _HALVES else out
+
+
+def _board_advice(result: BoardAdjustment) -> list[Advice]:
     """Boards whose residuals are much larger than those of the others."""
     size = np.linalg.norm(result.residual, axis=1)
     typical = [float(np.median(size[result.corners.board == board])) for board in range(result.network.boards)]
     middle = float(np.median(typical))
-    bad = [str(board + 1) for board, value in enumerate(typical) if len(typical) > 2 and value > 2.5 * middle]
-    return (
-        [
-            f"The residuals of board {', '.join(bad)} are more than 2.5 times those of the others: it is warped, of another "
-            f"size, or moved."
-        ]
-        if bad
-        else []
-    )
+    # Of two boards neither is the odd one.
+    bad = tuple(str(board + 1) for board, value in enumerate(typical) if len(typical) > 2 and value > _UNEVEN * middle)
+    return [Advice(Weakness.UNEVEN_BOARDS, _UNEVEN, bad)] if bad else []
 
 
-def search_warnings(searches: tuple[PhotoSearch, ...]) -> list[str]:
-    """Blurred and overexposed photographs, and boards with more corners than was said."""
-    out = []
-    blurred = [f"{s.photo} ({s.blur:.1f} px)" for s in searches if s.blur is not None and s.blur > _BLURRED]
-    if blurred:
-        out.append(
-            f"Blurred, by the standard deviation of the edges of the squares: {some_of(blurred)}; use photographs in focus and "
-            "without motion."
-        )
-    bright = [f"{s.photo} ({100 * s.overexposed:.0f} %)" for s in searches if s.overexposed > _OVEREXPOSED]
-    if bright:
-        out.append(
-            f"Overexposed, by the share of the boards that is as bright as can be: {some_of(bright)}; bright squares grow and "
-            "shift the corners, so expose less."
-        )
-    larger = [s.photo for s in searches if s.larger]
-    if larger:
-        out.append(
-            f"Boards with more corners than stated were found and left out in {some_of(larger)}; check the number of inner corners."
-        )
-    other = Counter(size for s in searches for size in set(s.other))
-    out += [f"Boards with {c} x {r} inner corners were seen in {n} photographs; is that the number?"
-            for (c, r), n in other.items() if n > 1]  # fmt: skip
-    return out
+def search_advice(searches: tuple[PhotoSearch, ...]) -> list[Advice]:
+    """Blurred and overexposed photographs, and boards with another number of corners."""
+    blurred = {search.photo: search.blur for search in searches if search.blur is not None and search.blur > _BLURRED}
+    bright = {search.photo: search.overexposed for search in searches if search.overexposed > _OVEREXPOSED}
+    larger = tuple(search.photo for search in searches if search.larger)
+    other = Counter(size for search in searches for size in set(search.other))
+    return [
+        *([Advice(Weakness.BLURRED, names=tuple(blurred), values=tuple(blurred.values()))] if blurred else []),
+        *([Advice(Weakness.OVEREXPOSED, names=tuple(bright), values=tuple(bright.values()))] if bright else []),
+        *([Advice(Weakness.LARGER_BOARDS, names=larger)] if larger else []),
+        # A single photograph may show a tiled floor; a board that was photographed on purpose is in several.
+        *(Advice(Weakness.OTHER_BOARDS, times, corners=size) for size, times in other.items() if times > 1),
+    ]

@@ -1,4 +1,4 @@
-"""All that the report of a calibration from chessboards is made of."""
+"""The results from which the report of a calibration from chessboards is made."""
 
 from dataclasses import dataclass
 
@@ -11,17 +11,18 @@ from orthomill.tasks.calibration.solving.solving import CalibrationTarget
 
 @dataclass(frozen=True, eq=False)
 class CalibrationResults:
-    """All that there is to tell; `photos` are the names of those that took part."""
+    """`result`: the adjustment; `photos`: names of the photographs used, by their numbers in it; `constant`: the estimate of c from
+    homographies, by the same numbers; `checks`: held-out checks by model; `searches` and `arranged` of all photographs."""
 
     result: BoardAdjustment
     target: CalibrationTarget
     photos: list[str]
     constant: ConstantEstimate
-    judged: dict[tuple[str, ...], HeldOut | None]
+    checks: dict[tuple[str, ...], HeldOut | None]
     searches: tuple[PhotoSearch, ...]
     arranged: Arranged
 
     @property
     def check(self) -> HeldOut | None:
         """The held-out check of the model that is used."""
-        return self.judged[self.result.network.free]
+        return self.checks[self.result.network.free]

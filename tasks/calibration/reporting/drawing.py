@@ -17,13 +17,17 @@ _COLOURS = (
     (130, 130, 60),
 )
 RESIDUAL_LENGTH = 16.0
-"""px of the drawing that a usual residual takes."""
+"""px of the drawing for a residual of median length."""
+_LONGEST = 60.0
+"""px of the drawing: longer residuals are shortened, or one blunder would cross the picture."""
 
 
 def draw_boards(overview: np.ndarray, residuals: CornerResiduals, photo: str, size: tuple[int, int]) -> np.ndarray:
-    """The drawing (rows, cols, 3) uint8 of a photo reduced to `overview` (rows, cols); size: its own width and height, px."""
+    """The drawing (rows, cols, 3) uint8 of a photo reduced to `overview` (rows, cols) uint8; size: its own width and height, px."""
+    # Half the contrast on a light ground, so that colours stand out on black squares as well.
     picture = cv2.cvtColor((128 + overview // 2).astype(np.uint8), cv2.COLOR_GRAY2RGB)
     own = residuals.take(residuals.photo == photo)
+    # The median of all photographs, so that residuals can be compared between drawings.
     usual = usual_length(np.column_stack([residuals.dx, residuals.dy])[residuals.used])
     for board in np.unique(own.board):
         _draw_board(picture, own.take(own.board == board), size, RESIDUAL_LENGTH / max(usual, 1e-6))
@@ -42,7 +46,7 @@ def _draw_board(picture: np.ndarray, board: CornerResiduals, size: tuple[int, in
         if used:
             cv2.circle(picture, _at(place), 2, colour, -1, cv2.LINE_AA)
             step = enlarged * np.array([dx, dy])
-            step *= min(1.0, 60.0 / max(float(np.linalg.norm(step)), 1e-9))
+            step *= min(1.0, _LONGEST / max(float(np.linalg.norm(step)), 1e-9))
             cv2.line(picture, _at(place), _at(place + step), (20, 20, 20), 1, cv2.LINE_AA)
         else:
             cv2.drawMarker(picture, _at(place), (220, 0, 0), cv2.MARKER_TILTED_CROSS, 9, 1, cv2.LINE_AA)
@@ -53,7 +57,7 @@ def _draw_board(picture: np.ndarray, board: CornerResiduals, size: tuple[int, in
 
 
 def _draw_axes(picture: np.ndarray, board: CornerResiduals, places: np.ndarray, colour: tuple[int, int, int]) -> None:
-    """Origin with arrows to the end of the first row and of the first column, where these corners are known."""
+    """Origin with arrows to the ends of the first row and the first column, where these corners are known."""
     known = {(int(c), int(r)): place for c, r, place in zip(board.column, board.row, places, strict=True)}
     if (0, 0) not in known:
         return

@@ -1,7 +1,9 @@
-"""Every photograph and board that takes no part in a calibration, with its reason."""
+"""Every photograph and board that is not used in a calibration, as a code with its numbers, and the table of them."""
 
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
 
 from orthomill.schemas.stage_report import Grid
 from orthomill.tasks.calibration.board_tables import ArrangedPhoto, PhotoSearch
@@ -9,53 +11,91 @@ from orthomill.tasks.calibration.reporting.calibration_results import Calibratio
 from orthomill.tasks.calibration.solving.solving import CalibrationTarget
 
 
-def unused(account: CalibrationResults) -> tuple[Grid, ...]:
+class LeftOutReason(StrEnum):
+    """Why something in a photograph is not used. In braces: columns and rows of corners."""
+
+    NO_BOARD = "no board with {0} x {1} inner corners was found, whole or cut"
+    PHOTO_MISFIT = "its boards do not fit the places of the others"
+    AMBIGUOUS = "only one board could be identified: these may be any"
+    BOARD_MISFIT = "they do not fit the places of the others, or are more than was stated"
+    SINGLE_BOARD = "only one board is visible, so that cut ones cannot be identified"
+    UNNUMBERED = "too few of their sides are visible to say which corners they show"
+    NOT_ALTERNATING = "their squares do not alternate: no boards"
+    LARGER = "they have more corners than {0} x {1}"
+    OTHER_SIZE = "{0} x {1} inner corners"
+    HIDDEN = "cut by the frame or hidden: no corner was found where it must be"
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """`count` boards or finds of a photograph that are not used, 0 for the photograph itself; `board`: the number of a known board,
+    from 0; `corners`: columns and rows, for the reasons that state them."""
+
+    photo: str
+    reason: LeftOutReason
+    count: int = 0
+    board: int | None = None
+    corners: tuple[int, int] = (0, 0)
+
+
+def unused(results: CalibrationResults) -> tuple[Grid, ...]:
     """The table of what is not used; none when everything is."""
-    used = {
-        (account.photos[p], b)
-        for p, b in zip(account.result.corners.photo.tolist(), account.result.corners.board.tolist(), strict=True)
-    }
-    predicted = {(own.photo, prediction.board) for own in account.arranged.photos for prediction in own.predictions}
-    rows = [row for search, own in zip(account.searches, account.arranged.photos, strict=True)
-            for row in (*_left_out(account, search, own), *_refused(search, account.target))]  # fmt: skip
-    rows += [(photo, f"board {board + 1}", "cut by the frame or hidden: no corner was found where it must be")
-             for photo, board in sorted(predicted - used)]  # fmt: skip
-    if not rows:
-        return ()
-    return (Grid(title="Not used", columns=("photo", "what", "reason"), rows=tuple(rows)),)
+    rows = tuple((one.photo, what_is_left_out(one), one.reason.format(*one.corners)) for one in left_out(results))
+    return (Grid(title="Not used", columns=("photo", "what", "reason"), rows=rows),) if rows else ()
 
 
-def _left_out(account: CalibrationResults, search: PhotoSearch, own: ArrangedPhoto) -> Iterator[tuple[str, str, str]]:
-    """What was found in a photograph and is not used."""
-    strangers = sum(name < 0 for name in own.names)
+def left_out(results: CalibrationResults) -> list[LeftOut]:
+    """Everything that is not used: photo by photo, then the boards that the second search did not find."""
+    corners = results.result.corners
+    used = {(results.photos[p], b) for p, b in zip(corners.photo.tolist(), corners.board.tolist(), strict=True)}
+    predicted = {(own.photo, prediction.board) for own in results.arranged.photos for prediction in own.predictions}
+    found = [
+        one
+        for search, own in zip(results.searches, results.arranged.photos, strict=True)
+        for one in (*_of_photo(results, search, own), *_rejected(search, results.target))
+    ]
+    return found + [LeftOut(photo, LeftOutReason.HIDDEN, 1, board) for photo, board in sorted(predicted - used)]
+
+
+def _of_photo(results: CalibrationResults, search: PhotoSearch, own: ArrangedPhoto) -> Iterator[LeftOut]:
+    """Boards that were found in a photograph and are not used."""
+    unnamed = sum(name < 0 for name in own.names)
+    # One reason per photograph, the first that explains all the others.
     if not search.boards + search.cut:
-        corners = "{} x {}".format(*account.target.corners)
-        yield search.photo, "photograph", f"no board with {corners} inner corners was found, whole or cut"
-    elif own.photo not in account.photos:
-        yield search.photo, "photograph", "its boards do not fit the places of the others"
-    elif strangers and not own.certain:
-        yield search.photo, _number(strangers, "board"), "only one board could be told from the others: these may be any"
-    elif strangers:
-        yield search.photo, _number(strangers, "board"), "they do not fit the places of the others, or are more than was stated"
+        yield LeftOut(search.photo, LeftOutReason.NO_BOARD, corners=results.target.corners)
+    elif own.photo not in results.photos:
+        yield LeftOut(search.photo, LeftOutReason.PHOTO_MISFIT)
+    elif unnamed:
+        reason = LeftOutReason.BOARD_MISFIT if own.certain else LeftOutReason.AMBIGUOUS
+        yield LeftOut(search.photo, reason, unnamed)
     elif not own.certain:
-        yield search.photo, "other boards", "only one board is seen, so that cut ones cannot be told apart"
+        yield LeftOut(search.photo, LeftOutReason.SINGLE_BOARD)
     if search.unnumbered:
-        yield (
-            search.photo,
-            _number(search.unnumbered, "cut board"),
-            "too few of their sides are seen to say which corners they show",
-        )
+        yield LeftOut(search.photo, LeftOutReason.UNNUMBERED, search.unnumbered)
 
 
-def _refused(search: PhotoSearch, target: CalibrationTarget) -> Iterator[tuple[str, str, str]]:
-    """What looked like a board and is none, or none of this kind."""
+def _rejected(search: PhotoSearch, target: CalibrationTarget) -> Iterator[LeftOut]:
+    """Candidates that are no boards, or boards of another kind."""
     if search.false:
-        yield search.photo, _number(search.false, "find"), "their squares do not alternate: no boards"
+        yield LeftOut(search.photo, LeftOutReason.NOT_ALTERNATING, search.false)
     if search.larger:
-        yield search.photo, _number(search.larger, "board"), "they have more corners than {} x {}".format(*target.corners)
-    for (columns, rows), times in Counter(search.other).items():
-        yield search.photo, _number(times, "board"), f"{columns} x {rows} inner corners"
+        yield LeftOut(search.photo, LeftOutReason.LARGER, search.larger, corners=target.corners)
+    for corners, times in Counter(search.other).items():
+        yield LeftOut(search.photo, LeftOutReason.OTHER_SIZE, times, corners=corners)
 
 
-def _number(count: int, noun: str) -> str:
-    return f"{count} {noun}" + ("" if count == 1 else "s")
+_NOUNS = {
+    LeftOutReason.NO_BOARD: "photograph",
+    LeftOutReason.PHOTO_MISFIT: "photograph",
+    LeftOutReason.SINGLE_BOARD: "other boards",
+    LeftOutReason.UNNUMBERED: "cut board",
+    LeftOutReason.NOT_ALTERNATING: "find",
+}
+
+
+def what_is_left_out(one: LeftOut) -> str:
+    """The subject of a reason: a photograph, boards by their count, or a board by its number."""
+    noun = _NOUNS.get(one.reason, "board")
+    if one.board is not None:
+        return f"{noun} {one.board + 1}"
+    return f"{one.count} {noun}" + ("" if one.count == 1 else "s") if one.count else noun

@@ -1,1 +1,1 @@
-"""From detected boards to an adjusted camera: starting values, bundle, choice of the model."""
+"""From detected boards to an adjusted camera: initial values, bundle adjustment, choice of the distortion model."""

@@ -1,4 +1,4 @@
-"""Standard errors and correlations in the words of the field: angles instead of rotation vectors, groups instead of columns."""
+"""Standard errors and correlations as the field reports them: for angles instead of rotation vectors, by groups of unknowns."""
 
 from dataclasses import dataclass
 
@@ -16,8 +16,7 @@ IN_PLANE = ("tX", "tY", "theta")
 @dataclass(frozen=True, eq=False)
 class Correlations:
     """|correlation| of the interior parameters `rows` with the exterior orientations and the boards: `typical` (root mean square)
-    and
-    `largest` over photos or boards, (rows, columns)."""
+    and `largest` over photos or boards, (rows, columns)."""
 
     rows: tuple[str, ...]
     columns: tuple[str, ...]
@@ -26,7 +25,7 @@ class Correlations:
 
 
 def photo_precision(result: BoardAdjustment, photo: int) -> tuple[np.ndarray, np.ndarray]:
-    """Place (m) and angles (radians) of a photo, (6,), and their standard errors (6,)."""
+    """Projection centre (m) and angles (radians) of a photo, (6,), and their standard errors (6,)."""
     R = result.state.rotation[photo]
     J = _to_angles(R)
     columns = result.network.photo_columns[photo]
@@ -35,15 +34,16 @@ def photo_precision(result: BoardAdjustment, photo: int) -> tuple[np.ndarray, np
 
 
 def board_precision(result: BoardAdjustment, board: int) -> tuple[np.ndarray, np.ndarray]:
-    """Shift (m) and rotation vector (radians) of a board, (6,), and their standard errors (6,); 0 for what is held."""
+    """Shift (m) and rotation vector (radians) of a board, (6,), and their standard errors (6,); 0 for fixed ones."""
     columns = result.network.board_columns[board]
+    # One variance more than unknowns: column -1 of a fixed value then finds a zero.
     variance = np.append(np.diag(result.covariance), 0.0)[columns]
     value = np.append(result.state.shift[board], vector_of_rotation(result.state.turn[board]))
     return value, np.sqrt(np.where(columns >= 0, variance, 0.0))
 
 
 def _to_angles(R: np.ndarray) -> np.ndarray:
-    """(6, 6): place and omega, phi, kappa by place and rotation vector."""
+    """(6, 6): derivatives of centre, omega, phi and kappa by centre and rotation vector."""
     J = np.eye(6)
     J[3:, 3:] = angles_from_vector(R)
     return J
@@ -51,6 +51,8 @@ def _to_angles(R: np.ndarray) -> np.ndarray:
 
 def correlations(result: BoardAdjustment) -> Correlations:
     """Interior against exterior orientation, boards and the other interior parameters (S12)."""
+    # The root mean square over photos, not the mean: correlations of opposite sign would cancel, and a camera turned by 180 degrees
+    # changes the sign of most of them.
     own = result.network.interior_columns
     rows = tuple(name for name, column in zip(PARAMETERS, own, strict=True) if column >= 0)
     own = own[own >= 0]
@@ -64,7 +66,7 @@ def correlations(result: BoardAdjustment) -> Correlations:
 
 
 def _with_photo(result: BoardAdjustment, own: np.ndarray, photo: int) -> np.ndarray:
-    """(interior, 6): correlations with the place and the angles of a photo."""
+    """(interior, 6): correlations with centre and angles of a photo."""
     J, columns = _to_angles(result.state.rotation[photo]), result.network.photo_columns[photo]
     cross = result.covariance[np.ix_(own, columns)] @ J.T
     variance = np.diag(J @ result.covariance[np.ix_(columns, columns)] @ J.T)
@@ -72,5 +74,5 @@ def _with_photo(result: BoardAdjustment, own: np.ndarray, photo: int) -> np.ndar
 
 
 def _with_board(result: BoardAdjustment, own: np.ndarray, board: int) -> np.ndarray:
-    """(interior, 3): correlations with shift and turn of a board in its plane."""
+    """(interior, 3): correlations with shifts and rotation of a board in its plane."""
     return result.correlation[np.ix_(own, result.network.board_columns[board][[0, 1, 5]])]

@@ -1,17 +1,18 @@
-"""The last job of a calibration from chessboards: all corners of all photographs, adjusted, judged, recorded.
+"""The last job of a calibration from chessboards: the corners of all photographs are adjusted, checked and recorded.
 
-Whole boards come from the search, cut and missed ones from the second look. Every board and photograph that takes no part is
-listed with its reason.
+Whole boards are from the first search, cut and missed ones from the second. Every board and photograph that is not used is listed
+with the reason.
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
 from orthomill.schemas.camera import INTERIOR, Camera, Cameras
 from orthomill.schemas.errors import PhotoError
 from orthomill.schemas.photo import Header, Photos
+from orthomill.schemas.stage_report import StageReport
 from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment
 from orthomill.tasks.adjustment.boards.board_network import PARAMETERS, BoardCorners
 from orthomill.tasks.calibration.board_tables import (
@@ -25,8 +26,8 @@ from orthomill.tasks.calibration.board_tables import (
     TextPage,
 )
 from orthomill.tasks.calibration.cameras.camera_assignment import cameras_for
-from orthomill.tasks.calibration.cameras.camera_exchange import WRITERS
-from orthomill.tasks.calibration.cameras.camera_sharing import shared_out
+from orthomill.tasks.calibration.cameras.camera_exchange import FORMATS
+from orthomill.tasks.calibration.cameras.camera_sharing import SharedCameras, cameras_shared
 from orthomill.tasks.calibration.report import cameras_report
 from orthomill.tasks.calibration.reporting.board_report import chessboards_report
 from orthomill.tasks.calibration.reporting.calibration_results import CalibrationResults
@@ -39,13 +40,39 @@ from orthomill.tasks.calibration.solving.solving import CalibrationTarget, solve
 
 @dataclass(frozen=True)
 class Model:
-    """The interior parameters to estimate; None: those that held-out photographs speak for."""
+    """The interior parameters to estimate; None: those that held-out photographs support."""
 
     free: tuple[str, ...] | None
 
 
+class CalibratedBoards(NamedTuple):
+    """The adjustment, the estimate of c from homographies, the numbers (Q,) of the photographs used, and the held-out checks of the
+    models."""
+
+    result: BoardAdjustment
+    constant: ConstantEstimate
+    photos: np.ndarray
+    checks: dict[tuple[str, ...], HeldOut | None]
+
+
+class BoardCalibration(NamedTuple):
+    """What the calibration from chessboards writes: the cameras of the photographs, the report, the calibrated camera by itself,
+    the full record, the residuals of all corners, and the camera in the formats of other programs."""
+
+    cameras: Cameras
+    report: StageReport
+    camera: Camera
+    calibration: Calibration
+    residuals: CornerResiduals
+    opencv: TextPage
+    colmap: TextPage
+    opensfm: TextPage
+    agisoft: TextPage
+
+
 def index_board_photos(headers: tuple[Header, ...]) -> BoardPhotos:
     """The calibration photographs. Raises PhotoError when their sizes differ."""
+    # One interior orientation has one pixel grid: a resized or turned photograph would need another.
     size = (headers[0].width, headers[0].height)
     others = [header.path for header in headers if (header.width, header.height) != size]
     if others:
@@ -58,29 +85,32 @@ def index_board_photos(headers: tuple[Header, ...]) -> BoardPhotos:
 
 def calibrate(
     arranged: Arranged, corners: tuple[Corners, ...], completed: tuple[Corners, ...], target: CalibrationTarget, model: Model
-) -> tuple[BoardAdjustment, ConstantEstimate, np.ndarray, dict[tuple[str, ...], HeldOut | None]]:
-    """The adjustment, what the homographies said of c, the numbers of the photographs used, and the held-out checks of the models.
+) -> CalibratedBoards:
+    """All corners adjusted with the parameters of `model`, or with those that held-out photographs support.
 
     Raises GeometryError when the boards do not determine the camera.
     """
+    # Computed again as in the job that named the boards: it takes seconds, and saves a table with the whole state of an adjustment.
     known = arrangement_of(found_boards(corners, target), target)
     measured = _with_completed(known.start.corners, arranged, completed, known.start.photo, target)
+    # The largest model first: what it rejects is wrong by any model, and all models are compared on the same corners.
     first = solve(target, (known.result.state,), measured, model.free or MODELS[-1])
-    judged = compare(first, target)
-    free = model.free or choice(judged)
-    result = first if free == first.network.free else solve(target, (first.state.with_interior(**_held(free)),), measured, free)
+    checks = compare(first, target)
+    free = model.free or choice(checks)
+    result = first if free == first.network.free else solve(target, (first.state.with_interior(**_fixed(free)),), measured, free)
     used = known.start.photo
-    return result, replace(known.constant, c1=known.constant.c1[used], c2=known.constant.c2[used]), used, judged
+    return CalibratedBoards(result, replace(known.constant, c1=known.constant.c1[used], c2=known.constant.c2[used]), used, checks)
 
 
-def _held(free: tuple[str, ...]) -> dict[str, float]:
+def _fixed(free: tuple[str, ...]) -> dict[str, float]:
+    """Zero for all parameters that are not estimated: c always is."""
     return {name: 0.0 for name in PARAMETERS[1:] if name not in free}
 
 
 def _with_completed(
     whole: BoardCorners, arranged: Arranged, completed: tuple[Corners, ...], photos: np.ndarray, target: CalibrationTarget
 ) -> BoardCorners:
-    """All corners, sorted by board, corner and photo; those of the first look are kept where both have one."""
+    """All corners, sorted by board, corner and photo; where both searches measured one, that of the first is kept."""
     number = {arranged.photos[index].photo: place for place, index in enumerate(photos)}
     parts = [whole]
     for name, own in zip(arranged.incomplete, completed, strict=True):
@@ -88,6 +118,7 @@ def _with_completed(
         parts.append(BoardCorners(np.full(len(own), number[name]), own.board.astype(int), corner, target.centred(own.pixels)))
     merged = BoardCorners(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("photo", "board", "corner", "xy")))
     place = np.column_stack([merged.board, merged.corner, merged.photo])
+    # np.unique returns the first of equal rows, and those of the first search come first.
     return merged.take(np.unique(place, axis=0, return_index=True)[1])
 
 
@@ -101,67 +132,95 @@ def from_chessboards(
     model: Model,
     photos: Photos | None = None,
     serves: str = "*",
-) -> dict[str, Any]:
-    """Cameras, records and report of a calibration, whose camera took the photographs that match `serves`. Without `photos` it
-    stands alone.
+) -> BoardCalibration:
+    """Cameras, records and report of a calibration, whose camera took the photographs that match `serves`; without `photos` the
+    calibration is run alone.
 
     Raises GeometryError when the boards do not determine the camera, PhotoError for photographs that do not fit it.
-    """  # fmt: skip
-    result, constant, used, judged = calibrate(arranged, corners, completed, target, model)
+    """
+    result, constant, used, checks = calibrate(arranged, corners, completed, target, model)
     camera = camera_of(result, "chessboards", target.size)
     names = [boards.names[photo] for photo in used]
-    check = judged[result.network.free]
-    account = CalibrationResults(result, target, names, constant, judged, searches, arranged)
+    results = CalibrationResults(result, target, names, constant, checks, searches, arranged)
+    cameras, report = _served(photos, serves, camera)
+    return BoardCalibration(
+        cameras=cameras,
+        report=chessboards_report(report, results),
+        camera=camera,
+        calibration=calibration_record(result, camera, names, checks[result.network.free], target),
+        residuals=residual_table(result, names, target),
+        **{name: TextPage(text=known.text(camera)) for name, known in FORMATS.items()},
+    )
+
+
+def _served(photos: Photos | None, serves: str, camera: Camera) -> tuple[Cameras, StageReport]:
+    """The cameras of the project's photographs and their report; of a calibration that is run alone, only the camera itself."""
     if photos is None:
         cameras = Cameras(cameras={camera.name: camera}, of_photo={})
-        plain = cameras_report(cameras, Photos(photos=()), {camera.name: camera})
-    else:
-        photos, sources, remarks = shared_out(
-            photos, serves, lambda own: dict.fromkeys((photo.camera for photo in own.photos), camera)
-        )
-        cameras = cameras_for(photos, sources)
-        plain = cameras_report(cameras, photos, sources)
-        plain = plain.model_copy(update={"warnings": (*remarks, *plain.warnings)})
-    pages = {name: TextPage(text=write(camera)) for name, write in WRITERS.items()}
-    return {
-        "cameras": cameras, "camera": camera, "report": chessboards_report(plain, account),
-        "calibration": calibration_record(result, camera, names, check, target), "residuals": residual_table(result, names, target),
-        **pages,
-    }  # fmt: skip
+        return cameras, cameras_report(cameras, SharedCameras(Photos(photos=()), {camera.name: camera}))
+    shared = cameras_shared(photos, serves, lambda own: dict.fromkeys((photo.camera for photo in own.photos), camera))
+    cameras = cameras_for(shared.photos, shared.cameras)
+    return cameras, cameras_report(cameras, shared)
 
 
 def camera_of(result: BoardAdjustment, name: str, size: tuple[int, int]) -> Camera:
-    """The camera of an adjustment, with the covariance of INTERIOR."""
+    """The camera of an adjustment, with the covariance of INTERIOR; size: width, height, px."""
     numbers = dict(zip(PARAMETERS, result.state.interior.tolist(), strict=True))
     covariance = result.interior_covariance[: len(INTERIOR), : len(INTERIOR)]
-    return Camera(name=name, width=size[0], height=size[1], source="chessboards", sigma0=result.sigma0,
-                  covariance=tuple(map(tuple, covariance.tolist())), **numbers)  # fmt: skip
+    return Camera(
+        name=name,
+        width=size[0],
+        height=size[1],
+        source="chessboards",
+        sigma0=result.sigma0,
+        covariance=tuple(map(tuple, covariance.tolist())),
+        **numbers,
+    )
 
 
 def calibration_record(
     result: BoardAdjustment, camera: Camera, names: list[str], check: HeldOut | None, target: CalibrationTarget
 ) -> Calibration:
-    """All that was estimated, with covariance, for people and programs."""
+    """All interior parameters with covariance, and the poses of photographs and boards with standard errors."""
     photographs = tuple(_pose(name, *photo_precision(result, photo)) for photo, name in enumerate(names))
     boards = tuple(_pose(f"board {board + 1}", *board_precision(result, board)) for board in range(result.network.boards))
     return Calibration(
-        camera=camera, parameters=PARAMETERS, values=tuple(result.state.interior.tolist()),
-        covariance=tuple(map(tuple, result.interior_covariance.tolist())), sigma0=result.sigma0, redundancy=result.redundancy,
-        iterations=result.iterations, held_out=check.rms if check else None, corners=target.corners, square=target.square,
-        photographs=photographs, boards=boards,
-    )  # fmt: skip
+        camera=camera,
+        parameters=PARAMETERS,
+        values=tuple(result.state.interior.tolist()),
+        covariance=tuple(map(tuple, result.interior_covariance.tolist())),
+        sigma0=result.sigma0,
+        redundancy=result.redundancy,
+        iterations=result.iterations,
+        held_out=check.rms if check else None,
+        corners=target.corners,
+        square=target.square,
+        photographs=photographs,
+        boards=boards,
+    )
 
 
 def _pose(name: str, value: np.ndarray, sigma: np.ndarray) -> AdjustedPose:
-    return AdjustedPose(name=name, place=tuple(value[:3].tolist()), angles=tuple(np.degrees(value[3:]).tolist()),
-                place_sigma=tuple(sigma[:3].tolist()), angles_sigma=tuple(np.degrees(sigma[3:]).tolist()))  # fmt: skip
+    return AdjustedPose(
+        name=name,
+        place=tuple(value[:3].tolist()),
+        angles=tuple(np.degrees(value[3:]).tolist()),
+        place_sigma=tuple(sigma[:3].tolist()),
+        angles_sigma=tuple(np.degrees(sigma[3:]).tolist()),
+    )
 
 
 def residual_table(result: BoardAdjustment, names: list[str], target: CalibrationTarget) -> CornerResiduals:
-    """Every corner with its residual, rows down as in the photograph."""
+    """Every corner with its residual, y downwards as rows in the photograph."""
     corners, pixels = result.corners, target.pixels(result.corners.xy)
     return CornerResiduals(
-        photo=np.array(names)[corners.photo], board=corners.board.astype(np.int32),
-        column=(corners.corner % target.corners[0]).astype(np.int32), row=(corners.corner // target.corners[0]).astype(np.int32),
-        x=pixels[:, 0], y=pixels[:, 1], dx=result.residual[:, 0], dy=-result.residual[:, 1], used=result.used,
-    )  # fmt: skip
+        photo=np.array(names)[corners.photo],
+        board=corners.board.astype(np.int32),
+        column=(corners.corner % target.corners[0]).astype(np.int32),
+        row=(corners.corner // target.corners[0]).astype(np.int32),
+        x=pixels[:, 0],
+        y=pixels[:, 1],
+        dx=result.residual[:, 0],
+        dy=-result.residual[:, 1],
+        used=result.used,
+    )

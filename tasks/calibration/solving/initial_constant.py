@@ -1,9 +1,9 @@
-"""The camera constant before the adjustment, from homographies of a plane; the principal point is taken for the image centre.
+"""The initial camera constant from homographies of a plane, with the principal point at the image centre.
 
-Two ways. (1) Each photo gives c1 from the columns of its homography being perpendicular and c2 from their being equally long; the
-medians of both, after one rejection of what is further off than their spread, compete, and the one that spreads less wins. A photo
-that looks straight down makes both a quotient of nearly nothings: it is left out. (2) The image of the absolute conic with one
-unknown, 1 / c^2, over all photos in one least-squares fit, where such photos weigh nothing by themselves.
+Two methods. (1) Each photo gives c1, as the columns of its homography are perpendicular, and c2, as they are equally long; medians
+of both are taken after one rejection of values beyond their spread, and the one with the smaller spread is used. For a photo that
+looks straight down both are quotients of two values near zero: it is left out. (2) The image of the absolute conic with one
+unknown, 1 / c^2, in one least-squares fit over all photos, where such photos have no weight by themselves.
 
 Source: Kawka 2021, S7 and S8, equations 3.24 and 3.27 (methods/calibration.md); Zhang 2000.
 """
@@ -15,7 +15,8 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class ConstantEstimate:
-    """`c` px; `c1`, `c2` (P,) px of the photos, NaN where a photo gives none; `sigma1`, `sigma2` their spread after rejection."""
+    """`c` px; `c1`, `c2` (P,) px of the photos, NaN where a photo does not determine it; `sigma1`, `sigma2` px, their spreads after
+    rejection."""
 
     c: float
     c1: np.ndarray
@@ -25,12 +26,13 @@ class ConstantEstimate:
 
 
 def constants(H: np.ndarray) -> tuple[float, float]:
-    """c1 and c2 (px) of one homography, NaN where the photo does not determine it (S8)."""
+    """c1 and c2 (px) of one homography (3, 3), NaN where the photo does not determine it (S8, equations 3.24 and 3.27)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = np.linalg.norm(H[:2, :2]) ** 2
         below1, below2 = -H[2, 0] * H[2, 1], H[2, 1] ** 2 - H[2, 0] ** 2
         square1 = (H[0, 0] * H[0, 1] + H[1, 0] * H[1, 1]) / below1
         square2 = (H[0, 0] ** 2 - H[0, 1] ** 2 + H[1, 0] ** 2 - H[1, 1] ** 2) / below2
+    # The denominators vanish for a photo without tilt, and noise makes squares negative for a photo with little.
     least = 1e-12 * scale
     c1 = np.sqrt(square1) if abs(below1) > least and square1 > 0 else np.nan
     c2 = np.sqrt(square2) if abs(below2) > least and square2 > 0 else np.nan
@@ -38,14 +40,15 @@ def constants(H: np.ndarray) -> tuple[float, float]:
 
 
 def estimate(c1: np.ndarray, c2: np.ndarray) -> ConstantEstimate:
-    """The published rule over all photos: median, one rejection, the steadier of the two (S8). NaN when no photo gives any."""
+    """The published rule over all photos: median, one rejection, the one with the smaller spread (S8). NaN when no photo determines
+    it."""
     first, second = _after_rejection(c1), _after_rejection(c2)
     c = first[0] if first[1] < second[1] or not np.isfinite(second[0]) else second[0]
     return ConstantEstimate(c, c1, c2, first[1], second[1])
 
 
 def _after_rejection(values: np.ndarray) -> tuple[float, float]:
-    """Median and spread about it of what lies within one spread of the median."""
+    """Median and spread of the values within one spread of the median of all."""
     values = values[np.isfinite(values)]
     if not len(values):
         return np.nan, np.inf
@@ -54,7 +57,7 @@ def _after_rejection(values: np.ndarray) -> tuple[float, float]:
 
 
 def median_and_spread(values: np.ndarray) -> tuple[float, float]:
-    """Median, and the root mean square deviation from it (n - 1); infinite for a single value."""
+    """Median, and the root mean square deviation from it (divisor n - 1); infinite for a single value."""
     median = float(np.median(values))
     return median, float(np.sqrt(((values - median) ** 2).sum() / (len(values) - 1))) if len(values) > 1 else np.inf
 
@@ -66,6 +69,7 @@ def constant_from_conic(homographies: list[np.ndarray]) -> float:
     """
     A, b = [], []
     for H in homographies:
+        # Each photo counts alike, whatever the units of its plane and its distance.
         size = np.linalg.norm(H[:2, :2]) ** 2
         A += [(H[0, 0] * H[0, 1] + H[1, 0] * H[1, 1]) / size, ((H[:2, 0] ** 2).sum() - (H[:2, 1] ** 2).sum()) / size]
         b += [-H[2, 0] * H[2, 1] / size, (H[2, 1] ** 2 - H[2, 0] ** 2) / size]

@@ -1,4 +1,4 @@
-"""From found boards to a calibrated camera: names, starting values, bundle; with a model that is given or chosen."""
+"""The bundle adjustment of identified boards: from several initial values, with exact or uncertain boards."""
 
 from dataclasses import dataclass, replace
 
@@ -9,17 +9,19 @@ from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment, adju
 from orthomill.tasks.adjustment.boards.board_network import Arrangement, BoardCorners, BoardNetwork, BoardState
 from orthomill.tasks.adjustment.boards.board_projection import residuals
 
+# Two photos of a plane give four equations for c, x0 and y0, and nothing to check them with.
 FEWEST_PHOTOS = 3
 _GOOD = 1.5
-"""px: an adjustment with a larger sigma0, or one that rejects much, may have started in the wrong valley."""
+"""px: an adjustment with a larger sigma0 may have converged to a local minimum."""
 _MUCH = 0.1
+"""So may one that rejects more than this share of the corners."""
 
 
 @dataclass(frozen=True, eq=False)
 class CalibrationTarget:
-    """What is photographed and by what: `size` (width, height) px of the photos, inner `corners` (columns, rows) and `square` (m)
-    of a board, how many `boards` (0: as many as are found), how they lie, and the standard errors (m) of their corners in the
-    plane of the board and out of it."""
+    """What is photographed: `size` (width, height) px of the photos, inner `corners` (columns, rows) and `square` (m) of a board,
+    how many `boards` there are (0: as many as are found), how they are arranged, and the standard errors (m) of their corners in
+    the plane of the board and out of it."""
 
     size: tuple[int, int]
     corners: tuple[int, int]
@@ -51,10 +53,10 @@ class CalibrationTarget:
 
 
 def too_few(photos: int) -> GeometryError:
-    """What is said of so many photographs."""
+    """The error for fewer photographs than FEWEST_PHOTOS."""
     number = "Only 1 photograph shows chessboards" if photos == 1 else f"Only {photos} photographs show chessboards"
     return GeometryError(
-        f"{number} that could be used, and {FEWEST_PHOTOS} are the least; check the number of inner corners, or take more "
+        f"{number} that could be used, and at least {FEWEST_PHOTOS} are needed; check the number of inner corners, or take more "
         "photographs, tilted and turned."
     )
 
@@ -62,21 +64,24 @@ def too_few(photos: int) -> GeometryError:
 def solve(
     target: CalibrationTarget, states: tuple[BoardState, ...], corners: BoardCorners, free: tuple[str, ...]
 ) -> BoardAdjustment:
-    """The bundle from the first start that leads to a good end; from the best of all when none does.
+    """The bundle adjustment from the first initial state that leads to a good solution; the best of all when none does.
 
-    Raises GeometryError when there are too few photographs or no start leads anywhere.
+    states: initial values, the most plausible first; free: interior parameters to estimate. Raises GeometryError when there are too
+    few photographs, or no initial state converges.
     """
     photos = len(states[0].rotation) if states else 0
-    # Boards that stand in space face different directions: each image of one counts like a photograph.
+    # Boards in space face different directions: each image of one counts like a photograph.
     directions = len(np.unique(corners.photo + 1j * corners.board)) if target.arrangement == "space" else photos
     if directions < FEWEST_PHOTOS:
         raise too_few(photos)
     network = target.network(photos, len(states[0].turn), free)
-    best, failure = None, None
+    best: BoardAdjustment | None = None
+    failure: GeometryError | None = None
     for state in states:
         try:
             result = adjust(network, state, corners)
         except GeometryError as error:
+            # The first error speaks for the most plausible start.
             failure = failure or error
             continue
         if best is None or _typical(result) < _typical(best):
@@ -84,7 +89,7 @@ def solve(
         if result.sigma0 < _GOOD and result.used.mean() > 1.0 - _MUCH:
             break
     if best is None:
-        raise failure
+        raise failure or too_few(photos)
     return with_uncertain_boards(target, best)
 
 
@@ -93,12 +98,15 @@ def with_uncertain_boards(target: CalibrationTarget, result: BoardAdjustment) ->
     sigma = (target.sigma_in_plane, target.sigma_in_plane, target.sigma_height)
     if not any(sigma):
         return result
+    # The weight of a board's corner against an image coordinate needs the precision of the latter: sigma0 of the exact boards is
+    # the estimate at hand.
     network = replace(result.network, local_sigma=sigma, image_sigma=result.sigma0)
     return adjust(network, result.state, result.corners)
 
 
 def _typical(result: BoardAdjustment) -> float:
-    """Median length of the residuals of all corners, rejected ones too."""
+    """Median length of the residuals of all corners, including rejected ones: a wrong solution that rejects half of them would have
+    the smaller sigma0."""
     return float(np.median(np.linalg.norm(result.residual, axis=1)))
 
 
@@ -106,5 +114,5 @@ def resected(result: BoardAdjustment, state: BoardState, corners: BoardCorners, 
     """Residuals (M, 2) px of photos of which only the exterior orientation is estimated, from the corners `used` (M,); interior and
     boards are those of `state`."""
     network = replace(result.network, photos=len(state.rotation), free=(), arrangement="fixed", local_sigma=(0.0, 0.0, 0.0))
-    settled, _ = minimise(network, state, corners.take(used))
-    return residuals(settled, corners)
+    oriented, _ = minimise(network, state, corners.take(used))
+    return residuals(oriented, corners)

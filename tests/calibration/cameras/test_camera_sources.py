@@ -1,6 +1,7 @@
 """Cameras from EXIF, as typed, from files; fitted to reduced and turned photographs."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,6 @@ from orthomill.schemas.camera import INTERIOR, Camera, Cameras
 from orthomill.schemas.errors import PhotoError, WorkflowError
 from orthomill.schemas.photo import Header, Photo, Photos
 from orthomill.schemas.project import CameraFromChessboards, CameraGiven
-from orthomill.schemas.settings import Settings
 from orthomill.tasks.calibration.cameras.camera_assignment import fitted
 from orthomill.tasks.calibration.cameras.known_cameras import as_given, from_exif, from_file
 from orthomill.tasks.calibration.cameras.nominal_cameras import cameras_from_file
@@ -19,9 +19,19 @@ from orthomill.tasks.geometry.camera_change import scaled, turned
 from orthomill.tasks.geometry.distortion import image_to_pixel
 
 CAMERA = Camera(
-    name="t", width=800, height=600, c=700, x0=9.0, y0=-6.0, k1=-0.1, k2=0.02, p1=0.004, p2=-0.003, pixel_um=4.0,
+    name="t",
+    width=800,
+    height=600,
+    c=700,
+    x0=9.0,
+    y0=-6.0,
+    k1=-0.1,
+    k2=0.02,
+    p1=0.004,
+    p2=-0.003,
+    pixel_um=4.0,
     covariance=tuple(map(tuple, np.diag([4.0, 1.0, 2.0, 1e-6, 1e-6, 0.0, 3e-8, 5e-8]).tolist())),
-)  # fmt: skip
+)
 
 
 def photo(name: str = "a", **changes) -> Photo:
@@ -73,16 +83,16 @@ def test_a_reduced_photograph_has_a_reduced_camera():
 
 def test_exif_gives_a_nominal_camera_with_wide_sigmas():
     outcome = from_exif(photos(photo(focal_mm=4.0, pixel_um=2.0), photo("b", camera="other", focal_35mm=27.0)))
-    cameras = outcome["cameras"]
+    cameras = outcome.cameras
     assert cameras.of("a").c == pytest.approx(2000) and cameras.of("a").source == "exif"
     assert cameras.of("b").c == pytest.approx(600)
     sigma = [np.sqrt(cameras.of(name).covariance[0][0]) for name in "ab"]
     assert sigma == pytest.approx([40.0, 30.0])
-    assert any("nominal" in warning for warning in outcome["report"].warnings)
+    assert any("nominal" in warning for warning in outcome.report.warnings)
 
 
 def test_contradicting_exif_tags_are_reported():
-    report = from_exif(photos(photo(focal_mm=4.0, pixel_um=2.0, focal_35mm=28.0)))["report"]
+    report = from_exif(photos(photo(focal_mm=4.0, pixel_um=2.0, focal_35mm=28.0))).report
     assert any("contradict" in warning for warning in report.warnings)
 
 
@@ -94,22 +104,22 @@ def test_no_exif_and_no_camera_is_one_sentence_that_names_the_photographs():
 def test_a_photograph_that_lost_its_tags_takes_the_camera_of_the_others_of_its_size():
     block = (photo("a", focal_mm=4.0, pixel_um=2.0, camera="cam"), photo("b", camera="800 x 600"))
     outcome = from_exif(photos(*block))
-    assert outcome["cameras"].of_photo == {"a": "cam", "b": "cam"} and list(outcome["cameras"].cameras) == ["cam"]
-    assert any("focal length of b; taken as photographs of cam" in text for text in outcome["report"].warnings)
+    assert outcome.cameras.of_photo == {"a": "cam", "b": "cam"} and list(outcome.cameras.cameras) == ["cam"]
+    assert any("focal length of b; taken as photographs of cam" in text for text in outcome.report.warnings)
 
 
 def test_a_photograph_of_another_size_without_tags_gets_a_guess_that_says_so():
     outcome = from_exif(photos(photo(focal_mm=4.0, pixel_um=2.0), photo("b", camera="900 x 900", width=900, height=900)))
-    camera = outcome["cameras"].of("b")
+    camera = outcome.cameras.of("b")
     assert camera.c == 900 and np.sqrt(camera.covariance[0][0]) == pytest.approx(225) and camera.source == "exif"
-    assert any("focal length of b" in text and "900 px was guessed" in text for text in outcome["report"].warnings)
+    assert any("focal length of b" in text and "900 px was guessed" in text for text in outcome.report.warnings)
 
 
 def test_given_cameras_keep_their_numbers_and_sigma():
-    cameras = as_given(photos(photo()), CameraGiven(kind="given", c=900, x0=3, k1=0.01, sigma_c=5))["cameras"]
+    cameras = as_given(photos(photo()), CameraGiven(kind="given", c=900, x0=3, k1=0.01, sigma_c=5)).cameras
     assert cameras.of("a").interior == (900, 3, 0, 0.01, 0, 0, 0, 0)
     assert cameras.of("a").covariance[0][0] == 25
-    assert as_given(photos(photo()), CameraGiven(kind="given", c=900))["cameras"].of("a").covariance is None
+    assert as_given(photos(photo()), CameraGiven(kind="given", c=900)).cameras.of("a").covariance is None
 
 
 def test_photographs_of_another_shape_are_named():
@@ -120,9 +130,9 @@ def test_photographs_of_another_shape_are_named():
 def test_a_calibrated_camera_serves_its_own_photographs_and_exif_the_others():
     nominal = {"focal_mm": 4.0, "pixel_um": 2.0}
     outcome = from_file(photos(photo(), photo("b", height=700, camera="B", **nominal)), CAMERA.model_dump_json(), "c.json", "a*")
-    assert outcome["cameras"].of("a").c == 700 and outcome["cameras"].of("b").c == 2000
-    assert outcome["cameras"].of("b").source == "exif"
-    same = as_given(photos(photo(), photo("b", **nominal)), CameraGiven(kind="given", c=900, serves="a.*"))["cameras"]
+    assert outcome.cameras.of("a").c == 700 and outcome.cameras.of("b").c == 2000
+    assert outcome.cameras.of("b").source == "exif"
+    same = as_given(photos(photo(), photo("b", **nominal)), CameraGiven(kind="given", c=900, serves="a.*")).cameras
     assert same.of("a").c == 900 and same.of("b").c == 2000, "two cameras that EXIF gives one name"
     with pytest.raises(WorkflowError, match=r"No photograph matches 'DSC\*'"):
         as_given(photos(photo()), CameraGiven(kind="given", c=900, serves="DSC*"))
@@ -130,21 +140,25 @@ def test_a_calibrated_camera_serves_its_own_photographs_and_exif_the_others():
 
 def test_files_hold_one_camera_or_those_of_an_earlier_run():
     single = from_file(photos(photo(width=400, height=300)), CAMERA.model_dump_json(), "camera.json")
-    assert single["cameras"].of("a").c == 350
-    assert any("scaled" in warning for warning in single["report"].warnings)
+    assert single.cameras.of("a").c == 350
+    assert any("scaled" in warning for warning in single.report.warnings)
     table = Cameras(cameras={"cam": CAMERA, "x": CAMERA.model_copy(update={"c": 1.0})}, of_photo={})
-    assert from_file(photos(photo()), table.model_dump_json(), "cameras.json")["cameras"].of("a").c == 700
+    assert from_file(photos(photo()), table.model_dump_json(), "cameras.json").cameras.of("a").c == 700
     block = table.model_dump_json()[:-1] + ', "crs": "EPSG:2100", "photos": []}'
-    assert from_file(photos(photo()), block, "cameras.json")["cameras"].of("a").c == 700
+    assert from_file(photos(photo()), block, "cameras.json").cameras.of("a").c == 700
     with pytest.raises(WorkflowError, match="none called unknown"):
         from_file(photos(photo(camera="unknown")), table.model_dump_json(), "cameras.json")
 
 
 @pytest.mark.parametrize(
     ("text", "part"),
-    [("{", "no JSON"), (json.dumps({"name": "x", "width": 10}), "height"), ("[1]", "the whole"),
-     (json.dumps({"name": "x", "width": 10, "height": 10, "c": -5}), "greater than 0")],
-)  # fmt: skip
+    [
+        ("{", "not JSON"),
+        (json.dumps({"name": "x", "width": 10}), "height"),
+        ("[1]", "the whole"),
+        (json.dumps({"name": "x", "width": 10, "height": 10, "c": -5}), "greater than 0"),
+    ],
+)
 def test_a_wrong_camera_file_says_where(text, part):
     with pytest.raises(WorkflowError, match=part):
         from_file(photos(photo()), text, "camera.json")
@@ -158,15 +172,10 @@ def test_chessboard_photographs_of_two_sizes_are_refused():
 
 @pytest.mark.parametrize("corners", [(7, 7), (2, 5)])
 def test_ambiguous_boards_are_refused_before_anything_runs(corners):
-    class View:
-        class project(Settings):  # noqa: N801
-            cameras: CameraFromChessboards = CameraFromChessboards(
-                kind="chessboards", photographs={"kind": "simulated"}, corners=corners, square=0.1
-            )
-
-    View.project = View.project()
+    source = {"kind": "chessboards", "photographs": {"kind": "simulated"}, "corners": corners, "square": 0.1}
+    project = SimpleNamespace(cameras=CameraFromChessboards.model_validate(source))
     with pytest.raises(WorkflowError, match="inner corners"):
-        list(CalibrationStage().plan(View()))
+        list(CalibrationStage().plan(SimpleNamespace(project=project)))
 
 
 def test_interior_order_is_the_one_of_every_covariance():

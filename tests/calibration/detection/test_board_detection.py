@@ -7,7 +7,7 @@ from orthomill.schemas.camera import Camera
 from orthomill.schemas.raster import Window
 from orthomill.tasks.calibration.board_tables import Arranged, ArrangedPhoto, Prediction
 from orthomill.tasks.calibration.detection.board_detection import COARSE_SIDE, _refusal, find_boards, pyramid, symmetric
-from orthomill.tasks.calibration.detection.board_photographs import complete_corners, looked_for, photo_corners
+from orthomill.tasks.calibration.detection.board_photographs import complete_corners, near_predictions, photo_corners
 from orthomill.tasks.calibration.detection.saddles import edge_blur
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.geometry.view import View
@@ -39,9 +39,12 @@ def test_boards_are_found_to_a_few_hundredths_with_their_origin_in_any_rotation(
     assert found.corners.shape == (3, 5, 6, 2) and (found.false, found.larger) == (0, 0)
     miss = [np.linalg.norm(truth(here) - board.reshape(-1, 2), axis=2).max(axis=1).min() for board in found.corners]
     assert max(miss) < 0.2, "every corner, by its own number"
-    nearest = np.array([board.reshape(-1, 2) - truth(here)[np.linalg.norm(truth(here) - board.reshape(-1, 2),
-        axis=2).mean(axis=1).argmin()]
-                        for board in found.corners])  # fmt: skip
+    nearest = np.array(
+        [
+            board.reshape(-1, 2) - truth(here)[np.linalg.norm(truth(here) - board.reshape(-1, 2), axis=2).mean(axis=1).argmin()]
+            for board in found.corners
+        ]
+    )
     assert np.sqrt((nearest**2).sum(axis=-1).mean()) < 0.05
 
 
@@ -49,17 +52,17 @@ def test_sixteen_bits_vignetting_and_three_bands_make_no_difference():
     here = view()
     pixels = np.repeat(picture(here, BoardFilm(0.7, 2.0, vignetting=0.4, light=0.4, bits=16))[:, :, None], 3, axis=2)
     outcome = photo_corners(pixels, "p", BOARD.corners, 3)
-    assert outcome["search"].boards == 3 and len(outcome["corners"]) == 90
-    first = outcome["corners"].take(outcome["corners"].board == 0)
+    assert outcome.search.boards == 3 and len(outcome.corners) == 90
+    first = outcome.corners.take(outcome.corners.board == 0)
     distance = np.linalg.norm(truth(here) - first.pixels, axis=2).max(axis=1).min()
-    assert distance < 0.3 and max(outcome["overview"].shape) <= 1100
-    assert outcome["search"].blur == pytest.approx(0.75, abs=0.15) and outcome["search"].overexposed < 0.01
+    assert distance < 0.3 and max(outcome.overview.shape) <= 1100
+    assert outcome.search.blur == pytest.approx(0.75, abs=0.15) and outcome.search.overexposed < 0.01
 
 
 def test_blur_is_measured_and_overexposure_seen():
-    soft = photo_corners(picture(view(), BoardFilm(2.5, 2.0))[:, :, None], "p", BOARD.corners, 3)["search"]
+    soft = photo_corners(picture(view(), BoardFilm(2.5, 2.0))[:, :, None], "p", BOARD.corners, 3).search
     assert soft.blur == pytest.approx(2.5, abs=0.5)
-    bright = photo_corners(picture(view(), BoardFilm(0.7, 2.0, light=1.6))[:, :, None], "p", BOARD.corners, 3)["search"]
+    bright = photo_corners(picture(view(), BoardFilm(0.7, 2.0, light=1.6))[:, :, None], "p", BOARD.corners, 3).search
     assert bright.overexposed > 0.3
     assert np.isnan(edge_blur(np.zeros((50, 50), np.uint8), np.full((3, 4, 2), -100.0)))
 
@@ -80,7 +83,7 @@ def test_cut_and_missed_boards_are_found_where_they_have_to_be():
     cut = int(inside.sum(axis=1).argmin())
     assert 0 < inside[cut].sum() < 30
     shifted = places[cut] + np.array([1.2, -0.9])
-    points, good = looked_for(image, shifted.reshape(5, 6, 2))
+    points, good = near_predictions(image, shifted.reshape(5, 6, 2))
     assert good.sum() >= 0.6 * inside[cut].sum() and not good.ravel()[~near.contains(places[cut], 0.0)].any()
     assert np.abs(points[good] - places[cut].reshape(5, 6, 2)[good]).max() < 0.35
     own = ArrangedPhoto(
@@ -92,8 +95,8 @@ def test_cut_and_missed_boards_are_found_where_they_have_to_be():
 
 def test_nothing_is_found_where_nothing_is():
     plain = np.full((300, 400, 1), 120, dtype=np.uint8)
-    assert len(photo_corners(plain, "p", BOARD.corners, 1)["corners"]) == 0
-    _, good = looked_for(plain[:, :, 0], truth(view())[0].reshape(5, 6, 2))
+    assert len(photo_corners(plain, "p", BOARD.corners, 1).corners) == 0
+    _, good = near_predictions(plain[:, :, 0], truth(view())[0].reshape(5, 6, 2))
     assert not good.any()
 
 

@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.calibration.board_setups import SIX_BOARDS, places_of, views_of
 from orthomill.schemas.raster import Window
 from orthomill.tasks.calibration.detection.board_photographs import photo_corners
 from orthomill.tasks.calibration.solving.arranging import arrangement_of, found_boards
 from orthomill.tasks.calibration.solving.solving import CalibrationTarget
 from orthomill.tasks.geometry.view import View
 from orthomill.tasks.simulation.boards.board_rendering import BoardFilm, photograph_floor
-from orthomill.tasks.simulation.boards.board_scene import SIX_BOARDS, BoardType, floor_corners, places_of, views_of
+from orthomill.tasks.simulation.boards.board_scene import BoardType, floor_corners
 
 CAMERA = SIX_BOARDS.camera.model_copy(
     update={"width": 900, "height": 600, "c": 760.0, "x0": 2.0, "y0": 1.0, "k1": -0.1, "k2": 0.03}
@@ -41,7 +42,7 @@ def misses(view: View, found) -> np.ndarray:
 def test_a_board_cut_on_one_side_keeps_the_numbers_of_its_corners(photo, right, up):
     view = aside(views_of(SETUP)[photo], right, up)
     outcome = look(view)
-    search, found = outcome["search"], outcome["corners"]
+    search, found = outcome.search, outcome.corners
     assert (search.boards, search.cut, search.unnumbered) == (0, 1, 0)
     assert 15 <= len(found) < 54 and misses(view, found).max() < 0.3
 
@@ -49,23 +50,23 @@ def test_a_board_cut_on_one_side_keeps_the_numbers_of_its_corners(photo, right, 
 def test_a_part_that_can_be_any_is_used_alone_and_only_of_exact_boards():
     view = aside(views_of(SETUP)[0], 0.0, 0.0, nearer=0.33)
     outcome = look(view)
-    assert outcome["search"].cut == 1 and len(outcome["corners"]) >= 12
-    assert look(view, exact=False)["search"].unnumbered == 1 and len(look(view, exact=False)["corners"]) == 0
+    assert outcome.search.cut == 1 and len(outcome.corners) >= 12
+    assert look(view, exact=False).search.unnumbered == 1 and len(look(view, exact=False).corners) == 0
 
 
 @pytest.mark.parametrize("stated", [(10, 7), (8, 5), (7, 6), (12, 9)])
 def test_the_number_of_corners_that_is_there_is_told(stated):
     outcome = look(views_of(SETUP)[2], stated)
-    assert len(outcome["corners"]) == 0 and outcome["search"].other == ((9, 6),)
+    assert len(outcome.corners) == 0 and outcome.search.other == ((9, 6),)
 
 
 def test_one_board_is_calibrated_from_photos_that_cut_it():
     generator = np.random.default_rng(1)
     views = [aside(view, *generator.uniform(-0.15, 0.15, 2)) for view in views_of(SETUP)]
     outcomes = [look(view) for view in views]
-    assert sum(outcome["search"].cut for outcome in outcomes) >= 4
+    assert sum(outcome.search.cut for outcome in outcomes) >= 4
     target = CalibrationTarget((CAMERA.width, CAMERA.height), (9, 6), 0.03, 1)
-    result = arrangement_of(found_boards(tuple(outcome["corners"] for outcome in outcomes), target), target).result
+    result = arrangement_of(found_boards(tuple(outcome.corners for outcome in outcomes), target), target).result
     sigma = np.sqrt(np.diag(result.interior_covariance))[:5]
     assert len(result.state.rotation) == 8 and result.sigma0 < 0.05
     assert (np.abs(result.state.interior[:5] - CAMERA.interior[:5]) < 4 * sigma).all()

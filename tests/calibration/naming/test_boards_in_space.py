@@ -65,8 +65,13 @@ def corners(scene: Scene) -> tuple[list[np.ndarray], list[np.ndarray]]:
 def test_boards_in_space_are_told_apart_and_calibrate_the_camera(scene):
     found, order = corners(scene)
     known = arrangement_of(found, TARGET)
-    pairs = {(int(n), int(t)) for own, true in zip(known.naming.photos, order, strict=True) if own.certain
-             for n, t in zip(own.names, true, strict=True) if n >= 0}  # fmt: skip
+    pairs = {
+        (int(n), int(t))
+        for own, true in zip(known.naming.photos, order, strict=True)
+        if own.certain
+        for n, t in zip(own.names, true, strict=True)
+        if n >= 0
+    }
     assert len(pairs) == len({n for n, _ in pairs}) == len({t for _, t in pairs}) == scene.boards
     assert known.result.sigma0 == pytest.approx(0.3, rel=0.15)
     sigma = np.sqrt(np.diag(known.result.interior_covariance))[:5]

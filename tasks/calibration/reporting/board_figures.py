@@ -1,0 +1,80 @@
+"""The figures of a calibration from chessboards; their names are stable, and `summary.json` holds them."""
+
+import numpy as np
+
+from orthomill.schemas.stage_report import Figure
+from orthomill.tasks.calibration.reporting.advice import PhotoGeometry
+from orthomill.tasks.calibration.reporting.board_charts import balance
+from orthomill.tasks.calibration.reporting.calibration_results import CalibrationResults
+
+
+def board_figures(results: CalibrationResults, shape: PhotoGeometry) -> tuple[Figure, ...]:
+    """All figures, in the order of the report."""
+    return (*_counts(results), *_adjustment(results), *_held_out(results), *_geometry(results, shape))
+
+
+def rounded(value: float | None, digits: int = 6) -> float | None:
+    """The value with so many significant digits; None for what is not known."""
+    return None if value is None or not np.isfinite(value) else float(f"{value:.{digits}g}")
+
+
+def _px(name: str, value: float | None, sentence: str, headline: bool = False) -> Figure:
+    return Figure(name=name, value=value, unit="px", sentence=sentence, headline=headline)
+
+
+def _counts(results: CalibrationResults) -> tuple[Figure, ...]:
+    result, photos = results.result, len(results.photos)
+    left_out = len(results.searches) - photos
+    images = len({(p, b) for p, b in zip(result.corners.photo.tolist(), result.corners.board.tolist(), strict=True)})
+    rejected = int((~result.used).sum())
+    return (
+        Figure(name="board_photos", value=photos, sentence="Calibration photographs used."),
+        Figure(name="board_photos_unused", value=left_out, sentence="Those left out, with reasons below."),
+        Figure(name="boards", value=images, sentence="Images of chessboards used, whole or cut, in all calibration photographs."),
+        Figure(name="boards_on_site", value=result.network.boards, sentence="Different boards identified."),
+        Figure(name="corners", value=int(result.used.sum()), sentence="Corners used."),
+        Figure(name="corners_rejected", value=rejected, sentence="Corners rejected by their standardised residuals."),
+    )
+
+
+def _adjustment(results: CalibrationResults) -> tuple[Figure, ...]:
+    result = results.result
+    return (
+        _px("sigma0_px", round(result.sigma0, 4), "Standard error of a corner coordinate.", headline=True),
+        _px("rms_px", round(result.rms, 4), "Root mean square length of the residual vectors."),
+        Figure(name="redundancy", value=result.redundancy, sentence="Observations minus unknowns."),
+        Figure(name="iterations", value=result.iterations, sentence="Of the adjustment, before corners were rejected one by one."),
+        Figure(name="rejection_rounds", value=result.rounds, sentence="Adjustments after that, each without the rejected corners."),
+        _px("initial_c", rounded(results.constant.c), "Camera constant from homographies, before the adjustment."),
+    )
+
+
+def _held_out(results: CalibrationResults) -> tuple[Figure, ...]:
+    check = results.check
+    # Without a check the figures stay, as null: their names are promised.
+    rms, rms_all, at_c = (check.rms, check.rms_all, float(check.difference[0])) if check else (None, None, None)
+    return (
+        _px(
+            "held_out_px",
+            rounded(rms),
+            "Root mean square length of the residual vectors of held-out photographs (each half checked by the other).",
+            headline=True,
+        ),
+        _px("held_out_all_px", rounded(rms_all), "The same with the corners that the adjustment rejected."),
+        _px(
+            "c_halves_difference",
+            rounded(at_c),
+            "Difference of the camera constants of two halves: an empirical measure next to the formal standard error.",
+        ),
+    )
+
+
+def _geometry(results: CalibrationResults, shape: PhotoGeometry) -> tuple[Figure, ...]:
+    balanced = results.result.state.interior[0] + balance(results)[1]
+    tilt, turned = round(shape.tilt_largest, 1), round(shape.turned, 1)
+    return (
+        _px("balanced_c", rounded(balanced), "Camera constant of the balanced distortion curve; for comparison only."),
+        Figure(name="coverage", value=round(shape.coverage, 3), sentence="Share of the frame that corners cover."),
+        Figure(name="largest_tilt", value=tilt, unit="degrees", sentence="Between a photograph and the boards."),
+        Figure(name="kappa_range", value=turned, unit="degrees", sentence="Largest difference of kappa between photographs."),
+    )

@@ -1,0 +1,123 @@
+"""The tables of a calibration from chessboards: parameters, models, exterior orientations, boards and photographs."""
+
+import numpy as np
+
+from orthomill.schemas.stage_report import Grid
+from orthomill.tasks.adjustment.boards.board_network import PARAMETERS
+from orthomill.tasks.calibration.reporting.board_figures import rounded
+from orthomill.tasks.calibration.reporting.calibration_results import CalibrationResults
+from orthomill.tasks.calibration.solving.calibration_precision import board_precision, photo_precision
+
+_POWER = {"k1": 2, "k2": 4, "k3": 6, "p1": 1, "p2": 1}
+"""Powers of c by which coefficients in units of c are divided to get those in powers of pixels."""
+Row = tuple[float | int | str | None, ...]
+
+
+def parameter_grid(results: CalibrationResults) -> Grid:
+    """In pixels and powers of pixels, as the calibration literature prints them, with the difference of the halves."""
+    free = results.result.network.free
+    return Grid(
+        title="Interior orientation in pixels",
+        columns=("parameter", "value", "standard error", "halves differ by", "unit"),
+        rows=tuple(_parameter_row(results, number, name) for number, name in enumerate(PARAMETERS) if name in free),
+        note="x right, y up, from the image centre; distortion with the radius in pixels.",
+    )
+
+
+def _parameter_row(results: CalibrationResults, number: int, name: str) -> Row:
+    result, check = results.result, results.check
+    per = result.state.interior[0] ** _POWER.get(name, 0)
+    # Affinity and skew have no unit.
+    unit = "px" if name in ("c", "x0", "y0") else f"px^-{_POWER[name]}" if name in _POWER else ""
+    halves = rounded(check.difference[number] / per, 3) if check else None
+    sigma = np.sqrt(result.interior_covariance[number, number])
+    return name, rounded(result.state.interior[number] / per, 7), rounded(sigma / per, 3), halves, unit
+
+
+def model_grid(results: CalibrationResults) -> Grid:
+    """Every model with the residuals of held-out photographs."""
+    rows = tuple(
+        (", ".join(model), rounded(check.rms if check else None, 4), "used" if model == results.result.network.free else "")
+        for model, check in results.checks.items()
+    )
+    return Grid(
+        title="Distortion models by held-out photographs",
+        columns=("parameters", "held-out RMS (px)", ""),
+        rows=rows,
+        note="The largest model is used that fits held-out photographs as well as the best, within 0.2 %.",
+    )
+
+
+def exterior_grid(results: CalibrationResults) -> Grid:
+    """The exterior orientations of the photographs, degrees and m."""
+    axes = ("X0 (m)", "Y0 (m)", "Z0 (m)", "omega (deg)", "phi (deg)", "kappa (deg)")
+    return Grid(
+        title="Exterior orientation of the calibration photographs",
+        columns=("photo", *axes, "sigma, centre (m)", "sigma, angle (deg)"),
+        rows=tuple(_exterior_row(results, photo, name) for photo, name in enumerate(results.photos)),
+        note="In the system of board 1: origin at its first corner, x along its columns. The largest of three standard errors.",
+    )
+
+
+def _exterior_row(results: CalibrationResults, photo: int, name: str) -> Row:
+    value, sigma = photo_precision(results.result, photo)
+    return (
+        name,
+        *(round(float(v), 4) for v in value[:3]),
+        *(round(float(v), 3) for v in np.degrees(value[3:])),
+        rounded(sigma[:3].max(), 2),
+        rounded(np.degrees(sigma[3:]).max(), 2),
+    )
+
+
+def board_grid(results: CalibrationResults) -> Grid:
+    """The places of the boards relative to board 1."""
+    axes = ("tX (m)", "tY (m)", "tZ (m)", "rotation x (deg)", "rotation y (deg)", "theta (deg)")
+    return Grid(
+        title="Boards",
+        columns=("board", *axes, "sigma, place (m)", "residual, median (px)"),
+        rows=tuple(_board_row(results, board) for board in range(results.result.network.boards)),
+        note="Board 1 is the most central one and defines the system.",
+    )
+
+
+def _board_row(results: CalibrationResults, board: int) -> Row:
+    result = results.result
+    value, sigma = board_precision(result, board)
+    # Rejected corners count: they are what shows a warped board.
+    size = np.linalg.norm(result.residual[result.corners.board == board], axis=1)
+    return (
+        board + 1,
+        *(round(float(v), 5) for v in value[:3]),
+        *(round(float(v), 3) for v in np.degrees(value[3:])),
+        rounded(sigma[:3].max(), 2),
+        rounded(float(np.median(size)), 3),
+    )
+
+
+def photo_grid(results: CalibrationResults) -> Grid:
+    """The photographs with their corners, residuals, blur and initial camera constants."""
+    measures = ("RMS (px)", "largest (px)", "edge blur (px)", "initial c1 (px)", "initial c2 (px)")
+    return Grid(
+        title="Calibration photographs",
+        columns=("photo", "boards", "corners", "rejected", *measures),
+        rows=tuple(_photo_row(results, photo, name) for photo, name in enumerate(results.photos)),
+    )
+
+
+def _photo_row(results: CalibrationResults, photo: int, name: str) -> Row:
+    result, constant = results.result, results.constant
+    own = result.corners.photo == photo
+    size = np.linalg.norm(result.residual[own & result.used], axis=1)
+    search = next(search for search in results.searches if search.photo == name)
+    return (
+        name,
+        len(np.unique(result.corners.board[own])),
+        int(own.sum()),
+        int((own & ~result.used).sum()),
+        rounded(float(np.sqrt((size**2).mean())), 3) if len(size) else None,
+        rounded(size.max(initial=0.0), 3),
+        rounded(search.blur, 2),
+        rounded(constant.c1[photo], 5),
+        rounded(constant.c2[photo], 5),
+    )
