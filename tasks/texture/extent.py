@@ -1,8 +1,8 @@
-"""Where the orthoimage lies and what one of its tiles needs: grids that nest, pyramid levels, windows of heights and photographs.
+"""The extent of the orthoimage and the input of one of its tiles: nested grids, pyramid levels, windows of heights and photographs.
 
-A DSM cell is divided into a whole number of ortho pixels, so that the two grids share their outer corner. What can hide a cell
-from a photograph lies between the cell and the foot of the ray's point at the greatest height: the window of heights of a tile
-is the tile, and the tile moved that far towards every projection centre. With it a tile knows all that the whole model knows.
+A DSM cell is divided into an integer number of ortho pixels, so that the two grids share their outer corner. Whatever can hide a
+cell from a photograph lies between the cell and the foot of the ray's point at the greatest height: the window of heights of a tile
+is the tile, and the tile moved that far towards every projection centre. With it a tile gives what the whole model would give.
 """
 
 from collections.abc import Iterable, Sequence
@@ -17,7 +17,11 @@ from orthomill.tasks.geometry.footprint import photo_window
 from orthomill.tasks.geometry.view import View
 
 NESTING = 1e-6
-"""How far from a whole number the ratio of the cells may be."""
+"""Tolerated deviation of the ratio of the cells from an integer: rounding of decimal fractions, no more."""
+# auto rounds the photo pixels per DSM cell up, but not for less than a quarter: a cell slightly larger than the photo pixel loses
+# nothing, while a divisor larger by one costs up to four times the pixels.
+_FINER_FROM = 0.25
+_HEIGHT_MARGIN = 0.05  # of the height range: the DSM may exceed the range known at planning
 
 
 @dataclass(frozen=True)
@@ -53,11 +57,11 @@ def ground_pixels(views: Iterable[View], ground: float) -> list[float]:
 def ortho_grid(dsm: MapGrid, cell: float | None, ground_pixel: float) -> MapGrid:
     """The grid of the orthoimage: that of the DSM with each cell divided into n x n.
 
-    `cell` in m, or None for the one next to `ground_pixel` (m), rather finer than coarser. Raises WorkflowError when a given
-    cell does not divide the DSM's.
+    `cell` in m, or None for the one nearest to `ground_pixel` (m), preferably finer. Raises WorkflowError when a given cell does
+    not divide that of the DSM.
     """
     ratio = dsm.cell / (cell or ground_pixel)
-    divisor = max(1, round(ratio)) if cell else max(1, int(np.ceil(ratio - 0.25)))
+    divisor = max(1, round(ratio)) if cell else max(1, int(np.ceil(ratio - _FINER_FROM)))
     if cell and abs(ratio - divisor) > NESTING * divisor:
         raise WorkflowError(
             f"texture.cell is {cell:g} m, but the surface model has cells of {dsm.cell:g} m and the orthoimage must divide them: "
@@ -67,7 +71,8 @@ def ortho_grid(dsm: MapGrid, cell: float | None, ground_pixel: float) -> MapGrid
 
 
 def photo_level(cell: float, ground_pixel: float, levels: int) -> int:
-    """The pyramid level whose pixel is next to `cell` (both m) on the ground; level k has pixels of 2^k full-size pixels."""
+    """The pyramid level with the ground pixel nearest to `cell` (both m); level k has pixels of 2^k full-size pixels."""
+    # Nearest on a logarithmic scale: a coarser level loses detail, a finer one aliases, both by the same factor.
     return int(np.clip(np.floor(np.log2(max(cell / ground_pixel, 1.0)) + 0.5), 0, levels - 1))
 
 
@@ -88,12 +93,13 @@ def dsm_core(dsm: MapGrid, divisor: int, window: Window) -> Window:
 
 def heights_window(surface: Surface, views: Sequence[View], core: Window, halo: int) -> Window:
     """The DSM cells that can hide `core` from any of `views`, with `halo` cells more on every side, clipped to the DSM."""
-    grid, margin = surface.grid, 0.05 * (surface.height_high - surface.height_low)
+    grid, margin = surface.grid, _HEIGHT_MARGIN * (surface.height_high - surface.height_low)
     low, high = surface.height_low - margin, surface.height_high + margin
     rows, cols = [core.row, core.row + core.height - 1], [core.col, core.col + core.width - 1]
     top, left, bottom, right = rows[0], cols[0], rows[1], cols[1]
     for view in views:
         col0, row0 = grid.pixel(view.centre[0], view.centre[1])
+        # At this share of the way to the centre a ray from the lowest ground is above the highest point of the model.
         share = min((high - low) / max(view.centre[2] - low, 1e-9), 1.0)
         reached_rows = [row + share * (row0 - row) for row in rows]
         reached_cols = [col + share * (col0 - col) for col in cols]
@@ -105,7 +111,7 @@ def heights_window(surface: Surface, views: Sequence[View], core: Window, halo: 
 
 @dataclass(frozen=True)
 class PhotoSource:
-    """A photograph as planning knows it: where it looked from, the pyramid level to use and that raster's shape."""
+    """A photograph at planning time: its view, the pyramid level to be used and the shape of that raster."""
 
     view: View
     level: int
@@ -116,7 +122,7 @@ def tile_extent(surface: Surface, ortho: MapGrid, window: Window, sources: Seque
     """All windows that the ortho tile `window` needs; photographs that cannot see it are left out."""
     parts, seeing = [], []
     for source in sources:
-        margin = 4 * 2**source.level
+        margin = 4 * 2**source.level  # two pixels of the level for the bicubic kernel, two for the relief within the window
         full = photo_window(source.view, ortho, window, surface.height_low, surface.height_high, margin)
         part = level_window(full, source.level, source.shape)
         if not (full.empty or part.empty):

@@ -1,10 +1,11 @@
 """One tile of the orthoimage from its heights and photographs, and one tile of samples for the radiometric balance.
 
-A tile is worked in strips of rows, so that the colours of all photographs are held for a strip only. Everything is counted in the
-whole grid's rows and columns: a tile gives, pixel by pixel, what one huge tile would give.
+A tile is processed in strips of rows, so that the colours of all photographs are held for one strip only. Everything is counted in
+rows and columns of the whole grid: a tile gives, pixel by pixel, what one tile of the whole orthoimage would give.
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
@@ -21,15 +22,17 @@ from orthomill.tasks.visibility.height_model import HeightModel, Targets, bridge
 STRIP = 64
 """Ortho rows that are blended at a time."""
 RESERVED_WORTH = 1e-3
-"""Weight factor beside an occlusion: such a colour serves only where no photo has a better one."""
+"""Weight factor next to an occlusion: such a colour is used only where no photo has a better one."""
 
 NO_HEIGHT, MEASURED, DRAPED = 0, 1, 2
 """Codes of the raster `texture/height_source`."""
+# 16 bits are stretched so that the brightest thousandth of the samples keeps a margin below white: specular points may saturate.
+_BRIGHTEST, _BRIGHT_MARGIN = 0.999, 1.05
 
 
 @dataclass(frozen=True)
 class TextureRules:
-    """How a tile is made. Lengths in DSM cells where not said otherwise."""
+    """How a tile is made. Lengths in DSM cells unless stated otherwise."""
 
     tolerance: float
     """m"""
@@ -44,7 +47,7 @@ class TextureRules:
 
     @property
     def rim(self) -> int:
-        """Cells around the tile whose visibility matters."""
+        """Cells around the tile whose visibility matters: the widening reaches in from there."""
         return int(np.ceil(self.widening_margin + self.widening_ramp)) + 2
 
     @property
@@ -54,7 +57,7 @@ class TextureRules:
 
 
 class TileTexture(BaseModel):
-    """What became of one tile of the orthoimage."""
+    """Statistics of one tile of the orthoimage."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -68,9 +71,19 @@ class TileTexture(BaseModel):
     rejected: int
     difference_sum: float
     difference_count: int
-    """mean absolute difference of photos at pixels where two or more were blended"""
+    """sum and number of the mean absolute differences at pixels where two photos or more were blended"""
     photo_seen: dict[str, int]
     photo_share: dict[str, float]
+
+
+class OrthoTile(NamedTuple):
+    """One tile of the orthoimage: `ortho` uint8 (rows, cols, 4); `coverage`, `rejected` and `height_source` uint8 (rows, cols)."""
+
+    ortho: np.ndarray
+    coverage: np.ndarray
+    rejected: np.ndarray
+    height_source: np.ndarray
+    statistics: TileTexture
 
 
 def _views(block: Block, extent: TileExtent) -> list[View]:
@@ -79,13 +92,32 @@ def _views(block: Block, extent: TileExtent) -> list[View]:
 
 @dataclass(frozen=True)
 class _Scene:
-    """A tile's ground, and each photo's weight factor on it: 0 hidden, small beside an occlusion, 1 in the open."""
+    """A tile's ground, and each photo's weight factor on it: 0 hidden, small next to an occlusion, 1 elsewhere."""
 
     ground: Ground
     factors: tuple[np.ndarray, ...]
 
 
+@dataclass
+class _Tally:
+    """Sums over the strips of a tile; `seen`, `share` (photos,)."""
+
+    seen: np.ndarray
+    share: np.ndarray
+    difference_sum: float = 0.0
+    difference_count: int = 0
+
+    def add(self, blended: Blended, seeing: np.ndarray) -> None:
+        """Counts one strip."""
+        # float64: a tile sums a million float32 differences.
+        self.difference_sum += float(np.nansum(blended.difference, dtype=np.float64))
+        self.difference_count += int(np.isfinite(blended.difference).sum())
+        self.seen += seeing.sum(axis=(1, 2))
+        self.share += blended.share
+
+
 def _targets(ground: Ground, dsm: MapGrid) -> Targets:
+    """The ground's pixels as targets of the visibility test."""
     x, y = ground.grid.centres(ground.window)
     cols, rows = dsm.pixel(x, y)
     return Targets(rows, cols, ground.z, np.hypot(ground.dx, ground.dy))
@@ -94,7 +126,9 @@ def _targets(ground: Ground, dsm: MapGrid) -> Targets:
 def _scene(heights: np.ndarray, extent: TileExtent, views: list[View], rules: TextureRules) -> _Scene:
     bridged = bridge_holes(heights, rules.bridge)
     draped = bridge_holes(heights, rules.drape_gap) if rules.drape_gap else heights
+    # Draped heights beyond the bridge hide ground as well: what is painted is a surface.
     model = HeightModel(np.where(np.isnan(bridged), draped, bridged), extent.dsm, extent.heights)
+    # Occlusions outside the tile reduce weights inside it, so visibility is computed on a larger window.
     rim = extent.window.grown(rules.rim * extent.divisor).clipped(extent.ortho.shape)
     ground = ground_of(draped, extent.heights, extent.dsm, extent.ortho, rim)
     targets, core = _targets(ground, extent.dsm), extent.window
@@ -105,8 +139,10 @@ def _scene(heights: np.ndarray, extent: TileExtent, views: list[View], rules: Te
 
 
 def _factor(visible: np.ndarray, z: np.ndarray, rules: TextureRules, divisor: int) -> np.ndarray:
+    """Weight factors (rows, cols) of a photo from its visibility, reduced next to occlusions."""
     if rules.widening_margin + rules.widening_ramp <= 0:
         return visible.astype(np.float32)
+    # A hole without height is no occlusion: its rim is as well visible as any other ground.
     hidden = (visible == 0) & np.isfinite(z)
     widened = widening_factor(hidden, rules.widening_margin * divisor, rules.widening_ramp * divisor)
     return np.where(visible > 0, np.maximum(widened, RESERVED_WORTH), 0).astype(np.float32)
@@ -128,6 +164,7 @@ def _bands(pixels: tuple[np.ndarray, ...]) -> int:
 
 
 def _photo_on(ground: Ground, part: PhotoPixelsAt, view: View, factor: np.ndarray, rules: TextureRules) -> Sampled:
+    """The samples of one photo, their worth reduced next to occlusions."""
     sampled = sample_photo(view, part, ground, (factor > 0).astype(np.uint8), _feather(view, rules))
     return replace(sampled, worth=sampled.worth * factor)
 
@@ -142,6 +179,7 @@ def _strip(
     for i, (part, view) in enumerate(zip(parts, views, strict=True)):
         factor = scene.factors[i][top : top + len(ground.z)]
         sampled = _photo_on(ground, part, view, factor, rules)
+        # Corrected before blending: rejection compares colours, and a gain of some per cent would look like a gross error.
         colours[i] = corrected(sampled.colour, sampled.r2, balance.of(view.name)) * (255.0 / balance.white)
         weights[i] = sampled.worth
     return blend(colours, weights, rules.blend), weights > 0
@@ -151,25 +189,26 @@ def _rgba(blended: Blended) -> np.ndarray:
     """uint8 (rows, cols, 4); transparent black where no photo sees the ground."""
     alpha = np.where(blended.used > 0, 255, 0).astype(np.uint8)
     colour = np.clip(np.floor(blended.colour + 0.5), 0, 255).astype(np.uint8)
-    colour = np.broadcast_to(colour, (*colour.shape[:2], 3))
+    colour = np.broadcast_to(colour, (*colour.shape[:2], 3))  # a grey orthoimage has three equal bands as well
     return np.dstack([colour * (alpha[..., None] > 0), alpha])
 
 
-def _statistics(outputs: dict[str, np.ndarray], names: list[str], tally: dict[str, np.ndarray | float]) -> TileTexture:
-    coverage = outputs["coverage"]
-    seen = np.bincount(np.minimum(coverage, 3).ravel(), minlength=4)
+def _statistics(
+    coverage: np.ndarray, rejected: np.ndarray, height_source: np.ndarray, names: list[str], tally: _Tally
+) -> TileTexture:
+    none, one, two, more = np.bincount(np.minimum(coverage, 3).ravel(), minlength=4).tolist()
     return TileTexture(
         pixels=coverage.size,
-        seen=tuple(int(n) for n in seen),
+        seen=(none, one, two, more),
         most=int(coverage.max()),
-        no_height=int((outputs["height_source"] == NO_HEIGHT).sum()),
-        draped=int((outputs["height_source"] == DRAPED).sum()),
+        no_height=int((height_source == NO_HEIGHT).sum()),
+        draped=int((height_source == DRAPED).sum()),
         values=int(coverage.sum(dtype=np.int64)),
-        rejected=int(outputs["rejected"].sum(dtype=np.int64)),
-        difference_sum=float(tally["difference_sum"]),
-        difference_count=int(tally["difference_count"]),
-        photo_seen={name: int(n) for name, n in zip(names, tally["seen"], strict=True)},
-        photo_share={name: float(n) for name, n in zip(names, tally["share"], strict=True)},
+        rejected=int(rejected.sum(dtype=np.int64)),
+        difference_sum=tally.difference_sum,
+        difference_count=tally.difference_count,
+        photo_seen={name: int(n) for name, n in zip(names, tally.seen, strict=True)},
+        photo_share={name: float(n) for name, n in zip(names, tally.share, strict=True)},
     )
 
 
@@ -180,34 +219,28 @@ def texture_tile(
     photos: tuple[np.ndarray, ...],
     extent: TileExtent,
     rules: TextureRules,
-) -> dict[str, object]:
+) -> OrthoTile:
     """One tile of the orthoimage.
 
-    heights (rows, cols) m at `extent.heights`, NaN in holes; photos: pixels (rows, cols, bands) of `extent.photos`. Returns "ortho"
-    uint8 (rows, cols, 4), "coverage", "rejected" and "height_source" uint8 (rows, cols), and "statistics".
+    heights (rows, cols) m at `extent.heights`, NaN in holes; photos: pixels (rows, cols, bands) of `extent.photos`.
     """
     views = _views(block, extent)
     scene = _scene(heights, extent, views, rules)
     parts = [PhotoPixelsAt(pixels, part.window, part.level) for pixels, part in zip(photos, extent.photos, strict=True)]
     height, width = extent.window.shape
-    outputs = {name: np.zeros((height, width), np.uint8) for name in ("coverage", "rejected", "height_source")}
-    outputs["ortho"] = np.zeros((height, width, 4), np.uint8)
-    tally = {"difference_sum": 0.0, "difference_count": 0, "seen": np.zeros(len(parts)), "share": np.zeros(len(parts))}
+    coverage, rejected, height_source = (np.zeros((height, width), np.uint8) for _ in range(3))
+    ortho, tally = np.zeros((height, width, 4), np.uint8), _Tally(np.zeros(len(parts)), np.zeros(len(parts)))
     for top in range(0, height, STRIP):
         window = Window(extent.window.row + top, extent.window.col, min(STRIP, height - top), width)
         ground = scene.ground.part(window)
         blended, seeing = _strip(ground, scene, parts, views, radiometry, rules, top)
         rows = slice(top, top + window.height)
-        outputs["ortho"][rows] = _rgba(blended)
-        outputs["coverage"][rows] = seeing.sum(axis=0)
-        outputs["rejected"][rows] = blended.rejected
+        ortho[rows], coverage[rows], rejected[rows] = _rgba(blended), seeing.sum(axis=0), blended.rejected
         measured = _to_ortho(~np.isnan(heights), extent.heights, extent.divisor, window)
-        outputs["height_source"][rows] = np.where(np.isnan(ground.z), NO_HEIGHT, np.where(measured, MEASURED, DRAPED))
-        tally["difference_sum"] += float(np.nansum(blended.difference, dtype=np.float64))
-        tally["difference_count"] += int(np.isfinite(blended.difference).sum())
-        tally["seen"] += seeing.sum(axis=(1, 2))
-        tally["share"] += blended.share
-    return {**outputs, "statistics": _statistics(outputs, [view.name for view in views], tally)}
+        height_source[rows] = np.where(np.isnan(ground.z), NO_HEIGHT, np.where(measured, MEASURED, DRAPED))
+        tally.add(blended, seeing)
+    statistics = _statistics(coverage, rejected, height_source, [view.name for view in views], tally)
+    return OrthoTile(ortho, coverage, rejected, height_source, statistics)
 
 
 def _every(ground: Ground, spacing: int) -> Ground:
@@ -216,6 +249,7 @@ def _every(ground: Ground, spacing: int) -> Ground:
     row, col = -(-window.row // spacing), -(-window.col // spacing)
     take = slice(row * spacing - window.row, None, spacing), slice(col * spacing - window.col, None, spacing)
     cell = grid.cell * spacing
+    # A cell `spacing` times as large about the centre of the first pixel: the centres of the coarse grid are sampled pixels.
     coarse = MapGrid(
         west=grid.west + 0.5 * (grid.cell - cell),
         north=grid.north - 0.5 * (grid.cell - cell),
@@ -230,20 +264,22 @@ def _every(ground: Ground, spacing: int) -> Ground:
 def sample_tile(
     heights: np.ndarray, block: Block, photos: tuple[np.ndarray, ...], extent: TileExtent, rules: TextureRules, spacing: int
 ) -> Samples:
-    """Grey values of every `spacing`-th ortho pixel of a tile in all photos that see it; only points seen twice or more.
+    """Grey values of every `spacing`-th ortho pixel of a tile in all photos that see it; only points that two or more photos see.
 
-    Inputs as for `texture_tile`, the photos at a coarser pyramid level so that noise and small mismatches are averaged out.
+    Inputs as for `texture_tile`, the photos at a coarser pyramid level, so that noise and small mismatches are averaged.
     """
     views = _views(block, extent)
     ground = _every(ground_of(heights, extent.heights, extent.dsm, extent.ortho, extent.window), spacing)
     model = HeightModel(bridge_holes(heights, rules.bridge), extent.dsm, extent.heights)
     targets = _targets(ground, extent.dsm)
+    # Numbers of the whole grid: the tables of all tiles are merged without renumbering.
     number = (ground.window.row + np.arange(ground.window.height))[:, None] * ground.grid.cols + (
         ground.window.col + np.arange(ground.window.width)
     )
     rows = []
     for pixels, part, view in zip(photos, extent.photos, views, strict=True):
         seen = visible_targets(model, view, targets, rules.tolerance)
+        # No feather: a sample at the border is as good as any, and vignetting is seen best there.
         sampled = sample_photo(view, PhotoPixelsAt(pixels, part.window, part.level), ground, seen, 0.0)
         mask = sampled.worth > 0
         grey = np.broadcast_to(sampled.colour[mask], (int(mask.sum()), 3))
@@ -252,6 +288,7 @@ def sample_tile(
 
 
 def _seen_twice(rows: list[tuple[np.ndarray, ...]]) -> Samples:
+    """The samples of points that two photos or more see, sorted by point, then photo. rows: columns of one photo each."""
     columns = [np.concatenate(column) for column in zip(*rows, strict=True)] if rows else [np.zeros(0)] * 6
     point, photo = columns[0].astype(np.int64), columns[1].astype(np.int32)
     r2, first, second, third = (column.astype(np.float32) for column in columns[2:])
@@ -266,12 +303,13 @@ def _seen_twice(rows: list[tuple[np.ndarray, ...]]) -> Samples:
 def balance(samples: tuple[Samples, ...], block: Block, deep: bool, method: str, vignetting: bool) -> Radiometry:
     """The radiometry of the block from the samples of all tiles.
 
-    `deep`: the photos have 16 bits; 0 to 255 then stretches from 0 to a little above the brightest thousandth of the samples.
-    `method` "none" leaves the photos' grey values as they are (the stretch remains).
+    `deep`: the photos have 16 bits; 0 to 255 then corresponds to 0 to a little above the brightest thousandth of the samples.
+    `method` "none" leaves the photos' grey values as stored (the stretch remains).
     """
     merged = Samples(**{name: np.concatenate([getattr(part, name) for part in samples]) for name in Samples.__dataclass_fields__})
     white = 255.0
     if deep:
-        white = float(min(1.05 * np.quantile(merged.grey, 0.999), 65535.0)) if len(merged) else 65535.0
+        white = float(min(_BRIGHT_MARGIN * np.quantile(merged.grey, _BRIGHTEST), 65535.0)) if len(merged) else 65535.0
+    # Without any sample the balance is the identity, with the right range.
     identity = balance_block(block.names, merged.take(np.zeros(len(merged), bool)), white, vignetting)
     return identity if method == "none" else balance_block(block.names, merged, white, vignetting)

@@ -1,14 +1,15 @@
-"""Radiometric balance of the block: one gain, one offset and one vignetting per photograph and channel, from the ground they share.
+"""Radiometric balance of the block: gain, offset and vignetting per photograph and channel, from the ground that photos share.
 
-Model: the grey value of photo i at a place of ground brightness G is  g = gain_i (1 + v1 r^2 + v2 r^4) G + offset_i,  r from the
-photo's middle in half diagonals. The ground brightness of every sample is unknown too; it is eliminated point by point, as in a
-bundle adjustment, so that noise in g does not pull the gains. Huber weights keep vehicles, leaves and reflections from ruling.
-Absolute brightness cannot be known: the gains have the mean 1 and the offsets the mean 0.
+Model: the grey value of photo i at a point of ground brightness G is  g = gain_i (1 + v1 r^2 + v2 r^4) G + offset_i,  with r from
+the photo's middle in half diagonals. The ground brightness of every sample is unknown too; it is eliminated point by point, as in a
+bundle adjustment, so that noise in g does not bias the gains. Huber weights limit the influence of vehicles, leaves and
+reflections. Absolute brightness is not determinable: the gains have the mean 1 and the offsets the mean 0.
 
 Source: the least-squares form of what Petsa et al. 2007 did by equating histograms (methods/texture_blending.md, M19).
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
@@ -21,6 +22,15 @@ TERMS = 4
 """gain, gain v1, gain v2, offset"""
 HUBER = 1.5
 ROUNDS = 12
+# Standard errors of the prior: of gain, gain v1, gain v2 (shares) and offset (grey levels). Exposures within a flight hardly differ
+# by more; a term that is not estimated gets a prior that fixes it, so that the normal equations keep one shape.
+_PRIOR_SIGMA = (0.1, 0.1, 0.1, 10.0)
+_FIXED_SIGMA = 1e-6
+_LEAST_SIGMA = 0.1  # grey levels: simulated photographs may fit exactly, and weights must stay finite
+_DATUM_WEIGHT = 1e3  # per observation: the two datum equations hold to a thousandth of their share
+_CONVERGED = 1e-5  # largest change of a parameter: of a gain, or of an offset in grey levels
+_SATURATED = 0.012  # share of the range, three grey levels of 8 bits, next to black and white
+_MAD_TO_SIGMA = 1.4826
 
 
 @dataclass(frozen=True)
@@ -45,7 +55,7 @@ class Samples(Columns):
 
 
 class PhotoRadiometry(BaseModel):
-    """How the grey values of one photograph are brought to the block's: (g - offset) / (gain (1 + v1 r^2 + v2 r^4))."""
+    """Correction of the grey values of one photograph to those of the block: (g - offset) / (gain (1 + v1 r^2 + v2 r^4))."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -58,7 +68,7 @@ class PhotoRadiometry(BaseModel):
 
 
 class Radiometry(BaseModel):
-    """The balance of all photographs, and the range of grey values that becomes 0 to 255."""
+    """The balance of all photographs, and the range of grey values that is stretched to 0 to 255."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -73,6 +83,7 @@ class Radiometry(BaseModel):
     difference_median_after: float | None = None
 
     def of(self, name: str) -> PhotoRadiometry:
+        """The correction of one photograph."""
         return next(photo for photo in self.photos if photo.photo == name)
 
 
@@ -80,8 +91,9 @@ RADIOMETRY = Table("texture/radiometry.json", Radiometry)
 
 
 def corrected(grey: np.ndarray, r2: np.ndarray, photo: PhotoRadiometry) -> np.ndarray:
-    """Grey values (..., bands) of a photo at `r2` (...) brought to the block's radiometry; bands 1 or 3. float32."""
+    """Grey values (..., bands) of a photo at `r2` (...) corrected to the block's radiometry; bands 1 or 3. float32."""
     out = np.empty(grey.shape, np.result_type(grey, np.float32))
+    # float32 throughout: every pixel of every photograph passes here, and 24 bits are ample for grey values.
     r2 = r2.astype(np.float32)
     for band in range(grey.shape[-1]):
         gain, offset, v1, v2 = (np.float32(values[band]) for values in (photo.gain, photo.offset, photo.v1, photo.v2))
@@ -90,7 +102,7 @@ def corrected(grey: np.ndarray, r2: np.ndarray, photo: PhotoRadiometry) -> np.nd
 
 
 def _grouped(point: np.ndarray) -> tuple[np.ndarray, int]:
-    """Points renumbered from 0 without gaps, and their number."""
+    """Points (N,) renumbered from 0 without gaps, and their number."""
     numbers, group = np.unique(point, return_inverse=True)
     return group, len(numbers)
 
@@ -110,14 +122,17 @@ class _Channel:
 def _prior(photos: int, vignetting: bool) -> tuple[np.ndarray, np.ndarray]:
     """Expected values and weights (in units of one grey level's weight) of the 4 parameters of all photos.
 
-    Weak, so that a photo without overlap keeps gain 1 and offset 0.
+    Small weights: only a photo without overlap is kept at gain 1 and offset 0 by them.
     """
-    sigma = np.array([0.1, 0.1, 0.1, 10.0]) if vignetting else np.array([0.1, 1e-6, 1e-6, 10.0])
+    sigma = np.array(_PRIOR_SIGMA)
+    if not vignetting:
+        sigma[1:3] = _FIXED_SIGMA
     return np.tile([1.0, 0.0, 0.0, 0.0], photos), np.tile(sigma**-2.0, photos)
 
 
 def _datum(photos: int) -> sparse.csr_matrix:
     """Two rows: the sum of the gains and the sum of the offsets."""
+    # Gains and offsets are free together: G -> a G + b changes no grey value when all gains and offsets follow.
     columns = np.concatenate([np.arange(photos) * TERMS, np.arange(photos) * TERMS + 3])
     rows = np.repeat([0, 1], photos)
     return sparse.csr_matrix((np.ones(2 * photos), (rows, columns)), shape=(2, photos * TERMS))
@@ -126,39 +141,58 @@ def _datum(photos: int) -> sparse.csr_matrix:
 def _design(channel: _Channel, ground: np.ndarray) -> sparse.csr_matrix:
     """Derivatives (N, 4 photos) of the grey values by the photos' parameters."""
     G = ground[channel.point]
+    # The products gain v1 and gain v2 are the unknowns, in which the model is linear.
     values = np.column_stack([G, channel.r2 * G, channel.r2**2 * G, np.ones(len(G))])
     columns = channel.photo[:, None] * TERMS + np.arange(TERMS)
     rows = np.repeat(np.arange(len(G)), TERMS)
     return sparse.csr_matrix((values.ravel(), (rows, columns.ravel())), shape=(len(G), channel.photos * TERMS))
 
 
+class _Reduced(NamedTuple):
+    """Normal equations after elimination of the ground: `normal` dx = `right`, then dG = (`ground_right` - `coupling` dx) /
+    `ground_normal`."""
+
+    normal: sparse.csr_matrix
+    right: np.ndarray
+    coupling: sparse.csr_matrix
+    ground_normal: np.ndarray
+    ground_right: np.ndarray
+
+
+def _reduced(channel: _Channel, ground: np.ndarray, x: np.ndarray) -> _Reduced:
+    """The normal equations of one iteration, linearised at the ground brightness and the parameters `x` (4 photos,)."""
+    count = len(channel.g)
+    a = x.reshape(-1, TERMS)[channel.photo]
+    slope = a[:, 0] + channel.r2 * (a[:, 1] + channel.r2 * a[:, 2])
+    residual = channel.g - slope * ground[channel.point] - a[:, 3]
+    sigma = max(_MAD_TO_SIGMA * float(np.median(np.abs(residual))), _LEAST_SIGMA)
+    weight = np.minimum(1.0, HUBER * sigma / np.maximum(np.abs(residual), 1e-12))
+    J = _design(channel, ground)
+    B = sparse.csr_matrix((slope, (np.arange(count), channel.point)), shape=(count, channel.points))
+    WJ = sparse.diags_array(weight) @ J
+    # The ground's own block D is diagonal, for every sample has one brightness: its Schur complement costs a sparse product only.
+    C, D = (B.T @ WJ).tocsr(), np.bincount(channel.point, weight * slope**2, channel.points)
+    right_ground = np.bincount(channel.point, weight * slope * residual, channel.points)
+    normal = (J.T @ WJ) - C.T @ sparse.diags_array(1.0 / D) @ C
+    return _Reduced(normal, WJ.T @ residual - C.T @ (right_ground / D), C, D, right_ground)
+
+
 def _solve_channel(channel: _Channel, vignetting: bool) -> np.ndarray:
     """Parameters (photos, 4): gain, gain v1, gain v2, offset. Gauss-Newton with the ground eliminated."""
-    count = len(channel.g)
     expected, prior = _prior(channel.photos, vignetting)
     datum, x = _datum(channel.photos), expected.copy()
     ground = np.bincount(channel.point, channel.g, channel.points) / np.bincount(channel.point, minlength=channel.points)
-    weight = np.ones(count)
+    hard = _DATUM_WEIGHT * len(channel.g)
     for _ in range(ROUNDS):
-        a = x.reshape(-1, TERMS)[channel.photo]
-        slope = a[:, 0] + channel.r2 * (a[:, 1] + channel.r2 * a[:, 2])
-        residual = channel.g - slope * ground[channel.point] - a[:, 3]
-        sigma = max(1.4826 * float(np.median(np.abs(residual))), 0.1)
-        weight = np.minimum(1.0, HUBER * sigma / np.maximum(np.abs(residual), 1e-12))
-        J = _design(channel, ground)
-        B = sparse.csr_matrix((slope, (np.arange(count), channel.point)), shape=(count, channel.points))
-        WJ = sparse.diags_array(weight) @ J
-        C, D = (B.T @ WJ).tocsr(), np.bincount(channel.point, weight * slope**2, channel.points)
-        right_ground = np.bincount(channel.point, weight * slope * residual, channel.points)
-        normal = (J.T @ WJ) - C.T @ sparse.diags_array(1.0 / D) @ C
-        right = WJ.T @ residual - C.T @ (right_ground / D) + prior * (expected - x)
-        hard = 1e3 * count
-        normal = normal + sparse.diags_array(prior) + hard * (datum.T @ datum)
+        found = _reduced(channel, ground, x)
+        right = found.right + prior * (expected - x)
+        # Without the datum a darker ground under larger gains fits as well: the equations would be singular but for the prior.
+        normal = found.normal + sparse.diags_array(prior) + hard * (datum.T @ datum)
         right = right + hard * (datum.T @ (datum @ (expected - x)))
         dx = spsolve(sparse.csc_matrix(normal), right)
         x += dx
-        ground += (right_ground - C @ dx) / D
-        if np.abs(dx).max() < 1e-5:
+        ground += (found.ground_right - found.coupling @ dx) / found.ground_normal
+        if np.abs(dx).max() < _CONVERGED:
             break
     return x.reshape(-1, TERMS)
 
@@ -166,8 +200,9 @@ def _solve_channel(channel: _Channel, vignetting: bool) -> np.ndarray:
 def _usable(samples: Samples, black: float, white: float) -> Samples:
     """Samples that are not saturated, at points that two photos or more still see."""
     grey = samples.grey
-    edge = 0.012 * (white - black)
-    samples = samples.take(((grey > black + edge) & (grey < white - edge)).all(axis=1))
+    # A clipped grey value is no linear function of the ground's brightness.
+    edge = _SATURATED * (white - black)
+    samples = samples.take(np.all((grey > black + edge) & (grey < white - edge), axis=1))
     if not len(samples):
         return samples
     group, count = _grouped(samples.point)
@@ -197,6 +232,15 @@ def _photos(names: tuple[str, ...], parameters: np.ndarray, counts: np.ndarray) 
     )
 
 
+def _all_corrected(photo: np.ndarray, grey: np.ndarray, r2: np.ndarray, photos: tuple[PhotoRadiometry, ...]) -> np.ndarray:
+    """Grey values (N, bands) of samples, each corrected by its own photo."""
+    after = np.empty_like(grey)
+    for i, one in enumerate(photos):
+        mine = photo == i
+        after[mine] = corrected(grey[mine], r2[mine], one)
+    return after
+
+
 def balance_block(names: tuple[str, ...], samples: Samples, white: float, vignetting: bool) -> Radiometry:
     """Adjusts the radiometry of all photos together.
 
@@ -206,21 +250,16 @@ def balance_block(names: tuple[str, ...], samples: Samples, white: float, vignet
     samples = _usable(samples, 0.0, white)
     if not len(samples):
         return Radiometry(photos=tuple(PhotoRadiometry(photo=name) for name in names), white=white)
+    # Solved in grey levels of 8 bits, in which the prior and the thresholds are stated; offsets are scaled back.
     unit = white / 255.0
     point, points = _grouped(samples.point)
     grey, r2 = samples.grey / unit, samples.r2.astype(np.float64)
-    solved = [
-        _solve_channel(_Channel(samples.photo, point, r2, grey[:, band], len(names), points), vignetting) for band in range(3)
-    ]
-    photos = _photos(names, np.array(solved), np.bincount(samples.photo, minlength=len(names)))
-    after = np.empty_like(grey)
-    for i, photo in enumerate(photos):
-        mine = samples.photo == i
-        after[mine] = corrected(grey[mine], r2[mine], photo)
-    scaled = tuple(p.model_copy(update={"offset": tuple(o * unit for o in p.offset)}) for p in photos)
-    differences = pair_differences(point, after)
+    channels = (_Channel(samples.photo, point, r2, grey[:, band], len(names), points) for band in range(3))
+    solved = np.array([_solve_channel(channel, vignetting) for channel in channels])
+    photos = _photos(names, solved, np.bincount(samples.photo, minlength=len(names)))
+    differences = pair_differences(point, _all_corrected(samples.photo, grey, r2, photos))
     return Radiometry(
-        photos=scaled,
+        photos=tuple(p.model_copy(update={"offset": tuple(o * unit for o in p.offset)}) for p in photos),
         white=white,
         samples=len(samples),
         points=points,

@@ -1,13 +1,15 @@
-"""What the stage `texture` tells people: how much is seen by how many photos, what each photo gave, and how well they agree."""
+"""The report on the orthoimage: how many photos see each pixel, the contribution of each photo, and how well they agree."""
 
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport
 from orthomill.schemas.surface import ORTHO
-from orthomill.tasks.texture.mosaic import TileTexture
-from orthomill.tasks.texture.radiometric_balance import Radiometry
+from orthomill.tasks.texture.mosaic import DRAPED, MEASURED, NO_HEIGHT, TileTexture
+from orthomill.tasks.texture.radiometric_balance import PhotoRadiometry, Radiometry
 
 COVERAGE = "texture/coverage"
 """uint8: number of photographs that see the pixel; 0 also where there is no height"""
@@ -18,11 +20,23 @@ HEIGHT_SOURCE = "texture/height_source"
 
 COVERAGE_COLOURS = ("#d7191c", "#1a9641", "#2b5fd9", "#9a9a9a")
 """Red 0, green 1, blue 2, grey 3 or more photos (Petsa et al. 2007, fig. 22)."""
+_COUNTS = (("0", "no photo, or without height"), ("1", "one photo"), ("2", "two photos"), ("3_or_more", "three photos or more"))
+_PHOTO_COLUMNS = (
+    "photo",
+    "pixels seen",
+    "part of the orthoimage %",
+    *(f"gain {channel}" for channel in (1, 2, 3)),
+    *(f"offset {channel}" for channel in (1, 2, 3)),
+    "falloff at the corner",
+    "samples",
+)
+# Shares of pixels and colours, and grey levels, from which on a warning helps: below, vehicles and facades explain them.
+_MOST_HIDDEN, _MOST_REJECTED, _MOST_DIFFERENCE = 0.05, 0.25, 10.0
 
 
 @dataclass(frozen=True)
 class TextureFacts:
-    """What planning knew."""
+    """Facts known at planning: cell sizes, m, the median ground pixel of the photos, and the raster of heights."""
 
     cell: float
     dsm_cell: float
@@ -39,85 +53,101 @@ def coverage_classes(most: int) -> tuple[tuple[int, str, str], ...]:
     )
 
 
-def _total(statistics: tuple[TileTexture, ...], field: str) -> float:
-    return sum(getattr(tile, field) for tile in statistics)
+@dataclass(frozen=True)
+class _Totals:
+    """Sums over all tiles. `seen`: pixels seen by 0, 1, 2, 3 or more photos."""
+
+    pixels: int
+    no_height: int
+    draped: int
+    values: int
+    rejected: int
+    difference_sum: float
+    difference_count: int
+    seen: tuple[int, ...]
+
+    @property
+    def with_height(self) -> int:
+        """Pixels that have a height."""
+        return self.pixels - self.no_height
+
+    @property
+    def hidden(self) -> int:
+        """Pixels with a height that no photo sees. A pixel without height is seen by none, so the two differences subtract."""
+        return self.with_height - (self.pixels - self.seen[0])
+
+
+def _totals(statistics: tuple[TileTexture, ...]) -> _Totals:
+    def total(field: str) -> int:
+        return sum(getattr(tile, field) for tile in statistics)
+
+    # Shares are formed from sums over all tiles: a mean of the tiles' shares would weight tiles at the border too much.
+    return _Totals(
+        pixels=total("pixels"),
+        no_height=total("no_height"),
+        draped=total("draped"),
+        values=total("values"),
+        rejected=total("rejected"),
+        difference_sum=sum(tile.difference_sum for tile in statistics),
+        difference_count=total("difference_count"),
+        seen=tuple(sum(tile.seen[count] for tile in statistics) for count in range(4)),
+    )
 
 
 def _share(part: float, whole: float) -> float:
     return round(100.0 * part / whole, 3) if whole else 0.0
 
 
-def _figures(statistics: tuple[TileTexture, ...], radiometry: Radiometry, facts: TextureFacts) -> tuple[Figure, ...]:
-    pixels = _total(statistics, "pixels")
-    seen = np.sum([tile.seen for tile in statistics], axis=0)
-    values, rejected = _total(statistics, "values"), _total(statistics, "rejected")
-    count = _total(statistics, "difference_count")
-    with_height = pixels - _total(statistics, "no_height")
-    residual = _total(statistics, "difference_sum") / count if count else None
+def _figures(totals: _Totals, radiometry: Radiometry, facts: TextureFacts) -> tuple[Figure, ...]:
+    return (*_pixel_figures(totals, facts), *_seen_figures(totals), *_colour_figures(totals), *_balance_figures(radiometry))
+
+
+def _pixel_figures(totals: _Totals, facts: TextureFacts) -> tuple[Figure, ...]:
+    ground_pixel, height = round(facts.ground_pixel, 4), _share(totals.with_height, totals.pixels)
+    interpolated = "Pixels whose height was interpolated for the texture only."
     return (
         Figure(name="cell", value=facts.cell, unit="m", sentence="Pixel of the orthoimage on the ground."),
-        Figure(
-            name="photo_ground_pixel",
-            value=round(facts.ground_pixel, 4),
-            unit="m",
-            sentence="Pixel of the photos on the ground, median.",
-        ),
-        Figure(name="pixels", value=int(pixels), sentence="Pixels of the orthoimage."),
-        Figure(name="height_share", value=_share(with_height, pixels), unit="%", sentence="Pixels that have a height."),
-        Figure(
-            name="draped_share",
-            value=_share(_total(statistics, "draped"), pixels),
-            unit="%",
-            sentence="Pixels whose height was interpolated for the texture only.",
-        ),
+        Figure(name="photo_ground_pixel", value=ground_pixel, unit="m", sentence="Pixel of the photos on the ground, median."),
+        Figure(name="pixels", value=totals.pixels, sentence="Pixels of the orthoimage."),
+        Figure(name="height_share", value=height, unit="%", sentence="Pixels that have a height."),
+        Figure(name="draped_share", value=_share(totals.draped, totals.pixels), unit="%", sentence=interpolated),
+    )
+
+
+def _seen_figures(totals: _Totals) -> tuple[Figure, ...]:
+    hidden = "Pixels with a height that no photo sees: outside all photos, or hidden."
+    return (
         *(
-            Figure(name=f"seen_by_{name}", value=_share(seen[i], pixels), unit="%", sentence=f"Pixels seen by {words}.")
-            for i, (name, words) in enumerate(
-                (
-                    ("0", "no photo, or without height"),
-                    ("1", "one photo"),
-                    ("2", "two photos"),
-                    ("3_or_more", "three photos or more"),
-                )
-            )
+            Figure(name=f"seen_by_{name}", value=_share(count, totals.pixels), unit="%", sentence=f"Pixels seen by {words}.")
+            for count, (name, words) in zip(totals.seen, _COUNTS, strict=True)
         ),
-        Figure(
-            name="hidden_share",
-            value=_share(with_height - (pixels - seen[0]), with_height),
-            unit="%",
-            sentence="Pixels with a height that no photo sees: outside all photos, or hidden.",
+        Figure(name="hidden_share", value=_share(totals.hidden, totals.with_height), unit="%", sentence=hidden),
+    )
+
+
+def _colour_figures(totals: _Totals) -> tuple[Figure, ...]:
+    rejected = "Colours rejected as gross errors, of all colours."
+    residual = "Mean absolute difference of the blended colours from their blend, after balance and rejection."
+    seams = totals.difference_sum / totals.difference_count if totals.difference_count else None
+    return (
+        Figure(name="rejected_share", value=_share(totals.rejected, totals.values), unit="%", sentence=rejected),
+        Figure(name="seam_difference", value=_rounded(seams), unit="grey levels", sentence=residual),
+    )
+
+
+def _balance_figures(radiometry: Radiometry) -> tuple[Figure, ...]:
+    before = "Mean absolute difference of two photos on the same ground before the radiometric balance."
+    differences = (
+        ("before", radiometry.difference_before, before),
+        ("after", radiometry.difference_after, "The same after it."),
+        ("median_after", radiometry.difference_median_after, "Its median: free of vehicles and mismatches."),
+    )
+    return (
+        *(
+            Figure(name=f"balance_difference_{name}", value=_rounded(value), unit="grey levels", sentence=sentence)
+            for name, value, sentence in differences
         ),
-        Figure(
-            name="rejected_share",
-            value=_share(rejected, values),
-            unit="%",
-            sentence="Colours rejected as gross errors, of all colours.",
-        ),
-        Figure(
-            name="seam_difference",
-            value=None if residual is None else round(residual, 3),
-            unit="grey levels",
-            sentence="Mean absolute difference of the blended colours from their blend, after balance and rejection.",
-        ),
-        Figure(
-            name="balance_difference_before",
-            value=_rounded(radiometry.difference_before),
-            unit="grey levels",
-            sentence="Mean absolute difference of two photos at the same ground before the radiometric balance.",
-        ),
-        Figure(
-            name="balance_difference_after",
-            value=_rounded(radiometry.difference_after),
-            unit="grey levels",
-            sentence="The same after it.",
-        ),
-        Figure(
-            name="balance_difference_median_after",
-            value=_rounded(radiometry.difference_median_after),
-            unit="grey levels",
-            sentence="Its median: free of vehicles and mismatches.",
-        ),
-        Figure(name="balance_samples", value=radiometry.points, sentence="Ground samples that carried the balance."),
+        Figure(name="balance_samples", value=radiometry.points, sentence="Ground samples used for the balance."),
     )
 
 
@@ -126,75 +156,62 @@ def _rounded(value: float | None) -> float | None:
 
 
 def _photo_grid(statistics: tuple[TileTexture, ...], radiometry: Radiometry) -> Grid:
-    seen, share = {}, {}
+    seen: Counter[str] = Counter()
+    share: Counter[str] = Counter()
     for tile in statistics:
-        for name, count in tile.photo_seen.items():
-            seen[name] = seen.get(name, 0) + count
-            share[name] = share.get(name, 0.0) + tile.photo_share[name]
+        seen.update(tile.photo_seen)
+        share.update(tile.photo_share)
     whole = sum(share.values())
-    rows = tuple(
-        (
-            photo.photo,
-            seen.get(photo.photo, 0),
-            _share(share.get(photo.photo, 0.0), whole),
-            *(round(g, 4) for g in photo.gain),
-            *(round(o, 2) for o in photo.offset),
-            round(float(np.mean(photo.v1) + np.mean(photo.v2)), 4),
-            photo.samples,
-        )
-        for photo in radiometry.photos
-    )
-    columns = (
-        "photo",
-        "pixels seen",
-        "part of the orthoimage %",
-        "gain 1",
-        "gain 2",
-        "gain 3",
-        "offset 1",
-        "offset 2",
-        "offset 3",
-        "falloff at the corner",
-        "samples",
-    )
     return Grid(
-        title="What each photo gave",
-        columns=columns,
-        rows=rows,
+        title="Contribution of each photo",
+        columns=_PHOTO_COLUMNS,
+        rows=tuple(_photo_row(photo, seen[photo.photo], _share(share[photo.photo], whole)) for photo in radiometry.photos),
         note="Gains and offsets are relative to the block's mean; the falloff is the share of light lost (negative) at "
         "the corners.",
     )
 
 
-def _warnings(statistics: tuple[TileTexture, ...], radiometry: Radiometry) -> tuple[str, ...]:
-    pixels = _total(statistics, "pixels")
-    seen = np.sum([tile.seen for tile in statistics], axis=0)
-    hidden = pixels - _total(statistics, "no_height") - (pixels - seen[0])
-    values, rejected = _total(statistics, "values"), _total(statistics, "rejected")
-    idle = [photo.photo for photo in radiometry.photos if not any(tile.photo_seen.get(photo.photo) for tile in statistics)]
-    warnings = []
-    if seen[0] == pixels:
-        warnings.append("The orthoimage is empty: no photo sees any ground that has a height. Look at the surface model first.")
-    if hidden > 0.05 * pixels:
-        warnings.append(
-            f"{_share(hidden, pixels):.1f} % of the orthoimage has a height but is seen by no photo (outside all of "
-            "them, or hidden by what stands in the way); it stays transparent. More photos would fill it."
+def _photo_row(photo: PhotoRadiometry, seen: int, share: float) -> tuple[str | int | float, ...]:
+    # r is 1 at the corner: there the falloff is v1 + v2.
+    falloff = round(float(np.mean(photo.v1) + np.mean(photo.v2)), 4)
+    return (
+        photo.photo,
+        seen,
+        share,
+        *(round(g, 4) for g in photo.gain),
+        *(round(o, 2) for o in photo.offset),
+        falloff,
+        photo.samples,
+    )
+
+
+def _warnings(statistics: tuple[TileTexture, ...], totals: _Totals, radiometry: Radiometry) -> Iterator[str]:
+    if totals.seen[0] == totals.pixels:
+        yield "The orthoimage is empty: no photo sees any ground that has a height. Check the surface model first."
+    if totals.hidden > _MOST_HIDDEN * totals.pixels:
+        yield (
+            f"{_share(totals.hidden, totals.pixels):.1f} % of the orthoimage has a height but is seen by no photo (outside all of "
+            "them, or hidden by objects in front); it stays transparent. More photos would fill it."
         )
-    if values and rejected > 0.25 * values:
-        warnings.append(
-            f"{_share(rejected, values):.0f} % of all colours were rejected: heights or orientation may be wrong, "
+    if totals.values and totals.rejected > _MOST_REJECTED * totals.values:
+        yield (
+            f"{_share(totals.rejected, totals.values):.0f} % of all colours were rejected: heights or orientation may be wrong, "
             "or the photos differ in more than brightness."
         )
+    yield from _balance_warnings(radiometry)
+    idle = [photo.photo for photo in radiometry.photos if not any(tile.photo_seen.get(photo.photo) for tile in statistics)]
+    if idle:
+        yield f"No ground of the orthoimage is seen by: {', '.join(idle)}."
+
+
+def _balance_warnings(radiometry: Radiometry) -> Iterator[str]:
     if len(radiometry.photos) > 1 and not radiometry.points:
-        warnings.append("The photos were not brought to one brightness: no ground was seen by two of them, or balance is none.")
-    if radiometry.difference_median_after is not None and radiometry.difference_median_after > 10.0:
-        warnings.append(
+        yield "The photos were not adjusted to one brightness: no ground is seen by two of them, or balance is none."
+    if radiometry.difference_median_after is not None and radiometry.difference_median_after > _MOST_DIFFERENCE:
+        yield (
             f"After the radiometric balance the photos still differ by {radiometry.difference_median_after:.0f} grey "
             "levels (median): seams may show."
         )
-    if idle:
-        warnings.append(f"No ground of the orthoimage is seen by: {', '.join(idle)}.")
-    return tuple(warnings)
 
 
 def _pictures(most: int) -> tuple[Picture, ...]:
@@ -212,27 +229,32 @@ def _pictures(most: int) -> tuple[Picture, ...]:
             classes=coverage_classes(most),
             caption="How many photos see each pixel: more photos are needed where it is red.",
         ),
-        Picture(
-            title="Rejected colours",
-            raster=REJECTED,
-            style="classes",
-            caption="Vehicles, people, leaves, and places where heights are wrong.",
-            classes=(
-                (0, "#ffffff", "none"),
-                (1, "#fdae61", "one"),
-                (2, "#d7191c", "two"),
-                *((n, "#7b1fa2", "three or more") for n in range(3, max(most, 3) + 1)),
-            ),
-        ),
-        Picture(
-            title="Where heights come from",
-            raster=HEIGHT_SOURCE,
-            style="classes",
-            classes=(
-                (0, "#000000", "no height, no texture"),
-                (1, "#9a9a9a", "measured"),
-                (2, "#fdae61", "interpolated for the texture only"),
-            ),
+        _rejection_picture(most),
+        _height_source_picture(),
+    )
+
+
+def _rejection_picture(most: int) -> Picture:
+    # Counts from three on are listed one by one, for a picture of classes needs every code that occurs.
+    several = tuple((count, "#7b1fa2", "three or more") for count in range(3, max(most, 3) + 1))
+    return Picture(
+        title="Rejected colours",
+        raster=REJECTED,
+        style="classes",
+        caption="Vehicles, people, leaves, and places where heights are wrong.",
+        classes=((0, "#ffffff", "none"), (1, "#fdae61", "one"), (2, "#d7191c", "two"), *several),
+    )
+
+
+def _height_source_picture() -> Picture:
+    return Picture(
+        title="Where heights come from",
+        raster=HEIGHT_SOURCE,
+        style="classes",
+        classes=(
+            (NO_HEIGHT, "#000000", "no height, no texture"),
+            (MEASURED, "#9a9a9a", "measured"),
+            (DRAPED, "#fdae61", "interpolated for the texture only"),
         ),
     )
 
@@ -240,19 +262,19 @@ def _pictures(most: int) -> tuple[Picture, ...]:
 def texture_report(statistics: tuple[TileTexture, ...], radiometry: Radiometry, facts: TextureFacts) -> StageReport:
     """The report of the stage from the statistics of all tiles."""
     most = max((tile.most for tile in statistics), default=0)
-    seen = np.sum([tile.seen for tile in statistics], axis=0)
+    totals = _totals(statistics)
     chart = Chart(
         title="Pixels by number of photos",
         style="bars",
         x_label="photos (3: three or more)",
         y_label="pixels",
         x=(0.0, 1.0, 2.0, 3.0),
-        series={"pixels": tuple(float(n) for n in seen)},
+        series={"pixels": tuple(float(count) for count in totals.seen)},
     )
     return StageReport(
-        figures=_figures(statistics, radiometry, facts),
+        figures=_figures(totals, radiometry, facts),
         grids=(_photo_grid(statistics, radiometry),),
         charts=(chart,),
         pictures=_pictures(most),
-        warnings=_warnings(statistics, radiometry),
+        warnings=tuple(_warnings(statistics, totals, radiometry)),
     )

@@ -1,4 +1,4 @@
-"""The colour that a photograph has for each ortho pixel, and how much that colour is worth.
+"""The colour that a photograph has for each ortho pixel, and the weight ("worth") of that colour.
 
 Colour: bicubic (Keys 1981, a = -1/2, which reproduces a linear ramp exactly) at the projected place, lens distortion included.
 Worth: the area, in photo pixels, of the ortho cell's piece of surface as projected into the photograph (Petsa et al. 2007, M12;
@@ -9,6 +9,7 @@ along the optical axis, that area is c^2 A (n . d) / w^3: the solid angle A (n .
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -19,9 +20,11 @@ from orthomill.tasks.geometry.view import View, project_point
 from orthomill.tasks.visibility.height_model import WALL
 
 STEEPEST = 3.0
-"""Slope beyond which a surface counts as no steeper: a wall's ortho cell is then not worth nothing in every photo."""
+"""Slopes are limited to this value, so that the ortho cell of a wall keeps some weight in every photo."""
 LEAST_FACING = 0.05
-"""Least n . d as a share of the height difference: a visible cell is worth something even where its noisy normal looks away."""
+"""Least n . d as a share of the height difference: a visible cell keeps some weight even where its noisy normal faces away."""
+_LEAST_WORTH = 1e-12  # a visible pixel differs from an invisible one, even on the very border of the photo
+_FIELD_MARGIN = 1.05  # on the squared tangent of the field angle
 
 
 @dataclass(frozen=True)
@@ -50,76 +53,120 @@ class PhotoPixelsAt:
     level: int
 
 
+class _Cells(NamedTuple):
+    """Ortho pixels for the kernels: the grid, the first row and column of the window, and which pixels are sampled."""
+
+    west: float
+    north: float
+    cell: float
+    first_row: int
+    first_col: int
+    z: np.ndarray
+    dx: np.ndarray
+    dy: np.ndarray
+    seen: np.ndarray
+
+
+class _Part(NamedTuple):
+    """Pixels of a photograph for the kernels: `scale` full-size pixels per pixel, first row and column in the level."""
+
+    pixels: np.ndarray
+    scale: float
+    first_row: int
+    first_col: int
+
+
+class _Limits(NamedTuple):
+    """`widest`: squared tangent of the largest field angle; `feather`: width of the border, px."""
+
+    widest: float
+    feather: float
+
+
+class _Samples(NamedTuple):
+    """The arrays of `Sampled` for the kernel, which fills them."""
+
+    colour: np.ndarray
+    worth: np.ndarray
+    r2: np.ndarray
+
+
 @njit(cache=True, inline="always")
 def _keys(t, w):
+    """Weights of four neighbours at the distance `t` behind the second one (Keys 1981, a = -1/2)."""
     w[0] = ((-0.5 * t + 1.0) * t - 0.5) * t
     w[1] = (1.5 * t - 2.5) * t * t + 1.0
     w[2] = ((-1.5 * t + 2.0) * t + 0.5) * t
     w[3] = (0.5 * t - 0.5) * t * t
 
 
+@njit(cache=True, inline="always")
+def _bicubic(part, col, row, wx, wy, colour):
+    """Fills `colour` (bands) at a place of the level; False where the part does not hold the 4 x 4 neighbours."""
+    pixels = part.pixels
+    c, r = int(np.floor(col)), int(np.floor(row))
+    _keys(col - c, wx)
+    _keys(row - r, wy)
+    c, r = c - part.first_col, r - part.first_row
+    if c < 1 or r < 1 or c + 2 >= pixels.shape[1] or r + 2 >= pixels.shape[0]:
+        return False
+    for band in range(pixels.shape[2]):
+        total = 0.0
+        for k in range(4):
+            line = 0.0
+            for m in range(4):
+                line += wx[m] * pixels[r - 1 + k, c - 1 + m, band]
+            total += wy[k] * line
+        colour[band] = total
+    return True
+
+
 @njit(cache=True)
-def _sample(pixels, place, n, widest, west, north, cell, corner, z, dx, dy, seen, feather, colour, worth, r2):
-    # places are counted in the whole grid and photograph, so that rounding is the same whatever the windows
-    rows, cols = z.shape
-    first_row, first_col = corner
-    bands = pixels.shape[2]
-    scale, col0, row0 = 2.0 ** place[0], place[1], place[2]
-    height, width = pixels.shape[0], pixels.shape[1]
+def _sample(part, n, cells, limits, out):
+    # Positions are counted in the whole grid and photograph, so that rounding is the same whatever the windows.
+    z, cell = cells.z, cells.cell
     wx, wy = np.empty(4), np.empty(4)
-    half_diagonal2 = 0.25 * ((n[20] - 1.0) ** 2 + (n[21] - 1.0) ** 2)
-    for i in range(rows):
-        y = north - (first_row + i + 0.5) * cell
-        for j in range(cols):
-            if seen[i, j] == 0 or np.isnan(z[i, j]):
+    half_diagonal2 = 0.25 * ((n.width - 1.0) ** 2 + (n.height - 1.0) ** 2)
+    for i in range(z.shape[0]):
+        y = cells.north - (cells.first_row + i + 0.5) * cell
+        for j in range(z.shape[1]):
+            if cells.seen[i, j] == 0 or np.isnan(z[i, j]):
                 continue
-            x = west + (first_col + j + 0.5) * cell
+            x = cells.west + (cells.first_col + j + 0.5) * cell
             full_col, full_row, depth = project_point(n, x, y, z[i, j])
             if depth <= 0.0:
                 continue
-            reach = (n[9] - x) ** 2 + (n[10] - y) ** 2 + (n[11] - z[i, j]) ** 2
-            if reach > (1.0 + widest) * depth * depth:
+            # Outside the field of view the distortion polynomial may fold back into the photograph.
+            reach = (n.xc - x) ** 2 + (n.yc - y) ** 2 + (n.zc - z[i, j]) ** 2
+            if reach > (1.0 + limits.widest) * depth * depth:
                 continue
-            border = min(min(full_col, n[20] - 1.0 - full_col), min(full_row, n[21] - 1.0 - full_row))
-            if not border >= 0.0:
+            border = min(min(full_col, n.width - 1.0 - full_col), min(full_row, n.height - 1.0 - full_row))
+            if not border >= 0.0:  # also NaN
                 continue
-            col, row = (full_col + 0.5) / scale - 0.5, (full_row + 0.5) / scale - 0.5
-            c, r = int(np.floor(col)), int(np.floor(row))
-            _keys(col - c, wx)
-            _keys(row - r, wy)
-            c, r = c - col0, r - row0
-            if c < 1 or r < 1 or c + 2 >= width or r + 2 >= height:
+            col, row = (full_col + 0.5) / part.scale - 0.5, (full_row + 0.5) / part.scale - 0.5
+            if not _bicubic(part, col, row, wx, wy, out.colour[i, j]):
                 continue
-            for band in range(bands):
-                total = 0.0
-                for k in range(4):
-                    line = 0.0
-                    for m in range(4):
-                        line += wx[m] * pixels[r - 1 + k, c - 1 + m, band]
-                    total += wy[k] * line
-                colour[i, j, band] = total
-            rise = n[11] - z[i, j]
-            facing = rise - dx[i, j] * (n[9] - x) - dy[i, j] * (n[10] - y)
+            rise = n.zc - z[i, j]
+            facing = rise - cells.dx[i, j] * (n.xc - x) - cells.dy[i, j] * (n.yc - y)
             facing = max(facing, LEAST_FACING * rise)
-            area = n[12] * n[12] * cell * cell * facing / (depth * depth * depth)
-            share = 1.0 if feather <= 0.0 else min(border / feather, 1.0)
-            worth[i, j] = max(area * share * share * (3.0 - 2.0 * share), 1e-12)
-            r2[i, j] = ((full_col - 0.5 * (n[20] - 1.0)) ** 2 + (full_row - 0.5 * (n[21] - 1.0)) ** 2) / half_diagonal2
+            area = n.c * n.c * cell * cell * facing / (depth * depth * depth)
+            share = 1.0 if limits.feather <= 0.0 else min(border / limits.feather, 1.0)
+            # A smooth step: neither end of the feather leaves a visible edge.
+            out.worth[i, j] = max(area * share * share * (3.0 - 2.0 * share), _LEAST_WORTH)
+            off_col, off_row = full_col - 0.5 * (n.width - 1.0), full_row - 0.5 * (n.height - 1.0)
+            out.r2[i, j] = (off_col**2 + off_row**2) / half_diagonal2
 
 
 def _widest(view: View) -> float:
-    """Squared tangent of the angle to the photo's farthest corner, and a little more.
-
-    Beyond it a distortion polynomial may bend back and show a far point inside the photograph.
-    """
+    """Squared tangent of the angle to the photo's farthest corner, with a margin."""
     right, bottom = view.camera.width - 1.0, view.camera.height - 1.0
     corners = pixel_to_image(view.camera, np.array([[0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]])) / view.camera.c
-    return 1.05 * float((corners**2).sum(axis=1).max())
+    return _FIELD_MARGIN * float((corners**2).sum(axis=1).max())
 
 
 @dataclass(frozen=True)
 class Sampled:
-    """What one photograph says about the ground.
+    """The samples of one photograph on the ground.
 
     `colour` (rows, cols, bands) float32 grey values as recorded; `worth` (rows, cols) float32, photo px^2 times the border feather,
     0 where the photograph does not see the pixel; `r2` (rows, cols) float32, squared distance from the photo's middle in half
@@ -132,37 +179,31 @@ class Sampled:
 
 
 def sample_photo(view: View, photo: PhotoPixelsAt, ground: Ground, seen: np.ndarray, feather: float) -> Sampled:
-    """Colour and worth of every ground pixel that `seen` (rows, cols) leaves to this photograph. `feather` is in full-size px."""
+    """Colour and worth of every ground pixel that `seen` (rows, cols) allows to this photograph. `feather` is in full-size px."""
     shape = ground.z.shape
-    bands = photo.pixels.shape[2]
-    colour = np.zeros((*shape, bands), np.float32)
+    colour = np.zeros((*shape, photo.pixels.shape[2]), np.float32)
     worth, r2 = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
     if photo.pixels.size:
-        place, corner = (photo.level, photo.window.col, photo.window.row), (ground.window.row, ground.window.col)
-        grid = ground.grid
-        _sample(
-            photo.pixels,
-            place,
-            view.numbers,
-            _widest(view),
-            grid.west,
-            grid.north,
-            grid.cell,
-            corner,
+        grid, window = ground.grid, ground.window
+        part = _Part(photo.pixels, 2.0**photo.level, photo.window.row, photo.window.col)
+        cells = _Cells(
+            float(grid.west),
+            float(grid.north),
+            float(grid.cell),
+            window.row,
+            window.col,
             ground.z,
             ground.dx,
             ground.dy,
             np.ascontiguousarray(seen),
-            feather,
-            colour,
-            worth,
-            r2,
         )
+        _sample(part, view.numbers, cells, _Limits(_widest(view), float(feather)), _Samples(colour, worth, r2))
     return Sampled(colour, worth, r2)
 
 
 @njit(cache=True)
 def _drape(heights, corner, first, divisor, limit, z):
+    """Fills `z` with the heights of ortho pixels; `corner`, `first`: first row and column of the DSM window and of `z`."""
     rows, cols = z.shape
     row0, col0 = corner
     last_row, last_col = heights.shape[0] - 1, heights.shape[1] - 1
@@ -175,6 +216,7 @@ def _drape(heights, corner, first, divisor, limit, z):
             near_c = min(max(int(np.floor(x + 0.5)) - col0, 0), last_col)
             c = min(max(int(np.floor(x)) - col0, 0), max(last_col - 1, 0))
             z[i, j] = heights[near_r, near_c]
+            # The last row and column of the model have no neighbour to interpolate with.
             if last_row < 1 or last_col < 1 or np.isnan(z[i, j]):
                 continue
             a, b = heights[r, c], heights[r, c + 1]
@@ -188,6 +230,7 @@ def _drape(heights, corner, first, divisor, limit, z):
 
 def _slopes(heights: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
     """Slopes (dz/dx, dz/dy) in m per m from differences over two cells, averaged over three; 0 where a neighbour is missing."""
+    # float64: differences of heights of hundreds of metres; the mean over three cells halves the effect of their noise.
     padded = np.pad(heights.astype(np.float64), 1, mode="edge")
     down = padded[:-2] + padded[1:-1] + padded[2:]
     across = padded[:, :-2] + padded[:, 1:-1] + padded[:, 2:]
@@ -195,21 +238,23 @@ def _slopes(heights: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
     dy = (across[:-2] - across[2:]) / (6.0 * cell)
     steepness = np.maximum(np.hypot(dx, dy) / STEEPEST, 1.0)
     missing = np.isnan(steepness)
-    return tuple(np.where(missing, 0.0, slope / steepness).astype(np.float32) for slope in (dx, dy))
+    limited = [np.where(missing, 0.0, slope / steepness).astype(np.float32) for slope in (dx, dy)]
+    return limited[0], limited[1]
 
 
 def _slopes_at(heights: np.ndarray, cell: float, rows: np.ndarray, cols: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The slopes of the cells `rows` x `cols` (ascending), computed for these and their neighbours only."""
     top, left = max(int(rows[0]) - 1, 0), max(int(cols[0]) - 1, 0)
-    slopes = _slopes(heights[top : rows[-1] + 2, left : cols[-1] + 2], cell)
-    return tuple(slope[np.ix_(rows - top, cols - left)] for slope in slopes)
+    dx, dy = _slopes(heights[top : rows[-1] + 2, left : cols[-1] + 2], cell)
+    at = np.ix_(rows - top, cols - left)
+    return dx[at], dy[at]
 
 
 def ground_of(heights: np.ndarray, heights_window: Window, dsm: MapGrid, ortho: MapGrid, window: Window) -> Ground:
     """The ground of the ortho pixels `window` from DSM `heights` (at `heights_window`).
 
-    Heights are bilinear between four DSM cells that belong together, and the nearest cell's where they differ by more than two
-    cells in height (a wall) or one is missing: no ramp is drawn between a roof and the ground.
+    Heights are interpolated bilinearly between four DSM cells; where these differ by more than two cells in height (a wall) or one
+    is missing, the nearest cell is taken: there is no ramp between a roof and the ground.
     """
     divisor = round(dsm.cell / ortho.cell)
     heights = np.ascontiguousarray(heights, np.float32)

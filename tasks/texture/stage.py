@@ -5,9 +5,9 @@ from math import ceil, sqrt
 from statistics import median
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from orthomill.schemas.job import Export, Job, Raster, Table
+from orthomill.schemas.job import Export, Job, Raster, Region, Table
 from orthomill.schemas.orientation import BLOCK, Block
 from orthomill.schemas.photo import PHOTOS, Photos, photo_raster
 from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, map_raster, tiles_of
@@ -16,7 +16,7 @@ from orthomill.schemas.stage_contract import ProjectView, Stage
 from orthomill.schemas.stage_report import report_table
 from orthomill.schemas.surface import CORRECTED, COUNT, HEIGHT, ORTHO, PRECISION, SURFACE, Surface
 from orthomill.tasks.geometry.view import block_view
-from orthomill.tasks.texture.blending import Blend, Rejection
+from orthomill.tasks.texture.blending import Blend, CentreName, Rejection
 from orthomill.tasks.texture.extent import PhotoSource, TileExtent, ground_pixels, ortho_grid, photo_level, tile_extent
 from orthomill.tasks.texture.mosaic import TextureRules, TileTexture, balance, sample_tile, texture_tile
 from orthomill.tasks.texture.radiometric_balance import RADIOMETRY, Samples
@@ -24,6 +24,8 @@ from orthomill.tasks.texture.report import COVERAGE, HEIGHT_SOURCE, REJECTED, Te
 
 SAMPLES_AT_MOST = 60000
 """Ground samples of the whole block for the radiometric balance."""
+_COARSER = 4  # ortho pixels per sample pixel: averaging removes noise and the effect of mismatches of a pixel
+_SPACING_OF_RANGE = 64  # px between samples that serve for the range of 16 bits only
 
 
 class LeaveHoles(Settings):
@@ -46,7 +48,7 @@ class ByArea(Settings):
 
 
 class BySquaredArea(Settings):
-    """Weights are the squared area: photos of larger scale are favoured more."""
+    """Weights are the squared area, which favours photos of larger scale more strongly."""
 
     kind: Literal["area_squared"]
 
@@ -58,26 +60,28 @@ class KeepAllColours(Settings):
 
 
 class AboutMean(Settings):
-    """Colours farther than k standard deviations from the mean are left out, where three photos or more see the place."""
+    """Colours farther than k standard deviations from the mean are rejected where three photos or more see the ground."""
 
     kind: Literal["mean"] = "mean"
-    k: float = setting(1.0, "How many standard deviations a colour may be off.", gt=0)
-    least: float = setting(12.0, "Deviations up to this are never rejected, so that noise stays averaged.", "grey levels", ge=0)
+    k: float = setting(1.0, "Tolerated deviation of a colour, in standard deviations.", gt=0)
+    least: float = setting(
+        12.0, "Deviations up to this are never rejected, so that noise continues to be averaged.", "grey levels", ge=0
+    )
 
 
 class AboutMedian(Settings):
     """As `mean`, about the median of each channel."""
 
     kind: Literal["median"]
-    k: float = setting(1.0, "How many standard deviations (about the median) a colour may be off.", gt=0)
+    k: float = setting(1.0, "Tolerated deviation of a colour, in standard deviations about the median.", gt=0)
     least: float = setting(12.0, "Deviations up to this are never rejected.", "grey levels", ge=0)
 
 
 class AboutMedianRobust(Settings):
-    """About the median, with the median distance in place of the standard deviation: bears several bad colours among many."""
+    """About the median, with the median distance instead of the standard deviation: tolerates several bad colours among many."""
 
     kind: Literal["robust"]
-    k: float = setting(3.0, "How many robust standard deviations a colour may be off.", gt=0)
+    k: float = setting(3.0, "Tolerated deviation of a colour, in robust standard deviations.", gt=0)
     least: float = setting(12.0, "Deviations up to this are never rejected.", "grey levels", ge=0)
 
 
@@ -88,7 +92,7 @@ class AverageTwo(Settings):
 
 
 class PreferHeavier(Settings):
-    """Of two colours that disagree only the one of greater weight counts."""
+    """Of two colours that disagree only the one of greater weight is used."""
 
     kind: Literal["prefer"]
     limit: float = setting(40.0, "Mean difference over the channels beyond which two colours disagree.", "grey levels", gt=0)
@@ -101,10 +105,10 @@ class NoBalance(Settings):
 
 
 class BlockBalance(Settings):
-    """One gain and offset per photo and channel, adjusted over the whole block from the ground that photos share."""
+    """Gain and offset per photo and channel, adjusted over the whole block from the ground that photos share."""
 
     kind: Literal["block"] = "block"
-    vignetting: bool = setting(True, "Also a radial falloff (r^2 and r^4) per photo and channel.")
+    vignetting: bool = setting(True, "Also estimate a radial falloff (r^2 and r^4) per photo and channel.")
     spacing: int = setting(24, "Distance between samples; larger where the block is large.", "px", ge=4, le=1024)
 
 
@@ -114,11 +118,11 @@ Rejections = Annotated[KeepAllColours | AboutMean | AboutMedian | AboutMedianRob
 TwoColours = Annotated[AverageTwo | PreferHeavier, Field(discriminator="kind")]
 Balance = Annotated[NoBalance | BlockBalance, Field(discriminator="kind")]
 
-_CENTRE = {"mean": "mean", "median": "median", "robust": "deviation"}
+_CENTRE: dict[str, CentreName] = {"mean": "mean", "median": "median", "robust": "deviation"}
 
 
 class TextureStage(Stage):
-    """A true orthoimage: every ground cell is coloured by all photos that really see it."""
+    """Colours every ground cell from all photos that actually see it: a true orthoimage."""
 
     title: ClassVar[str] = "True orthoimage"
 
@@ -129,11 +133,11 @@ class TextureStage(Stage):
         "m",
     )
     holes: Holes = setting(LeaveHoles(), "What happens where the surface model has no height.")
-    weights: Weights = setting(ByArea(), "What a photo's colour is worth (Petsa et al. 2007).")
-    rejection: Rejections = setting(AboutMean(), "Which colours are left out as gross errors.")
-    two_colours: TwoColours = setting(AverageTwo(), "What happens where exactly two photos see a place and disagree.")
-    best: int = setting(0, "Only this many photos of the greatest weight are blended; 0 for all.", ge=0, le=64)
-    balance: Balance = setting(BlockBalance(), "How the photos are brought to one brightness.")
+    weights: Weights = setting(ByArea(), "Weight of a photo's colour (Petsa et al. 2007).")
+    rejection: Rejections = setting(AboutMean(), "Which colours are rejected as gross errors.")
+    two_colours: TwoColours = setting(AverageTwo(), "What happens where exactly two photos see the ground and disagree.")
+    best: int = setting(0, "Number of photos of the greatest weight that are blended; 0 for all.", ge=0, le=64)
+    balance: Balance = setting(BlockBalance(), "How the photos are adjusted to one brightness.")
     feather: float = setting(
         0.15,
         "Width of the border of a photo in which its weight rises from 0, as a share of the photo's shorter side.",
@@ -141,7 +145,7 @@ class TextureStage(Stage):
         le=0.5,
     )
     occlusion_margin: float = setting(
-        1.0, "Cells of the surface model beside an occlusion whose colour is used only if there is no other.", "cells", ge=0, le=32
+        1.0, "Cells of the surface model next to an occlusion whose colour is used only if there is no other.", "cells", ge=0, le=32
     )
     occlusion_ramp: float = setting(
         2.0, "Width beyond the margin in which the weight rises to its full value.", "cells", ge=0, le=32
@@ -153,69 +157,49 @@ class TextureStage(Stage):
         24, "Holes are bridged for the visibility test from heights at most this far away.", "cells", ge=0, le=256
     )
 
+    @model_validator(mode="after")
+    def _has_an_effect(self) -> "TextureStage":
+        """Raises ValueError for settings that the others leave without effect."""
+        if self.two_colours.kind == "prefer" and self.best == 1:
+            raise ValueError(
+                "two_colours: prefer without effect with best: 1, which always uses the one colour of the greatest weight: remove "
+                "two_colours, or set best to 0 or to 2 and more"
+            )
+        return self
+
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
+        """Samples of all tiles, the balance of the block, then the tiles of the orthoimage."""
         block, surface, photos = view.table(BLOCK), view.table(SURFACE), view.table(PHOTOS)
         views = [block_view(block, name) for name in block.names]
         pixels = ground_pixels(views, 0.5 * (block.ground_low + block.ground_high))
         ortho = ortho_grid(surface.grid, None if self.cell == "auto" else self.cell, median(pixels))
-        rules, tile = self._rules(surface), view.project.tile
-        yield from self._rasters(ortho, block.crs, tile)
-        fine = [_source(view, block, photos, name, ortho.cell, size) for name, size in zip(block.names, pixels, strict=True)]
-        spacing = self._spacing(ortho)
-        coarse = [_source(view, block, photos, name, 4 * ortho.cell, size) for name, size in zip(block.names, pixels, strict=True)]
-        deep = any(view.raster(photo_raster(name, 0)).dtype == "uint16" for name in block.names)
+        rules = self._rules(surface)
+        yield from self._rasters(ortho, block.crs, view.project.tile)
+        # The raster named here decides which stage the tiles wait for.
         heights = CORRECTED if view.has_stage("dsm_check") else HEIGHT
-        tiles = list(tiles_of(ortho.shape, tile))
-        samples = [Table(f"texture/samples/{t.row}-{t.col}.parquet", Samples) for t in tiles]
-        statistics = [Table(f"texture/statistics/{t.row}-{t.col}.json", TileTexture) for t in tiles]
-        for t, table in zip(tiles, samples, strict=True):
-            extent = tile_extent(surface, ortho, t.window, coarse, rules.halo)
-            yield Job(
-                "texture",
-                "samples",
-                sample_tile,
-                _reads(heights, extent),
-                {"samples": table},
-                {"extent": extent, "rules": rules, "spacing": spacing},
-                t.row,
-                t.col,
-                scratch=_sample_scratch(extent),
-            )
-        vignetting = self.balance.kind == "block" and self.balance.vignetting
-        yield Job(
+        tiles = list(tiles_of(ortho.shape, view.project.tile))
+        coarse = [_source(view, block, photos, name, _COARSER * ortho.cell, size) for name, size in _by_name(block, pixels)]
+        for tile in tiles:
+            extent = tile_extent(surface, ortho, tile.window, coarse, rules.halo)
+            yield _sample_job(tile, heights, extent, rules, self._spacing(ortho))
+        deep = any(view.raster(photo_raster(name, 0)).dtype == "uint16" for name in block.names)
+        yield self._balance_job(tiles, block, deep)
+        fine = [_source(view, block, photos, name, ortho.cell, size) for name, size in _by_name(block, pixels)]
+        for tile in tiles:
+            yield _ortho_job(tile, heights, tile_extent(surface, ortho, tile.window, fine, rules.halo), rules)
+        facts = TextureFacts(cell=ortho.cell, dsm_cell=surface.grid.cell, ground_pixel=median(pixels), heights=heights)
+        yield from _results(tiles, facts)
+
+    def _balance_job(self, tiles: list[Tile], block: Block, deep: bool) -> Job:
+        return Job(
             "texture",
             "balance",
             balance,
-            {"samples": tuple(samples), "block": BLOCK},
+            {"samples": tuple(_samples_table(tile) for tile in tiles), "block": BLOCK},
             {"radiometry": RADIOMETRY},
-            {"deep": deep, "method": self.balance.kind, "vignetting": vignetting},
+            {"deep": deep, "method": self.balance.kind, "vignetting": self.balance.kind == "block" and self.balance.vignetting},
+            # Bytes per sample and photo that sees it; more than a dozen photos hardly see the same ground.
             scratch=250 * SAMPLES_AT_MOST * min(len(block.names), 12),
-        )
-        for t, table in zip(tiles, statistics, strict=True):
-            extent = tile_extent(surface, ortho, t.window, fine, rules.halo)
-            yield Job(
-                "texture",
-                "ortho",
-                texture_tile,
-                {**_reads(heights, extent), "radiometry": RADIOMETRY},
-                _writes(t, table),
-                {"extent": extent, "rules": rules},
-                t.row,
-                t.col,
-                scratch=_scratch(extent),
-            )
-        facts = TextureFacts(cell=ortho.cell, dsm_cell=surface.grid.cell, ground_pixel=median(pixels), heights=heights)
-        yield Job(
-            "texture",
-            "report",
-            texture_report,
-            {"statistics": tuple(statistics), "radiometry": RADIOMETRY},
-            {"report": report_table("texture")},
-            {"facts": facts},
-        )
-        yield Export("texture", "ortho_cog", "products/ortho.tif", "cog", {"rgba": ORTHO})
-        yield Export(
-            "texture", "points", "products/points.laz", "laz", {"z": heights, "rgb": ORTHO, "precision": PRECISION, "pairs": COUNT}
         )
 
     def _rules(self, surface: Surface) -> TextureRules:
@@ -226,6 +210,7 @@ class TextureStage(Stage):
         )
         two = self.two_colours.limit if self.two_colours.kind == "prefer" else 0.0
         return TextureRules(
+            # Between two cells the interpolated surface may exceed the true one by half a cell on a slope of one.
             tolerance=0.5 * cell if self.tolerance == "auto" else self.tolerance,
             bridge=self.bridge,
             drape_gap=ceil(self.holes.max_gap / cell) if self.holes.kind == "drape" else 0,
@@ -236,7 +221,9 @@ class TextureStage(Stage):
         )
 
     def _spacing(self, ortho: MapGrid) -> int:
-        wanted = self.balance.spacing if self.balance.kind == "block" else 64
+        """px between samples: that of the setting, or as many as keep to SAMPLES_AT_MOST."""
+        wanted = self.balance.spacing if self.balance.kind == "block" else _SPACING_OF_RANGE
+        # The unknown brightness of every sample is eliminated, but time and memory still grow with their number.
         return max(wanted, ceil(sqrt(ortho.rows * ortho.cols / SAMPLES_AT_MOST)))
 
     def _rasters(self, ortho: MapGrid, crs: str, tile: int) -> Iterator[RasterSpec]:
@@ -251,14 +238,63 @@ def _source(view: ProjectView, block: Block, photos: Photos, name: str, cell: fl
     return PhotoSource(block_view(block, name), level, view.raster(photo_raster(name, level)).shape)
 
 
-def _reads(heights: str, extent: TileExtent) -> dict[str, object]:
+def _sample_job(tile: Tile, heights: str, extent: TileExtent, rules: TextureRules, spacing: int) -> Job:
+    return Job(
+        "texture",
+        "samples",
+        sample_tile,
+        _reads(heights, extent),
+        {"samples": _samples_table(tile)},
+        {"extent": extent, "rules": rules, "spacing": spacing},
+        tile.row,
+        tile.col,
+        scratch=_sample_scratch(extent),
+    )
+
+
+def _ortho_job(tile: Tile, heights: str, extent: TileExtent, rules: TextureRules) -> Job:
+    rasters = {"ortho": ORTHO, "coverage": COVERAGE, "rejected": REJECTED, "height_source": HEIGHT_SOURCE}
+    return Job(
+        "texture",
+        "ortho",
+        texture_tile,
+        {**_reads(heights, extent), "radiometry": RADIOMETRY},
+        {**{key: Raster(name, tile.window) for key, name in rasters.items()}, "statistics": _statistics_table(tile)},
+        {"extent": extent, "rules": rules},
+        tile.row,
+        tile.col,
+        scratch=_scratch(extent),
+    )
+
+
+def _results(tiles: list[Tile], facts: TextureFacts) -> Iterator[Job | Export]:
+    """The report and the products."""
+    reads: dict[str, Region | tuple[Region, ...]] = {
+        "statistics": tuple(_statistics_table(tile) for tile in tiles),
+        "radiometry": RADIOMETRY,
+    }
+    yield Job("texture", "report", texture_report, reads, {"report": report_table("texture")}, {"facts": facts})
+    yield Export("texture", "ortho_cog", "products/ortho.tif", "cog", {"rgba": ORTHO})
+    attributes = {"z": facts.heights, "rgb": ORTHO, "precision": PRECISION, "pairs": COUNT}
+    yield Export("texture", "points", "products/points.laz", "laz", attributes)
+
+
+def _samples_table(tile: Tile) -> Table[Samples]:
+    return Table(f"texture/samples/{tile.row}-{tile.col}.parquet", Samples)
+
+
+def _statistics_table(tile: Tile) -> Table[TileTexture]:
+    return Table(f"texture/statistics/{tile.row}-{tile.col}.json", TileTexture)
+
+
+def _by_name(block: Block, pixels: list[float]) -> Iterator[tuple[str, float]]:
+    """The photos of the block and their ground pixels."""
+    return zip(block.names, pixels, strict=True)
+
+
+def _reads(heights: str, extent: TileExtent) -> dict[str, Region | tuple[Region, ...]]:
     photos = tuple(Raster(photo_raster(part.name, part.level), part.window) for part in extent.photos)
     return {"heights": Raster(heights, extent.heights), "block": BLOCK, "photos": photos}
-
-
-def _writes(tile: Tile, statistics: Table[TileTexture]) -> dict[str, Raster | Table]:
-    rasters = {"ortho": ORTHO, "coverage": COVERAGE, "rejected": REJECTED, "height_source": HEIGHT_SOURCE}
-    return {**{key: Raster(name, tile.window) for key, name in rasters.items()}, "statistics": statistics}
 
 
 def _sample_scratch(extent: TileExtent) -> int:

@@ -1,1 +1,1 @@
-"""Which points of a surface a photograph sees. Arrays in, arrays out."""
+"""Which points of a surface a photograph sees: pure functions of arrays."""

@@ -1,18 +1,19 @@
 """Which points of a surface a photograph sees: the ray from the point to the projection centre must stay above the height model.
 
-Strategy: march along the ray, one cell at a time in the direction in which it advances faster, and compare its height with the
-surface (linear between the two cells beside it). Blocks of the model know the greatest height around them, so a ray above it
-jumps a whole block; above the greatest height of all it is free. Only the surface between a cell and the sky above it matters, so
-a tile with a large enough halo gives exactly the answer of the whole model.
+Strategy: march along the ray, one cell at a time along the axis in which it advances faster, and compare its height with the
+surface (interpolated linearly between the two adjacent cells). For every block of the model the greatest height around it is known,
+so a ray above it skips the block; above the greatest height of the model it is free. Only the surface along the ray matters, so a
+tile with a large enough halo gives exactly the answer of the whole model.
 
 Holes are bridged for this test (and for draping) from the nearest heights in eight directions: an unmeasured spot on a roof still
 hides the ground behind it. Holes wider than the bridge hide nothing.
 
 Source: visibility by the surface nearest to the projection centre, Petsa et al. 2007 (methods/texture_blending.md, M5); the exact
-ray stands for the triangle look-up. Widening of occlusions: M10, on the ground instead of in the image.
+ray replaces the triangle look-up. Widening of occlusions: M10, on the ground instead of in the image.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -22,12 +23,15 @@ from scipy import ndimage
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.geometry.view import View
 
+# Dask runs one job per core; OpenCV's own threads would only compete with them.
 cv2.setNumThreads(1)
 
 BLOCK = 16
-"""Side of the blocks whose greatest height lets a ray jump, cells."""
+"""Side of the blocks whose greatest height lets a ray skip them, cells."""
 WALL = 2.0
 """A step between neighbouring cells of more than this many cells is a wall, not a slope."""
+# Factor on the tolerance: beyond this slope the noise of the model no longer grows with it, for its cells smooth it.
+_MOST_SLOPE = 2.0
 
 
 @dataclass(frozen=True)
@@ -39,10 +43,33 @@ class HeightModel:
     window: Window
 
 
+class _Terrain(NamedTuple):
+    """The height model for the kernels: `ceiling` as from `_ceiling`, `top` the greatest height, `row`, `col` of the first cell in
+    the whole model, `wall` in m."""
+
+    heights: np.ndarray
+    ceiling: np.ndarray
+    top: float
+    row: int
+    col: int
+    wall: float
+
+
+class _Centre(NamedTuple):
+    """The projection centre in columns and rows of the whole model, and m."""
+
+    col: float
+    row: float
+    z: float
+
+
 @njit(cache=True)
 def _sweep(heights, gap, downwards, total, weights):
-    """Adds, for every hole, the nearest heights of four of its eight directions: those that lie behind a sweep over rows and
-    columns, which carries steps and height along each direction instead of searching for them. A sweep back adds the other four."""
+    """Adds, for every hole, the nearest heights of four of its eight directions: those behind a sweep over rows and columns.
+
+    The sweep carries the distance and the height of the last valid cell along each direction instead of searching for it, so its
+    time does not depend on `gap`. A sweep in the opposite direction adds the other four.
+    """
     rows, cols = heights.shape
     steps = np.full((2, 3, cols + 2), gap + 1)
     value = np.zeros((2, 3, cols + 2), heights.dtype)
@@ -75,15 +102,16 @@ def _sweep(heights, gap, downwards, total, weights):
 
 
 def bridge_holes(heights: np.ndarray, gap: int) -> np.ndarray:
-    """Heights (rows, cols) with holes filled from the nearest heights in eight directions at most `gap` cells away, by inverse
-    distance.
+    """Heights (rows, cols) with holes filled from the nearest heights in eight directions at most `gap` cells away, weighted by
+    inverse distance.
 
-    Where none is that near, NaN stays. The answer at a cell depends on the cells within `gap` only. float32.
+    Where there is none within `gap`, NaN remains. The result at a cell depends on the cells within `gap` only. float32.
     """
     heights = np.ascontiguousarray(heights, np.float32)
     holes = np.isnan(heights)
     if not holes.any():
         return heights
+    # float64, so that a constant height is reproduced exactly and no ripple appears on a bridged plane.
     total, weights = np.zeros(heights.shape), np.zeros(heights.shape)
     for downwards in (True, False):
         _sweep(heights, gap, downwards, total, weights)
@@ -102,6 +130,7 @@ def _ceiling(heights: np.ndarray) -> np.ndarray:
 
 @njit(cache=True, inline="always")
 def _surface_between(a, b, share, wall):
+    """Height between two cells: linear, but the nearer one's on either side of a wall; the other one's next to a hole."""
     if np.isnan(a):
         return b
     if np.isnan(b):
@@ -112,73 +141,78 @@ def _surface_between(a, b, share, wall):
 
 
 @njit(cache=True, inline="always")
-def _surface_at(heights, row0, col0, y, x, by_row, wall):
-    """Height at a point of the march, where the coordinate along the march is whole; NaN outside."""
+def _surface_at(terrain, y, x, by_row):
+    """Height at a point of the march, where the coordinate along the march is an integer; NaN outside."""
+    heights, wall = terrain.heights, terrain.wall
     height, width = heights.shape
     if by_row:
-        r, low = int(np.floor(y + 0.5)) - row0, int(np.floor(x))
-        c = low - col0
+        r, low = int(np.floor(y + 0.5)) - terrain.row, int(np.floor(x))
+        c = low - terrain.col
         if r < 0 or r >= height or c + 1 < 0 or c >= width:
             return np.nan
         return _surface_between(heights[r, max(c, 0)], heights[r, min(c + 1, width - 1)], x - low, wall)
-    c, low = int(np.floor(x + 0.5)) - col0, int(np.floor(y))
-    r = low - row0
+    c, low = int(np.floor(x + 0.5)) - terrain.col, int(np.floor(y))
+    r = low - terrain.row
     if c < 0 or c >= width or r + 1 < 0 or r >= height:
         return np.nan
     return _surface_between(heights[max(r, 0), c], heights[min(r + 1, height - 1), c], y - low, wall)
 
 
 @njit(cache=True)
-def _march(heights, ceiling, top, centre, corner, rows, cols, z, slope, tolerance, wall, out):
-    # places are counted in the whole model, so that rounding is the same whatever the window
-    height, width = heights.shape
-    row0, col0 = corner
+def _is_free(terrain, row, col, z, start, centre):
+    """Whether the surface leaves the ray free that rises from the target (row, col, z) m at the height `start` to the centre."""
+    height, width = terrain.heights.shape
+    dr, dc = centre.row - row, centre.col - col
+    steps = max(abs(dr), abs(dc))
+    if steps < 1.0:
+        return True
+    sr, sc, sz = dr / steps, dc / steps, (centre.z - z) / steps
+    by_row = abs(dr) >= abs(dc)
+    place, ahead = (row, sr) if by_row else (col, sc)
+    # The first step ends on a row (or column) of cell centres: from then on only the other coordinate is interpolated.
+    step = np.floor(place) + 1.0 - place if ahead > 0 else place - np.ceil(place) + 1.0
+    while step < steps:
+        ray = start + sz * step
+        if ray - 0.5 * sz > terrain.top:
+            return True
+        y, x = row + sr * step, col + sc * step
+        near_r, near_c = int(np.floor(y + 0.5)) - terrain.row, int(np.floor(x + 0.5)) - terrain.col
+        if near_r < 0 or near_c < 0 or near_r >= height or near_c >= width:
+            return True
+        # The ceiling covers the neighbouring blocks too, so nothing within the next block can reach the ray.
+        if ray - 0.5 * sz > terrain.ceiling[near_r // BLOCK, near_c // BLOCK]:
+            step += BLOCK - 1
+            continue
+        surface = _surface_at(terrain, y, x, by_row)
+        if surface > ray:
+            return False
+        # A wall is between two cells: the ray reaches it half a step before the centre of the higher cell.
+        if surface > ray - 0.5 * sz:
+            before = _surface_at(terrain, y - sr, x - sc, by_row)
+            if surface - before > terrain.wall:
+                return False
+        step += 1.0
+    return True
+
+
+@njit(cache=True)
+def _march(terrain, centre, rows, cols, z, slope, tolerance, out):
+    """Sets `out` to 1 at the targets that the centre sees."""
+    # Positions are counted in the whole model, so that rounding is the same whatever the window.
     for i in range(rows.size):
         for j in range(cols.size):
-            if np.isnan(z[i, j]) or centre[2] <= z[i, j]:
+            if np.isnan(z[i, j]) or centre.z <= z[i, j]:
                 continue
-            dr, dc = centre[1] - rows[i], centre[0] - cols[j]
-            steps = max(abs(dr), abs(dc))
-            if steps < 1.0:
-                out[i, j] = 1
-                continue
-            sr, sc, sz = dr / steps, dc / steps, (centre[2] - z[i, j]) / steps
-            # noise of the model moves a slope sideways as well, so a steep place gets a larger tolerance
-            start = z[i, j] + tolerance * (1.0 + min(slope[i, j], 2.0))
-            by_row = abs(dr) >= abs(dc)
-            place, ahead = (rows[i], sr) if by_row else (cols[j], sc)
-            step = np.floor(place) + 1.0 - place if ahead > 0 else place - np.ceil(place) + 1.0
-            seen = True
-            while step < steps:
-                ray = start + sz * step
-                if ray - 0.5 * sz > top:
-                    break
-                y, x = rows[i] + sr * step, cols[j] + sc * step
-                near_r, near_c = int(np.floor(y + 0.5)) - row0, int(np.floor(x + 0.5)) - col0
-                if near_r < 0 or near_c < 0 or near_r >= height or near_c >= width:
-                    break
-                if ray - 0.5 * sz > ceiling[near_r // BLOCK, near_c // BLOCK]:
-                    step += BLOCK - 1
-                    continue
-                surface = _surface_at(heights, row0, col0, y, x, by_row, wall)
-                if surface > ray:
-                    seen = False
-                    break
-                # a wall stands between two cells: the ray reaches it half a step before the upper cell's centre
-                if surface > ray - 0.5 * sz:
-                    before = _surface_at(heights, row0, col0, y - sr, x - sc, by_row, wall)
-                    if surface - before > wall:
-                        seen = False
-                        break
-                step += 1.0
-            if seen:
+            # Noise of the model displaces a slope horizontally as well, so a steep target gets a larger tolerance.
+            start = z[i, j] + tolerance * (1.0 + min(slope[i, j], _MOST_SLOPE))
+            if _is_free(terrain, rows[i], cols[j], z[i, j], start, centre):
                 out[i, j] = 1
 
 
 @dataclass(frozen=True)
 class Targets:
-    """Points on the surface in a grid: `rows` (R,) and `cols` (C,) in cells of the whole height model (float, cell centres are
-    whole).
+    """Points on the surface in a grid: `rows` (R,) and `cols` (C,) in cells of the whole height model (float; integers are cell
+    centres).
 
     `z` (R, C) m, NaN for none; `slope` (R, C), m per m.
     """
@@ -193,28 +227,30 @@ def visible_targets(model: HeightModel, view: View, targets: Targets, tolerance:
     """uint8 (R, C): 1 where the surface leaves the ray from the target to the view free.
 
     A target without height is not seen. `tolerance` (m) is how deep a ray may dip below the surface on level ground; it grows with
-    the slope at the target. Whether the target falls inside the photograph is not asked here.
+    the slope at the target. Whether the target lies inside the photograph is not tested here.
     """
     heights = np.ascontiguousarray(model.heights, np.float32)
     out = np.zeros(targets.z.shape, np.uint8)
     if np.isnan(heights).all():
         return out
-    centre = np.array([*model.grid.pixel(view.centre[0], view.centre[1]), view.centre[2]])
-    corner, top = (model.window.row, model.window.col), float(np.nanmax(heights))
+    col, row = model.grid.pixel(view.centre[0], view.centre[1])
+    centre = _Centre(float(col), float(row), float(view.centre[2]))
+    window, wall = model.window, WALL * model.grid.cell
+    terrain = _Terrain(heights, _ceiling(heights), float(np.nanmax(heights)), window.row, window.col, wall)
     rows, cols = np.asarray(targets.rows, np.float64), np.asarray(targets.cols, np.float64)
     z, slope = (np.ascontiguousarray(values, np.float32) for values in (targets.z, targets.slope))
-    _march(heights, _ceiling(heights), top, centre, corner, rows, cols, z, slope, tolerance, WALL * model.grid.cell, out)
+    _march(terrain, centre, rows, cols, z, slope, tolerance, out)
     return out
 
 
 def widening_factor(hidden: np.ndarray, margin: float, ramp: float) -> np.ndarray:
     """float32 weight factor (rows, cols) that falls towards hidden pixels.
 
-    0 within `margin` px of a hidden one, 1 from `margin` + `ramp` px on. Single hidden pixels (specks of a noisy model) do not
-    count: the hidden area is opened by a 2 x 2 window first (Petsa et al. 2007, M10 step 3).
+    0 within `margin` px of a hidden one, 1 from `margin` + `ramp` px on. Single hidden pixels (specks of a noisy model) are
+    ignored: the hidden area is opened by a 2 x 2 window first (Petsa et al. 2007, M10 step 3).
     """
     square = np.ones((2, 2), np.uint8)
-    # an even window has no middle: opposite anchors keep the opened area where it was
+    # An even window has no middle: opposite anchors keep the opened area where it was.
     opened = cv2.dilate(cv2.erode(hidden.astype(np.uint8), square, anchor=(0, 0)), square, anchor=(1, 1))
     if not opened.any():
         return np.ones(hidden.shape, np.float32)

@@ -51,8 +51,8 @@ def make(photos, radiometry, tile: int = 240, rules: TextureRules = RULES, model
         extent = tile_extent(SURFACE, ORTHO, t.window, sources, rules.halo)
         pixels = tuple(photos[part.name][part.window.slices] for part in extent.photos)
         result = texture_tile(model[extent.heights.slices], block(), radiometry, pixels, extent, rules)
-        statistics.append(result.pop("statistics"))
-        for name, values in result.items():
+        statistics.append(result.statistics)
+        for name, values in zip(("ortho", "coverage", "rejected", "height_source"), result, strict=False):
             rasters.setdefault(name, np.zeros((*ORTHO.shape, *values.shape[2:]), values.dtype))[t.window.slices] = values
     return rasters, statistics
 
