@@ -1,4 +1,4 @@
-"""What is known of a simulated scene: names, types and codes of its truth, and the tables that a survey would hand over.
+"""The truth of a simulated scene: names, types and codes of its rasters, and the tables that a survey would deliver.
 
 Rasters and tables of the truth carry `readers=TRUTH_READERS`: only `simulation` and `evaluation` may read them. The rasters lie
 on one `MapGrid` (TRUTH_GRID); a height is that of the cell's centre.
@@ -25,11 +25,11 @@ TRUTH_BUILDING = "truth/building"
 """uint16 (rows, cols): number of the building, counted from 1; 0 where there is none."""
 TRUTH_VISIBILITY = "truth/visibility"
 """uint32 (rows, cols): bit i is set where photo i of TRUTH_BLOCK truly sees the cell's centre (inside the photo, not occluded;
-vehicles are not regarded). `(mask >> i) & 1`."""
+vehicles are ignored). `(mask >> i) & 1`."""
 
 
 class Material(IntEnum):
-    """What the surface is made of, seen from above."""
+    """Material of the surface as seen from above."""
 
     OPEN_GROUND = 1
     FIELD = 2
@@ -40,7 +40,7 @@ class Material(IntEnum):
 
 
 OPEN_MATERIALS = (Material.OPEN_GROUND, Material.FIELD, Material.ROAD)
-"""Bare, textured ground without anything that stands on it."""
+"""bare, textured ground without objects"""
 
 MATERIAL_CLASSES: tuple[tuple[int, str, str], ...] = (
     (Material.OPEN_GROUND, "#b8b37a", "open ground"),
@@ -55,7 +55,7 @@ MATERIAL_CLASSES: tuple[tuple[int, str, str], ...] = (
 
 @dataclass(frozen=True)
 class PositionRows(Columns):
-    """One row per photo: its projection centre as a GNSS receiver gave it."""
+    """One row per photograph: its projection centre as measured by a GNSS receiver."""
 
     photo: np.ndarray
     """str"""

@@ -1,7 +1,7 @@
-"""Height differences as histograms that can be added, and the measures that are read from the sum.
+"""Height differences as histograms that can be added, and the measures derived from their sum.
 
-A tile keeps, per class, a histogram in bins of a hundredth of a cell over +-20 cells and a few exact sums. Sums of histograms give
-median, NMAD and quantiles of the whole to within a bin, without ever holding the whole.
+A tile keeps, per class, a histogram in bins of a hundredth of a cell over +-20 cells and a few exact sums. Summed histograms give
+median, NMAD and quantiles of the whole surface to within a bin, without ever holding all differences in memory.
 
 Source: methods/relative_orientation_and_epipolar.md 1.21 (bias, SD, RMS, shares within n sigma);
 methods/matching_and_dsm_check.md 1.10 (95 % of the normal law: 1.96 RMSE) and 1.12; Hoehle & Hoehle 2009 (NMAD, quantiles).
@@ -14,6 +14,7 @@ import numpy as np
 from orthomill.schemas.job import Columns
 
 BINS_PER_CELL = 100
+"""bins along one cell: the least height difference that matters is far larger than a hundredth of a cell"""
 REACH = 20
 """Differences of more than this many cells share the outermost bins."""
 SIGMAS = (1.0, 3.0, 4.0, 5.0, 6.0, 10.0)
@@ -27,7 +28,7 @@ class HeightHistogram(Columns):
     place: np.ndarray
     """int32"""
     bin: np.ndarray
-    """int32, in bin widths; -REACH * BINS_PER_CELL and below, and the opposite, are gathered in the outermost"""
+    """int32, in bin widths; differences beyond +-REACH cells are collected in the outermost bins"""
     count: np.ndarray
     """int64"""
 
@@ -43,7 +44,7 @@ class HeightSums(Columns):
     measured: np.ndarray
     """int64: of those, cells with a height"""
     seen_twice: np.ndarray
-    """int64: of `cells`, those that two photos or more truly see (all, where the truth of it is not known)"""
+    """int64: of `cells`, those truly visible in two photographs or more (all of them where visibility is not known)"""
     measured_seen_twice: np.ndarray
     total: np.ndarray
     squares: np.ndarray
@@ -69,6 +70,7 @@ def bin_width(cell: float) -> float:
 
 def histogram(dh: np.ndarray, place: np.ndarray, cell: float) -> HeightHistogram:
     """The histogram of differences `dh` (N,) m at places (N,)."""
+    # place and bin in one number: one call of `unique` counts all classes
     limit = REACH * BINS_PER_CELL
     bins = np.clip(np.rint(dh / bin_width(cell)), -limit, limit).astype(np.int64)
     keys, counts = np.unique(place.astype(np.int64) * (4 * limit) + bins + 2 * limit, return_counts=True)
@@ -89,11 +91,13 @@ class JudgedCells:
 
 
 def _sums_of(cells: JudgedCells, place: int) -> dict[str, float]:
+    """A row of HeightSums."""
     mine = cells.place == place
     dh, twice = cells.dh[mine].astype(np.float64), cells.seen_twice[mine]
     measured = np.isfinite(dh)
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.abs(dh) / cells.precision[mine]
+    # a precision of zero is no statement, and a ratio to it would be infinite
     rated = measured & np.isfinite(cells.precision[mine]) & (cells.precision[mine] > 0)
     good = dh[measured]
     return {
@@ -126,7 +130,8 @@ def height_sums(cells: JudgedCells) -> HeightSums:
 
 
 def merged_sums(parts: tuple[HeightSums, ...], places: tuple[int, ...]) -> dict[str, float]:
-    """One row that adds up all rows of `places`."""
+    """The sum of all rows of `places`, as one row."""
+    # extremes are not sums: the only two columns that are merged by comparison
     together = {name: np.concatenate([getattr(p, name) for p in parts]) for name in HeightSums.__dataclass_fields__}
     mine = np.isin(together["place"], places)
     merged = {name: values[mine].sum() for name, values in together.items() if name not in ("place", "lowest", "highest")}
@@ -137,6 +142,7 @@ def merged_sums(parts: tuple[HeightSums, ...], places: tuple[int, ...]) -> dict[
 
 def merged_histogram(parts: tuple[HeightHistogram, ...], places: tuple[int, ...] | None = None) -> np.ndarray:
     """Counts (2 REACH BINS_PER_CELL + 1,) of the bins of `places` (None: all), lowest first."""
+    # dense: a few thousand bins, whatever the number of tiles
     limit = REACH * BINS_PER_CELL
     counts = np.zeros(2 * limit + 1, np.int64)
     for part in parts:
@@ -147,6 +153,7 @@ def merged_histogram(parts: tuple[HeightHistogram, ...], places: tuple[int, ...]
 
 def quantile(counts: np.ndarray, share: float, low_edge: float, width: float) -> float:
     """The value below which `share` of a histogram lies, linear within a bin; NaN when it is empty."""
+    # low_edge: of the first bin; bins are centred on multiples of their width
     total = counts.sum()
     if not total:
         return float("nan")
@@ -158,7 +165,7 @@ def quantile(counts: np.ndarray, share: float, low_edge: float, width: float) ->
 
 @dataclass(frozen=True)
 class Measures:
-    """How one class of heights compares with the reference. Lengths in m, shares in %."""
+    """Accuracy of one class of heights. Lengths in m, shares in %."""
 
     cells: int
     measured: int
@@ -182,11 +189,12 @@ class Measures:
 
 
 def _percent(part: float, whole: float) -> float:
+    """NaN where there is nothing to share."""
     return 100.0 * part / whole if whole else float("nan")
 
 
 def _absolute(counts: np.ndarray, centre: float, width: float) -> tuple[np.ndarray, np.ndarray]:
-    """|value - centre| of every bin in order of size, and the counts that go with them."""
+    """|value - centre| of every bin in ascending order, and the counts of these bins."""
     values = (np.arange(len(counts)) - len(counts) // 2) * width
     distance = np.abs(values - centre)
     order = np.argsort(distance, kind="stable")
@@ -194,6 +202,7 @@ def _absolute(counts: np.ndarray, centre: float, width: float) -> tuple[np.ndarr
 
 
 def _absolute_quantile(counts: np.ndarray, centre: float, width: float, share: float) -> float:
+    """The value of |difference - centre| below which `share` lies; NaN when the histogram is empty."""
     distance, ordered = _absolute(counts, centre, width)
     total = ordered.sum()
     return float(distance[min(np.searchsorted(np.cumsum(ordered), share * total), len(distance) - 1)]) if total else float("nan")
@@ -201,42 +210,50 @@ def _absolute_quantile(counts: np.ndarray, centre: float, width: float, share: f
 
 def measures(sums: dict[str, float], counts: np.ndarray, cell: float, expected: float | None) -> Measures:
     """The measures of one class. `expected` is the published standard error of a height, m, None where it is not known."""
-    n, width = sums["measured"], bin_width(cell)
-    bias = sums["total"] / n if n else float("nan")
-    rmse = float(np.sqrt(sums["squares"] / n)) if n else float("nan")
+    n, width, nan = sums["measured"], bin_width(cell), float("nan")
+    # exact moments from the sums, order statistics from the bins
+    bias = sums["total"] / n if n else nan
+    rmse = float(np.sqrt(sums["squares"] / n)) if n else nan
     median = quantile(counts, 0.5, -(len(counts) / 2) * width, width)
-    nmad = 1.4826 * _absolute_quantile(counts, median, width, 0.5)
-    distance, ordered = _absolute(counts, 0.0, width)
-    beyond = tuple(_percent(ordered[distance <= k * expected].sum(), ordered.sum()) for k in SIGMAS) if expected else ()
     return Measures(
         cells=int(sums["cells"]),
         measured=int(n),
         completeness=_percent(n, sums["cells"]),
         completeness_seen_twice=_percent(sums["measured_seen_twice"], sums["seen_twice"]),
         bias=bias,
-        sd=float(np.sqrt(max(rmse**2 - bias**2, 0.0))) if n else float("nan"),
+        sd=float(np.sqrt(max(rmse**2 - bias**2, 0.0))) if n else nan,
         rmse=rmse,
         median=median,
-        nmad=nmad,
+        # 1.4826: the factor that makes the median absolute deviation of a normal law its standard deviation
+        nmad=1.4826 * _absolute_quantile(counts, median, width, 0.5),
         median_absolute=_absolute_quantile(counts, 0.0, width, 0.5),
         q68=_absolute_quantile(counts, 0.0, width, 0.68),
         q95=_absolute_quantile(counts, 0.0, width, 0.95),
         fgdc95=1.96 * rmse,
-        lowest=sums["lowest"] if n else float("nan"),
-        highest=sums["highest"] if n else float("nan"),
+        lowest=sums["lowest"] if n else nan,
+        highest=sums["highest"] if n else nan,
         within=tuple(_percent(sums[f"within_{k:.0f}"], sums["with_precision"]) for k in SIGMAS),
-        within_expected=beyond,
+        within_expected=_within_expected(counts, width, expected),
     )
 
 
+def _within_expected(counts: np.ndarray, width: float, expected: float | None) -> tuple[float, ...]:
+    """% of the differences within SIGMAS of the expected standard error (m); empty where it is not known."""
+    if not expected:
+        return ()
+    distance, ordered = _absolute(counts, 0.0, width)
+    return tuple(_percent(ordered[distance <= k * expected].sum(), ordered.sum()) for k in SIGMAS)
+
+
 def building_medians(parts: tuple[HeightHistogram, ...], cell: float, least: int) -> np.ndarray:
-    """Columns building, cells, median difference (m): one row per building with `least` measured cells or more."""
+    """(N, 3) building, measured cells, median difference (m): one row per building with at least `least` measured cells."""
     width, limit = bin_width(cell), REACH * BINS_PER_CELL
     if not any(len(part) for part in parts):
         return np.empty((0, 3))
     place = np.concatenate([p.place for p in parts])
     bins, count = np.concatenate([p.bin for p in parts]), np.concatenate([p.count for p in parts])
     rows = []
+    # the median of a building, not its mean: chimneys and wrong matches at the eaves are part of no roof plane
     for building in np.unique(place[place > 0]):
         mine = place == building
         counts = np.bincount(bins[mine] + limit, count[mine], 2 * limit + 1)

@@ -1,4 +1,4 @@
-"""What kind of place each judged cell is, from the true materials."""
+"""Classes of places: where each judged cell lies, from the true materials."""
 
 from enum import IntEnum
 
@@ -31,24 +31,27 @@ GROUPS: tuple[tuple[str, str, tuple[PlaceClass, ...]], ...] = (
     ("tree", "trees", (PlaceClass.TREE,)),
     ("water", "water", (PlaceClass.WATER,)),
 )
-"""Name of the figures, words for people, and the classes that are taken together."""
+"""name in figures, words in the report, and the classes that are combined"""
 
 MARGIN = 3
-"""Cells around a building or a tree that are not open ground."""
+"""cells around a building or a tree that are not open ground: matching windows there contain both surfaces"""
 ROOF_RIM = 2
+"""cells along the edge of a roof that do not belong to its interior"""
 HALO = MARGIN + 1
-"""Cells of material that are needed around the judged window."""
+"""cells of material needed around the judged window"""
 
 
 def _near(mask: np.ndarray, cells: int) -> np.ndarray:
-    """Cells within `cells` (along rows and columns, diagonals included) of a set one."""
+    """Cells within `cells` rows and columns of a set one, diagonals included."""
     return ndimage.maximum_filter(mask, size=2 * cells + 1, mode="constant", cval=0)
 
 
 def place_classes(material: np.ndarray) -> np.ndarray:
     """uint8 codes of PlaceClass (rows, cols) from codes of Material (rows, cols) on the same cells, 0 where nothing is known."""
+    # fields and roads are open ground like any other: both carry texture and nothing that stands on them
     roof, tree, water = (material == code for code in (Material.ROOF, Material.TREE, Material.WATER))
     known = material > 0
+    # Later assignments win: a building margin under a tree is a building margin, and what a cell is itself beats what is near.
     classes = np.full(material.shape, PlaceClass.CLEAR_GROUND, np.uint8)
     classes[_near(tree, MARGIN)] = PlaceClass.TREE_MARGIN
     classes[_near(roof, MARGIN)] = PlaceClass.BUILDING_MARGIN

@@ -1,8 +1,7 @@
-"""Bringing a reference on its own map grid to the cells that are judged.
+"""Resampling of a reference from its own map grid to the judged cells.
 
-Heights: bilinear between four reference cells that belong together, the nearest one where a wall runs between them. Codes: nearest.
-Colours: mean over the judged pixel where the reference is finer, else bicubic. Places are counted from the whole grids, so tiles
-agree.
+Heights: bilinear between four reference cells of one surface, the nearest one where a wall runs between them. Codes: nearest.
+Colours: mean over the judged pixel where the reference is finer, else bicubic. Positions refer to the whole grids, so tiles agree.
 """
 
 from dataclasses import dataclass
@@ -13,7 +12,9 @@ from scipy import ndimage
 from orthomill.schemas.raster import MapGrid, RasterSpec, Window
 
 SAME = 1e-6
-"""Grids whose cells and offsets differ by less than this share of a cell are one grid."""
+"""grids whose cells and offsets differ by less than this share of a cell count as one grid"""
+_WALL = 2.0
+"""height span of four neighbouring cells, in cells, beyond which a wall runs between them: a slope of 63 degrees"""
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,9 @@ class Placement:
 
 
 def placement(grid: MapGrid, window: Window, source: MapGrid, margin: int = 3) -> Placement:
-    """The placement of `window` (may be empty where the reference does not reach it); `margin` in reference cells."""
+    """The placement of `window`, empty beyond the reference; `margin` in reference cells."""
+    # the margin holds the kernels of all resampling methods, so that tiles do not see their own border
+    # first and last centre suffice: both grids are north-up
     x, y = grid.centres(window)
     col, row = source.pixel(x[[0, -1]], y[[0, -1]])
     reach = margin + int(np.ceil(grid.cell / source.cell))
@@ -66,10 +69,12 @@ def heights_on(heights: np.ndarray, place: Placement) -> np.ndarray:
 
     Bilinear, but nearest where four heights span more than two reference cells.
     """
+    # Across a wall a bilinear height lies in the air: every DSM, right or wrong, would be judged against a ramp.
     if place.empty:
         return np.full(place.window.shape, np.nan, np.float32)
     cols, rows = place.source_pixels()
     (col, col_in), (row, row_in) = _index(cols, heights.shape[1]), _index(rows, heights.shape[0])
+    # the nearest height also where one of the four is missing: gaps of the reference do not grow by resampling
     nearest = heights[np.ix_(row, col)]
     low_c = np.clip(np.floor(cols).astype(np.int64), 0, max(heights.shape[1] - 2, 0))
     low_r = np.clip(np.floor(rows).astype(np.int64), 0, max(heights.shape[0] - 2, 0))
@@ -78,7 +83,7 @@ def heights_on(heights: np.ndarray, place: Placement) -> np.ndarray:
     four = [heights[np.ix_(r, c)] for r in (low_r, high_r) for c in (low_c, high_c)]
     smooth = (1 - t) * ((1 - s) * four[0] + s * four[1]) + t * ((1 - s) * four[2] + s * four[3])
     span = np.maximum.reduce(four) - np.minimum.reduce(four)
-    value = np.where(np.isfinite(smooth) & (span <= 2.0 * place.source.cell), smooth, nearest)
+    value = np.where(np.isfinite(smooth) & (span <= _WALL * place.source.cell), smooth, nearest)
     return np.where(row_in[:, None] & col_in[None, :], value, np.nan).astype(np.float32)
 
 
@@ -91,9 +96,11 @@ def colours_on(colours: np.ndarray, place: Placement) -> np.ndarray:
     (col, col_in), (row, row_in) = _index(cols, colours.shape[1]), _index(rows, colours.shape[0])
     ratio = place.grid.cell / place.source.cell
     inside = row_in[:, None] & col_in[None, :]
+    # on one grid the colours are copied: no resampling, however good, may count as an error of the orthoimage
     off = max(np.abs(cols - col)[col_in].max(initial=0), np.abs(rows - row)[row_in].max(initial=0))
     if abs(ratio - 1) < SAME and off < SAME:
         return np.where(inside[..., None], colours[np.ix_(row, col)], np.nan).astype(np.float32)
+    # a box mean removes what a coarser pixel cannot show; bicubic alone would alias roof tiles into patterns
     order = 1 if ratio > 1.5 else 3
     planes = []
     for band in range(bands):
@@ -112,12 +119,14 @@ def _even_shift(ratio: float) -> float:
 
 def grid_of(spec: RasterSpec) -> MapGrid:
     """The map grid of a raster with a north-up transform. Raises ValueError when it has none."""
+    # rotated transforms are not written by any stage; files are resampled by the engine before they arrive
     if spec.transform is None:
-        raise ValueError(f"{spec.name} has no place on the map")
+        raise ValueError(f"{spec.name} has no map grid; only rasters with a north-up transform can be compared")
     cell, _, west, _, _, north = spec.transform
     return MapGrid(west=west, north=north, cell=cell, rows=spec.shape[0], cols=spec.shape[1])
 
 
 def readable(place: Placement) -> Window:
-    """The window to read for a placement: one corner cell, which is then ignored, where the reference does not reach."""
+    """The window to read for a placement; beyond the reference one corner cell, which is then ignored."""
+    # jobs have the same reads everywhere, so a tile beyond the reference needs no other function
     return Window(0, 0, 1, 1) if place.empty else place.source_window

@@ -1,4 +1,4 @@
-"""The oriented block against the true one: differences in units of their own standard errors."""
+"""The oriented block against the true one: differences, and their ratios to the reported standard errors."""
 
 from dataclasses import dataclass
 
@@ -11,8 +11,8 @@ from orthomill.tasks.geometry.rotation import angles, rotation_matrix
 
 @dataclass(frozen=True)
 class PhotoDifference:
-    """Block minus truth of one photo: centre (3,) m, rotation (3,) degrees, and standard errors (6,) in m and degrees, NaN if not
-    known."""
+    """Block minus truth of one photograph: centre (3,) m, rotation (3,) degrees, and standard errors (6,) m and degrees, NaN where
+    not known."""
 
     photo: str
     centre: np.ndarray
@@ -28,7 +28,7 @@ class PhotoDifference:
 
 @dataclass(frozen=True)
 class InteriorDifference:
-    """One interior parameter of one camera: block, truth and standard error (NaN where it was held fixed or is not known)."""
+    """One interior parameter of one camera: block, truth and standard error (NaN where it was fixed or is not known)."""
 
     camera: str
     parameter: str
@@ -40,17 +40,19 @@ class InteriorDifference:
 def _sigmas(covariance: tuple[tuple[float, ...], ...] | None, count: int) -> np.ndarray:
     if covariance is None:
         return np.full(count, np.nan)
+    # a variance of zero belongs to a fixed parameter: it has no ratio
     variance = np.diag(np.array(covariance, dtype=np.float64))
     return np.where(variance > 0, np.sqrt(np.abs(variance)), np.nan)
 
 
 def photo_differences(block: Block, truth: Block) -> tuple[PhotoDifference, ...]:
-    """One row per photo that both know. Rotation differences are those of omega, phi and kappa, wrapped to half a turn."""
+    """One row per photograph in both blocks. Rotation differences are those of omega, phi and kappa, within +-180 degrees."""
     rows = []
     for photo in block.photos:
         if photo.photo not in truth.names:
             continue
         true = truth.of(photo.photo)
+        # through the matrix: the same rotation can be written with different angles
         given, wanted = (np.array(angles(rotation_matrix(*np.radians(p.omega_phi_kappa)))) for p in (photo, true))
         rotation = np.degrees((given - wanted + np.pi) % (2 * np.pi) - np.pi)
         sigma = _sigmas(photo.covariance, 6)
@@ -60,8 +62,10 @@ def photo_differences(block: Block, truth: Block) -> tuple[PhotoDifference, ...]
 
 
 def interior_differences(block: Block, truth: Block) -> tuple[InteriorDifference, ...]:
-    """Eight rows per camera; cameras are brought together by the photos they took."""
-    rows, seen = [], set()
+    """Eight rows per camera; cameras correspond by the photographs they took."""
+    # by photographs, not by name: a block may name its cameras after EXIF, the truth after the simulation
+    rows: list[InteriorDifference] = []
+    seen: set[str] = set()
     for name in block.names:
         key = block.of_photo[name]
         if key in seen or name not in truth.of_photo:

@@ -1,13 +1,13 @@
-"""How an orthoimage compares with the true one: grey values, structure, place, double projections and vehicles.
+"""Comparison of an orthoimage with the true one: grey values, structure, position, double projections and vehicles.
 
 - The absolute brightness of a block is free, so the grey values are compared after one linear fit per channel over the whole image
-  (and also as they are).
+  (and also unadjusted).
 - Structure: SSIM with a Gaussian window of sigma 1.5 px on the mean of the channels (Wang et al. 2004).
-- Place: least-squares matching of the true image in the orthoimage at nodes of a grid; the shift of each node in ortho pixels.
-- Double projection: a roof that is painted twice lies on ground which some photo cannot see for the building. There, a pixel that
-is far from its true colour and nearer to that of the roof beside it counts as doubled. The same rule on ground that no building
-hides from any photo tells how often it strikes by chance.
-- Vehicles: road pixels far from their vehicle-free truth, where three photos or more see the place.
+- Position: least-squares matching of the true image in the orthoimage at the nodes of a grid; shifts in ortho pixels.
+- Double projection: the second image of a roof lies on ground that the building hides from some photograph. There, a pixel that is
+  far from its true colour and closer to that of the adjacent roof counts as doubled. The same rule on ground that no building hides
+  from any photograph shows how often it applies by chance.
+- Vehicles: road pixels far from their vehicle-free truth, where three photographs or more show the place.
 """
 
 from dataclasses import dataclass
@@ -26,15 +26,15 @@ from orthomill.tasks.matching.least_squares.matching import match_points
 from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
 
 HALO = 34
-"""Pixels around a tile: the matching window with its smoothing and pull-in range, and the way to the nearest roof."""
+"""pixels around a tile: matching window with smoothing and pull-in range, and distance to the nearest roof"""
 FAR = 40.0
-"""Grey levels beyond which a pixel is another thing, not the same thing in another light."""
+"""grey levels beyond which a pixel shows another object, not the same object in another light"""
 NODES = 32
-"""Spacing of the nodes at which the shift is measured, px."""
+"""spacing of the nodes at which the shift is measured, px"""
 NEAR_ROOF = 30
-"""Pixels within which a building is sought for a doubled roof."""
+"""pixels within which a doubled roof is attributed to a building"""
 SSIM_REACH = 5
-"""Pixels to either side that the window of the structural similarity holds."""
+"""half-width of the window of the structural similarity, px"""
 MATCHING = LeastSquaresMatching(window=25, max_shift=4.0, min_correlation=0.5, min_gradient=0.8)
 
 
@@ -64,7 +64,7 @@ class GreyFit(BaseModel):
 
 
 class OrthoCounts(BaseModel):
-    """What one tile of the orthoimage is like. Every count is of pixels."""
+    """Quality of one tile of the orthoimage. Every count is of pixels."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -99,11 +99,12 @@ class Shifts(Columns):
     place: np.ndarray
     """uint8: code of PlaceClass, 0 not known"""
     seen: np.ndarray
-    """uint8: photos that truly see the node; 255 not known"""
+    """uint8: photographs that truly show the node; 255 not known"""
 
 
 def grey_sums(ortho: np.ndarray, truth: np.ndarray) -> GreySums:
     """Sums over pixels with alpha in `ortho` (rows, cols, 4) uint8 and values in `truth` (rows, cols, 3) float32."""
+    # sums and not images: the fit of a whole orthoimage needs six numbers per channel and tile
     both = (ortho[..., 3] > 0) & _complete(truth)
     channels = [(ortho[..., band][both].astype(np.float64), truth[..., band][both].astype(np.float64)) for band in range(3)]
     o, t, oo, tt, ot = zip(*((o.sum(), t.sum(), o @ o, t @ t, o @ t) for o, t in channels), strict=True)
@@ -111,7 +112,8 @@ def grey_sums(ortho: np.ndarray, truth: np.ndarray) -> GreySums:
 
 
 def _complete(colours: np.ndarray) -> np.ndarray:
-    """Where all channels of (rows, cols, 3) have a value: channel by channel, many times faster than over a short last axis."""
+    """Where all channels of (rows, cols, 3) have a value."""
+    # channel by channel: many times faster than a reduction over a short last axis
     return np.isfinite(colours[..., 0]) & np.isfinite(colours[..., 1]) & np.isfinite(colours[..., 2])
 
 
@@ -130,6 +132,7 @@ def fit_grey(parts: tuple[GreySums, ...]) -> GreyFit:
     if not n:
         return GreyFit()
     o, t, oo, tt, ot = (np.sum([getattr(p, name) for p in parts], axis=0) for name in ("o", "t", "oo", "tt", "ot"))
+    # a channel of constant grey determines no gain
     variance = oo - o * o / n
     gain = np.where(variance > 1e-9 * n, (ot - o * t / n) / np.maximum(variance, 1e-9), 1.0)
     offset = (t - gain * o) / n
@@ -144,8 +147,8 @@ def fitted(ortho: np.ndarray, fit: GreyFit) -> np.ndarray:
 
 
 def structural_similarity(a: np.ndarray, b: np.ndarray, valid: np.ndarray) -> np.ndarray:
-    """SSIM (rows, cols) of two grey images; NaN where the 11 x 11 window touches a pixel that is not `valid` or leaves the
-    arrays."""
+    """SSIM (rows, cols) of two grey images; NaN where the 11 x 11 window contains a pixel that is not `valid` or extends beyond
+    the arrays."""
 
     def smooth(x: np.ndarray) -> np.ndarray:
         return ndimage.gaussian_filter(x, 1.5, truncate=3.4, mode="nearest")
@@ -153,6 +156,7 @@ def structural_similarity(a: np.ndarray, b: np.ndarray, valid: np.ndarray) -> np
     a, b = (np.where(valid, x, 0).astype(np.float64) for x in (a, b))
     ma, mb = smooth(a), smooth(b)
     va, vb, vab = smooth(a * a) - ma**2, smooth(b * b) - mb**2, smooth(a * b) - ma * mb
+    # the constants of Wang et al. 2004 (K1 = 0.01, K2 = 0.03, L = 255) keep flat windows from dividing by zero
     c1, c2 = (0.01 * 255) ** 2, (0.03 * 255) ** 2
     index = (2 * ma * mb + c1) * (2 * vab + c2) / ((ma**2 + mb**2 + c1) * (va + vb + c2))
     whole = ndimage.minimum_filter(valid.astype(np.uint8), size=2 * SSIM_REACH + 1, mode="constant", cval=0) > 0
@@ -161,11 +165,11 @@ def structural_similarity(a: np.ndarray, b: np.ndarray, valid: np.ndarray) -> np
 
 @dataclass(frozen=True)
 class OrthoScene:
-    """A window of the orthoimage with what is true there.
+    """A window of the orthoimage with its truth.
 
     `window` in the ortho grid; `colour` (rows, cols, 3) fitted ortho colours; `truth` likewise, NaN where unknown; `covered` (rows,
-    cols) bool: the orthoimage has a colour; `material` codes; `seen` uint8 number of photos that truly see the pixel, 255 where
-    unknown.
+    cols) bool: the orthoimage has a colour; `material` codes; `seen` uint8 number of photographs that truly show the pixel, 255
+    where unknown.
     """
 
     window: Window
@@ -205,6 +209,7 @@ class OrthoScene:
 
 def shifts(scene: OrthoScene, core: Window, place: np.ndarray) -> Shifts:
     """Shifts at the nodes of `core` (in the ortho grid); `place` (rows, cols) codes of PlaceClass on the scene."""
+    # multiples of the spacing in the whole grid: every node belongs to one tile, whatever the tiling
     rows = np.arange(-(-core.row // NODES) * NODES, core.row + core.height, NODES)
     cols = np.arange(-(-core.col // NODES) * NODES, core.col + core.width, NODES)
     row, col = (a.ravel() for a in np.meshgrid(rows, cols, indexing="ij"))
@@ -213,6 +218,7 @@ def shifts(scene: OrthoScene, core: Window, place: np.ndarray) -> Shifts:
         return Shifts(*(np.zeros(0, t) for t in (np.int32, np.int32, np.float32, np.float32, np.uint8, np.uint8)))
     grey, truth = (np.where(scene.judged, np.maximum(x, 1.0), np.nan).astype(np.float32) for x in (scene.grey, scene.true_grey))
     points = np.column_stack([c, r]).astype(np.float64)
+    # the truth is the template: its noise is zero, and the gradients come from it
     found = match_points(truth, grey, points, points, MATCHING)
     return Shifts(
         col.astype(np.int32),
@@ -225,16 +231,19 @@ def shifts(scene: OrthoScene, core: Window, place: np.ndarray) -> Shifts:
 
 
 def doubled(scene: OrthoScene) -> np.ndarray:
-    """Ground pixels (rows, cols) that are far from their own colour and nearer to that of the roof beside them."""
+    """Ground pixels (rows, cols) that are far from their own colour and closer to that of the adjacent roof."""
     roof = (scene.material == Material.ROOF) & scene.has_truth
+    # the colour of the roof interior: at its edge the truth itself mixes roof and ground
     inner = ndimage.binary_erosion(roof, iterations=2)
     own = channel_mean(scene.difference)
     twice = scene.judged & is_ground(scene.material) & (own > FAR)
     if not inner.any() or not twice.any():
         return np.zeros(roof.shape, bool)
     distance, (row, col) = ndimage.distance_transform_edt(~inner, return_indices=True)
+    # relief displacement of a roof at the edge of a photograph is of the order of its height; farther away it is another object
     twice &= distance <= NEAR_ROOF
     beside = scene.truth[row[twice], col[twice]]
+    # clearly closer, by half: brown fields beside brown roofs would otherwise count
     other = channel_mean(np.abs(scene.colour[twice] - beside))
     twice[twice] = other < 0.5 * own[twice]
     return twice
@@ -246,7 +255,7 @@ def is_ground(material: np.ndarray) -> np.ndarray:
 
 
 def photos_that_reach(block: Block, points: np.ndarray) -> np.ndarray:
-    """Number (N,) of photos whose frame contains the ground points (N, 3) m, whatever stands in the way."""
+    """Number (N,) of photographs whose frame contains the ground points (N, 3) m, occluded or not."""
     count = np.zeros(len(points), np.int64)
     for name in block.names:
         view = block_view(block, name)
@@ -255,7 +264,8 @@ def photos_that_reach(block: Block, points: np.ndarray) -> np.ndarray:
 
 
 def _similarity_in(scene: OrthoScene, core: Window) -> np.ndarray:
-    """SSIM (rows, cols) of the pixels of `core`, a window of the scene's own rows and columns; smoothed no farther than needed."""
+    """SSIM (rows, cols) of the pixels of `core`, a window of the scene's own rows and columns."""
+    # the scene has a halo for matching; smoothing all of it would double the time of the job
     near = core.grown(SSIM_REACH).clipped(scene.covered.shape)
     index = structural_similarity(*(values[near.slices] for values in (scene.grey, scene.true_grey, scene.judged)))
     return index[Window(core.row - near.row, core.col - near.col, *core.shape).slices]
@@ -264,7 +274,7 @@ def _similarity_in(scene: OrthoScene, core: Window) -> np.ndarray:
 def count_ortho(scene: OrthoScene, core: Window, hidden_photos: np.ndarray) -> OrthoCounts:
     """The counts of the pixels of `core`.
 
-    `hidden_photos` (rows, cols) on the scene: photos that would see the pixel if nothing stood in the way; -1 where not computed.
+    `hidden_photos` (rows, cols) on the scene: photographs from which the pixel is hidden; -1 where not computed.
     """
     own_core = Window(core.row - scene.window.row, core.col - scene.window.col, core.height, core.width)
     inner = own_core.slices
@@ -274,7 +284,9 @@ def count_ortho(scene: OrthoScene, core: Window, hidden_photos: np.ndarray) -> O
     ground, twice = is_ground(scene.material)[inner], doubled(scene)[inner]
     hidden = hidden_photos[inner]
     shadow, free = ground & judged & (hidden > 0), ground & judged & (hidden == 0)
+    # roads: vehicles stand there, and the simulation knows the road without them
     road = judged & known & (scene.material[inner] == Material.ROAD)
+    # any channel: a red car on grey asphalt may differ in one of them only
     far = (own[0] > FAR) | (own[1] > FAR) | (own[2] > FAR)
     many, few = road & (seen >= 3), road & (seen < 3) & (seen > 0)
     counts = {

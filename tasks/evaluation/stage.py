@@ -27,8 +27,10 @@ from orthomill.schemas.truth import (
 from orthomill.tasks.evaluation.accuracy import HeightHistogram, HeightSums
 from orthomill.tasks.evaluation.classes import HALO as CLASS_HALO
 from orthomill.tasks.evaluation.grids import Placement, grid_of, placement, readable
+from orthomill.tasks.evaluation.heights_section import DH
 from orthomill.tasks.evaluation.orthoimage_accuracy import HALO, GreyFit, GreySums, OrthoCounts, Shifts, fit_grey
-from orthomill.tasks.evaluation.report import DH, ORTHO_DIFFERENCE, EvaluationFacts, evaluation_report
+from orthomill.tasks.evaluation.orthoimage_section import ORTHO_DIFFERENCE
+from orthomill.tasks.evaluation.report import EvaluationFacts, evaluation_report
 from orthomill.tasks.evaluation.tile_sums import (
     HeightsSummary,
     OrientationSummary,
@@ -39,6 +41,7 @@ from orthomill.tasks.evaluation.tile_sums import (
 )
 from orthomill.tasks.evaluation.tiles import (
     OrthoPlace,
+    OrthoTruthPlace,
     heights_against_file,
     heights_against_truth,
     ortho_against_file,
@@ -47,10 +50,12 @@ from orthomill.tasks.evaluation.tiles import (
     sums_against_truth,
 )
 
+Reads = dict[str, Region | tuple[Region, ...]]
+
 DIFFERENCES = {"heights": DH, "heights_before_check": "evaluation/dh_before_check"}
 FIT = Table("evaluation/grey_fit.json", GreyFit)
 ORTHO_AXES = ("ortho_y", "ortho_x")
-"""The orthoimage has smaller cells than the heights that are judged beside it."""
+"""The orthoimage has smaller cells than the height differences in the same group."""
 
 
 class TruthReference(Settings):
@@ -60,7 +65,7 @@ class TruthReference(Settings):
 
 
 class FileReference(Settings):
-    """Georeferenced raster files of somebody else's making; they are taken to be free of error."""
+    """Georeferenced raster files from another source; they are taken to be free of error."""
 
     kind: Literal["file"]
     dsm: str | None = setting(None, "Raster file with heights, relative to the project's root.")
@@ -68,19 +73,20 @@ class FileReference(Settings):
 
 
 class NoReference(Settings):
-    """There is nothing to compare with."""
+    """There is no reference."""
 
     kind: Literal["none"]
 
 
 @dataclass(frozen=True)
 class _Judged:
-    """What is judged: a map grid in tiles of `tile`, in `crs`, against the truth on its own grid (None: against a file)."""
+    """A product under evaluation: its map grid in tiles of `tile`, its `crs`, and its reference."""
 
     grid: MapGrid
     crs: str
     tile: int
-    truth: MapGrid | None
+    reference: MapGrid | str
+    """grid of the truth, or path of the reference file"""
 
 
 class EvaluationStage(Stage):
@@ -94,24 +100,26 @@ class EvaluationStage(Stage):
     )
     parallax_sigma: float = setting(
         0.5,
-        "Error of a parallax that the expected precision of heights is computed from: (H/B) times the ground pixel times this.",
+        "Error of a parallax from which the expected precision of heights is computed: (H/B) times the ground pixel times this.",
         "px",
         gt=0,
     )
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job]:
+        # the sentence about a missing simulation comes at planning, before anything has run
         self._check(view)
         parts: dict[str, Table] = {}
         for jobs in (self._orientation(view, parts), self._heights(view, parts), self._ortho(view, parts)):
             yield from jobs
         facts = EvaluationFacts(self.reference.kind, self.parallax_sigma, tuple(parts))
-        yield Job("evaluation", "report", evaluation_report, dict(parts), {"report": report_table("evaluation")}, {"facts": facts})
+        reads: Reads = {**parts}
+        yield Job("evaluation", "report", evaluation_report, reads, {"report": report_table("evaluation")}, {"facts": facts})
 
     def _check(self, view: ProjectView) -> None:
         """Raises WorkflowError when there is no truth to compare with."""
         if self.reference.kind == "truth" and not view.has_stage("simulation"):
             raise WorkflowError(
-                "The stage 'evaluation' is to compare with the truth of a simulation, but the workflow has no stage 'simulation'; "
+                "The stage 'evaluation' compares with the truth of a simulation, but the workflow has no stage 'simulation'; "
                 "set reference to {kind: file, ...} or {kind: none}."
             )
 
@@ -122,146 +130,122 @@ class EvaluationStage(Stage):
         parts["orientation"] = table
         yield Job("evaluation", "orientation", summarise_orientation, {"block": BLOCK, "truth": TRUTH_BLOCK}, {"summary": table})
 
-    def _judged(self, view: ProjectView, grid: MapGrid) -> _Judged:
-        truth = view.table(TRUTH_GRID) if self.reference.kind == "truth" else None
-        return _Judged(grid, view.table(BLOCK).crs, view.project.tile, truth)
+    def _file_of(self, product: Literal["dsm", "ortho"]) -> str | None:
+        """The reference file of a product; None where it is compared with the truth, or not at all."""
+        return getattr(self.reference, product) if isinstance(self.reference, FileReference) else None
+
+    def _judged(self, view: ProjectView, grid: MapGrid, product: Literal["dsm", "ortho"]) -> _Judged:
+        reference = self._file_of(product) or view.table(TRUTH_GRID)
+        return _Judged(grid, view.table(BLOCK).crs, view.project.tile, reference)
+
+    def _compares(self, view: ProjectView, product: Literal["dsm", "ortho"], stage: str) -> bool:
+        known = self.reference.kind == "truth" or self._file_of(product) is not None
+        return known and view.has_stage(stage)
 
     def _heights(self, view: ProjectView, parts: dict[str, Table]) -> Iterator[RasterSpec | Job]:
-        nothing = self.reference.kind == "none" or (self.reference.kind == "file" and self.reference.dsm is None)
-        if nothing or not view.has_stage("densification"):
+        if not self._compares(view, "dsm", "densification"):
             return
-        judged = self._judged(view, view.table(SURFACE).grid)
-        pairs = {"pairs": PAIRS} if view.has_stage("epipolar") else {}
+        judged = self._judged(view, view.table(SURFACE).grid, "dsm")
+        pairs: Reads = {"pairs": PAIRS} if view.has_stage("epipolar") else {}
         if not view.has_stage("dsm_check"):
             yield from self._judge_heights(judged, HEIGHT, "heights", pairs, parts)
             return
+        # Both: what the check improved, and what it spoiled, is seen only next to the surface it was given.
         yield from self._judge_heights(judged, CORRECTED, "heights", pairs, parts)
         yield from self._judge_heights(judged, HEIGHT, "heights_before_check", pairs, parts)
 
     def _judge_heights(
-        self, judged: _Judged, source: str, item: str, pairs: dict[str, Region], parts: dict[str, Table]
+        self, judged: _Judged, source: str, item: str, pairs: Reads, parts: dict[str, Table]
     ) -> Iterator[RasterSpec | Job]:
         dh = DIFFERENCES[item]
         yield map_raster(dh, judged.grid, "float32", judged.crs, judged.tile, nodata=float("nan"), unit="m")
         results = []
         for t in tiles_of(judged.grid.shape, judged.tile):
             results.append(_height_results(item, t))
-            yield self._height_job(judged, item, source, t, {"dh": Raster(dh, t.window), **results[-1]})
+            yield _height_job(judged, item, source, t, {"dh": Raster(dh, t.window), **results[-1]})
         parts[item] = Table(f"evaluation/{item}.json", HeightsSummary)
-        reads = {
+        reads: Reads = {
             "sums": tuple(r["sums"] for r in results),
             "histograms": tuple(r["histogram"] for r in results),
             "buildings": tuple(r["buildings"] for r in results),
             "block": BLOCK,
             **pairs,
         }
-        yield Job(
-            "evaluation",
-            f"{item}_summary",
-            summarise_heights,
-            reads,
-            {"summary": parts[item]},
-            {"cell": judged.grid.cell, "parallax_sigma": self.parallax_sigma},
-        )
-
-    def _height_job(self, judged: _Judged, item: str, source: str, t: Tile, writes: dict[str, Raster | Table]) -> Job:
-        own: dict[str, Region] = {"height": Raster(source, t.window), "precision": Raster(PRECISION, t.window)}
-        if judged.truth is None:
-            reads = {**own, "reference": MapFile(self.reference.dsm, judged.crs, judged.grid, t.window)}
-            return Job("evaluation", item, heights_against_file, reads, writes, {"cell": judged.grid.cell}, t.row, t.col)
-        place = placement(judged.grid, t.window.grown(CLASS_HALO), judged.truth)
-        truth = _truth(place, surface=TRUTH_SURFACE, material=TRUTH_MATERIAL, building=TRUTH_BUILDING, visibility=TRUTH_VISIBILITY)
-        return Job(
-            "evaluation",
-            item,
-            heights_against_truth,
-            {**own, **truth},
-            writes,
-            {"place": place, "core": t.window},
-            t.row,
-            t.col,
-            scratch=_scratch(place, 75),
-        )
+        params = {"cell": judged.grid.cell, "parallax_sigma": self.parallax_sigma}
+        yield Job("evaluation", f"{item}_summary", summarise_heights, reads, {"summary": parts[item]}, params)
 
     def _ortho(self, view: ProjectView, parts: dict[str, Table]) -> Iterator[RasterSpec | Job]:
-        nothing = self.reference.kind == "none" or (self.reference.kind == "file" and self.reference.ortho is None)
-        if nothing or not view.has_stage("texture"):
+        if not self._compares(view, "ortho", "texture"):
             return
-        judged = self._judged(view, grid_of(view.raster(ORTHO)))
-        yield map_raster(
-            ORTHO_DIFFERENCE,
-            judged.grid,
-            "float32",
-            judged.crs,
-            judged.tile,
-            nodata=float("nan"),
-            unit="grey levels",
-            axes=ORTHO_AXES,
-        )
+        judged = self._judged(view, grid_of(view.raster(ORTHO)), "ortho")
+        yield _difference_raster(judged)
         tiles = list(tiles_of(judged.grid.shape, judged.tile))
         sums = [Table(f"evaluation/ortho/sums-{t.row}-{t.col}.json", GreySums) for t in tiles]
         for t, table in zip(tiles, sums, strict=True):
-            yield self._sums_job(judged, t, table)
+            yield _sums_job(judged, t, table)
+        # One fit for the whole image, so one job that waits for all tiles: a fit per tile would hide differences between tiles.
         yield Job("evaluation", "grey_fit", fit_grey, {"parts": tuple(sums)}, {"fit": FIT})
         counts = [Table(f"evaluation/ortho/counts-{t.row}-{t.col}.json", OrthoCounts) for t in tiles]
         moved = [Table(f"evaluation/ortho/shifts-{t.row}-{t.col}.parquet", Shifts) for t in tiles]
         for t, count, shift in zip(tiles, counts, moved, strict=True):
-            yield self._ortho_job(judged, t, {"counts": count, "shifts": shift, "difference": Raster(ORTHO_DIFFERENCE, t.window)})
+            yield _ortho_job(judged, t, {"counts": count, "shifts": shift, "difference": Raster(ORTHO_DIFFERENCE, t.window)})
         parts["ortho"] = Table("evaluation/ortho.json", OrthoSummary)
-        yield Job(
-            "evaluation",
-            "ortho_summary",
-            summarise_ortho,
-            {"counts": tuple(counts), "shifts": tuple(moved), "fit": FIT},
-            {"summary": parts["ortho"]},
-        )
+        reads: Reads = {"counts": tuple(counts), "shifts": tuple(moved), "fit": FIT}
+        yield Job("evaluation", "ortho_summary", summarise_ortho, reads, {"summary": parts["ortho"]})
 
-    def _sums_job(self, judged: _Judged, t: Tile, table: Table[GreySums]) -> Job:
-        own: dict[str, Region] = {"ortho": Raster(ORTHO, t.window)}
-        if judged.truth is None:
-            reads = {**own, "reference": MapFile(self.reference.ortho, judged.crs, judged.grid, t.window, bands=3)}
-            return Job("evaluation", "grey_sums", sums_against_file, reads, {"sums": table}, {}, t.row, t.col)
-        place = placement(judged.grid, t.window, judged.truth)
-        return Job(
-            "evaluation",
-            "grey_sums",
-            sums_against_truth,
-            {**own, **_truth(place, truth=TRUTH_ORTHO)},
-            {"sums": table},
-            {"place": place},
-            t.row,
-            t.col,
-            scratch=_scratch(place, 80),
-        )
 
-    def _ortho_job(self, judged: _Judged, t: Tile, writes: dict[str, Raster | Table]) -> Job:
-        window = t.window.grown(HALO).clipped(judged.grid.shape)
-        own: dict[str, Region] = {"ortho": Raster(ORTHO, window), "fit": FIT}
-        where = OrthoPlace(judged.grid, t.window, window)
-        if judged.truth is None:
-            reads = {**own, "reference": MapFile(self.reference.ortho, judged.crs, judged.grid, window, bands=3)}
-            return Job("evaluation", "ortho", ortho_against_file, reads, writes, {"where": where}, t.row, t.col)
-        place = placement(judged.grid, window, judged.truth)
-        truth = _truth(place, truth=TRUTH_ORTHO, material=TRUTH_MATERIAL, visibility=TRUTH_VISIBILITY, surface=TRUTH_SURFACE)
-        return Job(
-            "evaluation",
-            "ortho",
-            ortho_against_truth,
-            {**own, **truth, "block": TRUTH_BLOCK},
-            writes,
-            {"place": place, "where": where},
-            t.row,
-            t.col,
-            scratch=_scratch(place, 250),
-        )
+def _difference_raster(judged: _Judged) -> RasterSpec:
+    nan = float("nan")
+    return map_raster(
+        ORTHO_DIFFERENCE, judged.grid, "float32", judged.crs, judged.tile, nodata=nan, unit="grey levels", axes=ORTHO_AXES
+    )
+
+
+def _height_job(judged: _Judged, item: str, source: str, t: Tile, writes: dict[str, Raster | Table]) -> Job:
+    reads: Reads = {"height": Raster(source, t.window), "precision": Raster(PRECISION, t.window)}
+    if isinstance(judged.reference, str):
+        reads["reference"] = MapFile(judged.reference, judged.crs, judged.grid, t.window)
+        return Job("evaluation", item, heights_against_file, reads, writes, {"cell": judged.grid.cell}, t.row, t.col)
+    # the halo of the classes: a cell is a margin if a building stands within three cells, also in the next tile
+    place = placement(judged.grid, t.window.grown(CLASS_HALO), judged.reference)
+    reads |= _truth(place, surface=TRUTH_SURFACE, material=TRUTH_MATERIAL, building=TRUTH_BUILDING, visibility=TRUTH_VISIBILITY)
+    params, scratch = {"place": place, "core": t.window}, _scratch(place, 75)
+    return Job("evaluation", item, heights_against_truth, reads, writes, params, t.row, t.col, scratch)
+
+
+def _sums_job(judged: _Judged, t: Tile, table: Table[GreySums]) -> Job:
+    reads: Reads = {"ortho": Raster(ORTHO, t.window)}
+    if isinstance(judged.reference, str):
+        reads["reference"] = MapFile(judged.reference, judged.crs, judged.grid, t.window, bands=3)
+        return Job("evaluation", "grey_sums", sums_against_file, reads, {"sums": table}, {}, t.row, t.col)
+    place = placement(judged.grid, t.window, judged.reference)
+    reads |= _truth(place, truth=TRUTH_ORTHO)
+    scratch = _scratch(place, 80)
+    return Job("evaluation", "grey_sums", sums_against_truth, reads, {"sums": table}, {"place": place}, t.row, t.col, scratch)
+
+
+def _ortho_job(judged: _Judged, t: Tile, writes: dict[str, Raster | Table]) -> Job:
+    # the halo: windows of the matching and the way to the nearest roof reach beyond the tile
+    window = t.window.grown(HALO).clipped(judged.grid.shape)
+    reads: Reads = {"ortho": Raster(ORTHO, window), "fit": FIT}
+    if isinstance(judged.reference, str):
+        reads["reference"] = MapFile(judged.reference, judged.crs, judged.grid, window, bands=3)
+        params = {"where": OrthoPlace(judged.grid, t.window, window)}
+        return Job("evaluation", "ortho", ortho_against_file, reads, writes, params, t.row, t.col)
+    place = placement(judged.grid, window, judged.reference)
+    reads |= _truth(place, truth=TRUTH_ORTHO, material=TRUTH_MATERIAL, visibility=TRUTH_VISIBILITY, surface=TRUTH_SURFACE)
+    reads["block"] = TRUTH_BLOCK
+    params = {"where": OrthoTruthPlace(judged.grid, t.window, window, place)}
+    return Job("evaluation", "ortho", ortho_against_truth, reads, writes, params, t.row, t.col, _scratch(place, 250))
 
 
 def _height_results(item: str, t: Tile) -> dict[str, Table]:
+    """The tables of a tile of heights."""
     types = {"sums": HeightSums, "histogram": HeightHistogram, "buildings": HeightHistogram}
     return {key: Table(f"evaluation/{item}/{key}-{t.row}-{t.col}.parquet", type_) for key, type_ in types.items()}
 
 
-def _truth(place: Placement, **names: str) -> dict[str, Region]:
+def _truth(place: Placement, **names: str) -> Reads:
     """The truth rasters of a placement, as reads under the given names."""
     return {key: Raster(name, readable(place)) for key, name in names.items()}
 

@@ -1,4 +1,4 @@
-"""Adding up the tiles: one small summary each for the heights, the orthoimage and the orientation."""
+"""Sums over all tiles: one small summary each of the heights, the orthoimage and the orientation."""
 
 from math import isfinite
 
@@ -18,12 +18,17 @@ from orthomill.tasks.evaluation.accuracy import (
     merged_sums,
 )
 from orthomill.tasks.evaluation.classes import GROUPS, PlaceClass
-from orthomill.tasks.evaluation.orientation_accuracy import interior_differences, photo_differences
+from orthomill.tasks.evaluation.orientation_accuracy import (
+    InteriorDifference,
+    PhotoDifference,
+    interior_differences,
+    photo_differences,
+)
 from orthomill.tasks.evaluation.orthoimage_accuracy import GreyFit, OrthoCounts, Shifts, merged_counts
 from orthomill.tasks.geometry.view import block_view
 
 LEAST_ROOF = 9
-"""Measured cells that a building needs to be judged by itself."""
+"""measured cells that a building needs to be evaluated by itself"""
 
 
 class _Summary(BaseModel):
@@ -83,9 +88,11 @@ def expected_sigma(block: Block, pairs: EpipolarPairs | None, parallax_sigma: fl
 
     Source: methods/relative_orientation_and_epipolar.md 1.21, sigma_Z = k (H/B) sigma_p.
     """
+    # without pairs no base is known, and without a base no expectation
     if pairs is None or not pairs.pairs:
         return None
     ground = 0.5 * (block.ground_low + block.ground_high)
+    # medians: a few oblique or high photographs must not set the expectation for all heights
     pixel = np.median([(v.centre[2] - ground) / v.camera.c for v in (block_view(block, name) for name in block.names)])
     return float(parallax_sigma * pixel / np.median([pair.base_height for pair in pairs.pairs]))
 
@@ -103,6 +110,7 @@ def _group(name: str, words: str, m: Measures) -> GroupMeasures:
 
 def _chart(histograms: tuple[HeightHistogram, ...], cell: float) -> tuple[tuple[float, ...], dict[str, tuple[float, ...]]]:
     """Shares of cells in bins of a twentieth of a cell over +-3 cells, for the groups that occur."""
+    # a curve of 121 points: the bins themselves are too fine to be drawn
     step, reach = BINS_PER_CELL // 20, 60
     series = {}
     for name, words, places in GROUPS:
@@ -124,12 +132,13 @@ def summarise_heights(
     parallax_sigma: float,
     pairs: EpipolarPairs | None = None,
 ) -> HeightsSummary:
-    """Adds up all tiles."""
+    """The summary of all tiles."""
     sigma = expected_sigma(block, pairs, parallax_sigma)
     groups = []
     for name, words, places in GROUPS:
         codes = tuple(map(int, places))
         together = merged_sums(sums, codes)
+        # classes that do not occur have no figures: a file as reference knows no roofs
         if together["cells"]:
             groups.append(_group(name, words, measures(together, merged_histogram(histograms, codes), cell, sigma)))
     roofs = building_medians(buildings, cell, LEAST_ROOF)
@@ -144,7 +153,9 @@ def summarise_heights(
     )
 
 
-def _shiftroundeds(shifts: Shifts) -> dict[str, float | None]:
+def _shift_numbers(shifts: Shifts) -> dict[str, float | None]:
+    """Statistics of the shifts of all nodes, of those on open ground and of those on roofs."""
+    # Nodes that no photograph shows are left out: whatever fills them was not projected there.
     found = np.isfinite(shifts.dx)
     visible = shifts.seen > 0
     size = np.hypot(shifts.dx, shifts.dy)
@@ -167,21 +178,23 @@ def _shiftroundeds(shifts: Shifts) -> dict[str, float | None]:
 
 
 def summarise_ortho(counts: tuple[OrthoCounts, ...], shifts: tuple[Shifts, ...], fit: GreyFit) -> OrthoSummary:
-    """Adds up all tiles."""
+    """The summary of all tiles."""
     merged = Shifts(**{name: np.concatenate([getattr(s, name) for s in shifts]) for name in Shifts.__dataclass_fields__})
     size = np.hypot(merged.dx, merged.dy)
     size = size[np.isfinite(size) & (merged.seen > 0)]
+    # bars up to two pixels: beyond, least squares has found another object
     bars, edges = np.histogram(np.minimum(size, 1.999), bins=40, range=(0, 2))
     return OrthoSummary(
         fit=fit,
         counts=merged_counts(counts),
-        shift=_shiftroundeds(merged),
+        shift=_shift_numbers(merged),
         chart_x=tuple(round(float(e), 3) for e in edges[:-1] + 0.025),
         chart_y=tuple(float(b) for b in bars),
     )
 
 
 def _share_within(ratios: np.ndarray, limit: float) -> float | None:
+    """% of the known ratios within +-limit."""
     known = ratios[np.isfinite(ratios)]
     return rounded(100.0 * float((np.abs(known) <= limit).mean()), 2) if len(known) else None
 
@@ -191,21 +204,33 @@ def _largest(ratios: np.ndarray) -> float | None:
 
 
 def _root(values: np.ndarray) -> float | None:
+    """Root mean square."""
     return rounded(np.sqrt((values**2).mean()), 6) if values.size else None
 
 
 def summarise_orientation(block: Block, truth: Block) -> OrientationSummary:
-    """Differences of every photo and of the interior orientation, and their shares within three standard errors."""
-    rows = photo_differences(block, truth)
-    interior = interior_differences(block, truth)
+    """Differences of every photograph and of the interior orientation, and their shares within three standard errors."""
+    rows, interior = photo_differences(block, truth), interior_differences(block, truth)
     if not rows:
         return OrientationSummary(numbers={"photos_compared": 0})
+    unoriented = len(set(truth.names) - set(block.names))
+    return OrientationSummary(
+        numbers={
+            "photos_compared": len(rows),
+            "photos_unoriented": unoriented,
+            **_photo_numbers(rows),
+            "interior_within_3_sigma": _share_within(np.array([(i.block - i.truth) / i.sigma for i in interior]), 3.0),
+        },
+        photos=tuple(map(_photo_row, rows)),
+        places=tuple((float(x), float(y)) for x, y, _ in (truth.of(r.photo).centre for r in rows)),
+        interior=tuple(map(_interior_row, interior)),
+    )
+
+
+def _photo_numbers(rows: tuple[PhotoDifference, ...]) -> dict[str, float | None]:
     centres, rotations = np.array([r.centre for r in rows]), np.array([r.rotation for r in rows])
     ratios, sigma = np.array([r.ratios for r in rows]), np.array([r.sigma for r in rows])
-    inner = np.array([(i.block - i.truth) / i.sigma for i in interior])
-    numbers = {
-        "photos_compared": len(rows),
-        "photos_unoriented": len(set(truth.names) - set(block.names)),
+    return {
         "centre_rmse_plan": _root(np.hypot(centres[:, 0], centres[:, 1])),
         "centre_rmse_height": _root(centres[:, 2]),
         "centre_largest": rounded(np.abs(centres).max()),
@@ -215,23 +240,15 @@ def summarise_orientation(block: Block, truth: Block) -> OrientationSummary:
         "centres_within_1_sigma": _share_within(ratios[:, :3], 1.0),
         "centres_within_3_sigma": _share_within(ratios[:, :3], 3.0),
         "rotations_within_3_sigma": _share_within(ratios[:, 3:], 3.0),
-        "interior_within_3_sigma": _share_within(inner, 3.0),
     }
-    return OrientationSummary(
-        numbers=numbers,
-        photos=tuple(
-            (
-                r.photo,
-                *(round(float(v), 4) for v in r.centre),
-                *(round(float(v), 6) for v in r.rotation),
-                _largest(r.ratios[:3]),
-                _largest(r.ratios[3:]),
-            )
-            for r in rows
-        ),
-        places=tuple(tuple(map(float, truth.of(r.photo).centre[:2])) for r in rows),
-        interior=tuple(
-            (i.camera, i.parameter, float(i.block), float(i.truth), rounded(i.sigma, 9), rounded((i.block - i.truth) / i.sigma, 2))
-            for i in interior
-        ),
-    )
+
+
+def _photo_row(r: PhotoDifference) -> tuple[str, float, float, float, float, float, float, float | None, float | None]:
+    x, y, z = (round(float(v), 4) for v in r.centre)
+    omega, phi, kappa = (round(float(v), 6) for v in r.rotation)
+    return r.photo, x, y, z, omega, phi, kappa, _largest(r.ratios[:3]), _largest(r.ratios[3:])
+
+
+def _interior_row(i: InteriorDifference) -> tuple[str, str, float, float, float | None, float | None]:
+    ratio = rounded((i.block - i.truth) / i.sigma, 2)
+    return i.camera, i.parameter, float(i.block), float(i.truth), rounded(i.sigma, 9), ratio

@@ -1,6 +1,7 @@
-"""The jobs of one tile: its heights and its piece of orthoimage against the truth, or against files."""
+"""The jobs of one tile: its heights and its part of the orthoimage against the truth, or against files."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy import ndimage
@@ -8,14 +9,16 @@ from scipy import ndimage
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.truth import Material
-from orthomill.tasks.evaluation.accuracy import JudgedCells, height_sums, histogram
+from orthomill.tasks.evaluation.accuracy import HeightHistogram, HeightSums, JudgedCells, height_sums, histogram
 from orthomill.tasks.evaluation.classes import PlaceClass, place_classes
 from orthomill.tasks.evaluation.grids import Placement, codes_on, colours_on, heights_on
 from orthomill.tasks.evaluation.orthoimage_accuracy import (
     NEAR_ROOF,
     GreyFit,
     GreySums,
+    OrthoCounts,
     OrthoScene,
+    Shifts,
     channel_mean,
     count_ortho,
     fitted,
@@ -26,29 +29,50 @@ from orthomill.tasks.evaluation.orthoimage_accuracy import (
 )
 
 UNKNOWN_COUNT = 255
-"""Number of photos that see a place, where nobody knows it."""
+"""code where the number of photographs that show a place is not known"""
+
+
+class HeightComparison(NamedTuple):
+    """A tile of heights: dh (rows, cols) float32 m, surface model minus reference; sums and histogram by class of place; histogram
+    by building of its roof interior."""
+
+    dh: np.ndarray
+    sums: HeightSums
+    histogram: HeightHistogram
+    buildings: HeightHistogram
+
+
+class OrthoComparison(NamedTuple):
+    """A tile of orthoimage: counts of pixels, shifts at nodes, and the difference (rows, cols) float32 grey levels, mean over the
+    channels of the fitted orthoimage minus reference."""
+
+    counts: OrthoCounts
+    shifts: Shifts
+    difference: np.ndarray
 
 
 def _inside(window: Window, core: Window) -> tuple[slice, slice]:
+    """`core` in arrays of `window`; both on the same grid."""
     return Window(core.row - window.row, core.col - window.col, core.height, core.width).slices
 
 
 def _photo_count(visibility: np.ndarray, place: Placement) -> np.ndarray:
-    """uint8 number of photos that truly see each judged cell; 255 beyond the truth."""
+    """uint8 number of photographs that truly show each judged cell; 255 beyond the truth."""
+    # counted before resampling: bits of neighbouring cells must not be mixed
     bits = np.bitwise_count(visibility.astype(np.uint32)).astype(np.uint8)
     return codes_on(bits, place, UNKNOWN_COUNT)
 
 
-def _judge(dh: np.ndarray, known: np.ndarray, cells: JudgedCells, building: np.ndarray, cell: float) -> dict[str, object]:
-    """What the height jobs return, from arrays (rows, cols) and the flat judged cells."""
+def _judge(dh: np.ndarray, known: np.ndarray, cells: JudgedCells, building: np.ndarray, cell: float) -> HeightComparison:
+    """The comparison from arrays (rows, cols) and the flat judged cells."""
     measured = np.isfinite(cells.dh)
     in_building = np.isfinite(dh) & (building > 0) & known
-    return {
-        "dh": dh.astype(np.float32),
-        "sums": height_sums(cells),
-        "histogram": histogram(cells.dh[measured], cells.place[measured], cell),
-        "buildings": histogram(dh[in_building], building[in_building], cell),
-    }
+    return HeightComparison(
+        dh=dh.astype(np.float32),
+        sums=height_sums(cells),
+        histogram=histogram(cells.dh[measured], cells.place[measured], cell),
+        buildings=histogram(dh[in_building], building[in_building], cell),
+    )
 
 
 def heights_against_truth(
@@ -60,16 +84,17 @@ def heights_against_truth(
     visibility: np.ndarray,
     place: Placement,
     core: Window,
-) -> dict[str, object]:
-    """Judges the DSM cells `core`.
+) -> HeightComparison:
+    """Compares the cells `core` of the surface model with the truth.
 
     height, precision (rows, cols) m at `core`; the truth rasters at the source window of `place`, whose window is `core` with a
-    halo. Returns "dh" (rows, cols) float32, DSM minus truth, "sums", "histogram" per class, "buildings" per building's roof
-    interior.
+    halo.
     """
     inner = _inside(place.window, core)
+    # everything is resampled on the window with its halo and cropped afterwards: classes depend on the neighbourhood
     true = heights_on(surface, place)[inner]
     classes = place_classes(codes_on(material, place))[inner]
+    # roof interiors only: at the eaves the cell decides whether roof or ground is compared, not the height
     numbers = np.where(classes == PlaceClass.ROOF_INTERIOR, codes_on(building, place)[inner].astype(np.int64), 0)
     seen = _photo_count(visibility, place)[inner]
     known = np.isfinite(true) & (classes != PlaceClass.UNKNOWN)
@@ -78,12 +103,13 @@ def heights_against_truth(
     return _judge(dh, known, cells, numbers, place.grid.cell)
 
 
-def heights_against_file(height: np.ndarray, precision: np.ndarray, reference: np.ndarray, cell: float) -> dict[str, object]:
-    """As `heights_against_truth`, with a reference (rows, cols) m on the same cells, NaN where it has none; all cells are one
+def heights_against_file(height: np.ndarray, precision: np.ndarray, reference: np.ndarray, cell: float) -> HeightComparison:
+    """As `heights_against_truth`, with a reference (rows, cols) m on the same cells, NaN where it has none; all cells are of one
     class."""
     known = np.isfinite(reference)
     dh = height - reference
     flat = np.full(int(known.sum()), int(PlaceClass.UNKNOWN), np.int64)
+    # visibility is not known, so every cell counts as visible in two photographs: completeness is then a lower bound
     cells = JudgedCells(flat, dh[known], precision[known], np.ones(len(flat), bool))
     return _judge(dh, known, cells, np.zeros(dh.shape, np.int64), cell)
 
@@ -107,8 +133,16 @@ class OrthoPlace:
     window: Window
 
 
+@dataclass(frozen=True)
+class OrthoTruthPlace(OrthoPlace):
+    """The same with the placement of `window` in the truth."""
+
+    source: Placement
+
+
 def _hidden_photos(scene: OrthoScene, surface: np.ndarray, block: Block, grid: MapGrid) -> np.ndarray:
-    """Photos that are kept from seeing a pixel by what stands in the way: on ground near roofs; -1 elsewhere; 0 on free ground."""
+    """(rows, cols): photographs from which a pixel of ground near roofs is hidden; 0 on free ground, -1 elsewhere."""
+    # Far from roofs nothing is projected: that ground is the control group, and it is by far the largest part.
     from_roof = _distance_to(scene.material == Material.ROOF)
     ground = is_ground(scene.material) & np.isfinite(surface) & (scene.seen != UNKNOWN_COUNT)
     near = ground & (from_roof <= NEAR_ROOF)
@@ -121,18 +155,20 @@ def _hidden_photos(scene: OrthoScene, surface: np.ndarray, block: Block, grid: M
 
 
 def _distance_to(mask: np.ndarray) -> np.ndarray:
+    """(rows, cols) px: distance to the nearest set pixel, inf where there is none."""
     return ndimage.distance_transform_edt(~mask) if mask.any() else np.full(mask.shape, np.inf)
 
 
-def _finish(scene: OrthoScene, where: OrthoPlace, hidden: np.ndarray) -> dict[str, object]:
+def _finish(scene: OrthoScene, where: OrthoPlace, hidden: np.ndarray) -> OrthoComparison:
     inner = _inside(where.window, where.core)
+    # classes of the whole window: a node at the edge of the tile has its neighbourhood in the halo
     classes = place_classes(scene.material)
     difference = np.where(scene.judged[inner], channel_mean(scene.colour[inner] - scene.truth[inner]), np.nan)
-    return {
-        "counts": count_ortho(scene, where.core, hidden),
-        "shifts": shifts(scene, where.core, classes),
-        "difference": difference.astype(np.float32),
-    }
+    return OrthoComparison(
+        counts=count_ortho(scene, where.core, hidden),
+        shifts=shifts(scene, where.core, classes),
+        difference=difference.astype(np.float32),
+    )
 
 
 def ortho_against_truth(
@@ -143,14 +179,14 @@ def ortho_against_truth(
     surface: np.ndarray,
     block: Block,
     fit: GreyFit,
-    place: Placement,
-    where: OrthoPlace,
-) -> dict[str, object]:
-    """Judges the ortho pixels `where.core`.
+    where: OrthoTruthPlace,
+) -> OrthoComparison:
+    """Compares the pixels `where.core` of the orthoimage with the truth.
 
-    ortho (rows, cols, 4) at `where.window`; the truth rasters at the source window of `place`; `block` is the true one. Returns
-    "counts", "shifts" and "difference" (rows, cols) float32, mean over the channels of ortho (fitted) minus truth.
+    ortho (rows, cols, 4) at `where.window`; the truth rasters at the source window of `where.source`; `block` is the true one.
     """
+    place = where.source
+    # the fit first: brightness is free in a block, and every later comparison is of grey values
     scene = OrthoScene(
         where.window,
         fitted(ortho, fit),
@@ -162,9 +198,8 @@ def ortho_against_truth(
     return _finish(scene, where, _hidden_photos(scene, heights_on(surface, place), block, where.grid))
 
 
-def ortho_against_file(ortho: np.ndarray, reference: np.ndarray, fit: GreyFit, where: OrthoPlace) -> dict[str, object]:
-    """As `ortho_against_truth`, with a reference (rows, cols, 3) on the same pixels and nothing known of materials and
-    visibility."""
+def ortho_against_file(ortho: np.ndarray, reference: np.ndarray, fit: GreyFit, where: OrthoPlace) -> OrthoComparison:
+    """As `ortho_against_truth`, with a reference (rows, cols, 3) on the same pixels, without materials and visibility."""
     nothing = np.zeros(ortho.shape[:2], np.uint8)
     scene = OrthoScene(where.window, fitted(ortho, fit), reference, ortho[..., 3] > 0, nothing, nothing + UNKNOWN_COUNT)
     return _finish(scene, where, np.full(ortho.shape[:2], -1))
