@@ -1,12 +1,12 @@
 """Self-calibrating bundle adjustment of photographs of boards.
 
-Strategy. (1) Levenberg-Marquardt on the normal equations of photos, boards and interior parameters; corners of uncertain boards are
-eliminated corner by corner as the points of any bundle are. Huber's weights, with the spread of the residuals as their unit, keep
-wrong corners from pulling. (2) Gross blunders go; then plain least squares, and corners whose standardised residual is too
-large go, until none is left. (3) sigma0 from the residuals and the redundancy; covariance is sigma0^2 N^-1.
+Strategy. (1) Levenberg-Marquardt on the normal equations of photographs, boards and interior parameters; corners of uncertain
+boards are eliminated like the points of any bundle. Huber's weights, with the spread of the residuals as unit, limit the influence
+of wrong corners. (2) Gross blunders are rejected; then plain least squares, and corners whose standardised residual is too large
+are rejected, until none is left. (3) sigma0 from the residuals and the redundancy; the covariance is sigma0^2 N^-1.
 
-An observation touches one photo, one board and the interior only: the normal matrix is summed from blocks, never from a matrix of
-observations by unknowns. What is left after elimination is small (6 per photo) and is solved by Cholesky.
+An observation depends on one photograph, one board and the interior orientation only: the normal matrix is summed from blocks, not
+from a matrix of observations by unknowns. The reduced system is small (6 unknowns per photograph) and solved by Cholesky.
 
 Source: Brown 1976; Baarda 1968; Kawka 2021, S11 and S12 (methods/calibration.md).
 """
@@ -25,12 +25,12 @@ from orthomill.tasks.adjustment.solve.normal_equations import point_corrections,
 from orthomill.tasks.adjustment.sparse.block_matrix import BlockMatrix, Pattern
 from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
 
+# Rounding of the sums of some thousand observations; boards seen from one direction stay below it.
 _SINGULAR = 1e-13
-"""Least eigenvalue of the normal matrix with unit diagonal, below which double precision solves nothing."""
+"""Least eigenvalue of the normal matrix with unit diagonal, in units of the largest, below which it is singular."""
+# A step that gains s0^2 / 100 moves no unknown by more than a tenth of its standard error; the next one is quadratically smaller.
 _NEGLIGIBLE = 1e-2
-"""A gain in squares of sigma0: the last step moved no unknown by more than a tenth of its standard error, and the next one, as
-steps
-shrink quadratically, would move it by far less."""
+"""Gain, in units of sigma0 squared, at which the adjustment has converged."""
 _UNDETERMINED = (
     "The chessboards do not determine the camera: all photographs see them from nearly the same direction, or too few corners are "
     "left; photograph them tilted in different directions, turned by 90 degrees, and over the whole frame."
@@ -39,8 +39,8 @@ _UNDETERMINED = (
 
 @dataclass(frozen=True)
 class CornerTest:
-    """When a corner is wrong: Huber's limit, gross limit and limit of the standardised residual, in standard errors; `floor` px
-    is the least unit, so that corners free of noise are not tested against rounding."""
+    """Limits of the blunder test of corners: Huber's, the gross one, and that of the standardised residual, in standard errors;
+    `floor` px is the least unit, so that corners free of noise are not tested against rounding; `rounds` of rejection."""
 
     huber: float = 2.5
     gross: float = 8.0
@@ -51,10 +51,10 @@ class CornerTest:
 
 @dataclass(frozen=True, eq=False)
 class BoardAdjustment:
-    """The adjusted calibration. `used` (M,) marks the corners that took part; `residual` (M, 2) px observed minus computed of all;
-    `standardised` (M, 2) is NaN for those that did not. `covariance` (n, n) of the unknowns in the order of the network's columns,
-    sigma0 included; `sigma0` px; `iterations` until all corners were adjusted, robustly first; `rounds` of rejections after
-    that."""
+    """The adjusted calibration. `used` (M,) marks the corners that took part; `residual` (M, 2) px, observed minus computed, is
+    that of all; `standardised` (M, 2) is NaN for corners that took no part. `covariance` (n, n) of the unknowns in the order of
+    the network's columns, sigma0 included; `sigma0` px; `iterations` of the robust and the first plain solution; `rounds` of
+    rejection after that."""
 
     network: BoardNetwork
     state: BoardState
@@ -70,7 +70,7 @@ class BoardAdjustment:
 
     @property
     def interior_covariance(self) -> np.ndarray:
-        """(10, 10) in the order of PARAMETERS; zero rows for parameters that were held."""
+        """(10, 10) in the order of PARAMETERS; zero rows for fixed parameters."""
         columns = self.network.interior_columns
         known = np.flatnonzero(columns >= 0)
         out = np.zeros((len(PARAMETERS), len(PARAMETERS)))
@@ -85,15 +85,16 @@ class BoardAdjustment:
 
     @property
     def rms(self) -> float:
-        """Root mean square length of the residual vectors of the corners used, px (what OpenCV reports)."""
+        """Root mean square length of the residual vectors of the corners used, px (the figure that OpenCV reports)."""
         return float(np.sqrt((self.residual[self.used] ** 2).sum(axis=1).mean()))
 
 
 def minimise(
     network: BoardNetwork, start: BoardState, corners: BoardCorners, test: CornerTest | None = None, most: int = 100
 ) -> tuple[BoardState, int]:
-    """Levenberg-Marquardt from `start`; with `test` under Huber's weights, which stops early. Returns the state and the number of
-    iterations. Raises GeometryError when the corners do not determine the unknowns, or when `most` iterations are not enough."""
+    """Levenberg-Marquardt from `start`; with a `test` under Huber's weights, and then with a looser end. Returns the state and the
+    number of iterations. Raises GeometryError when the corners do not determine the unknowns, or `most` iterations do not
+    converge."""
     state, damping = start, 1e-4
     for iteration in range(1, most + 1):
         unit = np.inf if test is None else _unit(state, corners, test)
@@ -119,7 +120,8 @@ def minimise(
 def _step(
     network: BoardNetwork, state: BoardState, corners: BoardCorners, linear: Linear, place: tuple[float, float, float]
 ) -> tuple[BoardState | None, float, float]:
-    """The next state that does not cost more, its cost, and the damping it took; None when every step costs more."""
+    """The next state that does not cost more, its cost, and its damping; None when every step costs more. `place` = (limit, cost,
+    damping) of the present one."""
     limit, cost, damping = place
     trial, trial_cost = None, np.inf
     while damping <= 1e8:
@@ -127,6 +129,7 @@ def _step(
         trial_cost = np.inf if trial is None else _cost(network, trial, corners, limit)
         if trial_cost <= cost * (1.0 + 1e-12):
             return trial, trial_cost, damping
+        # Below 1e-7 damping changes nothing: growing from there spares a dozen useless solutions.
         damping = max(damping, 1e-7) * 10.0
     if trial is None:
         raise GeometryError(_UNDETERMINED)
@@ -134,10 +137,12 @@ def _step(
 
 
 def _unit(state: BoardState, corners: BoardCorners, test: CornerTest) -> float:
+    """The spread of the residuals, px."""
     return max(spread(np.linalg.norm(residuals(state, corners), axis=1)), test.floor)
 
 
 def _cost(network: BoardNetwork, state: BoardState, corners: BoardCorners, limit: float) -> float:
+    """Huber's losses of the corners and the square sum of the prior information, px^2; inf with a corner behind its camera."""
     miss = residuals(state, corners)
     if not np.isfinite(miss).all() or (np.abs(miss) >= BEHIND).any():
         return np.inf
@@ -147,7 +152,7 @@ def _cost(network: BoardNetwork, state: BoardState, corners: BoardCorners, limit
 
 
 def _prior_weight(network: BoardNetwork) -> np.ndarray:
-    """(3,) px^2/m^2: weights of a board's corner when an image coordinate has weight 1."""
+    """(3,) px^2/m^2: weights of the nominal corner coordinates where an image coordinate has weight 1."""
     sigma = np.array(network.local_sigma)
     return np.divide(network.image_sigma, sigma, out=np.zeros(3), where=sigma > 0) ** 2
 
@@ -157,26 +162,21 @@ def _prior_miss(network: BoardNetwork, state: BoardState) -> np.ndarray:
 
 
 def _linearised(network: BoardNetwork, state: BoardState, corners: BoardCorners, limit: float = np.inf) -> Linear:
-    """Corners of exact boards stand alone, so that nothing is eliminated; those of uncertain boards are points of the bundle."""
+    """The linearised bundle: every corner of exact boards is a point without derivatives, so that nothing is eliminated; corners of
+    uncertain boards are points with prior coordinates.
+
+    Raises ValueError where the corners of uncertain boards are not in order.
+    """
     row, columns = network.columns_of(corners)
     by_unknowns, by_corner = derivatives(state, corners)
     miss = residuals(state, corners)
     touched = (columns >= 0).any(axis=0)
     weight = huber_weights(np.linalg.norm(miss, axis=1), limit)
-    if not network.uncertain:
-        groups, prior, prior_miss = len(corners), np.zeros((len(corners), 3)), np.zeros((len(corners), 3))
-        first, by_corner = np.arange(groups + 1), np.zeros_like(by_corner)
+    if network.uncertain:
+        first, by_corner, prior, prior_miss = _uncertain_corners(network, state, corners, by_corner)
     else:
-        boards, count = state.local.shape[:2]
-        point = corners.board * count + corners.corner
-        if (np.diff(point) < 0).any():
-            raise ValueError("corners of uncertain boards come board after board, corner after corner")
-        first = np.searchsorted(point, np.arange(boards * count + 1))
-        weights = _prior_weight(network)
-        held = weights == 0
-        by_corner = np.where(held, 0.0, by_corner)
-        prior = np.broadcast_to(np.where(held, 1.0, weights), (boards * count, 3)).copy()
-        prior_miss = np.where(held, 0.0, _prior_miss(network, state)).reshape(-1, 3)
+        prior = prior_miss = np.zeros((len(corners), 3))
+        first, by_corner = np.arange(len(corners) + 1), np.zeros_like(by_corner)
     return Linear(
         first.astype(np.int64),
         row,
@@ -189,6 +189,23 @@ def _linearised(network: BoardNetwork, state: BoardState, corners: BoardCorners,
         prior_miss,
         np.tile(np.eye(3), (len(first) - 1, 1, 1)),
     )
+
+
+def _uncertain_corners(
+    network: BoardNetwork, state: BoardState, corners: BoardCorners, by_corner: np.ndarray
+) -> tuple[np.ndarray, ...]:
+    """`first` of the corners as points, their derivatives, prior weights and prior residuals."""
+    boards, count = state.local.shape[:2]
+    point = corners.board * count + corners.corner
+    if (np.diff(point) < 0).any():
+        raise ValueError("corners of uncertain boards have to come board after board, corner after corner")
+    weights = _prior_weight(network)
+    # A coordinate without error keeps its value: without derivatives, and with a weight of 1 that keeps its block regular.
+    fixed = weights == 0
+    prior = np.broadcast_to(np.where(fixed, 1.0, weights), (boards * count, 3)).copy()
+    prior_miss = np.where(fixed, 0.0, _prior_miss(network, state)).reshape(-1, 3)
+    first = np.searchsorted(point, np.arange(boards * count + 1))
+    return first, np.where(fixed, 0.0, by_corner), prior, prior_miss
 
 
 def _pattern(network: BoardNetwork, linear: Linear) -> Pattern:
@@ -210,13 +227,18 @@ def _moved(network: BoardNetwork, state: BoardState, linear: Linear, damping: fl
 
 
 def _corrected(network: BoardNetwork, state: BoardState, correction: np.ndarray, points: np.ndarray | None) -> BoardState:
+    # Column -1, for what is fixed, is the zero at the end.
     padded = np.append(correction, 0.0)
     photo, board = padded[network.photo_columns], padded[network.board_columns]
     local = state.local if points is None else state.local + points.reshape(state.local.shape)
     return BoardState(
-        _turned(state.rotation, photo[:, 3:]), state.centre + photo[:, :3], _turned(state.turn, board[:, 3:]),
-        state.shift + board[:, :3], local, state.interior + padded[network.interior_columns],
-    )  # fmt: skip
+        rotation=_turned(state.rotation, photo[:, 3:]),
+        centre=state.centre + photo[:, :3],
+        turn=_turned(state.turn, board[:, 3:]),
+        shift=state.shift + board[:, :3],
+        local=local,
+        interior=state.interior + padded[network.interior_columns],
+    )
 
 
 def _turned(rotations: np.ndarray, vectors: np.ndarray) -> np.ndarray:
@@ -236,8 +258,9 @@ def adjust(network: BoardNetwork, start: BoardState, corners: BoardCorners, test
     for rounds in range(test.rounds):
         state, steps = minimise(network, state, corners.take(used))
         iterations += 0 if rounds else steps
-        result = replace(_account(network, state, corners, used, iterations), rounds=rounds)
+        result = replace(_tested(network, state, corners, used, iterations), rounds=rounds)
         bad = np.nan_to_num(np.abs(result.standardised).max(axis=1), nan=0.0) > test.limit
+        # Nearly perfect corners have standardised residuals of mere rounding.
         bad &= np.abs(result.residual).max(axis=1) > test.floor
         if not bad.any():
             break
@@ -245,7 +268,7 @@ def adjust(network: BoardNetwork, start: BoardState, corners: BoardCorners, test
     return result
 
 
-def _account(network: BoardNetwork, state: BoardState, corners: BoardCorners, used: np.ndarray, iterations: int) -> BoardAdjustment:
+def _tested(network: BoardNetwork, state: BoardState, corners: BoardCorners, used: np.ndarray, iterations: int) -> BoardAdjustment:
     """Covariance, redundancy and standardised residuals at the solution."""
     taken = corners.take(used)
     linear = _linearised(network, state, taken)
@@ -264,7 +287,8 @@ def _account(network: BoardNetwork, state: BoardState, corners: BoardCorners, us
 
 
 def _inverse(normal: np.ndarray) -> np.ndarray:
-    """Inverse of the normal matrix. Raises GeometryError where it has none worth the name."""
+    """Inverse of the normal matrix. Raises GeometryError where it is singular within rounding."""
+    # By its eigenvalues, because a Cholesky factor of a nearly singular matrix exists and gives huge, arbitrary standard errors.
     scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
     scaled = normal * scale[:, None] * scale
     if not np.isfinite(scaled).all():

@@ -1,8 +1,8 @@
-"""Photographs of boards: what is observed, what is unknown, and which columns of the normal equations belong to whom.
+"""Photographs of boards: observations, unknowns, and their columns in the normal equations.
 
-A board is a set of points in a system of its own; its pose takes them into the system of board 0, which is the datum (origin, axes
-and scale). Boards of one plane have three unknowns each (two shifts and a turn), boards anywhere in space six, boards of
-known places ("fixed") and board 0 none. One board, several on a plane and several in space differ by nothing but these columns.
+A board is a set of points in a system of its own; its pose transforms them into the system of board 0, which is the datum (origin,
+axes and scale). Boards in one plane have three unknowns each (two shifts and a rotation), boards anywhere in space six, boards of
+known pose ("fixed") and board 0 none. One board, several in a plane and several in space differ by these columns only.
 
 Source: Kawka 2021, sections 2.53 to 2.60 (methods/calibration.md, S11).
 """
@@ -18,7 +18,7 @@ PARAMETERS = (*INTERIOR, "affinity", "skew")
 """Order of the interior parameters here: x = x0 + c ((1 + affinity) xd + skew yd), y = y0 + c yd."""
 Arrangement = Literal["plane", "space", "fixed"]
 _BOARD_COLUMNS: dict[str, tuple[int, ...]] = {"plane": (0, 1, 5), "space": (0, 1, 2, 3, 4, 5), "fixed": ()}
-"""Which of three shifts and three rotations are unknown."""
+"""The unknowns of a board among three shifts and three rotations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +65,9 @@ class BoardState:
 
 @dataclass(frozen=True, eq=False)
 class BoardNetwork:
-    """What is known beforehand: how many photos and boards, which interior parameters are `free`, how the boards lie, and the
-    nominal corners `local` (N, 3) m of a board with their standard errors `local_sigma` (3,) m (0: free of error, and then no
-    unknowns), which count against `image_sigma` px of an image coordinate."""
+    """The numbers of photographs and boards, the interior parameters that are `free`, the arrangement of the boards, and the
+    nominal corners `local` (N, 3) m of a board with their standard errors `local_sigma` (3,) m (0: without error, no unknowns),
+    relative to which `image_sigma` px is that of an image coordinate."""
 
     photos: int
     boards: int
@@ -107,7 +107,7 @@ class BoardNetwork:
 
     @property
     def interior_columns(self) -> np.ndarray:
-        """(10,): columns in the order of PARAMETERS; -1 for parameters that are held."""
+        """(10,): columns in the order of PARAMETERS; -1 for fixed parameters."""
         columns = np.full(len(PARAMETERS), -1)
         chosen = [name in self.free for name in PARAMETERS]
         columns[chosen] = self.unknowns - len(self.free) + np.arange(len(self.free))
@@ -120,7 +120,8 @@ class BoardNetwork:
         return np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
 
     def columns_of(self, corners: BoardCorners) -> tuple[np.ndarray, np.ndarray]:
-        """`row` (M,) and `columns` (P K, 22): corner i touches columns[row[i]]: its photo's six, its board's six, the interior."""
+        """`row` (M,) and `columns` (P K, 22): corner i depends on columns[row[i]]: six of its photo, six of its board, the
+        interior."""
         photo, board = np.divmod(np.arange(self.photos * self.boards), self.boards)
         interior = np.broadcast_to(self.interior_columns, (len(photo), len(PARAMETERS)))
         columns = np.hstack([self.photo_columns[photo], self.board_columns[board], interior])

@@ -1,15 +1,16 @@
-"""Collinearity for corners of boards, with Brown's distortion, affinity and skew: residuals and analytic derivatives.
+"""Collinearity equations of board corners, with Brown's distortion, affinity and skew: residuals and analytic derivatives.
 
 Rotations, of photos and of boards alike, are corrected from the left, R <- exp([w]x) R, so that the derivative of R p by w is
-w x (R p). Everything is arrays over all corners at once: a calibration has some thousand of them.
+w x (R p). All corners are computed at once as arrays: a calibration has some thousand of them, and no kernel is needed.
 """
 
 import numpy as np
 
 from orthomill.tasks.adjustment.boards.board_network import BoardCorners, BoardState
 
+# Finite, so that squares and sums of it stay numbers.
 BEHIND = 1.0e5
-"""Residual (px) of a corner behind its camera: no step that brings one there is ever taken."""
+"""Residual (px) assigned to a corner behind its camera; no step that moves one there is accepted."""
 
 
 def projected(state: BoardState, corners: BoardCorners) -> np.ndarray:
@@ -39,13 +40,14 @@ def derivatives(state: BoardState, corners: BoardCorners) -> tuple[np.ndarray, n
 
 
 def _camera_points(state: BoardState, corners: BoardCorners) -> tuple[np.ndarray, np.ndarray]:
-    """Corners (M, 3) turned as their boards are, and corners (M, 3) in the systems of their photos."""
+    """Corners (M, 3) rotated with their boards, and corners (M, 3) in the image systems of their photographs."""
     on_board = np.einsum("mij,mj->mi", state.turn[corners.board], state.local[corners.board, corners.corner])
     from_centre = on_board + state.shift[corners.board] - state.centre[corners.photo]
     return on_board, np.einsum("mij,mj->mi", state.rotation[corners.photo], from_centre)
 
 
 def _distorted(interior: np.ndarray, ideal: np.ndarray) -> np.ndarray:
+    """Brown's distortion of ideal coordinates (M, 2) in units of c."""
     k1, k2, k3, p1, p2 = interior[3:8]
     a, b = ideal.T
     r2 = a * a + b * b
@@ -62,6 +64,7 @@ def _shear(interior: np.ndarray) -> np.ndarray:
 
 
 def _pixels(interior: np.ndarray, distorted: np.ndarray) -> np.ndarray:
+    """Image coordinates (M, 2) px from the image centre."""
     return interior[1:3] + distorted @ _shear(interior).T
 
 
@@ -99,5 +102,6 @@ def _by_interior(interior: np.ndarray, ideal: np.ndarray) -> np.ndarray:
         by[:, :, column] = (ideal * r2[:, None] ** power) @ shear.T
     by[:, :, 6] = np.column_stack([-2.0 * a * b, -(r2 + 2.0 * b * b)]) @ shear.T
     by[:, :, 7] = np.column_stack([r2 + 2.0 * a * a, 2.0 * a * b]) @ shear.T
+    # Affinity and skew apply to x only: y defines the scale, otherwise c and affinity would be the same.
     by[:, 0, 8:10] = c * distorted
     return by

@@ -1,11 +1,11 @@
 """The mixed model of adjustment (Gauss-Helmert): conditions between observations and unknowns, one condition per row.
 
-A model knows its unknowns, evaluates its conditions with their derivatives, and can be moved by a correction of the unknowns. That
-lets rotations and unit vectors be corrected on their own manifold. Every condition has observations of its own, so that B P^-1 B'
-is diagonal and thousands of conditions cost nothing. The share of an error that shows in its own condition (the redundancy number),
-the standardised discrepancy and the smallest error that a test would find are by-products.
+A model holds its unknowns, evaluates its conditions with their derivatives, and returns itself moved by a correction of the
+unknowns, so that rotations and unit vectors are corrected on their own manifold. Every condition has observations of its own:
+B P^-1 B' is diagonal, and thousands of conditions cost little. By-products are the redundancy number (the share of an error that
+its own condition shows), the standardised discrepancy, and the smallest error that a test would find.
 
-Source: Karfis 2009, section 3.4 (methods/relative_orientation_and_epipolar.md, 1.8, with the weight misprint M3 put right); Baarda
+Source: Karfis 2009, section 3.4 (methods/relative_orientation_and_epipolar.md, 1.8, with the weight misprint M3 corrected); Baarda
 1968 for reliability.
 """
 
@@ -33,9 +33,9 @@ M = TypeVar("M", bound=ConditionModel)
 
 @dataclass(frozen=True, eq=False)
 class MixedSolution(Generic[M]):
-    """An adjusted model. `residuals` (s, q) in the unit of the observations; `sigma0` (in that unit, or by stated standard error
-    where these were given) and `covariance` (u, u) are NaN without redundancy. By condition: `discrepancy` (s,) in stated standard
-    errors, `redundancy_number` (s,), and `slope` (s, q) of the discrepancy by the observations."""
+    """An adjusted model. `residuals` (s, q) in the unit of the observations; `sigma0` (in that unit, or relative to the stated
+    standard errors where these were given) and `covariance` (u, u) are NaN without redundancy. By condition: `discrepancy` (s,) in
+    stated standard errors, `redundancy_number` (s,), and `slope` (s, q), its derivatives by the observations."""
 
     model: M
     residuals: np.ndarray
@@ -49,11 +49,12 @@ class MixedSolution(Generic[M]):
 
     @property
     def standard_errors(self) -> np.ndarray:
+        """(u,) of the unknowns."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
     def standardised(self) -> np.ndarray:
-        """(s,) discrepancies in units of their own standard errors; 0 where a condition is not checked by the others."""
+        """(s,) discrepancies in units of their own standard errors; 0 where the other conditions do not check one."""
         checked = self.redundancy_number > 1e-6
         size = self.sigma0 * np.sqrt(np.maximum(self.redundancy_number, 1e-6))
         return np.where(checked, self.discrepancy / np.maximum(size, 1e-300), 0.0)
@@ -79,6 +80,7 @@ def solve_mixed(
     for iteration in range(1, most + 1):
         F, A, B = model.evaluate(observations + residuals)
         _check_count(*A.shape)
+        # Linearised at the adjusted observations: B applies to all of their residuals, not to the change since the last step.
         w = F - (B * residuals).sum(axis=1)
         inverse_m = 1.0 / (B**2 * variance).sum(axis=1)
         normal = A.T @ (inverse_m[:, None] * A)
@@ -91,7 +93,7 @@ def solve_mixed(
             return _solution(model, residuals, iteration, normal, (A, B, inverse_m, gap))
         previous = largest
     raise GeometryError(
-        f"The relative orientation did not converge in {most} iterations; its matches may be wrong or its start too far away."
+        f"The relative orientation did not converge in {most} iterations; its matches may be wrong, or its starting values poor."
     )
 
 
@@ -101,11 +103,12 @@ def _check_count(conditions: int, unknowns: int) -> None:
 
 
 def _solve(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
+    # The condition is a matter of geometry only after scaling: a base in metres and angles in radians differ by powers of ten.
     scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
     scaled = normal * scale[:, None] * scale
     if not np.isfinite(scaled).all() or np.linalg.cond(scaled) > 1e14:
         raise GeometryError(
-            "The matches do not determine the relative orientation: they lie too close together or on a critical surface."
+            "The matches do not determine the relative orientation: they are too close together or on a critical surface."
         )
     return scale * np.linalg.solve(scaled, scale * right)
 

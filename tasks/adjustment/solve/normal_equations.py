@@ -8,7 +8,7 @@ like those of a photograph.
 
 A point is eliminated in a frame of its own, with one axis along its mean ray. Rays to a far point are nearly parallel: in world
 coordinates its block would be almost singular, and its contribution a small difference of large numbers, as large as what
-determines a weak block (the tilt of a strip). Along and across the ray the block is only badly scaled, which costs no digits.
+determines an unstable block (the tilt of a strip). Along and across the ray the block is only badly scaled, which costs no digits.
 
 Source: Brown 1976, "The bundle adjustment: progress and prospects"; Triggs et al. 2000, section 6.
 """

@@ -1,9 +1,9 @@
-"""The inverse of a normal matrix as something that multiplies and has blocks, but is never formed as a whole.
+"""The inverse of a normal matrix: its products with vectors and its blocks; it is never formed as a whole.
 
-The matrix gets a unit diagonal first: unknowns differ by many powers of ten. In a free network the inverse is that with respect to
-the inner constraints. These are dense (every unknown has a part in them) and would spoil the sparse matrix; so the block is held
-by its last front alone, which is dense anyway, and the result carried over by the S-transformation P = I - H H' with the unit
-freedoms H, which makes it independent of how the block was held.
+The matrix is scaled to a unit diagonal first, because unknowns differ by many powers of ten. In a free network the inverse is that
+with respect to the inner constraints. These are dense (they involve every unknown) and would fill the sparse matrix. The datum is
+therefore defined in the last front alone, which is dense anyway, and the result transformed by P = I - H H' (S-transformation) with
+an orthonormal basis H of the null space, which makes it independent of the datum.
 
 Source: Baarda 1973, "S-transformations and criterion matrices"; Meissl 1969 for inner constraints.
 """
@@ -21,7 +21,7 @@ from orthomill.tasks.adjustment.sparse.block_matrix import BlockMatrix, diagonal
 @dataclass(frozen=True, eq=False)
 class Inverse:
     """The inverse of S^-1 A S^-1, where A has a unit diagonal: `scale` S (n,), 0 for unknowns that keep their value; `free`
-    (n, 7, 6 or 0) unit freedoms of A; `norm`, the largest row sum of A."""
+    (n, 7, 6 or 0) an orthonormal basis of the null space of A; `norm`, the largest row sum of A."""
 
     cholesky: BlockCholesky
     scale: np.ndarray
@@ -34,15 +34,18 @@ class Inverse:
         return scale * self._inner(self.cholesky.solve(self._inner(scale * vectors)))
 
     def _inner(self, vectors: np.ndarray) -> np.ndarray:
+        """The part of `vectors` that the observations determine: P vectors."""
         return vectors - self.free @ (self.free.T @ vectors)
 
     def blocks(self) -> tuple[BlockMatrix, float]:
-        """The inverse where the matrix has blocks, and the condition of A, by the row of A^-1 with the largest diagonal."""
+        """The inverse in the blocks of the matrix, and a lower bound of the condition of A, from one row of its inverse."""
         found, H = self.cholesky.selected_inverse(), self.free
         if H.shape[1]:
+            # P X P = X - H h' - h H' with h = X H - H (H' X H) / 2: two products of rank seven, instead of a dense matrix.
             across = self.cholesky.solve(H)
             half = across - 0.5 * H @ (H.T @ across)
             found.add_product(np.hstack([-H, -half]), np.hstack([half, H]))
+        # The worst determined unknown has the largest diagonal element, and its row the largest sum but for correlations.
         unit = np.zeros((len(found), 1))
         unit[found.diagonal().argmax()] = 1.0
         row = self._inner(self.cholesky.solve(self._inner(unit)))
@@ -50,10 +53,11 @@ class Inverse:
 
 
 def inverse_of(network: Network, state: State, structure: Structure, matrix: BlockMatrix) -> Inverse:
-    """The inverse of a normal matrix; considered parameters have no part in it. Raises LinAlgError where there is none."""
+    """The inverse of a normal matrix; considered parameters are excluded. Raises LinAlgError where it does not exist."""
     considered = network.considered_columns
     scale = np.where(considered, 0.0, 1.0 / np.sqrt(np.maximum(matrix.diagonal(), 1e-300)))
     A = matrix.scaled(scale)
+    # Rows and columns of considered parameters are 0 by their scale; a unit diagonal keeps the matrix positive definite.
     A.values[diagonal_places(A.pattern)[considered]] = 1.0
     if not network.free:
         return Inverse(factorised(structure, A), scale, np.zeros((len(scale), 0)), A.row_sums().max())

@@ -1,10 +1,9 @@
-"""Covariance of everything that was adjusted: orientations, cameras, shift, lever arm and kept points jointly; other points one by
-one.
+"""Covariance of the adjusted unknowns: orientations, cameras, shift, lever arm and kept points jointly; other points one by one.
 
-The covariance of the reduced system is the inverse of its normal matrix; in a free network with respect to the inner constraints.
-It is kept where the normal matrix has blocks (photographs that share points, cameras with their photographs), which is all that
-points and rays need; any other part of it is solved for when it is asked for. Parameters that keep their value (considered,
-Schmidt 1966) lend their uncertainty to all others.
+The covariance of the reduced system is the inverse of its normal matrix, in a free network with respect to the inner constraints.
+It is stored in the blocks of the normal matrix (photographs that share points, cameras with their photographs), which points and
+rays need; any other part of it is computed on request. The uncertainty of parameters that keep their value (considered, Schmidt
+1966) is propagated into all others.
 """
 
 from dataclasses import dataclass, replace
@@ -21,13 +20,15 @@ from orthomill.tasks.adjustment.solve.normal_equations import point_precision, r
 from orthomill.tasks.adjustment.solve.normal_inverse import Inverse, inverse_of
 from orthomill.tasks.adjustment.sparse.block_matrix import BlockMatrix, Pattern
 
+# Above this no digit of a float64 solution is left.
 WORST_CONDITION = 1e15
+"""Condition of the normal matrix with unit diagonal beyond which the unknowns are not determined."""
 
 
 @dataclass(frozen=True, eq=False)
 class Covariance:
-    """Covariance of the n unknowns of the reduced system: `blocks` where it is known at once, `inverse` for the rest; `moves` (n,
-    k): how the unknowns move per standard error of what was only considered."""
+    """Covariance of the n unknowns of the reduced system: its `blocks`, the `inverse` for the rest, and `moves` (n, k): the effect
+    on the unknowns of one standard error of every considered quantity."""
 
     blocks: BlockMatrix
     inverse: Inverse
@@ -38,7 +39,7 @@ class Covariance:
 
     @property
     def variances(self) -> np.ndarray:
-        """(n,)"""
+        """(n,) of the unknowns."""
         return self.blocks.diagonal()
 
     def times(self, vectors: np.ndarray) -> np.ndarray:
@@ -47,6 +48,7 @@ class Covariance:
 
     def joint(self, columns: np.ndarray) -> np.ndarray:
         """(m, m) of the unknowns `columns` (m,); 0 for -1."""
+        # Most requests are for one photograph or camera, whose block is stored.
         known = self.blocks.pieces(columns)[0]
         if np.isfinite(known).all():
             return known
@@ -56,7 +58,7 @@ class Covariance:
         return np.where(there[:, None], self.times(unit)[columns], 0.0)
 
     def of_pattern(self, pattern: Pattern) -> BlockMatrix:
-        """The covariance in the blocks of another pattern of the same groups."""
+        """The covariance in the blocks of another pattern of the same groups, computed block by block."""
         out, start = BlockMatrix.zero(pattern), pattern.start
         for block, (g, h) in enumerate(zip(pattern.rows, pattern.partner, strict=True)):
             columns = np.concatenate([np.arange(*start[g : g + 2]), np.arange(*start[h : h + 2])])
@@ -67,9 +69,9 @@ class Covariance:
 
 
 def covariance_of(network: Network, state: State, linear: Linear) -> Covariance:
-    """The inverse of the reduced normal matrix; with respect to the inner constraints in a free network.
+    """The inverse of the reduced normal matrix, in a free network with respect to the inner constraints.
 
-    Considered parameters have no part in it (zero rows); `with_considered` adds theirs. Raises GeometryError where the observations
+    Rows of considered parameters are zero; `with_considered` adds their contribution. Raises GeometryError where the observations
     do not determine the unknowns.
     """
     order = structure(network, state, linear)
@@ -86,9 +88,9 @@ def covariance_of(network: Network, state: State, linear: Linear) -> Covariance:
 
 
 def with_considered(network: Network, linear: Linear, cofactor: Covariance) -> Covariance:
-    """The covariance with the uncertainty of the considered parameters carried into all others.
+    """The covariance with the uncertainty of the considered parameters propagated into all others.
 
-    The unknowns move by -Q N_uk per unit of a considered parameter; its own covariance is the prior one. Source: Schmidt 1966.
+    The unknowns change by -Q N_uk per unit of a considered parameter, whose own covariance is the prior one. Source: Schmidt 1966.
     """
     considered = np.flatnonzero(network.considered_columns)
     if not len(considered):
@@ -96,6 +98,7 @@ def with_considered(network: Network, linear: Linear, cofactor: Covariance) -> C
     unit = np.zeros((len(cofactor), len(considered)))
     unit[considered, np.arange(len(considered))] = 1.0
     normal = reduced_normals(linear, cofactor.blocks.pattern).matrix
+    # A root of the prior covariance instead of itself: the sum of its squares is positive semidefinite whatever the rounding.
     values, vectors = np.linalg.eigh(_considered_covariance(network))
     moves = (unit - cofactor.times(normal.times(unit))) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
     blocks = BlockMatrix(cofactor.blocks.pattern, cofactor.blocks.values.copy())
@@ -118,10 +121,11 @@ def _considered_covariance(network: Network) -> np.ndarray:
 def points_and_rays(network: Network, linear: Linear, cofactor: Covariance) -> tuple[np.ndarray, np.ndarray]:
     """Covariance (N, 3, 3) of all points, kept ones too, and variances (M, 2) px^2 of the computed image coordinates."""
     points, adjusted = point_precision(linear, cofactor.blocks)
+    # Kept points are unknowns of the reduced system: for them the elimination left only zeros.
     points[network.kept] = cofactor.blocks.pieces(network.kept_columns)
     return points, adjusted
 
 
 def points_elsewhere(linear: Linear, cofactor: Covariance) -> np.ndarray:
-    """Covariance (N, 3, 3) of points that had no part in the adjustment."""
+    """Covariance (N, 3, 3) of points that took no part in the adjustment and may connect photographs without common points."""
     return point_precision(linear, cofactor.of_pattern(seen_pattern(linear, cofactor.blocks.pattern.start)))[0]

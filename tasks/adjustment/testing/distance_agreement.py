@@ -1,25 +1,27 @@
-"""Distances that contradict each other, found before they take part.
+"""Distances that contradict each other, found before they take part in the adjustment.
 
-A distance is known to centimetres and its ends hang on a few pointings: one that is wrong by metres pulls its ends away from
-their rays, which then look wrong themselves, and where it gives the scale it takes the whole block along. So the rays alone place
-the ends first, and all distances are compared with one common scale. Of three or more the wrong ones can be told; of two that
-disagree neither can, and both are taken for as rough as they differ.
+A distance is known to centimetres, and its ends are determined by a few pointings. One that is wrong by metres pulls its ends away
+from their rays, which then look wrong themselves; where it defines the scale, it takes the whole block with it. The ends are
+therefore intersected from the rays alone first, and all distances compared with one common scale. Of three or more the wrong ones
+can be identified; of two that disagree neither can, and the standard errors of both are enlarged to their difference.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-BENDS = 1e-3
-"""Share of its length by which a block may stretch one distance against another before anything holds it."""
+# Deformation of a block of rays without control: a camera constant or a distortion that is still wrong by as much.
+DEFORMATION = 1e-3
+"""Relative error of a distance in a block that is not yet controlled."""
+# With less contrast, rejecting the wrong one of two suspects would give the block the scale of the other.
 CLEARER = 3.0
-"""A distance is wrong where the others agree so many times better without it."""
+"""A distance is rejected where the others agree this many times better without it than without any other."""
 
 
 @dataclass(frozen=True, eq=False)
 class Agreement:
-    """`scale`: measured by model length; `misfit` (D,) from it in standard errors, 0 where the model has no such distance; `wrong`
-    (D,) bool: contradict the others; `sigma` (D,): standard errors to go on with."""
+    """`scale`: ratio of measured to model lengths; `misfit` (D,) from it in standard errors, 0 where the model lacks the distance;
+    `wrong` (D,) bool: contradicts the others; `sigma` (D,): standard errors to be used, m."""
 
     scale: float
     misfit: np.ndarray
@@ -28,16 +30,14 @@ class Agreement:
 
 
 def agreement(length: np.ndarray, sigma: np.ndarray, model: np.ndarray, model_sigma: np.ndarray, limit: float) -> Agreement:
-    """How measured distances (D,) with standard errors fit those of a model in a scale of its own (D,), NaN where it has none.
-
-    `limit`: how many standard errors a distance may miss the common scale.
-    """
+    """Compares measured distances (D,) and their standard errors with those of a model in a scale of its own (D,), NaN where it
+    lacks one; `limit`: the largest misfit from the common scale, in standard errors."""
     compared = np.isfinite(model) & np.isfinite(model_sigma) & (model > 0)
     wrong, enlarged = np.zeros(len(length), bool), sigma.copy()
     if not compared.any():
         return Agreement(1.0, np.zeros(len(length)), wrong, enlarged)
     model = np.where(compared, model, 1.0)
-    ratio, rough = length / model, np.sqrt((sigma / length) ** 2 + (model_sigma / model) ** 2 + BENDS**2)
+    ratio, rough = length / model, np.sqrt((sigma / length) ** 2 + (model_sigma / model) ** 2 + DEFORMATION**2)
     while compared.sum() > 2 and _misfits(ratio, rough, compared).max() > limit:
         rest = {int(i): _misfits(ratio, rough, compared & (np.arange(len(ratio)) != i)).max() for i in np.flatnonzero(compared)}
         worst, second = sorted(rest, key=rest.__getitem__)[:2]
@@ -52,7 +52,7 @@ def agreement(length: np.ndarray, sigma: np.ndarray, model: np.ndarray, model_si
 
 
 def _misfits(ratio: np.ndarray, rough: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """(D,) how far each of the `chosen` lies from the median scale of the others, in standard errors; 0 for all that are not."""
+    """(D,) the difference of each of the `chosen` from the median scale of the others, in standard errors; 0 for the rest."""
     misfit, number = np.zeros(len(ratio)), np.flatnonzero(chosen)
     for i in number if len(number) > 1 else ():
         others = number[number != i]

@@ -1,11 +1,12 @@
-"""Covariances that carry errors in common (see error_fields.py): of all unknowns, and of every point.
+"""Covariances that include correlated image errors (see error_fields.py): of all unknowns, and of every point.
 
-What the field of a photograph does to orientations and cameras it does not do to points in full: a shifted picture turns its
-photograph, and the rays that were shifted meet where they met before. A point therefore gets both, the effect by way of the
-unknowns and that on its own rays, with their covariance.
+The effect of a field on orientations and cameras does not propagate to the points in full: a shifted image rotates its photograph,
+and the shifted rays intersect where they did before. A point is therefore subject to both effects, that of the unknowns and that on
+its own rays, with their covariance.
 """
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -18,8 +19,31 @@ from orthomill.tasks.adjustment.sparse.block_matrix import BlockMatrix
 from orthomill.tasks.adjustment.testing.error_fields import MOST, TERMS, effects, field_basis, weighted_rays, white_covariance
 
 
+class FieldEffects(NamedTuple):
+    """The effects of the fields on the unknowns for kernels: per unit coefficient of single photographs `alone` (n, P, 2 TERMS)
+    and of cameras `together` (n, C, 2 TERMS), times the standard errors `own` and `shared` of these, px."""
+
+    alone: np.ndarray
+    together: np.ndarray
+    own: float
+    shared: float
+
+
+class RayFields(NamedTuple):
+    """Rays for kernels: `first`, `jg` as in `Linear`, `columns` (M, k); `photo` and `camera` (M,); `basis` (M, TERMS) of the
+    fields; `pull` (M, 3, 2): the right-hand side of the point per pixel."""
+
+    first: np.ndarray
+    columns: np.ndarray
+    jg: np.ndarray
+    pull: np.ndarray
+    photo: np.ndarray
+    camera: np.ndarray
+    basis: np.ndarray
+
+
 def with_correlated_errors(result: Adjustment, errors: CorrelatedErrors, size: np.ndarray) -> Adjustment:
-    """The result whose covariances carry the `errors`; values, residuals and their tests stay. `size` (P, 2) px of the
+    """The result whose covariances include the `errors`; values, residuals and their tests are the same. `size` (P, 2) px of the
     photographs."""
     network = result.network
     alone, together = _moves(result, errors, size)
@@ -30,8 +54,9 @@ def with_correlated_errors(result: Adjustment, errors: CorrelatedErrors, size: n
     blocks = BlockMatrix(pattern, result.cofactor.blocks.values + added.values)
     rays = weighted_rays(result)
     linear, basis = linearised(network, result.state, rays), field_basis(rays.xy, size[rays.photo])
+    # `point_precision` adds the precision of the rays themselves, which the result has already.
     exact = point_precision_alone(linear, pattern.start)
-    pulls = _pulls(linear, rays, network.camera_of, basis, alone, together, errors)
+    pulls = _pulls(linear, rays, network.camera_of, basis, FieldEffects(alone, together, *_amplitudes(errors)))
     points = point_precision(linear, added)[0] - exact + exact @ pulls @ exact
     points[network.kept] = added.pieces(network.kept_columns)
     return replace(
@@ -44,11 +69,12 @@ def with_correlated_errors(result: Adjustment, errors: CorrelatedErrors, size: n
 
 
 def _moves(result: Adjustment, errors: CorrelatedErrors, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """How the unknowns move per standard error of the coefficients: (n, P, 2 TERMS) of those of single photographs, (n, C, 2 TERMS)
-    of those of cameras."""
+    """The effect on the unknowns of one standard error of the coefficients: (n, P, 2 TERMS) of those of single photographs, (n, C,
+    2 TERMS) of those of cameras."""
     network, (alone, together) = result.network, _amplitudes(errors)
     white, photos = white_covariance(result), np.unique(result.rays.photo[result.used])
     moved = np.zeros((network.unknowns, network.photos, 2 * TERMS))
+    # In groups: the normal matrix of all coefficients would be dense in the photographs.
     for first in range(0, len(photos), MOST):
         chosen = photos[first : first + MOST]
         moved[:, chosen] = effects(result, size, white, chosen).unknowns.reshape(network.unknowns, len(chosen), -1)
@@ -59,63 +85,69 @@ def _moves(result: Adjustment, errors: CorrelatedErrors, size: np.ndarray) -> tu
 
 
 def _amplitudes(errors: CorrelatedErrors) -> tuple[float, float]:
-    """Standard errors of a coefficient, px: its part of the photograph, and that of the camera."""
+    """Standard errors of a coefficient, px: of its part of the photograph, and of that of the camera."""
     variance = errors.rms_px**2 / TERMS
     return float(np.sqrt((1.0 - errors.share) * variance)), float(np.sqrt(errors.share * variance))
 
 
-def _pulls(
-    linear: Linear,
-    rays: Rays,
-    camera_of: np.ndarray,
-    basis: np.ndarray,
-    alone: np.ndarray,
-    together: np.ndarray,
-    errors: CorrelatedErrors,
-) -> np.ndarray:
-    """(N, 3, 3) the covariance of how the fields pull at the points by way of their own rays, with that of the unknowns' moves."""
+def _pulls(linear: Linear, rays: Rays, camera_of: np.ndarray, basis: np.ndarray, effects: FieldEffects) -> np.ndarray:
+    """(N, 3, 3) the covariance of the right-hand sides of the points under the fields at their own rays, that with the motion of
+    the unknowns included."""
     pull = linear.weight[:, None, None] * linear.jp.transpose(0, 2, 1)
-    square = _square_form(
-        linear.first, linear.columns[linear.row], linear.jg, pull, rays.photo, camera_of, basis, alone, together,
-        *_amplitudes(errors),
-    )  # fmt: skip
+    of_rays = RayFields(linear.first, linear.columns[linear.row], linear.jg, pull, rays.photo, camera_of[rays.photo], basis)
+    square = _quadratic_form(of_rays, effects)
     return linear.frame @ square @ linear.frame.swapaxes(1, 2)
 
 
 @njit(cache=True)
-def _square_form(first, columns, jg, pull, photo, camera_of, basis, alone, together, own, shared):
-    """(N, 3, 3): the square form of what unit coefficients do to the right-hand sides of the points, without that of the unknowns
-    alone."""
-    points, terms, k = np.zeros((len(first) - 1, 3, 3)), basis.shape[1], columns.shape[1]
+def _quadratic_form(rays, effects):
+    """(N, 3, 3): the quadratic form of what unit coefficients do to the right-hand sides of the points, without that of the
+    unknowns alone."""
+    points = np.zeros((len(rays.first) - 1, 3, 3))
     block = np.empty((2, 2))
-    for point in range(len(first) - 1):
-        for i in range(first[point], first[point + 1]):
-            for j in range(first[point], first[point + 1]):
+    for point in range(len(rays.first) - 1):
+        for i in range(rays.first[point], rays.first[point + 1]):
+            for j in range(rays.first[point], rays.first[point + 1]):
                 # Of ray i the unknowns, of ray j the field; the transpose comes with (j, i).
-                block[:] = 0.0
-                camera = camera_of[photo[j]]
-                for a in range(k):
-                    c = columns[i, a]
-                    if c < 0:
-                        continue
-                    for n in range(2):
-                        along = 0.0
-                        for d in range(terms):
-                            at = n * terms + d
-                            along += (own * alone[c, photo[j], at] + shared * together[c, camera, at]) * basis[j, d]
-                        for m in range(2):
-                            block[m, n] += jg[i, m, a] * along
-                direct = 0.0
-                if camera_of[photo[i]] == camera:
-                    for d in range(terms):
-                        direct += basis[i, d] * basis[j, d]
-                    direct *= shared**2 + (own**2 if photo[i] == photo[j] else 0.0)
+                _mixed(rays, effects, (i, j), block)
+                direct = _direct_covariance(rays, effects, i, j)
                 for r in range(3):
                     for s in range(3):
                         for m in range(2):
                             for n in range(2):
-                                once = pull[i, r, m] * block[m, n] * pull[j, s, n]
+                                once = rays.pull[i, r, m] * block[m, n] * rays.pull[j, s, n]
                                 points[point, r, s] += once
                                 points[point, s, r] += once
-                            points[point, r, s] += pull[i, r, m] * direct * pull[j, s, m]
+                            points[point, r, s] += rays.pull[i, r, m] * direct * rays.pull[j, s, m]
     return points
+
+
+@njit(cache=True)
+def _mixed(rays, effects, pair, block):
+    """Covariance `block` (2, 2) px^2 of ray i as computed from the unknowns, with the field at ray j; `pair` = (i, j)."""
+    i, j = pair
+    terms = rays.basis.shape[1]
+    block[:] = 0.0
+    for a in range(rays.columns.shape[1]):
+        c = rays.columns[i, a]
+        if c < 0:
+            continue
+        for n in range(2):
+            along = 0.0
+            for d in range(terms):
+                at = n * terms + d
+                of_photo = effects.own * effects.alone[c, rays.photo[j], at]
+                along += (of_photo + effects.shared * effects.together[c, rays.camera[j], at]) * rays.basis[j, d]
+            for m in range(2):
+                block[m, n] += rays.jg[i, m, a] * along
+
+
+@njit(cache=True)
+def _direct_covariance(rays, effects, i, j):
+    """Covariance, px^2, of the fields at two rays, the same in x and y; fields of different cameras are independent."""
+    direct = 0.0
+    if rays.camera[i] == rays.camera[j]:
+        for d in range(rays.basis.shape[1]):
+            direct += rays.basis[i, d] * rays.basis[j, d]
+        direct *= effects.shared**2 + (effects.own**2 if rays.photo[i] == rays.photo[j] else 0.0)
+    return direct

@@ -1,22 +1,24 @@
-"""Errors that neighbouring measurements of a photograph have in common, and what they do to the standard errors.
+"""Errors that neighbouring measurements of a photograph share, and their effect on the standard errors.
 
-White noise is not all that residuals are made of. A sensor that a stabiliser shifts, a shutter that runs while the camera moves,
-film that was not flat, a lens that Brown's polynomial does not meet: all of them displace whole regions of a photograph together.
-Ten thousand tie points then tell little more than a hundred, and what is weakly determined (c over a flat object) is wrong by many
-of its formal standard errors.
+Residuals are not only white noise. A stabiliser that shifts the sensor, a shutter that runs while the camera moves, film that is
+not flat, a lens that differs from Brown's polynomial: all of them displace whole regions of a photograph together. Ten thousand
+tie points then contain little more information than a hundred, and the error of what is poorly determined (c over a flat object)
+is many times its formal standard error.
 
-Strategy. Every photograph carries a smooth field of displacements: Legendre polynomials of the frame of ORDERS in x and in y,
-with random coefficients of one variance, a share of which is common to all photographs of a camera. The residuals tell both by
-maximum likelihood: with N the normal matrix of the coefficients after all unknowns and points are eliminated and t its right-hand
-side, t has the covariance s2 N + N C N, where C is that of the coefficients and s2 the variance of what no field explains. A field
-enters only where the likelihood ratio says that white noise cannot explain it. It is not estimated: like a considered parameter
-(Schmidt 1966) it lends its uncertainty to everything that was adjusted, by the effect -Q N_uc of its coefficients.
+Strategy. Every photograph has a smooth field of displacements: Legendre polynomials of the frame of ORDERS in x and in y, with
+random coefficients of one variance, a share of which is common to all photographs of a camera. Both are estimated from the
+residuals by maximum likelihood: with N the normal matrix of the coefficients after elimination of all unknowns and points, and t
+its right-hand side, t has the covariance s2 N + N C N, where C is that of the coefficients and s2 the variance of what no field
+explains. Fields are assumed only where the likelihood ratio rejects white noise. They are not estimated: like considered
+parameters (Schmidt 1966) their uncertainty propagates into all adjusted quantities, through the effect -Q N_uc of their
+coefficients.
 
 Source: Moritz 1980 (collocation); Patterson and Thompson 1971 (likelihood of residuals); Tang, Fritsch and Cramer 2012 (Legendre
-polynomials as the form of image deformation); docs/methods.md, "Errors in common".
+polynomials as the form of image deformation); docs/methods.md on correlated image errors.
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
@@ -28,18 +30,20 @@ from orthomill.tasks.adjustment.model.network import Network, Rays
 from orthomill.tasks.adjustment.solve.normal_equations import reduced_normals
 from orthomill.tasks.adjustment.testing.covariances import Covariance, covariance_of
 
+# Orders 0 and 1 are absorbed by orientation, camera constant and principal point; what a shift or tilt of the sensor leaves is of
+# second order, its bending of third. More terms than these 7 would compete with the noise of the tie points.
 ORDERS = (2, 3)
-"""Of the polynomials, x and y together. Lower ones are what orientation, camera constant and principal point do; these are what a
-shift or a tilt that was not foreseen leaves of second order, and its bending."""
+"""Orders of the polynomials, x and y together."""
 VISIBLE = 0.01
-"""Combinations of coefficients of which the residuals show less than this share of the best visible one say nothing of the
+"""Combinations of coefficients which the residuals show by less than this share of the most visible one are not used for the
 variance: the unknowns absorb them."""
 SIGNIFICANT = 10.83
 """Likelihood ratio that white noise exceeds in less than one of 1000 blocks (chi-squared, one degree of freedom)."""
+# The covariance of the coefficients is dense: 20 photographs make 280 of them, which takes milliseconds to factorise.
 MOST = 20
-"""So many photographs, evenly taken, tell the variance; all carry it."""
+"""Number of photographs, evenly chosen, from which the variance is estimated; it applies to all."""
 SHARES = (0.0, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0)
-"""Common shares of the variance that are tried."""
+"""Shares of the variance common to a camera that are compared."""
 
 _POWERS = tuple((i, order - i) for order in ORDERS for i in range(order + 1))
 TERMS = len(_POWERS)
@@ -57,8 +61,8 @@ def field_basis(xy: np.ndarray, size: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Effects:
-    """Of the coefficients of some photographs (photo by photo, x before y): `unknowns` (n, k) what one unit of each does to the
-    adjusted unknowns; `normal` (k, k) and `right` (k,) of their own normal equations after everything else is eliminated."""
+    """The coefficients of some photographs (photo by photo, x before y): `unknowns` (n, k) the effect of a unit of each on the
+    adjusted unknowns; `normal` (k, k) and `right` (k,) of their normal equations after elimination of everything else."""
 
     unknowns: np.ndarray
     normal: np.ndarray
@@ -66,12 +70,12 @@ class Effects:
 
 
 def weighted_rays(result: Adjustment) -> Rays:
-    """The rays that took part, with their standard errors as they were estimated."""
+    """The rays that took part, with their estimated standard errors."""
     return replace(result.rays, sigma=result.ray_sigma).take(result.used)
 
 
 def white_covariance(result: Adjustment) -> Covariance:
-    """That of the unknowns if all errors were white; 0 for considered parameters."""
+    """The covariance of the unknowns if all errors were white; 0 for considered parameters."""
     return covariance_of(result.network, result.state, linearised(result.network, result.state, weighted_rays(result)))
 
 
@@ -79,7 +83,7 @@ def effects(result: Adjustment, size: np.ndarray, white: Covariance, chosen: np.
     """The effects of the fields of the photographs `chosen` (ascending numbers); `size` (P, 2) px of all photographs, `white` the
     covariance of `white_covariance`.
 
-    At the solution the unknowns pull no more, so that only points which the chosen photographs see have a part.
+    At the solution the right-hand side of the unknowns is zero, so that only points which the chosen photographs see contribute.
     """
     network, rays = result.network, weighted_rays(result)
     touched = np.zeros(len(network.point), bool)
@@ -116,9 +120,9 @@ def _columns(network: Network, rays: Rays, size: np.ndarray, chosen: np.ndarray)
 
 
 def correlated_errors(result: Adjustment, size: np.ndarray) -> CorrelatedErrors | None:
-    """What the residuals say of errors in common; None where white noise explains them. `size` (P, 2) px of the photographs.
+    """The correlated errors that the residuals show; None where white noise explains them. `size` (P, 2) px of the photographs.
 
-    Parameters that keep their value are free here: what they would explain is no error of the measurements.
+    Considered parameters are free here: what they would explain is no error of the measurements.
     """
     result, pull = _freed(result)
     photos = np.unique(result.rays.photo[result.used])
@@ -132,6 +136,7 @@ def correlated_errors(result: Adjustment, size: np.ndarray) -> CorrelatedErrors 
     square = float((result.residual[own] ** 2 / result.ray_sigma[own][:, None] ** 2).sum())
     square -= float(pull @ white.times(pull[:, None])[:, 0])
     redundancy = float(result.redundancy_number[own].sum())
+    # Without as many white combinations as visible ones the noise would be estimated from next to nothing.
     if len(visible) == 0 or redundancy <= 2 * len(visible):
         return None
     z = direction.T @ (fields.right + fields.unknowns.T @ pull)
@@ -144,7 +149,7 @@ def correlated_errors(result: Adjustment, size: np.ndarray) -> CorrelatedErrors 
 
 
 def _freed(result: Adjustment) -> tuple[Adjustment, np.ndarray]:
-    """The result with its considered parameters free, and how all unknowns pull (n,): not at all but for these."""
+    """The result with its considered parameters free, and the right-hand side (n,) of all unknowns: zero except for these."""
     network = result.network
     considered = network.considered_columns
     if not considered.any():
@@ -162,13 +167,21 @@ def _likeliest(z: np.ndarray, visible: np.ndarray, noise: float, alike: np.ndarr
     best = (0.0, 0.0, 0.0)
     for share in SHARES:
         form = visible[:, None] * ((1.0 - share) * np.eye(len(visible)) + share * alike) * visible
+        # On a logarithmic scale, within one per cent: the likelihood is flat there compared with its own scatter.
         found = minimize_scalar(
-            lambda size, form=form: _deviance(z, white + np.exp(size) * form),
-            bounds=(start - 5.0, start + 18.0), method="bounded", options={"xatol": 0.01},
-        )  # fmt: skip
+            partial(_deviance_of_size, z, white, form),
+            bounds=(start - 5.0, start + 18.0),
+            method="bounded",
+            options={"xatol": 0.01},
+        )
         if none - found.fun > best[2]:
             best = (float(np.exp(found.x)), share, float(none - found.fun))
     return best
+
+
+def _deviance_of_size(z: np.ndarray, white: np.ndarray, form: np.ndarray, size: float) -> float:
+    """The deviance with fields of the covariance exp(size) form in addition to white noise."""
+    return _deviance(z, white + np.exp(size) * form)
 
 
 def _alike(direction: np.ndarray, same: np.ndarray) -> np.ndarray:
@@ -179,7 +192,7 @@ def _alike(direction: np.ndarray, same: np.ndarray) -> np.ndarray:
 
 
 def _deviance(z: np.ndarray, covariance: np.ndarray) -> float:
-    """Minus twice the logarithm of the likelihood of z, but for a constant."""
+    """Minus twice the logarithm of the likelihood of z, up to a constant."""
     try:
         factor = cho_factor(covariance, lower=True)
     except LinAlgError:
