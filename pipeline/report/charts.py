@@ -149,24 +149,25 @@ def _bars(chart: Chart) -> str:
     x = _bar_places(chart)
     series = {name: np.asarray(y, float)[: len(x)] for name, y in chart.series.items()}
     legend, used = _legend(list(series), "fill")
-    # Bars are as wide as the smallest step between them, so that unevenly spaced ones never overlap.
-    widest = float(np.min(np.diff(np.unique(x)))) if len(np.unique(x)) > 1 else 1.0
+    left, right, widest = _bar_span(x)
     low, top = _range(np.concatenate(list(series.values())))
     slanted = _slanted(chart)
     bottom = (BOTTOM if chart.x_label else BOTTOM - 18) + slanted
-    frame = Frame(
-        float(np.min(x)) - widest / 2,
-        float(np.max(x)) + widest / 2,
-        *_bar_heights(low, top),
-        TOP + used,
-        HEIGHT + used + slanted,
-        bottom,
-    )
+    frame = Frame(left, right, *_bar_heights(low, top), TOP + used, HEIGHT + used + slanted, bottom)
     axis = _category_axis(frame, chart, slanted > 0) if _categorical(chart) else _x_axis(frame, chart.x_label)
     body = [*legend, *_y_axis(frame, chart.y_label)]
     for number, y in enumerate(series.values()):
         body += _bar_marks(frame, x, y, (number, len(series), widest))
     return _svg(frame.height, [*body, *axis], chart.title)
+
+
+def _bar_span(x: np.ndarray) -> tuple[float, float, float]:
+    """Left and right border of all bars with centres `x`, and the width of one."""
+    finite = x[np.isfinite(x)]
+    places = np.unique(finite) if len(finite) else np.zeros(1)
+    # Bars are as wide as the smallest step between them, so that unevenly spaced ones never overlap.
+    widest = float(np.min(np.diff(places))) if len(places) > 1 else 1.0
+    return float(places[0]) - widest / 2, float(places[-1]) + widest / 2, widest
 
 
 def _bar_heights(low: float, top: float) -> tuple[float, float]:
