@@ -242,7 +242,7 @@ def _number_hint(text: str, measure: str) -> str:
     if match is None:
         return ""
     try:
-        # A single comma is a decimal comma; "1,234.5" does not become a number, and no example is given for it.
+        # A single comma is a decimal comma; "1,234.5" could be meant in two ways and gets no advice.
         size = float(match[1].replace(",", "."))
     except ValueError:
         return ""
