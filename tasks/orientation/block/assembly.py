@@ -274,7 +274,7 @@ def starting_values(
     state = State(start.rotation, start.centre, start.point, parts[0].model.interior, np.zeros(3))
     network = replace(_network(material, problem, start.vertical, count), up=start.zenith)
     network = held(network, known, datum, problem.ties)
-    finite: np.ndarray = np.isfinite(surveyed).all(axis=1)
+    finite = np.asarray(np.isfinite(surveyed).all(axis=1))
     good = problem.good & _usable(problem, network, state, finite)
     return _with_distances(network, problem, datum, good), state, good
 

@@ -1,1 +1,1 @@
-"""The parts of the block's report: tables, charts, maps and warnings."""
+"""The parts of the report of a block: figures, tables, charts, maps, warnings and the words for findings."""

@@ -1,12 +1,33 @@
-"""The account of the adjustment as tables: groups of observations, the residuals that fit worst, distances, shift and lever arm."""
+"""The adjustment as tables: fit to control, checks and positions, groups of observations, largest residuals, distances, antenna."""
 
-from orthomill.schemas.orientation import BlockPrecision, DistanceResidual
+from orthomill.schemas.orientation import BlockPrecision, DistanceResidual, GroundResiduals
 from orthomill.schemas.stage_report import Grid
+
+TITLES = {"control": "Ground control", "check": "Check points (took no part)", "position": "GNSS positions"}
+DIFFERENCES = ("name", "dX", "dY", "dZ", "predicted sigma X", "predicted sigma Y", "predicted sigma Z")
+
+
+def ground_grids(ground: GroundResiduals) -> tuple[Grid, ...]:
+    """Differences at control points, check points and positions; tables without a row are left out by the report."""
+    return tuple(_ground(ground, role) for role in TITLES)
 
 
 def adjustment_grids(precision: BlockPrecision, distances: tuple[DistanceResidual, ...]) -> tuple[Grid, ...]:
-    """The tables; those without a row are left out by the report."""
+    """The tables of the adjustment; those without a row are left out by the report."""
     return _groups(precision), _largest(precision), _distances(distances), _antenna(precision)
+
+
+def _ground(ground: GroundResiduals, role: str) -> Grid:
+    # A position is no point that photographs measure.
+    measured = role != "position"
+    return Grid(
+        title=TITLES[role],
+        columns=(*DIFFERENCES, "photos", "rms px") if measured else DIFFERENCES,
+        rows=tuple(
+            (p.name, *p.difference, *p.predicted, *((p.photos, p.residual_px) if measured else ())) for p in ground.of_role(role)
+        ),
+        note="Block minus given, metres; predicted: standard error of the difference.",
+    )
 
 
 def _groups(precision: BlockPrecision) -> Grid:
@@ -18,9 +39,10 @@ def _groups(precision: BlockPrecision) -> Grid:
         title="Groups of observations",
         columns=("observations", "numbers observed", "redundancy", "mean redundancy number, %", "estimated by stated"),
         rows=rows,
-        note="The variance components of the adjustment. Estimated by stated: by how much the residuals make the stated standard "
-        "errors larger; 1: they were right. What was surveyed is only enlarged, and only where it contradicts the rest. Redundancy "
-        "number: the share of an error that shows in the residual; near 0 nothing checks the observation.",
+        note="The variance components of the adjustment. Estimated by stated: the factor by which the residuals enlarge the stated "
+        "standard errors; 1: they were right. Standard errors of surveyed quantities are only enlarged, and only where they "
+        "contradict the rest. Redundancy number: the share of an error that shows in the residual; near 0 nothing checks the "
+        "observation.",
     )
 
 
@@ -32,7 +54,7 @@ def _largest(precision: BlockPrecision) -> Grid:
         title="Largest standardised residuals",
         columns=("point", "photo", "axis", "residual px", "in standard errors", "redundancy number", "smallest error found px"),
         rows=rows,
-        note="Of the measurements that took part, the worst first: x to the right, y up. Tie points by their number in "
+        note="Of the measurements that took part, the largest first: x to the right, y up. Tie points by their number in "
         "tables/orientation/image_residuals.parquet. Smallest error found: what the test at 0.1 % finds with 80 % probability "
         "(inner reliability).",
     )
@@ -47,7 +69,7 @@ def _distances(distances: tuple[DistanceResidual, ...]) -> Grid:
 
 
 def _antenna(precision: BlockPrecision) -> Grid:
-    """What was estimated of the receiver: its common shift and where its antenna stands."""
+    """What was estimated of the receiver: the common shift of its positions, and the place of its antenna."""
     found = (
         ("common shift of the GNSS positions: X, Y, Z", precision.gnss_shift, precision.gnss_shift_sigma),
         ("antenna from the projection centre: right, up, backwards", precision.lever_arm, precision.lever_arm_sigma),
@@ -57,5 +79,5 @@ def _antenna(precision: BlockPrecision) -> Grid:
         title="GNSS shift and lever arm",
         columns=("", "1", "2", "3", "sigma 1", "sigma 2", "sigma 3"),
         rows=rows,
-        note="Metres. No standard error: taken for exactly known.",
+        note="Metres. No standard error: taken as exactly known.",
     )

@@ -1,187 +1,204 @@
-"""What is weak in a block, in plain words: datum, control, cameras, overlap, stated precision."""
+"""What is poorly determined in a block, in plain words: datum, control, cameras, overlap, stated precision."""
+
+from collections.abc import Iterator
 
 import numpy as np
 
 from orthomill.schemas.errors import some_of
+from orthomill.schemas.observations import ControlPoint
+from orthomill.schemas.orientation import GroundResidual
 from orthomill.tasks.adjustment.model.adjustment_result import ObservationKind
 from orthomill.tasks.orientation.interchange.foreign_block import MIRRORED
 from orthomill.tasks.orientation.reporting.block_facts import CELLS, Facts, coverage, filled_areas
 from orthomill.tasks.orientation.reporting.finding_sentences import finding_sentence
 
 ONE_SIDED = 0.2
-"""Share of the block's frame that control must cover"""
+"""Share of the block's frame that the frame of the control must cover"""
+DOUBTFUL = 4.0
+"""A surveyed point that misses the block by more of its predicted standard errors is doubtful."""
+ROUNDING = 1e-9
+"""m: a point without redundancy fits exactly but for rounding, and has a predicted standard error of nearly 0."""
+LEAST_MEASUREMENTS, LEAST_AREAS = 30, 5
+"""Tie points of a photograph, and the areas of its frame with any, below which its orientation is poorly determined: six unknowns
+need points in opposite corners."""
+LEAST_OVERLAP = 60.0
+"""% of the photographed ground that two photographs must see: forward overlap of a common flight"""
+CHANGED = 0.06
+"""A camera constant that changes by more of itself: twice what EXIF is usually wrong by"""
+MANY = 0.15
+"""Share of rejected measurements that right tie points do not reach"""
 
 
-def block_warnings(facts: Facts) -> list[str]:
-    """Whole sentences about what is weak in the block, and what to do."""
-    return [
-        *(u.reason for u in facts.block.unoriented),
-        *(finding_sentence(finding) for finding in facts.precision.findings),
-        *facts.control.remarks,
-        *_control_warnings(facts),
-        *_camera_warnings(facts),
-        *_photo_warnings(facts),
-        *_factor_warnings(facts),
-        *_written_warnings(facts),
-    ]
+def block_warnings(facts: Facts) -> Iterator[str]:
+    """Whole sentences about what is poorly determined in the block, and what to do."""
+    yield from (u.reason for u in facts.block.unoriented)
+    yield from (finding_sentence(finding) for finding in facts.precision.findings)
+    yield from facts.control.remarks
+    yield from _control_warnings(facts)
+    yield from _correlation_warnings(facts)
+    yield from _camera_warnings(facts)
+    yield from _photo_warnings(facts)
+    yield from _overlap_warnings(facts)
+    yield from _factor_warnings(facts)
+    yield from _written_warnings(facts)
 
 
-def _control_warnings(facts: Facts) -> list[str]:
-    roles = [point.role for point in facts.control.points if point.role != "tie"]
-    found = []
-    if not roles:
-        found.append(
-            "There is no ground control: absolute position and height are as good as the positions of the photographs, and "
-            "nothing independent checks them."
+def _control_warnings(facts: Facts) -> Iterator[str]:
+    surveyed = [point for point in facts.control.points if point.role != "tie"]
+    if not surveyed:
+        yield (
+            "There is no ground control: absolute position and height are as good as the positions of the photographs, and nothing "
+            "independent checks them."
         )
-    elif "check" not in roles:
-        found.append(
-            "There are no check points, so nothing independent confirms the block; turn some control points into check points."
-        )
-    tested = {p.name: p for p in facts.ground.points}
-    if roles and not tested:
-        return [
-            *found,
-            f"None of the {len(roles)} surveyed points was compared with the block, which has no place in their system.",
-        ]
-    found += _one_sided(facts)
-    doubtful = []
-    for point in (point for point in facts.control.points if point.role != "tie"):
-        row = tested.get(point.name)
-        if row is None or row.photos == 0:
-            found.append(
-                f"The {point.role} point {point.name} took no part: it has too few measurements in the oriented photographs, or "
-                "all were rejected as blunders; compare its coordinates and its measurements."
-            )
-        elif point.name not in facts.precision.blunders and any(
-            abs(d) > 4.0 * s + 1e-9 for d, s in zip(row.difference, row.predicted, strict=True)
-        ):
-            doubtful.append(f"{point.role} point {point.name}")
+    elif all(point.role != "check" for point in surveyed):
+        yield "There are no check points, so nothing independent confirms the block; turn some control points into check points."
+    if surveyed and not facts.ground.points:
+        yield f"None of the {len(surveyed)} surveyed points was compared with the block, which has no place in their system."
+        return
+    yield from _one_sided(facts)
+    compared = {row.name: row for row in facts.ground.points}
+    yield from (_unused(point) for point in surveyed if not _took_part(compared.get(point.name)))
+    yield from _doubtful_points(facts, surveyed, compared)
+
+
+def _took_part(row: GroundResidual | None) -> bool:
+    return row is not None and row.photos > 0
+
+
+def _unused(point: ControlPoint) -> str:
+    return (
+        f"The {point.role} point {point.name} took no part: it has too few measurements in the oriented photographs, or all were "
+        "rejected as blunders; compare its coordinates and its measurements."
+    )
+
+
+def _doubtful_points(facts: Facts, surveyed: list[ControlPoint], compared: dict[str, GroundResidual]) -> Iterator[str]:
+    """Points that differ from the block, although the blunder tests kept them."""
+    tested = [point for point in surveyed if _took_part(compared.get(point.name)) and point.name not in facts.precision.blunders]
+    doubtful = [f"{point.role} point {point.name}" for point in tested if _differs(compared[point.name])]
     if len(doubtful) == 1:
-        found.append(
-            f"The {doubtful[0]} differs from the block by more than four times the predicted standard error; it may be wrong."
-        )
+        yield f"The {doubtful[0]} differs from the block by more than four times the predicted standard error; it may be wrong."
     elif doubtful:
-        found.append(
+        yield (
             "Several points differ from the block by more than four times the predicted standard error: "
-            f"{some_of(doubtful)}. One of them may be wrong and pull at the others, and what else is known cannot tell which. "
+            f"{some_of(doubtful)}. One of them may be wrong and affect the others, and the other observations cannot show which. "
             "Leave them out one at a time, or give more control or positions."
         )
-    return found
 
 
-def _one_sided(facts: Facts) -> list[str]:
-    """Control that frames only a small part of the block: beside it, the block hangs out like a lever."""
+def _differs(row: GroundResidual) -> bool:
+    return any(abs(d) > DOUBTFUL * s + ROUNDING for d, s in zip(row.difference, row.predicted, strict=True))
+
+
+def _one_sided(facts: Facts) -> Iterator[str]:
+    """Control that frames only a small part of the block: away from it errors of rotation and scale grow with the distance."""
     control = np.array([point.xyz for point in facts.control.points if point.role == "control"]).reshape(-1, 3)[:, :2]
     ties = np.column_stack([facts.points.x, facts.points.y])
     if len(control) < 3 or len(ties) < 10:
-        return []
+        return
+    # Percentiles: a few wrong tie points far away do not make a block larger.
     low, high = np.percentile(ties, [2, 98], axis=0)
-    share = float(
-        np.prod(np.clip(np.minimum(control.max(axis=0), high) - np.maximum(control.min(axis=0), low), 0, None) / (high - low))
-    )
+    inside = np.minimum(control.max(axis=0), high) - np.maximum(control.min(axis=0), low)
+    share = float(np.prod(np.clip(inside, 0, None) / (high - low)))
     if share >= ONE_SIDED:
-        return []
+        return
     side = "north" if control[:, 1].mean() > ties[:, 1].mean() else "south"
     side += "-east" if control[:, 0].mean() > ties[:, 0].mean() else "-west"
-    return [
+    yield (
         f"The control is one-sided: its frame covers {100 * share:.0f} % of the block's, towards the {side}. Away from it errors "
         "grow; add control on the other side."
-    ]
+    )
 
 
-def _correlation_warnings(facts: Facts) -> list[str]:
-    """One sentence for every camera whose parameters hang together, and one for each that hangs together with the flying height."""
+def _correlation_warnings(facts: Facts) -> Iterator[str]:
+    """One sentence for every camera whose parameters are correlated, and one for each correlation with the flying height."""
     within: dict[str, list[str]] = {}
-    found = []
     for c in facts.precision.correlations:
         (first, _, camera), (second, _, other) = c.first.partition(" of "), c.second.partition(" of ")
         if camera == other:
             within.setdefault(camera, []).append(f"{first} and {second} ({c.value:.2f})")
         else:
-            found.append(
-                f"{c.first} and {c.second} can hardly be told apart (correlation {c.value:.2f}): their values are not to be used "
-                "one without the other."
-                + (" Control at different heights, or oblique photographs, would part them." if "height" in c.second else "")
+            advice = " Control at different heights, or oblique photographs, would separate them." if "height" in c.second else ""
+            yield (
+                f"{c.first} and {c.second} can hardly be distinguished (correlation {c.value:.2f}): neither value is to be used "
+                f"without the other.{advice}"
             )
-    return found + [
-        f"Parameters of the camera {camera} can hardly be told apart: {', '.join(pairs)}. Their values are not to be used one "
-        "without the other; together they are as good as their residuals."
-        for camera, pairs in within.items()
-    ]
+    for camera, pairs in within.items():
+        yield (
+            f"Parameters of the camera {camera} can hardly be distinguished: {', '.join(pairs)}. Their values are not to be used "
+            "one without the other; together they are as good as their residuals."
+        )
 
 
-def _camera_warnings(facts: Facts) -> list[str]:
-    found = _correlation_warnings(facts)
+def _camera_warnings(facts: Facts) -> Iterator[str]:
     for name, camera in facts.block.cameras.items():
         before = facts.before.cameras.get(name, camera)
         if before.source == "exif" and camera.source != "block":
-            found.append(
+            yield (
                 f"The camera {name} is known from EXIF only and was not adjusted: heights may bend over the block. Calibrate it, "
                 "or let its interior orientation take part."
             )
-        if camera.source == "block" and abs(camera.c / before.c - 1.0) > 0.06:
-            found.append(
-                f"The adjusted camera constant of {name} is {100 * (camera.c / before.c - 1):+.1f} % off the one it started with; "
-                "it may have taken up other errors (a rolling shutter, wrong heights). Hold it fixed with a calibrated value to "
-                "compare."
+        change = camera.c / before.c - 1.0
+        if camera.source == "block" and abs(change) > CHANGED:
+            yield (
+                f"The adjusted camera constant of {name} is {100 * change:+.1f} % off the one it started with; it may have "
+                "absorbed other errors (a rolling shutter, wrong heights). Fix it at a calibrated value to compare."
             )
-    return found
 
 
-def _photo_warnings(facts: Facts) -> list[str]:
-    names, weak, found = facts.photos.names, [], []
+def _photo_warnings(facts: Facts) -> Iterator[str]:
+    names, weak = facts.photos.names, []
+    # A fixed block without tie points has no measurements at all, which is reported once and not for every photograph.
     for photo in facts.block.photos if len(facts.image) else ():
         own = facts.image.take((facts.image.photo == names.index(photo.photo)) & facts.image.used)
         filled = filled_areas(own, facts.block.camera_of(photo.photo))
-        if len(own) < 30 or filled < 5:
+        if len(own) < LEAST_MEASUREMENTS or filled < LEAST_AREAS:
             weak.append(f"{photo.photo} ({len(own)} measurements in {filled} areas)")
     if weak:
-        found.append(
+        yield (
             f"Weakly tied, with few measurements or in few of the {CELLS * CELLS} areas of the frame: {', '.join(weak)}. Where a "
-            "frame is empty nothing holds its orientation; more overlap would help, or photographs with less water and leaves."
+            "frame is empty nothing determines its orientation; more overlap would help, or photographs with less water and leaves."
         )
-    two, _ = coverage(facts)
-    if two < 60.0:
-        found.append(f"Weak overlap: only {two:.0f} % of the photographed ground is seen by two photographs or more.")
-    return found
 
 
-def _written_warnings(facts: Facts) -> list[str]:
-    """What the files for other programs cannot say: they know neither scans in a frame of their own nor mirrored photographs."""
-    found = []
+def _overlap_warnings(facts: Facts) -> Iterator[str]:
+    by_two, _ = coverage(facts)
+    if by_two < LEAST_OVERLAP:
+        yield (
+            f"Weak overlap: only {by_two:.0f} % of the photographed ground is seen by two photographs or more, and the rest gets "
+            "no heights. Take photographs with more overlap."
+        )
+
+
+def _factor_warnings(facts: Facts) -> Iterator[str]:
+    precision = facts.precision
+    if precision.position_factor > 1.0:
+        factor = precision.position_factor
+        yield f"The GNSS positions are worse than stated: their standard errors were enlarged {factor:.1f} times."
+    if precision.control_factor > 1.0:
+        yield f"The ground control is worse than stated: its standard errors were enlarged {precision.control_factor:.1f} times."
+    pointing = next((group.factor for group in precision.groups if group.name == ObservationKind.POINTINGS), 1.0)
+    if pointing > 1.0:
+        yield (
+            "The measurements of surveyed points in the photographs fit worse than stated: their standard errors were enlarged "
+            f"{pointing:.1f} times. A wrong coordinate among few control points has the same effect."
+        )
+    share = precision.rejected / max(precision.rejected + precision.rays, 1)
+    if share > MANY:
+        yield f"{100 * share:.0f} % of the image measurements were rejected; the tie points contain many wrong matches."
+
+
+def _written_warnings(facts: Facts) -> Iterator[str]:
+    """What the files for other programs cannot express: scans in a frame of their own, and mirrored photographs."""
     if any(photo.scan is not None for photo in facts.photos.photos):
-        found.append(
-            "The photographs are scans that were put into a common frame: the cameras written for COLMAP and OpenSfM belong to "
-            "that frame and not to the scan files. exterior_orientation.csv holds for both."
+        yield (
+            "The photographs are scans that were transformed into a common frame: the cameras written for COLMAP and OpenSfM "
+            "belong to that frame and not to the scan files. exterior_orientation.csv holds for both."
         )
     upright = [photo.name for photo in facts.photos.photos if photo.exif_orientation in MIRRORED]
     mirrored = [name for name in upright if name in facts.block.names]
     if mirrored:
-        found.append(
+        yield (
             f"EXIF mirrors {some_of(mirrored)}, which no orientation in space expresses: the files for COLMAP and OpenSfM hold the "
             "photographs upright. Save them upright for other programs."
         )
-    return found
-
-
-def _factor_warnings(facts: Facts) -> list[str]:
-    found, precision = [], facts.precision
-    if precision.position_factor > 1.0:
-        found.append(
-            f"The GNSS positions are worse than stated: their standard errors were enlarged {precision.position_factor:.1f} times."
-        )
-    if precision.control_factor > 1.0:
-        found.append(
-            f"The ground control is worse than stated: its standard errors were enlarged {precision.control_factor:.1f} times."
-        )
-    pointing = next((group.factor for group in precision.groups if group.name == ObservationKind.POINTINGS), 1.0)
-    if pointing > 1.0:
-        found.append(
-            "The measurements of surveyed points in the photographs fit worse than stated: their standard errors were enlarged "
-            f"{pointing:.1f} times. A wrong coordinate among few control points does this, too."
-        )
-    share = precision.rejected / max(precision.rejected + precision.rays, 1)
-    if share > 0.15:
-        found.append(f"{100 * share:.0f} % of the image measurements were rejected; the tie points hold many wrong matches.")
-    return found

@@ -1,4 +1,4 @@
-"""The footprint map: how many photographs see each place at the mean height of the ground, with the outlines of the photographs."""
+"""The footprint map: how many photographs see each place at the mean height of the ground, and their outlines."""
 
 from dataclasses import dataclass
 
@@ -13,12 +13,12 @@ SIDE = 320
 """px of the map"""
 OVERLAP = "orientation/overlap"
 MOST = 6
-"""Counts of this many photographs and more look alike."""
+"""Counts of this many photographs and more have one colour: heights gain little from further ones."""
 OUTLINE, CENTRE = 20, 21
 _EDGE = 24
-"""points along each side of an outline: a lens bends it"""
+"""points along each side of an outline: distortion bends it"""
 _FARTHEST = 3.0
-"""Footprints end at this many flying heights: an oblique photograph sees the horizon"""
+"""Footprints end at this many flying heights: an oblique photograph reaches to the horizon."""
 
 _COLOURS = ("#c0392b", "#e67e22", "#f1c40f", "#7dbb5e", "#3f9b6a", "#1f6f8b")
 
@@ -35,7 +35,7 @@ class GroundMap:
         return (xy - self.west_north) / self.cell * [1.0, -1.0] - 0.5
 
     def places(self) -> np.ndarray:
-        """(SIDE * SIDE, 2) the middles of all pixels, row by row."""
+        """(SIDE * SIDE, 2) the centres of all pixels, row by row."""
         col, row = np.meshgrid(np.arange(SIDE) + 0.5, np.arange(SIDE) + 0.5)
         return self.west_north + self.cell * np.column_stack([col.ravel(), -row.ravel()])
 
@@ -65,14 +65,13 @@ def _views(block: Block) -> list[View]:
 
 
 def outline(view: View, height: float) -> np.ndarray:
-    """(N, 2) m the border of a photograph on a level ground; rays that never meet it are left out."""
+    """(N, 2) m the border of a photograph on level ground; rays that never meet it are left out."""
     col, row = view.camera.width - 1.0, view.camera.height - 1.0
     share = np.linspace(0.0, 1.0, _EDGE, endpoint=False)
     zero, one = np.zeros(_EDGE), np.ones(_EDGE)
-    border = np.vstack([
-        np.column_stack([share * col, zero]), np.column_stack([one * col, share * row]),
-        np.column_stack([(1 - share) * col, one * row]), np.column_stack([zero, (1 - share) * row]),
-    ])  # fmt: skip
+    top, right = np.column_stack([share * col, zero]), np.column_stack([one * col, share * row])
+    bottom, left = np.column_stack([(1 - share) * col, one * row]), np.column_stack([zero, (1 - share) * row])
+    border = np.vstack([top, right, bottom, left])
     places = view.at_height(border, height)[:, :2]
     reach = _FARTHEST * abs(view.centre[2] - height)
     offset = places - view.centre[:2]
@@ -84,6 +83,7 @@ def _ground_map(views: list[View], outlines: list[np.ndarray]) -> GroundMap:
     """The square that holds all outlines and projection centres."""
     xy = np.vstack([*outlines, *(view.centre[None, :2] for view in views)])
     low, high = xy.min(axis=0), xy.max(axis=0)
+    # A margin of 3 % on each side keeps the outlines off the frame of the picture.
     cell = 1.06 * max(float((high - low).max()), 1e-6) / SIDE
     middle = 0.5 * (low + high)
     return GroundMap(middle + 0.5 * SIDE * cell * np.array([-1.0, 1.0]), cell)
@@ -91,6 +91,7 @@ def _ground_map(views: list[View], outlines: list[np.ndarray]) -> GroundMap:
 
 def overlap_picture(block: Block) -> Picture:
     """How the report draws the map of `overlap_map`."""
+    # The width is computed again: a job that writes a raster returns nothing else.
     views = _views(block)
     wide = SIDE * _ground_map(views, [outline(view, _mean_height(block)) for view in views]).cell
     seen = [(0, "#f4f4f1", "seen by none")]
@@ -99,7 +100,7 @@ def overlap_picture(block: Block) -> Picture:
         title="Footprints and overlap",
         raster=OVERLAP,
         style="classes",
-        caption=f"Photographs that see each place of a level ground at mean height. North is up, the picture is {wide:.4g} m wide. "
-        "Heights need two, blunders show from three on.",
+        caption=f"Photographs that see each place of level ground at mean height. North is up, the picture is {wide:.4g} m wide. "
+        "Heights need two photographs; with three or more, blunders can be detected.",
         classes=(*seen, (OUTLINE, "#555555", "outline of a photograph"), (CENTRE, "#000000", "projection centre")),
     )

@@ -1,0 +1,176 @@
+"""The figures that a surveyor signs: photographs, precision, observations, coverage, and differences to what was surveyed."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from orthomill.schemas.orientation import Block, ExteriorOrientation, GroundResidual
+from orthomill.schemas.stage_report import Figure
+from orthomill.tasks.geometry.survey_system import vertical_name
+from orthomill.tasks.orientation.reporting.block_facts import Facts, coverage
+
+PLACES = {
+    "control": "at the control points, which hold the block",
+    "check": "at the check points, which took no part in the adjustment",
+    "gnss": "at the projection centres, whose positions were observed",
+}
+"""Words in the names of figures, and where their differences are found."""
+ROLES = {"control": "control", "check": "check", "gnss": "position"}
+
+
+def block_figures(facts: Facts) -> tuple[Figure, ...]:
+    """All figures, in the order in which they are read."""
+    return (
+        *_photographs(facts),
+        *_sigma0(facts),
+        *_observations(facts),
+        *_precision(facts),
+        *_coverage(facts),
+        *(figure for word, role in ROLES.items() for figure in _ground(facts.ground.of_role(role), word)),
+    )
+
+
+def exterior_sigmas(photo: ExteriorOrientation) -> np.ndarray:
+    """(6,) standard errors of X, Y, Z in m and of omega, phi, kappa in degrees; NaN where they are not known."""
+    if photo.covariance is None:
+        return np.full(6, np.nan)
+    return np.sqrt(np.diag(np.array(photo.covariance))) * np.repeat([1.0, np.degrees(1.0)], 3)
+
+
+def _photographs(facts: Facts) -> Iterator[Figure]:
+    block = facts.block
+    yield Figure(
+        name="photos_oriented", value=len(block.photos), sentence=f"of {len(facts.photos.photos)} photographs", headline=True
+    )
+    yield Figure(name="photos_unoriented", value=len(block.unoriented), sentence="Photographs that did not join the block.")
+    yield Figure(name="datum", value=block.datum)
+    yield Figure(
+        name="height_reference",
+        value=vertical_name(block.crs) or "not stated",
+        sentence="What heights count from. Not stated: from where the heights of control or positions count; state it as the part "
+        "of crs after a plus sign.",
+    )
+
+
+def _sigma0(facts: Facts) -> Iterator[Figure]:
+    # A fixed block without tie points has a nominal sigma0 in its table, because weights need one; nothing estimated it.
+    sigma0 = facts.block.sigma0_px if len(facts.image) else None
+    pixel = _pixel_um(facts.block)
+    precision = facts.precision
+    yield Figure(
+        name="sigma0_px",
+        value=sigma0,
+        unit="px",
+        headline=True,
+        sentence="Standard error of an image coordinate, estimated from the residuals and their redundancy; empty for a block of "
+        "another program that no tie points examine.",
+    )
+    yield Figure(
+        name="sigma0_um",
+        value=sigma0 * pixel if sigma0 and pixel else None,
+        unit="micrometres",
+        sentence="The same on the sensor or scan; empty when the pixel size is unknown.",
+    )
+    yield Figure(
+        name="sigma0_factor", value=precision.image_factor, sentence="Estimated by stated standard error of the image measurements."
+    )
+    yield Figure(
+        name="common_errors_px",
+        value=precision.common_px,
+        unit="px",
+        sentence="Displacements that whole regions of a photograph share (stabiliser, shutter, lens), from the residuals; all "
+        "standard errors include them. Empty where the residuals are white noise.",
+    )
+    yield Figure(
+        name="common_errors_of_camera",
+        value=None if precision.common_share is None else 100.0 * precision.common_share,
+        unit="%",
+        sentence="Of their variance, the part that is the same in all photographs of a camera.",
+    )
+
+
+def _pixel_um(block: Block) -> float | None:
+    """The pixel size that all cameras share; None where they differ, or one of them does not state it."""
+    sizes = {camera.pixel_um for camera in block.cameras.values()}
+    return sizes.pop() if len(sizes) == 1 else None
+
+
+def _observations(facts: Facts) -> Iterator[Figure]:
+    block, precision, points = facts.block, facts.precision, facts.points
+    yield Figure(name="redundancy", value=block.redundancy, sentence="Observations in excess of the unknowns.")
+    yield Figure(name="iterations", value=block.iterations, sentence="Of all adjustments, including those of the blunder tests.")
+    yield Figure(name="tie_points", value=len(points), sentence="Tie points on the ground, each seen by two photographs or more.")
+    yield Figure(
+        name="rays_per_point",
+        value=float(points.rays.mean()) if len(points) else None,
+        sentence="Photographs per tie point, on average.",
+    )
+    yield Figure(name="image_measurements", value=precision.rays, sentence="Points measured in photographs that took part.")
+    yield Figure(
+        name="image_measurements_rejected",
+        value=precision.rejected,
+        sentence="Measurements that contradicted the others and took no part.",
+    )
+
+
+def _precision(facts: Facts) -> Iterator[Figure]:
+    centre, points = np.array([exterior_sigmas(photo)[:3] for photo in facts.block.photos]), facts.points
+    yield Figure(
+        name="centre_sigma_plan",
+        value=_median(np.hypot(centre[:, 0], centre[:, 1])),
+        unit="m",
+        sentence="Median standard error of the projection centres in plan.",
+    )
+    yield Figure(name="centre_sigma_height", value=_median(centre[:, 2]), unit="m")
+    yield Figure(
+        name="ground_sigma_plan",
+        value=_median(np.hypot(points.sigma_x, points.sigma_y)),
+        unit="m",
+        sentence="Median standard error of the tie points in plan, including the effect of the orientation.",
+    )
+    yield Figure(name="ground_sigma_height", value=_median(points.sigma_z), unit="m")
+
+
+def _coverage(facts: Facts) -> Iterator[Figure]:
+    by_two, by_three = coverage(facts)
+    yield Figure(
+        name="covered_by_two", value=by_two, unit="%", sentence="Share of the photographed ground that two photographs or more see."
+    )
+    yield Figure(name="covered_by_three", value=by_three, unit="%")
+
+
+def _median(values: np.ndarray) -> float | None:
+    """The median of the known values."""
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else None
+
+
+def _ground(points: tuple[GroundResidual, ...], word: str) -> Iterator[Figure]:
+    if not points:
+        return
+    difference, predicted = np.array([p.difference for p in points]), np.array([p.predicted for p in points])
+    plan, height = np.sqrt((difference[:, :2] ** 2).sum(axis=1).mean()), np.sqrt((difference[:, 2] ** 2).mean())
+    ratio = np.sqrt(((difference / np.maximum(predicted, 1e-9)) ** 2).mean())
+    # Only check points are independent of the adjustment: their differences are its accuracy, the others its fit.
+    headline = word == "check"
+    yield Figure(name=f"{word}_count", value=len(points))
+    yield Figure(
+        name=f"{word}_rmse_plan",
+        value=float(plan),
+        unit="m",
+        headline=headline,
+        sentence=f"Root mean square difference in plan, {PLACES[word]}.",
+    )
+    yield Figure(
+        name=f"{word}_rmse_height",
+        value=float(height),
+        unit="m",
+        headline=headline,
+        sentence=f"The same in height, {PLACES[word]}.",
+    )
+    yield Figure(
+        name=f"{word}_by_predicted",
+        value=float(ratio),
+        sentence="Differences in units of their predicted standard errors, root mean square: about 1 when the stated precision is "
+        "realistic; well below, it could be stated better.",
+    )

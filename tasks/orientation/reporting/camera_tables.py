@@ -1,0 +1,59 @@
+"""The cameras of a block as tables: what the adjustment changed, and how strongly its parameters are correlated."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from orthomill.schemas.camera import INTERIOR, Camera
+from orthomill.schemas.stage_report import Grid
+from orthomill.tasks.orientation.reporting.block_facts import Facts
+
+K1 = INTERIOR.index("k1")
+
+
+def camera_grids(facts: Facts) -> tuple[Grid, ...]:
+    """The table of all cameras, and one of correlations for every camera that was adjusted."""
+    return _cameras(facts), *_correlations(facts)
+
+
+def _cameras(facts: Facts) -> Grid:
+    rows: list[tuple[str | float | None, ...]] = []
+    for name, camera in facts.block.cameras.items():
+        before, sigma = facts.before.cameras.get(name, camera), interior_sigmas(camera)
+        rows += [
+            (name, parameter, before.interior[i], camera.interior[i], sigma[i], camera.interior[i] - before.interior[i])
+            for i, parameter in enumerate(INTERIOR)
+        ]
+        # The unit of the calibration literature, in which k1 can be compared with published values.
+        k1, sigma_k1 = (before.k1 / before.c**2, camera.k1 / camera.c**2), sigma[K1]
+        rows.append((name, "k1 in px^-2", *k1, sigma_k1 / camera.c**2 if sigma_k1 else None, None))
+    return Grid(
+        title="Cameras",
+        columns=("camera", "parameter", "before", "adjusted", "standard error", "change"),
+        rows=tuple(rows),
+        note="c, x0, y0 in pixels. No standard error: the parameter was fixed. A standard error without a change: the parameter "
+        "was not adjusted, but its uncertainty was propagated to all results.",
+    )
+
+
+def _correlations(facts: Facts) -> Iterator[Grid]:
+    for name, camera in facts.block.cameras.items():
+        free = [i for i, sigma in enumerate(interior_sigmas(camera)) if sigma]
+        if len(free) < 2:
+            continue
+        covariance = np.array(camera.covariance)[np.ix_(free, free)]
+        scale = np.sqrt(np.diag(covariance))
+        values = covariance / np.outer(scale, scale)
+        yield Grid(
+            title=f"Correlations of the interior orientation, camera {name}",
+            columns=("", *(INTERIOR[i] for i in free)),
+            rows=tuple((INTERIOR[i], *(round(float(v), 2) for v in values[k])) for k, i in enumerate(free)),
+            note="Near 1 or -1: only the two together are known.",
+        )
+
+
+def interior_sigmas(camera: Camera) -> list[float | None]:
+    """Standard errors (8) of a camera in the order of INTERIOR; None for parameters that the block did not adjust."""
+    if camera.source != "block" or camera.covariance is None:
+        return [None] * len(INTERIOR)
+    return [float(np.sqrt(v)) if v > 0 else None for v in np.diag(np.array(camera.covariance))]
