@@ -1,7 +1,7 @@
-"""A block while it grows: triangulate, resect the photograph that sees most known points, triangulate, adjust, and so on.
+"""Incremental orientation of a block: intersect points, resect the photograph that sees most of them, intersect again, adjust.
 
-Tolerances are wide while starting values are rough, and a robust bundle follows whenever the block has grown by a third. A block
-grows from the relative orientation of one pair, or from approximate exterior orientations of many photographs.
+Tolerances are wide while starting values are approximate, and a robust bundle adjustment follows whenever the block has grown by a
+third. A block grows from the relative orientation of one pair, or from approximate exterior orientations of many photographs.
 """
 
 from dataclasses import dataclass, replace
@@ -22,22 +22,29 @@ from orthomill.tasks.orientation.relative.relative_orientation import FLIP
 
 cv2.setNumThreads(1)
 LEAST_ANGLE = np.radians(1.5)
+"""Points whose rays differ by less are not used while the block grows: the relative error of their depth is the error of a
+direction over this angle, a tenth for 0.15 degrees, which starting values easily have."""
 LEAST_POINTS = 8
+"""A resection needs three points; eight leave a redundancy with which a wrong position is recognised."""
+GROWN = 1.34
+"""A bundle adjustment follows when the block has grown by a third: adjusting after every photograph costs the square of their
+number, adjusting later lets the shape drift until further photographs do not fit."""
 ROUGH = (64.0, 16.0, 4.0, 2.0)
-"""How much wider than at the end the tolerances are while given orientations are refined."""
+"""Factors of the tolerances while given orientations are refined, from coarse to fine."""
 LEAST_SHARE = 0.5
-"""A start is given up where fewer of the measurements fit in the end."""
+"""A given start is refused where a smaller share of the measurements fits in the end."""
 STRANGE_START = (
-    "The tie points contradict the exterior orientation that was given as a start: hardly any of them intersect. It may be of "
-    "other photographs or in another convention of angles; leave it out, and the photographs are oriented from their tie points."
+    "The tie points contradict the exterior orientation that was given as a start: hardly any of them intersect. It may belong to "
+    "other photographs or use another convention of angles; leave it out, and the photographs are oriented from their tie points."
 )
 GROWTH_PARAMETERS = np.array(INTERIOR) == "k1"
-"""While a free block grows only radial distortion is adjusted: flat ground seen from above cannot tell c from the flying height."""
+"""Only radial distortion is adjusted while a free block grows: over flat ground, c and flying height are fully correlated."""
 
 
 @dataclass(frozen=True, eq=False)
 class GrowthMaterial:
-    """What the start is made from. `cameras` in the order of `interior`; `camera_of` (P,); `relative` between photos by `names`."""
+    """The input of the start. `cameras` in the order of `interior`; `camera_of` (P,) numbers; `relative` orientations by
+    `names`."""
 
     names: tuple[str, ...]
     camera_names: tuple[str, ...]
@@ -59,7 +66,7 @@ class Given:
 
 
 class BlockGrowth:
-    """A block while it grows: orientation of the placed photographs, known points, rays still believed."""
+    """The state of a growing block: orientation of the placed photographs, known points, rays that are not rejected."""
 
     def __init__(self, material: GrowthMaterial, free: np.ndarray):
         photos = len(material.names)
@@ -78,21 +85,22 @@ class BlockGrowth:
         self.refresh()
 
     def refresh(self) -> None:
-        """Ideal coordinates (M, 2) in units of c with the present interior orientations."""
+        """Recomputes the ideal coordinates (M, 2), in units of c, with the current interior orientations."""
         self.ideal = np.empty_like(self.rays.xy)
         for k, camera in enumerate(self.material.cameras):
             own = self.material.camera_of[self.rays.photo] == k
             self.ideal[own] = ideal(with_interior(camera, self.state.interior[k]), self.rays.xy[own])
+        # A new distortion may fold where the old one did not; such rays have no direction any more.
         self.good &= self.seen
 
     @property
     def seen(self) -> np.ndarray:
-        """(M,) bool: rays that the present distortion can be taken off from."""
+        """(M,) bool: rays for which the current distortion can be inverted."""
         return np.isfinite(self.ideal).all(axis=1)
 
     @property
     def tolerance(self) -> np.ndarray:
-        """(M,) px: beyond this a ray is not believed while starting values are rough."""
+        """(M,) px: rays with larger residuals are rejected while starting values are approximate."""
         return np.maximum(4.0, 8.0 * self.rays.sigma) * self.slack
 
     @property
@@ -107,11 +115,14 @@ class BlockGrowth:
         self.placed[photo] = True
 
     def misfit(self, index: np.ndarray) -> np.ndarray:
+        """(m,) px: lengths of the residuals of the rays at `index`."""
         return np.linalg.norm(residuals(self.state, self.rays.take(index), self.material.camera_of), axis=1)
 
     def triangulate(self) -> None:
-        """Intersects points that are not known yet but seen by two placed photographs or more; a point of three or more may lose
-        its worst ray."""
+        """Intersects the points that are not known yet and that two or more placed photographs see.
+
+        A point with three or more rays may lose its worst one, three times at most: a wrong match spoils the point, not the rays.
+        """
         for _ in range(3):
             index = np.flatnonzero(self.good & self.placed[self.rays.photo] & ~self.known[self.rays.point])
             count = np.bincount(self.rays.point[index], minlength=len(self.known))
@@ -135,8 +146,9 @@ class BlockGrowth:
             self.good[index[lose]] = False
 
     def _intersect(self, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Points (N, 3) nearest to the rays at `index`, and which of them see rays that differ by LEAST_ANGLE."""
+        """Points (N, 3) nearest to the rays at `index`, and (N,) bool: their rays intersect at LEAST_ANGLE or more."""
         photo, point = self.rays.photo[index], self.rays.point[index]
+        # Points nearest to their rays in space, and not in the image: the bundle adjustment follows, and this needs no start.
         directions = np.einsum("ni,nij->nj", np.column_stack([self.ideal[index], -np.ones(len(index))]), self.state.rotation[photo])
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         projector = np.eye(3) - directions[:, :, None] * directions[:, None, :]
@@ -145,6 +157,8 @@ class BlockGrowth:
         np.add.at(right, point, np.einsum("nij,nj->ni", projector, self.state.centre[photo]))
         np.add.at(mean, point, directions)
         mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12)
+        # The angle to the mean direction is half of the angle between two rays; for many rays it finds the widest without all
+        # pairs.
         off_axis = np.zeros(len(self.known))
         np.maximum.at(off_axis, point, np.arccos(np.clip((directions * mean[point]).sum(axis=1), -1, 1)))
         wide = off_axis > 0.5 * LEAST_ANGLE
@@ -153,7 +167,7 @@ class BlockGrowth:
         return points, wide
 
     def resect(self, photo: int) -> bool:
-        """Places a photograph by the known points that it sees: seeded P3P samples, then least squares on those that agree."""
+        """Resects a photograph from the known points that it sees: seeded P3P samples, then least squares on those that agree."""
         index = np.flatnonzero((self.rays.photo == photo) & self.known[self.rays.point] & self.good)
         if len(index) < LEAST_POINTS:
             self.attempts[photo] = f"only {len(index)} of its tie points are known in the block; {LEAST_POINTS} are needed"
@@ -163,6 +177,7 @@ class BlockGrowth:
             self.ideal[index],
             float(np.median(self.tolerance[index])) / self.state.interior[self.material.camera_of[photo], 0],
         )
+        # A fifth of the points at least: random wrong matches agree on some position, too.
         if pose is None or len(pose[2]) < max(LEAST_POINTS, 0.2 * len(index)):
             self.attempts[photo] = (
                 f"{0 if pose is None else len(pose[2])} of its {len(index)} tie points with the block agree on one position, which "
@@ -172,8 +187,8 @@ class BlockGrowth:
         agreed, c = index[pose[2]], self.state.interior[self.material.camera_of[photo], 0]
         if on_a_line(c * self.ideal[agreed], float(np.median(self.tolerance[agreed]))):
             self.attempts[photo] = (
-                "its tie points with the block lie on one line of its frame, which leaves its turn about this line open; it "
-                "needs tie points all over its frame"
+                "its tie points with the block lie on one line of its frame, which leaves the rotation about this line "
+                "undetermined; it needs tie points all over its frame"
             )
             return False
         self.place(photo, pose[0], pose[1])
@@ -181,8 +196,8 @@ class BlockGrowth:
         return True
 
     def bundle(self) -> None:
-        """A robust free adjustment of all that is placed; rays that do not fit afterwards are dropped, and points with fewer than
-        two rays."""
+        """A robust free adjustment of all placed photographs and known points; afterwards rays that do not fit are rejected, and
+        points left with fewer than two rays are no longer known."""
         index = np.flatnonzero(self.good & self.placed[self.rays.photo] & self.known[self.rays.point])
         active = np.flatnonzero(self.placed)
         number = np.full(len(self.placed), -1)
@@ -190,7 +205,9 @@ class BlockGrowth:
         rays = self.rays.take(index)
         rays = replace(rays, photo=number[rays.photo].astype(np.int32))
         sub = replace(self.state, rotation=self.state.rotation[active], centre=self.state.centre[active])
+        # With three photographs or fewer, k1 takes up what is wrong in the starting values.
         network = _free_network(self.material, active, self.placed.sum() >= 4)
+        # The robust limit follows the actual spread: stated standard errors do not hold while the block still bends.
         unit = max(spread(self.misfit(index) / rays.sigma), 0.5)
         sub, _ = minimise(network, sub, rays, 2.0 * unit, tolerance=1e-4)
         self.state.rotation[active], self.state.centre[active] = sub.rotation, sub.centre
@@ -199,12 +216,14 @@ class BlockGrowth:
         self.forget(index)
 
     def expel(self) -> None:
-        """Takes out photographs that hang on too few known points."""
+        """Removes photographs that see too few known points."""
         seen = np.bincount(self.rays.photo[self.good & self.known[self.rays.point]], minlength=len(self.placed))
         self.placed &= seen >= LEAST_POINTS
 
     def forget(self, index: np.ndarray) -> None:
+        """Rejects the rays at `index` that do not fit, and drops points with fewer than two rays."""
         misfit = self.misfit(index)
+        # Eight spreads, 3 px at least: wrong matches are mostly far off, and the blunder test of the final adjustment is stricter.
         unit = max(spread(misfit), 0.3)
         self.good[index[misfit > np.maximum(8.0 * unit, 3.0)]] = False
         alive = np.bincount(self.rays.point[index[self.good[index]]], minlength=len(self.known)) >= 2
@@ -212,7 +231,7 @@ class BlockGrowth:
 
 
 def grow(material: GrowthMaterial, seed: tuple[int, int, RelativeOrientation], free: np.ndarray) -> BlockGrowth | None:
-    """The block that grows from one pair among the `free` photographs; None when the pair does not hold."""
+    """The block that grows from one pair among the `free` photographs; None where the pair gives too few points."""
     growth = BlockGrowth(material, free)
     left, right, pair = seed
     growth.place(left, np.eye(3), np.zeros(3))
@@ -230,8 +249,8 @@ def grow(material: GrowthMaterial, seed: tuple[int, int, RelativeOrientation], f
 
 
 def from_given(material: GrowthMaterial, given: Given) -> BlockGrowth:
-    """The block that begins with approximate orientations: tolerances shrink from coarse to fine; photographs that contradict the
-    others then are taken out, and join again by their tie points like those without a start.
+    """The block that starts from approximate orientations: tolerances shrink from coarse to fine. Photographs that then contradict
+    the others are removed and resected again, as are those without an approximate orientation.
 
     Raises GeometryError where the tie points contradict the orientations.
     """
@@ -240,6 +259,7 @@ def from_given(material: GrowthMaterial, given: Given) -> BlockGrowth:
         growth.place(int(photo), given.rotation[photo], given.centre[photo])
     try:
         for growth.slack in ROUGH:
+            # Every round starts again with all rays: what the wide tolerances of the last one kept may be wrong.
             growth.known[:], growth.good[:] = False, growth.seen
             growth.triangulate()
             growth.bundle()
@@ -255,6 +275,7 @@ def from_given(material: GrowthMaterial, given: Given) -> BlockGrowth:
 
 
 def _finish(growth: BlockGrowth) -> None:
+    """Final tolerances; twice, because points that the first adjustment makes fit belong to the second."""
     growth.slack = 1.0
     for _ in range(2):
         growth.triangulate()
@@ -262,7 +283,7 @@ def _finish(growth: BlockGrowth) -> None:
 
 
 def _extend(growth: BlockGrowth) -> None:
-    """Adds photographs, those first that see most known points, until none can be added."""
+    """Adds photographs, those that see most known points first, until none can be added."""
     last = growth.placed.sum()
     while True:
         seen = np.bincount(growth.rays.photo[growth.good & growth.known[growth.rays.point]], minlength=len(growth.placed))
@@ -271,20 +292,21 @@ def _extend(growth: BlockGrowth) -> None:
         if added is None:
             return
         growth.triangulate()
-        if growth.placed.sum() >= max(1.34 * last, last + 1) or growth.placed[growth.free].all():
+        if growth.placed.sum() >= max(GROWN * last, last + 1) or growth.placed[growth.free].all():
             growth.bundle()
             growth.triangulate()
             last = growth.placed.sum()
 
 
 def _free_network(material: GrowthMaterial, active: np.ndarray, calibrate: bool) -> Network:
+    """The network of a free adjustment of the `active` photographs, without positions and control."""
     photos, interior = len(active), material.interior
     weighted = np.asarray(interior.weight.any(axis=(1, 2)))
     free = interior.free & GROWTH_PARAMETERS & (calibrate & weighted)[:, None]
-    held = replace(interior, free=free, considered=np.zeros_like(free))
+    fixed = replace(interior, free=free, considered=np.zeros_like(free))
     return Network(
         material.camera_of[active],
-        held,
+        fixed,
         np.zeros((photos, 3)),
         np.zeros((photos, 3)),
         np.zeros((material.points, 3)),
@@ -297,6 +319,7 @@ def _free_network(material: GrowthMaterial, active: np.ndarray, calibrate: bool)
 def _resection(points: np.ndarray, ideal_xy: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Rotation, centre and the agreeing numbers from points (n, 3) and ideal coordinates (n, 2) in units of c; None when nothing
     agrees."""
+    # Points about their median: P3P solves a quartic, whose coefficients lose their digits far from the origin.
     cv2.setRNGSeed(7)
     origin = np.median(points, axis=0)
     vision = np.ascontiguousarray(ideal_xy * [1.0, -1.0])

@@ -1,11 +1,10 @@
-"""Approximate exterior orientation of all photographs of a block, from nothing but tie points and cameras.
+"""Approximate exterior orientation of all photographs of a block from tie points and cameras alone.
 
-Strategy: connected groups of photographs are found; the largest is built from its strongest pair (many tie points that intersect
-well): triangulate, resect the photograph that sees most known points, triangulate, and so on, with a robust bundle whenever the
-block has grown by a third. What is left is grouped and built again, until no two photographs hang together: every group is kept,
-each in the system of its first photograph and in units of its base; `georeference` takes them to the ground. Where approximate
-exterior orientations are given, they are the start, and the tolerances begin as wide as these are rough. Every photograph that
-does not join is named with its reason.
+Strategy: photographs are grouped by their oriented pairs; the largest group grows from its strongest pair (many tie points that
+intersect at good angles, see `block_growth`). Photographs that are left are grouped again, until no two are connected: every group
+is kept, each in the system of its first photograph and in units of its base; `georeference` transforms them to the ground. Where
+approximate exterior orientations are given, the block starts from these. Every photograph that does not join is reported with its
+reason.
 """
 
 from collections.abc import Iterator
@@ -22,15 +21,18 @@ from orthomill.tasks.orientation.start.block_growth import BlockGrowth, Given, G
 
 TRUSTED = 0.9
 """A smaller share of measurements that fit makes the camera constants doubtful."""
+# The usual mistakes: a focal length for full frame taken for that of a half frame sensor, or photographs reduced to half their
+# size.
 OTHER_CONSTANTS = (0.5, 2.0)
 BETTER, LEFT = 1.1, 0.5
-"""Other constants are taken where so many times as many measurements fit with them, or so many times as few do not."""
+"""Other constants are used where the measurements that fit increase by the first factor, or those that do not fit fall to the
+second."""
 
 
 @dataclass(frozen=True, eq=False)
 class BlockStart:
-    """A model of the block in a system of its own: `photos` (p,) numbers of those that joined (the state's arrays hold all photos;
-    the others are meaningless), `known` (N,) points, `good` (M,) rays."""
+    """A model of the block in a system of its own: `photos` (p,) numbers of those that joined (the arrays of the state hold all
+    photos; rows of the others are undefined), `known` (N,) bool points, `good` (M,) bool rays."""
 
     state: State
     photos: np.ndarray
@@ -39,7 +41,7 @@ class BlockStart:
 
 
 def without_photo(start: BlockStart, photo: int) -> BlockStart:
-    """The start without a photograph (its rays are left out by those who look at `photos`)."""
+    """The start without a photograph; its rays are skipped wherever `photos` is respected."""
     return replace(start, photos=start.photos[start.photos != photo])
 
 
@@ -47,13 +49,15 @@ Blocks = tuple[list[BlockStart], tuple[Unoriented, ...]]
 
 
 def start_blocks(material: GrowthMaterial, given: Given | None = None) -> Blocks:
-    """All groups of photographs, the largest first, each oriented in a system of its own (that of `given` where they come from it),
-    and the photographs that are in none. Where many measurements do not fit, camera constants half and twice as large are tried,
-    and kept where far more fits. Raises GeometryError when no two photographs can be oriented."""
+    """All groups of photographs, the largest first, each oriented in a system of its own (that of `given` for the group started
+    from it), and the photographs that are in none. Where many measurements do not fit, camera constants half and twice as large are
+    tried, and kept where far more fits. Raises GeometryError when no two photographs can be oriented."""
+    # A wrong camera constant may leave no block at all: the failure is raised only when the other constants fail as well.
     try:
         best, failure = _blocks(material, given), None
     except GeometryError as error:
         best, failure = None, error
+    # A given start has its own constants; without one, a wrong constant shows in the share of measurements that fit nowhere.
     if given is None and _believed(material, best) < TRUSTED:
         for factor in OTHER_CONSTANTS:
             other = _tried(material, factor)
@@ -65,7 +69,7 @@ def start_blocks(material: GrowthMaterial, given: Given | None = None) -> Blocks
 
 
 def start_with(material: GrowthMaterial, constants: np.ndarray, given: Given | None = None) -> Blocks:
-    """The same with camera constants (C,) px instead of the given ones; no others are tried."""
+    """As `start_blocks` with camera constants (C,) px instead of the given ones; no others are tried."""
     value = material.interior.value.copy()
     value[:, 0] = constants
     return _blocks(replace(material, interior=replace(material.interior, value=value)), given)
@@ -80,7 +84,7 @@ def _tried(material: GrowthMaterial, factor: float) -> Blocks | None:
 
 
 def _fits_better(other: float, best: float) -> bool:
-    """By the shares of measurements that fit."""
+    """Compares the shares of measurements that fit."""
     return other > BETTER * best or 1.0 - other < LEFT * (1.0 - best)
 
 
@@ -95,6 +99,7 @@ def _believed(material: GrowthMaterial, blocks: Blocks | None) -> float:
 
 
 def _blocks(material: GrowthMaterial, given: Given | None) -> Blocks:
+    """All groups with the camera constants of `material`. Raises GeometryError when there is none."""
     twice = _given_twice(material)
     free = np.ones(len(material.names), bool)
     found: list[BlockGrowth] = []
@@ -121,6 +126,7 @@ def _blocks(material: GrowthMaterial, given: Given | None) -> Blocks:
 
 def _given_twice(material: GrowthMaterial) -> dict[int, str]:
     """Photographs that are copies of others, with the sentence; the first of several copies stays."""
+    # Two copies share all their points without parallax, and count every measurement twice in the adjustment.
     number = {name: i for i, name in enumerate(material.names)}
     found: dict[int, str] = {}
     for pair in sorted((p for p in material.relative if p.same_photo), key=lambda p: (number[p.left], number[p.right])):
@@ -130,12 +136,13 @@ def _given_twice(material: GrowthMaterial) -> dict[int, str]:
 
 
 def _next_group(material: GrowthMaterial, free: np.ndarray, tried: set[int]) -> np.ndarray | None:
-    """The largest group of two or more photographs that are still free and were not tried in vain."""
+    """The largest group of two or more `free` photographs, other than the groups that failed before."""
     groups = [group for group in _groups(material, free) if len(group) >= 2 and not tried.issuperset(map(int, group))]
     return groups[0] if groups else None
 
 
 def _no_block(material: GrowthMaterial) -> str:
+    """Why there is no block at all."""
     groups = _groups(material, np.ones(len(material.names), bool))
     if not groups or len(groups[0]) < 2:
         return "No two photographs could be oriented to each other, so there is no block; " + _best_failure(material)
@@ -146,7 +153,7 @@ def _no_block(material: GrowthMaterial) -> str:
 
 
 def _best_growth(material: GrowthMaterial, group: np.ndarray, free: np.ndarray) -> BlockGrowth | None:
-    """The growth among the `free` photographs that placed most; the first that placed the whole group ends the search."""
+    """The growth among the `free` photographs that places most of them; the search ends when the whole group is placed."""
     best = None
     for seed in _seeds(material, group):
         growth = grow(material, seed, free)
@@ -179,18 +186,20 @@ def _oriented_pairs(material: GrowthMaterial) -> list[tuple[int, int, RelativeOr
 
 
 def _seeds(material: GrowthMaterial, group: np.ndarray) -> list[tuple[int, int, RelativeOrientation]]:
-    """Up to three pairs to begin with: many kept matches, rays that meet at 6 degrees or more."""
+    """Up to three pairs to start from: many kept matches, rays that intersect at 6 degrees or more."""
+    # Neighbours have most matches but the worst depth: up to 6 degrees the angle counts as much as the number.
     inside = [pair for pair in _oriented_pairs(material) if pair[0] in group and pair[1] in group]
     return sorted(inside, key=lambda pair: -pair[2].kept * min(pair[2].intersection_deg / 6.0, 1.0))[:3]
 
 
 def _reasons(material: GrowthMaterial, growth: BlockGrowth, left: np.ndarray) -> Iterator[Unoriented]:
-    """One sentence for every photograph that is `left` outside of all groups."""
+    """One sentence for every photograph that is `left` out of all groups."""
     for photo in left:
         yield Unoriented(photo=material.names[photo], reason=_reason(material, growth, int(photo)))
 
 
 def _reason(material: GrowthMaterial, growth: BlockGrowth, photo: int) -> str:
+    """Why a photograph is in no group: by its tie points, its pairs, or its resection."""
     name = material.names[photo]
     if not (material.rays.photo == photo).any():
         return f"{name} has no tie points: it overlaps no other photograph, has too little texture, or only repeats another one."

@@ -1,7 +1,7 @@
 """The seven-parameter similarity transformation from a model to the project's system, weighted and robust.
 
-Points fix what they can; a direction that ought to be vertical helps where all points lie on one line and say nothing of the
-rotation about it. Source: Horn 1987 / Umeyama 1991 for the closed form.
+Points on one line leave the rotation about it undetermined; a direction of the model that should be vertical (verticality
+constraint) determines it. Source: Horn 1987 / Umeyama 1991 for the closed form.
 """
 
 from collections.abc import Iterator
@@ -22,12 +22,14 @@ class Similarity:
     shift: np.ndarray
 
     def apply(self, points: np.ndarray) -> np.ndarray:
+        """Transformed points (n, 3)."""
         return self.scale * points @ self.rotation.T + self.shift
 
 
 @dataclass(frozen=True, eq=False)
 class Upward:
-    """The model's direction (3,) that ought to be the vertical, and its weight in 1/rad^2 (0: unknown)."""
+    """A verticality constraint: the direction (3,) of the model that should be the vertical, and its weight in 1/rad^2 (0:
+    none)."""
 
     direction: np.ndarray
     weight: float
@@ -36,7 +38,7 @@ class Upward:
 def fit_similarity(model: np.ndarray, ground: np.ndarray, sigma: np.ndarray, upward: Upward) -> Similarity:
     """The similarity that takes `model` (n, 3) to `ground` (n, 3) m with standard errors `sigma` (n,) m.
 
-    Huber's weights on the residuals make single wrong positions harmless. Raises GeometryError with fewer than two points.
+    Huber's weights make single wrong points harmless. Raises GeometryError with fewer than two points.
     """
     if len(model) < 2:
         raise GeometryError(f"{len(model)} known points cannot place the block; two or more are needed.")
@@ -44,6 +46,7 @@ def fit_similarity(model: np.ndarray, ground: np.ndarray, sigma: np.ndarray, upw
     for _ in range(20):
         result = _closed_form(model, ground, weight, upward)
         size = np.linalg.norm(result.apply(model) - ground, axis=1) / sigma
+        # 1.54 is the median length of three normal components: the limit follows the actual misfit where all sigmas are too small.
         limit = 2.0 * max(1.0, float(np.median(size)) / 1.54)
         before, weight = weight, np.where(size <= limit, 1.0, limit / np.maximum(size, limit)) / sigma**2
         if np.array_equal(before, weight):
@@ -52,12 +55,13 @@ def fit_similarity(model: np.ndarray, ground: np.ndarray, sigma: np.ndarray, upw
 
 
 def consensus(model: np.ndarray, ground: np.ndarray, sigma: np.ndarray, upward: Upward, trusted: np.ndarray) -> np.ndarray:
-    """(n,) how far each point misses the similarity that most points agree on, in units of what it may miss.
+    """(n,) residuals of all points from the similarity on which most of them agree, in units of their tolerances.
 
-    A point may miss by three standard errors and by a fiftieth of the model's extent, for a free model bends. `trusted` (n,) bool
-    (surveyed control) wins over the others where three or more of it agree among themselves, for a whole set of positions may be
-    wrong alike. All points, the trusted ones, the others, and seeded triples are tried. Raises GeometryError.
+    The tolerance is three standard errors plus a fiftieth of the extent of the model, because a free model bends. `trusted` points
+    (n,) bool (surveyed control) win over the others where three or more of them agree, because a whole set of positions may have a
+    common error. All points, the trusted ones, the others, and seeded triples are tried. Raises GeometryError.
     """
+    # Three points have a redundancy of two: too little to say which of them is wrong.
     if len(model) < 4:
         return np.zeros(len(model))
     best, lowest = np.zeros(len(model)), np.inf
@@ -65,7 +69,9 @@ def consensus(model: np.ndarray, ground: np.ndarray, sigma: np.ndarray, upward: 
         fit = fit_similarity(model[own], ground[own], sigma[own], upward)
         allowed = 3.0 * sigma + 0.02 * fit.scale * float(np.linalg.norm(np.ptp(model, axis=0)))
         miss = np.linalg.norm(fit.apply(model) - ground, axis=1) / allowed
+        # Not all of the control must agree: single points may be misidentified or mistyped.
         agreed = (miss[trusted] < 1.0).sum() >= max(3, 0.7 * trusted.sum())
+        # Truncated at 1, so that a point far off costs no more than one that is just outside; the bonus outweighs all points.
         loss = float(np.minimum(miss, 1.0).sum()) - bonus - (len(model) if agreed else 0.0)
         if loss < lowest:
             best, lowest = miss, loss
@@ -73,20 +79,24 @@ def consensus(model: np.ndarray, ground: np.ndarray, sigma: np.ndarray, upward: 
 
 
 def _samples(trusted: np.ndarray) -> Iterator[tuple[np.ndarray, float]]:
-    """Sets of points to begin with; all points together win a tie."""
+    """Subsets of points, each with a bonus; all points together win a tie."""
     everything = np.arange(len(trusted))
     yield everything, 1e-6
     for own in (np.flatnonzero(trusted), np.flatnonzero(~trusted)):
         if 3 <= len(own) < len(trusted):
             yield own, 0.0
+    # Triples are the smallest sets that fix a similarity; with half of the points wrong, 60 hold one without a wrong point.
     rng = np.random.default_rng(11)
     for _ in range(60):
         yield rng.choice(everything, 3, replace=False), 0.0
 
 
 def _closed_form(model: np.ndarray, ground: np.ndarray, weight: np.ndarray, upward: Upward) -> Similarity:
+    """The weighted least-squares similarity."""
     centre_model, centre_ground = np.average(model, axis=0, weights=weight), np.average(ground, axis=0, weights=weight)
     x, X = model - centre_model, ground - centre_ground
+    # The ratio of the extents is independent of the rotation and starts the alternation between rotation and scale, which are
+    # coupled by the verticality constraint only.
     scale = np.sqrt((weight * (X**2).sum(axis=1)).sum() / (weight * (x**2).sum(axis=1)).sum())
     for _ in range(3):
         H = scale * (X * weight[:, None]).T @ x + upward.weight * np.outer([0.0, 0.0, 1.0], upward.direction)
@@ -97,15 +107,16 @@ def _closed_form(model: np.ndarray, ground: np.ndarray, weight: np.ndarray, upwa
 
 
 def turn_precision(points: np.ndarray, sigma: np.ndarray) -> float:
-    """Standard error in radians of the rotation about the line that fits known points (n, 3) m with `sigma` (n,) m best; inf
-    without any.
+    """Standard error (rad) of the rotation about the line that fits points (n, 3) m with standard errors `sigma` (n,) m best; inf
+    for fewer than three points.
 
-    Points on one line, or points as far from it as their own errors, do not fix this rotation.
+    Points on one line, or no farther from it than their own errors, do not determine this rotation.
     """
     if len(points) < 3:
         return np.inf
     weight = 1.0 / sigma**2
     offset = points - np.average(points, axis=0, weights=weight)
     scatter = np.linalg.eigvalsh((offset * weight[:, None]).T @ offset)
+    # Errors alone scatter points across the line: their expected contribution, two components of n - 2 points, is subtracted.
     dof = max(len(points) - 2.0, 0.0)
     return 1.0 / np.sqrt(max(scatter[0] + scatter[1] - 2.0 * dof, 1e-12))
