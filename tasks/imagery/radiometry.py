@@ -1,8 +1,8 @@
 """Grey values: one band from three, eight bits from sixteen.
 
-Matching needs one band. Grey is the luma of ITU-R BT.601, the weights that JPEG itself uses. Sixteen-bit photographs are
-stretched between two grey values found once for the whole photograph (on its coarsest pyramid level), never per tile: a tile
-must look like the whole.
+Matching needs one band. Grey is the luma of ITU-R BT.601, whose weights JPEG itself uses. Sixteen-bit photographs are stretched
+between two grey values found once for the whole photograph (on its coarsest pyramid level), never per tile: neighbouring tiles
+must have the same contrast.
 """
 
 import numpy as np
@@ -17,6 +17,7 @@ def grey(pixels: np.ndarray) -> np.ndarray:
         return pixels.astype(np.float32)
     if pixels.shape[2] == 1:
         return pixels[:, :, 0].astype(np.float32)
+    # Band by band: a matrix product would first convert all bands to float32, three times the memory of the result.
     total = np.multiply(pixels[:, :, 0], LUMA[0], dtype=np.float32)
     for band in (1, 2):
         total += np.multiply(pixels[:, :, band], LUMA[band], dtype=np.float32)
@@ -24,9 +25,10 @@ def grey(pixels: np.ndarray) -> np.ndarray:
 
 
 def grey_range(overview: np.ndarray) -> tuple[float, float]:
-    """The grey values that become 0 and 255, from a photograph's coarsest level: the whole range for 8 bits, percentiles for 16."""
+    """The grey values that become 0 and 255, from a photograph's coarsest level: the full range for 8 bits, percentiles for 16."""
     if overview.dtype == np.uint8:
         return 0.0, 255.0
+    # Percentiles, for a few dead or saturated pixels would otherwise take up most of the 256 levels.
     low, high = np.percentile(grey(overview), (0.1, 99.9))
     return float(low), float(max(high, low + 1.0))
 

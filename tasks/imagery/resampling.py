@@ -1,28 +1,11 @@
-"""Resampling at fractional pixels: bilinear and cubic (Keys 1981, a = -1/2) kernels.
+"""Resampling at a list of fractional pixels by cubic convolution (Keys 1981, a = -1/2).
 
-Points outside the pixel centres of the image give NaN, never an invented value. Close to the border, where the cubic kernel
-would leave the image, the border pixels are repeated.
+Points outside the pixel centres of the image give NaN, never an extrapolated value. Close to the border, where the kernel would
+leave the image, the border pixels are repeated.
 """
 
 import numpy as np
 from numba import njit
-
-
-@njit(cache=True)
-def _bilinear(image, pixels, out):
-    rows, cols, bands = image.shape
-    for i in range(pixels.shape[0]):
-        x, y = pixels[i, 0], pixels[i, 1]
-        if not (0.0 <= x <= cols - 1.0 and 0.0 <= y <= rows - 1.0):
-            out[i] = np.nan
-            continue
-        col, row = min(int(x), max(cols - 2, 0)), min(int(y), max(rows - 2, 0))
-        right, below = min(col + 1, cols - 1), min(row + 1, rows - 1)
-        u, v = x - col, y - row
-        for band in range(bands):
-            upper = (1.0 - u) * image[row, col, band] + u * image[row, right, band]
-            lower = (1.0 - u) * image[below, col, band] + u * image[below, right, band]
-            out[i, band] = (1.0 - v) * upper + v * lower
 
 
 @njit(cache=True, inline="always")
@@ -40,6 +23,7 @@ def _cubic(image, pixels, out):
     rows, cols, bands = image.shape
     for i in range(pixels.shape[0]):
         x, y = pixels[i, 0], pixels[i, 1]
+        # Stated as "not inside", so that NaN coordinates give NaN as well.
         if not (0.0 <= x <= cols - 1.0 and 0.0 <= y <= rows - 1.0):
             out[i] = np.nan
             continue
@@ -55,21 +39,12 @@ def _cubic(image, pixels, out):
             out[i, band] = total
 
 
-def sample_bilinear(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    """Values of `image` (rows, cols) or (rows, cols, bands) at `pixels` (N, 2) (col, row): (N,) or (N, bands) float64."""
-    return _sample(_bilinear, image, pixels)
-
-
 def sample_cubic(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     """Values of `image` (rows, cols) or (rows, cols, bands) at `pixels` (N, 2) (col, row): (N,) or (N, bands) float64.
 
     Source: Keys 1981, cubic convolution with a = -1/2; reproduces polynomials of the second degree.
     """
-    return _sample(_cubic, image, pixels)
-
-
-def _sample(kernel, image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     bands = image[:, :, None] if image.ndim == 2 else image
     out = np.empty((len(pixels), bands.shape[2]))
-    kernel(bands, np.ascontiguousarray(pixels, dtype=np.float64), out)
+    _cubic(bands, np.ascontiguousarray(pixels, dtype=np.float64), out)
     return out[:, 0] if image.ndim == 2 else out

@@ -1,4 +1,4 @@
-"""The EXIF orientation flag obeyed: which window of the file holds a window of the upright photograph, and the turn itself.
+"""The EXIF orientation: its flag, which window of the file holds a window of the upright photograph, and the rotation itself.
 
 Flags 1 to 4 keep rows as rows, 5 to 8 exchange rows and columns (EXIF 2.3, tag 0x0112).
 """
@@ -28,7 +28,8 @@ def upright_shape(orientation: int, height: int, width: int) -> tuple[int, int]:
 
 
 def upright(pixels: np.ndarray, orientation: int) -> np.ndarray:
-    """Pixels of the file (rows, cols, bands) turned and mirrored upright."""
+    """Pixels of the file (rows, cols, bands) rotated and mirrored upright."""
+    # Rows and columns are exchanged first: `_reversals` speaks of the axes of the upright photograph.
     if turned(orientation):
         pixels = pixels.swapaxes(0, 1)
     rows_back, cols_back = _reversals(orientation)
@@ -47,5 +48,5 @@ def file_window(window: Window, orientation: int, height: int, width: int) -> Wi
 
 
 def _reversals(orientation: int) -> tuple[bool, bool]:
-    """Whether rows and columns run backwards, after the exchange of rows and columns."""
+    """Whether rows and columns are reversed, after their exchange."""
     return orientation in (3, 4, 7, 8), orientation in (2, 3, 6, 7)

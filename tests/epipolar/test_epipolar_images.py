@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from plain_resampling import sample_bilinear
 from tiny_block import block, camera, photograph, photos, see, texture
 
 from orthomill.schemas.epipolar import PAIRS, GreyRange
@@ -14,7 +15,7 @@ from orthomill.tasks.epipolar.epipolar_image import TileOfPair, photograph_range
 from orthomill.tasks.epipolar.selection import PairChoice, choose_pairs
 from orthomill.tasks.epipolar.stage import EpipolarStage
 from orthomill.tasks.geometry.normal_case import epipolar_shape
-from orthomill.tasks.imagery.resampling import sample_bilinear, sample_cubic
+from orthomill.tasks.imagery.resampling import sample_cubic
 
 
 def pair():

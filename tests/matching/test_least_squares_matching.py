@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.ndimage import gaussian_filter, map_coordinates
+from known_warp import AFFINE, SHIFT, grid_points, noisy, texture, warped
+from scipy.ndimage import map_coordinates
 
 from orthomill.schemas.outcome import Outcome
 from orthomill.tasks.matching.least_squares.matching import PreparedImage, match_points, prepare
@@ -22,39 +23,11 @@ from orthomill.tasks.matching.least_squares.model import (
 )
 from orthomill.tasks.matching.smoothing import gaussian_weights, smoothed, with_gaps
 
-AFFINE = np.array([[0.95, -0.05], [0.03, 1.04]])
-SHIFT = np.array([3.3, -4.7])
-
-
-def texture(size=420, seed=5):
-    random = np.random.default_rng(seed)
-    layers = [gaussian_filter(random.standard_normal((size, size)), s) * s for s in (1.2, 2.5, 6.0)]
-    total = sum(layers)
-    return 120.0 + 35.0 * total / total.std()
-
-
-def warped(image):
-    """The right image: what lies at `left` is seen at AFFINE left + SHIFT."""
-    row, col = np.mgrid[: image.shape[0], : image.shape[1]]
-    left = np.linalg.inv(AFFINE) @ (np.stack([col.ravel(), row.ravel()]) - SHIFT[:, None])
-    return map_coordinates(image, [left[1], left[0]], order=5, mode="nearest").reshape(image.shape)
-
-
-def grid_points(low=60, high=350, step=6):
-    """Sub-pixel points that fall on every phase."""
-    col, row = np.meshgrid(np.arange(low, high, step) + 0.37, np.arange(low, high, step) - 0.21)
-    return np.column_stack([col.ravel(), row.ravel()])
-
 
 @pytest.fixture(scope="module")
 def pair():
     left = texture()
     return left, warped(left), grid_points(), grid_points() @ AFFINE.T + SHIFT
-
-
-def noisy(image, gain, offset, sigma, seed):
-    noise = np.random.default_rng(seed).normal(0, sigma, image.shape)
-    return np.clip(np.rint(gain * image + offset + noise), 1, 255).astype(np.uint8)
 
 
 FORMULATIONS = {
