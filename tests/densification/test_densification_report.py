@@ -1,0 +1,163 @@
+"""The report of densification from counts that can be checked by hand, and the statistics of blocks."""
+
+import numpy as np
+import pytest
+from level_pair import GRID, level_pair
+
+from orthomill.schemas.epipolar import EpipolarPairs
+from orthomill.schemas.outcome import Outcome
+from orthomill.schemas.raster import Window
+from orthomill.schemas.surface import Provenance, Surface
+from orthomill.tasks.densification.matching_block import (
+    PRECISION_EDGES,
+    MatchingStatistics,
+    PairBlock,
+    match_pair_block,
+    sum_matching,
+)
+from orthomill.tasks.densification.report import completeness, median_of, report, y_parallax
+from orthomill.tasks.densification.stage import DensificationStage
+from orthomill.tasks.densification.surface_tile import CLASSES, SurfaceStatistics
+from orthomill.tasks.matching.dense.blocks import BLOCK, DenseMatching
+
+SURFACE = Surface(grid=GRID, height_low=-30.0, height_high=60.0)
+
+
+def matching(converged=800, failed=200, outside=500, y=(0.1, -0.1)) -> MatchingStatistics:
+    outcomes = [0] * len(Outcome)
+    outcomes[Outcome.CONVERGED], outcomes[Outcome.LOW_TEXTURE], outcomes[Outcome.OUTSIDE] = converged, failed, outside
+    precision = [0] * (len(PRECISION_EDGES) - 1)
+    precision[2] = converged
+    return MatchingStatistics(outcomes=tuple(outcomes), precision=tuple(precision), y_parallaxes=y)
+
+
+def cells(empty=10, one=50, agreed=30, disputed=2, filled=8) -> SurfaceStatistics:
+    classes = [0] * CLASSES
+    classes[3] = one + agreed + disputed + filled
+    return SurfaceStatistics(provenance=(empty, one, agreed, disputed, filled), precision=tuple(classes), spikes=4, lowest=1.234)
+
+
+def reported(parts=None, surface=None, names=("a-b", "b-c")):
+    parts = (matching(), matching(900, 100)) if parts is None else parts
+    pairs = EpipolarPairs(pairs=tuple(level_pair(name) for name in names[: len(parts)]))
+    return report(pairs, SURFACE, parts, surface or cells())
+
+
+def figures(found) -> dict:
+    return {figure.name: figure.value for figure in found.figures}
+
+
+def test_figures_of_matching_leave_out_nodes_outside_the_photographs():
+    found = figures(reported())
+    assert (found["pairs"], found["nodes"], found["nodes_matched"]) == (2, 2000, 1700)
+    assert found["completeness_nodes"] == 0.85
+    assert found["parallax_precision_median"] == 0.05, "all nodes are in the class of 0.04 to 0.06 px"
+
+
+def test_figures_of_the_surface_are_shares_of_the_measured_cells():
+    found = figures(reported())
+    assert found["cells_with_height"] == 90 and found["completeness_grid"] == 0.9
+    assert found["share_one_pair"] == round(50 / 90, 4) and found["share_agreed"] == round(30 / 90, 4)
+    assert found["share_disputed"] == round(2 / 90, 4) and found["share_filled"] == round(8 / 90, 4)
+    assert found["spikes_removed"] == 4 and found["height_lowest"] == 1.23 and found["height_highest"] is None
+    assert found["precision_median"] == pytest.approx(0.35 * GRID.cell)
+    assert (found["cell"], found["rows"], found["columns"]) == (GRID.cell, GRID.rows, GRID.cols)
+
+
+def test_headlines_are_the_two_figures_that_are_signed():
+    assert [f.name for f in reported().figures if f.headline] == ["completeness_nodes", "precision_median"]
+    assert all(f.sentence.endswith(".") for f in reported().figures)
+
+
+def test_the_table_of_pairs_turns_parallaxes_into_heights():
+    row = reported().grids[0].rows[0]
+    pair = level_pair()
+    mean = (pair.parallax_low + pair.parallax_high) / 2
+    assert row[:4] == ("a-b", 800, 0.8, 0.05)
+    assert row[4] == round(0.05 * pair.base * pair.c / mean**2, 3) and row[5] == 0.0
+
+
+def test_the_outcomes_of_every_pair_are_listed():
+    grid = reported().grids[1]
+    assert grid.columns == ("outcome", "a-b", "b-c") and len(grid.rows) == len(Outcome)
+    assert (Outcome.LOW_TEXTURE.sentence, 200, 100) in grid.rows
+
+
+def test_the_origin_of_the_heights_is_listed_by_code():
+    rows = reported().grids[2].rows
+    assert [row[0] for row in rows] == list(Provenance) and [row[2] for row in rows] == [10, 50, 30, 2, 8]
+    assert sum(row[3] for row in rows) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_sound_surface_causes_no_warning():
+    assert not reported().warnings
+
+
+def test_pairs_with_many_failures_are_named_worst_first():
+    warning = reported((matching(600, 400), matching(300, 700))).warnings[0]
+    assert "In 2 of 2 pairs fewer than 70 %" in warning and warning.index("b-c 30 %") < warning.index("a-b 60 %")
+
+
+def test_a_y_parallax_that_the_orientation_left_is_reported_for_its_pair():
+    warnings = reported((matching(), matching(y=(-0.8, -0.6, -0.7)))).warnings
+    assert len(warnings) == 1 and "Pair b-c" in warnings[0] and "-0.70 px" in warnings[0]
+
+
+def test_disputed_and_empty_surfaces_are_reported():
+    assert "disagree on 25 %" in reported(surface=cells(one=50, agreed=10, disputed=20, filled=0)).warnings[0]
+    assert "is empty" in reported(surface=cells(100, 0, 0, 0, 0)).warnings[0]
+
+
+def test_nothing_matched_gives_no_numbers():
+    none = matching(0, 0, 100, y=())
+    found = figures(reported((none,), cells(100, 0, 0, 0, 0)))
+    assert found["completeness_nodes"] is None and found["share_one_pair"] is None
+    assert completeness(none) is None and y_parallax(none) is None
+
+
+def test_a_median_of_classes_is_linear_within_its_class():
+    edges = np.array([0.0, 1.0, 2.0, 4.0])
+    assert median_of((3, 0, 1), edges) == pytest.approx(2.0 / 3.0)
+    assert median_of((0, 4, 0), edges) == 1.5 and median_of((1, 0, 3), edges) == pytest.approx(2.0 + 2.0 / 3.0)
+    assert median_of((0, 0, 0), edges) is None
+
+
+def test_statistics_of_blocks_add_up():
+    total = sum_matching((matching(), matching(10, 20, 30, y=(0.5,))))
+    assert total.outcomes[Outcome.CONVERGED] == 810 and total.outcomes[Outcome.LOW_TEXTURE] == 220
+    assert total.precision[2] == 810 and total.y_parallaxes == (0.1, -0.1, 0.5)
+
+
+def test_a_block_reads_its_square_and_what_the_parallaxes_can_reach():
+    pair = level_pair()
+    block = PairBlock(pair, Window(0, 0, 10, 10), 4)
+    assert block.core == Window(0, 0, BLOCK, BLOCK)
+    assert block.offset == pair.left_col0 - pair.right_col0
+    assert block.parallaxes.low <= pair.parallax_low + block.offset < pair.parallax_high + block.offset <= block.parallaxes.high
+    assert block.left.row == block.left.col == 0 and block.left.height <= pair.rows
+    assert block.right.width <= pair.right_cols
+
+
+def test_a_block_without_a_right_image_is_outside_and_has_no_parallax():
+    beyond = level_pair(right_col0=level_pair().right_col0 - 5000.0)
+    block = PairBlock(beyond, Window(0, 0, 9, 7), 4)
+    assert block.right.empty
+    found = match_pair_block(block, DenseMatching(step=4), np.full(block.left.shape, 100, np.uint8))
+    assert found.nodes.shape == (9, 7, 3) and np.isnan(found.nodes).all() and found.outcome.shape == (9, 7)
+    assert not (found.outcome == Outcome.CONVERGED).any()
+    assert sum(found.statistics.outcomes) == 63 and sum(found.statistics.precision) == 0
+
+
+def test_the_settings_of_a_stage_reach_its_tiles():
+    stage = DensificationStage.model_validate(
+        {
+            "kind": "densification",
+            "gridding": {"max_jump": 0.7},
+            "fusion": {"agreement": 2.0},
+            "spikes": {"rounds": 5},
+            "fill": {"kind": "interpolate", "max_gap": 3.0},
+        }
+    )
+    rules = stage.rules
+    assert rules.gridding.max_jump == 0.7 and rules.fusion.agreement == 2.0
+    assert rules.spikes.rounds == 5 and rules.fill.reach(1.0) == 3
