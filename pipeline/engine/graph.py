@@ -10,6 +10,7 @@ from itertools import product
 from pathlib import Path
 
 from orthomill.pipeline.engine import fingerprint as fp
+from orthomill.pipeline.engine.job_signature import misfit
 from orthomill.pipeline.engine.records import Fingerprint, Key
 from orthomill.pipeline.export.exports import export as export_file
 from orthomill.pipeline.storage.store import aligned
@@ -73,6 +74,8 @@ class Graph:
 
     def add(self, job: Job | Export) -> PlannedJob | None:
         """Put a job into the graph; None when it is there already. Raises NoWriter, GraphError."""
+        if isinstance(job, Job) and (wrong := misfit(job)):
+            raise GraphError(wrong)
         planned = self._planned_export(job) if isinstance(job, Export) else self._planned_job(job)
         if job.key in self.jobs:
             if self.jobs[job.key].fingerprint != planned.fingerprint:

@@ -1,0 +1,44 @@
+"""Every setting that a workflow can hold is set by some test. Whether that test would notice is for its author to see to."""
+
+import importlib
+import pkgutil
+import re
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+import orthomill.schemas
+import orthomill.tasks
+from orthomill.schemas.settings import Settings
+
+HERE = Path(__file__).parent
+
+
+def settings_models() -> Iterator[type[Settings]]:
+    for package in (orthomill.schemas, orthomill.tasks):
+        for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+            importlib.import_module(module.name)
+    waiting = [Settings]
+    while waiting:
+        for model in waiting.pop().__subclasses__():
+            waiting.append(model)
+            if model.__module__.startswith(("orthomill.schemas", "orthomill.tasks")):
+                yield model
+
+
+def own_settings() -> list[tuple[str, str]]:
+    fields = {(model.__name__, name) for model in settings_models() for name in model.model_fields if name in model.__annotations__}
+    return sorted((model, name) for model, name in fields if name != "kind")
+
+
+@cache
+def texts() -> str:
+    return "\n".join(path.read_text() for path in HERE.rglob("*.py") if path.name != Path(__file__).name)
+
+
+@pytest.mark.parametrize(("model", "name"), own_settings())
+def test_a_setting_is_set_by_a_test(model, name):
+    as_argument, as_key, in_yaml = rf"\b{name}=(?!=)", rf"[\"']{name}[\"']\s*:", rf"\b{name}: "
+    assert re.search(f"{as_argument}|{as_key}|{in_yaml}", texts()), f"{model}.{name} is set by no test"
