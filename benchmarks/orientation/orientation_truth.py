@@ -9,7 +9,7 @@ import numpy as np
 
 from orthomill.schemas.orientation import Block
 from orthomill.tasks.geometry.rotation import rotation_matrix
-from orthomill.tasks.orientation.start.similarity import Upward, fit_similarity
+from orthomill.tasks.orientation.start.similarity import VerticalityConstraint, fit_similarity
 
 Pose = tuple[np.ndarray, np.ndarray]
 """rotation (3, 3) world to image, and projection centre (3,)"""
@@ -81,7 +81,7 @@ def agreement(own: dict[str, Pose], truth: dict[str, Pose]) -> Agreement:
     names = sorted(set(own) & set(truth))
     a, b = (np.array([poses[name][1] for name in names]) for poses in (own, truth))
     middle = b.mean(axis=0)
-    fit = fit_similarity(a, b - middle, np.full(len(a), 1e6), Upward(np.array([0.0, 0.0, 1.0]), 0.0))
+    fit = fit_similarity(a, b - middle, np.full(len(a), 1e6), VerticalityConstraint(np.array([0.0, 0.0, 1.0]), 0.0))
     distance = np.linalg.norm(fit.apply(a) - (b - middle), axis=1)
     U, _, Vt = np.linalg.svd(sum(truth[name][0].T @ own[name][0] for name in names))
     common = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt

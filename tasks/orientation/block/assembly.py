@@ -21,7 +21,7 @@ from orthomill.tasks.orientation.control.ground_points import approximate_points
 from orthomill.tasks.orientation.measurements import ground_rays
 from orthomill.tasks.orientation.start.block_growth import GrowthMaterial
 from orthomill.tasks.orientation.start.block_start import BlockStart
-from orthomill.tasks.orientation.start.georeference import Datum, Known, held
+from orthomill.tasks.orientation.start.georeference import Datum, Known, with_datum
 from orthomill.tasks.orientation.start.up_direction import TOP
 
 MEETING = 0.01
@@ -232,7 +232,7 @@ def _known_together(parts: list[Part], number: np.ndarray, photos: int) -> Known
     for part in parts:
         own = number[part.start.photos]
         position[own], sigma[own] = part.known.position, part.known.position_sigma
-        zenith[own], top[own] = part.known.zenith, part.known.top
+        zenith[own], top[own] = part.known.up, part.known.top
         in_first = part.datum.similarity.apply(part.known.control_model) + part.datum.origin - parts[0].datum.origin
         model = np.where(np.isfinite(model), model, in_first)
     first = parts[0].known
@@ -273,7 +273,7 @@ def starting_values(
     start.point[problem.ties :] = np.nan_to_num(surveyed)
     state = State(start.rotation, start.centre, start.point, parts[0].model.interior, np.zeros(3))
     network = replace(_network(material, problem, start.vertical, count), up=start.zenith)
-    network = held(network, known, datum, problem.ties)
+    network = with_datum(network, known, datum, problem.ties)
     finite = np.asarray(np.isfinite(surveyed).all(axis=1))
     good = problem.good & _usable(problem, network, state, finite)
     return _with_distances(network, problem, datum, good), state, good
@@ -291,9 +291,9 @@ def _placed_parts(problem: Problem, parts: list[Part], datum: Datum, vertical_si
         fresh = part.start.known & ~filled
         start.point[: problem.ties][fresh] = fit.apply(part.model.point[fresh]) + offset
         filled |= fresh
-        if part.datum.zenith is not None:
-            known = np.isfinite(part.datum.zenith).all(axis=1)
-            start.zenith[own[known]] = part.datum.zenith[known]
+        if part.datum.up is not None:
+            known = np.isfinite(part.datum.up).all(axis=1)
+            start.zenith[own[known]] = part.datum.up[known]
             # vertical_sigma is that of the mean over the photographs, so each gets its share of the weight.
             start.vertical[own[known]] = 1.0 / (vertical_sigma**2 * known.sum())
     return start

@@ -21,7 +21,7 @@ from orthomill.tasks.orientation.exterior.fixed_block_doubts import elsewhere, r
 from orthomill.tasks.orientation.exterior.sources import ForeignSource, read_foreign
 from orthomill.tasks.orientation.interchange.foreign_block import ForeignBlock, ForeignPose, upright_block
 from orthomill.tasks.orientation.results.block_tables import BlockTables
-from orthomill.tasks.orientation.start.similarity import Similarity, Upward, fit_similarity
+from orthomill.tasks.orientation.start.similarity import Similarity, VerticalityConstraint, fit_similarity
 
 REJECTED = 5.0
 """Tie points with larger residuals, in robust standard deviations, are taken for wrong matches and not for a wrong orientation."""
@@ -150,7 +150,7 @@ def _similarity(block: ForeignBlock, known: list[Photo], model: np.ndarray, targ
     up = np.mean([pose.rotation[2] for pose in block.poses.values()], axis=0)
     # Positions of one strip leave the rotation about their line open; only there the mean viewing axis takes part.
     weight = 1.0 / UP_SIGMA**2 if spread[1] < COLLINEAR * spread[0] else 0.0
-    return fit_similarity(model, target, sigma, Upward(up / np.linalg.norm(up), weight))
+    return fit_similarity(model, target, sigma, VerticalityConstraint(up / np.linalg.norm(up), weight))
 
 
 def _examined(photos: Photos, views: list[View], ties: TiePoints | None) -> _Examined:

@@ -1,8 +1,8 @@
-"""From a model in a system of its own to the project's system: what holds the block in space, and how strongly.
+"""From a model in a system of its own to the project's system: which observations define the datum, and how strongly.
 
-Positions of the projection centres and control points together fix place, rotation and scale, as far as they can. Points on one
-line say nothing of the rotation about it: then (and only then) the vertical as the photographs show it on average (`zenith`)
-holds the block, within a stated standard error, and the datum sentence says so. With fewer than two known points the network stays
+Positions of the projection centres and control points together define location, orientation and scale, as far as they can. Points
+on one line leave the rotation about it undetermined: then (and only then) the mean up direction of the photographs serves as a
+verticality constraint with a stated standard error, and the datum sentence says so. With fewer than two known points the network is
 free.
 """
 
@@ -21,25 +21,40 @@ from orthomill.schemas.findings.block_findings import (
     TiltUnobserved,
 )
 from orthomill.tasks.adjustment.model.network import Network, State
-from orthomill.tasks.orientation.start.similarity import Similarity, Upward, consensus, fit_similarity, turn_precision
-from orthomill.tasks.orientation.start.up_direction import DOWN, SENTENCES, Basis, Looking, expected_zenith, upward
+from orthomill.tasks.orientation.start.similarity import (
+    Similarity,
+    VerticalityConstraint,
+    consensus,
+    fit_similarity,
+    turn_precision,
+)
+from orthomill.tasks.orientation.start.up_direction import DOWN, SENTENCES, Basis, Looking, expected_up, up_direction
 
 WEAK_TURN = np.radians(1.0)
+"""A rotation about the line of the known points that is less precise needs the verticality constraint: one degree moves the ground
+below a strip flown at 100 m by 1.7 m."""
+CROWDED = 3.0
+"""Known points within so many of their standard errors of each other give neither scale nor direction."""
 BENDS = 0.02
-"""A free model bends by this share of its extent before anything holds it."""
+"""A free model is deformed by up to this share of its extent, because nothing but its own tie points determines its shape."""
 UPWARD = 0.5
-"""The photographs look upwards (or downwards) where their mean axis has a vertical part of so much."""
+"""The photographs look upwards (or downwards) where the vertical component of their mean axis exceeds this."""
 FAR = 5.0
-"""A known point that misses the consensus by this many times what it may miss is set aside."""
+"""Known points whose residual from the consensus exceeds so many tolerances are set aside; nearer ones the blunder test
+examines."""
+ONE_SIDED = 0.1
+"""Control lies on one line where its extent across is smaller than this share of its extent along."""
+MISFIT = 4.0
+"""Median misfit, in standard errors, from which positions and control are reported to disagree with the shape of the block."""
 
 
 @dataclass(frozen=True, eq=False)
 class Known:
     """What is known in the project's system: `position`, `position_sigma` (P, 3) of the placed photographs (NaN: unknown);
     `control`, `control_sigma` (n, 3) of the surveyed points (NaN and inf: only measured in photographs); `control_model` (n, 3)
-    where the model has them (NaN: cannot be intersected); `zenith` (P, 3) in the image systems by attitudes (NaN: unknown),
-    `top` (P, 3) the directions to the tops of the photographs there; `distances`: numbers of two surveyed points, length, standard
-    error, m.
+    where the model has them (NaN: cannot be intersected); `up` (P, 3) the up directions in the image systems by attitudes (NaN:
+    unknown), `top` (P, 3) the directions to the tops of the photographs there; `distances`: numbers of two surveyed points, length,
+    standard error, m.
     """
 
     position: np.ndarray
@@ -47,72 +62,154 @@ class Known:
     control: np.ndarray
     control_sigma: np.ndarray
     control_model: np.ndarray
-    zenith: np.ndarray
+    up: np.ndarray
     top: np.ndarray
     distances: tuple[tuple[int, int, float, float], ...] = ()
 
     @property
+    def positioned(self) -> np.ndarray:
+        """(P,) bool: photographs with a known position."""
+        return np.isfinite(self.position).all(axis=1)
+
+    @property
     def placed(self) -> np.ndarray:
-        """(n,) bool: control points that the model has, too."""
+        """(n,) bool: control points that were intersected in the model."""
         return np.isfinite(self.control_model).all(axis=1) & np.isfinite(self.control).all(axis=1)
 
 
 @dataclass(frozen=True, eq=False)
 class Datum:
-    """Where the block goes: `similarity` into local coordinates, `origin` (3,) to be added to these, whether it is free, the
-    `zenith` (P, 3) that is expected in the image systems (NaN: of no use; None: not needed), what a reader must know, and which
-    positions (P,) and control points (n,) are set aside because they lie elsewhere."""
+    """The datum of a block: `similarity` into local coordinates, `origin` (3,) to be added to these, whether the network is free,
+    the expected `up` directions (P, 3) in the image systems (NaN: unknown; None: no verticality constraint is needed), findings for
+    the report, and which positions (P,) and control points (n,) are set aside because they lie elsewhere."""
 
     similarity: Similarity
     origin: np.ndarray
     free: bool
-    zenith: np.ndarray | None
+    up: np.ndarray | None
     sentence: str
     findings: tuple[BlockFinding, ...]
     positions_aside: np.ndarray
     control_aside: np.ndarray
 
 
+@dataclass(frozen=True, eq=False)
+class _CommonPoints:
+    """Projection centres and control points that are known both in the model and in the project's system: `model`, `ground` (n, 3),
+    `sigma` (n,) m, `surveyed` (n,) bool: control points."""
+
+    model: np.ndarray
+    ground: np.ndarray
+    sigma: np.ndarray
+    surveyed: np.ndarray
+
+    @property
+    def origin(self) -> np.ndarray:
+        """(3,) m: the origin of local coordinates, a round number near the site; by control where it is enough to trust it
+        alone."""
+        return np.round(np.median(self.ground[self.surveyed] if self.surveyed.sum() >= 3 else self.ground, axis=0))
+
+    @property
+    def local(self) -> np.ndarray:
+        """(n, 3) m: ground coordinates less the origin; map coordinates of millions of metres would cost the adjustment its
+        digits."""
+        return self.ground - self.origin
+
+    @property
+    def usable(self) -> bool:
+        """Whether there are two different points."""
+        return len(self.model) >= 2 and bool(np.ptp(self.model, axis=0).max() > 0)
+
+    @property
+    def crowded(self) -> bool:
+        """Whether the points lie within their standard errors of each other."""
+        return bool(np.linalg.norm(np.ptp(self.ground, axis=0)) < CROWDED * np.median(self.sigma))
+
+
+@dataclass(frozen=True, eq=False)
+class _DatumFit:
+    """The similarity that most points agree on, and which these are (n,) bool; of these the standard errors (m,), the residuals (m,
+    3) and the extent, m; the standard error (rad) of the rotation about their line."""
+
+    similarity: Similarity
+    near: np.ndarray
+    sigma: np.ndarray
+    residual: np.ndarray
+    extent: float
+    turn: float
+
+    @property
+    def weak(self) -> bool:
+        """Whether the rotation about the line of the points needs the verticality constraint."""
+        return self.turn > WEAK_TURN
+
+
 def choose_datum(
     model: State, known: Known, vertical_sigma: float, looking: Looking, shift: bool, origin: np.ndarray | None = None
 ) -> Datum:
-    """What holds the block; `vertical_sigma` (rad) and `looking` are used only where the known points leave a rotation open.
-    `shift`: the positions may all be off by one vector. `origin` (3,): the model already stands in a system of its own, by this
-    much off."""
-    has, placed = np.isfinite(known.position).all(axis=1), known.placed
-    position = _without_shift(model, known) if shift and placed.sum() >= 3 else known.position
-    source = np.vstack([model.centre[has], known.control_model[placed]])
-    if len(source) < 2 or np.ptp(source, axis=0).max() == 0:
+    """The datum of a model. `vertical_sigma` (rad) and `looking` are used only where the known points leave a rotation
+    undetermined. `shift`: the positions may have a common error. `origin` (3,): the model is in a system of given orientations
+    already, less this origin."""
+    points = _common_points(model, known, shift)
+    if not points.usable:
         return _free(model, known, origin)
-    target = np.vstack([position[has], known.control[placed]])
-    sigma = np.sqrt((np.vstack([known.position_sigma[has], known.control_sigma[placed]]) ** 2).mean(axis=1))
-    if np.linalg.norm(np.ptp(target, axis=0)) < 3.0 * np.median(sigma):
+    if points.crowded:
         free = _free(model, known, origin)
         return replace(free, findings=(*free.findings, PositionsCrowded()))
-    trusted = np.arange(len(source)) >= has.sum()
-    origin = np.round(np.median(target[trusted] if trusted.sum() >= 3 else target, axis=0))
-    zenith, basis = expected_zenith(model.rotation, known.zenith, known.top, looking, _direction(source))
-    upright, none = (Upward(upward(model.rotation, zenith), weight) for weight in (1.0 / vertical_sigma**2, 0.0))
-    on_a_line = turn_precision(target, np.maximum(sigma, 1e-6)) > WEAK_TURN
-    near = consensus(source, target - origin, np.maximum(sigma, 1e-6), upright if on_a_line else none, trusted) < FAR
-    if near.sum() < 2:
-        near[:] = True
-    extent = float(np.linalg.norm(np.ptp(target[near], axis=0)))
-    sigma = np.maximum(sigma, 1e-4 * extent)
-    turn = turn_precision(target[near], sigma[near])
-    weak = turn > WEAK_TURN
-    similarity = fit_similarity(source[near], (target - origin)[near], sigma[near], upright if weak else none)
-    misfit = (similarity.apply(source) - (target - origin))[near]
-    looks_up = None if has.any() else _looks_up(model, similarity, source[near], (target - origin)[near], sigma[near])
+    up, basis = expected_up(model.rotation, known.up, known.top, looking, _direction(points.model))
+    fit = _fit(points, VerticalityConstraint(up_direction(model.rotation, up), 1.0 / vertical_sigma**2))
+    # Positions lie above the ground by themselves; only control can turn a block upside down.
+    looks_up = None if known.positioned.any() else _looks_up(model, points, fit)
     if isinstance(looks_up, AxesExchanged):
         return replace(_free(model, known, None), findings=(looks_up,))
+    return _placed_datum(known, points, fit, up, basis, vertical_sigma, looks_up)
+
+
+def _placed_datum(
+    known: Known,
+    points: _CommonPoints,
+    fit: _DatumFit,
+    up: np.ndarray,
+    basis: Basis,
+    vertical_sigma: float,
+    looks_up: LooksUpward | None,
+) -> Datum:
+    has, placed = known.positioned, known.placed
     aside = np.zeros(len(has), bool), np.zeros(len(placed), bool)
-    aside[0][has], aside[1][placed] = ~near[~trusted], ~near[trusted]
-    findings = _findings(weak, basis, turn, vertical_sigma, known.control[placed & ~aside[1]], sigma[near], misfit, extent)
+    aside[0][has], aside[1][placed] = ~fit.near[~points.surveyed], ~fit.near[points.surveyed]
+    findings = _findings(fit, basis, vertical_sigma, known.control[placed & ~aside[1]])
     findings += (looks_up,) if looks_up else ()
     positions, control = int((has & ~aside[0]).sum()), int((placed & ~aside[1]).sum())
-    sentence = _sentence(positions, control, basis if weak else None)
-    return Datum(similarity, origin, False, zenith if weak else None, sentence, findings, *aside)
+    sentence = _sentence(positions, control, basis if fit.weak else None)
+    return Datum(fit.similarity, points.origin, False, up if fit.weak else None, sentence, findings, *aside)
+
+
+def _common_points(model: State, known: Known, shift: bool) -> _CommonPoints:
+    has, placed = known.positioned, known.placed
+    position = _without_shift(model, known) if shift and placed.sum() >= 3 else known.position
+    sigma = np.vstack([known.position_sigma[has], known.control_sigma[placed]])
+    return _CommonPoints(
+        np.vstack([model.centre[has], known.control_model[placed]]),
+        np.vstack([position[has], known.control[placed]]),
+        np.sqrt((sigma**2).mean(axis=1)),
+        np.arange(has.sum() + placed.sum()) >= has.sum(),
+    )
+
+
+def _fit(points: _CommonPoints, constraint: VerticalityConstraint) -> _DatumFit:
+    """The similarity of the points near the consensus, with the verticality constraint where these need it."""
+    local, sigma, none = points.local, np.maximum(points.sigma, 1e-6), replace(constraint, weight=0.0)
+    on_a_line = turn_precision(points.ground, sigma) > WEAK_TURN
+    near = consensus(points.model, local, sigma, constraint if on_a_line else none, points.surveyed) < FAR
+    if near.sum() < 2:
+        near[:] = True
+    extent = float(np.linalg.norm(np.ptp(points.ground[near], axis=0)))
+    # Not better than 1e-4 of the extent: a free model has errors of its own, and millimetres would let two points decide.
+    sigma = np.maximum(points.sigma, 1e-4 * extent)
+    turn = turn_precision(points.ground[near], sigma[near])
+    weak = turn > WEAK_TURN
+    similarity = fit_similarity(points.model[near], local[near], sigma[near], constraint if weak else none)
+    return _DatumFit(similarity, near, sigma[near], (similarity.apply(points.model) - local)[near], extent, turn)
 
 
 def _direction(points: np.ndarray) -> np.ndarray:
@@ -120,29 +217,33 @@ def _direction(points: np.ndarray) -> np.ndarray:
     return np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][0]
 
 
-def _looks_up(
-    model: State, similarity: Similarity, source: np.ndarray, target: np.ndarray, sigma: np.ndarray
-) -> AxesExchanged | LooksUpward | None:
-    """Control with X and Y exchanged shows the ground in a mirror, which is nearly the ground seen from below."""
-    if (similarity.rotation @ _mean_up(model))[2] > -UPWARD:
+def _looks_up(model: State, points: _CommonPoints, fit: _DatumFit) -> AxesExchanged | LooksUpward | None:
+    """Whether the photographs look upwards by their control. With X and Y exchanged, control shows the ground in a mirror, which is
+    nearly the ground seen from below."""
+    if (fit.similarity.rotation @ _mean_up(model))[2] > -UPWARD:
         return None
+    source, target = points.model[fit.near], points.local[fit.near]
     exchanged = target[:, [1, 0, 2]]
-    other = fit_similarity(source, exchanged, sigma, Upward(_mean_up(model), 0.0))
-    own, better = (float(np.sqrt(((fit.apply(source) - to) ** 2).sum(axis=1).mean())) for fit, to in
-                   ((similarity, target), (other, exchanged)))  # fmt: skip
+    other = fit_similarity(source, exchanged, fit.sigma, VerticalityConstraint(_mean_up(model), 0.0))
+    own, better = _rms(fit.similarity, source, target), _rms(other, source, exchanged)
     if (other.rotation @ _mean_up(model))[2] > UPWARD and 2.0 * better < own:
         return AxesExchanged(exchanged_m=better, given_m=own)
     return LooksUpward()
 
 
+def _rms(similarity: Similarity, source: np.ndarray, target: np.ndarray) -> float:
+    """Root mean square length of the residuals, m."""
+    return float(np.sqrt(((similarity.apply(source) - target) ** 2).sum(axis=1).mean()))
+
+
 def _mean_up(model: State) -> np.ndarray:
-    """The mean of the cameras' axes away from the ground."""
-    return upward(model.rotation, np.tile(DOWN, (len(model.rotation), 1)))
+    """Mean axis (3,) of the photographs, from the ground to the cameras."""
+    return up_direction(model.rotation, np.tile(DOWN, (len(model.rotation), 1)))
 
 
 def _without_shift(model: State, known: Known) -> np.ndarray:
-    """The positions (P, 3) less their median distance from where the control alone puts the photographs."""
-    placed, level = known.placed, Upward(np.array([0.0, 0.0, 1.0]), 0.0)
+    """The positions (P, 3) less their median difference from the projection centres that control alone gives."""
+    placed, level = known.placed, VerticalityConstraint(np.array([0.0, 0.0, 1.0]), 0.0)
     sigma = np.sqrt((known.control_sigma[placed] ** 2).mean(axis=1))
     origin = known.control[placed].mean(axis=0)
     fit = fit_similarity(known.control_model[placed], known.control[placed] - origin, sigma, level)
@@ -151,7 +252,7 @@ def _without_shift(model: State, known: Known) -> np.ndarray:
 
 
 def _free(model: State, known: Known, origin: np.ndarray | None) -> Datum:
-    """No datum: an upright system of our own, or that of given orientations; to scale where distances were measured."""
+    """A free network: in an upright system of its own, or that of given orientations; to scale where distances were measured."""
     length = _scale_of_distances(known)
     if origin is not None:
         similarity, what = Similarity(1.0, np.eye(3), np.zeros(3)), "place, direction and scale are those of the given orientation"
@@ -170,16 +271,16 @@ def _free(model: State, known: Known, origin: np.ndarray | None) -> Datum:
         np.zeros(3) if origin is None else origin,
         True,
         None,
-        f"Free network: neither positions nor control hold the block; {what}{scaled}; standard errors refer to the block's own "
+        f"Free network: neither positions nor control define a datum; {what}{scaled}; standard errors refer to the block's own "
         "shape.",
         (NoDatum(scaled=bool(length)),),
-        np.isfinite(known.position).all(axis=1),
+        known.positioned,
         known.placed,
     )
 
 
 def _upright(model: State) -> tuple[np.ndarray, float]:
-    """A rotation (3, 3) that puts the mean viewing direction down, and the height of the cameras above the ground."""
+    """A rotation (3, 3) that makes the mean viewing direction vertical, and the height of the cameras above the ground."""
     up = _mean_up(model)
     east = model.centre[-1] - model.centre[0]
     east = east - up * (east @ up)
@@ -189,7 +290,7 @@ def _upright(model: State) -> tuple[np.ndarray, float]:
 
 
 def _scale_of_distances(known: Known) -> float | None:
-    """Measured by model length, the median of all distances that the model has; None without any."""
+    """The median ratio of measured to model length over all distances whose points are in the model; None without any."""
     found = []
     for first, second, length, _ in known.distances:
         model = np.linalg.norm(known.control_model[second] - known.control_model[first])
@@ -199,49 +300,43 @@ def _scale_of_distances(known: Known) -> float | None:
 
 
 def _sentence(positions: int, control: int, basis: Basis | None) -> str:
-    held = []
+    known = []
     if control:
-        held.append(f"{control} ground control point{'s' * (control > 1)}")
+        known.append(f"{control} ground control point{'s' * (control > 1)}")
     if positions:
-        held.append(f"{positions} GNSS position{'s' * (positions > 1)} of the projection centres")
+        known.append(f"{positions} GNSS position{'s' * (positions > 1)} of the projection centres")
     kind = "Control" if control >= 3 else "GNSS" if positions else "Control"
-    lean = f"; the tilt about their common line rests {SENTENCES[basis]}" if basis else ""
-    return f"{kind}: the block is held by {' and '.join(held)}, each with its standard errors{lean}."
+    tilt = f"; the tilt about their common line rests {SENTENCES[basis]}" if basis else ""
+    return f"{kind}: the datum is defined by {' and '.join(known)}, each with its standard errors{tilt}."
 
 
-def _findings(
-    weak: bool,
-    basis: Basis,
-    turn: float,
-    vertical: float,
-    control: np.ndarray,
-    sigma: np.ndarray,
-    residual: np.ndarray,
-    extent: float,
-) -> tuple[BlockFinding, ...]:
+def _findings(fit: _DatumFit, basis: Basis, vertical_sigma: float, control: np.ndarray) -> tuple[BlockFinding, ...]:
+    """What is weak about the datum; `control` (n, 3) m: the control points in use."""
     found: list[BlockFinding] = []
-    if weak:
-        total = float(np.degrees(1.0 / np.sqrt(1.0 / turn**2 + 1.0 / vertical**2)))
-        alone = float(np.degrees(turn)) if np.isfinite(turn) else None
+    if fit.weak:
+        total = float(np.degrees(1.0 / np.sqrt(1.0 / fit.turn**2 + 1.0 / vertical_sigma**2)))
+        alone = float(np.degrees(fit.turn)) if np.isfinite(fit.turn) else None
         found.append(TiltUnobserved(tilt_sigma_deg=alone, basis=basis, sigma_deg=total))
     if len(control) >= 3:
         spread = np.linalg.svd(control[:, :2] - control[:, :2].mean(axis=0), compute_uv=False)
-        if spread[1] < 0.1 * spread[0]:
+        if spread[1] < ONE_SIDED * spread[0]:
             found.append(ControlOnALine())
-    length = np.linalg.norm(residual, axis=1)
-    size = float(np.median(length / sigma))
-    if size > 4.0 and np.median(length) > BENDS * extent:
+    length = np.linalg.norm(fit.residual, axis=1)
+    size = float(np.median(length / fit.sigma))
+    # Both tests: precise positions exceed their standard errors wherever a free model bends, without being wrong.
+    if size > MISFIT and np.median(length) > BENDS * fit.extent:
         found.append(DatumMisfit(ratio=size))
     return tuple(found)
 
 
-def held(network: Network, known: Known, datum: Datum, first_surveyed: int) -> Network:
-    """The network with the weights that the datum calls for; surveyed points are rows from `first_surveyed` on. Local
-    coordinates."""
+def with_datum(network: Network, known: Known, datum: Datum, first_surveyed: int) -> Network:
+    """The network with the observations and weights of the datum, in local coordinates; surveyed points are rows from
+    `first_surveyed` on."""
     named = first_surveyed + np.arange(len(known.control))
     if datum.free:
         return replace(network, free=True, named=named)
-    has = np.isfinite(known.position).all(axis=1)
+    has = known.positioned
+    # Positions and control set aside keep their values with weight zero: their residuals are still reported.
     usable = (has & ~datum.positions_aside)[:, None]
     centre = np.where(has[:, None], known.position - datum.origin, 0.0)
     weight = np.where(usable, 1.0 / np.where(usable, known.position_sigma, 1.0) ** 2, 0.0)

@@ -27,7 +27,7 @@ class Similarity:
 
 
 @dataclass(frozen=True, eq=False)
-class Upward:
+class VerticalityConstraint:
     """A verticality constraint: the direction (3,) of the model that should be the vertical, and its weight in 1/rad^2 (0:
     none)."""
 
@@ -35,7 +35,7 @@ class Upward:
     weight: float
 
 
-def fit_similarity(model: np.ndarray, ground: np.ndarray, sigma: np.ndarray, upward: Upward) -> Similarity:
+def fit_similarity(model: np.ndarray, ground: np.ndarray, sigma: np.ndarray, vertical: VerticalityConstraint) -> Similarity:
     """The similarity that takes `model` (n, 3) to `ground` (n, 3) m with standard errors `sigma` (n,) m.
 
     Huber's weights make single wrong points harmless. Raises GeometryError with fewer than two points.
@@ -44,7 +44,7 @@ def fit_similarity(model: np.ndarray, ground: np.ndarray, sigma: np.ndarray, upw
         raise GeometryError(f"{len(model)} known points cannot place the block; two or more are needed.")
     weight = 1.0 / sigma**2
     for _ in range(20):
-        result = _closed_form(model, ground, weight, upward)
+        result = _closed_form(model, ground, weight, vertical)
         size = np.linalg.norm(result.apply(model) - ground, axis=1) / sigma
         # 1.54 is the median length of three normal components: the limit follows the actual misfit where all sigmas are too small.
         limit = 2.0 * max(1.0, float(np.median(size)) / 1.54)
@@ -54,7 +54,9 @@ def fit_similarity(model: np.ndarray, ground: np.ndarray, sigma: np.ndarray, upw
     return result
 
 
-def consensus(model: np.ndarray, ground: np.ndarray, sigma: np.ndarray, upward: Upward, trusted: np.ndarray) -> np.ndarray:
+def consensus(
+    model: np.ndarray, ground: np.ndarray, sigma: np.ndarray, vertical: VerticalityConstraint, trusted: np.ndarray
+) -> np.ndarray:
     """(n,) residuals of all points from the similarity on which most of them agree, in units of their tolerances.
 
     The tolerance is three standard errors plus a fiftieth of the extent of the model, because a free model bends. `trusted` points
@@ -66,7 +68,7 @@ def consensus(model: np.ndarray, ground: np.ndarray, sigma: np.ndarray, upward: 
         return np.zeros(len(model))
     best, lowest = np.zeros(len(model)), np.inf
     for own, bonus in _samples(trusted):
-        fit = fit_similarity(model[own], ground[own], sigma[own], upward)
+        fit = fit_similarity(model[own], ground[own], sigma[own], vertical)
         allowed = 3.0 * sigma + 0.02 * fit.scale * float(np.linalg.norm(np.ptp(model, axis=0)))
         miss = np.linalg.norm(fit.apply(model) - ground, axis=1) / allowed
         # Not all of the control must agree: single points may be misidentified or mistyped.
@@ -91,7 +93,7 @@ def _samples(trusted: np.ndarray) -> Iterator[tuple[np.ndarray, float]]:
         yield rng.choice(everything, 3, replace=False), 0.0
 
 
-def _closed_form(model: np.ndarray, ground: np.ndarray, weight: np.ndarray, upward: Upward) -> Similarity:
+def _closed_form(model: np.ndarray, ground: np.ndarray, weight: np.ndarray, vertical: VerticalityConstraint) -> Similarity:
     """The weighted least-squares similarity."""
     centre_model, centre_ground = np.average(model, axis=0, weights=weight), np.average(ground, axis=0, weights=weight)
     x, X = model - centre_model, ground - centre_ground
@@ -99,7 +101,7 @@ def _closed_form(model: np.ndarray, ground: np.ndarray, weight: np.ndarray, upwa
     # coupled by the verticality constraint only.
     scale = np.sqrt((weight * (X**2).sum(axis=1)).sum() / (weight * (x**2).sum(axis=1)).sum())
     for _ in range(3):
-        H = scale * (X * weight[:, None]).T @ x + upward.weight * np.outer([0.0, 0.0, 1.0], upward.direction)
+        H = scale * (X * weight[:, None]).T @ x + vertical.weight * np.outer([0.0, 0.0, 1.0], vertical.direction)
         rotation = nearest_rotation(H)
         scale = float((weight * (X * (x @ rotation.T)).sum(axis=1)).sum() / (weight * (x**2).sum(axis=1)).sum())
         scale = max(scale, 1e-9)

@@ -20,7 +20,7 @@ def test_two_strips_are_oriented_within_their_standard_errors(volos_like):
     assert len(result.photos) == 6 and not result.unoriented
     assert np.abs(standardised_orientation(block, result)).max() < 4.5
     assert abs(result.sigma0_px / 0.3 - 1) < 0.05
-    assert result.datum.startswith("Control: the block is held by 8 ground control points")
+    assert result.datum.startswith("Control: the datum is defined by 8 ground control points")
 
 
 def test_wrong_measurements_are_rejected_and_right_ones_kept(volos_like):
@@ -93,7 +93,7 @@ def test_free_network_without_positions_and_control():
 def test_positions_alone_hold_two_strips():
     block = two_strips(4, control=0)
     result = orient(block)["block"]
-    assert result.datum.startswith("GNSS: the block is held by 6 GNSS positions") and "straight" not in result.datum
+    assert result.datum.startswith("GNSS: the datum is defined by 6 GNSS positions") and "straight" not in result.datum
     assert np.abs(standardised_orientation(block, result)).max() < 4.5
 
 

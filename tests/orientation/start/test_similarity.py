@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.geometry.rotation import rotation_matrix
-from orthomill.tasks.orientation.start.similarity import Upward, fit_similarity, turn_precision
+from orthomill.tasks.orientation.start.similarity import VerticalityConstraint, fit_similarity, turn_precision
 
-NO = Upward(np.array([0.0, 0.0, 1.0]), 0.0)
+NO = VerticalityConstraint(np.array([0.0, 0.0, 1.0]), 0.0)
 
 
 @settings(max_examples=40, deadline=None)
@@ -35,7 +35,7 @@ def test_points_on_a_line_are_levelled_by_the_vertical():
     rotation = rotation_matrix(0.3, -0.2, 1.0)
     up = rotation.T @ [0, 0, 1]
     ground = 7 * model @ rotation.T + 10
-    found = fit_similarity(model, ground, np.full(5, 1.0), Upward(up, 1e4))
+    found = fit_similarity(model, ground, np.full(5, 1.0), VerticalityConstraint(up, 1e4))
     assert np.allclose(found.rotation, rotation, atol=1e-6)
 
 
