@@ -6,7 +6,7 @@ the job writes one region, and otherwise a NamedTuple whose fields are the names
 on the data). The engine compares all of this with the annotations of the function when the graph is built.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Generic, TypeVar
 
@@ -89,8 +89,8 @@ class Job:
     stage: str
     item: str
     function: Callable[..., Any]
-    reads: dict[str, Region | tuple[Region, ...]]
-    writes: dict[str, Raster | Table]
+    reads: Mapping[str, Region | tuple[Region, ...]]
+    writes: Mapping[str, Raster | Table]
     params: dict[str, Any] = field(default_factory=dict)
     row: int = 0
     col: int = 0

@@ -5,9 +5,12 @@ Arrays are (rows, cols) or (rows, cols, bands). A window is half open. A chunk s
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
+
+Coordinates = TypeVar("Coordinates", float, np.ndarray)
 
 
 @dataclass(frozen=True, order=True)
@@ -89,7 +92,7 @@ class MapGrid(BaseModel):
         y = self.north - (np.arange(window.row, window.row + window.height) + 0.5) * self.cell
         return x, y
 
-    def pixel(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def pixel(self, x: Coordinates, y: Coordinates) -> tuple[Coordinates, Coordinates]:
         """(col, row) of ground points, float; cell centres are whole numbers."""
         return (x - self.west) / self.cell - 0.5, (self.north - y) / self.cell - 0.5
 

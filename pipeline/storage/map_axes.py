@@ -60,6 +60,6 @@ def _write_axis(group: zarr.Group, name: str, direction: str, values: np.ndarray
         # the grid has changed since an earlier run: its rasters are made anew, and their axes with them
         del group[name]
     axis, standard_name = _DIRECTIONS[direction]
-    attributes = {"axis": axis, "standard_name": standard_name, "units": "m", "_ARRAY_DIMENSIONS": [name]}
+    attributes: dict[str, Any] = {"axis": axis, "standard_name": standard_name, "units": "m", "_ARRAY_DIMENSIONS": [name]}
     array = group.create_array(name, shape=values.shape, dtype="float64", dimension_names=[name], attributes=attributes)
     array[:] = values
