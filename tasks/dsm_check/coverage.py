@@ -90,22 +90,15 @@ def choose_checked_pairs(
         raise GeometryError(
             "No pair of photographs shows the surface model: it is of another place or in another reference system. Check its CRS."
         )
-    chosen = tuple(
-        CheckedPair(
-            name=pair.name,
-            left=pair.left,
-            right=pair.right,
-            base_height=pair.base_height,
-            share=share,
-            box=_box(polygons[k], grid, tile),
-        )
-        for k, share in order
-        for pair in (pairs.pairs[k],)
-    )
+    chosen = tuple(_checked_pair(pairs.pairs[k], share, _box(polygons[k], grid, tile)) for k, share in order)
     # The orthoimages should resolve what the photographs show: coarser pixels lose the texture that matching needs.
     factor = pixels_per_cell or (2 if grid.cell > 1.5 * ground_pixel(block, surface) else 1)
     ratio = float(np.mean([1 / pair.base_height for pair in chosen]))
     return CheckedPairs(pairs=chosen, pixels_per_cell=factor, pixel_height=grid.cell / factor * ratio)
+
+
+def _checked_pair(pair: EpipolarPair, share: float, box: tuple[int, int, int, int]) -> CheckedPair:
+    return CheckedPair(name=pair.name, left=pair.left, right=pair.right, base_height=pair.base_height, share=share, box=box)
 
 
 def seen_ground(pair: EpipolarPair, block: Block, surface: Surface) -> np.ndarray:

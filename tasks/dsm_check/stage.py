@@ -267,19 +267,12 @@ class DsmCheckStage(Stage):
                 windows.append(window)
                 reads.append(read)
         rule = CorrectionRule(self.apply, self.significance, nodes, size, plan.pairs.pixel_height)
-        blocks = _coarser(tile.window, size)
         return Job(
             self.kind,
             "answer",
             correct_tile,
             {"heights": Raster(INPUT, tile.window), "nodes": tuple(reads)},
-            {
-                "dh": Raster(DH, tile.window),
-                "precision": Raster(PRECISION, tile.window),
-                "height": Raster(CORRECTED, tile.window),
-                "coarse": Raster(COARSE, blocks),
-                "counts": _counts_table(tile),
-            },
+            _checked_cells(tile, size),
             {"window": tile.window, "pairs": tuple(windows), "rule": rule},
             row=tile.row,
             col=tile.col,
@@ -305,6 +298,17 @@ def ortho_raster(pair: str, side: str) -> str:
 def node_raster(pair: str) -> str:
     """float32 (rows, cols, bands): see `nodes.BANDS`."""
     return f"dsm_check/nodes/{pair}"
+
+
+def _checked_cells(tile: Tile, size: int) -> dict[str, Raster | Table]:
+    """What a tile writes; size: cells along a coarse block."""
+    return {
+        "dh": Raster(DH, tile.window),
+        "precision": Raster(PRECISION, tile.window),
+        "height": Raster(CORRECTED, tile.window),
+        "coarse": Raster(COARSE, _coarser(tile.window, size)),
+        "counts": _counts_table(tile),
+    }
 
 
 def _counts_table(tile: Tile) -> Table[TileCounts]:

@@ -1,5 +1,7 @@
 """Epipolar images: what a pixel shows, that tiles make up the whole, and the jobs of the stage."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from plain_resampling import sample_bilinear
@@ -93,8 +95,7 @@ def test_outside_is_zero_and_inside_never():
 class FakeView:
     """What the stage may ask while it plans."""
 
-    class project:  # noqa: N801
-        tile = 128
+    project = SimpleNamespace(tile=128)
 
     def __init__(self, tables):
         self.tables = tables
