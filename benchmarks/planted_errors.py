@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.deformation import Bump, Deformation, planted, shape_of
 from benchmarks.measured_run import machine, write_result
 from orthomill.schemas.epipolar import PAIRS, EpipolarPairs
 from orthomill.schemas.orientation import BLOCK, Block
@@ -31,7 +32,6 @@ from orthomill.tasks.dsm_check.nodes import NodeTile, check_nodes
 from orthomill.tasks.dsm_check.stage import DsmCheckStage
 from orthomill.tasks.dsm_check.tile import CheckedCells, CorrectionRule, NodeWindow, correct_tile
 from orthomill.tasks.dsm_check.working_orthoimage import OrthoTile, ortho_tile
-from orthomill.tasks.simulation.deformation import Bump, Deformation, planted, shape_of
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,8 +1,8 @@
-"""The flight over a simulated scene: the camera, where each photograph was taken, and how it renders brightness.
+"""The flight over a simulated scene: the camera, the exterior orientations, and how each photograph renders brightness.
 
 Numbers after the Volos block (Karfis 2009; methods/relative_orientation_and_epipolar.md, section 4): scale 1:6800, c = 153.353 mm,
-23 cm frame, base 582 m; rotations of about a degree, kappa to two degrees, every second strip flown back. Everything random is
-drawn per flight in metres and degrees, so that another pixel size renders the same flight.
+23 cm frame, base 582 m; rotations of about a degree, kappa up to two degrees, every second strip in the opposite direction.
+Everything random is drawn per flight in metres and degrees, so that another pixel size renders the same flight.
 """
 
 from dataclasses import dataclass, replace
@@ -23,7 +23,12 @@ PLAIN = 38.0
 FULL_FRAME = 230.0
 """mm: the frame for which the principal point's offset is stated"""
 BLOCK = 8
-"""Surface windows begin on multiples of this many cells, as the renderer's coarse level wants."""
+"""Surface windows begin on multiples of this many cells, as the coarse level of the renderer requires."""
+_FULL_HEIGHT = 1043.0  # m: flying height of the full block, for which the scatter of positions below is stated
+_OFF_TRACK, _MOST_OFF = (5.0, 7.0, 6.0), 15.0  # m: standard deviations along, across and in height, and their limit
+_TILT, _MOST_TILT, _MOST_KAPPA = 0.8, 1.6, 2.0  # degrees
+_MARGIN = 12.0  # m of scene beyond what the photographs show
+_FLIGHT_DRAWS, _EXPOSURE_DRAWS = 1, 2  # streams of random numbers of a seed; vehicles have 3, the survey 4 and 5
 
 
 @dataclass(frozen=True)
@@ -53,17 +58,18 @@ class FlightSettings:
 
 @dataclass(frozen=True)
 class FlightExposure:
-    """How one photograph turns light into grey levels: offset + gain * (1 - vignetting * (r / r_corner)^2) * light."""
+    """How one photograph converts light to grey levels: offset + gain * (1 - vignetting * (r / r_corner)^2) * light."""
 
     number: int
-    """counted from 0; its noise and its vehicles hang on it"""
+    """counted from 0; determines noise and vehicles"""
     gain: tuple[float, float, float]
     offset: float
     vignetting: float
 
 
 def camera_of(flight: FlightSettings) -> Camera:
-    """The true camera: a Brown distortion of some 20 px in the corners (96 micrometres) and a principal point off the centre."""
+    """The true camera: a Brown distortion of some 20 px in the corners (96 micrometres) and an eccentric principal point."""
+    # All lengths scale with the pixel, so that every pixel size shows the same camera; the distortion is in units of c.
     size = round(flight.frame_mm * 1000.0 / flight.pixel_um)
     in_pixels = 1000.0 / flight.pixel_um
     offset = flight.frame_mm / FULL_FRAME * in_pixels
@@ -86,27 +92,31 @@ def camera_of(flight: FlightSettings) -> Camera:
 
 def orientations(flight: FlightSettings) -> tuple[ExteriorOrientation, ...]:
     """The true exterior orientations, strip by strip in the order of flight."""
-    generator = np.random.default_rng([flight.seed, 1])
-    size = flight.height / 1043.0
-    photos = []
-    for strip in range(flight.strips):
-        for number in range(flight.photos_per_strip):
-            back = strip % 2 == 1
-            place = flight.photos_per_strip - 1 - number if back else number
-            east = (place - (flight.photos_per_strip - 1) / 2) * flight.base_m
-            north = (strip - (flight.strips - 1) / 2) * flight.strip_distance
-            centre = np.array([CENTRE[0] + east, CENTRE[1] + north, PLAIN + flight.height])
-            centre += np.clip(generator.normal(0.0, (5.0, 7.0, 6.0)), -15.0, 15.0) * size
-            tilt = np.clip(generator.normal(0.0, 0.8, 2), -1.6, 1.6)
-            kappa = generator.uniform(-2.0, 2.0) + (180.0 if back else 0.0)
-            photos.append(
-                ExteriorOrientation(
-                    photo=f"volos_{strip + 1}_{number + 1}",
-                    centre=tuple(centre.round(4).tolist()),
-                    omega_phi_kappa=(*tilt.round(5).tolist(), round(float(kappa), 5)),
-                )
-            )
-    return tuple(photos)
+    generator = np.random.default_rng([flight.seed, _FLIGHT_DRAWS])
+    # All photos draw from one generator in turn, so the order of these loops is part of what the seed determines.
+    return tuple(
+        _orientation(flight, strip, number, generator)
+        for strip in range(flight.strips)
+        for number in range(flight.photos_per_strip)
+    )
+
+
+def _orientation(flight: FlightSettings, strip: int, number: int, generator: np.random.Generator) -> ExteriorOrientation:
+    """The orientation of one photo, `number` counted along the direction in which the strip is flown."""
+    back = strip % 2 == 1
+    place = flight.photos_per_strip - 1 - number if back else number
+    east = (place - (flight.photos_per_strip - 1) / 2) * flight.base_m
+    north = (strip - (flight.strips - 1) / 2) * flight.strip_distance
+    centre = np.array([CENTRE[0] + east, CENTRE[1] + north, PLAIN + flight.height])
+    centre += np.clip(generator.normal(0.0, _OFF_TRACK), -_MOST_OFF, _MOST_OFF) * (flight.height / _FULL_HEIGHT)
+    tilt = np.clip(generator.normal(0.0, _TILT, 2), -_MOST_TILT, _MOST_TILT)
+    kappa = generator.uniform(-_MOST_KAPPA, _MOST_KAPPA) + (180.0 if back else 0.0)
+    # Rounded as they are written to files, so that what is read back is the truth to the last digit.
+    x, y, z = centre.round(4).tolist()
+    omega, phi = tilt.round(5).tolist()
+    return ExteriorOrientation(
+        photo=f"volos_{strip + 1}_{number + 1}", centre=(x, y, z), omega_phi_kappa=(omega, phi, round(float(kappa), 5))
+    )
 
 
 def views(flight: FlightSettings) -> tuple[View, ...]:
@@ -117,25 +127,23 @@ def views(flight: FlightSettings) -> tuple[View, ...]:
 
 def exposure(flight: FlightSettings, number: int) -> FlightExposure:
     """Brightness rendering of photo `number`."""
-    generator = np.random.default_rng([flight.seed, 2, number])
+    generator = np.random.default_rng([flight.seed, _EXPOSURE_DRAWS, number])
+    # One gain for the exposure, and up to 3 % per band for the colour balance of the film.
     gain = generator.uniform(0.84, 1.12) * (1.0 + generator.uniform(-0.03, 0.03, 3))
-    return FlightExposure(
-        number,
-        tuple(gain.round(4).tolist()),
-        round(float(generator.uniform(-6.0, 10.0)), 2),
-        round(float(generator.uniform(0.08, 0.24)), 3),
-    )
+    red, green, blue = gain.round(4).tolist()
+    offset, vignetting = round(float(generator.uniform(-6.0, 10.0)), 2), round(float(generator.uniform(0.08, 0.24)), 3)
+    return FlightExposure(number, (red, green, blue), offset, vignetting)
 
 
 def scene_settings(flight: FlightSettings, buildings: int) -> SceneSettings:
-    """The scene under the flight: all that any photograph can see of ground above 0 m, in whole tens of metres.
+    """The scene under the flight: all ground above 0 m that any photograph can show, in multiples of ten metres.
 
-    Taken from a camera of fixed pixel count, so that the pixel size does not move the scene.
+    Computed with a camera of fixed pixel count, so that the scene does not depend on the pixel size.
     """
     coarse = views(replace(flight, pixel_um=flight.frame_mm))
     bounds = np.array([ground_bounds(view, 0.0, 2.0 * PLAIN) for view in coarse])
-    west, south = np.floor((bounds[:, :2].min(axis=0) - 12.0) / 10.0) * 10.0
-    east, north = np.ceil((bounds[:, 2:].max(axis=0) + 12.0) / 10.0) * 10.0
+    west, south = np.floor((bounds[:, :2].min(axis=0) - _MARGIN) / 10.0) * 10.0
+    east, north = np.ceil((bounds[:, 2:].max(axis=0) + _MARGIN) / 10.0) * 10.0
     return SceneSettings(flight.seed, float(west), float(south), float(east), float(north), flight.height, buildings)
 
 
@@ -167,9 +175,10 @@ def true_block(flight: FlightSettings, scene: Scene, crs: str) -> Block:
 def seen_window(view: View, scene: Scene, grid: MapGrid, pixels: Window) -> Window:
     """The window of `grid` that the photo window `pixels` can show, aligned to BLOCK cells.
 
-    Heights are bounded twice: first by the whole scene, then by what stands in the window found.
+    Heights are bounded twice: first by the whole scene, then by the objects in the window found.
     """
     bounds = scene_bounds(scene.settings)
+    # The second bounds are much tighter in the plain, and a third pass would gain nothing more.
     for _ in range(2):
         low, high = height_bounds(scene, bounds)
         bounds = _ground_under(view, pixels, low, high)
@@ -182,6 +191,7 @@ def seen_window(view: View, scene: Scene, grid: MapGrid, pixels: Window) -> Wind
 
 def _ground_under(view: View, pixels: Window, low: float, high: float) -> tuple[float, float, float, float]:
     """(west, south, east, north) of what a photo window shows between two heights, m."""
+    # Five points along each side: distortion bends the borders of a window outwards between its corners.
     col = np.linspace(pixels.col - 1.0, pixels.col + pixels.width, 5)
     row = np.linspace(pixels.row - 1.0, pixels.row + pixels.height, 5)
     border = np.array([(c, r) for c in col for r in row if c in (col[0], col[-1]) or r in (row[0], row[-1])])

@@ -1,6 +1,7 @@
-"""The functions of the stage's jobs: each puts the modules of this room together for one tile, one table or one report."""
+"""The functions of the stage's jobs: each combines the modules of this folder for one tile, one table or one report."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,11 +32,35 @@ from orthomill.tasks.simulation.surveying import SurveyPoint, SurveySettings, fi
 
 @dataclass(frozen=True)
 class Site:
-    """The scene, the flight over it and the grid of its rasters: all that the jobs share."""
+    """The scene, the flight over it and the grid of its rasters: what the jobs share."""
 
     scene: SceneSettings
     flight: FlightSettings
     grid: MapGrid
+
+
+class SceneTruth(NamedTuple):
+    """The grid of the true rasters, and the block of the true orientations and camera."""
+
+    grid: MapGrid
+    block: Block
+
+
+class PaintedTile(NamedTuple):
+    """One tile (rows, cols) of the scene: `surface` float32 m, `material` uint8, `building` uint16, `ortho` uint8 (..., 3)."""
+
+    surface: np.ndarray
+    material: np.ndarray
+    building: np.ndarray
+    ortho: np.ndarray
+
+
+class SurveyTables(NamedTuple):
+    """GNSS positions, control and check points, and the image measurements of these."""
+
+    positions: PositionRows
+    control: ControlRows
+    measurements: MeasurementRows
 
 
 def photo_raster_name(photo: str) -> str:
@@ -53,16 +78,17 @@ def place_table(number: int) -> Table[SurveyPoint]:
     return Table(f"simulation/place/{number}.json", SurveyPoint)
 
 
-def describe(site: Site, crs: str) -> dict[str, MapGrid | Block]:
+def describe(site: Site, crs: str) -> SceneTruth:
     """The grid of the truth, and the true block."""
-    return {"grid": site.grid, "block": true_block(site.flight, scene_of(site.scene), crs)}
+    return SceneTruth(site.grid, true_block(site.flight, scene_of(site.scene), crs))
 
 
-def paint(site: Site, window: Window) -> dict[str, np.ndarray]:
+def paint(site: Site, window: Window) -> PaintedTile:
     """One tile of the scene: height, material, building and colours."""
+    # The layout is drawn again in every job instead of being stored: it takes milliseconds and is kept per process.
     painted = painted_window(scene_of(site.scene), site.grid, window)
     surface = painted.surface
-    return {"surface": surface.height, "material": surface.material, "building": surface.building, "ortho": painted.colours}
+    return PaintedTile(surface.height, surface.material, surface.building, painted.colours)
 
 
 def see(surface: np.ndarray, site: Site, window: Window, wide: Window) -> np.ndarray:
@@ -71,7 +97,7 @@ def see(surface: np.ndarray, site: Site, window: Window, wide: Window) -> np.nda
 
 
 def sight_window(site: Site, window: Window) -> Window:
-    """The cells that may hide those of `window`, aligned to the blocks of the traversal."""
+    """The cells that may hide those of `window`, aligned to the blocks of the ray traversal."""
     reach = int(np.ceil(occlusion_reach(views(site.flight), scene_of(site.scene)) / site.grid.cell))
     grown = window.grown(reach)
     row, col = grown.row // BLOCK * BLOCK, grown.col // BLOCK * BLOCK
@@ -108,51 +134,69 @@ def place_point(
     return find_place(node, site.grid, window, (surface, material, visible))
 
 
-def survey_block(
-    places: tuple[SurveyPoint, ...], site: Site, settings: SurveySettings
-) -> dict[str, PositionRows | ControlRows | MeasurementRows]:
-    """What the surveyors hand over."""
+def survey_block(places: tuple[SurveyPoint, ...], site: Site, settings: SurveySettings) -> SurveyTables:
+    """The results of the survey."""
     control, measurements = survey(site.flight, settings, places)
-    return {"positions": positions(site.flight, settings), "control": control, "measurements": measurements}
+    return SurveyTables(positions(site.flight, settings), control, measurements)
 
 
 def report(
     control: ControlRows, measurements: MeasurementRows, site: Site, survey_settings: SurveySettings, boards: tuple[int, int, float]
 ) -> StageReport:
     """What was simulated. `boards`: photos of boards, boards on the floor, noise sigma of all photos."""
-    scene, flight, camera = scene_of(site.scene), site.flight, camera_of(site.flight)
-    roofs = scene.buildings.eaves + scene.buildings.rise
-    area = (site.scene.east - site.scene.west) * (site.scene.north - site.scene.south) / 1e4
-    figures = (
+    flight = site.flight
+    return StageReport(
+        figures=(
+            *_flight_figures(flight, boards[2]),
+            *_scene_figures(site),
+            _board_figure(boards[0], boards[1]),
+            *_survey_figures(survey_settings, len(measurements)),
+        ),
+        grids=(_orientation_grid(flight), _camera_grid(flight)),
+        charts=(_map(flight, control),),
+        pictures=_pictures(flight),
+        # Results on simulated photographs are better than on real ones: no film, no haze, no wind in the crowns.
+        warnings=("The photographs are simulated: the results do not show how well real photographs would perform.",),
+    )
+
+
+def _flight_figures(flight: FlightSettings, noise_sigma: float) -> tuple[Figure, ...]:
+    return (
         Figure(name="photos", value=len(views(flight)), sentence="Simulated aerial photographs."),
-        Figure(name="photo_width", value=camera.width, unit="px"),
+        Figure(name="photo_width", value=camera_of(flight).width, unit="px"),
         Figure(name="pixel_um", value=flight.pixel_um, unit="micrometres"),
         Figure(name="ground_pixel", value=round(flight.pixel_um * 1e-6 * flight.scale, 4), unit="m", sentence="On the plain."),
         Figure(name="flying_height", value=round(flight.height, 1), unit="m", sentence="Above the plain."),
         Figure(name="base", value=flight.base_m, unit="m"),
-        Figure(name="noise_sigma", value=boards[2], unit="grey levels"),
+        Figure(name="noise_sigma", value=noise_sigma, unit="grey levels"),
+    )
+
+
+def _scene_figures(site: Site) -> tuple[Figure, ...]:
+    scene, bounds = scene_of(site.scene), site.scene
+    roofs = scene.buildings.eaves + scene.buildings.rise
+    area = (bounds.east - bounds.west) * (bounds.north - bounds.south) / 1e4
+    return (
         Figure(name="area", value=round(area, 1), unit="ha"),
         Figure(name="buildings", value=len(scene.buildings)),
         Figure(name="gabled_roofs", value=int((scene.buildings.rise > 0).sum())),
         Figure(name="highest_roof", value=round(float(roofs.max()), 1), unit="m", sentence="Absolute height."),
         Figure(name="trees", value=len(scene.trees)),
         Figure(name="vehicles_per_photo", value=len(vehicles_of(scene, 0)), sentence="In the first photo; others have as many."),
-        Figure(
-            name="board_photos",
-            value=boards[0],
-            sentence=f"Of {boards[1]} boards with {CORNERS[0]} x {CORNERS[1]} inner corners and squares of {SQUARE} m.",
-        ),
-        Figure(name="gnss_sigma", value=survey_settings.gnss_sigma, unit="m"),
-        Figure(name="control_points", value=survey_settings.control),
-        Figure(name="check_points", value=survey_settings.check),
-        Figure(name="point_measurements", value=len(measurements), sentence=f"With sigma {survey_settings.image_sigma} px."),
     )
-    return StageReport(
-        figures=figures,
-        grids=(_orientation_grid(flight), _camera_grid(flight)),
-        charts=(_map(flight, control),),
-        pictures=_pictures(flight),
-        warnings=("The photographs are simulated: nothing here says how well real photographs would do.",),
+
+
+def _board_figure(photos: int, boards: int) -> Figure:
+    sentence = f"Of {boards} boards with {CORNERS[0]} x {CORNERS[1]} inner corners and squares of {SQUARE} m."
+    return Figure(name="board_photos", value=photos, sentence=sentence)
+
+
+def _survey_figures(settings: SurveySettings, measurements: int) -> tuple[Figure, ...]:
+    return (
+        Figure(name="gnss_sigma", value=settings.gnss_sigma, unit="m"),
+        Figure(name="control_points", value=settings.control),
+        Figure(name="check_points", value=settings.check),
+        Figure(name="point_measurements", value=measurements, sentence=f"With sigma {settings.image_sigma} px."),
     )
 
 
@@ -200,7 +244,7 @@ def _map(flight: FlightSettings, control: ControlRows) -> Chart:
 def _pictures(flight: FlightSettings) -> tuple[Picture, ...]:
     first = photo_raster_name(orientations(flight)[0].photo)
     return (
-        Picture(title="A simulated photograph", raster=first, style="rgb", caption="The first one, as the pipeline gets it."),
+        Picture(title="A simulated photograph", raster=first, style="rgb", caption="The first one, as the pipeline receives it."),
         Picture(title="True orthoimage", raster=TRUTH_ORTHO, style="rgb", caption="No vehicles; only the evaluation reads it."),
         Picture(title="True surface", raster=TRUTH_SURFACE, style="hillshade", unit="m"),
         Picture(title="Materials", raster=TRUTH_MATERIAL, style="classes", classes=MATERIAL_CLASSES),

@@ -2,13 +2,14 @@
 
 1. Rays (traversal.py) start from the true camera, distortion included. A ray that meets the top of a column takes the colours of
    the scene, interpolated among cells of the same object only; one that meets a wall takes wall colour with windows, so that
-   roofs do not smear down walls.
-2. The lens blurs with a Gaussian of PSF_SIGMA on top of the pixel's own area.
+   roofs are not smeared down walls.
+2. The lens blurs with a Gaussian of PSF_SIGMA in addition to the pixel's own area.
 3. Gain, offset and vignetting of the exposure, then noise hashed from photo, pixel and band.
-Every step is a function of the pixel's own numbers, so tiles fit together bit for bit.
+Every step depends on the pixel's own position only, so tiles fit together bit for bit.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -20,8 +21,8 @@ from orthomill.tasks.geometry.view import View
 from orthomill.tasks.simulation.flight import FlightExposure
 from orthomill.tasks.simulation.scene.ground_texture import AMBIENT, SUN, PaintedWindow
 from orthomill.tasks.simulation.scene.hash_noise import normal_of, uniform_of, value_noise
-from orthomill.tasks.simulation.scene.layout import Scene
-from orthomill.tasks.simulation.scene.traversal import NOTHING, TOP, columns_of, first_hit, safe_start, widened
+from orthomill.tasks.simulation.scene.layout import HouseColumn, Scene
+from orthomill.tasks.simulation.scene.traversal import NOTHING, TOP, Ray, columns_of, first_hit, safe_start, widened
 from orthomill.tasks.simulation.scene.vehicles import FIRST_NUMBER, vehicles_of, with_vehicles
 
 PSF_SIGMA = 0.45
@@ -30,12 +31,16 @@ HALO = 2
 """px around a window that the lens blurs into it"""
 _TREE = int(Material.TREE)
 _WATER = int(Material.WATER)
-_TREE_KEY = 1 << 20
+_TREE_KEY = 1 << 20  # above all numbers of buildings (16 bits): crowns are one object
+_PLASTER, _WARMTH, _DETAIL = 51, 52, 61  # layers of hashed noise, added to the seed
+_DETAIL_STRENGTH = np.float32(0.15)
+_SUBPIXEL = 0.25  # px: the four rays of a pixel pass through the middles of its quarters
+_BEYOND = 1000.0  # m below the camera's height that a ray is followed: beyond any ground
 
 
 @dataclass(frozen=True)
 class Film:
-    """What the photo's grey levels hang on besides the light."""
+    """What determines the photo's grey levels apart from the light."""
 
     exposure: FlightExposure
     noise_sigma: float
@@ -43,11 +48,43 @@ class Film:
     seed: int
 
 
+class _Frame(NamedTuple):
+    """The scene's grid and the photo window for the kernel: `row`, `col` of its first pixel, `octaves` of detail, the seed."""
+
+    west: float
+    north: float
+    cell: float
+    row: int
+    col: int
+    octaves: int
+    seed: int
+
+
+class _Paint(NamedTuple):
+    """Colours, materials, keys of the objects and mixed cells of a window of the scene, (rows, cols); houses as in the layout."""
+
+    colours: np.ndarray
+    material: np.ndarray
+    keys: np.ndarray
+    mixed: np.ndarray
+    houses: np.ndarray
+
+
+class _Optics(NamedTuple):
+    """Exposure for the kernel: the middle of the photo, the falloff per squared pixel from it, offset and noise in grey levels."""
+
+    middle_row: float
+    middle_col: float
+    falloff: float
+    offset: float
+    noise: float
+
+
 def render(scene: Scene, view: View, film: Film, pixels: Window, ground: tuple[MapGrid, Window, PaintedWindow]) -> np.ndarray:
     """The photo window `pixels`, uint8 (rows, cols, 3).
 
-    `ground` is the grid of the scene's rasters, the window of it that the photo window can show (`flight.seen_window`) and what is
-    there, without vehicles: this photo's own are added here.
+    `ground` is the grid of the scene's rasters, the window of it that the photo window can show (`flight.seen_window`) and its
+    content without vehicles: those of this photo are added here.
     """
     grid, window, painted = ground
     painted = with_vehicles(painted, grid, window, vehicles_of(scene, film.exposure.number))
@@ -62,22 +99,16 @@ def cast(scene: Scene, view: View, pixels: Window, ground: tuple[MapGrid, Window
     columns = columns_of(painted.surface.height, window, grid.cell)
     keys, mixed_cells = _object_keys(painted.surface.material, painted.surface.building)
     out = np.zeros((*pixels.shape, 3), np.float32)
-    top = float(columns.highest.max())
-    octaves = _detail_octaves(view, grid)
-    numbers = np.array([grid.west, grid.north, grid.cell, top, pixels.row, pixels.col, octaves, scene.settings.seed])
-    _cast(
-        out,
-        view.numbers,
-        numbers,
-        columns.numbers,
-        (painted.colours, painted.surface.material, keys, mixed_cells),
-        scene.buildings.table,
-    )
+    place = float(grid.west), float(grid.north), float(grid.cell)
+    frame = _Frame(*place, pixels.row, pixels.col, _detail_octaves(view, grid), scene.settings.seed)
+    paint = _Paint(painted.colours, painted.surface.material, keys, mixed_cells, scene.buildings.table)
+    _cast(out, view.numbers, frame, columns, paint)
     return out
 
 
 def _detail_octaves(view: View, grid: MapGrid) -> int:
-    """How many halvings of the cell the photo resolves: finer noise is added where the rasters of the scene end."""
+    """How many halvings of the cell the photo resolves: finer noise is added below the resolution of the scene's rasters."""
+    # About the height of the plain: the octave must be the same in the whole photo, or its change would show as an edge.
     ground_pixel = (view.centre[2] - 40.0) / view.camera.c
     return int(np.clip(np.floor(np.log2(grid.cell / ground_pixel)), 0, 3))
 
@@ -103,15 +134,16 @@ def _object_keys(material, building):
 
 @njit(cache=True, inline="always")
 def _top_colour(paint, row, col, fu, fv, out):
-    """Adds the colours at (fu, fv) of the window (cell corners) to `out`, interpolated among cells of the object of (row, col)."""
-    colours, _, keys, mixed_cells = paint
+    """Sets `out` to the colour at (fu, fv) of the window (cell corners), interpolated among cells of the object of (row, col)."""
+    colours, keys = paint.colours, paint.keys
     i, j = int(np.floor(fu - 0.5)), int(np.floor(fv - 0.5))
     if i < 0 or j < 0 or i + 1 >= keys.shape[1] or j + 1 >= keys.shape[0]:
         return
     wu, wv = np.float32(fu - 0.5 - i), np.float32(fv - 0.5 - j)
     one = np.float32(1.0)
     w00, w10, w01, w11 = (one - wu) * (one - wv), wu * (one - wv), (one - wu) * wv, wu * wv
-    if mixed_cells[row, col]:
+    # Most cells have neighbours of their own object only, and skip the comparison of keys.
+    if paint.mixed[row, col]:
         key = keys[row, col]
         if keys[j, i] != key:
             w00 = np.float32(0.0)
@@ -138,18 +170,21 @@ def _top_colour(paint, row, col, fu, fv, out):
 
 @njit(cache=True)
 def _wall_colour(house, number, seed, x, y, below_top, out):
-    """Plaster of the house with rows of windows; lit by the sun as its side is turned."""
-    p = (x - house[0]) * house[2] + (y - house[1]) * house[3]
-    q = (y - house[1]) * house[2] - (x - house[0]) * house[3]
-    end = house[4] - abs(p) < house[5] - abs(q)
+    """Plaster of the house with rows of windows; lit by the sun according to the direction of the wall."""
+    cos, sin = house[HouseColumn.COS], house[HouseColumn.SIN]
+    east, north = x - house[HouseColumn.X], y - house[HouseColumn.Y]
+    p, q = east * cos + north * sin, north * cos - east * sin
+    # The point is on the side that it is nearer to.
+    end = house[HouseColumn.HALF_LENGTH] - abs(p) < house[HouseColumn.HALF_WIDTH] - abs(q)
     along = q if end else p
     if end:
-        nx, ny = np.sign(p) * house[2], np.sign(p) * house[3]
+        nx, ny = np.sign(p) * cos, np.sign(p) * sin
     else:
-        nx, ny = -np.sign(q) * house[3], np.sign(q) * house[2]
+        nx, ny = -np.sign(q) * sin, np.sign(q) * cos
     light = AMBIENT + (1.0 - AMBIENT) * max(nx * SUN[0] + ny * SUN[1], 0.0) / SUN[2]
-    plaster = 150.0 + 80.0 * uniform_of(seed + 51, number, 0)
-    warm = 20.0 * uniform_of(seed + 52, number, 0)
+    plaster = 150.0 + 80.0 * uniform_of(seed + _PLASTER, number, 0)
+    warm = 20.0 * uniform_of(seed + _WARMTH, number, 0)
+    # Floors of 3.1 m, windows every 2.9 m: patterns that repeat, as they do on real walls.
     floor, bay = below_top / 3.1, along / 2.9 + 0.5
     if 0.25 < floor - np.floor(floor) < 0.72 and 0.28 < bay - np.floor(bay) < 0.72:
         plaster, warm = 62.0, -6.0
@@ -158,57 +193,62 @@ def _wall_colour(house, number, seed, x, y, below_top, out):
     out[2] = np.float32(min((plaster - warm) * light, 250.0))
 
 
+@njit(cache=True, inline="always")
+def _add_detail(frame, u, v, colour):
+    """Multiplies a colour by noise finer than the cells of the scene."""
+    factor = np.float32(1.0)
+    size = frame.cell
+    for octave in range(frame.octaves):
+        noise = value_noise(frame.seed + _DETAIL + octave, u * frame.cell / size, v * frame.cell / size)
+        factor += _DETAIL_STRENGTH * np.float32(noise)
+        size *= 0.5
+    for band in range(3):
+        colour[band] *= factor
+
+
 @njit(cache=True)
-def _cast(out, view, numbers, columns, paint, houses):
-    """Fills `out`. `view` is View.numbers; `numbers` are west, north, cell, highest point, first row and column of the pixels,
-    octaves of detail, seed; `paint` is colours, material, object keys, mixed cells."""
-    west, north, cell, top = numbers[0], numbers[1], numbers[2], numbers[3]
-    seed = int(numbers[7])
-    octaves = int(numbers[6])
-    u0, v0, z0 = (view[9] - west) / cell, (north - view[10]) / cell, view[11]
-    tops, row0, col0 = columns[0], columns[2], columns[3]
-    start = max(z0 - top, 0.0)
-    ray = np.zeros(3, np.float32)
-    high = widened(columns[1])
+def _cast(out, n, frame, columns, paint):
+    """Fills `out`; `n` is `View.numbers`."""
+    cell = frame.cell
+    u0, v0, z0 = (n.xc - frame.west) / cell, (frame.north - n.yc) / cell, n.zc
+    start = max(z0 - float(columns.highest.max()), 0.0)
+    colour = np.zeros(3, np.float32)
+    high = widened(columns.highest)
     for row in range(out.shape[0]):
         for col in range(out.shape[1]):
-            x = (numbers[5] + col - view[13]) / view[12]
-            y = (view[14] - (numbers[4] + row)) / view[12]
-            x, y = undistort_point(x, y, view[15], view[16], view[17], view[18], view[19])
-            down = -(view[2] * x + view[5] * y - view[8])
-            du = (view[0] * x + view[3] * y - view[6]) / down / cell
-            dv = -(view[1] * x + view[4] * y - view[7]) / down / cell
-            begin = safe_start(high, row0, col0, u0, v0, z0, du, dv, start)
+            x = (frame.col + col - n.col0) / n.c
+            y = (n.row0 - (frame.row + row)) / n.c
+            # Undistorted once per pixel: the distortion hardly differs between its four rays.
+            x, y = undistort_point(x, y, n.k1, n.k2, n.k3, n.p1, n.p2)
+            down = -(n.r13 * x + n.r23 * y - n.r33)
+            du = (n.r11 * x + n.r21 * y - n.r31) / down / cell
+            dv = -(n.r12 * x + n.r22 * y - n.r32) / down / cell
+            begin = safe_start(columns, high, Ray(u0, v0, z0, du, dv), start)
             for part in range(4):
-                xs = x + (0.25 if part & 1 else -0.25) / view[12]
-                ys = y + (0.25 if part & 2 else -0.25) / view[12]
-                dx = view[0] * xs + view[3] * ys - view[6]
-                dy = view[1] * xs + view[4] * ys - view[7]
-                dz = view[2] * xs + view[5] * ys - view[8]
+                xs = x + (_SUBPIXEL if part & 1 else -_SUBPIXEL) / n.c
+                ys = y + (_SUBPIXEL if part & 2 else -_SUBPIXEL) / n.c
+                dx = n.r11 * xs + n.r21 * ys - n.r31
+                dy = n.r12 * xs + n.r22 * ys - n.r32
+                dz = n.r13 * xs + n.r23 * ys - n.r33
                 du, dv = dx / -dz / cell, -dy / -dz / cell
-                kind, s, r, c = first_hit(columns, u0, v0, z0, du, dv, begin, z0 + 1000.0)
+                kind, s, r, c = first_hit(columns, Ray(u0, v0, z0, du, dv), begin, z0 + _BEYOND)
                 if kind == NOTHING:
                     continue
                 u, v = u0 + s * du, v0 + s * dv
-                key = paint[2][r, c]
+                key = paint.keys[r, c]
                 if kind == TOP or key == 0:
-                    _top_colour(paint, r, c, u - col0, v - row0, ray)
-                    if octaves > 0 and paint[1][r, c] != _WATER:
-                        factor = np.float32(1.0)
-                        size = cell
-                        for octave in range(octaves):
-                            noise = value_noise(seed + 61 + octave, u * cell / size, v * cell / size)
-                            factor += np.float32(0.15) * np.float32(noise)
-                            size *= 0.5
-                        for band in range(3):
-                            ray[band] *= factor
+                    _top_colour(paint, r, c, u - columns.col, v - columns.row, colour)
+                    if frame.octaves > 0 and paint.material[r, c] != _WATER:
+                        _add_detail(frame, u, v, colour)
                 elif key < FIRST_NUMBER:
-                    _wall_colour(houses[key - 1], key, seed, west + u * cell, north - v * cell, tops[r, c, 0] - (z0 - s), ray)
+                    east, north, below = frame.west + u * cell, frame.north - v * cell, columns.tops[r, c, 0] - (z0 - s)
+                    _wall_colour(paint.houses[key - 1], key, frame.seed, east, north, below, colour)
                 else:
+                    # Sides of vehicles, darker than their roofs; crowns (whose key is larger still) look alike.
                     for band in range(3):
-                        ray[band] = np.float32(0.55) * paint[0][r, c, band]
+                        colour[band] = np.float32(0.55) * paint.colours[r, c, band]
                 for band in range(3):
-                    out[row, col, band] += np.float32(0.25) * ray[band]
+                    out[row, col, band] += np.float32(0.25) * colour[band]
 
 
 def blur(light: np.ndarray, sigma: float) -> np.ndarray:
@@ -223,6 +263,7 @@ def blur(light: np.ndarray, sigma: float) -> np.ndarray:
 @njit(cache=True)
 def _blur(light, weights, out):
     """Separable, in a fixed order of additions."""
+    # OpenCV's filters add in an order that depends on the width of the image: tiles would differ in the last bit.
     rows, cols, bands = out.shape
     count = len(weights)
     line = np.zeros((light.shape[1], bands), np.float32)
@@ -242,20 +283,24 @@ def expose(light: np.ndarray, film: Film, view: View, pixels: Window) -> np.ndar
     """Grey levels uint8 of the window `pixels` from the light on it: gain, vignetting, offset, noise."""
     exposure = film.exposure
     out = np.empty(light.shape, np.uint8)
-    number = (film.seed * 1009 + exposure.number) * 8
+    # A seed per photo and band: 1009 photos of one scene, and up to eight bands, draw different noise.
+    seed = (film.seed * 1009 + exposure.number) * 8
     half = (view.camera.height - 1) / 2, (view.camera.width - 1) / 2
-    optics = np.array([half[0], half[1], exposure.vignetting / (half[0] ** 2 + half[1] ** 2), exposure.offset, film.noise_sigma])
-    _expose(light, out, np.array(exposure.gain), optics, (pixels.row, pixels.col, number))
+    falloff = exposure.vignetting / (half[0] ** 2 + half[1] ** 2)
+    optics = _Optics(half[0], half[1], float(falloff), float(exposure.offset), float(film.noise_sigma))
+    _expose(light, out, np.array(exposure.gain), optics, (pixels.row, pixels.col), seed)
     return out
 
 
 @njit(cache=True)
-def _expose(light, out, gain, optics, place):
-    """`optics`: centre row, column, vignetting over squared corner radius, offset, noise; `place`: first row, column, seed."""
+def _expose(light, out, gain, optics, corner, seed):
+    """Fills `out`; `corner`: row and column of its first pixel in the photo."""
     for row in range(out.shape[0]):
         for col in range(out.shape[1]):
-            down, right = place[0] + row, place[1] + col
-            fall = 1.0 - optics[2] * ((down - optics[0]) ** 2 + (right - optics[1]) ** 2)
+            down, right = corner[0] + row, corner[1] + col
+            fall = 1.0 - optics.falloff * ((down - optics.middle_row) ** 2 + (right - optics.middle_col) ** 2)
             for band in range(out.shape[2]):
-                grey = optics[3] + gain[band] * fall * light[row, col, band] + optics[4] * normal_of(place[2] + band, down, right)
+                noise = optics.noise * normal_of(seed + band, down, right)
+                grey = optics.offset + gain[band] * fall * light[row, col, band] + noise
+                # Rounded by truncation of + 0.5, which is the same in compiled and in plain code.
                 out[row, col, band] = np.uint8(min(max(grey, 0.0), 255.0) + 0.5)

@@ -5,7 +5,7 @@ from typing import ClassVar, Literal
 
 from pydantic import model_validator
 
-from orthomill.schemas.job import Export, Job, Raster
+from orthomill.schemas.job import Export, Job, Raster, Region, Table
 from orthomill.schemas.raster import MapGrid, RasterSpec, map_raster, tiles_of
 from orthomill.schemas.settings import setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
@@ -43,25 +43,27 @@ from orthomill.tasks.simulation.jobs import (
 from orthomill.tasks.simulation.scene.settlement import scene_of
 from orthomill.tasks.simulation.surveying import SurveySettings, lattice, search_window
 
+_PLACE = {"surface": TRUTH_SURFACE, "material": TRUTH_MATERIAL, "visible": TRUTH_VISIBILITY}
+_SURVEY: dict[str, Table] = {"positions": POSITIONS_TABLE, "control": CONTROL_TABLE, "measurements": MEASUREMENTS_TABLE}
 _SCENE = {"surface": TRUTH_SURFACE, "material": TRUTH_MATERIAL, "building": TRUTH_BUILDING, "ortho": TRUTH_ORTHO}
 
 
 class SimulationStage(Stage):
-    """A flight over a simulated town near Volos, photographs of chessboards by the same camera, and a survey, truth known."""
+    """A flight over a simulated town near Volos, photographs of chessboards by the same camera, and a survey, with known truth."""
 
     title: ClassVar[str] = "Simulated photographs"
 
     kind: Literal["simulation"] = "simulation"
     seed: int = setting(2009, "Everything random follows from this number.", ge=0, le=10**6)
     pixel_um: float = setting(
-        96.0, "Side of a pixel of the photographs; the scene does not hang on it.", "micrometres", ge=5, le=400
+        96.0, "Side of a pixel of the photographs; the scene does not depend on it.", "micrometres", ge=5, le=400
     )
     frame_mm: float = setting(230.0, "Side of the frame.", "mm", ge=20, le=300)
     c_mm: float = setting(153.353, "Camera constant.", "mm", ge=15, le=400)
     scale: float = setting(6800.0, "Denominator of the photo scale on the plain.", ge=1000, le=30000)
     base_m: float = setting(582.0, "Distance of neighbouring projection centres in a strip.", "m", gt=0)
     side_overlap: float = setting(0.6, "Overlap of neighbouring strips, as a share of the frame.", ge=0, lt=1)
-    strips: int = setting(2, "Strips; every second one is flown back.", ge=1, le=8)
+    strips: int = setting(2, "Strips; every second one is flown in the opposite direction.", ge=1, le=8)
     photos_per_strip: int = setting(3, "Photographs in a strip.", ge=2, le=16)
     scene_cell: float = setting(0.5, "Cell of the height model and of the true orthoimage.", "m", ge=0.1, le=2)
     noise_sigma: float = setting(2.0, "Standard deviation of the noise of the photographs.", "grey levels", ge=0, le=20)
@@ -77,13 +79,31 @@ class SimulationStage(Stage):
     @model_validator(mode="after")
     def _fits_one_mask(self) -> "SimulationStage":
         if self.strips * self.photos_per_strip > 32:
+            # The visibility raster has one bit per photograph.
             raise ValueError(
                 f"strips x photos_per_strip is {self.strips * self.photos_per_strip}, but at most 32 photographs "
-                "can be simulated: fewer strips or fewer photos in a strip"
+                "can be simulated: reduce strips or photos_per_strip"
             )
         return self
 
+    @model_validator(mode="after")
+    def _has_an_effect(self) -> "SimulationStage":
+        """Raises ValueError for settings that others leave without effect."""
+        if self.board_photos == 0 and self._changed("boards"):
+            raise ValueError("boards without effect with board_photos: 0, which simulates no chessboards: remove the line")
+        idle = [name for name in ("control_sigma", "image_sigma") if self._changed(name)]
+        if self.control + self.check == 0 and idle:
+            raise ValueError(
+                f"{' and '.join(idle)} without effect with control: 0 and check: 0, which survey no ground points: remove the line"
+            )
+        return self
+
+    def _changed(self, name: str) -> bool:
+        """Whether a setting differs from its default: the workflow as run lists every default and must run again."""
+        return bool(getattr(self, name) != type(self).model_fields[name].default)
+
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
+        """The truth, the photographs, the boards and the survey; nothing depends on a table that has to exist first."""
         site, crs, tile = self._site(), view.project.crs, view.project.tile
         yield Job("simulation", "truth", describe, {}, {"grid": TRUTH_GRID, "block": TRUTH_BLOCK}, {"site": site, "crs": crs})
         yield from self._plan_scene(site, crs, tile)
@@ -119,7 +139,7 @@ class SimulationStage(Stage):
         grid = site.grid
         yield from _truth_rasters(grid, crs, tile)
         for t in tiles_of(grid.shape, tile):
-            writes = {key: Raster(name, t.window) for key, name in _SCENE.items()}
+            writes: dict[str, Raster | Table] = {key: Raster(name, t.window) for key, name in _SCENE.items()}
             yield Job(
                 "simulation",
                 "scene",
@@ -129,9 +149,13 @@ class SimulationStage(Stage):
                 {"site": site, "window": t.window},
                 t.row,
                 t.col,
+                # The halo of the shadows, and the mosaic of real photographs with its mean.
                 scratch=90 * (t.window.height + 100) * (t.window.width + 100) + 70 * 2**20,
             )
-        for t in tiles_of(grid.shape, tile):
+        yield from self._plan_visibility(site, tile)
+
+    def _plan_visibility(self, site: Site, tile: int) -> Iterator[Job]:
+        for t in tiles_of(site.grid.shape, tile):
             wide = sight_window(site, t.window)
             yield Job(
                 "simulation",
@@ -153,7 +177,8 @@ class SimulationStage(Stage):
             yield RasterSpec(name=name, shape=shape, dtype="uint8", chunk=tile)
             for t in tiles_of(shape, tile):
                 ground = seen_window(photo, scene, site.grid, t.window)
-                reads = {key: Raster(raster, ground) for key, raster in _SCENE.items()}
+                # Its ground is known from the true orientation: a tile waits for the tiles of the scene that it shows only.
+                reads: dict[str, Region | tuple[Region, ...]] = {key: Raster(raster, ground) for key, raster in _SCENE.items()}
                 params = {"site": site, "shot": (number, self.noise_sigma), "windows": (t.window, ground)}
                 yield Job(
                     "simulation",
@@ -193,8 +218,7 @@ class SimulationStage(Stage):
         places = []
         for number, node in enumerate(lattice(self.flight, self.control + self.check)):
             window = search_window(site.grid, node)
-            rasters = {"surface": TRUTH_SURFACE, "material": TRUTH_MATERIAL, "visible": TRUTH_VISIBILITY}
-            reads = {key: Raster(name, window) for key, name in rasters.items()}
+            reads: dict[str, Region | tuple[Region, ...]] = {key: Raster(name, window) for key, name in _PLACE.items()}
             places.append(place_table(number))
             yield Job(
                 "simulation",
@@ -205,9 +229,15 @@ class SimulationStage(Stage):
                 {"site": site, "node": node, "window": window},
                 row=number,
             )
-        tables = {"positions": POSITIONS_TABLE, "control": CONTROL_TABLE, "measurements": MEASUREMENTS_TABLE}
-        yield Job("simulation", "survey", survey_block, {"places": tuple(places)}, tables, {"site": site, "settings": self.survey})
         yield Job(
+            "simulation", "survey", survey_block, {"places": tuple(places)}, {**_SURVEY}, {"site": site, "settings": self.survey}
+        )
+        for name, table in _SURVEY.items():
+            yield Export("simulation", name, f"photographs/{name}.csv", "csv", tables=(table,))
+        yield self._report_job(site)
+
+    def _report_job(self, site: Site) -> Job:
+        return Job(
             "simulation",
             "report",
             report,
@@ -215,8 +245,6 @@ class SimulationStage(Stage):
             {"report": report_table("simulation")},
             {"site": site, "survey_settings": self.survey, "boards": (self.board_photos, self.boards, self.noise_sigma)},
         )
-        for name, table in tables.items():
-            yield Export("simulation", name, f"photographs/{name}.csv", "csv", tables=(table,))
 
 
 def _truth_rasters(grid: MapGrid, crs: str, tile: int) -> Iterator[RasterSpec]:

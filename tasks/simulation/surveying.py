@@ -1,8 +1,8 @@
-"""What a survey of the simulated block would hand over: GNSS positions, control and check points, and their image measurements.
+"""The results of a survey of the simulated block: GNSS positions, control and check points, and their image measurements.
 
-Points stand near the nodes of a lattice over the part of the block that two photos of a strip share, on open ground without
-anything near, where as many photos as possible truly see them. Control points are chosen by farthest-point sampling, so that they
-frame the block; the rest are check points.
+Points are near the nodes of a lattice over the part of the block that two photos of a strip share, on open ground away from any
+object, where as many photos as possible actually see them. Control points are chosen by farthest-point sampling, so that they
+surround the block; the others are check points.
 """
 
 from dataclasses import dataclass
@@ -21,6 +21,9 @@ REACH = 45.0
 """m around a lattice node that are searched for a place"""
 CLEAR = 6.0
 """m around a point that are free of roads, walls, crowns and water"""
+_STEEPEST = 0.25  # m per m: on a slope an error in plan becomes one in height
+_SURVEY_DRAWS, _GNSS_DRAWS = 4, 5  # streams of random numbers of the flight's seed
+_IN_FRAME = 0.92, 0.43  # along the strips, share of the common ground; across, share of the side of the frame
 
 
 @dataclass(frozen=True)
@@ -47,10 +50,11 @@ class SurveyPoint(BaseModel):
 
 
 def lattice(flight: FlightSettings, count: int) -> tuple[tuple[float, float], ...]:
-    """`count` nodes (x, y) m, spread evenly over the ground that at least two photos of the block share."""
+    """`count` nodes (x, y) m, distributed evenly over the ground that at least two photos of the block share."""
     side = flight.frame_mm / 1000.0 * flight.scale
-    half_x = 0.92 * max((flight.photos_per_strip - 3) / 2 * flight.base_m + side / 2, side / 4)
-    half_y = (flight.strips - 1) / 2 * flight.strip_distance + 0.43 * side
+    # The outermost photos of a strip share ground with one neighbour only: two bases less than all of them cover.
+    half_x = _IN_FRAME[0] * max((flight.photos_per_strip - 3) / 2 * flight.base_m + side / 2, side / 4)
+    half_y = (flight.strips - 1) / 2 * flight.strip_distance + _IN_FRAME[1] * side
     cols = max(int(np.ceil(np.sqrt(count * half_x / half_y))), 2)
     rows = max(-(-count // cols), 2)
     nodes = [(CENTRE[0] + half_x * a, CENTRE[1] + half_y * b) for b in np.linspace(-1, 1, rows) for a in np.linspace(-1, 1, cols)]
@@ -69,8 +73,8 @@ def farthest_first(points: np.ndarray) -> list[int]:
 
 
 def search_window(grid: MapGrid, node: tuple[float, float]) -> Window:
-    """The cells around a lattice node among which a place is sought."""
-    col, row = grid.pixel(*node)
+    """The cells around a lattice node among which a place is searched."""
+    col, row = grid.pixel(np.array(node[0]), np.array(node[1]))
     reach = int(REACH / grid.cell)
     return Window(int(row) - reach, int(col) - reach, 2 * reach, 2 * reach).clipped(grid.shape)
 
@@ -80,18 +84,20 @@ def find_place(
 ) -> SurveyPoint:
     """The place nearest to `node` among those that most photos see; `cells` are height (m), material and visibility of `window`.
 
-    Raises GeometryError where no open ground is seen by two photos.
+    Raises GeometryError where two photos see no open ground.
     """
     height, material, seen = cells
     size = 2 * int(CLEAR / grid.cell) + 1
+    # No roads: vehicles may cover a point there in one of the photos.
     bare = np.isin(material, (Material.OPEN_GROUND, Material.FIELD))
     free = minimum_filter(bare.astype(np.uint8), size, mode="constant") > 0
-    level = np.hypot(*np.gradient(uniform_filter(height, 5), grid.cell)) < 0.25
+    level = np.hypot(*np.gradient(uniform_filter(height, 5), grid.cell)) < _STEEPEST
+    # The smallest mask of the nine cells: next to an occlusion some cells are seen by fewer photos, and the count drops there.
     photos = np.bitwise_count(minimum_filter(seen, 3)) * (free & level)
     if photos.max() < 2:
         raise GeometryError(
-            f"no open ground within {REACH:.0f} m of ({node[0]:.0f}, {node[1]:.0f}) is seen by two photos: "
-            "ask for fewer ground points, fewer buildings or more overlap"
+            f"No open ground within {REACH:.0f} m of ({node[0]:.0f}, {node[1]:.0f}) is seen by two photos; "
+            "request fewer ground points, fewer buildings or more overlap."
         )
     x, y = grid.centres(window)
     distance = np.hypot(x[None, :] - node[0], y[:, None] - node[1])
@@ -105,14 +111,15 @@ def find_place(
 def survey(
     flight: FlightSettings, settings: SurveySettings, points: tuple[SurveyPoint, ...]
 ) -> tuple[ControlRows, MeasurementRows]:
-    """Surveyed coordinates and the measurements in every photo that truly sees the points, both with normal errors."""
-    generator = np.random.default_rng([flight.seed, 4])
+    """Surveyed coordinates and the measurements in every photo that actually sees the points, both with normal errors."""
+    generator = np.random.default_rng([flight.seed, _SURVEY_DRAWS])
     true = np.array([point.xyz for point in points]).reshape(-1, 3)
     xyz = (true + generator.normal(0.0, settings.control_sigma, true.shape)).round(4)
     roles = ["control"] * settings.control + ["check"] * (len(points) - settings.control)
     names = [f"{role[:2].upper()}{k:02d}" for role, k in zip(roles, _counted(roles), strict=True)]
     sigma = np.full(len(points), settings.control_sigma)
-    control = ControlRows(np.array(names, dtype=str), np.array(roles, dtype=str), *xyz.T, sigma, sigma, sigma)
+    x, y, z = xyz.T
+    control = ControlRows(np.array(names, dtype=str), np.array(roles, dtype=str), x, y, z, sigma, sigma, sigma)
     return control, _measure(views(flight), names, points, settings.image_sigma, generator)
 
 
@@ -138,10 +145,11 @@ def _measure(
 
 
 def positions(flight: FlightSettings, settings: SurveySettings) -> PositionRows:
-    """The projection centres as GNSS gave them."""
+    """The projection centres as measured by GNSS, with normal errors."""
     photos = views(flight)
     true = np.array([view.centre for view in photos])
-    generator = np.random.default_rng([flight.seed, 5])
+    generator = np.random.default_rng([flight.seed, _GNSS_DRAWS])
     xyz = (true + generator.normal(0.0, settings.gnss_sigma, true.shape)).round(4)
     sigma = np.full(len(photos), settings.gnss_sigma)
-    return PositionRows(np.array([view.name for view in photos]), *xyz.T, sigma, sigma, sigma)
+    x, y, z = xyz.T
+    return PositionRows(np.array([view.name for view in photos]), x, y, z, sigma, sigma, sigma)

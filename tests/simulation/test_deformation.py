@@ -1,10 +1,10 @@
-"""Planted errors: right sizes, right signs, apart from each other, the same for every window."""
+"""Known errors of a surface: right sizes, right signs, apart from each other, the same for every window."""
 
 import numpy as np
 import pytest
 
+from benchmarks.deformation import Bump, Deformation, planted, shape_of
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.tasks.simulation.deformation import Bump, Deformation, planted, shape_of
 
 GRID = MapGrid(west=500.0, north=900.0, cell=2.0, rows=300, cols=400)
 

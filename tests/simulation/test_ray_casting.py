@@ -11,7 +11,7 @@ from orthomill.schemas.truth import OPEN_MATERIALS
 from orthomill.tasks.simulation.flight import BLOCK, exposure, views
 from orthomill.tasks.simulation.jobs import see, sight_window
 from orthomill.tasks.simulation.rendering import HALO, Film, blur, cast, expose, render
-from orthomill.tasks.simulation.scene.traversal import NOTHING, TOP, WALL, columns_of, first_hit, is_free, safe_start, widened
+from orthomill.tasks.simulation.scene.traversal import NOTHING, TOP, WALL, Ray, columns_of, first_hit, is_free, safe_start, widened
 from orthomill.tasks.simulation.scene.vehicles import vehicles_of, with_vehicles
 
 CELL = 0.5
@@ -51,8 +51,8 @@ def test_hits_agree_with_a_brute_march():
         du, dv = generator.uniform(-1.6, 1.6, 2)
         z0 = 400.0
         u0, v0 = u - du * (z0 - 15.0), v - dv * (z0 - 15.0)
-        start = safe_start(high, 0, 0, u0, v0, z0, du, dv, z0 - top)
-        kind, s, row, col = first_hit(columns.numbers, u0, v0, z0, du, dv, start, z0)
+        start = safe_start(columns, high, Ray(u0, v0, z0, du, dv), z0 - top)
+        kind, s, row, col = first_hit(columns, Ray(u0, v0, z0, du, dv), start, z0)
         brute, cell = marched(columns, u0, v0, z0, du, dv, z0 - top, z0)
         kinds.append(kind)
         if kind == NOTHING:
@@ -72,8 +72,8 @@ def test_a_hit_does_not_depend_on_the_window():
         u, v = generator.uniform(36.0, 60.0, 2)
         du, dv = generator.uniform(-0.8, 0.8, 2)
         u0, v0 = u - du * 380.0, v - dv * 380.0
-        first = first_hit(whole_columns.numbers, u0, v0, 400.0, du, dv, 400.0 - float(whole_columns.highest.max()), 400.0)
-        second = first_hit(columns.numbers, u0, v0, 400.0, du, dv, 400.0 - float(columns.highest.max()), 400.0)
+        first = first_hit(whole_columns, Ray(u0, v0, 400.0, du, dv), 400.0 - float(whole_columns.highest.max()), 400.0)
+        second = first_hit(columns, Ray(u0, v0, 400.0, du, dv), 400.0 - float(columns.highest.max()), 400.0)
         assert first[:2] == second[:2]
         assert first[0] == NOTHING or (first[2] - part.row, first[3] - part.col) == second[2:]
 
@@ -89,8 +89,8 @@ def test_visibility_agrees_with_the_first_hit():
         du, dv = generator.uniform(-1.6, 1.6, 2)
         depth = 400.0 - z
         u0, v0 = col + 0.5 - du * depth, row + 0.5 - dv * depth
-        free = is_free(columns.numbers, u0, v0, 400.0, du, dv, depth, 400.0 - top)
-        kind, s, _, _ = first_hit(columns.numbers, u0, v0, 400.0, du, dv, 400.0 - top, 400.0)
+        free = is_free(columns, Ray(u0, v0, 400.0, du, dv), depth, 400.0 - top)
+        kind, s, _, _ = first_hit(columns, Ray(u0, v0, 400.0, du, dv), 400.0 - top, 400.0)
         if kind == NOTHING:
             continue
         hidden += not free

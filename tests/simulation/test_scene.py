@@ -58,7 +58,7 @@ def test_the_pixel_size_moves_nothing():
 
 
 def test_too_many_buildings_are_refused():
-    with pytest.raises(GeometryError, match=r"room for \d+ buildings only, 900 were asked for"):
+    with pytest.raises(GeometryError, match=r"room for \d+ buildings only, but 900 were requested"):
         scene_of(replace(site().scene, buildings=900))
 
 

@@ -1,13 +1,13 @@
 """The synthetic stereopair of the published matching experiment: both photographs, rendered window by window from any texture.
 
 Strategy. Every pixel's ray is intersected with the surface exactly and the texture, an orthophoto, is read there by bicubic
-interpolation. A pixel's value depends on its own place in the photograph alone (Newton's method starts afresh at fixed columns,
-noise is hashed from row and column), so windows fit together without a seam. Ground beyond the texture is 0, "no data"; grey
-values are 1 to 255.
+interpolation. A pixel's value depends on its own position in the photograph only (Newton's method restarts at fixed columns, noise
+is hashed from row and column), so windows fit together without a seam. Ground beyond the texture is 0, "no data"; grey values are 1
+to 255.
 
-The dissertation's own texture is not public. The shipped mosaic is three times too coarse to be laid out at its true size; it is
-used with the pixel of the experiment instead and continued by mirroring, three times along each axis, which just covers the
-ground of the original. Copies are hundreds of metres apart, far beyond any search. Mirroring leaves a crease but no step.
+The dissertation's own texture is not public. The shipped mosaic is three times too coarse to be used at its true size; it is given
+the pixel of the experiment instead and continued by mirroring, three times along each axis, which just covers the ground of the
+original. Copies are hundreds of metres apart, far beyond any search range. Mirroring leaves a crease but no step.
 
 Source: methods/matching_and_dsm_check.md 4.1; measured.md (noise version).
 """
@@ -43,10 +43,9 @@ TEXTURE_WEST, TEXTURE_NORTH, TEXTURE_CELL = 9412.94, 11286.09, 0.169
 """m: upper-left corner of the texture, and its pixel"""
 TEXTURE_SHAPE = (15220, 13480)
 """rows and columns of the texture that the experiment's ground asks for"""
-_BLOCK = 16
-"""columns after which Newton's method starts afresh"""
+_BLOCK = 16  # columns after which Newton's method restarts: a start from the neighbour saves iterations, but must not travel far
 _SEED = 2009
-_LATTICE = 16
+_LATTICE = 16  # px between the true matches from which a window of the right photograph follows
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +58,7 @@ class GroundTexture:
 
 @dataclass(frozen=True)
 class PairRadiometry:
-    """How the second version of a pair differs from mere rounding: noise on both photographs, gain and offset of the right one."""
+    """Radiometry of a version of the pair: noise on both photographs, gain and offset of the right one. Default: rounding only."""
 
     noise: float = 0.0
     """standard deviation, grey values"""
@@ -69,10 +68,11 @@ class PairRadiometry:
 
 CLEAN = PairRadiometry()
 NOISY = PairRadiometry(noise=2.0, gain=0.9, offset=10.0)
+"""the second version of the measured experiments (methods/measured.md)"""
 
 
 def ground_texture(path: Path | None = None) -> GroundTexture:
-    """Read a texture, the shipped one by default; one that is too small for the experiment's ground is continued by mirroring.
+    """Reads a texture, by default the shipped one; one too small for the ground of the experiment is continued by mirroring.
 
     Raises ResourceError when the file is no image.
     """
@@ -105,6 +105,7 @@ def rendered(texture: GroundTexture, photo: PublishedPhoto, window: Window, radi
 @njit(cache=True)
 def _render(texture, first_row, first_col, station_x, radiometry, seed, out):
     gain, offset, noise = radiometry
+    # From the restart before the window on: the start of every pixel is that of the whole photograph, to the last bit.
     begin = max(first_col, 0) // _BLOCK * _BLOCK
     for r in range(max(-first_row, 0), min(out.shape[0], SIDE - first_row)):
         y = (CORNER - (first_row + r + 0.5) * PIXEL) / C
@@ -132,7 +133,7 @@ class PairCrop:
 
 
 def pair_crop(texture: GroundTexture, left: Window, margin: int, radiometry: PairRadiometry = CLEAN) -> PairCrop:
-    """A window of the left photograph, and the window of the right one that shows all of it and `margin` px around."""
+    """A window of the left photograph, and the window of the right one that shows all of it and `margin` px around it."""
     from_right = right_window(left, margin)
     return PairCrop(
         rendered(texture, PublishedPhoto.LEFT, left, radiometry),
@@ -145,7 +146,7 @@ def pair_crop(texture: GroundTexture, left: Window, margin: int, radiometry: Pai
 def right_window(left: Window, margin: int) -> Window:
     """The window of the right photograph that shows the ground of a window of the left one, grown by `margin` px.
 
-    Found from true matches `_LATTICE` px apart, between which the parallax cannot run away from them by a pixel.
+    Found from true matches `_LATTICE` px apart; between them the parallax deviates by less than a pixel.
     """
     rows = np.append(np.arange(left.row, left.row + left.height, _LATTICE), left.row + left.height)
     cols = np.append(np.arange(left.col, left.col + left.width, _LATTICE), left.col + left.width)
@@ -157,7 +158,7 @@ def right_window(left: Window, margin: int) -> Window:
 
 
 def check_points(half_frame: float, margin: float) -> np.ndarray:
-    """Left pixels (N, 2), whole, nearest to the 10 m grid points that both photographs show within `half_frame` mm.
+    """Integer pixels (N, 2) of the left photograph nearest to the 10 m grid points that both show within `half_frame` mm.
 
     Points nearer than `margin` px to the end of the texture are left out.
     """

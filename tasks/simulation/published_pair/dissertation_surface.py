@@ -1,8 +1,8 @@
 """The surface and the two photographs of the published matching experiment, exactly: heights, rays, projections, intersections.
 
 Strategy. The surface is a sum of a plane and two sine waves along each axis, so that its height and slope are exact everywhere. A
-ray of a photograph meets it in the root of one equation in Z, which Newton's method finds to 1e-10 m; the equation is monotone
-because the surface is nowhere as steep as a ray. Both photographs are vertical and have the same height, so the least-squares
+ray of a photograph meets it at the root of one equation in Z, which Newton's method finds to 1e-10 m; the equation is monotone
+because the surface is nowhere as steep as a ray. Both photographs are vertical and at the same height, so the least-squares
 intersection of two rays has a closed form: x of the left and x of the right give X and Z, the mean of both y gives Y.
 
 Pixels are (col, row) with the centre of the upper-left one at (0, 0); the published affine of the scan counts from its corner.
@@ -28,9 +28,11 @@ BASE = 1104.0
 STATION_X = (10000.0, 11104.0)
 STATION_Y = 10000.0
 """m: projection centres; all angles are zero"""
+# The surface of the source, 4.1: middle of the model, slope of the plane, and amplitudes and wavenumbers of the two waves.
 _XS, _YS, _ZS = 10552.0, 10000.0, 100.0
 _K, _A1, _A2 = 0.01, 15.0, 6.0
 _P1, _P2 = np.pi / 400.0, np.pi / 90.0
+_MOST_STEPS, _LAST_STEP = 30, 1e-6  # m: Newton's method converges quadratically, so the error after it is 1e-10 m and less
 
 
 class PublishedPhoto(IntEnum):
@@ -42,12 +44,14 @@ class PublishedPhoto(IntEnum):
 
 @njit(cache=True, inline="always")
 def _height(x, y):
+    """Height at a ground point; the same sum as in `_height_and_slopes`, for arrays of any shape."""
     u, v = x - _XS, y - _YS
     return _ZS + _K * (u - v) + _A1 * (np.sin(_P1 * u) + np.sin(_P1 * v)) + _A2 * (np.sin(_P2 * u) + np.sin(_P2 * v))
 
 
 @njit(cache=True, inline="always")
 def _height_and_slopes(x, y):
+    """Height and its derivatives by x and y at a ground point."""
     u, v = x - _XS, y - _YS
     z = _ZS + _K * (u - v) + _A1 * (np.sin(_P1 * u) + np.sin(_P1 * v)) + _A2 * (np.sin(_P2 * u) + np.sin(_P2 * v))
     slope_x = _K + _A1 * _P1 * np.cos(_P1 * u) + _A2 * _P2 * np.cos(_P2 * u)
@@ -61,12 +65,12 @@ def ray_height(station_x, along_x, along_y, z):
 
     The ray moves by (along_x, along_y) in plan for one metre down. z: where to start.
     """
-    for _ in range(30):
+    for _ in range(_MOST_STEPS):
         down = FLYING_HEIGHT - z
         surface, slope_x, slope_y = _height_and_slopes(station_x + along_x * down, STATION_Y + along_y * down)
         change = (z - surface) / (1.0 + slope_x * along_x + slope_y * along_y)
         z -= change
-        if abs(change) < 1e-6:
+        if abs(change) < _LAST_STEP:
             break
     return z
 
@@ -85,7 +89,7 @@ def heights(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def surface_points(pixels: np.ndarray, photo: PublishedPhoto) -> np.ndarray:
-    """Where the rays of pixels (N, 2) (col, row) meet the surface: (N, 3) X, Y, Z in m."""
+    """Intersections of the rays of pixels (N, 2) (col, row) with the surface: (N, 3) X, Y, Z in m."""
     out = np.empty((len(pixels), 3))
     _surface_points(np.ascontiguousarray(pixels, dtype=np.float64), STATION_X[photo], out)
     return out

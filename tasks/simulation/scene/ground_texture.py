@@ -7,8 +7,10 @@ of the grid, so that a shadow is found by one sweep.
 """
 
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -18,14 +20,14 @@ from orthomill.schemas.errors import ResourceError
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.truth import Material
 from orthomill.tasks.simulation.scene.hash_noise import uniform_of, value_noise
-from orthomill.tasks.simulation.scene.layout import Scene
+from orthomill.tasks.simulation.scene.layout import HouseColumn, Scene
 from orthomill.tasks.simulation.scene.scene import SurfaceWindow, parcel_at, surface_window
 
 MOSAIC_FILE = Path(__file__).parents[1] / "textures" / "village.jpg"
 MOSAIC_CELL = 0.507
 """m"""
-_FLAT = 110.0
-"""Value of the flattened mosaic where it is as bright as its surroundings."""
+_FLAT = 110.0  # value of the flattened mosaic where it is as bright as its surroundings
+_MOSAIC_MEAN = 81  # px, 41 m: larger than fields' furrows and trees, smaller than fields, whose own tones are painted below
 SUN_ELEVATION = np.radians(47.0)
 SUN = np.array([np.cos(SUN_ELEVATION) / np.sqrt(2.0), -np.cos(SUN_ELEVATION) / np.sqrt(2.0), np.sin(SUN_ELEVATION)])
 """Unit vector to the sun (east, north, up)."""
@@ -33,9 +35,30 @@ AMBIENT = 0.42
 """Share of the light that reaches ground in the shade."""
 SHADOW_REACH = 40.0
 """m along x and along y: no shadow is longer."""
+# m: a shadow begins this far below its upper bound and is full after the second length: penumbra, and no shadow by rounding.
+_SHADOW_BEGIN, _PENUMBRA = 0.1, 0.7
+_STEEPEST = 1.5  # m per m: a steeper step is a wall, which shades nothing by its slope
 _GROUND, _FIELD, _ROAD = int(Material.OPEN_GROUND), int(Material.FIELD), int(Material.ROAD)
 _ROOF, _TREE, _WATER = int(Material.ROOF), int(Material.TREE), int(Material.WATER)
 WATER_COLOUR = (46.0, 70.0, 78.0)
+
+
+class _Layer(IntEnum):
+    """Layers of hashed noise: numbers added to the seed, so that no two patterns are correlated."""
+
+    FINE = 31
+    MIDDLE = 32
+    ROOF_KIND = 33
+    ROOF_TONE = 34
+    CROWN = 35
+    ROAD = 36
+    DRYNESS = 37
+    FIELD_KIND = 38
+    FIELD_TURN = 39
+    FURROWS = 40
+    ROOF_PATTERN = 40
+    """seven numbers per building from here on"""
+
 
 _FIELDS = np.array([[148.0, 128.0, 92.0], [118.0, 138.0, 72.0], [176.0, 160.0, 104.0], [96.0, 122.0, 62.0], [134.0, 112.0, 84.0]])
 _TILES = np.array([[168.0, 92.0, 66.0], [186.0, 112.0, 78.0], [150.0, 82.0, 62.0], [172.0, 126.0, 96.0]])
@@ -50,19 +73,34 @@ class PaintedWindow:
     colours: np.ndarray
 
 
+class _Canvas(NamedTuple):
+    """What the colours depend on: coordinates (cols,), (rows,) m; material, building and light (rows, cols); the mosaic and the
+    corner (west, north) where it begins; the houses as in the layout; the seed."""
+
+    x: np.ndarray
+    y: np.ndarray
+    material: np.ndarray
+    building: np.ndarray
+    light: np.ndarray
+    mosaic: np.ndarray
+    west: float
+    north: float
+    houses: np.ndarray
+    seed: int
+
+
 def painted_window(scene: Scene, grid: MapGrid, window: Window) -> PaintedWindow:
-    """Surface and colours of `window` of `grid`, the same in any tiling: as much around it is looked at as shadows are long."""
+    """Surface and colours of `window` of `grid`, the same in any tiling: the surroundings are read as far as shadows reach."""
     reach = int(np.ceil(SHADOW_REACH / grid.cell))
     grown = Window(window.row - 1, window.col - 1, window.height + 1 + reach, window.width + 1 + reach)
     wide = surface_window(scene, grid, grown)
     inner = slice(1, 1 + window.height), slice(1, 1 + window.width)
     light = _light(wide.height, grid.cell)[inner]
     surface = SurfaceWindow(*(np.ascontiguousarray(part[inner]) for part in (wide.height, wide.material, wide.building)))
-    x, y = grid.centres(window)
-    colours = np.empty((*window.shape, 3), np.uint8)
-    place = np.array([scene.settings.west, scene.settings.north])
-    houses, seed = scene.buildings.table, scene.settings.seed
-    _paint(colours, x, y, surface.material, surface.building, light, flat_mosaic(), place, houses, seed)
+    colours, settings = np.empty((*window.shape, 3), np.uint8), scene.settings
+    corner = float(settings.west), float(settings.north)
+    ground = *grid.centres(window), surface.material, surface.building, light
+    _paint(colours, _Canvas(*ground, flat_mosaic(), *corner, scene.buildings.table, settings.seed))
     return PaintedWindow(surface, colours)
 
 
@@ -71,13 +109,14 @@ def flat_mosaic() -> np.ndarray:
     """The shipped mosaic divided by its local mean (40 m), uint8 (rows, cols); `_FLAT` is as bright as its surroundings."""
     grey = cv2.imread(str(MOSAIC_FILE), cv2.IMREAD_GRAYSCALE)
     if grey is None:
-        raise ResourceError(f"the ground texture {MOSAIC_FILE} cannot be read: install orthomill anew, with its data files")
-    mean = cv2.blur(grey, (81, 81), borderType=cv2.BORDER_REFLECT)
-    return cv2.divide(grey, cv2.max(mean, 20), scale=_FLAT)
+        raise ResourceError(f"The ground texture {MOSAIC_FILE} cannot be read; install orthomill again with its data files.")
+    mean = cv2.blur(grey, (_MOSAIC_MEAN, _MOSAIC_MEAN), borderType=cv2.BORDER_REFLECT)
+    # The real photographs have shadows of their own: where even the mean is dark, their noise would be amplified.
+    return np.asarray(cv2.divide(grey, np.maximum(mean, 20), scale=_FLAT))
 
 
 def _light(height: np.ndarray, cell: float) -> np.ndarray:
-    """Light on each cell, 1 on sunlit level ground (float32, same shape); the last rows and columns serve as halo."""
+    """Light on each cell, 1 on sunlit level ground (float32, same shape); the last rows and columns are a halo."""
     shadow = np.empty(height.shape, np.float32)
     _sweep_shadow(height, cell * np.sqrt(2.0) * np.tan(SUN_ELEVATION), shadow)
     light = np.empty(height.shape, np.float32)
@@ -87,7 +126,8 @@ def _light(height: np.ndarray, cell: float) -> np.ndarray:
 
 @njit(cache=True)
 def _sweep_shadow(height, drop, shadow):
-    """The share of sun that is taken away, by the height of the shadow's upper bound carried along the diagonal."""
+    """The share of direct sunlight that is blocked, from the height of the shadow's upper bound carried along the diagonal."""
+    # Two rows of bounds suffice: the sun is on the diagonal, so every cell is shaded by its south-eastern neighbour only.
     rows, cols = height.shape
     bound = np.full((2, cols + 1), -np.inf)
     for row in range(rows - 1, -1, -1):
@@ -96,15 +136,15 @@ def _sweep_shadow(height, drop, shadow):
         for col in range(cols - 1, -1, -1):
             z = float(height[row, col])
             above = bound[before, col + 1] - drop
-            shadow[row, col] = min(max((above - z - 0.1) / 0.7, 0.0), 1.0)
+            shadow[row, col] = min(max((above - z - _SHADOW_BEGIN) / _PENUMBRA, 0.0), 1.0)
             bound[now, col] = max(above, z)
 
 
 @njit(cache=True)
 def _shade(height, shadow, cell, sun, light):
-    """Lambert's law with ambient light; slopes steeper than a wall's foot (1.5 cells of height per cell) count as level."""
+    """Lambert's law with ambient light; steps steeper than `_STEEPEST` count as level."""
     rows, cols = height.shape
-    limit = 1.5 * cell
+    limit = _STEEPEST * cell
     light[:] = 1.0
     for row in range(1, rows - 1):
         for col in range(1, cols - 1):
@@ -148,60 +188,67 @@ def _mosaic_at(mosaic, x, y):
 @njit(cache=True, inline="always")
 def _roof_factor(seed, house, x, y, building):
     """Pattern of a roof: rows of tiles along the slope of a gabled one, patches of felt on a flat one."""
-    p = (x - house[0]) * house[2] + (y - house[1]) * house[3]
-    q = (y - house[1]) * house[2] - (x - house[0]) * house[3]
-    key = seed + 40 + 7 * building
-    if house[7] > 0.0:
+    cos, sin = house[HouseColumn.COS], house[HouseColumn.SIN]
+    east, north = x - house[HouseColumn.X], y - house[HouseColumn.Y]
+    p, q = east * cos + north * sin, north * cos - east * sin
+    key = seed + _Layer.ROOF_PATTERN + 7 * building
+    if house[HouseColumn.RISE] > 0.0:
         return 1.0 + 0.13 * value_noise(key, p / 0.9, q / 2.6) + 0.10 * value_noise(key + 1, p / 4.0, q / 3.0)
     patch = uniform_of(key + 2, np.int64(np.floor(p / 3.4)), np.int64(np.floor(q / 4.3))) - 0.5
     return 1.0 + 0.24 * patch + 0.10 * value_noise(key + 3, p / 1.1, q / 1.1)
 
 
 @njit(cache=True)
-def _paint(colours, x, y, material, building, light, mosaic, place, houses, seed):
-    """Fills `colours` (rows, cols, 3). `place` is the corner (west, north) where the mosaic begins."""
+def _paint(colours, canvas):
+    """Fills `colours` (rows, cols, 3)."""
+    seed = canvas.seed
     for row in range(colours.shape[0]):
         for col in range(colours.shape[1]):
-            code = material[row, col]
-            east, north = x[col] - place[0], place[1] - y[row]
+            code = canvas.material[row, col]
+            x, y = canvas.x[col], canvas.y[row]
+            east, north = x - canvas.west, canvas.north - y
+            # Still water has no texture at all: matching must fail there, as it does on real water.
             if code == _WATER:
                 for band in range(3):
                     colours[row, col, band] = np.uint8(WATER_COLOUR[band])
                 continue
-            fine = value_noise(seed + 31, east / 0.8, north / 0.8)
-            middle = value_noise(seed + 32, east / 2.3, north / 2.3)
+            # Lattices of 0.8 and 2.3 m: no multiples of each other nor of a cell, so that no regular pattern appears.
+            fine = value_noise(seed + _Layer.FINE, east / 0.8, north / 0.8)
+            middle = value_noise(seed + _Layer.MIDDLE, east / 2.3, north / 2.3)
             red, green, blue = 0.0, 0.0, 0.0
             factor = 1.0 + 0.13 * fine + 0.10 * middle
             if code == _ROOF:
-                number = int(building[row, col])
-                house = houses[number - 1]
-                kind = int(4.0 * uniform_of(seed + 33, number, 0))
-                tone = _TILES[kind] if house[7] > 0.0 else _FLATS[kind]
+                number = int(canvas.building[row, col])
+                house = canvas.houses[number - 1]
+                kind = int(4.0 * uniform_of(seed + _Layer.ROOF_KIND, number, 0))
+                tone = _TILES[kind] if house[HouseColumn.RISE] > 0.0 else _FLATS[kind]
                 red, green, blue = tone[0], tone[1], tone[2]
-                factor = (0.9 + 0.2 * uniform_of(seed + 34, number, 0)) * _roof_factor(seed, house, x[col], y[row], number)
+                bright = 0.9 + 0.2 * uniform_of(seed + _Layer.ROOF_TONE, number, 0)
+                factor = bright * _roof_factor(seed, house, x, y, number)
                 factor += 0.07 * fine
             elif code == _TREE:
                 red, green, blue = 58.0, 82.0, 44.0
-                factor += 0.25 * middle + 0.15 * value_noise(seed + 35, east / 1.4, north / 1.4)
+                factor += 0.25 * middle + 0.15 * value_noise(seed + _Layer.CROWN, east / 1.4, north / 1.4)
             elif code == _ROAD:
                 red, green, blue = 128.0, 126.0, 124.0
-                factor = 1.0 + 0.10 * fine + 0.07 * middle + 0.06 * value_noise(seed + 36, east / 7.0, north / 7.0)
+                factor = 1.0 + 0.10 * fine + 0.07 * middle + 0.06 * value_noise(seed + _Layer.ROAD, east / 7.0, north / 7.0)
             else:
-                ratio = min(max(_mosaic_at(mosaic, east / MOSAIC_CELL, north / MOSAIC_CELL), 0.45), 1.7)
-                dry = 0.5 + 0.5 * value_noise(seed + 37, east / 90.0, north / 90.0)
+                ratio = min(max(_mosaic_at(canvas.mosaic, east / MOSAIC_CELL, north / MOSAIC_CELL), 0.45), 1.7)
+                dry = 0.5 + 0.5 * value_noise(seed + _Layer.DRYNESS, east / 90.0, north / 90.0)
                 red, green, blue = 112.0 + 44.0 * dry, 118.0 + 20.0 * dry, 76.0 + 22.0 * dry
                 strength = 0.75
                 if code == _FIELD:
-                    i, j, _ = parcel_at(seed, x[col], y[row])
-                    tone = _FIELDS[int(5.0 * uniform_of(seed + 38, i, j))]
-                    turn = uniform_of(seed + 39, i, j) * 3.1416
+                    i, j, _ = parcel_at(seed, x, y)
+                    tone = _FIELDS[int(5.0 * uniform_of(seed + _Layer.FIELD_KIND, i, j))]
+                    turn = uniform_of(seed + _Layer.FIELD_TURN, i, j) * 3.1416
                     along = east * np.cos(turn) + north * np.sin(turn)
                     across = north * np.cos(turn) - east * np.sin(turn)
                     red, green, blue = tone[0], tone[1], tone[2]
-                    factor += 0.09 * value_noise(seed + 40, across / 1.3, along / 14.0)
+                    factor += 0.09 * value_noise(seed + _Layer.FURROWS, across / 1.3, along / 14.0)
                     strength = 0.45
                 factor *= 1.0 + strength * (ratio - 1.0)
-            factor *= light[row, col]
+            factor *= canvas.light[row, col]
+            # Never black nor white: saturated grey values would be left out by matching and by the radiometric balance.
             colours[row, col, 0] = np.uint8(min(max(red * factor, 6.0), 250.0) + 0.5)
             colours[row, col, 1] = np.uint8(min(max(green * factor, 6.0), 250.0) + 0.5)
             colours[row, col, 2] = np.uint8(min(max(blue * factor, 6.0), 250.0) + 0.5)

@@ -1,10 +1,11 @@
-"""The layout of a simulated scene: where relief, pond, roads, town, buildings and trees are, and how far from them a point is.
+"""The layout of a simulated scene: relief, pond, roads, town, buildings and trees, and the distance of a point from them.
 
-A layout is a handful of small arrays (drawn by `settlement.py`); what a window of the scene looks like follows from them and from
-world coordinates alone (`scene.py`), so that any tile can be made by itself.
+A layout is a handful of small arrays (drawn by `settlement.py`); the content of a window of the scene follows from them and from
+world coordinates alone (`scene.py`), so that any tile can be made independently.
 """
 
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import lru_cache
 
 import numpy as np
@@ -14,6 +15,8 @@ FULL_HEIGHT = 1043.0
 LATTICE_STEP = 10.0
 """m, of the coarse relief from which height bounds are taken"""
 STREET_SPACING = (64.0, 84.0)
+"""m between the streets of the town, in its two directions"""
+_HEIGHT_MARGIN = 1.5  # m: crowns are rough by 0.3 m, and the ground under a roof is no plane
 
 
 @dataclass(frozen=True)
@@ -30,7 +33,7 @@ class SceneSettings:
 
     @property
     def scale(self) -> float:
-        """Size of the relief against that of the full block."""
+        """Size of the relief relative to that of the full block."""
         return self.flying_height / FULL_HEIGHT
 
     @property
@@ -94,6 +97,19 @@ class Roads:
         )
 
 
+class HouseColumn(IntEnum):
+    """Columns of `Buildings.table`, for kernels."""
+
+    X = 0
+    Y = 1
+    COS = 2
+    SIN = 3
+    HALF_LENGTH = 4
+    HALF_WIDTH = 5
+    EAVES = 6
+    RISE = 7
+
+
 @dataclass(frozen=True, eq=False)
 class Buildings:
     """Rectangular houses, all (B,). `eaves` is the height of the eaves (m, absolute), `rise` of the ridge above them (0: flat)."""
@@ -112,7 +128,7 @@ class Buildings:
 
     @property
     def table(self) -> np.ndarray:
-        """(B, 8) float64 in the order of the fields, for kernels."""
+        """(B, 8) float64 in the order of the fields (`HouseColumn`), for kernels."""
         return np.column_stack([self.x, self.y, self.cos, self.sin, self.half_length, self.half_width, self.eaves, self.rise])
 
 
@@ -138,9 +154,10 @@ class Scene:
 def terrain_factors(scene: Scene, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The relief as a sum of products: height(x, y) = sum over k of fx[k] * fy[k], before the pond is cut in.
 
-    x (N,) and y (M,) m; returns fx (K, N) and fy (K, M). Waves and round hills separate; a window then costs no transcendental
-    function per cell.
+    x (N,) and y (M,) m; returns fx (K, N) and fy (K, M). Waves and hills separate, so a window needs no transcendental function
+    per cell.
     """
+    # sin(a + b) = sin a cos b + cos a sin b: a wave in any direction is a sum of two products.
     west, south = scene.settings.west, scene.settings.south
     fx, fy = [np.full(len(x), 1.0)], [_plain(scene, y)]
     for amplitude, kx, ky, phase in scene.waves:
@@ -212,7 +229,7 @@ def height_bounds(scene: Scene, bounds: tuple[float, float, float, float]) -> tu
     part = ground[max(min(bottom, len(ground) - 1), 0) : max(top, 1), max(min(left, ground.shape[1] - 1), 0) : max(right, 1)]
     # No ground between lattice points lies farther than this beyond them: slope 0.65 over 0.7 of the step.
     rise = 0.5 * LATTICE_STEP
-    return float(part.min()) - rise, float(part.max()) + rise + scene.settings.roof_top + 1.5
+    return float(part.min()) - rise, float(part.max()) + rise + scene.settings.roof_top + _HEIGHT_MARGIN
 
 
 @lru_cache(maxsize=4)

@@ -1,10 +1,11 @@
 """The height model and the materials of a simulated scene, for any window of any map grid.
 
-Each cell is a column with its own height at the centre; the ground is smooth, roofs are planes, walls stand upright on the
-borders of cells. Everything is a function of world coordinates and the layout, so tiles need no halo and no order.
+Each cell is a column with its own height at the centre; the ground is smooth, roofs are planes, walls are vertical and on the
+borders of cells. Everything is a function of world coordinates and the layout, so tiles need neither a halo nor an order.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -16,6 +17,11 @@ from orthomill.tasks.simulation.scene.layout import STREET_SPACING, Scene, pond_
 
 PARCEL = (96.0, 132.0, 0.33)
 """Width and depth of a field (m) and the angle of the fields (radians)."""
+_ROW_SHIFT, _FALLOW, _CROWN = 11, 12, 21  # layers of hashed noise, added to the seed
+_FIELD_PATH = 1.3  # m: half the width of the paths of open ground between fields
+_FALLOW_SHARE = 0.34
+_HILL_REACH = 2.6  # sigmas of the steep hill within which there are no fields
+_POND_REACH = 1.8  # half axes of the pond beyond which it does not change the ground (its shore ends at 1.7)
 _GROUND, _FIELD, _ROAD = int(Material.OPEN_GROUND), int(Material.FIELD), int(Material.ROAD)
 _ROOF, _TREE, _WATER = int(Material.ROOF), int(Material.TREE), int(Material.WATER)
 
@@ -30,7 +36,8 @@ class SurfaceWindow:
 
 
 def surface_window(scene: Scene, grid: MapGrid, window: Window) -> SurfaceWindow:
-    """The surface of `window` of `grid`; the window may leave the grid."""
+    """The surface of `window` of `grid`; the window may extend beyond the grid."""
+    # float64 until the end: trees are compared with each other and roofs with the ground before rounding to float32.
     x, y = grid.centres(window)
     height = _terrain(scene, x, y)
     material = _ground_material(scene, x, y)
@@ -43,7 +50,8 @@ def surface_window(scene: Scene, grid: MapGrid, window: Window) -> SurfaceWindow
 def _terrain(scene: Scene, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Bare ground (rows, cols), float64 m."""
     height = _sum_of_products(*terrain_factors(scene, x, y))
-    near_x, near_y = np.abs(x - scene.pond.x) < 1.8 * scene.pond.a, np.abs(y - scene.pond.y) < 1.8 * scene.pond.b
+    pond = scene.pond
+    near_x, near_y = np.abs(x - pond.x) < _POND_REACH * pond.a, np.abs(y - pond.y) < _POND_REACH * pond.b
     if near_x.any() and near_y.any():
         at = np.ix_(near_y, near_x)
         height[at] = scene.pond.level + (height[at] - scene.pond.level) * pond_blend(scene.pond, x[None, near_x], y[near_y, None])
@@ -53,6 +61,7 @@ def _terrain(scene: Scene, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 @njit(cache=True)
 def _sum_of_products(fx, fy):
     """(M, N) sum over k of fx[k, N] * fy[k, M], always added in the same order."""
+    # BLAS chooses its order by the shape of the matrices: windows of different size would differ in the last bit.
     out = np.zeros((fy.shape[1], fx.shape[1]))
     for row in range(out.shape[0]):
         for k in range(fx.shape[0]):
@@ -62,29 +71,30 @@ def _sum_of_products(fx, fy):
     return out
 
 
+class _Places(NamedTuple):
+    """Town and hill for the kernel: centres, radii and half widths in m, direction of the streets."""
+
+    town_x: float
+    town_y: float
+    town_radius: float
+    cos: float
+    sin: float
+    street_half_width: float
+    hill_x: float
+    hill_y: float
+    hill_radius: float
+
+
 def _ground_material(scene: Scene, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Roads, fields, water and open ground (rows, cols) uint8."""
-    town, hill, roads = scene.town, scene.hills[0], scene.roads
-    lines = [roads.centre_line(k, x if along_x else y) for k, along_x in enumerate(roads.along_x)]
-    narrow = [half * np.hypot(1.0, slope) for half, (_, slope) in zip(roads.half_width, lines, strict=True)]
-    numbers = np.array(
-        [
-            town.x,
-            town.y,
-            town.radius,
-            np.cos(town.angle),
-            np.sin(town.angle),
-            town.street_half_width,
-            hill[0],
-            hill[1],
-            2.6 * hill[3],
-        ]
-    )
+    town, hill = scene.town, scene.hills[0]
+    direction = float(np.cos(town.angle)), float(np.sin(town.angle))
+    hill_place = float(hill[0]), float(hill[1]), float(_HILL_REACH * hill[3])
+    places = _Places(float(town.x), float(town.y), town.radius, *direction, town.street_half_width, *hill_place)
     material = np.empty((len(y), len(x)), np.uint8)
-    _classify(material, x, y, numbers, scene.settings.seed)
-    for k, along_x in enumerate(roads.along_x):
-        across, centre = (y[:, None], lines[k][0][None, :]) if along_x else (x[None, :], lines[k][0][:, None])
-        material[np.abs(across - centre) < (narrow[k][None, :] if along_x else narrow[k][:, None])] = _ROAD
+    _classify(material, x, y, places, scene.settings.seed)
+    # Roads after fields and streets, water after roads: the later one covers the earlier one.
+    _set_roads(scene, x, y, material)
     near_x, near_y = np.abs(x - scene.pond.x) <= scene.pond.a, np.abs(y - scene.pond.y) <= scene.pond.b
     if near_x.any() and near_y.any():
         wet = pond_distance(scene.pond, x[None, near_x], y[near_y, None]) < 1.0
@@ -93,34 +103,47 @@ def _ground_material(scene: Scene, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return material
 
 
+def _set_roads(scene: Scene, x: np.ndarray, y: np.ndarray, material: np.ndarray) -> None:
+    """Sets the country roads in `material` (rows, cols)."""
+    roads = scene.roads
+    for k, along_x in enumerate(roads.along_x):
+        line, slope = roads.centre_line(k, x if along_x else y)
+        # Measured along one axis, a road is wider by the secant of its direction.
+        half = roads.half_width[k] * np.hypot(1.0, slope)
+        across, centre = (y[:, None], line[None, :]) if along_x else (x[None, :], line[:, None])
+        material[np.abs(across - centre) < (half[None, :] if along_x else half[:, None])] = _ROAD
+
+
 @njit(cache=True, inline="always")
 def parcel_at(seed, x, y):
     """The field that a point belongs to: its two numbers and the distance to its border, m."""
     cos, sin = np.cos(PARCEL[2]), np.sin(PARCEL[2])
     u, v = x * cos + y * sin, y * cos - x * sin
     row = np.floor(v / PARCEL[1])
-    u += PARCEL[0] * uniform_of(seed + 11, np.int64(row), 0)
+    # Every row of fields is shifted by another amount: borders of a regular grid would be matched one field off.
+    u += PARCEL[0] * uniform_of(seed + _ROW_SHIFT, np.int64(row), 0)
     col = np.floor(u / PARCEL[0])
     fu, fv = u - col * PARCEL[0], v - row * PARCEL[1]
     return np.int64(col), np.int64(row), min(min(fu, PARCEL[0] - fu), min(fv, PARCEL[1] - fv))
 
 
 @njit(cache=True)
-def _classify(material, x, y, n, seed):
-    """Fields outside the town and off the hill, streets inside the town, open ground elsewhere. `n` as in `_ground_material`."""
+def _classify(material, x, y, places, seed):
+    """Fields outside the town and off the hill, streets inside the town, open ground elsewhere."""
     for row in range(material.shape[0]):
         for col in range(material.shape[1]):
-            dx, dy = x[col] - n[0], y[row] - n[1]
+            dx, dy = x[col] - places.town_x, y[row] - places.town_y
+            hx, hy = x[col] - places.hill_x, y[row] - places.hill_y
             code = _GROUND
-            if dx * dx + dy * dy < n[2] * n[2]:
-                u, v = dx * n[3] + dy * n[4], dy * n[3] - dx * n[4]
+            if dx * dx + dy * dy < places.town_radius * places.town_radius:
+                u, v = dx * places.cos + dy * places.sin, dy * places.cos - dx * places.sin
                 off_u = abs(u - STREET_SPACING[0] * np.rint(u / STREET_SPACING[0]))
                 off_v = abs(v - STREET_SPACING[1] * np.rint(v / STREET_SPACING[1]))
-                if min(off_u, off_v) < n[5]:
+                if min(off_u, off_v) < places.street_half_width:
                     code = _ROAD
-            elif (x[col] - n[6]) ** 2 + (y[row] - n[7]) ** 2 > n[8] * n[8]:
+            elif hx**2 + hy**2 > places.hill_radius * places.hill_radius:
                 i, j, border = parcel_at(seed, x[col], y[row])
-                if border > 1.3 and uniform_of(seed + 12, i, j) > 0.34:
+                if border > _FIELD_PATH and uniform_of(seed + _FALLOW, i, j) > _FALLOW_SHARE:
                     code = _FIELD
             material[row, col] = code
 
@@ -155,7 +178,7 @@ def _stamp_buildings(height, material, building, x, y, table):
 
 @njit(cache=True)
 def _stamp_trees(height, material, building, x, y, trees, feet, seed):
-    """Sets crowns (a rough dome on an upright rim) where there is no building; of two trees the higher one shows."""
+    """Sets crowns (a rough dome on a vertical rim) where there is no building; of two trees the higher one is visible."""
     dx, dy = x[1] - x[0], y[1] - y[0]
     for k in range(trees.shape[0]):
         cx, cy, radius, peak = trees[k]
@@ -165,8 +188,9 @@ def _stamp_trees(height, material, building, x, y, trees, feet, seed):
             for col in range(left, right):
                 d = ((x[col] - cx) ** 2 + (y[row] - cy) ** 2) / (radius * radius)
                 if d < 1.0 and building[row, col] == 0:
+                    # A rim at 55 % of the height: crowns occlude like walls, as real ones do.
                     dome = 0.55 + 0.45 * np.sqrt(1.0 - d)
-                    z = feet[k] + (peak - feet[k]) * dome + 0.3 * value_noise(seed + 21, x[col] / 1.6, y[row] / 1.6)
+                    z = feet[k] + (peak - feet[k]) * dome + 0.3 * value_noise(seed + _CROWN, x[col] / 1.6, y[row] / 1.6)
                     if material[row, col] != _TREE or z > height[row, col]:
                         height[row, col] = z
                         material[row, col] = _TREE

@@ -1,8 +1,8 @@
-"""How a simulated scene is settled: everything in its layout drawn once from a seed.
+"""Draws the layout of a simulated scene: everything in it, once, from a seed.
 
-Places are fractions of the scene's bounds and the relief grows with the flying height, so that the same settings give a sensible
-scene for a block of two square kilometres or of a few hectares. Houses stand on lots along streets first, then scattered over the
-country; trees take what room is left.
+Places are fractions of the scene's bounds and the relief grows with the flying height, so that the same settings give a plausible
+scene for a block of two square kilometres or of a few hectares. Houses are placed on lots along streets first, then scattered over
+the country; trees fill the remaining space.
 """
 
 from dataclasses import replace
@@ -30,11 +30,16 @@ TREE_TOP = 12.5
 """m: no tree is higher above its ground."""
 LOT_MARGIN = 3.0
 """m around a floor plan that stay clear of roads"""
+_IN_TOWN = 0.75  # share of the buildings; the rest gives occlusions outside the town
+_LOT_AREA = 1750.0  # m^2 of the town per building, streets and empty lots included
+_LEVEL = 2.4  # m: ground under a floor plan that varies by more would put its lower side on a wall of its own
+_OFF_SHORE = 6.0  # m between a building and the shore
 
 
 @lru_cache(maxsize=4)
 def scene_of(settings: SceneSettings) -> Scene:
-    """The scene that belongs to the settings. Raises GeometryError when the buildings find no room."""
+    """The scene that belongs to the settings. Raises GeometryError when there is not enough room for the buildings."""
+    # One generator in a fixed order: whatever is drawn first moves everything drawn after it.
     generator = np.random.default_rng(settings.seed)
     scene = _bare(settings, generator)
     scene = replace(scene, buildings=_houses(scene, generator))
@@ -55,6 +60,7 @@ def _bare(settings: SceneSettings, generator: np.random.Generator) -> Scene:
         trees=np.zeros((0, 4)),
         tree_feet=np.zeros(0),
     )
+    # The pond needs the height of the relief at its place, so it is added to a scene that has none.
     x, y = settings.place(0.64, 0.27)
     fx, fy = terrain_factors(scene, np.array([x]), np.array([y]))
     grown = max(settings.scale, 0.4)
@@ -63,6 +69,7 @@ def _bare(settings: SceneSettings, generator: np.random.Generator) -> Scene:
 
 def _waves(settings: SceneSettings, generator: np.random.Generator) -> np.ndarray:
     """Long gentle waves that grow with the scene, and short ones of half a metre."""
+    # The short ones keep their size: matching windows of the small block see relief of the same kind.
     length = np.concatenate([np.array([1150.0, 760.0, 520.0, 390.0]) * settings.scale, [140.0, 95.0, 70.0]])
     amplitude = np.concatenate([np.array([7.0, 4.0, 2.5, 1.6]) * settings.scale, [0.6, 0.4, 0.25]])
     direction = generator.uniform(0.0, np.pi, len(length))
@@ -85,7 +92,8 @@ def _hills(settings: SceneSettings) -> np.ndarray:
 def _town(settings: SceneSettings) -> Town:
     """Large enough for three quarters of the buildings."""
     x, y = settings.place(0.40, 0.50)
-    return Town(x, y, float(np.sqrt(0.75 * settings.buildings * 1750.0 / np.pi)) + 12.0, np.radians(13.0), 3.4)
+    # 13 degrees: streets along the grid would make edges that are matched equally well anywhere along a row.
+    return Town(x, y, float(np.sqrt(_IN_TOWN * settings.buildings * _LOT_AREA / np.pi)) + 12.0, np.radians(13.0), 3.4)
 
 
 def _roads(settings: SceneSettings, generator: np.random.Generator) -> Roads:
@@ -106,12 +114,12 @@ def _roads(settings: SceneSettings, generator: np.random.Generator) -> Roads:
 def _houses(scene: Scene, generator: np.random.Generator) -> Buildings:
     """Town houses on lots from the centre outwards, then farms and halls scattered over the country."""
     wanted = scene.settings.buildings
-    town = _on_lots(scene, generator, round(0.75 * wanted))
+    town = _on_lots(scene, generator, round(_IN_TOWN * wanted))
     houses = _scattered(scene, generator, town, wanted - len(town))
     if len(houses) < wanted:
         raise GeometryError(
-            f"the simulated scene has room for {len(houses)} buildings only, {wanted} were asked for: "
-            "ask for fewer buildings or enlarge the block"
+            f"The simulated scene has room for {len(houses)} buildings only, but {wanted} were requested; request fewer buildings "
+            "or enlarge the block."
         )
     return houses
 
@@ -134,7 +142,7 @@ def _on_lots(scene: Scene, generator: np.random.Generator, wanted: int) -> Build
 
 def _scattered(scene: Scene, generator: np.random.Generator, town: Buildings, wanted: int) -> Buildings:
     """Farms and halls anywhere, at any angle, one after the other where there is room."""
-    count = 60 * max(wanted, 1)
+    count = 60 * max(wanted, 1)  # candidates: most fall into the town, onto slopes or too near to others
     s = scene.settings
     x, y = generator.uniform(s.west + 15.0, s.east - 15.0, count), generator.uniform(s.south + 15.0, s.north - 15.0, count)
     angle = generator.uniform(0.0, np.pi, count)
@@ -158,19 +166,20 @@ def _apart(points: np.ndarray, candidates: np.ndarray, spread: float, enough: in
 
 
 def _build(scene: Scene, generator: np.random.Generator, plan: tuple[np.ndarray, ...], wanted: int) -> Buildings:
-    """The first `wanted` floor plans (x, y, angle, half length, half width) that stand clear of roads and water on level ground."""
+    """The first `wanted` floor plans (x, y, angle, half length, half width) on level ground, clear of roads and water."""
     x, y, angle, length, width = plan
+    # The power makes most buildings low and a few as high as allowed, as in a town.
     top = 4.0 + (scene.settings.roof_top - 4.0) * generator.uniform(size=len(x)) ** 2.2
     gabled = (top < 11.5) & (generator.uniform(size=len(x)) < 0.62)
     rise = np.where(gabled, width * np.tan(np.radians(generator.uniform(20.0, 36.0, len(x)))), 0.0)
     ground = _corner_ground(scene, plan)
     diagonal = np.hypot(length, width)
-    away = (pond_distance(scene.pond, x, y) - 1.0) * min(scene.pond.a, scene.pond.b) > diagonal + 6.0
-    level = np.ptp(ground, axis=0) < 2.4
+    away = (pond_distance(scene.pond, x, y) - 1.0) * min(scene.pond.a, scene.pond.b) > diagonal + _OFF_SHORE
+    level = np.ptp(ground, axis=0) < _LEVEL
     sides = _corners(plan, LOT_MARGIN)
     clear = np.min([road_clearance(scene, cx, cy) for cx, cy in sides], axis=0) > 0.0
     pick = np.flatnonzero(away & level & clear & (road_clearance(scene, x, y) > width))[:wanted]
-    eaves = ground.max(axis=0) + np.maximum(top - rise, 3.0)
+    eaves = ground.max(axis=0) + np.maximum(top - rise, 3.0)  # three metres of wall at least, on the uphill side
     return Buildings(*(part[pick] for part in (x, y, np.cos(angle), np.sin(angle), length, width, eaves, rise)))
 
 
@@ -193,7 +202,7 @@ def _corner_ground(scene: Scene, plan: tuple[np.ndarray, ...]) -> np.ndarray:
 
 
 def _grow_trees(scene: Scene, generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Trees that touch neither wall nor water nor reach far over a road: (T, 4) and the ground under them (T,)."""
+    """Trees that touch neither wall nor water nor extend far over a road: (T, 4) and the ground under them (T,)."""
     x, y = np.concatenate([_woods(scene, generator), _avenues(scene, generator), _singles(scene, generator)], axis=1)
     height = generator.uniform(4.0, TREE_TOP - 0.8, len(x))
     radius = height * generator.uniform(0.28, 0.42, len(x)) + 0.3

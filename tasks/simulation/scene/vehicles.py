@@ -1,6 +1,6 @@
-"""Vehicles: they stand elsewhere in every photograph, as traffic does, and are no part of the truth.
+"""Vehicles: they are in other places in every photograph, as traffic is, and do not belong to the truth.
 
-Drawn per photo along roads and streets; pressed into the height model and the colours of the window that is being rendered, so
+Drawn per photo along roads and streets; stamped into the height model and the colours of the window that is being rendered, so
 that they occlude and are occluded like everything else.
 """
 
@@ -14,7 +14,11 @@ from orthomill.tasks.simulation.scene.layout import STREET_SPACING, Scene
 from orthomill.tasks.simulation.scene.scene import SurfaceWindow
 
 FIRST_NUMBER = 60000
-"""Vehicles carry building numbers from here on while a photo is rendered."""
+"""Vehicles have building numbers from here on while a photo is rendered."""
+_REACH = 8  # m around a window: more than half the longest body plus its half width
+_PER_VEHICLE = 45.0, 600.0  # m of country road, and m^2 of the town's radius squared, per vehicle
+_LANE = 0.48  # share of a road's half width: the middle of a lane
+_WINDSCREEN = 0.25, 0.55  # from and to, in half lengths ahead of the middle
 _PAINT = np.array(
     [
         [236.0, 236.0, 232.0],
@@ -39,22 +43,24 @@ def vehicles_of(scene: Scene, photo: int) -> np.ndarray:
 
 
 def with_vehicles(painted: PaintedWindow, grid: MapGrid, window: Window, vehicles: np.ndarray) -> PaintedWindow:
-    """The window with the vehicles (as from `vehicles_of`) standing in it."""
+    """The window with the vehicles (as from `vehicles_of`) on it."""
     height, building, colours = painted.surface.height.copy(), painted.surface.building.copy(), painted.colours.copy()
     x, y = grid.centres(window)
-    near = (vehicles[:, 0] > x[0] - 8) & (vehicles[:, 0] < x[-1] + 8) & (vehicles[:, 1] > y[-1] - 8) & (vehicles[:, 1] < y[0] + 8)
+    east, north = vehicles[:, 0], vehicles[:, 1]
+    near = (east > x[0] - _REACH) & (east < x[-1] + _REACH) & (north > y[-1] - _REACH) & (north < y[0] + _REACH)
+    # Only on bare ground: a vehicle below a crown or on a roof would change the truth that is evaluated there.
     free = np.isin(painted.surface.material, np.array(OPEN_MATERIALS, np.uint8))
     _stamp(height, building, colours, free, (x, y), vehicles[near], np.flatnonzero(near) + FIRST_NUMBER)
     return PaintedWindow(SurfaceWindow(height, painted.surface.material, building), colours)
 
 
 def _on_roads(scene: Scene, generator: np.random.Generator) -> np.ndarray:
-    """(3, N) x, y, heading of vehicles in the right-hand lanes of country roads, one every 45 m on average."""
+    """(3, N) x, y, heading of vehicles in either lane of country roads, one every 45 m on average."""
     s, rows = scene.settings, []
     for k, along_x in enumerate(scene.roads.along_x):
         low, high = (s.west, s.east) if along_x else (s.south, s.north)
-        along = generator.uniform(low, high, max(int((high - low) / 45.0), 3))
-        lane = np.where(generator.uniform(size=len(along)) < 0.5, -0.48, 0.48) * scene.roads.half_width[k]
+        along = generator.uniform(low, high, max(int((high - low) / _PER_VEHICLE[0]), 3))
+        lane = np.where(generator.uniform(size=len(along)) < 0.5, -_LANE, _LANE) * scene.roads.half_width[k]
         centre, slope = scene.roads.centre_line(k, along)
         across = centre + lane
         turn = np.arctan(slope)
@@ -65,7 +71,7 @@ def _on_roads(scene: Scene, generator: np.random.Generator) -> np.ndarray:
 def _on_streets(scene: Scene, generator: np.random.Generator) -> np.ndarray:
     """(3, N) x, y, heading of vehicles driving or parked in the streets of the town."""
     town = scene.town
-    count = max(int(town.radius**2 / 600.0), 12)
+    count = max(int(town.radius**2 / _PER_VEHICLE[1]), 12)
     along = generator.uniform(-town.radius, town.radius, count)
     side = np.where(generator.uniform(size=count) < 0.5, -1.0, 1.0) * generator.choice([1.3, 2.2], count)
     up = generator.uniform(size=count) < 0.5
@@ -81,7 +87,7 @@ def _on_streets(scene: Scene, generator: np.random.Generator) -> np.ndarray:
 def _stamp(height, building, colours, free, axes, vehicles, numbers):
     """Lifts free cells under each vehicle to its roof; the windscreen is a dark band across it."""
     x, y = axes
-    base = height.copy()
+    base = height.copy()  # two vehicles that overlap are not stacked
     cell = x[1] - x[0]
     for k in range(vehicles.shape[0]):
         cx, cy, cos, sin, length, width, tall, red, green, blue = vehicles[k]
@@ -95,7 +101,7 @@ def _stamp(height, building, colours, free, axes, vehicles, numbers):
                 if free[row, col] and abs(p) <= length and abs(q) <= width:
                     height[row, col] = base[row, col] + np.float32(tall)
                     building[row, col] = numbers[k]
-                    dark = 0.35 if 0.25 * length < p < 0.55 * length else 1.0
+                    dark = 0.35 if _WINDSCREEN[0] * length < p < _WINDSCREEN[1] * length else 1.0
                     colours[row, col, 0] = np.uint8(red * dark)
                     colours[row, col, 1] = np.uint8(green * dark)
                     colours[row, col, 2] = np.uint8(blue * dark)

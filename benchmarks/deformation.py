@@ -1,8 +1,8 @@
-"""Planted errors of a surface model: a tilt and a number of bumps, to see whether a check finds them.
+"""Known errors of a surface model, a tilt and a number of bumps, to test whether a check finds them.
 
-Strategy. The tilt grows linearly from corner to corner, as a wrong datum or orientation would make it (published: -5 to +5 m over
-1500 m); bumps are raised cosines that alternate in sign, at seeded random places that keep apart. Everything is a pure function of
-position, so any window of any grid can be deformed by itself.
+Strategy. The tilt grows linearly from corner to corner, as a wrong datum or orientation would cause it (published: -5 to +5 m over
+1500 m); bumps are raised cosines of alternating sign, at seeded random places with a minimum distance. Everything is a pure
+function of position, so any window of any grid can be deformed independently.
 
 Source: Skarlatos, PhD thesis, 4.4.1 and equation 4.20 (methods/matching_and_dsm_check.md).
 """
@@ -12,6 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthomill.schemas.raster import MapGrid
+
+_TILT, _HEIGHT = 5.0, 3.0  # m: equation 4.20 of the source, and bumps well above the precision of its surfaces
+_SPACING = 2.5  # radii between centres: two bumps of opposite sign must not cancel
 
 
 @dataclass(frozen=True)
@@ -26,7 +29,7 @@ class Bump:
 
 @dataclass(frozen=True)
 class Deformation:
-    """Planted errors: `tilt` m at the north-west corner of the grid, -tilt at the south-east one, and bumps."""
+    """Known errors: `tilt` m at the north-west corner of the grid, -tilt at the south-east one, and bumps."""
 
     grid: MapGrid
     tilt: float
@@ -51,14 +54,14 @@ def shape_of(bump: Bump, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 def planted(grid: MapGrid, places: np.ndarray, radius: float, count: int = 20, seed: int = 2) -> Deformation:
     """A tilt of +-5 m and up to `count` bumps of alternating +-3 m and `radius` m.
 
-    places (N, 2) m: where bumps may stand, e.g. open ground that two photographs see. Bumps keep two and a half radii apart, so
-    there are fewer when the places are crowded.
+    places (N, 2) m: possible centres, e.g. open ground that two photographs see. Centres are two and a half radii apart at least,
+    so there are fewer bumps where the places are close together.
     """
     chosen: list[np.ndarray] = []
     for place in np.random.default_rng(seed).permutation(places):
-        if all(np.hypot(*(place - other)) > 2.5 * radius for other in chosen):
+        if all(np.hypot(*(place - other)) > _SPACING * radius for other in chosen):
             chosen.append(place)
         if len(chosen) == count:
             break
-    bumps = tuple(Bump(float(x), float(y), radius, 3.0 * (-1) ** k) for k, (x, y) in enumerate(chosen))
-    return Deformation(grid, 5.0, bumps)
+    bumps = tuple(Bump(float(x), float(y), radius, _HEIGHT * (-1) ** k) for k, (x, y) in enumerate(chosen))
+    return Deformation(grid, _TILT, bumps)
