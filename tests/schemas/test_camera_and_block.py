@@ -1,0 +1,160 @@
+"""Cameras, photographs and the block: what is asked of them by name, and what survives being stored."""
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from orthomill.schemas.camera import CAMERAS, INTERIOR, Camera, Cameras
+from orthomill.schemas.epipolar import EpipolarPair, epipolar_raster, grey_table
+from orthomill.schemas.observations import Control, ControlPoint
+from orthomill.schemas.orientation import BLOCK, Block, ExteriorOrientation, RelativeOrientation, Unoriented
+from orthomill.schemas.photo import Header, Photo, Photos, photo_raster, tag_text
+
+FINITE = st.floats(-1e6, 1e6)
+POSITIVE = st.floats(1e-3, 1e6)
+VECTOR = st.tuples(FINITE, FINITE, FINITE)
+
+
+def camera(name: str = "nikon", **more) -> Camera:
+    return Camera(name=name, width=4000, height=3000, c=3500.0, **more)
+
+
+@settings(max_examples=60, deadline=None)
+@given(values=st.tuples(POSITIVE, *[FINITE] * 7))
+def test_interior_parameters_come_in_their_fixed_order(values):
+    """Covariances and kernels count on this order."""
+    said = Camera(name="a", width=4, height=3, **dict(zip(INTERIOR, values, strict=True)))
+    assert said.interior == values
+    assert Camera.model_validate_json(said.model_dump_json()) == said
+
+
+@pytest.mark.parametrize("wrong", [{"c": 0}, {"c": -1}, {"width": 0}, {"height": 0}, {"k4": 0.1}, {"source": "guess"}])
+def test_a_camera_that_cannot_be_is_refused(wrong):
+    with pytest.raises(ValidationError):
+        Camera.model_validate({"name": "a", "width": 4, "height": 3, "c": 5.0} | wrong)
+
+
+def test_cameras_are_found_by_photograph():
+    cameras = Cameras(cameras={"n": camera("n"), "z": camera("z", k1=0.5)}, of_photo={"a": "n", "b": "z"})
+    assert cameras.of("b").k1 == 0.5 and cameras.of("a").name == "n"
+    changed = cameras.with_k1({"n": -0.1})
+    assert changed.of("a").k1 == -0.1 and changed.of("b") == cameras.of("b") and cameras.of("a").k1 == 0.0
+    assert changed.of_photo == cameras.of_photo
+
+
+ORIENTATIONS = st.builds(
+    ExteriorOrientation,
+    photo=st.just("a"),
+    centre=VECTOR,
+    omega_phi_kappa=VECTOR,
+    covariance=st.none() | st.just(tuple(tuple(float(i == j) for j in range(6)) for i in range(6))),
+    observations=st.integers(0, 10**6),
+    residual_px=st.none() | POSITIVE,
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(one=ORIENTATIONS)
+def test_an_orientation_survives_being_stored_to_the_last_bit(one):
+    assert ExteriorOrientation.model_validate_json(one.model_dump_json()) == one
+
+
+def block(*names: str, **more) -> Block:
+    photos = tuple(ExteriorOrientation(photo=name, centre=(i, 0, 0), omega_phi_kappa=(0, 0, 0)) for i, name in enumerate(names))
+    facts = {"crs": "EPSG:2100", "cameras": {"n": camera("n")}, "of_photo": dict.fromkeys(names, "n"), "photos": photos}
+    facts |= {"datum": "free", "sigma0_px": 0.3, "redundancy": 100, "iterations": 5, "ground_low": 0.0, "ground_high": 9.0}
+    return Block(**(facts | more))
+
+
+def test_photographs_and_cameras_of_a_block_are_found_by_name():
+    one = block("a", "b", unoriented=(Unoriented(photo="c", reason="too few tie points"),))
+    assert one.names == ("a", "b") and one.of("b").centre == (1, 0, 0) and one.camera_of("a").name == "n"
+    with pytest.raises(StopIteration):
+        one.of("c")
+    assert Block.model_validate_json(one.model_dump_json()) == one and BLOCK.type is Block
+
+
+@pytest.mark.parametrize(("outcome", "oriented"), [("oriented", True), ("the rays do not intersect", False), ("", False)])
+def test_a_pair_is_oriented_or_says_why_not(outcome, oriented):
+    assert RelativeOrientation(left="a", right="b", matches=9, kept=8, outcome=outcome).oriented is oriented
+
+
+def photo(name: str = "a", **more) -> Photo:
+    return Photo(
+        **({"name": name, "path": f"{name}.jpg", "width": 40, "height": 30, "bands": 3, "dtype": "uint8", "camera": "n"} | more)
+    )
+
+
+def test_photographs_are_found_by_name_in_the_order_of_the_workflow():
+    photos = Photos(photos=(photo("b"), photo("a")))
+    assert photos.names == ("b", "a") and photos["a"].path == "a.jpg"
+    with pytest.raises(StopIteration):
+        photos["c"]
+
+
+@pytest.mark.parametrize(
+    ("col", "row", "inside"),
+    [(0, 0, True), (39, 29, True), (-0.5, -0.5, True), (39.5, 29.5, True), (-0.51, 0, False), (39.51, 0, False), (0, 29.51, False)],
+)
+def test_a_photograph_reaches_to_the_outer_edge_of_its_border_pixels(col, row, inside):
+    assert photo().holds(col, row) is inside
+
+
+@settings(max_examples=80, deadline=None)
+@given(turn=st.floats(-3.1, 3.1), scale=st.floats(0.1, 10), shift=st.tuples(FINITE, FINITE), place=st.tuples(FINITE, FINITE))
+def test_a_scan_is_transformed_into_its_frame(turn, scale, shift, place):
+    """A similarity as scan coefficients, against complex multiplication."""
+    a, b = scale * math.cos(turn), scale * math.sin(turn)
+    scanned = photo(scan=(shift[0], a, -b, shift[1], b, a))
+    expected = complex(*shift) + scale * complex(math.cos(turn), math.sin(turn)) * complex(*place)
+    assert complex(*scanned.from_file(*place)) == pytest.approx(expected, rel=1e-9, abs=1e-6)
+    assert photo().from_file(*place) == place
+
+
+def test_a_photograph_stored_turned_by_a_program_is_as_the_sensor_saw_it():
+    assert photo(exif_orientation=6).sensor_orientation == 6
+    assert photo(exif_orientation=6, as_taken=True).sensor_orientation == 1
+
+
+@pytest.mark.parametrize(
+    ("tags", "text"),
+    [
+        ({"Model": "D5\0 "}, "D5"),
+        ({"EXIF_Model": "D6"}, "D6"),
+        ({"Model": "D5", "EXIF_Model": "D6"}, "D5"),
+        ({}, ""),
+        ({"Model": ""}, ""),
+    ],
+)
+def test_tags_under_either_name_and_without_padding(tags, text):
+    assert tag_text(tags, "Model") == text
+
+
+def test_rasters_and_tables_are_named_after_their_photograph_or_pair():
+    assert photo_raster("DJI_0030") == "photos/DJI_0030/0" and photo_raster("DJI_0030", 3) == "photos/DJI_0030/3"
+    assert epipolar_raster("a-b", "left") == "epipolar/a-b/left" and grey_table("a").path == "epipolar/grey/a.json"
+    assert CAMERAS.path == "calibration/cameras.json"
+
+
+def test_headers_and_control_keep_what_they_were_given():
+    header = Header(path="a.jpg", width=4, height=3, bands=1, dtype="uint16", tags={"Make": "DJI"})
+    assert header.model_copy(update={"path": "b.jpg"}).tags == header.tags
+    point = ControlPoint(name="p", role="check", xyz=(1, 2, 3), sigma=(0.1, 0.1, 0.2), measurements={"a": (5, 6, 0.5)})
+    control = Control(points=(point,))
+    assert Control.model_validate_json(control.model_dump_json()) == control and control.distances == ()
+
+
+@settings(max_examples=60, deadline=None)
+@given(base=POSITIVE, c=POSITIVE, depth=POSITIVE, x=FINITE)
+def test_parallax_gives_the_point_as_the_docstring_says(base, c, depth, x):
+    """(x_left, y, -c) base / p is the point whose images have the parallax p = c base / depth."""
+    parallax = c * base / depth
+    x_left = c * x / depth
+    x_right = c * (x - base) / depth
+    assert x_left - x_right == pytest.approx(parallax, rel=1e-6, abs=1e-6 * (abs(x_left) + abs(x_right)))
+    point = [value * base / parallax for value in (x_left, -c)]
+    assert point == pytest.approx([x, -depth], rel=1e-9, abs=1e-9)
+    assert "base / p" in EpipolarPair.__doc__
