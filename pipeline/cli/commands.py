@@ -22,7 +22,7 @@ from orthomill.pipeline.cli.clean import clean_run
 from orthomill.pipeline.cli.doctor import doctor as examine
 from orthomill.pipeline.cli.inspect_photo import GuardedPhoto, picture_path, write_map
 from orthomill.pipeline.cli.plan_lines import plan_lines, plan_notes
-from orthomill.pipeline.cli.progress import Progress
+from orthomill.pipeline.cli.progress_lines import ProgressLines
 from orthomill.pipeline.engine.interruption import listen
 from orthomill.pipeline.engine.lock import is_running, only_run
 from orthomill.pipeline.engine.records import Record, Records
@@ -106,7 +106,7 @@ def _run(loaded: LoadedWorkflow, options: Options) -> RunFacts:
     facts = run_with_report(
         loaded,
         options,
-        watch=lambda titles, workers: Progress(titles, workers, err),
+        watch=lambda titles, workers: ProgressLines(titles, workers, err),
         announce=lambda line: out.print(line, soft_wrap=True),
     )
     _conclude(facts, loaded.run_folder)

@@ -19,8 +19,12 @@ def write(window: Window) -> np.ndarray:
     return np.zeros(window.shape, np.float32)
 
 
-def copy(z: np.ndarray) -> np.ndarray:
-    return z
+def height_of(z: np.ndarray) -> Size:
+    return Size(rows=z.shape[0], cols=z.shape[1])
+
+
+def same(size: Size) -> Size:
+    return size
 
 
 def measure(text: str) -> Size:
@@ -79,17 +83,17 @@ def test_two_regions_of_one_tile_are_one_dependency(tiled):
 
 def test_a_reader_of_a_table_depends_on_its_writer(graph):
     graph.add(Job("a", "size", make_size, {}, {"size": SIZE}, SIDES))
-    planned = graph.add(Job("b", "copy", lambda size: size, {"size": SIZE}, {"size": Table("b/size.json", Size)}))
+    planned = graph.add(Job("b", "copy", same, {"size": SIZE}, {"size": Table("b/size.json", Size)}))
     assert planned.dependencies == (("a", "size", 0, 0),) and graph.writer_of_table(SIZE.path) == ("a", "size", 0, 0)
 
 
 @pytest.mark.parametrize(
-    ("reads", "missing"),
-    [({"z": Raster("a/z", Window(0, 0, 1, 1))}, "the raster a/z"), ({"size": SIZE}, "the table source/size.json")],
+    ("function", "reads", "missing"),
+    [(height_of, {"z": Raster("a/z", Window(0, 0, 1, 1))}, "the raster a/z"), (same, {"size": SIZE}, "the table source/size.json")],
 )
-def test_a_reader_of_what_nobody_writes_yet_has_to_wait(graph, reads, missing):
+def test_a_reader_of_what_nobody_writes_yet_has_to_wait(graph, function, reads, missing):
     with pytest.raises(NoWriter, match=missing):
-        graph.add(Job("b", "copy", copy, reads, {"size": Table("b/size.json", Size)}))
+        graph.add(Job("b", "copy", function, reads, {"size": Table("b/size.json", Size)}))
     assert not graph.jobs
 
 
@@ -115,6 +119,7 @@ def test_a_job_planned_again_is_the_same_job(graph):
         (tile_job(Window(0, 0, 64, 64), 7, 7, name="a/other"), "was not announced"),
         (sum_job(Window(90, 0, 20, 10)), "which has the shape"),
         (sum_job(Window(0, 0, 0, 0)), "which has the shape"),
+        (Job("b", "copy", same, {"z": Raster("a/z", Window(0, 0, 1, 1))}, {"size": SIZE}), "does not fit the function same"),
     ],
 )
 def test_jobs_that_cannot_be_run_are_refused(tiled, job, sentence):

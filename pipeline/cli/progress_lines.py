@@ -31,7 +31,7 @@ class StageCount:
         return self.skipped + self.done + self.failed + self.blocked
 
 
-class Progress:
+class ProgressLines:
     """Counts jobs by stage and shows them. Use as a context manager; the remaining work is divided among `workers`."""
 
     def __init__(self, titles: dict[str, str], workers: int, console: Console) -> None:
@@ -41,7 +41,7 @@ class Progress:
         self._started = time.monotonic()
         self._live = Live(get_renderable=self._lines, console=console, refresh_per_second=2) if console.is_terminal else None
 
-    def __enter__(self) -> "Progress":
+    def __enter__(self) -> "ProgressLines":
         if self._live:
             self._live.start()
         return self
