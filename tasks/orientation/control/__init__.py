@@ -1,1 +1,1 @@
-"""Ground control, check points and measured distances: read, carried into the project's system, intersected."""
+"""Ground control, check points and measured distances: read, transformed to the project's system, intersected."""

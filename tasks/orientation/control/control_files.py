@@ -1,7 +1,7 @@
-"""Ground control, check points and measured distances from CSV texts. All mistakes are told together, one sentence each.
+"""Ground control, check points and measured distances from CSV texts. All mistakes are reported together, one sentence each.
 
-Measurements are pixels of the file; where the photograph was put into another frame (a scan into that of its fiducial marks), they
-follow.
+Measurements are in pixels of the image file; `in_photographs` transforms them where a photograph has another frame (a scan in that
+of its fiducial marks).
 """
 
 import csv
@@ -27,13 +27,14 @@ def read_control(photos: Photos, points: str, measurements: str, distances: str 
     DISTANCE_COLUMNS (m). Photographs are named with or without extension. Raises WorkflowError that lists every mistake in the
     texts.
     """
+    # Everything is read before anything is refused: a surveyor corrects a whole file at once.
     mistakes: list[str] = []
     known = _points(points, mistakes)
     measured = _measurements(measurements, known, photos, mistakes)
     mistakes += [
-        f"Control point {name} is outside all photographs: the measurements name it in none of them; measure it in two or more, or "
-        "leave it out."
+        f"Control point {name} is measured in no photograph; measure it in two or more, or leave it out."
         for name in known
+        # A point whose only measurement is wrong has its sentence already.
         if not measured[name] and not any(f"point {name} " in text for text in mistakes)
     ]
     points_of = {name: point.model_copy(update={"measurements": measured[name]}) for name, point in known.items()}
@@ -49,17 +50,18 @@ def no_control() -> Control:
 
 
 def photos_by_word(photos: Photos) -> dict[str, Photo]:
-    """Photographs by the words that name them: file name with and without extension."""
+    """Photographs by the names that files may use: the file name with and without extension."""
     return {word: photo for photo in photos.photos for word in (PurePosixPath(photo.path).name, photo.name)}
 
 
 def in_photographs(measurements: dict[str, tuple[float, float, float]], photos: Photos) -> dict[str, tuple[float, float, float]]:
-    """Measurements in pixels of the files, in the photographs as they are used here."""
+    """Measurements given in pixels of the files, in pixels of the photographs."""
     return {name: (*photos[name].from_file(col, row), sigma) for name, (col, row, sigma) in measurements.items()}
 
 
 def _rows(text: str, columns: tuple[str, ...], what: str, mistakes: list[str]) -> list[tuple[int, dict[str, str]]]:
-    """Line numbers and cells; comment lines begin with #."""
+    """Line numbers and cells; lines that begin with # are comments."""
+    # Spreadsheet programs begin UTF-8 files with a byte order mark, which would become part of the first column's name.
     lines = [
         (number, line)
         for number, line in enumerate(text.lstrip("\ufeff").splitlines(), 1)
@@ -75,6 +77,7 @@ def _rows(text: str, columns: tuple[str, ...], what: str, mistakes: list[str]) -
 
 
 def _numbers(row: dict[str, str], names: tuple[str, ...], where: str, mistakes: list[str]) -> tuple[float, ...] | None:
+    """The numbers of a row; None, and a mistake, where one is missing, not finite, or a standard error that is not positive."""
     values = []
     for name in names:
         try:
@@ -90,6 +93,7 @@ def _numbers(row: dict[str, str], names: tuple[str, ...], where: str, mistakes: 
 
 
 def _points(text: str, mistakes: list[str]) -> dict[str, ControlPoint]:
+    """Points by name, without measurements."""
     known: dict[str, ControlPoint] = {}
     for line, row in _rows(text, POINT_COLUMNS, "control points", mistakes):
         where = f"Control points file, line {line}, point {row['name']} "
@@ -99,6 +103,7 @@ def _points(text: str, mistakes: list[str]) -> dict[str, ControlPoint]:
         if row.get("role") not in ROLES:
             mistakes.append(f"{where}has the role '{row.get('role', '')}'; allowed are control, check and tie.")
             continue
+        # Tie points have no coordinates: they are known by their measurements and distances only.
         if row["role"] == "tie":
             known[row["name"]] = ControlPoint(name=row["name"], role="tie", xyz=(0.0,) * 3, sigma=(0.0,) * 3, measurements={})
             continue
@@ -114,6 +119,7 @@ def _points(text: str, mistakes: list[str]) -> dict[str, ControlPoint]:
 def _measurements(
     text: str, known: dict[str, ControlPoint], photos: Photos, mistakes: list[str]
 ) -> dict[str, dict[str, tuple[float, float, float]]]:
+    """Measurements (col, row, sigma) by point and photograph."""
     of_name = photos_by_word(photos)
     measured: dict[str, dict[str, tuple[float, float, float]]] = {name: {} for name in known}
     for line, row in _rows(text, MEASUREMENT_COLUMNS, "control measurements", mistakes):
@@ -142,11 +148,13 @@ def _distances(text: str, known: dict[str, ControlPoint], mistakes: list[str]) -
 
 
 def _distance_mistake(ends: tuple[str, str], values: tuple[float, ...] | None, known: dict[str, ControlPoint]) -> str | None:
+    """What is wrong with one distance, as the end of a sentence."""
     for name in ends:
         if name not in known:
             return f"the point '{name}' is not in the control points file."
         if known[name].role == "check":
             return f"{name} is a check point, which takes no part in the adjustment; give it the role control or tie."
+        # Control has coordinates of its own; a tie point needs two rays, or the distance determines nothing.
         if len(known[name].measurements) < (2 if known[name].role == "tie" else 1):
             return f"{name} is measured in {len(known[name].measurements)} photographs, but needs two."
     if ends[0] == ends[1]:

@@ -1,7 +1,7 @@
-"""Control in the project's reference system, and told when it cannot be: a wrong system puts points on another site.
+"""Control in the project's reference system, and a test for wrong systems, which put points on another site.
 
-Control that lies far from where the photographs were taken is set aside with a sentence that says in which system it would fit; the
-block is then held by the positions.
+Control far from where the photographs were taken is set aside with a sentence that says in which system it would fit; positions
+then define the datum.
 """
 
 import numpy as np
@@ -14,36 +14,31 @@ from orthomill.tasks.orientation.control.control_files import in_photographs, re
 from orthomill.tasks.orientation.control.gcp_list import read_gcp_list
 
 _FAR = 10.0
-"""Control is on another site when it lies farther from the photographs than this many times their flying height and extent."""
+"""Control is on another site when it is farther from the photographs than this multiple of their extent plus flying height."""
 _LEAST_FAR = 3000.0
-"""m"""
+"""m: positions from navigation receivers and control of a whole town differ by less; wrong zones and systems by far more"""
 
 
 def control_from_files(
     photos: Photos, points: str, measurements: str, own: str | None, crs: str, distances: str | None = None
 ) -> Control:
-    """Control of CSV texts in the project's system, `own` that of the texts (None: the same). Raises WorkflowError."""
+    """Control from CSV texts in the project's system `crs`; `own`: the system of the texts (None: the same). Raises
+    WorkflowError."""
     return _in_project(read_control(photos, points, measurements, distances), photos, own or crs, crs)
 
 
 def control_from_list(photos: Photos, text: str, source: ControlFromGcpList, crs: str) -> Control:
-    """Control of a GCP list in the project's system. Raises WorkflowError."""
+    """Control from a GCP list in the project's system `crs`. Raises WorkflowError."""
     found = read_gcp_list(photos, text, source)
+    # Refuses an unknown system even where the list holds no surveyed point that would need it.
     survey_crs(found.crs)
     return _in_project(found.control, photos, found.crs, crs)
 
 
 def _in_project(control: Control, photos: Photos, own: str, crs: str) -> Control:
-    """Coordinates in the project's system, measurements in the photographs as they are used here. Points on another site keep
-    their distances and become tie points."""
-    surveyed = [point for point in control.points if point.role != "tie"]
-    placed, remark = {}, None
-    if surveyed:
-        given = np.array([point.xyz for point in surveyed])
-        xyz, remark = transform_surveyed(given, own, crs)
-        stranger = _on_another_site(given, xyz, photos, own, crs)
-        remark = stranger or remark
-        placed = {} if stranger else {point.name: tuple(map(float, place)) for point, place in zip(surveyed, xyz, strict=True)}
+    """Coordinates in the project's system, measurements in pixels of the photographs. Points on another site become tie points if a
+    distance needs them: lengths are right whatever the system."""
+    placed, remark = _placed(control, photos, own, crs)
     ends = {name for distance in control.distances for name in (distance.first, distance.second)}
     points = (
         point.model_copy(
@@ -59,20 +54,36 @@ def _in_project(control: Control, photos: Photos, own: str, crs: str) -> Control
     return Control(points=tuple(points), distances=control.distances, remarks=(remark,) if remark else ())
 
 
+def _placed(control: Control, photos: Photos, own: str, crs: str) -> tuple[dict[str, tuple[float, ...]], str | None]:
+    """Transformed coordinates of the surveyed points by name, none where they are on another site, and a remark."""
+    surveyed = [point for point in control.points if point.role != "tie"]
+    if not surveyed:
+        return {}, None
+    given = np.array([point.xyz for point in surveyed])
+    xyz, remark = transform_surveyed(given, own, crs)
+    elsewhere = _on_another_site(given, xyz, photos, own, crs)
+    if elsewhere:
+        return {}, elsewhere
+    return {point.name: tuple(map(float, place)) for point, place in zip(surveyed, xyz, strict=True)}, remark
+
+
 def _on_another_site(given: np.ndarray, xyz: np.ndarray, photos: Photos, own: str, crs: str) -> str | None:
-    """A sentence when the control lies far from the photographs' positions; None when it does not, or nothing is known."""
+    """A sentence where the control is far from the positions of the photographs; None where it is not, or there are no
+    positions."""
     places = np.array([photo.position for photo in photos.photos if photo.position is not None]).reshape(-1, 3)
     if not len(places):
         return None
+    # Medians throughout: one position or one point with a mistyped digit must not condemn the system.
     site = np.median(places, axis=0)
     reach = float(np.linalg.norm(np.ptp(places[:, :2], axis=0))) + abs(float(np.median(places[:, 2])))
     distance = float(np.median(np.linalg.norm(xyz[:, :2] - site[:2], axis=1)))
     if distance <= max(_FAR * reach, _LEAST_FAR):
         return None
+    # The sentence names the remedy where one of the usual mistakes explains the distance.
     fits = fitting_system(given, own, crs, site[:2])
-    advice = f"they would lie there {fits}" if fits else "check the reference system, the order of the axes and the zone"
+    advice = f"they would be there {fits}" if fits else "check the reference system, the order of the axes and the zone"
     return (
-        f"The {len(xyz)} control points, read as {own}, lie {distance / 1000:.0f} km from where the photographs were taken; "
+        f"The {len(xyz)} control points, read as {own}, are {distance / 1000:.0f} km from where the photographs were taken; "
         f"{advice}. "
-        "They were set aside, and the block is held without them."
+        "They were set aside and took no part in the adjustment."
     )

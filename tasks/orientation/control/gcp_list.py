@@ -1,7 +1,7 @@
-"""Ground control in the one file of OpenDroneMap: gcp_list.txt.
+"""Ground control in OpenDroneMap's single file, gcp_list.txt.
 
 The first line names the reference system; every further line is one measurement of a point in one photograph: X Y Z col row
-photograph, and a name. Lines without a name belong together by their coordinates.
+photograph, and optionally a name. Lines without a name belong to the same point where their coordinates are equal.
 Source: OpenDroneMap's documentation, "Ground Control Points", file format.
 """
 
@@ -32,7 +32,9 @@ def read_gcp_list(photos: Photos, text: str, source: ControlFromGcpList) -> GcpL
     known: dict[str, ControlPoint] = {}
     of_word = photos_by_word(photos)
     for number, line in lines[1:]:
-        _take(line, f"GCP list, line {number}: ", known, of_word, source, mistakes)
+        mistake = _add(line, known, of_word, source)
+        if mistake:
+            mistakes.append(f"GCP list, line {number}: {mistake}")
     mistakes += [
         f"The check point {name} is not in the GCP list; its points are {', '.join(list(known)[:8])}."
         for name in source.check
@@ -43,28 +45,33 @@ def read_gcp_list(photos: Photos, text: str, source: ControlFromGcpList) -> GcpL
     return GcpList(lines[0][1], Control(points=tuple(known.values())))
 
 
-def _take(
-    line: str, where: str, known: dict[str, ControlPoint], photos: dict[str, Photo], source: ControlFromGcpList, mistakes: list[str]
-) -> None:
+def _add(line: str, known: dict[str, ControlPoint], photos: dict[str, Photo], source: ControlFromGcpList) -> str | None:
+    """Adds the measurement of one line to the points; what is wrong with the line, as the end of a sentence."""
     words = line.split()
     try:
         x, y, z, col, row = map(float, words[:5])
         word = words[5]
     except (ValueError, IndexError):
-        mistakes.append(f"{where}'{line[:60]}' must hold X Y Z col row photograph, and may hold a name.")
-        return
+        return f"'{line[:60]}' must hold X Y Z col row photograph, and may hold a name."
+    # Without a name the words of the coordinates are the name, not their values: 1.50 and 1.5 are two points, as in OpenDroneMap.
     name = words[6] if len(words) > 6 else f"{words[0]} {words[1]} {words[2]}"
-    if source.origin == "corner":
-        col, row = col - 0.5, row - 0.5
-    role = "check" if name in source.check else "control"
-    sigma = (source.sigma_plan, source.sigma_plan, source.sigma_height)
-    point = known.setdefault(name, ControlPoint(name=name, role=role, xyz=(x, y, z), sigma=sigma, measurements={}))
-    photo = photos.get(word)
-    measured = {name: point.measurements}
-    mistake = measurement_mistake(name, word, photo, (col, row), measured)
+    # Programs that count from the corner of a pixel have its centre at (0.5, 0.5).
+    col, row = (col - 0.5, row - 0.5) if source.origin == "corner" else (col, row)
+    point = known.setdefault(name, _new_point(name, (x, y, z), source))
     if point.xyz != (x, y, z):
-        mistake = f"has the coordinates {x:g} {y:g} {z:g}, but others in an earlier line; names must differ or coordinates agree."
-    if mistake:
-        mistakes.append(f"{where}point {name} {mistake}")
-    elif photo:
-        known[name] = point.model_copy(update={"measurements": {**point.measurements, photo.name: (col, row, source.sigma_px)}})
+        return (
+            f"point {name} has the coordinates {x:g} {y:g} {z:g}, but others in an earlier line; names must differ or coordinates "
+            "agree."
+        )
+    photo = photos.get(word)
+    mistake = measurement_mistake(name, word, photo, (col, row), {name: point.measurements})
+    if mistake or not photo:
+        return f"point {name} {mistake}"
+    known[name] = point.model_copy(update={"measurements": {**point.measurements, photo.name: (col, row, source.sigma_px)}})
+    return None
+
+
+def _new_point(name: str, xyz: tuple[float, float, float], source: ControlFromGcpList) -> ControlPoint:
+    """A point without measurements; the list has neither roles nor standard errors, which the workflow states for all of it."""
+    sigma = (source.sigma_plan, source.sigma_plan, source.sigma_height)
+    return ControlPoint(name=name, role="check" if name in source.check else "control", xyz=xyz, sigma=sigma, measurements={})

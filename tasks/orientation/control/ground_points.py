@@ -1,4 +1,4 @@
-"""Ground points against an adjusted block: intersected from their own image measurements, with the precision that the adjustment
+"""Check and tie points against an adjusted block: intersected from their image measurements, with the precision that the adjustment
 predicts."""
 
 from dataclasses import dataclass, replace
@@ -18,8 +18,8 @@ from orthomill.tasks.orientation.measurements import ideal, with_interior
 
 @dataclass(frozen=True, eq=False)
 class IntersectedGroundPoints:
-    """`point` (n, 3) local m (NaN: fewer than two rays), `covariance` (n, 3, 3) with the effect of the orientation, `residual` (m,
-    2) px."""
+    """`point` (n, 3) m, local (NaN: fewer than two rays), `covariance` (n, 3, 3) m^2 including that of the orientation, `residual`
+    (m, 2) px."""
 
     point: np.ndarray
     covariance: np.ndarray
@@ -29,8 +29,8 @@ class IntersectedGroundPoints:
 def approximate_points(
     state: State, cameras: list[Camera], camera_of: np.ndarray, rays: Rays, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(count, 3) the points nearest to their rays, NaN for points with fewer than two; and (count,) the angles in radians by which
-    the rays miss them."""
+    """The points (count, 3) nearest to their rays, NaN for points with fewer than two; and the angles (count,) rad by which the
+    rays miss them."""
     points, missed = np.full((count, 3), np.nan), np.zeros(count)
     for number in range(count):
         own = np.flatnonzero(rays.point == number)
@@ -46,17 +46,20 @@ def approximate_points(
             directions /= np.linalg.norm(directions, axis=1, keepdims=True)
             found, offset = intersect_rays(state.centre[photo][:, None], directions[:, None])
             points[number] = found[0]
+            # As an angle, because a distance in space says little for a model of any scale.
             missed[number] = offset[0] / np.linalg.norm(found[0] - state.centre[photo], axis=1).mean()
     return points, missed
 
 
 def intersect_ground(result: Adjustment, start: np.ndarray, rays: Rays) -> IntersectedGroundPoints:
-    """Least-squares intersection of points (n, 3) with the adjusted orientation held; points with NaN are left out."""
+    """Least-squares intersection of points (n, 3) with the adjusted orientation fixed; points with NaN are left out."""
     placed = np.isfinite(start).all(axis=1)
     own = rays.take(placed[rays.point])
     state = replace(result.state, point=np.where(placed[:, None], start, 0.0))
     network = _without_points(result.network, len(start))
+    # No corrections of the orientation: check points must not influence the block that they examine.
     nothing = np.zeros(network.unknowns)
+    # Five Gauss-Newton steps from the point nearest to the rays in space, which is off by the residuals only.
     for _ in range(5):
         state = replace(state, point=state.point + point_corrections(linearised(network, state, own), nothing))
     covariance = points_elsewhere(linearised(network, state, own), result.cofactor)
@@ -66,6 +69,7 @@ def intersect_ground(result: Adjustment, start: np.ndarray, rays: Rays) -> Inter
 
 
 def _without_points(network: Network, count: int) -> Network:
+    """The network with `count` unweighted points instead of its own: their rays alone determine them."""
     none = network.kept[:0]
     nothing = np.zeros((count, 3))
     return replace(network, point=nothing, point_weight=nothing, kept=none, named=none, distances=NO_DISTANCES)

@@ -30,7 +30,7 @@ def test_points_and_measurements_are_put_together():
         (POINTS, MEASURED + "P9,a,1,1,1\n", "point P9 is not in the control points file"),
         (POINTS, MEASURED + "P2,b,200,10,1\n", "outside of b, which has 100 columns and 80 rows"),
         (POINTS, MEASURED + "P1,a,1,1,1\n", "measured twice in a"),
-        (POINTS + "P3,control,1,2,3,1,1,1\n", MEASURED, "Control point P3 is outside all photographs"),
+        (POINTS + "P3,control,1,2,3,1,1,1\n", MEASURED, "Control point P3 is measured in no photograph"),
         (POINTS.replace("0.2\nP2", "0\nP2"), MEASURED, "sigma_z is '0', which must be a positive number"),
         (POINTS.replace("4,5,6", "4,east,6"), MEASURED, "y is 'east', which must be a number"),
         (POINTS.replace("check", "chek"), MEASURED, "role 'chek'; allowed are control, check and tie"),

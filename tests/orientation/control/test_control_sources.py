@@ -91,10 +91,10 @@ def test_what_heights_count_from_is_told():
 @pytest.mark.parametrize(
     ("change", "fit"),
     [
-        (lambda xyz: xyz[:, [1, 0, 2]], "would lie there with X and Y exchanged"),
-        (lambda xyz: as_system(xyz, "EPSG:32634"), "would lie there in EPSG:32634"),
-        (lambda xyz: as_system(xyz, "EPSG:4326"), "would lie there in EPSG:4326"),
-        (lambda xyz: as_system(xyz, "EPSG:4326")[:, [1, 0, 2]], "would lie there in EPSG:4326 with latitude before longitude"),
+        (lambda xyz: xyz[:, [1, 0, 2]], "would be there with X and Y exchanged"),
+        (lambda xyz: as_system(xyz, "EPSG:32634"), "would be there in EPSG:32634"),
+        (lambda xyz: as_system(xyz, "EPSG:4326"), "would be there in EPSG:4326"),
+        (lambda xyz: as_system(xyz, "EPSG:4326")[:, [1, 0, 2]], "would be there in EPSG:4326 with latitude before longitude"),
         (lambda xyz: xyz + np.array([9e6, 0, 0]), "check the reference system, the order of the axes and the zone"),
     ],
 )
@@ -112,7 +112,7 @@ def test_control_in_the_projects_system_that_is_said_to_be_in_another_is_told():
     measured = "".join(f"P{i},{name},10,20,0.5\n" for i in range(2) for name in "ab")
     header = "name,role,x,y,z,sigma_x,sigma_y,sigma_z\n", "name,photo,col,row,sigma\n"
     control = control_from_files(photos(), header[0] + rows, header[1] + measured, "EPSG:32634", CRS)
-    assert "would lie there in EPSG:2100." in control.remarks[0]
+    assert "would be there in EPSG:2100." in control.remarks[0]
 
 
 def as_system(xyz, name):
