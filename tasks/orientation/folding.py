@@ -1,8 +1,8 @@
-"""Distortion that cannot be undone at the border of the frame.
+"""Distortion that cannot be inverted near the border of the frame.
 
-A strong barrel distortion grows with the radius faster than the radius itself: from some place on it folds the picture back, and no
-ideal point belongs to what is observed farther out. Numbers of another camera, other units or another camera constant do that, and
-calibrations whose boards never reached the corners.
+A strong barrel distortion grows faster with the radius than the radius itself: beyond some radius it folds the image back, and no
+ideal point corresponds to what is observed farther out. Coefficients of another camera, in other units or for another camera
+constant have this effect, and calibrations whose boards never reached the corners.
 """
 
 import numpy as np
@@ -12,7 +12,8 @@ from orthomill.schemas.findings.block_findings import DistortionFolds
 
 
 def reach(camera: Camera) -> float:
-    """The largest observed radius, px from the principal point, that the radial distortion can bring forth; inf without a limit."""
+    """The largest observed radius, px from the principal point, that the radial distortion can produce; inf without a limit."""
+    # The observed radius r (1 + k1 r^2 + k2 r^4 + k3 r^6) is largest where its derivative, a cubic in r^2, has its first root.
     roots = np.roots([7.0 * camera.k3, 5.0 * camera.k2, 3.0 * camera.k1, 1.0])
     square = roots[(np.abs(roots.imag) < 1e-12) & (roots.real > 0)].real
     if not len(square):
@@ -32,4 +33,5 @@ def folding_cameras(cameras: Cameras) -> tuple[DistortionFolds, ...]:
 
 
 def _farthest(camera: Camera) -> float:
+    """Distance of the farthest corner of the frame from the principal point, px."""
     return float(np.hypot(0.5 * camera.width + abs(camera.x0), 0.5 * camera.height + abs(camera.y0)))

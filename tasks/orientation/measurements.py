@@ -1,4 +1,4 @@
-"""From tables to arrays: image measurements as rays in the order that the adjustment wants."""
+"""From tables to arrays: image measurements as rays, in the order that the adjustment needs."""
 
 import numpy as np
 
@@ -10,12 +10,12 @@ from orthomill.tasks.geometry.distortion import pixel_to_image
 
 
 def centred(camera: Camera, pixels: np.ndarray) -> np.ndarray:
-    """Pixels (N, 2) (col, row) to image coordinates from the image centre, y up, still distorted."""
+    """Pixels (N, 2) (col, row) to image coordinates (N, 2) from the image centre, y up, distortion included."""
     return np.column_stack([pixels[:, 0] - (camera.width - 1) / 2, (camera.height - 1) / 2 - pixels[:, 1]])
 
 
 def tie_rays(photos: Photos, cameras: Cameras, tie_points: TiePoints) -> tuple[Rays, np.ndarray]:
-    """Rays of all tie points, point numbers running without gaps, and the track number (N,) of every point."""
+    """Rays of all tie points, with points numbered without gaps, and the track number (N,) of every point."""
     order = np.lexsort((tie_points.photo, tie_points.track))
     tracks, point = np.unique(tie_points.track[order], return_inverse=True)
     photo = tie_points.photo[order].astype(np.int32)
@@ -24,12 +24,13 @@ def tie_rays(photos: Photos, cameras: Cameras, tie_points: TiePoints) -> tuple[R
     for number in np.unique(photo):
         own = photo == number
         xy[own] = centred(cameras.of(photos.names[number]), pixels[own])
+    # A standard error of zero would give a measurement infinite weight.
     return Rays(point.astype(np.int32), photo, xy, np.maximum(tie_points.sigma[order].astype(np.float64), 1e-3)), tracks
 
 
 def ground_rays(points: list[ControlPoint], photos: dict[str, int], cameras: Cameras) -> Rays:
-    """Rays of ground points to the photos of the block; `photos`: name -> number. Points are numbered as given; sorted by point,
-    then photo."""
+    """Rays of surveyed points to the photographs of the block, `photos`: name -> number. Points are numbered as given; rays are
+    sorted by point, then photograph."""
     rows = sorted(
         (i, photos[name], *centred(cameras.of(name), np.array([measured[:2]]))[0], measured[2])
         for i, point in enumerate(points)
@@ -55,6 +56,7 @@ def ideal(camera: Camera, xy: np.ndarray) -> np.ndarray:
 
 def on_a_line(xy: np.ndarray, width: float) -> bool:
     """Whether half of the points (n, 2) lie within `width` of the line that fits all of them best."""
+    # Half of them: wrong matches lie off the line and must not make a line look like an area.
     offset = xy - np.median(xy, axis=0)
     across = np.linalg.svd(offset, full_matrices=False)[2][1]
     return bool(np.median(np.abs(offset @ across)) < width)

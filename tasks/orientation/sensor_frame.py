@@ -1,9 +1,9 @@
-"""Photographs that EXIF turned upright, and others of the same camera: one sensor, one interior orientation.
+"""Photographs that EXIF rotates upright, and others of the same camera: one sensor, one interior orientation.
 
-Tables tell places in upright photographs. A camera that was held upright has its principal point and its lens turned against the
-others', but the sensor is the same. So a block is oriented in the frames of the sensors, in which all photographs of a camera share
-everything, and its tables are turned back: a rotation by quarters about the camera's axis, exact in values and covariances. Blocks
-without such photographs pass unchanged.
+Tables hold coordinates in upright photographs. In a photograph taken with the camera on its side, principal point and distortion
+are rotated by a quarter turn, but the sensor is the same. A block is therefore oriented in the frames of the sensors, in which all
+photographs of a camera share one interior orientation, and its tables are rotated back: quarter turns about the camera's axis,
+exact in values and covariances. Blocks without such photographs pass unchanged.
 """
 
 from collections.abc import Mapping
@@ -25,8 +25,8 @@ from orthomill.tasks.orientation.interchange.foreign_block import ForeignPose
 
 @dataclass(frozen=True, eq=False)
 class Sensors:
-    """What a block is made from, as the sensors saw it; `given`: approximate orientations, `tops`: directions (3,) in the image
-    system to the tops of photographs that stand otherwise than their sensors."""
+    """The input of a block in the frames of the sensors; `given`: approximate orientations, `tops`: directions (3,) in the image
+    system to the tops of the photographs that are rotated against their sensors."""
 
     photos: Photos
     cameras: Cameras
@@ -38,32 +38,37 @@ class Sensors:
 
 @dataclass(frozen=True, eq=False)
 class Upright:
-    """The photographs and cameras as all others see them."""
+    """The photographs and cameras of the tables: rotated upright by EXIF."""
 
     photos: Photos
     cameras: Cameras
 
     def flag(self, name: str) -> int:
-        """By which EXIF orientation a photograph was turned upright; 1 where the frame of its sensor is not known."""
+        """The EXIF orientation by which a photograph was rotated upright; 1 where the frame of its sensor is not known."""
+        # A mirrored photograph has no sensor frame that a rotation reaches.
         flag = self.photos[name].sensor_orientation
         return flag if flag in QUARTER_TURNS else 1
 
     @property
     def anything(self) -> bool:
-        """Whether any photograph was turned."""
+        """Whether any photograph was rotated."""
         return any(self.flag(name) != 1 for name in self.photos.names)
 
     def sensors(self, ties: TiePoints, control: Control, given: Mapping[str, ForeignPose] | None) -> Sensors:
-        """All as the sensors saw it; as it is where nothing was turned."""
+        """Everything in the frames of the sensors; unchanged where no photograph was rotated."""
         if not self.anything:
             return Sensors(self.photos, self.cameras, ties, control, given, {})
         return Sensors(
-            self.sensor_photos(), self.sensor_cameras(), self.sensor_ties(ties), self.sensor_control(control),
-            self._sensor_poses(given), self._tops(),
-        )  # fmt: skip
+            self.sensor_photos(),
+            self.sensor_cameras(),
+            self.sensor_ties(ties),
+            self.sensor_control(control),
+            self._sensor_poses(given),
+            self._tops(),
+        )
 
     def sensor_photos(self) -> Photos:
-        """The photographs as their sensors saw them."""
+        """The photographs in the frames of their sensors."""
         return self.photos.model_copy(update={"photos": tuple(self._sensor_photo(photo) for photo in self.photos.photos)})
 
     def _sensor_photo(self, photo: Photo) -> Photo:
@@ -77,11 +82,12 @@ class Upright:
         return photo.model_copy(update={"exif_orientation": 1, **changed})
 
     def _tops(self) -> dict[str, np.ndarray]:
-        """Where the tops of the turned photographs lie: directions (3,) in the image systems of their sensors."""
+        """Directions (3,) to the tops of the rotated photographs, in the image systems of their sensors."""
         return {name: _about_axis(self.flag(name)).T @ [0.0, 1.0, 0.0] for name in self.photos.names if self.flag(name) != 1}
 
     def sensor_cameras(self) -> Cameras:
-        """The cameras of the sensors, and which photograph was taken with which."""
+        """The cameras of the sensors, and the camera of each photograph."""
+        # The first photograph of a sensor stands for all: cameras of one sensor differ by their rotation only.
         of_photo = {name: self._sensor(name) for name in self.photos.names}
         first = {sensor: name for name, sensor in reversed(of_photo.items())}
         cameras = {sensor: self._turned_back(name, sensor) for sensor, name in sorted(first.items())}
@@ -95,7 +101,7 @@ class Upright:
         return turned(camera, QUARTER_TURNS.get(self.flag(name), 1)).model_copy(update={"name": sensor})
 
     def sensor_ties(self, ties: TiePoints) -> TiePoints:
-        """Tie points in pixels of the sensors."""
+        """Tie points in pixels of the sensors' frames."""
         col, row = ties.col.copy(), ties.row.copy()
         for number, photo in enumerate(self.photos.photos):
             own = ties.photo == number
@@ -104,7 +110,7 @@ class Upright:
         return replace(ties, col=col, row=row)
 
     def sensor_control(self, control: Control) -> Control:
-        """Surveyed points with measurements in pixels of the sensors."""
+        """Surveyed points with measurements in pixels of the sensors' frames."""
         return control.model_copy(update={"points": tuple(self._sensor_point(point) for point in control.points)})
 
     def _sensor_point(self, point: ControlPoint) -> ControlPoint:
@@ -118,18 +124,19 @@ class Upright:
         return point.model_copy(update={"measurements": measured})
 
     def _to_sensor(self, photo: Photo, pixels: np.ndarray) -> np.ndarray:
-        """Pixels (n, 2) of the upright photograph to those of its sensor."""
+        """Pixels (n, 2) of the upright photograph to those of its sensor's frame."""
         return _turned_pixels(pixels, QUARTER_TURNS[self.flag(photo.name)], (photo.width, photo.height))
 
     def _sensor_poses(self, given: Mapping[str, ForeignPose] | None) -> Mapping[str, ForeignPose] | None:
-        """Approximate orientations of the sensors."""
+        """Approximate orientations of the sensors' frames."""
         if given is None:
             return None
         back = {name: _about_axis(self.flag(name)).T if name in self.photos.names else np.eye(3) for name in given}
         return {name: replace(pose, rotation=back[name] @ pose.rotation) for name, pose in given.items()}
 
     def white_sigmas(self, white: Mapping[str, tuple[float, ...]], block: Block) -> dict[str, tuple[float, ...]]:
-        """Standard errors of the sensors' interior parameters as those of the cameras in upright photographs."""
+        """Standard errors of the sensors' interior parameters as those of the cameras of upright photographs."""
+        # Quarter turns exchange parameters and change signs; absolute values exchange standard errors alike.
         return {
             name: tuple(map(float, np.abs(interior_turn(flag)) @ white[sensor]))
             for name, (sensor, flag) in sorted(self._sensors_of(block).items())
@@ -137,11 +144,11 @@ class Upright:
         }
 
     def _sensors_of(self, block: Block) -> dict[str, tuple[str, int]]:
-        """The sensor of every camera of upright photographs, and the EXIF orientation between them."""
+        """Sensor and EXIF orientation by camera of upright photographs."""
         return {self.cameras.of_photo[name]: (block.of_photo[name], self.flag(name)) for name in block.names}
 
     def block(self, block: Block) -> Block:
-        """A block of sensors as a block of upright photographs."""
+        """A block in the frames of the sensors as a block of upright photographs."""
         turn = {photo.photo: _angle_turn(photo, self.flag(photo.photo)) for photo in block.photos}
         cameras = self._sensors_of(block)
         joint = {(j.first, j.second): np.array(j.covariance) for j in block.joint_cameras}
@@ -189,7 +196,7 @@ class Upright:
         return replace(image, col=pixels[:, 0], row=pixels[:, 1], v_col=away[:, 0], v_row=away[:, 1])
 
     def largest(self, row: LargestResidual) -> LargestResidual:
-        """A residual along the axis of the upright photograph."""
+        """A residual along an axis of the sensor's frame as one along an axis of the upright photograph."""
         along = np.array(TURN[self.flag(row.photo)])[:, "xy".index(row.axis)]
         axis = int(np.abs(along).argmax())
         return row.model_copy(
@@ -209,21 +216,22 @@ def _about_axis(flag: int) -> np.ndarray:
 
 
 def _pixel_turn(flag: int) -> np.ndarray:
-    """(2, 2) the same for (col, row), which count downwards."""
+    """(2, 2): the same rotation for (col, row), whose second axis points down."""
     down = np.diag([1.0, -1.0])
     return down @ np.array(TURN[flag], float) @ down
 
 
 def _turned_pixels(pixels: np.ndarray, flag: int, size: tuple[int, int]) -> np.ndarray:
-    """Pixels (n, 2) of a picture of `size` (width, height) after it was turned."""
+    """Pixels (n, 2) of an image of `size` (width, height) after its rotation by an EXIF orientation."""
     middle = np.array([(size[0] - 1) / 2, (size[1] - 1) / 2])
     return (pixels - middle) @ _pixel_turn(flag).T + (middle[::-1] if flag >= 5 else middle)
 
 
 def _angle_turn(photo: ExteriorOrientation, flag: int) -> np.ndarray:
-    """(6, 6): how small changes of X, Y, Z, omega, phi, kappa of the sensor become those of the upright photograph."""
+    """(6, 6): derivatives of X, Y, Z, omega, phi, kappa of the upright photograph by those of the sensor's frame."""
     out = np.eye(6)
     if flag != 1:
+        # Through rotation vectors: angles of the two attitudes depend on each other in no simple way, rotation vectors linearly.
         sensor, turn = rotation_matrix(*np.radians(photo.omega_phi_kappa)), _about_axis(flag)
         out[3:, 3:] = angles_from_vector(turn @ sensor) @ turn @ np.linalg.inv(angles_from_vector(sensor))
     return out

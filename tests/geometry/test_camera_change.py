@@ -35,8 +35,17 @@ COVARIANCE = tuple(map(tuple, (np.diag(np.arange(1.0, 9.0)) + 0.1 * np.ones((8, 
 
 
 def photo(flag=1, as_taken=False, size=(40, 60)):
-    return Photo(name="a", path="a.jpg", width=size[0], height=size[1], bands=3, dtype="uint8", camera="cam",
-                 exif_orientation=flag, as_taken=as_taken)  # fmt: skip
+    return Photo(
+        name="a",
+        path="a.jpg",
+        width=size[0],
+        height=size[1],
+        bands=3,
+        dtype="uint8",
+        camera="cam",
+        exif_orientation=flag,
+        as_taken=as_taken,
+    )
 
 
 @pytest.mark.parametrize("flag", range(1, 9))

@@ -53,7 +53,7 @@ def _add(line: str, known: dict[str, ControlPoint], photos: dict[str, Photo], so
         word = words[5]
     except (ValueError, IndexError):
         return f"'{line[:60]}' must hold X Y Z col row photograph, and may hold a name."
-    # Without a name the words of the coordinates are the name, not their values: 1.50 and 1.5 are two points, as in OpenDroneMap.
+    # Without a name the text of the coordinates is the name.
     name = words[6] if len(words) > 6 else f"{words[0]} {words[1]} {words[2]}"
     # Programs that count from the corner of a pixel have its centre at (0.5, 0.5).
     col, row = (col - 0.5, row - 0.5) if source.origin == "corner" else (col, row)

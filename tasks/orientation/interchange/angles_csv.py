@@ -1,6 +1,6 @@
 """Exterior orientation as a table: photo, X, Y, Z, omega, phi, kappa in metres and degrees, and standard errors where known.
 
-Commas, semicolons, tabs or blanks part the columns. The first line names them; without such a line the seven stand in this order,
+Commas, semicolons, tabs or blanks separate the columns. The first line names them; without it there are these seven in this order,
 as aerial triangulation programs write them. R = R3(kappa) R2(phi) R1(omega), world to image.
 """
 
@@ -15,14 +15,13 @@ from orthomill.tasks.orientation.interchange.foreign_block import ForeignBlock, 
 
 COLUMNS = ("photo", "x", "y", "z", "omega", "phi", "kappa")
 SIGMAS = ("sigma_x", "sigma_y", "sigma_z", "sigma_omega", "sigma_phi", "sigma_kappa")
-_ALSO = {
-    "filename": "photo", "image": "photo", "name": "photo", "label": "photo", "#photo": "photo",
-    "easting": "x", "northing": "y", "altitude": "z", "height": "z",
-}  # fmt: skip
+_PHOTO = ("filename", "image", "name", "label", "#photo")
+_ALSO = dict.fromkeys(_PHOTO, "photo") | {"easting": "x", "northing": "y", "altitude": "z", "height": "z"}
+"""Names of columns in files of other programs -> those of COLUMNS"""
 
 
 def read_angles(text: str) -> ForeignBlock:
-    """The table as a block without cameras. Raises WorkflowError naming every line that is wrong."""
+    """The table as a block without cameras. Raises WorkflowError that names every wrong line."""
     rows = [(number, _cells(line)) for number, line in enumerate(text.lstrip("\ufeff").splitlines(), 1) if line.strip()]
     names, rows = _columns(rows)
     poses: dict[str, ForeignPose] = {}
@@ -42,11 +41,13 @@ def read_angles(text: str) -> ForeignBlock:
 
 
 def _cells(line: str) -> list[str]:
+    """The cells of a line. Blanks separate only where nothing else does: names of photographs may hold them."""
     return [cell.strip() for cell in re.split(r"[,;\t]" if re.search(r"[,;\t]", line) else r"\s+", line.strip())]
 
 
 def _columns(rows: list[tuple[int, list[str]]]) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """The names of the columns, and the rows below them; lines that begin with # are comments."""
+    # Programs name the same column differently; capitals do not matter.
     first = [_ALSO.get(word.lower(), word.lower()) for word in rows[0][1]] if rows else []
     if set(COLUMNS) <= set(first):
         return first, [row for row in rows[1:] if not row[1][0].startswith("#")]
@@ -61,8 +62,10 @@ def _columns(rows: list[tuple[int, list[str]]]) -> tuple[list[str], list[tuple[i
 
 
 def _pose(row: dict[str, str]) -> ForeignPose | None:
+    """The pose of a row; None where a number is missing, not finite, or a standard error that is not positive."""
     try:
         numbers = np.array([float(row[name]) for name in COLUMNS[1:]])
+        # All six standard errors or none: weights for some of the parameters would need a guess for the others.
         stated = all(row.get(name) for name in SIGMAS)
         sigma = np.array([float(row[name]) for name in SIGMAS]) if stated else None
     except (KeyError, ValueError):
@@ -75,8 +78,8 @@ def _pose(row: dict[str, str]) -> ForeignPose | None:
 
 
 def write_angles(block: Block) -> str:
-    """All photographs of a block, with standard errors where the adjustment gave them; with digits enough to read the block back
-    as it was (nanometres, and 1e-12 degrees)."""
+    """All photographs of a block, with standard errors where the adjustment gave them, and enough digits to read the same block
+    back (nanometres, and 1e-12 degrees)."""
     lines = [",".join((*COLUMNS, *SIGMAS))]
     for photo in block.photos:
         numbers = [f"{v:.9f}" for v in photo.centre] + [f"{v:.12f}" for v in photo.omega_phi_kappa]
@@ -85,6 +88,7 @@ def write_angles(block: Block) -> str:
 
 
 def _sigmas(covariance: tuple[tuple[float, ...], ...] | None) -> list[str]:
+    """The cells of the standard errors in metres and degrees, empty where there is no covariance."""
     if covariance is None:
         return [""] * len(SIGMAS)
     sigma = np.sqrt(np.diag(np.array(covariance)))

@@ -21,34 +21,40 @@ _LENS = {
     "OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"),
     "FULL_OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
 }
-"""Camera models that Brown's lens can express, and the order of their numbers."""
+"""Camera models that Brown's distortion can express, and the order of their parameters."""
 _ORIGIN = "# Coordinates are those of the reference system less the origin:"
 
 
 def read_colmap(cameras: str, images: str, points: str = "") -> ForeignBlock:
     """The texts of cameras.txt, images.txt and (where there is one) points3D.txt as a block. Raises WorkflowError."""
-    known: dict[str, Camera] = {}
     findings: list[CameraConstantsAveraged] = []
-    for line in _lines(cameras):
-        number, camera = _camera(line, findings)
-        known[number] = camera
+    known = dict(_camera(line, findings) for line in _lines(cameras))
     origin = _origin(images)
+    poses, of_photo = _poses(images, known, origin)
+    rows = [line.split() for line in _lines(points)]
+    # COLMAP writes an error of -1 for points without one.
+    errors = [float(row[7]) for row in rows if float(row[7]) >= 0.0]
+    xyz = np.array([row[1:4] for row in rows], float).reshape(-1, 3) + origin
+    return ForeignBlock(poses, of_photo, xyz, float(np.mean(errors)) if errors else None, tuple(dict.fromkeys(findings)))
+
+
+def _poses(images: str, known: dict[str, Camera], origin: np.ndarray) -> tuple[dict[str, ForeignPose], dict[str, Camera]]:
+    """Poses and cameras by photograph."""
     poses, of_photo = {}, {}
     for line in _pose_lines(images):
+        # The name comes last and may hold blanks.
         words = line.split(maxsplit=9)
         if len(words) < 10 or words[8] not in known:
             raise WorkflowError(
                 f"A line of images.txt is not an image of COLMAP's text model: '{line[:80]}'; it must hold IMAGE_ID, QW QX QY QZ, "
                 "TX TY TZ, CAMERA_ID of cameras.txt, and NAME. Binary models become text with `colmap model_converter`."
             )
+        # x_camera = R X + t, so that the projection centre is -R' t.
         rotation = rotation_of_quaternion(np.array(words[1:5], float))
         name = photo_name(words[9])
         poses[name] = ForeignPose(Y_DOWN @ rotation, origin - rotation.T @ np.array(words[5:8], float))
         of_photo[name] = known[words[8]]
-    rows = [line.split() for line in _lines(points)]
-    errors = [float(row[7]) for row in rows if float(row[7]) >= 0.0]
-    xyz = np.array([row[1:4] for row in rows], float).reshape(-1, 3) + origin
-    return ForeignBlock(poses, of_photo, xyz, float(np.mean(errors)) if errors else None, tuple(dict.fromkeys(findings)))
+    return poses, of_photo
 
 
 def _lines(text: str) -> list[str]:
@@ -56,39 +62,50 @@ def _lines(text: str) -> list[str]:
 
 
 def _pose_lines(text: str) -> list[str]:
-    """Every second line of images.txt, of which the others list points and may be empty."""
+    """The lines of images.txt that hold poses: every second one. The others list points and may be empty, so that dropping empty
+    lines first would shift the count."""
     return [line for line in [line for line in text.splitlines() if not line.startswith("#")][::2] if line.strip()]
 
 
 def _origin(text: str) -> np.ndarray:
+    """(3,) the origin that `write_colmap` noted; zero for files of other programs."""
     line = next((line for line in text.splitlines() if line.startswith(_ORIGIN)), "")
     return np.array(line.removeprefix(_ORIGIN).split()[:3], float) if line else np.zeros(3)
 
 
 def _camera(line: str, findings: list[CameraConstantsAveraged]) -> tuple[str, Camera]:
+    """CAMERA_ID and camera of a line of cameras.txt."""
     number, model, width, height, *numbers = line.split()
+    value = _parameters(number, model, numbers)
+    fx, fy = value.get("f", value.get("fx", 0.0)), value.get("f", value.get("fy", 0.0))
+    if abs(fx / fy - 1.0) > 1e-6:
+        # Half of the difference of the constants, at half of the longer side of the frame.
+        off = 0.5 * abs(fx - fy) / max(fx, fy) * 0.5 * max(float(width), float(height))
+        findings.append(CameraConstantsAveraged(camera=number, x_px=fx, y_px=fy, error_px=off))
+    # The image centre is half the size there, because the centre of the upper left pixel is (0.5, 0.5).
+    place = {"x0": value["cx"] - int(width) / 2, "y0": int(height) / 2 - value["cy"]}
+    lens = {name: value.get(name, 0.0) for name in ("k1", "k2", "k3", "p1", "p2")}
+    name, size = f"camera {number}", {"width": int(width), "height": int(height)}
+    return number, Camera(name=name, c=0.5 * (fx + fy), source="file", **size, **place, **lens)
+
+
+def _parameters(number: str, model: str, numbers: list[str]) -> dict[str, float]:
+    """The parameters of a camera by name. Raises WorkflowError where Brown's distortion cannot express them."""
     if model not in _LENS or len(numbers) != len(_LENS[model]):
         raise WorkflowError(
             f"cameras.txt has a camera of the model {model}, whose lens Brown's distortion cannot express; models that can be read "
             f"are {', '.join(_LENS)}."
         )
     value = dict(zip(_LENS[model], map(float, numbers), strict=True))
+    # The rational model with its denominator at zero is Brown's; COLMAP writes it for cameras from OpenCV.
     if any(abs(value.get(name, 0.0)) > 1e-12 for name in ("k4", "k5", "k6")):
-        raise WorkflowError(f"Camera {number} of cameras.txt has k4, k5 or k6, which Brown's distortion does not know.")
-    fx, fy = value.get("f", value.get("fx", 0.0)), value.get("f", value.get("fy", 0.0))
-    if abs(fx / fy - 1.0) > 1e-6:
-        off = 0.5 * abs(fx - fy) / max(fx, fy) * 0.5 * max(float(width), float(height))
-        findings.append(CameraConstantsAveraged(camera=number, x_px=fx, y_px=fy, error_px=off))
-    lens = {name: value.get(name, 0.0) for name in ("k1", "k2", "k3", "p1", "p2")}
-    camera = Camera(
-        name=f"camera {number}", width=int(width), height=int(height), c=0.5 * (fx + fy),
-        x0=value["cx"] - int(width) / 2, y0=int(height) / 2 - value["cy"], source="file", **lens,
-    )  # fmt: skip
-    return number, camera
+        raise WorkflowError(f"Camera {number} of cameras.txt has k4, k5 or k6, which Brown's distortion does not include.")
+    return value
 
 
 def write_colmap(block: ForeignBlock, files: dict[str, str], origin: np.ndarray, crs: str) -> dict[str, str]:
-    """The three texts by their file names; `files`: photograph -> file name; `origin` (3,) is taken off all coordinates."""
+    """The three texts by their file names; `files`: photograph -> file name; `origin` (3,) is subtracted from all
+    coordinates, which would lose digits in the single precision of viewers."""
     number = {camera.name: i + 1 for i, camera in enumerate({c.name: c for c in block.cameras.values()}.values())}
     note = f"{_ORIGIN} {origin[0]:.3f} {origin[1]:.3f} {origin[2]:.3f} of {crs}\n"
     images = [note]
@@ -106,6 +123,7 @@ def write_colmap(block: ForeignBlock, files: dict[str, str], origin: np.ndarray,
 
 
 def _camera_line(number: int, camera: Camera) -> str:
+    # The centre of the upper left pixel is (0.5, 0.5) there: the image centre is half the size.
     cx, cy = camera.x0 + camera.width / 2, camera.height / 2 - camera.y0
     lens = (camera.k1, camera.k2, camera.p1, camera.p2, camera.k3, 0.0, 0.0, 0.0)
     numbers = " ".join(repr(float(v)) for v in (camera.c, camera.c, cx, cy, *lens))

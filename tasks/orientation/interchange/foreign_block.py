@@ -1,7 +1,7 @@
-"""A block as another program has it, in this project's conventions: the value that all readers give and all writers take.
+"""A block of another program in the conventions of this project: the value that all readers return and all writers take.
 
-Other programs open image files as they are, whatever EXIF says of turning them; photographs here are upright. What enters is turned
-upright, what leaves is turned back. A camera of another size than the photographs (reduced since) is scaled.
+Other programs open image files as stored and ignore the EXIF orientation; photographs here are upright. Imported poses and cameras
+are rotated upright, exported ones are rotated back. A camera of another size than the photographs (resized since) is scaled.
 """
 
 from dataclasses import dataclass, replace
@@ -20,6 +20,7 @@ Y_DOWN = np.diag([1.0, -1.0, -1.0])
 MIRRORED = (2, 4, 5, 7)
 """EXIF orientations that mirror a photograph"""
 _SAME_SHAPE = 0.01
+"""Relative difference of the aspect ratios that rounding to whole pixels explains, even in small previews."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +36,7 @@ class ForeignPose:
 @dataclass(frozen=True, eq=False)
 class ForeignBlock:
     """Poses by the name of the photograph, its camera by the same name (none: the project's own), points (N, 3) that the program
-    found, the mean reprojection error that it states (px), and what could not be carried over."""
+    found, the mean reprojection error that it states (px), and findings on what could not be taken over."""
 
     poses: dict[str, ForeignPose]
     cameras: dict[str, Camera]
@@ -45,14 +46,15 @@ class ForeignBlock:
 
 
 def photo_name(word: str) -> str:
-    """The name by which photographs are known here: a path without folders and without an extension of an image file."""
+    """The name of a photograph in the project: its path without folders and without the extension of an image file."""
+    # Only known extensions are cut: a stem such as "2009.05.17" has dots of its own. Paths of Windows come with backslashes.
     path = PurePath(word.strip().replace("\\", "/"))
     return path.stem if path.suffix.lower() in {".jpg", ".jpeg", ".tif", ".tiff", ".png", ".dng"} else path.name
 
 
 def upright_block(block: ForeignBlock, photos: Photos) -> ForeignBlock:
-    """The block of the project's photographs only, upright and in their size. Raises WorkflowError when none of them is in it, or
-    when a camera has another shape than its photograph."""
+    """The block reduced to the project's photographs, upright and in their size. Raises WorkflowError when it has none of them, or
+    when a camera has another aspect ratio than its photograph."""
     block = _in_own_words(block, photos)
     known = {photo.name: photo for photo in photos.photos if photo.name in block.poses}
     if not known:
@@ -66,7 +68,8 @@ def upright_block(block: ForeignBlock, photos: Photos) -> ForeignBlock:
 
 
 def _in_own_words(block: ForeignBlock, photos: Photos) -> ForeignBlock:
-    """The block with photographs named as in the project, where only capitals differ."""
+    """The block with photographs named as in the project, where names differ in capitals only."""
+    # Where capitals distinguish two photographs, on either side, names are left as they are.
     own = {photo.name.lower(): photo.name for photo in photos.photos}
     if len(own) < len(photos.photos):
         return block
@@ -84,13 +87,13 @@ def _left_out(block: ForeignBlock, known: dict[str, Photo]) -> tuple[PhotosUnkno
 
 
 def file_view(photo: Photo, camera: Camera, pose: ForeignPose) -> tuple[Camera, ForeignPose]:
-    """Camera and pose of a photograph as a program sees it that opens the file as it is."""
+    """Camera and pose of a photograph for a program that opens the file as stored."""
     turn = _inverse_flag(photo.exif_orientation)
     return turned(camera, turn), _turned_pose(pose, photo, "to file")
 
 
 def _inverse_flag(orientation: int) -> int:
-    """The EXIF flag that undoes another one: quarter turns undo each other, all others themselves."""
+    """The EXIF orientation that undoes another one: quarter turns undo each other, all others themselves."""
     return {6: 8, 8: 6}.get(orientation, orientation)
 
 

@@ -1,7 +1,7 @@
 """OpenSfM's reconstruction.json, which OpenDroneMap and WebODM leave behind as opensfm/reconstruction.json.
 
-Lengths in the image are divided by the longer side of the photograph, measured from its centre, y down; the camera looks along +z;
-a rotation vector and a translation take the topocentric world (east, north, up about `reference_lla`) to the camera. Distortion is
+Image coordinates are in units of the longer side of the photograph, from its centre, y down; the camera looks along +z; a rotation
+vector and a translation transform the topocentric system (east, north, up about `reference_lla`) to the camera. Distortion is
 OpenCV's. Source: OpenSfM's documentation, "Geometric models" and "Dataset structure".
 """
 
@@ -17,6 +17,7 @@ from orthomill.tasks.geometry.rotation_vector import rotation_of_vector, vector_
 from orthomill.tasks.geometry.topocentric import Reference, Topocentric, reference_of
 from orthomill.tasks.orientation.interchange.foreign_block import Y_DOWN, ForeignBlock, ForeignPose, photo_name
 
+# Names of the two camera constants, and the distortion coefficients, by projection type.
 _MODELS = {
     "perspective": ("focal", "focal", ("k1", "k2")),
     "simple_radial": ("focal_x", "focal_y", ("k1",)),
@@ -29,6 +30,7 @@ def read_opensfm(text: str, crs: str, reference: str | None = None) -> ForeignBl
     """The largest reconstruction of the file as a block in the map of `crs`; `reference`: the text of reference_lla.json, where the
     reconstruction does not hold it. Raises WorkflowError."""
     try:
+        # OpenSfM splits a block that is not connected; the parts have unrelated systems.
         parts = json.loads(text)
         part = max(parts, key=lambda one: len(one["shots"]))
         cameras = {name: _camera(name, values) for name, values in part["cameras"].items()}
@@ -37,13 +39,14 @@ def read_opensfm(text: str, crs: str, reference: str | None = None) -> ForeignBl
         of_photo = {photo_name(name): cameras[shot["camera"]][0] for name, shot in part["shots"].items()}
         points = np.array([point["coordinates"] for point in part.get("points", {}).values()], float).reshape(-1, 3)
     except (json.JSONDecodeError, KeyError, TypeError, ValueError) as error:
+        # Any of these errors means another kind of JSON; the message says which key or type was missing.
         raise WorkflowError(
             f"This is not a reconstruction.json of OpenSfM or OpenDroneMap ({type(error).__name__}: {error}); it must be a list of "
             "reconstructions with cameras and shots."
         ) from error
     if not place:
         raise WorkflowError(
-            "The reconstruction does not say where on earth it lies (reference_lla); name OpenSfM's reference_lla.json as well."
+            "The reconstruction holds no reference point (reference_lla); name OpenSfM's reference_lla.json as well."
         )
     findings: list[BlockFinding] = [finding for _, finding in cameras.values() if finding]
     if len(parts) > 1:
@@ -56,6 +59,7 @@ def _reference(place: dict[str, float]) -> Reference:
 
 
 def _pose(shot: dict[str, Any]) -> ForeignPose:
+    """The pose of a shot in topocentric coordinates."""
     rotation = rotation_of_vector(np.array(shot["rotation"], float))
     return ForeignPose(Y_DOWN @ rotation, -rotation.T @ np.array(shot["translation"], float))
 
@@ -69,16 +73,23 @@ def _camera(name: str, values: dict[str, Any]) -> tuple[Camera, CameraConstantsA
     longer = max(values["width"], values["height"])
     x, y = values[fx], values[fy]
     camera = Camera(
-        name=name, width=values["width"], height=values["height"], c=0.5 * (x + y) * longer, source="file",
-        x0=values.get("c_x", 0.0) * longer, y0=-values.get("c_y", 0.0) * longer, **{k: values.get(k, 0.0) for k in lens},
-    )  # fmt: skip
+        name=name,
+        width=values["width"],
+        height=values["height"],
+        c=0.5 * (x + y) * longer,
+        source="file",
+        x0=values.get("c_x", 0.0) * longer,
+        y0=-values.get("c_y", 0.0) * longer,
+        **{k: values.get(k, 0.0) for k in lens},
+    )
+    # Half of the difference of the constants, at half of the longer side.
     off = 0.25 * abs(x - y) * longer / max(x, y)
     lost = CameraConstantsAveraged(camera=name, x_px=x * longer, y_px=y * longer, error_px=off)
     return camera, lost if off > 0.01 else None
 
 
 def _on_map(block: ForeignBlock, reference: Reference, crs: str) -> ForeignBlock:
-    """From east, north, up to the map."""
+    """From topocentric coordinates to the map, with each camera's axes rotated by the convergence and curvature at its place."""
     frame = Topocentric(reference, crs)
     poses = {
         name: ForeignPose(pose.rotation @ frame.turn(pose.centre).T, frame.to_map(pose.centre[None])[0])
@@ -89,6 +100,7 @@ def _on_map(block: ForeignBlock, reference: Reference, crs: str) -> ForeignBlock
 
 def write_opensfm(block: ForeignBlock, files: dict[str, str], crs: str) -> str:
     """The block as reconstruction.json; `files`: photograph -> file name."""
+    # In the middle of the block, where the tangent plane fits best; at height 0, so that heights keep their values.
     centre = np.mean([pose.centre for pose in block.poses.values()], axis=0)
     reference = reference_of(crs, np.array([centre[0], centre[1], 0.0]))
     frame = Topocentric(reference, crs)
@@ -102,20 +114,40 @@ def write_opensfm(block: ForeignBlock, files: dict[str, str], crs: str) -> str:
 
 
 def _shot(pose: ForeignPose, camera: str, frame: Topocentric) -> dict[str, Any]:
+    """A shot of OpenSfM; fields that it needs but that say nothing here have its own defaults."""
     centre = frame.from_map(pose.centre[None])[0]
     rotation = Y_DOWN @ pose.rotation @ frame.turn(centre)
     translation = -rotation @ centre
     return {
-        "rotation": vector_of_rotation(rotation).tolist(), "translation": translation.tolist(), "camera": camera,
-        "orientation": 1, "capture_time": 0.0, "gps_dop": 0.0, "gps_position": centre.tolist(), "vertices": [], "faces": [],
-        "scale": 1.0, "covariance": [], "merge_cc": 0,
-    }  # fmt: skip
+        "rotation": vector_of_rotation(rotation).tolist(),
+        "translation": translation.tolist(),
+        "camera": camera,
+        # Poses leave for files as stored, without an EXIF orientation.
+        "orientation": 1,
+        "capture_time": 0.0,
+        "gps_dop": 0.0,
+        "gps_position": centre.tolist(),
+        "vertices": [],
+        "faces": [],
+        "scale": 1.0,
+        "covariance": [],
+        "merge_cc": 0,
+    }
 
 
 def _camera_values(camera: Camera) -> dict[str, Any]:
     longer = max(camera.width, camera.height)
     return {
-        "projection_type": "brown", "width": camera.width, "height": camera.height,
-        "focal_x": camera.c / longer, "focal_y": camera.c / longer, "c_x": camera.x0 / longer, "c_y": -camera.y0 / longer,
-        "k1": camera.k1, "k2": camera.k2, "p1": camera.p1, "p2": camera.p2, "k3": camera.k3,
-    }  # fmt: skip
+        "projection_type": "brown",
+        "width": camera.width,
+        "height": camera.height,
+        "focal_x": camera.c / longer,
+        "focal_y": camera.c / longer,
+        "c_x": camera.x0 / longer,
+        "c_y": -camera.y0 / longer,
+        "k1": camera.k1,
+        "k2": camera.k2,
+        "p1": camera.p1,
+        "p2": camera.p2,
+        "k3": camera.k3,
+    }

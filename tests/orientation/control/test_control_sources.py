@@ -20,11 +20,19 @@ CRS = "EPSG:2100"
 def photos(place=(407000.0, 4357000.0, 1100.0)):
     return Photos(
         photos=tuple(
-            Photo(name=n, path=f"in/{n}.JPG", width=100, height=80, bands=3, dtype="uint8", camera="c",
-                  position=None if place is None else (place[0] + 300 * i, place[1], place[2]))
+            Photo(
+                name=n,
+                path=f"in/{n}.JPG",
+                width=100,
+                height=80,
+                bands=3,
+                dtype="uint8",
+                camera="c",
+                position=None if place is None else (place[0] + 300 * i, place[1], place[2]),
+            )
             for i, n in enumerate("ab")
         )
-    )  # fmt: skip
+    )
 
 
 GCP = """EPSG:2100

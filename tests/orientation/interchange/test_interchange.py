@@ -71,8 +71,17 @@ def test_own_tie_points_examine_a_fixed_block(volos_like, products, source):
     check = [point for point in tables.ground_residuals.points if point.role == "check"]
     assert len(check) == 8 and all(np.abs(point.difference).max() < 1.0 for point in check)
     empty = SimpleNamespace(pairs=())
-    page = report(block.photos, cameras, block.control, empty, tables.block, tables.points, tables.image_residuals,
-                  tables.ground_residuals, tables.precision)  # fmt: skip
+    page = report(
+        block.photos,
+        cameras,
+        block.control,
+        empty,
+        tables.block,
+        tables.points,
+        tables.image_residuals,
+        tables.ground_residuals,
+        tables.precision,
+    )
     assert next(figure.value for figure in page.figures if figure.name == "photos_oriented") == 6
 
 
@@ -131,11 +140,30 @@ def test_colmap_pixels_begin_at_the_corner():
 
 
 def test_opensfm_counts_from_the_centre_in_units_of_the_longer_side():
-    camera = {"projection_type": "brown", "width": 640, "height": 480, "focal_x": 0.8, "focal_y": 0.8, "c_x": 0.01, "c_y": -0.02,
-              "k1": -0.1, "k2": 0.02, "k3": 0.003, "p1": 0.001, "p2": -0.002}  # fmt: skip
+    camera = {
+        "projection_type": "brown",
+        "width": 640,
+        "height": 480,
+        "focal_x": 0.8,
+        "focal_y": 0.8,
+        "c_x": 0.01,
+        "c_y": -0.02,
+        "k1": -0.1,
+        "k2": 0.02,
+        "k3": 0.003,
+        "p1": 0.001,
+        "p2": -0.002,
+    }
     shot = {"camera": "v2", "rotation": [0.1, 0.2, 0.3], "translation": [1.0, 2.0, 30.0]}
-    text = json.dumps([{"cameras": {"v2": camera}, "shots": {"a.jpg": shot},
-                        "reference_lla": {"latitude": 39.36, "longitude": 22.94, "altitude": 10.0}}])  # fmt: skip
+    text = json.dumps(
+        [
+            {
+                "cameras": {"v2": camera},
+                "shots": {"a.jpg": shot},
+                "reference_lla": {"latitude": 39.36, "longitude": 22.94, "altitude": 10.0},
+            }
+        ]
+    )
     block = read_opensfm(text, CRS)
     enu = np.array([[4.0, -5.0, 6.0]])
     p = rotation_of_vector(np.array([0.1, 0.2, 0.3])) @ enu[0] + [1.0, 2.0, 30.0]
@@ -262,8 +290,17 @@ def test_a_slightly_wrong_foreign_orientation_shows_in_the_residuals():
 
 
 def test_a_camera_of_the_scan_itself_does_not_fit_its_frame():
-    scan = Photo(name="a", path="a.tif", width=201, height=201, bands=1, dtype="uint8", camera="s", scan=(0, 1, 0, 0, 0, 1),
-                 scan_size=(240, 240))  # fmt: skip
+    scan = Photo(
+        name="a",
+        path="a.tif",
+        width=201,
+        height=201,
+        bands=1,
+        dtype="uint8",
+        camera="s",
+        scan=(0, 1, 0, 0, 0, 1),
+        scan_size=(240, 240),
+    )
     camera = Camera(name="s", width=240, height=240, c=300.0)
     with pytest.raises(WorkflowError, match="a is a scan that was put into a frame of 201 x 201 pixels"):
         upright_block(
