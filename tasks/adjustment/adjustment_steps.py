@@ -8,7 +8,7 @@ from orthomill.tasks.adjustment.progress import Progress
 from orthomill.tasks.adjustment.solve.minimise import minimise
 from orthomill.tasks.adjustment.solve.ray_intersection import enough_rays, usable_rays
 from orthomill.tasks.adjustment.testing.ray_blunders import ray_blunders
-from orthomill.tasks.adjustment.testing.solution_precision import tested_solution
+from orthomill.tasks.adjustment.testing.solution_precision import precise_solution
 from orthomill.tasks.adjustment.testing.surveyed_blunders import is_outlier, surveyed_blunder, with_reinstated
 from orthomill.tasks.adjustment.testing.variance_components import converged, estimated_factors
 
@@ -18,7 +18,7 @@ def plain_solution(now: Progress) -> Progress:
     network, rays = now.weighted_network, now.weighted_rays
     used = usable_rays(network, now.state, rays, now.used)
     state, steps = minimise(network, now.state, rays.take(used))
-    result = tested_solution(network, state, rays, used, now.factors)
+    result = precise_solution(network, state, rays, used, now.factors)
     return replace(now, state=state, used=used, iterations=now.iterations + steps, result=result, changed=False)
 
 
@@ -52,7 +52,7 @@ def _solution_without(now: Progress, suspect: Blunder) -> tuple[Adjustment, int]
     network, rays = without(now.weighted_network, suspect), now.weighted_rays
     used = enough_rays(network, rays, now.used)
     state, steps = minimise(network, now.state, rays.take(used))
-    return tested_solution(network, state, rays, used, now.factors), steps
+    return precise_solution(network, state, rays, used, now.factors), steps
 
 
 def with_variance_components(now: Progress) -> Progress:

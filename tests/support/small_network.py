@@ -46,7 +46,27 @@ def small_network(seed=0, photos=4, points=30, noise=0.0, free=False, interior_f
     return network, state, rays
 
 
+def more_control(network, count):
+    """The network with control on its first `count` points, 2 cm."""
+    weight = network.point_weight.copy()
+    weight[:count] = 1 / 0.02**2
+    return replace(network, point_weight=weight)
+
+
+def surveyed_noise(network, rng, position=1.0, control=1.0):
+    """The network with errors in its positions and control, in multiples of their stated standard errors."""
+    point_sigma, centre_sigma = (
+        np.divide(1.0, np.sqrt(weight), out=np.zeros_like(weight, float), where=weight > 0)
+        for weight in (network.point_weight, network.centre_weight)
+    )
+    point = network.point + control * point_sigma * rng.standard_normal(network.point.shape)
+    return replace(
+        network, point=point, centre=network.centre + position * centre_sigma * rng.standard_normal(network.centre.shape)
+    )
+
+
 def moved(state, rng, size=1.0):
+    """The state with errors of `size` m in centres and points, and of 0.01 `size` rad in rotations."""
     turned = np.array([rotation_of_vector(0.01 * size * rng.standard_normal(3)) @ R for R in state.rotation])
     return replace(
         state,
@@ -57,6 +77,7 @@ def moved(state, rng, size=1.0):
 
 
 def pattern(network, state, rays):
+    """The blocks of the reduced normal matrix."""
     return structure(network, state, linearised(network, state, rays)).pattern
 
 

@@ -14,7 +14,7 @@ LEAST_REDUNDANCY = 1e-6
 """Smallest redundancy number in standardised residuals."""
 
 
-def tested_solution(network: Network, state: State, rays: Rays, used: np.ndarray, factors: Factors) -> Adjustment:
+def precise_solution(network: Network, state: State, rays: Rays, used: np.ndarray, factors: Factors) -> Adjustment:
     """Covariance, redundancy numbers and standardised residuals of a solution with the `used` rays.
 
     Raises GeometryError where the observations do not determine the unknowns, or without redundancy.

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_bundle_equations import dense, small_network
+from small_network import dense, small_network
 
 from orthomill.tasks.adjustment.bundle import adjust
 from orthomill.tasks.adjustment.model.adjustment_result import CorrelatedErrors
