@@ -95,6 +95,7 @@ class OrientationStage(Stage):
 
     @model_validator(mode="after")
     def _a_fixed_orientation_is_not_adjusted(self) -> Self:
+        # Compared with the defaults and not by what was set: a workflow that a run wrote down names every setting.
         unread = [name for name in OF_THE_ADJUSTMENT if getattr(self, name) != type(self).model_fields[name].default]
         if self._fixed_source is not None and unread:
             raise ValueError(
@@ -192,6 +193,7 @@ class OrientationStage(Stage):
         yield Job("orientation", "pairs", no_pairs, reads={}, writes={"relative": RELATIVE})
         texts = tuple(TextFile(path) for path in source.files)
         reads: dict[str, Region | tuple[Region, ...]] = {"photos": PHOTOS, "cameras": CAMERAS, "control": CONTROL, "texts": texts}
+        # Without tie points the block is taken unexamined, and the report says so.
         if view.has_stage("tie_points"):
             reads["tie_points"] = TIE_POINTS
         yield Job(
@@ -220,6 +222,7 @@ class OrientationStage(Stage):
             "points": TextFile(points),
             "measurements": TextFile(measurements),
         }
+        # Optional in the project, and then a parameter of the function with a default.
         if distances:
             reads["distances"] = TextFile(distances)
         return _control_job(control_from_files, reads, {"own": own, "crs": view.project.crs})

@@ -3,9 +3,12 @@
 from types import SimpleNamespace
 
 import pytest
+from pydantic import ValidationError
 
+from orthomill.pipeline.engine.job_signature import misfit
 from orthomill.schemas.job import Export, Job, Table, TextFile
 from orthomill.schemas.project import ControlFromFiles, NoControl, SimulatedControl
+from orthomill.tasks.orientation.exterior.fixed_block import orient_fixed
 from orthomill.tasks.orientation.exterior.started_block import orient_from
 from orthomill.tasks.orientation.stage import OrientationStage
 
@@ -72,3 +75,63 @@ def test_settings_of_the_workflow_reach_the_block():
     assert job.params["choices"].interior.parameters == ("c", "k1")
     assert job.params["choices"].gnss_shift
     job.params["choices"].model_dump_json()
+
+
+FIXED = {"kind": "csv", "path": "ori.csv"}
+OF_THE_ADJUSTMENT = {
+    "least_matches": 20,
+    "interior": {"kind": "fixed"},
+    "gnss_shift": "constant",
+    "lever_arm": (0.1, 0.0, 0.2),
+    "lever_sigma": 0.05,
+    "looking": "level",
+    "vertical_sigma": 2.0,
+    "rejection": 3.0,
+}
+
+
+@pytest.mark.parametrize("name", OF_THE_ADJUSTMENT)
+def test_a_fixed_orientation_refuses_what_only_an_adjustment_reads(name):
+    with pytest.raises(ValidationError, match=rf"not adjusted, so these settings have no effect: {name}; leave them out"):
+        OrientationStage(exterior=FIXED, **{name: OF_THE_ADJUSTMENT[name]})
+    for exterior in (FIXED | {"use": "start"}, {"kind": "adjusted"}):
+        assert getattr(OrientationStage(exterior=exterior, **{name: OF_THE_ADJUSTMENT[name]}), name)
+
+
+def test_all_settings_without_effect_are_named_at_once():
+    with pytest.raises(ValidationError, match=", ".join(OF_THE_ADJUSTMENT)):
+        OrientationStage(exterior=FIXED, **OF_THE_ADJUSTMENT)
+
+
+def test_a_workflow_with_every_default_written_down_is_accepted():
+    """As a run writes it: all settings are set, to their defaults."""
+    written = OrientationStage(exterior=FIXED).model_dump(mode="json")
+    assert OrientationStage.model_validate(written) == OrientationStage(exterior=FIXED)
+
+
+def test_every_setting_reaches_the_adjustment():
+    jobs = {item.item: item for item in planned(FILES, **OF_THE_ADJUSTMENT) if isinstance(item, Job)}
+    assert jobs["pairs"].params["least"] == 20
+    choices = jobs["block"].params["choices"]
+    assert choices.gnss_shift and choices.interior.kind == "fixed" and choices.looking == "level"
+    assert (choices.lever_arm, choices.lever_sigma) == ((0.1, 0.0, 0.2), 0.05)
+    assert (choices.vertical_sigma, choices.rejection) == (2.0, 3.0)
+
+
+@pytest.mark.parametrize(
+    "settings", [{}, {"exterior": FIXED}, {"exterior": FIXED | {"use": "start"}}], ids=["own", "fixed", "start"]
+)
+@pytest.mark.parametrize("control", [NoControl(kind="none"), FILES, SimulatedControl(kind="simulated")], ids=lambda c: c.kind)
+def test_every_job_fits_its_function(settings, control):
+    project = SimpleNamespace(crs="EPSG:2100", control=control)
+    view = SimpleNamespace(project=project, run_file=lambda path: path, has_stage=lambda kind: True)
+    jobs = [item for item in OrientationStage(**settings).plan(view) if isinstance(item, Job)]
+    assert {job.item for job in jobs} == {"control", "pairs", "block", "report", "products", "overlap"}
+    assert [sentence for job in jobs if (sentence := misfit(job))] == []
+
+
+def test_a_fixed_block_writes_no_separate_blocks():
+    project = SimpleNamespace(crs="EPSG:2100", control=NoControl(kind="none"))
+    view = SimpleNamespace(project=project, has_stage=lambda kind: True)
+    block = next(item for item in OrientationStage(exterior=FIXED).plan(view) if item.item == "block")
+    assert "separate" not in block.writes and block.function is orient_fixed

@@ -87,17 +87,13 @@ def known_of(
 ) -> tuple[State, Known]:
     """The model of a start, with its photographs only, and what is known of these and of the ground; `tops`: the direction to the
     top of those photographs where it is not the y axis of the image system."""
-    model = replace(
-        start.state,
-        rotation=start.state.rotation[start.photos],
-        centre=start.state.centre[start.photos],
-        point=np.where(start.known[:, None], start.state.point, np.nan),
-    )
+    model = _model_of(start)
     names = tuple(material.names[i] for i in start.photos)
     points = taking_part(control)
     rays = ground_rays(points, {name: i for i, name in enumerate(names)}, cameras)
     camera_of = material.camera_of[start.photos]
     placed, missed = approximate_points(model, material.cameras, camera_of, rays, len(points))
+    # Tie points measured by a person have no coordinates against which a wrong ray could be found.
     surveyed = np.array([point.role == "control" for point in points], bool)
     placed[surveyed & ((missed > MEETING) | ~_at_depth(material, start, model, rays, placed))] = np.nan
     return model, Known(
@@ -110,11 +106,22 @@ def known_of(
     )
 
 
+def _model_of(start: BlockStart) -> State:
+    """The state of a start with its photographs only; NaN for points that it does not know."""
+    return replace(
+        start.state,
+        rotation=start.state.rotation[start.photos],
+        centre=start.state.centre[start.photos],
+        point=np.where(start.known[:, None], start.state.point, np.nan),
+    )
+
+
 def _at_depth(material: GrowthMaterial, start: BlockStart, model: State, rays: Rays, placed: np.ndarray) -> np.ndarray:
     """(n,) bool: points that lie about as far before their photographs as tie points do: two rays of different points may meet by
     chance, but at another depth."""
     own = start.good & start.known[material.rays.point] & np.isin(material.rays.photo, start.photos)
     photo = np.searchsorted(start.photos, material.rays.photo[own])
+    # Percentiles, because some tie points of a start are wrong matches at any depth.
     low, high = np.percentile(_depths(model, photo, model.point[material.rays.point[own]]), [1.0, 99.0])
     depth, good = _depths(model, rays.photo, placed[rays.point]), np.ones(len(placed), bool)
     good[rays.point[(depth < low / DEPTHS) | (depth > high * DEPTHS)]] = False
@@ -233,6 +240,7 @@ def _known_together(parts: list[Part], number: np.ndarray, photos: int) -> Known
         own = number[part.start.photos]
         position[own], sigma[own] = part.known.position, part.known.position_sigma
         zenith[own], top[own] = part.known.up, part.known.top
+        # Every part placed the same point in its own model; the first that has it gives the starting value.
         in_first = part.datum.similarity.apply(part.known.control_model) + part.datum.origin - parts[0].datum.origin
         model = np.where(np.isfinite(model), model, in_first)
     first = parts[0].known
@@ -241,6 +249,7 @@ def _known_together(parts: list[Part], number: np.ndarray, photos: int) -> Known
 
 def _datum_together(parts: list[Part], number: np.ndarray, photos: int) -> Datum:
     """A control point is set aside where it is far from its place in a part, and near it in none."""
+    # Photographs in no part have no position to use.
     positions = np.ones(photos, bool)
     for part in parts:
         positions[number[part.start.photos]] = part.datum.positions_aside
@@ -270,6 +279,7 @@ def starting_values(
     count, known = problem.ties + len(problem.surveyed), problem.known
     start = _placed_parts(problem, parts, datum, vertical_sigma, count)
     surveyed = np.where(np.isfinite(known.control_model), known.control_model, known.control - datum.origin)
+    # Points without a place stay at 0 and lose their rays below.
     start.point[problem.ties :] = np.nan_to_num(surveyed)
     state = State(start.rotation, start.centre, start.point, parts[0].model.interior, np.zeros(3))
     network = replace(_network(material, problem, start.vertical, count), up=start.zenith)
@@ -316,7 +326,7 @@ def _usable(problem: Problem, network: Network, state: State, finite: np.ndarray
     ahead = np.abs(residuals(state, rays, network.camera_of)).max(axis=1) < BEHIND
     good: np.ndarray = ~surveyed | (ahead & placed)
     count = np.bincount(rays.point[good & surveyed], minlength=len(network.point))
-    with_coordinates = network.point_weight.any(axis=1)
+    with_coordinates = np.asarray(network.point_weight.any(axis=1))
     usable: np.ndarray = good & (~surveyed | with_coordinates[rays.point] | (count[rays.point] >= 2))
     return usable
 
@@ -324,6 +334,7 @@ def _usable(problem: Problem, network: Network, state: State, finite: np.ndarray
 def _with_distances(network: Network, problem: Problem, datum: Datum, good: np.ndarray) -> Network:
     """The network with the distances whose ends are both determined; these ends stay among the unknowns."""
     seen: np.ndarray = np.bincount(problem.rays.point[good], minlength=len(network.point)) > 0
+    # An end without rays has no coordinates among the unknowns, and a distance to it would be singular.
     rows = [
         (a + problem.ties, b + problem.ties, length, sigma)
         for a, b, length, sigma in problem.distances

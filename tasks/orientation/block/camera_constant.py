@@ -51,6 +51,7 @@ def adjust_tested(network: Network, state: State, rays: Rays, test: BlunderTest,
 
     Raises GeometryError as `adjust`.
     """
+    # The start may have replaced constants (`start_blocks`), and says so by its state only.
     given = network.interior.value[:, 0]
     replaced = state.interior[:, 0] != given
     # Constants that the start replaced are tested first: the prior at the given value would only pull the block away again.
@@ -134,6 +135,7 @@ def doubtful_constants(result: Adjustment) -> tuple[np.ndarray, np.ndarray]:
     moved = np.abs(result.state.interior[:, 0] - given)
     present = np.isin(np.arange(len(interior.value)), result.network.camera_of)
     adjusted = interior.free[:, 0] & ~interior.considered[:, 0]
+    # A constant without a prior has no given value that could be contradicted.
     known = np.diagonal(interior.weight, axis1=1, axis2=2)[:, 0] > 0
     found, toward = present & adjusted & known & (moved > MOVED * given_sigmas(interior)[:, 0]), result.state.interior[:, 0]
     if (present & ~adjusted).any():
@@ -163,6 +165,7 @@ def _step_if_free(result: Adjustment, cameras: np.ndarray) -> tuple[np.ndarray, 
     except GeometryError:
         return np.zeros(len(cameras)), np.full(len(cameras), np.inf)
     pattern, column = cofactor.blocks.pattern, network.interior_columns[:, 0]
+    # The given values pull with their own weights, as in the adjustment that would follow.
     right = reduced_normals(linear, pattern).right + add_prior(network, state, BlockMatrix.zero(pattern))
     step, sigma = cofactor.times(right[:, None])[:, 0], np.sqrt(np.maximum(cofactor.variances, 0.0))
     return np.where(cameras, step[column], 0.0), np.where(cameras, sigma[column], np.inf)

@@ -35,6 +35,7 @@ def _notable(
     """The unknown that lost most precision: of the adjusted interior orientations, or else of the projection centres."""
     unknowns = _unknowns(problem, white)
     columns = np.array(sorted(unknowns))
+    # Rounding can leave variances slightly below 0.
     small, large = (np.sqrt(np.maximum(result.cofactor.variances[columns], 0.0)) for result in (white, correlated))
     growth = np.divide(large, small, out=np.ones_like(large), where=small > 0)
     worst = int(growth.argmax())
@@ -56,6 +57,7 @@ def _notable(
 def _unknowns(problem: Problem, result: Adjustment) -> dict[int, tuple[str, str]]:
     """Column -> parameter and camera of the interior parameters that are adjusted; without any, axis and photograph of the
     projection centres."""
+    # Considered parameters keep the variance that was given for them: nothing of it can grow.
     columns = np.where(result.network.interior.considered, -1, result.network.interior_columns)
     found = {int(columns[k, i]): (INTERIOR[i], problem.camera_names[k]) for k, i in np.argwhere(columns[:, :SHAPE] >= 0)}
     return found or {6 * i + k: (axis, name) for i, name in enumerate(problem.names) for k, axis in enumerate("XYZ")}

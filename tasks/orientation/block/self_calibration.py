@@ -35,6 +35,7 @@ def determined(
     """The network in which the free c, x0 and y0 that its geometry does not determine are fixed, and for which cameras."""
     without_prior = np.diagonal(network.interior.weight, axis1=1, axis2=2)[:, SHAPE] == 0
     unknown = network.interior.free[:, SHAPE] & without_prior
+    # Points with a single ray make the normal equations singular, and say nothing of the camera.
     rays = sufficiently_observed(network, rays)
     findings: list[InteriorUndetermined] = []
     while unknown.any():
@@ -64,6 +65,7 @@ def determinable_without_control(network: Network, state: State, rays: Rays) -> 
     share = _shares(replace(network, interior=unknown), state, sufficiently_observed(network, rays))[:, 0]
     of_camera = np.bincount(network.camera_of[rays.photo], minlength=len(doubtful))
     photos = np.bincount(network.camera_of, minlength=len(doubtful))
+    # Variances scale with the number of observations: fewer independent ones enlarge the standard error by its root.
     per_area = np.maximum(of_camera / np.maximum(photos, 1) / AREAS, 1.0)
     better = doubtful & (share * np.sqrt(per_area) * state.interior[:, 0] < given_sigmas(interior)[:, 0])
     return replace(network, interior=replace(interior, considered=interior.considered & ~better[:, None]))
@@ -81,6 +83,7 @@ def _shares(network: Network, state: State, rays: Rays) -> np.ndarray:
     try:
         variance = covariance_of(network, state, linearised(network, state, rays)).variances
     except GeometryError:
+        # Singular: nothing is determined to any precision.
         return np.full((len(network.interior.free), 3), np.inf)
     columns = network.interior_columns[:, SHAPE]
     return np.where(columns >= 0, np.sqrt(np.maximum(variance[columns], 0.0)), 0.0) / state.interior[:, :1]

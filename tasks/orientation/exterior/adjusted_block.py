@@ -89,6 +89,7 @@ def orient_block(
 
     Raises GeometryError when there is no block at all or its observations do not determine it.
     """
+    # One interior orientation for each sensor: photographs turned by EXIF would need one for every way they were turned.
     upright = Upright(photos, cameras)
     tables = _block_of_sensors(upright.sensors(tie_points, control, given), relative, crs, choices)
     return _upright_tables(upright, tables) if upright.anything else tables
@@ -113,6 +114,7 @@ def _block_of_sensors(seen: Sensors, relative: RelativeOrientations, crs: str, c
     """The tables of photographs as their sensors saw them."""
     photos, tie_points, control, cameras = seen.photos, seen.tie_points, seen.control, seen.cameras
     cameras = cameras.with_k1(relative.start_k1)
+    # A control point in one photograph determines no scale, so it does not separate c from the flying height.
     usable = [point for point in control.points if point.role == "control" and len(point.measurements) >= 2]
     material, tracks = _material(photos, cameras, tie_points, relative, choices, len(usable) < ENOUGH_CONTROL)
     have = _Input(photos, cameras, control, material, choices, seen.tops)
@@ -152,6 +154,7 @@ def _material(
     keep_nominal: bool,
 ) -> tuple[GrowthMaterial, np.ndarray]:
     rays, tracks = tie_rays(photos, cameras, tie_points)
+    # Only cameras of this block: others would leave empty columns. Sorted, so that results do not depend on the order.
     used = sorted({cameras.of_photo[name] for name in photos.names})
     camera_of = np.array([used.index(cameras.of_photo[name]) for name in photos.names], np.int64)
     values = [cameras.cameras[name] for name in used]
@@ -168,6 +171,7 @@ def _given(photos: Photos, given: Mapping[str, ForeignPose] | None) -> tuple[Giv
     for i in np.flatnonzero(known):
         own = given[photos.names[i]]
         rotation[i], centre[i] = own.rotation, own.centre
+    # Whole metres: subtracting and adding it again is exact in float64.
     origin = np.round(centre[known].mean(axis=0)) if known.any() else np.zeros(3)
     return Given(rotation, centre - origin, known), origin
 
@@ -176,6 +180,7 @@ def _with_restart(have: _Input, given: Given | None, origin: np.ndarray | None) 
     """The block; started again where its camera constants turn out wrong, for these have cost it tie points and photographs."""
     first = _oriented(have, start_blocks(have.material, given), origin)
     restart = first.results.restart
+    # One restart only: constants that are still contradicted afterwards would be again.
     if not np.isfinite(restart).any():
         return first
     constants = np.where(np.isfinite(restart), restart, have.material.interior.value[:, 0])
@@ -194,6 +199,7 @@ def _explained(oriented: _Oriented) -> tuple[int, int]:
 def _oriented(have: _Input, blocks: Blocks, origin: np.ndarray | None) -> _Oriented:
     starts, unoriented = blocks
     parts = [_part(have, start, origin if i == 0 else None) for i, start in enumerate(starts)]
+    # Free groups cannot share a system with others; without any datum the largest one is the block.
     joined = [part for part in parts if not part.datum.free] or parts[:1]
     results, weak = _adjusted(have, joined)
     others = [_adjusted(have, [part]) for part in parts if all(part is not p for p in joined)]
@@ -212,6 +218,7 @@ def _adjusted(have: _Input, parts: list[Part]) -> tuple[BlockResults, tuple[Unor
     """The adjustment of parts that share a datum, and the poorly determined photographs that were left out because it fails with
     them, or they contradict their position."""
     _require_control_for_shift(have.choices, parts)
+    # Each round loses a photograph or ends, so there are at most as many rounds as photographs.
     left_out: tuple[Unoriented, ...] = ()
     while True:
         attempt = _attempt(have, parts)
@@ -256,12 +263,14 @@ def _attempt(have: _Input, parts: list[Part]) -> _Attempt:
     network, state, good = starting_values(have.material, problem, parts, datum, np.radians(choices.vertical_sigma))
     network = network.with_lever(choices.lever_arm, choices.lever_sigma, choices.gnss_shift)
     rays, test = problem.rays.take(good), BlunderTest(limit=choices.rejection)
+    # Before the adjustment: undetermined parameters would make its normal equations singular.
     network, findings = determined(determinable_without_control(network, state, rays), state, rays, problem.camera_names)
     fixed = choices.interior.kind == "fixed"
     try:
         tested = adjust_tested(network, state.with_lever(network.lever), rays, test, problem.camera_names, fixed)
         weak = away_from_its_position(tested.result, datum.positions_aside)
     except GeometryError as error:
+        # Without a result there are no rejected rays, so all that are sufficiently observed are judged.
         weak = weakest(network, state, sufficiently_observed(network, rays))
         return _Attempt(problem, datum, rays, findings, error, weak, str(error))
     return _Attempt(problem, datum, rays, findings, tested, weak, AWAY)

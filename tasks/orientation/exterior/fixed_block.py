@@ -11,7 +11,7 @@ import numpy as np
 from orthomill.schemas.camera import Camera, Cameras
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.findings.block_findings import BlockFinding, BlockUnexamined
-from orthomill.schemas.observations import Control, GroundPoints, ImageResiduals, TiePoints
+from orthomill.schemas.observations import Control, ControlPoint, GroundPoints, ImageResiduals, TiePoints
 from orthomill.schemas.orientation import Block, BlockPrecision, ExteriorOrientation, GroundResidual, GroundResiduals, Unoriented
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.tasks.geometry.fixed_intersection import FixedIntersection, Measured, intersect_fixed
@@ -64,6 +64,7 @@ class _Examined:
     def factor(self) -> float:
         """Estimated by stated standard error of the tie points; 1 without any."""
         redundancy = 2 * int(self.used.sum()) - 3 * len(np.unique(self.measured.point[self.used]))
+        # Two coordinates per ray less three per point: the orientation is fixed and takes no degree of freedom.
         if redundancy <= 0:
             return 1.0
         size = self.ties.residual[self.used] / self.measured.sigma[self.used, None]
@@ -120,6 +121,7 @@ def placed_block(block: ForeignBlock, photos: Photos, cameras: Cameras, source: 
         known = [photo for photo in photos.photos if photo.name in block.poses and photo.position is not None]
         block = _fitted(block, known)
         datum += f"; it was placed by {len(known)} positions of its photographs"
+    # The cameras of the file belong to its orientation: with others the two would not fit, however good they are.
     names = [name for name in photos.names if name in block.poses]
     own = {name: block.cameras.get(name) or cameras.of(name) for name in names}
     views = [View(name, own[name], block.poses[name].rotation, block.poses[name].centre) for name in names]
@@ -147,6 +149,7 @@ def _fitted(block: ForeignBlock, known: list[Photo]) -> ForeignBlock:
 def _similarity(block: ForeignBlock, known: list[Photo], model: np.ndarray, target: np.ndarray) -> Similarity:
     sigma = np.array([np.sqrt(np.mean(np.square(photo.position_sigma or ROUGH_POSITION))) for photo in known])
     spread = np.linalg.svd(target - target.mean(axis=0), compute_uv=False)
+    # The third row of R is the direction from the image to the camera: up, for photographs that look down.
     up = np.mean([pose.rotation[2] for pose in block.poses.values()], axis=0)
     # Positions of one strip leave the rotation about their line open; only there the mean viewing axis takes part.
     weight = 1.0 / UP_SIGMA**2 if spread[1] < COLLINEAR * spread[0] else 0.0
@@ -166,9 +169,11 @@ def _measurements(photos: Photos, views: list[View], ties: TiePoints | None) -> 
     number[[photos.names.index(view.name) for view in views]] = np.arange(len(views))
     own = ties.take(number[ties.photo] >= 0)
     _, inverse, rays = np.unique(own.track, return_inverse=True, return_counts=True)
+    # Photographs outside the block leave tracks with one ray, which has no intersection.
     own = own.take(rays[inverse.ravel()] >= 2)
     tracks, point = np.unique(own.track, return_inverse=True)
     pixels = np.column_stack([own.col, own.row])
+    # A stated sigma of 0 would give a ray infinite weight.
     return Measured(point.ravel(), number[own.photo], pixels, np.maximum(own.sigma.astype(float), 1e-3)), tracks
 
 
@@ -182,8 +187,10 @@ def _intersected(views: list[View], measured: Measured, count: int) -> tuple[Fix
     # Relative to the usual residual: with a wrong orientation all residuals are large, and that must show, not be rejected.
     limit = REJECTED * max(1.0, usual / NORMAL_MEDIAN)
     used = np.nan_to_num(size, nan=np.inf) < limit
+    # A rejected ray may leave its point with a single one.
     used &= np.bincount(measured.point[used], minlength=count)[measured.point] >= 2
     final = intersect_fixed(views, measured.take(used), count)
+    # Rejected rays keep their residuals from the first intersection: that is where they are far off.
     residual = first.residual.copy()
     residual[used] = final.residual
     return replace(final, residual=residual), used
@@ -194,6 +201,7 @@ def _block(photos: Photos, placed: PlacedBlock, examined: _Examined, crs: str, s
     cameras: dict[str, Camera] = {view.camera.name: view.camera for view in placed.views}
     names = {view.name for view in placed.views}
     reason = "{} is not in the block that was read from {}."
+    # Unknowns are the coordinates of the points only.
     points = int(np.isfinite(examined.ties.points[:, 0]).sum())
     return Block(
         crs=crs,
@@ -202,6 +210,7 @@ def _block(photos: Photos, placed: PlacedBlock, examined: _Examined, crs: str, s
         photos=tuple(_exterior(view, placed.poses[view.name]) for view in placed.views),
         unoriented=tuple(Unoriented(photo=n, reason=reason.format(n, source.described)) for n in photos.names if n not in names),
         datum=placed.datum,
+        # Weights of later stages need a sigma0: that of the other program, or a pixel where nobody states one.
         sigma0_px=examined.rms_px if examined.rms_px is not None else placed.error_px or 1.0,
         redundancy=max(2 * int(examined.used.sum()) - 3 * points, 0),
         iterations=0,
@@ -211,6 +220,7 @@ def _block(photos: Photos, placed: PlacedBlock, examined: _Examined, crs: str, s
 
 
 def _heights(placed: PlacedBlock, ties: FixedIntersection, source: ForeignSource) -> tuple[float, float]:
+    # Points of the other program are used only where the project has no tie points: they are not examined.
     z = ties.points[np.isfinite(ties.points).all(axis=1), 2] if len(ties.points) else placed.points[:, 2]
     if source.ground is not None:
         return source.ground
@@ -240,6 +250,7 @@ def _ground_points(examined: _Examined) -> GroundPoints:
     count = np.bincount(measured.point[used], minlength=len(tracks))
     square = np.bincount(measured.point[used], (ties.residual[used] ** 2).mean(axis=1), minlength=len(tracks))
     keep = np.flatnonzero((count >= 2) & np.isfinite(ties.points).all(axis=1)) if len(tracks) else np.zeros(0, int)
+    # The covariance is that of the stated sigmas; the factor brings it to the residuals that were found.
     variance = np.diagonal(ties.covariance[keep], axis1=1, axis2=2)
     sigma_x, sigma_y, sigma_z = (examined.factor * np.sqrt(variance)).astype(np.float32).T
     x, y, z = ties.points[keep].T
@@ -260,6 +271,7 @@ def _image_residuals(photos: Photos, views: list[View], examined: _Examined) -> 
     measured, used = examined.measured, examined.used
     numbers = np.array([photos.names.index(view.name) for view in views], np.int32)
     v = examined.ties.residual.astype(np.float32)
+    # In units of the measurement, because the residual of a fixed intersection has no cofactor here.
     size = (np.abs(v).max(axis=1) / measured.sigma).astype(np.float32) if len(v) else np.zeros(0, np.float32)
     return ImageResiduals(
         track=examined.tracks[measured.point].astype(np.int32),
@@ -276,29 +288,32 @@ def _image_residuals(photos: Photos, views: list[View], examined: _Examined) -> 
 def _surveyed(views: list[View], control: Control) -> list[GroundResidual]:
     """Surveyed points intersected with the fixed orientation: none of them takes part, whatever its role."""
     number = {view.name: i for i, view in enumerate(views)}
-    rows = []
-    for point in (point for point in control.points if point.role != "tie"):
-        own = [(number[name], value) for name, value in point.measurements.items() if name in number]
-        if len(own) < 2:
-            continue
-        values = np.array([value for _, value in own])
-        measured = Measured(np.zeros(len(own), int), np.array([n for n, _ in own]), values[:, :2], values[:, 2])
-        found = intersect_fixed(views, measured, 1)
-        if np.isfinite(found.points).all():
-            dx, dy, dz = map(float, found.points[0] - point.xyz)
-            sx, sy, sz = map(float, np.sqrt(np.diag(found.covariance[0]) + np.square(point.sigma)))
-            rms = float(np.sqrt((found.residual**2).mean()))
-            rows.append(
-                GroundResidual(
-                    name=point.name,
-                    role=point.role,
-                    difference=(dx, dy, dz),
-                    predicted=(sx, sy, sz),
-                    photos=len(own),
-                    residual_px=rms,
-                )
-            )
-    return rows
+    surveyed = [point for point in control.points if point.role != "tie"]
+    return [row for row in (_compared(views, number, point) for point in surveyed) if row]
+
+
+def _compared(views: list[View], number: dict[str, int], point: ControlPoint) -> GroundResidual | None:
+    """A surveyed point against the block; None where its rays do not intersect."""
+    own = [(number[name], value) for name, value in point.measurements.items() if name in number]
+    # One ray gives a direction, no point.
+    if len(own) < 2:
+        return None
+    values = np.array([value for _, value in own])
+    measured = Measured(np.zeros(len(own), int), np.array([n for n, _ in own]), values[:, :2], values[:, 2])
+    found = intersect_fixed(views, measured, 1)
+    if not np.isfinite(found.points).all():
+        return None
+    dx, dy, dz = map(float, found.points[0] - point.xyz)
+    # The point was surveyed independently of the block, so the variances add.
+    sx, sy, sz = map(float, np.sqrt(np.diag(found.covariance[0]) + np.square(point.sigma)))
+    return GroundResidual(
+        name=point.name,
+        role=point.role,
+        difference=(dx, dy, dz),
+        predicted=(sx, sy, sz),
+        photos=len(own),
+        residual_px=float(np.sqrt((found.residual**2).mean())),
+    )
 
 
 def _positions(photos: Photos, views: list[View]) -> list[GroundResidual]:

@@ -18,6 +18,7 @@ def elsewhere(positions: list[GroundResidual], source: str) -> tuple[BlockElsewh
     if not positions:
         return ()
     difference, sigma = (np.array([getattr(row, name) for row in positions]) for name in ("difference", "predicted"))
+    # By component and not by length: heights in another system contradict by Z alone.
     if np.median(np.abs(difference / sigma).max(axis=1)) < FAR:
         return ()
     x, y, z = map(float, np.median(difference, axis=0))

@@ -113,6 +113,7 @@ ExteriorSource = Annotated[Adjusted | ForeignSource, Field(discriminator="kind")
 
 def read_foreign(texts: tuple[str, ...], source: ForeignSource, crs: str) -> ForeignBlock:
     """The block of a source from the texts of its files, in their order. Raises WorkflowError."""
+    # Only OpenSfM needs the CRS: its world is geographic, the others are metric already.
     if source.kind == "csv":
         return read_angles(*texts)
     if source.kind == "colmap":

@@ -27,5 +27,6 @@ def orient_from(
 
     Raises WorkflowError for the files, GeometryError where the tie points contradict the start or do not determine the block.
     """
+    # Adjusted like any other block from here on: the file gives places to start from and no weights.
     start = placed_block(upright_block(read_foreign(texts, source, crs), photos), photos, cameras, source)
     return orient_block(photos, cameras, tie_points, control, relative, crs, choices, start.poses)

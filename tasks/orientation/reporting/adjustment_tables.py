@@ -32,6 +32,7 @@ def _ground(ground: GroundResiduals, role: str) -> Grid:
 
 def _groups(precision: BlockPrecision) -> Grid:
     rows = tuple(
+        # The redundancy is a sum of redundancy numbers, so it has a fraction.
         (g.name, g.count, round(g.redundancy, 1), round(100.0 * g.redundancy / max(g.count, 1), 1), g.factor)
         for g in precision.groups
     )
@@ -74,6 +75,7 @@ def _antenna(precision: BlockPrecision) -> Grid:
         ("common shift of the GNSS positions: X, Y, Z", precision.gnss_shift, precision.gnss_shift_sigma),
         ("antenna from the projection centre: right, up, backwards", precision.lever_arm, precision.lever_arm_sigma),
     )
+    # A lever arm of zero that was not adjusted is no row: most blocks have none.
     rows = tuple((what, *value, *(sigma or (None,) * 3)) for what, value, sigma in found if value)
     return Grid(
         title="GNSS shift and lever arm",

@@ -118,6 +118,7 @@ def _photo_arrows(facts: Facts, name: str) -> Chart | None:
     own = facts.image.take(facts.image.used & (facts.image.photo == facts.photos.names.index(name)))
     if not len(own):
         return None
+    # Evenly through the table, which is sorted by track: a random choice would change with every report.
     own = own.take(np.unique(np.linspace(0, len(own) - 1, ARROWS_SHOWN).astype(int)))
     camera = facts.block.camera_of(name)
     x, y = own.col - (camera.width - 1) / 2, (camera.height - 1) / 2 - own.row
@@ -137,6 +138,7 @@ def _graph(facts: Facts) -> Chart | None:
     """Which photographs share tie points, and how many: a line for every pair between the projection centres."""
     names = facts.photos.names
     place = {names.index(photo.photo): photo.centre[:2] for photo in facts.block.photos}
+    # Surveyed points have negative numbers; they connect no photographs by matches.
     used = facts.image.take(facts.image.used & (facts.image.track >= 0))
     if not len(used):
         return None
@@ -176,6 +178,7 @@ def _lines(
 
 def _map(facts: Facts) -> Chart:
     centres = [(photo.photo, *photo.centre[:2]) for photo in facts.block.photos]
+    # Tie points measured by a person have no coordinates to draw.
     named = centres + [(point.name, *point.xyz[:2]) for point in facts.control.points if point.role != "tie"]
     return Chart(
         title="Projection centres and ground points",

@@ -33,6 +33,7 @@ class Facts:
 
 def filled_areas(own: ImageResiduals, camera: Camera) -> int:
     """How many of the areas of a frame hold tie points."""
+    # Points on the last row and column lie at the border of the last area.
     col = np.clip((own.col / camera.width * CELLS).astype(int), 0, CELLS - 1)
     row = np.clip((own.row / camera.height * CELLS).astype(int), 0, CELLS - 1)
     return len(np.unique(row * CELLS + col))
@@ -49,7 +50,9 @@ def coverage(facts: Facts) -> tuple[float, float]:
         return 0.0, 0.0
     x, y = (np.linspace(corners[:, k].min(), corners[:, k].max(), GRID) for k in (0, 1))
     ground = np.stack([*np.meshgrid(x, y), np.full((GRID, GRID), height)], axis=-1).reshape(-1, 3)
+    # Through the whole camera model, because a distorted border is not a straight line on the ground.
     count = np.sum([view.contains(view.project(ground)) for view in views], axis=0)
+    # Of the ground that was photographed, not of the rectangle around it.
     seen = max(int((count >= 1).sum()), 1)
     return float(100.0 * (count >= 2).sum() / seen), float(100.0 * (count >= 3).sum() / seen)
 

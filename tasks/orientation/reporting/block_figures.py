@@ -91,6 +91,7 @@ def _sigma0(facts: Facts) -> Iterator[Figure]:
 
 def _pixel_um(block: Block) -> float | None:
     """The pixel size that all cameras share; None where they differ, or one of them does not state it."""
+    # Micrometres of different sensors do not add up to one figure.
     sizes = {camera.pixel_um for camera in block.cameras.values()}
     return sizes.pop() if len(sizes) == 1 else None
 
@@ -141,6 +142,7 @@ def _coverage(facts: Facts) -> Iterator[Figure]:
 
 def _median(values: np.ndarray) -> float | None:
     """The median of the known values."""
+    # A fixed block states no standard errors: its figure is empty, and not 0.
     known = values[np.isfinite(values)]
     return float(np.median(known)) if len(known) else None
 
@@ -150,6 +152,7 @@ def _ground(points: tuple[GroundResidual, ...], word: str) -> Iterator[Figure]:
         return
     difference, predicted = np.array([p.difference for p in points]), np.array([p.predicted for p in points])
     plan, height = np.sqrt((difference[:, :2] ** 2).sum(axis=1).mean()), np.sqrt((difference[:, 2] ** 2).mean())
+    # The floor keeps points without redundancy (predicted 0, difference 0) finite.
     ratio = np.sqrt(((difference / np.maximum(predicted, 1e-9)) ** 2).mean())
     # Only check points are independent of the adjustment: their differences are its accuracy, the others its fit.
     headline = word == "check"

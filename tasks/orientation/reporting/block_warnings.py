@@ -52,6 +52,7 @@ def _control_warnings(facts: Facts) -> Iterator[str]:
         )
     elif all(point.role != "check" for point in surveyed):
         yield "There are no check points, so nothing independent confirms the block; turn some control points into check points."
+    # A free block has no coordinates to compare: one sentence instead of one for every point.
     if surveyed and not facts.ground.points:
         yield f"None of the {len(surveyed)} surveyed points was compared with the block, which has no place in their system."
         return
@@ -114,6 +115,7 @@ def _correlation_warnings(facts: Facts) -> Iterator[str]:
     """One sentence for every camera whose parameters are correlated, and one for each correlation with the flying height."""
     within: dict[str, list[str]] = {}
     for c in facts.precision.correlations:
+        # The mean height is one "of the projection centres", which no camera is called.
         (first, _, camera), (second, _, other) = c.first.partition(" of "), c.second.partition(" of ")
         if camera == other:
             within.setdefault(camera, []).append(f"{first} and {second} ({c.value:.2f})")
@@ -150,6 +152,7 @@ def _photo_warnings(facts: Facts) -> Iterator[str]:
     names, weak = facts.photos.names, []
     # A fixed block without tie points has no measurements at all, which is reported once and not for every photograph.
     for photo in facts.block.photos if len(facts.image) else ():
+        # Used measurements only: rejected ones determine nothing.
         own = facts.image.take((facts.image.photo == names.index(photo.photo)) & facts.image.used)
         filled = filled_areas(own, facts.block.camera_of(photo.photo))
         if len(own) < LEAST_MEASUREMENTS or filled < LEAST_AREAS:
@@ -177,6 +180,7 @@ def _factor_warnings(facts: Facts) -> Iterator[str]:
         yield f"The GNSS positions are worse than stated: their standard errors were enlarged {factor:.1f} times."
     if precision.control_factor > 1.0:
         yield f"The ground control is worse than stated: its standard errors were enlarged {precision.control_factor:.1f} times."
+    # Below 1 the measurements are better than stated, which needs no warning.
     pointing = next((group.factor for group in precision.groups if group.name == ObservationKind.POINTINGS), 1.0)
     if pointing > 1.0:
         yield (

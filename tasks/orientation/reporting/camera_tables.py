@@ -39,6 +39,7 @@ def _cameras(facts: Facts) -> Grid:
 def _correlations(facts: Facts) -> Iterator[Grid]:
     for name, camera in facts.block.cameras.items():
         free = [i for i, sigma in enumerate(interior_sigmas(camera)) if sigma]
+        # One parameter has no correlation.
         if len(free) < 2:
             continue
         covariance = np.array(camera.covariance)[np.ix_(free, free)]
@@ -56,4 +57,5 @@ def interior_sigmas(camera: Camera) -> list[float | None]:
     """Standard errors (8) of a camera in the order of INTERIOR; None for parameters that the block did not adjust."""
     if camera.source != "block" or camera.covariance is None:
         return [None] * len(INTERIOR)
+    # A zero variance marks a parameter that was fixed, not one that is known exactly.
     return [float(np.sqrt(v)) if v > 0 else None for v in np.diag(np.array(camera.covariance))]

@@ -76,6 +76,7 @@ def positions_crowded(finding: PositionsCrowded) -> str:
 
 @finding_sentence.register
 def tilt_unobserved(finding: TiltUnobserved) -> str:
+    # Both numbers: a reader must see what the observations say, and what the assumption adds.
     alone = finding.tilt_sigma_deg
     fixed = "do not determine" if alone is None or alone > OPEN_DEG else f"determine only to {alone:.1f} degrees"
     return (
@@ -128,6 +129,7 @@ def distortion_folds(finding: DistortionFolds) -> str:
 
 @finding_sentence.register
 def interior_undetermined(finding: InteriorUndetermined) -> str:
+    # A share above 100 % is printed as it is: it shows how far the block is from determining the value.
     how = "not at all" if finding.share is None else f"only to {100 * finding.share:.0f} %"
     return (
         f"Self-calibration: the block determines {', '.join(INTERIOR[:3])} of {finding.camera} {how} (flat ground seen from above, "
@@ -146,6 +148,7 @@ def interior_fixed(finding: InteriorFixed) -> str:
 
 @finding_sentence.register
 def constant_contradicted(finding: ConstantContradicted) -> str:
+    # With a fixed interior orientation the workflow decides, and the finding only reports.
     end = "but the workflow fixes it" if finding.fixed else "which was used"
     return (
         f"The block contradicts the camera constant of {finding.camera}: {finding.given_px:.0f} px were given, "
@@ -155,6 +158,7 @@ def constant_contradicted(finding: ConstantContradicted) -> str:
 
 
 def _digits(sigma: float) -> str:
+    # Two significant digits at most: a standard error has no more.
     return f"{sigma:.0f}" if sigma >= 1.0 else f"{sigma:.2g}"
 
 
@@ -262,6 +266,7 @@ def distance_unchecked(finding: DistanceUnchecked) -> str:
 def measurements_rejected(finding: MeasurementsRejected) -> str:
     count = len(finding.rejected)
     them = "it" if count == 1 else "them"
+    # A measurement that lies on another point was made at the right place under a wrong name.
     named = any(one.lies_on for one in finding.rejected)
     advice = f"Give {them} the right name" if named else f"Measure {them} again"
     return (
@@ -286,6 +291,7 @@ def _places(misfits: tuple[Misfit, ...]) -> str:
 
 @finding_sentence.register
 def groups_unconnected(finding: GroupsUnconnected) -> str:
+    # The largest group is the block itself and needs no names.
     others = "; ".join(", ".join(group) for group in finding.groups[1:])
     return (
         f"The photographs form {len(finding.groups)} groups which no reliable tie points connect; each is held by its own "

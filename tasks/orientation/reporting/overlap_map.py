@@ -48,9 +48,11 @@ def overlap_map(block: Block) -> np.ndarray:
     places = np.column_stack([ground.places(), np.full(SIDE * SIDE, height)])
     count = np.sum([view.contains(view.project(places)) for view in views], axis=0)
     drawn = np.minimum(count, MOST).astype(np.uint8).reshape(SIDE, SIDE)
+    # Drawn over the counts in codes of their own, so that one raster carries the whole map.
     for line in outlines:
         cv2.polylines(drawn, [np.rint(ground.pixels(line)).astype(np.int32)], True, OUTLINE)
     for view in views:
+        # Three pixels wide: a single one is lost when the picture is reduced.
         col, row = np.rint(ground.pixels(view.centre[None, :2])[0]).astype(int)
         drawn[max(row - 1, 0) : row + 2, max(col - 1, 0) : col + 2] = CENTRE
     return drawn
@@ -73,6 +75,7 @@ def outline(view: View, height: float) -> np.ndarray:
     bottom, left = np.column_stack([(1 - share) * col, one * row]), np.column_stack([zero, (1 - share) * row])
     border = np.vstack([top, right, bottom, left])
     places = view.at_height(border, height)[:, :2]
+    # Shortened along its ray, so that an oblique outline keeps its shape.
     reach = _FARTHEST * abs(view.centre[2] - height)
     offset = places - view.centre[:2]
     places = view.centre[:2] + offset * np.minimum(1.0, reach / np.maximum(np.linalg.norm(offset, axis=1), 1e-9))[:, None]
@@ -82,6 +85,7 @@ def outline(view: View, height: float) -> np.ndarray:
 def _ground_map(views: list[View], outlines: list[np.ndarray]) -> GroundMap:
     """The square that holds all outlines and projection centres."""
     xy = np.vstack([*outlines, *(view.centre[None, :2] for view in views)])
+    # Projection centres, too: those of oblique photographs lie outside of their footprints.
     low, high = xy.min(axis=0), xy.max(axis=0)
     # A margin of 3 % on each side keeps the outlines off the frame of the picture.
     cell = 1.06 * max(float((high - low).max()), 1e-6) / SIDE

@@ -30,6 +30,7 @@ def _residual_row(facts: Facts, photo: ExteriorOrientation) -> Row:
     # float32 squares of many residuals would lose digits in their sum.
     rms = [float(np.sqrt((v.astype(float) ** 2).mean())) if len(v) else None for v in (own.v_col, own.v_row)]
     size = np.hypot(own.v_col, own.v_row)
+    # Micrometres are what analogue specifications and older reports state.
     um = photo.residual_px * camera.pixel_um if camera.pixel_um and photo.residual_px else None
     largest = float(size.max()) if len(size) else None
     return photo.photo, len(own), int(seen.sum()) - len(own), *rms, um, largest, filled_areas(own, camera)

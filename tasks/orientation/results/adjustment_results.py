@@ -34,6 +34,7 @@ def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Bloc
     system."""
     problem, result = results.problem, results.result
     network, factors = result.network, result.factors
+    # Rows of blunders are needed twice: by name, and to keep their single measurements out of the findings.
     # Without a datum nothing is known of the ground, so no coordinate can contradict the block.
     points = [] if results.datum.free else contradicting_points(results)
     distances = contradicting_distances(results)
@@ -42,6 +43,7 @@ def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Bloc
         position_factor=factors.position,
         control_factor=factors.control,
         rays=int(result.used.sum()),
+        # Measurements of points that never got a place count as rejected: they took no part either.
         rejected=int(problem.measured - result.used.sum()),
         gnss_shift=_vector(result.state.shift) if network.shift else None,
         gnss_shift_sigma=_sigmas(result, network.shift_columns),
@@ -109,6 +111,7 @@ def _residual(problem: Problem, result: Adjustment, tracks: np.ndarray, ray: int
 def _nominal_constants(problem: Problem, result: Adjustment) -> Iterator[ConstantNominal]:
     """The camera constants that were only considered."""
     for k in np.flatnonzero(result.network.interior.considered[:, 0]):
+        # A considered parameter has the variance that was given for it, whatever the block says.
         camera, column = problem.cameras[k], result.network.interior_columns[k, 0]
         share = float(np.sqrt(result.cofactor.variances[column]) / camera.c)
         yield ConstantNominal(camera=problem.camera_names[k], c=camera.c, share=share)
@@ -117,6 +120,7 @@ def _nominal_constants(problem: Problem, result: Adjustment) -> Iterator[Constan
 def _moved_principal_points(results: BlockResults) -> Iterator[PrincipalPointMoved]:
     """The principal points that left their given places by many of their standard errors."""
     interior = results.result.network.interior
+    # Only where a place was stated: a free principal point has none to leave.
     known = np.diagonal(interior.weight, axis1=1, axis2=2)[:, PRINCIPAL_POINT] > 0
     free = interior.free[:, PRINCIPAL_POINT] & ~interior.considered[:, PRINCIPAL_POINT] & known
     away = results.result.state.interior[:, PRINCIPAL_POINT] - interior.value[:, PRINCIPAL_POINT]
@@ -144,6 +148,7 @@ def _correlations(problem: Problem, result: Adjustment) -> list[ParameterCorrela
     J[np.arange(len(columns)), columns] = 1.0
     J[-1, 6 * np.arange(photos) + 2] = 1.0 / photos
     covariance = J @ result.cofactor.times(J.T)
+    # Variances of fixed parameters are 0; the floor keeps 0 / 0 out of the table.
     scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     correlation = covariance / np.outer(scale, scale)
     return [

@@ -101,6 +101,7 @@ def _photos_of_points(result: Adjustment) -> set[tuple[int, ...]]:
     """The different sets of photographs, ascending, that see a point together."""
     point, photo = result.rays.point[result.used], result.rays.photo[result.used]
     order = np.lexsort((photo, point))
+    # Sets and not points: thousands of points are seen by the same few photographs.
     starts = np.flatnonzero(np.diff(point[order], prepend=-1))
     return {tuple(map(int, own)) for own in np.split(photo[order], starts[1:])}
 
@@ -137,6 +138,7 @@ def _cameras(results: BlockResults) -> dict[str, Camera]:
     cameras, problem, result, out = results.cameras, results.problem, results.result, {}
     for k, columns in enumerate(result.network.interior_columns):
         camera, name = problem.cameras[k], problem.camera_names[k]
+        # Cameras of photographs outside the block keep their own source and covariance.
         if (columns < 0).all() or k not in problem.camera_of:
             out[name] = camera
             continue
@@ -152,6 +154,7 @@ def ground_points(results: BlockResults, tracks: np.ndarray) -> GroundPoints:
     rays, square = result.rays, (result.residual**2).mean(axis=1)
     count = np.bincount(rays.point[result.used], minlength=len(result.state.point))[: problem.ties]
     total = np.bincount(rays.point[result.used], square[result.used], minlength=len(result.state.point))[: problem.ties]
+    # After rejection a point may have one ray left, whose depth nothing determines.
     keep = np.flatnonzero(count >= 2)
     x, y, z = (result.state.point[keep] + datum.origin).T
     sigma_x, sigma_y, sigma_z = np.sqrt(np.diagonal(result.point_covariance[keep], axis1=1, axis2=2)).astype(np.float32).T
@@ -172,6 +175,7 @@ def image_residuals(results: BlockResults, tracks: np.ndarray, control: Control)
     """All measurements in the photographs of the block, used or not."""
     problem, result = results.problem, results.result
     rays, used = problem.rays, rays_used(problem, result)
+    # Rejected rays have no standardised residual: they did not take part in the adjustment it refers to.
     standardised = np.full(len(rays), np.nan)
     standardised[_positions_of(rays, result.rays)] = np.abs(result.standardised).max(axis=1)
     # Rows count downwards, image coordinates upwards.

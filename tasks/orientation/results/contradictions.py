@@ -69,10 +69,12 @@ def contradicting_points(results: BlockResults) -> list[GroundResidual]:
     result, problem = results.result, results.problem
     control = {problem.surveyed[i].name for i in np.flatnonzero(~result.network.point_weight[problem.ties :].any(axis=1))}
     positions = {problem.names[i] for i in np.flatnonzero(~result.network.centre_weight.any(axis=1))}
+    # Weight 0 means that an observation took no part, whether a test or the start set it aside.
     rows = [row for row in control_rows(results) if row.name in control]
     rows += [row for row in position_rows(results) if row.name in positions]
     tested = {problem.surveyed[b.number - problem.ties].name for b in result.blunders if b.kind == "control"}
     tested |= {problem.names[b.number] for b in result.blunders if b.kind == "position"}
+    # The start compares with a rough model; what agrees with the adjusted block was set aside without need.
     return [row for row in rows if row.name in tested or _ratio(row) > AGREES]
 
 
@@ -172,6 +174,7 @@ def _lies_on(results: BlockResults, ray: int) -> str | None:
     if not others:
         return None
     many = np.full(len(others), ray)
+    # The same measurement as a ray to each of the other points.
     there = Rays(problem.ties + np.array(others, np.int32), rays.photo[many], rays.xy[many], rays.sigma[many])
     size = np.linalg.norm(residuals(results.result.state, there, problem.camera_of), axis=1)
     best = int(size.argmin())

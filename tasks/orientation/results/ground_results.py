@@ -30,6 +30,7 @@ def control_rows(results: BlockResults) -> list[GroundResidual]:
         number, weight = problem.ties + i, result.network.point_weight[problem.ties + i]
         own = result.used & (result.rays.point == number)
         took_part = bool(weight.any())
+        # A point that was set aside and has no ray left has no place in the block to compare.
         if point.role != "control" or not (took_part or own.any()):
             continue
         difference = result.state.point[number] + results.datum.origin - known.control[i]
@@ -60,6 +61,7 @@ def _check_rows(results: BlockResults, control: Control) -> list[GroundResidual]
     points = [point for point in control.points if point.role == "check"]
     rays = ground_rays(points, {name: i for i, name in enumerate(problem.names)}, results.cameras)
     start, _ = approximate_points(result.state, problem.cameras, problem.camera_of, rays, len(points))
+    # Intersected with the final orientation: a check point must not influence what it checks.
     found, rows = intersect_ground(result, start, rays), []
     for i, point in enumerate(points):
         if np.isfinite(found.point[i]).all():

@@ -41,6 +41,7 @@ def block_products(photos: Photos, block: Block, points: GroundPoints) -> dict[s
     """The texts by the names of PRODUCTS. Other programs get the photographs as their files are, not upright."""
     foreign = outgoing(photos, block, points)
     files = {name: photos[name].path.rpartition("/")[2] for name in block.names}
+    # Viewers and dense matchers keep coordinates in float32, where millions of metres cost decimetres. Heights stay as they are.
     origin = np.round(np.mean([photo.centre for photo in block.photos], axis=0) / 100.0) * 100.0
     origin[2] = 0.0
     texts = {
@@ -57,6 +58,7 @@ def outgoing(photos: Photos, block: Block, points: GroundPoints) -> ForeignBlock
     for name in block.names:
         view = block_view(block, name)
         pose = ForeignPose(view.rotation, view.centre)
+        # The view is upright already, which is how the exported file must be saved.
         mirrored = photos[name].exif_orientation in MIRRORED
         cameras[name], poses[name] = (view.camera, pose) if mirrored else file_view(photos[name], view.camera, pose)
     return ForeignBlock(poses, cameras, np.column_stack([points.x, points.y, points.z]))

@@ -1,4 +1,4 @@
-"""Errors in common of a whole block: found, carried into the camera's standard errors, and told; nothing where noise is white."""
+"""Correlated image errors of a whole block: estimated, included in the camera's standard errors, and reported."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ def displaced(block, seed):
     return replace(block, tie_points=replace(ties, col=ties.col + moved[:, 0], row=ties.row - moved[:, 1]))
 
 
-def test_fields_reach_the_standard_errors_of_the_camera_and_are_told():
+def test_fields_reach_the_standard_errors_of_the_camera_and_are_reported():
     block = displaced(two_strips(5), 5)
     out = orient(block, interior=FreeInterior(kind="free"))
     camera, precision = out["block"].cameras["cam"], out["precision"]
@@ -45,6 +45,6 @@ def test_cameras_of_turned_photographs_have_their_white_standard_errors():
     assert np.allclose(turned, upright[[0, 2, 1, 3, 4, 5, 7, 6]])
 
 
-def test_white_noise_leaves_the_account_as_it_was(volos_like):
+def test_white_noise_shows_no_correlation(volos_like):
     precision = volos_like[1]["precision"]
     assert precision.common_px is None and precision.common_share is None and precision.white_sigma == {}

@@ -1,4 +1,4 @@
-"""A nominal camera constant without control: told by photographs that converge, kept by those that look one way."""
+"""A nominal camera constant without control: determined by photographs that converge, kept by those that look one way."""
 
 import numpy as np
 from orienting import orient, sentences, standardised_lengths
@@ -21,7 +21,7 @@ def around(rng, aim, spread, height, photos=12):
     return block_of(views, points, rng, gnss=None, camera=NOMINAL)
 
 
-def test_photographs_that_converge_tell_the_camera_constant():
+def test_photographs_that_converge_determine_the_camera_constant():
     block = around(np.random.default_rng(3), aim=0.0, spread=8, height=12)
     out = orient(block)
     result, camera = out["block"], out["block"].cameras["cam"]
@@ -33,7 +33,7 @@ def test_photographs_that_converge_tell_the_camera_constant():
     assert np.abs(standardised_lengths(block, result, scale)).max() < 4.5
 
 
-def test_photographs_that_look_one_way_keep_it_and_say_so():
+def test_photographs_that_look_one_way_keep_it_and_report_it():
     block = around(np.random.default_rng(4), aim=0.97, spread=30, height=30)
     out = orient(block)
     assert out["block"].cameras["cam"].c == NOMINAL.c

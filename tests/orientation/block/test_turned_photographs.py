@@ -1,4 +1,4 @@
-"""Photographs that EXIF turned upright share the sensor of the others: the same block, told in upright photographs."""
+"""Photographs that EXIF turned upright share the sensor of the others: the same block, in the frames of upright photographs."""
 
 import numpy as np
 import pytest
@@ -54,7 +54,7 @@ def test_cameras_differ_by_their_turn_only_and_go_together(both):
     assert joint.covariance[0][0] == pytest.approx(cameras["cam"].covariance[0][0])
 
 
-def test_image_residuals_are_told_in_the_upright_photograph(both):
+def test_image_residuals_are_those_in_the_upright_photograph(both):
     block, plain, out = both
     one, other = plain["image_residuals"], out["image_residuals"]
     assert np.allclose(np.hypot(one.v_col, one.v_row), np.hypot(other.v_col, other.v_row), atol=1e-3)

@@ -70,7 +70,7 @@ def test_one_strip_with_rough_positions_says_that_its_tilt_is_assumed():
     assert np.degrees(sigma[3:].min()) < 2
 
 
-def test_nominal_camera_constant_is_held_without_control_and_its_doubt_reaches_the_ground():
+def test_a_nominal_camera_constant_is_kept_without_control_and_its_uncertainty_reaches_the_ground():
     block = one_strip(4)
     out = orient(block)
     camera = out["block"].cameras["cam"]
@@ -112,7 +112,7 @@ def test_shift_without_control_is_refused():
         orient(two_strips(6, control=0), gnss_shift=True)
 
 
-def test_wrong_stated_precision_of_images_is_put_right():
+def test_wrong_stated_precision_of_images_is_corrected():
     block = two_strips(7, stated_sigma=0.6)
     out = orient(block)
     assert 0.45 < out["precision"].image_factor < 0.55
@@ -185,7 +185,7 @@ def test_no_overlap_at_all_is_one_clear_sentence():
         orient(replace(block, tie_points=shuffled))
 
 
-def test_the_account_agrees_with_the_block(volos_like):
+def test_the_report_agrees_with_the_block(volos_like):
     block, out = volos_like
     told = report(block.photos, block.cameras, block.control, **{name: out[name] for name in out if name != "separate"})
     figures = {figure.name: figure.value for figure in told.figures}

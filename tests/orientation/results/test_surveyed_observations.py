@@ -1,4 +1,4 @@
-"""Control with blunders, positions of another place, a lever arm, distances, approximate orientations: found, used, and named."""
+"""Control with blunders, positions of another place, a lever arm, distances: found, used, and named."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -8,17 +8,9 @@ import pytest
 from orienting import orient, sentences, standardised_lengths, standardised_orientation
 from simulated_block import one_strip, two_strips
 
-from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.observations import Control, Distance
 from orthomill.schemas.photo import Photos
 from orthomill.tasks.adjustment.model.interior import FixedInterior
-from orthomill.tasks.geometry.rotation import angles
-from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
-from orthomill.tasks.orientation.exterior.adjusted_block import BlockChoices
-from orthomill.tasks.orientation.exterior.sources import FromAngles
-from orthomill.tasks.orientation.exterior.started_block import orient_from
-from orthomill.tasks.orientation.interchange.foreign_block import ForeignPose
-from orthomill.tasks.orientation.relative.pairs import relate_pairs
 
 FIXED = FixedInterior(kind="fixed")
 
@@ -171,7 +163,7 @@ def test_a_distance_gives_a_free_network_its_scale():
     assert abs(out["ground_residuals"].distances[0].difference) < 0.03
 
 
-def test_a_distance_takes_part_beside_control():
+def test_a_distance_takes_part_along_with_control():
     block = two_strips(21)
     length, first, second = ends_of(block)
     out = orient(with_control(block, lambda i, p: p, (Distance(first=first.name, second=second.name, length=length, sigma=0.02),)))
@@ -202,27 +194,6 @@ def test_the_worst_residuals_are_named_with_their_reliability(volos_like):
     assert all(row.detectable_px > 4.13 * 0.25 for row in worst)
 
 
-@pytest.mark.parametrize("datum", ["control", "free"])
-def test_approximate_orientations_are_a_start(datum):
-    block = two_strips(22) if datum == "control" else two_strips(22, control=0, check=0, gnss=None)
-    rng = np.random.default_rng(3)
-    rough = {
-        v.name: ForeignPose(
-            rotation_of_vector(np.radians(1.0) * rng.standard_normal(3)) @ v.rotation, v.centre + 10 * rng.standard_normal(3)
-        )
-        for v in block.views
-    }
-    out = orient(block, given=rough, interior=FIXED)
-    assert len(out["block"].photos) == 6
-    if datum == "control":
-        found = np.array([out["block"].of(v.name).centre for v in block.views])
-        assert np.abs(found - [v.centre for v in block.views]).max() < 2.0
-    else:
-        assert "given orientation" in out["block"].datum
-        shift = np.array([out["block"].of(v.name).centre for v in block.views]) - [v.centre for v in block.views]
-        assert np.abs(shift).max() < 60.0
-
-
 def test_a_strip_keeps_its_tilt_with_a_wrong_position():
     block = with_positions(one_strip(3), lambda i: (0, 0, 400.0) if i == 3 else (0, 0, 0))
     out = orient(block)
@@ -230,7 +201,7 @@ def test_a_strip_keeps_its_tilt_with_a_wrong_position():
     assert len(out["block"].photos) == 8
 
 
-def test_a_wrong_distance_beside_control_is_named_and_blames_no_control():
+def test_a_wrong_distance_along_with_control_is_named_and_blames_no_control():
     block = two_strips(21)
     length, first, second = ends_of(block)
     wrong = Distance(first=first.name, second=second.name, length=length + 1.0, sigma=0.02)
@@ -277,43 +248,6 @@ def test_several_blunders_of_different_kinds_are_all_named_and_no_other():
     assert np.abs(standardised_orientation(block, out["block"])).max() < 4.5
 
 
-def test_a_rough_start_with_one_photograph_elsewhere_still_orients_all():
-    block, rng = two_strips(25), np.random.default_rng(5)
-    rough = {
-        v.name: ForeignPose(
-            rotation_of_vector(np.radians(1.0) * rng.standard_normal(3)) @ v.rotation, v.centre + 10 * rng.standard_normal(3)
-        )
-        for v in block.views
-    }
-    rough["s0_1"] = ForeignPose(rough["s1_1"].rotation, rough["s0_1"].centre + np.array([0.0, 0.0, 500.0]))
-    out = orient(block, given=rough)
-    assert len(out["block"].photos) == 6
-    assert np.abs(standardised_orientation(block, out["block"])).max() < 4.5
-
-
-def test_a_start_in_another_convention_of_angles_is_told():
-    block = two_strips(26)
-    upside_down = {v.name: ForeignPose(np.diag([1.0, -1.0, -1.0]) @ v.rotation, v.centre) for v in block.views}
-    with pytest.raises(GeometryError, match="another convention of angles"):
-        orient(block, given=upside_down)
-
-
-def test_a_table_of_angles_is_a_start():
-    block = two_strips(27)
-    rng = np.random.default_rng(6)
-    lines = ["photo,x,y,z,omega,phi,kappa"]
-    for v in block.views:
-        numbers = [*(v.centre + 8 * rng.standard_normal(3)), *(np.degrees(angles(v.rotation)) + rng.standard_normal(3))]
-        lines.append(",".join([v.name, *map(str, numbers)]))
-    source = FromAngles(kind="csv", path="ori.csv", use="start")
-    relative = relate_pairs(block.photos, block.cameras, block.tie_points, 15)
-    choices = BlockChoices(interior=FIXED, gnss_shift=False, vertical_sigma=5.0, rejection=4.0)
-    texts = ("\n".join(lines[:-1]),)
-    out = orient_from(block.photos, block.cameras, block.tie_points, block.control, relative, texts, "EPSG:2100", choices, source)
-    assert len(out.block.photos) == 6 and out.block.sigma0_px == pytest.approx(0.3, rel=0.1)
-    assert out.block.datum.startswith("Control")
-
-
 def as_ties(block, *distances):
     """The block whose control points are only measured in photographs, with distances between them and nothing else."""
     return with_control(block, lambda i, p: p.model_copy(update={"role": "tie", "xyz": (0.0, 0.0, 0.0)}), distances)
@@ -336,7 +270,7 @@ def test_a_distance_in_feet_among_others_is_named_and_the_scale_stays():
     assert np.abs(standardised_lengths(block, out["block"])).max() < 4.5
 
 
-def test_two_distances_that_disagree_are_both_told_and_the_block_is_oriented():
+def test_two_distances_that_disagree_are_both_reported_and_the_block_is_oriented():
     block = two_strips(32, np.zeros(8), gnss=None)
     distances = chained(block, 2, lambda i, length: length * (1.03 if i else 1.0))
     out = orient(as_ties(block, *distances), interior=FIXED)

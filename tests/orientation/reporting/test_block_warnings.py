@@ -1,0 +1,174 @@
+"""Warnings appear where something is poorly determined, and only there."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from orthomill.schemas.findings.block_findings import ControlContradicted, DistanceUnchecked
+from orthomill.schemas.observations import Control
+from orthomill.schemas.orientation import GroundResiduals, ObservationGroup, ParameterCorrelation, Unoriented
+from orthomill.schemas.photo import Photos
+from orthomill.tasks.adjustment.model.adjustment_result import ObservationKind
+from orthomill.tasks.orientation.reporting.block_warnings import block_warnings
+
+
+def told(facts):
+    return " ".join(block_warnings(facts))
+
+
+def with_control(facts, points, rows=None):
+    compared = facts.ground.points if rows is None else rows
+    return replace(facts, control=Control(points=tuple(points)), ground=GroundResiduals(points=tuple(compared)))
+
+
+def with_differences(facts, differences):
+    """The facts in which the named points differ from the block by so many of their predicted standard errors."""
+    rows = (
+        row.model_copy(update={"difference": (0.1 * differences[row.name], 0.0, 0.0)}) if row.name in differences else row
+        for row in facts.ground.points
+    )
+    return with_control(facts, facts.control.points, rows)
+
+
+def test_a_sound_block_has_no_warnings(facts):
+    assert list(block_warnings(facts)) == []
+
+
+def test_findings_are_spoken_and_reasons_of_photographs_repeated(with_block, with_precision):
+    assert "c has no tie points." in told(with_block(unoriented=(Unoriented(photo="c", reason="c has no tie points."),)))
+    found = told(with_precision(findings=(DistanceUnchecked(), ControlContradicted(point="P7", difference=(1, 2, 3), ratio=9.0))))
+    assert "One distance alone" in found and "The control point P7 contradicts" in found
+
+
+def test_missing_control_and_missing_checks_are_different_warnings(facts):
+    assert "There is no ground control" in told(with_control(facts, (), ()))
+    control = [point for point in facts.control.points if point.role == "control"]
+    found = told(with_control(facts, control))
+    assert "There are no check points" in found and "There is no ground control" not in found
+
+
+def test_tie_points_that_a_person_measured_are_no_control(facts):
+    ties = [point.model_copy(update={"role": "tie"}) for point in facts.control.points]
+    assert "There is no ground control" in told(with_control(facts, ties, ()))
+
+
+def test_a_block_without_a_place_compares_no_point(facts):
+    found = list(block_warnings(with_control(facts, facts.control.points, ())))
+    assert found == ["None of the 5 surveyed points was compared with the block, which has no place in their system."]
+
+
+@pytest.mark.parametrize("photos", [0, None])
+def test_a_point_that_took_no_part_is_named(facts, photos):
+    rows = [row for row in facts.ground.points if row.name != "C2"]
+    if photos is not None:
+        rows.append(next(row for row in facts.ground.points if row.name == "C2").model_copy(update={"photos": photos}))
+    found = list(block_warnings(with_control(facts, facts.control.points, rows)))
+    assert len(found) == 1 and found[0].startswith("The control point C2 took no part")
+
+
+def test_one_doubtful_point_is_named_alone_and_several_together(facts):
+    assert "The control point C1 differs from the block" in told(with_differences(facts, {"C1": 4.1}))
+    several = told(with_differences(facts, {"C1": 4.1, "K1": -5.0}))
+    assert "Several points differ" in several and "control point C1, check point K1" in several
+
+
+def test_a_point_within_four_standard_errors_is_not_doubtful(facts):
+    assert told(with_differences(facts, {"C1": 3.9, "K1": -3.9})) == ""
+
+
+def test_a_blunder_is_not_reported_again_as_doubtful(facts):
+    facts = with_differences(facts, {"C1": 40.0})
+    assert "C1" not in told(replace(facts, precision=facts.precision.model_copy(update={"blunders": ("C1",)})))
+
+
+@pytest.mark.parametrize(
+    ("east", "north", "side"), [(1, 1, "north-east"), (-1, 1, "north-west"), (1, -1, "south-east"), (-1, -1, "south-west")]
+)
+def test_one_sided_control_names_its_side(facts, east, north, side):
+    places = {"C0": (0, 0), "C1": (5, 0), "C2": (5, 5), "C3": (0, 5)}
+    moved = [
+        point.model_copy(update={"xyz": (10 + east * (35 + places[point.name][0]), north * (35 + places[point.name][1]), 0.0)})
+        if point.name in places
+        else point
+        for point in facts.control.points
+    ]
+    found = told(with_control(facts, moved))
+    assert "one-sided" in found and f"towards the {side}" in found
+
+
+def correlation(first, second, value=0.95):
+    return ParameterCorrelation(first=first, second=second, value=value)
+
+
+def test_correlated_parameters_of_a_camera_are_one_warning(with_precision):
+    pairs = (correlation("x0 of cam", "p1 of cam", 0.97), correlation("y0 of cam", "p2 of cam", -0.94))
+    (found,) = block_warnings(with_precision(correlations=pairs))
+    assert "x0 and p1 (0.97), y0 and p2 (-0.94)" in found
+
+
+def test_a_correlation_with_the_flying_height_says_what_separates_them(with_precision):
+    (found,) = block_warnings(with_precision(correlations=(correlation("c of cam", "the mean height of the projection centres"),)))
+    assert "correlation 0.95" in found and "Control at different heights" in found
+
+
+def test_a_correlation_between_cameras_gives_no_advice_on_heights(with_precision):
+    (found,) = block_warnings(with_precision(correlations=(correlation("c of one", "c of other"),)))
+    assert "heights" not in found
+
+
+def test_a_camera_from_exif_that_was_not_adjusted_is_named(facts):
+    nominal = facts.before.cameras["cam"].model_copy(update={"source": "exif"})
+    before = facts.before.model_copy(update={"cameras": {"cam": nominal}})
+    assert "The camera cam is known from EXIF only" in told(replace(facts, before=before))
+
+
+@pytest.mark.parametrize(("c", "warned"), [(1070.0, True), (930.0, True), (1050.0, False)])
+def test_a_camera_constant_that_changed_much_is_named(facts, with_block, c, warned):
+    camera = facts.block.cameras["cam"].model_copy(update={"source": "block", "c": c})
+    assert ("The adjusted camera constant of cam" in told(with_block(cameras={"cam": camera}))) == warned
+
+
+def test_a_photograph_with_few_measurements_or_an_empty_frame_is_weakly_tied(facts):
+    image = facts.image
+    few = told(replace(facts, image=image.take((image.photo == 0) | (np.arange(len(image)) % 2 == 0))))
+    assert "Weakly tied" in few and "b (18 measurements" in few and "a (" not in few
+    corner = replace(image, col=np.where(image.photo == 1, image.col / 3, image.col))
+    assert "b (36 measurements in 3 areas)" in told(replace(facts, image=corner))
+
+
+def test_a_block_without_tie_points_has_no_weakly_tied_photographs(facts):
+    assert "Weakly tied" not in told(replace(facts, image=facts.image.take(np.zeros(len(facts.image), bool))))
+
+
+def test_photographs_that_hardly_overlap_are_told_with_their_overlap(facts, with_block):
+    first, second = facts.block.photos
+    assert "Weak overlap: only 2" in told(with_block(photos=(first, second.model_copy(update={"centre": (60.0, 0.0, 100.0)}))))
+
+
+@pytest.mark.parametrize(
+    ("changes", "phrase"),
+    [
+        ({"position_factor": 3.26}, "The GNSS positions are worse than stated: their standard errors were enlarged 3.3 times"),
+        ({"control_factor": 2.0}, "The ground control is worse than stated: its standard errors were enlarged 2.0 times"),
+        ({"rejected": 28}, "28 % of the image measurements were rejected"),
+    ],
+)
+def test_what_is_worse_than_stated_is_told_with_its_factor(with_precision, changes, phrase):
+    (found,) = block_warnings(with_precision(**changes))
+    assert phrase in found
+
+
+@pytest.mark.parametrize(("factor", "count"), [(1.0, 0), (2.5, 1)])
+def test_pointings_worse_than_stated_are_told(with_precision, factor, count):
+    group = ObservationGroup(name=ObservationKind.POINTINGS, count=10, redundancy=5.0, factor=factor)
+    found = list(block_warnings(with_precision(groups=(group,))))
+    assert len(found) == count and all("enlarged 2.5 times" in text for text in found)
+
+
+def test_files_for_other_programs_warn_of_scans_and_mirrors(facts):
+    first, second = facts.photos.photos
+    scan = first.model_copy(update={"scan": (0.0, 1.0, 0.0, 0.0, 0.0, 1.0), "scan_size": (1100, 1100)})
+    assert "The photographs are scans" in told(replace(facts, photos=Photos(photos=(scan, second))))
+    mirrored = second.model_copy(update={"exif_orientation": 4})
+    assert "EXIF mirrors b" in told(replace(facts, photos=Photos(photos=(first, mirrored))))

@@ -1,0 +1,131 @@
+"""Every finding has a sentence, with its names, its numbers and a remedy."""
+
+from typing import get_args
+
+import pytest
+from pydantic import BaseModel, TypeAdapter
+
+from orthomill.schemas.findings import block_findings as f
+from orthomill.schemas.orientation import BlockPrecision
+from orthomill.tasks.orientation.reporting.finding_sentences import finding_sentence
+
+KINDS = get_args(get_args(f.BlockFinding)[0])
+OFF = (f.Misfit(photo="a", misfit_px=14.6), f.Misfit(photo="b", misfit_px=7.2, lies_on="P9"))
+
+SPOKEN = [
+    (f.NoDatum(scaled=True), ["has a scale but no datum", "three control points"]),
+    (f.NoDatum(scaled=False), ["has no datum", "not metres", "Give positions"]),
+    (f.PositionsCrowded(), ["closer together than their own standard errors", "true precision"]),
+    (f.TiltUnobserved(tilt_sigma_deg=None, basis="down", sigma_deg=5.0), ["do not determine", "straight down", "5.0 degrees"]),
+    (f.TiltUnobserved(tilt_sigma_deg=70.0, basis="level", sigma_deg=4.9), ["do not determine", "held level", "4.9 degrees"]),
+    (f.TiltUnobserved(tilt_sigma_deg=2.0, basis="attitude", sigma_deg=1.9), ["determine only to 2.0 degrees", "attitudes"]),
+    (f.ControlOnALine(), ["nearly on one line", "Add control"]),
+    (f.DatumMisfit(ratio=12.4), ["12 standard errors", "CRS"]),
+    (f.LooksUpward(), ["upwards from below", "X and Y"]),
+    (f.AxesExchanged(exchanged_m=0.021, given_m=321.0), ["to 0.02 m", "only to 321.00 m", "Exchange X and Y in the file"]),
+    (
+        f.DistortionFolds(camera="cam", reach_px=912.3, corner_px=1180.2, k1=-0.3, c=1165.0),
+        ["camera cam", "912 px", "1180 px away", "k1 = -0.3, c = 1165 px", "another camera"],
+    ),
+    (f.InteriorUndetermined(camera="cam", share=0.07), ["c, x0, y0 of cam", "only to 7 %", "kept their values", "calibration"]),
+    (f.InteriorUndetermined(camera="cam", share=None), ["not at all"]),
+    (f.InteriorFixed(cameras=("one", "two")), ["of one and two", "kept fixed", "oblique"]),
+    (
+        f.ConstantContradicted(camera="cam", given_px=800.0, adjusted_px=1597.4, sigma_px=0.456, fixed=False),
+        ["800 px were given", "1597 px (standard error 0.46 px) fit", "which was used"],
+    ),
+    (
+        f.ConstantContradicted(camera="cam", given_px=800.0, adjusted_px=1597.4, sigma_px=12.3, fixed=True),
+        ["standard error 12 px", "but the workflow fixes it"],
+    ),
+    (f.ConstantNominal(camera="cam", c=1165.0, share=0.03), ["nominal (from EXIF, 1165 px, within 3 %)", "three control points"]),
+    (f.PrincipalPointMoved(camera="cam", moved_px=31.4), ["of cam moved 31 px", "fix x0 and y0"]),
+    (
+        f.ImageErrorsCorrelated(rms_px=0.71, camera_share=0.8, parameter="c", owner="cam", sigma=6.0, white_sigma=1.5),
+        ["0.71 px on average", "mostly alike", "c of cam is 6", "would be 1.5"],
+    ),
+    (
+        f.ImageErrorsCorrelated(rms_px=0.71, camera_share=0.2, parameter="Z", owner="a", sigma=6.0, white_sigma=1.5),
+        ["mostly different in each", "Z of a is 6"],
+    ),
+    (
+        f.ControlContradicted(point="P1", difference=(0.5, -1.25, 0.01), ratio=17.2),
+        ["control point P1", "+0.50, -1.25, +0.01 m", "17 times", "took no part"],
+    ),
+    (f.PositionContradicted(photo="a", difference=(9.0, 0.0, 0.0), ratio=90.0), ["position of a", "+9.00", "90 times"]),
+    (f.PositionsElsewhere(photos=6, distance_m=53852.0), ["6 photographs", "53.9 km", "another CRS"]),
+    (f.PositionsElsewhere(photos=6, distance_m=87.6), ["88 m"]),
+    (f.PositionsAlongView(photos=6, along_m=-38.4), ["by 38.4 m along the viewing direction", "above the sea"]),
+    (
+        f.DistanceContradicted(first="A", second="B", length=12.5, difference=0.25, ratio=9.0, outcome="excluded"),
+        ["from A to B (12.500 m) contradicts the block", "+0.250 m, 9 times", "it took no part"],
+    ),
+    (
+        f.DistanceContradicted(first="A", second="B", length=12.5, difference=0.25, ratio=9.0, outcome="undecided"),
+        ["contradicts the block", "too few others show which"],
+    ),
+    (
+        f.DistanceContradicted(first="A", second="B", length=12.5, difference=-0.25, ratio=1.0, outcome="downweighted"),
+        ["contradicts the other distances", "-0.250 m", "lies between them"],
+    ),
+    (f.DistanceUnchecked(), ["One distance alone gives the scale", "measure two more"]),
+    (
+        f.MeasurementsRejected(role="control", point="P1", measured=5, rejected=OFF),
+        ["2 of 5 measurements of the control point P1", "a (15 px off), b (7 px off, where P9 lies)", "Give them the right name"],
+    ),
+    (
+        f.MeasurementsRejected(role="tie", point="P1", measured=5, rejected=OFF[:1]),
+        ["1 of 5 measurements of the tie point P1", "Measure it again"],
+    ),
+    (
+        f.CheckMeasurementsApart(point="P1", measured=3, apart=OFF[:1]),
+        ["1 of 3 measurements of the check point P1", "a (15 px off)", "Measure again"],
+    ),
+    (f.GroupsUnconnected(groups=(("a", "b", "c"), ("d", "e"), ("g", "h"))), ["3 groups", "Apart from the largest: d, e; g, h."]),
+    (f.BlockSeparate(photos=("d", "e")), ["d, e form a separate group", "free block of its own"]),
+    (
+        f.CameraConstantsAveraged(camera="v2", x_px=500.0, y_px=501.0, error_px=0.16),
+        ["camera v2", "two camera constants, 500.00 and 501.00 px", "0.2 px wrong"],
+    ),
+    (f.LargestReconstruction(count=3, photos=17), ["3 reconstructions", "of 17 photographs"]),
+    (f.PhotosUnknown(photos=tuple("abcdefghij")), ["10 photographs", "a, b, c, d, e, f, g, h and 2 more"]),
+    (f.BlockElsewhere(source="ori.csv", offset=(0.1, -0.2, 43.0)), ["ori.csv", "+0.1, -0.2, +43.0 m", "height system"]),
+    (f.TiePointsMisfit(source="ori.csv", rms_px=34.5, factor=115.0), ["ori.csv by 34.5 px", "115 times", "kind: adjusted"]),
+    (f.BlockUnexamined(source="ori.csv"), ["No tie points", "ori.csv", "stage tie_points"]),
+]
+
+
+@pytest.mark.parametrize(("finding", "phrases"), SPOKEN, ids=lambda value: getattr(value, "code", ""))
+def test_a_sentence_holds_the_names_and_numbers_of_its_finding(finding, phrases):
+    sentence = finding_sentence(finding)
+    assert [phrase for phrase in phrases if phrase not in sentence] == []
+    assert sentence.endswith(".")
+    assert "nan" not in sentence and "None" not in sentence
+
+
+def test_every_kind_of_finding_is_spoken_above():
+    assert {type(finding) for finding, _ in SPOKEN} == set(KINDS)
+
+
+def test_codes_are_unique():
+    codes = [kind.model_fields["code"].default for kind in KINDS]
+    assert len(set(codes)) == len(codes) == len(KINDS)
+
+
+@pytest.mark.parametrize("finding", [finding for finding, _ in SPOKEN], ids=lambda finding: finding.code)
+def test_a_finding_survives_its_table(finding):
+    table = BlockPrecision(image_factor=1.0, position_factor=1.0, control_factor=1.0, rays=0, rejected=0, findings=(finding,))
+    assert BlockPrecision.model_validate_json(table.model_dump_json()).findings == (finding,)
+
+
+def test_a_code_decides_which_finding_is_read():
+    read = TypeAdapter(f.BlockFinding).validate_python({"code": "positions_elsewhere", "photos": 3, "distance_m": 5.0})
+    assert read == f.PositionsElsewhere(photos=3, distance_m=5.0)
+
+
+def test_a_finding_without_words_is_an_error_of_the_program():
+    class Unspoken(BaseModel):
+        code: str = "unspoken"
+
+    with pytest.raises(TypeError, match="no words for Unspoken"):
+        finding_sentence(Unspoken())
