@@ -100,7 +100,7 @@ def known_of(
         *_positions(photos, names),
         *_coordinates(points),
         placed,
-        _zeniths(photos, names),
+        _up_directions(photos, names),
         np.array([tops.get(name, TOP) for name in names]),
         _lengths(points, control),
     )
@@ -141,7 +141,7 @@ def _positions(photos: Photos, names: tuple[str, ...]) -> tuple[np.ndarray, np.n
     return position, sigma
 
 
-def _zeniths(photos: Photos, names: tuple[str, ...]) -> np.ndarray:
+def _up_directions(photos: Photos, names: tuple[str, ...]) -> np.ndarray:
     """(P, 3) the up direction in the image systems by the attitudes of the photographs; NaN where they have none."""
     attitudes = (photos[name].attitude for name in names)
     return np.array([(np.nan,) * 3 if a is None else rotation_matrix(*np.radians(a))[:, 2] for a in attitudes])
@@ -234,17 +234,17 @@ def _with_surveyed(ties: Rays, ground: Rays, first: int) -> Rays:
 
 
 def _known_together(parts: list[Part], number: np.ndarray, photos: int) -> Known:
-    position, sigma, zenith, top = (np.full((photos, 3), np.nan) for _ in range(4))
+    position, sigma, up, top = (np.full((photos, 3), np.nan) for _ in range(4))
     model = np.full_like(parts[0].known.control, np.nan)
     for part in parts:
         own = number[part.start.photos]
         position[own], sigma[own] = part.known.position, part.known.position_sigma
-        zenith[own], top[own] = part.known.up, part.known.top
+        up[own], top[own] = part.known.up, part.known.top
         # Every part placed the same point in its own model; the first that has it gives the starting value.
         in_first = part.datum.similarity.apply(part.known.control_model) + part.datum.origin - parts[0].datum.origin
         model = np.where(np.isfinite(model), model, in_first)
     first = parts[0].known
-    return Known(position, sigma, first.control, first.control_sigma, model, zenith, top, first.distances)
+    return Known(position, sigma, first.control, first.control_sigma, model, up, top, first.distances)
 
 
 def _datum_together(parts: list[Part], number: np.ndarray, photos: int) -> Datum:
@@ -267,7 +267,7 @@ class _Placed:
     rotation: np.ndarray
     centre: np.ndarray
     point: np.ndarray
-    zenith: np.ndarray
+    up: np.ndarray
     vertical: np.ndarray
 
 
@@ -282,7 +282,7 @@ def starting_values(
     # Points without a place stay at 0 and lose their rays below.
     start.point[problem.ties :] = np.nan_to_num(surveyed)
     state = State(start.rotation, start.centre, start.point, parts[0].model.interior, np.zeros(3))
-    network = replace(_network(material, problem, start.vertical, count), up=start.zenith)
+    network = replace(_network(material, problem, start.vertical, count), up=start.up)
     network = with_datum(network, known, datum, problem.ties)
     finite = np.asarray(np.isfinite(surveyed).all(axis=1))
     good = problem.good & _usable(problem, network, state, finite)
@@ -303,7 +303,7 @@ def _placed_parts(problem: Problem, parts: list[Part], datum: Datum, vertical_si
         filled |= fresh
         if part.datum.up is not None:
             known = np.isfinite(part.datum.up).all(axis=1)
-            start.zenith[own[known]] = part.datum.up[known]
+            start.up[own[known]] = part.datum.up[known]
             # vertical_sigma is that of the mean over the photographs, so each gets its share of the weight.
             start.vertical[own[known]] = 1.0 / (vertical_sigma**2 * known.sum())
     return start
