@@ -1,0 +1,184 @@
+"""The jobs of a tile: planted differences against truth and files come back cell by cell."""
+
+import numpy as np
+import pytest
+from box_scene import block as box_block
+from scipy.ndimage import gaussian_filter
+
+from orthomill.schemas.raster import MapGrid, RasterSpec, Window, tiles_of
+from orthomill.schemas.truth import Material
+from orthomill.tasks.evaluation.accuracy import HeightSums, merged_histogram, merged_sums
+from orthomill.tasks.evaluation.classes import HALO as CLASS_HALO
+from orthomill.tasks.evaluation.classes import PlaceClass
+from orthomill.tasks.evaluation.grids import grid_of, placement, readable
+from orthomill.tasks.evaluation.orthoimage_accuracy import HALO, GreyFit, merged_counts, photos_that_reach
+from orthomill.tasks.evaluation.tiles import (
+    HeightComparison,
+    OrthoPlace,
+    OrthoTruthPlace,
+    heights_against_file,
+    heights_against_truth,
+    ortho_against_file,
+    ortho_against_truth,
+    sums_against_file,
+    sums_against_truth,
+)
+
+GRID = MapGrid(west=0.0, north=60.0, cell=1.0, rows=60, cols=80)
+WHOLE = Window(0, 0, 60, 80)
+
+
+def truth():
+    """Level ground at 10 m with a building of 8 m (number 3), a pond and a tree; photograph counts of 3, 1 in the last rows."""
+    surface, material = np.full(GRID.shape, 10.0, np.float32), np.full(GRID.shape, Material.OPEN_GROUND, np.uint8)
+    building, visibility = np.zeros(GRID.shape, np.uint16), np.full(GRID.shape, 0b111, np.uint32)
+    roof = (slice(10, 26), slice(20, 44))
+    surface[roof], material[roof], building[roof] = 18.0, Material.ROOF, 3
+    material[40:50, 60:72], material[45:48, 10:13] = Material.WATER, Material.TREE
+    visibility[55:] = 0b010
+    return surface, material, building, visibility
+
+
+def dsm():
+    """The truth, 0.2 m too high, roofs 0.5 m too low, empty water."""
+    surface, material, _, _ = truth()
+    height = surface + np.where(material == Material.ROOF, -0.5, 0.2).astype(np.float32)
+    height[material == Material.WATER] = np.nan
+    return height, np.where(np.isfinite(height), np.float32(0.15), np.float32(np.nan))
+
+
+def compared(core=WHOLE) -> HeightComparison:
+    place = placement(GRID, core.grown(CLASS_HALO), GRID)
+    height, precision = (raster[core.slices] for raster in dsm())
+    parts = (raster[readable(place).slices] for raster in truth())
+    return heights_against_truth(height, precision, *parts, place, core)
+
+
+def row_of(sums: HeightSums, *places: PlaceClass) -> dict[str, float]:
+    return merged_sums((sums,), tuple(map(int, places)))
+
+
+def test_differences_are_those_that_were_planted():
+    _, material, _, _ = truth()
+    dh = compared().dh
+    assert dh.dtype == np.float32 and dh[material == Material.ROOF] == pytest.approx(-0.5)
+    assert dh[material == Material.OPEN_GROUND] == pytest.approx(0.2) and np.isnan(dh[material == Material.WATER]).all()
+
+
+def test_sums_are_kept_by_class_of_place():
+    sums = compared().sums
+    roof, water = row_of(sums, PlaceClass.ROOF_INTERIOR, PlaceClass.ROOF_EDGE), row_of(sums, PlaceClass.WATER)
+    assert roof["cells"] == 16 * 24 and roof["total"] == pytest.approx(-0.5 * 16 * 24, rel=1e-6)
+    assert roof["within_3"] == 0 and roof["within_4"] == roof["with_precision"] == 16 * 24
+    assert water["cells"] == 120 and water["measured"] == 0 and water["lowest"] == np.inf
+    clear = row_of(sums, PlaceClass.CLEAR_GROUND)
+    assert clear["lowest"] == pytest.approx(0.2) == clear["highest"] and clear["within_1"] == 0
+
+
+def test_cells_that_one_photograph_shows_are_not_expected():
+    sums = compared().sums
+    ground = row_of(sums, *PlaceClass)
+    assert ground["cells"] == 60 * 80 and ground["seen_twice"] == 55 * 80
+
+
+def test_a_building_is_judged_by_its_interior():
+    histogram = compared().buildings
+    assert set(histogram.place) == {3} and histogram.count.sum() == 14 * 22, "one cell along each side is edge"
+    assert set(histogram.bin) == {-50}
+
+
+@pytest.mark.parametrize("size", [16, 32])
+def test_tiles_of_heights_add_up_to_the_whole(size):
+    whole = compared()
+    parts = [compared(tile.window) for tile in tiles_of(GRID.shape, size)]
+    for tile, part in zip(tiles_of(GRID.shape, size), parts, strict=True):
+        assert np.array_equal(part.dh, whole.dh[tile.window.slices], equal_nan=True)
+    for place in PlaceClass:
+        one, other = (merged_sums(tuple(p.sums for p in some), (int(place),)) for some in ([whole], parts))
+        assert one == pytest.approx(other)
+    assert np.array_equal(merged_histogram((whole.histogram,)), merged_histogram(tuple(p.histogram for p in parts)))
+
+
+def test_a_file_has_one_class_and_no_buildings():
+    height, precision = dsm()
+    reference = np.full(GRID.shape, 10.0)
+    reference[:5] = np.nan
+    found = heights_against_file(height, precision, reference, GRID.cell)
+    assert set(found.sums.place) == {PlaceClass.UNKNOWN} and found.sums.cells[0] == 55 * 80 == found.sums.seen_twice[0]
+    assert np.isnan(found.dh[:5]).all() and len(found.buildings) == 0
+
+
+def texture(seed=1) -> np.ndarray:
+    noise = gaussian_filter(np.random.default_rng(seed).normal(0, 1, (*GRID.shape, 1)), (1.5, 1.5, 0))
+    return np.clip(np.rint(120 + 30 * noise / noise.std() * np.array([1.0, 0.9, 0.8])), 1, 255).astype(np.uint8)
+
+
+def rgba(colours: np.ndarray) -> np.ndarray:
+    return np.dstack([colours, np.full(GRID.shape, 255, np.uint8)])
+
+
+def judged_ortho(core=WHOLE, ortho=None):
+    ortho = rgba(texture()) if ortho is None else ortho
+    window = core.grown(HALO).clipped(GRID.shape)
+    place = placement(GRID, window, GRID)
+    surface, material, _, visibility = (raster[readable(place).slices] for raster in truth())
+    where = OrthoTruthPlace(GRID, core, window, place)
+    colours = texture()[readable(place).slices]
+    return ortho_against_truth(ortho[window.slices], colours, material, visibility, surface, box_block(), GreyFit(), where)
+
+
+def test_a_perfect_orthoimage_has_no_difference():
+    found = judged_ortho()
+    assert np.abs(found.difference).max() == 0 and found.counts.difference_absolute == 0
+    assert found.counts.ssim_sum == pytest.approx(found.counts.ssim_count)
+    assert np.nanmax(np.hypot(found.shifts.dx, found.shifts.dy)) < 1e-3
+
+
+def test_a_planted_difference_of_grey_values_is_found_where_it_is():
+    bright = texture().astype(int)
+    bright[20:30, 50:70] += 9
+    found = judged_ortho(ortho=rgba(np.clip(bright, 1, 255).astype(np.uint8)))
+    assert found.difference[20:30, 50:70] == pytest.approx(9.0, abs=1e-4)
+    assert found.counts.difference_absolute == pytest.approx(9.0 * 200, rel=1e-5)
+
+
+def test_pixels_without_a_colour_are_neither_judged_nor_covered():
+    ortho = rgba(texture())
+    ortho[:10, :, 3] = 0
+    found = judged_ortho(ortho=ortho)
+    assert np.isnan(found.difference[:10]).all() and found.counts.visible_covered == found.counts.visible - 800
+
+
+@pytest.mark.parametrize("size", [16, 64])
+def test_tiles_of_the_orthoimage_add_up_to_the_whole(size):
+    whole = judged_ortho()
+    parts = [judged_ortho(tile.window) for tile in tiles_of(GRID.shape, size)]
+    assert merged_counts(tuple(p.counts for p in parts)).model_dump() == pytest.approx(whole.counts.model_dump())
+    assert sum(len(p.shifts) for p in parts) == len(whole.shifts)
+
+
+def test_an_orthoimage_against_a_file_knows_nothing_of_visibility():
+    reference = texture().astype(np.float32)
+    reference[:, :10] = np.nan
+    found = ortho_against_file(rgba(texture()), reference, GreyFit(), OrthoPlace(GRID, WHOLE, WHOLE))
+    assert found.counts.difference_count == 60 * 70 and found.counts.visible == found.counts.hidden == 0
+    assert (found.shifts.seen == 255).all() and (found.shifts.place == PlaceClass.UNKNOWN).all()
+
+
+def test_grey_sums_of_truth_and_file_agree_on_one_grid():
+    place = placement(GRID, WHOLE, GRID)
+    with_truth = sums_against_truth(rgba(texture()), texture()[readable(place).slices], place)
+    assert with_truth == sums_against_file(rgba(texture()), texture().astype(np.float32))
+    assert with_truth.pixels == 60 * 80 and with_truth.oo == with_truth.ot
+
+
+def test_photographs_that_reach_a_point_ignore_what_stands_in_the_way():
+    points = np.array([[60.0, 60.0, 0.0], [5000.0, 60.0, 0.0]])
+    assert photos_that_reach(box_block(), points).tolist() == [4, 0]
+
+
+def test_a_raster_without_a_place_on_the_map_is_refused():
+    placed = RasterSpec(name="x", shape=(4, 5), dtype="uint8", chunk=4, transform=GRID.transform)
+    assert grid_of(placed) == GRID.model_copy(update={"rows": 4, "cols": 5})
+    with pytest.raises(ValueError, match="x has no"):
+        grid_of(placed.model_copy(update={"transform": None}))
