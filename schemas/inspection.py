@@ -1,7 +1,7 @@
-"""Looking at a single photograph, without a project: what an inspection is given, and what it gives back.
+"""Inspecting a single photograph without a project: what an inspection receives and what it returns.
 
-Strips of pixels go in and strips of a map come out, so that memory does not grow with the photograph. Who reads the file and
-who writes the picture is no business of the method.
+Strips of pixels go in and strips of a map come out, so that memory does not grow with the photograph. Reading the file and writing
+the picture are left to the caller.
 """
 
 from collections.abc import Iterator
@@ -15,7 +15,7 @@ from orthomill.schemas.raster import Window
 
 
 class PhotoFile(Protocol):
-    """A photograph as it lies in its file; the EXIF orientation flag is not obeyed yet."""
+    """A photograph as stored in its file, before the EXIF orientation flag is applied."""
 
     @property
     def header(self) -> Header:
@@ -29,13 +29,13 @@ class PhotoFile(Protocol):
 
 @dataclass(frozen=True)
 class PhotoMap:
-    """A grey picture of a photograph, of its upright size."""
+    """A grey picture of a photograph, in its upright size."""
 
     shape: tuple[int, int]
     """rows and columns"""
     strips: Iterator[np.ndarray]
-    """(rows, columns) uint8 from top to bottom; they can be taken once"""
+    """(rows, columns) uint8 from top to bottom; they can be iterated once"""
     labels: dict[int, str]
     """grey level -> what it means, in the order of the legend"""
     notes: tuple[str, ...] = ()
-    """whole sentences about how the map was made"""
+    """sentences about how the map was made"""

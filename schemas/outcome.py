@@ -1,4 +1,4 @@
-"""What became of one attempt to match a point: a code in arrays, a sentence for people."""
+"""The outcome of one attempt to match a point: a code in arrays, a sentence for people."""
 
 from enum import IntEnum
 
@@ -31,8 +31,8 @@ _SENTENCES = {
     Outcome.NOT_CONVERGED: "the iterations did not converge",
     Outcome.MOVED_TOO_FAR: "the solution moved too far from its start",
     Outcome.SINGULAR: "the normal equations are singular",
-    Outcome.LOW_CORRELATION: "the matched windows do not look alike",
+    Outcome.LOW_CORRELATION: "the matched windows are not similar enough",
     Outcome.INCONSISTENT: "matching back does not return to the point, or its neighbours contradict it",
     Outcome.OCCLUDED: "something higher hides the point from one of the photographs",
-    Outcome.IMPRECISE: "the match is less precise than was asked for",
+    Outcome.IMPRECISE: "the match is less precise than required",
 }

@@ -1,4 +1,4 @@
-"""What is known of a photograph before its pixels are looked at."""
+"""What is known of a photograph before its pixels are read."""
 
 from collections.abc import Mapping
 from enum import StrEnum
@@ -27,7 +27,7 @@ def tag_text(tags: Mapping[str, str], name: str) -> str:
 
 
 class Photo(BaseModel):
-    """One photograph, upright: width and height are after the EXIF orientation flag was obeyed."""
+    """One photograph, upright: width and height apply after the EXIF orientation."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -39,9 +39,9 @@ class Photo(BaseModel):
     dtype: str
     exif_orientation: int = 1
     as_taken: bool = False
-    """Its pixels were turned in the file and EXIF undoes it: upright it lies as the sensor saw it, like others of its camera."""
+    """Its pixels were rotated in the file and EXIF undoes it: upright, it has the orientation of the sensor."""
     camera: str
-    """Photographs with the same word here share one interior orientation, that of the sensor."""
+    """Photographs with the same name here share one interior orientation, that of the sensor."""
     focal_mm: float | None = None
     focal_35mm: float | None = None
     pixel_um: float | None = None
@@ -64,18 +64,18 @@ class Photo(BaseModel):
 
     @property
     def sensor_orientation(self) -> int:
-        """How the photograph was turned upright from what the sensor saw, as an EXIF orientation."""
+        """The rotation from the sensor to the upright photograph, as an EXIF orientation."""
         return 1 if self.as_taken else self.exif_orientation
 
     def from_file(self, col: float, row: float) -> tuple[float, float]:
-        """Where a pixel of the (upright) file lies in the photograph as it is used."""
+        """The place in the photograph of a pixel of the (upright) file; they differ for scans."""
         if self.scan is None:
             return col, row
         s = self.scan
         return s[0] + s[1] * col + s[2] * row, s[3] + s[4] * col + s[5] * row
 
     def holds(self, col: float, row: float) -> bool:
-        """Whether a place lies on the photograph, border pixels to their outer edge."""
+        """Whether a place lies on the photograph, including border pixels to their outer edge."""
         return -0.5 <= col <= self.width - 0.5 and -0.5 <= row <= self.height - 0.5
 
 

@@ -1,9 +1,8 @@
-"""Where compiled kernels are kept: in a folder named by the digest of the sources that they are compiled from.
+"""The cache of compiled kernels: a folder named by the digest of the sources that they are compiled from.
 
-numba keeps a compiled kernel as long as its own file is unchanged, but kernels are compiled together with those that they call,
-and these may lie in other files: after an update old machine code would go on to run. With a folder for each state of the sources
-nothing old is found. Sources are the modules that use numba and those that they import, however indirectly; a change elsewhere
-costs no compilation.
+numba reuses a compiled kernel as long as its own file is unchanged, but kernels are compiled together with those that they call,
+which may be in other files: after an update outdated machine code would run. With one folder per state of the sources it cannot.
+Sources are the modules that use numba and those that they import, directly or indirectly; a change elsewhere costs no compilation.
 """
 
 import contextlib
@@ -25,6 +24,7 @@ def sources_digest(root: Path) -> str:
     `root` holds the folders `tasks` and `schemas`.
     """
     texts = {path: path.read_text() for folder in ("schemas", "tasks") for path in sorted((root / folder).rglob("*.py"))}
+    # The transitive closure of imports: a constant in a plain module can be compiled into a kernel.
     waiting = [path for path, text in texts.items() if re.search(r"^\s*(from|import) numba", text, re.MULTILINE)]
     found: set[Path] = set()
     while waiting:
@@ -39,26 +39,27 @@ def sources_digest(root: Path) -> str:
 
 
 def _imported(root: Path, text: str) -> list[Path]:
-    """Files that a module may take names from: the module itself, or modules of a package that are imported by their names."""
+    """Files that a module may import names from: the module itself, or modules of a package that are imported by name."""
     files = []
     for module, names in _IMPORT.findall(text):
         place = root.joinpath(*module.split("."))
+        # An import may name a module or something inside it; what does not exist is ignored by the caller.
         files.append(place.with_name(f"{place.name}.py"))
         files += [place / f"{name}.py" for name in re.findall(r"\w+", names)]
     return files
 
 
 def kernel_folder(root: Path) -> Path:
-    """Where kernels are kept: below a checkout, or in the user's cache where the package is installed."""
+    """Where kernels are cached: below a checkout, or in the user's cache where the package is installed."""
     if (root / "pyproject.toml").exists():
         return root / ".cache" / "kernels"
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "orthomill" / "kernels"
 
 
 def use_kernel_cache(root: Path, kept: Path) -> None:
-    """Let numba keep its kernels in a folder of `kept`, and remove those of sources that changed long ago.
+    """Let numba cache its kernels in a folder of `kept`, and remove folders of sources that changed long ago.
 
-    To be called before numba is loaded. Leaves things alone where the user has chosen a folder, or where `kept` cannot be written.
+    To be called before numba is imported. Does nothing where the user has chosen a folder, or where `kept` cannot be written.
     """
     if os.environ.get(_VARIABLE):
         return

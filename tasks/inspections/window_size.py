@@ -1,8 +1,8 @@
-"""The map of matching window sizes of a photograph: where would which window be used, and where none?
+"""The map of matching window sizes of a photograph: which window would be used where, and where none.
 
-Strategy: the photograph is read in strips with a halo, upright and as grey values of 8 bits, just as its matching will see it.
-Where a share of the pixels is to get a window, a first pass finds the limit on a regular grid of pixels; pixels so near to the
-border that the largest window does not fit are left out of that share.
+Strategy: the photograph is read in strips with a halo, upright and as grey values of 8 bits, as in matching. Where a share of the
+pixels is to get a window, a first pass finds the limit on a regular grid of pixels; pixels so close to the border that the largest
+window does not fit are excluded from that share.
 
 Source: methods/matching_windows.md 2.2 (row 8); Skarlatos.
 """
@@ -36,6 +36,7 @@ from orthomill.tasks.matching.windows.sizes import (
 _STRIP = 2_000_000
 """pixels of a strip"""
 _LEAST_ROWS = 16
+"""rows of a strip, so that its halo does not dominate"""
 _SAMPLES = 200
 """points of the calibrating grid along the shorter side"""
 _OVERVIEW = 512
@@ -59,7 +60,7 @@ _METHODS: dict[Method, type[StatisticalWindow] | type[EntropyWindow] | type[Foer
 
 
 def sizing_of(method: Method, largest: int, limit: float | None = None) -> WindowSizing:
-    """The sizing of a method up to windows of `largest` px, with its defaults or with `limit` in place of its limit.
+    """The sizing of a method up to windows of `largest` px, with its defaults or with another `limit`.
 
     Raises WorkflowError for a limit that the method cannot have.
     """
@@ -72,6 +73,7 @@ def sizing_of(method: Method, largest: int, limit: float | None = None) -> Windo
             entropy=parts.entropy.model_copy(update={"largest": largest}),
         )
     kind = _METHODS[method]
+    # Validated again as a whole: `model_copy` would accept a limit out of bounds.
     sizing = kind(largest=largest)
     try:
         return sizing if limit is None else kind.model_validate({**sizing.model_dump(), LIMITS[kind]: limit})
@@ -97,6 +99,7 @@ class _Upright:
 
     def strips(self) -> Iterator[Window]:
         rows, cols = self.shape
+        # A strip is as many rows as memory allows, whatever the width of the photograph.
         height = max(_LEAST_ROWS, _STRIP // cols)
         for row in range(0, rows, height):
             yield Window(row, 0, min(height, rows - row), cols)
@@ -112,10 +115,11 @@ class _Upright:
         return grey_levels(grey_bytes(self.pixels(read), self.limits)), core
 
     def stretched(self) -> "_Upright":
-        """The same photograph with the grey values found that become 0 and 255: needed for 16 bits."""
+        """The same photograph with the grey values that become 0 and 255, which 16 bits need."""
         if self.file.header.dtype == "uint8":
             return self
         every = -(-max(self.shape) // _OVERVIEW)
+        # Rows are counted from the top of the photograph, so that the sample does not depend on the strips.
         parts = [self.pixels(strip)[-strip.row % every :: every, ::every] for strip in self.strips()]
         return _Upright(self.file, grey_range(np.concatenate(parts)))
 
@@ -134,6 +138,7 @@ def window_size_map(file: PhotoFile, sizing: WindowSizing, share: float | None =
     notes: tuple[str, ...] = ()
     if share is not None:
         found = _calibrated(photo, sizing, share)
+        # The limit that was found is part of the result: the next photograph can be inspected with it.
         sizing, notes = found.sizing, (_share_sentence(found),)
     labels = dict(
         zip(
@@ -151,7 +156,9 @@ def _strips(photo: _Upright, sizing: WindowSizing) -> Iterator[np.ndarray]:
 
 
 def _calibrated(photo: _Upright, sizing: WindowSizing, share: float) -> LimitCalibration:
+    # Near the border a window fails for lack of room, which no limit can change.
     reach = halo(sizing)
+    # A grid of 200 points along the shorter side fixes a share to a fraction of a per cent.
     step = max(1, min(photo.shape) // _SAMPLES)
     rows, cols = (np.arange(reach, side - reach, step) for side in photo.shape)
     found = []

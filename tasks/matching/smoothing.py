@@ -1,7 +1,7 @@
 """Preparing grey images for matching: float32, NaN where there is no data, smoothed by a small Gaussian.
 
-Strategy: the Gaussian is normalised by the weights of the valid pixels under it, so that no-data never bleeds into an image; a
-pixel without data stays NaN. NaN then runs through every sum of a window, and one test per window tells that it touched no data.
+Strategy: the Gaussian is normalised by the weights of the valid pixels under it, so that missing data do not bleed into the image;
+a pixel without data stays NaN. NaN then propagates through every sum of a window, and one test per window detects missing data.
 The kernels are our own because a value must not depend on where in a tile its pixel lies.
 Smoothing both images with sigma 0.8 px is the largest single gain of least-squares matching (methods/measured.md).
 """
@@ -20,7 +20,7 @@ def gaussian_weights(sigma: float) -> np.ndarray:
 
 
 def reach_of(sigma: float) -> int:
-    """How many pixels away the smoothing of `gaussian_weights` looks."""
+    """Radius of the weights of `gaussian_weights`, px: beyond 3 sigma lies 0.3 % of the Gaussian."""
     return int(np.ceil(3.0 * sigma)) if sigma > 0.0 else 0
 
 
@@ -46,17 +46,20 @@ def _gaps_marked(grey):
     for r in range(grey.shape[0]):
         for c in range(grey.shape[1]):
             value = grey[r, c]
+            # Zero is the convention for pixels beyond a photograph (scans, resampled images).
             out[r, c] = value if value != 0.0 and abs(value) < np.inf else np.float32(np.nan)
     return out
 
 
 @njit(cache=True)
 def _smooth(grey, weights):
-    """Along the rows into a ring of as many as the weights reach over, and from there down the columns: little memory is moved."""
+    """Along the rows into a ring buffer of as many rows as there are weights, and from there along the columns."""
     rows, cols = grey.shape
     size = weights.size
     reach = size // 2
+    # Values and weights are filtered alike; their quotient is the mean of the valid pixels.
     along, share = np.zeros((size, cols), np.float32), np.zeros((size, cols), np.float32)
+    # Two rows with zeros at both ends: the loops over the columns need no test at the border and vectorise.
     values, valid = np.zeros(cols + 2 * reach, np.float32), np.zeros(cols + 2 * reach, np.float32)
     total, weight = np.empty(cols, np.float32), np.empty(cols, np.float32)
     out = np.empty((rows, cols), np.float32)
@@ -78,6 +81,7 @@ def _smooth(grey, weights):
             continue
         total[:] = 0.0
         weight[:] = 0.0
+        # The order of the sum is that of the weights, whatever row of the ring comes first: tiles agree bit for bit.
         for k in range(size):
             source = r + k - reach
             if 0 <= source < rows:

@@ -3,15 +3,15 @@
 Strategy
 - The unit of matching is a *block*: a fixed square of the left epipolar image on an absolute grid, with a fixed halo, whatever the
   tile of the project. A block's result depends on nothing else, so tiling cannot change it.
-- Start: semi-global matching on a reduced level. When the parallax range is wide, a still coarser level goes first and narrows the
-  range of the block; nothing is carried over but that range, so a building that the coarse level missed can still be found within
-  its margin.
-- A residual y-parallax (orientation is never perfect) is measured in the block by least-squares matching of a sparse grid with free
+- Start: semi-global matching on a reduced level. When the parallax range is wide, a coarser level is matched first and narrows the
+  range of the block; nothing but that range is passed on, so a building that the coarse level missed can still be found within the
+  margin.
+- The residual y-parallax that the orientation left is measured in the block by least-squares matching of a sparse grid with free
   rows, and the right block is moved by its median.
 - Refinement: least-squares matching of every node on its own surface (epipolar_least_squares.py).
 - A node must agree with some of its neighbours, and its standard error must be within the limit.
-- Where the finest level finds next to nothing over the width of a window (leaves move and hide each other, crowns do not), a
-  coarser level is matched the same way and answers with its own, larger standard error. Never in the strips beside edges.
+- Where the finest level matches hardly any node over the width of a window (leaves move and hide each other, crowns do not), a
+  coarser level is matched in the same way, with its own, larger standard error. Strips along edges are narrower and stay empty.
 
 Parallaxes here are column left - column right of the two rasters, px ("column parallax").
 
@@ -43,9 +43,9 @@ HALO = 64
 _COARSEST = 4
 """levels of reduction: 2**4 divides BLOCK and HALO"""
 _MOST = 2
-"""candidates of a level, in units of `DenseMatching.widest_range`"""
+"""limit of the candidates of a level, in units of `DenseMatching.widest_range`; the memory of a block is planned with it"""
 _LEAST_PATCH = 16
-"""pixels of a coarse level below which a patch says nothing"""
+"""pixels of a coarse level below which a patch is not trusted"""
 _FREE_ROWS = LeastSquaresMatching(
     window=17, interpolation="bilinear", stop=0.05, max_iterations=12, min_correlation=0.8, min_gradient=1.0
 )
@@ -62,11 +62,11 @@ class DenseMatching(Settings):
     start_level: int = setting(0, "Finest pyramid level of the start values; every level halves the image.", ge=0, le=3)
     widest_range: int = setting(96, "Parallax candidates above which a coarser level narrows the range first.", ge=16, le=512)
     range_margin: int = setting(6, "Added on both sides to the range that a coarser level found.", "px of that level", ge=1, le=64)
-    max_iterations: int = setting(12, "Iterations after which a node is given up.", ge=1, le=100)
+    max_iterations: int = setting(12, "Iterations after which a node is abandoned.", ge=1, le=100)
     stop: float = setting(0.03, "Converged when the parallax changes by less than this.", "px", gt=0.0, le=1.0)
-    max_shift: float = setting(3.0, "A node that moves further than this from its start is rejected.", "px", gt=0.0)
+    max_shift: float = setting(3.0, "A node that moves farther than this from its start is rejected.", "px", gt=0.0)
     surface_tolerance: float = setting(
-        1.0, "Pixels of the window further off the surface of the node are left out.", "px of the start level", gt=0.0
+        1.0, "Pixels of the window farther from the surface of the node are excluded.", "px of the start level", gt=0.0
     )
     min_support: float = setting(0.3, "Share of the window that must lie on the node's surface.", gt=0.0, le=1.0)
     min_correlation: float = setting(0.6, "Normalised correlation that the matched windows must reach.", ge=0.0, le=1.0)
@@ -74,19 +74,20 @@ class DenseMatching(Settings):
     max_sigma: float = setting(0.5, "Largest standard error of a parallax.", "px", gt=0.0)
     min_neighbours: int = setting(3, "Of the eight neighbours of a node, how many must agree with it.", ge=0, le=8)
     neighbour_tolerance: float = setting(1.5, "Largest parallax difference of neighbours that agree.", "px", gt=0.0)
-    coarse_level: int = setting(0, "Pyramid level that answers where the finest finds nothing; 0: none.", ge=0, le=4)
-    coarse_sigma: float = setting(0.3, "Least standard error of such an answer.", "px of that level", gt=0.0)
-    coarse_correlation: float = setting(0.65, "Normalised correlation that such an answer must reach.", ge=0.0, le=1.0)
+    coarse_level: int = setting(0, "Pyramid level that is matched where the finest finds nothing; 0: none.", ge=0, le=4)
+    coarse_sigma: float = setting(0.3, "Smallest standard error of such a match.", "px of that level", gt=0.0)
+    coarse_correlation: float = setting(0.65, "Normalised correlation that such a match must reach.", ge=0.0, le=1.0)
     coarse_gradient: float = setting(
-        10.0, "Root mean square gradient along the row that it needs; foliage has it, water has not.", "grey values per px", ge=0.0
+        10.0, "Root mean square gradient along the row that it needs; foliage has it, water does not.", "grey values per px", ge=0.0
     )
     coarse_below: float = setting(
-        0.25, "The coarser level is asked where a smaller share of the nodes around is matched.", ge=0.0, le=1.0
+        0.25, "The coarser level is matched where a smaller share of the surrounding nodes is matched.", ge=0.0, le=1.0
     )
 
     @property
     def at_coarse_level(self) -> "DenseMatching":
-        """Crowns have no straight edges: one window; patches count in pixels of that level; only strong texture is believed."""
+        """The same settings for the coarse level: one window size, patches in pixels of that level, strong texture only."""
+        # Crowns have no straight edges, so a smaller window at edges would gain nothing.
         speckle = max(self.start.speckle // 4**self.coarse_level, _LEAST_PATCH)
         start = self.start.model_copy(update={"speckle": speckle})
         return self.model_copy(update={"edge_window": self.window, "min_gradient": self.coarse_gradient, "start": start})
@@ -109,7 +110,7 @@ class DenseMatching(Settings):
 
 @dataclass(frozen=True)
 class ParallaxRange:
-    """Column parallaxes that can occur, px; multiples of 16, so that every level begins on whole pixels."""
+    """Column parallaxes that can occur, px; multiples of 16, so that every level starts at integer pixels."""
 
     low: int
     high: int
@@ -121,18 +122,19 @@ class ParallaxRange:
 
 
 def left_window(core: Window) -> Window:
-    """What a block reads of the left raster; may leave it."""
+    """The window of the left raster that a block reads; may leave the raster."""
     return core.grown(HALO)
 
 
 def right_window(core: Window, parallaxes: ParallaxRange) -> Window:
-    """What a block reads of the right raster; may leave it."""
+    """The window of the right raster that a block reads; may leave the raster."""
     left = left_window(core)
     return Window(left.row, left.col - parallaxes.high, left.height, left.width + parallaxes.high - parallaxes.low)
 
 
 def scratch_bytes(parallaxes: ParallaxRange, settings: DenseMatching) -> int:
     """Working memory of `match_block`, bytes."""
+    # Costs (1 byte) and path sums (2) of every candidate, with a reserve of two; images in float32 with their scratch.
     factor = 2**settings.start_level
     candidates = min((parallaxes.high - parallaxes.low) // factor + 1, _MOST * settings.widest_range + 1)
     side = (BLOCK + 2 * HALO) // factor
@@ -142,11 +144,11 @@ def scratch_bytes(parallaxes: ParallaxRange, settings: DenseMatching) -> int:
 
 @dataclass(frozen=True)
 class BlockMatch:
-    """The nodes of a block (core / step, column parallaxes) and what is known of the block as a whole."""
+    """The nodes of a block (core / step, column parallaxes) and its residual y-parallax."""
 
     nodes: NodeParallaxes
     y_parallax: float
-    """median residual y-parallax, row right - row left, px; NaN where too few points tell"""
+    """median residual y-parallax, row right - row left, px; NaN with too few points"""
 
 
 def match_block(left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, settings: DenseMatching) -> BlockMatch:
@@ -161,6 +163,7 @@ def match_block(left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, 
         return BlockMatch(_nothing_found(grey_left[HALO : -HALO : settings.step, HALO : -HALO : settings.step]), float("nan"))
     y_parallax = residual_y_parallax(grey_left, grey_right, start, parallaxes.high)
     if np.isfinite(y_parallax):
+        # Once per block instead of per node: all later steps then work along rows.
         grey_right = moved_rows(grey_right, np.float32(y_parallax))
     nodes = _fine_nodes(grey_left, grey_right, start, parallaxes.high, settings)
     wanted = barren(nodes, settings)
@@ -170,18 +173,19 @@ def match_block(left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, 
 
 
 def _fine_nodes(left: np.ndarray, right: np.ndarray, start: StartSurface, shift: int, settings: DenseMatching) -> NodeParallaxes:
-    """The nodes of the core, matched with a ring of one node around them that only testifies for its neighbours."""
+    """The nodes of the core, matched with a ring of one node around them that only serves the neighbour test."""
     counts = (-(-(side - 2 * HALO) // settings.step) for side in left.shape)
     rows, cols = (HALO - settings.step + settings.step * np.arange(count + 2) for count in counts)
     return consistent(match_nodes(left, right, start, rows, cols, shift, settings.limits), settings)
 
 
 def barren(nodes: NodeParallaxes, settings: DenseMatching) -> np.ndarray:
-    """Unmatched nodes (rows, cols) bool around which, over the width of a coarse window, hardly any node is matched."""
+    """Unmatched nodes (rows, cols) bool surrounded, over the width of a coarse window, by hardly any matched node."""
     if settings.coarse_level == 0:
         return np.zeros(nodes.parallax.shape, bool)
     width = settings.window * 2**settings.coarse_level // settings.step
     matched = np.isfinite(nodes.parallax)
+    # The width of a coarse window: strips along edges are narrower, so that their surroundings are matched.
     share = ndimage.uniform_filter(matched.astype(np.float64), width, mode="nearest")
     return ~matched & (share < settings.coarse_below) & (nodes.outcome != Outcome.OUTSIDE)
 
@@ -189,7 +193,7 @@ def barren(nodes: NodeParallaxes, settings: DenseMatching) -> np.ndarray:
 def coarse_nodes(
     left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, shape: tuple[int, ...], settings: DenseMatching
 ) -> NodeParallaxes:
-    """The nodes of a block as the coarse level sees them: its nearest pixel's parallax, never better than `coarse_sigma`."""
+    """The nodes of a block from the coarse level: the parallax of its nearest pixel, sigma never below `coarse_sigma`."""
     level, factor = settings.coarse_level, 2**settings.coarse_level
     settings = settings.at_coarse_level
     start = _level_surface(left, right, parallaxes, parallaxes, level, settings)
@@ -200,6 +204,7 @@ def coarse_nodes(
     remove_specks(found.parallax, np.float32(settings.neighbour_tolerance), settings.start.speckle)
     nearest = np.ix_(*(settings.step * np.arange(n) // factor for n in shape))
     parallax, sigma, correlation, outcome = (table[nearest] for table in found)
+    # Formal sigmas of smoothed crowns are too optimistic, for the leaves inside the window do not move together.
     sigma = np.maximum(sigma, np.float32(settings.coarse_sigma))
     unlike = ~(correlation >= settings.coarse_correlation)
     parallax[unlike], sigma[unlike] = np.nan, np.nan
@@ -212,9 +217,9 @@ def _completed(nodes: NodeParallaxes, coarse: NodeParallaxes, wanted: np.ndarray
 
 
 def start_surface(left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, settings: DenseMatching) -> StartSurface | None:
-    """Whole-pixel parallaxes of a block, from coarse to fine; None where nothing was found.
+    """Integer-pixel parallaxes of a block, from coarse to fine; None where nothing was found.
 
-    Ends before the start level where the relief of the block is so great that the candidates would not fit the memory planned.
+    Stops before the start level where the relief of the block would need more candidates than the planned memory holds.
     """
     level = settings.start_level
     while level < _COARSEST and (parallaxes.high - parallaxes.low) / 2**level > settings.widest_range:
@@ -226,6 +231,7 @@ def start_surface(left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange
             return None
         if level == settings.start_level:
             return surface
+        # Only the range is passed on; parallaxes themselves would hand down the coarse level's blunders.
         found = _narrowed(surface, found, settings.range_margin)
         level -= 1
         if (found.high - found.low) / 2**level > _MOST * settings.widest_range:
@@ -238,6 +244,7 @@ def _level_surface(
     """Semi-global matching on one level within `part` of the whole range."""
     factor = 2**level
     left, right = reduced(left, level), reduced(right, level)
+    # The right block was read for the whole range; a part of the range needs a part of its columns.
     first = (whole.high - part.high) // factor
     candidates = (part.high - part.low) // factor + 1
     found = semi_global(left, right[:, first : first + left.shape[1] + candidates - 1], settings.start)
@@ -245,7 +252,8 @@ def _level_surface(
 
 
 def _narrowed(surface: StartSurface, whole: ParallaxRange, margin: int) -> ParallaxRange:
-    """The range of a surface with a margin, inside the whole range, on whole pixels of its level."""
+    """The range of a surface with a margin, inside the whole range, in integer pixels of its level."""
+    # Percentiles: a few wrong patches at the ends would otherwise keep the range as wide as before.
     low, high = np.nanpercentile(surface.parallax, [0.5, 99.5])
     factor = surface.factor
     low, high = (int(np.floor(low / factor)) - margin) * factor, (int(np.ceil(high / factor)) + margin) * factor
@@ -255,6 +263,7 @@ def _narrowed(surface: StartSurface, whole: ParallaxRange, margin: int) -> Paral
 def reduced(grey: np.ndarray, level: int) -> np.ndarray:
     """A pyramid level: means of 2 x 2 pixels, `level` times; NaN where any of them is NaN."""
     for _ in range(level):
+        # The sum is bracketed: its order must not depend on what the compiler prefers, for tiles must agree bit for bit.
         even = grey[: grey.shape[0] // 2 * 2, : grey.shape[1] // 2 * 2]
         grey = (even[::2, ::2] + even[::2, 1::2] + (even[1::2, ::2] + even[1::2, 1::2])) * np.float32(0.25)
     return np.ascontiguousarray(grey)
@@ -262,19 +271,21 @@ def reduced(grey: np.ndarray, level: int) -> np.ndarray:
 
 def residual_y_parallax(left: np.ndarray, right: np.ndarray, start: StartSurface, shift: int) -> float:
     """Median of row right - row left of a sparse grid of points matched with free rows (px); NaN below 12 points."""
+    # A margin of half the window of `_FREE_ROWS`, and more on reduced levels, whose borders are unreliable.
     centre = start.factor * 8
     cols, rows = np.meshgrid(np.arange(centre, left.shape[1] - centre, 20), np.arange(centre, left.shape[0] - centre, 20))
     parallax = start.parallax[rows // start.factor, cols // start.factor].ravel()
     points = np.column_stack([cols.ravel(), rows.ravel()])[np.isfinite(parallax)].astype(np.float64)
     starts = points + np.column_stack([shift - parallax, np.zeros_like(parallax)])[np.isfinite(parallax)]
     matches = match_points(PreparedImage(left), PreparedImage(right), points, starts, _FREE_ROWS)
+    # 0.3 px keeps rows that the texture hardly determines (horizontal edges absent) out of the median.
     good = matches.converged & (matches.sigma_row < 0.3)
     return float(np.median((matches.row - points[:, 1])[good])) if good.sum() >= 12 else float("nan")
 
 
 @njit(cache=True)
 def moved_rows(grey, shift):
-    """The image read `shift` rows further down, cubic; NaN where that leaves it."""
+    """The image moved up by `shift` rows, cubic; NaN where that leaves it."""
     rows, cols = grey.shape
     out = np.full((rows, cols), np.float32(np.nan))
     whole = int(np.floor(shift))
@@ -288,8 +299,9 @@ def moved_rows(grey, shift):
 
 
 def consistent(nodes: NodeParallaxes, settings: DenseMatching) -> NodeParallaxes:
-    """The nodes without their outer ring; those that are too inaccurate or that too few neighbours agree with are taken out."""
+    """The nodes without their outer ring; imprecise ones and those with too few agreeing neighbours are removed."""
     parallax, sigma, outcome = nodes.parallax.copy(), nodes.sigma.copy(), nodes.outcome.copy()
+    # Imprecise nodes are removed first: they may not support their neighbours.
     vague = sigma > settings.max_sigma
     outcome[vague] = Outcome.LOW_TEXTURE
     parallax[vague] = np.nan
@@ -315,7 +327,7 @@ def _agreeing(parallax, tolerance):
 
 
 def placed(array: np.ndarray, window: Window, wanted: Window) -> np.ndarray:
-    """The array of `window` (clipped to its raster, perhaps empty) put into `wanted`, 0 around it."""
+    """The array of `window` (clipped to its raster, perhaps empty) placed in `wanted`, 0 around it."""
     out = np.zeros((wanted.height, wanted.width), dtype=array.dtype)
     if window.empty:
         return out

@@ -163,6 +163,7 @@ def _resample(right, node, warp, mask, patch):
     """Fill `patch` with the right image under a warp, on the support; False where that leaves the image."""
     base, t, a, b = warp
     half = node.half
+    # One pixel before and two behind for the cubic weights; rows cannot leave the image, for both have the same.
     reach = abs(a) * half + abs(b) * half
     if not (base + t - reach >= 1 and base + t + reach < right.shape[1] - 2):
         return False
@@ -189,6 +190,7 @@ def _correlated_power(influence, window, correlation):
     total = dot(influence, influence)
     for dy in range(3):
         for dx in range(-2, 3):
+            # Half of the plane: the correlation is symmetric, so that every pair is counted once and doubled.
             if dy == 0 and dx <= 0:
                 continue
             lag = np.float32(0.0)
@@ -284,6 +286,7 @@ def _refine(pair, node, plane, count, limits, scratch, values):
         scale = np.sqrt(power / power_right)
         values[_CORRELATION] = dot(scratch.template, patch) / np.sqrt(power * power_right)
         d0, d1, d2 = _solution(inverse, jacobian, patch, scale)
+        # Composed inversely, as in two dimensions: t + a x + b y of the corrected window.
         a /= 1.0 + d1
         b -= a * d2
         t -= a * d0
@@ -340,18 +343,21 @@ def _match_nodes(pair, start, rows, cols, limits, correlation, nodes):
             surface_window(start, node, window)
             count = start_parallaxes(window, wide, min(wide, 2 * start.factor), found)
             if count == 0:
+                # Next to nothing is known here: any surface within the window is worth trying.
                 count = start_parallaxes(window, wide, wide, found)
             best = np.inf
             outcome[i, j] = outcomes.NOT_TRIED
             for h in range(count):
                 level, node, scratch = np.float64(found[h]), Node(row, col, wide), wide_scratch
                 support = fit_surface(pair.left, node, window, level, tolerance, guess, plane, scratch.mask)
+                # Where the window is mostly foreign, a smaller one has the larger share of its own surface.
                 if edge < wide and support < _WHOLE * window.size:
                     node, scratch = Node(row, col, edge), edge_scratch
                     surface_window(start, node, edge_window)
                     support = fit_surface(pair.left, node, edge_window, level, tolerance, guess, plane, scratch.mask)
                 if support < limits.min_support * (2 * node.half + 1) ** 2 or support < _FEWEST:
                     continue
+                # The plane was fitted relative to its level, to keep the digits of the sums.
                 plane[0] += level
                 values[:] = np.nan
                 result = _refine(pair, node, plane, support, limits, scratch, values)

@@ -72,6 +72,7 @@ def start_parallaxes(window, half, reach, found):
         found[0] = own
         count = 1
     for value in (low, high):
+        # Infinite where no start parallax is known in reach.
         new = abs(value) < np.float32(1e9)
         for i in range(count):
             new = new and abs(value - found[i]) > _SAME
@@ -133,6 +134,7 @@ def _mark_support(left, node, window, level, plane, tolerance, mask):
             belongs = abs(value - level - plane[0] - plane[1] * x - plane[2] * y) <= tolerance
         if belongs:
             r, c = node.row + y, node.col + x
+            # The pixel and both neighbours of its gradient; NaN where one of them has no data.
             data = left[r, c] + left[r, c - 1] + left[r, c + 1]
             if data == data:
                 mask[i] = 1.0

@@ -1,9 +1,9 @@
-"""Semi-global matching of two epipolar images on one pyramid level: whole-pixel parallaxes to start least squares from.
+"""Semi-global matching of two epipolar images on one pyramid level: integer-pixel parallaxes as start values of least squares.
 
-Strategy: census signatures (7 x 7, blind to gain and offset), Hamming costs, eight paths with a small penalty for a change of
-one pixel and a large one for a jump, the cheapest candidate per pixel, and the same read along the right image's rays from the
-same sums. A pixel survives if left and right agree and if it belongs to a connected patch that is not a speck.
-The claim of the system is not here but in the refinement by least squares; this finds roofs and does not stumble over repeats.
+Strategy: census signatures (7 x 7, invariant to gain and offset), Hamming costs, eight paths with a small penalty for a change of
+one pixel and a large one for a jump, the cheapest candidate per pixel, and the same along the rays of the right image from the same
+sums. A pixel is kept if left and right agree and if it belongs to a connected patch of sufficient size.
+Precision comes from the refinement by least squares; this step finds roofs and resolves repeated patterns.
 
 Source: Hirschmueller 2008 (paths, left-right check); Zabih & Woodfill 1994 (census).
 """
@@ -15,7 +15,8 @@ from orthomill.schemas.settings import Settings, setting
 
 CENSUS_HALF = 3
 UNIT = 16
-"""Every pixel has a multiple of so many candidates, because as many are worked on at a time."""
+"""The number of candidates of a pixel is a multiple of this: so many are processed by one vector instruction."""
+# A wall is above any sum of path costs and far enough below 2^15 that penalties cannot overflow it.
 _WALL, _NONE = np.int16(10000), np.int32(2**31 - 1)
 
 
@@ -27,7 +28,7 @@ class SemiGlobal(Settings):
     tolerance: int = setting(1, "Largest difference of the parallaxes found from left and from right.", "px", ge=0, le=8)
     speckle: int = setting(60, "Connected patches with fewer pixels are removed.", "px", ge=0)
     blank: int = setting(
-        14, "Cost of a candidate outside the other image; low, so that only a good match beats it.", "census bits", ge=0, le=48
+        14, "Cost of a candidate outside the other image; low, so that only a good match is cheaper.", "census bits", ge=0, le=48
     )
 
 
@@ -44,6 +45,7 @@ def census(grey):
             for dx in range(-CENSUS_HALF, CENSUS_HALF + 1):
                 if dx == 0 and dy == 0:
                     continue
+                # The window runs outside and the columns inside, so that the inner loop is contiguous and vectorised.
                 for c in range(CENSUS_HALF, cols - CENSUS_HALF):
                     value = grey[r + dy, c + dx]
                     signature[r, c] = (signature[r, c] << one) | np.uint64(value < grey[r, c])
@@ -53,6 +55,8 @@ def census(grey):
 
 @njit(cache=True, inline="always")
 def _bits(v):
+    """Number of bits set in a uint64."""
+    # Additions in parallel: unlike a table or a loop, LLVM vectorises it, and numba knows no popcount.
     v = v - ((v >> np.uint64(1)) & np.uint64(0x5555555555555555))
     v = (v & np.uint64(0x3333333333333333)) + ((v >> np.uint64(2)) & np.uint64(0x3333333333333333))
     v = (v + (v >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
@@ -63,10 +67,11 @@ def _bits(v):
 
 @njit(cache=True)
 def _costs(left, right, right_valid, low, offset, blank):
-    """Packed Hamming distances uint8 of every pixel's candidates, `blank` where the right image has no data."""
+    """Packed Hamming distances uint8 of all candidates of every pixel, `blank` where the right image has no data."""
     rows, cols = left.shape
     cost = np.empty(offset[-1], np.uint8)
     for r in range(rows):
+        # Candidates run to the left in the right image: reversed, both operands are contiguous.
         backwards, usable = right[r, ::-1].copy(), right_valid[r, ::-1].copy()
         for c in range(cols):
             begin, end = offset[r * cols + c], offset[r * cols + c + 1]
@@ -80,13 +85,14 @@ def _costs(left, right, right_valid, low, offset, blank):
 
 @njit(cache=True, inline="always")
 def _step(before, after, cost, total, lowest, small, large):
-    """One step of one path over n candidates; `before` (n + 2,) has the neighbours on both sides. Returns the lowest of `after`.
+    """One step of one path over n candidates; `before` (n + 2,) includes a neighbour on both sides. Returns the lowest of `after`.
 
-    All in 16 bits, which LLVM works on 16 at a time; the sums stay far below 32000.
+    All in 16 bits, of which LLVM processes 16 at a time; the sums stay far below 32000.
     """
     jump, least = np.int16(lowest + large), np.int16(32000)
     for k in range(cost.size):
         best = min(min(before[k + 1], np.int16(before[k] + small)), min(np.int16(before[k + 2] + small), jump))
+        # Hirschmueller 2008, eq. 13: the lowest cost of the step before is subtracted, which bounds the sums.
         value = np.int16(np.int16(cost[k]) + np.int16(best - lowest))
         after[k] = value
         total[k] = np.int16(total[k] + value)
@@ -96,7 +102,7 @@ def _step(before, after, cost, total, lowest, small, large):
 
 @njit(cache=True)
 def _sweep(cost, total, low, offset, candidates, small, large, backwards):
-    """Add four paths: along the row and the three from the row above; read backwards, those are the other four.
+    """Add four paths: along the row and the three from the row above; run backwards, these are the other four.
 
     Two rows of paths are kept, with a wall wherever a pixel has no candidate, so that neighbours may differ in their ranges.
     """
@@ -110,6 +116,7 @@ def _sweep(cost, total, low, offset, candidates, small, large, backwards):
             begin, end = offset[y * cols + x], offset[y * cols + x + 1]
             first, last = np.int64(low[y, x]), low[y, x] + end - begin
             old_first, old_last = ranges[now, c, 0], ranges[now, c, 1]
+            # The row is reused: candidates of its former pixel that this one lacks must become walls again.
             if old_first != first or old_last != last:
                 for path in range(4):
                     paths[now, c, path, old_first + 1 : old_last + 1] = _WALL
@@ -140,9 +147,11 @@ def _winners(total, low, offset, right_valid, candidates):
             first, lowest = low[r, c], _NONE
             here, rays = total[begin:end], best[c + candidates - first - (end - begin) : c + candidates - first]
             for k in range(rays.size):
+                # One comparison instead of two keeps the loop vectorised; ties then go to the lower candidate in both views.
                 number = np.int32(np.int32(here[rays.size - 1 - k]) * 4096 + np.int32(first + rays.size - 1 - k))
                 lowest = min(lowest, number)
                 rays[k] = min(rays[k], number)
+            # A blank candidate may be the cheapest: it says that the pixel is not seen on the right.
             if lowest < _NONE and right_valid[r, c + candidates - 1 - lowest % 4096]:
                 left[r, c] = lowest % 4096
         for x in range(best.size):
@@ -167,7 +176,7 @@ def _agreeing(left, right, tolerance):
 
 @njit(cache=True)
 def remove_specks(parallax, step, smallest):
-    """Put to NaN, in place, the 4-connected patches (neighbours differ by `step` at most) with fewer than `smallest` pixels."""
+    """Set to NaN, in place, the 4-connected patches (neighbours differ by `step` at most) with fewer than `smallest` pixels."""
     rows, cols = parallax.shape
     seen = np.zeros((rows, cols), np.bool_)
     stack = np.empty(rows * cols, np.int64)
@@ -175,6 +184,7 @@ def remove_specks(parallax, step, smallest):
         if seen[first // cols, first % cols] or np.isnan(parallax[first // cols, first % cols]):
             continue
         seen[first // cols, first % cols] = True
+        # The stack is a queue: its first `count` entries remain the list of the patch's pixels.
         stack[0] = first
         count, done = 1, 0
         while done < count:
@@ -194,13 +204,14 @@ def remove_specks(parallax, step, smallest):
 def semi_global(left: np.ndarray, right: np.ndarray, settings: SemiGlobal) -> np.ndarray:
     """Candidate numbers (H, W) float32 of a left image, NaN where none is trusted.
 
-    left (H, W), right (H, W + K - 1), float32 with NaN without data: the right window begins so that candidate k of left column x
-    is right column x + K - 1 - k. 2 <= K < 4096.
+    left (H, W), right (H, W + K - 1), float32 with NaN without data: candidate k of left column x is right column x + K - 1 - k.
+    2 <= K < 4096.
     """
     candidates = right.shape[1] - left.shape[1] + 1
     padded = -(-candidates // UNIT) * UNIT
     left_code, left_valid = census(left)
     right_code, right_valid = (np.pad(array, ((0, 0), (padded - candidates, 0))) for array in census(right))
+    # Pixels without a whole census window get no candidate at all: no cost, no memory, and walls for the paths.
     low, offset = _packing(left_valid, padded)
     cost = _costs(left_code, right_code, right_valid, low, offset, np.uint8(settings.blank))
     total = np.zeros(cost.shape, np.int16)

@@ -82,6 +82,7 @@ def _value(image, origin, u, v, cubic):
     """The grey value at (u, v) px from the pixel of index `origin`. image: a `FlatImage`."""
     flat, width = image.pixels, image.cols
     c, r = np.floor(u), np.floor(v)
+    # Unsigned: numba adds a test for negative indices to every signed one.
     k = np.uint64(origin + int(r) * width + int(c))
     if cubic:
         return bicubic(flat, np.uint64(width), k, np.float32(u - c), np.float32(v - r))
@@ -112,6 +113,7 @@ def _on_left_pixels(images, place, a, reach, rules, scratch):
     spans, patch, seen = scratch.spans, scratch.patch, scratch.seen
     reach_x, reach_y = reach
     alone = rules.gradients == _WINDOW_RIGHT
+    # Windows alone need no ring in the left image, for no differences are taken there.
     if not (reach_x <= col < left.shape[1] - reach_x and reach_y <= row < left.shape[0] - reach_y):
         return -1
     block_x, block_y = reach_x + (0 if alone else 1), reach_y + (0 if alone else 1)
@@ -156,6 +158,7 @@ def _on_right_pixels(images, place, centre, a, reach, rules, scratch):
     if not (reach_x < centre[0] < right.shape[1] - reach_x - 1 and reach_y < centre[1] < right.shape[0] - reach_y - 1):
         return -1
     area = a[0] * a[3] - a[1] * a[2]
+    # The inverse affine takes pixels of the right window to the left image.
     i0, i1, i2, i3 = a[3] / area, -a[1] / area, -a[2] / area, a[0] / area
     dx, dy = centre[0] - base_col - t0, centre[1] - base_row - t1
     whole = rules.gradients == _WHOLE_PIXELS
@@ -202,6 +205,7 @@ def _grey_moments(seen, n):
     for k in range(n):
         mean_f += f[k]
         mean_g += g[k]
+    # Two passes: centred sums keep the digits that differences of large squares would lose.
     mean_f, mean_g = mean_f / n, mean_g / n
     for k in range(n):
         u, v = f[k] - mean_f, g[k] - mean_g
@@ -358,6 +362,7 @@ def _match_one(images, point, start, a, rules, scratch, values):
         weakest = _weakest_gradient(seen, n)
         if not (ff < np.inf and gg < np.inf and weakest < np.inf):
             return results.OUTSIDE, iteration
+        # Tested in every iteration: these gradients are those of the window where it lies now.
         if weakest <= n * rules.min_gradient**2 or ff <= _FLAT * n or gg <= _FLAT * n:
             return results.LOW_TEXTURE, iteration
         values[results.CORRELATION] = fg / np.sqrt(ff * gg)
@@ -369,6 +374,7 @@ def _match_one(images, point, start, a, rules, scratch, values):
             residual = _adjust(n, (gain, offset), mean_g, rules.shift_only, estimated, scratch)
         if residual != residual:
             return results.SINGULAR, iteration
+        # The offset was solved for centred grey values, and is stated for the grey values themselves.
         gain += d[_GAIN]
         offset += d[_OFFSET] - d[_GAIN] * mean_g
         for k in range(6):
@@ -386,6 +392,7 @@ def _match_one(images, point, start, a, rules, scratch, values):
         if abs(d[0]) < rules.stop and abs(d[3]) < rules.stop:
             variance = residual / (n - unknowns)
             values[results.SIGMA0] = np.sqrt(variance)
+            # The adjustment has f = gain g + offset; results are stated from left to right.
             values[results.GAIN], values[results.OFFSET] = 1.0 / gain, -offset / gain
             values[results.A12], values[results.A21], values[results.B12], values[results.B21] = a[0], a[1], a[2], a[3]
             if values[results.CORRELATION] < rules.min_correlation:
@@ -395,6 +402,7 @@ def _match_one(images, point, start, a, rules, scratch, values):
             return results.CONVERGED, iteration
         if rules.ellipse:
             xx, yy, xy = _shift_cofactors(scratch.lower, rules.shift_only, estimated, 0.0, 0.0, scratch.line)
+            # Cofactors of the centre, not of the point: the shape belongs to the window.
             axes = ellipse_axes(xx, yy, xy, rules.max_axis_ratio, rules.across)
     return results.NOT_CONVERGED, rules.max_iterations
 

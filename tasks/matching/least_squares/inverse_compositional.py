@@ -46,6 +46,7 @@ _RESHAPED = 5
 @njit(cache=True, error_model="numpy")
 def _compose(a, d):
     """A <- A (I + D)^-1 for the affine a (4,) and the correction d (6,); returns its area."""
+    # The correction belongs to the left window: the right one is updated by its inverse (Baker & Matthews 2004, 3.2).
     m11, m12, m21, m22 = 1.0 + d[1], d[2], d[4], 1.0 + d[5]
     determinant = m11 * m22 - m12 * m21
     a0, a1, a2, a3 = a
@@ -67,8 +68,10 @@ def _correction(template, level_right, rules, work, values):
     mean_right = total_right / count
     power_right -= total_right * mean_right
     product -= total_right * mean
+    # Pixels without data inside the right window are NaN and make the sums NaN.
     if not (abs(product) < np.inf and power_right < np.inf):
         return results.OUTSIDE, np.inf
+    # A flat right window has no correlation, and its scale below would be infinite.
     if power_right <= FLAT * count:
         return results.LOW_TEXTURE, np.inf
     likeness, scale = product / np.sqrt(power * power_right), np.sqrt(power / power_right)
@@ -77,6 +80,7 @@ def _correction(template, level_right, rules, work, values):
     values[results.OFFSET] = mean_right + level_right - gain * (mean + template.level)
     gradient_moments(work.gx[:n], work.gy[:n], patch, work.xs[:n], work.ys[:n], d)
     if rules.radiometry == RADIOMETRY_NONE:
+        # Both blocks count from their own centre: the difference of levels is restored where exposure is taken as equal.
         brighter = level_right - template.level - mean
         residual = power_right - 2.0 * product + power + count * (mean_right + brighter) ** 2
         for k in range(6):
@@ -101,6 +105,7 @@ def _cofactors(template, px, py, rules, work):
     n, d = template.n, work.d
     block = WindowBlock(work.grey[:n], work.gx[:n], work.gy[:n], work.inside[:n])
     pitch = block_pitch(template.reach_x)
+    # Two rows of zeros at both ends: the correlation reaches two rows up and down without tests for the border.
     pad, size = 2 * pitch, n + 4 * pitch
     on_x, on_y, along = work.on_x[:size], work.on_y[:size], work.along[:size]
     along[size - 2 :] = ZERO
@@ -120,6 +125,7 @@ def _cofactors(template, px, py, rules, work):
     near, far = work.kernel
     xx, xy = correlated_products(on_x, on_y, pitch, near, far, along)
     yy, _ = correlated_products(on_y, on_x, pitch, near, far, along)
+    # The truncated correlation is not positive definite: rounding may leave a tiny negative variance.
     return max(xx, ZERO), xy, max(yy, ZERO)
 
 
@@ -130,6 +136,7 @@ def _finish(template, variance, point, place, rules, work, values):
     if rules.centroid:
         m = work.moments
         weight = m[GX_GX, 0] + m[GY_GY, 0]
+        # The centroid of squared gradients is where shift and affine are uncorrelated, hence the most precise place.
         px, py = (m[GX_GX, 1] + m[GY_GY, 1]) / weight, (m[GX_GX, 2] + m[GY_GY, 2]) / weight
     values[results.REFERENCE_COL], values[results.REFERENCE_ROW] = point.col + px, point.row + py
     values[results.COL] = place.base_col + on_lattice(t[0] + a[0] * px + a[1] * py)
@@ -176,9 +183,11 @@ def _match_one(left, right, point, t, a, rules, work, values):
         if outcome != results.CONVERGED:
             return outcome, iteration
         for k in range(6):
+            # Unknowns 0 and 3 are the shifts (px), the other four belong to the affine.
             limit = rules.max_step if k % 3 == 0 else rules.max_affine_step
             d[k] = min(max(d[k], -limit), limit)
         area = _compose(a, d)
+        # The step in the right image: convergence and limits are stated in its pixels.
         move_x, move_y = a[0] * d[0] + a[1] * d[3], a[2] * d[0] + a[3] * d[3]
         t[0] -= move_x
         t[1] -= move_y

@@ -129,6 +129,7 @@ def match_points(
     Never raises on the contents of images or points: every point gets its outcome. ValueError when tables differ in length or an
     image is not two-dimensional.
     """
+    # The kernels index flat memory, so that views with strides must be copied.
     left, right = (
         np.ascontiguousarray((image if isinstance(image, PreparedImage) else prepare(image, settings)).grey)
         for image in (left, right)
@@ -136,6 +137,7 @@ def match_points(
     points, starts = (np.array(table, dtype=np.float64).reshape(-1, 2) for table in (points, starts))
     count = len(points)
     affine = np.tile([1.0, 0.0, 0.0, 1.0], (count, 1)) if affine is None else np.array(affine, dtype=np.float64).reshape(-1, 4)
+    # Clipped, for the result holds half sides in uint8 and scratch grows with the square of the largest.
     half = np.full(count, settings.half) if half is None else np.clip(np.asarray(half, dtype=np.int64).reshape(-1), 0, MOST_HALF)
     _check_shapes((left, right), count, (starts, affine, half))
     attempts = Attempts(points, starts, affine, half)
@@ -180,6 +182,7 @@ def _before(attempts: Attempts) -> Found:
         for k in range(table.shape[1]):
             known &= np.abs(table[:, k]) < limit
     area = attempts.affine[:, 0] * attempts.affine[:, 3] - attempts.affine[:, 1] * attempts.affine[:, 2]
+    # In this order the last cause that applies is reported: points without a window were never to be tried.
     outcome[~((area > LEAST_AREA) & (area < 1.0 / LEAST_AREA))] = Outcome.NOT_CONVERGED
     outcome[~known] = Outcome.OUTSIDE
     outcome[attempts.half < 1] = Outcome.NOT_TRIED

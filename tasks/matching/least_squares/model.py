@@ -21,6 +21,7 @@ GRADIENTS = ("whole_pixels", "resampled_left", "resampled_right", "window_right"
 """Where the forward form takes its gradients, in the order in which its kernel counts."""
 RADIOMETRIES = ("none", "normalised", "estimated")
 """How exposure is treated, in the order in which the kernels count."""
+# Constants for the kernels, which know no strings.
 RADIOMETRY_NONE, RADIOMETRY_NORMALISED, RADIOMETRY_ESTIMATED = range(len(RADIOMETRIES))
 _NO_LIMIT = 1e6
 
@@ -107,6 +108,7 @@ def reach_of_window(half: int, shape: Square | Ellipse) -> int:
     """Pixels to either side of the centre that a window can cover: those of the longest ellipse of the square's area."""
     if isinstance(shape, Square):
         return half
+    # Semi-major axis of an ellipse of that area and ratio, (side) sqrt(ratio / pi), and 2 px for its sub-pixel centre.
     return int((2 * half + 1) * (shape.max_axis_ratio / 3.141592653589793) ** 0.5) + 2
 
 
@@ -182,6 +184,7 @@ def rules_of(settings: LeastSquaresMatching, centroid: bool) -> Rules:
         centroid=centroid,
         bicubic=settings.interpolation == "bicubic",
         gradients=GRADIENTS.index(forward.gradients),
+        # Infinity instead of None: a field of a named tuple has one type in a kernel.
         max_area_change=forward.max_area_change or math.inf,
         ellipse=ellipse is not None,
         across=ellipse is not None and ellipse.major_axis == "across",

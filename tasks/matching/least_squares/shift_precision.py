@@ -47,11 +47,13 @@ def correlated_products(influence, other, pitch, near, far, along):
     All arrays have 2 `pitch` zeros at both ends; `along` is scratch.
     """
     n = influence.size
+    # Views at distances of 1 and 2 px along the row; rows are padded by two zeros, so that none reaches the next row.
     m1, p1, m2, p2 = influence[1 : n - 3], influence[3 : n - 1], influence[0 : n - 4], influence[4:n]
     centre, body = influence[2 : n - 2], along[2 : n - 2]
     for i in range(n - 4):
         body[i] = centre[i] + near * (m1[i] + p1[i]) + far * (m2[i] + p2[i])
     size = n - 4 * pitch
+    # The same along columns: one row is `pitch` floats away.
     u2, u1, c0 = along[0:size], along[pitch : pitch + size], along[2 * pitch : 2 * pitch + size]
     d1, d2 = along[3 * pitch : 3 * pitch + size], along[4 * pitch : 4 * pitch + size]
     a, b = influence[2 * pitch : 2 * pitch + size], other[2 * pitch : 2 * pitch + size]

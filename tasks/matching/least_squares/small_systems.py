@@ -25,6 +25,7 @@ def factor(matrix, size, lower):
         total = matrix[i, i]
         for k in range(i):
             total -= lower[i, k] * lower[i, k]
+        # Stated as "not above", so that NaN counts as singular.
         if not (total > _PIVOT * matrix[i, i] and matrix[i, i] > 0.0):
             return False
         lower[i, i] = 1.0 / np.sqrt(total)

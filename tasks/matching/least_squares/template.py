@@ -143,6 +143,7 @@ def solve_shift(lower, shift_only, d):
     if not shift_only:
         solve(lower, 6, d)
         return
+    # The two shifts are unknowns 0 and 3 of the affine, but rows 0 and 1 of their own matrix.
     d[1] = d[3]
     solve(lower, 2, d)
     d[3] = d[1]
@@ -153,6 +154,7 @@ def solve_shift(lower, shift_only, d):
 def _normal_matrix(moments, normal):
     """The 6 x 6 normal matrix of the derivatives from the moments of gx gx, gx gy and gy gy."""
     for k in range(3):
+        # Block (r, c) of the matrix: gx gx above, gx gy off the diagonal, gy gy below.
         m = moments[k]
         r, c = 3 * (k // 2), 3 * ((k + 1) // 2)
         normal[r, c], normal[r, c + 1], normal[r, c + 2] = m[0], m[1], m[2]
@@ -213,11 +215,13 @@ def build_template(image, point, axes, rules, work):
     gradient_moments(gx, gy, inside, xs, ys, work.plain)
     gradient_moments(gx, gy, grey, xs, ys, work.likewise)
     for k in range(6):
+        # Sums over grey values from the centre, made sums over grey values from the mean.
         work.likewise[k] -= mean * work.plain[k]
     _normal_matrix(moments, work.normal)
     if rules.radiometry == RADIOMETRY_ESTIMATED:
         _without_radiometry(work.normal, work.plain, work.likewise, power, count)
     if rules.shift_only:
+        # Rows and columns 0 and 3 become the leading 2 x 2 block.
         work.normal[1, 0], work.normal[1, 1] = work.normal[3, 0], work.normal[3, 3]
     if count <= unknowns_of(rules) or not factor(work.normal, 2 if rules.shift_only else 6, work.lower):
         return results.SINGULAR, template

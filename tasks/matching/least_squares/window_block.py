@@ -84,6 +84,7 @@ def cut_window(image, pixel, reach, spans, block):
     for j in range(2 * reach_y + 1):
         first, last = spans[j]
         n, at = last - first + 1, j * pitch + reach_x + first
+        # An ellipse may leave its first or last row empty.
         if n < 1:
             continue
         k = (row + j - reach_y) * width + col + first
@@ -199,6 +200,7 @@ def warp_window(image, place, use_bicubic, reach, spans, patch):
     """
     flat, width = image.pixels, image.cols
     base_col, base_row, t, a = place
+    # Integer and fractional part apart: float32 then holds the fraction to 1e-7 px whatever the column.
     whole_x, whole_y = int(np.floor(t[0])), int(np.floor(t[1]))
     rest_x, rest_y = t[0] - whole_x, t[1] - whole_y
     origin = (base_row + whole_y) * width + base_col + whole_x
@@ -216,6 +218,7 @@ def warp_window(image, place, use_bicubic, reach, spans, patch):
             p, q = u + drift[0] * along, v + drift[1] * along
             c, r = np.floor(p), np.floor(q)
             rest = p - c, q - r
+            # Within a run the 4 x 4 neighbours move by one pixel per step: contiguous loads instead of gathers.
             count = min(_same_steps(rest[0], drift[0], last - x + 1), _same_steps(rest[1], drift[1], last - x + 1))
             k = np.uint64(origin + int(r) * width + int(c) + x)
             at = j * pitch + reach_x + x

@@ -28,15 +28,18 @@ def ellipse_window(half, axes, offset_x, offset_y, spans):
     """
     ratio, cos, sin = axes
     area = (2 * half + 1) ** 2
+    # Squared semi-axes of an ellipse with the area pi a b and the ratio a / b.
     long2, short2 = area * ratio / np.pi, area / (np.pi * ratio)
     xx = cos * cos / long2 + sin * sin / short2
     xy = cos * sin * (1.0 / long2 - 1.0 / short2)
     yy = sin * sin / long2 + cos * cos / short2
     determinant = xx * yy - xy * xy
+    # Half extents of the ellipse along the axes, from the inverse of its matrix.
     reach_x = int(np.ceil(np.sqrt(yy / determinant) + abs(offset_x)))
     reach_y = int(np.ceil(np.sqrt(xx / determinant) + abs(offset_y)))
     for j in range(2 * reach_y + 1):
         dy = j - reach_y - offset_y
+        # The discriminant of the quadratic form along this row.
         rest = xx - determinant * dy * dy
         spans[j, 0], spans[j, 1] = 1, 0
         if rest > 0.0:
@@ -57,6 +60,7 @@ def ellipse_axes(var_x, var_y, covariance, max_ratio, across):
     ratio = max_ratio
     if least > 0.0:
         ratio = min(np.sqrt((middle + radius) / least), max_ratio)
+    # Across: the long axis turned by 90 degrees.
     if across:
         return ratio, -np.sin(theta), np.cos(theta)
     return ratio, np.cos(theta), np.sin(theta)

@@ -1,13 +1,13 @@
-"""Normalised correlation: the place in a search window that looks most like the template, sub-pixel, with an outcome per point.
+"""Normalised correlation: the place in a search window most similar to the template, sub-pixel, with an outcome per point.
 
 Strategy
 - The template is the square about the pixel nearest to the left point. Sums and squares of all windows of the search area come
-  from integral images, the products from OpenCV's Fourier transform, which is the faster way from search areas of 50 px on.
+  from integral images, the products from OpenCV's Fourier transform, which is faster for search areas of 50 px and more.
   OpenCV's own normalisation is not used: it calls two flat windows equal.
-- A place whose window touches pixels without data, or is flat, is no candidate. A maximum at the rim of the search area is not
-  bracketed: the true one may lie beyond, so it is refused and not returned.
+- A place whose window touches missing data, or is flat, is no candidate. A maximum on the border of the search area is not
+  bracketed: the true one may lie beyond, so it is rejected.
 - Matching back, from the place found, must return to the point: the best guard against repeated patterns in wide search areas.
-- The sub-pixel place is the peak of a paraboloid (sub_pixel.py); what the left point has of a fraction of a pixel is added.
+- The sub-pixel place is the peak of a paraboloid (sub_pixel.py); the fraction of a pixel of the left point is added.
 
 Source: methods/relative_orientation_and_epipolar.md 1.5 and 1.6; Karfis 2009; Lewis 1995 (integral images).
 """
@@ -23,6 +23,7 @@ from orthomill.schemas.settings import Settings, setting
 from orthomill.tasks.matching.points.sub_pixel import paraboloid_peaks
 from orthomill.tasks.matching.smoothing import with_gaps
 
+# Workers are processes, one per core: threads of OpenCV inside them would only compete.
 cv2.setNumThreads(1)
 
 
@@ -33,7 +34,9 @@ class TemplateCorrelation(Settings):
     search: int = setting(201, "Side of the search window; the template stays inside.", "px", ge=7, le=2001)
     min_correlation: float = setting(0.85, "Correlation that a match must reach.", ge=-1.0, le=1.0)
     min_deviation: float = setting(2.0, "Standard deviation that both windows must have.", "grey values", gt=0.0)
-    max_return: float | None = setting(2.0, "How far from the point matching back may end; null leaves it out.", "px", ge=0.0)
+    max_return: float | None = setting(
+        2.0, "Largest distance from the point after matching back; null: matching back is omitted.", "px", ge=0.0
+    )
 
     @property
     def half(self) -> int:
@@ -41,7 +44,7 @@ class TemplateCorrelation(Settings):
 
     @property
     def reach(self) -> int:
-        """How far from its start the place may be, px."""
+        """Largest distance of a place from its start, along rows and columns, px."""
         return max(self.search // 2 - self.half, 1)
 
 
@@ -64,7 +67,7 @@ class Correlated:
 
 
 class _BestPlace(NamedTuple):
-    """The best place of a template: its pixel, where the correlation peaks beside it, and how it went."""
+    """The best place of a template: its pixel, the peak of the correlation from there (col, row), and the outcome."""
 
     outcome: Outcome
     col: int = 0
@@ -97,10 +100,12 @@ def _matched(
 ) -> _BestPlace:
     if not (np.isfinite(point).all() and np.isfinite(start).all() and np.abs([point, start]).max() < 1e9):
         return _BestPlace(Outcome.OUTSIDE)
+    # Halves round up whatever the tile, as in least-squares matching.
     pixel, centre = np.floor(np.array([point, start]) + 0.5).astype(np.int64)
     found = _best(left, right, pixel, centre, settings)
     if found.outcome != Outcome.CONVERGED or settings.max_return is None:
         return found
+    # Rounded places: the test is for repeated patterns, which are pixels away, not fractions.
     back = _best(right, left, np.array([found.col, found.row]), pixel, settings)
     returned = np.hypot(back.col - pixel[0], back.row - pixel[1]) <= settings.max_return
     return found if back.outcome == Outcome.CONVERGED and returned else found._replace(outcome=Outcome.INCONSISTENT)
@@ -121,14 +126,20 @@ def _best(image: np.ndarray, other: np.ndarray, pixel: np.ndarray, centre: np.nd
     if not (surface > -2.0).any():
         return _BestPlace(Outcome.LOW_TEXTURE if np.isneginf(surface).all() else Outcome.OUTSIDE)
     row, col = (int(place) for place in np.unravel_index(np.nanargmax(surface), surface.shape))
+    # The search area was clipped at the border of the image: places count from where it really begins.
     first = np.maximum(centre - half - reach, 0) + half
-    found = _BestPlace(
+    place = _BestPlace(
         Outcome.CONVERGED, int(first[0]) + col, int(first[1]) + row, float(surface[row, col]), _peak(surface, row, col)
     )
+    return _judged(place, centre, settings)
+
+
+def _judged(found: _BestPlace, centre: np.ndarray, settings: TemplateCorrelation) -> _BestPlace:
+    """The place with the outcome that its correlation and its peak deserve."""
     if found.correlation < settings.min_correlation:
         return found._replace(outcome=Outcome.LOW_CORRELATION)
     if not np.isfinite(found.peak).all():
-        at_limit = np.abs([found.col - centre[0], found.row - centre[1]]).max() == reach
+        at_limit = np.abs([found.col - centre[0], found.row - centre[1]]).max() == settings.reach
         return found._replace(outcome=Outcome.MOVED_TOO_FAR if at_limit else Outcome.OUTSIDE)
     return found
 
@@ -145,6 +156,7 @@ def correlation_surface(template: np.ndarray, search: np.ndarray, min_deviation:
     NaN where a window touches NaN, -infinity where it is flatter than `min_deviation`.
     """
     gaps = np.isnan(search)
+    # Centred grey values: the variance from sums of squares would lose its digits in float32.
     level = np.float32(np.nanmean(search)) if not gaps.all() else np.float32(0.0)
     centred = np.where(gaps, np.float32(0.0), search - level)
     pattern = template - template.mean()
@@ -154,6 +166,7 @@ def correlation_surface(template: np.ndarray, search: np.ndarray, min_deviation:
     enough = power >= size * min_deviation**2
     surface = np.full(power.shape, -np.inf)
     norm = np.sqrt(power[enough] * np.square(pattern, dtype=np.float64).sum())
+    # A centred template needs no mean of the window: the products of a constant with it vanish.
     surface[enough] = np.clip(cv2.matchTemplate(centred, pattern, cv2.TM_CCORR)[enough] / norm, -1.0, 1.0)
     if gaps.any():
         surface[_window_sums(cv2.integral(gaps.astype(np.uint8)), len(template)) > 0] = np.nan
@@ -165,7 +178,7 @@ def _window_sums(integral: np.ndarray, side: int) -> np.ndarray:
 
 
 def _peak(surface: np.ndarray, row: int, col: int) -> tuple[float, float]:
-    """Where the correlation peaks beside its best pixel, (col, row); NaN where a neighbour has no correlation."""
+    """The peak of the correlation from its best pixel, (col, row); NaN where a neighbour has no correlation."""
     around = surface[max(row - 1, 0) : row + 2, max(col - 1, 0) : col + 2]
     if around.shape != (3, 3) or not np.isfinite(around).all():
         return np.nan, np.nan

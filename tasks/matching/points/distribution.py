@@ -1,7 +1,7 @@
 """Interest points evenly over an image: the strongest of every cell of a grid, or of the six places of von Gruber.
 
-Strategy: weakly textured fields must give points beside richly textured roofs, else an orientation leans on the roofs. Cells lie
-on an absolute grid, so that the choice does not depend on tiles.
+Strategy: weakly textured fields must contribute points as well as richly textured roofs, or an orientation rests on the roofs
+alone. Cells lie on an absolute grid, so that the choice does not depend on tiles.
 
 Source: methods/relative_orientation_and_epipolar.md 1.3 (points must be well distributed); von Gruber 1924.
 """
@@ -44,6 +44,7 @@ def distributed(points: InterestPoints, overlap: Window, distribution: GridDistr
         return found.take(_strongest(found, cells, distribution.per_cell))
     areas = gruber_areas(overlap, distribution.side)
     number = np.full(len(found), len(areas))
+    # In reverse, so that a point in two overlapping squares belongs to the first of them.
     for index, area in reversed(list(enumerate(areas))):
         number[_inside(found, area)] = index
     chosen = _strongest(found, number[:, None], distribution.per_area)
@@ -52,6 +53,7 @@ def distributed(points: InterestPoints, overlap: Window, distribution: GridDistr
 
 def gruber_areas(overlap: Window, side: int) -> tuple[Window, ...]:
     """The six squares of `side` px inside an overlap, smaller where they would cross; upper left first, row by row."""
+    # The six squares never overlap: at most a third of the height and half of the width.
     height, width = min(side, overlap.height // 3), min(side, overlap.width // 2)
     rows = (overlap.row, overlap.row + (overlap.height - height) // 2, overlap.row + overlap.height - height)
     cols = (overlap.col, overlap.col + overlap.width - width)
@@ -66,6 +68,7 @@ def _inside(points: InterestPoints, window: Window) -> np.ndarray:
 
 def _strongest(points: InterestPoints, cells: np.ndarray, count: int) -> np.ndarray:
     """Rows, rising, of the `count` strongest points of each cell; cells: (N, k), one row of numbers names a cell."""
+    # Row and column break ties of equal strength, so that the choice does not depend on the order of the points.
     order = np.lexsort((points.col, points.row, -points.strength, *cells.T))
     begins = np.ones(len(order), dtype=bool)
     begins[1:] = (np.diff(cells[order], axis=0) != 0).any(axis=1)

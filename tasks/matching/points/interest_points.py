@@ -1,15 +1,16 @@
-"""Interest points: pixels whose surroundings can be told from those of all their neighbours.
+"""Interest points: pixels whose surroundings can be distinguished from those of all their neighbours.
 
 Strategy
 - One structure tensor for both operators: gradients by the undivided 3 x 3 masks of Prewitt, their products smoothed by a
-  Gaussian. Noble's measure of the Harris operator, det / trace, is Foerstner's weight up to a factor; what Foerstner adds is the
-  roundness of the error ellipse.
+  Gaussian. Noble's measure of the Harris operator, det / trace, is Foerstner's weight up to a factor; Foerstner adds the roundness
+  of the error ellipse.
 - The sub-pixel place is the peak of a paraboloid through the measure. Foerstner's own second step, the point where the gradients of
-  the window meet, is nearer to a true corner, but holds on to the pixels: on texture it follows a shift of the image less well.
-- A point is the highest pixel within a radius. Of equal ones the first in reading order is it, so that patterns made by machines
-  give one point and not none.
+  the window intersect, is closer to a true corner but biased towards pixel centres: on texture it follows a shift of the image less
+  well.
+- A point is the highest pixel within a radius. Of equal ones the first in reading order is chosen, so that synthetic patterns give
+  one point and not none.
 - Pixels without data are NaN. They have no gradient, nor do their neighbours: the edge of a mask is no edge of the image.
-- Everything looks at a bounded neighbourhood, so a tile with `reach` pixels around it gives what the whole image gives.
+- The neighbourhood is bounded, so a tile with `reach` pixels around it gives what the whole image gives.
 
 Source: methods/relative_orientation_and_epipolar.md 1.3; Harris and Stephens 1988; Noble 1989; Foerstner and Guelch 1987.
 """
@@ -27,11 +28,11 @@ from orthomill.tasks.matching.points.sub_pixel import paraboloid_peaks
 from orthomill.tasks.matching.smoothing import reach_of, smoothed, with_gaps
 
 _PREWITT = 6.0
-"""the mask's answer to a slope of one grey value per px"""
+"""response of the mask to a slope of one grey value per px"""
 
 
 class _Detector(Settings):
-    sigma: float = setting(1.5, "Sigma of the Gaussian that gradients are gathered with.", "px", ge=0.5, le=5.0)
+    sigma: float = setting(1.5, "Sigma of the Gaussian that the products of gradients are averaged with.", "px", ge=0.5, le=5.0)
     radius: int = setting(3, "A point is the strongest within this distance along rows and columns.", "px", ge=1, le=50)
 
     @property
@@ -95,6 +96,7 @@ def interest_points(
 
     0, NaN and False of `mask` (H, W) are no data. Positions count from the image's first pixel.
     """
+    # The peak test looks beyond the core, so that neighbouring tiles agree on the points at their border.
     core = core or Window(0, 0, *image.shape)
     if min(image.shape) < 3 or core.empty:
         return InterestPoints(np.empty(0), np.empty(0), np.empty(0, np.float32))
@@ -104,6 +106,7 @@ def interest_points(
     inside = (core.row, core.col, core.row + core.height, core.col + core.width)
     rows, cols = _peaks(measure, np.float32(limit), detector.radius, inside)
     if isinstance(detector, FoerstnerPoints):
+        # Only at the peaks: roundness is not monotonic in the weight and would cut holes into the measure.
         is_round = roundness(tensor)[rows, cols] > detector.min_roundness
         rows, cols = rows[is_round], cols[is_round]
     offsets = _peak_offsets(measure, rows, cols)
@@ -119,10 +122,11 @@ def structure_tensor(grey: np.ndarray, sigma: float) -> np.ndarray:
 def strength(tensor: np.ndarray, detector: HarrisPoints | FoerstnerPoints) -> np.ndarray:
     """(H, W) float32 measure of a structure tensor (3, H, W), 0 where all is flat.
 
-    Foerstner's weight is that of as many pixels as the Gaussian effectively gathers, 4 pi sigma^2.
+    Foerstner's weight is that of as many pixels as the Gaussian effectively averages, 4 pi sigma^2.
     """
     xx, xy, yy = tensor
     trace = xx + yy
+    # `out` keeps a trace of zero, and NaN, where there is nothing to divide by.
     noble = np.divide(xx * yy - xy * xy, trace, out=trace.copy(), where=trace > 0.0)
     if isinstance(detector, HarrisPoints):
         return noble
@@ -138,11 +142,12 @@ def roundness(tensor: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def _gradients(grey):
-    """(2, H, W) gx, gy by undivided Prewitt masks; NaN along the border and beside gaps."""
+    """(2, H, W) gx, gy by undivided Prewitt masks; NaN along the border and next to missing data."""
     rows, cols = grey.shape
     out = np.full((2, rows, cols), np.nan, np.float32)
     for r in range(1, rows - 1):
         for c in range(1, cols - 1):
+            # Symmetric brackets: a pattern and its mirror image give gradients of exactly opposite sign.
             up, down = grey[r - 1], grey[r + 1]
             out[0, r, c] = (up[c + 1] - up[c - 1]) + (grey[r, c + 1] - grey[r, c - 1]) + (down[c + 1] - down[c - 1])
             out[1, r, c] = (down[c - 1] - up[c - 1]) + (down[c] - up[c]) + (down[c + 1] - up[c + 1])
@@ -151,6 +156,7 @@ def _gradients(grey):
 
 @njit(cache=True)
 def _is_peak(measure, row, col, radius):
+    """Whether a pixel is the highest within `radius`, the first of equal ones."""
     rows, cols = measure.shape
     for r in range(max(0, row - radius), min(rows, row + radius + 1)):
         for c in range(max(0, col - radius), min(cols, col + radius + 1)):
@@ -173,7 +179,8 @@ def _peaks(measure, limit, radius, inside):
 
 
 def _peak_offsets(measure: np.ndarray, rows: np.ndarray, cols: np.ndarray) -> np.ndarray:
-    """(N, 2) from each pixel to the peak of the measure beside it."""
+    """(N, 2) (col, row) from each pixel to the peak of the measure."""
     reach = np.arange(3)
+    # A peak on the border of the image keeps its pixel: the paraboloid needs all eight neighbours.
     padded = np.pad(measure, 1, constant_values=np.nan)
     return paraboloid_peaks(padded[rows[:, None, None] + reach[:, None], cols[:, None, None] + reach])

@@ -1,11 +1,12 @@
 """Matching in three steps: find with a large smoothed window, measure with it sharp, sharpen with a smaller one.
 
 Strategy
-- Every step starts from position and affine of the one before. Large windows of smoothed images pull in from several pixels; sharp
-  ones measure better; small ones are not led astray by curved ground, but noise tells in them.
-- Which window measures best is therefore a matter of the images, point by point: the small one where its own standard error is
-  below `precise`, else the large one. On clean photographs that is the small one nearly everywhere, on noisy ones the large one.
-- A wrong place looks like a badly determined one: half of the texture finds no counterpart, residuals are large, and so is the
+- Every step starts from position and affine of the one before. Large windows of smoothed images converge from several pixels away;
+  sharp ones are more precise; small ones are not biased by curved ground, but are sensitive to noise.
+- Which window is best therefore depends on the images, point by point: the small one where its own standard error is below
+  `precise` or below that of the large one, else the large one. On clean photographs that is the small one nearly everywhere, on
+  noisy ones the large one.
+- A wrong place shows as a poorly determined one: half of the texture finds no counterpart, residuals are large, and so is the
   standard error. A point whose standard error exceeds `max_sigma` is not returned.
 
 For single points whose start is known to a few pixels: tie points, check points, nodes of a coarse surface.
@@ -29,10 +30,10 @@ _SHARPEN = _MEASURE.model_copy(update={"window": 17})
 class CascadeMatching(Settings):
     """How points are matched in three steps."""
 
-    find: LeastSquaresMatching = setting(_FIND, "Large and smooth: pulls in from the start.")
+    find: LeastSquaresMatching = setting(_FIND, "Large and smooth: converges from the start.")
     measure: LeastSquaresMatching = setting(_MEASURE, "Large and sharp.")
-    sharpen: LeastSquaresMatching = setting(_SHARPEN, "Small and sharp: measures the points that it determines well.")
-    precise: float = setting(0.05, "Standard error up to which the small window is taken for the better one.", "px", gt=0.0)
+    sharpen: LeastSquaresMatching = setting(_SHARPEN, "Small and sharp: used for the points that it determines well.")
+    precise: float = setting(0.05, "Standard error up to which the small window is preferred in any case.", "px", gt=0.0)
     max_sigma: float = setting(0.12, "Standard error beyond which a point is not returned.", "px", gt=0.0)
 
 
@@ -46,9 +47,10 @@ def match_cascade(
 ) -> Matches:
     """Match points of the left image in the right one; arguments as of `match_points`, images not yet prepared.
 
-    `Matches.half` tells the window whose result is handed over, or the one that lost the point.
+    `Matches.half` is that of the window whose result is returned, or of the one that lost the point.
     """
     points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+    # Steps of equal smoothing share their prepared images.
     smoothings = {step.smoothing: step for step in (settings.find, settings.measure, settings.sharpen)}
     images = {smoothing: (prepare(left, step), prepare(right, step)) for smoothing, step in smoothings.items()}
 
@@ -60,6 +62,8 @@ def match_cascade(
     found = merged(found, matched(settings.measure, alive, found.position[alive], found.affine[alive]), alive)
     alive = np.flatnonzero(found.converged)
     sharpened = matched(settings.sharpen, alive, found.position[alive], found.affine[alive])
+    # Comparisons with the NaN of a lost point are False: it keeps the result of the large window.
     better = (sharpened.sigma <= settings.precise) | (sharpened.sigma < found.sigma[alive])
     found = merged(found, taken(sharpened, better), alive[better])
+    # Stated as "not below", so that a NaN standard error is rejected too.
     return rejected(found, found.converged & ~(found.sigma <= settings.max_sigma), Outcome.IMPRECISE)

@@ -1,17 +1,18 @@
-"""Coarse-to-fine matching of a grid of nodes: no seeds, no orientation, no epipolar images; the affine comes down too.
+"""Coarse-to-fine matching of a grid of nodes: no seeds, no orientation, no epipolar images; the affine is passed on as well.
 
 Strategy
 - Both parts are halved by means of 2 x 2 pixels on an absolute grid. On the coarsest level every node is tried from a small lattice
-  of starts that covers the search range, and the start that correlates best wins.
-- From level to level a node starts where the four nodes of the coarser level around it predict it: their positions carried over by
-  their affines, weighted as in bilinear interpolation. Starts are then good to a fraction of a pixel, and one or two iterations do.
-- On each level a node must be predicted by some of its neighbours. Nodes that fail get a second attempt from what their solved
-  neighbours predict, and weak ones from their own solution, both with a wide window: it bridges ground of little texture. A node
-  that stays unsolved hands down its own start, so that texture seen only on finer levels is not lost.
-- All of this looks a fixed number of nodes to the side: a part with its `halo` gives what the whole photograph gives.
+  of starts that covers the search range, and the solution with the highest correlation is kept.
+- From level to level a node starts where the four surrounding nodes of the coarser level predict it: their positions transferred by
+  their affines, weighted as in bilinear interpolation. Starts are then good to a fraction of a pixel, and one or two iterations
+  suffice.
+- On each level a node must be predicted by some of its neighbours. Nodes that fail get a second attempt from the prediction of
+  their solved neighbours, poorly determined ones from their own solution, both with a wide window: it bridges ground of little
+  texture. A node that stays unsolved passes on its own start, so that texture visible on finer levels only is not lost.
+- Every step depends on a fixed number of nodes to either side: a part with its `halo` gives what the whole photograph gives.
 
-For surfaces that are mostly smooth, and for photographs whose orientation is not known. Roofs and walls belong to `dense`, whose
-windows keep to one surface; growing from seeds (region_growing.py) is for ground of which only parts can be matched.
+For surfaces that are mostly smooth, and for photographs whose orientation is not known. Roofs and walls are matched by `dense`,
+whose windows keep to one surface; growing from seeds (region_growing.py) is for ground of which only parts can be matched.
 
 Source: methods/matching_windows.md 2.8.1 (T5); measured.md, dense surface.
 """
@@ -30,9 +31,9 @@ from orthomill.tasks.matching.strategies.match_tables import merged, taken
 from orthomill.tasks.matching.strategies.node_grid import GridMatches, ImagePart, NodeGrid, PreparedPair, agreeing, from_neighbours
 
 _UNSOLVED = 1e-3
-"""Weight of a node that only hands down its start, beside solved ones."""
+"""Weight of a node that only passes on its start, relative to solved ones."""
 _RING = 3
-"""Nodes to either side that one level looks at: agreement, second attempt, agreement again."""
+"""Nodes to either side that one level depends on: agreement, second attempt, agreement again."""
 _COARSE = LeastSquaresMatching(window=11, interpolation="bilinear", stop=0.2, max_iterations=10, max_shift=4.0)
 _FINE = LeastSquaresMatching(window=15, smoothing=0.6, interpolation="bicubic", stop=0.05, max_iterations=10, max_shift=2.0)
 
@@ -48,7 +49,9 @@ class PyramidMatching(Settings):
         3.0, "Distance of the starts that cover the search range on the coarsest level.", "px of that level", gt=0.0
     )
     weak_sigma: float = setting(0.1, "Standard error above which a node is tried with the wide window.", "px of the level", gt=0.0)
-    wide_window: int = setting(31, "Side of the window for failed and for weak nodes.", "px of the level", ge=5, le=101)
+    wide_window: int = setting(
+        31, "Side of the window for failed and for poorly determined nodes.", "px of the level", ge=5, le=101
+    )
     min_neighbours: int = setting(2, "Of the eight neighbours of a node, how many must predict it.", ge=0, le=8)
     neighbour_tolerance: float = setting(0.75, "Largest difference from a neighbour's prediction.", "px of the level", gt=0.0)
 
@@ -74,18 +77,18 @@ class SearchRange:
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """Where a level's nodes (rows * cols, row by row) lie in the right image, px of the level: solved, or handed down."""
+    """Where the nodes of a level (rows * cols, row by row) lie in the right image, px of the level: solved, or passed on."""
 
     grid: NodeGrid
     right: np.ndarray
-    """(N, 2), NaN where nothing is known"""
+    """(N, 2), NaN where unknown"""
     affine: np.ndarray
     """(N, 4)"""
     solved: np.ndarray
     """(N,) bool"""
 
     def predicted(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Right positions (M, 2) and affines (M, 4) of points (M, 2) of the same level; NaN where nothing is known."""
+        """Right positions (M, 2) and affines (M, 4) of points (M, 2) of the same level; NaN where unknown."""
         right, affine = np.empty((len(points), 2)), np.empty((len(points), 4))
         first = np.array([self.grid.col, self.grid.row], dtype=np.float64)
         nodes = GridMatches.of(self.grid, self.solved, self.right, self.affine)
@@ -95,14 +98,17 @@ class Field:
     def below(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The same for points of the next finer level, in pixels of that level."""
         right, affine = self.predicted((points - 0.5) / 2.0)
+        # Pixel p of a level lies at 2 p + 0.5 of the one below; an affine has no unit and stays as it is.
         return 2.0 * right + 0.5, affine
 
 
 def halo(settings: PyramidMatching, step: int) -> int:
     """Pixels around its nodes that a part of the left photograph needs to give what the whole gives."""
+    # Halos add up: every level needs its ring of nodes, and one more for the nodes that predict the finer level.
     reach = _RING * step
     for level in range(1, settings.levels + 1):
         reach += (_RING + 1) * settings.coarse_step * 2**level
+    # 2 px: cubic interpolation and the gradient of the outermost pixel.
     window = settings.wide_window // 2 + 2 + reach_of(max(settings.coarse.smoothing, settings.fine.smoothing))
     return reach + window * 2**settings.levels
 
@@ -110,7 +116,7 @@ def halo(settings: PyramidMatching, step: int) -> int:
 def match_pyramid(left: ImagePart, right: ImagePart, grid: NodeGrid, search: SearchRange, settings: PyramidMatching) -> Matches:
     """Match the nodes of a grid: one row per node, row by row; positions in pixels of the photographs.
 
-    left: the nodes and `halo` px around them, as far as the photograph goes; right: all that can be homologous to it. Raises
+    left: the nodes and `halo` px around them, as far as the photograph extends; right: all that can be homologous to it. Raises
     ValueError when the parts do not begin at multiples of 2**levels. Nodes without any start are NOT_TRIED.
     """
     _check_origins(left, right, settings)
@@ -119,14 +125,14 @@ def match_pyramid(left: ImagePart, right: ImagePart, grid: NodeGrid, search: Sea
 
 
 def coarse_field(left: ImagePart, right: ImagePart, points: np.ndarray, search: SearchRange, settings: PyramidMatching) -> Field:
-    """The field of the first coarser level under points (N, 2) of the photographs: ask it with `below`. As `match_pyramid`."""
+    """The field of the first coarser level under points (N, 2) of the photographs, to be used with `below`; as `match_pyramid`."""
     _check_origins(left, right, settings)
     return _field(halved_part(left), halved_part(right), _covering(points, settings), search, settings, 1)
 
 
 @dataclass(frozen=True, eq=False)
 class _Level:
-    """One level, matched: on a grid that is `_RING` wider than wanted. core: (N,) bool, the wanted ones."""
+    """One matched level, on a grid `_RING` wider than wanted. core: (N,) bool, the wanted nodes."""
 
     grid: NodeGrid
     starts: np.ndarray
@@ -146,13 +152,14 @@ def _matched_level(
     else:
         coarser = _field(halved_part(left), halved_part(right), _covering(points, settings), search, settings, level + 1)
         starts, affine = coarser.below(points)
+    # The ring is matched only to test and to predict; its own nodes lack neighbours and are dropped.
     core = np.zeros(wide.shape, bool)
     core[_RING : wide.rows - _RING, _RING : wide.cols - _RING] = True
     return _Level(wide, starts, affine, _solved(pair, wide, starts, affine, settings), core.ravel())
 
 
 def _field(left: ImagePart, right: ImagePart, grid: NodeGrid, search: SearchRange, settings: PyramidMatching, level: int) -> Field:
-    """A level as the next finer one sees it: unsolved nodes have what their neighbours predict, or else their own start."""
+    """A level as passed on to the next finer one: unsolved nodes take the prediction of their neighbours, or their own start."""
     found = _matched_level(left, right, grid, search, settings, level)
     solved = found.matches.converged
     right_of = np.where(solved[:, None], found.matches.position, found.starts)
@@ -163,24 +170,26 @@ def _field(left: ImagePart, right: ImagePart, grid: NodeGrid, search: SearchRang
 
 
 def _solved(pair: PreparedPair, grid: NodeGrid, starts: np.ndarray, affine: np.ndarray, settings: PyramidMatching) -> Matches:
-    """Match nodes, reject those that their neighbours contradict, and give failed and weak ones a second attempt."""
+    """Match nodes, reject those that their neighbours contradict, and try failed and poorly determined ones a second time."""
     points = grid.points()
     rule = settings.min_neighbours, settings.neighbour_tolerance
     first = agreeing(pair.match(points, starts, affine), grid, *rule)
     weak = first.converged & ~(first.sigma <= settings.weak_sigma)
     starts[weak], affine[weak] = first.position[weak], first.affine[weak]
+    # A window that leaves the image would leave it again with the wide window.
     failed = ~first.converged & (first.outcome != Outcome.OUTSIDE)
     nodes = GridMatches.of(grid, first.converged, first.position, first.affine)
     from_neighbours(nodes, float(grid.step), GridMatches.of(grid, failed, starts, affine))
     again = weak | failed
     second = pair.match(points[again], starts[again], affine[again], settings.wide_window // 2)
+    # A poorly determined node keeps its first solution where the second attempt fails.
     better = second.converged | failed[again]
     again[again] = better
     return agreeing(merged(first, taken(second, better), again), grid, *rule)
 
 
 def _best_starts(pair: PreparedPair, points: np.ndarray, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of the starts (K, 2) around every point the solution that correlates best: positions (N, 2) and affines (N, 4), or NaN."""
+    """Of the starts (K, 2) around every point the solution of highest correlation: positions (N, 2), affines (N, 4), or NaN."""
     best, best_affine = np.full((len(points), 2), np.nan), np.tile([1.0, 0.0, 0.0, 1.0], (len(points), 1))
     likeness = np.full(len(points), -np.inf)
     for offset in offsets:
@@ -202,6 +211,7 @@ def halved_part(part: ImagePart) -> ImagePart:
 def _covering(points: np.ndarray, settings: PyramidMatching) -> NodeGrid:
     """The nodes of the next coarser level around all points of a level."""
     step = settings.coarse_step
+    # Floor and one more node: every point lies between nodes, as bilinear weights need it.
     first = np.floor((points.min(axis=0) - 0.5) / 2.0 / step).astype(int)
     last = np.floor((points.max(axis=0) - 0.5) / 2.0 / step).astype(int) + 1
     return NodeGrid(first[1], first[0], last[1] - first[1] + 1, last[0] - first[0] + 1, step)
@@ -232,6 +242,7 @@ def _predict(nodes, places, step, out, out_affine):
                 if np.isnan(right[r, c, 0]):
                     continue
                 dx, dy = places[i, 0] - c, places[i, 1] - r
+                # The small weight of unsolved nodes acts only where no solved node predicts the place.
                 weight = (1.0 - abs(dx)) * (1.0 - abs(dy)) * (1.0 if solved[r, c] else _UNSOLVED)
                 a = affine[r, c]
                 out[i, 0] += weight * (right[r, c, 0] + step * (a[0] * dx + a[1] * dy))

@@ -1,10 +1,11 @@
-"""The order in which regions grow: a queue of seven priorities per region, and the rules of who may stand in it.
+"""The order in which regions grow: a queue of seven priorities per region, and the rules for its entries.
 
 Strategy. Neighbours of a solved node wait with the priority of their distance and direction: at one step 2 along the column and 3
-along the row, at two steps 4 and 5, at three 6 and 7; seeds have 1. The smallest number goes first, and of equals the one that came
-first. A node that was tried is never tried again; one that waits is only moved to a better priority, so a predicted position
-never gets worse. Lists of all priorities run through one table of followers; entries that became stale are skipped when they
-come up. Along the column is preferred because the shift across the base varies slowly, while parallax jumps with the relief.
+along the row, at two steps 4 and 5, at three 6 and 7; seeds have 1. The smallest number is served first, and of equals the earliest
+entry. A node that was tried is never tried again; one that waits is only moved to a better priority, so that its predicted position
+never gets worse. The lists of all priorities are linked in one table of successors; stale entries are skipped when they are
+reached. Neighbours along the column are preferred because the shift across the base varies slowly, while parallax jumps with the
+relief.
 
 Source: methods/matching_and_dsm_check.md 1.5 (Otto & Chau 1989, as modified by Skarlatos).
 """
@@ -16,7 +17,7 @@ from numba import njit
 
 SEED = 1
 PRIORITIES = 8
-"""0 is not used: it stands for not waiting."""
+"""0 is not used: it means not waiting."""
 _TRIED = 255
 
 
@@ -26,9 +27,9 @@ class Queues(NamedTuple):
     region: np.ndarray
     """(nodes,) int32: the region of every node"""
     waiting: np.ndarray
-    """(nodes,) uint8: the priority that a node waits with, 0 for none, 255 when it was tried"""
+    """(nodes,) uint8: the priority of a waiting node, 0 for none, 255 once it was tried"""
     after: np.ndarray
-    """(nodes, PRIORITIES) int32: who follows in the list of a priority, -1 for nobody"""
+    """(nodes, PRIORITIES) int32: the next node in the list of a priority, -1 at its end"""
     first: np.ndarray
     last: np.ndarray
     """(regions, PRIORITIES) int32: ends of the lists, -1 when empty"""
@@ -54,13 +55,14 @@ def queues_for(region: np.ndarray) -> Queues:
 
 @njit(cache=True)
 def push(queues, node, priority, col, row, affine):
-    """Let a node wait with a prediction, unless it was tried or waits with a priority that is as good."""
+    """Enter a node with its prediction, unless it was tried or waits with the same or a better priority."""
     if queues.waiting[node] == _TRIED or 0 < queues.waiting[node] <= priority:
         return
     queues.waiting[node] = priority
     queues.start[node, 0], queues.start[node, 1] = col, row
     for k in range(4):
         queues.affine[node, k] = affine[k]
+    # Its entry under the former priority stays in that list and is skipped: unlinking would need two-way links.
     region = queues.region[node]
     queues.after[node, priority] = -1
     end = queues.last[region, priority]
@@ -73,7 +75,7 @@ def push(queues, node, priority, col, row, affine):
 
 @njit(cache=True)
 def pop_each(queues, regions, out):
-    """Take the best node of every region of a list (M,) that has one; returns how many. `regions` shrinks to those, in place."""
+    """Take the best node of every region of a list (M,) that has one; returns their number. `regions` shrinks in place."""
     count = 0
     for i in range(regions.size):
         region = regions[i]
@@ -84,6 +86,7 @@ def pop_each(queues, regions, out):
                 queues.first[region, priority] = queues.after[node, priority]
                 if queues.first[region, priority] < 0:
                     queues.last[region, priority] = -1
+                # Stale: the node waits, or waited, with a better priority.
                 if queues.waiting[node] == priority:
                     taken = node
             if taken >= 0:
@@ -97,9 +100,9 @@ def pop_each(queues, regions, out):
 
 @njit(cache=True)
 def push_neighbours(queues, cols, step, levels, nodes, right, affine, across):
-    """Let the neighbours of solved nodes (M,) wait, with what right (M, 2) and affine (M, 4) predict for them.
+    """Enter the neighbours of solved nodes (M,) with the prediction of right (M, 2) and affine (M, 4).
 
-    cols: nodes in a row; step: their distance, px. `across`: neighbours of other regions only, instead of those of the own one.
+    cols: nodes in a row; step: their distance, px. `across`: neighbours in other regions only, instead of those in the same one.
     """
     rows = queues.waiting.size // cols
     for i in range(nodes.size):
@@ -107,6 +110,7 @@ def push_neighbours(queues, cols, step, levels, nodes, right, affine, across):
         for level in range(1, levels + 1):
             for side in range(4):
                 along_row = side // 2
+                # Down, up, right, left: the published order decides among equal priorities.
                 move = level if side % 2 == 0 else -level
                 y, x = (r, c + move) if along_row else (r + move, c)
                 if not (0 <= y < rows and 0 <= x < cols):

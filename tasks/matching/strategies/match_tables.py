@@ -1,4 +1,4 @@
-"""Matches as tables: rows taken, replaced, moved, rejected. All return new tables and leave the old ones alone."""
+"""Matches as tables: rows selected, replaced, moved, rejected. All return new tables and do not change their arguments."""
 
 import numpy as np
 
@@ -17,6 +17,7 @@ def merged(old: Matches, new: Matches, rows: np.ndarray) -> Matches:
     """`old` with its rows (bool or int) replaced by those of `new`."""
     tables = {}
     for name, table in old.__dict__.items():
+        # A copy: callers keep the earlier table to compare with.
         tables[name] = table.copy()
         tables[name][rows] = new.__dict__[name]
     return Matches(**tables)
@@ -28,7 +29,8 @@ def taken(matches: Matches, rows: np.ndarray) -> Matches:
 
 
 def rejected(matches: Matches, rows: np.ndarray, outcome: Outcome) -> Matches:
-    """The same with other outcome, and without position and precision, in some rows (bool)."""
+    """The same with another outcome, and without position and precision, in some rows (bool)."""
     new = taken(matches, rows)
+    # Correlation, affine and sigma0 stay: they show why the attempt was rejected.
     blank = {name: np.full_like(new.__dict__[name], np.nan) for name in ("col", "row", "covariance")}
     return merged(matches, Matches(**{**new.__dict__, **blank, "outcome": np.full(len(new), outcome, np.uint8)}), rows)

@@ -1,7 +1,7 @@
 """What the matching strategies share: parts of photographs, a regular grid of nodes, and predictions from solved nodes.
 
-Everything is counted in pixels of the whole photograph and nodes lie on whole pixels that are multiples of the step, so that a
-part with its halo sees the nodes, the starts and the windows that the whole sees.
+All coordinates are pixels of the whole photograph, and nodes lie on integer pixels that are multiples of the step, so that a part
+with its halo has the nodes, the starts and the windows of the whole.
 """
 
 from dataclasses import dataclass
@@ -47,6 +47,7 @@ class NodeGrid:
             (-(-(first + margin) // step), (first + size - 1 - margin) // step - -(-(first + margin) // step) + 1)
             for first, size in zip((part.row, part.col), part.pixels.shape, strict=True)
         )
+        # A part smaller than its margins has no node.
         return cls(row, col, max(rows, 0), max(cols, 0), step)
 
     @property
@@ -64,7 +65,7 @@ class NodeGrid:
 
 @dataclass(frozen=True, eq=False)
 class PreparedPair:
-    """Two parts made ready for one recipe, to be used in many calls."""
+    """Two parts prepared for one recipe, to be reused by many calls."""
 
     left: PreparedImage
     right: PreparedImage
@@ -81,6 +82,7 @@ class PreparedPair:
 
         half: half side of the windows, None for that of the settings.
         """
+        # A half size of 0 is how `match_points` is told not to try a point.
         halves = np.where(np.isfinite(starts).all(axis=1), self.settings.half if half is None else half, 0)
         found = match_points(
             self.left, self.right, points - self.left_origin, starts - self.right_origin, self.settings, affine, halves
@@ -130,6 +132,7 @@ def agreement(nodes, step, tolerance):
                         continue
                     dx, dy = (c - x) * step, (r - y) * step
                     a = affine[y, x]
+                    # A neighbour predicts by its affine: slopes of the ground are no disagreement.
                     off_x = right[y, x, 0] + (a[0] * dx + a[1] * dy) - right[r, c, 0]
                     off_y = right[y, x, 1] + (a[2] * dx + a[3] * dy) - right[r, c, 1]
                     if abs(off_x) <= tolerance and abs(off_y) <= tolerance:
@@ -150,6 +153,7 @@ def from_neighbours(nodes, step, wanted):
         for c in range(cols):
             if not wanted.solved[r, c]:
                 continue
+            # Sums in a fixed order of neighbours: a part of the grid gives bit for bit what the whole gives.
             n, px, py, a0, a1, a2, a3 = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             for y in range(max(r - 1, 0), min(r + 2, rows)):
                 for x in range(max(c - 1, 0), min(c + 2, cols)):

@@ -1,16 +1,16 @@
 """Region growing: from a few seeds over all ground that can be matched, and over nothing else.
 
 Strategy
-- The best waiting node of a region is matched from what a solved neighbour predicts (position and affine); if that succeeds, its
-  own neighbours wait (growth_queue.py: published priorities, one to three levels of distance).
-- A region is a square of the grid on an absolute lattice, and grows by itself, so that all regions take a step together and one
-  call matches a node of each. When all have ended, ground without seeds is entered from solved nodes of the regions around it,
-  once more in each of a fixed number of `crossings`. A node therefore depends on a known surrounding: a part with its `halo` gives
+- The best waiting node of a region is matched from the prediction of a solved neighbour (position and affine); if that succeeds,
+  its own neighbours are entered (growth_queue.py: published priorities, one to three levels of distance).
+- A region is a square of the grid on an absolute lattice and grows independently, so that all regions take a step together and one
+  call matches a node of each. When all have stopped, ground without seeds is entered from solved nodes of the adjacent regions,
+  again in each of a fixed number of `crossings`. A node therefore depends on a bounded neighbourhood: a part with its `halo` gives
   what the whole gives. With `region` 0 the whole grid is one region, as published: for seeds measured by hand.
-- Seeds need not be given: `found_seeds` takes them from the coarse levels of the pyramid, on a lattice of every region.
+- Seeds need not be given: `found_seeds` takes them from the coarse levels of the pyramid, on a lattice in every region.
 
-Compared with the pyramid, growing leaves out what cannot be matched instead of asking it at every level, and starts from the full
-affine of a neighbour; it needs seeds, and single nodes are handed out one after the other.
+Compared with the pyramid, growing omits what cannot be matched instead of trying it on every level, and starts from the full affine
+of a neighbour; it needs seeds, and the nodes of a region are matched one after the other.
 
 Source: methods/matching_and_dsm_check.md 1.5; Otto & Chau 1989; Skarlatos.
 """
@@ -35,8 +35,8 @@ class RegionGrowing(Settings):
     """How regions grow."""
 
     levels: int = setting(2, "Distances from a solved node, in steps, at which its neighbours are tried.", ge=1, le=3)
-    region: int = setting(32, "Side of the regions that grow by themselves; 0: one region.", "nodes", ge=0, le=4096)
-    crossings: int = setting(2, "How often growth may enter ground without seeds from the regions around it.", ge=0, le=16)
+    region: int = setting(32, "Side of the regions that grow independently; 0: one region.", "nodes", ge=0, le=4096)
+    crossings: int = setting(2, "How often growth may enter ground without seeds from adjacent regions.", ge=0, le=16)
     seeds: int = setting(2, "Seeds along each side of a region, when they are not given.", ge=1, le=64)
     matching: LeastSquaresMatching = setting(_MATCHING, "Least-squares matching of the nodes.")
     min_neighbours: int = setting(0, "Of the eight neighbours of a node, how many must predict it.", ge=0, le=8)
@@ -48,9 +48,9 @@ class Seeds:
     """Where growth begins."""
 
     points: np.ndarray
-    """(M, 2) left positions (col, row), px; the nearest node is meant"""
+    """(M, 2) left positions (col, row), px; each stands for its nearest node"""
     right: np.ndarray
-    """(M, 2) right positions, px; need be good to a pixel or two only"""
+    """(M, 2) right positions, px; an accuracy of a pixel or two is enough"""
     affine: np.ndarray | None = None
     """(M, 4) as in `Matches.affine`, None for identity"""
 
@@ -62,6 +62,7 @@ def halo(settings: RegionGrowing, step: int, pyramid: PyramidMatching | None = N
     """
     if settings.region == 0:
         raise ValueError("one region for the whole grid: every node depends on the whole photograph; set `region` to work in parts")
+    # Growth crosses at most one region per crossing; the last node is that of the neighbour test.
     nodes = settings.region * (settings.crossings + 1) + 1
     window = settings.matching.reach + reach_of(settings.matching.smoothing) + 2
     return nodes * step + (window if pyramid is None else max(window, pyramid_halo(pyramid, step) + 2 * step))
@@ -71,13 +72,14 @@ def grow(left: ImagePart, right: ImagePart, grid: NodeGrid, seeds: Seeds, settin
     """Match the nodes of a grid that growth reaches: one row per node, row by row; positions in pixels of the photographs.
 
     For work in parts the grid must cover whole regions, `region_cover` of the nodes that are wanted. Nodes that are never reached
-    are NOT_TRIED; seeds outside of the grid are passed over.
+    are NOT_TRIED; seeds outside the grid are ignored.
     """
     pair = PreparedPair.of(left, right, settings.matching)
     points, queues = grid.points(), queues_for(_regions(grid, settings))
     found = pair.match(points, np.full_like(points, np.nan))
     _plant(queues, grid, seeds)
     found = _grown(pair, points, queues, grid, found, settings)
+    # All nodes solved so far are entered again: a neighbour region may have grown up to the border since.
     for _ in range(settings.crossings if settings.region and len(points) else 0):
         solved = np.flatnonzero(found.converged)
         push_neighbours(
@@ -122,6 +124,7 @@ def _regions(grid: NodeGrid, settings: RegionGrowing) -> np.ndarray:
     """(rows * cols,) number of the region of every node."""
     if settings.region == 0:
         return np.zeros(grid.rows * grid.cols, np.int32)
+    # Regions count from node 0 of the photograph, so that every part is divided alike.
     rows, cols = (
         (first + np.arange(count)) // settings.region - first // settings.region
         for first, count in ((grid.row, grid.rows), (grid.col, grid.cols))
@@ -141,8 +144,9 @@ def _seed_nodes(grid: NodeGrid, settings: RegionGrowing) -> np.ndarray:
 
 
 def _plant(queues: Queues, grid: NodeGrid, seeds: Seeds) -> None:
-    """Let the nodes nearest to the seeds wait, with the seeds' positions moved to them."""
+    """Enter the nodes nearest to the seeds, with the positions of the seeds transferred to them."""
     affine = np.tile([1.0, 0.0, 0.0, 1.0], (len(seeds.points), 1)) if seeds.affine is None else np.asarray(seeds.affine, np.float64)
+    # A seed is moved to a node by its affine, for nodes alone are matched.
     nearest = np.floor(seeds.points / grid.step + 0.5).astype(np.int64)
     for (x, y), (dx, dy), right, a in zip(nearest, nearest * grid.step - seeds.points, seeds.right, affine, strict=True):
         row, col = y - grid.row, x - grid.col
@@ -154,9 +158,10 @@ def _plant(queues: Queues, grid: NodeGrid, seeds: Seeds) -> None:
 def _grown(
     pair: PreparedPair, points: np.ndarray, queues: Queues, grid: NodeGrid, found: Matches, settings: RegionGrowing
 ) -> Matches:
-    """Grow all regions until nobody waits; `found` is filled in place."""
+    """Grow all regions until no node waits; `found` is filled in place."""
     active = np.arange(len(queues.first))
     popped = np.empty(len(active), np.int64)
+    # One node of every region per call: regions are independent, and the kernel is called with many points.
     while count := pop_each(queues, active, popped):
         active, nodes = active[:count], popped[:count].copy()
         new = pair.match(points[nodes], queues.start[nodes], queues.affine[nodes])

@@ -1,9 +1,9 @@
 """The limit of a window sizing at which a wanted share of the points gets a window.
 
-Strategy: for every point, its *last limit* is the highest at which one of its windows would still be accepted; it is infinite
-where another rule of the method accepts a window anyway, and -infinity where nothing could. A limit gives windows to the points
-whose last limit lies above it, so the limit sought is a quantile. Limits depend on texture and contrast, so that a share is often
-easier to say than a limit (methods/measured.md).
+Strategy: the *last limit* of a point is the highest at which one of its windows would still be accepted; it is infinite where
+another rule of the method accepts a window anyway, and -infinity where no limit does. A limit gives windows to the points whose
+last limit is above it, so the limit sought is a quantile. Limits depend on texture and contrast, so that a share is often easier to
+state than a limit (methods/measured.md).
 """
 
 import math
@@ -37,8 +37,8 @@ _BATCH = 16384
 class LimitCalibration:
     """A sizing with its limits set, and the share of the points that gets a window from it.
 
-    The share falls short where the points lack texture even for a limit of zero, and goes beyond where other rules of the method
-    accept more windows than were wanted.
+    The share is smaller than wanted where the points lack texture even for a limit of zero, and larger where other rules of the
+    method accept more windows.
     """
 
     sizing: WindowSizing
@@ -60,7 +60,7 @@ def last_limits(image: GreyLevels, points: np.ndarray, sizing: WindowSizing) -> 
 
 def _with_limit(sizing: WindowSizing) -> LimitedWindow | CombinedWindow:
     if isinstance(sizing, FixedWindow):
-        raise WorkflowError("A fixed window has no limit that could be calibrated; choose another method.")
+        raise WorkflowError("A fixed window has no limit to calibrate; choose another method.")
     return sizing
 
 
@@ -78,7 +78,8 @@ def _last(image: GreyLevels, pixels: np.ndarray, sizing: LimitedWindow) -> np.nd
 
 
 def _highest(values: np.ndarray) -> np.ndarray:
-    """(N,) highest of the sizes that may be chosen, NaN left out."""
+    """(N,) highest of the sizes that may be chosen, NaN ignored."""
+    # The first column is the size before the smallest, which no rule may choose.
     return np.fmax.reduce(values[:, 1:], axis=1, initial=-np.inf)
 
 
@@ -102,10 +103,12 @@ def calibrated(sizing: WindowSizing, last: np.ndarray, share: float) -> LimitCal
 
 def _limits(last: np.ndarray, wanted: int) -> np.ndarray:
     """Limits that `wanted` of the points exceed. With two limits, points go in the order of their worse rank in both."""
+    # Stable: the choice among equal limits must not depend on the sorting algorithm.
     order = np.argsort(-last, axis=0, kind="stable")
     rank = np.empty_like(order)
     np.put_along_axis(rank, order, np.arange(len(last))[:, None], axis=0)
     worst = np.sort(rank.max(axis=1))[wanted - 1]
+    # Windows are accepted above the limit, not at it: the next smaller number keeps the last wanted point.
     return np.nextafter(last[order[worst], np.arange(last.shape[1])], -np.inf)
 
 

@@ -1,9 +1,9 @@
-"""What a window that grows about a point contains, size by size: entropy, mean, scatter and range, gradients.
+"""Measures of a window that grows about a point, size by size: entropy, mean, standard deviation and range, gradients.
 
-Strategy: a window grows ring by ring, and a ring adds its pixels to running sums, so that all sizes together cost what the largest
-one costs alone. The sums are whole numbers (entropy: whole multiples of 2^-40), hence exact, and equal whatever tile the point
-lies in. Images are int16 grey levels 0 to 255, -1 without data. Each measure has one row per point and one column per size, the
-first column being the size before the smallest, which rules about growth compare with; NaN where a window does not fit.
+Strategy: a window grows ring by ring, and a ring adds its pixels to running sums, so that all sizes together cost as much as the
+largest one alone. The sums are integers (entropy: integer multiples of 2^-40), hence exact, and equal whatever tile the point lies
+in. Images are int16 grey levels 0 to 255, -1 without data. Each measure has one row per point and one column per size, the first
+column being the size before the smallest, for rules that compare with it; NaN where a window does not fit.
 
 Source: methods/matching_windows.md 2.2 (rows 5 to 7).
 """
@@ -14,7 +14,10 @@ import numpy as np
 from numba import njit
 
 _FRACTION = 40
-"""bits behind the point in sums of k ln k"""
+"""fractional bits in sums of k ln k"""
+_MEAN, _DEVIATION, _RANGE = range(3)
+_WEIGHT, _ROUNDNESS = range(2)
+"""Layers of the tables that the kernels fill."""
 
 
 class WindowGrowth(NamedTuple):
@@ -23,7 +26,7 @@ class WindowGrowth(NamedTuple):
     pixels: np.ndarray
     """(N, 2) int64 (col, row) of the centres"""
     rooms: np.ndarray
-    """(N,) int64: the largest half size that holds nothing but data, up to `last`; -1 where the centre has none"""
+    """(N,) int64: the largest half size without missing data, up to `last`; -1 where the centre has none"""
     first: int
     last: int
 
@@ -35,6 +38,7 @@ class WindowGrowth(NamedTuple):
 def entropy(levels: np.ndarray, growth: WindowGrowth) -> np.ndarray:
     """Entropy -sum p ln p of the grey levels, in nats, (N, sizes). levels: (H, W) int16."""
     counts = np.arange((2 * growth.last + 1) ** 2 + 1, dtype=np.float64)
+    # Fixed point instead of float64: the sum is then the same in whatever order the pixels come.
     terms = np.rint(np.ldexp(counts * np.log(np.maximum(counts, 1.0)), _FRACTION)).astype(np.int64)
     out = np.full(growth.shape, np.nan)
     _entropy(levels, growth.pixels, growth.rooms, growth.first, terms, np.diff(terms), out)
@@ -45,7 +49,7 @@ def statistics(levels: np.ndarray, growth: WindowGrowth) -> tuple[np.ndarray, np
     """Mean, standard deviation (over n) and range (max - min) of the grey levels, each (N, sizes). levels: (H, W) int16."""
     out = np.full((3, *growth.shape), np.nan)
     _statistics(levels, growth.pixels, growth.rooms, growth.first, out)
-    return out[0], out[1], out[2]
+    return out[_MEAN], out[_DEVIATION], out[_RANGE]
 
 
 def gradient_weights(levels: np.ndarray, growth: WindowGrowth) -> tuple[np.ndarray, np.ndarray]:
@@ -57,7 +61,7 @@ def gradient_weights(levels: np.ndarray, growth: WindowGrowth) -> tuple[np.ndarr
     """
     out = np.full((2, *growth.shape), np.nan)
     _gradient_weights(levels, growth.pixels, growth.rooms, growth.first, out)
-    return out[0], out[1]
+    return out[_WEIGHT], out[_ROUNDNESS]
 
 
 def border_rooms(shape: tuple[int, int], pixels: np.ndarray, last: int) -> np.ndarray:
@@ -69,7 +73,7 @@ def border_rooms(shape: tuple[int, int], pixels: np.ndarray, last: int) -> np.nd
 
 @njit(cache=True)
 def data_rooms(levels, pixels, rooms):
-    """(N,) int64: `rooms` (those of `border_rooms`) made so small that windows hold no level below 0."""
+    """(N,) int64: `rooms` (those of `border_rooms`) reduced until windows contain no missing data."""
     out = rooms.copy()
     for i in range(rooms.size):
         col, row = pixels[i]
@@ -95,6 +99,7 @@ def _entropy(levels, pixels, rooms, first, terms, gains, out):
         for h in range(rooms[i] + 1):
             for c in range(col - h, col + h + 1):
                 level = levels[row - h, c]
+                # A level that occurs once more changes its term k ln k by a tabulated gain: no logarithm per pixel.
                 total += gains[counts[level]]
                 counts[level] += 1
             for r in range(row - h + 1, row + h):
@@ -111,6 +116,7 @@ def _entropy(levels, pixels, rooms, first, terms, gains, out):
                     counts[level] += 1
             if h >= first - 1:
                 area = (2 * h + 1) ** 2
+                # -sum p ln p with p = k / n is (n ln n - sum k ln k) / n.
                 out[i, h - first + 1] = (terms[area] - total) / (1 << _FRACTION) / area
 
 
@@ -135,9 +141,10 @@ def _statistics(levels, pixels, rooms, first, out):
                     low, high = min(low, level), max(high, level)
             if h >= first - 1:
                 area, k = (2 * h + 1) ** 2, h - first + 1
-                out[0, i, k] = total / area
-                out[1, i, k] = np.sqrt(area * squares - total * total) / area
-                out[2, i, k] = high - low
+                out[_MEAN, i, k] = total / area
+                # n sum(x^2) - (sum x)^2 in integers: no digits cancel.
+                out[_DEVIATION, i, k] = np.sqrt(area * squares - total * total) / area
+                out[_RANGE, i, k] = high - low
 
 
 @njit(cache=True)
@@ -162,5 +169,6 @@ def _gradient_weights(levels, pixels, rooms, first, out):
             if h >= first - 1:
                 trace, determinant = xx + yy, xx * yy - xy * xy
                 k = h - first + 1
-                out[0, i, k] = 0.25 * determinant / trace if trace > 0 else 0.0
-                out[1, i, k] = 4.0 * determinant / (float(trace) * trace) if trace > 0 else 0.0
+                # The differences span two pixels: 1/4 makes their products those of gradients per px. Roundness has no unit.
+                out[_WEIGHT, i, k] = 0.25 * determinant / trace if trace > 0 else 0.0
+                out[_ROUNDNESS, i, k] = 4.0 * determinant / (float(trace) * trace) if trace > 0 else 0.0

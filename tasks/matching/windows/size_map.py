@@ -1,7 +1,7 @@
-"""Maps of window sizes: the window of every pixel of an image, made in tiles.
+"""Maps of window sizes: the window of every pixel of an image, computed in tiles.
 
-Strategy: a tile is read with a halo of the largest window, and every pixel of its core is a point. A window that the halo does
-not hold would leave the image, so a tile gives what the whole image gives.
+Strategy: a tile is read with a halo of the largest window, and every pixel of its core is a point. A window that exceeds the halo
+would leave the image, so a tile gives what the whole image gives.
 
 Source: methods/matching_windows.md 2.2 (row 8).
 """
@@ -16,7 +16,7 @@ _ROWS = 64
 
 
 def halo(sizing: WindowSizing) -> int:
-    """Pixels that are needed around a tile: the largest window, and one more for gradients."""
+    """Pixels needed around a tile: half of the largest window, and one more for gradients."""
     return sizing.halves[-1] + 1
 
 
@@ -24,6 +24,7 @@ def size_map(image: GreyLevels, core: Window, sizing: WindowSizing) -> np.ndarra
     """(height, width) uint8 half sizes of the pixels of `core` in an image that reaches `halo` px beyond it; 0 without a window."""
     cols = np.arange(core.col, core.col + core.width)
     out = np.zeros(core.shape, np.uint8)
+    # In batches of rows, for every point has one number per size and measure: a tile at once would need gigabytes.
     for start in range(0, core.height, _ROWS):
         rows = np.arange(core.row + start, core.row + min(start + _ROWS, core.height))
         points = np.column_stack([np.tile(cols, len(rows)), np.repeat(rows, len(cols))])

@@ -1,12 +1,12 @@
 """The size of the matching window, chosen point by point from the template image alone.
 
-Strategy: odd squares grow about the point, and the first that its method accepts is the window. What windows contain is measured
-for all sizes at once (window_measures.py); a method is then one rule on rows of numbers, and so is the search for the limit that
-gives a window to a wanted share of the points (window_calibration.py). Windows that leave the image or touch pixels without data
-are never accepted. All methods count in grey levels of 8 bits.
+Strategy: odd squares grow about the point, and the first that the method accepts is the window. Windows of all sizes are measured
+at once (measures.py); a method is then one rule on rows of numbers, and so is the search for the limit that gives a window to a
+wanted share of the points (calibration.py). Windows that leave the image or touch missing data are never accepted. All methods use
+grey levels of 8 bits.
 
-Which to take: Foerstner's weight says how precisely a window can be matched, and gives the best matches; entropy is closest to
-what a person would choose; the statistical rules follow single outlying pixels and are here for comparison.
+Which to choose: Foerstner's weight is the expected precision of the match and gives the best matches; entropy is closest to an
+operator's choice; the statistical rules follow single outlying pixels and are included for comparison.
 
 Source: methods/matching_windows.md 2.2 (rows 5 to 8); matching_and_dsm_check.md 1.2; Skarlatos.
 """
@@ -57,7 +57,7 @@ class GrowingWindow(Settings):
 
 
 class StatisticalWindow(GrowingWindow):
-    """The size at which the range crosses the mean; else the first with enough scatter; else the first of enough range."""
+    """The size at which the range crosses the mean; else the first of enough standard deviation; else the first of enough range."""
 
     kind: Literal["statistical"] = "statistical"
     min_deviation: float = setting(25.0, "Standard deviation that a window must exceed.", "grey levels", ge=0.0, le=255.0)
@@ -65,13 +65,13 @@ class StatisticalWindow(GrowingWindow):
 
 
 class EntropyWindow(GrowingWindow):
-    """The first window with enough entropy of its grey levels."""
+    """The first window whose grey levels have enough entropy."""
 
     kind: Literal["entropy"] = "entropy"
     min_entropy: float = setting(4.0, "Entropy that a window must exceed.", "nats", ge=0.0, le=6.0)
     min_gain: float = setting(
         0.0,
-        "A window whose entropy grew by less than this from the size before is accepted as well; 0 leaves this rule out.",
+        "A window whose entropy grew by less than this from the size before is accepted as well; 0: no such rule.",
         "nats",
         ge=0.0,
         le=1.0,
@@ -113,7 +113,7 @@ WindowSizing = Annotated[SingleWindow | CombinedWindow, Field(discriminator="kin
 
 @dataclass(frozen=True)
 class GreyLevels:
-    """An image as the methods count it, made once for many points."""
+    """An image of 8-bit grey levels, prepared once for many points."""
 
     levels: np.ndarray
     """(H, W) int16: 0 to 255, -1 without data"""
@@ -129,7 +129,7 @@ class WindowSizes:
     """(N,) uint8: half size of the window, whose side is 2 half + 1; 0 without a window"""
     outcome: np.ndarray
     """(N,) uint8 `Outcome`: NOT_TRIED with a window (matching decides), LOW_TEXTURE, or OUTSIDE where larger windows that might
-    have done leave the image or touch pixels without data"""
+    have sufficed leave the image or touch missing data"""
 
     @property
     def assigned(self) -> np.ndarray:
@@ -140,8 +140,8 @@ class WindowSizes:
 def grey_levels(image: np.ndarray, mask: np.ndarray | None = None, limits: tuple[float, float] = (0.0, 255.0)) -> GreyLevels:
     """Grey levels of an image (H, W) of any dtype.
 
-    `limits` become 0 and 255, and what lies beyond is clipped (16 bits: `grey_range` in imagery/radiometry.py). NaN, infinity
-    and False of `mask` (H, W) are no data.
+    `limits` become 0 and 255, values beyond them are clipped (16 bits: `grey_range` in imagery/radiometry.py). NaN, infinity and
+    False of `mask` (H, W) are no data.
     """
     low, high = limits
     grey = np.asarray(image)
@@ -153,6 +153,7 @@ def grey_levels(image: np.ndarray, mask: np.ndarray | None = None, limits: tuple
         levels = np.clip(np.rint(stretched), 0, 255).astype(np.int16)
     if mask is not None:
         good = good & np.asarray(mask, dtype=bool)
+    # -1 instead of a mask: the kernels read one array, and every measure tests the level that it reads anyway.
     levels[~good] = -1
     return GreyLevels(levels, bool(good.all()))
 
@@ -172,6 +173,7 @@ def window_sizes(image: GreyLevels, points: np.ndarray, sizing: WindowSizing) ->
 def nearest_pixels(points: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     """(N, 2) int64 (col, row) nearest to points (N, 2); (-1, -1) outside an image of `shape` and where a point is not finite."""
     points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+    # Halves round up, as in the matching kernels: the window sized is the window matched.
     nearest = np.floor(points + 0.5)
     inside = np.all((nearest >= 0) & (nearest < [shape[1], shape[0]]), axis=1)
     return np.where(inside[:, None], nearest, -1).astype(np.int64)
@@ -179,6 +181,7 @@ def nearest_pixels(points: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
 
 def growth_of(image: GreyLevels, pixels: np.ndarray, sizing: SingleWindow) -> WindowGrowth:
     """How far the windows of pixels (N, 2) may grow; gradients need one pixel around them."""
+    # Central differences at the border of the window reach one pixel beyond it.
     margin = int(isinstance(sizing, FoerstnerWindow))
     last = sizing.halves[-1]
     rooms = border_rooms(image.levels.shape, pixels, last + margin)
@@ -190,15 +193,16 @@ def growth_of(image: GreyLevels, pixels: np.ndarray, sizing: SingleWindow) -> Wi
 def _sized(image: GreyLevels, pixels: np.ndarray, sizing: SingleWindow) -> tuple[np.ndarray, np.ndarray]:
     growth = growth_of(image, pixels, sizing)
     chosen = _chosen_in_two(image.levels, growth, sizing)
+    # Only where all sizes fitted can texture be blamed.
     outcome = np.where(growth.rooms < growth.last, Outcome.OUTSIDE, Outcome.LOW_TEXTURE)
     half = np.where(chosen > 0, growth.first - 1 + chosen, 0)
     return half, np.where(chosen > 0, Outcome.NOT_TRIED, outcome)
 
 
 def _chosen_in_two(levels: np.ndarray, growth: WindowGrowth, sizing: SingleWindow) -> np.ndarray:
-    """As `chosen_size`, but most windows are small, and large ones need not be measured then.
+    """As `chosen_size`, but large windows are measured only for points without a small one.
 
-    The statistical rules look at all sizes before they choose one.
+    The statistical rules need all sizes before they choose one.
     """
     if isinstance(sizing, StatisticalWindow) or not growth.first <= _SMALL < growth.last:
         return chosen_size(levels, growth, sizing)
@@ -211,7 +215,7 @@ def _chosen_in_two(levels: np.ndarray, growth: WindowGrowth, sizing: SingleWindo
 
 
 def chosen_size(levels: np.ndarray, growth: WindowGrowth, sizing: SingleWindow) -> np.ndarray:
-    """(N,) column of the measures (see window_measures.py) whose window is chosen; 0 for none."""
+    """(N,) column of the measures (see measures.py) whose window is chosen; 0 for none."""
     if isinstance(sizing, StatisticalWindow):
         return statistical_choice(*statistics(levels, growth), sizing)
     if isinstance(sizing, EntropyWindow):
@@ -224,12 +228,13 @@ def chosen_size(levels: np.ndarray, growth: WindowGrowth, sizing: SingleWindow) 
 def crossings(mean: np.ndarray, spread: np.ndarray) -> np.ndarray:
     """(N, sizes) bool: the range reaches the mean here and did not at the size before."""
     crossing = np.zeros(mean.shape, dtype=bool)
+    # The published flags of five samples are reproduced by this reading: reached now, not at the size before.
     crossing[:, 1:] = (spread[:, 1:] >= mean[:, 1:]) & (spread[:, :-1] < mean[:, :-1])
     return crossing
 
 
 def statistical_choice(mean: np.ndarray, deviation: np.ndarray, spread: np.ndarray, sizing: StatisticalWindow) -> np.ndarray:
-    """The crossing of range and mean goes before all; then the scatter; then the excess of the range. Measures are (N, sizes)."""
+    """The crossing of range and mean comes first, then the standard deviation, then the excess of the range; (N, sizes) each."""
     chosen = _first(crossings(mean, spread))
     for passes in (deviation > sizing.min_deviation, spread > mean + sizing.min_excess):
         chosen = np.where(chosen > 0, chosen, _first(passes))
@@ -245,7 +250,7 @@ def stalled(values: np.ndarray, sizing: EntropyWindow) -> np.ndarray:
 
 
 def entropy_choice(values: np.ndarray, sizing: EntropyWindow) -> np.ndarray:
-    """Enough entropy, or little hope of more. values: (N, sizes) nats."""
+    """Enough entropy, or no growth of it to expect. values: (N, sizes) nats."""
     return _first((values > sizing.min_entropy) | stalled(values, sizing))
 
 
@@ -261,6 +266,7 @@ def _first(passes: np.ndarray) -> np.ndarray:
 
 
 def _larger(one: WindowSizes, other: WindowSizes) -> WindowSizes:
+    # The larger window contains the smaller one, and so satisfies both rules.
     both = one.assigned & other.assigned
     return WindowSizes(
         np.where(both, np.maximum(one.half, other.half), 0).astype(np.uint8), np.where(one.assigned, other.outcome, one.outcome)
