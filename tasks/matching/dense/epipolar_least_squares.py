@@ -90,7 +90,7 @@ class RowWarp(NamedTuple):
     b: float
 
 
-class Exposure(NamedTuple):
+class WindowExposure(NamedTuple):
     """Grey values of both windows: means over the support, and the factor from right to left contrast."""
 
     mean_left: float
@@ -302,7 +302,7 @@ def _refine(pair, node, plane, count, limits, scratch, values):
             values[_PARALLAX] = whole - t
             correlated = _correlated_power(scratch.influence, 2 * node.half + 1, scratch.correlation)
             values[_SIGMA] = a * values[_SIGMA0] * np.sqrt(correlated)
-            exposure = Exposure(_mean_left(pair.left, node, mask), mean_right, scale)
+            exposure = WindowExposure(_mean_left(pair.left, node, mask), mean_right, scale)
             values[_MISFIT] = _misfit(pair, node, RowWarp(base, t, a, b), exposure)
             return outcomes.CONVERGED if values[_CORRELATION] >= limits.min_correlation else outcomes.LOW_CORRELATION
     return outcomes.NOT_CONVERGED

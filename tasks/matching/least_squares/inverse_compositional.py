@@ -31,8 +31,8 @@ from orthomill.tasks.matching.least_squares.template import (
     work_for,
 )
 from orthomill.tasks.matching.least_squares.window_block import (
-    Placement,
     WindowBlock,
+    WindowPlacement,
     block_pitch,
     gradient_moments,
     grey_sums,
@@ -158,7 +158,7 @@ def _match_one(left, right, point, t, a, rules, work, values):
     base_col, base_row = nearest_pixel(t[0]), nearest_pixel(t[1])
     t[0] -= base_col
     t[1] -= base_row
-    place = Placement(base_col, base_row, t, a)
+    place = WindowPlacement(base_col, base_row, t, a)
     begin_x, begin_y = t[0], t[1]
     axes, d = (1.0, 1.0, 0.0), work.d
     template = Template(0, 0, 0, 0, 0.0, 0.0, 0.0)

@@ -32,7 +32,7 @@ class WindowBlock(NamedTuple):
     """1 inside the shape"""
 
 
-class Placement(NamedTuple):
+class WindowPlacement(NamedTuple):
     """Where the pixel (x, y) of a window lies in the right image: at base + t + A (x, y), px."""
 
     base_col: int
@@ -193,7 +193,7 @@ def _bilinear_run(image, k, rest, drift, level, n, patch, at):
 
 @njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
 def warp_window(image, place, use_bicubic, reach, spans, patch):
-    """Fill the block `patch` with the right image under a `Placement`; returns the grey value it counts from.
+    """Fill the block `patch` with the right image under a `WindowPlacement`; returns the grey value it counts from.
 
     image: the right one, a `FlatImage`. A row of the window is cut into runs whose pixels fall between neighbouring pixels of one
     row of the image.
