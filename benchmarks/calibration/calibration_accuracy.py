@@ -1,8 +1,9 @@
-"""Calibration from several boards: accuracy over many seeds, corners of rendered photos, real photos beside OpenCV, and time.
+"""Calibration from several boards: accuracy over many seeds, corners of rendered photos, real photos compared with OpenCV, and
+time.
 
-Run with `make bench-calibration`; the page goes to benchmarks/results/calibration.md. Real photographs are looked for in
-../shared/data (or ORTHOMILL_DATA) and in /usr/share/doc/opencv-doc (or OPENCV_DOC); what is absent is said to be absent. With
-WHOLE=1 the set of 34 photographs of 20 megapixels is rendered (two minutes, once) and calibrated as a whole.
+Run with `make bench-calibration`; the page is benchmarks/results/calibration.md. Real photographs are read from ../shared/data (or
+ORTHOMILL_DATA) and /usr/share/doc/opencv-doc (or OPENCV_DOC); sets that are absent are left out. With WHOLE=1 the set of 34
+photographs of 20 megapixels is rendered (two minutes, once) and calibrated as a whole.
 """
 
 import glob
@@ -67,7 +68,7 @@ def corners_of(setup: BoardSetup, noise: float, seed: int) -> Corners:
 
 
 def named_right(corners: Corners, names: list[np.ndarray]) -> bool:
-    """Whether the names are one and the same renumbering of the true boards in all photos."""
+    """Whether the names are the same renumbering of the true boards in all photos."""
     pairs = {(int(n), int(t)) for own, true in zip(names, corners.order, strict=True) for n, t in zip(own, true, strict=True)}
     return len(pairs) == len({n for n, _ in pairs}) == len({t for _, t in pairs}) and all((own >= 0).all() for own in names)
 
@@ -76,6 +77,7 @@ def monte_carlo(setup: BoardSetup) -> str:
     """One row: SEEDS arrangements, photos and noises, each with its own seed."""
     errors, ratio, iterations, right, sigma_c, seconds = [], [], [], 0, [], 0.0
     for seed in range(SEEDS):
+        # A seed for everything: arrangements, photographs and noise vary together, as in practice.
         own = replace(setup, seed=1000 * setup.seed + seed)
         corners = corners_of(own, NOISE[setup.name], seed)
         start = time.process_time()
@@ -101,6 +103,7 @@ def monte_carlo(setup: BoardSetup) -> str:
 
 def one_board_instead() -> Iterator[str]:
     """Correlations of the principal point with the angles: several boards against a single one of their extent."""
+    # As wide as the six boards together, so that both fill the frame alike.
     one = replace(SIX_BOARDS, boards=1, board=BoardType((12, 9), 0.1, 0.02), straight=True, photos=11)
     for name, setup in (
         ("six boards at any angle, camera turned", replace(SIX_BOARDS, photos=11)),
@@ -182,6 +185,7 @@ def _number(path: str) -> int:
 def real_row(name: str, files: list[str]) -> Iterator[str]:
     """Two rows: ours, and OpenCV on the same corners."""
     images = [cv2.imread(file, cv2.IMREAD_GRAYSCALE) for file in files]
+    # Process time: other work on the machine does not count.
     start = time.process_time()
     boards = [find_boards(pyramid(image, COARSE_SIDE), (9, 6), 1).corners for image in images]
     search = time.process_time() - start

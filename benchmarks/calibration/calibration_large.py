@@ -52,12 +52,14 @@ def large_photo(number: int) -> np.ndarray:
 
 
 def whole_set() -> str:
-    """The 34 rendered photos in colour, as files, calibrated by the command with two workers. They are kept for the next time."""
+    """The 34 rendered photos in colour, as files, calibrated by the command with two workers; they are kept for the next run."""
+    # Rendering takes longer than the calibration; the files do not depend on what is measured.
     KEPT.mkdir(parents=True, exist_ok=True)
     for number in range(FIVE_BOARDS.photos):
         path = KEPT / f"board_{number + 1:02d}.jpg"
         if not path.exists():
             grey = large_photo(number)
+            # Unequal bands: the conversion to grey is part of what is measured.
             tinted = np.stack([(grey * share).astype(np.uint8) for share in (0.9, 1.0, 0.95)], axis=-1)
             cv2.imwrite(str(path), tinted, [cv2.IMWRITE_JPEG_QUALITY, 95])
     with tempfile.TemporaryDirectory() as place:
@@ -68,6 +70,7 @@ def whole_set() -> str:
         results = Path(place) / "runs" / "whole"
         figures = json.loads((results / "summary.json").read_text())
         camera = Camera.model_validate_json((results / "products" / "camera.json").read_text())
+    # Children only: the workers' CPU time, without that of this process.
     seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     said = {name: figures[f"calibration.{name}"]["value"] for name in ("boards", "sigma0_px", "held_out_px", "iterations")}
     errors = (np.array(camera.interior) - FIVE_BOARDS.camera.interior) / np.sqrt(np.maximum(np.diag(camera.covariance), 1e-300))

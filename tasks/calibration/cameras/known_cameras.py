@@ -14,7 +14,7 @@ from orthomill.tasks.calibration.report import cameras_report
 
 
 class KnownCameras(NamedTuple):
-    """Every photograph with its camera, and what the report says of the cameras."""
+    """Every photograph with its camera, and the report of the cameras."""
 
     cameras: Cameras
     report: StageReport

@@ -10,8 +10,8 @@ name at least two others; then all photos are named again with the complete map.
 
 `board_views.py` derives projections and places from boards, on a plane or anywhere in space.
 
-A photo with a single board cannot say which one it is, and need not: all boards are equal, and the photo's exterior orientation
-is its own in any case.
+The board of a photo that shows a single one cannot be identified, and need not be: all boards are equal, and its exterior
+orientation is its own in any case.
 
 Source: Kawka 2021, S2 and S4, where boards are matched by principal axes (methods/calibration.md).
 """

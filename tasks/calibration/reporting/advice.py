@@ -88,6 +88,7 @@ class PhotoGeometry:
 def geometry(result: BoardAdjustment, target: CalibrationTarget) -> PhotoGeometry:
     """The geometry of the photographs used."""
     R = result.state.rotation
+    # The boards are the plane Z = 0, so that the tilt is the angle between the optical axis and Z.
     tilt = np.degrees(np.arccos(np.clip(np.abs(R[:, 2, 2]), 0.0, 1.0)))
     side = np.arctan2(R[:, 2, 1], R[:, 2, 0])[tilt >= _SIDEWAYS]
     kappa = np.array([angles(rotation)[2] for rotation in R])
@@ -131,6 +132,7 @@ def _turn_advice(shape: PhotoGeometry) -> list[Advice]:
 
 def _correlation_advice(result: BoardAdjustment) -> list[Advice]:
     table = correlations(result)
+    # The pairs that tilting and turning the camera separates; others are correlated in any geometry, such as k1 with k2.
     pairs = [("c", "Z0"), ("x0", "phi"), ("y0", "omega"), ("x0", "omega"), ("y0", "phi"), ("x0", "X0"), ("y0", "Y0"), ("c", "phi")]
     found = {
         f"{row} and {column}": float(table.typical[table.rows.index(row), table.columns.index(column)])
@@ -157,6 +159,7 @@ def result_advice(result: BoardAdjustment, check: HeldOut | None, target: Calibr
 def _check_advice(result: BoardAdjustment, check: HeldOut | None) -> list[Advice]:
     if check is None:
         return [Advice(Weakness.NOT_CHECKED)]
+    # Formal precision includes neither the model's errors nor those common to all photographs; both show between the halves.
     parameter, ratio = check.worst
     worse = check.rms / result.rms if check.rms > _WORSE * result.rms else 0.0
     out = [Advice(Weakness.HELD_OUT_WORSE, worse)] if worse else []
@@ -166,6 +169,7 @@ def _check_advice(result: BoardAdjustment, check: HeldOut | None) -> list[Advice
 def _board_advice(result: BoardAdjustment) -> list[Advice]:
     """Boards whose residuals are much larger than those of the others."""
     size = np.linalg.norm(result.residual, axis=1)
+    # Medians, with rejected corners: of a warped board most may be rejected, and the rest would look fine.
     typical = [float(np.median(size[result.corners.board == board])) for board in range(result.network.boards)]
     middle = float(np.median(typical))
     # Of two boards neither is the odd one.
@@ -175,6 +179,7 @@ def _board_advice(result: BoardAdjustment) -> list[Advice]:
 
 def search_advice(searches: tuple[PhotoSearch, ...]) -> list[Advice]:
     """Blurred and overexposed photographs, and boards with another number of corners."""
+    # Blur without a measured edge is unknown, not zero.
     blurred = {search.photo: search.blur for search in searches if search.blur is not None and search.blur > _BLURRED}
     bright = {search.photo: search.overexposed for search in searches if search.overexposed > _OVEREXPOSED}
     larger = tuple(search.photo for search in searches if search.larger)

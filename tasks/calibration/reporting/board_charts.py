@@ -46,6 +46,7 @@ def radial_of(interior: np.ndarray) -> Radial:
 def _curve(results: CalibrationResults) -> Chart:
     interior = results.result.state.interior
     radius, change = balance(results)
+    # To the corner of the frame, beyond the radius over which the curve is balanced.
     r = np.linspace(0.0, 0.5 * float(np.hypot(*results.target.size)), 60)
     series = {
         "as adjusted": displacement(r, interior[0], radial_of(interior)),
@@ -83,6 +84,7 @@ def _correlation_chart(result: BoardAdjustment) -> Chart:
 
 def _corner_chart(result: BoardAdjustment, target: CalibrationTarget) -> Chart:
     """With the border of the frame, so that its empty parts are visible."""
+    # Two series on one axis: each is NaN where the other has its points.
     pixels = target.pixels(result.corners.xy[result.used])
     width, height = np.array(target.size) - 1
     along, none = np.linspace(0.0, 1.0, 60), np.zeros(60)

@@ -23,6 +23,7 @@ def _px(name: str, value: float | None, sentence: str, headline: bool = False) -
 
 
 def _counts(results: CalibrationResults) -> tuple[Figure, ...]:
+    # An image of a board is a pair of photograph and board: cut boards count, predicted ones without a corner do not.
     result, photos = results.result, len(results.photos)
     left_out = len(results.searches) - photos
     images = len({(p, b) for p, b in zip(result.corners.photo.tolist(), result.corners.board.tolist(), strict=True)})
@@ -70,6 +71,7 @@ def _held_out(results: CalibrationResults) -> tuple[Figure, ...]:
 
 
 def _geometry(results: CalibrationResults, shape: PhotoGeometry) -> tuple[Figure, ...]:
+    # Comparable with calibrations that report a constant for least distortion; the camera keeps c as adjusted.
     balanced = results.result.state.interior[0] + balance(results)[1]
     tilt, turned = round(shape.tilt_largest, 1), round(shape.turned, 1)
     return (

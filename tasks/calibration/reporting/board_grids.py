@@ -60,6 +60,7 @@ def exterior_grid(results: CalibrationResults) -> Grid:
 
 
 def _exterior_row(results: CalibrationResults, photo: int, name: str) -> Row:
+    # One standard error for three coordinates: three columns more would hide the figures that matter.
     value, sigma = photo_precision(results.result, photo)
     return (
         name,
@@ -108,6 +109,7 @@ def photo_grid(results: CalibrationResults) -> Grid:
 def _photo_row(results: CalibrationResults, photo: int, name: str) -> Row:
     result, constant = results.result, results.constant
     own = result.corners.photo == photo
+    # Corners used only, as in sigma0; the rejected ones have a column of their own.
     size = np.linalg.norm(result.residual[own & result.used], axis=1)
     search = next(search for search in results.searches if search.photo == name)
     return (

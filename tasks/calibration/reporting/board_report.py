@@ -19,6 +19,7 @@ _MOST_PICTURES = 12
 
 def chessboards_report(plain: StageReport, results: CalibrationResults) -> StageReport:
     """The report `plain` of the cameras, with the results of the calibration from chessboards."""
+    # The weaknesses in the order in which they are remedied: photographs first, then boards and camera, then single pictures.
     shape = geometry(results.result, results.target)
     advice = [
         *geometry_advice(results.result, shape),

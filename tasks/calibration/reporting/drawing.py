@@ -58,6 +58,7 @@ def _draw_board(picture: np.ndarray, board: CornerResiduals, size: tuple[int, in
 
 def _draw_axes(picture: np.ndarray, board: CornerResiduals, places: np.ndarray, colour: tuple[int, int, int]) -> None:
     """Origin with arrows to the ends of the first row and the first column, where these corners are known."""
+    # A cut board may lack its origin; its axes cannot be drawn then.
     known = {(int(c), int(r)): place for c, r, place in zip(board.column, board.row, places, strict=True)}
     if (0, 0) not in known:
         return

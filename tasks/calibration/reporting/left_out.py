@@ -46,6 +46,7 @@ def unused(results: CalibrationResults) -> tuple[Grid, ...]:
 
 def left_out(results: CalibrationResults) -> list[LeftOut]:
     """Everything that is not used: photo by photo, then the boards that the second search did not find."""
+    # By name of the photograph: the adjustment numbers only those that take part.
     corners = results.result.corners
     used = {(results.photos[p], b) for p, b in zip(corners.photo.tolist(), corners.board.tolist(), strict=True)}
     predicted = {(own.photo, prediction.board) for own in results.arranged.photos for prediction in own.predictions}

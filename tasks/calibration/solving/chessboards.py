@@ -55,7 +55,7 @@ class CalibratedBoards(NamedTuple):
     checks: dict[tuple[str, ...], HeldOut | None]
 
 
-class BoardCalibration(NamedTuple):
+class CalibrationProducts(NamedTuple):
     """What the calibration from chessboards writes: the cameras of the photographs, the report, the calibrated camera by itself,
     the full record, the residuals of all corners, and the camera in the formats of other programs."""
 
@@ -132,7 +132,7 @@ def from_chessboards(
     model: Model,
     photos: Photos | None = None,
     serves: str = "*",
-) -> BoardCalibration:
+) -> CalibrationProducts:
     """Cameras, records and report of a calibration, whose camera took the photographs that match `serves`; without `photos` the
     calibration is run alone.
 
@@ -143,7 +143,7 @@ def from_chessboards(
     names = [boards.names[photo] for photo in used]
     results = CalibrationResults(result, target, names, constant, checks, searches, arranged)
     cameras, report = _served(photos, serves, camera)
-    return BoardCalibration(
+    return CalibrationProducts(
         cameras=cameras,
         report=chessboards_report(report, results),
         camera=camera,

@@ -81,7 +81,7 @@ def solve(
         try:
             result = adjust(network, state, corners)
         except GeometryError as error:
-            # The first error speaks for the most plausible start.
+            # The message of the most plausible start is the most useful one.
             failure = failure or error
             continue
         if best is None or _typical(result) < _typical(best):

@@ -6,7 +6,7 @@ import pytest
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.raster import Window
 from orthomill.tasks.calibration.board_tables import Arranged, ArrangedPhoto, Prediction
-from orthomill.tasks.calibration.detection.board_detection import COARSE_SIDE, _refusal, find_boards, pyramid, symmetric
+from orthomill.tasks.calibration.detection.board_detection import COARSE_SIDE, Refusal, _refusal, find_boards, pyramid, symmetric
 from orthomill.tasks.calibration.detection.board_photographs import complete_corners, near_predictions, photo_corners
 from orthomill.tasks.calibration.detection.saddles import edge_blur
 from orthomill.tasks.geometry.rotation import rotation_matrix
@@ -72,8 +72,8 @@ def test_a_board_with_more_corners_than_stated_is_no_board_of_that_kind():
     assert len(find_boards(pyramid(image, COARSE_SIDE), (5, 4), 3).corners) == 0
     whole = truth(view())[0].reshape(5, 6, 2)
     assert _refusal(image, whole) is None
-    assert _refusal(image, whole[:4, 1:]) == 1, "a part of a board goes on"
-    assert _refusal(image, whole + 17.0) == 0, "no corners there"
+    assert _refusal(image, whole[:4, 1:]) is Refusal.LARGER, "the squares continue beyond a part of a board"
+    assert _refusal(image, whole + 17.0) is Refusal.NO_BOARD, "no corners there"
 
 
 def test_cut_and_missed_boards_are_found_where_they_have_to_be():

@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.calibration.board_setups import SIX_BOARDS, places_of, views_of
 from orthomill.schemas.raster import Window
-from orthomill.tasks.calibration.detection.board_photographs import photo_corners
+from orthomill.tasks.calibration.detection.board_photographs import PhotoCorners, photo_corners
 from orthomill.tasks.calibration.solving.arranging import arrangement_of, found_boards
 from orthomill.tasks.calibration.solving.solving import CalibrationTarget
 from orthomill.tasks.geometry.view import View
@@ -21,11 +21,11 @@ SETUP = replace(SIX_BOARDS, camera=CAMERA, boards=1, photos=8, board=BoardType((
 
 
 def aside(view: View, right: float, up: float, nearer: float = 0.0) -> View:
-    """The view from beside, m in its own axes."""
+    """The view shifted sideways, m in its own axes."""
     return replace(view, centre=view.centre + view.rotation.T @ np.array([right, up, -nearer]))
 
 
-def look(view: View, corners: tuple[int, int] = (9, 6), boards: int = 1, exact: bool = True) -> dict:
+def look(view: View, corners: tuple[int, int] = (9, 6), boards: int = 1, exact: bool = True) -> PhotoCorners:
     window = Window(0, 0, CAMERA.height, CAMERA.width)
     image = photograph_floor(view, places_of(SETUP), SETUP.board, BoardFilm(0.6, 2.0), window)
     return photo_corners(image[:, :, None], "p", corners, boards, exact)
@@ -55,7 +55,7 @@ def test_a_part_that_can_be_any_is_used_alone_and_only_of_exact_boards():
 
 
 @pytest.mark.parametrize("stated", [(10, 7), (8, 5), (7, 6), (12, 9)])
-def test_the_number_of_corners_that_is_there_is_told(stated):
+def test_the_true_number_of_corners_is_reported(stated):
     outcome = look(views_of(SETUP)[2], stated)
     assert len(outcome.corners) == 0 and outcome.search.other == ((9, 6),)
 

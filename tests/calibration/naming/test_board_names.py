@@ -1,4 +1,4 @@
-"""Boards told apart across photographs, starting values, and the published numbers of the method."""
+"""Boards identified across photographs, initial values, and the published numbers of the method."""
 
 from dataclasses import replace
 
@@ -37,7 +37,7 @@ def corners(setup: BoardSetup, noise: float = 0.3, seed: int = 0, missing: float
 
 
 def one_renumbering(photos, order: list[np.ndarray]) -> bool:
-    """Whether all photos that say which boards they show name all of them, by one change of numbers."""
+    """Whether all photos with certain names have named all their boards, by one renumbering."""
     pairs = {
         (int(n), int(t))
         for own, true in zip(photos, order, strict=True)

@@ -1,4 +1,4 @@
-"""Boards that stand anywhere: told apart by their poses; and boards that were said to lie on one plane and do not."""
+"""Boards anywhere in space, identified by their poses; and boards that are stated to lie on one plane and do not."""
 
 from dataclasses import dataclass, replace
 
@@ -62,7 +62,7 @@ def corners(scene: Scene) -> tuple[list[np.ndarray], list[np.ndarray]]:
     [Scene(1), Scene(2, boards=2), Scene(3, boards=7), Scene(4, depth=3.0), Scene(5, depth=0.0), Scene(6, photos=3, missing=0.0)],
     ids=str,
 )
-def test_boards_in_space_are_told_apart_and_calibrate_the_camera(scene):
+def test_boards_in_space_are_identified_and_calibrate_the_camera(scene):
     found, order = corners(scene)
     known = arrangement_of(found, TARGET)
     pairs = {

@@ -14,7 +14,7 @@ from orthomill.tasks.calibration.board_tables import Corners, PhotoSearch, Predi
 from orthomill.tasks.calibration.solving import chessboards
 from orthomill.tasks.calibration.solving.arranging import _seen, arrange, found_boards, undistorted
 from orthomill.tasks.calibration.solving.chessboards import (
-    BoardCalibration,
+    CalibrationProducts,
     Model,
     calibration_record,
     camera_of,
@@ -42,7 +42,7 @@ def photo(name: str, **changes) -> Photo:
 
 
 @pytest.fixture(scope="module")
-def calibrated() -> BoardCalibration:
+def calibrated() -> CalibrationProducts:
     """EASY from its tables, with five parameters, run alone."""
     photos, corners, searches = easy_tables()
     return from_chessboards(photos, everything_named(photos, 3), corners, (), searches, easy_arrangement()[0], FIVE)
@@ -114,7 +114,7 @@ def test_photographs_of_one_size_are_indexed_by_unique_names():
 
 
 def test_the_results_are_the_writes_of_the_job_and_agree_with_each_other(calibrated):
-    assert calibrated._fields == tuple(inspect.get_annotations(BoardCalibration))
+    assert calibrated._fields == tuple(inspect.get_annotations(CalibrationProducts))
     assert calibrated.cameras.cameras == {"chessboards": calibrated.camera} and calibrated.cameras.of_photo == {}
     assert calibrated.calibration.camera == calibrated.camera and calibrated.calibration.sigma0 == calibrated.camera.sigma0
     assert repr(calibrated.camera.c) in calibrated.colmap.text and "standard_errors" in calibrated.opencv.text
@@ -182,7 +182,7 @@ def test_corners_of_the_second_search_are_added_and_do_not_replace_the_first():
     assert new.corner.tolist() == [29] and target.pixels(new.xy).tolist() == [[3.0, 4.0]]
 
 
-def served(*photos: Photo, serves: str) -> BoardCalibration:
+def served(*photos: Photo, serves: str) -> CalibrationProducts:
     tables, corners, searches = easy_tables()
     return from_chessboards(
         tables, everything_named(tables, 3), corners, (), searches, easy_arrangement()[0], FIVE, Photos(photos=photos), serves
