@@ -61,6 +61,8 @@ class CalibrationStage(Stage):
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         """One job for cameras that are known already; corners per photograph and an adjustment for chessboards."""
         source = view.project.cameras
+        if source.kind != "chessboards":
+            self._refuse_parameters(source.kind)
         if source.kind == "chessboards":
             yield from self._chessboard_jobs(view, source)
             yield from self._chessboard_exports()
@@ -70,6 +72,14 @@ class CalibrationStage(Stage):
             yield self._job(as_given, {}, {"given": source})
         else:
             yield self._job(from_exif, {}, {})
+
+    def _refuse_parameters(self, kind: str) -> None:
+        """Raises WorkflowError for parameters that nothing would estimate."""
+        if self.parameters:
+            raise WorkflowError(
+                f"The calibration's parameters ({', '.join(self.parameters)}) have no effect with cameras of kind: {kind}, as only "
+                "photographs of chessboards estimate them; remove the setting, or calibrate with cameras of kind: chessboards."
+            )
 
     def _job(
         self, function: Callable[..., KnownCameras], reads: dict[str, Region | tuple[Region, ...]], params: dict[str, Any]

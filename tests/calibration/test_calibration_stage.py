@@ -144,6 +144,13 @@ def test_parameters_are_estimated_in_their_order_and_need_c():
         planned(boards(), parameters=("x0", "k1"))
 
 
+@pytest.mark.parametrize("source", [CameraFromExif(kind="exif"), CameraGiven(kind="given", c=900.0)], ids=lambda one: one.kind)
+def test_parameters_are_refused_where_nothing_estimates_them(source):
+    with pytest.raises(WorkflowError, match=rf"parameters \(c, k1\) have no effect with cameras of kind: {source.kind}.*remove"):
+        planned(source, parameters=("c", "k1"))
+    assert len(planned(source)) == 1
+
+
 @pytest.mark.parametrize("corners", [(9, 7), (8, 6), (2, 5), (4, 1)])
 def test_boards_without_an_origin_or_with_too_few_corners_are_refused(corners):
     with pytest.raises(WorkflowError, match=rf"{corners[0]} x {corners[1]} inner corners; one of the two numbers must be even"):
