@@ -1,4 +1,4 @@
-"""One small family of errors. Each message is a sentence for a person: what was found, where, what was needed, how to mend it."""
+"""One small family of errors. Each message is a sentence for the user: what was found, where, what is needed, how to fix it."""
 
 from collections.abc import Sequence
 
@@ -8,7 +8,7 @@ class OrthomillError(Exception):
 
 
 class WorkflowError(OrthomillError):
-    """The workflow file, or a file that it names, is not what it must be."""
+    """The workflow file, or a file that it names, is not as required."""
 
 
 class PhotoError(OrthomillError):
@@ -16,7 +16,7 @@ class PhotoError(OrthomillError):
 
 
 class GeometryError(OrthomillError):
-    """The observations do not determine what was asked of them."""
+    """The observations do not determine the unknowns."""
 
 
 class StoreError(OrthomillError):
@@ -29,5 +29,6 @@ class ResourceError(OrthomillError):
 
 def some_of(names: Sequence[str], most: int = 8) -> str:
     """The first `most` names, and how many more there are."""
+    # A block can have thousands of photographs: the sentence must remain one.
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more

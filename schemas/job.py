@@ -1,4 +1,4 @@
-"""A job: which regions it reads and writes, and which pure function turns the one into the other.
+"""A job: which regions it reads and writes, and which pure function computes the latter from the former.
 
 The engine derives every dependency from the regions. A region is a window of a raster, a table, a file of the project, or the
 header of a photograph. Arguments of the function arrive under the names of `reads` and `params`. It returns the bare value when
@@ -32,7 +32,7 @@ class Table(Generic[T]):
     path: str
     type: type[T]
     readers: tuple[str, ...] | None = None
-    """stages that may read it; None: all. What its writer says counts."""
+    """stages that may read it; None: all. The declaration of its writer counts."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class TextFile:
 class MapFile:
     """A window of a georeferenced raster file, resampled to `grid` in `crs`.
 
-    Arrives as float32 (height, width), or (height, width, bands) when `bands` > 1; NaN where the file has nothing.
+    Arrives as float32 (height, width), or (height, width, bands) when `bands` > 1; NaN where the file has no value.
     """
 
     path: str
@@ -104,7 +104,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Export:
-    """A file made from whole rasters, block by block; the path is relative to the run's folder.
+    """A file written from whole rasters, block by block; the path is relative to the run's folder.
 
     `format`: "cog" (GeoTIFF with overviews), "tiff" (plain tiled TIFF, no georeference), "laz" (raster "z" as points, with "rgb"
     and others as attributes), "json" or "csv" (the one table of `tables`), "text".

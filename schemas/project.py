@@ -1,6 +1,6 @@
-"""The project part of a workflow file: what is photographed, by what, where, and what is known of it.
+"""The project part of a workflow file: photographs, cameras, positions, ground control.
 
-The stages part is typed by the catalogue of stages; the pipeline puts the two together.
+The stages part is typed by the catalogue of stages; the pipeline combines the two.
 """
 
 from typing import Annotated, Literal
@@ -36,7 +36,8 @@ PhotoFiles = PhotoFolder | PhotoList
 
 Photographs = Annotated[PhotoFolder | PhotoList | SimulatedPhotos, Field(discriminator="kind")]
 
-SERVES = "Shell pattern of the file names that this camera took; other photographs have the camera of their EXIF tags."
+# One camera source per project: a second camera is the exception, and its photographs fall back to their EXIF tags.
+SERVES = "Shell pattern of the names of the photographs taken with this camera; others have the camera of their EXIF tags."
 
 
 class CameraFromExif(Settings):
@@ -54,7 +55,7 @@ class CameraFromFile(Settings):
 
 
 class CameraGiven(Settings):
-    """Interior orientation typed into the workflow."""
+    """Interior orientation given in the workflow."""
 
     kind: Literal["given"]
     c: float = setting(..., "Camera constant.", "px", gt=0)
@@ -71,17 +72,18 @@ class CameraGiven(Settings):
 
 
 class CameraFromChessboards(Settings):
-    """Calibration from photographs of one chessboard, or of several equal ones that keep their places."""
+    """Calibration from photographs of one chessboard, or of several equal ones that are not moved."""
 
     kind: Literal["chessboards"]
     photographs: Photographs = setting(..., "Photographs of the chessboards, taken with the same camera and focus.")
+    # With two even or two odd counts a board looks the same turned by 180 degrees, and its corners cannot be numbered uniquely.
     corners: tuple[int, int] = setting(
-        ..., "Inner corners of a board: columns, rows. One must be even and one odd, so that the board has one origin."
+        ..., "Inner corners of a board: columns, rows. One must be even and one odd, so that the board has a unique origin."
     )
     square: float = setting(..., "Side of a square.", "m", gt=0)
-    boards: int = setting(0, "Equal boards that lie there together; 0: as many as the photographs show.", ge=0, le=40)
+    boards: int = setting(0, "Number of equal boards in the scene; 0: as many as the photographs show.", ge=0, le=40)
     arrangement: Literal["plane", "space"] = setting(
-        "plane", "Whether the boards lie on one plane, at places and angles that need not be known, or anywhere in space."
+        "plane", "Whether the boards are in one plane, at positions and angles that need not be known, or anywhere in space."
     )
     sigma_in_plane: float = setting(0.0, "Standard error of the corners of a board within its plane; 0: exact.", "m", ge=0)
     sigma_height: float = setting(0.0, "Standard error of the corners of a board out of its plane; 0: flat.", "m", ge=0)
@@ -94,6 +96,7 @@ CameraSource = Annotated[CameraFromExif | CameraFromFile | CameraGiven | CameraF
 class PositionsFromExif(Settings):
     """Projection centres from the GPS tags."""
 
+    # The defaults are those of a consumer receiver without corrections; with RTK the positions come from a file.
     kind: Literal["exif"]
     sigma_plan: float = setting(3.0, "Standard error in X and Y.", "m", gt=0)
     sigma_height: float = setting(5.0, "Standard error in Z.", "m", gt=0)
@@ -107,7 +110,7 @@ class PositionsFromFile(Settings):
 
 
 class NoPositions(Settings):
-    """Nothing is known of where the photographs were taken."""
+    """The positions of the photographs are unknown."""
 
     kind: Literal["none"]
 
@@ -127,29 +130,30 @@ class ControlFromFiles(Settings):
     kind: Literal["files"]
     points: str = setting(
         ...,
-        "CSV with the columns name, role (control, check or tie), x, y, z, sigma_x, sigma_y, sigma_z; a tie point is only measured "
-        "in photographs, and its numbers stay empty.",
+        "CSV with the columns name, role (control, check or tie), x, y, z, sigma_x, sigma_y, sigma_z; a tie point is measured in "
+        "photographs only, and its coordinates are left empty.",
     )
     measurements: str = setting(..., "CSV with the columns name, photo, col, row, sigma (pixels).")
     distances: str | None = setting(
-        None, "CSV with the columns from, to, metres, sigma: distances measured between points of this control, in space."
+        None, "CSV with the columns from, to, metres, sigma: spatial distances measured between these points."
     )
     crs: str | None = setting(
-        None, "Reference system of the points, e.g. EPSG:4326 or EPSG:2100+5773; the project's own where it is not named."
+        None, "Reference system of the points, e.g. EPSG:4326 or EPSG:2100+5773; by default that of the project."
     )
 
 
 class ControlFromGcpList(Settings):
-    """Ground control as OpenDroneMap writes it: the reference system, then lines of X Y Z, col row, photograph and name."""
+    """Ground control in OpenDroneMap's format: the reference system, then lines of X Y Z, col row, photograph and name."""
 
     kind: Literal["gcp_list"]
     path: str = setting(..., "The file gcp_list.txt.")
     sigma_plan: float = setting(0.03, "Standard error of the points in X and Y.", "m", gt=0)
     sigma_height: float = setting(0.05, "Standard error of the points in Z.", "m", gt=0)
     sigma_px: float = setting(1.0, "Standard error of their measurements in the photographs.", "px", gt=0)
-    check: tuple[str, ...] = setting((), "Names of the points that are check points and take no part in the adjustment.")
+    check: tuple[str, ...] = setting((), "Names of the points that are check points and do not take part in the adjustment.")
+    # Half a pixel: programs that display the photographs count from the corner, and the format does not say.
     origin: Literal["centre", "corner"] = setting(
-        "centre", "What has pixel coordinates (0, 0): the centre of the upper left pixel (as OpenDroneMap takes it), or its corner."
+        "centre", "Origin (0, 0) of the pixel coordinates: the centre of the upper-left pixel (as in OpenDroneMap), or its corner."
     )
 
 
@@ -169,12 +173,13 @@ ControlSource = Annotated[ControlFromFiles | ControlFromGcpList | NoControl | Si
 
 
 class Project(Settings):
-    """Everything of a workflow file but its stages."""
+    """Everything in a workflow file except its stages."""
 
     project: str = setting(..., "Name of the project; its results go to runs/<project>.", pattern=r"^[a-z0-9][a-z0-9_-]*$")
     crs: str = setting(..., "Projected coordinate reference system in metres, e.g. EPSG:2100; a vertical one may follow after +.")
     photographs: Photographs = setting(..., "Where the photographs are.")
     cameras: CameraSource = setting(CameraFromExif(kind="exif"), "Where the interior orientation comes from.")
-    positions: Positions = setting(PositionsFromExif(kind="exif"), "Where the photographs were taken, as far as it is known.")
+    positions: Positions = setting(PositionsFromExif(kind="exif"), "Where the positions of the photographs come from.")
     control: ControlSource = setting(NoControl(kind="none"), "Ground control and check points.")
+    # Multiples of 64: pyramid levels and the blocks of exported GeoTIFFs divide a tile without a rest.
     tile: int = setting(512, "Side of a tile: the unit of work, of storage and of memory.", "px", ge=128, le=8192, multiple_of=64)

@@ -1,4 +1,4 @@
-"""Rasters by name: their shape, chunks and place on the ground, and windows into them. Pure geometry, no storage.
+"""Rasters by name: their shape, chunks and georeference, and windows into them. Pure geometry, no storage.
 
 Arrays are (rows, cols) or (rows, cols, bands). A window is half open. A chunk spans all bands.
 """
@@ -35,7 +35,7 @@ class Window:
         return self.height <= 0 or self.width <= 0
 
     def grown(self, halo: int) -> "Window":
-        """The window with `halo` pixels more on every side; may leave the raster, so clip it."""
+        """The window with `halo` pixels more on every side; may extend beyond the raster, so clip it."""
         return Window(self.row - halo, self.col - halo, self.height + 2 * halo, self.width + 2 * halo)
 
     def clipped(self, shape: tuple[int, ...]) -> "Window":
@@ -93,12 +93,12 @@ class MapGrid(BaseModel):
         return x, y
 
     def pixel(self, x: Coordinates, y: Coordinates) -> tuple[Coordinates, Coordinates]:
-        """(col, row) of ground points, float; cell centres are whole numbers."""
+        """(col, row) of ground points, float; cell centres are integers."""
         return (x - self.west) / self.cell - 0.5, (self.north - y) / self.cell - 0.5
 
 
 class RasterSpec(BaseModel):
-    """What a raster is before any of it exists; the store creates it from this, and exports read it back."""
+    """A raster before any of it exists; the store creates it from this, and exports read it back."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -116,7 +116,8 @@ class RasterSpec(BaseModel):
     """Names of the map axes, rows first. Map rasters of one group share them; one on another grid needs names of its own."""
 
     def same(self, other: "RasterSpec") -> bool:
-        """Whether both describe the same raster; unlike ==, a nodata of NaN equals itself."""
+        """Whether both describe the same raster."""
+        # By their text: with == a nodata of NaN is not equal to itself, and every map raster would be created again in every run.
         return repr(self) == repr(other)
 
     @property

@@ -1,7 +1,7 @@
 """How a setting is declared: type, default, bounds, unit and one sentence, all on the field itself.
 
-Error texts, the settings reference and the commented starting workflow are generated from these fields, so that no parameter
-is described twice.
+Error messages, the settings reference and the commented starting workflow are generated from these fields, so that no parameter is
+described twice.
 """
 
 from typing import Any
@@ -10,8 +10,9 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class Settings(BaseModel):
-    """Base of everything a workflow file can say: frozen, and closed against unknown names."""
+    """Base of everything that a workflow file can contain: frozen, and closed against unknown names."""
 
+    # NaN passes every comparison with a bound; a setting that is not a number must fail here and not in a kernel.
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 

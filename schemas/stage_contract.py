@@ -2,7 +2,7 @@
 
 A stage is a pydantic model: its fields are its settings. `plan()` yields raster specifications, jobs and exports. It may ask the
 view for a table or a raster that does not exist yet; the view then raises `NotYet`, the engine runs what was yielded so far and
-plans the stage again when the thing exists. Planning is therefore repeatable: the same answers give the same jobs.
+plans the stage again when the table or raster exists. Planning must therefore be repeatable: the same answers give the same jobs.
 """
 
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 
 class NotYet(Exception):
-    """A table or raster that planning asked for has not been made yet. Never shown to a user."""
+    """A table or raster that planning asked for does not exist yet. Never shown to a user."""
 
 
 class ProjectView(Protocol):
@@ -32,27 +32,27 @@ class ProjectView(Protocol):
         """The specification of a raster that some stage has planned. Raises NotYet."""
 
     def image_files(self, source: Photographs, simulated_folder: str = "photographs") -> tuple[str, ...]:
-        """The image files of a source in order of name, as regions want them (relative to the project's root).
+        """The image files of a source in order of name, relative to the project's root, as in regions.
 
         For simulated photographs these are the files that are exported to `simulated_folder` of the run. Raises NotYet until
         the stage that exports them is planned, WorkflowError when there are none.
         """
 
     def run_file(self, path: str) -> str:
-        """The path, as regions want it, of a file that an `Export` makes in the run's folder."""
+        """The path, relative to the project's root, of a file that an `Export` writes in the run's folder."""
 
     def has_stage(self, kind: str) -> bool:
         """Whether the workflow contains a stage."""
 
 
 class Stage(Settings):
-    """One link of the chain. Its `kind` is its folder, its YAML name, its Dask prefix, its store group."""
+    """One stage of the workflow. Its `kind` is its folder, its name in YAML, its prefix in Dask and its group in the store."""
 
     title: ClassVar[str]
-    """What the stage does, in a few words, for reports and progress lines."""
+    """The subject of the stage as a noun phrase, for reports and progress lines."""
 
     kind: str
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
-        """Yields what exists, what is to be done and what is to be exported. Holds no numerics."""
+        """Yields raster specifications, jobs and exports. Contains no numerics."""
         raise NotImplementedError

@@ -1,6 +1,6 @@
-"""What a stage tells people: every stage writes one `StageReport` to `<stage>/report.json`.
+"""What a stage reports: every stage writes one `StageReport` to `<stage>/report.json`.
 
-It is declarative: the pipeline draws it without knowing what it means. Every figure stands in `summary.json` under
+It is declarative: the pipeline draws it without knowing what it means. Every figure is also in `summary.json` under
 `<stage>.<name>`; names are stable and documented.
 """
 
@@ -12,22 +12,23 @@ from orthomill.schemas.job import Table
 
 
 class _Part(BaseModel):
-    """NaN survives being stored: a curve may have gaps."""
+    """Base of the parts of a report."""
 
+    # Strict JSON would store NaN as null, which is not a float again when it is read: a curve may have gaps.
     model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="constants")
 
 
 class Figure(_Part):
-    """One number (or word) a person may sign. `name` is snake_case and stable."""
+    """One number (or word) with its unit and meaning. `name` is snake_case and stable."""
 
     name: str
     value: float | int | str | bool | None
     unit: str = ""
     sentence: str = ""
     headline: bool = False
-    """Belongs to the few figures that a surveyor signs: shown in the strip at the top of the report."""
+    """One of the few figures that a surveyor signs: shown among the key figures at the top of the report."""
     detail: bool = False
-    """One of many that only an analyst looks for: folded away in the report."""
+    """One of many figures for a closer analysis: collapsed in the report."""
 
 
 class Grid(_Part):
@@ -40,10 +41,10 @@ class Grid(_Part):
 
 
 class Picture(_Part):
-    """A raster drawn in reduced size. `style` says how; `classes` gives colour and meaning of codes.
+    """A raster drawn at reduced resolution. `style` says how; `classes` gives colour and meaning of codes.
 
-    hillshade: heights, shaded and tinted; rgb: as it is; ramp: `low` to `high` (percentiles 2 and 98 when None) in the colour
-    map `colours`; diverging: symmetric about 0; classes: integer codes.
+    hillshade: heights, shaded and tinted; rgb: colours as stored; ramp: `low` to `high` (percentiles 2 and 98 when None) in the
+    colour map `colours`; diverging: symmetric about 0; classes: integer codes.
     """
 
     title: str
@@ -59,7 +60,7 @@ class Picture(_Part):
 
 
 class Chart(_Part):
-    """A histogram (bars) or curves over x."""
+    """A histogram, curves or points over x, vectors, or a map."""
 
     title: str
     style: Literal["bars", "lines", "points", "arrows", "map"]
@@ -73,14 +74,14 @@ class Chart(_Part):
 
 
 class StageReport(_Part):
-    """All that one stage tells people, in the order it is to be read."""
+    """Everything that one stage reports, in reading order."""
 
     figures: tuple[Figure, ...] = ()
     grids: tuple[Grid, ...] = ()
     charts: tuple[Chart, ...] = ()
     pictures: tuple[Picture, ...] = ()
     warnings: tuple[str, ...] = ()
-    """Whole sentences in plain words: what is weak, where, what to do."""
+    """Whole sentences: what is poorly determined or suspicious, where, and what to do."""
 
 
 def report_table(stage: str) -> Table[StageReport]:

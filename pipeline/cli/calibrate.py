@@ -74,6 +74,7 @@ def _mistake(detail: ErrorDetails) -> str:
 def _files(photos: Sequence[Path], root: Path) -> tuple[str, ...]:
     """Image files, and all images of folders, relative to `root`."""
     files: list[str] = []
+    # relpath and not relative_to: boards may be photographed into a folder outside the current one.
     for path in photos:
         relative = Path(os.path.relpath(path, root)).as_posix()
         if path.is_dir():

@@ -14,6 +14,7 @@ def clean_run(folder: Path, stages: tuple[str, ...]) -> None:
     """
     if not folder.is_dir():
         raise StoreError(f"{folder} does not exist; there is nothing to clean.")
+    # Every store of results is divided by stage, so that a stage can be removed without touching the others.
     parts = [folder / part / stage for stage in stages for part in ("rasters.zarr", "tables", "jobs")]
     # Under the lock: a run in progress would find its rasters and records gone between two jobs.
     with only_run(folder):

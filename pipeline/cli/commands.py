@@ -245,9 +245,10 @@ def export(
 
 def _exports(session: Session, raster: str | None, path: str | None) -> list[Export]:
     if raster is not None:
-        session.store.spec(raster)
+        session.store.spec(raster)  # raises for a raster that does not exist, before the lock is taken
         target = path or f"products/{raster.replace('/', '_')}.tif"
         return [Export("export", raster, target, "cog", rasters={"value": raster})]
+    # Only products whose inputs exist: after an interrupted run the others are still to be computed.
     session.plan()
     planned = [p.job for p in session.graph.jobs.values() if isinstance(p.job, Export) and p.job.path.startswith("products/")]
     store = session.store

@@ -132,6 +132,7 @@ def _memory() -> Finding:
 
 def _port(port: int) -> Finding:
     with socket.socket() as probe:
+        # Without this a port closed a minute ago counts as taken (TIME_WAIT), although the dashboard could have it.
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             probe.bind(("127.0.0.1", port))
@@ -152,6 +153,7 @@ def _kernel_cache() -> Finding:
 
 
 def _run_folder(folder: Path) -> list[Finding]:
+    # `runs` is often a link to a larger disk: what counts is the file system that it leads to.
     place = folder / "runs" if (folder / "runs").is_dir() else folder
     if not _can(place, _write):
         advice = "make it writable, or work in another folder"

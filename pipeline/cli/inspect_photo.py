@@ -51,6 +51,7 @@ def picture_path(photo: Path, words: str, output: Path | None) -> Path:
         raise StoreError(f"The picture is a PNG, but {path} does not end in .png; choose a name that does.")
     if not path.parent.is_dir():
         raise StoreError(f"The folder {path.parent} for the picture does not exist; create it or choose another.")
+    # samefile sees through links and different spellings of one path.
     if path.exists() and photo.exists() and path.samefile(photo):
         raise StoreError(f"{path} is the photograph itself, which would be overwritten; choose another name for the picture.")
     return path

@@ -39,6 +39,7 @@ class ProgressLines:
         self._titles, self._workers, self._console = titles, max(workers, 1), console
         self._printed: dict[str, int] = {}
         self._started = time.monotonic()
+        # A terminal can be redrawn; in a log file every redrawing would be a line of its own.
         self._live = Live(get_renderable=self._lines, console=console, refresh_per_second=2) if console.is_terminal else None
 
     def __enter__(self) -> "ProgressLines":
@@ -76,6 +77,7 @@ class ProgressLines:
         return count.seconds / count.done * (count.planned - count.ended) / self._workers
 
     def _log(self, kind: str, count: StageCount) -> None:
+        # Ten lines per stage keep the log of a run with thousands of tiles readable.
         tenth = 10 * count.ended // max(count.planned, 1)
         if tenth != self._printed.get(kind) or count.ended == count.planned:
             self._printed[kind] = tenth

@@ -59,7 +59,7 @@ def free_port(wanted: int) -> int:
             except OSError:
                 continue
             return port
-    return 0
+    return 0  # any free port, by the convention of sockets
 
 
 @contextmanager

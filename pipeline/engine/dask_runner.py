@@ -74,6 +74,7 @@ class DaskRunner:
             self._ended.add(future)
 
     def close(self) -> None:
+        # After Ctrl-C the scheduler would otherwise go on with the queued jobs; a client without scheduler would wait for one.
         if self._client.status == "running":
             self._client.cancel(list(self._futures.values()), force=True)
         self._futures.clear()

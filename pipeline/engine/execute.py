@@ -27,11 +27,11 @@ class JobOrder:
     fingerprint: Fingerprint
     reason: str
     run: str = ""
-    """mark of the run that asks for it"""
+    """identifier of the run that asks for it"""
 
 
 class JobFailed(Exception):
-    """A job could not be done; carries the sentence for people."""
+    """A job could not be done; carries the sentence for the user."""
 
     def __init__(self, key: Key, sentence: str) -> None:
         super().__init__(key, sentence)
@@ -41,17 +41,18 @@ class JobFailed(Exception):
 def execute(work: JobOrder, *dependencies: object) -> Key:
     """Do one job and record it; returns its key. Raises JobFailed.
 
-    `dependencies` are the results of the jobs before it: keys, never data. A job that this run has done already is not done again:
-    Dask asks for all jobs of a worker again that died, because their answers, the keys, died with it.
+    `dependencies` are the results of the jobs before it: keys, never data.
     """
     records = Records(work.folder)
+    # When a worker dies, Dask repeats all jobs whose results, the keys, it held; their data are on disk and remain valid.
     if _is_done(work, records):
         return work.job.key
     started = time.time()
+    # The record goes first: a process killed while it writes must not leave a record that says the result is valid.
     records.remove(work.job.key)
     try:
         births = _perform(work)
-    except Exception as error:
+    except Exception as error:  # whatever a method raises ends this job only, and the run goes on with the others
         sentence = str(error) if isinstance(error, OrthomillError) else f"unexpected {type(error).__name__}: {error}"
         _put(records, _record(work, "failed", started, error=sentence, traceback=traceback.format_exc()))
         raise JobFailed(work.job.key, sentence) from None
@@ -81,14 +82,14 @@ def _perform(work: JobOrder) -> dict[str, str]:
     result = job.function(**inputs, **job.params)
     values = _by_name(result, job)
     if set(values) != set(job.writes):
-        raise StoreError(f"{job.key} was to give {sorted(job.writes)} but gave {sorted(values)}.")
+        raise StoreError(f"{job.key} must return {sorted(job.writes)} but returned {sorted(values)}.")
     for name, region in job.writes.items():
         _write(store, region, values[name])
     return {region.name: store.birth(region.name) for region in job.writes.values() if isinstance(region, Raster)}
 
 
 def _by_name(result: Any, job: Job) -> dict[str, Any]:
-    """What a function returned, under the names of the writes: see job_signature.py for its three forms."""
+    """What a function returned, under the names of the writes; job_signature.py describes the three forms."""
     if isinstance(result, tuple) and hasattr(result, "_asdict"):
         return {name: value for name, value in result._asdict().items() if value is not None}
     return result if isinstance(result, dict) else {next(iter(job.writes)): result}
@@ -109,6 +110,7 @@ def _read(store: Store, root: Path, region: Region) -> Any:
         return read_pixels(root / region.path, region.window)
     if isinstance(region, PhotoHeader):
         header = read_header(root / region.path)
+        # The path relative to the root: tables made from it must not depend on where the project is stored.
         return header.model_copy(update={"path": region.path})
     if isinstance(region, MapHeader):
         return read_map_grid(root / region.path, region.crs)
@@ -119,6 +121,7 @@ def _read(store: Store, root: Path, region: Region) -> Any:
 
 def _read_text(path: Path) -> str:
     try:
+        # Spreadsheets begin a CSV file with a byte order mark, which would become part of the first column's name.
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise StoreError(f"{path} is not a text file in UTF-8; save it as plain text.") from None
@@ -133,7 +136,7 @@ def _write(store: Store, region: Raster | Table, value: Any) -> None:
 
 def _record(work: JobOrder, status: str, started: float, **more: Any) -> Record:
     stage, item, row, col = work.job.key
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024  # Linux counts in KiB
     return Record(
         stage=stage,
         item=item,

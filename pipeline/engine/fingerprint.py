@@ -25,6 +25,7 @@ LIBRARIES = ("numpy", "scipy", "numba", "opencv-python-headless", "rasterio")
 
 def digest(*parts: str) -> str:
     """A short, stable name of some text."""
+    # Separated by zero bytes, which no part contains: ("ab", "c") and ("a", "bc") must differ. 80 bits are ample for 10^6 jobs.
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:20]
 
 
@@ -34,6 +35,7 @@ def of_value(value: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
+    # The name of the type is part of the text: two kinds of settings with equal fields are different settings.
     if isinstance(value, BaseModel):
         return [type(value).__name__, value.model_dump(mode="json")]
     if isinstance(value, Enum):

@@ -1,7 +1,7 @@
 """The graph of jobs, derived from the regions that they state. There is no other description of it anywhere.
 
-Who writes a chunk, a table or a file is known as jobs are added; a job's dependencies are the writers of all that it reads. Because
-a writer must be known before its reader, jobs stand in an order in which they can be run one by one.
+The writer of every chunk, table and file is recorded as jobs are added; a job depends on the writers of everything that it reads.
+Because a writer must be known before its reader, jobs are in an order in which they can be run one by one.
 """
 
 from collections.abc import Iterator
@@ -19,9 +19,10 @@ from orthomill.schemas.job import Export, Job, MapFile, MapHeader, PhotoHeader, 
 from orthomill.schemas.raster import RasterSpec, Window
 
 PROCESS_BYTES = 600 * 2**20
-"""What a worker process holds beside its job, measured at the end of a run: the interpreter, libraries and compiled kernels (350
-MiB), and what the allocator keeps of earlier jobs for the next one."""
+"""Memory of a worker process apart from its job, measured at the end of a run: the interpreter, libraries and compiled kernels (350
+MiB), and what the allocator keeps from earlier jobs for the next one."""
 EXPORT_BYTES = 200 * 2**20
+"""Memory of an export apart from the process: GDAL's block cache, a chunk of every raster, and the compressor."""
 
 
 class GraphError(OrthomillError):
@@ -29,7 +30,7 @@ class GraphError(OrthomillError):
 
 
 class NoWriter(Exception):
-    """A job reads what nobody planned so far writes."""
+    """A job reads what no job planned so far writes."""
 
     def __init__(self, what: str, stage: str) -> None:
         super().__init__(what)
@@ -38,7 +39,7 @@ class NoWriter(Exception):
 
 @dataclass(frozen=True)
 class PlannedJob:
-    """A job with all that the graph knows of it."""
+    """A job with everything the graph knows about it."""
 
     job: Job | Export
     dependencies: tuple[Key, ...]
@@ -73,10 +74,11 @@ class Graph:
             raise GraphError(f"The raster {spec.name} is planned twice and differently: {known} and {spec}.")
 
     def add(self, job: Job | Export) -> PlannedJob | None:
-        """Put a job into the graph; None when it is there already. Raises NoWriter, GraphError."""
+        """Add a job to the graph; None when it is there already. Raises NoWriter, GraphError."""
         if isinstance(job, Job) and (wrong := misfit(job)):
             raise GraphError(wrong)
         planned = self._planned_export(job) if isinstance(job, Export) else self._planned_job(job)
+        # A stage is planned again from its beginning whenever a table appears, and yields its earlier jobs again.
         if job.key in self.jobs:
             if self.jobs[job.key].fingerprint != planned.fingerprint:
                 raise GraphError(f"Two different jobs are called {job.key}.")
@@ -89,7 +91,7 @@ class Graph:
         return self._table_writers.get(path)
 
     def exported_files(self, folder: str) -> tuple[str, ...]:
-        """Files that planned exports make in a folder of the run, as regions want them, sorted."""
+        """Files that planned exports write in a folder of the run, relative to the project's root, sorted."""
         prefix = f"{self.run_folder}/{folder}/"
         return tuple(sorted(path for path in self._file_writers if path.startswith(prefix)))
 
@@ -103,6 +105,7 @@ class Graph:
             found, external = self._writers(job.stage, region)
             keys.update(dict.fromkeys(found))
             sources.append(f"{region!r}{external}" if not isinstance(region, Table) else region.path)
+        # Photographs are counted as 8-bit RGB; a job that reads 16 bits or widens the values says so in `scratch`.
         read = sum(self.specs[r.name].bytes_of(r.window) for r in regions if isinstance(r, Raster))
         read += sum(3 * r.window.height * r.window.width for r in regions if isinstance(r, PhotoPixels))
         read += sum(4 * r.bands * r.window.height * r.window.width for r in regions if isinstance(r, MapFile))
@@ -110,6 +113,7 @@ class Graph:
         fingerprint = Fingerprint(
             settings=fp.digest(fp.of_value(job.params), *(self._output_text(job, name) for name in sorted(job.writes))),
             code=fp.of_code(job.function),
+            # The fingerprints of the writers contain those of their writers: a change anywhere upstream is seen here.
             inputs=fp.digest(*job.reads, *sources, *(self.jobs[key].fingerprint.text for key in keys)),
         )
         return PlannedJob(job, tuple(keys), fingerprint, PROCESS_BYTES + read + written + job.scratch, written)
@@ -156,7 +160,7 @@ class Graph:
                 raise GraphError(f"{job.key} reads {region.window} of {region.name}, which has the shape {spec.shape}.")
 
     def _writers(self, stage: str, region: Region) -> tuple[list[Key], str]:
-        """The jobs that write a region, and the digest of the file for one that the user brings."""
+        """The jobs that write a region, and for a file of the user the digest of its content."""
         if isinstance(region, Raster):
             return [self._chunk_writer(stage, region.name, chunk) for chunk in self._chunks(region.name, region.window)], ""
         if isinstance(region, Table):
@@ -166,6 +170,7 @@ class Graph:
         return self._file_writer(region)
 
     def _file_writer(self, region: PhotoPixels | PhotoHeader | TextFile | MapFile | MapHeader) -> tuple[list[Key], str]:
+        # A file in the run's folder that an export writes depends on that export, and is not looked at before it exists.
         if region.path in self._file_writers:
             return [self._file_writers[region.path]], ""
         try:

@@ -1,9 +1,9 @@
 """Whether a job fits its function: found when the graph is built, before any worker starts.
 
-A job hands `reads` and `params` to its function under their names, so the names must be parameters of the function, and what a
-region holds must be what the parameter's annotation says. What comes back is told by the annotation of the return value: the bare
-value of the only write, a NamedTuple whose fields are the names of the writes, or `dict[str, T]` where the names depend on the
-data. A field that is not always written has a default.
+A job passes `reads` and `params` to its function under their names, so the names must be parameters of the function, and a region
+must hold what the parameter's annotation says. The annotation of the return value says what comes back: the bare value of the only
+write, a NamedTuple whose fields are the names of the writes, or `dict[str, T]` where the names depend on the data. A field that is
+not always written has a default.
 """
 
 import inspect
@@ -21,7 +21,7 @@ from orthomill.schemas.raster import MapGrid
 _HELD = {TextFile: str, PhotoHeader: Header, MapHeader: MapGrid}
 
 Held = type | tuple[type, ...]
-"""What a region holds; the kinds of what a tuple of regions holds."""
+"""What a region holds; for a tuple of regions, the kinds of its members."""
 
 
 def misfit(job: Job) -> str | None:
@@ -29,7 +29,7 @@ def misfit(job: Job) -> str | None:
     reads = tuple((name, _held(region)) for name, region in job.reads.items())
     params = tuple((name, type(value)) for name, value in job.params.items())
     writes = tuple((name, _held_by(region)) for name, region in job.writes.items())
-    # thousands of tile jobs share a function and the names and kinds of what they read: they are examined once
+    # Thousands of tile jobs share a function and the names and kinds of their regions: each combination is examined once.
     found = _misfit(job.function, reads, params, writes)
     return found and f"The job {'/'.join(map(str, job.key))} does not fit the function {job.function.__qualname__}: {found}."
 
@@ -69,7 +69,7 @@ def _wrong_arguments(hints: dict[str, Any], reads: tuple[tuple[str, Held], ...])
 
 
 def _wrong_settings(hints: dict[str, Any], params: tuple[tuple[str, type], ...]) -> Iterator[str]:
-    """Parameters are judged where their annotation is a plain class; what a container holds is not looked into."""
+    """Parameters are checked where their annotation is a plain class; the content of containers is not examined."""
     for name, kind in params:
         if name in hints and not _may_be(hints[name], kind):
             yield f"'{name}' is given as {_name(kind)}, but the parameter is {_name(hints[name])}"
@@ -104,22 +104,23 @@ def _fields(returned: Any) -> dict[str, Any] | None:
 def _wrong_fields(returned: Any, fields: dict[str, Any], writes: dict[str, type]) -> Iterator[str]:
     for name, kind in writes.items():
         if name not in fields:
-            yield f"it is to write '{name}', but {returned.__name__} has the fields {', '.join(fields)}"
+            yield f"the job writes '{name}', but {returned.__name__} has the fields {', '.join(fields)}"
         elif not _gives(fields[name], kind):
             yield f"'{name}' is written as {_name(kind)}, but {returned.__name__} holds {_name(fields[name])}"
     for name in fields:
         if name not in writes and name not in returned._field_defaults:
-            yield f"nothing is written of '{name}' of {returned.__name__}, and it has no default"
+            yield f"'{name}' of {returned.__name__} is not written, and it has no default"
 
 
 def _takes(annotation: Any, held: Held) -> bool:
-    """Whether a parameter with this annotation may be given what a region, or a tuple of regions, holds."""
+    """Whether a parameter with this annotation accepts what a region, or a tuple of regions, holds."""
     if isinstance(held, tuple):
         return any(_takes_all(member, held) for member in _members(annotation))
     return any(_is_a(held, member) for member in _members(annotation))
 
 
 def _takes_all(annotation: Any, held: tuple[type, ...]) -> bool:
+    # The engine passes a tuple; a parameter of type list would invite a function to change it.
     if get_origin(annotation) not in (tuple, Sequence):
         return annotation in (tuple, object, Any)
     elements = [argument for argument in get_args(annotation) if argument is not Ellipsis]
@@ -127,20 +128,21 @@ def _takes_all(annotation: Any, held: tuple[type, ...]) -> bool:
 
 
 def _gives(annotation: Any, kind: type) -> bool:
-    """Whether everything that an annotation allows can be written as `kind`; None stands for 'not written'."""
+    """Whether everything that an annotation allows can be written as `kind`; None means 'not written'."""
     members = [member for member in _members(annotation) if member is not type(None)]
     return bool(members) and all(member is Any or _is_a(_plain(member), kind) for member in members)
 
 
 def _may_be(annotation: Any, kind: type) -> bool:
     members = _members(annotation)
+    # Literals, containers and type variables cannot be compared with the class of a value; pydantic has checked settings already.
     if not all(isinstance(member, type) for member in members) or any(get_origin(member) for member in members):
         return True
     return any(_is_a(kind, member) or (member is float and issubclass(kind, int | np.floating)) for member in members)
 
 
 def _members(annotation: Any) -> tuple[Any, ...]:
-    """The alternatives of a union; the annotation alone where it is none."""
+    """The alternatives of a union; otherwise the annotation alone."""
     return get_args(annotation) if get_origin(annotation) in (Union, types.UnionType) else (annotation,)
 
 

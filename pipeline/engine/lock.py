@@ -23,7 +23,7 @@ def only_run(folder: Path) -> Iterator[None]:
     with stream:
         try:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
+        except OSError:  # the owner wrote its number after it got the lock; in between the file may be empty
             stream.seek(0)
             owner = stream.read().strip() or "unknown"
             raise ResourceError(

@@ -55,7 +55,7 @@ class Planner:
                         self.graph.add_raster(item)
                     elif planned := self.graph.add(item):
                         new.append(planned)
-            except NotYet as missing:
+            except NotYet as missing:  # what was yielded before is in the graph and can run
                 self.waiting_for[stage.kind] = str(missing)
             except NoWriter as missing:
                 self._wait_or_refuse(stage.kind, missing.what)
@@ -81,6 +81,7 @@ class Planner:
         key = self.graph.writer_of_table(table.path)
         if key is None:
             raise NoWriter(f"the table {table.path}", "")
+        # The truth of a simulation must not be seen while planning either, where no job would show that it was read.
         self.graph.check_table_reader(self._asking, table.path)
         if not self.is_done(key):
             raise NotYet(f"the table {table.path}")

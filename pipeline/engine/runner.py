@@ -65,6 +65,7 @@ class SequentialRunner:
         if self._unusable.intersection(dependencies):
             self._unusable.add(key)
             return Finished(key, "blocked")
+        # As often as on Dask, so that both runners end a run in the same state.
         for attempt in range(ATTEMPTS):
             try:
                 execute(work)

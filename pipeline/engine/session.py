@@ -132,7 +132,7 @@ class Session:
     def _unlocks(self, key: Key) -> bool:
         """Whether a stage waits for a table that this job wrote."""
         job = self.graph.jobs[key].job
-        if isinstance(job, Export):
+        if isinstance(job, Export):  # stages plan with tables only; exported files are read by jobs
             return False
         tables = {f"the table {region.path}" for region in job.writes.values() if isinstance(region, Table)}
         return bool(tables.intersection(self.planner.waiting_for.values()))
@@ -151,6 +151,7 @@ class Session:
     def _plan_and_submit(self, runner: Runner, watcher: Watcher) -> None:
         self.plan()
         self.check_resources(runner.memory_limit)
+        # Jobs are announced once, though planning is repeated: the graph keeps them in the order in which they were added.
         for key in list(self.graph.jobs)[self._announced :]:
             watcher.planned(key)
             if key in self.skipped:

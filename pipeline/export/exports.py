@@ -230,6 +230,7 @@ def _write_tiled(stack: Stack, store: ReadableStore, path: Path, profile: dict) 
     if stack.is_picture:
         profile["photometric"] = "rgb"
     with rasterio.open(path, "w", **profile) as target:
+        # Descriptions first: GDAL writes the directory before the pixels then, and need not append it again.
         _describe(target, stack)
         for window in stack.windows():
             place = rasterio.windows.Window(window.col, window.row, window.width, window.height)

@@ -78,6 +78,7 @@ def _svg(height: float, body: list[str], title: str) -> str:
 
 def thinned(chart: Chart) -> bool:
     """Whether the chart shows only a part of its marks."""
+    # Bars are few and curves are thinned below what can be seen, so nothing is said of them.
     return chart.style in ("points", "arrows", "map") and len(chart.x) > MOST_MARKS
 
 

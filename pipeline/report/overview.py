@@ -45,7 +45,7 @@ def overview(store: ReadableStore, name: str, limit: int, nearest: bool) -> Over
         total[place] += values
         count[place] += present
         area[place] += pixels
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore"):  # 0 / 0 where a block has no value, which `where` replaces
         means = np.where(count > 0, total / count, np.nan)
     return Overview(means if len(spec.shape) == 3 else means[..., 0], (count / np.maximum(area, 1))[..., 0], factor)
 

@@ -227,6 +227,7 @@ def _chart_view(chart: Chart) -> ChartView:
 
 
 def _grid_view(grid: Grid) -> GridView:
+    # Rows may be shorter than the header: later columns are absent where a method did not get that far.
     columns = [tuple(row[place] if place < len(row) else None for row in grid.rows) for place in range(len(grid.columns))]
     texts = [numbers.column_texts(column) for column in columns]
     return GridView(grid, tuple(numbers.is_numeric(column) for column in columns), tuple(zip(*texts, strict=True)))

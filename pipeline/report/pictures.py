@@ -144,6 +144,7 @@ def _paint_rgb(seen: Overview, picture: Picture, spec: RasterSpec) -> _Painted:
 
 
 def _paint_ramp(seen: Overview, picture: Picture, spec: RasterSpec) -> _Painted:
+    # A stage may name a colour map that this version of matplotlib does not have; the picture matters more than its colours.
     name = picture.colours if picture.colours in matplotlib.colormaps else "viridis"
     colours = tuple(matplotlib.colors.to_hex(colour) for colour in matplotlib.colormaps[name](np.linspace(0, 1, 17)))
     values = _plane(seen)
@@ -178,6 +179,7 @@ def _paint_steps(values: np.ndarray, scale: _Scale) -> _Painted:
 def _paint_classes(seen: Overview, picture: Picture, spec: RasterSpec) -> _Painted:
     """Codes in the given colours; codes without an explanation are grey and listed as such."""
     codes = np.where(seen.share > 0, _plane(seen), -1).astype(np.int64)
+    # Two palette entries are the hatching and one is the unknown code.
     known = picture.classes[: CODES - 3]
     index = np.full(codes.shape, len(known) + 2)
     for place, (code, _, _) in enumerate(known):

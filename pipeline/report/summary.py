@@ -22,6 +22,7 @@ Summary = dict[str, dict[str, Any]]
 
 def summary(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunFacts) -> Summary:
     """All figures of a run, sorted by name; stages without a report yet contribute only what is known of their jobs."""
+    # No stage is called "run": facts of the run and figures of stages never collide.
     entries = [(f"run.{figure.name}", figure) for figure in _run_figures(run)]
     for kind, _ in stages:
         entries += [(f"run.{kind}.{figure.name}", figure) for figure in _stage_figures(run.stage(kind))]
@@ -94,6 +95,7 @@ def _mebibytes(count: int | None) -> float | None:
 
 def write_summary(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunFacts, path: Path) -> None:
     """Write `summary.json`, completely or not at all. Raises StoreError when the disk refuses."""
+    # Sorted and indented: two summaries can be compared line by line with ordinary tools.
     text = json.dumps(summary(store, stages, run), indent=1, sort_keys=True, ensure_ascii=False, allow_nan=False)
     write_whole(path, f"{text}\n".encode())
 

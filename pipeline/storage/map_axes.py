@@ -1,9 +1,9 @@
-"""What makes rasters of the store maps for other programs: dimension names, coordinates and the reference system.
+"""Makes the rasters of the store maps for other programs: dimension names, coordinates and the reference system.
 
-zarr knows arrays only. xarray and GDAL (3.11 and newer) take an array for a map when its dimensions have names, arrays of these
-names in the same group hold the coordinates, and the reference system is given: by GDAL's attribute `_CRS` and by the CF
-convention's `grid_mapping`, which names an empty array with the system in its attributes. Map rasters of one group that lie on the
-same grid share their axes. Pixel rasters have axes of their own, because their sizes differ within a group.
+zarr knows arrays only. xarray and GDAL (3.11 and newer) treat an array as a map when its dimensions have names, arrays of these
+names in the same group contain the coordinates, and the reference system is given: by GDAL's attribute `_CRS` and by the CF
+convention's `grid_mapping`, which names an empty array with the system in its attributes. Map rasters of one group on the same grid
+share their axes. Pixel rasters have axes of their own, because their sizes differ within a group.
 """
 
 from pathlib import Path
@@ -57,7 +57,7 @@ def _write_axis(group: zarr.Group, name: str, direction: str, values: np.ndarray
     if isinstance(known, zarr.Array):
         if known.shape == values.shape and np.array_equal(np.asarray(known[:]), values):
             return
-        # the grid has changed since an earlier run: its rasters are made anew, and their axes with them
+        # The grid has changed since an earlier run: its rasters are created again, and their axes with them.
         del group[name]
     axis, standard_name = _DIRECTIONS[direction]
     attributes: dict[str, Any] = {"axis": axis, "standard_name": standard_name, "units": "m", "_ARRAY_DIMENSIONS": [name]}

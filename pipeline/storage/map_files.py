@@ -56,6 +56,7 @@ def _horizontal(crs: str) -> CRS:
 
 def _opened(path: Path) -> rasterio.DatasetReader:
     try:
+        # One driver only: a VRT named .tif could read any file of this machine.
         source = rasterio.open(path, driver="GTiff")
     except RasterioError as error:
         raise WorkflowError(f"{path} is not a GeoTIFF that can be read ({error}); export the surface as a GeoTIFF.") from None

@@ -1,7 +1,7 @@
-"""The project's store: rasters in one zarr v3 group, tables beside it.
+"""The project's store: rasters in one zarr v3 group, tables next to it.
 
-A raster is made once from its specification; a write must be whole chunks, because unaligned concurrent writes to zarr lose
-data silently. Every raster has a birth mark: a record of a job holds only as long as the raster it wrote is the same one.
+A raster is created once from its specification; a write must be whole chunks, because unaligned concurrent writes to zarr lose data
+silently. Every raster has a birth mark: the record of a job is valid only as long as the raster it wrote is still the same one.
 """
 
 import shutil
@@ -24,7 +24,7 @@ T = TypeVar("T")
 
 
 class Store:
-    """Rasters and tables of one run's folder. Cheap to make; every worker makes its own."""
+    """Rasters and tables of one run's folder. Cheap to create; every worker creates its own."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = Path(folder)
@@ -52,33 +52,38 @@ class Store:
                 yield from self._walk(entry)
 
     def create(self, spec: RasterSpec) -> str:
-        """Make the raster unless it exists with the same specification; returns its birth mark. Raises StoreError."""
+        """Create the raster unless it exists with the same specification; returns its birth mark. Raises StoreError."""
         try:
             if self.has(spec.name):
                 if self.spec(spec.name).same(spec):
                     return self.birth(spec.name)
                 self.delete(spec.name)
-            zarr.open_group(self.rasters, mode="a")
-            self._arrays[spec.name] = zarr.create_array(
-                self.rasters,
-                name=spec.name,
-                shape=spec.shape,
-                chunks=spec.chunks,
-                dtype=spec.dtype,
-                fill_value=_fill_value(spec),
-                compressors=BloscCodec(cname="lz4", clevel=1, shuffle="shuffle"),
-                dimension_names=dimension_names(spec),
-                attributes={"spec": spec.model_dump(mode="json"), "birth": uuid.uuid4().hex, **map_attributes(spec)},
-            )
+            self._arrays[spec.name] = self._new_array(spec)
             write_axes(self.rasters, spec)
         except OSError as error:
             raise StoreError(
-                f"The raster {spec.name} cannot be made in {self.rasters}: {error.strerror}; make room or make it writable."
+                f"The raster {spec.name} cannot be created in {self.rasters}: {error.strerror}; make room or make it writable."
             ) from error
         return self.birth(spec.name)
 
+    def _new_array(self, spec: RasterSpec) -> zarr.Array:
+        zarr.open_group(self.rasters, mode="a")
+        return zarr.create_array(
+            self.rasters,
+            name=spec.name,
+            shape=spec.shape,
+            chunks=spec.chunks,
+            dtype=spec.dtype,
+            fill_value=_fill_value(spec),
+            # lz4 at its fastest level: reading and writing must not cost more than computing a tile.
+            compressors=BloscCodec(cname="lz4", clevel=1, shuffle="shuffle"),
+            dimension_names=dimension_names(spec),
+            attributes={"spec": spec.model_dump(mode="json"), "birth": uuid.uuid4().hex, **map_attributes(spec)},
+        )
+
     def sweep(self) -> None:
-        """Remove what a killed run was writing: files under temporary names, which nobody reads. Nothing else may write now."""
+        """Remove what a killed run was writing: files under temporary names, which nothing reads. Nothing else may write now."""
+        # zarr ends its temporary names in .partial, write_whole in .part.
         for path in self.folder.rglob("*.part*"):
             if path.suffix in {".partial", ".part"}:
                 path.unlink(missing_ok=True)
@@ -109,7 +114,7 @@ class Store:
         """Pixels (height, width) or (height, width, bands) of a window that lies inside the raster. Raises StoreError."""
         array = self._array(name)
         if window.clipped(array.shape) != window:
-            raise StoreError(f"{window} leaves the raster {name} of shape {array.shape}; clip it first.")
+            raise StoreError(f"{window} extends beyond the raster {name} of shape {array.shape}; clip it first.")
         return np.asarray(array[window.slices])
 
     def write(self, name: str, window: Window, values: np.ndarray) -> None:
@@ -119,6 +124,7 @@ class Store:
         expected = window.shape + array.shape[2:]
         if values.shape != expected:
             raise StoreError(f"{name} takes {expected} in {window}, but was given {values.shape}.")
+        # float64 to float32 is intended; float to integer would truncate heights to metres without an error.
         if not np.can_cast(values.dtype, array.dtype, casting="same_kind"):
             raise StoreError(f"{name} holds {array.dtype}, but was given {values.dtype}.")
         try:

@@ -84,5 +84,6 @@ def read_table(path: Path, table: Table[Any]) -> Any:
         return table.type.model_validate_json(path.read_bytes())
     except FileNotFoundError:
         raise StoreError(f"{path} does not exist; run the stage '{table.path.split('/')[0]}' first.") from None
+    # KeyError: a column that this version has and the file has not.
     except (ValidationError, pa.ArrowInvalid, KeyError) as error:
         raise StoreError(f"{path} is damaged or from another version ({type(error).__name__}); delete it and run again.") from error

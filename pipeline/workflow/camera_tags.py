@@ -19,6 +19,7 @@ def longitude_latitude(tags: dict[str, str]) -> tuple[float, float] | None:
 
 def _degrees(text: str, reference: str) -> float | None:
     """Degrees from "(46) (50) (33.3855)" and N, S, E or W; without a letter, north or east is assumed."""
+    # GDAL writes rationals in parentheses, exiftool decimal degrees: both are one to three numbers.
     parts = [float(number) for number in _NUMBER.findall(text)]
     if not 1 <= len(parts) <= 3:
         return None

@@ -61,6 +61,7 @@ def _item_type(annotation: Any, element: str | int) -> Any:
     arguments = typing.get_args(annotation)
     if typing.get_origin(annotation) is dict:
         return arguments[1]
+    # tuple[int, str] has a type per place; tuple[int, ...] and list[int] have one for all.
     fixed = typing.get_origin(annotation) is tuple and Ellipsis not in arguments
     return arguments[element] if fixed and isinstance(element, int) and element < len(arguments) else arguments[0]
 
@@ -79,6 +80,7 @@ def variants(annotation: Any) -> dict[str, type[BaseModel]]:
 def _members(annotation: Any) -> tuple[Any, ...]:
     """The members of a union without None; the annotation itself when it is none."""
     annotation = _without_annotated(annotation)
+    # A | B and Union[A, B] have different origins, and unions may be nested in Annotated members of other unions.
     if typing.get_origin(annotation) in (Union, types.UnionType):
         nested = [_members(member) for member in typing.get_args(annotation) if member is not type(None)]
         return tuple(member for members in nested for member in members)
@@ -106,6 +108,7 @@ def type_words(annotation: Any) -> str:
     """What a value of this type is called: "a whole number", "one of ellipse, square", "2 numbers in brackets"."""
     tags = variants(annotation)
     words = [_member_words(member) for member in _members(annotation)]
+    # All variants of a tagged union are mappings: one phrase with their kinds replaces "a mapping or a mapping".
     if len(tags) > 1:
         words = [f"a mapping with kind: {one_of(tags)}", *(word for word in words if word != "a mapping")]
     return " or ".join(words) + (_OR_NULL if optional(annotation) else "")
@@ -153,6 +156,7 @@ def sentence(field: FieldInfo | None) -> str:
 
 def bounds(field: FieldInfo) -> tuple[str, ...]:
     """The bounds of a field in words: ("from 128 to 8192", "a multiple of 64")."""
+    # pydantic keeps bounds as objects of annotated_types, one per bound.
     limits = {type(item).__name__: item for item in field.metadata}
     low = _limit(limits, (("Ge", "ge", "at least"), ("Gt", "gt", "greater than")))
     high = _limit(limits, (("Le", "le", "at most"), ("Lt", "lt", "less than")))
@@ -190,6 +194,7 @@ def _project_pattern() -> str:
     return next(item.pattern for item in Project.model_fields["project"].metadata if getattr(item, "pattern", None))
 
 
+# The pattern is taken from the field itself, so that a change there cannot leave an outdated description here.
 _PATTERNS = {_project_pattern(): "made of lower-case letters, digits, - and _, beginning with a letter or digit"}
 
 

@@ -80,6 +80,7 @@ class Mistakes:
         taken = _meant(details, annotation)
         for detail in details:
             place = locate(detail["loc"], annotation)
+            # "siz: 9" is one mistake for the user, but an unknown and a missing field for pydantic.
             if detail["type"] == "missing" and place.path in taken:
                 continue
             text, path = _sentence(detail, place, self.document, base, annotation)
@@ -162,7 +163,8 @@ def _field_names(place: Place) -> list[str]:
 def _sentence(detail: Any, place: Place, document: Document, base: Path_, annotation: Any) -> tuple[str, Path_]:
     """The sentence, and the path it belongs to, for one of pydantic's errors."""
     path, kind = (*base, *place.path), detail["type"]
-    # A list that is too short is reported by pydantic as a missing entry; for the user the list itself is wrong.
+    # The types of errors are part of pydantic's documented interface, their messages are not.
+    # A list that is too short is reported as a missing entry; for the user the list itself is wrong.
     if kind == "missing" and place.path and isinstance(place.path[-1], int):
         path, kind = path[:-1], "wrong length"
     value = _value(document, path)
@@ -201,6 +203,7 @@ def _unknown_kind(value: Any, path: Path_, place: Place, annotation: Any) -> tup
     if word is not None:
         where = (*path, "kind") if isinstance(value, dict) else path
         return f"there is no {what} {found_words(word)}{did_you_mean(word, kinds)} Allowed: {one_of(kinds)}.", where
+    # "{matching: {size: 3}}" is how other tools write their steps.
     key = next(iter(value), None) if isinstance(value, dict) and len(value) == 1 else None
     if key in kinds:
         return f"write 'kind: {key}' instead of '{key}:', with its settings below it in the same column.", path

@@ -43,6 +43,7 @@ def write_settings_reference(catalogue: tuple[type[Stage], ...], path: Path) -> 
 def _section(model: type[BaseModel], prefix: str, written: dict[type[BaseModel], str]) -> Iterator[str]:
     """The table of a model, then one section per kind of its tagged unions and per nested model, each written once."""
     fields = {name: field for name, field in model.model_fields.items() if name != "kind"}
+    # `kind` is left out of the tables: it is in the heading, and its only value is fixed.
     yield from _table(fields) if fields else ("No settings.",)
     for name, field in fields.items():
         for kind, part in _models_in(field.annotation):

@@ -82,6 +82,7 @@ def survey_photographs(photos: Path, root: Path) -> Survey:
     folder = _inside(photos, root)
     files = image_files(root, PhotoFolder(kind="folder", path=folder))
     headers, problems = [], []
+    # All files are read before anything is refused: a card with twenty damaged files is reported once, not twenty times.
     for file in files:
         try:
             headers.append(read_header(root / file))
@@ -99,6 +100,7 @@ def survey_photographs(photos: Path, root: Path) -> Survey:
 
 def _inside(photos: Path, root: Path) -> str:
     """The folder relative to the root; links are not followed, so that a link inside the project is accepted."""
+    # normpath and not resolve: resolving would follow the link and lead out of the project again.
     top = Path(os.path.abspath(root))
     folder = Path(os.path.normpath(top / photos))
     if not folder.is_relative_to(top):
@@ -141,6 +143,7 @@ def _check_name(name: str) -> None:
 
 def starting_text(name: str, survey: Survey, catalogue: tuple[type[Stage], ...], crs: str | None = None) -> str:
     """The text of a starting workflow."""
+    # What is unknown is written as an empty setting: the loader then names the line, and no placeholder can be run by mistake.
     stages = [stage for stage in catalogue if kind_of(stage) not in _NOT_AT_FIRST]
     lines = [
         *_head(name, survey),

@@ -49,6 +49,7 @@ def kind_of(stage: type[Stage]) -> str:
 
 def check_stages(kinds: Kinds, catalogue: tuple[type[Stage], ...], mistakes: Mistakes) -> None:
     """Twice the same stage, stages out of order, and stages whose predecessors are missing."""
+    # The catalogue is in the order of processing, so that it also defines the order in a workflow.
     order = {kind_of(stage): place for place, stage in enumerate(catalogue)}
     for kind, times in Counter(kinds.names).items():
         if times > 1:
@@ -90,6 +91,7 @@ def check_crs(crs: str, photographs: PhotoFolder | PhotoList | Any, root: Path, 
         code = ":".join(system.to_authority() or ("the system",))
         mistakes.add(("crs",), f"'{crs}' is neither a code nor the full name of a system; did you mean {code} ({system.name})?")
         return
+    # A compound system has a horizontal part first and a vertical part second (ISO 19111).
     parts = [*(system.sub_crs_list or [system])]
     problem = _plan_problem(parts[0]) or _height_problem(parts[1:])
     if problem:
@@ -158,6 +160,7 @@ def check_files(value: BaseModel, base: Path_, root: Path, mistakes: Mistakes) -
 
 
 def _named_files(value: BaseModel, base: Path_) -> Iterator[tuple[Path_, str]]:
+    # By the names of the fields: stages of any catalogue can have files checked without declaring them anywhere else.
     for name in type(value).model_fields:
         if name not in _FILE_FIELDS and not name.endswith(("_path", "_paths")):
             continue
@@ -214,6 +217,7 @@ def _check_list(source: PhotoList, base: Path_, root: Path, mistakes: Mistakes) 
             mistakes.add(path, f"'{text}' is not named like a photograph; accepted are .jpg, .jpeg, .tif, .tiff and .png.")
         else:
             _check_file(text, path, root, mistakes, "photograph")
+    # A single photograph is refused for the block only: chessboards in space can be calibrated from one.
     if len(source.paths) == 1 and base == ("photographs",):
         mistakes.add((*base, "paths"), _single(source.paths[0]))
 

@@ -82,6 +82,7 @@ def project_root(path: Path) -> Path:
     The parent of the folder `workflows` that contains the file; for the workflow as run, in runs/<project>, the parent of `runs`;
     otherwise the file's own folder.
     """
+    # The workflow as run is in runs/<project>/ and has the same root: running it again must find the same photographs.
     folder = Path(os.path.abspath(path)).parent
     if folder.name == "workflows":
         return folder.parent
@@ -103,6 +104,7 @@ def load_workflow(path: Path, catalogue: tuple[type[Stage], ...]) -> LoadedWorkf
     stages = _stages(document, catalogue, mistakes, root)
     check_stages(kinds, catalogue, mistakes)
     check_simulation(project, kinds, catalogue, mistakes)
+    # Raised only here, after all checks: a user who corrects one mistake at a time runs the command as often.
     mistakes.raise_if_any()
     return LoadedWorkflow(project, stages, Path(path), root, text)
 
@@ -193,6 +195,7 @@ def write_workflow(loaded: LoadedWorkflow, path: Path) -> None:
     Raises StoreError when the file cannot be written.
     """
     head = f"# The workflow {loaded.path.name} as run, every default filled in. Running this file reproduces the run.\n\n"
+    # Renamed when complete: this file is what reproduces the run, and half of it would be a different workflow.
     part = path.with_name(path.name + ".part")
     try:
         part.write_text(head + workflow_text(loaded.project, loaded.stages), encoding="utf-8")

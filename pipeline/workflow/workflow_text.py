@@ -39,6 +39,7 @@ def _fields(model: BaseModel, indent: str) -> Iterator[str]:
 
 
 def _named(start: str, value: Any, data: Any, note: str, indent: str) -> Iterator[str]:
+    # Nested models are written in block style, so that every one of their settings has its own line and comment.
     if isinstance(value, BaseModel):
         yield f"{start}{note}" if data else f"{start} {{}}{note}"
         yield from _fields(value, indent)
@@ -66,7 +67,7 @@ def flow(data: Any) -> str:
     """Plain data as YAML on one line; reading it gives the same data again."""
     if data is None:
         return "null"
-    if isinstance(data, bool):
+    if isinstance(data, bool):  # before int, of which bool is a subclass
         return "true" if data else "false"
     if isinstance(data, int):
         return str(data)

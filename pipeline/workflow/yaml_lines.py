@@ -65,6 +65,7 @@ def _entry(value: Any, key: str | int) -> Any:
 
 def read_yaml(text: str) -> Document:
     """The document of `text`. Raises YamlError at the first thing that cannot be read."""
+    # PyYAML needs seconds per megabyte, and a photograph given by mistake has many.
     if len(text) > SIZE_LIMIT:
         raise YamlError(1, f"the file has {len(text)} characters; a workflow has at most {SIZE_LIMIT}")
     builder = _Builder()
@@ -79,6 +80,7 @@ def _syntax_mistake(error: yaml.YAMLError) -> YamlError:
     mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
     problem = getattr(error, "problem", None) or getattr(error, "reason", None) or "unreadable"
     line = mark.line + 1 if mark else 1
+    # PyYAML's own words are kept in parentheses; they name the character, and the hint says what usually causes it.
     hint = "align the lines, and put texts that contain a colon or brackets in quotes"
     if "'\\t'" in problem:
         hint = "indent with spaces, not tabs"

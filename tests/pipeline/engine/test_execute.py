@@ -107,7 +107,7 @@ def test_a_file_that_is_not_text_is_a_sentence(tmp_path):
     [
         (refuse, "The rays do not intersect; add a photograph."),
         (stumble, "unexpected ZeroDivisionError: "),
-        (wrong, "was to give ['size'] but gave ['other']"),
+        (wrong, "must return ['size'] but returned ['other']"),
     ],
 )
 def test_a_failure_is_recorded_with_its_sentence_and_traceback(tmp_path, function, sentence):

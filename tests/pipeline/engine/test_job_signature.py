@@ -114,8 +114,8 @@ def both(z: np.ndarray) -> Tile:
     [
         ({"z": Z, "heights": HEIGHTS}, None),
         ({"z": Z, "heights": HEIGHTS, "report": REPORT}, None),
-        ({"z": Z}, "nothing is written of 'heights' of Tile, and it has no default"),
-        ({"z": Z, "heights": HEIGHTS, "sigma": Z}, "it is to write 'sigma', but Tile has the fields z, heights, report"),
+        ({"z": Z}, "'heights' of Tile is not written, and it has no default"),
+        ({"z": Z, "heights": HEIGHTS, "sigma": Z}, "the job writes 'sigma', but Tile has the fields z, heights, report"),
         ({"z": Z, "heights": REPORT}, "'heights' is written as Report, but Tile holds Heights"),
     ],
 )

@@ -60,7 +60,7 @@ def test_wrong_shapes_and_kinds_are_refused(store):
 
 def test_reading_outside_or_what_is_not_there_is_refused(store):
     store.create(spec_of())
-    with pytest.raises(StoreError, match="leaves the raster"):
+    with pytest.raises(StoreError, match="extends beyond the raster"):
         store.read("a/b", Window(90, 0, 20, 10))
     with pytest.raises(StoreError, match="run the stage 'texture' first"):
         store.read("texture/ortho", Window(0, 0, 1, 1))
