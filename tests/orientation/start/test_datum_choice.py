@@ -1,0 +1,206 @@
+"""The datum of a model: exact where it is observed, robust, and named where it is weak or missing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from small_network import small_network
+
+from orthomill.tasks.adjustment.model.network import State
+from orthomill.tasks.geometry.rotation import rotation_matrix
+from orthomill.tasks.orientation.start.georeference import Known, choose_datum, with_datum
+
+SITE = np.array([407000.0, 4357000.0, 0.0])
+TURN, SCALE = rotation_matrix(0.4, -0.7, 2.0), 0.013
+NOTHING = np.full((6, 3), np.nan)
+GRID = np.array([[0, 0, 100], [60, 0, 102], [120, 0, 99], [0, 80, 101], [60, 80, 100], [120, 80, 103.0]])
+GROUND = np.array([[10, 10, 2], [110, 15, 5], [100, 75, -3], [5, 70, 1], [55, 40, 0.0]])
+
+
+def in_model(points):
+    """Ground points less SITE in the system of the model."""
+    return SCALE * points @ TURN.T
+
+
+def block(centres=GRID, control=GROUND[:0], tilt=0.02):
+    """A model of vertical photographs, and what is known of them: exact positions and control."""
+    rng = np.random.default_rng(3)
+    rotation = np.array([rotation_matrix(*rng.normal(0, tilt, 2), k) @ TURN.T for k in rng.uniform(-3, 3, len(centres))])
+    model = State(rotation, in_model(centres), in_model(GROUND), np.zeros((1, 8)), np.zeros(3))
+    count = len(centres)
+    known = Known(
+        centres + SITE,
+        np.full((count, 3), 0.3),
+        control + SITE,
+        np.full((len(control), 3), 0.02),
+        in_model(control),
+        np.full((count, 3), np.nan),
+        np.tile([0.0, 1.0, 0.0], (count, 1)),
+    )
+    return model, known
+
+
+def choose(model, known, looking="auto", shift=False, origin=None):
+    return choose_datum(model, known, np.radians(5.0), looking, shift, origin)
+
+
+def placed(datum, points):
+    return datum.similarity.apply(in_model(points)) + datum.origin - SITE
+
+
+def codes(datum):
+    return [finding.code for finding in datum.findings]
+
+
+def test_positions_all_over_the_block_define_the_datum():
+    datum = choose(*block())
+    np.testing.assert_allclose(placed(datum, GRID), GRID, atol=1e-6)
+    assert not datum.free and datum.up is None and datum.findings == ()
+    assert (
+        datum.sentence == "GNSS: the datum is defined by 6 GNSS positions of the projection centres, each with its standard errors."
+    )
+    assert (datum.origin == np.round(datum.origin)).all()
+
+
+def test_control_and_positions_are_named_together():
+    datum = choose(*block(control=GROUND))
+    assert datum.sentence.startswith("Control: the datum is defined by 5 ground control points and 6 GNSS positions")
+
+
+def test_control_wins_over_positions_that_are_all_elsewhere():
+    """Five points of control agree; six positions agree among themselves 500 m away."""
+    model, known = block(control=GROUND)
+    datum = choose(model, replace(known, position=known.position + np.array([500.0, 0, 0])))
+    assert datum.positions_aside.all() and not datum.control_aside.any()
+    np.testing.assert_allclose(placed(datum, GROUND), GROUND, atol=1e-6)
+
+
+def test_a_single_position_elsewhere_is_set_aside():
+    model, known = block()
+    position = known.position.copy()
+    position[2] += [0, 300.0, 0]
+    datum = choose(model, replace(known, position=position))
+    assert datum.positions_aside.tolist() == [False, False, True, False, False, False]
+    assert "5 GNSS positions" in datum.sentence
+
+
+def test_a_common_error_of_the_positions_is_removed_where_it_is_to_be_adjusted():
+    model, known = block(control=GROUND)
+    known = replace(known, position=known.position + np.array([3.0, -2.0, 8.0]))
+    np.testing.assert_allclose(placed(choose(model, known, shift=True), GROUND), GROUND, atol=1e-6)
+    assert np.abs(placed(choose(model, known), GROUND) - GROUND).max() > 1e-3
+
+
+def test_positions_on_one_line_need_the_up_direction():
+    strip = np.array([[20.0 * i, 0.1 * (i % 2), 100.0] for i in range(6)])
+    datum = choose(*block(strip))
+    (finding,) = datum.findings
+    assert finding.code == "tilt_unobserved" and finding.basis == "down" and finding.sigma_deg == pytest.approx(5.0, abs=0.2)
+    assert "the tilt about their common line rests on the assumption that the photographs look straight down" in datum.sentence
+    np.testing.assert_allclose(datum.up, np.tile([0, 0, 1.0], (6, 1)))
+    rotation = datum.similarity.rotation @ TURN
+    assert np.degrees(np.arccos(rotation[2, 2])) < 3.0, "as level as the photographs look down on average"
+
+
+def test_attitudes_come_before_assumptions():
+    strip = np.array([[20.0 * i, 0.1 * (i % 2), 100.0] for i in range(6)])
+    model, known = block(strip, tilt=0.3)
+    up = np.einsum("pij,j->pi", model.rotation, TURN @ [0, 0, 1.0])
+    datum = choose(model, replace(known, up=up))
+    assert datum.findings[0].basis == "attitude"
+    np.testing.assert_allclose((datum.similarity.rotation @ TURN)[2], [0, 0, 1], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("position", "codes_"), [(NOTHING, ["no_datum"]), (np.tile(SITE, (6, 1)), ["no_datum", "positions_crowded"])]
+)
+def test_without_positions_the_network_is_free(position, codes_):
+    model, known = block()
+    datum = choose(model, replace(known, position=position))
+    assert datum.free and codes(datum) == codes_ and "place, direction and scale are arbitrary" in datum.sentence
+    heights = datum.similarity.apply(model.centre)[:, 2].mean() - np.median(datum.similarity.apply(model.point)[:, 2])
+    assert heights == pytest.approx(100.0, abs=0.5)
+
+
+def test_a_measured_distance_gives_a_free_network_its_scale():
+    model, known = block(control=GROUND)
+    length = float(np.linalg.norm(GROUND[1] - GROUND[0]))
+    known = replace(known, position=NOTHING, control=np.full((5, 3), np.nan), distances=((0, 1, length, 0.01),))
+    datum = choose(model, known)
+    assert datum.free and datum.similarity.scale == pytest.approx(1 / SCALE)
+    assert datum.findings[0].scaled and "1 measured distance gives the scale" in datum.sentence
+
+
+def test_a_free_network_of_given_orientations_keeps_their_system():
+    model, known = block()
+    datum = choose(model, replace(known, position=NOTHING), origin=SITE)
+    assert datum.similarity.scale == 1.0 and (datum.similarity.rotation == np.eye(3)).all() and (datum.origin == SITE).all()
+    assert "those of the given orientation" in datum.sentence
+
+
+def test_control_with_x_and_y_exchanged_is_recognised():
+    model, known = block(control=GROUND)
+    known = replace(known, position=NOTHING, control=(known.control - SITE)[:, [1, 0, 2]] + SITE)
+    datum = choose(model, known)
+    (finding,) = datum.findings
+    assert finding.code == "axes_exchanged" and finding.exchanged_m < 0.01 < 1.0 < finding.given_m
+    assert datum.free and datum.control_aside.all()
+
+
+def test_photographs_of_a_ceiling_look_upwards():
+    """The control is right, and the cameras below it."""
+    model, known = block(np.array(GRID) * [1, 1, -1], control=GROUND)
+    model = replace(model, rotation=np.diag([1.0, -1.0, -1.0]) @ model.rotation)
+    assert codes(choose(model, replace(known, position=NOTHING))) == ["looks_upward"]
+
+
+def test_control_on_one_line_is_one_sided():
+    line = np.array([[10.0 * i, 0.5 * (i % 2), 0.0] for i in range(6)])
+    datum = choose(*block(control=line))
+    assert codes(datum) == ["control_on_a_line"]
+
+
+def test_positions_that_do_not_fit_the_shape_are_reported():
+    """A model stretched by a fifth along the strip: every position is many standard errors off."""
+    model, known = block()
+    stretched = in_model(GRID * [1.25, 1.0, 1.0])
+    datum = choose(replace(model, centre=stretched), replace(known, position_sigma=np.full((6, 3), 0.02)))
+    assert "datum_misfit" in codes(datum) and next(f.ratio for f in datum.findings if f.code == "datum_misfit") > 10
+
+
+@pytest.fixture(scope="module")
+def network():
+    return small_network(photos=4, points=10, free=True)[0]
+
+
+def four(control_sigma=0.02):
+    model, known = block(GRID[:4], control=GROUND[:2])
+    return model, replace(known, control_sigma=np.full((2, 3), control_sigma))
+
+
+def test_weights_follow_from_the_standard_errors(network):
+    model, known = four()
+    out = with_datum(network, known, choose(model, known), 8)
+    np.testing.assert_allclose(out.centre_weight, 1 / 0.3**2)
+    np.testing.assert_allclose(out.point_weight[8:], 1 / 0.02**2)
+    assert not out.point_weight[:8].any() and out.named.tolist() == [8, 9]
+    np.testing.assert_allclose(out.point[8:] + choose(model, known).origin, known.control, atol=1e-9)
+
+
+def test_what_is_set_aside_or_unknown_has_no_weight(network):
+    model, known = four()
+    position = known.position.copy()
+    position[1] = np.nan
+    known = replace(known, position=position)
+    datum = replace(
+        choose(model, known), positions_aside=np.array([True, False, False, False]), control_aside=np.array([False, True])
+    )
+    out = with_datum(network, known, datum, 8)
+    assert out.centre_weight.any(axis=1).tolist() == [False, False, True, True] and np.isfinite(out.centre).all()
+    assert out.point_weight[8:].any(axis=1).tolist() == [True, False]
+
+
+def test_a_free_network_takes_no_observations(network):
+    model, known = four()
+    out = with_datum(network, known, choose(model, replace(known, position=NOTHING[:4], control=np.full((2, 3), np.nan))), 8)
+    assert out.free and not out.centre_weight.any() and not out.point_weight.any() and out.named.tolist() == [8, 9]
