@@ -121,3 +121,21 @@ def test_refinement_never_makes_it_worse():
         for h, own in ((H0, wild), refined_together(H0, wild, LOCAL, xy))
     ]
     assert misfit[1] <= misfit[0]
+
+
+@settings(deadline=None)
+@given(angle=st.floats(-3, 3), x=st.floats(-2, 2), y=st.floats(-2, 2))
+def test_motions_in_the_plane_are_found(angle, x, y):
+    points = np.array([[0, 0], [0.3, 0.1], [0.2, 0.5], [-0.4, 0.2]])
+    motion = np.array([angle, x, y])
+    assert rigid_motion(points, moved(motion, points)) == pytest.approx(motion, abs=1e-9)
+
+
+def test_joint_refinement_finds_homography_and_motions():
+    local = np.array([[0.04 * i, 0.04 * j] for j in range(4) for i in range(5)])
+    motions = np.array([[0, 0, 0], [0.4, 0.3, 0.1], [-1.2, -0.2, 0.4]])
+    H = np.array([[900.0, 80.0, 10.0], [-60.0, 950.0, -20.0], [0.2, -0.3, 1.0]])
+    xy = np.array([applied(H, moved(motion, local)) for motion in motions])
+    start = motions + np.array([[0, 0, 0], [0.03, 0.01, -0.01], [-0.02, 0.01, 0.01]])
+    refined_H, refined = refined_together(homography(local, xy[0] + 0.3), start, local, xy)
+    assert refined == pytest.approx(motions, abs=1e-5) and refined_H == pytest.approx(H, rel=1e-4, abs=1e-2)

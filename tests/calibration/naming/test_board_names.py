@@ -9,15 +9,9 @@ from hypothesis import strategies as st
 
 from benchmarks.calibration.board_setups import FIVE_BOARDS, PUBLISHED, SIX_BOARDS, TWELVE_BOARDS, BoardSetup, places_of, views_of
 from orthomill.schemas.errors import GeometryError
-from orthomill.tasks.calibration.detection.homographies import applied, homography, moved, refined_together, rigid_motion
 from orthomill.tasks.calibration.naming.board_names import name_boards, plane_views
-from orthomill.tasks.calibration.naming.board_views import in_plane, motion_in_plane
-from orthomill.tasks.calibration.reporting.distortion_curve import balancing_change, displacement
 from orthomill.tasks.calibration.solving.arranging import arrangement_of
-from orthomill.tasks.calibration.solving.initial_constant import constant_from_conic, constants, estimate
-from orthomill.tasks.calibration.solving.initial_pose import pose_of_projection
 from orthomill.tasks.calibration.solving.solving import CalibrationTarget
-from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.simulation.boards.board_scene import floor_corners
 
 
@@ -94,69 +88,3 @@ def test_a_wide_lens_is_calibrated_from_homographies_that_know_nothing_of_it():
     known = arrangement_of(found, target)
     assert one_renumbering(known.naming.photos, order)
     assert known.result.state.interior[0] == pytest.approx(2100.0, abs=2.0)
-
-
-C1 = (3686.66, 3039.03, 3255.84, 2767.17, 3828.43, 3782.84, 3659.10)
-C2 = (3643.44, 3598.63, 3618.62, 3459.89, 3668.88, 3661.90, 3721.77)
-
-
-def test_the_published_rule_gives_the_published_constant():
-    known = estimate(np.array(C1), np.array(C2))
-    assert known.c == pytest.approx(3652.67, abs=0.01)
-    assert (known.sigma1, known.sigma2) == (pytest.approx(232.23, abs=0.02), pytest.approx(43.10, abs=0.02))
-    assert not np.isfinite(estimate(np.array([np.nan]), np.array([np.nan])).c)
-
-
-@settings(deadline=None)
-@given(omega=st.floats(-0.6, 0.6), phi=st.floats(-0.6, 0.6), kappa=st.floats(-3.1, 3.1))
-def test_constant_and_pose_follow_from_a_homography(omega, phi, kappa):
-    c, R, centre = 3000.0, rotation_matrix(omega, phi, kappa), np.array([0.2, -0.1, 1.4])
-    view = np.diag([-c, -c, 1.0]) @ np.column_stack([R, -R @ centre])
-    rotation, place = pose_of_projection(view * 0.3, c)
-    H = view[:, [0, 1, 3]] / view[2, 3]
-    assert rotation == pytest.approx(R, abs=1e-9) and place == pytest.approx(centre, abs=1e-9)
-    assert np.abs(H[2, 0] * H[2, 1]) < 1e-4 or constants(H)[0] == pytest.approx(c, rel=1e-7)
-    assert np.hypot(*H[2, :2]) < 0.02 or constant_from_conic([H]) == pytest.approx(c, rel=1e-7)
-
-
-def test_a_photo_straight_down_gives_no_constant():
-    assert np.isnan(constants(np.diag([2000.0, 2000.0, 1.0]))).all()
-    assert np.isnan(constant_from_conic([np.diag([2000.0, 2000.0, 1.0])]))
-
-
-@settings(deadline=None)
-@given(angle=st.floats(-3, 3), x=st.floats(-2, 2), y=st.floats(-2, 2))
-def test_motions_in_the_plane_are_found(angle, x, y):
-    points = np.array([[0, 0], [0.3, 0.1], [0.2, 0.5], [-0.4, 0.2]])
-    motion = np.array([angle, x, y])
-    assert rigid_motion(points, moved(motion, points)) == pytest.approx(motion, abs=1e-9)
-    assert motion_in_plane(in_plane(motion)) == pytest.approx(motion, abs=1e-12)
-
-
-def test_joint_refinement_finds_homography_and_motions():
-    local = np.array([[0.04 * i, 0.04 * j] for j in range(4) for i in range(5)])
-    motions = np.array([[0, 0, 0], [0.4, 0.3, 0.1], [-1.2, -0.2, 0.4]])
-    H = np.array([[900.0, 80.0, 10.0], [-60.0, 950.0, -20.0], [0.2, -0.3, 1.0]])
-    xy = np.array([applied(H, moved(motion, local)) for motion in motions])
-    start = motions + np.array([[0, 0, 0], [0.03, 0.01, -0.01], [-0.02, 0.01, 0.01]])
-    refined_H, refined = refined_together(homography(local, xy[0] + 0.3), start, local, xy)
-    assert refined == pytest.approx(motions, abs=1e-5) and refined_H == pytest.approx(H, rel=1e-4, abs=1e-2)
-
-
-@pytest.mark.parametrize(
-    ("c", "k1", "k2", "size", "expected"),
-    [
-        (3619.4, -3.08e-10, 3.546e-17, (5472, 3648), 3617.5),
-        (3687.5, 6.237e-10, -3.482e-17, (5472, 3648), 3694.9),
-        (4195.2, -8.272e-9, 4.298e-16, (4912, 3264), 4096.9),
-        (4938.2, -1.248e-9, 2.816e-16, (5184, 3456), 4941.6),
-    ],
-)
-def test_balanced_curves_are_the_published_ones(c, k1, k2, size, expected):
-    radius = 0.85 * 0.5 * np.hypot(*size)
-    assert c + balancing_change(c, (k1 * c**2, k2 * c**4, 0.0), radius) == pytest.approx(expected, abs=0.1)
-
-
-def test_published_distortion_at_2000_px():
-    c = 4195.2
-    assert displacement(np.array([2000.0]), c, (-8.272e-9 * c**2, 4.298e-16 * c**4, 0.0))[0] == pytest.approx(-52.42, abs=0.01)

@@ -5,8 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from board_corners import easy_arrangement, easy_calibration, easy_tables, everything_named
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from orthomill.schemas.stage_report import Figure, Grid, StageReport
 from orthomill.tasks.calibration.board_tables import CornerResiduals
@@ -16,7 +14,6 @@ from orthomill.tasks.calibration.reporting.board_figures import board_figures, r
 from orthomill.tasks.calibration.reporting.board_grids import board_grid, exterior_grid, model_grid, parameter_grid, photo_grid
 from orthomill.tasks.calibration.reporting.board_report import _pictures, chessboards_report
 from orthomill.tasks.calibration.reporting.calibration_results import CalibrationResults
-from orthomill.tasks.calibration.reporting.distortion_curve import balanced, balancing_change, displacement
 from orthomill.tasks.calibration.reporting.drawing import draw_boards, usual_length
 from orthomill.tasks.calibration.solving.model_choice import MODELS, held_out
 
@@ -159,25 +156,6 @@ def test_the_balanced_curve_is_drawn_next_to_the_adjusted_one(results):
     radius, change = balance(results)
     assert list(drawn.series) == ["as adjusted", f"balanced, c {change:+.1f} px"]
     assert radius == pytest.approx(0.85 * 0.5 * np.hypot(*results.target.size))
-
-
-@settings(deadline=None, max_examples=25)
-@given(k1=st.floats(-0.2, 0.2), k2=st.floats(-0.05, 0.05), k3=st.floats(-0.01, 0.01), off=st.floats(-3.0, 3.0))
-def test_no_other_change_of_c_gives_less_distortion(k1, k2, k3, off):
-    c, radius, r = 3000.0, 2000.0, np.linspace(0.0, 2000.0, 2001)
-    best = balancing_change(c, (k1, k2, k3), radius)
-    size = [np.trapezoid(balanced(r, c, (k1, k2, k3), best + d) ** 2, r) for d in (0.0, off)]
-    assert size[0] <= size[1] * (1.0 + 1e-6) + 1e-6
-
-
-def test_without_distortion_nothing_is_to_be_balanced():
-    r = np.array([0.0, 500.0, 1000.0])
-    assert balancing_change(3000.0, (0.0, 0.0, 0.0), 1000.0) == 0.0 and displacement(r, 3000.0, (0.0, 0.0, 0.0)).tolist() == [
-        0,
-        0,
-        0,
-    ]
-    assert displacement(r, 1000.0, (0.1, 0.01, 0.001)) == pytest.approx([0.0, 500 * (0.025 + 0.000625 + 0.000015625), 111.0])
 
 
 def test_the_report_adds_to_that_of_the_camera_and_keeps_its_order(results):

@@ -30,6 +30,118 @@ def plane(P: np.ndarray) -> np.ndarray:
 TILTED = [plane(projection(omega, phi)) for omega, phi in ((0.4, 0.2), (-0.3, 0.4), (0.2, -0.5))]
 
 
+PUBLISHED = {
+    "Phantom 4 Pro": (
+        (3686.66, 3039.03, 3255.84, 2767.17, 3828.43, 3782.84, 3659.10),
+        (3643.44, 3598.63, 3618.62, 3459.89, 3668.88, 3661.90, 3721.77),
+        (3652.67, 232.23, 43.10),
+    ),
+    "NEX-5N": (
+        (
+            4194.37,
+            4023.35,
+            4032.86,
+            4190.20,
+            4001.13,
+            3890.58,
+            4206.47,
+            4023.65,
+            4621.46,
+            4173.26,
+            7035.14,
+            4102.55,
+            4206.07,
+            4451.07,
+        ),
+        (
+            3961.27,
+            4132.00,
+            4396.24,
+            4264.08,
+            4082.63,
+            4201.82,
+            5029.20,
+            4263.86,
+            4196.29,
+            3954.96,
+            3280.83,
+            4307.88,
+            1516.99,
+            4320.94,
+        ),
+        (4201.82, 195.80, 144.53),
+    ),
+    "EOS 550D": (
+        (
+            4950.97,
+            4759.63,
+            4891.09,
+            4896.79,
+            3964.22,
+            5011.34,
+            4572.62,
+            4910.55,
+            4927.04,
+            4522.27,
+            4894.89,
+            4007.11,
+            4916.43,
+            5028.67,
+            4941.94,
+            4873.13,
+        ),
+        (
+            4865.47,
+            4969.64,
+            4705.72,
+            4059.17,
+            4912.70,
+            4860.57,
+            4918.92,
+            4861.59,
+            4842.96,
+            18330.20,
+            4937.11,
+            4952.25,
+            4851.93,
+            4939.61,
+            4798.93,
+            4940.43,
+        ),
+        (4910.55, 117.69, 226.86),
+    ),
+}
+"""c1 and c2 of every photo, and the chosen constant with both spreads (Kawka 2021, tables 3-1 to 3-6)."""
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_the_published_rule_gives_the_published_constant(name):
+    c1, c2, (c, sigma1, sigma2) = PUBLISHED[name]
+    known = estimate(np.array(c1), np.array(c2))
+    assert (known.c, known.sigma1, known.sigma2) == (
+        pytest.approx(c, abs=0.01),
+        pytest.approx(sigma1, abs=0.02),
+        pytest.approx(sigma2, abs=0.02),
+    )
+
+
+@settings(deadline=None)
+@given(omega=st.floats(-0.6, 0.6), phi=st.floats(-0.6, 0.6), kappa=st.floats(-3.1, 3.1))
+def test_constant_and_pose_follow_from_a_homography(omega, phi, kappa):
+    c, R, centre = 3000.0, rotation_matrix(omega, phi, kappa), np.array([0.2, -0.1, 1.4])
+    view = np.diag([-c, -c, 1.0]) @ np.column_stack([R, -R @ centre])
+    rotation, place = pose_of_projection(view * 0.3, c)
+    H = view[:, [0, 1, 3]] / view[2, 3]
+    assert rotation == pytest.approx(R, abs=1e-9) and place == pytest.approx(centre, abs=1e-9)
+    assert np.abs(H[2, 0] * H[2, 1]) < 1e-4 or constants(H)[0] == pytest.approx(c, rel=1e-7)
+    assert np.hypot(*H[2, :2]) < 0.02 or constant_from_conic([H]) == pytest.approx(c, rel=1e-7)
+
+
+def test_a_photo_straight_down_gives_no_constant():
+    assert np.isnan(constants(np.diag([2000.0, 2000.0, 1.0]))).all()
+    assert np.isnan(constant_from_conic([np.diag([2000.0, 2000.0, 1.0])]))
+
+
 def test_both_constants_of_an_exact_homography_are_the_camera_constant():
     assert np.array([constants(H) for H in TILTED]) == pytest.approx(np.full((3, 2), C), rel=1e-9)
     assert constant_from_conic(TILTED) == pytest.approx(C, rel=1e-9)
