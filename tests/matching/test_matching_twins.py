@@ -1,0 +1,190 @@
+"""Small kernels of matching against plain NumPy: planes and supports, census, specks, paraboloids, correlated residuals."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+
+from orthomill.tasks.matching.dense.node_surfaces import Node, StartSurface, fit_surface, start_parallaxes, surface_window
+from orthomill.tasks.matching.dense.semi_global import census, remove_specks
+from orthomill.tasks.matching.least_squares.grey_values import cubic_weights, leaves, nearest_pixel, on_lattice
+from orthomill.tasks.matching.least_squares.shift_precision import residual_correlation
+from orthomill.tasks.matching.points.sub_pixel import paraboloid_peaks
+from orthomill.tasks.matching.smoothing import gaussian_weights, reach_of, smoothed, with_gaps
+
+HALF = 4
+
+
+def window_of_plane(level: float, along: float, across: float) -> np.ndarray:
+    y, x = np.mgrid[-HALF : HALF + 1, -HALF : HALF + 1]
+    return (level + along * x + across * y).astype(np.float32).ravel()
+
+
+def fitted(window: np.ndarray, level: float, tolerance: float = 1.0, left: np.ndarray | None = None):
+    """Plane, support (9, 9) bool and number of its pixels at the centre of a 20 x 20 image."""
+    left = np.full((20, 20), 100.0, np.float32) if left is None else left
+    guess, plane, mask = np.zeros(3), np.zeros(3), np.zeros(window.size, np.float32)
+    count = fit_surface(left, Node(10, 10, HALF), window, level, tolerance, guess, plane, mask)
+    return plane, mask.reshape(9, 9) > 0, count
+
+
+@settings(max_examples=30, deadline=None)
+@given(level=st.floats(-20, 20), along=st.floats(-0.2, 0.2), across=st.floats(-0.2, 0.2))
+def test_a_plane_is_fitted_and_supported_by_its_whole_window(level, along, across):
+    plane, support, count = fitted(window_of_plane(level, along, across), level)
+    assert support.all() and count == 81
+    assert plane[0] == pytest.approx(0.0, abs=1e-4)
+    # The ridge draws slopes towards zero by 0.05 px^2 against the variance of the coordinates, 6.67 px^2.
+    assert plane[1:] == pytest.approx(np.array([along, across]) * 6.6667 / 6.7167, abs=1e-4)
+
+
+def test_the_support_keeps_the_roof_and_drops_the_ground():
+    window = window_of_plane(10.0, 0.0, 0.0).reshape(9, 9)
+    window[:, 6:] = 18.0
+    roof, ground = fitted(window.ravel(), 18.0)[1], fitted(window.ravel(), 10.0)[1]
+    assert np.array_equal(roof, window == 18.0) and np.array_equal(ground, window == 10.0)
+
+
+def test_unknown_parallaxes_belong_to_a_window_that_shows_one_surface_only():
+    window = window_of_plane(10.0, 0.0, 0.0).reshape(9, 9)
+    window[2:4, 2:4] = np.nan
+    assert fitted(window.ravel(), 10.0)[1].all()
+    window[:, 7:] = 18.0
+    assert not fitted(window.ravel(), 10.0)[1][2:4, 2:4].any()
+
+
+def test_pixels_without_data_or_gradient_do_not_support_a_surface():
+    left = np.full((20, 20), 100.0, np.float32)
+    left[10, 12] = np.nan
+    _, support, count = fitted(window_of_plane(10.0, 0.0, 0.0), 10.0, left=left)
+    assert count == 78 and not support[4, 5:8].any() and support[4, 4] and support[3, 6]
+
+
+def test_a_surface_of_too_few_pixels_has_no_plane():
+    window = np.full(81, np.nan, np.float32)
+    window[:5] = 10.0
+    assert fitted(window, 10.0)[2] == 0
+
+
+@pytest.mark.parametrize("factor", [1, 2, 4])
+def test_a_surface_window_reads_the_start_surface_at_its_factor(factor):
+    start = StartSurface(np.arange(30, dtype=np.float32).reshape(5, 6), factor)
+    window = np.empty(81, np.float32)
+    surface_window(start, Node(6, 7, HALF), window)
+    for i, value in enumerate(window):
+        row, col = (6 + i // 9 - HALF) // factor, (7 + i % 9 - HALF) // factor
+        inside = row < 5 and col < 6
+        assert value == start.parallax[row, col] if inside else np.isnan(value)
+
+
+def test_the_parallaxes_worth_trying_are_the_own_and_the_extremes_that_differ_from_it():
+    window, found = window_of_plane(10.0, 0.0, 0.0).reshape(9, 9), np.empty(3, np.float32)
+    assert start_parallaxes(window.ravel(), HALF, 2, found) == 1 and found[0] == 10.0
+    window[3, 3], window[5, 5] = 4.0, 19.0
+    assert start_parallaxes(window.ravel(), HALF, 2, found) == 3 and found.tolist() == [10.0, 4.0, 19.0]
+    window[4, 4] = np.nan
+    window[3, 3] = 9.0
+    assert start_parallaxes(window.ravel(), HALF, 2, found) == 2 and found[:2].tolist() == [9.0, 19.0]
+    assert start_parallaxes(np.full(81, np.nan, np.float32), HALF, 4, found) == 0
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 99), gain=st.floats(0.2, 4.0), offset=st.floats(-50, 50))
+def test_census_does_not_see_gain_and_offset(seed, gain, offset):
+    grey = np.random.default_rng(seed).integers(0, 50, (12, 13)).astype(np.float32)
+    brighter = (np.float32(gain) * grey + np.float32(offset)).astype(np.float32)
+    assert all(np.array_equal(a, b) for a, b in zip(census(grey), census(brighter), strict=True))
+
+
+def test_census_is_valid_where_the_whole_window_has_data():
+    grey = np.random.default_rng(0).normal(size=(20, 20)).astype(np.float32)
+    grey[10, 10] = np.nan
+    expected = np.zeros((20, 20), bool)
+    expected[3:-3, 3:-3] = True
+    expected[7:14, 7:14] = False
+    assert np.array_equal(census(grey)[1], expected)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 999), smallest=st.integers(1, 12))
+def test_specks_are_the_small_components_of_equal_parallax(seed, smallest):
+    parallax = np.random.default_rng(seed).choice([0.0, 5.0, np.nan], (12, 14)).astype(np.float32)
+    expected = parallax.copy()
+    for value in (0.0, 5.0):
+        labels, count = ndimage.label(parallax == value)
+        for label in range(1, count + 1):
+            if (labels == label).sum() < smallest:
+                expected[labels == label] = np.nan
+    remove_specks(parallax, np.float32(1.0), smallest)
+    assert np.array_equal(parallax, expected, equal_nan=True)
+
+
+@settings(max_examples=40, deadline=None)
+@given(x=st.floats(-0.6, 0.6), y=st.floats(-0.6, 0.6), xx=st.floats(0.5, 3), yy=st.floats(0.5, 3), xy=st.floats(-0.4, 0.4))
+def test_the_peak_of_a_paraboloid_is_exact(x, y, xx, yy, xy):
+    row, col = np.mgrid[-1:2, -1:2].astype(float)
+    values = -(xx * (col - x) ** 2 + yy * (row - y) ** 2 + 2 * xy * (col - x) * (row - y))
+    assert paraboloid_peaks(values[None])[0] == pytest.approx([x, y], abs=1e-9)
+
+
+@pytest.mark.parametrize("values", [np.ones((3, 3)), np.full((3, 3), np.nan), [[0, 1, 0], [1, 0, 1], [0, 1, 0]]])
+def test_without_a_peak_the_pixel_itself_is_kept(values):
+    assert paraboloid_peaks(np.array([values], dtype=float)).tolist() == [[0.0, 0.0]]
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(0.0, 1.0, exclude_max=True, width=32))
+def test_cubic_weights_sum_to_one_and_reproduce_a_parabola(f):
+    weights = np.array(cubic_weights(np.float32(f)))
+    at = np.array([-1.0, 0.0, 1.0, 2.0])
+    assert weights.sum() == pytest.approx(1.0, abs=1e-6)
+    assert weights @ at == pytest.approx(f, abs=1e-6) and weights @ at**2 == pytest.approx(f * f, abs=2e-6)
+
+
+@settings(max_examples=40, deadline=None)
+@given(place=st.floats(-8, 8), offset=st.integers(0, 60000))
+def test_places_on_the_lattice_move_exactly_with_any_integer(place, offset):
+    assert (on_lattice(place) + offset) - offset == on_lattice(place)
+    assert on_lattice(place) == pytest.approx(place, abs=2**-32)
+
+
+def test_halves_round_up_on_both_sides_of_zero():
+    assert [nearest_pixel(x) for x in (-1.5, -0.5, 0.5, 1.5, 2.49)] == [-1, 0, 1, 2, 2]
+
+
+@pytest.mark.parametrize(
+    ("centre", "outside"),
+    [((10.0, 10.0), False), ((4.0, 10.0), True), ((10.0, 4.0), True), ((15.1, 10.0), True), ((np.nan, 10.0), True)],
+)
+def test_a_window_with_its_interpolation_stays_in_the_image(centre, outside):
+    assert leaves((20, 20), *centre, 3.0, 3.0) == outside
+
+
+@pytest.mark.parametrize("sigma", [0.8, 1.5])
+def test_smoothed_white_noise_has_the_correlation_of_the_covariance_model(sigma):
+    noise = np.random.default_rng(0).normal(size=(400, 400)).astype(np.float32)
+    grey = smoothed(noise, sigma)[10:-10, 10:-10].astype(float)
+    near, far = residual_correlation(sigma)
+    for distance, expected in ((1, near), (2, far)):
+        assert np.corrcoef(grey[:, distance:].ravel(), grey[:, :-distance].ravel())[0, 1] == pytest.approx(expected, abs=0.04)
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.3, 0.8, 2.0])
+def test_gaussian_weights_are_symmetric_and_sum_to_one(sigma):
+    weights = gaussian_weights(sigma)
+    assert len(weights) == 2 * reach_of(sigma) + 1 and weights.sum() == pytest.approx(1.0, abs=1e-6)
+    assert np.array_equal(weights, weights[::-1])
+
+
+def test_a_constant_image_stays_constant_around_gaps():
+    grey = with_gaps(np.full((12, 12), 70, np.uint8))
+    grey[4:6, 5:9] = np.nan
+    out = smoothed(grey, 1.0)
+    assert np.array_equal(np.isnan(out), np.isnan(grey)) and np.nanmax(np.abs(out - 70.0)) < 1e-4
+
+
+def test_no_data_is_zero_infinite_or_masked():
+    image = np.array([[1.0, 0.0, np.inf], [2.0, np.nan, 3.0]])
+    mask = np.array([[True, True, True], [False, True, True]])
+    assert np.array_equal(np.isnan(with_gaps(image, mask)), [[False, True, True], [True, True, False]])
