@@ -10,10 +10,11 @@ within that circle; so every height first needs support in a wider circle.
 Source: Karfis 2009 (methods/relative_orientation_and_epipolar.md 1.19).
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numba import njit
+from pydantic import model_validator
 
 from orthomill.schemas.settings import Settings, setting
 
@@ -33,10 +34,28 @@ class SpikeFilter(Settings):
     far_slope: float = setting(3.0, "A height in the wider circle supports when the slope is at most this.", gt=0.0)
     floor: float = setting(0.3, "Deviations below this share of the cell size are never spikes.", "cells", ge=0.0)
 
+    @model_validator(mode="after")
+    def _settings_have_an_effect(self) -> Self:
+        """Refuses settings of a part of the filter that is switched off."""
+        # compared with the defaults, not with what was written: the workflow that a run leaves behind has every default filled in
+        for switch, others in _SWITCHES.items():
+            fields = type(self).model_fields
+            idle = [name for name in others if getattr(self, name) != fields[name].default]
+            if getattr(self, switch) == 0 and idle:
+                raise ValueError(
+                    f"{', '.join(idle)}: set, but without effect while {switch} is 0, which switches that part of the filter off; "
+                    f"leave {'it' if len(idle) == 1 else 'them'} out, or set {switch} to more than 0"
+                )
+        return self
+
     @property
     def halo(self) -> int:
         """Distance in cells at which a height can influence the filter."""
         return int(np.ceil(self.radius)) * self.rounds + int(np.ceil(self.far_radius))
+
+
+_SWITCHES = {"rounds": ("radius", "sigmas", "min_support", "support_slope"), "far_radius": ("far_support", "far_slope")}
+"""settings that switch a part of the filter off when they are 0, and the settings that only this part reads"""
 
 
 class _Neighbours(NamedTuple):

@@ -14,10 +14,9 @@ from orthomill.tasks.evaluation.tile_sums import HeightsSummary, OrientationSumm
 
 @dataclass(frozen=True)
 class EvaluationFacts:
-    """Facts known at planning: the kind of reference, the assumed parallax error (px), and which summaries exist."""
+    """Facts known at planning: the kind of reference, and which summaries exist."""
 
     reference: str
-    parallax_sigma: float
     parts: tuple[str, ...]
 
 

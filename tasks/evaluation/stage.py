@@ -111,7 +111,7 @@ class EvaluationStage(Stage):
         parts: dict[str, Table] = {}
         for jobs in (self._orientation(view, parts), self._heights(view, parts), self._ortho(view, parts)):
             yield from jobs
-        facts = EvaluationFacts(self.reference.kind, self.parallax_sigma, tuple(parts))
+        facts = EvaluationFacts(self.reference.kind, tuple(parts))
         reads: Reads = {**parts}
         yield Job("evaluation", "report", evaluation_report, reads, {"report": report_table("evaluation")}, {"facts": facts})
 

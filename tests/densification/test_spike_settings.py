@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from orthomill.tasks.densification.spike_filter import SpikeFilter, spikes, stray
 
@@ -125,4 +126,21 @@ def test_empty_cells_are_never_spikes_and_alone_a_height_is_one():
 
 def test_the_halo_is_the_reach_of_all_rounds():
     assert SpikeFilter(radius=3.5, rounds=2, far_radius=0.0).halo == 8
-    assert SpikeFilter(radius=3.5, rounds=0, far_radius=9.2).halo == 10
+    assert SpikeFilter(rounds=0, far_radius=9.2).halo == 10
+
+
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [
+        ({"far_radius": 0.0, "far_slope": 2.0}, "far_slope: set, but without effect while far_radius is 0"),
+        ({"rounds": 0, "sigmas": 2.0, "radius": 5.0}, "radius, sigmas: set, but without effect while rounds is 0"),
+    ],
+)
+def test_settings_of_a_part_that_is_switched_off_are_refused(wrong, sentence):
+    with pytest.raises(ValidationError, match=sentence):
+        SpikeFilter(**wrong)
+
+
+def test_a_workflow_with_every_default_filled_in_is_accepted():
+    for rules in (SpikeFilter(rounds=0), SpikeFilter(far_radius=0.0)):
+        assert SpikeFilter.model_validate(rules.model_dump()) == rules

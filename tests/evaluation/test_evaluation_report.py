@@ -192,7 +192,7 @@ def test_an_optimistic_orientation_is_warned_of():
     assert not orientation_section(OrientationSummary()).charts
 
 
-FACTS = EvaluationFacts("truth", 0.5, ("heights", "ortho", "orientation"))
+FACTS = EvaluationFacts("truth", ("heights", "ortho", "orientation"))
 
 
 def test_the_report_puts_the_main_figures_first():
@@ -206,12 +206,12 @@ def test_the_report_puts_the_main_figures_first():
 
 
 def test_the_report_of_a_file_has_no_figures_that_need_the_truth():
-    found = evaluation_report(EvaluationFacts("file", 0.5, ("ortho",)), ortho=ortho())
+    found = evaluation_report(EvaluationFacts("file", ("ortho",)), ortho=ortho())
     assert not any("doubled" in figure.name for figure in found.figures)
 
 
 def test_a_report_of_nothing_says_so():
-    found = evaluation_report(EvaluationFacts("none", 0.5, ()))
+    found = evaluation_report(EvaluationFacts("none", ()))
     assert not found.figures and found.warnings == (
         "Nothing was compared: the workflow names no reference, or has none of the stages that could be evaluated.",
     )

@@ -6,6 +6,7 @@ from box_scene import block as box_block
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from level_pair import level_pair
+from scipy.stats import norm
 
 from orthomill.schemas.epipolar import EpipolarPairs
 from orthomill.schemas.orientation import Block
@@ -92,16 +93,30 @@ def test_the_expected_standard_error_is_the_published_formula():
     assert expected_sigma(box_block(), None, 0.5) is None and expected_sigma(box_block(), EpipolarPairs(pairs=()), 0.5) is None
 
 
-def test_volos_and_kea_of_the_published_evaluation():
-    """Flying height, base, scale and pixel of the two models give standard errors of 0.77 and 0.90 m per pixel of parallax."""
-    for flying, base, scale, pixel, sigma in ((1029.0, 582.0, 6800, 64e-6, 0.77), (1525.0, 829.0, 10000, 49e-6, 0.90)):
-        c = flying / (scale * pixel)
-        camera = box_block().cameras["test"].model_copy(update={"c": c})
-        photos = tuple(p.model_copy(update={"centre": (0.0, 0.0, flying)}) for p in box_block().photos)
-        known = box_block().model_copy(
-            update={"cameras": {"test": camera}, "photos": photos, "ground_low": 0.0, "ground_high": 0.0}
-        )
-        assert expected_sigma(known, pairs(base / flying), 1.0) == pytest.approx(sigma, abs=0.005)
+@pytest.mark.parametrize(
+    ("flying", "base", "scale", "pixel", "sigma"),
+    [
+        (1029.0, 582.0, 6800, 64e-6, 0.76945),
+        (1029.0, 582.0, 6800, 15e-6, 0.18034),
+        (1525.0, 829.0, 10000, 49e-6, 0.90139),
+        (1525.0, 829.0, 10000, 11e-6, 0.20235),
+    ],
+    ids=["Volos rough", "Volos full resolution", "Kea rough", "Kea full resolution"],
+)
+def test_the_published_expected_errors(flying, base, scale, pixel, sigma):
+    """Karfis 2009, 8.3 and 8.4 (method page 3.4): k (H / B) sigma_p for one pixel of parallax."""
+    camera = box_block().cameras["test"].model_copy(update={"c": flying / (scale * pixel)})
+    photos = tuple(p.model_copy(update={"centre": (0.0, 0.0, flying)}) for p in box_block().photos)
+    known = box_block().model_copy(update={"cameras": {"test": camera}, "photos": photos, "ground_low": 0.0, "ground_high": 0.0})
+    assert expected_sigma(known, pairs(base / flying), 1.0) == pytest.approx(sigma, abs=5e-5)
+
+
+def test_the_published_difference_of_two_models():
+    """Two models of equal precision differ by sqrt(2) sigma_Z; tripled, 0.76 m for Volos and 0.86 m for Kea."""
+    assert 3 * np.sqrt(2) * 0.18034 == pytest.approx(0.76, abs=0.006)
+    dh = np.sqrt(2) * 0.18034 * norm.ppf((np.arange(20000) + 0.5) / 20000)
+    found = summary(tile(dh, np.full(20000, int(PlaceClass.CLEAR_GROUND))))
+    assert 3 * found.groups[0].numbers["sd"] == pytest.approx(0.76, abs=0.01)
 
 
 @pytest.mark.parametrize("sigma", [0.25, 0.5, 2.0])
