@@ -1,0 +1,159 @@
+"""The report on the orthoimage: figures from sums over tiles, classes of the pictures, and every warning with its fact."""
+
+import pytest
+
+from orthomill.tasks.texture.mosaic import TileTexture
+from orthomill.tasks.texture.radiometric_balance import PhotoRadiometry, Radiometry
+from orthomill.tasks.texture.report import COVERAGE_COLOURS, TextureFacts, coverage_classes, texture_report
+
+FACTS = TextureFacts(cell=0.5, dsm_cell=1.0, ground_pixel=0.48123, heights="densification/height")
+
+
+def tile(**changes) -> TileTexture:
+    facts = {
+        "pixels": 1000,
+        "seen": (100, 200, 300, 400),
+        "no_height": 80,
+        "draped": 50,
+        "most": 4,
+        "values": 2500,
+        "rejected": 100,
+        "difference_sum": 1400.0,
+        "difference_count": 700,
+        "photo_seen": {"a": 900, "b": 700},
+        "photo_share": {"a": 600.0, "b": 300.0},
+    }
+    return TileTexture(**{**facts, **changes})
+
+
+def radiometry(**changes) -> Radiometry:
+    facts = {
+        "photos": (
+            PhotoRadiometry(photo="a", gain=(1.1, 1.0, 0.9), v1=(-0.2,) * 3, v2=(0.05,) * 3, samples=40),
+            PhotoRadiometry(photo="b"),
+        ),
+        "samples": 80,
+        "points": 40,
+        "difference_before": 12.3456,
+        "difference_after": 2.5,
+        "difference_median_after": 1.25,
+    }
+    return Radiometry(**{**facts, **changes})
+
+
+def report(*tiles: TileTexture, balance: Radiometry | None = None):
+    return texture_report(tiles or (tile(),), balance or radiometry(), FACTS)
+
+
+def values(made) -> dict:
+    return {figure.name: figure.value for figure in made.figures}
+
+
+def test_figures_of_one_tile():
+    assert values(report()) == {
+        "cell": 0.5,
+        "photo_ground_pixel": 0.4812,
+        "pixels": 1000,
+        "height_share": 92.0,
+        "draped_share": 5.0,
+        "seen_by_0": 10.0,
+        "seen_by_1": 20.0,
+        "seen_by_2": 30.0,
+        "seen_by_3_or_more": 40.0,
+        "hidden_share": pytest.approx(100 * 20 / 920, abs=1e-3),
+        "rejected_share": 4.0,
+        "seam_difference": 2.0,
+        "balance_difference_before": 12.346,
+        "balance_difference_after": 2.5,
+        "balance_difference_median_after": 1.25,
+        "balance_samples": 40,
+    }
+
+
+def test_shares_of_several_tiles_weight_by_pixels():
+    """A tile of 1000 pixels and one of 3000 without any height: a quarter counts once, not half."""
+    empty = tile(
+        pixels=3000,
+        seen=(3000, 0, 0, 0),
+        no_height=3000,
+        draped=0,
+        values=0,
+        rejected=0,
+        difference_sum=0.0,
+        difference_count=0,
+        photo_seen={},
+        photo_share={},
+    )
+    found = values(report(tile(), empty))
+    assert found["pixels"] == 4000 and found["height_share"] == 23.0 and found["seen_by_3_or_more"] == 10.0
+    assert found["hidden_share"] == pytest.approx(100 * 20 / 920, abs=1e-3), "cells without height are not hidden"
+    assert found["seam_difference"] == 2.0 and found["rejected_share"] == 4.0
+
+
+def test_the_grid_adds_the_contributions_of_all_tiles():
+    (grid,) = report(tile(), tile(photo_seen={"b": 100}, photo_share={"b": 100.0})).grids
+    first, second = grid.rows
+    assert first[:3] == ("a", 900, 60.0) and second[:3] == ("b", 800, 40.0)
+    assert first[3:6] == (1.1, 1.0, 0.9) and first[9:] == (-0.15, 40)
+    assert len(first) == len(grid.columns) == 11
+
+
+def test_the_chart_shows_pixels_by_number_of_photos():
+    (chart,) = report(tile(), tile()).charts
+    assert chart.series["pixels"] == (200.0, 400.0, 600.0, 800.0)
+
+
+def test_a_good_orthoimage_gives_no_warning():
+    assert report().warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"seen": (1000, 0, 0, 0), "no_height": 1000}, "The orthoimage is empty"),
+        ({"seen": (140, 160, 300, 400)}, "6.0 % of the orthoimage has a height but is seen by no photo"),
+        ({"rejected": 700}, "28 % of all colours were rejected"),
+        ({"photo_seen": {"a": 900}}, "No ground of the orthoimage is seen by: b."),
+    ],
+)
+def test_weaknesses_of_the_image_are_reported(changes, words):
+    assert any(words in text for text in report(tile(**changes)).warnings)
+
+
+@pytest.mark.parametrize(
+    ("changes", "count"), [({"seen": (130, 170, 300, 400)}, 0), ({"rejected": 625}, 0), ({"rejected": 626}, 1)]
+)
+def test_warnings_begin_beyond_their_limits(changes, count):
+    assert len(report(tile(**changes)).warnings) == count
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [({"points": 0}, "were not adjusted to one brightness"), ({"difference_median_after": 14.6}, "still differ by 15 grey levels")],
+)
+def test_weaknesses_of_the_balance_are_reported(changes, words):
+    (warning,) = report(balance=radiometry(**changes)).warnings
+    assert words in warning
+
+
+def test_a_single_photo_needs_no_balance():
+    alone = radiometry(photos=(PhotoRadiometry(photo="a"),), points=0, difference_median_after=None)
+    assert report(balance=alone).warnings == ()
+
+
+@pytest.mark.parametrize("most", [0, 3, 7])
+def test_coverage_has_a_class_for_every_count(most):
+    classes = coverage_classes(most)
+    assert [code for code, _, _ in classes] == list(range(max(most, 3) + 1))
+    assert [colour for _, colour, _ in classes[:4]] == list(COVERAGE_COLOURS)
+    assert {colour for _, colour, _ in classes[3:]} == {COVERAGE_COLOURS[3]}
+
+
+def test_pictures_know_the_codes_of_their_rasters():
+    pictures = {picture.title: picture for picture in report(tile(most=6)).pictures}
+    assert len(pictures["Coverage"].classes) == len(pictures["Rejected colours"].classes) == 7
+    assert [code for code, _, _ in pictures["Where heights come from"].classes] == [0, 1, 2]
+
+
+def test_without_blended_pixels_there_is_no_seam_difference():
+    assert values(report(tile(difference_sum=0.0, difference_count=0)))["seam_difference"] is None

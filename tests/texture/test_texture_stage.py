@@ -1,0 +1,177 @@
+"""The plan of the stage and its settings: what each one changes in the jobs, and that the jobs fit their functions."""
+
+from types import SimpleNamespace
+
+import pytest
+from box_scene import CENTRES, DSM, block
+from pydantic import ValidationError
+
+from orthomill.pipeline.engine.job_signature import misfit
+from orthomill.schemas.job import Export, Job
+from orthomill.schemas.orientation import BLOCK
+from orthomill.schemas.photo import PHOTOS, Photo, Photos
+from orthomill.schemas.raster import RasterSpec
+from orthomill.schemas.surface import CORRECTED, HEIGHT, SURFACE, Surface
+from orthomill.tasks.texture.blending import Blend, Rejection
+from orthomill.tasks.texture.stage import SAMPLES_AT_MOST, TextureStage
+
+
+class View:
+    """The box scene at planning time."""
+
+    def __init__(self, tile: int = 128, dtype: str = "uint8", check: bool = False) -> None:
+        self.project = SimpleNamespace(tile=tile)
+        self.dtype, self.check = dtype, check
+        facts = {"width": 420, "height": 420, "bands": 3, "dtype": dtype, "camera": "test", "levels": 4}
+        shown = Photos(photos=tuple(Photo(name=name, path=name, **facts) for name in CENTRES))
+        surface = Surface(grid=DSM, height_low=-2.0, height_high=16.0)
+        self.known = {BLOCK.path: block(), PHOTOS.path: shown, SURFACE.path: surface}
+
+    def table(self, table):
+        return self.known[table.path]
+
+    def raster(self, name):
+        level = int(name.rpartition("/")[2])
+        return RasterSpec(name=name, shape=(-(-420 // 2**level), -(-420 // 2**level), 3), dtype=self.dtype, chunk=128)
+
+    def has_stage(self, kind):
+        return self.check and kind == "dsm_check"
+
+
+def planned(view: View | None = None, **settings) -> list:
+    return list(TextureStage(**settings).plan(view or View()))
+
+
+def jobs(made: list, item: str) -> list[Job]:
+    return [one for one in made if isinstance(one, Job) and one.item == item]
+
+
+def rules(**settings):
+    (found,) = {job.params["rules"] for job in jobs(planned(**settings), "ortho")}
+    return found
+
+
+def test_all_jobs_fit_their_functions_and_have_names_of_their_own():
+    made = [one for one in planned() if isinstance(one, Job)]
+    assert [misfit(job) for job in made if misfit(job)] == []
+    assert len({job.key for job in made}) == len(made)
+    assert len(jobs(made, "ortho")) == len(jobs(made, "samples")) == 4
+
+
+def test_rasters_are_announced_before_the_jobs_that_write_them():
+    made = planned()
+    names = [one.name for one in made if isinstance(one, RasterSpec)]
+    assert names == ["texture/ortho", "texture/coverage", "texture/rejected", "texture/height_source"]
+    assert [isinstance(one, RasterSpec) for one in made[:4]] == [True] * 4
+    assert {raster.name for job in jobs(made, "ortho") for key, raster in job.writes.items() if key != "statistics"} == set(names)
+
+
+@pytest.mark.parametrize(("check", "raster"), [(False, HEIGHT), (True, CORRECTED)])
+def test_corrected_heights_are_used_where_there_is_a_check(check, raster):
+    made = planned(View(check=check))
+    assert {job.reads["heights"].name for job in jobs(made, "ortho")} == {raster}
+    (points,) = (one for one in made if isinstance(one, Export) and one.format == "laz")
+    assert points.rasters["z"] == raster
+
+
+@pytest.mark.parametrize(("cell", "expected"), [("auto", 0.5), (1.0, 1.0), (0.25, 0.25)])
+def test_the_cell_of_the_orthoimage(cell, expected):
+    made = planned(cell=cell)
+    assert jobs(made, "ortho")[0].params["extent"].ortho.cell == expected
+    (spec,) = (one for one in made if isinstance(one, RasterSpec) and one.name == "texture/coverage")
+    assert spec.shape == (round(120 / expected), round(120 / expected))
+
+
+def test_samples_come_from_a_coarser_level_than_colours():
+    made = planned(cell=0.5)
+    levels = {
+        item: {part.level for job in jobs(made, item) for part in job.params["extent"].photos} for item in ("ortho", "samples")
+    }
+    assert levels == {"ortho": {0}, "samples": {2}}
+
+
+@pytest.mark.parametrize(
+    ("holes", "cells"), [({"kind": "leave"}, 0), ({"kind": "drape", "max_gap": 7.5}, 8), ({"kind": "drape", "max_gap": 20.0}, 20)]
+)
+def test_holes_are_draped_up_to_the_gap(holes, cells):
+    assert rules(holes=holes).drape_gap == cells
+
+
+@pytest.mark.parametrize(("kind", "power"), [("area", 1), ("area_squared", 2)])
+def test_the_power_of_the_area(kind, power):
+    assert rules(weights={"kind": kind}).blend.power == power
+
+
+@pytest.mark.parametrize(
+    ("settings", "rule"),
+    [
+        ({"kind": "none"}, Rejection("none")),
+        ({"kind": "mean", "k": 1.5, "least": 7.0}, Rejection("mean", 1.5, 7.0)),
+        ({"kind": "median", "least": 3.0}, Rejection("median", 1.0, 3.0)),
+        ({"kind": "robust", "least": 9.0}, Rejection("deviation", 3.0, 9.0)),
+    ],
+)
+def test_rejection_has_its_centre_its_limit_and_its_least_deviation(settings, rule):
+    assert rules(rejection=settings).blend.rejection == rule
+
+
+@pytest.mark.parametrize(("settings", "limit"), [({"kind": "average"}, 0.0), ({"kind": "prefer", "limit": 25.0}, 25.0)])
+def test_two_colours_are_averaged_or_the_heavier_one_preferred(settings, limit):
+    assert rules(two_colours=settings).blend.two_limit == limit
+
+
+def test_the_number_of_blended_photos():
+    assert rules(best=3).blend == Blend(Rejection("mean", 1.0, 12.0), 1, 3, 0.0)
+
+
+@pytest.mark.parametrize(("margin", "ramp", "rim"), [(0.0, 0.0, 2), (1.0, 2.0, 5), (3.5, 4.0, 10)])
+def test_the_rim_of_occlusions_widens_what_a_tile_reads(margin, ramp, rim):
+    found = rules(occlusion_margin=margin, occlusion_ramp=ramp)
+    assert (found.widening_margin, found.widening_ramp, found.rim) == (margin, ramp, rim)
+    assert found.halo == 24 + rim + 1
+
+
+@pytest.mark.parametrize(("tolerance", "expected"), [("auto", 0.5), (0.0, 0.0), (1.25, 1.25)])
+def test_the_tolerance_of_visibility(tolerance, expected):
+    assert rules(tolerance=tolerance).tolerance == expected
+
+
+def test_the_bridge_and_the_feather():
+    found = rules(bridge=5, feather=0.3)
+    assert found.bridge == 5 and found.feather == 0.3 and found.halo == 5 + found.rim + 1
+
+
+@pytest.mark.parametrize(
+    ("settings", "params"),
+    [
+        ({"kind": "block"}, {"deep": False, "method": "block", "vignetting": True}),
+        ({"kind": "block", "vignetting": False}, {"deep": False, "method": "block", "vignetting": False}),
+        ({"kind": "none"}, {"deep": False, "method": "none", "vignetting": False}),
+    ],
+)
+def test_the_method_of_the_balance(settings, params):
+    (job,) = jobs(planned(balance=settings), "balance")
+    assert job.params == params
+
+
+def test_sixteen_bits_are_stretched():
+    (job,) = jobs(planned(View(dtype="uint16")), "balance")
+    assert job.params["deep"] is True
+
+
+@pytest.mark.parametrize(
+    ("settings", "spacing"), [({"kind": "block", "spacing": 10}, 10), ({"kind": "block"}, 24), ({"kind": "none"}, 64)]
+)
+def test_the_spacing_of_samples(settings, spacing):
+    assert {job.params["spacing"] for job in jobs(planned(balance=settings), "samples")} == {spacing}
+
+
+def test_a_large_orthoimage_has_samples_farther_apart():
+    spacing = jobs(planned(View(tile=2048), cell=0.05, balance={"kind": "block", "spacing": 4}), "samples")[0].params["spacing"]
+    assert spacing == 10 and 2400 * 2400 / spacing**2 <= SAMPLES_AT_MOST < 2400 * 2400 / (spacing - 1) ** 2
+
+
+def test_two_colours_without_effect_are_refused():
+    with pytest.raises(ValidationError, match="two_colours: prefer without effect with best: 1"):
+        TextureStage(two_colours={"kind": "prefer"}, best=1)
+    assert TextureStage(two_colours={"kind": "prefer"}, best=2).best == 2
