@@ -127,3 +127,42 @@ def test_the_kernel_agrees_with_its_plain_twin(seed, photos, centre, power, band
             expected = _twin(colours[:, r, c].astype(np.float64), weights[:, r, c].astype(np.float64), rule, power)
             np.testing.assert_allclose(result.colour[r, c], expected, rtol=1e-4)
     assert result.share.sum() == pytest.approx(12.0, rel=1e-5)
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 10**6), photos=st.integers(3, 8), best=st.integers(1, 8))
+def test_the_best_are_those_of_the_greatest_weight(seed, photos, best):
+    rng = np.random.default_rng(seed)
+    values, weights = rng.uniform(0, 255, photos), rng.uniform(1, 3, photos)
+    kept = np.argsort(-weights)[:best]
+    result = one_pixel(values, weights, Blend(Rejection("none"), best=best))
+    assert result.used[0, 0] == len(kept) and result.rejected[0, 0] == 0
+    assert result.colour[0, 0, 0] == pytest.approx(np.average(values[kept], weights=weights[kept]), rel=1e-4)
+
+
+def test_the_least_deviation_decides_what_may_be_rejected():
+    values = [100, 100, 100, 109]
+    for centre in ("mean", "median", "deviation"):
+        counts = [one_pixel(values, how=Blend(Rejection(centre, 1.0, least))).rejected[0, 0] for least in (0.0, 5.0, 12.0)]
+        assert counts == [1, 1, 0]
+
+
+def test_rejection_with_a_tiny_k_keeps_all_rather_than_none():
+    assert one_pixel([10, 100, 250], how=Blend(Rejection("mean", 1e-6))).used[0, 0] == 3
+
+
+def test_more_photographs_than_a_pixel_may_have_are_ignored():
+    result = one_pixel(np.r_[np.full(64, 50.0), np.full(6, 250.0)])
+    assert result.used[0, 0] == 64 and result.colour[0, 0, 0] == 50
+
+
+def test_the_difference_is_the_mean_distance_from_the_blend():
+    result = one_pixel([100, 110, 130], [1, 1, 2])
+    blend_of = (100 + 110 + 260) / 4
+    assert result.difference[0, 0] == pytest.approx(np.abs(np.array([100, 110, 130]) - blend_of).mean(), rel=1e-5)
+    assert np.isnan(one_pixel([100]).difference[0, 0])
+
+
+def test_shares_are_those_of_the_weights():
+    result = one_pixel([100, 110, 130], [1, 1, 2])
+    assert result.share.tolist() == [0.25, 0.25, 0.5]

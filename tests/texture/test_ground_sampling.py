@@ -1,0 +1,149 @@
+"""Heights and slopes of ortho pixels against plain twins, and the weight of a colour against its definition."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from box_scene import view
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.tasks.texture.sampling import STEEPEST, Ground, PhotoPixelsAt, ground_of, sample_photo
+
+DSM = MapGrid(west=40.0, north=80.0, cell=1.0, rows=24, cols=24)
+WHOLE = Window(0, 0, 24, 24)
+PHOTO = view("b")
+
+
+def ortho(divisor: int) -> MapGrid:
+    return MapGrid(west=DSM.west, north=DSM.north, cell=1.0 / divisor, rows=24 * divisor, cols=24 * divisor)
+
+
+def plane(dx: float, dy: float) -> np.ndarray:
+    x, y = DSM.centres(WHOLE)
+    return (5.0 + dx * (x[None, :] - 50.0) + dy * (y[:, None] - 70.0)).astype(np.float32)
+
+
+@settings(max_examples=30, deadline=None)
+@given(dx=st.floats(-0.6, 0.6), dy=st.floats(-0.6, 0.6), divisor=st.integers(1, 4))
+def test_a_plane_is_draped_exactly_with_its_slopes(dx, dy, divisor):
+    grid = ortho(divisor)
+    inner = Window(divisor, divisor, 22 * divisor, 22 * divisor)
+    ground = ground_of(plane(dx, dy), WHOLE, DSM, grid, inner)
+    x, y = grid.centres(inner)
+    assert np.allclose(ground.z, 5.0 + dx * (x[None, :] - 50.0) + dy * (y[:, None] - 70.0), atol=1e-4)
+    assert np.allclose(ground.dx, dx, atol=1e-4) and np.allclose(ground.dy, dy, atol=1e-4)
+
+
+def test_slopes_are_limited_and_missing_ones_are_zero():
+    steep = ground_of(plane(9.0, 12.0), WHOLE, DSM, ortho(1), Window(2, 2, 20, 20))
+    assert np.allclose(np.hypot(steep.dx, steep.dy), STEEPEST, rtol=1e-5)
+    assert np.allclose(steep.dx / steep.dy, 0.75, rtol=1e-4)
+    holed = plane(0.2, 0.1)
+    holed[10, 10] = np.nan
+    ground = ground_of(holed, WHOLE, DSM, ortho(1), WHOLE)
+    around = np.ones((3, 3), bool)
+    around[1, 1] = False
+    assert not ground.dx[9:12, 9:12][around].any() and not ground.dy[9:12, 9:12][around].any()
+    assert ground.dx[5, 5] == pytest.approx(0.2, abs=1e-4)
+
+
+def _height_by_hand(z: np.ndarray, row: int, col: int, divisor: int) -> float:
+    """The rule in words: bilinear between four cells within two cells of height of each other, else the nearest cell."""
+    y, x = (row + 0.5) / divisor - 0.5, (col + 0.5) / divisor - 0.5
+    nearest = z[min(max(int(np.floor(y + 0.5)), 0), 23), min(max(int(np.floor(x + 0.5)), 0), 23)]
+    r, c = min(max(int(np.floor(y)), 0), 22), min(max(int(np.floor(x)), 0), 22)
+    four = z[r : r + 2, c : c + 2].astype(np.float64)
+    if np.isnan(nearest) or np.isnan(four).any() or np.ptp(four) > 2.0:
+        return nearest
+    s, t = np.clip([x - c, y - r], 0, 1)
+    return (1 - t) * ((1 - s) * four[0, 0] + s * four[0, 1]) + t * ((1 - s) * four[1, 0] + s * four[1, 1])
+
+
+@pytest.mark.parametrize("divisor", [1, 2, 3])
+def test_draping_agrees_with_its_plain_twin(divisor):
+    rng = np.random.default_rng(divisor)
+    z = rng.uniform(0.0, 1.5, (24, 24)).astype(np.float32)
+    z[6:12, 8:15] += 9.0
+    z[18:20, 3:6] = np.nan
+    found = ground_of(z, WHOLE, DSM, ortho(divisor), Window(0, 0, 24 * divisor, 24 * divisor)).z
+    expected = [[_height_by_hand(z, row, col, divisor) for col in range(24 * divisor)] for row in range(24 * divisor)]
+    np.testing.assert_allclose(found, np.array(expected), rtol=1e-5)
+    assert not ((found > 1.6) & (found < 8.9)).any(), "no ramp between the roof and the ground"
+
+
+def test_a_window_of_heights_gives_what_the_whole_model_gives():
+    z = np.random.default_rng(7).normal(5, 0.5, (24, 24)).astype(np.float32)
+    window = Window(20, 16, 10, 14)
+    whole = ground_of(z, WHOLE, DSM, ortho(2), window)
+    part = Window(8, 6, 9, 11)
+    cut = ground_of(z[part.slices], part, DSM, ortho(2), window)
+    for one, other in ((whole.z, cut.z), (whole.dx, cut.dx), (whole.dy, cut.dy)):
+        assert np.array_equal(one, other)
+
+
+def flat(height: float = 5.0) -> Ground:
+    """Level ground that the photo shows to its corners, and more."""
+    grid = MapGrid(west=-60.0, north=180.0, cell=1.0, rows=240, cols=240)
+    zero = np.zeros((240, 240), np.float32)
+    return Ground(grid, Window(0, 0, 240, 240), zero + np.float32(height), zero, zero)
+
+
+def sampled(ground: Ground, feather: float = 0.0, level: int = 0, photo=PHOTO, seen=None):
+    side = -(-420 // 2**level)
+    pixels = np.full((side, side, 1), 90, np.uint8)
+    visible = np.ones(ground.z.shape, np.uint8) if seen is None else seen
+    return sample_photo(photo, PhotoPixelsAt(pixels, Window(0, 0, side, side), level), ground, visible, feather)
+
+
+def border_distance(ground: Ground) -> np.ndarray:
+    x, y = ground.grid.centres(ground.window)
+    points = np.column_stack([*(part.ravel() for part in np.meshgrid(x, y)), ground.z.ravel()])
+    col, row = PHOTO.project(points).T
+    return np.minimum.reduce([col, 419 - col, row, 419 - row]).reshape(ground.z.shape)
+
+
+def test_the_feather_raises_the_weight_from_the_border():
+    ground = flat()
+    plain, soft = sampled(ground).worth, sampled(ground, feather=60.0).worth
+    border = border_distance(ground)
+    use = (plain > 0) & (border > 4)
+    share = np.clip(border / 60.0, 0, 1)
+    np.testing.assert_allclose((soft / np.where(use, plain, 1))[use], (share**2 * (3 - 2 * share))[use], rtol=2e-3, atol=1e-5)
+    assert (use & (border < 50)).sum() > 1000 and (soft[border > 61] == plain[border > 61]).all()
+
+
+def test_the_worth_is_independent_of_the_pyramid_level():
+    fine, coarse = (sampled(flat(), level=level) for level in (0, 2))
+    both = (fine.worth > 0) & (coarse.worth > 0)
+    assert both.sum() > 20000 and np.array_equal(fine.worth[both], coarse.worth[both])
+
+
+def test_worth_is_the_square_of_the_scale_for_vertical_rays():
+    """Below the centre the area of a cell is (c / depth)^2 cell^2 in pixels."""
+    vertical = replace(PHOTO, rotation=np.eye(3), camera=PHOTO.camera.model_copy(update={"k1": 0.0, "k2": 0.0}))
+    for height in (0.0, 50.0):
+        found = sampled(flat(height), photo=vertical).worth
+        depth = PHOTO.centre[2] - height
+        assert found.max() == pytest.approx((400.0 / depth) ** 2, rel=2e-3)
+
+
+def test_hidden_and_unmeasured_pixels_have_no_worth():
+    ground = flat()
+    ground.z[100:110, 100:110] = np.nan
+    seen = np.ones(ground.z.shape, np.uint8)
+    seen[60:70] = 0
+    found = sampled(ground, seen=seen)
+    assert not found.worth[100:110, 100:110].any() and not found.worth[60:70].any()
+    assert (found.worth[120, 100:140] > 0).all() and (found.colour[found.worth > 0] == 90).all()
+
+
+def test_the_squared_distance_is_one_in_the_corners_of_the_photo():
+    found = sampled(flat())
+    assert 0.0 <= found.r2[found.worth > 0].min() < 1e-3
+    assert 0.8 < found.r2.max() <= 1.0
+
+
+def test_ground_above_the_camera_is_not_seen():
+    assert not sampled(flat(PHOTO.centre[2] + 10.0)).worth.any()

@@ -1,0 +1,141 @@
+"""Grids that nest, pyramid levels, and windows that hold all that a tile needs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from box_scene import CENTRES, DSM, ORTHO, view
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.surface import Surface
+from orthomill.tasks.texture.extent import (
+    PhotoSource,
+    dsm_core,
+    ground_pixels,
+    heights_window,
+    level_window,
+    ortho_grid,
+    photo_level,
+    tile_extent,
+)
+
+SURFACE = Surface(grid=DSM, height_low=-2.0, height_high=16.0)
+VIEWS = [view(name) for name in CENTRES]
+
+
+@settings(max_examples=60, deadline=None)
+@given(ground=st.floats(0.02, 5.0))
+def test_the_automatic_cell_nests_and_is_about_the_ground_pixel(ground):
+    grid = ortho_grid(DSM, None, ground)
+    divisor = DSM.cell / grid.cell
+    assert divisor == pytest.approx(round(divisor)) and (grid.rows, grid.cols) == (DSM.rows * round(divisor),) * 2
+    assert (grid.west, grid.north) == (DSM.west, DSM.north)
+    assert grid.cell <= max(1.25 * ground, 0) + 1e-12 or divisor == 1
+    assert grid.cell > ground / 2.3 or divisor == 1
+
+
+@pytest.mark.parametrize(("cell", "divisor"), [(1.0, 1), (0.5, 2), (0.25, 4), (0.1, 10), (1 / 3, 3)])
+def test_a_cell_that_divides_the_models_is_taken(cell, divisor):
+    assert ortho_grid(DSM, cell, 99.0).cols == DSM.cols * divisor
+
+
+@pytest.mark.parametrize(("cell", "advice"), [(0.4, "use 0.5 m or auto"), (3.0, "use 1 m or auto"), (0.7, "use 1 m or auto")])
+def test_a_cell_that_does_not_nest_is_refused_with_one_that_does(cell, advice):
+    with pytest.raises(WorkflowError, match=advice):
+        ortho_grid(DSM, cell, 0.5)
+
+
+@settings(max_examples=60, deadline=None)
+@given(cell=st.floats(0.01, 100.0), levels=st.integers(1, 8))
+def test_the_pyramid_level_is_the_nearest_by_ratio(cell, levels):
+    level = photo_level(cell, 0.1, levels)
+    assert 0 <= level < levels
+    ratios = [abs(np.log2(cell / (0.1 * 2**other))) for other in range(levels)]
+    assert ratios[level] <= min(ratios) + 1e-9
+
+
+def test_ground_pixels_follow_the_height_above_ground():
+    half, whole = (ground_pixels(VIEWS, ground) for ground in (100.0, 0.0))
+    assert whole == pytest.approx([v.centre[2] / v.camera.c for v in VIEWS])
+    assert all(near < far for near, far in zip(half, whole, strict=True))
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    row=st.integers(0, 300), col=st.integers(0, 300), height=st.integers(1, 90), width=st.integers(1, 90), level=st.integers(0, 4)
+)
+def test_a_window_of_a_level_covers_the_full_size_one(row, col, height, width, level):
+    shape = (-(-420 // 2**level),) * 2
+    found = level_window(Window(row, col, height, width), level, shape)
+    assert found.row * 2**level <= row and found.col * 2**level <= col
+    bottom, right = (found.row + found.height) * 2**level, (found.col + found.width) * 2**level
+    assert bottom >= min(row + height, 420) and right >= min(col + width, 420)
+
+
+@pytest.mark.parametrize("divisor", [1, 2, 5])
+def test_the_cells_under_a_window_of_the_orthoimage(divisor):
+    window = Window(7, 12, 30, 41)
+    core = dsm_core(DSM, divisor, window)
+    rows = {row // divisor for row in range(window.row, window.row + window.height)}
+    cols = {col // divisor for col in range(window.col, window.col + window.width)}
+    assert (core.row, core.height) == (min(rows), len(rows)) and (core.col, core.width) == (min(cols), len(cols))
+
+
+def test_heights_are_read_towards_every_projection_centre():
+    core = Window(50, 50, 10, 10)
+    alone = {name: heights_window(SURFACE, [view(name)], core, 0) for name in CENTRES}
+    west, east = alone["a"], alone["c"]
+    assert west.col < core.col - 1 and west.col + west.width <= core.col + core.width + 2
+    assert east.col + east.width > core.col + core.width + 1 and east.col >= core.col - 2
+    together = heights_window(SURFACE, VIEWS, core, 0)
+    for window in alone.values():
+        assert together.row <= window.row and together.col <= window.col
+        assert together.row + together.height >= window.row + window.height
+
+
+def test_the_halo_grows_the_window_on_every_side():
+    core = Window(50, 50, 10, 10)
+    small, large = (heights_window(SURFACE, VIEWS[:1], core, halo) for halo in (0, 7))
+    assert small.grown(7).clipped(DSM.shape) == large
+
+
+def test_a_window_below_the_centre_reads_as_far_as_the_relief_asks():
+    """A ray from the lowest ground passes the greatest height after (high - low) / (centre - low) of its way."""
+    photo, core = view("a"), Window(60, 110, 1, 1)
+    found = heights_window(SURFACE, [photo], core, 0)
+    low, high = -2.0 - 0.9, 16.0 + 0.9
+    share = (high - low) / (photo.centre[2] - low)
+    col0, _ = DSM.pixel(photo.centre[0], photo.centre[1])
+    assert found.col == int(np.floor(110 + share * (col0 - 110))) - 1
+
+
+def test_photographs_that_do_not_show_a_tile_are_left_out():
+    sources = [PhotoSource(one, 0, (420, 420, 3)) for one in VIEWS]
+    far = replace(VIEWS[0], name="far", centre=VIEWS[0].centre + np.array([5000.0, 0.0, 0.0]))
+    extent = tile_extent(SURFACE, ORTHO, Window(0, 0, 64, 64), [*sources, PhotoSource(far, 0, (420, 420, 3))], 3)
+    assert "far" not in {part.name for part in extent.photos} and len(extent.photos) >= 2
+    assert extent.divisor == 2
+
+
+@pytest.mark.parametrize("level", [0, 1, 2])
+def test_the_parts_of_photographs_hold_the_projected_tile(level):
+    window = Window(100, 60, 50, 70)
+    shape = (-(-420 // 2**level), -(-420 // 2**level), 3)
+    extent = tile_extent(SURFACE, ORTHO, window, [PhotoSource(one, level, shape) for one in VIEWS], 3)
+    x, y = ORTHO.centres(window)
+    corners = np.array([(a, b, z) for a in (x[0], x[-1]) for b in (y[0], y[-1]) for z in (-2.0, 16.0)])
+    for part in extent.photos:
+        pixels = view(part.name).project(corners) / 2**level
+        inside = view(part.name).contains(view(part.name).project(corners))
+        held = part.window
+        assert part.level == level
+        assert (pixels[inside, 0] >= held.col).all() and (pixels[inside, 0] <= held.col + held.width).all()
+        assert (pixels[inside, 1] >= held.row).all() and (pixels[inside, 1] <= held.row + held.height).all()
+
+
+def test_a_coarse_model_has_one_pixel_per_cell_at_least():
+    coarse = MapGrid(west=0.0, north=100.0, cell=0.2, rows=500, cols=500)
+    assert ortho_grid(coarse, None, 5.0).cell == 0.2
