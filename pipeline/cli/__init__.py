@@ -1,1 +1,1 @@
-"""What people type: the command `orthomill` and what each of its words does."""
+"""The command line: `orthomill` and its subcommands."""

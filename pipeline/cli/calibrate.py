@@ -85,7 +85,7 @@ def _files(photos: Sequence[Path], root: Path) -> tuple[str, ...]:
             raise WorkflowError(f"{shown(path)} is not a JPEG, TIFF or PNG image; leave it out.")
         else:
             files.append(relative)
-    # A photograph may be given by itself and in a folder; its corners must not be counted as two observations.
+    # A photograph may be given both alone and in a folder; its corners must not be counted as two observations.
     return tuple(dict.fromkeys(files))
 
 

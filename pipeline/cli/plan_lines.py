@@ -14,7 +14,7 @@ UNKNOWN = "?"
 
 
 def plan_lines(session: Session) -> Lines:
-    """One row for each stage of a planned session; a question mark stands for what cannot be known yet."""
+    """One row for each stage of a planned session; a question mark means that it cannot be known yet."""
     lines = Lines("stage", "jobs", "to run", "written", "peak memory", "why", box=None)
     for stage in session.stages:
         lines.add_row(stage.kind, *_row(session, stage))

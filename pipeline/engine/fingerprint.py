@@ -134,7 +134,7 @@ def _is_docstring(node: ast.stmt) -> bool:
 
 def of_file(path: Path) -> str:
     """Digest of a file's content. Raises OSError."""
-    # Photographs are read by many jobs; size and time of change stand for the content within one run, never between runs.
+    # Photographs are read by many jobs; size and time of change identify the content within one run, never between runs.
     state = path.stat()
     return _of_content(path, state.st_size, state.st_mtime_ns)
 

@@ -45,7 +45,7 @@ class StageRun:
 
 @dataclass(frozen=True)
 class Failure:
-    """A job that failed: its key as people read it (`stage/item/row/col`), and one sentence."""
+    """A job that failed: its key as text (`stage/item/row/col`), and one sentence."""
 
     stage: str
     key: str
@@ -110,7 +110,7 @@ _FACTS = TypeAdapter(RunFacts)
 
 
 def write_facts(folder: Path, facts: RunFacts) -> None:
-    """Keep what summary and report are made from, besides the store. Raises StoreError when the disk refuses."""
+    """Store what summary and report are made from, apart from the results. Raises StoreError when the disk refuses."""
     write_whole(folder / FACTS, _FACTS.dump_json(facts, indent=1))
 
 

@@ -53,7 +53,7 @@ class Options:
 
 
 class ResultWriter(Protocol):
-    """Writes what people read of a finished run; `stages` are all stages of the workflow, in its order."""
+    """Writes summary and report of a run; `stages` are all stages of the workflow, in its order."""
 
     def __call__(self, store: ReadableStore, folder: Path, stages: tuple[StageTitle, ...], facts: RunFacts) -> None: ...
 

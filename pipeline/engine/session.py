@@ -236,7 +236,7 @@ class Session:
 
 
 def key_text(key: Key) -> str:
-    """A key as people read it."""
+    """A key as text."""
     stage, item, row, col = key
     return f"{stage}/{item}/{row}/{col}"
 

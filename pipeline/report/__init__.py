@@ -1,1 +1,1 @@
-"""What people read: the page, its charts and pictures, and the summary for programs."""
+"""The report page with its charts and pictures, and the summary for programs."""

@@ -1,4 +1,4 @@
-"""What people read of a run: the summary and the report, and the functions that run a workflow and write them.
+"""Summary and report of a run, and the functions that run a workflow and write them.
 
 They are written when a run did something. A run that finds everything unchanged leaves them as they are, so that they keep the
 figures of the runs that did the work.

@@ -1,1 +1,1 @@
-"""Where pixels and tables are kept: rasters in zarr, tables beside them, photographs and maps as files."""
+"""Where pixels and tables are stored: rasters in zarr, tables next to them, photographs and maps as files."""

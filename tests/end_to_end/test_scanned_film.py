@@ -38,10 +38,14 @@ def scanned(picture, rng):
 
 def oriented(root, name, cameras, photos_stage, photographs):
     workflow = {
-        "project": name, "crs": "EPSG:2100", "photographs": {"kind": "folder", "path": photographs}, "cameras": cameras,
+        "project": name,
+        "crs": "EPSG:2100",
+        "photographs": {"kind": "folder", "path": photographs},
+        "cameras": cameras,
         "tile": 256,
-        "positions": {"kind": "file", "path": "positions.csv"}, "stages": [photos_stage, *STAGES],
-    }  # fmt: skip
+        "positions": {"kind": "file", "path": "positions.csv"},
+        "stages": [photos_stage, *STAGES],
+    }
     (root / "workflows" / f"{name}.yaml").write_text(yaml.safe_dump(workflow, sort_keys=False))
     out, errors = (process := start_command(root, "run", name, "--sequential")).communicate(timeout=500)
     assert process.returncode == 0, out + errors
@@ -69,9 +73,12 @@ def blocks(tmp_path_factory):
     c, x0, y0 = tiny_block.camera().interior[:3]
     plain = oriented(root, "plain", {"kind": "given", "c": c, "x0": x0, "y0": y0, **lens}, "photos", "plain")
     coordinates = {
-        "kind": "fiducial_marks", "marks_path": "marks.csv", "measured_path": "measured.csv", "pixel_um": 1000.0 * SCAN_MM,
+        "kind": "fiducial_marks",
+        "marks_path": "marks.csv",
+        "measured_path": "measured.csv",
+        "pixel_um": 1000.0 * SCAN_MM,
         "picture_mm": list(PICTURE),
-    }  # fmt: skip
+    }
     film = {"kind": "given", "c": FACTOR * c, "x0": FACTOR * x0, "y0": FACTOR * y0, **lens}
     return plain, oriented(root, "film", film, {"kind": "photos", "coordinates": coordinates}, "scans")
 

@@ -73,13 +73,13 @@ def test_the_workflow_as_run_reproduces_the_run(copy):
     assert "0 jobs run" in command("run", f"runs/{PROJECT}/workflow.yaml")
 
 
-def test_a_changed_texture_setting_runs_only_what_hangs_on_it(copy):
+def test_a_changed_texture_setting_runs_only_what_depends_on_it(copy):
     path = copy.root / "workflows" / f"{PROJECT}.yaml"
     path.write_text(path.read_text().replace("- kind: texture", "- kind: texture\n    rejection: {kind: none}"))
     command("run", PROJECT, "--sequential")
     figures = copy.summary()
     assert {kind for kind in STAGES if figures[f"run.{kind}.jobs_done"]} == {"texture", "evaluation"}
-    assert figures["run.evaluation.jobs_skipped"] > 10, "the heights do not hang on it and need no new evaluation"
+    assert figures["run.evaluation.jobs_skipped"] > 10, "the heights do not depend on it and need no new evaluation"
 
 
 def test_one_process_and_dask_agree_bit_for_bit(run, tmp_path):
@@ -98,12 +98,12 @@ def test_all_photographs_are_oriented(figures):
     assert (figures["orientation.photos_oriented"], figures["orientation.photos_unoriented"]) == (6, 0)
 
 
-def test_projection_centres_lie_within_three_of_their_standard_errors(figures):
+def test_projection_centres_are_within_three_of_their_standard_errors(figures):
     assert figures["evaluation.centres_within_3_sigma"] >= 95
     assert figures["evaluation.rotations_within_3_sigma"] >= 95 and figures["evaluation.interior_within_3_sigma"] >= 95
 
 
-def test_check_points_that_took_no_part_are_met(figures):
+def test_check_points_confirm_the_adjustment(figures):
     assert figures["orientation.check_count"] == 4
     assert figures["orientation.check_rmse_plan"] <= 0.35 and figures["orientation.check_rmse_height"] <= 0.6
     assert figures["orientation.check_by_predicted"] < 2, "the stated precision promises too much"
@@ -139,7 +139,7 @@ def test_vehicles_are_suppressed_where_three_photographs_see_the_place(figures):
     assert figures["evaluation.ortho_roads_disturbed_3"] <= 1
 
 
-# --- what people take away ---------------------------------------------------------------------------------------------------
+# --- the products -------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["dsm.tif", "dsm_check.tif", "dsm_provenance.tif", "ortho.tif"])

@@ -1,4 +1,4 @@
-"""What goes wrong with real people's input: one clear sentence, an exit code that is not zero, and nothing lost."""
+"""Mistakes in real input: one clear sentence, a non-zero exit code, and nothing lost."""
 
 import pytest
 from PIL import Image
@@ -46,7 +46,7 @@ def test_a_missing_photo_is_named(site):
     assert "the photograph 'photos/DJI_9999.JPG' does not exist" in run_site()
 
 
-def test_a_folder_without_photographs_is_told(site):
+def test_a_folder_without_photographs_is_reported(site):
     for photo in photographs(site):
         photo.rename(photo.with_suffix(".raw"))
     assert "photos" in run_site() and "JPEG, TIFF or PNG" in run_site()
@@ -80,7 +80,7 @@ def test_a_single_photo_is_not_a_project(site):
     assert "is the only photograph; heights come from overlap" in run_site()
 
 
-def test_photographs_without_overlap_are_told(site):
+def test_photographs_without_overlap_are_reported(site):
     for number, photo in enumerate(photographs(site)):
         with Image.open(photo) as image:
             exif = image.getexif()
@@ -111,7 +111,7 @@ def test_a_crs_in_degrees_is_refused_with_a_proposal(site):
     assert "EPSG:4326 (WGS 84) is in degrees" in said and "suggest EPSG:32615" in said
 
 
-def test_the_crs_of_another_place_is_told(site):
+def test_the_crs_of_another_place_is_reported(site):
     write_workflow(site, crs="EPSG:32630")
     said = run_site(code=1)
     assert "EPSG:32630 (WGS 84 / UTM zone 30N) is for longitudes -6 to 0" in said and "longitude -91.99" in said
@@ -130,12 +130,12 @@ def test_an_export_that_leaves_the_run_is_refused(site):
     assert not (site / "outside.tif").exists()
 
 
-def test_a_folder_that_cannot_be_written_is_told(site):
+def test_a_folder_that_cannot_be_written_is_reported(site):
     (site / "runs").write_text("a file where a folder should be")
     assert "runs/site cannot be written (Not a directory)" in run_site()
 
 
-def test_a_full_disk_is_told_before_anything_runs(site, monkeypatch):
+def test_a_full_disk_is_reported_before_anything_runs(site, monkeypatch):
     monkeypatch.setattr("shutil.disk_usage", lambda path: type("Usage", (), {"free": 1000})())
     assert "0 MiB free, but about 200 MiB are needed; make room" in run_site()
     assert not (site / "runs" / "site" / "tables").exists()
@@ -168,7 +168,7 @@ def test_from_behind_until_is_refused(site):
     assert "comes after --until photos" in command("run", "site", "--from", "orientation", "--until", "photos", code=2)
 
 
-def test_a_lost_table_is_mended_by_running_again(site):
+def test_a_lost_table_is_restored_by_running_again(site):
     command("run", "site", "--sequential", "--until", "photos")
     (site / "runs" / "site" / "tables" / "photos" / "photos.json").unlink()
     assert "1 jobs run, 16 unchanged, 0 failed" in command("run", "site", "--sequential", "--until", "photos")

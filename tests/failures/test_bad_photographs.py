@@ -1,4 +1,4 @@
-"""Photographs that are wrong in several ways at once: each is named with advice, and the rest of the block is oriented."""
+"""Photographs with several kinds of defects: each is named with advice, and the rest of the block is oriented."""
 
 import json
 import shutil

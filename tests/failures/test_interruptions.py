@@ -1,4 +1,4 @@
-"""Runs that are stopped on the way, by people or by the machine: what is done is kept, and the end is the same bit for bit."""
+"""Interrupted runs, by the user or by the machine: what is done is kept, and the results are the same bit for bit."""
 
 import os
 import resource
@@ -85,7 +85,7 @@ def test_a_killed_worker_costs_nothing_but_time(site, undisturbed):
     assert results_of(site) == undisturbed
 
 
-def test_a_disk_that_fills_up_on_the_way_is_told_and_loses_nothing(site, undisturbed):
+def test_a_disk_that_fills_up_during_a_run_is_reported_and_nothing_is_lost(site, undisturbed):
     limit = {"preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))}
     said, errors = (process := start_command(site, "run", "site", "--sequential", **limit)).communicate(timeout=120)
     assert process.returncode == 1 and "Traceback" not in errors + said

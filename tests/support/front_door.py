@@ -12,7 +12,7 @@ from orthomill.schemas.stage_contract import Stage
 
 
 class Ellipse(Settings):
-    """A window stretched along the weak direction."""
+    """A window stretched along the direction of low texture."""
 
     kind: Literal["ellipse"]
     max_axis_ratio: float = setting(4.0, "Longest over shortest axis.", gt=1, le=8)

@@ -1,4 +1,4 @@
-"""A project of three small real photographs, and the command as people use it: what the tests of the front door share."""
+"""A project of three small real photographs, and the command line: shared by the tests that run the whole program."""
 
 import os
 import re
@@ -50,7 +50,7 @@ def photographs(root: Path) -> list[Path]:
 
 
 def command(*words: str, code: int = 0) -> str:
-    """Run `orthomill` in this process; returns what it said in one line. Fails when the exit code differs or a traceback shows."""
+    """Run `orthomill` in this process; returns its output on one line. Fails when the exit code differs or a traceback appears."""
     result = CliRunner().invoke(app, list(words))
     said = " ".join(result.output.split())
     assert result.exit_code == code, said
@@ -59,7 +59,7 @@ def command(*words: str, code: int = 0) -> str:
 
 
 def counts(said: str) -> tuple[int, int, int]:
-    """Jobs run, unchanged and failed, of what a run said at its end."""
+    """Jobs run, unchanged and failed, from the output of a run."""
     found = re.search(r"(\d+) jobs run, (\d+) unchanged, (\d+) failed", said)
     assert found, said
     return tuple(map(int, found.groups()))
@@ -82,7 +82,7 @@ def start_command(root: Path, *words: str, **options) -> subprocess.Popen:
 
 
 def results_of(root: Path, project: str = "site") -> dict[str, bytes]:
-    """The bytes of all raster chunks and tables of a run; what marks the birth of a raster is left out."""
+    """The bytes of all raster chunks and tables of a run, without the metadata of rasters, which hold their birth marks."""
     folder = root / "runs" / project
     files = [path for part in ("rasters.zarr", "tables") for path in (folder / part).rglob("*")]
     kept = [path for path in files if path.is_file() and path.name != "zarr.json"]

@@ -41,18 +41,28 @@ def test_a_camera_comes_out_with_its_precision_files_and_report(folder, monkeypa
     camera = json.loads((products / "camera.json").read_text())
     sigma = camera["covariance"][0][0] ** 0.5
     assert abs(camera["c"] - 610.0) < 4 * sigma < 2.0
-    assert {path.name for path in products.iterdir()} >= {"camera_opencv.yaml", "camera_colmap.txt", "camera_opensfm.json",
-                                                        "camera_agisoft.xml", "calibration.json"}  # fmt: skip
+    assert {path.name for path in products.iterdir()} >= {
+        "camera_opencv.yaml",
+        "camera_colmap.txt",
+        "camera_opensfm.json",
+        "camera_agisoft.xml",
+        "calibration.json",
+    }
     page = (folder / "runs" / "lens" / "report.html").read_text()
     assert "Balanced radial distortion" in page and "Boards in board_01" in page and "Correlations of the interior" in page
     assert "sigma0" in answer.output
 
 
-@pytest.mark.parametrize(("more", "part"), [
-    (("--corners", "7x5"), "half a turn"), (("--corners", "many"), "columns x rows"),
-    (("--corners", "6x5", "--arrangement", "heap"), "--arrangement"), (("--corners", "6x5", "--parameters", "x0"), "must hold c"),
-    (("--corners", "6x5", "--parameters", "c,focus"), "--parameters"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("more", "part"),
+    [
+        (("--corners", "7x5"), "half a turn"),
+        (("--corners", "many"), "columns x rows"),
+        (("--corners", "6x5", "--arrangement", "heap"), "--arrangement"),
+        (("--corners", "6x5", "--parameters", "x0"), "must hold c"),
+        (("--corners", "6x5", "--parameters", "c,focus"), "--parameters"),
+    ],
+)
 def test_what_cannot_be_calibrated_is_one_sentence(folder, monkeypatch, more, part):
     answer = called(folder, monkeypatch, *more, "--name", "wrong")
     assert answer.exit_code != 0 and part in answer.output, answer.output

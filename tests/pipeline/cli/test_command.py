@@ -1,4 +1,4 @@
-"""The command `orthomill` as people type it, each of its words at least once, on a small real project."""
+"""The command `orthomill`, each of its subcommands at least once, on a small real project."""
 
 import json
 import re
@@ -49,7 +49,7 @@ def fresh(tmp_path, monkeypatch):
     return tmp_path / "fresh"
 
 
-def test_plan_tells_jobs_bytes_memory_and_why_and_writes_nothing(fresh):
+def test_plan_shows_jobs_bytes_memory_and_reasons_and_writes_nothing(fresh):
     before = sorted(fresh.rglob("*"))
     said = command("plan", "site")
     assert "not done yet; the rest is" in said and "peak memory" in said and "600 MiB" in said
@@ -134,7 +134,7 @@ def test_status_before_a_run(fresh):
     assert not (fresh / "runs").exists()
 
 
-def test_status_after_a_run_and_while_another_is_going_on(done):
+def test_status_after_a_run_and_while_another_is_in_progress(done):
     assert re.search(r"tie_points [1-9]\d* 0 ", command("status", "site"))
     with only_run(done / "runs" / "site"):
         said = command("status", "site")
@@ -145,13 +145,13 @@ def test_status_after_a_run_and_while_another_is_going_on(done):
     assert said.endswith("not running") and "this run" not in said
 
 
-def test_status_tells_the_last_error(fresh):
+def test_status_shows_the_last_error(fresh):
     photographs(fresh)[0].write_bytes(photographs(fresh)[0].read_bytes()[:9000])
     command("run", "site", "--sequential", code=1)
     assert "is truncated" in command("status", "site")
 
 
-def test_the_dashboard_is_named_while_a_run_on_dask_is_going_on(done):
+def test_the_dashboard_is_named_while_a_run_on_dask_is_in_progress(done):
     assert command("dashboard", "site") == "site is not running; start it with: orthomill run site"
     with only_run(done / "runs" / "site"):
         assert "running without Dask" in command("dashboard", "site")
@@ -159,14 +159,14 @@ def test_the_dashboard_is_named_while_a_run_on_dask_is_going_on(done):
         assert command("dashboard", "site") == "http://127.0.0.1:8787/status"
 
 
-def test_an_address_that_a_killed_run_left_is_not_believed(done):
+def test_an_address_that_a_killed_run_left_is_not_shown(done):
     (done / "runs" / "site" / DASHBOARD).write_text("http://127.0.0.1:8787/status")
     assert "not running" in command("dashboard", "site")
     command("run", "site", "--sequential")
     assert not (done / "runs" / "site" / DASHBOARD).exists()
 
 
-def test_figures_of_an_earlier_run_are_not_told_of_a_stage_that_failed_since(done):
+def test_figures_of_an_earlier_run_are_not_shown_for_a_stage_that_failed_since(done):
     summary = done / "runs" / "site" / "summary.json"
     assert any(name.startswith("orientation.") for name in json.loads(summary.read_text()))
     photographs(done)[0].write_bytes(photographs(done)[0].read_bytes()[:9000])
@@ -230,7 +230,7 @@ def test_init_writes_a_workflow_that_can_be_planned(fresh):
 
 
 @pytest.mark.parametrize(("ok", "code"), [(True, 0), (False, 1)])
-def test_doctor_tells_what_is_wrong(monkeypatch, ok, code):
+def test_doctor_says_what_is_wrong(monkeypatch, ok, code):
     monkeypatch.setattr(
         "orthomill.pipeline.cli.commands.examine", lambda folder: [Finding("free disk", "1 GiB", ok, "" if ok else "make room")]
     )
@@ -264,6 +264,6 @@ def test_numbers_that_cannot_be_are_refused_before_anything_starts(fresh, words,
     assert answer in said and "dashboard" not in said
 
 
-def test_without_a_word_the_command_tells_its_words():
+def test_without_a_subcommand_the_command_lists_them():
     said = " ".join(CliRunner().invoke(app, []).output.split())
     assert all(word in said for word in ("run", "plan", "status", "report", "export", "clean", "dashboard", "init", "doctor"))

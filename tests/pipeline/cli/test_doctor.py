@@ -51,14 +51,14 @@ def test_a_taken_port_is_said_and_does_no_harm(tmp_path, monkeypatch):
     assert finding(f"dashboard port {port}", tmp_path).value == "free"
 
 
-def test_a_full_disk_and_little_memory_are_said(tmp_path, monkeypatch):
+def test_a_full_disk_and_little_memory_are_reported(tmp_path, monkeypatch):
     monkeypatch.setattr(examination.shutil, "disk_usage", lambda place: namedtuple("U", "free")(GIB))
     monkeypatch.setattr(examination.psutil, "virtual_memory", lambda: namedtuple("M", "available total")(GIB, 8 * GIB))
     assert not finding("free disk", tmp_path).ok and "make room" in finding("free disk", tmp_path).advice
     assert not finding("memory", tmp_path).ok and finding("memory", tmp_path).value == "1.0 GiB free of 8.0"
 
 
-def test_a_folder_that_cannot_be_written_is_said(tmp_path):
+def test_a_folder_that_cannot_be_written_is_reported(tmp_path):
     row = finding("run folder", tmp_path / "is" / "not" / "there")
     assert not row.ok and "make it writable" in row.advice
 

@@ -18,11 +18,11 @@ CONVENTIONS = (ROOT / "docs" / "conventions.md").read_text()
 
 
 @pytest.mark.parametrize("outcome", Outcome, ids=lambda outcome: outcome.name)
-def test_every_outcome_stands_in_the_conventions(outcome):
+def test_every_outcome_is_in_the_conventions(outcome):
     assert f"| {int(outcome)} | {outcome.name} | {outcome.sentence} |" in CONVENTIONS
 
 
-def test_every_provenance_code_stands_in_the_conventions():
+def test_every_provenance_code_is_in_the_conventions():
     for code, _, meaning in PROVENANCE_CODES:
         assert f"| {code} | {meaning} |" in CONVENTIONS
 

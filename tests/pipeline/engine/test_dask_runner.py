@@ -1,4 +1,4 @@
-"""What the runner makes of Dask's answers, on a client that answers as it is told to; real workers are in test_engine.py."""
+"""How the runner interprets Dask's answers, with a client that gives prepared answers; real workers are in test_engine.py."""
 
 import socket
 

@@ -165,7 +165,7 @@ def test_jobs_after_a_failure_are_blocked_and_others_run(tmp_path):
 
 
 class Attempts:
-    """Fails as often as it is told to."""
+    """Fails a given number of times."""
 
     def __init__(self, failures: int) -> None:
         self.failures, self.calls = failures, 0

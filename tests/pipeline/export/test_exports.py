@@ -211,7 +211,7 @@ class Rows(Columns):
 ROWS = Rows(np.array(['a, "b"', "Λάρισα"]), np.array([1, -2]), np.array([1 / 3, NAN]), np.array([0.1, 2.5e-7], np.float32))
 
 
-def test_json_is_the_table_for_people(tmp_path):
+def test_json_is_the_table_in_readable_form(tmp_path):
     table = Table("a/b.json", Speech)
     store = MemoryStore().put_table(table, Speech(word="ß", value=None))
     export(Export("a", "x", "b.json", "json", tables=(table,)), store, tmp_path)
@@ -241,7 +241,7 @@ def test_csv_reads_back_to_the_same_numbers(tmp_path):
         (Export("d", "x", "o.json", "json"), "exactly one table"),
     ],
 )
-def test_orders_that_make_no_sense_are_refused_and_leave_nothing(store, tmp_path, wanted, says):
+def test_exports_that_make_no_sense_are_refused_and_leave_nothing(store, tmp_path, wanted, says):
     store.put("d/small", ramp(60, 70))
     with pytest.raises(StoreError, match=says):
         export(wanted, store, tmp_path / "run")
@@ -284,8 +284,8 @@ except ResourceError as error:
 
 
 @pytest.mark.parametrize(("fmt", "name"), [("cog", "z.tif"), ("tiff", "z.tif"), ("laz", "z.laz")])
-def test_a_full_disk_is_said_and_leaves_nothing(tmp_path, fmt, name):
-    """A limit on the size of files stands for the disk: writing beyond it fails in the same place."""
+def test_a_full_disk_is_reported_and_leaves_nothing(tmp_path, fmt, name):
+    """A limit on the size of files simulates a full disk: writing beyond it fails in the same place."""
     tests = Path(__file__).parents[2]
     environment = os.environ | {"PYTHONPATH": f"{Path(__file__).parent}:{tests / 'support'}:{tests.parent}"}
     command = [sys.executable, "-c", FULL_DISK, str(tmp_path), name, fmt]
@@ -295,7 +295,7 @@ def test_a_full_disk_is_said_and_leaves_nothing(tmp_path, fmt, name):
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="the superuser may write anywhere")
-def test_a_read_only_folder_is_said(store, tmp_path):
+def test_a_read_only_folder_is_reported(store, tmp_path):
     (tmp_path / "products").mkdir(mode=0o500)
     with pytest.raises(ResourceError, match="make the folder writable"):
         opened(store, tmp_path, "cog", {"z": "d/height"})

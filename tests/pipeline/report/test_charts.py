@@ -59,13 +59,13 @@ def test_heights_of_bars_are_proportional_to_their_values(values):
     np.testing.assert_allclose(tall, scale * np.abs(values), atol=0.02)
 
 
-def test_negative_bars_hang_below_the_zero_line():
+def test_negative_bars_are_below_the_zero_line():
     up, down = marks(drawn("bars", (0, 1), {"a": (2.0, -1.0)}), "rect")
     zero = float(up.get("y")) + float(up.get("height"))
     assert float(down.get("y")) == pytest.approx(zero, abs=0.02)
 
 
-def test_bars_of_two_series_stand_next_to_each_other_under_a_legend():
+def test_bars_of_two_series_are_next_to_each_other_under_a_legend():
     svg = drawn("bars", (0, 1), {"before": (1.0, 2.0), "after": (2.0, 1.0)})
     first, second = (
         sorted(float(bar.get("x")) for bar in marks(svg, "rect", f"s{n}") if bar.get("height") != "10") for n in (0, 1)

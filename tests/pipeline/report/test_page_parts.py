@@ -112,7 +112,7 @@ def test_rows_of_a_grid_may_be_short():
     assert cells == ["a", "1.25", "–", "b", "2.50", "3"]
 
 
-def test_times_of_several_runs_are_told_apart():
+def test_times_of_several_runs_are_distinguished():
     html = page(run(DONE, earlier=(60.0,), seconds=30.0, scheduler="2 processes on this machine"), photos=REPORT)
     assert (
         "2 runs produced these results in 1\u202fmin 30\u202fs; the last of them took 30\u202fs (2 processes on this machine)."

@@ -134,13 +134,13 @@ def test_a_complete_run_says_so():
     assert "Complete. All 3 jobs of 1 stage are done, 1 of them unchanged since an earlier run." in page(full_report())
 
 
-def test_without_marked_figures_the_first_of_every_stage_stand_at_the_top():
+def test_without_marked_figures_the_first_of_every_stage_are_at_the_top():
     html = page(StageReport(figures=(Figure(name="first", value=1), Figure(name="second", value=2))))
     strip = html[html.index('<div class="strip">') : html.index(">Warnings<")]
     assert "First" in strip and "Second" not in strip
 
 
-def test_a_chart_whose_series_do_not_fit_costs_only_itself():
+def test_a_chart_whose_series_do_not_fit_is_the_only_one_missing():
     chart = Chart(title="Residuals", style="arrows", x_label="", y_label="", x=(1.0,), series={"y": (1.0,)})
     assert "This chart cannot be drawn" in page(StageReport(charts=(chart,)))
 
@@ -220,7 +220,7 @@ def test_pictures_of_nothing_and_of_one_value_can_be_drawn(style, values):
     assert drawing.uri.startswith("data:image/") and (drawing.height, drawing.width) == values.shape
 
 
-def test_an_unknown_colour_map_does_not_cost_the_report():
+def test_an_unknown_colour_map_is_replaced():
     picture = Picture(title="", raster="a/r", style="ramp", colours="no_such_map")
     assert draw(store_with_raster(), picture).uri
 
@@ -276,7 +276,7 @@ def test_gaps_in_a_chart_survive_the_store(tmp_path):
     assert math.isnan(back.charts[0].series["a"][1]) and "–" in report_html(store, (("a", "A"),), run_facts())
 
 
-def test_an_outlier_does_not_cross_the_page_and_is_said_to_be_cut():
+def test_an_outlier_does_not_cross_the_page_and_is_counted():
     x, length = tuple(range(50)), (0.01,) * 49 + (50.0,)
     svg = chart_svg(Chart(title="t", style="arrows", x_label="", y_label="", x=x, series={"y": x, "dx": length, "dy": (0.0,) * 50}))
     assert svg.count('class="arrow cut"') == 1 and "1 longer than 0.02: cut, red; scale of vectors:" in svg
@@ -284,19 +284,19 @@ def test_an_outlier_does_not_cross_the_page_and_is_said_to_be_cut():
     assert 0 < max(steps) < 100
 
 
-def test_details_are_folded_away_behind_the_main_figures():
+def test_details_are_collapsed_below_the_main_figures():
     details = [Figure(name=f"d{n}", value=n, detail=True) for n in range(30)]
     html = page(StageReport(figures=(Figure(name="main", value=1), *details)))
     shown, folded = html[html.index('<section class="stage"') :].split('<details class="more"', 1)
     assert ">Main<" in shown and ">D7<" not in shown and "30 more figures" in folded and ">D7<" in folded
 
 
-def test_a_unit_stands_beside_the_value_and_not_in_the_label_too():
+def test_a_unit_is_next_to_the_value_and_not_in_the_label_too():
     html = page(StageReport(figures=(Figure(name="sigma0_px", value=0.5, unit="px"), Figure(name="px", value=2.0, unit="px"))))
     assert ">Sigma0<" in html and ">Px<" in html
 
 
-def test_many_points_are_thinned_and_said():
+def test_many_points_are_thinned_and_the_caption_says_so():
     x = tuple(map(float, range(20000)))
     chart = Chart(title="", style="points", x_label="", y_label="", x=x, series={"a": (1.0, 2.0) * 10000})
     assert chart_svg(chart).count("<circle") <= 2500
@@ -322,7 +322,7 @@ def test_many_points_are_thinned_and_said():
         (-0.0, "0"),
     ],
 )
-def test_numbers_are_printed_for_people(value, text):
+def test_numbers_are_printed_with_significant_digits(value, text):
     assert number_text(value).replace("\u202f", " ") == text
 
 

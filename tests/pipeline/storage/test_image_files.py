@@ -1,4 +1,4 @@
-"""Image files as people have them: read as they are, or refused by name in one sentence."""
+"""Image files as users have them: read as stored, or refused by name in one sentence."""
 
 import os
 import struct
@@ -45,7 +45,7 @@ def test_a_header_has_size_and_tags_by_their_plain_names(tmp_path):
     assert not any(name.startswith("EXIF_") for name in header.tags)
 
 
-def test_nothing_is_printed_or_warned_of_for_a_plain_photograph(tmp_path, capfd, recwarn):
+def test_an_ordinary_photograph_causes_no_output_and_no_warning(tmp_path, capfd, recwarn):
     read_header(photograph(tmp_path / "a.jpg"))
     read_pixels(tmp_path / "a.jpg", WHOLE)
     assert capfd.readouterr() == ("", "") and not recwarn.list
@@ -53,7 +53,7 @@ def test_nothing_is_printed_or_warned_of_for_a_plain_photograph(tmp_path, capfd,
 
 @pytest.mark.parametrize("suffix", ["png", "tif"])
 @pytest.mark.parametrize(("shape", "dtype", "bands"), [((48, 64), "uint8", 1), ((48, 64, 3), "uint8", 3), ((48, 64), "uint16", 1)])
-def test_pixels_come_as_they_are(tmp_path, suffix, shape, dtype, bands):
+def test_pixels_come_as_stored(tmp_path, suffix, shape, dtype, bands):
     pixels = noise(*shape, dtype=dtype)
     path = saved(tmp_path / f"a.{suffix}", pixels)
     assert read_header(path).bands == bands
@@ -69,7 +69,7 @@ def test_an_alpha_band_is_left_out(tmp_path):
     assert np.array_equal(read_pixels(path, WHOLE), pixels[..., :3])
 
 
-def test_the_orientation_flag_is_not_obeyed_here(tmp_path):
+def test_the_orientation_flag_is_not_applied_here(tmp_path):
     exif = Image.Exif()
     exif[0x0112] = 6
     path = saved(tmp_path / "a.jpg", noise(48, 64, 3), exif=exif)
@@ -77,7 +77,7 @@ def test_the_orientation_flag_is_not_obeyed_here(tmp_path):
     assert (header.width, header.height, header.tags["Orientation"]) == (64, 48, "6")
 
 
-def test_a_jpeg_that_breaks_off_is_found_without_decoding(tmp_path):
+def test_a_truncated_jpeg_is_found_without_decoding(tmp_path):
     path = photograph(tmp_path / "a.jpg")
     path.write_bytes(path.read_bytes()[:-300])
     assert "is truncated" in refusal(path) and "copy it again" in refusal(path)
@@ -95,7 +95,7 @@ def test_the_end_marker_of_a_thumbnail_does_not_count(tmp_path):
     assert "is truncated" in refusal(path)
 
 
-def test_what_cameras_write_behind_the_end_is_no_harm(tmp_path):
+def test_data_after_the_end_marker_do_no_harm(tmp_path):
     path = photograph(tmp_path / "a.jpg")
     path.write_bytes(path.read_bytes() + bytes(10_000))
     assert read_header(path).width == 64
@@ -111,7 +111,7 @@ def test_a_jpeg_with_a_hole_is_refused_when_it_is_read(tmp_path):
 
 
 @pytest.mark.parametrize("suffix", ["png", "tif"])
-def test_other_images_that_break_off_are_refused(tmp_path, suffix):
+def test_other_truncated_images_are_refused(tmp_path, suffix):
     path = saved(tmp_path / f"a.{suffix}", noise(480, 640, 3))
     path.write_bytes(path.read_bytes()[:200_000])
     with pytest.raises(PhotoError, match=f"a\\.{suffix}"):
@@ -201,7 +201,7 @@ def test_the_image_files_of_a_folder(tmp_path):
         image_files(tmp_path, PhotoFolder(kind="folder", path="nowhere"))
 
 
-def test_paths_are_shown_as_people_know_them(tmp_path, monkeypatch):
+def test_paths_are_shown_relative_to_the_current_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert shown(tmp_path / "photos" / "a.jpg") == "photos/a.jpg"
     assert shown(Path("photos/a.jpg")) == "photos/a.jpg"

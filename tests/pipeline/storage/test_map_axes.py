@@ -1,12 +1,15 @@
 """Other programs open the rasters of the store as maps: by dimension names, coordinates and reference system."""
 
+from importlib import import_module
+
 import numpy as np
 import pytest
-import rioxarray  # noqa: F401  gives xarray objects the accessor `rio`
 import xarray as xr
 
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.raster import MapGrid, RasterSpec, map_raster
+
+import_module("rioxarray")  # registers the accessor `rio` of xarray objects
 
 GRID = MapGrid(west=406600.0, north=4358160.0, cell=2.0, rows=5, cols=4)
 FINE = MapGrid(west=406600.0, north=4358160.0, cell=1.0, rows=10, cols=8)

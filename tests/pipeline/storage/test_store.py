@@ -85,7 +85,7 @@ def test_tiles_cover_a_raster_once_with_whole_chunks(rows, cols, size):
     assert (seen == 1).all()
 
 
-def test_what_a_killed_run_was_writing_is_swept_away(store):
+def test_what_a_killed_run_was_writing_is_removed(store):
     store.create(spec_of())
     store.write("a/b", Window(0, 0, 32, 32), np.ones((32, 32), np.float32))
     write_whole(store.folder / "tables" / "a.json", b"{}")

@@ -31,7 +31,7 @@ def test_bytes_come_back_and_take_no_more_room_than_they_are(tmp_path, count):
     assert (tmp_path / "a.parquet").stat().st_size < count + 1000
 
 
-def test_bytes_beside_other_columns_stay_a_column_of_numbers(tmp_path):
+def test_bytes_next_to_other_columns_remain_a_column_of_numbers(tmp_path):
     write_table(tmp_path / "a.parquet", Mixed(np.array([1, 2], np.uint8), np.array([0.5, 1.5])))
     assert pq.read_table(tmp_path / "a.parquet")["code"].to_pylist() == [1, 2]
     found = read_table(tmp_path / "a.parquet", Table("a.parquet", Mixed))

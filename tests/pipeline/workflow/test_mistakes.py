@@ -125,9 +125,9 @@ def test_every_mistake_is_reported_in_the_order_of_the_file():
     with pytest.raises(ValidationError) as caught:
         Outer.model_validate(document.value)
     mistakes.add_all(caught.value, Outer, ())
-    with pytest.raises(WorkflowError) as told:
+    with pytest.raises(WorkflowError) as reported:
         mistakes.raise_if_any()
-    assert [line.split(":")[1] for line in str(told.value).splitlines()] == ["1", "2", "3"]
+    assert [line.split(":")[1] for line in str(reported.value).splitlines()] == ["1", "2", "3"]
 
 
 def test_the_same_mistake_is_recorded_once_and_none_raises_nothing():

@@ -27,7 +27,7 @@ def test_every_kind_of_a_tagged_union_has_its_own_table():
         assert f"### `cameras` of kind `{kind}`" in page
 
 
-def test_a_model_that_stands_in_two_places_is_written_once():
+def test_a_model_used_in_two_places_is_described_once():
     page = settings_reference(CATALOGUE)
     assert page.count("| `pattern` |") == 1
     assert "### `cameras > photographs` of kind `folder`\n\nAs `photographs` of kind `folder`." in page

@@ -48,7 +48,7 @@ def test_a_workflow_without_mistakes(root):
     assert painting == PaintingStage()
 
 
-def test_all_mistakes_are_told_together_with_their_lines(root):
+def test_all_mistakes_are_reported_together_with_their_lines(root):
     lines = mistakes(
         root,
         """\
@@ -124,7 +124,7 @@ def test_the_list_of_stages_must_make_sense(root, stages, expected):
     assert expected in only(root, f"{HEAD}{stages}\n")
 
 
-def test_a_key_that_stands_twice_is_refused_where_it_stands_again(root):
+def test_a_repeated_key_is_refused_where_it_is_repeated(root):
     assert only(root, f"{HEAD}tile: 512\ntile: 256\nstages: [matching]\n") == (
         "workflows/site.yaml:5: tile: is already set in line 4; set it once."
     )
@@ -258,7 +258,7 @@ def test_files_in_settings_of_stages_are_looked_for_as_well(root):
     assert "workflows/site.yaml:7: stages > painting > colours_path: '../colours.csv' is outside" in only(root, text)
 
 
-def test_a_link_inside_the_project_may_lead_out(root, tmp_path_factory):
+def test_a_link_inside_the_project_may_lead_outside(root, tmp_path_factory):
     outside = tmp_path_factory.mktemp("disk")
     photograph(outside / "a.jpg")
     photograph(outside / "b.tif")
@@ -273,7 +273,7 @@ def test_an_absolute_path_inside_the_project_is_fine(root):
     assert load_workflow(workflow(root, text), CATALOGUE)
 
 
-def test_what_is_right_is_checked_though_other_parts_are_wrong(root):
+def test_other_parts_are_checked_although_one_is_wrong(root):
     head = "project: 3\ncrs: EPSG:4326\nphotographs: {kind: folder, path: nowhere}\n"
     lines = mistakes(root, head + "stages: [{kind: painting, note: 5}]\n")
     assert [int(line.split(":")[1]) for line in lines] == [1, 2, 3, 4, 4]
@@ -351,7 +351,7 @@ FILES = st.fixed_dictionaries({}, optional=dict.fromkeys((*Project.model_fields,
 
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(content=FILES)
-def test_whatever_stands_in_the_file_the_answer_is_sentences(root, content):
+def test_whatever_the_file_contains_the_answer_is_sentences(root, content):
     """Any tree of YAML: a workflow, or a WorkflowError whose every line has a file and a line number; never anything else."""
     path = workflow(root, yaml.safe_dump(content, allow_unicode=True))
     try:

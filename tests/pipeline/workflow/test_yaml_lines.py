@@ -18,7 +18,7 @@ def test_every_place_knows_its_line():
     assert document.line(("stages", 1, "absent", "deeper")) == 5
 
 
-def test_a_repeated_key_is_told_with_both_lines_and_the_first_counts():
+def test_a_repeated_key_is_reported_with_both_lines_and_the_first_counts():
     document = read_yaml("a: {b: 1}\nc: 2\na: {d: 1}\n")
     assert document.value == {"a": {"b": 1}, "c": 2}
     assert document.repeated == ((("a",), 3, 1),)
