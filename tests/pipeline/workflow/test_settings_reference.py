@@ -21,7 +21,7 @@ def test_a_row_has_type_default_bounds_unit_and_sentence():
 
 def test_every_kind_of_a_tagged_union_has_its_own_table():
     page = settings_reference(CATALOGUE)
-    assert "### `window` of kind `ellipse`\n\nA window stretched along the weak direction.\n" in page
+    assert "### `window` of kind `ellipse`\n\nA window stretched along the direction of low texture.\n" in page
     assert "| `max_axis_ratio` | a number | `4.0` | greater than 1, at most 8 |  | Longest over shortest axis. |" in page
     for kind in ("exif", "file", "given", "chessboards"):
         assert f"### `cameras` of kind `{kind}`" in page
