@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
+from orthomill.schemas.findings.control_findings import ControlFinding
 from orthomill.schemas.job import Columns, Table
 
 
@@ -25,7 +26,7 @@ class TiePoints(Columns):
 
 @dataclass(frozen=True)
 class GroundPoints(Columns):
-    """Tie points on the ground, from the bundle."""
+    """Tie points on the ground, from the block adjustment."""
 
     track: np.ndarray
     x: np.ndarray
@@ -49,7 +50,7 @@ class ControlPoint(BaseModel):
 
     name: str
     role: str
-    """control, check, or tie: known by its measurements in photographs only (`xyz` and `sigma` say nothing)"""
+    """control, check, or tie: known by its measurements in photographs only (`xyz` and `sigma` are meaningless)"""
     xyz: tuple[float, float, float]
     sigma: tuple[float, float, float]
     """m"""
@@ -75,8 +76,8 @@ class Control(BaseModel):
 
     points: tuple[ControlPoint, ...] = ()
     distances: tuple[Distance, ...] = ()
-    remarks: tuple[str, ...] = ()
-    """whole sentences about what could not be used, and about the reference system"""
+    findings: tuple[ControlFinding, ...] = ()
+    """what could not be used, and about the reference system; the report puts them into words"""
 
 
 TIE_POINTS = Table("tie_points/tie_points.parquet", TiePoints)
@@ -86,7 +87,7 @@ CONTROL = Table("orientation/control.json", Control)
 
 @dataclass(frozen=True)
 class ImageResiduals(Columns):
-    """One row per image measurement that the bundle saw, tie points and control; sorted by track."""
+    """One row per image measurement of tie points and control in the block adjustment; sorted by track."""
 
     track: np.ndarray
     """int32: number of the tie point; -1 - i for point i of `Control`"""
@@ -99,7 +100,7 @@ class ImageResiduals(Columns):
     v_row: np.ndarray
     """float32: computed minus observed, px"""
     standardised: np.ndarray
-    """float32: the larger of the two residuals in units of its own standard error; NaN when the ray was rejected"""
+    """float32: the larger of the two residuals in units of its own standard error; NaN where the ray was rejected"""
     used: np.ndarray
     """bool"""
 

@@ -13,7 +13,6 @@ from orthomill.schemas.orientation import Block
 from orthomill.tasks.geometry.normal_case import Side, epipolar_view
 from orthomill.tasks.geometry.view import block_view
 
-
 SIDES: tuple[Side, Side] = ("left", "right")
 
 

@@ -1,10 +1,11 @@
 """Surveyed points transformed from their own reference system to the project's, heights included where both define them.
 
-Where only one of the two systems has a vertical datum, heights keep their value, because their relation is unknown; the caller gets
-a sentence. Where both have one, PROJ needs the grid of the geoid: without it the heights would silently be wrong by tens of metres.
+Where only one of the two systems has a vertical datum, heights keep their values, because their relation is unknown; the caller is
+told. Where both have one, PROJ needs the grid of the geoid: without it the heights would silently be wrong by tens of metres.
 """
 
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from pyproj import CRS, Transformer
@@ -49,7 +50,8 @@ def vertical_name(text: str) -> str | None:
 
 
 def transform_surveyed(points: np.ndarray, source: str, target: str) -> tuple[np.ndarray, str | None]:
-    """Points (N, 3), east or longitude first, from one system to the other, and a sentence when heights kept their value.
+    """Points (N, 3), east or longitude first, from one system to the other; and, where heights kept their values because only one
+    of the systems has a vertical datum, the name of that system.
 
     Raises WorkflowError when a grid that the heights need is not installed, or a point cannot be transformed.
     """
@@ -63,9 +65,7 @@ def transform_surveyed(points: np.ndarray, source: str, target: str) -> tuple[np
     x, y = transformer.transform(points[:, 0], points[:, 1])
     out = np.column_stack([x, y, points[:, 2]])
     _check_finite(out, source, target)
-    stated = {(True, False): source, (False, True): target}.get((heights[0] is not None, heights[1] is not None))
-    sentence = f"Heights of control points were not transformed: only {stated} defines a vertical datum." if stated else None
-    return out, sentence
+    return out, source if heights[0] else target if heights[1] else None
 
 
 def _plane(crs: CRS) -> CRS:
@@ -97,9 +97,16 @@ def _check_finite(points: np.ndarray, source: str, target: str) -> None:
         )
 
 
-def fitting_system(points: np.ndarray, source: str, target: str, site: np.ndarray) -> str | None:
-    """In which system, or with which order of axes, points (N, 3) given as `source` would lie near `site` (2,), a place in the
-    projected system `target`: the end of a sentence, or None when none of the usual mistakes explains them."""
+class FittingSystem(NamedTuple):
+    """A reference system in which points would be at the site, and whether their first two coordinates are exchanged in it."""
+
+    crs: str
+    exchanged: bool
+
+
+def fitting_system(points: np.ndarray, source: str, target: str, site: np.ndarray) -> FittingSystem | None:
+    """In which system, or with which order of axes, points (N, 3) given as `source` would be near `site` (2,), a place in the
+    projected system `target`; None where none of the usual mistakes explains them."""
     to_degrees = Transformer.from_crs(ground_crs(target), CRS.from_epsg(4326), always_xy=True)
     longitude, latitude = to_degrees.transform(*site)
     zone = int((longitude + 180.0) // 6.0) + 1
@@ -109,9 +116,7 @@ def fitting_system(points: np.ndarray, source: str, target: str, site: np.ndarra
     for name, swapped in product([source, target, "EPSG:4326", *utm, "EPSG:3857"], (False, True)):
         xy = points[:, [1, 0]] if swapped else points[:, :2]
         if _median_distance(xy, name, target, site) < _NEAR:
-            order = "with X and Y exchanged" if swapped and name != "EPSG:4326" else ""
-            order = "with latitude before longitude" if swapped and name == "EPSG:4326" else order
-            return " ".join(word for word in ("" if name == source else f"in {name}", order) if word)
+            return FittingSystem(name, swapped)
     return None
 
 

@@ -1,11 +1,12 @@
 """Control in the project's reference system, and a test for wrong systems, which put points on another site.
 
-Control far from where the photographs were taken is set aside with a sentence that says in which system it would fit; positions
+Control far from where the photographs were taken is set aside with a finding that says in which system it would fit; positions
 then define the datum.
 """
 
 import numpy as np
 
+from orthomill.schemas.findings.control_findings import ControlElsewhere, HeightsNotTransformed
 from orthomill.schemas.observations import Control
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.project import ControlFromGcpList
@@ -38,7 +39,7 @@ def control_from_list(photos: Photos, text: str, source: ControlFromGcpList, crs
 def _in_project(control: Control, photos: Photos, own: str, crs: str) -> Control:
     """Coordinates in the project's system, measurements in pixels of the photographs. Points on another site become tie points if a
     distance needs them: lengths are right whatever the system."""
-    placed, remark = _placed(control, photos, own, crs)
+    placed, finding = _placed(control, photos, own, crs)
     ends = {name for distance in control.distances for name in (distance.first, distance.second)}
     points = (
         point.model_copy(
@@ -51,24 +52,27 @@ def _in_project(control: Control, photos: Photos, own: str, crs: str) -> Control
         for point in control.points
         if point.role == "tie" or point.name in placed or point.name in ends
     )
-    return Control(points=tuple(points), distances=control.distances, remarks=(remark,) if remark else ())
+    return Control(points=tuple(points), distances=control.distances, findings=(finding,) if finding else ())
 
 
-def _placed(control: Control, photos: Photos, own: str, crs: str) -> tuple[dict[str, tuple[float, ...]], str | None]:
-    """Transformed coordinates of the surveyed points by name, none where they are on another site, and a remark."""
+def _placed(
+    control: Control, photos: Photos, own: str, crs: str
+) -> tuple[dict[str, tuple[float, ...]], ControlElsewhere | HeightsNotTransformed | None]:
+    """Transformed coordinates of the surveyed points by name, none where they are on another site, and a finding."""
     surveyed = [point for point in control.points if point.role != "tie"]
     if not surveyed:
         return {}, None
     given = np.array([point.xyz for point in surveyed])
-    xyz, remark = transform_surveyed(given, own, crs)
+    xyz, only = transform_surveyed(given, own, crs)
     elsewhere = _on_another_site(given, xyz, photos, own, crs)
     if elsewhere:
         return {}, elsewhere
-    return {point.name: tuple(map(float, place)) for point, place in zip(surveyed, xyz, strict=True)}, remark
+    placed = {point.name: tuple(map(float, place)) for point, place in zip(surveyed, xyz, strict=True)}
+    return placed, HeightsNotTransformed(crs=only) if only else None
 
 
-def _on_another_site(given: np.ndarray, xyz: np.ndarray, photos: Photos, own: str, crs: str) -> str | None:
-    """A sentence where the control is far from the positions of the photographs; None where it is not, or there are no
+def _on_another_site(given: np.ndarray, xyz: np.ndarray, photos: Photos, own: str, crs: str) -> ControlElsewhere | None:
+    """The finding where the control is far from the positions of the photographs; None where it is not, or there are no
     positions."""
     places = np.array([photo.position for photo in photos.photos if photo.position is not None]).reshape(-1, 3)
     if not len(places):
@@ -79,11 +83,7 @@ def _on_another_site(given: np.ndarray, xyz: np.ndarray, photos: Photos, own: st
     distance = float(np.median(np.linalg.norm(xyz[:, :2] - site[:2], axis=1)))
     if distance <= max(_FAR * reach, _LEAST_FAR):
         return None
-    # The sentence names the remedy where one of the usual mistakes explains the distance.
+    # The report names the remedy where one of the usual mistakes explains the distance.
     fits = fitting_system(given, own, crs, site[:2])
-    advice = f"they would be there {fits}" if fits else "check the reference system, the order of the axes and the zone"
-    return (
-        f"The {len(xyz)} control points, read as {own}, are {distance / 1000:.0f} km from where the photographs were taken; "
-        f"{advice}. "
-        "They were set aside and took no part in the adjustment."
-    )
+    remedy = {"fits": fits.crs, "exchanged": fits.exchanged} if fits else {}
+    return ControlElsewhere(points=len(xyz), crs=own, distance_m=distance, **remedy)

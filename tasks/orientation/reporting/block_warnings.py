@@ -10,6 +10,7 @@ from orthomill.schemas.orientation import GroundResidual
 from orthomill.tasks.adjustment.model.adjustment_result import ObservationKind
 from orthomill.tasks.orientation.interchange.foreign_block import MIRRORED
 from orthomill.tasks.orientation.reporting.block_facts import CELLS, Facts, coverage, filled_areas
+from orthomill.tasks.orientation.reporting.control_sentences import control_sentence
 from orthomill.tasks.orientation.reporting.finding_sentences import finding_sentence
 
 ONE_SIDED = 0.2
@@ -33,7 +34,7 @@ def block_warnings(facts: Facts) -> Iterator[str]:
     """Whole sentences about what is poorly determined in the block, and what to do."""
     yield from (u.reason for u in facts.block.unoriented)
     yield from (finding_sentence(finding) for finding in facts.precision.findings)
-    yield from facts.control.remarks
+    yield from (control_sentence(finding) for finding in facts.control.findings)
     yield from _control_warnings(facts)
     yield from _correlation_warnings(facts)
     yield from _camera_warnings(facts)

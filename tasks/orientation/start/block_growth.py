@@ -132,6 +132,7 @@ class BlockGrowth:
             points, wide = self._intersect(index)
             self.state.point[wide] = points[wide]
             misfit = self.misfit(index) / self.tolerance[index]
+            # The largest residual of each point; with two rays it cannot be said which of them is wrong, so both stay.
             worst = np.zeros(len(self.known))
             np.maximum.at(worst, self.rays.point[index], misfit)
             self.known |= wide & (worst < 1.0)
@@ -167,39 +168,46 @@ class BlockGrowth:
         return points, wide
 
     def resect(self, photo: int) -> bool:
-        """Resects a photograph from the known points that it sees: seeded P3P samples, then least squares on those that agree."""
+        """Resects a photograph from the known points that it sees: seeded P3P samples, then least squares on those that agree.
+
+        Where this fails, `attempts` says why.
+        """
         index = np.flatnonzero((self.rays.photo == photo) & self.known[self.rays.point] & self.good)
         if len(index) < LEAST_POINTS:
             self.attempts[photo] = f"only {len(index)} of its tie points are known in the block; {LEAST_POINTS} are needed"
             return False
-        pose = _resection(
-            self.state.point[self.rays.point[index]],
-            self.ideal[index],
-            float(np.median(self.tolerance[index])) / self.state.interior[self.material.camera_of[photo], 0],
-        )
-        # A fifth of the points at least: random wrong matches agree on some position, too.
-        if pose is None or len(pose[2]) < max(LEAST_POINTS, 0.2 * len(index)):
-            self.attempts[photo] = (
-                f"{0 if pose is None else len(pose[2])} of its {len(index)} tie points with the block agree on one position, which "
-                "is too few"
-            )
-            return False
-        agreed, c = index[pose[2]], self.state.interior[self.material.camera_of[photo], 0]
-        if on_a_line(c * self.ideal[agreed], float(np.median(self.tolerance[agreed]))):
-            self.attempts[photo] = (
-                "its tie points with the block lie on one line of its frame, which leaves the rotation about this line "
-                "undetermined; it needs tie points all over its frame"
-            )
+        c = self.state.interior[self.material.camera_of[photo], 0]
+        pose = _resection(self.state.point[self.rays.point[index]], self.ideal[index], float(np.median(self.tolerance[index])) / c)
+        refusal = self._refusal(index, None if pose is None else pose[2], c)
+        if pose is None or refusal:
+            self.attempts[photo] = refusal or ""
             return False
         self.place(photo, pose[0], pose[1])
         self.good[index[self.misfit(index) > self.tolerance[index]]] = False
         return True
+
+    def _refusal(self, index: np.ndarray, agreeing: np.ndarray | None, c: float) -> str | None:
+        """Why a resection from the rays at `index` is not accepted, of which those numbered `agreeing` agree with it; None if it
+        is."""
+        count = 0 if agreeing is None else len(agreeing)
+        # A fifth of the points at least: random wrong matches agree on some position, too.
+        if agreeing is None or count < max(LEAST_POINTS, 0.2 * len(index)):
+            return f"{count} of its {len(index)} tie points with the block agree on one position, which is too few"
+        agreed = index[agreeing]
+        # Points on one line of the frame fit any rotation about this line.
+        if on_a_line(c * self.ideal[agreed], float(np.median(self.tolerance[agreed]))):
+            return (
+                "its tie points with the block lie on one line of its frame, which leaves the rotation about this line "
+                "undetermined; it needs tie points all over its frame"
+            )
+        return None
 
     def bundle(self) -> None:
         """A robust free adjustment of all placed photographs and known points; afterwards rays that do not fit are rejected, and
         points left with fewer than two rays are no longer known."""
         index = np.flatnonzero(self.good & self.placed[self.rays.photo] & self.known[self.rays.point])
         active = np.flatnonzero(self.placed)
+        # The network numbers the placed photographs only: unplaced ones would leave singular blocks.
         number = np.full(len(self.placed), -1)
         number[active] = np.arange(len(active))
         rays = self.rays.take(index)

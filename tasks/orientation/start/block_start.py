@@ -102,6 +102,7 @@ def _blocks(material: GrowthMaterial, given: Given | None) -> Blocks:
     """All groups with the camera constants of `material`. Raises GeometryError when there is none."""
     twice = _given_twice(material)
     free = np.ones(len(material.names), bool)
+    # Groups that failed are remembered by their members: a later growth may join some of them to another group.
     found: list[BlockGrowth] = []
     last: BlockGrowth | None = None
     free[list(twice)] = False

@@ -79,4 +79,4 @@ def test_distances_of_control_on_another_site_still_count():
     here = Photos(photos=tuple(p.model_copy(update={"position": (5e5, 4e6, 100.0)}) for p in PHOTOS.photos))
     control = control_from_files(here, TIES, SEEN, None, "EPSG:32634", LENGTHS)
     assert [(p.name, p.role) for p in control.points] == [("P1", "tie"), ("P3", "tie")]
-    assert len(control.distances) == 1 and "set aside" in control.remarks[0]
+    assert len(control.distances) == 1 and control.findings[0].code == "control_elsewhere"

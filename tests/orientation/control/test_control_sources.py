@@ -12,6 +12,7 @@ from orthomill.schemas.project import ControlFromGcpList
 from orthomill.tasks.geometry.survey_system import transform_surveyed, vertical_name
 from orthomill.tasks.orientation.control.control_system import control_from_files, control_from_list
 from orthomill.tasks.orientation.control.gcp_list import read_gcp_list
+from orthomill.tasks.orientation.reporting.control_sentences import control_sentence
 
 LIST = ControlFromGcpList(kind="gcp_list", path="gcp_list.txt", check=("g2",))
 CRS = "EPSG:2100"
@@ -92,8 +93,8 @@ def test_old_names_of_utm_zones_are_understood():
 def test_what_heights_count_from_is_told():
     assert vertical_name("EPSG:2100") is None
     assert vertical_name("EPSG:2100+5773") == "EGM96 height"
-    _, sentence = transform_surveyed(np.array([[407000.0, 4357000.0, 7.0]]), "EPSG:2100+5773", "EPSG:32634")
-    assert sentence == "Heights of control points were not transformed: only EPSG:2100+5773 defines a vertical datum."
+    _, only = transform_surveyed(np.array([[407000.0, 4357000.0, 7.0]]), "EPSG:2100+5773", "EPSG:32634")
+    assert only == "EPSG:2100+5773"
 
 
 @pytest.mark.parametrize(
@@ -112,7 +113,7 @@ def test_control_of_another_site_is_named_with_the_system_that_fits(change, fit)
     measured = "".join(f"P{i},{name},10,20,0.5\n" for i in range(3) for name in "ab")
     header = "name,role,x,y,z,sigma_x,sigma_y,sigma_z\n", "name,photo,col,row,sigma\n"
     control = control_from_files(photos(), header[0] + rows, header[1] + measured, None, CRS)
-    assert control.points == () and fit in control.remarks[0]
+    assert control.points == () and fit in control_sentence(control.findings[0])
 
 
 def test_control_in_the_projects_system_that_is_said_to_be_in_another_is_told():
@@ -120,7 +121,7 @@ def test_control_in_the_projects_system_that_is_said_to_be_in_another_is_told():
     measured = "".join(f"P{i},{name},10,20,0.5\n" for i in range(2) for name in "ab")
     header = "name,role,x,y,z,sigma_x,sigma_y,sigma_z\n", "name,photo,col,row,sigma\n"
     control = control_from_files(photos(), header[0] + rows, header[1] + measured, "EPSG:32634", CRS)
-    assert "would be there in EPSG:2100." in control.remarks[0]
+    assert "would be there in EPSG:2100." in control_sentence(control.findings[0])
 
 
 def as_system(xyz, name):
@@ -142,6 +143,6 @@ def test_the_block_is_oriented_without_control_of_another_site():
         f"{p.name},{name},{col!r},{row!r},{s!r}\n" for p in block.control.points for name, (col, row, s) in p.measurements.items()
     )
     control = control_from_files(block.photos, points, measured, None, CRS)
-    assert "X and Y exchanged" in control.remarks[0]
+    assert control.findings[0].exchanged and control.findings[0].fits == CRS
     oriented = orient(type(block)(**{**vars(block), "control": control}))
     assert len(oriented["block"].photos) == 6 and oriented["block"].datum.startswith("GNSS")

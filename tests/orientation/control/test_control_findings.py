@@ -1,0 +1,106 @@
+"""Findings about control: what is measured of them, and the sentence that each becomes."""
+
+import numpy as np
+import pytest
+from simulated_block import DRONE, looking, photo_of
+
+from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.findings.control_findings import ControlElsewhere, HeightsNotTransformed
+from orthomill.schemas.photo import Photos
+from orthomill.schemas.project import ControlFromGcpList
+from orthomill.tasks.geometry.view import View
+from orthomill.tasks.orientation.control.control_files import read_control
+from orthomill.tasks.orientation.control.control_system import control_from_files, control_from_list
+from orthomill.tasks.orientation.control.gcp_list import read_gcp_list
+from orthomill.tasks.orientation.reporting.control_sentences import control_sentence
+
+CRS = "EPSG:32634"
+PLACE = np.array([500000.0, 4000000.0, 300.0])
+PHOTOS = Photos(
+    photos=tuple(
+        photo_of(View(n, DRONE, looking((0, 0.1, -1)), PLACE), PLACE + np.array([10.0 * i, 0, 0]), 1.0) for i, n in enumerate("ab")
+    )
+)
+HEADER = "name,role,x,y,z,sigma_x,sigma_y,sigma_z\n"
+SEEN = "name,photo,col,row,sigma\nP,a,10,20,0.5\nP,b,11,21,0.5\n"
+
+
+def control(x, y, z=100.0, own=None, crs=CRS):
+    return control_from_files(PHOTOS, f"{HEADER}P,control,{float(x)!r},{float(y)!r},{z!r},0.1,0.1,0.2\n", SEEN, own, crs)
+
+
+@pytest.mark.parametrize(("km", "aside"), [(0.5, False), (2.9, False), (6.9, True), (60.0, True)])
+def test_control_is_elsewhere_beyond_three_kilometres_or_ten_times_extent_and_height(km, aside):
+    """Extent 10 m and height 300 m: 3.1 km."""
+    found = control(PLACE[0] + 1000.0 * km, PLACE[1])
+    assert [f.code for f in found.findings] == (["control_elsewhere"] if aside else [])
+    assert len(found.points) == (0 if aside else 1)
+
+
+def test_the_distance_is_that_of_the_median_point():
+    (finding,) = control(PLACE[0] + 70_005.0, PLACE[1]).findings
+    assert finding.distance_m == pytest.approx(70_000.0, abs=1.0) and (finding.points, finding.crs) == (1, CRS)
+    assert finding.fits is None and not finding.exchanged
+
+
+def test_exchanged_coordinates_fit_the_same_system():
+    (finding,) = control(PLACE[1], PLACE[0]).findings
+    assert finding.fits == CRS and finding.exchanged
+
+
+def test_heights_of_a_system_with_a_vertical_datum_are_reported():
+    found = control(PLACE[0], PLACE[1], own="EPSG:32634+5773")
+    assert found.findings == (HeightsNotTransformed(crs="EPSG:32634+5773"),) and found.points[0].xyz[2] == 100.0
+
+
+ELSEWHERE = ControlElsewhere(points=4, crs="EPSG:2100", distance_m=61_400.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({}, "check the reference system, the order of the axes and the zone."),
+        ({"fits": "EPSG:2100", "exchanged": True}, "they would be there with X and Y exchanged."),
+        ({"fits": "EPSG:32635"}, "they would be there in EPSG:32635."),
+        ({"fits": "EPSG:4326", "exchanged": True}, "they would be there in EPSG:4326 with latitude before longitude."),
+    ],
+)
+def test_the_sentence_names_distance_and_remedy(change, words):
+    text = control_sentence(ELSEWHERE.model_copy(update=change))
+    assert text.startswith("The 4 control points, read as EPSG:2100, are 61 km from where the photographs were taken; ")
+    assert words in text and text.endswith("took no part in the adjustment.")
+
+
+LIST = ControlFromGcpList(kind="gcp_list", path="gcp_list.txt", sigma_plan=0.11, sigma_height=0.22, sigma_px=0.33)
+LINES = f"{CRS}\n500001 4000001 100 10 20 a P\n500001 4000001 100 11 21 b P\n"
+
+
+def test_standard_errors_of_a_list_are_those_of_the_workflow():
+    (point,) = read_gcp_list(PHOTOS, LINES, LIST).control.points
+    assert point.sigma == (0.11, 0.11, 0.22)
+    assert point.measurements == {"a": (10, 20, 0.33), "b": (11, 21, 0.33)}
+
+
+def test_a_list_in_an_unknown_system_is_refused():
+    with pytest.raises(WorkflowError, match="'EPSG:1' of the control points is not known"):
+        control_from_list(PHOTOS, LINES.replace(CRS, "EPSG:1"), LIST, CRS)
+
+
+@pytest.mark.parametrize("text", ["EPSG:2100\n", "EPSG:2100\n# 1 2 3 4 5 a P\n"])
+def test_a_list_without_points_is_refused(text):
+    with pytest.raises(WorkflowError, match="names a reference system, but no point"):
+        read_gcp_list(PHOTOS, text, LIST)
+
+
+def test_a_byte_order_mark_and_comments_are_skipped():
+    text = "\ufeff# surveyed in May\n" + HEADER + "# the old church\nP,control,1,2,3,1,1,1\n"
+    assert read_control(PHOTOS, text, SEEN).points[0].xyz == (1, 2, 3)
+
+
+def test_measurements_of_a_scan_follow_into_its_frame():
+    """A scan whose frame begins 5 columns and 7 rows into the file."""
+    scan = PHOTOS.photos[0].model_copy(update={"scan": (-5.0, 1.0, 0.0, -7.0, 0.0, 1.0), "scan_size": (2010, 1140)})
+    photos = Photos(photos=(scan, PHOTOS.photos[1]))
+    points = f"{HEADER}P,control,{float(PLACE[0])!r},{float(PLACE[1])!r},100,0.1,0.1,0.2\n"
+    found = control_from_files(photos, points, SEEN, None, CRS)
+    assert found.points[0].measurements == {"a": (5, 13, 0.5), "b": (11, 21, 0.5)}
