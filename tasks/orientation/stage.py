@@ -28,6 +28,7 @@ from orthomill.tasks.orientation.results.block_tables import BlockTables
 from orthomill.tasks.orientation.results.products import PRODUCTS, block_products, product_table
 from orthomill.tasks.orientation.start.up_direction import Looking
 
+Reads = dict[str, Region | tuple[Region, ...]]
 SCRATCH = 256 * 2**20
 _SIMULATED = ("photographs/control.csv", "photographs/measurements.csv")
 BLOCK_TABLES: dict[str, Raster | Table] = {
@@ -114,6 +115,14 @@ class OrientationStage(Stage):
         yield self._control(view)
         fixed = self._fixed_source
         yield from self._fixed_jobs(view, fixed) if fixed else self._adjusted_jobs(view)
+        yield RasterSpec(name=OVERLAP, shape=(SIDE, SIDE), dtype="uint8", chunk=SIDE)
+        yield from self._report_jobs()
+        yield Export("orientation", "cameras", "products/cameras.json", "json", tables=(BLOCK,))
+        for name, path in PRODUCTS.items():
+            yield Export("orientation", name, f"products/{path}", "text", tables=(product_table(name),))
+
+    def _report_jobs(self) -> Iterator[Job]:
+        """What is made from the block, however it was oriented."""
         yield Job(
             "orientation",
             "report",
@@ -138,7 +147,6 @@ class OrientationStage(Stage):
             reads={"photos": PHOTOS, "block": BLOCK, "points": GROUND_POINTS},
             writes={name: product_table(name) for name in PRODUCTS},
         )
-        yield RasterSpec(name=OVERLAP, shape=(SIDE, SIDE), dtype="uint8", chunk=SIDE)
         yield Job(
             "orientation",
             "overlap",
@@ -147,9 +155,6 @@ class OrientationStage(Stage):
             writes={"map": Raster(OVERLAP, Window(0, 0, SIDE, SIDE))},
             scratch=64 * SIDE * SIDE,
         )
-        yield Export("orientation", "cameras", "products/cameras.json", "json", tables=(BLOCK,))
-        for name, path in PRODUCTS.items():
-            yield Export("orientation", name, f"products/{path}", "text", tables=(product_table(name),))
 
     def _adjusted_jobs(self, view: ProjectView) -> Iterator[Job]:
         yield Job(
@@ -171,9 +176,7 @@ class OrientationStage(Stage):
             looking=self.looking,
         )
         function: Callable[..., BlockTables] = orient_block
-        reads: dict[str, Region | tuple[Region, ...]] = {
-            "photos": PHOTOS, "cameras": CAMERAS, "tie_points": TIE_POINTS, "control": CONTROL, "relative": RELATIVE
-        }  # fmt: skip
+        reads: Reads = {"photos": PHOTOS, "cameras": CAMERAS, "tie_points": TIE_POINTS, "control": CONTROL, "relative": RELATIVE}
         params: dict[str, Any] = {"crs": view.project.crs, "choices": choices}
         if self.exterior.kind != "adjusted":
             function, params = orient_from, params | {"source": self.exterior}
@@ -192,7 +195,7 @@ class OrientationStage(Stage):
         """The block of another program; tie points examine it, where the workflow has them."""
         yield Job("orientation", "pairs", no_pairs, reads={}, writes={"relative": RELATIVE})
         texts = tuple(TextFile(path) for path in source.files)
-        reads: dict[str, Region | tuple[Region, ...]] = {"photos": PHOTOS, "cameras": CAMERAS, "control": CONTROL, "texts": texts}
+        reads: Reads = {"photos": PHOTOS, "cameras": CAMERAS, "control": CONTROL, "texts": texts}
         # Without tie points the block is taken unexamined, and the report says so.
         if view.has_stage("tie_points"):
             reads["tie_points"] = TIE_POINTS
@@ -211,22 +214,18 @@ class OrientationStage(Stage):
         if source.kind == "none":
             return Job("orientation", "control", no_control, reads={}, writes={"control": CONTROL})
         if source.kind == "gcp_list":
-            listed: dict[str, Region | tuple[Region, ...]] = {"photos": PHOTOS, "text": TextFile(source.path)}
+            listed: Reads = {"photos": PHOTOS, "text": TextFile(source.path)}
             return _control_job(control_from_list, listed, {"source": source, "crs": view.project.crs})
         if source.kind == "simulated":
             own, points, measurements, distances = None, view.run_file(_SIMULATED[0]), view.run_file(_SIMULATED[1]), None
         else:
             own, points, measurements, distances = source.crs, source.points, source.measurements, source.distances
-        reads: dict[str, Region | tuple[Region, ...]] = {
-            "photos": PHOTOS,
-            "points": TextFile(points),
-            "measurements": TextFile(measurements),
-        }
+        reads: Reads = {"photos": PHOTOS, "points": TextFile(points), "measurements": TextFile(measurements)}
         # Optional in the project, and then a parameter of the function with a default.
         if distances:
             reads["distances"] = TextFile(distances)
         return _control_job(control_from_files, reads, {"own": own, "crs": view.project.crs})
 
 
-def _control_job(function: Callable[..., Control], reads: dict[str, Region | tuple[Region, ...]], params: dict[str, Any]) -> Job:
+def _control_job(function: Callable[..., Control], reads: Reads, params: dict[str, Any]) -> Job:
     return Job("orientation", "control", function, reads=reads, writes={"control": CONTROL}, params=params)

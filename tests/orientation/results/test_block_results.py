@@ -85,8 +85,8 @@ def test_an_adjusted_camera_carries_its_covariance_and_its_correlation_with_phot
     interior = np.array(camera.covariance)
     assert interior.shape == (8, 8) and np.allclose(interior, interior.T)
     for photo in block.photos:
-        joint = np.block([[np.array(photo.covariance), np.array(photo.with_interior["cam"])],
-                          [np.array(photo.with_interior["cam"]).T, interior]])  # fmt: skip
+        own, both = np.array(photo.covariance), np.array(photo.with_interior["cam"])
+        joint = np.block([[own, both], [both.T, interior]])
         free = np.diag(joint) > 0
         scale = np.sqrt(np.diag(joint)[free])
         assert np.linalg.eigvalsh(joint[np.ix_(free, free)] / np.outer(scale, scale)).min() > -1e-9

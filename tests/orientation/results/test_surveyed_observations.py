@@ -288,11 +288,9 @@ def test_one_distance_is_no_contradiction_but_is_not_checked():
 @pytest.mark.parametrize("gnss", [0.1, None])
 def test_measurements_under_exchanged_names_are_named_and_the_others_of_these_points_stay(gnss):
     block = two_strips(34, np.zeros(8), gnss=gnss)
-    a, b, photo = next(
-        (a, b, photo)
-        for a in block.control.points for b in block.control.points for photo in a.measurements
-        if a.name < b.name and a.role == b.role == "control" and photo in b.measurements
-    )  # fmt: skip
+    control = [point for point in block.control.points if point.role == "control"]
+    pairs = ((a, b) for a in control for b in control if a.name < b.name)
+    a, b, photo = next((a, b, photo) for a, b in pairs for photo in a.measurements if photo in b.measurements)
 
     def exchanged(i, point):
         other = {a.name: b, b.name: a}.get(point.name)
