@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from level_pair import GRID, level_pair
+from village_pair import LEVEL_GRID, level_pair
 
 from orthomill.schemas.epipolar import EpipolarPairs
 from orthomill.schemas.outcome import Outcome
@@ -20,7 +20,7 @@ from orthomill.tasks.densification.stage import DensificationStage
 from orthomill.tasks.densification.surface_tile import CLASSES, SurfaceStatistics
 from orthomill.tasks.matching.dense.blocks import BLOCK, DenseMatching
 
-SURFACE = Surface(grid=GRID, height_low=-30.0, height_high=60.0)
+SURFACE = Surface(grid=LEVEL_GRID, height_low=-30.0, height_high=60.0)
 
 
 def matching(converged=800, failed=200, outside=500, y=(0.1, -0.1)) -> MatchingStatistics:
@@ -60,8 +60,8 @@ def test_figures_of_the_surface_are_shares_of_the_measured_cells():
     assert found["share_one_pair"] == round(50 / 90, 4) and found["share_agreed"] == round(30 / 90, 4)
     assert found["share_disputed"] == round(2 / 90, 4) and found["share_filled"] == round(8 / 90, 4)
     assert found["spikes_removed"] == 4 and found["height_lowest"] == 1.23 and found["height_highest"] is None
-    assert found["precision_median"] == pytest.approx(0.35 * GRID.cell)
-    assert (found["cell"], found["rows"], found["columns"]) == (GRID.cell, GRID.rows, GRID.cols)
+    assert found["precision_median"] == pytest.approx(0.35 * LEVEL_GRID.cell)
+    assert (found["cell"], found["rows"], found["columns"]) == (LEVEL_GRID.cell, LEVEL_GRID.rows, LEVEL_GRID.cols)
 
 
 def test_headlines_are_the_two_figures_that_are_signed():

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from memory_engine import MemoryEngine
+from memory_runner import MemoryProject
 from scipy import ndimage
 from village_pair import CELL, normal_case, render, village
 
@@ -25,7 +25,7 @@ def seen():
 
 
 def run(seen, stage=STAGE, tile=192, blank=False):
-    engine, pair = MemoryEngine(tile=tile), seen[1].pair
+    engine, pair = MemoryProject(tile), seen[1].pair
     engine.tables[BLOCK.path] = Block(
         crs="EPSG:2100",
         cameras={},
@@ -40,8 +40,9 @@ def run(seen, stage=STAGE, tile=192, blank=False):
     )
     engine.tables[PAIRS.path] = EpipolarPairs(pairs=(pair,))
     for side, image in (("left", seen[1].left), ("right", seen[1].right)):
-        engine.rasters[epipolar_raster(pair.name, side)] = np.zeros_like(image) if blank else image
-    return engine.run(stage)
+        engine.put(epipolar_raster(pair.name, side), np.zeros_like(image) if blank else image)
+    engine.run(stage)
+    return engine
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +94,7 @@ def test_the_report_counts_what_the_rasters_hold(engine):
     assert figures["nodes_matched"] == np.isfinite(engine.rasters[nodes_raster("a-b")][..., 0]).sum()
     assert figures["share_one_pair"] == 1.0
     assert figures["precision_median"] == pytest.approx(np.nanmedian(engine.rasters[PRECISION]), abs=0.02)
-    exported = [set(export.rasters.values()) for export in engine.exports]
+    exported = [set(export.rasters.values()) for export in engine.exports.values()]
     assert {HEIGHT, PRECISION} in exported and {COUNT, PROVENANCE} in exported
 
 

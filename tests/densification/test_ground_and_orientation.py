@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from level_pair import STEP, all_nodes, level_nodes, level_pair, parallax_of
+from village_pair import STEP, all_nodes, level_nodes, level_pair, parallax_of
 
 from orthomill.schemas.raster import Window
 from orthomill.tasks.densification.ground_intersection import nodes_on_ground, orientation_sigma

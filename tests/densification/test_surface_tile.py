@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from level_pair import GRID, level_nodes, level_pair, surface_tile
+from village_pair import LEVEL_GRID, level_nodes, level_pair, surface_tile
 
 from orthomill.schemas.raster import Window
 from orthomill.schemas.surface import Provenance
@@ -68,7 +68,7 @@ def test_pairs_that_contradict_each_other_are_disputed():
 def test_without_pairs_the_tile_is_empty():
     cells = make_surface(surface_tile(), RULES)
     assert np.isnan(cells.height).all() and np.isnan(cells.precision).all()
-    assert cells.statistics.provenance == (GRID.rows * GRID.cols, 0, 0, 0, 0) and cells.statistics.lowest is None
+    assert cells.statistics.provenance == (LEVEL_GRID.rows * LEVEL_GRID.cols, 0, 0, 0, 0) and cells.statistics.lowest is None
 
 
 def test_heights_beyond_the_bounds_of_the_surface_are_not_believed():
@@ -77,7 +77,7 @@ def test_heights_beyond_the_bounds_of_the_surface_are_not_believed():
 
 def test_a_window_of_the_tile_is_a_window_of_the_whole():
     pair, part = level_pair(), Window(8, 12, 10, 9)
-    tile = surface_tile(pair, window=part, work=part.grown(RULES.halo(GRID.cell)).clipped(GRID.shape))
+    tile = surface_tile(pair, window=part, work=part.grown(RULES.halo(LEVEL_GRID.cell)).clipped(LEVEL_GRID.shape))
     rng = np.random.default_rng(3)
     whole = surface_tile(pair)
     bumpy = level_nodes(pair, 10.0, whole.pieces[0].nodes)
@@ -115,10 +115,10 @@ def test_gaps_are_filled_on_request_with_their_own_code():
 
 def test_the_statistics_count_the_cells():
     cells = made(12.5, 12.5)
-    known = GRID.rows * GRID.cols
+    known = LEVEL_GRID.rows * LEVEL_GRID.cols
     assert cells.statistics.provenance == (0, 0, known, 0, 0)
     assert sum(cells.statistics.precision) == known and len(cells.statistics.precision) == CLASSES
-    index = int(cells.precision[0, 0] / (0.1 * GRID.cell))
+    index = int(cells.precision[0, 0] / (0.1 * LEVEL_GRID.cell))
     assert cells.statistics.precision[index] == known
     assert cells.statistics.lowest == pytest.approx(12.5, abs=1e-3) == cells.statistics.highest
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from box_scene import block as box_block
-from level_pair import level_pair
 from memory_runner import MemoryProject
 from pydantic import ValidationError
+from village_pair import level_pair
 
 from orthomill.pipeline.engine.job_signature import misfit
 from orthomill.schemas.epipolar import PAIRS, EpipolarPairs

@@ -5,8 +5,8 @@ import pytest
 from box_scene import block as box_block
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from level_pair import level_pair
 from scipy.stats import norm
+from village_pair import level_pair
 
 from orthomill.schemas.epipolar import EpipolarPairs
 from orthomill.schemas.orientation import Block

@@ -1,4 +1,4 @@
-"""Runs the jobs of one stage in memory, in the order planned: what the engine does, without store, records or workers."""
+"""Runs the jobs of one stage in memory and holds them to their contract: the engine without store, records and workers."""
 
 from dataclasses import dataclass, field
 from types import SimpleNamespace
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from orthomill.pipeline.engine.job_signature import misfit
-from orthomill.schemas.job import Job, MapFile, MapHeader, Raster, Table
+from orthomill.schemas.job import Export, Job, MapFile, MapHeader, Raster, Table
 from orthomill.schemas.raster import MapGrid, RasterSpec
 from orthomill.schemas.stage_contract import NotYet, Stage
 
@@ -23,6 +23,7 @@ class MemoryProject:
     written: dict[str, np.ndarray] = field(default_factory=dict)
     keys: set = field(default_factory=set)
     files: dict[str, tuple[MapGrid, np.ndarray]] = field(default_factory=dict)
+    exports: dict[tuple, Export] = field(default_factory=dict)
 
     @property
     def project(self):
@@ -57,11 +58,14 @@ class MemoryProject:
     def _take(self, thing) -> None:
         if isinstance(thing, RasterSpec) and thing.name not in self.specs:
             self.specs[thing.name] = thing
-            self.put(thing.name, np.zeros(thing.shape, thing.dtype))
+            self.put(thing.name, np.full(thing.shape, thing.nodata or 0, thing.dtype))
             self.written[thing.name][:] = False
         elif isinstance(thing, Job) and thing.key not in self.keys:
             self.keys.add(thing.key)
             self._execute(thing)
+
+        elif isinstance(thing, Export):
+            self.exports[thing.key] = thing
 
     def _execute(self, job: Job) -> None:
         assert misfit(job) is None, misfit(job)
