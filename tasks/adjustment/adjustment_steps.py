@@ -16,6 +16,7 @@ from orthomill.tasks.adjustment.testing.variance_components import converged, es
 def plain_solution(now: Progress) -> Progress:
     """Least squares with the present weights and observations, and its precision."""
     network, rays = now.weighted_network, now.weighted_rays
+    # Points may have moved to where their rays no longer intersect; they would make the normal equations singular.
     used = usable_rays(network, now.state, rays, now.used)
     state, steps = minimise(network, now.state, rays.take(used))
     result = precise_solution(network, state, rays, used, now.factors)
@@ -41,6 +42,7 @@ def _examined(now: Progress, suspect: Blunder | None) -> tuple[Progress, Blunder
     """
     if suspect is None or (suspect.kind, suspect.number) in now.confirmed:
         return now, None
+    # Each suspect costs one more solution, and is examined only once.
     rest, steps = _solution_without(now, suspect)
     confirmed = now.confirmed | {(suspect.kind, suspect.number)}
     now = replace(now, confirmed=confirmed, iterations=now.iterations + steps)
@@ -58,12 +60,14 @@ def _solution_without(now: Progress, suspect: Blunder) -> tuple[Adjustment, int]
 def with_variance_components(now: Progress) -> Progress:
     """The standard errors of the groups, estimated from the last solution."""
     estimated, groups = estimated_factors(now.solution)
+    # A round is counted here, not per removed observation: their number is bounded by the observations themselves.
     stable = converged(estimated, now.factors)
     return replace(now, estimated=estimated, groups=groups, rounds=now.rounds + 1, changed=not stable)
 
 
 def without_ray_blunders(now: Progress) -> Progress:
     """Rejects the worst ray of every point whose standardised residual is too large, by the estimated standard errors."""
+    # The residuals are standardised with the old factors; the quotient turns the limit into units of the new ones.
     limit = now.by_group(now.estimated) / now.by_group(now.factors) * now.test.limit
     left = enough_rays(now.network, now.rays, now.used & ~ray_blunders(now.solution, limit))
     return replace(now, used=left, changed=now.changed or bool((left != now.used).any()))
@@ -79,6 +83,8 @@ def with_reinstated_blunders(now: Progress) -> Progress:
     # Once: what contradicts the block again would otherwise be rejected and reinstated without end.
     if now.reinstated:
         return now
+    # With the limit of the test itself: what was rejected early, with a camera constant still wrong, gets the same trial as the
+    # rest.
     network = with_reinstated(now.network, now.solution, now.blunders, now.first, now.test.limit)
     if network is now.network:
         return now

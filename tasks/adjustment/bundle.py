@@ -44,6 +44,7 @@ def adjust(network: Network, start: State, rays: Rays, test: BlunderTest | None 
             continue
         now = without_ray_blunders(with_variance_components(now))
         if now.changed:
+            # New weights move the solution, and with it the residuals that were just tested.
             now = reweighted(now)
             continue
         now = with_reinstated_blunders(now)

@@ -77,8 +77,10 @@ class Progress:
 
     def by_group(self, factors: Factors) -> np.ndarray:
         """(M,) the factor of each ray's group."""
+        # Pointings by hand and matched tie points differ by a factor of ten: one variance for both would reject good control.
         return np.where(surveyed(self.network, self.rays), factors.pointing, factors.image)
 
     def without(self, blunder: Blunder) -> "Progress":
         """The adjustment with one more rejected observation."""
+        # The given network keeps the weight: reinstatement takes it from there.
         return replace(self, network=without(self.network, blunder), blunders=(*self.blunders, blunder), changed=True)

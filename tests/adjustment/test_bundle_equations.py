@@ -48,7 +48,7 @@ def test_analytic_derivatives_equal_numeric_ones():
         assert np.abs(numeric - jp[:, :, k]).max() < 1e-6 * np.abs(jp).max()
 
 
-def test_reduced_system_and_way_back_equal_dense_least_squares():
+def test_reduced_system_and_back_substitution_equal_dense_least_squares():
     network, state, rays = small_network(noise=1.0)
     state = moved(state, np.random.default_rng(1), 0.1)
     _, normal, right = dense(network, state, rays)
@@ -118,7 +118,7 @@ def test_without_datum_the_rank_defect_is_an_error():
         covariance_of(replace(network, free=False), truth, linearised(network, truth, rays))
 
 
-def test_blunders_are_found_and_the_stated_sigma_is_put_right():
+def test_blunders_are_found_and_the_stated_sigma_is_corrected():
     network, truth, rays = small_network(seed=3, points=150, noise=2.0)
     rng = np.random.default_rng(9)
     bad = rng.choice(len(rays), 25, replace=False)
@@ -179,8 +179,8 @@ def test_rotation_vectors_and_angles_move_together(angles):
     assert np.allclose(vector_of_rotation(rotation_of_vector(np.array([0.3, -1.0, 2.0]))), [0.3, -1.0, 2.0])
 
 
-def test_points_near_the_horizon_do_not_drown_what_holds_a_weak_block():
-    """Rays that meet at seconds of arc: eliminating their points must leave no negative information about the photographs."""
+def test_points_near_the_horizon_do_not_hide_what_determines_a_poorly_determined_block():
+    """Rays that intersect at seconds of arc: eliminating their points must leave no negative information about the photographs."""
     network, state, rays = small_network()
     far = replace(state, point=state.centre.mean(axis=0) + 3e6 * (state.point - state.centre.mean(axis=0)))
     ahead = np.abs(residuals(far, rays, network.camera_of)).max(axis=1) < 1e4

@@ -98,6 +98,7 @@ def minimise(
     state, damping = start, 1e-4
     for iteration in range(1, most + 1):
         unit = np.inf if test is None else _unit(state, corners, test)
+        # The unit follows the residuals: starting values from homographies are off by tens of pixels.
         limit = np.inf if test is None else test.huber * unit
         cost = _cost(network, state, corners, limit)
         linear = _linearised(network, state, corners, limit)
@@ -253,6 +254,7 @@ def adjust(network: BoardNetwork, start: BoardState, corners: BoardCorners, test
     """
     test = test or CornerTest()
     state, iterations = minimise(network, start, corners, test)
+    # With the spread of all corners as unit: up to half of them may be wrong.
     size = np.linalg.norm(residuals(state, corners), axis=1)
     used = size <= test.gross * max(spread(size), test.floor)
     for rounds in range(test.rounds):
@@ -279,6 +281,7 @@ def _tested(network: BoardNetwork, state: BoardState, corners: BoardCorners, use
     if redundancy <= 0:
         raise GeometryError(_UNDETERMINED)
     sigma0 = float(np.sqrt(_cost(network, state, taken, np.inf) / redundancy))
+    # Of all corners, rejected ones included: reports show where those are.
     residual, standardised = residuals(state, corners), np.full((len(corners), 2), np.nan)
     standardised[used] = residual[used] / (max(sigma0, 1e-12) * np.sqrt(np.clip(1.0 - adjusted, 1e-3, None)))
     return BoardAdjustment(

@@ -14,6 +14,7 @@ import numpy as np
 
 from orthomill.schemas.camera import INTERIOR
 
+# Affinity and skew are those of the pixels: only a calibration with boards estimates them, no block does.
 PARAMETERS = (*INTERIOR, "affinity", "skew")
 """Order of the interior parameters here: x = x0 + c ((1 + affinity) xd + skew yd), y = y0 + c yd."""
 Arrangement = Literal["plane", "space", "fixed"]
@@ -102,6 +103,7 @@ class BoardNetwork:
         """(K, 6): three shifts and three rotations of every board; -1 where there is none."""
         columns = np.full((self.boards, 6), -1)
         own = np.arange((self.boards - 1) * self.board_unknowns).reshape(self.boards - 1, self.board_unknowns)
+        # Board 0 keeps -1: it is the datum, and an unknown of it would make the normal matrix singular.
         columns[1:, _BOARD_COLUMNS[self.arrangement]] = 6 * self.photos + own
         return columns
 
@@ -116,6 +118,7 @@ class BoardNetwork:
     @property
     def group_start(self) -> np.ndarray:
         """(G + 1,) where the groups of unknowns begin: photographs, boards but the first, the interior."""
+        # Fixed boards have groups of size zero, an interior without free parameters none at all.
         sizes = np.repeat([6, self.board_unknowns, len(self.free)], [self.photos, self.boards - 1, len(self.free) > 0])
         return np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
 

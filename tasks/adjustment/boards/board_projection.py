@@ -17,6 +17,7 @@ def projected(state: BoardState, corners: BoardCorners) -> np.ndarray:
     """Computed image coordinates (M, 2) px from the image centre, y up; NaN behind the camera."""
     _, u = _camera_points(state, corners)
     with np.errstate(divide="ignore", invalid="ignore"):
+        # The camera looks along -z; what is behind it would be projected, too, upside down.
         ideal = np.where(u[:, 2:] < 0, -u[:, :2] / u[:, 2:], np.nan)
     return _pixels(state.interior, _distorted(state.interior, ideal))
 
@@ -33,6 +34,7 @@ def derivatives(state: BoardState, corners: BoardCorners) -> tuple[np.ndarray, n
     ideal = -u[:, :2] / u[:, 2:]
     by_u = _by_ideal(state.interior, ideal) @ _ideal_by_u(u, ideal)
     by_point = by_u @ state.rotation[corners.photo]
+    # u x (du/du) is the row form of (du/du) [w x u]: the mixed product changes cyclically.
     by_photo = np.concatenate([-by_point, np.cross(u[:, None], by_u)], axis=2)
     by_board = np.concatenate([by_point, np.cross(on_board[:, None], by_point)], axis=2)
     parts = [by_photo, by_board, _by_interior(state.interior, ideal)]

@@ -115,6 +115,7 @@ class Adjustment:
 
     def exterior_covariance(self, photo: int) -> np.ndarray:
         """(6, 6) of X, Y, Z and the three rotations in the image system, m and radians."""
+        # Rotations as vectors: reports turn them into angles, with `angles_from_vector`.
         return self.cofactor.joint(6 * photo + np.arange(6))
 
 

@@ -72,6 +72,7 @@ def _derivatives(photo, camera, point, rotation, centre, points, interior):
             jg[i, k, ROTATION + 2] = du[k, 1] * u1 - du[k, 0] * u2
         xd, yd = distort_point(a, b, k1, k2, k3, p1, p2)
         jg[i, 0, C], jg[i, 1, C] = xd, yd
+        # The principal point is added after the distortion: its derivatives are 1 and 0.
         jg[i, 0, X0], jg[i, 1, Y0] = 1.0, 1.0
         power = c * r2
         for k in range(RADIAL, P1):

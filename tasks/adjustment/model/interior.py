@@ -48,6 +48,7 @@ def camera_covariance(camera: Camera) -> np.ndarray:
     """(8, 8) in the order of INTERIOR: that of the camera, the nominal one for a camera from EXIF, else zero (fixed)."""
     if camera.covariance is not None:
         return np.array(camera.covariance)
+    # A camera without covariance that is not nominal was given by a person as it is: that is a decision, not an estimate.
     if camera.source != "exif":
         return np.zeros((8, 8))
     unit = {"c": camera.c, "x0": float(camera.width), "y0": float(camera.width)}
@@ -69,8 +70,11 @@ def interior_prior(cameras: list[Camera], choice: InteriorChoice, fix_nominal: b
         return Interior(value, weight, free | named, considered)
     for i, camera in enumerate(cameras):
         covariance = camera_covariance(camera)
+        # A zero variance says that the calibration did not estimate the parameter: there is nothing to weight it with.
         free[i] = named & (np.diag(covariance) > 0)
         chosen = np.ix_(free[i], free[i])
+        # The covariance of the chosen part, not part of the inverse: parameters that are not chosen are fixed, but their
+        # uncertainty stays.
         weight[i][chosen] = _inverse(covariance[chosen])
         considered[i, :3] = free[i, :3] & (fix_nominal and camera.source == "exif")
     return Interior(value, weight, free, considered)
@@ -84,6 +88,7 @@ def given_sigmas(interior: Interior, parameters: tuple[int, ...] = (0,)) -> np.n
     sigma[:, 0] = NOMINAL_SIGMA["c"] * value[:, 0]
     for k, own in enumerate(interior.weight):
         known = np.flatnonzero(np.diag(own) > 0)
+        # Through the correlation matrix, as in `_inverse`.
         scale = 1.0 / np.sqrt(np.diag(own)[known])
         covariance = np.linalg.pinv(own[np.ix_(known, known)] * scale[:, None] * scale, hermitian=True)
         sigma[k, known] = np.sqrt(np.diag(covariance)) * scale

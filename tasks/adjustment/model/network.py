@@ -69,6 +69,7 @@ class Distances:
     @property
     def sigma(self) -> np.ndarray:
         """(D,) standard errors, m; inf for one that takes no part."""
+        # A weight of 0 is legal: it belongs to a rejected distance.
         with np.errstate(divide="ignore"):
             return 1.0 / np.sqrt(self.weight)
 
@@ -129,6 +130,8 @@ class Network:
     def pointed(self) -> np.ndarray:
         """(N,) bool: points that a person measured in the photographs."""
         by_person = np.asarray(self.point_weight.any(axis=1))
+        # Without coordinates, too: check points, and control points whose coordinates were rejected, are pointed at by the same
+        # person.
         by_person[self.named] = True
         return by_person
 
@@ -158,6 +161,7 @@ class Network:
     @property
     def kept_columns(self) -> np.ndarray:
         """(K, 3): the columns of the kept points."""
+        # Kept points come last, so that adding some leaves the columns of all others as they are.
         first = self.unknowns - 3 * len(self.kept)
         return first + np.arange(3 * len(self.kept)).reshape(-1, 3)
 
@@ -181,6 +185,7 @@ class Network:
         """(K, G), nonzero: the groups that prior information connects: each photograph with shift and lever arm, and the ends of
         each distance."""
         groups = len(self.group_start) - 1
+        # Ends of distances are kept points, the last groups.
         pairs = groups - len(self.kept) + np.searchsorted(self.kept, self.distances.ends)
         if self.shift or self.lever_weight.all():
             photos = np.arange(self.photos)
@@ -197,6 +202,7 @@ class Network:
     @property
     def freedoms(self) -> int:
         """The rank defect of a free network: position, orientation, and scale unless a distance gives it."""
+        # A distance fixes the scale only while it has weight: rejected ones keep their row with weight 0.
         return (6 if self.distances.weight.any() else 7) * self.free
 
     @property
@@ -216,11 +222,13 @@ class Network:
 def ray_columns(network: Network, rays: Rays) -> tuple[np.ndarray, np.ndarray]:
     """`row` (M,) and `columns` (T, 14), or (T, 17) with kept points: ray i depends on the unknowns columns[row[i]], six of its
     photograph, eight of its camera, three of its point where that is kept (-1: fixed, or eliminated)."""
+    # int32 because a block has tens of millions of rays and one such index for each.
     photo = rays.photo.astype(np.int32, copy=False)
     exterior = np.arange(6 * network.photos).reshape(-1, 6)
     columns = np.hstack([exterior, network.interior_columns[network.camera_of]])
     if not len(network.kept):
         return photo, columns
+    # Rays of kept points have rows of their own; all others share that of their photograph.
     own = np.flatnonzero(np.isin(rays.point, network.kept))
     point = network.kept_columns[np.searchsorted(network.kept, rays.point[own])]
     row = photo.copy()

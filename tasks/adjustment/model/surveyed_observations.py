@@ -40,6 +40,7 @@ def has_weight(network: Network, blunder: Blunder) -> bool:
 
 def with_weight(network: Network, blunder: Blunder, weight: np.ndarray | float) -> Network:
     """The network in which the observation has another weight."""
+    # Networks share their arrays: a copy, or the network given to `adjust` would lose the weight, too.
     weights = weights_of(network, blunder.kind).copy()
     weights[blunder.number] = weight
     if blunder.kind == SurveyedKind.POSITION:

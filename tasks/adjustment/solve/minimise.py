@@ -145,6 +145,7 @@ def _moved(network: Network, state: State, linear: Linear, order: Structure, fac
     right = normals.right + add_prior(network, state, matrix, factors)
     matrix.values[diagonal_places(order.pattern)] += damping * (matrix.diagonal() + eliminated)
     try:
+        # In a free network with inner constraints, so that steps neither drift nor turn the block.
         correction = inverse_of(network, state, order, matrix).times(right[:, None])[:, 0]
     except np.linalg.LinAlgError:
         return None

@@ -56,6 +56,7 @@ class MixedSolution(Generic[M]):
     def standardised(self) -> np.ndarray:
         """(s,) discrepancies in units of their own standard errors; 0 where the other conditions do not check one."""
         checked = self.redundancy_number > 1e-6
+        # With the estimated sigma0: stated standard errors of matches are often a guess.
         size = self.sigma0 * np.sqrt(np.maximum(self.redundancy_number, 1e-6))
         return np.where(checked, self.discrepancy / np.maximum(size, 1e-300), 0.0)
 
@@ -89,6 +90,7 @@ def solve_mixed(
         residuals = -variance * B * (inverse_m * gap)[:, None]
         model = model.moved(correction)
         largest = float(np.abs(correction).max())
+        # Near the rounding of the observations corrections stop shrinking above any limit; they are as good as zero then.
         if largest < limit or (largest < 1e-8 and largest > 0.5 * previous):
             return _solution(model, residuals, iteration, normal, (A, B, inverse_m, gap))
         previous = largest
@@ -120,6 +122,7 @@ def _solution(
     redundancy, root = len(residuals) - len(normal), np.sqrt(inverse_m)
     discrepancy, cofactor = gap * root, np.linalg.inv(normal)
     sigma0 = float(np.sqrt((discrepancy**2).sum() / redundancy)) if redundancy else np.nan
+    # Rounding may take a condition that alone determines an unknown slightly below 0.
     numbers = np.clip(1.0 - inverse_m * np.einsum("ni,ij,nj->n", A, cofactor, A), 0.0, 1.0)
     return MixedSolution(
         model, residuals, sigma0, sigma0**2 * cofactor, redundancy, iterations, discrepancy, numbers, B * root[:, None]

@@ -62,9 +62,11 @@ def intersecting(network: Network, state: State, rays: Rays, used: np.ndarray) -
     normal = np.zeros((len(state.point), 3, 3))
     for a in range(3):
         for b in range(a, 3):
+            # I - d d': a ray determines its point across its direction only.
             part = weight * ((a == b) - towards[:, a] * towards[:, b])
             normal[:, a, b] = np.bincount(taken.point, part, len(state.point))
     weakest = np.linalg.eigvalsh(normal, UPLO="U")[:, 0]
+    # What a person measured is a decision of theirs; it is tested later, not dropped silently.
     sure = (weakest * UNSURE**2 > 1.0) | network.pointed
     return used & sure[rays.point]
 
@@ -78,6 +80,7 @@ def intersected(network: Network, state: State, rays: Rays, huber: float) -> Sta
     """
     size = residual_lengths(network, state, rays)
     step = point_corrections(linearised(network, state, rays, huber_weights(size, huber)), np.zeros(network.unknowns))
+    # Kept points are unknowns of the reduced system, which has just moved them.
     step[network.kept] = 0.0
     moved = replace(state, point=state.point + step)
     gain = huber_losses(size, huber) - huber_losses(residual_lengths(network, moved, rays), huber)

@@ -49,6 +49,7 @@ def fitted_whole(network: Network, state: State, huber: float = np.inf) -> State
 
     motion = _best_motion(misfits)
     moved = _moved(state, motion, middle, size, np.arange(len(state.point)))
+    # Compared with Huber's losses, which the square sums of the iteration only approximate.
     return moved if prior_cost(network, moved, huber) < prior_cost(network, state, huber) else state
 
 
@@ -59,6 +60,7 @@ def _best_motion(misfits: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
     for _ in range(STEPS):
         moves = INCREMENT * np.eye(7)
         J = np.stack([(misfits(motion + move) - misfits(motion - move)) / (2.0 * INCREMENT) for move in moves], axis=1)
+        # The smallest motion: what no observation determines (the tilt about a line of positions) stays as it is.
         step = np.linalg.lstsq(J, -now, rcond=1e-10)[0]
         there = misfits(motion + step)
         while there @ there > now @ now and np.abs(step).max() > NEGLIGIBLE:
@@ -73,6 +75,7 @@ def _best_motion(misfits: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
 def _moved(state: State, motion: np.ndarray, middle: np.ndarray, size: float, points: np.ndarray) -> State:
     """Shift (in units of `size`), rotation vector and logarithm of the scale applied to all photographs and to `points`."""
     turn, scale = rotation_of_vector(motion[3:6]), np.exp(motion[6])
+    # Only surveyed points enter the misfits; moving all others in every difference quotient would cost most of the time.
     point = state.point.copy()
     point[points] = middle + size * motion[:3] + scale * (state.point[points] - middle) @ turn.T
     centre = middle + size * motion[:3] + scale * (state.centre - middle) @ turn.T

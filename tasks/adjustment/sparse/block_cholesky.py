@@ -112,6 +112,7 @@ class BlockCholesky:
             step = steps[number]
             above = np.zeros((0, 0))
             if step.parent >= 0:
+                # The boundary of a front is part of its parent, so that this part of the inverse is known.
                 above = known[step.parent][np.ix_(step.place, step.place)]
                 waiting[step.parent] -= 1
                 if not waiting[step.parent]:
@@ -128,6 +129,7 @@ def factorised(structure: Structure, matrix: BlockMatrix, stiffness: np.ndarray 
 
     Raises LinAlgError where the matrix is not finite and positive definite.
     """
+    # A NaN would pass through every front and come out as a wrong answer somewhere else.
     if not np.isfinite(matrix.values).all():
         raise np.linalg.LinAlgError("the matrix is not finite")
     rows, left = matrix.pattern.rows, dict[int, list[tuple[np.ndarray, np.ndarray]]]()
@@ -142,6 +144,7 @@ def factorised(structure: Structure, matrix: BlockMatrix, stiffness: np.ndarray 
         s = len(step.own)
         if not eliminate(F, s):
             raise np.linalg.LinAlgError("the matrix is not positive definite")
+        # A copy: a view would keep the whole front in memory.
         upper.append(F[:s].copy())
         if step.parent >= 0:
             left.setdefault(step.parent, []).append((step.place, F[s:, s:].copy()))
@@ -172,6 +175,7 @@ def _join(F, place, rest):
     """Adds the contribution `rest` of a front below, upper half, at its places in F."""
     for a in range(len(place)):
         for b in range(a, len(place)):
+            # The order of unknowns in the parent differs: what was above the diagonal may come below it.
             F[min(place[a], place[b]), max(place[a], place[b])] += rest[a, b]
 
 

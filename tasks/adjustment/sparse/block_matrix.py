@@ -38,6 +38,7 @@ def pattern_of(start: np.ndarray, cliques: csr_array) -> Pattern:
     shared.sort_indices()
     size = np.diff(start)
     first, partner = shared.indptr.astype(np.int64), shared.indices.astype(np.int64)
+    # The numbers of a block: rows of its first group times columns of its second.
     cells = np.repeat(size, np.diff(first)) * size[partner]
     offset = np.concatenate([[0], np.cumsum(cells)]).astype(np.int64)
     return Pattern(start.astype(np.int64), first, partner, offset, np.repeat(np.arange(len(size)), size))
@@ -119,6 +120,7 @@ def summed(columns: np.ndarray, parts: np.ndarray, unknowns: int) -> np.ndarray:
 @njit(cache=True)
 def _block(pattern, g, h):
     """The number of the block of groups g <= h, -1 where there is none."""
+    # Partners are in ascending order: bisection, because cameras have a block with every photograph.
     low, high = pattern.first[g], pattern.first[g + 1]
     while low < high:
         middle = (low + high) // 2

@@ -80,6 +80,7 @@ def _parted(graph: csr_array, nodes: np.ndarray) -> Tree:
     if len(nodes) <= LEAF:
         return Tree(nodes)
     inside = graph[nodes][:, nodes]
+    # Parts without common points need no separator: they are dissected side by side.
     count, label = connected_components(inside, directed=False)
     if count > 1:
         return Tree(nodes[:0], tuple(_parted(graph, nodes[label == k]) for k in range(count)))
@@ -116,6 +117,7 @@ def _halves(along: np.ndarray) -> list[np.ndarray]:
     even = [left for left in cuts if LEAST_SIDE <= left.mean() <= 1.0 - LEAST_SIDE]
     if even:
         return even
+    # All distances alike (every photograph sees every other): no cut is a straight one.
     left = np.zeros(len(along), bool)
     left[np.argsort(along, kind="stable")[: len(along) // 2]] = True
     return [left]

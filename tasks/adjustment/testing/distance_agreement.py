@@ -38,12 +38,14 @@ def agreement(length: np.ndarray, sigma: np.ndarray, model: np.ndarray, model_si
         return Agreement(1.0, np.zeros(len(length)), wrong, enlarged)
     model = np.where(compared, model, 1.0)
     ratio, rough = length / model, np.sqrt((sigma / length) ** 2 + (model_sigma / model) ** 2 + DEFORMATION**2)
+    # Of two distances neither can be said to be the wrong one.
     while compared.sum() > 2 and _misfits(ratio, rough, compared).max() > limit:
         rest = {int(i): _misfits(ratio, rough, compared & (np.arange(len(ratio)) != i)).max() for i in np.flatnonzero(compared)}
         worst, second = sorted(rest, key=rest.__getitem__)[:2]
         if rest[worst] * CLEARER > rest[second]:
             break
         wrong[worst], compared[worst] = True, False
+    # The median: up to half of the distances may be wrong without anyone knowing which.
     scale = float(np.median(ratio[compared]))
     misfit = np.where(wrong, np.abs(ratio / scale - 1.0) / rough, _misfits(ratio, rough, compared))
     if misfit[compared].max() > limit:
@@ -55,6 +57,7 @@ def _misfits(ratio: np.ndarray, rough: np.ndarray, chosen: np.ndarray) -> np.nda
     """(D,) the difference of each of the `chosen` from the median scale of the others, in standard errors; 0 for the rest."""
     misfit, number = np.zeros(len(ratio)), np.flatnonzero(chosen)
     for i in number if len(number) > 1 else ():
+        # Without the distance itself, which would pull a median of few towards it.
         others = number[number != i]
         scale = float(np.median(ratio[others]))
         sigma = np.hypot(rough[i], np.median(rough[others]) / np.sqrt(len(others)))

@@ -80,6 +80,7 @@ def _moves(result: Adjustment, errors: CorrelatedErrors, size: np.ndarray) -> tu
         moved[:, chosen] = effects(result, size, white, chosen).unknowns.reshape(network.unknowns, len(chosen), -1)
     of_camera = np.zeros((network.unknowns, len(network.interior.free), 2 * TERMS))
     for photo, camera in enumerate(network.camera_of):
+        # A field shared by the photographs of a camera has the sum of their effects.
         of_camera[:, camera] += moved[:, photo]
     return alone * moved, together * of_camera
 
@@ -93,6 +94,7 @@ def _amplitudes(errors: CorrelatedErrors) -> tuple[float, float]:
 def _pulls(linear: Linear, rays: Rays, camera_of: np.ndarray, basis: np.ndarray, effects: FieldEffects) -> np.ndarray:
     """(N, 3, 3) the covariance of the right-hand sides of the points under the fields at their own rays, that with the motion of
     the unknowns included."""
+    # A displacement of a ray enters the right-hand side of its point as any other residual does: by B' P.
     pull = linear.weight[:, None, None] * linear.jp.transpose(0, 2, 1)
     of_rays = RayFields(linear.first, linear.columns[linear.row], linear.jg, pull, rays.photo, camera_of[rays.photo], basis)
     square = _quadratic_form(of_rays, effects)

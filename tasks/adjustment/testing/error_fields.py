@@ -124,7 +124,9 @@ def correlated_errors(result: Adjustment, size: np.ndarray) -> CorrelatedErrors 
 
     Considered parameters are free here: what they would explain is no error of the measurements.
     """
+    # With c fixed at a wrong nominal value, its radial pattern would be taken for a field.
     result, pull = _freed(result)
+    # A photograph without used rays shows nothing, and its coefficients would be singular.
     photos = np.unique(result.rays.photo[result.used])
     chosen = photos[np.unique(np.linspace(0, len(photos) - 1, MOST).round().astype(int))]
     white = white_covariance(result)
@@ -139,6 +141,7 @@ def correlated_errors(result: Adjustment, size: np.ndarray) -> CorrelatedErrors 
     # Without as many white combinations as visible ones the noise would be estimated from next to nothing.
     if len(visible) == 0 or redundancy <= 2 * len(visible):
         return None
+    # Along the eigenvectors of the normal matrix the white part of the covariance is diagonal.
     z = direction.T @ (fields.right + fields.unknowns.T @ pull)
     noise = max((square - float((z**2 / visible).sum())) / (redundancy - len(visible)), 1e-6)
     camera = result.network.camera_of[chosen]
@@ -155,6 +158,7 @@ def _freed(result: Adjustment) -> tuple[Adjustment, np.ndarray]:
     if not considered.any():
         return result, np.zeros(network.unknowns)
     linear = linearised(network, result.state, weighted_rays(result))
+    # Considered parameters kept their value, so that the solution is no minimum with respect to them.
     pull = reduced_normals(linear, seen_pattern(linear, network.group_start)).right
     interior = replace(network.interior, considered=np.zeros_like(network.interior.considered))
     return replace(result, network=replace(network, interior=interior)), np.where(considered, pull, 0.0)
@@ -163,6 +167,7 @@ def _freed(result: Adjustment) -> tuple[Adjustment, np.ndarray]:
 def _likeliest(z: np.ndarray, visible: np.ndarray, noise: float, alike: np.ndarray) -> tuple[float, float, float]:
     """Variance (px^2) of the coefficients, its common share, and the likelihood ratio against white noise."""
     white, start = noise * np.diag(visible), np.log(noise / visible[-1])
+    # The likelihood of the residuals alone (REML): the unknowns have been eliminated, not estimated in it.
     none = _deviance(z, white)
     best = (0.0, 0.0, 0.0)
     for share in SHARES:
@@ -194,6 +199,7 @@ def _alike(direction: np.ndarray, same: np.ndarray) -> np.ndarray:
 def _deviance(z: np.ndarray, covariance: np.ndarray) -> float:
     """Minus twice the logarithm of the likelihood of z, up to a constant."""
     try:
+        # One factor gives the determinant and the quadratic form.
         factor = cho_factor(covariance, lower=True)
     except LinAlgError:
         return np.inf

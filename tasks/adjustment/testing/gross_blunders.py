@@ -58,6 +58,7 @@ def _intersections(network: Network, state: State, rays: Rays, limit: float) -> 
     rays = rays.take(network.pointed[rays.point])
     count = np.bincount(rays.point, minlength=len(network.point))
     rays = rays.take(count[rays.point] >= 2)
+    # Without their own coordinates and distances, so that the rays alone decide.
     bare = replace(network, point_weight=np.zeros_like(network.point_weight), kept=network.kept[:0], distances=NO_DISTANCES)
     fixed = np.zeros(bare.unknowns)
     for _ in range(STEPS):

@@ -7,6 +7,7 @@ from orthomill.tasks.adjustment.model.adjustment_result import Adjustment
 
 def ray_blunders(result: Adjustment, limit: np.ndarray) -> np.ndarray:
     """(M,) bool: the worst ray of every point whose standardised residual exceeds its `limit` (M,)."""
+    # NaN marks rays that took no part.
     worst = np.nan_to_num(np.abs(result.standardised).max(axis=1))
     highest = np.zeros(len(result.state.point))
     np.maximum.at(highest, result.rays.point, worst)

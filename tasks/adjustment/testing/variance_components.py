@@ -16,6 +16,7 @@ from orthomill.tasks.adjustment.model.datum import (
     position_residuals,
 )
 
+# One position has three coordinates: with less, a single observation would judge itself.
 LEAST_REDUNDANCY_OF_GROUP = 3.0
 """Redundancy below which the stated standard errors of a surveyed group are not questioned."""
 
@@ -29,6 +30,7 @@ def estimated_factors(result: Adjustment) -> tuple[Factors, tuple[Group, ...]]:
     image = old.image * float(np.sqrt(square / redundancy)) if redundancy > 0 else old.image
     shares = (_image_share(result, pointings), _position_share(result), _control_share(result), _distance_share(result))
     rest = [_enlarged(f, *share) for f, share in zip((old.pointing, old.position, old.control, old.distance), shares, strict=True)]
+    # Simulated exact observations have residuals of rounding only; a factor of 0 would be an infinite weight.
     new = Factors(max(image, 1e-6), *rest)
     counts = (
         2 * int(ties.sum()),
@@ -44,6 +46,7 @@ def estimated_factors(result: Adjustment) -> tuple[Factors, tuple[Group, ...]]:
 
 def converged(new: Factors, old: Factors) -> bool:
     """Whether two sets of factors agree within 1 %."""
+    # One per cent of a standard error decides no test, and the next round would change it by less.
     return all(abs(vars(new)[name] / vars(old)[name] - 1.0) <= 0.01 for name in vars(new))
 
 
@@ -69,6 +72,7 @@ def _position_share(result: Adjustment) -> tuple[float, float]:
     weight = result.network.centre_weight
     square = (weight * position_residuals(result.network, result.state) ** 2).sum()
     photos = np.flatnonzero(weight.any(axis=1))
+    # Of the sum centre + lever arm + shift, for that is what was observed; its parts are correlated.
     variance = np.diagonal(position_covariances(result, photos), axis1=1, axis2=2)
     return float(square), _known(weight) - float((weight[photos] * variance).sum())
 

@@ -29,7 +29,7 @@ def test_a_point_counts_while_its_distance_is_better_known_than_a_quarter():
     assert not intersecting(replace(network, named=np.array([0])), state, pair, np.ones(2, bool)).any()
 
 
-def test_points_settle_where_their_rays_meet_and_none_gets_worse():
+def test_points_move_to_the_intersection_of_their_rays_and_none_gets_worse():
     network, state, rays = small_network(3, noise=1.0)
     start = replace(state, point=moved(state, np.random.default_rng(3), 2.0).point)
     there = intersected(network, start, rays, np.inf)

@@ -24,7 +24,7 @@ SIGMA = np.array([5.0, 2.0, 2.0, 0.01, 0.01, 0.01, 1e-3, 1e-3])
 
 
 def strips(seed, rows=2, per=22, apart=False, free=False, considered=False, antenna=False, distances=False):
-    """Photographs in strips, each point in those nearby only, two cameras in turn; `apart`: no point connects the two strips."""
+    """Photographs in strips, each point in those nearby only, two cameras alternating; `apart`: no point connects the strips."""
     rng = np.random.default_rng(seed)
     photos = rows * per
     centre = np.array([(25.0 * i, (400.0 if apart else 45.0) * j, 100.0) for j in range(rows) for i in range(per)])
@@ -40,18 +40,28 @@ def strips(seed, rows=2, per=22, apart=False, free=False, considered=False, ante
     mask = np.zeros((2, 8), bool)
     mask[0, [0, 1, 3]], mask[1, [0, 3]] = True, True
     weight = np.array([np.diag(own / SIGMA**2) for own in mask])
-    held = np.zeros_like(mask)
-    held[0, 0] = considered
+    fixed = np.zeros_like(mask)
+    fixed[0, 0] = considered
     known = np.zeros(point.shape)
     known[::40] = 0.0 if free else 1 / 0.02**2
     ends = rng.choice(np.unique(rays.point), (3, 2), replace=False) if distances else np.zeros((0, 2), np.int64)
     length = np.linalg.norm(point[ends[:, 0]] - point[ends[:, 1]], axis=1)
-    return Network(
-        camera_of, Interior(CAMERAS, weight, mask, held), centre, np.full(centre.shape, 0.0 if free else 1 / 0.1**2), point, known,
-        np.full(photos, 0.0 if free else 10.0), shift=antenna, free=free, lever=state.lever,
-        lever_weight=np.full(3, 1 / 0.05**2 if antenna else 0.0), kept=np.unique(ends),
+    network = Network(
+        camera_of,
+        Interior(CAMERAS, weight, mask, fixed),
+        centre,
+        np.full(centre.shape, 0.0 if free else 1 / 0.1**2),
+        point,
+        known,
+        np.full(photos, 0.0 if free else 10.0),
+        shift=antenna,
+        free=free,
+        lever=state.lever,
+        lever_weight=np.full(3, 1 / 0.05**2 if antenna else 0.0),
+        kept=np.unique(ends),
         distances=Distances(ends, length, np.full(len(length), 1 / 0.01**2)),
-    ), state, rays  # fmt: skip
+    )
+    return network, state, rays
 
 
 KINDS = {
@@ -67,7 +77,7 @@ KINDS = {
 
 
 def dense_inverse(network, state, matrix):
-    """The whole matrix, inner constraints added, inverted; one step of refinement with long numbers."""
+    """The whole matrix, inner constraints added, inverted; one step of refinement in extended precision."""
     N, cut = matrix.dense(), network.considered_columns
     N[cut], N[:, cut], N[cut, cut] = 0.0, 0.0, 1.0
     scale = 1 / np.sqrt(np.diag(N))
@@ -107,7 +117,7 @@ def by_point(linear, own, point):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_points_and_rays_know_their_precision(kind):
+def test_precision_of_points_and_rays_equals_the_dense_one(kind):
     network, state, rays = strips(7, **KINDS[kind])
     linear = linearised(network, state, rays)
     cofactor = with_considered(network, linear, covariance_of(network, state, linear))
@@ -132,7 +142,7 @@ def test_points_and_rays_know_their_precision(kind):
         assert np.allclose(adjusted[own].ravel(), variance, rtol=1e-7)
 
 
-def test_a_photograph_without_rays_hangs_on_its_position_alone():
+def test_a_photograph_without_rays_is_determined_by_its_position_alone():
     network, state, rays = strips(5)
     rays = rays.take(rays.photo != 3)
     rays = rays.take(np.bincount(rays.point)[rays.point] > 1)
@@ -142,7 +152,7 @@ def test_a_photograph_without_rays_hangs_on_its_position_alone():
     assert np.allclose(normals.matrix.pieces(18 + np.arange(6)), np.diag([100.0, 100.0, 100.0, 0.0, 0.0, 0.0]))
 
 
-def test_points_that_had_no_part_may_join_photographs_that_share_nothing():
+def test_points_that_took_no_part_may_connect_photographs_without_common_points():
     network, state, rays = strips(3)
     cofactor = covariance_of(network, state, linearised(network, state, rays))
     pair = np.array([0, network.photos - 1], np.int32)

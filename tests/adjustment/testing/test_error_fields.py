@@ -1,4 +1,4 @@
-"""Errors in common: the form of the fields, their effect against dense algebra, and what is found where there are some or none."""
+"""Correlated image errors: the form of the fields, their effect against dense algebra, and what is found with and without them."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ def with_fields(rays, rng, rms, common):
     return replace(rays, xy=rays.xy + np.einsum("mkt,mt->mk", coefficients[rays.photo * (not common)], basis))
 
 
-def test_fields_have_unit_mean_square_and_no_part_in_common():
+def test_fields_are_orthonormal_over_the_frame():
     nodes, weights = np.polynomial.legendre.leggauss(6)
     x, y = (v.ravel() for v in np.meshgrid(nodes, nodes))
     basis = field_basis(np.column_stack([x, y]) * FRAME / 2, np.tile(FRAME, (36, 1)))
@@ -68,9 +68,10 @@ def repeated(rms, common, seeds):
 
 
 def spread_of_c(results):
-    columns = [(r.state.interior[0, 0] - 1000.0) / np.sqrt(r.cofactor.variances[c]) for r in results
-               for c in (r.network.interior_columns[0, 0],)]  # fmt: skip
-    return float(np.sqrt(np.mean(np.square(columns))))
+    """Root mean square of the errors of c, in their standard errors."""
+    variances = [r.cofactor.variances[r.network.interior_columns[0, 0]] for r in results]
+    errors = [r.state.interior[0, 0] - 1000.0 for r in results]
+    return float(np.sqrt(np.mean(np.square(errors) / variances)))
 
 
 @pytest.mark.parametrize("common", [False, True])
@@ -87,5 +88,5 @@ def test_fields_are_found_and_standard_errors_cover_them(common):
     assert np.mean(shares) > 0.8 if common else np.mean(shares) < 0.2
 
 
-def test_white_noise_has_no_errors_in_common():
+def test_white_noise_has_no_correlated_errors():
     assert [errors for _, errors, _ in repeated(0.0, False, 20)] == [None] * 20
