@@ -31,7 +31,7 @@ from orthomill.tasks.dsm_check.coverage import CheckedPair, CheckedPairs, choose
 from orthomill.tasks.dsm_check.nodes import NodeTile, check_nodes
 from orthomill.tasks.dsm_check.stage import DsmCheckStage
 from orthomill.tasks.dsm_check.tile import CheckedCells, CorrectionRule, NodeWindow, correct_tile
-from orthomill.tasks.dsm_check.working_orthoimage import OrthoTile, ortho_tile
+from orthomill.tasks.dsm_check.working_orthoimage import WorkingTile, ortho_tile
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,7 @@ def _nodes(scene: Scene, heights: np.ndarray, stage: DsmCheckStage, chosen: Chec
     images = []
     for name in (pair.left, pair.right):
         photo = scene.photographs[name]
-        tile = OrthoTile(block.of(name), block.camera_of(name), grid, pair.window, given, factor, Window(0, 0, *photo.shape[:2]))
+        tile = WorkingTile(block.of(name), block.camera_of(name), grid, pair.window, given, factor, Window(0, 0, *photo.shape[:2]))
         images.append(ortho_tile(tile, heights[given.slices], photo))
     tile = NodeTile(block.of(pair.left), block.of(pair.right), grid, pair.window, pair.window, factor, stage.step)
     return check_nodes(tile, stage.matching, stage.correction, *images, heights[pair.window.slices])

@@ -37,7 +37,7 @@ class HeightCells:
     sigma: np.ndarray
 
 
-class _Nodes(NamedTuple):
+class _NodeArrays(NamedTuple):
     """(rows, cols): place in cells of the whole grid, height and standard error m, parallax px."""
 
     col: np.ndarray
@@ -56,7 +56,7 @@ class _Corner(NamedTuple):
     sigma: float
 
 
-class _Limits(NamedTuple):
+class _GriddingLimits(NamedTuple):
     """Greatest parallax difference (px) within a triangle, reach of a single node (cells), heights that are allowed (m)."""
 
     max_jump: np.float32
@@ -65,7 +65,7 @@ class _Limits(NamedTuple):
     high: float
 
 
-class _Cells(NamedTuple):
+class _CellArrays(NamedTuple):
     """The window to fill: its first row and column in the whole grid, heights (float64) and standard errors (float32), m."""
 
     first_row: int
@@ -149,7 +149,7 @@ def _rasterise(nodes, limits, cells):
     _triangulate(nodes, limits, cells, joined)
     # Kept apart until the end: a node on a roof edge must not overwrite the ground that triangles measured beside it.
     shape = cells.height.shape
-    alone = _Cells(cells.first_row, cells.first_col, np.full(shape, np.nan), np.full(shape, np.float32(np.nan)))
+    alone = _CellArrays(cells.first_row, cells.first_col, np.full(shape, np.nan), np.full(shape, np.float32(np.nan)))
     _cover(nodes, limits, joined, alone)
     for r in range(shape[0]):
         for c in range(shape[1]):
@@ -173,8 +173,8 @@ def grid_nodes(nodes: NodesOnGround, node_distance: float, target: TargetCells, 
     # At least half a cell: nodes finer than the cells would otherwise miss every cell centre at a discontinuity.
     reach = max(settings.node_reach * node_distance / cell, 0.5)
     _rasterise(
-        _Nodes(*target.grid.pixel(nodes.x, nodes.y), nodes.z, nodes.sigma, nodes.parallax),
-        _Limits(np.float32(settings.max_jump), reach, *target.heights),
-        _Cells(window.row, window.col, found.height, found.sigma),
+        _NodeArrays(*target.grid.pixel(nodes.x, nodes.y), nodes.z, nodes.sigma, nodes.parallax),
+        _GriddingLimits(np.float32(settings.max_jump), reach, *target.heights),
+        _CellArrays(window.row, window.col, found.height, found.sigma),
     )
     return found

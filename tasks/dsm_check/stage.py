@@ -36,7 +36,7 @@ from orthomill.tasks.dsm_check.nodes import BANDS, NodeMatching, NodeTile, check
 from orthomill.tasks.dsm_check.report import DH, PRECISION, Blocks, report
 from orthomill.tasks.dsm_check.statistics import TileCounts
 from orthomill.tasks.dsm_check.tile import CorrectionRule, NodeWindow, correct_tile, take_surface
-from orthomill.tasks.dsm_check.working_orthoimage import OrthoTile, ortho_tile
+from orthomill.tasks.dsm_check.working_orthoimage import WorkingTile, ortho_tile
 from orthomill.tasks.geometry.footprint import photo_window
 from orthomill.tasks.geometry.view import block_view
 
@@ -175,7 +175,7 @@ class DsmCheckStage(Stage):
             if plan.photos[photo].dtype != "uint8":
                 reads["stretch"] = grey_table(photo)
         factor = plan.pairs.pixels_per_cell
-        what = OrthoTile(plan.block.of(photo), plan.block.camera_of(photo), plan.grid, window, heights, factor, seen)
+        what = WorkingTile(plan.block.of(photo), plan.block.camera_of(photo), plan.grid, window, heights, factor, seen)
         return Job(
             self.kind,
             f"ortho-{pair.name}-{side}",

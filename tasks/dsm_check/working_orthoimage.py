@@ -25,7 +25,7 @@ EIGHT_BITS = GreyRange()
 
 
 @dataclass(frozen=True)
-class OrthoTile:
+class WorkingTile:
     """A tile of an orthoimage. Windows lie on the grid of the surface model."""
 
     orientation: ExteriorOrientation
@@ -42,7 +42,7 @@ class OrthoTile:
 
 
 def ortho_tile(
-    tile: OrthoTile, heights: np.ndarray, pixels: np.ndarray | None = None, stretch: GreyRange = EIGHT_BITS
+    tile: WorkingTile, heights: np.ndarray, pixels: np.ndarray | None = None, stretch: GreyRange = EIGHT_BITS
 ) -> np.ndarray:
     """Grey orthoimage of a tile, uint8 (window.height * pixels_per_cell, ...): 1 to 255, 0 without height or photograph.
 
@@ -66,7 +66,7 @@ class _Stretch(NamedTuple):
     gain: float
 
 
-class _Frame(NamedTuple):
+class _TileFrame(NamedTuple):
     """First row and column of the tile and of its heights in the surface, and of the pixels in the photograph; pixels along a cell;
     upper left corner and cell of the surface's grid, m."""
 
@@ -82,10 +82,10 @@ class _Frame(NamedTuple):
     cell: float
 
 
-def _frame(tile: OrthoTile) -> _Frame:
+def _frame(tile: WorkingTile) -> _TileFrame:
     own, given, photo, grid = tile.window, tile.heights, tile.photo, tile.grid
     first = own.row, own.col, given.row, given.col, photo.row, photo.col
-    return _Frame(*first, tile.pixels_per_cell, grid.west, grid.north, grid.cell)
+    return _TileFrame(*first, tile.pixels_per_cell, grid.west, grid.north, grid.cell)
 
 
 @njit(cache=True, inline="always")

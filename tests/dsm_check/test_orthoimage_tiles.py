@@ -10,7 +10,7 @@ from orthomill.schemas.camera import Camera
 from orthomill.schemas.epipolar import GreyRange
 from orthomill.schemas.orientation import ExteriorOrientation
 from orthomill.schemas.raster import MapGrid, Window, tiles_of
-from orthomill.tasks.dsm_check.working_orthoimage import OrthoTile, height_at, ortho_tile
+from orthomill.tasks.dsm_check.working_orthoimage import WorkingTile, height_at, ortho_tile
 from orthomill.tasks.geometry.view import view_of
 from orthomill.tasks.imagery.resampling import sample_cubic
 
@@ -34,7 +34,7 @@ def relief() -> np.ndarray:
 def made(window=WHOLE, heights=None, factor=1, photo=ALL, stretch=None, pixels=None) -> np.ndarray:
     heights = relief() if heights is None else heights
     given_ = window.grown(1).clipped(GRID.shape)
-    tile = OrthoTile(PHOTO, CAMERA, GRID, window, given_, factor, photo)
+    tile = WorkingTile(PHOTO, CAMERA, GRID, window, given_, factor, photo)
     grey = image()[photo.slices] if pixels is None else pixels
     return ortho_tile(tile, heights[given_.slices], grey, stretch or GreyRange())
 
@@ -84,7 +84,7 @@ def test_a_window_of_the_photograph_is_enough_where_it_covers_the_tile():
 
 
 def test_a_photograph_that_does_not_show_the_tile_gives_no_data():
-    tile = OrthoTile(PHOTO, CAMERA, GRID, WHOLE, WHOLE, 2, Window(0, 0, 0, 0))
+    tile = WorkingTile(PHOTO, CAMERA, GRID, WHOLE, WHOLE, 2, Window(0, 0, 0, 0))
     found = ortho_tile(tile, relief())
     assert found.shape == (100, 120) and found.dtype == np.uint8 and not found.any()
 
