@@ -1,8 +1,8 @@
 """The interior orientation of a camera, and its precision.
 
-Photogrammetric: origin at the principal point, x right, y up, in pixels; the camera looks along -z. `x0`, `y0` are the principal
-point relative to the image centre ((width - 1) / 2, (height - 1) / 2), y up. Distortion is Brown's with OpenCV's numbers: radius
-normalised by c, added to the ideal point to give the observed one.
+Photogrammetric convention: origin at the principal point, x right, y up, in pixels; the camera looks along -z. `x0`, `y0` are the
+principal point relative to the image centre ((width - 1) / 2, (height - 1) / 2), y up. Distortion is Brown's with OpenCV's numbers:
+radius normalised by c, added to the ideal point to give the observed one.
 """
 
 from typing import Literal
@@ -16,7 +16,7 @@ INTERIOR = ("c", "x0", "y0", "k1", "k2", "k3", "p1", "p2")
 
 
 class Camera(BaseModel):
-    """One camera as its photographs see the world."""
+    """One camera: size of its photographs, interior orientation, and the precision of it."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -32,7 +32,7 @@ class Camera(BaseModel):
     p1: float = 0.0
     p2: float = 0.0
     affinity: float = 0.0
-    """x is scaled by 1 + affinity against y. Only a calibration estimates it; the other stages refuse cameras that have it."""
+    """x is scaled by 1 + affinity relative to y. Only a calibration estimates it; the other stages refuse cameras that have it."""
     skew: float = 0.0
     """x grows by skew * y for axes that are not perpendicular; like `affinity`."""
     pixel_um: float | None = None
@@ -40,15 +40,17 @@ class Camera(BaseModel):
     source: Literal["file", "exif", "chessboards", "given", "block", "truth"] = "given"
     sigma0: float | None = None
     covariance: tuple[tuple[float, ...], ...] | None = None
-    """8 x 8 in the order of INTERIOR; zero rows for parameters that were held fixed. None: not known."""
+    """8 x 8 in the order of INTERIOR; zero rows for parameters that were fixed. None: not known."""
 
+    # As a tuple in one fixed order: covariances and kernels address parameters by their place.
     @property
     def interior(self) -> tuple[float, ...]:
+        """The interior parameters in the order of INTERIOR."""
         return tuple(getattr(self, name) for name in INTERIOR)
 
 
 class Cameras(BaseModel):
-    """All cameras of a project, and which photograph was taken with which."""
+    """All cameras of a project, and the camera of each photograph."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -56,10 +58,11 @@ class Cameras(BaseModel):
     of_photo: dict[str, str]
 
     def of(self, photo: str) -> Camera:
+        """The camera of a photograph."""
         return self.cameras[self.of_photo[photo]]
 
     def with_k1(self, k1: dict[str, float]) -> "Cameras":
-        """The same with another k1 of the cameras named."""
+        """These cameras with another `k1` by the name of the camera."""
         changed = {name: self.cameras[name].model_copy(update={"k1": value}) for name, value in k1.items()}
         return self.model_copy(update={"cameras": {**self.cameras, **changed}})
 

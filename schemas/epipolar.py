@@ -34,18 +34,18 @@ class EpipolarPair(BaseModel):
     right_cols: int
     parallax_low: float
     parallax_high: float
-    """x_left - x_right that the block's heights allow, with a margin, px"""
+    """range of x_left - x_right over the heights of the block, with a margin, px"""
     base_height: float
     """base over mean height above ground"""
     row_sigma: float
-    """expected y-parallax from the orientation's precision, px"""
+    """standard error of the y-parallax, from the precision of the orientation, px"""
     height_sigmas: tuple[float, ...] = ()
-    """standard errors of heights by the orientation, m: (9,) at three rows and three columns of the left image, from the upper left
-    to the lower right corner; empty where the orientation has no covariance"""
+    """standard errors of heights due to the orientation, m: (9,) at three rows and three columns of the left image, from the upper
+    left to the lower right corner; empty where the orientation has no covariance"""
 
 
 class EpipolarPairs(BaseModel):
-    """The pairs worth matching."""
+    """The pairs to be matched."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -55,7 +55,7 @@ class EpipolarPairs(BaseModel):
 
 
 class GreyRange(BaseModel):
-    """The grey values of a photograph that become 0 and 255: one stretch for all its tiles."""
+    """The grey values of a photograph that map to 0 and 255: one contrast stretch for all its tiles, or seams would appear."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -64,7 +64,7 @@ class GreyRange(BaseModel):
 
 
 def grey_table(photo: str) -> Table[GreyRange]:
-    """Written by `epipolar` for every 16-bit photograph of a pair; photographs of 8 bits are taken as they are."""
+    """Written by `epipolar` for every 16-bit photograph of a pair; photographs of 8 bits are used unchanged."""
     return Table(f"epipolar/grey/{photo}.json", GreyRange)
 
 
@@ -72,5 +72,5 @@ PAIRS = Table("epipolar/pairs.json", EpipolarPairs)
 
 
 def epipolar_raster(pair: str, side: str) -> str:
-    """Grey uint8 epipolar image, `side` is left or right; 0 is outside the photo (real pixels are 1 or more)."""
+    """Grey uint8 epipolar image, `side` is left or right; 0 is outside the photograph, whose pixels are 1 or more."""
     return f"epipolar/{pair}/{side}"

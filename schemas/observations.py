@@ -89,6 +89,7 @@ CONTROL = Table("orientation/control.json", Control)
 class ImageResiduals(Columns):
     """One row per image measurement of tie points and control in the block adjustment; sorted by track."""
 
+    # One column for both kinds: surveyed points have negative numbers.
     track: np.ndarray
     """int32: number of the tie point; -1 - i for point i of `Control`"""
     photo: np.ndarray
