@@ -12,7 +12,7 @@ import numpy as np
 from orthomill.schemas.camera import Camera
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.geometry.view import View
-from orthomill.tasks.simulation.boards.board_scene import BoardType, floor_corners
+from orthomill.tasks.simulation.boards.board_scene import BoardType
 
 
 @dataclass(frozen=True)
@@ -50,6 +50,14 @@ def places_of(setup: BoardSetup) -> np.ndarray:
     angle = generator.uniform(-np.pi, np.pi, setup.boards) * (not setup.straight)
     # Cells of 2.5 reaches, so that jittered boards hardly ever touch at any angle.
     return np.column_stack([2.5 * setup.board.reach * (lattice + jitter), angle])
+
+
+def floor_corners(places: np.ndarray, board: BoardType) -> np.ndarray:
+    """(K, N, 3) m: inner corners of all boards at `places` (K, 3) x, y (m), angle (radians) on the floor, row by row."""
+    cos, sin = np.cos(places[:, 2, None]), np.sin(places[:, 2, None])
+    u, v = board.local.T
+    x, y = places[:, 0, None] + u * cos - v * sin, places[:, 1, None] + u * sin + v * cos
+    return np.stack([x, y, np.zeros_like(x)], axis=-1)
 
 
 def views_of(setup: BoardSetup) -> tuple[View, ...]:

@@ -20,7 +20,7 @@ import orthomill.pipeline  # noqa: F401  one thread for numerical libraries: CPU
 import cv2  # isort: skip
 import numpy as np  # isort: skip
 
-from benchmarks.calibration.board_setups import FIVE_BOARDS, PUBLISHED, SIX_BOARDS, BoardSetup, places_of, views_of
+from benchmarks.calibration.board_setups import FIVE_BOARDS, PUBLISHED, SIX_BOARDS, BoardSetup, floor_corners, places_of, views_of
 from benchmarks.calibration.calibration_large import large_photos, whole_set
 from orthomill.schemas.raster import Window
 from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment
@@ -33,7 +33,7 @@ from orthomill.tasks.calibration.solving.calibration_precision import correlatio
 from orthomill.tasks.calibration.solving.model_choice import MODELS, held_out
 from orthomill.tasks.calibration.solving.solving import CalibrationTarget, solve
 from orthomill.tasks.simulation.boards.board_rendering import BoardFilm, photograph_floor
-from orthomill.tasks.simulation.boards.board_scene import BoardType, floor_corners
+from orthomill.tasks.simulation.boards.board_scene import BoardType
 
 ROOT = Path(__file__).parents[2]
 DATA = Path(os.environ.get("ORTHOMILL_DATA", ROOT.parent / "shared" / "data"))

@@ -5,14 +5,13 @@ from functools import lru_cache
 
 import numpy as np
 
-from benchmarks.calibration.board_setups import SIX_BOARDS, BoardSetup, places_of, views_of
+from benchmarks.calibration.board_setups import SIX_BOARDS, BoardSetup, floor_corners, places_of, views_of
 from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment
 from orthomill.tasks.calibration.board_tables import Arranged, ArrangedPhoto, BoardPhotos, Corners, PhotoSearch
 from orthomill.tasks.calibration.detection.board_photographs import corners_of_boards
 from orthomill.tasks.calibration.solving.arranging import Arrangement, arrangement_of
 from orthomill.tasks.calibration.solving.model_choice import MODELS
 from orthomill.tasks.calibration.solving.solving import CalibrationTarget, solve
-from orthomill.tasks.simulation.boards.board_scene import floor_corners
 
 LENS = SIX_BOARDS.camera.model_copy(update={"p1": 0.002, "p2": -0.001})
 EASY = replace(SIX_BOARDS, boards=3, photos=8, camera=LENS)

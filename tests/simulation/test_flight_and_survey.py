@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from small_block import FLIGHT, scene, site, whole
 
+from benchmarks.calibration.board_setups import floor_corners
 from orthomill.schemas.raster import Window, tiles_of
 from orthomill.schemas.truth import Material
 from orthomill.tasks.geometry.view import view_of
-from orthomill.tasks.simulation.boards.board_scene import floor_corners
 from orthomill.tasks.simulation.boards.project_boards import (
     BOARD,
     CORNERS,

@@ -1,4 +1,4 @@
-"""Equal chessboards that lie on a floor: their type, and the true positions of their corners."""
+"""The type of a chessboard: its corners and its size."""
 
 from dataclasses import dataclass
 
@@ -24,11 +24,3 @@ class BoardType:
         """m from the centre to the outer corner of the margin."""
         # Inner corners are one fewer than squares on either side.
         return float(np.hypot(*((np.array(self.corners) + 1) * self.square / 2 + self.quiet)))
-
-
-def floor_corners(places: np.ndarray, board: BoardType) -> np.ndarray:
-    """(K, N, 3) m: inner corners of all boards at `places` (K, 3) x, y (m), angle (radians) on the floor, row by row."""
-    cos, sin = np.cos(places[:, 2, None]), np.sin(places[:, 2, None])
-    u, v = board.local.T
-    x, y = places[:, 0, None] + u * cos - v * sin, places[:, 1, None] + u * sin + v * cos
-    return np.stack([x, y, np.zeros_like(x)], axis=-1)

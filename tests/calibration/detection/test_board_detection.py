@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from benchmarks.calibration.board_setups import floor_corners
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.raster import Window
 from orthomill.tasks.calibration.board_tables import Arranged, ArrangedPhoto, Prediction
@@ -12,7 +13,7 @@ from orthomill.tasks.calibration.detection.saddles import edge_blur
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.geometry.view import View
 from orthomill.tasks.simulation.boards.board_rendering import BoardFilm, photograph_floor
-from orthomill.tasks.simulation.boards.board_scene import BoardType, floor_corners
+from orthomill.tasks.simulation.boards.board_scene import BoardType
 
 BOARD = BoardType((6, 5), 0.04, 0.02)
 CAMERA = Camera(name="t", width=900, height=700, c=760, x0=4.0, y0=-3.0, k1=-0.06)

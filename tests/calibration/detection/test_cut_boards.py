@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.calibration.board_setups import SIX_BOARDS, places_of, views_of
+from benchmarks.calibration.board_setups import SIX_BOARDS, floor_corners, places_of, views_of
 from orthomill.schemas.raster import Window
 from orthomill.tasks.calibration.detection.board_photographs import PhotoCorners, photo_corners
 from orthomill.tasks.calibration.solving.arranging import arrangement_of, found_boards
 from orthomill.tasks.calibration.solving.solving import CalibrationTarget
 from orthomill.tasks.geometry.view import View
 from orthomill.tasks.simulation.boards.board_rendering import BoardFilm, photograph_floor
-from orthomill.tasks.simulation.boards.board_scene import BoardType, floor_corners
+from orthomill.tasks.simulation.boards.board_scene import BoardType
 
 CAMERA = SIX_BOARDS.camera.model_copy(
     update={"width": 900, "height": 600, "c": 760.0, "x0": 2.0, "y0": 1.0, "k1": -0.1, "k2": 0.03}
@@ -25,7 +25,7 @@ def aside(view: View, right: float, up: float, nearer: float = 0.0) -> View:
     return replace(view, centre=view.centre + view.rotation.T @ np.array([right, up, -nearer]))
 
 
-def look(view: View, corners: tuple[int, int] = (9, 6), boards: int = 1, exact: bool = True) -> PhotoCorners:
+def search_of(view: View, corners: tuple[int, int] = (9, 6), boards: int = 1, exact: bool = True) -> PhotoCorners:
     window = Window(0, 0, CAMERA.height, CAMERA.width)
     image = photograph_floor(view, places_of(SETUP), SETUP.board, BoardFilm(0.6, 2.0), window)
     return photo_corners(image[:, :, None], "p", corners, boards, exact)
@@ -41,7 +41,7 @@ def misses(view: View, found) -> np.ndarray:
 @pytest.mark.parametrize("photo", [2, 5])
 def test_a_board_cut_on_one_side_keeps_the_numbers_of_its_corners(photo, right, up):
     view = aside(views_of(SETUP)[photo], right, up)
-    outcome = look(view)
+    outcome = search_of(view)
     search, found = outcome.search, outcome.corners
     assert (search.boards, search.cut, search.unnumbered) == (0, 1, 0)
     assert 15 <= len(found) < 54 and misses(view, found).max() < 0.3
@@ -49,21 +49,21 @@ def test_a_board_cut_on_one_side_keeps_the_numbers_of_its_corners(photo, right, 
 
 def test_a_part_that_can_be_any_is_used_alone_and_only_of_exact_boards():
     view = aside(views_of(SETUP)[0], 0.0, 0.0, nearer=0.33)
-    outcome = look(view)
+    outcome = search_of(view)
     assert outcome.search.cut == 1 and len(outcome.corners) >= 12
-    assert look(view, exact=False).search.unnumbered == 1 and len(look(view, exact=False).corners) == 0
+    assert search_of(view, exact=False).search.unnumbered == 1 and len(search_of(view, exact=False).corners) == 0
 
 
 @pytest.mark.parametrize("stated", [(10, 7), (8, 5), (7, 6), (12, 9)])
 def test_the_true_number_of_corners_is_reported(stated):
-    outcome = look(views_of(SETUP)[2], stated)
+    outcome = search_of(views_of(SETUP)[2], stated)
     assert len(outcome.corners) == 0 and outcome.search.other == ((9, 6),)
 
 
 def test_one_board_is_calibrated_from_photos_that_cut_it():
     generator = np.random.default_rng(1)
     views = [aside(view, *generator.uniform(-0.15, 0.15, 2)) for view in views_of(SETUP)]
-    outcomes = [look(view) for view in views]
+    outcomes = [search_of(view) for view in views]
     assert sum(outcome.search.cut for outcome in outcomes) >= 4
     target = CalibrationTarget((CAMERA.width, CAMERA.height), (9, 6), 0.03, 1)
     result = arrangement_of(found_boards(tuple(outcome.corners for outcome in outcomes), target), target).result

@@ -7,12 +7,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.calibration.board_setups import FIVE_BOARDS, PUBLISHED, SIX_BOARDS, TWELVE_BOARDS, BoardSetup, places_of, views_of
+from benchmarks.calibration.board_setups import (
+    FIVE_BOARDS,
+    PUBLISHED,
+    SIX_BOARDS,
+    TWELVE_BOARDS,
+    BoardSetup,
+    floor_corners,
+    places_of,
+    views_of,
+)
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.calibration.naming.board_names import name_boards, plane_views
 from orthomill.tasks.calibration.solving.arranging import arrangement_of
 from orthomill.tasks.calibration.solving.solving import CalibrationTarget
-from orthomill.tasks.simulation.boards.board_scene import floor_corners
 
 
 def corners(setup: BoardSetup, noise: float = 0.3, seed: int = 0, missing: float = 0.0):

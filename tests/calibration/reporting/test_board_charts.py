@@ -203,6 +203,32 @@ def test_residuals_are_drawn_downwards_with_the_usual_length():
     assert (picture[92:96, 30] == 128).all()
 
 
+def test_a_very_long_residual_is_shortened():
+    long = residuals(dy=np.array([50.0, 0.5, 0.5, 0.5]))
+    picture = draw_boards(np.zeros((200, 120), np.uint8), long, "p", (120, 200))
+    assert (picture[85, 30] < 60).all() and (picture[95:, 30] == 128).all(), "60 px at most"
+
+
+def test_the_origin_and_the_axes_of_a_board_are_drawn_where_they_are_known():
+    whole = draw_boards(np.zeros((100, 120), np.uint8), residuals(), "p", (120, 100))
+    without_origin = residuals(column=np.array([1, 2, 0, 2], np.int32))
+    part = draw_boards(np.zeros((100, 120), np.uint8), without_origin, "p", (120, 100))
+    assert (whole[30, 45:75] != 128).any(axis=1).all(), "an arrow along the first row"
+    assert (part[30, 45:52] == 128).all() and (part[28:33, 86:94] != 128).any()
+
+
+def test_boards_have_colours_and_numbers_of_their_own():
+    second = residuals(board=np.ones(4, np.int32))
+    one, two = (draw_boards(np.zeros((100, 120), np.uint8), own, "p", (120, 100)) for own in (residuals(), second))
+    assert one[70, 91].tolist() != two[70, 91].tolist() and not np.array_equal(one[40:60, 55:80], two[40:60, 55:80])
+
+
+def test_residuals_are_compared_between_photographs_by_one_scale():
+    other = residuals(photo=np.array(["p", "q", "q", "q"]), dy=np.array([0.5, 5.0, 5.0, 5.0]))
+    picture = draw_boards(np.zeros((100, 120), np.uint8), other, "p", (120, 100))
+    assert (picture[34:40, 30] == 128).all(), "a tenth of the usual length: 1.6 px"
+
+
 def test_rejected_corners_are_crossed_instead_of_dotted():
     rejected = residuals(used=np.array([True, True, True, False]))
     picture = draw_boards(np.zeros((100, 120), np.uint8), rejected, "p", (120, 100))

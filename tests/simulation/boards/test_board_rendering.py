@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.calibration.board_setups import floor_corners
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.raster import Window
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.geometry.view import View
 from orthomill.tasks.simulation.boards.board_rendering import BoardFilm, photograph_floor
-from orthomill.tasks.simulation.boards.board_scene import BoardType, floor_corners
+from orthomill.tasks.simulation.boards.board_scene import BoardType
 from orthomill.tasks.simulation.boards.project_boards import BOARD, BoardPhoto, board_places, board_view, render_boards
 
 SMALL = BoardType((4, 3), 0.05, 0.03)

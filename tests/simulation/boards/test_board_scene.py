@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.calibration.board_setups import FIVE_BOARDS, PUBLISHED, SIX_BOARDS, places_of, views_of
-from orthomill.tasks.simulation.boards.board_scene import BoardType, floor_corners
+from benchmarks.calibration.board_setups import FIVE_BOARDS, PUBLISHED, SIX_BOARDS, floor_corners, places_of, views_of
+from orthomill.tasks.simulation.boards.board_scene import BoardType
 
 BOARD = BoardType((6, 5), 0.04, 0.02)
 
