@@ -134,7 +134,7 @@ def test_coarse_below_is_the_share_of_matched_nodes_that_asks_for_the_coarse_lev
     unmatched, inner = np.isnan(nodes.parallax), (slice(20, 41), slice(20, 41))
     assert not barren(nodes, DenseMatching(coarse_level=2, coarse_below=0.2))[inner].any()
     assert np.array_equal(barren(nodes, DenseMatching(coarse_level=2, coarse_below=0.5))[inner], unmatched[inner])
-    assert not barren(nodes, DenseMatching(coarse_level=0, coarse_below=1.0)).any()
+    assert not barren(nodes, DenseMatching(coarse_level=0)).any()
 
 
 @pytest.fixture(scope="module")

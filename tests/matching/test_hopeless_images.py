@@ -71,7 +71,7 @@ def by_correlation(left, right):
 
 def by_growing(left, right):
     seeds = Seeds(POINTS[40:44], starts()[40:44])
-    found = grow(ImagePart(left), ImagePart(right), GRID, seeds, RegionGrowing(region=0, crossings=0))
+    found = grow(ImagePart(left), ImagePart(right), GRID, seeds, RegionGrowing(region=0))
     return Found(GRID.points(), found.position, found.outcome)
 
 

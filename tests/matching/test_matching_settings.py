@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 from known_warp import AFFINE, grid_points, noisy, texture, true_places, warped
+from pydantic import ValidationError
 
 from orthomill.schemas.outcome import Outcome
+from orthomill.tasks.matching.dense.blocks import DenseMatching
 from orthomill.tasks.matching.least_squares.matching import Matches, match_points
 from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
 from orthomill.tasks.matching.strategies.cascade import CascadeMatching, match_cascade
@@ -143,3 +145,29 @@ def test_a_window_accepted_for_its_small_gain_has_the_entropy_asked_for(min_stal
 def test_the_affine_of_the_warp_is_found(matched):
     """Guards the fixture: the settings above are judged on matches that are right."""
     assert np.abs(np.median(matched.affine[matched.converged], axis=0) - AFFINE.ravel()).max() < 0.005
+
+
+@pytest.mark.parametrize(
+    ("kind", "set_to", "sentence"),
+    [
+        (LeastSquaresMatching, {"geometry": "shift", "max_affine_step": 0.2}, "max_affine_step has no effect with geometry: shift"),
+        (PyramidMatching, {"levels": 0, "coarse_step": 6}, "coarse_step has no effect with levels: 0; set levels to 1 or more"),
+        (PyramidMatching, {"min_neighbours": 0, "neighbour_tolerance": 2.0}, "with min_neighbours: 0; ask for neighbours"),
+        (RegionGrowing, {"region": 0, "crossings": 5}, "crossings has no effect with region: 0; divide the grid into regions"),
+        (RegionGrowing, {"neighbour_tolerance": 2.0}, "neighbour_tolerance has no effect with min_neighbours: 0"),
+        (EntropyWindow, {"min_stalled": 2.0}, "min_stalled has no effect with min_gain: 0; set a min_gain, or leave it out"),
+        (DenseMatching, {"coarse_sigma": 1.0, "coarse_below": 0.5}, "coarse_sigma and coarse_below have no effect with"),
+        (DenseMatching, {"window": 7, "edge_window": 9}, "edge_window is 9 and window is 7"),
+    ],
+)
+def test_a_setting_that_a_mode_ignores_is_refused(kind, set_to, sentence):
+    with pytest.raises(ValidationError, match=sentence):
+        kind.model_validate(set_to)
+
+
+@pytest.mark.parametrize(
+    "chosen",
+    [LeastSquaresMatching(geometry="shift"), PyramidMatching(levels=0), RegionGrowing(region=0), EntropyWindow(), DenseMatching()],
+)
+def test_settings_written_back_with_all_defaults_are_accepted(chosen):
+    assert type(chosen).model_validate(chosen.model_dump()) == chosen

@@ -23,6 +23,7 @@ from typing import Literal
 
 import numpy as np
 from numba import njit
+from pydantic import model_validator
 from scipy import ndimage
 
 from orthomill.schemas.outcome import Outcome
@@ -31,6 +32,7 @@ from orthomill.schemas.settings import Settings, setting
 from orthomill.tasks.matching.dense.epipolar_least_squares import EpipolarLimits, NodeParallaxes, match_nodes
 from orthomill.tasks.matching.dense.node_surfaces import StartSurface
 from orthomill.tasks.matching.dense.semi_global import SemiGlobal, remove_specks, semi_global
+from orthomill.tasks.matching.ignored_settings import refuse_ignored
 from orthomill.tasks.matching.least_squares.grey_values import cubic_weights
 from orthomill.tasks.matching.least_squares.matching import PreparedImage, match_points
 from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
@@ -83,6 +85,15 @@ class DenseMatching(Settings):
     coarse_below: float = setting(
         0.25, "The coarser level is matched where a smaller share of the surrounding nodes is matched.", ge=0.0, le=1.0
     )
+
+    @model_validator(mode="after")
+    def _everything_has_an_effect(self) -> "DenseMatching":
+        if self.coarse_level == 0:
+            unused = ("coarse_sigma", "coarse_correlation", "coarse_gradient", "coarse_below")
+            refuse_ignored(self, unused, "coarse_level: 0", "set a coarse_level of 1 to 4, or leave them out")
+        if self.edge_window // 2 > self.window // 2:
+            raise ValueError(f"edge_window is {self.edge_window} and window is {self.window}; edge_window must not be larger")
+        return self
 
     @property
     def at_coarse_level(self) -> "DenseMatching":

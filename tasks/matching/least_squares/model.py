@@ -9,9 +9,10 @@ Source: Skarlatos, PhD thesis (methods/matching_windows.md 2.1; matching_and_dsm
 import math
 from typing import Annotated, Literal, NamedTuple
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.matching.ignored_settings import refuse_ignored
 
 MOST_HALF = 60
 """Half side of the largest window, px."""
@@ -93,6 +94,12 @@ class LeastSquaresMatching(Settings):
     min_gradient: float = setting(
         0.3, "Root mean square grey value gradient that a window must have in every direction.", "grey values per px", ge=0.0
     )
+
+    @model_validator(mode="after")
+    def _everything_has_an_effect(self) -> "LeastSquaresMatching":
+        if self.geometry == "shift":
+            refuse_ignored(self, ("max_affine_step",), "geometry: shift", "set geometry: affine, or leave it out")
+        return self
 
     @property
     def half(self) -> int:

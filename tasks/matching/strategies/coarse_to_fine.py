@@ -21,9 +21,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
+from pydantic import model_validator
 
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.matching.ignored_settings import refuse_ignored
 from orthomill.tasks.matching.least_squares.matching import Matches
 from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
 from orthomill.tasks.matching.smoothing import reach_of, with_gaps
@@ -54,6 +56,14 @@ class PyramidMatching(Settings):
     )
     min_neighbours: int = setting(2, "Of the eight neighbours of a node, how many must predict it.", ge=0, le=8)
     neighbour_tolerance: float = setting(0.75, "Largest difference from a neighbour's prediction.", "px of the level", gt=0.0)
+
+    @model_validator(mode="after")
+    def _everything_has_an_effect(self) -> "PyramidMatching":
+        if self.levels == 0:
+            refuse_ignored(self, ("coarse_step", "coarse"), "levels: 0", "set levels to 1 or more, or leave them out")
+        if self.min_neighbours == 0:
+            refuse_ignored(self, ("neighbour_tolerance",), "min_neighbours: 0", "ask for neighbours, or leave it out")
+        return self
 
 
 @dataclass(frozen=True)

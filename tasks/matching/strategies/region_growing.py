@@ -18,8 +18,10 @@ Source: methods/matching_and_dsm_check.md 1.5; Otto & Chau 1989; Skarlatos.
 from dataclasses import dataclass
 
 import numpy as np
+from pydantic import model_validator
 
 from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.matching.ignored_settings import refuse_ignored
 from orthomill.tasks.matching.least_squares.matching import Matches
 from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
 from orthomill.tasks.matching.smoothing import reach_of
@@ -41,6 +43,14 @@ class RegionGrowing(Settings):
     matching: LeastSquaresMatching = setting(_MATCHING, "Least-squares matching of the nodes.")
     min_neighbours: int = setting(0, "Of the eight neighbours of a node, how many must predict it.", ge=0, le=8)
     neighbour_tolerance: float = setting(0.75, "Largest difference from a neighbour's prediction.", "px", gt=0.0)
+
+    @model_validator(mode="after")
+    def _everything_has_an_effect(self) -> "RegionGrowing":
+        if self.region == 0:
+            refuse_ignored(self, ("crossings",), "region: 0", "divide the grid into regions, or leave it out")
+        if self.min_neighbours == 0:
+            refuse_ignored(self, ("neighbour_tolerance",), "min_neighbours: 0", "ask for neighbours, or leave it out")
+        return self
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,6 +19,7 @@ from pydantic import Field, model_validator
 
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.matching.ignored_settings import refuse_ignored
 from orthomill.tasks.matching.windows.measures import WindowGrowth, border_rooms, data_rooms, entropy, gradient_weights, statistics
 
 _BATCH = 16384
@@ -77,6 +78,12 @@ class EntropyWindow(GrowingWindow):
         le=1.0,
     )
     min_stalled: float = setting(3.0, "Entropy that a window accepted for its small gain must have.", "nats", ge=0.0, le=6.0)
+
+    @model_validator(mode="after")
+    def _everything_has_an_effect(self) -> "EntropyWindow":
+        if self.min_gain == 0.0:
+            refuse_ignored(self, ("min_stalled",), "min_gain: 0", "set a min_gain, or leave it out")
+        return self
 
 
 class FoerstnerWindow(GrowingWindow):
