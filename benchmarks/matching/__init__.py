@@ -1,1 +1,1 @@
-"""Benchmarks of matching, beside the published experiments."""
+"""Benchmarks of matching, compared with the published experiments."""

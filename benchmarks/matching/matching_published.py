@@ -1,4 +1,4 @@
-"""The published tables of the window experiments, as printed, to stand beside what is measured here.
+"""The published tables of the window experiments, as printed, for comparison with what is measured here.
 
 Rows: returned %, number of blunders, correct of all tested %, FGDC 95 % accuracy horizontal and vertical (m). All per cent are of
 41079 points. Source: Skarlatos; methods/matching_and_dsm_check.md, tables 4.6 to 4.12.

@@ -1,6 +1,6 @@
-"""Tables 4.6 to 4.11: 48 settings of the window's size, three shapes, with and without the limiter, beside the published values.
+"""Tables 4.6 to 4.11: 48 settings of the window's size, three shapes, with and without the limiter, and the published values.
 
-Strategy. Thresholds of the entropy and Foerstner methods cannot be taken over (other texture, lost definitions): the limit of each
+Strategy. Thresholds of the entropy and Foerstner methods cannot be adopted (other texture, lost definitions): the limit of each
 is calibrated to the share of points that the publication gave a window; roundness limits are the published ones. The statistical
 methods keep their printed thresholds. All settings start from one list.
 

@@ -1,4 +1,4 @@
-"""Two workers against one: the dense surface of a part of the synthetic pair, strip by strip, in processes of their own.
+"""Two workers against one: the dense surface of a part of the synthetic pair, strip by strip, in separate processes.
 
 Wall times, so that the machine has to be idle; both are taken in one run, after a round that loads the kernels. A strip comes with
 its halo, as a tile of the pipeline does; what one worker and two workers find is compared as well.

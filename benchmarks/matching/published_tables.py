@@ -1,11 +1,11 @@
-"""The experiments of the dissertation on least-squares matching, beside the published figures: `make bench-matching`.
+"""The experiments of the dissertation on least-squares matching, compared with the published figures: `make bench-matching`.
 
     python -m benchmarks.matching.published_tables [--quick] [--texture PATH] [--every N] [--sections NAMES]
         [--cones DIR] [--motorcycle DIR]
 
 `--quick` measures a small part in a minute. `--every N` tests every n-th of the ten bands of the experiment, and extracts the
 middle of the overlap only. Sections: strategies, windows, readings, extraction, dense, speed, workers, real; each is kept in
-.cache/matching when it is done, so that a long run may be made in pieces, and the page is put together from all that are there.
+.cache/matching when it is done, so that a long run can be made in pieces, and the page is assembled from all that exist.
 Real pairs are measured where they are found.
 """
 

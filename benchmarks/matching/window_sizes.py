@@ -1,4 +1,4 @@
-"""What choosing a matching window costs, beside the matching that it serves: microseconds of CPU for each point.
+"""What choosing a matching window costs, compared with the matching that it serves: microseconds of CPU for each point.
 
 Run with `make bench-window-sizes`. Uses a photograph of the project brighton; every figure is the least of several repetitions,
 because the machine may have other work.

@@ -74,7 +74,7 @@ def test_ground_and_roofs_are_found(rendered, matched):
     assert np.median(np.abs(error[core_of_roof])) < 0.4
 
 
-def test_the_precision_tells_the_true_error(rendered, matched):
+def test_the_standard_errors_are_those_of_the_true_errors_of_nodes(rendered, matched):
     step = DenseMatching().step
     error, sigma = errors(rendered, matched, step), matched[0].nodes.sigma
     near = ndimage.binary_dilation(rendered.roof | rendered.wall | rendered.blank, iterations=20)[matched[1].slices][::step, ::step]
@@ -91,14 +91,14 @@ def test_still_water_stays_empty(rendered):
     assert np.isfinite(found.nodes.parallax[~water]).mean() > 0.5
 
 
-def test_nodes_say_what_became_of_them(matched):
+def test_outcomes_agree_with_parallaxes_and_sigmas(matched):
     nodes = matched[0].nodes
     assert ((nodes.outcome == Outcome.CONVERGED) == np.isfinite(nodes.parallax)).all()
     assert (np.isfinite(nodes.sigma) == np.isfinite(nodes.parallax)).all()
 
 
 @pytest.mark.parametrize("rows", [0.6, -1.3])
-def test_a_residual_y_parallax_is_measured_and_taken_out(rendered, rows):
+def test_a_residual_y_parallax_is_measured_and_removed(rendered, rows):
     result = match(rendered, Window(BLOCK, BLOCK, BLOCK, BLOCK), DenseMatching(step=4), right_rows=rows)
     assert abs(result[0].y_parallax - rows) < 0.05
     error = errors(rendered, result, 4)
@@ -147,7 +147,7 @@ def test_paths_agree_with_their_twin():
     assert np.array_equal(total.reshape(cost.shape), plain_paths(cost, 8, 40))
 
 
-def test_paths_between_different_ranges_see_walls():
+def test_paths_do_not_cross_between_different_ranges():
     random = np.random.default_rng(2)
     cost, low = random.integers(0, 48, (9, 11, 16)).astype(np.uint8), random.integers(0, 11, (9, 11)).astype(np.int32)
     allowed = (np.arange(16) >= low[..., None]) & (np.arange(16) < low[..., None] + 6)
@@ -168,7 +168,7 @@ def test_costs_are_counts_of_differing_signs():
     assert (cost[0] == 24).all()
 
 
-def test_specks_go_and_patches_stay():
+def test_small_patches_are_removed_and_large_ones_kept():
     parallax = np.full((12, 12), np.float32(5.0))
     parallax[2:4, 2:4] = 9.0
     parallax[8, 8] = np.nan
@@ -225,7 +225,7 @@ def foliage(shift: int = 24):
     return left, right[:, : side + 48], leaves[:, shift : shift + side]
 
 
-def test_a_coarser_level_answers_where_the_finest_finds_nothing_and_says_how_well():
+def test_a_coarser_level_matches_where_the_finest_finds_nothing_with_its_own_precision():
     left, right, leaves = foliage()
     nodes = leaves[HALO:-HALO:2, HALO:-HALO:2]
     inner = ndimage.binary_erosion(nodes, iterations=8)

@@ -1,7 +1,7 @@
 """Every way of matching meets every bad image: an outcome for each point, nothing that is not a number passes as a match.
 
 Images are spoilt in one place or everywhere, on the left, on the right or on both; points and starts lie on the border, outside,
-or are no numbers. What can be matched beside them still is.
+or are no numbers. What can be matched next to them still is.
 """
 
 from collections.abc import Callable
@@ -163,7 +163,7 @@ def checked(found: Found) -> Found:
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("depth", GOOD)
-def test_good_points_beside_bad_ones_are_matched(method, depth):
+def test_good_points_next_to_bad_ones_are_matched(method, depth):
     found = checked(METHODS[method](GOOD[depth](LEFT), GOOD[depth](RIGHT)))
     matched = found.outcome == Outcome.CONVERGED
     inside = ((found.points > 48) & (found.points < SIDE - 48)).all(axis=1)

@@ -180,7 +180,7 @@ def test_every_cell_keeps_its_strongest():
     assert sorted(chosen.strength) == sorted(expected)
 
 
-def test_a_rich_corner_does_not_take_all():
+def test_a_richly_textured_corner_does_not_get_all_points():
     points = random_points()
     points.strength[(points.col < 100) & (points.row < 100)] += 10
     chosen = distributed(points, Window(0, 0, 600, 1000), GridDistribution(cell=100, per_cell=1))

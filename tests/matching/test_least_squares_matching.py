@@ -55,7 +55,7 @@ def test_a_known_warp_is_found_with_gain_and_offset(pair, interpolation, formula
     assert np.abs(np.median(found.radiometry[good], axis=0) - [0.7, 22]).max() < (1.0 if interpolation == "bicubic" else 2.5)
 
 
-def test_patch_normalisation_does_for_exposure_what_estimating_it_does(pair):
+def test_normalising_a_patch_corrects_exposure_like_estimating_it(pair):
     left, right, points, truth = pair
     other = (0.7 * right + 22).astype(np.float32)
     for geometry, limit in (("affine", 0.03), ("shift", 0.3)):
@@ -131,7 +131,7 @@ def test_the_centroid_is_matched_as_the_point_is(pair):
         assert better.mean() > 0.8
 
 
-def test_large_windows_pull_in_and_small_ones_are_sharp():
+def test_large_windows_converge_from_far_and_small_ones_are_precise():
     """The cascade: what a large smoothed window finds is a start for a small sharp one."""
     left = texture(300, seed=8)
     row, col = np.mgrid[:300, :300].astype(float)
@@ -252,7 +252,7 @@ def test_tables_that_do_not_fit_are_refused():
 
 
 @pytest.mark.parametrize("window", [7, 11])
-def test_small_ellipses_come_to_rest(pair, window):
+def test_small_ellipses_converge(pair, window):
     left, right, points, truth = pair
     images = noisy(left, 1, 0, 2, 1), noisy(right, 1, 0, 2, 2), points, truth
     square, ellipse = (match_points(*images, LeastSquaresMatching(window=window, shape=shape)) for shape in (Square(), Ellipse()))
@@ -317,7 +317,7 @@ SPOILT = {
     spoilt=st.tuples(*[st.sampled_from(sorted(SPOILT))] * 2),
     formulation=st.sampled_from(sorted(FORMULATIONS)),
 )
-def test_nothing_that_is_not_a_number_passes_as_a_match(seed, spoilt, formulation):
+def test_numbers_that_are_not_finite_are_never_a_match(seed, spoilt, formulation):
     random = np.random.default_rng(seed)
     grey = texture(100, seed=3)
     images = [SPOILT[name](grey, random) for name in spoilt]

@@ -1,4 +1,4 @@
-"""Coarse-to-fine matching: finds a surface without seeds, says where it cannot, and does not notice how the photographs are cut."""
+"""Coarse-to-fine matching: a surface without seeds, outcomes where it fails, and results that do not depend on the tiling."""
 
 import numpy as np
 import pytest

@@ -83,7 +83,7 @@ def test_one_rough_seed_is_enough_for_connected_ground(parts):
     assert np.median(error[:, 0]) < 0.03 and (error[:, 0] > 0.5).mean() < 0.002
 
 
-def test_growth_leaves_out_what_cannot_be_matched_and_goes_around_it(parts):
+def test_growth_omits_what_cannot_be_matched_and_surrounds_it(parts):
     left, right = parts
     pixels = left.pixels.copy()
     pixels[200:440, 150:460] = 120
@@ -132,7 +132,7 @@ def test_a_part_with_its_halo_gives_what_the_whole_gives(parts):
         assert np.array_equal(got, expected, equal_nan=True), name
 
 
-def test_more_crossings_reach_further(parts):
+def test_more_crossings_reach_farther(parts):
     left, right = parts
     grid = NodeGrid.within(left, 10, margin=20)
     seeds = seeds_at([[6290.0, 5520.0]])
@@ -146,7 +146,7 @@ def test_no_seeds_and_no_nodes_give_an_empty_answer(parts):
     assert len(grow(*parts, NodeGrid(350, 401, 0, 0, 15), none, ONE)) == 0
 
 
-def test_a_seed_without_a_number_or_outside_of_the_grid_is_passed_over(parts):
+def test_a_seed_that_is_nan_or_outside_the_grid_is_ignored(parts):
     seeds = Seeds(np.array([[6000.0, 5200.0], [90.0, 90.0]]), np.array([[np.nan, 1.0], [0.0, 0.0]]))
     found = grow(*parts, NodeGrid(350, 401, 4, 4, 15), seeds, ONE)
     assert not found.converged.any()

@@ -137,7 +137,7 @@ def test_an_unsolved_node_takes_the_mean_prediction_of_its_neighbours(seed):
                 assert np.isnan(wanted.right[row, col]).all()
 
 
-def test_a_node_beside_its_neighbours_prediction_is_rejected():
+def test_a_node_off_the_prediction_of_its_neighbours_is_rejected():
     grid = NodeGrid(0, 0, 5, 5, 10)
     table = matches(grid.points())
     table.col[12] += 2.0

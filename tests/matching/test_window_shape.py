@@ -74,7 +74,7 @@ def test_the_long_axis_follows_the_uncertainty_and_is_capped():
     assert ellipse_axes(100.0, 1.0, 0.0, 4.0, False)[0] == 4.0
 
 
-def test_a_circle_when_both_shifts_are_as_sure_and_a_square_is_a_square():
+def test_equal_uncertainty_gives_a_circle_and_squares_stay_square():
     ratio, _, _ = ellipse_axes(0.3, 0.3, 0.0, 4.0, False)
     assert ratio == 1.0
     spans = np.zeros((21, 2), np.int64)
@@ -83,7 +83,7 @@ def test_a_circle_when_both_shifts_are_as_sure_and_a_square_is_a_square():
 
 @settings(max_examples=40, deadline=None)
 @given(half=st.integers(2, 30), share=st.floats(0.0, 1.0), cap=st.floats(1.0, 8.0), angle=st.floats(0.0, np.pi))
-def test_no_window_is_larger_than_what_is_reserved(half, share, cap, angle):
+def test_no_window_exceeds_the_memory_reserved_for_it(half, share, cap, angle):
     shape = Ellipse(max_axis_ratio=cap)
     spans = np.zeros((400, 2), np.int64)
     axes = 1.0 + share * (cap - 1.0), np.cos(angle), np.sin(angle)

@@ -89,6 +89,7 @@ def _step(before, after, cost, total, lowest, small, large):
 
     All in 16 bits, of which LLVM processes 16 at a time; the sums stay far below 32000.
     """
+    # Leaving the best candidate of the step before costs the large penalty, wherever the path goes.
     jump, least = np.int16(lowest + large), np.int16(32000)
     for k in range(cost.size):
         best = min(min(before[k + 1], np.int16(before[k] + small)), min(np.int16(before[k + 2] + small), jump))

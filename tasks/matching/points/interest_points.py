@@ -98,6 +98,7 @@ def interest_points(
     """
     # The peak test looks beyond the core, so that neighbouring tiles agree on the points at their border.
     core = core or Window(0, 0, *image.shape)
+    # Prewitt masks need 3 x 3 pixels.
     if min(image.shape) < 3 or core.empty:
         return InterestPoints(np.empty(0), np.empty(0), np.empty(0, np.float32))
     tensor = structure_tensor(with_gaps(image, mask), detector.sigma)

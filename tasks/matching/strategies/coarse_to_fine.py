@@ -201,6 +201,7 @@ def _solved(pair: PreparedPair, grid: NodeGrid, starts: np.ndarray, affine: np.n
 def _best_starts(pair: PreparedPair, points: np.ndarray, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Of the starts (K, 2) around every point the solution of highest correlation: positions (N, 2), affines (N, 4), or NaN."""
     best, best_affine = np.full((len(points), 2), np.nan), np.tile([1.0, 0.0, 0.0, 1.0], (len(points), 1))
+    # The correlation decides, not sigma: a wrong place with strong texture can have a small standard error.
     likeness = np.full(len(points), -np.inf)
     for offset in offsets:
         found = pair.match(points, points + offset)
@@ -214,6 +215,7 @@ def halved_part(part: ImagePart) -> ImagePart:
     """The next level: means of 2 x 2 pixels, NaN where any of them has no data. An odd last row or column is dropped."""
     grey = with_gaps(part.pixels)
     even = grey[: grey.shape[0] // 2 * 2, : grey.shape[1] // 2 * 2]
+    # NaN of one pixel makes its mean NaN: coarse levels must not invent grey values at the edge of the data.
     means = (even[::2, ::2] + even[::2, 1::2] + (even[1::2, ::2] + even[1::2, 1::2])) * np.float32(0.25)
     return ImagePart(np.ascontiguousarray(means), part.col // 2, part.row // 2)
 

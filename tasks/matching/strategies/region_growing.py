@@ -114,6 +114,7 @@ def found_seeds(
     if len(nodes) == 0:
         return Seeds(np.empty((0, 2)), np.empty((0, 2)))
     predicted, affine = coarse_field(left, right, nodes, search, pyramid).below(nodes)
+    # Where the coarse level found nothing there is no seed; growth enters such ground from its neighbours.
     known = np.isfinite(predicted).all(axis=1)
     return Seeds(nodes[known], predicted[known], affine[known])
 

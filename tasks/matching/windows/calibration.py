@@ -90,6 +90,7 @@ def calibrated(sizing: WindowSizing, last: np.ndarray, share: float) -> LimitCal
         raise WorkflowError(f"{100 * share:g} per cent of the points cannot be given a window; say more than 0 and at most 100.")
     if not len(last):
         raise WorkflowError("There are no points to calibrate the limit of the window on.")
+    # At least the share asked for: rounding down could leave a single point without its window.
     wanted = min(math.ceil(share * len(last)), len(last))
     limits = _limits(last, wanted)
     if isinstance(sizing, CombinedWindow):

@@ -216,6 +216,7 @@ def _chosen_in_two(levels: np.ndarray, growth: WindowGrowth, sizing: SingleWindo
     small = WindowGrowth(growth.pixels, np.minimum(growth.rooms, _SMALL), growth.first, _SMALL)
     chosen = chosen_size(levels, small, sizing)
     others = np.flatnonzero((chosen == 0) & (growth.rooms > _SMALL))
+    # The sums start from the centre again: a second pass over few points costs less than full windows for all.
     large = WindowGrowth(growth.pixels[others], growth.rooms[others], growth.first, growth.last)
     chosen[others] = chosen_size(levels, large, sizing)
     return chosen
