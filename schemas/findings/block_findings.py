@@ -1,6 +1,6 @@
 """What the orientation of a block found out that a reader must know: a code with its names and numbers, never a sentence.
 
-Tables carry these values; the report of the stage turns each of them into words. Whoever reads the tables with a program compares
+Tables carry these values; the report of the stage turns each of them into words. Programs that read the tables compare
 codes and numbers, and a translation needs the report only.
 """
 
@@ -29,7 +29,7 @@ class PositionsCrowded(_Finding):
 
 
 class TiltUnobserved(_Finding):
-    """Positions and control lie nearly on one line, and an assumption holds the tilt about it."""
+    """Positions and control lie nearly on one line, and an assumption determines the tilt about it."""
 
     code: Literal["tilt_unobserved"] = "tilt_unobserved"
     tilt_sigma_deg: float | None
@@ -192,7 +192,7 @@ class DistanceContradicted(_Finding):
     ratio: float
     """difference in predicted standard errors"""
     outcome: Literal["excluded", "undecided", "downweighted"]
-    """left out; kept, because nothing tells which observation is wrong; kept with a larger standard error"""
+    """left out; kept, because nothing shows which observation is wrong; kept with a larger standard error"""
 
 
 class DistanceUnchecked(_Finding):

@@ -152,7 +152,7 @@ def one_strip(seed=0, photos=8, **options):
 
 
 def looking(forward, up=(0.0, 0.0, 1.0)):
-    """Rotation of a photograph that looks `forward` and stands upright."""
+    """Rotation of a photograph that looks `forward`, with its top up."""
     back = -np.array(forward, float) / np.linalg.norm(forward)
     right = np.cross(up, back)
     right /= np.linalg.norm(right)
@@ -176,7 +176,7 @@ def block_of(views, points, rng, sigma=0.3, gnss=1.0, camera=DRONE):
 
 
 def turned_upright(block, flags):
-    """The block with the photographs of `flags` turned upright by these EXIF orientations, as the stage `photos` would tell it."""
+    """The block with the photographs of `flags` turned upright by these EXIF orientations, as the stage `photos` describes it."""
     photos = []
     for photo in block.photos.photos:
         flag = flags.get(photo.name, 1)

@@ -1,1 +1,1 @@
-"""What goes into one block adjustment, and what its residuals say of the cameras."""
+"""The input of one block adjustment, and the tests of its cameras."""

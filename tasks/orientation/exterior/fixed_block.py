@@ -27,8 +27,8 @@ REJECTED = 5.0
 """Tie points with larger residuals, in robust standard deviations, are taken for wrong matches and not for a wrong orientation."""
 NORMAL_MEDIAN = 1.18
 """Median length of a residual in the plane, in its standard errors per coordinate: sqrt(2 ln 2) for a normal distribution."""
-TOLD = 10
-"""Fewer points do not tell the range of the ground's heights."""
+LEAST_POINTS = 10
+"""Fewer points do not determine the range of the heights of the ground."""
 COLLINEAR = 0.05
 """Positions whose extent across is a smaller part of that along lie on a line; a similarity then needs the up direction."""
 UP_SIGMA = np.radians(5.0)
@@ -224,9 +224,9 @@ def _heights(placed: PlacedBlock, ties: FixedIntersection, source: ForeignSource
     z = ties.points[np.isfinite(ties.points).all(axis=1), 2] if len(ties.points) else placed.points[:, 2]
     if source.ground is not None:
         return source.ground
-    if len(z) < TOLD <= len(ties.points):
+    if len(z) < LEAST_POINTS <= len(ties.points):
         raise GeometryError(rays_that_do_not_meet(len(ties.points), source.described))
-    if len(z) < TOLD:
+    if len(z) < LEAST_POINTS:
         raise GeometryError(
             f"Nothing determines the height of the ground under the block from {source.described}: it has {len(placed.points)} "
             "points of its own, and the workflow has no tie points of these photographs. Add the stage tie_points, or give "

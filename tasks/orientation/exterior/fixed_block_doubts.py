@@ -7,7 +7,7 @@ from orthomill.schemas.orientation import GroundResidual
 
 FAR = 5.0
 """Positions contradict the block where the median of their largest components, in standard errors, exceeds this: half of them are
-that far off, which single blunders do not bring about."""
+that far off, which single blunders do not cause."""
 LOOSE = 5.0
 """Tie points with an estimated standard error so many times the stated one do not belong to the orientation: a rough calibration
 alone makes them two or three times worse."""

@@ -88,7 +88,7 @@ class FromOpensfm(Settings):
 
     kind: Literal["opensfm"]
     path: str = setting(..., "The file opensfm/reconstruction.json.")
-    reference_path: str | None = setting(None, "OpenSfM's reference_lla.json, where the reconstruction does not hold it.")
+    reference_path: str | None = setting(None, "OpenSfM's reference_lla.json, where the reconstruction does not contain it.")
     placed: Literal["project", "positions"] = setting("project", _PLACED)
     use: Literal["fixed", "start"] = setting("fixed", _USE)
     ground: tuple[float, float] | None = setting(None, _GROUND, "m")

@@ -32,7 +32,7 @@ class Facts:
 
 
 def filled_areas(own: ImageResiduals, camera: Camera) -> int:
-    """How many of the areas of a frame hold tie points."""
+    """The number of areas of a frame that contain tie points."""
     # Points on the last row and column lie at the border of the last area.
     col = np.clip((own.col / camera.width * CELLS).astype(int), 0, CELLS - 1)
     row = np.clip((own.row / camera.height * CELLS).astype(int), 0, CELLS - 1)

@@ -204,6 +204,6 @@ def _written_warnings(facts: Facts) -> Iterator[str]:
     mirrored = [name for name in upright if name in facts.block.names]
     if mirrored:
         yield (
-            f"EXIF mirrors {some_of(mirrored)}, which no orientation in space expresses: the files for COLMAP and OpenSfM hold the "
+            f"EXIF mirrors {some_of(mirrored)}, which no orientation in space expresses: files for COLMAP and OpenSfM show the "
             "photographs upright. Save them upright for other programs."
         )

@@ -318,7 +318,7 @@ def camera_constants_averaged(finding: CameraConstantsAveraged) -> str:
 
 @finding_sentence.register
 def largest_reconstruction(finding: LargestReconstruction) -> str:
-    return f"The file holds {finding.count} reconstructions; the largest, of {finding.photos} photographs, is taken."
+    return f"The file contains {finding.count} reconstructions; the largest, of {finding.photos} photographs, is taken."
 
 
 @finding_sentence.register

@@ -83,7 +83,7 @@ def outline(view: View, height: float) -> np.ndarray:
 
 
 def _ground_map(views: list[View], outlines: list[np.ndarray]) -> GroundMap:
-    """The square that holds all outlines and projection centres."""
+    """The square that contains all outlines and projection centres."""
     xy = np.vstack([*outlines, *(view.centre[None, :2] for view in views)])
     # Projection centres, too: those of oblique photographs lie outside of their footprints.
     low, high = xy.min(axis=0), xy.max(axis=0)

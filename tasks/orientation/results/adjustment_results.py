@@ -143,7 +143,7 @@ def _correlations(problem: Problem, result: Adjustment) -> list[ParameterCorrela
         columns += list(own[own >= 0])
     photos = len(problem.names)
     names.append("the mean height of the projection centres")
-    # The mean height stands for the flying height: single centres are hardly correlated with c, all of them together are.
+    # The mean height represents the flying height: single centres are hardly correlated with c, all of them together are.
     J = np.zeros((len(names), len(result.cofactor)))
     J[np.arange(len(columns)), columns] = 1.0
     J[-1, 6 * np.arange(photos) + 2] = 1.0 / photos
