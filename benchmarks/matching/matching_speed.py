@@ -2,7 +2,7 @@
 
 One thread, one pair: the shipped texture and its image under a known affine, rounded to 8 bits. Starts are those of matching that
 follows a surface (near by, with the neighbour's affine) and those of the published experiments (N(0, 1.5) and N(0, 0.5) px off, no
-affine). OpenCV's pyramidal Lucas-Kanade, two unknowns and no precision, tracks the same points with the same window in the same run.
+affine). OpenCV's pyramidal Lucas-Kanade, two unknowns and no precision, tracks the same points with the same window in that run.
 """
 
 import time
