@@ -85,7 +85,7 @@ def match_pair_block(block: PairBlock, matching: DenseMatching, left: np.ndarray
 
     left, right: uint8 (rows, cols), the windows `block.left` and `block.right`; right is None where there is nothing to read.
     """
-    # A block whose parallax range leaves the right image is still written: its nodes are OUTSIDE, not NOT_TRIED.
+    # A block whose parallax range lies beyond the right image is still written: the surface reads whole windows of nodes.
     right = np.zeros((0, 0), np.uint8) if right is None else right
     found = match_block(
         placed(left, block.left, left_window(block.core)),

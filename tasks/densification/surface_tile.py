@@ -82,8 +82,8 @@ class SurfaceCells(NamedTuple):
 
 def surface_scratch(pieces: tuple[PairPiece, ...], work: Window) -> int:
     """Working memory of `make_surface`, bytes."""
-    # Measured: nodes on the ground and their temporaries take 60 bytes each; every pair adds float64 height and float32 sigma to
-    # the cells, twice while they are stacked.
+    # Per node x, y, z, column and row in float64, sigma and parallax in float32 with their copies; per cell and pair a float64
+    # height and a float32 sigma, twice while they are stacked.
     return sum(60 * piece.nodes.height * piece.nodes.width for piece in pieces) + (40 + 24 * len(pieces)) * work.height * work.width
 
 
@@ -92,7 +92,7 @@ def make_surface(tile: SurfaceTile, rules: SurfaceRules, nodes: tuple[np.ndarray
     cell = tile.surface.grid.cell
     pairs = tuple(_pair_cells(tile, piece, array, rules) for piece, array in zip(tile.pieces, nodes, strict=True))
     fused = _with_orientation(fuse(pairs, tile.work.shape, cell, rules.fusion), pairs, tile)
-    # After fusion, not before: a pair alone cannot tell a chimney from a wrong match, two that agree can.
+    # After fusion, not before: a single pair cannot distinguish a chimney from a wrong match, two that agree can.
     spiky = spikes(fused.height, cell, rules.spikes)
     cells = _cropped(fill(_without(fused, spiky), cell, rules.fill), tile)
     inner = _inner(tile)

@@ -50,7 +50,7 @@ class Trend:
 
 def block_size(shape: tuple[int, int], cells: int = 8, most: int = 1024) -> int:
     """Side of a block in cells, 8 to 64: the smallest that keeps the coarse raster within `most` rows and columns, if possible."""
-    # powers of two from 8: every tile size that the project allows is a multiple, so tiles write whole blocks
+    # powers of two up to 64, of which every tile size is a multiple: tiles write whole blocks
     while cells < 64 and max(shape) > cells * most:
         cells *= 2
     return cells
@@ -109,7 +109,7 @@ def suspicious_areas(coarse: np.ndarray, trend: np.ndarray, grid: MapGrid, size:
     found = []
     deviation = coarse[..., MEAN] - trend
     marked = (coarse[..., CHECKED] > _JUDGED) & (np.abs(deviation) > significance * coarse[..., SIGMA])
-    # signs apart: a hollow beside a bump is two errors, and their volumes must not cancel
+    # signs apart: a hollow next to a bump is two errors, and their volumes must not cancel
     for sign in (-1, 1):
         numbers, _ = label(marked & (np.sign(deviation) == sign), structure=np.ones((3, 3)))
         for k, place in enumerate(find_objects(numbers), start=1):

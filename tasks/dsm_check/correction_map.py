@@ -98,7 +98,7 @@ def node_points(nodes: np.ndarray, first: tuple[int, int], grid: CorrectionNodes
     """
     rows, cols = np.nonzero(np.isfinite(nodes[..., DH]))
     good = nodes[rows, cols].astype(np.float64)
-    # A point may lie anywhere along its ray. The halo of a tile is finite: points beyond it would be seen by one tile only.
+    # A point may lie anywhere along its ray. The halo of a tile is finite: points beyond it would enter one tile only.
     near = np.hypot(good[:, EAST], good[:, SOUTH]) <= grid.move
     offset = node_offset(grid.step, grid.pixels_per_cell)
     points = np.column_stack(
@@ -115,7 +115,7 @@ def node_points(nodes: np.ndarray, first: tuple[int, int], grid: CorrectionNodes
 def interpolate(points: np.ndarray, window: Window, radius: float) -> CorrectionMap:
     """dh in the cells of `window` from points (N, 4) of `node_points`; NaN where fewer than three lie within `radius` cells."""
     dh, sigma = np.full(window.shape, np.nan, np.float32), np.full(window.shape, np.nan, np.float32)
-    # In strips: twelve float64 per cell of a whole tile would be the largest array of the run.
+    # In strips: the twelve float64 sums per cell would take 100 MB for a tile of 1024 cells.
     for top in range(0, window.height, _STRIP):
         height = min(_STRIP, window.height - top)
         low, high = window.row + top - radius, window.row + top + height - 1 + radius

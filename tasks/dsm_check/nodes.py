@@ -116,7 +116,7 @@ def check_nodes(
     matches, back = _match(images, pixels[tried], base_direction(tile), matching)
     values = np.full((len(pixels), len(BANDS)), np.nan, np.float32)
     outcome[tried] = matches.outcome
-    # the correlation is kept of every node that was tried: it tells why others failed
+    # the correlation is kept of every node that was tried: it explains why others failed
     values[tried, CORRELATION] = matches.correlation
     _correct(tile, matching, correction, _MatchedNodes(pixels, tried, matches, back), heights, _NodeValues(values, outcome))
     values[:, OUTCOME] = outcome

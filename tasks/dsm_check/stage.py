@@ -262,7 +262,7 @@ class DsmCheckStage(Stage):
         windows: list[NodeWindow] = []
         for pair in plan.pairs.pairs:
             window, read = self._nodes_near(plan, pair, tile.window, nodes.halo)
-            # a pair beside the tile is left out: an empty window is no region that could be read
+            # a pair that does not reach the tile is left out: an empty window is no region that could be read
             if not window.given.empty:
                 windows.append(window)
                 reads.append(read)

@@ -83,7 +83,7 @@ class EpipolarStage(Stage):
         photo = photos[pair.left if side == "left" else pair.right]
         of_pair = TileOfPair(pair, side, block.of(photo.name), block.camera_of(photo.name), tile.window)
         window = of_pair.view.photo_window(tile.window)
-        # A tile beside the photograph reads nothing but is still written: downstream jobs need the whole image.
+        # A tile outside the photograph reads nothing but is still written: downstream jobs need the whole image.
         reads: dict[str, Region | tuple[Region, ...]] = {} if window.empty else {"pixels": Raster(photo_raster(photo.name), window)}
         if reads and photo.dtype != "uint8":
             reads["stretch"] = grey_table(photo.name)

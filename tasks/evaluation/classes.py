@@ -48,7 +48,7 @@ def _near(mask: np.ndarray, cells: int) -> np.ndarray:
 
 def place_classes(material: np.ndarray) -> np.ndarray:
     """uint8 codes of PlaceClass (rows, cols) from codes of Material (rows, cols) on the same cells, 0 where nothing is known."""
-    # fields and roads are open ground like any other: both carry texture and nothing that stands on them
+    # fields and roads are open ground like any other: both have texture and carry no objects
     roof, tree, water = (material == code for code in (Material.ROOF, Material.TREE, Material.WATER))
     known = material > 0
     # Later assignments win: a building margin under a tree is a building margin, and what a cell is itself beats what is near.

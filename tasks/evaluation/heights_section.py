@@ -47,7 +47,7 @@ _GRID_COLUMNS = (
 
 def heights_section(summary: HeightsSummary) -> ReportSection:
     """Everything on the heights of the surface model."""
-    # colours saturate at two cells: noise stays pale, wrong roofs and trees stand out
+    # colours saturate at two cells: noise stays pale, wrong roofs and trees are conspicuous
     reach = 2 * summary.cell
     caption = "Red and blue: too high or too low by two cells' length or more."
     return ReportSection(
@@ -206,7 +206,7 @@ def _height_chart(title: str, summary: HeightsSummary) -> Chart:
 def _building_grid(summary: HeightsSummary) -> tuple[Grid, ...]:
     if not summary.buildings:
         return ()
-    # the worst ones only: they are to be looked at, building by building
+    # the worst ones only: these deserve an inspection one by one
     worst = sorted(summary.buildings, key=lambda row: -abs(row[2]))[:_WORST]
     columns = ("building", "roof cells", "median difference m")
     return (Grid(title="Buildings with the largest median difference", columns=columns, rows=tuple(worst)),)

@@ -243,7 +243,7 @@ def doubled(scene: OrthoScene) -> np.ndarray:
     # relief displacement of a roof at the edge of a photograph is of the order of its height; farther away it is another object
     twice &= distance <= NEAR_ROOF
     beside = scene.truth[row[twice], col[twice]]
-    # clearly closer, by half: brown fields beside brown roofs would otherwise count
+    # clearly closer, by half: brown fields next to brown roofs would otherwise count
     other = channel_mean(np.abs(scene.colour[twice] - beside))
     twice[twice] = other < 0.5 * own[twice]
     return twice
@@ -279,12 +279,14 @@ def count_ortho(scene: OrthoScene, core: Window, hidden_photos: np.ndarray) -> O
     own_core = Window(core.row - scene.window.row, core.col - scene.window.col, core.height, core.width)
     inner = own_core.slices
     own = [scene.difference[..., band][inner] for band in range(3)]
+    # on the tile alone; everything else needs no neighbourhood
     index = _similarity_in(scene, own_core)
     known, covered, seen, judged = scene.known[inner], scene.covered[inner], scene.seen[inner], scene.judged[inner]
     ground, twice = is_ground(scene.material)[inner], doubled(scene)[inner]
+    # ground in the shadow of a building is the sample, free ground the control group of the rule for doubled roofs
     hidden = hidden_photos[inner]
     shadow, free = ground & judged & (hidden > 0), ground & judged & (hidden == 0)
-    # roads: vehicles stand there, and the simulation knows the road without them
+    # roads only: vehicles are found there, and the truth contains the road without them
     road = judged & known & (scene.material[inner] == Material.ROAD)
     # any channel: a red car on grey asphalt may differ in one of them only
     far = (own[0] > FAR) | (own[1] > FAR) | (own[2] > FAR)

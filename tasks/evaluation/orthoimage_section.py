@@ -72,7 +72,7 @@ def orthoimage_section(summary: OrthoSummary, truth: bool) -> ReportSection:
 
 
 def _figures(summary: OrthoSummary, truth: bool) -> Iterator[Figure]:
-    # a file tells neither materials nor visibility: these figures would be none, not zero
+    # a file contains neither materials nor visibility: these figures do not exist then, which is not zero
     values = _values(summary) | (_truth_values(summary) if truth else {})
     for name, unit, sentence in (*_FIGURES, *(_TRUTH_FIGURES if truth else ())):
         yield Figure(name=name, value=values[name], unit=unit, sentence=sentence)

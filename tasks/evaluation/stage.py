@@ -150,7 +150,7 @@ class EvaluationStage(Stage):
         if not view.has_stage("dsm_check"):
             yield from self._judge_heights(judged, HEIGHT, "heights", pairs, parts)
             return
-        # Both: what the check improved, and what it spoiled, is seen only next to the surface it was given.
+        # Both surfaces: what the check improved or spoiled shows only in comparison with its input.
         yield from self._judge_heights(judged, CORRECTED, "heights", pairs, parts)
         yield from self._judge_heights(judged, HEIGHT, "heights_before_check", pairs, parts)
 
@@ -206,7 +206,7 @@ def _height_job(judged: _Judged, item: str, source: str, t: Tile, writes: dict[s
     if isinstance(judged.reference, str):
         reads["reference"] = MapFile(judged.reference, judged.crs, judged.grid, t.window)
         return Job("evaluation", item, heights_against_file, reads, writes, {"cell": judged.grid.cell}, t.row, t.col)
-    # the halo of the classes: a cell is a margin if a building stands within three cells, also in the next tile
+    # the halo of the classes: a building within three cells makes a cell a margin, also from the next tile
     place = placement(judged.grid, t.window.grown(CLASS_HALO), judged.reference)
     reads |= _truth(place, surface=TRUTH_SURFACE, material=TRUTH_MATERIAL, building=TRUTH_BUILDING, visibility=TRUTH_VISIBILITY)
     params, scratch = {"place": place, "core": t.window}, _scratch(place, 75)

@@ -138,13 +138,13 @@ def test_a_block_reads_its_square_and_what_the_parallaxes_can_reach():
     assert block.right.width <= pair.right_cols
 
 
-def test_a_block_without_a_right_image_is_outside_and_has_no_parallax():
+def test_a_block_without_a_right_image_has_no_match():
     beyond = level_pair(right_col0=level_pair().right_col0 - 5000.0)
     block = PairBlock(beyond, Window(0, 0, 9, 7), 4)
     assert block.right.empty
     found = match_pair_block(block, DenseMatching(step=4), np.full(block.left.shape, 100, np.uint8))
     assert found.nodes.shape == (9, 7, 3) and np.isnan(found.nodes).all() and found.outcome.shape == (9, 7)
-    assert not (found.outcome == Outcome.CONVERGED).any()
+    assert (found.outcome == Outcome.NOT_TRIED).all()
     assert sum(found.statistics.outcomes) == 63 and sum(found.statistics.precision) == 0
 
 
