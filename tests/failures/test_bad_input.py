@@ -2,7 +2,7 @@
 
 import pytest
 from PIL import Image
-from small_site import command, counts, make_site, photographs, write_workflow
+from small_site import command, copy_of_finished_site, counts, make_site, photographs, write_workflow
 
 from orthomill.pipeline.engine.lock import only_run
 
@@ -12,6 +12,13 @@ def site(tmp_path, monkeypatch):
     """A project of three small real photographs; the current folder is its root."""
     monkeypatch.chdir(make_site(tmp_path))
     return tmp_path
+
+
+@pytest.fixture
+def finished(tmp_path, monkeypatch):
+    """The same project after a whole run; the current folder is its root."""
+    monkeypatch.chdir(copy_of_finished_site(tmp_path / "site"))
+    return tmp_path / "site"
 
 
 def run_site(code: int = 2) -> str:
@@ -123,11 +130,10 @@ def test_a_path_that_leaves_the_project_is_refused(site, path):
     assert f"'{path}' is outside the project's folder" in run_site()
 
 
-def test_an_export_that_leaves_the_run_is_refused(site):
-    command("run", "site", "--sequential", "--until", "photos")
-    raster = f"photos/{photographs(site)[0].stem}/0"
+def test_an_export_that_leaves_the_run_is_refused(finished):
+    raster = f"photos/{photographs(finished)[0].stem}/0"
     assert "is outside the run's folder" in command("export", "site", raster, "../../outside.tif", code=2)
-    assert not (site / "outside.tif").exists()
+    assert not (finished / "outside.tif").exists()
 
 
 def test_a_folder_that_cannot_be_written_is_reported(site):
@@ -142,9 +148,8 @@ def test_a_full_disk_is_reported_before_anything_runs(site, monkeypatch):
 
 
 @pytest.mark.parametrize("words", [("run", "site", "--sequential"), ("clean", "site"), ("export", "site"), ("report", "site")])
-def test_a_second_command_at_the_same_time_is_refused(site, words):
-    command("run", "site", "--sequential", code=0)
-    with only_run(site / "runs" / "site"):
+def test_a_second_command_at_the_same_time_is_refused(finished, words):
+    with only_run(finished / "runs" / "site"):
         assert "site is already running (process" in command(*words, code=2)
 
 
@@ -158,10 +163,9 @@ def test_an_unknown_stage_in_an_option_is_answered_with_the_ones_there_are(site,
     assert "no stage 'orientatoin' in site.yaml; did you mean 'orientation'?" in said and "calibration, tie_points" in said
 
 
-def test_a_stage_to_clean_cannot_lead_out_of_the_run(site):
-    command("run", "site", "--sequential", "--until", "photos")
+def test_a_stage_to_clean_cannot_lead_out_of_the_run(finished):
     assert "no stage '../../../photos'" in command("clean", "site", "--stage", "../../../photos", code=2)
-    assert len(photographs(site)) == 3
+    assert len(photographs(finished)) == 3
 
 
 def test_from_behind_until_is_refused(site):

@@ -8,7 +8,10 @@ from pathlib import Path
 
 import psutil
 import pytest
-from small_site import command, make_site, results_of, start_command
+from small_site import command, finished_site, make_site, results_of, start_command
+
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture
@@ -18,12 +21,9 @@ def site(tmp_path, monkeypatch):
 
 
 @pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory):
-    """What a run gives that nobody disturbs, one job after the other."""
-    root = make_site(tmp_path_factory.mktemp("undisturbed"))
-    _, errors = (process := start_command(root, "run", "site", "--sequential")).communicate(timeout=120)
-    assert process.returncode == 0, errors
-    return results_of(root)
+def undisturbed():
+    """The results of a run without interruption, one job after another."""
+    return results_of(finished_site()[0])
 
 
 def started(site: Path, jobs: int = 3):

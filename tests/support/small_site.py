@@ -1,10 +1,12 @@
 """A project of three small real photographs, and the command line: shared by the tests that run the whole program."""
 
+import atexit
 import os
 import re
 import shutil
 import subprocess
 import sys
+import tempfile
 from functools import cache
 from pathlib import Path
 
@@ -79,6 +81,21 @@ def start_command(root: Path, *words: str, **options) -> subprocess.Popen:
         env={**os.environ, "COLUMNS": "500"},
         **options,
     )
+
+
+@cache
+def finished_site() -> tuple[Path, str]:
+    """The root of a site that was run to its end, one job after another, and the output; made once, for copies only."""
+    root = Path(tempfile.mkdtemp(prefix="orthomill-site-"))
+    atexit.register(shutil.rmtree, root, ignore_errors=True)
+    said, errors = (process := start_command(make_site(root), "run", "site", "--sequential")).communicate(timeout=600)
+    assert process.returncode == 0, errors
+    return root, said
+
+
+def copy_of_finished_site(target: Path) -> Path:
+    """A copy that a test may change; running it again finds everything unchanged."""
+    return Path(shutil.copytree(finished_site()[0], target))
 
 
 def results_of(root: Path, project: str = "site") -> dict[str, bytes]:

@@ -34,6 +34,7 @@ def called(folder: Path, monkeypatch, *more: str):
     return CliRunner().invoke(app, ["calibrate", "photos", "--square", "0.0359", "--sequential", *more])
 
 
+@pytest.mark.slow
 def test_a_camera_comes_out_with_its_precision_files_and_report(folder, monkeypatch):
     answer = called(folder, monkeypatch, "--boards", "3", "--corners", "6x5", "--name", "lens")
     assert answer.exit_code == 0, answer.output

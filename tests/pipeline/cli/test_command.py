@@ -2,12 +2,11 @@
 
 import json
 import re
-import shutil
 
 import pytest
 import rasterio
 from rasterio.errors import NotGeoreferencedWarning
-from small_site import command, counts, make_site, photographs, write_workflow
+from small_site import command, copy_of_finished_site, counts, finished_site, make_site, photographs, write_workflow
 from typer.testing import CliRunner
 
 from orthomill.pipeline.cli.commands import app
@@ -18,27 +17,17 @@ from orthomill.schemas.errors import WorkflowError
 
 
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory):
-    """The root of a project that was run to its end, and the number of its jobs."""
-    root = make_site(tmp_path_factory.mktemp("finished"))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(root)
-        jobs, *others = counts(command("run", "site", "--sequential"))
-    assert jobs > 20 and others == [0, 0]
-    return root, jobs
-
-
-@pytest.fixture
-def jobs(finished):
+def jobs():
     """How many jobs a whole run of the site has."""
-    return finished[1]
+    number, *others = counts(finished_site()[1])
+    assert number > 20 and others == [0, 0]
+    return number
 
 
 @pytest.fixture
-def done(finished, tmp_path, monkeypatch):
+def done(tmp_path, monkeypatch):
     """A copy of the finished project that a test may spoil; the current folder."""
-    shutil.copytree(finished[0], tmp_path / "copy")
-    monkeypatch.chdir(tmp_path / "copy")
+    monkeypatch.chdir(copy_of_finished_site(tmp_path / "copy"))
     return tmp_path / "copy"
 
 
