@@ -7,7 +7,7 @@ import numpy as np
 from box_scene import CENTRES, DSM, ORTHO, Vehicle, block, heights, render, sees, true_ortho, view
 
 from orthomill.schemas.job import Job, Raster, Table
-from orthomill.schemas.orientation import BLOCK
+from orthomill.schemas.orientation import BLOCK, Block
 from orthomill.schemas.photo import PHOTOS, Photo, Photos, photo_raster
 from orthomill.schemas.raster import MapGrid, RasterSpec, Window, map_raster
 from orthomill.schemas.stage_contract import Stage
@@ -60,8 +60,8 @@ def truth_rasters() -> dict[str, np.ndarray]:
     }
 
 
-def give_truth() -> dict[str, object]:
-    return {**truth_rasters(), "grid": ORTHO, "block": block()}
+def give_truth_grid() -> MapGrid:
+    return ORTHO
 
 
 def give_photo(name: str) -> np.ndarray:
@@ -77,7 +77,7 @@ def give_heights(seed: int, hole: bool) -> dict[str, np.ndarray]:
     return {HEIGHT: z.astype(np.float32), PRECISION: precision, COUNT: known.astype(np.uint8)}
 
 
-def give_block() -> object:
+def give_block() -> Block:
     return block()
 
 
@@ -116,7 +116,9 @@ class GivenStage(Stage):
         specs = [_whole(name, ORTHO, dtype, 3 if name == TRUTH_ORTHO else 0, TRUTH_READERS) for name, dtype in types.items()]
         yield from specs
         writes: dict[str, Raster | Table] = {spec.name: Raster(spec.name, spec.full) for spec in specs}
-        yield Job("simulation", "truth", give_truth, {}, {**writes, "grid": TRUTH_GRID, "block": TRUTH_BLOCK})
+        yield Job("simulation", "truth", truth_rasters, {}, writes)
+        yield Job("simulation", "grid", give_truth_grid, {}, {"grid": TRUTH_GRID})
+        yield Job("simulation", "block", give_block, {}, {"block": TRUTH_BLOCK})
 
     def _photos(self) -> Iterator[RasterSpec | Job]:
         yield Job("photos", "table", give_photos, {}, {"photos": PHOTOS})
