@@ -10,7 +10,6 @@ import psutil
 import pytest
 from small_site import command, finished_site, make_site, results_of, start_command
 
-
 pytestmark = pytest.mark.slow
 
 
