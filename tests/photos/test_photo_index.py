@@ -36,7 +36,7 @@ def photos_of(*arguments, **more):
     return index_photos(*arguments, **more).photos
 
 
-def test_a_drone_photograph_is_read_whole():
+def test_all_facts_of_a_drone_photograph_are_read():
     photos = photos_of((header("DJI_0018.JPG"),), "EPSG:26915", EXIF_POSITIONS, LIMITS)
     photo = photos["DJI_0018"]
     assert photo.longitude == pytest.approx(-(91 + 59 / 60 + 40.4156 / 3600))

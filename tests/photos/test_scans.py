@@ -45,7 +45,7 @@ def scan(name="a", width=401, height=331):
     return Photo(name=name, path=f"in/{name}.tif", width=width, height=height, bands=1, dtype="uint8", camera="c")
 
 
-def test_marks_give_the_affine_transformation_whole():
+def test_marks_determine_the_affine_transformation():
     (fitted,) = in_mark_frame([scan()], *texts(), PIXEL)
     photo, lay = fitted.photo, fitted.scan
     assert (photo.width, photo.height) == (361, 281) and photo.pixel_um == PIXEL and photo.scan_size == (401, 331)
@@ -81,7 +81,7 @@ def test_the_precision_of_the_transformation_is_that_of_repeated_measurements():
     assert np.allclose(np.sqrt(np.mean(np.square(stated), axis=0)), scatter, rtol=0.1)
 
 
-def test_residuals_at_the_marks_tell_their_quality():
+def test_residuals_at_the_marks_show_their_quality():
     (fitted,) = in_mark_frame([scan()], *texts(noise=0.5), PIXEL)
     assert 3.0 < fitted.scan.rms_um < 80.0
 
@@ -97,7 +97,7 @@ def test_residuals_at_the_marks_tell_their_quality():
         (lambda marks, rows: (marks.replace(".0", "000"), rows), "pixel of the scan a is .* but pixel_um is 50"),
     ],
 )
-def test_missing_marks_are_told(change, sentence):
+def test_missing_marks_are_reported(change, sentence):
     with pytest.raises(WorkflowError, match=sentence):
         in_mark_frame([scan()], *change(*texts()), PIXEL)
 
@@ -114,7 +114,7 @@ def eight_marks(change):
     return in_mark_frame([scan()], marks, "photo,mark,col,row\n" + rows, PIXEL)[0]
 
 
-def test_a_wrong_mark_among_many_is_named_and_takes_no_part():
+def test_a_wrong_mark_among_many_is_named_and_rejected():
     def one_wrong(places):
         places[4] += [30.0, -20.0]
         return places
@@ -140,7 +140,7 @@ def test_one_of_four_marks_is_wrong_but_has_no_name():
     assert fitted.scan.wrong == {} and said.startswith("The fiducial marks of a (")
 
 
-def test_marks_counted_downwards_are_told():
+def test_marks_counted_downwards_are_reported():
     marks, rows = texts()
     down = "mark,x,y\n" + "".join(f"{name},{x},{-y}\n" for name, (x, y) in MARKS.items())
     (fitted,) = in_mark_frame([scan()], down, rows, PIXEL)

@@ -77,7 +77,7 @@ def places():
     return tuple(found)
 
 
-def test_points_stand_on_open_ground_and_measurements_keep_to_their_sigma():
+def test_points_are_on_open_ground_and_measurements_keep_to_their_sigma():
     points = places()
     control, measured = survey(FLIGHT, SURVEY, points)
     true = np.array([point.xyz for point in points])

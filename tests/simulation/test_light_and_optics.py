@@ -75,7 +75,7 @@ def test_colours_of_a_roof_do_not_bleed_into_the_ground():
     assert ((np.abs(found - 50) < 0.1) | (np.abs(found - 250) < 0.1)).mean() > 0.9
 
 
-def test_keys_tell_objects_and_cells_with_other_neighbours():
+def test_keys_identify_objects_and_cells_with_other_neighbours():
     building, material = np.zeros((8, 9), np.uint16), np.full((8, 9), Material.FIELD, np.uint8)
     building[2:4, 3:5], material[6, 6] = 7, Material.TREE
     keys, mixed = _object_keys(material, building)

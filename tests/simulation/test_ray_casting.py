@@ -115,7 +115,7 @@ def test_photos_are_full_to_their_corners(corner):
         assert light.min() > 4.0
 
 
-def test_the_true_orthoimage_lies_in_the_photo_to_a_tenth_of_a_pixel():
+def test_the_true_orthoimage_agrees_with_the_photo_to_a_tenth_of_a_pixel():
     view, grid = views(FLIGHT)[1], site().grid
     pixels = Window(150, 150, 300, 300)
     light = blur(cast(scene(), view, pixels.grown(HALO), ground_under(1, pixels)), 0.45).mean(axis=2)
@@ -167,7 +167,7 @@ def test_a_wall_shows_plaster_and_not_the_roof():
     assert walls > 100
 
 
-def test_vehicles_stand_elsewhere_in_every_photo_and_on_bare_ground():
+def test_vehicles_are_elsewhere_in_every_photo_and_on_bare_ground():
     first, second = vehicles_of(scene(), 0), vehicles_of(scene(), 1)
     assert len(first) > 15
     nearest = np.hypot(first[:, None, 0] - second[None, :, 0], first[:, None, 1] - second[None, :, 1]).min(axis=1)

@@ -31,7 +31,7 @@ def whole() -> PaintedWindow:
 
 
 def ground_under(number: int, pixels: Window) -> tuple[MapGrid, Window, PaintedWindow]:
-    """What `render` wants to know of the scene under a window of a photo."""
+    """The scene under a window of a photo, as `render` takes it."""
     grid = site().grid
     window = seen_window(views(FLIGHT)[number], scene(), grid, pixels)
     return grid, window, painted_window(scene(), grid, window)

@@ -1,4 +1,4 @@
-"""Photographs of a flat textured ground with known cameras, so that every homologous point is known."""
+"""Photographs of a flat textured ground with known cameras: every homologous point is known."""
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
@@ -22,7 +22,7 @@ def texture(seed: int = 0, side: int = 1100) -> np.ndarray:
 
 
 def views() -> tuple[View, ...]:
-    """Three photographs in a row, 62 % overlap, turned and tilted against each other; flying height 42 m."""
+    """Three photographs in a row, 62 % overlap, rotated and tilted against each other; flying height 42 m."""
     angles = ((0.02, -0.03, 0.05), (-0.03, 0.02, 0.45), (0.01, 0.04, -0.2))
     return tuple(
         View(name, CAMERA, rotation_matrix(*angle), np.array([17.0 * number - 17.0, 1.5 * number, 42.0]))

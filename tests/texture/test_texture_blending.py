@@ -55,7 +55,7 @@ def test_a_vehicle_of_the_roads_brightness_goes_by_its_colour():
     assert result.colour[0, 0].tolist() == [100, 100, 100]
 
 
-def test_the_robust_rule_bears_two_different_vehicles_among_five():
+def test_the_robust_rule_tolerates_two_different_vehicles_among_five():
     values = [100, 101, 99, 250, 180]
     robust = one_pixel(values, how=Blend(Rejection("deviation", 3.0, 8.0)))
     assert robust.colour[0, 0, 0] == pytest.approx(100.0) and robust.rejected[0, 0] == 2
@@ -84,12 +84,12 @@ def test_two_values_that_disagree():
     assert one_pixel([100, 130], [1, 1], how).colour[0, 0, 0] == 115
 
 
-def test_reserves_serve_only_where_there_is_nothing_better():
+def test_reserves_are_used_only_where_there_is_nothing_better():
     assert one_pixel([100, 200], [1.0, 1e-3]).colour[0, 0, 0] == 100
     assert one_pixel([100, 200], [1e-3, 1e-3]).colour[0, 0, 0] == 150
 
 
-def test_a_pixel_that_nobody_sees():
+def test_a_pixel_without_any_weight():
     result = one_pixel([100, 200], [0, 0])
     assert result.used[0, 0] == 0 and result.colour[0, 0, 0] == 0 and np.isnan(result.difference[0, 0])
 

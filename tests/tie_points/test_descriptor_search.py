@@ -42,7 +42,7 @@ def distances(matrix: np.ndarray, places: list[np.ndarray], pairs: np.ndarray) -
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
-def test_along_lines_are_found_those_of_all_that_lie_there(motion):
+def test_the_search_along_lines_finds_the_matches_near_them(motion):
     places, descriptors, matrix, _ = scene(MOTIONS[motion], 600, 900)
     everywhere = mutual_matches(*descriptors, 0.8)
     along = matches_along_lines(tuple(descriptors), tuple(places), matrix, 5.0, 0.8)
@@ -74,7 +74,7 @@ def photograph(places: np.ndarray, descriptors: np.ndarray, size: np.ndarray) ->
     return Features(col, row, size.astype(np.float32), zero, zero), Values(descriptors.ravel())
 
 
-def test_small_features_are_matched_where_the_largest_tell_the_lines():
+def test_small_features_are_matched_where_the_largest_determine_the_lines():
     """5000 features each; of the 1200 shared ones 200 are large. Nearly all are found, and no others."""
     places, descriptors, _, order = scene(MOTIONS["oblique"], 1200, 3800)
     size = np.where(np.arange(5000) < 200, 12.0, 3.0)
@@ -85,7 +85,7 @@ def test_small_features_are_matched_where_the_largest_tell_the_lines():
     assert (order[matches.right] == matches.left).mean() > 0.99
 
 
-def test_photographs_whose_largest_features_differ_are_compared_whole():
+def test_photographs_with_different_largest_features_are_compared_completely():
     places, descriptors, _, order = scene(MOTIONS["sideways"], 600, 4400)
     size = np.where(np.arange(5000) < 600, 3.0, 12.0)
     sides = photograph(places[0], descriptors[0], size), photograph(places[1], descriptors[1], size[order])
@@ -93,7 +93,7 @@ def test_photographs_whose_largest_features_differ_are_compared_whole():
     assert len(matches) > 550 and (order[matches.right] == matches.left).mean() > 0.99
 
 
-def test_points_that_magsac_stumbles_over_get_their_geometry_all_the_same(monkeypatch):
+def test_points_for_which_magsac_fails_get_their_geometry(monkeypatch):
     """OpenCV's MAGSAC fails an assertion for a few sets of good points; that must not end a run."""
     places, _, _, order = scene(MOTIONS["oblique"], 200, 0)
     points = places[0], places[1][np.argsort(order)]

@@ -84,7 +84,7 @@ def test_neighbours_in_sequence_are_compared_whatever_is_known():
     assert not needs_appearance(photos(50, lambda n: (10.0 * n, 0.0, 100.0)), Neighbourhood(20, 6))
 
 
-def test_oblique_photographs_are_paired_by_where_they_look():
+def test_oblique_photographs_are_paired_by_the_ground_they_show():
     """Two strips 240 m apart whose cameras look at the ground between them; or away from each other."""
     row = photos(40, lambda n: (40.0 * (n % 20), 240.0 * (n // 20), 100.0)).photos
     for turn, least, most in ((45.0, 20, 200), (-45.0, 0, 3)):
@@ -164,7 +164,7 @@ def test_a_single_photograph_is_named():
         list(TiePointsStage().plan(View()))
 
 
-def test_the_start_affine_turns_and_enlarges_and_distrusts_strangers():
+def test_the_start_affine_rotates_and_scales_and_replaces_outliers():
     one = np.ones(20, dtype=np.float32)
     base = Observations(np.arange(20), np.zeros(20), 0.0 * one, 0.0 * one, 2 * one, 350 * one)
     angle = np.full(20, 20.0, dtype=np.float32)
@@ -232,7 +232,7 @@ def test_the_distribution_index_is_one_for_even_and_zero_for_one_corner():
     assert distribution_index(points([], []), size) == 0.0
 
 
-def test_matches_at_the_same_place_tell_the_same_picture():
+def test_matches_at_the_same_place_reveal_a_repeated_picture():
     rng = np.random.default_rng(1)
     here = rng.uniform(0, 1000, (100, 2))
     assert without_parallax((here, here + rng.normal(0, 0.2, here.shape)))
@@ -240,7 +240,7 @@ def test_matches_at_the_same_place_tell_the_same_picture():
     assert not without_parallax((here[:10], here[:10]))
 
 
-def test_a_twin_takes_no_part_in_tracks():
+def test_a_repeated_photograph_is_not_used_in_tracks():
     tables = tuple(Features(*(np.arange(20.0) * k for k in (1, 2)), *(np.ones(20, np.float32),) * 3) for _ in range(3))
     same = PairMatches(np.arange(20, dtype=np.int32), np.arange(20, dtype=np.int32))
     pairs = ((0, 1), (0, 2), (1, 2))
