@@ -24,7 +24,7 @@ _GRUBER = 3
 # of 25, enough to find the gross errors that automatic matching contains.
 _WEAK = 30
 _LEAST_COVERAGE = 0.25  # of the frame; with less, distortion and attitude are extrapolated over most of it
-_MOST_PAIRS = 200  # rows of the table of pairs: beyond, nobody reads it
+_MOST_PAIRS = 200  # rows of the table of pairs, those with most matches
 _MOST_PARTS = 5  # parts of a divided block that are listed
 
 

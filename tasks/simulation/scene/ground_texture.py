@@ -2,7 +2,7 @@
 
 Brightness of open ground follows a mosaic of real photographs (textures/ATTRIBUTION.md), flattened by division through its local
 mean; colours come from the materials; fields, roofs, roads and crowns have patterns of their own. Fine noise reaches down to half
-a metre everywhere but on water, so that every patch of ground can be matched. The sun stands in the south-east, on the diagonal
+a metre everywhere but on water, so that every patch of ground can be matched. The sun is in the south-east, on the diagonal
 of the grid, so that a shadow is found by one sweep.
 """
 
