@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
@@ -34,6 +34,7 @@ def outcome_of(left: np.ndarray, right: np.ndarray, point: tuple, start: tuple, 
 def test_the_surface_agrees_with_plain_numpy(seed, side, search):
     rng = np.random.default_rng(seed)
     area, template = (texture(seed + k, (n, n)).astype(np.float32) for k, n in enumerate((search, side)))
+    assume(template.std() > 2.0)  # flat templates are refused before they get here
     area[: search // 3, : search // 3] = 90.0
     area[rng.integers(search), rng.integers(search)] = np.nan
     surface = correlation_surface(template, area, 2.0)
