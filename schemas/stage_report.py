@@ -11,14 +11,14 @@ from pydantic import BaseModel, ConfigDict
 from orthomill.schemas.job import Table
 
 
-class _Part(BaseModel):
+class _ReportPart(BaseModel):
     """Base of the parts of a report."""
 
     # Strict JSON would store NaN as null, which is not a float again when it is read: a curve may have gaps.
     model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="constants")
 
 
-class Figure(_Part):
+class Figure(_ReportPart):
     """One number (or word) with its unit and meaning. `name` is snake_case and stable."""
 
     name: str
@@ -31,7 +31,7 @@ class Figure(_Part):
     """One of many figures for a closer analysis: collapsed in the report."""
 
 
-class Grid(_Part):
+class Grid(_ReportPart):
     """A table of rows for the report."""
 
     title: str
@@ -40,7 +40,7 @@ class Grid(_Part):
     note: str = ""
 
 
-class Picture(_Part):
+class Picture(_ReportPart):
     """A raster drawn at reduced resolution. `style` says how; `classes` gives colour and meaning of codes.
 
     hillshade: heights, shaded and tinted; rgb: colours as stored; ramp: `low` to `high` (percentiles 2 and 98 when None) in the
@@ -59,7 +59,7 @@ class Picture(_Part):
     """(code, "#rrggbb", meaning)"""
 
 
-class Chart(_Part):
+class Chart(_ReportPart):
     """A histogram, curves or points over x, vectors, or a map."""
 
     title: str
@@ -73,7 +73,7 @@ class Chart(_Part):
     caption: str = ""
 
 
-class StageReport(_Part):
+class StageReport(_ReportPart):
     """Everything that one stage reports, in reading order."""
 
     figures: tuple[Figure, ...] = ()
