@@ -14,26 +14,26 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from orthomill.calibration import BoardCalibration as BoardCalibration
-    from orthomill.calibration import calibrate as calibrate
+    from orthomill.board_calibration import BoardCalibration as BoardCalibration
+    from orthomill.board_calibration import calibrate as calibrate
     from orthomill.finished_project import FinishedProject as FinishedProject
     from orthomill.finished_project import open as open
-    from orthomill.matching import match as match
-    from orthomill.matching import read_photograph as read_photograph
-    from orthomill.orientation import OrientedBlock as OrientedBlock
-    from orthomill.orientation import orient as orient
+    from orthomill.photograph_matching import match as match
+    from orthomill.photograph_matching import read_photograph as read_photograph
+    from orthomill.photograph_orientation import OrientedBlock as OrientedBlock
+    from orthomill.photograph_orientation import orient as orient
     from orthomill.surface_check import SurfaceCheck as SurfaceCheck
     from orthomill.surface_check import check as check
 
 _PLACES = {
     "open": ("finished_project", "open"),
     "FinishedProject": ("finished_project", "FinishedProject"),
-    "calibrate": ("calibration", "calibrate"),
-    "BoardCalibration": ("calibration", "BoardCalibration"),
-    "orient": ("orientation", "orient"),
-    "OrientedBlock": ("orientation", "OrientedBlock"),
-    "match": ("matching", "match"),
-    "read_photograph": ("matching", "read_photograph"),
+    "calibrate": ("board_calibration", "calibrate"),
+    "BoardCalibration": ("board_calibration", "BoardCalibration"),
+    "orient": ("photograph_orientation", "orient"),
+    "OrientedBlock": ("photograph_orientation", "OrientedBlock"),
+    "match": ("photograph_matching", "match"),
+    "read_photograph": ("photograph_matching", "read_photograph"),
     "check": ("surface_check", "check"),
     "SurfaceCheck": ("surface_check", "SurfaceCheck"),
 }

@@ -1,4 +1,4 @@
-"""Makes the toy stages importable, in this process and in the worker processes that tests start."""
+"""Makes the shared scenes and stages importable by their names, in this process and in the worker processes that tests start."""
 
 import os
 import sys
@@ -6,6 +6,6 @@ from pathlib import Path
 
 import orthomill.pipeline  # noqa: F401  gives numerical libraries one thread, as in the command, before any of them is loaded
 
-HERE = str(Path(__file__).parent / "support")
-sys.path.insert(0, HERE)
-os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [HERE, os.environ.get("PYTHONPATH", "")]))
+SUPPORT = [str(Path(__file__).parent / "support" / room) for room in ("engine", "scenes")]
+sys.path[:0] = SUPPORT
+os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [*SUPPORT, os.environ.get("PYTHONPATH", "")]))

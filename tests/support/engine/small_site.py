@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from orthomill.pipeline.cli.commands import app
 
-SHIPPED = Path(__file__).parents[2] / "workflows" / "photographs" / "brighton"
+SHIPPED = Path(__file__).parents[3] / "workflows" / "photographs" / "brighton"
 WORKFLOW = {
     "project": "site",
     "crs": "EPSG:32615",

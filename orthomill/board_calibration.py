@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from orthomill.orientation import NO_PLACE
+from orthomill.photograph_orientation import NO_PLACE
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.project import CameraFromChessboards, Project
 from orthomill.schemas.stage_report import StageReport, report_table

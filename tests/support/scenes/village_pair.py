@@ -18,7 +18,7 @@ from orthomill.schemas.surface import Surface
 from orthomill.tasks.densification.surface_tile import PairPiece, SurfaceTile
 from orthomill.tasks.geometry.epipolar_window import box_corners, node_window, nodes_shape
 
-TEXTURE = Path(__file__).parents[3] / "shared" / "data" / "texture" / "village_mosaic.jpg"
+TEXTURE = Path(__file__).parents[4] / "shared" / "data" / "texture" / "village_mosaic.jpg"
 CELL = 0.5
 """of the height grid and of the texture, m"""
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from small_site import start_command
 
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
+WORKFLOWS = Path(__file__).parents[3] / "workflows"
 PROJECT = "volos_small"
 
 
