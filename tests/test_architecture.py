@@ -136,7 +136,7 @@ def test_nobody_meets_two_classes_of_one_name():
     assert not [name for name, times in names.items() if times > 1]
 
 
-ROOMED = ("pipeline", "tasks/orientation")
+ROOMED = ("pipeline", "tasks/adjustment", "tasks/calibration", "tasks/orientation")
 PIPELINE_ROOMS = ("storage", "workflow", "export", "engine", "report", "cli")  # from the ground up
 
 

@@ -14,8 +14,8 @@ import numpy as np
 from benchmarks.orientation.orientation_truth import Pose, micmac_poses
 from orthomill.schemas.camera import INTERIOR, Camera
 from orthomill.tasks.adjustment.bundle import adjust
-from orthomill.tasks.adjustment.model.adjustment_result import Adjustment
 from orthomill.tasks.adjustment.model.network import Interior, Network, Rays, State
+from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.geometry.fixed_intersection import Measured, intersect_fixed
 from orthomill.tasks.geometry.rotation_vector import rotation_of_vector, vector_of_rotation
 from orthomill.tasks.geometry.view import View

@@ -2,11 +2,11 @@
 
 from dataclasses import replace
 
-from orthomill.tasks.adjustment.model.adjustment_result import Adjustment
 from orthomill.tasks.adjustment.model.surveyed_observations import Blunder, has_weight, without
 from orthomill.tasks.adjustment.progress import Progress
 from orthomill.tasks.adjustment.solve.minimise import minimise
 from orthomill.tasks.adjustment.solve.ray_intersection import enough_rays, usable_rays
+from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.adjustment.testing.ray_blunders import ray_blunders
 from orthomill.tasks.adjustment.testing.solution_precision import precise_solution
 from orthomill.tasks.adjustment.testing.surveyed_blunders import is_outlier, surveyed_blunder, with_reinstated

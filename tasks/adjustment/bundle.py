@@ -24,10 +24,10 @@ from orthomill.tasks.adjustment.adjustment_steps import (
     without_ray_blunders,
     without_surveyed_blunder,
 )
-from orthomill.tasks.adjustment.model.adjustment_result import Adjustment
 from orthomill.tasks.adjustment.model.network import Network, Rays, State
 from orthomill.tasks.adjustment.progress import BlunderTest
 from orthomill.tasks.adjustment.robust_solution import robust_solution
+from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 
 
 def adjust(network: Network, start: State, rays: Rays, test: BlunderTest | None = None) -> Adjustment:

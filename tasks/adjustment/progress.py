@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orthomill.tasks.adjustment.model.adjustment_result import AS_STATED, Adjustment, Factors, Group, surveyed
 from orthomill.tasks.adjustment.model.network import Distances, Network, Rays, State
 from orthomill.tasks.adjustment.model.surveyed_observations import Blunder, SurveyedKind, without
+from orthomill.tasks.adjustment.testing.adjustment_result import AS_STATED, Adjustment, Factors, Group, surveyed
 
 
 @dataclass(frozen=True)

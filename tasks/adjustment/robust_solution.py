@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from orthomill.tasks.adjustment.model.adjustment_result import surveyed
 from orthomill.tasks.adjustment.model.collinearity import residual_lengths
 from orthomill.tasks.adjustment.model.network import Network, Rays, State
 from orthomill.tasks.adjustment.model.robust_weights import spread
@@ -16,6 +15,7 @@ from orthomill.tasks.adjustment.model.surveyed_observations import Blunder, Surv
 from orthomill.tasks.adjustment.progress import BlunderTest, Progress
 from orthomill.tasks.adjustment.solve.minimise import minimise
 from orthomill.tasks.adjustment.solve.ray_intersection import enough_rays, usable_rays
+from orthomill.tasks.adjustment.testing.adjustment_result import surveyed
 from orthomill.tasks.adjustment.testing.distance_agreement import agreement
 from orthomill.tasks.adjustment.testing.gross_blunders import gross_blunder, lengths_of_rays
 

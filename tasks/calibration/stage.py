@@ -32,12 +32,12 @@ from orthomill.tasks.calibration.board_tables import (
     text_table,
 )
 from orthomill.tasks.calibration.cameras.camera_exchange import FORMATS
-from orthomill.tasks.calibration.cameras.known_cameras import KnownCameras, as_given, from_exif, from_file
+from orthomill.tasks.calibration.chessboards import Model, from_chessboards, index_board_photos
 from orthomill.tasks.calibration.detection.board_detection import symmetric
 from orthomill.tasks.calibration.detection.board_photographs import complete_corners, overview_level, photo_corners
+from orthomill.tasks.calibration.known_cameras import KnownCameras, as_given, from_exif, from_file
 from orthomill.tasks.calibration.reporting.drawing import draw_boards
 from orthomill.tasks.calibration.solving.arranging import arrange
-from orthomill.tasks.calibration.solving.chessboards import Model, from_chessboards, index_board_photos
 from orthomill.tasks.calibration.solving.solving import CalibrationTarget
 from orthomill.tasks.imagery.pyramid import level_shape
 

@@ -18,11 +18,11 @@ from orthomill.tasks.adjustment.adjustment_steps import (
     without_surveyed_blunder,
 )
 from orthomill.tasks.adjustment.bundle import adjust
-from orthomill.tasks.adjustment.model.adjustment_result import AS_STATED, Factors
 from orthomill.tasks.adjustment.model.network import Distances
 from orthomill.tasks.adjustment.model.surveyed_observations import Blunder, SurveyedKind
 from orthomill.tasks.adjustment.progress import BlunderTest, Progress
 from orthomill.tasks.adjustment.robust_solution import robust_solution
+from orthomill.tasks.adjustment.testing.adjustment_result import AS_STATED, Factors
 
 
 @pytest.fixture(scope="module")

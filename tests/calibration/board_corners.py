@@ -60,3 +60,9 @@ def everything_named(photos: BoardPhotos, boards: int) -> Arranged:
     """All boards named in all photographs, in their order."""
     own = tuple(ArrangedPhoto(photo=name, names=tuple(range(boards)), certain=True) for name in photos.names)
     return Arranged(boards=boards, photos=own)
+
+
+def corner_table(board: list[int], column: list[int], row: list[int], xy: list[tuple[float, float]]) -> Corners:
+    """A table of corners with pixels `xy` (col, row)."""
+    x, y = np.array(xy, dtype=float).reshape(-1, 2).T
+    return Corners(*(np.array(own, dtype=np.int32) for own in (board, column, row)), x, y)

@@ -15,7 +15,7 @@ from typing import Generic, Protocol, Self, TypeVar
 import numpy as np
 
 from orthomill.schemas.errors import GeometryError
-from orthomill.tasks.adjustment.model.adjustment_result import NONCENTRALITY
+from orthomill.tasks.adjustment.model.reliability import NONCENTRALITY
 
 
 class ConditionModel(Protocol):

@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from orthomill.tasks.adjustment.model.adjustment_result import Adjustment, CorrelatedErrors
 from orthomill.tasks.adjustment.model.linearisation import Linear, linearised
 from orthomill.tasks.adjustment.model.network import Rays
 from orthomill.tasks.adjustment.solve.normal_equations import point_precision, point_precision_alone
 from orthomill.tasks.adjustment.sparse.block_matrix import BlockMatrix
+from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment, CorrelatedErrors
 from orthomill.tasks.adjustment.testing.error_fields import MOST, TERMS, effects, field_basis, weighted_rays, white_covariance
 
 

@@ -24,10 +24,10 @@ import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.optimize import minimize_scalar
 
-from orthomill.tasks.adjustment.model.adjustment_result import Adjustment, CorrelatedErrors
 from orthomill.tasks.adjustment.model.linearisation import linearised, seen_pattern
 from orthomill.tasks.adjustment.model.network import Network, Rays
 from orthomill.tasks.adjustment.solve.normal_equations import reduced_normals
+from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment, CorrelatedErrors
 from orthomill.tasks.adjustment.testing.covariances import Covariance, covariance_of
 
 # Orders 0 and 1 are absorbed by orientation, camera constant and principal point; what a shift or tilt of the sensor leaves is of

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from orthomill.tasks.adjustment.model.adjustment_result import Adjustment
+from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 
 
 def ray_blunders(result: Adjustment, limit: np.ndarray) -> np.ndarray:

@@ -3,10 +3,10 @@
 import numpy as np
 
 from orthomill.schemas.errors import GeometryError
-from orthomill.tasks.adjustment.model.adjustment_result import Adjustment, Factors
 from orthomill.tasks.adjustment.model.collinearity import residuals
 from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import Network, Rays, State
+from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment, Factors
 from orthomill.tasks.adjustment.testing.covariances import covariance_of, points_and_rays, with_considered
 
 # A ray that alone determines something has a redundancy number of 0 and a residual of 0: their quotient has to stay a number.

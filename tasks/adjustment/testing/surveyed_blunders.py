@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtri, ndtr
 
-from orthomill.tasks.adjustment.model.adjustment_result import Adjustment, surveyed
 from orthomill.tasks.adjustment.model.datum import distance_residuals, position_residuals
 from orthomill.tasks.adjustment.model.network import Network
 from orthomill.tasks.adjustment.model.surveyed_observations import Blunder, SurveyedKind, weights_of, with_weight
+from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment, surveyed
 from orthomill.tasks.adjustment.testing.variance_components import distance_variances, position_covariances
 
 CHECKABLE = 1e-3

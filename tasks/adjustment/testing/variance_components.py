@@ -8,13 +8,13 @@ Source: Foerstner 1979 for the estimation of variance components from redundancy
 
 import numpy as np
 
-from orthomill.tasks.adjustment.model.adjustment_result import Adjustment, Factors, Group, ObservationKind, surveyed
 from orthomill.tasks.adjustment.model.datum import (
     distance_derivatives,
     distance_residuals,
     position_derivatives,
     position_residuals,
 )
+from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment, Factors, Group, ObservationKind, surveyed
 
 # One position has three coordinates: with less, a single observation would judge itself.
 LEAST_REDUNDANCY_OF_GROUP = 3.0

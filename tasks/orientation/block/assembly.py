@@ -13,9 +13,9 @@ from orthomill.schemas.camera import Camera, Cameras
 from orthomill.schemas.findings.block_findings import BlockFinding
 from orthomill.schemas.observations import Control, ControlPoint
 from orthomill.schemas.photo import Photos
-from orthomill.tasks.adjustment.model.adjustment_result import Adjustment
 from orthomill.tasks.adjustment.model.collinearity import BEHIND, residuals
 from orthomill.tasks.adjustment.model.network import Distances, Network, Rays, State
+from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.orientation.control.ground_points import approximate_points
 from orthomill.tasks.orientation.measurements import ground_rays

@@ -14,7 +14,6 @@ import numpy as np
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.findings.block_findings import BlockFinding, ConstantContradicted
 from orthomill.tasks.adjustment.bundle import BlunderTest, adjust
-from orthomill.tasks.adjustment.model.adjustment_result import Adjustment
 from orthomill.tasks.adjustment.model.datum import add_prior
 from orthomill.tasks.adjustment.model.interior import given_sigmas
 from orthomill.tasks.adjustment.model.linearisation import linearised
@@ -22,6 +21,7 @@ from orthomill.tasks.adjustment.model.network import Network, Rays, State
 from orthomill.tasks.adjustment.solve.minimise import UNDETERMINED
 from orthomill.tasks.adjustment.solve.normal_equations import reduced_normals
 from orthomill.tasks.adjustment.sparse.block_matrix import BlockMatrix
+from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.adjustment.testing.covariances import covariance_of
 from orthomill.tasks.orientation.block.self_calibration import all_fixed
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orthomill.schemas.camera import Camera
-from orthomill.tasks.adjustment.model.adjustment_result import Adjustment
 from orthomill.tasks.adjustment.model.collinearity import residuals
 from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import NO_DISTANCES, Network, Rays, State
 from orthomill.tasks.adjustment.solve.normal_equations import point_corrections
+from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.adjustment.testing.covariances import points_elsewhere
 from orthomill.tasks.geometry.intersection import intersect_rays
 from orthomill.tasks.orientation.measurements import ideal, with_interior

@@ -7,7 +7,7 @@ import numpy as np
 from orthomill.schemas.errors import some_of
 from orthomill.schemas.observations import ControlPoint
 from orthomill.schemas.orientation import GroundResidual
-from orthomill.tasks.adjustment.model.adjustment_result import ObservationKind
+from orthomill.tasks.adjustment.testing.adjustment_result import ObservationKind
 from orthomill.tasks.orientation.interchange.foreign_block import MIRRORED
 from orthomill.tasks.orientation.reporting.block_facts import CELLS, Facts, coverage, filled_areas
 from orthomill.tasks.orientation.reporting.control_sentences import control_sentence

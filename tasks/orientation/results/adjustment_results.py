@@ -15,8 +15,8 @@ from orthomill.schemas.findings.block_findings import (
 )
 from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import Block, BlockPrecision, LargestResidual, ObservationGroup, ParameterCorrelation
-from orthomill.tasks.adjustment.model.adjustment_result import Adjustment
 from orthomill.tasks.adjustment.model.interior import given_sigmas
+from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.orientation.block.assembly import BlockResults, Problem
 from orthomill.tasks.orientation.block.camera_constant import MOVED
 from orthomill.tasks.orientation.results.contradictions import contradicting_distances, contradicting_points, contradictions

@@ -11,9 +11,9 @@ import numpy as np
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.observations import Control, GroundPoints, ImageResiduals
 from orthomill.schemas.orientation import Block, ExteriorOrientation, JointCovariance, Unoriented
-from orthomill.tasks.adjustment.model.adjustment_result import Adjustment
 from orthomill.tasks.adjustment.model.collinearity import residuals
 from orthomill.tasks.adjustment.model.network import Rays
+from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.geometry.rotation import angles
 from orthomill.tasks.geometry.rotation_vector import angles_from_vector
 from orthomill.tasks.orientation.block.assembly import BlockResults, Problem

@@ -7,9 +7,9 @@ known position contradicts it: so few rays do not outweigh a position.
 
 import numpy as np
 
-from orthomill.tasks.adjustment.model.adjustment_result import Adjustment
 from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import Network, Rays, State
+from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 
 WEAK = 5.0
 """A photograph is poorly determined when its standard error is larger than the median of the block by this factor."""

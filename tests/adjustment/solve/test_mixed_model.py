@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orthomill.schemas.errors import GeometryError
-from orthomill.tasks.adjustment.model.adjustment_result import NONCENTRALITY
+from orthomill.tasks.adjustment.model.reliability import NONCENTRALITY
 from orthomill.tasks.adjustment.solve.mixed_model import solve_mixed
 
 

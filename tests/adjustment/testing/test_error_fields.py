@@ -7,7 +7,7 @@ import pytest
 from small_network import dense, small_network
 
 from orthomill.tasks.adjustment.bundle import adjust
-from orthomill.tasks.adjustment.model.adjustment_result import CorrelatedErrors
+from orthomill.tasks.adjustment.testing.adjustment_result import CorrelatedErrors
 from orthomill.tasks.adjustment.testing.error_field_precision import with_correlated_errors
 from orthomill.tasks.adjustment.testing.error_fields import TERMS, correlated_errors, field_basis, weighted_rays
 

@@ -8,8 +8,9 @@ import pytest
 from scipy.stats import kstest
 from small_network import dense, more_control, small_network, surveyed_noise
 
-from orthomill.tasks.adjustment.model.adjustment_result import AS_STATED, NONCENTRALITY
+from orthomill.tasks.adjustment.model.reliability import NONCENTRALITY
 from orthomill.tasks.adjustment.solve.minimise import minimise
+from orthomill.tasks.adjustment.testing.adjustment_result import AS_STATED
 from orthomill.tasks.adjustment.testing.ray_blunders import ray_blunders
 from orthomill.tasks.adjustment.testing.solution_precision import precise_solution
 

@@ -8,9 +8,9 @@ from scipy.stats import chi2, norm
 from small_network import dense, more_control, small_network, surveyed_noise
 
 from orthomill.tasks.adjustment.bundle import adjust
-from orthomill.tasks.adjustment.model.adjustment_result import AS_STATED
 from orthomill.tasks.adjustment.model.surveyed_observations import Blunder, SurveyedKind, without
 from orthomill.tasks.adjustment.solve.minimise import minimise
+from orthomill.tasks.adjustment.testing.adjustment_result import AS_STATED
 from orthomill.tasks.adjustment.testing.solution_precision import precise_solution
 from orthomill.tasks.adjustment.testing.surveyed_blunders import (
     CLEAR,

@@ -7,9 +7,9 @@ import pytest
 from small_network import more_control, small_network, surveyed_noise
 
 from orthomill.tasks.adjustment.bundle import adjust
-from orthomill.tasks.adjustment.model.adjustment_result import AS_STATED, Factors, ObservationKind
 from orthomill.tasks.adjustment.model.network import Distances
 from orthomill.tasks.adjustment.solve.minimise import minimise
+from orthomill.tasks.adjustment.testing.adjustment_result import AS_STATED, Factors, ObservationKind
 from orthomill.tasks.adjustment.testing.solution_precision import precise_solution
 from orthomill.tasks.adjustment.testing.variance_components import _enlarged, converged, distance_variances, estimated_factors
 

@@ -9,7 +9,7 @@ from orthomill.schemas.findings.block_findings import ControlContradicted, Dista
 from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import GroundResiduals, ObservationGroup, ParameterCorrelation, Unoriented
 from orthomill.schemas.photo import Photos
-from orthomill.tasks.adjustment.model.adjustment_result import ObservationKind
+from orthomill.tasks.adjustment.testing.adjustment_result import ObservationKind
 from orthomill.tasks.orientation.reporting.block_warnings import block_warnings
 
 

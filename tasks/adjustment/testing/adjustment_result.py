@@ -6,12 +6,9 @@ from enum import StrEnum
 import numpy as np
 
 from orthomill.tasks.adjustment.model.network import Network, Rays, State
+from orthomill.tasks.adjustment.model.reliability import NONCENTRALITY
 from orthomill.tasks.adjustment.model.surveyed_observations import Blunder
 from orthomill.tasks.adjustment.testing.covariances import Covariance
-
-# The noncentrality delta_0 of Baarda's B-method, for alpha_0 = 0.1 % and beta_0 = 80 %: 3.29 + 0.84.
-NONCENTRALITY = 4.13
-"""A test at 0.1 % finds a bias of this many standard errors with 80 % probability (Baarda 1968)."""
 
 
 class ObservationKind(StrEnum):
