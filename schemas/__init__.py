@@ -1,1 +1,1 @@
-"""The words that all rooms of orthomill share. Imports nothing from the rest of the project."""
+"""The data models that all packages of orthomill share. Imports nothing from the rest of the project."""

@@ -20,6 +20,8 @@ class EpipolarPair(BaseModel):
     """left-right"""
     left: str
     right: str
+    # Rotation, c and row0 exist once: if the two images differed in any of them, homologous rows would not agree over the whole
+    # image.
     rotation: tuple[tuple[float, float, float], ...]
     left_centre: tuple[float, float, float]
     right_centre: tuple[float, float, float]
@@ -27,18 +29,22 @@ class EpipolarPair(BaseModel):
     """m"""
     c: float
     row0: float
+    # One column origin per image: only the rows must agree, and each image is cropped to the ground that both photographs see.
     left_col0: float
     right_col0: float
     rows: int
     left_cols: int
     right_cols: int
+    # With a margin, because tie points are sparse: the highest roof or mast rarely carries one, but must lie in the search range.
     parallax_low: float
     parallax_high: float
     """range of x_left - x_right over the heights of the block, with a margin, px"""
+    # The usual measure of intersection geometry: the standard error of a height is that of the parallax, in ground units, over it.
     base_height: float
     """base over mean height above ground"""
     row_sigma: float
     """standard error of the y-parallax, from the precision of the orientation, px"""
+    # Nine places: errors of the orientation deform the heights smoothly, so that bilinear interpolation between these suffices.
     height_sigmas: tuple[float, ...] = ()
     """standard errors of heights due to the orientation, m: (9,) at three rows and three columns of the left image, from the upper
     left to the lower right corner; empty where the orientation has no covariance"""
@@ -55,10 +61,11 @@ class EpipolarPairs(BaseModel):
 
 
 class GreyRange(BaseModel):
-    """The grey values of a photograph that map to 0 and 255: one contrast stretch for all its tiles, or seams would appear."""
+    """The grey values of a photograph that map to 0 and 255: one contrast stretch for all its tiles, which avoids seams."""
 
     model_config = ConfigDict(frozen=True)
 
+    # The defaults are the identity: stretching 8 bits into 8 bits adds rounding errors but no information.
     low: float = 0.0
     high: float = 255.0
 

@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 
 
+# One base class decides what the command line prints: these as a sentence, anything else with its traceback, as it is a defect.
 class OrthomillError(Exception):
     """Anything that orthomill can explain to its user; shown without a traceback."""
 
 
 class WorkflowError(OrthomillError):
-    """The workflow file, or a file that it names, is not as required."""
+    """The workflow file, or a file that it names, is invalid."""
 
 
 class PhotoError(OrthomillError):
@@ -24,11 +25,11 @@ class StoreError(OrthomillError):
 
 
 class ResourceError(OrthomillError):
-    """Memory, disk or a worker is not enough for the work."""
+    """Memory, disk space or workers do not suffice."""
 
 
 def some_of(names: Sequence[str], most: int = 8) -> str:
     """The first `most` names, and how many more there are."""
-    # A block can have thousands of photographs: the sentence must remain one.
+    # A block can have thousands of photographs, and the message must remain one readable sentence.
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more

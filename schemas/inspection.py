@@ -33,6 +33,7 @@ class PhotoMap:
 
     shape: tuple[int, int]
     """rows and columns"""
+    # An iterator, because the whole map of a scan of several hundred megapixels need not fit into memory.
     strips: Iterator[np.ndarray]
     """(rows, columns) uint8 from top to bottom; they can be iterated once"""
     labels: dict[int, str]

@@ -20,6 +20,7 @@ class TiePoints(Columns):
     col: np.ndarray
     row: np.ndarray
     """float64: pixel coordinates as observed (distorted), centre of the upper-left pixel is (0, 0)"""
+    # Each measurement has its own: features of coarse pyramid levels are located less precisely than those of the full image.
     sigma: np.ndarray
     """float32: standard error of a coordinate, px"""
 
@@ -29,6 +30,7 @@ class GroundPoints(Columns):
     """Tie points on the ground, from the block adjustment."""
 
     track: np.ndarray
+    # float64: the steps of float32 are 0.5 m at a northing of 4 400 000 m. Standard errors need no more than float32.
     x: np.ndarray
     y: np.ndarray
     z: np.ndarray
@@ -54,6 +56,7 @@ class ControlPoint(BaseModel):
     xyz: tuple[float, float, float]
     sigma: tuple[float, float, float]
     """m"""
+    # A standard error for each photograph, because a target seen obliquely is measured less precisely than one seen from above.
     measurements: dict[str, tuple[float, float, float]]
     """photo -> (col, row, sigma), px"""
 
@@ -89,7 +92,7 @@ CONTROL = Table("orientation/control.json", Control)
 class ImageResiduals(Columns):
     """One row per image measurement of tie points and control in the block adjustment; sorted by track."""
 
-    # One column for both kinds: surveyed points have negative numbers.
+    # One column serves both kinds: surveyed points have negative numbers, which tie points never have.
     track: np.ndarray
     """int32: number of the tie point; -1 - i for point i of `Control`"""
     photo: np.ndarray
@@ -97,9 +100,11 @@ class ImageResiduals(Columns):
     col: np.ndarray
     row: np.ndarray
     """float64: as observed, px"""
+    # The sign of least squares, observation + residual = computed value; other programs often use the opposite one.
     v_col: np.ndarray
     v_row: np.ndarray
     """float32: computed minus observed, px"""
+    # Not v / sigma: a residual is more precise than its observation, by the root of the redundancy number.
     standardised: np.ndarray
     """float32: the larger of the two residuals in units of its own standard error; NaN where the ray was rejected"""
     used: np.ndarray

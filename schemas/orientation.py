@@ -15,6 +15,7 @@ class ExteriorOrientation(BaseModel):
     photo: str
     centre: tuple[float, float, float]
     """X, Y, Z, m"""
+    # Degrees for people, but radians in the covariance, where they match the derivatives of the collinearity equations.
     omega_phi_kappa: tuple[float, float, float]
     """degrees"""
     covariance: tuple[tuple[float, ...], ...] | None = None
@@ -22,6 +23,7 @@ class ExteriorOrientation(BaseModel):
     observations: int = 0
     residual_px: float | None = None
     """root mean square of its image residuals"""
+    # Over flat ground c and the flying height compensate each other: propagating them as independent would count one error twice.
     with_interior: dict[str, tuple[tuple[float, ...], ...]] = {}
     """camera -> 6 x 8: covariance with the interior orientation of the camera (order of INTERIOR, px); for cameras that were
     adjusted in the block"""
@@ -37,8 +39,8 @@ class Unoriented(BaseModel):
 
 
 class JointCovariance(BaseModel):
-    """The covariance between two photographs or cameras: what a poorly determined datum does to both alike is no error between
-    them."""
+    """The covariance between two photographs or two cameras. Errors that both share, such as those of a poorly determined datum,
+    cancel in relative quantities."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -49,7 +51,7 @@ class JointCovariance(BaseModel):
 
 
 class Block(BaseModel):
-    """Photographs oriented together in the project's CRS."""
+    """A block of photographs, oriented in the project's CRS."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -62,11 +64,13 @@ class Block(BaseModel):
     datum: str
     """control, gnss or free, as one sentence"""
     sigma0_px: float
+    # sigma0 is only as reliable as the redundancy behind it, so that the two are stored together.
     redundancy: int
     iterations: int
     ground_low: float
     ground_high: float
     """robust range of tie point heights, m"""
+    # By pairs, because the full covariance matrix grows with the square of the number of photographs.
     joint: tuple[JointCovariance, ...] = ()
     """of all pairs of photographs that share tie points"""
     joint_cameras: tuple[JointCovariance, ...] = ()
@@ -106,9 +110,11 @@ class RelativeOrientation(BaseModel):
     """"oriented", or a sentence why not"""
     base: tuple[float, float, float] = (0.0, 0.0, 0.0)
     omega_phi_kappa: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    # Five: images alone do not determine the length of the base.
     sigma: tuple[float, float, float, float, float] | None = None
     """standard errors: two of the base's direction across itself, three of the rotation about the axes of the right image;
     degrees"""
+    # The classical parameters divide by b_x and lose their meaning where the base lies across the x axis or along the view.
     by_bz: tuple[float, float] | None = None
     """b_y and b_z for b_x = 1, where the base lies mainly along x"""
     sigma0_px: float | None = None
@@ -163,7 +169,7 @@ class DistanceResidual(BaseModel):
 
 
 class GroundResiduals(BaseModel):
-    """How the block fits what is known on the ground and in the air."""
+    """Differences of the block from control points, check points, GNSS positions and measured distances."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -175,7 +181,7 @@ class GroundResiduals(BaseModel):
 
 
 class ParameterCorrelation(BaseModel):
-    """Two strongly correlated unknowns, which the observations hardly distinguish."""
+    """Two strongly correlated unknowns, which the observations can hardly separate."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -192,6 +198,7 @@ class ObservationGroup(BaseModel):
     name: str
     count: int
     """scalar observations"""
+    # Not an integer: single redundancy numbers lie between 0 and 1, and only their sum over all groups is the whole redundancy.
     redundancy: float
     """its part of the redundancy: the sum of its redundancy numbers"""
     factor: float
@@ -210,6 +217,7 @@ class LargestResidual(BaseModel):
     """x or y, image coordinates"""
     residual_px: float
     standardised: float
+    # Near 0 the residual hardly shows a gross error: a small residual then says nothing about its measurement.
     redundancy_number: float
     """the share of an error of this measurement that its own residual shows"""
     detectable_px: float
@@ -227,12 +235,14 @@ class BlockPrecision(BaseModel):
     control_factor: float
     rays: int
     rejected: int
+    # Estimated once for all positions: absolute GNSS errors change little during a flight and would otherwise deform the block.
     gnss_shift: tuple[float, float, float] | None = None
     gnss_shift_sigma: tuple[float, float, float] | None = None
     correlations: tuple[ParameterCorrelation, ...] = ()
     """of 0.9 or more"""
     findings: tuple[BlockFinding, ...] = ()
     """about datum, cameras, contradictions and connection; the report puts them into words"""
+    # z backwards, as the camera looks along -z: an antenna above a camera that looks down has a positive z.
     lever_arm: tuple[float, float, float] | None = None
     """from the projection centre to the antenna in the image system (x right, y up, z backwards), m; None: not used"""
     lever_arm_sigma: tuple[float, float, float] | None = None
@@ -245,12 +255,13 @@ class BlockPrecision(BaseModel):
     """correlated image errors, root mean square over the frame; None where the residuals are those of white noise"""
     common_share: float | None = None
     """the part of their variance which is the same in all photographs of a camera"""
+    # Kept for comparison with programs that assume independent image errors.
     white_sigma: dict[str, tuple[float, ...]] = {}
     """camera -> standard errors of its interior parameters (order of INTERIOR) under the assumption of white noise"""
 
 
 class SeparateBlocks(BaseModel):
-    """Groups of photographs that nothing connects to the project's system: free blocks of their own."""
+    """Groups of photographs that nothing connects to the project's reference system: each is a free block."""
 
     model_config = ConfigDict(frozen=True)
 

@@ -6,6 +6,7 @@ from enum import IntEnum
 class Outcome(IntEnum):
     """uint8 in arrays."""
 
+    # Zero is the fill value of rasters: nodes that no job wrote read as not tried. The numbers are stored: append new ones.
     NOT_TRIED = 0
     CONVERGED = 1
     LOW_TEXTURE = 2

@@ -1,4 +1,4 @@
-"""What is known of a photograph before its pixels are read."""
+"""What is known about a photograph before its pixels are read."""
 
 from collections.abc import Mapping
 from enum import StrEnum
@@ -18,6 +18,7 @@ class Header(BaseModel):
     height: int
     bands: int
     dtype: str
+    # Text, because programs disagree about the types of tags: the same one occurs as a number, a fraction or a padded string.
     tags: dict[str, str] = {}
 
 
@@ -47,6 +48,7 @@ class Photo(BaseModel):
     pixel_um: float | None = None
     longitude: float | None = None
     latitude: float | None = None
+    # Metres above whatever surface the receiver refers to: EXIF does not say reliably whether that is the ellipsoid or the geoid.
     altitude: float | None = None
     time: str | None = None
     position: tuple[float, float, float] | None = None
@@ -54,6 +56,7 @@ class Photo(BaseModel):
     position_sigma: tuple[float, float, float] | None = None
     attitude: tuple[float, float, float] | None = None
     """omega, phi, kappa in degrees, rough: from the positions file or the tags of the gimbal"""
+    # Affine and not a similarity: film shrinks differently along and across, and scanners have two scales.
     scan: tuple[float, float, float, float, float, float] | None = None
     """A scan in the frame of its fiducial marks: col = s0 + s1 col_file + s2 row_file, row = s3 + s4 col_file + s5 row_file, where
     col_file, row_file are pixels of the file and col, row those used everywhere else. None: the pixels of the upright file."""
@@ -68,17 +71,19 @@ class Photo(BaseModel):
         return 1 if self.as_taken else self.exif_orientation
 
     def from_file(self, col: float, row: float) -> tuple[float, float]:
-        """The place in the photograph of a pixel of the (upright) file; they differ for scans."""
+        """The pixel of the photograph that a pixel of the (upright) file becomes; the two differ only for scans."""
         if self.scan is None:
             return col, row
         s = self.scan
         return s[0] + s[1] * col + s[2] * row, s[3] + s[4] * col + s[5] * row
 
     def holds(self, col: float, row: float) -> bool:
-        """Whether a place lies on the photograph, including border pixels to their outer edge."""
+        """Whether a position lies on the photograph, including border pixels up to their outer edge."""
+        # Integers are centres of pixels, hence the halves; without them measurements on the border pixels would be refused.
         return -0.5 <= col <= self.width - 0.5 and -0.5 <= row <= self.height - 0.5
 
 
+# Stored as these words, not as numbers: tables remain readable, and a new code cannot collide with an old one.
 class PhotoRemarkCode(StrEnum):
     """What was noticed about files and positions without being a reason to refuse them."""
 
@@ -91,7 +96,7 @@ class PhotoRemarkCode(StrEnum):
 
 
 class PhotoRemark(BaseModel):
-    """One remark: its code, the photographs (or files) that it concerns, and the distance that a stray position has."""
+    """One remark: its code, the photographs (or files) that it concerns, and the distance of a stray position."""
 
     model_config = ConfigDict(frozen=True)
 

@@ -67,6 +67,7 @@ class CameraGiven(Settings):
     p1: float = setting(0.0, "Tangential distortion.")
     p2: float = setting(0.0, "Tangential distortion.")
     pixel_um: float | None = setting(None, "Side of a pixel on the sensor or scan.", "micrometres", gt=0)
+    # 0 stores no covariance at all, because a variance of zero would claim an error-free camera constant.
     sigma_c: float = setting(0.0, "Standard error of the camera constant; 0 when not known.", "px", ge=0)
     serves: str = setting("*", SERVES)
 
@@ -80,6 +81,8 @@ class CameraFromChessboards(Settings):
     corners: tuple[int, int] = setting(
         ..., "Inner corners of a board: columns, rows. One must be even and one odd, so that the board has a unique origin."
     )
+    # Scales the boards and cameras of the calibration only: the interior orientation in pixels does not depend on it while the
+    # boards are exact.
     square: float = setting(..., "Side of a square.", "m", gt=0)
     boards: int = setting(0, "Number of equal boards in the scene; 0: as many as the photographs show.", ge=0, le=40)
     arrangement: Literal["plane", "space"] = setting(
@@ -147,6 +150,7 @@ class ControlFromGcpList(Settings):
 
     kind: Literal["gcp_list"]
     path: str = setting(..., "The file gcp_list.txt.")
+    # The defaults are those of targets surveyed with RTK GNSS and measured by hand on the screen.
     sigma_plan: float = setting(0.03, "Standard error of the points in X and Y.", "m", gt=0)
     sigma_height: float = setting(0.05, "Standard error of the points in Z.", "m", gt=0)
     sigma_px: float = setting(1.0, "Standard error of their measurements in the photographs.", "px", gt=0)
@@ -175,6 +179,7 @@ ControlSource = Annotated[ControlFromFiles | ControlFromGcpList | NoControl | Si
 class Project(Settings):
     """Everything in a workflow file except its stages."""
 
+    # A folder name on every system: lower case, because some file systems do not distinguish case.
     project: str = setting(..., "Name of the project; its results go to runs/<project>.", pattern=r"^[a-z0-9][a-z0-9_-]*$")
     crs: str = setting(..., "Projected coordinate reference system in metres, e.g. EPSG:2100; a vertical one may follow after +.")
     photographs: Photographs = setting(..., "Where the photographs are.")

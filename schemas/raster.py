@@ -45,7 +45,7 @@ class Window:
         return Window(row, col, max(bottom - row, 0), max(right - col, 0))
 
     def scaled(self, factor: int) -> "Window":
-        """The window of the same ground in a raster whose pixels are `factor` times smaller."""
+        """The window of the same area in a raster whose pixels are `factor` times smaller."""
         return Window(self.row * factor, self.col * factor, self.height * factor, self.width * factor)
 
 
@@ -94,16 +94,19 @@ class MapGrid(BaseModel):
 
     def pixel(self, x: Coordinates, y: Coordinates) -> tuple[Coordinates, Coordinates]:
         """(col, row) of ground points, float; cell centres are integers."""
+        # Half a cell less than the transform gives, which counts from the outer corner: confusing the two shifts a map by half a
+        # cell.
         return (x - self.west) / self.cell - 0.5, (self.north - y) / self.cell - 0.5
 
 
 class RasterSpec(BaseModel):
-    """A raster before any of it exists; the store creates it from this, and exports read it back."""
+    """The specification of a raster. The store creates the raster from it, and exports read it back."""
 
     model_config = ConfigDict(frozen=True)
 
     name: str
     shape: tuple[int, ...]
+    # As text, so that the specification can be stored as JSON with the raster itself.
     dtype: str
     chunk: int
     nodata: float | None = None
@@ -122,6 +125,8 @@ class RasterSpec(BaseModel):
 
     @property
     def chunks(self) -> tuple[int, ...]:
+        # No larger than the raster, as every chunk is stored at its full size; all bands together, as tiles are read with all
+        # bands.
         return (min(self.chunk, self.shape[0]), min(self.chunk, self.shape[1]), *self.shape[2:])
 
     @property

@@ -16,10 +16,12 @@ from orthomill.schemas.settings import Settings
 T = TypeVar("T")
 
 
+# Not an OrthomillError: a handler of errors for users must not intercept this signal to the engine.
 class NotYet(Exception):
     """A table or raster that planning asked for does not exist yet. Never shown to a user."""
 
 
+# A protocol, so that stages depend on no engine and tests can plan a stage with a few given tables.
 class ProjectView(Protocol):
     """What a stage may know while it plans."""
 

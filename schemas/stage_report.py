@@ -52,6 +52,7 @@ class Picture(_ReportPart):
     style: Literal["hillshade", "rgb", "ramp", "diverging", "classes"]
     caption: str = ""
     unit: str = ""
+    # Percentiles by default: a single blunder would otherwise stretch the colours until the rest looks uniform.
     low: float | None = None
     high: float | None = None
     colours: str = "viridis"

@@ -15,6 +15,7 @@ COUNT = "densification/count"
 """uint8, pairs that agree on the height"""
 PROVENANCE = "densification/provenance"
 """uint8 code of Provenance"""
+# A raster of its own: the report compares it with the measured height, and the check can be repeated without matching again.
 CORRECTED = "dsm_check/height"
 """float32 m, the height after the check"""
 ORTHO = "texture/ortho"

@@ -23,6 +23,7 @@ TRUTH_MATERIAL = "truth/material"
 """uint8 (rows, cols): code of Material."""
 TRUTH_BUILDING = "truth/building"
 """uint16 (rows, cols): number of the building, counted from 1; 0 where there is none."""
+# One bit per photograph limits a simulation to 32 photographs; a raster for each would take eight times the space and more reads.
 TRUTH_VISIBILITY = "truth/visibility"
 """uint32 (rows, cols): bit i is set where photo i of TRUTH_BLOCK truly sees the cell's centre (inside the photo, not occluded;
 vehicles are ignored). `(mask >> i) & 1`."""
@@ -31,6 +32,7 @@ vehicles are ignored). `(mask >> i) & 1`."""
 class Material(IntEnum):
     """Material of the surface as seen from above."""
 
+    # Counted from 1: 0 is the fill value of rasters and must not be a material.
     OPEN_GROUND = 1
     FIELD = 2
     ROAD = 3

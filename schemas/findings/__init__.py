@@ -1,1 +1,1 @@
-"""What stages found out that a reader must know, as codes with numbers; reports turn them into sentences."""
+"""Findings of the stages that a reader must know, as codes with numbers; reports turn them into sentences."""

@@ -1,7 +1,7 @@
-"""What the orientation of a block found out that a reader must know: a code with its names and numbers, never a sentence.
+"""Findings of the block orientation that a reader must know: a code with names and numbers, never a sentence.
 
-Tables carry these values; the report of the stage turns each of them into words. Programs that read the tables compare
-codes and numbers, and a translation needs the report only.
+Tables carry these values, and the report of the stage turns each of them into words. Programs that read the tables compare
+codes and numbers, and a translation concerns the report only.
 """
 
 from typing import Annotated, Literal
@@ -11,6 +11,8 @@ from pydantic import BaseModel, ConfigDict, Field
 Vector = tuple[float, float, float]
 
 
+# The literal `code` of each class selects it when a table is read. Codes are therefore part of the file format and never change;
+# names of classes may.
 class _Finding(BaseModel):
     model_config = ConfigDict(frozen=True)
 
@@ -32,8 +34,9 @@ class TiltUnobserved(_Finding):
     """Positions and control lie nearly on one line, and an assumption determines the tilt about it."""
 
     code: Literal["tilt_unobserved"] = "tilt_unobserved"
+    # None where it is infinite: Infinity is no JSON, and other programs that read the tables need not accept it.
     tilt_sigma_deg: float | None
-    """standard error of the tilt from positions and control alone; None: they say nothing of it"""
+    """standard error of the tilt from positions and control alone; None: they do not determine it"""
     basis: Literal["attitude", "down", "level"]
     """where the up direction comes from"""
     sigma_deg: float
@@ -50,20 +53,22 @@ class DatumMisfit(_Finding):
     """Positions and control do not fit the shape of the block."""
 
     code: Literal["datum_misfit"] = "datum_misfit"
+    # A median: a single wrong position or point has a message of its own and must not look like a datum that does not fit.
     ratio: float
     """median misfit before the adjustment, in standard errors"""
 
 
 class LooksUpward(_Finding):
-    """By the control the photographs look upwards from below the ground."""
+    """According to the control, the photographs look up from below the ground."""
 
     code: Literal["looks_upward"] = "looks_upward"
 
 
 class AxesExchanged(_Finding):
-    """The control fits with X and Y exchanged only."""
+    """The control fits only with X and Y exchanged."""
 
     code: Literal["axes_exchanged"] = "axes_exchanged"
+    # Geodetic systems often name the northing X and list it first. Both misfits are kept, to show how clear the case is.
     exchanged_m: float
     given_m: float
     """root mean square misfits"""
@@ -75,9 +80,10 @@ class DistortionFolds(_Finding):
     code: Literal["distortion_folds"] = "distortion_folds"
     camera: str
     reach_px: float
-    """largest radius that can be undone"""
+    """largest radius at which the distortion can be inverted"""
     corner_px: float
     """radius of the farthest corner"""
+    # k1 refers to radii in units of c, so that its size means nothing in pixels without c.
     k1: float
     c: float
 
@@ -87,6 +93,7 @@ class InteriorUndetermined(_Finding):
 
     code: Literal["interior_undetermined"] = "interior_undetermined"
     camera: str
+    # A share, because without control a relative error of c is the same relative error of all height differences.
     share: float | None
     """predicted standard error in units of c; None: the normal equations are singular"""
 
@@ -129,12 +136,13 @@ class PrincipalPointMoved(_Finding):
 
 
 class ImageErrorsCorrelated(_Finding):
-    """Neighbouring image measurements err alike, which makes standard errors notably larger."""
+    """The errors of neighbouring image measurements are correlated, which makes standard errors notably larger."""
 
     code: Literal["image_errors_correlated"] = "image_errors_correlated"
     rms_px: float
     camera_share: float
     """the part of the variance that all photographs of a camera have in common"""
+    # The parameter that loses most, as an example: the loss differs between parameters, and one factor for all would mislead.
     parameter: str
     owner: str
     """camera or photograph whose `parameter` loses most precision"""
@@ -150,6 +158,7 @@ class ControlContradicted(_Finding):
     point: str
     difference: Vector
     """block minus given, m"""
+    # By component and not by length: standard errors in plan and height differ, so that the length would hide an error in plan.
     ratio: float
     """its largest component in predicted standard errors"""
 
@@ -164,10 +173,11 @@ class PositionContradicted(_Finding):
 
 
 class PositionsElsewhere(_Finding):
-    """Many positions contradict the block together."""
+    """Many positions contradict the block at once."""
 
     code: Literal["positions_elsewhere"] = "positions_elsewhere"
     photos: int
+    # Length of the median, not median of the lengths: random errors cancel, and the common displacement remains.
     distance_m: float
     """length of the median difference"""
 
@@ -176,6 +186,7 @@ class PositionsAlongView(_Finding):
     """Positions and control contradict each other along the viewing direction only."""
 
     code: Literal["positions_along_view"] = "positions_along_view"
+    # Heights of another vertical datum and a wrong camera constant both displace positions along the view only.
     photos: int
     along_m: float
 
@@ -195,6 +206,7 @@ class DistanceContradicted(_Finding):
     """left out; kept, because nothing shows which observation is wrong; kept with a larger standard error"""
 
 
+# Without redundancy the residual of the only distance is zero whatever its error, so that no test can report a blunder.
 class DistanceUnchecked(_Finding):
     """One distance alone gives the scale."""
 
@@ -208,11 +220,12 @@ class Misfit(BaseModel):
 
     photo: str
     misfit_px: float
+    # Confusing two points is a frequent blunder of manual measurement; naming the other one tells the user where to correct it.
     lies_on: str | None = None
 
 
 class MeasurementsRejected(_Finding):
-    """Single measurements of a surveyed point took no part."""
+    """Individual image measurements of a surveyed point were rejected."""
 
     code: Literal["measurements_rejected"] = "measurements_rejected"
     role: Literal["control", "tie"]
@@ -221,8 +234,9 @@ class MeasurementsRejected(_Finding):
     rejected: tuple[Misfit, ...]
 
 
+# A class of its own: check points take no part in the adjustment, so that nothing of them can be rejected there.
 class CheckMeasurementsApart(_Finding):
-    """Single measurements of a check point do not meet the others, which lie on its coordinates."""
+    """Individual image measurements of a check point disagree with the others, which agree with its coordinates."""
 
     code: Literal["check_measurements_apart"] = "check_measurements_apart"
     point: str
@@ -234,6 +248,7 @@ class GroupsUnconnected(_Finding):
     """No tie points connect these groups of photographs; each has a datum of its own. The largest comes first."""
 
     code: Literal["groups_unconnected"] = "groups_unconnected"
+    # The largest comes first, because it is the one that the others have to be connected to.
     groups: tuple[tuple[str, ...], ...]
 
 
@@ -251,6 +266,7 @@ class CameraConstantsAveraged(_Finding):
     camera: str
     x_px: float
     y_px: float
+    # At the border, because the error of one common constant grows with the distance from the principal point.
     error_px: float
     """error at the border of the frame"""
 
@@ -259,12 +275,13 @@ class LargestReconstruction(_Finding):
     """Of several reconstructions in a file the largest was read."""
 
     code: Literal["largest_reconstruction"] = "largest_reconstruction"
+    # OpenSfM writes one reconstruction per connected part, each in a system of its own: they cannot be read as one block.
     count: int
     photos: int
 
 
 class PhotosUnknown(_Finding):
-    """Photographs of the block that was read which the project does not have."""
+    """The block that was read contains photographs which the project does not have."""
 
     code: Literal["photos_unknown"] = "photos_unknown"
     photos: tuple[str, ...]
@@ -275,6 +292,7 @@ class BlockElsewhere(_Finding):
 
     code: Literal["block_elsewhere"] = "block_elsewhere"
     source: str
+    # A vector: its direction shows whether heights, one axis or the whole reference system differ.
     offset: Vector
     """median of block minus given, m"""
 
@@ -290,7 +308,7 @@ class TiePointsMisfit(_Finding):
 
 
 class BlockUnexamined(_Finding):
-    """A fixed block without tie points that would examine it."""
+    """A fixed block that no tie points check."""
 
     code: Literal["block_unexamined"] = "block_unexamined"
     source: str

@@ -1,10 +1,11 @@
-"""What reading the control of a project found out that a reader must know: codes with their names and numbers."""
+"""Findings from reading the control of a project that a reader must know: codes with names and numbers."""
 
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 
+# Geoid undulations reach tens of metres: heights that silently changed or kept their datum would shift the block by as much.
 class HeightsNotTransformed(BaseModel):
     """Heights kept their values, because only one of the two reference systems has a vertical datum."""
 
@@ -12,11 +13,11 @@ class HeightsNotTransformed(BaseModel):
 
     code: Literal["heights_not_transformed"] = "heights_not_transformed"
     crs: str
-    """the system that has one"""
+    """the system with a vertical datum"""
 
 
 class ControlElsewhere(BaseModel):
-    """Surveyed points far from the positions of the photographs were set aside."""
+    """Surveyed points lie far from the positions of the photographs and are not used."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -24,12 +25,14 @@ class ControlElsewhere(BaseModel):
     points: int
     crs: str
     """the reference system in which the points were read"""
+    # A median, so that one mistyped coordinate does not report the whole file as being elsewhere.
     distance_m: float
-    """median distance from the middle of the photographs"""
+    """median horizontal distance from the median position of the photographs"""
     fits: str | None = None
-    """the reference system in which they would be at the photographs; None: none of the usual ones"""
+    """the reference system in which they would lie at the photographs; None: none of the usual ones"""
+    # EPSG defines many systems with the northing or latitude first, while most files have the easting or longitude first.
     exchanged: bool = False
-    """whether they would be there with their first two coordinates exchanged"""
+    """whether that requires exchanging their first two coordinates"""
 
 
 ControlFinding = Annotated[HeightsNotTransformed | ControlElsewhere, Field(discriminator="code")]
