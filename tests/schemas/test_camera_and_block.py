@@ -10,8 +10,17 @@ from pydantic import ValidationError
 from orthomill.schemas.camera import CAMERAS, INTERIOR, Camera, Cameras
 from orthomill.schemas.epipolar import EpipolarPair, epipolar_raster, grey_table
 from orthomill.schemas.observations import Control, ControlPoint
-from orthomill.schemas.orientation import BLOCK, Block, ExteriorOrientation, RelativeOrientation, Unoriented
-from orthomill.schemas.photo import Header, Photo, Photos, photo_raster, tag_text
+from orthomill.schemas.orientation import (
+    BLOCK,
+    Block,
+    ExteriorOrientation,
+    GroundResidual,
+    GroundResiduals,
+    JointCovariance,
+    RelativeOrientation,
+    Unoriented,
+)
+from orthomill.schemas.photo import Header, Photo, PhotoRemark, PhotoRemarkCode, Photos, photo_raster, tag_text
 
 FINITE = st.floats(-1e6, 1e6)
 POSITIVE = st.floats(1e-3, 1e6)
@@ -158,3 +167,69 @@ def test_parallax_gives_the_point_as_the_docstring_says(base, c, depth, x):
     point = [value * base / parallax for value in (x_left, -c)]
     assert point == pytest.approx([x, -depth], rel=1e-9, abs=1e-9)
     assert "base / p" in EpipolarPair.__doc__
+
+
+def test_a_new_k1_keeps_everything_else_of_a_camera():
+    covariance = tuple(tuple(float(i == j) for j in range(8)) for i in range(8))
+    cameras = Cameras(cameras={"n": camera("n", k2=0.2, covariance=covariance, sigma0=0.4)}, of_photo={"a": "n"})
+    changed = cameras.with_k1({"n": -0.1}).of("a")
+    assert changed.model_copy(update={"k1": 0.0}) == cameras.of("a") and changed.covariance == covariance
+    assert cameras.with_k1({}) == cameras
+
+
+def test_unknown_photographs_and_cameras_are_not_guessed():
+    cameras = Cameras(cameras={"n": camera("n")}, of_photo={"a": "n"})
+    for question in (lambda: cameras.of("b"), lambda: cameras.with_k1({"z": 0.1}), lambda: block("a").camera_of("b")):
+        with pytest.raises(KeyError):
+            question()
+
+
+@pytest.mark.parametrize("wrong", [{"f": 35.0}, {"K1": 0.1}, {"distortion": []}])
+def test_a_misspelt_parameter_of_a_camera_file_is_refused(wrong):
+    with pytest.raises(ValidationError, match="Extra inputs are not permitted"):
+        Camera.model_validate(camera().model_dump() | wrong)
+
+
+@settings(max_examples=40, deadline=None)
+@given(names=st.lists(st.text("abc", min_size=1, max_size=3), max_size=8, unique=True))
+def test_a_block_lists_its_photographs_as_stored(names):
+    one = block(*names)
+    assert one.names == tuple(names) and [one.of(name).photo for name in names] == names
+    assert [one.of(name).centre[0] for name in names] == list(range(len(names)))
+
+
+def test_covariances_between_photographs_and_cameras_are_stored_with_the_block():
+    between = JointCovariance(first="a", second="b", covariance=tuple(tuple(i + 10.0 * j for j in range(6)) for i in range(6)))
+    one = block("a", "b", joint=(between,), groups=(("a", "b"),))
+    again = Block.model_validate_json(one.model_dump_json())
+    assert again.joint == (between,) and again.groups == (("a", "b"),) and again.joint_cameras == ()
+
+
+def test_residuals_are_found_by_role_in_their_order():
+    roles = {"P1": "control", "C1": "check", "P2": "control", "a": "position"}
+    points = [GroundResidual(name=n, role=role, difference=(0, 0, 1), predicted=(1, 1, 1), photos=2) for n, role in roles.items()]
+    residuals = GroundResiduals(points=points)
+    assert [point.name for point in residuals.of_role("control")] == ["P1", "P2"]
+    assert [point.name for point in residuals.of_role("position")] == ["a"] and residuals.of_role("tie") == ()
+
+
+@settings(max_examples=80, deadline=None)
+@given(width=st.integers(1, 200), height=st.integers(1, 200), col=st.floats(-3, 203), row=st.floats(-3, 203))
+def test_a_position_is_on_the_photograph_where_a_pixel_is(width, height, col, row):
+    """Rounded to the nearest pixel, away from the ties."""
+    one = photo(width=width, height=height)
+    if abs(col % 1 - 0.5) > 1e-6 and abs(row % 1 - 0.5) > 1e-6:
+        assert one.holds(col, row) == (0 <= round(col) < width and 0 <= round(row) < height)
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_the_orientation_of_the_sensor_is_that_of_the_flag_unless_a_program_turned_the_pixels(orientation):
+    assert photo(exif_orientation=orientation).sensor_orientation == orientation
+    assert photo(exif_orientation=orientation, as_taken=True).sensor_orientation == 1
+
+
+@pytest.mark.parametrize("code", ["duplicate_name", "stray_position", "rotated_without_flag"])
+def test_remarks_about_photographs_are_stored_by_their_words(code):
+    photos = Photos(photos=(photo(),), remarks=(PhotoRemark(code=code, photos=("a",)),))
+    assert f'"code":"{code}"' in photos.model_dump_json()
+    assert Photos.model_validate_json(photos.model_dump_json()).remarks[0].code is PhotoRemarkCode(code)

@@ -12,7 +12,7 @@ from orthomill.schemas.inspection import PhotoMap
 from orthomill.schemas.job import Columns, Export, Job, Raster, Table
 from orthomill.schemas.observations import GROUND_POINTS, IMAGE_RESIDUALS, TIE_POINTS, GroundPoints, TiePoints
 from orthomill.schemas.raster import Window
-from orthomill.schemas.stage_contract import Stage
+from orthomill.schemas.stage_contract import NotYet, Stage
 from orthomill.schemas.truth import ControlRows, MeasurementRows, PositionRows
 
 
@@ -35,6 +35,27 @@ def test_taking_rows_takes_them_from_every_column(count, seed):
     taken = rows(count).take(index)
     assert len(taken) == len(index) and isinstance(taken, Rows)
     assert all(name == f"n{number}" for number, name in zip(taken.number, taken.name, strict=True))
+
+
+@settings(max_examples=60, deadline=None)
+@given(count=st.integers(1, 30), seed=st.integers(0, 99))
+def test_taking_twice_is_taking_the_taken_index(count, seed):
+    first, second = np.random.default_rng(seed).integers(0, count, (2, count))
+    twice, once = rows(count).take(first).take(second), rows(count).take(first[second])
+    assert np.array_equal(twice.number, once.number) and np.array_equal(twice.name, once.name)
+
+
+def test_taking_rows_keeps_the_types_of_the_columns():
+    one = TiePoints(np.arange(3, dtype=np.int32), np.zeros(3, np.int32), np.ones(3), np.ones(3), np.ones(3, np.float32))
+    taken = one.take(one.track > 0)
+    assert [getattr(taken, name).dtype for name in ("track", "photo", "col", "sigma")] == ["int32", "int32", "float64", "float32"]
+    assert len(taken) == 2 and len(one) == 3 and len(one.take(np.zeros(0, int))) == 0
+
+
+def test_rows_that_do_not_exist_cannot_be_taken():
+    for index in (np.array([3]), np.array([True, False])):
+        with pytest.raises(IndexError):
+            rows(3).take(index)
 
 
 def test_a_mask_takes_rows_too():
@@ -97,6 +118,16 @@ def test_a_photo_map_gives_its_strips_once():
 def test_every_error_that_can_be_explained_is_of_one_family(kind):
     with pytest.raises(OrthomillError, match=r"a\.jpg is empty; copy it again"):
         raise kind("a.jpg is empty; copy it again.")
+
+
+@pytest.mark.parametrize("kind", [WorkflowError, PhotoError, GeometryError, StoreError, ResourceError])
+def test_one_kind_of_error_is_not_handled_as_another(kind):
+    others = {WorkflowError, PhotoError, GeometryError, StoreError, ResourceError} - {kind}
+    assert not issubclass(kind, tuple(others)) and str(kind("a.jpg is empty.")) == "a.jpg is empty."
+
+
+def test_planning_signals_are_no_errors_for_users():
+    assert not issubclass(NotYet, OrthomillError)
 
 
 @settings(max_examples=60, deadline=None)

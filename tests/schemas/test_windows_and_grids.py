@@ -142,3 +142,66 @@ def test_a_map_raster_lies_on_its_grid():
 def test_values_are_frozen(value):
     with pytest.raises((AttributeError, ValidationError)):
         value.row = 3
+
+
+@settings(max_examples=100, deadline=None)
+@given(window=WINDOWS, shape=SHAPES, halo=st.integers(0, 20))
+def test_a_halo_never_loses_pixels_of_the_tile(window, shape, halo):
+    tile, with_halo = window.clipped(shape), window.grown(halo).clipped(shape)
+    assert not (cells(tile, shape) & ~cells(with_halo, shape)).any()
+    assert with_halo.height <= window.height + 2 * halo and with_halo.width <= window.width + 2 * halo
+
+
+@settings(max_examples=100, deadline=None)
+@given(shape=SHAPES, size=st.integers(1, 40))
+def test_only_the_last_tiles_are_smaller(shape, size):
+    tiles = list(tiles_of(shape, size))
+    rows, cols = -(-shape[0] // size), -(-shape[1] // size)
+    assert len(tiles) == rows * cols and not any(tile.window.empty for tile in tiles)
+    assert all(tile.window.height == size for tile in tiles if tile.row < rows - 1)
+    assert all(tile.window.width == size for tile in tiles if tile.col < cols - 1)
+
+
+@settings(max_examples=60, deadline=None)
+@given(shape=SHAPES, bands=st.integers(1, 4), size=st.integers(1, 40), dtype=st.sampled_from(["uint8", "uint16", "float32"]))
+def test_bytes_of_tiles_add_up_to_those_of_the_array(shape, bands, size, dtype):
+    one = spec(shape=(*shape, bands), dtype=dtype)
+    assert sum(one.bytes_of(tile.window) for tile in tiles_of(shape, size)) == np.zeros(one.shape, dtype).nbytes
+
+
+@settings(max_examples=60, deadline=None)
+@given(shape=SHAPES, chunk=st.integers(1, 100))
+def test_a_chunk_holds_whole_pixels_and_fits_into_the_raster(shape, chunk):
+    chunks = spec(shape=(*shape, 4), chunk=chunk).chunks
+    assert chunks == (min(chunk, shape[0]), min(chunk, shape[1]), 4)
+
+
+@settings(max_examples=100, deadline=None)
+@given(grid=GRIDS, col=st.floats(-50, 350), row=st.floats(-50, 350))
+def test_ground_points_and_pixels_belong_to_each_other(grid, col, row):
+    """The inverse of `pixel` is the affine transform, moved by half a cell."""
+    a, _, c, _, e, f = grid.transform
+    x, y = a * (col + 0.5) + c, e * (row + 0.5) + f
+    tolerance = 1e-14 * max(abs(grid.west), abs(grid.north)) / grid.cell + 1e-9
+    assert grid.pixel(x, y) == (pytest.approx(col, abs=tolerance), pytest.approx(row, abs=tolerance))
+
+
+@pytest.mark.parametrize("nodata", [None, 0.0, -9999.0, float("nan")])
+def test_a_specification_is_the_same_after_it_was_stored(nodata):
+    """The store keeps it as an attribute of the array, and compares it with the one of the next run."""
+    grid = MapGrid(west=1000.0, north=2000.0, cell=0.1, rows=30, cols=40)
+    one = map_raster("a/z", grid, "float32", "EPSG:2100", 16, nodata=nodata, readers=("b",), axes=("y_fine", "x_fine"))
+    assert RasterSpec.model_validate(one.model_dump(mode="json")).same(one)
+
+
+@pytest.mark.parametrize(
+    ("change", "text"), [({"shape": "wide"}, "shape"), ({"axes": ("y",)}, "axes"), ({"transform": (1.0, 0.0)}, "transform")]
+)
+def test_a_malformed_specification_is_refused(change, text):
+    with pytest.raises(ValidationError, match=text):
+        spec(**change)
+
+
+def test_windows_are_sorted_by_row_then_column():
+    windows = [Window(64, 0, 1, 1), Window(0, 64, 1, 1), Window(0, 0, 1, 1)]
+    assert sorted(windows) == windows[::-1]

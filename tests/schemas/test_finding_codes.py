@@ -1,0 +1,176 @@
+"""Findings in tables: the code alone decides which finding a stored value is."""
+
+import json
+from typing import get_args
+
+import pytest
+from pydantic import BaseModel, TypeAdapter, ValidationError
+
+from orthomill.schemas.findings import block_findings, control_findings
+from orthomill.schemas.findings.block_findings import (
+    BlockFinding,
+    BlockUnexamined,
+    DistanceContradicted,
+    MeasurementsRejected,
+    Misfit,
+    NoDatum,
+    TiltUnobserved,
+)
+from orthomill.schemas.findings.control_findings import ControlElsewhere, ControlFinding, HeightsNotTransformed
+from orthomill.schemas.observations import Control
+from orthomill.schemas.orientation import BlockPrecision
+
+MISFIT = {"photo": "a", "misfit_px": 41.5, "lies_on": "P2"}
+VECTOR = (0.25, -0.5, 3.0)
+BLOCK_VALUES = {
+    "no_datum": {"scaled": True},
+    "positions_crowded": {},
+    "tilt_unobserved": {"tilt_sigma_deg": None, "basis": "attitude", "sigma_deg": 1.5},
+    "control_on_a_line": {},
+    "datum_misfit": {"ratio": 12.0},
+    "looks_upward": {},
+    "axes_exchanged": {"exchanged_m": 0.04, "given_m": 512.0},
+    "distortion_folds": {"camera": "n", "reach_px": 2100.0, "corner_px": 2500.0, "k1": -0.31, "c": 3500.0},
+    "interior_undetermined": {"camera": "n", "share": None},
+    "interior_fixed": {"cameras": ("n", "z")},
+    "constant_contradicted": {"camera": "n", "given_px": 3500.0, "adjusted_px": 3610.0, "sigma_px": 2.0, "fixed": False},
+    "constant_nominal": {"camera": "n", "c": 3500.0, "share": 0.03},
+    "principal_point_moved": {"camera": "n", "moved_px": 90.0},
+    "image_errors_correlated": {
+        "rms_px": 0.4,
+        "camera_share": 0.8,
+        "parameter": "c",
+        "owner": "n",
+        "sigma": 3.0,
+        "white_sigma": 0.5,
+    },
+    "control_contradicted": {"point": "P1", "difference": VECTOR, "ratio": 30.0},
+    "position_contradicted": {"photo": "a", "difference": VECTOR, "ratio": 9.0},
+    "positions_elsewhere": {"photos": 12, "distance_m": 840.0},
+    "positions_along_view": {"photos": 12, "along_m": -31.4},
+    "distance_contradicted": {
+        "first": "P1",
+        "second": "P2",
+        "length": 12.5,
+        "difference": -0.1,
+        "ratio": 11.0,
+        "outcome": "undecided",
+    },
+    "distance_unchecked": {},
+    "measurements_rejected": {"role": "control", "point": "P1", "measured": 5, "rejected": (MISFIT,)},
+    "check_measurements_apart": {"point": "P1", "measured": 5, "apart": (MISFIT, MISFIT | {"lies_on": None})},
+    "groups_unconnected": {"groups": (("a", "b", "c"), ("d", "e"))},
+    "block_separate": {"photos": ("d", "e")},
+    "camera_constants_averaged": {"camera": "n", "x_px": 3500.0, "y_px": 3502.0, "error_px": 0.6},
+    "largest_reconstruction": {"count": 3, "photos": 40},
+    "photos_unknown": {"photos": ("z",)},
+    "block_elsewhere": {"source": "block.json", "offset": VECTOR},
+    "tie_points_misfit": {"source": "block.json", "rms_px": 4.5, "factor": 9.0},
+    "block_unexamined": {"source": "block.json"},
+}
+CONTROL_VALUES = {
+    "heights_not_transformed": {"crs": "EPSG:2100+5773"},
+    "control_elsewhere": {"points": 5, "crs": "EPSG:2100", "distance_m": 4.1e6, "fits": "EPSG:4326", "exchanged": True},
+}
+UNIONS = {"block": (BlockFinding, BLOCK_VALUES, block_findings), "control": (ControlFinding, CONTROL_VALUES, control_findings)}
+CASES = [(union, code, values) for union, examples, _ in UNIONS.values() for code, values in examples.items()]
+
+
+def members(union: object) -> tuple[type[BaseModel], ...]:
+    return get_args(get_args(union)[0])
+
+
+@pytest.mark.parametrize(("union", "code", "values"), CASES, ids=[code for _, code, _ in CASES])
+def test_a_stored_code_gives_its_class_and_values_again(union, code, values):
+    adapter = TypeAdapter(union)
+    one = adapter.validate_python({"code": code} | values)
+    assert one.code == code and one.model_dump(exclude={"code"}) == values
+    again = adapter.validate_json(one.model_dump_json())
+    assert type(again) is type(one) and again == one
+
+
+@pytest.mark.parametrize("name", UNIONS)
+def test_examples_name_every_code_of_the_file_format(name):
+    """The keys above are the frozen codes: one that is renamed makes tables of existing projects unreadable."""
+    union, examples, _ = UNIONS[name]
+    codes = [model.model_fields["code"].default for model in members(union)]
+    assert sorted(codes) == sorted(examples) and len(set(codes)) == len(codes)
+
+
+@pytest.mark.parametrize("name", UNIONS)
+def test_every_finding_of_a_module_belongs_to_its_union(name):
+    union, _, module = UNIONS[name]
+    coded = {
+        value
+        for value in vars(module).values()
+        if isinstance(value, type) and issubclass(value, BaseModel) and "code" in value.model_fields
+    }
+    assert coded == set(members(union))
+
+
+@pytest.mark.parametrize("model", [model for union, _, _ in UNIONS.values() for model in members(union)], ids=lambda m: m.__name__)
+def test_the_code_of_a_class_cannot_be_another(model):
+    values = (BLOCK_VALUES | CONTROL_VALUES)[model.model_fields["code"].default]
+    with pytest.raises(ValidationError, match="literal_error"):
+        model(**values, code="something_else")
+
+
+def test_findings_of_several_kinds_keep_their_order_in_a_table():
+    adapter = TypeAdapter(BlockFinding)
+    findings = tuple(adapter.validate_python({"code": code} | values) for code, values in BLOCK_VALUES.items())
+    table = BlockPrecision(image_factor=1, position_factor=1, control_factor=1, rays=9, rejected=0, findings=findings)
+    again = BlockPrecision.model_validate_json(table.model_dump_json())
+    assert again == table and [finding.code for finding in again.findings] == list(BLOCK_VALUES)
+
+
+def test_findings_of_control_are_stored_with_the_control():
+    control = Control(
+        findings=(ControlElsewhere(points=3, crs="EPSG:2100", distance_m=9e5), HeightsNotTransformed(crs="EPSG:2100"))
+    )
+    again = Control.model_validate_json(control.model_dump_json())
+    assert again == control and [type(one) for one in again.findings] == [ControlElsewhere, HeightsNotTransformed]
+    assert again.findings[0].fits is None and not again.findings[0].exchanged
+
+
+@pytest.mark.parametrize(
+    ("union", "stored", "sentence"),
+    [
+        (BlockFinding, {"code": "no_such_code"}, "does not match any of the expected tags"),
+        (BlockFinding, {"scaled": True}, "Unable to extract tag using discriminator 'code'"),
+        (BlockFinding, {"code": "heights_not_transformed", "crs": "EPSG:2100"}, "does not match any of the expected tags"),
+        (ControlFinding, {"code": "no_datum", "scaled": True}, "does not match any of the expected tags"),
+        (BlockFinding, {"code": "no_datum"}, r"no_datum\.scaled\s+Field required"),
+        (BlockFinding, {"code": "datum_misfit", "ratio": "large"}, "valid number"),
+        (BlockFinding, {"code": "block_elsewhere", "source": "b", "offset": [1, 2]}, "offset"),
+        (BlockFinding, {"code": "tilt_unobserved", "tilt_sigma_deg": 1, "basis": "guess", "sigma_deg": 1}, "'attitude', 'down' or"),
+    ],
+)
+def test_what_is_no_finding_is_refused(union, stored, sentence):
+    with pytest.raises(ValidationError, match=sentence):
+        TypeAdapter(union).validate_json(json.dumps(stored))
+
+
+@pytest.mark.parametrize("outcome", ["excluded", "undecided", "downweighted"])
+def test_outcomes_of_a_contradicted_distance(outcome):
+    values = BLOCK_VALUES["distance_contradicted"] | {"outcome": outcome}
+    assert DistanceContradicted(**values).outcome == outcome
+    with pytest.raises(ValidationError, match="'excluded', 'undecided' or 'downweighted'"):
+        DistanceContradicted(**values | {"outcome": outcome.upper()})
+
+
+def test_check_points_are_never_rejected():
+    """They take no part in the adjustment and have a finding of their own."""
+    with pytest.raises(ValidationError, match="'control' or 'tie'"):
+        MeasurementsRejected(role="check", point="P1", measured=3, rejected=())
+
+
+def test_equal_findings_are_equal_values():
+    assert NoDatum(scaled=True) == NoDatum(scaled=True) != NoDatum(scaled=False)
+    assert len({BlockUnexamined(source="a"), BlockUnexamined(source="a"), BlockUnexamined(source="b")}) == 2
+    assert Misfit(photo="a", misfit_px=3).lies_on is None
+
+
+def test_a_finding_cannot_be_changed_after_it_was_made():
+    finding = TiltUnobserved(tilt_sigma_deg=2.0, basis="level", sigma_deg=1.0)
+    with pytest.raises(ValidationError, match="frozen"):
+        finding.sigma_deg = 0.1
