@@ -22,3 +22,13 @@ def setting(default: Any = ..., sentence: str = "", unit: str = "", **bounds: An
     `unit` is empty for names, choices and pure numbers; `bounds` are pydantic's (ge, gt, le, lt, min_length, ...).
     """
     return Field(default, description=sentence, json_schema_extra={"unit": unit}, **bounds)
+
+
+def refuse_ignored(settings: Settings, names: tuple[str, ...], mode: str, remedy: str) -> None:
+    """Raise ValueError for the settings among `names` that differ from their defaults, although `mode` ignores them."""
+    # Compared with the default and not with what was set: a workflow written back by a run sets every field.
+    fields = type(settings).model_fields
+    changed = [name for name in names if getattr(settings, name) != fields[name].default]
+    if changed:
+        named = " and ".join(filter(None, [", ".join(changed[:-1]), changed[-1]]))
+        raise ValueError(f"{named} {'has' if len(changed) == 1 else 'have'} no effect with {mode}; {remedy}")

@@ -2,9 +2,10 @@
 
 import os
 import sys
+from importlib import import_module
 from pathlib import Path
 
-import orthomill.pipeline  # noqa: F401  gives numerical libraries one thread, as in the command, before any of them is loaded
+import_module("orthomill.pipeline")  # gives numerical libraries one thread, as in the command, before any of them is loaded
 
 SUPPORT = [str(Path(__file__).parent / "support" / room) for room in ("engine", "scenes")]
 sys.path[:0] = SUPPORT

@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 from pydantic import model_validator
 
-from orthomill.schemas.settings import Settings, setting
+from orthomill.schemas.settings import Settings, refuse_ignored, setting
 
 
 class SpikeFilter(Settings):
@@ -37,15 +37,9 @@ class SpikeFilter(Settings):
     @model_validator(mode="after")
     def _settings_have_an_effect(self) -> Self:
         """Refuses settings of a part of the filter that is switched off."""
-        # compared with the defaults, not with what was written: the workflow that a run leaves behind has every default filled in
         for switch, others in _SWITCHES.items():
-            fields = type(self).model_fields
-            idle = [name for name in others if getattr(self, name) != fields[name].default]
-            if getattr(self, switch) == 0 and idle:
-                raise ValueError(
-                    f"{', '.join(idle)}: set, but without effect while {switch} is 0, which switches that part of the filter off; "
-                    f"leave {'it' if len(idle) == 1 else 'them'} out, or set {switch} to more than 0"
-                )
+            if getattr(self, switch) == 0:
+                refuse_ignored(self, others, f"{switch}: 0", f"leave it out, or set {switch} to more than 0")
         return self
 
     @property

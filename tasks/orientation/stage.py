@@ -11,7 +11,7 @@ from orthomill.schemas.observations import CONTROL, GROUND_POINTS, IMAGE_RESIDUA
 from orthomill.schemas.orientation import BLOCK, BLOCK_PRECISION, GROUND_RESIDUALS, RELATIVE, SEPARATE_BLOCKS
 from orthomill.schemas.photo import PHOTOS
 from orthomill.schemas.raster import RasterSpec, Window
-from orthomill.schemas.settings import setting
+from orthomill.schemas.settings import refuse_ignored, setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
 from orthomill.schemas.stage_report import report_table
 from orthomill.tasks.adjustment.model.interior import InteriorChoice, WeightedInterior
@@ -96,13 +96,9 @@ class OrientationStage(Stage):
 
     @model_validator(mode="after")
     def _a_fixed_orientation_is_not_adjusted(self) -> Self:
-        # Compared with the defaults and not by what was set: a workflow that a run wrote down names every setting.
-        unread = [name for name in OF_THE_ADJUSTMENT if getattr(self, name) != type(self).model_fields[name].default]
-        if self._fixed_source is not None and unread:
-            raise ValueError(
-                "an exterior orientation that is fixed (`use: fixed`) is not adjusted, so these settings have no effect: "
-                f"{', '.join(unread)}; leave them out, or adjust the block with `use: start` or `exterior: {{kind: adjusted}}`"
-            )
+        if self._fixed_source is not None:
+            remedy = "leave it out, or adjust the block with `use: start` or `exterior: {kind: adjusted}`"
+            refuse_ignored(self, OF_THE_ADJUSTMENT, "an exterior orientation that is fixed (`use: fixed`)", remedy)
         return self
 
     @property

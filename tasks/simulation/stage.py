@@ -7,7 +7,7 @@ from pydantic import model_validator
 
 from orthomill.schemas.job import Export, Job, Raster, Region, Table
 from orthomill.schemas.raster import MapGrid, RasterSpec, map_raster, tiles_of
-from orthomill.schemas.settings import setting
+from orthomill.schemas.settings import refuse_ignored, setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
 from orthomill.schemas.stage_report import report_table
 from orthomill.schemas.truth import (
@@ -89,18 +89,12 @@ class SimulationStage(Stage):
     @model_validator(mode="after")
     def _has_an_effect(self) -> "SimulationStage":
         """Raises ValueError for settings that others leave without effect."""
-        if self.board_photos == 0 and self._changed("boards"):
-            raise ValueError("boards without effect with board_photos: 0, which simulates no chessboards: remove the line")
-        idle = [name for name in ("control_sigma", "image_sigma") if self._changed(name)]
-        if self.control + self.check == 0 and idle:
-            raise ValueError(
-                f"{' and '.join(idle)} without effect with control: 0 and check: 0, which survey no ground points: remove the line"
-            )
+        if self.board_photos == 0:
+            refuse_ignored(self, ("boards",), "board_photos: 0", "no chessboards are simulated: remove the line")
+        if self.control + self.check == 0:
+            remedy = "no ground points are surveyed: remove the line"
+            refuse_ignored(self, ("control_sigma", "image_sigma"), "control: 0 and check: 0", remedy)
         return self
-
-    def _changed(self, name: str) -> bool:
-        """Whether a setting differs from its default: the workflow as run lists every default and must run again."""
-        return bool(getattr(self, name) != type(self).model_fields[name].default)
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         """The truth, the photographs, the boards and the survey; nothing depends on a table that has to exist first."""

@@ -21,7 +21,7 @@ from orthomill.schemas.job import Export, Job, Raster, Region, Table
 from orthomill.schemas.observations import TIE_POINTS
 from orthomill.schemas.photo import PHOTOS, Photo, Photos, photo_raster
 from orthomill.schemas.raster import RasterSpec, Tile, Window
-from orthomill.schemas.settings import Settings, setting
+from orthomill.schemas.settings import Settings, refuse_ignored, setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
 from orthomill.schemas.stage_report import report_table
 from orthomill.tasks.imagery.pyramid import level_shape
@@ -135,19 +135,12 @@ class TiePointsStage(Stage):
     @model_validator(mode="after")
     def _has_an_effect(self) -> "TiePointsStage":
         """Raises ValueError for settings that the chosen mode does not read."""
-        # Compared with the default, not with what was set: the workflow as run lists every default and must run again.
-        idle = [name for name in _OF_DESCRIPTORS if getattr(self, name) != type(self).model_fields[name].default]
-        if self.search.kind == "correlation" and idle:
-            found = " and ".join(f"{name}: {getattr(self, name):g}" for name in idle)
-            raise ValueError(
-                f"{found} without effect with search: correlation, which compares no descriptors: remove the line, or set search: "
-                "features"
-            )
-        if self.unrefined == "drop" and self.sigma_unrefined != type(self).model_fields["sigma_unrefined"].default:
-            raise ValueError(
-                f"sigma_unrefined: {self.sigma_unrefined:g} without effect with unrefined: drop, which keeps no such observation: "
-                "remove the line, or set unrefined: keep"
-            )
+        if self.search.kind == "correlation":
+            remedy = "descriptors are not compared: remove the line, or set search: features"
+            refuse_ignored(self, _OF_DESCRIPTORS, "search: correlation", remedy)
+        if self.unrefined == "drop":
+            remedy = "no such observation is kept: remove the line, or set unrefined: keep"
+            refuse_ignored(self, ("sigma_unrefined",), "unrefined: drop", remedy)
         return self
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:

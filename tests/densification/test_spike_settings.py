@@ -132,8 +132,8 @@ def test_the_halo_is_the_reach_of_all_rounds():
 @pytest.mark.parametrize(
     ("wrong", "sentence"),
     [
-        ({"far_radius": 0.0, "far_slope": 2.0}, "far_slope: set, but without effect while far_radius is 0"),
-        ({"rounds": 0, "sigmas": 2.0, "radius": 5.0}, "radius, sigmas: set, but without effect while rounds is 0"),
+        ({"far_radius": 0.0, "far_slope": 2.0}, "far_slope has no effect with far_radius: 0"),
+        ({"rounds": 0, "sigmas": 2.0, "radius": 5.0}, "radius and sigmas have no effect with rounds: 0"),
     ],
 )
 def test_settings_of_a_part_that_is_switched_off_are_refused(wrong, sentence):

@@ -138,9 +138,9 @@ def test_errors_of_the_survey_depend_on_the_seed_alone():
     ("settings", "sentence"),
     [
         ({"strips": 8, "photos_per_strip": 5}, "strips x photos_per_strip is 40, but at most 32"),
-        ({"board_photos": 0, "boards": 3}, "boards without effect with board_photos: 0"),
-        ({"control": 0, "check": 0, "control_sigma": 0.5}, "control_sigma without effect with control: 0 and check: 0"),
-        ({"control": 0, "check": 0, "control_sigma": 0.5, "image_sigma": 1.0}, "control_sigma and image_sigma without effect"),
+        ({"board_photos": 0, "boards": 3}, "boards has no effect with board_photos: 0"),
+        ({"control": 0, "check": 0, "control_sigma": 0.5}, "control_sigma has no effect with control: 0 and check: 0"),
+        ({"control": 0, "check": 0, "control_sigma": 0.5, "image_sigma": 1.0}, "control_sigma and image_sigma have no effect"),
     ],
 )
 def test_settings_that_do_not_go_together_are_refused(settings, sentence):

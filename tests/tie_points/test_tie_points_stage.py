@@ -163,10 +163,10 @@ def test_the_search_decides_how_points_are_found_and_matched(search, points, pai
 @pytest.mark.parametrize(
     ("settings", "sentence"),
     [
-        ({"search": {"kind": "correlation"}, "ratio": 0.7}, "ratio: 0.7 without effect with search: correlation"),
-        ({"search": {"kind": "correlation"}, "contrast": 0.03}, "contrast: 0.03 without effect with search: correlation"),
-        ({"search": {"kind": "correlation"}, "ratio": 0.7, "contrast": 0.03}, "ratio: 0.7 and contrast: 0.03 without effect"),
-        ({"sigma_unrefined": 1.0}, "sigma_unrefined: 1 without effect with unrefined: drop"),
+        ({"search": {"kind": "correlation"}, "ratio": 0.7}, "ratio has no effect with search: correlation"),
+        ({"search": {"kind": "correlation"}, "contrast": 0.03}, "contrast has no effect with search: correlation"),
+        ({"search": {"kind": "correlation"}, "ratio": 0.7, "contrast": 0.03}, "ratio and contrast have no effect"),
+        ({"sigma_unrefined": 1.0}, "sigma_unrefined has no effect with unrefined: drop"),
     ],
 )
 def test_settings_without_effect_are_refused(settings, sentence):

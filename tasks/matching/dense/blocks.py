@@ -28,11 +28,10 @@ from scipy import ndimage
 
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import Window
-from orthomill.schemas.settings import Settings, setting
+from orthomill.schemas.settings import Settings, refuse_ignored, setting
 from orthomill.tasks.matching.dense.epipolar_least_squares import EpipolarLimits, NodeParallaxes, match_nodes
 from orthomill.tasks.matching.dense.node_surfaces import StartSurface
 from orthomill.tasks.matching.dense.semi_global import SemiGlobal, remove_specks, semi_global
-from orthomill.tasks.matching.ignored_settings import refuse_ignored
 from orthomill.tasks.matching.least_squares.grey_values import cubic_weights
 from orthomill.tasks.matching.least_squares.matching import PreparedImage, match_points
 from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching

@@ -11,8 +11,7 @@ from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
-from orthomill.schemas.settings import Settings, setting
-from orthomill.tasks.matching.ignored_settings import refuse_ignored
+from orthomill.schemas.settings import Settings, refuse_ignored, setting
 
 MOST_HALF = 60
 """Half side of the largest window, px."""

@@ -24,8 +24,7 @@ from numba import njit
 from pydantic import model_validator
 
 from orthomill.schemas.outcome import Outcome
-from orthomill.schemas.settings import Settings, setting
-from orthomill.tasks.matching.ignored_settings import refuse_ignored
+from orthomill.schemas.settings import Settings, refuse_ignored, setting
 from orthomill.tasks.matching.least_squares.matching import Matches
 from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
 from orthomill.tasks.matching.smoothing import reach_of, with_gaps

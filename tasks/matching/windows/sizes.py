@@ -18,8 +18,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from orthomill.schemas.outcome import Outcome
-from orthomill.schemas.settings import Settings, setting
-from orthomill.tasks.matching.ignored_settings import refuse_ignored
+from orthomill.schemas.settings import Settings, refuse_ignored, setting
 from orthomill.tasks.matching.windows.measures import WindowGrowth, border_rooms, data_rooms, entropy, gradient_weights, statistics
 
 _BATCH = 16384

@@ -23,7 +23,7 @@ TOGETHER = 0.7
 SENTENCES: dict[Basis, str] = {
     "attitude": "on the attitudes that came with the photographs",
     "down": "on the assumption that the photographs look straight down on average",
-    "level": "on the assumption that the photographs were held level and upright on average",
+    "level": "on the assumption that the photographs were taken level and upright on average",
 }
 
 

@@ -17,7 +17,7 @@ SPOKEN = [
     (f.NoDatum(scaled=False), ["has no datum", "not metres", "Give positions"]),
     (f.PositionsCrowded(), ["closer together than their own standard errors", "true precision"]),
     (f.TiltUnobserved(tilt_sigma_deg=None, basis="down", sigma_deg=5.0), ["do not determine", "straight down", "5.0 degrees"]),
-    (f.TiltUnobserved(tilt_sigma_deg=70.0, basis="level", sigma_deg=4.9), ["do not determine", "held level", "4.9 degrees"]),
+    (f.TiltUnobserved(tilt_sigma_deg=70.0, basis="level", sigma_deg=4.9), ["do not determine", "taken level", "4.9 degrees"]),
     (f.TiltUnobserved(tilt_sigma_deg=2.0, basis="attitude", sigma_deg=1.9), ["determine only to 2.0 degrees", "attitudes"]),
     (f.ControlOnALine(), ["nearly on one line", "Add control"]),
     (f.DatumMisfit(ratio=12.4), ["12 standard errors", "CRS"]),

@@ -32,7 +32,7 @@ def test_a_walk_along_a_street_is_level_and_its_skyline_is_no_tie_point(seed):
     block = street(seed)
     out = orient(block, interior=FIXED)
     result = out["block"]
-    assert len(result.photos) == 10 and "held level and upright" in result.datum
+    assert len(result.photos) == 10 and "taken level and upright" in result.datum
     assert np.abs(standardised_orientation(block, result)).max() < 4.5
     assert abs(result.sigma0_px / 0.3 - 1) < 0.05
     far = block.ground[out["points"].track][:, 0] > ORIGIN[0] + 1e5
@@ -47,7 +47,7 @@ def test_level_photographs_may_be_held_upright_or_not():
     flags = dict(zip((v.name for v in block.views), (6, 1, 8, 1, 3) * 2, strict=True))
     out = orient(turned_upright(block, flags), interior=FIXED)
     plain = orient(block, interior=FIXED)
-    assert out["block"].datum == plain["block"].datum and "held level and upright" in plain["block"].datum
+    assert out["block"].datum == plain["block"].datum and "taken level and upright" in plain["block"].datum
     for v in block.views:
         found = out["block"].of(v.name)
         sigma = np.sqrt(np.diag(np.array(found.covariance)))[:3]
