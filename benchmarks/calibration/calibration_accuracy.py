@@ -15,10 +15,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import orthomill.pipeline  # noqa: F401  one thread for numerical libraries: CPU seconds are then those of the work
-
-import cv2  # isort: skip
-import numpy as np  # isort: skip
+import cv2
+import numpy as np
 
 from benchmarks.calibration.board_setups import FIVE_BOARDS, PUBLISHED, SIX_BOARDS, BoardSetup, floor_corners, places_of, views_of
 from benchmarks.calibration.calibration_large import large_photos, whole_set

@@ -82,10 +82,15 @@ def measured(strips: int, per: int, points: int) -> dict:
     clock, cpu = time.perf_counter(), time.process_time()
     result = adjust(network, start, rays)
     return {
-        "photos": network.photos, "points": points, "rays": len(rays), "seconds": time.perf_counter() - clock,
-        "cpu": time.process_time() - cpu, "iterations": result.iterations, "sigma0": result.sigma0_px,
+        "photos": network.photos,
+        "points": points,
+        "rays": len(rays),
+        "seconds": time.perf_counter() - clock,
+        "cpu": time.process_time() - cpu,
+        "iterations": result.iterations,
+        "sigma0": result.sigma0_px,
         "gibibytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20,
-    }  # fmt: skip
+    }
 
 
 def _row(folder: Path, size: tuple[int, int, int]) -> str:
@@ -113,15 +118,29 @@ def study(against: Path | None) -> None:
         both = _row(against, COMPARED), _row(ROOT, COMPARED)
         beside = [title, "", "First that commit, then this one.", "", *head, *both, ""]
     rows = [_row(ROOT, size) for size in SIZES]
-    write_result("adjustment_growth", "\n".join([
-        "# Growth of the adjustment with the number of photographs", "", f"`make bench-adjustment`, {machine()}.", "",
-        "Photographs of a drone, every 60 m in strips 120 m apart, 150 m x 200 m on the ground; one camera with seven interior "
-        "parameters, GNSS positions, 1 % of the rays wrong by up to 50 px; robust start, tests, variance components and covariance "
-        "included; one process, one thread, compiled kernels from the cache. Seconds are those of a machine that others used, too; "
-        "CPU-seconds are what the work takes. The peak is that of the whole process, libraries and simulated data included.", "",
-        *head, *rows, "",
-        "Wanted: 200 photographs and 100 thousand points below 60 s and 2 GiB; 1000 photographs on a laptop.", "", *beside,
-    ]))  # fmt: skip
+    write_result(
+        "adjustment_growth",
+        "\n".join(
+            [
+                "# Growth of the adjustment with the number of photographs",
+                "",
+                f"`make bench-adjustment`, {machine()}.",
+                "",
+                "Photographs of a drone, every 60 m in strips 120 m apart, 150 m x 200 m on the ground; one camera "
+                "with seven interior parameters, GNSS positions, 1 % of the rays wrong by up to 50 px; robust start, "
+                "tests, variance components and covariance included; one process, one thread, compiled kernels from "
+                "the cache. Seconds are those of a machine that others used, too; CPU-seconds are what the work "
+                "takes. The peak is that of the whole process, libraries and simulated data included.",
+                "",
+                *head,
+                *rows,
+                "",
+                "Wanted: 200 photographs and 100 thousand points below 60 s and 2 GiB; 1000 photographs on a laptop.",
+                "",
+                *beside,
+            ]
+        ),
+    )
 
 
 def main() -> None:

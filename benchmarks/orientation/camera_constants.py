@@ -76,24 +76,59 @@ def _wall_control(root: Path) -> None:
 def blocks() -> Iterator[Block]:
     """Those that are on this machine."""
     exif = {"cameras": "{kind: exif}", "positions": "{kind: exif}", "control": "{kind: none}"}
-    yield Block("brighton_reduced", REDUCED, "*.JPG", {"crs": "EPSG:32615", **exif}, 1170.2, "EXIF (nominal)",
-                {"weighted": WEIGHTED, "free c k1 k2": _free("c", "k1", "k2")})  # fmt: skip
+    yield Block(
+        "brighton_reduced",
+        REDUCED,
+        "*.JPG",
+        {"crs": "EPSG:32615", **exif},
+        1170.2,
+        "EXIF (nominal)",
+        {"weighted": WEIGHTED, "free c k1 k2": _free("c", "k1", "k2")},
+    )
     if DATA.exists():
         drone = json.loads((DATA / "uav_reference/opensfm/reconstruction.json").read_text())[0]["cameras"]
-        yield Block("uav_reference", DATA / "uav_reference/images", "*.tif", {"crs": "EPSG:32651", **exif},
-                    1368.0 * next(iter(drone.values()))["focal_x"], "OpenSfM", {"weighted": WEIGHTED})  # fmt: skip
+        yield Block(
+            "uav_reference",
+            DATA / "uav_reference/images",
+            "*.tif",
+            {"crs": "EPSG:32651", **exif},
+            1368.0 * next(iter(drone.values()))["focal_x"],
+            "OpenSfM",
+            {"weighted": WEIGHTED},
+        )
         given = {"crs": "EPSG:32632", "cameras": "{kind: given, c: 2850}", **NOTHING}
-        yield Block("fountain_p11", DATA / "fountain_p11/images", "*.jpg", given, 0.5 * (K[0] + K[1]), "K, mean of its fx and fy",
-                    {"free": FREE, "free with p1 p2": _free("c", "x0", "y0", "k1", "k2", "p1", "p2")})  # fmt: skip
+        yield Block(
+            "fountain_p11",
+            DATA / "fountain_p11/images",
+            "*.jpg",
+            given,
+            0.5 * (K[0] + K[1]),
+            "K, mean of its fx and fy",
+            {"free": FREE, "free with p1 p2": _free("c", "x0", "y0", "k1", "k2", "p1", "p2")},
+        )
         wall = {"crs": "EPSG:32632", "cameras": "{kind: exif}", "positions": "{kind: none}", "control": FILES}
-        yield Block("stone_wall", DATA / "stone_wall", "*.JPG", wall, read_wall(DATA / "stone_wall").camera.c, "MicMac",
-                    {"weighted": WEIGHTED, "free": FREE, "free c k1 k2": _free("c", "k1", "k2")},
-                    _wall_control)  # fmt: skip
+        yield Block(
+            "stone_wall",
+            DATA / "stone_wall",
+            "*.JPG",
+            wall,
+            read_wall(DATA / "stone_wall").camera.c,
+            "MicMac",
+            {"weighted": WEIGHTED, "free": FREE, "free c k1 k2": _free("c", "k1", "k2")},
+            _wall_control,
+        )
     if HELDOUT and (Path(HELDOUT) / "sceaux").exists():
         folder = Path(HELDOUT) / "sceaux"
         bare = {"crs": "EPSG:32631", "cameras": "{kind: exif}", **NOTHING}
-        yield Block("sceaux", folder, "*.JPG", bare, float((folder / "K.txt").read_text().split()[0]), "K.txt (from EXIF)",
-                    {"weighted": WEIGHTED, "free": FREE})  # fmt: skip
+        yield Block(
+            "sceaux",
+            folder,
+            "*.JPG",
+            bare,
+            float((folder / "K.txt").read_text().split()[0]),
+            "K.txt (from EXIF)",
+            {"weighted": WEIGHTED, "free": FREE},
+        )
 
 
 def tie_points_of(block: Block, root: Path) -> Store:

@@ -28,9 +28,13 @@ def main(job: dict) -> None:
     reader = pycolmap.ImageReaderOptions(camera_model=job["model"], camera_params=job["camera"])
     clock, cpu, started = {}, cpu_seconds(), time.monotonic()
     pycolmap.extract_features(
-        database, job["photographs"], image_names=job["names"], camera_mode=pycolmap.CameraMode.SINGLE, reader_options=reader,
+        database,
+        job["photographs"],
+        image_names=job["names"],
+        camera_mode=pycolmap.CameraMode.SINGLE,
+        reader_options=reader,
         device=pycolmap.Device.cpu,
-    )  # fmt: skip
+    )
     clock["features"] = cpu_seconds() - cpu
     pycolmap.match_exhaustive(database, device=pycolmap.Device.cpu)
     clock["matching"] = cpu_seconds() - cpu - clock["features"]
@@ -42,10 +46,15 @@ def main(job: dict) -> None:
     best = max(models.values(), key=lambda model: model.num_reg_images())
     best.write_text(out)
     result = {
-        "version": pycolmap.__version__, "photos": best.num_reg_images(), "points": best.num_points3D(),
-        "error_px": best.compute_mean_reprojection_error(), "cpu": clock, "cpu_seconds": sum(clock.values()),
-        "seconds": time.monotonic() - started, "peak_bytes": 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss,
-    }  # fmt: skip
+        "version": pycolmap.__version__,
+        "photos": best.num_reg_images(),
+        "points": best.num_points3D(),
+        "error_px": best.compute_mean_reprojection_error(),
+        "cpu": clock,
+        "cpu_seconds": sum(clock.values()),
+        "seconds": time.monotonic() - started,
+        "peak_bytes": 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss,
+    }
     (out / "result.json").write_text(json.dumps(result, indent=1))
 
 

@@ -66,11 +66,20 @@ class Row:
 def _workflow(name: str, folder: Path, pattern: str, parts: dict[str, str], interior: str) -> str:
     """A workflow up to the orientation; `parts`: crs, cameras, positions, control."""
     lines = [f"{key}: {value}" for key, value in parts.items()]
-    return "\n".join([
-        f"project: {name}", *lines, f"photographs: {{kind: folder, path: photographs, pattern: '{pattern}'}}",
-        "stages:", "  - kind: photos", "  - kind: calibration", "  - kind: tie_points", "  - kind: orientation",
-        f"    interior: {{kind: {interior}}}", "",
-    ])  # fmt: skip
+    return "\n".join(
+        [
+            f"project: {name}",
+            *lines,
+            f"photographs: {{kind: folder, path: photographs, pattern: '{pattern}'}}",
+            "stages:",
+            "  - kind: photos",
+            "  - kind: calibration",
+            "  - kind: tie_points",
+            "  - kind: orientation",
+            f"    interior: {{kind: {interior}}}",
+            "",
+        ]
+    )
 
 
 def run_block(root: Path, name: str, folder: Path, pattern: str, parts: dict[str, str], interior: str) -> tuple[Path, float]:
@@ -152,9 +161,11 @@ def stone_wall(root: Path) -> Row:
         (root / "control" / f"{name}.csv").write_text(text)
     camera = ", ".join(f"{name}: {getattr(wall.camera, name):.6f}" for name in ("c", "x0", "y0", "k1", "k2", "k3"))
     parts = {
-        "crs": "EPSG:32632", "cameras": f"{{kind: given, {camera}}}", "positions": "{kind: none}",
+        "crs": "EPSG:32632",
+        "cameras": f"{{kind: given, {camera}}}",
+        "positions": "{kind: none}",
         "control": "{kind: files, points: control/points.csv, measurements: control/measured.csv}",
-    }  # fmt: skip
+    }
     run, cpu = run_block(root, "stone_wall", DATA / "stone_wall", "*.JPG", parts, "fixed")
     return row_of("stone_wall", run, cpu, f"{_against_micmac(wall, run)}; {_from_named_points(wall)}")
 
@@ -178,8 +189,10 @@ def _from_named_points(wall: Wall) -> str:
 
 
 def _words(found: Agreement, factor: float, unit: str) -> str:
-    return (f"centres {factor * found.centre_rms:.2f} {unit} RMS, largest {factor * found.centre_largest:.2f}; attitudes "
-            f"{found.angle_mean:.3f} degrees on average, largest {found.angle_largest:.3f}")  # fmt: skip
+    return (
+        f"centres {factor * found.centre_rms:.2f} {unit} RMS, largest {factor * found.centre_largest:.2f}; attitudes "
+        f"{found.angle_mean:.3f} degrees on average, largest {found.angle_largest:.3f}"
+    )
 
 
 def page(rows: list[Row], failures: list[str]) -> str:

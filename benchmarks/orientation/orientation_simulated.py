@@ -5,29 +5,21 @@ another draw of the same study. Without photographs: only geometry and
 noise, so that hundreds of seeds are cheap. Results go to benchmarks/results/orientation_simulated.md.
 """
 
-import os
 import sys
 import time
 
-for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
-    os.environ.setdefault(variable, "1")
+import numpy as np
 
-import numpy as np  # noqa: E402
+from benchmarks.measured_run import machine, write_result
+from benchmarks.orientation.simulated_scenes import orienting, published_pairs, simulated_block
+from orthomill.schemas.camera import INTERIOR
+from orthomill.tasks.adjustment.model.interior import FreeInterior
+from orthomill.tasks.adjustment.solve.mixed_model import solve_mixed
+from orthomill.tasks.geometry.rotation import rotation_matrix
+from orthomill.tasks.orientation.relative.relative_forms import DependentOrientation, FiveRotations
+from orthomill.tasks.orientation.relative.relative_orientation import orient_robust
 
-from benchmarks.measured_run import ROOT, machine, write_result  # noqa: E402
-
-sys.path.append(str(ROOT / "tests" / "orientation"))
-from orienting import orient, standardised_orientation  # noqa: E402
-from simulated_block import two_strips  # noqa: E402
-from test_relative_orientation import KEA, VOLOS, C, kea_case, matches  # noqa: E402
-
-from orthomill.schemas.camera import INTERIOR  # noqa: E402
-from orthomill.tasks.adjustment.model.interior import FreeInterior  # noqa: E402
-from orthomill.tasks.adjustment.solve.mixed_model import solve_mixed  # noqa: E402
-from orthomill.tasks.geometry.rotation import rotation_matrix  # noqa: E402
-from orthomill.tasks.orientation.relative.relative_forms import DependentOrientation, FiveRotations  # noqa: E402
-from orthomill.tasks.orientation.relative.relative_orientation import orient_robust  # noqa: E402
-
+KEA, VOLOS, C = published_pairs.KEA, published_pairs.VOLOS, published_pairs.C
 C_KEA = 152.52 / 0.049
 
 
@@ -35,12 +27,12 @@ def pairs(first: int, seeds: int = 200) -> list[str]:
     """The published pairs: noise-free from zero starts; with noise, sigma0 and standard errors."""
     rows = []
     for name, truth, c, base_height in (("Volos", VOLOS, C, 582 / 1029), ("Kea", KEA, C_KEA, 829 / 1525)):
-        exact = matches(truth, 100, 1, 0.0, base_height, c)
+        exact = published_pairs.matches(truth, 100, 1, 0.0, base_height, c)
         dependent, five = solve_mixed(DependentOrientation(c, c), exact), solve_mixed(FiveRotations(c, c), exact)
         error = np.abs(dependent.model.unknowns - truth).max()
         sigmas, ratios = [], []
         for seed in range(first, first + seeds):
-            solution = solve_mixed(DependentOrientation(c, c), matches(truth, 1062, seed, 0.17, base_height, c))
+            solution = solve_mixed(DependentOrientation(c, c), published_pairs.matches(truth, 1062, seed, 0.17, base_height, c))
             sigmas.append(solution.sigma0)
             ratios.append((solution.model.unknowns - truth) / solution.standard_errors)
         rows.append(
@@ -64,7 +56,7 @@ def kea(first: int, seeds: int = 100) -> list[str]:
     R, found, turns, kept = rotation_matrix(*KEA[2:]), 0, [], []
     started = time.process_time()
     for seed in range(first, first + seeds):
-        relative = orient_robust(kea_case(seed), C_KEA, C_KEA)
+        relative = orient_robust(published_pairs.kea_case(seed), C_KEA, C_KEA)
         turn = np.degrees(np.arccos(np.clip((np.trace(R @ relative.solution.model.rotation.T) - 1) / 2, -1, 1)))
         right, wrong = int(relative.kept[:36].sum()), int(relative.kept[36:].sum())
         turns.append(turn)
@@ -86,10 +78,10 @@ def volos(first: int, seeds: int = 100) -> list[str]:
     """The volos block with new noise in every seed: all standard errors against the scatter of the errors."""
     orientation, checks, interior, sigma0, oriented, free_c = [], [], [], [], [], []
     for seed in range(first, first + seeds):
-        block = two_strips(1000 + seed)
-        out = orient(block)
+        block = simulated_block.two_strips(1000 + seed)
+        out = orienting.orient(block)
         oriented.append(len(out["block"].photos))
-        orientation.append(standardised_orientation(block, out["block"]))
+        orientation.append(orienting.standardised_orientation(block, out["block"]))
         checks += [np.array(p.difference) / p.predicted for p in out["ground_residuals"].of_role("check")]
         sigma0.append(out["block"].sigma0_px)
         camera, truth = out["block"].cameras["cam"], block.views[0].camera
@@ -97,7 +89,7 @@ def volos(first: int, seeds: int = 100) -> list[str]:
         error = np.array(camera.interior) - truth.interior
         interior.append(np.where(sigma > 0, error / np.where(sigma > 0, sigma, 1.0), np.nan))
         if seed < first + 30:
-            calibrated = orient(block, interior=FreeInterior(kind="free"))["block"].cameras["cam"]
+            calibrated = orienting.orient(block, interior=FreeInterior(kind="free"))["block"].cameras["cam"]
             free_c.append((calibrated.c - truth.c) / np.sqrt(calibrated.covariance[0][0]))
     spread = np.sqrt((np.array(orientation) ** 2).mean(axis=(0, 1)))
     rows = [f"| {name} | {value:.3f} |" for name, value in zip(("X", "Y", "Z", "omega", "phi", "kappa"), spread, strict=True)]

@@ -41,11 +41,13 @@ def colmap_poses(images: Path) -> dict[str, Pose]:
         words = line.split()
         if words:
             w, x, y, z = map(float, words[1:5])
-            rotation = np.array([
-                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-            ])  # fmt: skip
+            rotation = np.array(
+                [
+                    [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                    [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                    [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+                ]
+            )
             found[Path(words[9]).stem] = (_Y_DOWN @ rotation, -rotation.T @ np.array(words[5:8], float))
     return found
 

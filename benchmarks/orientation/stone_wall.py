@@ -100,8 +100,10 @@ def micmac_camera(path: Path) -> Camera:
 def control_texts(wall: Wall) -> tuple[str, str]:
     """The points as the two CSV texts of a workflow; measurements in the upright photographs."""
     points = ["name,role,x,y,z,sigma_x,sigma_y,sigma_z"]
-    points += [",".join([name, "control", *map(repr, xyz.tolist()), *[str(POINT_SIGMA)] * 3])
-               for name, xyz in zip(wall.names, wall.points, strict=True)]  # fmt: skip
+    points += [
+        ",".join([name, "control", *map(repr, xyz.tolist()), *[str(POINT_SIGMA)] * 3])
+        for name, xyz in zip(wall.names, wall.points, strict=True)
+    ]
     rows = ["name,photo,col,row,sigma"]
     for point, photo, (col, row) in zip(wall.measured.point, wall.measured.photo, wall.measured.pixels.tolist(), strict=True):
         rows.append(f"{wall.names[point]},{wall.photos[photo]},{row!r},{SIZE[0] - 1 - col!r},{PIXEL_SIGMA}")

@@ -12,10 +12,10 @@ from scipy.interpolate import griddata
 from small_site import make_site
 
 import orthomill
+from benchmarks.calibration.board_setups import SIX_BOARDS, places_of, views_of
 from orthomill.schemas.errors import OrthomillError, PhotoError, StoreError, WorkflowError
 from orthomill.schemas.raster import Window
 from orthomill.tasks.simulation.boards.board_rendering import BoardFilm, photograph_floor
-from orthomill.tasks.simulation.boards.board_scene import SIX_BOARDS, places_of, views_of
 
 BOARD_CAMERA = SIX_BOARDS.camera.model_copy(
     update={"width": 720, "height": 480, "c": 610.0, "x0": 3.0, "y0": -2.0, "k1": -0.1, "k2": 0.03}

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_board_bundle import FREE, LOCAL, all_corners, disturbed, network, plain, truth
+from board_truth import FREE, LOCAL, all_corners, disturbed, network, plain, truth
 
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.boards.board_bundle import CornerTest, adjust, minimise
