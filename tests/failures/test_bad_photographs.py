@@ -74,7 +74,7 @@ def test_the_same_picture_twice_is_named(tables):
 
 
 def test_a_photograph_without_tags_takes_the_camera_of_the_others(tables):
-    (said,) = [text for text in warnings(tables, "calibration") if "tells no focal length" in text]
+    (said,) = [text for text in warnings(tables, "calibration") if "gives no focal length" in text]
     assert TAGLESS in said and "which has their size" in said
     block = Block.model_validate_json((tables / "orientation" / "block.json").read_bytes())
     assert block.of_photo[TAGLESS] == block.of_photo["DJI_0030"]
