@@ -11,6 +11,7 @@ Everything is loaded when it is first asked for, so that importing the package c
 """
 
 from importlib import import_module
+from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -42,6 +43,8 @@ __all__ = [*_PLACES]
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        return version("orthomill")
     if name not in _PLACES:
         raise AttributeError(f"orthomill has no '{name}'; it has {', '.join(__all__)}")
     module, attribute = _PLACES[name]

@@ -13,17 +13,10 @@ from functools import cached_property
 
 import numpy as np
 
+from benchmarks.matching.dissertation_pair import CLEAN, GroundTexture, PairCrop, PairRadiometry, check_points, pair_crop
+from benchmarks.matching.dissertation_surface import PublishedPhoto, intersected, surface_points, true_matches
 from orthomill.schemas.raster import Window
 from orthomill.tasks.matching.least_squares.matching import Matches
-from orthomill.tasks.simulation.published_pair.dissertation_pair import (
-    CLEAN,
-    GroundTexture,
-    PairCrop,
-    PairRadiometry,
-    check_points,
-    pair_crop,
-)
-from orthomill.tasks.simulation.published_pair.dissertation_surface import PublishedPhoto, intersected, surface_points, true_matches
 
 PIXEL_HEIGHT = 0.414
 """m of height per px of parallax"""

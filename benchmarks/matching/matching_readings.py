@@ -14,12 +14,13 @@ import cv2
 import numpy as np
 
 from benchmarks.matching import matching_published as p
+from benchmarks.matching.dissertation_pair import GroundTexture, ground_texture
 from benchmarks.matching.matching_experiment import Experiment, Score, score
 from benchmarks.matching.matching_windows import SHAPES, SIZES, STATISTICAL, Prepared, differences
+from benchmarks.matching.published_recipe import published
 from orthomill.tasks.matching.least_squares.matching import match_points
-from orthomill.tasks.matching.least_squares.model import Ellipse, LeastSquaresMatching, Square, published
+from orthomill.tasks.matching.least_squares.model import Ellipse, LeastSquaresMatching, Square
 from orthomill.tasks.matching.windows.sizes import grey_levels, window_sizes
-from orthomill.tasks.simulation.published_pair.dissertation_pair import GroundTexture, ground_texture
 
 SOFTENED = 0.8
 """texture px: sigma of the Gaussian"""

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from benchmarks.matching.published_recipe import published
 from benchmarks.measured_run import ROOT, machine, write_result
 from orthomill.tasks.matching.least_squares.matching import match_points, prepare
-from orthomill.tasks.matching.least_squares.model import Ellipse, LeastSquaresMatching, published
+from orthomill.tasks.matching.least_squares.model import Ellipse, LeastSquaresMatching
 
 AFFINE = np.array([[0.97, -0.03], [0.02, 1.03]])
 SHIFT = np.array([3.3, -4.7])

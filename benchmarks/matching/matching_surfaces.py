@@ -12,27 +12,20 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from benchmarks.matching.dissertation_pair import CLEAN, NOISY, GroundTexture, PairCrop, check_points, pair_crop
+from benchmarks.matching.dissertation_surface import PublishedPhoto, intersected, surface_points, true_matches
 from benchmarks.matching.matching_experiment import PIXEL_HEIGHT, score, window_around
 from benchmarks.matching.matching_peers import densification, semi_global_opencv
 from benchmarks.matching.matching_published import EXTRACTION
 from benchmarks.matching.matching_windows import SHAPES
+from benchmarks.matching.published_recipe import published
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import Window
 from orthomill.tasks.matching.dense.blocks import DenseMatching
 from orthomill.tasks.matching.least_squares.matching import Matches
-from orthomill.tasks.matching.least_squares.model import published
 from orthomill.tasks.matching.strategies.coarse_to_fine import PyramidMatching, SearchRange, match_pyramid
 from orthomill.tasks.matching.strategies.node_grid import ImagePart, NodeGrid
 from orthomill.tasks.matching.strategies.region_growing import RegionGrowing, Seeds, found_seeds, grow
-from orthomill.tasks.simulation.published_pair.dissertation_pair import (
-    CLEAN,
-    NOISY,
-    GroundTexture,
-    PairCrop,
-    check_points,
-    pair_crop,
-)
-from orthomill.tasks.simulation.published_pair.dissertation_surface import PublishedPhoto, intersected, surface_points, true_matches
 
 DENSE_WINDOW, QUICK_WINDOW = Window(3900, 6000, 3072, 3072), Window(4600, 7000, 560, 560)
 PART_WINDOW = Window(3000, 4700, 4000, 5800)

@@ -13,10 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.matching import matching_published as published_tables
+from benchmarks.matching.dissertation_pair import CLEAN, NOISY, PairRadiometry
 from benchmarks.matching.matching_experiment import Experiment, Score, score
 from benchmarks.matching.matching_published import Published
+from benchmarks.matching.published_recipe import published
 from orthomill.tasks.matching.least_squares.matching import PreparedImage, match_points, prepare
-from orthomill.tasks.matching.least_squares.model import Ellipse, LeastSquaresMatching, Square, published
+from orthomill.tasks.matching.least_squares.model import Ellipse, LeastSquaresMatching, Square
 from orthomill.tasks.matching.strategies.cascade import CascadeMatching, match_cascade
 from orthomill.tasks.matching.windows.calibration import calibrated, last_limits
 from orthomill.tasks.matching.windows.sizes import (
@@ -28,7 +30,6 @@ from orthomill.tasks.matching.windows.sizes import (
     grey_levels,
     window_sizes,
 )
-from orthomill.tasks.simulation.published_pair.dissertation_pair import CLEAN, NOISY, PairRadiometry
 
 SIZES = tuple(range(7, 36, 2))
 SHAPES = {"square": Square(), "ellipse": Ellipse(), "across": Ellipse(major_axis="across")}

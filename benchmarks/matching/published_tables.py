@@ -13,6 +13,7 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
+from benchmarks.matching.dissertation_pair import GroundTexture, ground_texture
 from benchmarks.matching.matching_experiment import Experiment
 from benchmarks.matching.matching_readings import readings_page
 from benchmarks.matching.matching_speed import speed_table
@@ -29,7 +30,6 @@ from benchmarks.matching.matching_surfaces import (
 from benchmarks.matching.matching_windows import strategy_page, window_page
 from benchmarks.matching.matching_workers import workers_page
 from benchmarks.measured_run import ROOT, machine, write_result
-from orthomill.tasks.simulation.published_pair.dissertation_pair import GroundTexture, ground_texture
 
 KEPT = ROOT / ".cache" / "matching"
 TITLES = {

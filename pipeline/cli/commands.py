@@ -9,6 +9,7 @@ import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
 
@@ -60,6 +61,21 @@ Memory = Annotated[int, typer.Option(help="Memory that one worker may use, in Mi
 RasterName = Annotated[
     str | None, typer.Argument(help="A raster of the store, e.g. densification/precision; all products when left out.")
 ]
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        out.print(version("orthomill"))
+        raise typer.Exit
+
+
+@app.callback()
+def main_options(
+    show_version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None:
+    """From overlapping photographs to a checked surface model and a blended true orthoimage."""
 
 
 @contextmanager

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from benchmarks.matching.dissertation_pair import PairCrop, ground_texture, pair_crop
+from benchmarks.matching.dissertation_surface import true_matches
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import Window
 from orthomill.tasks.matching.least_squares.matching import match_points
 from orthomill.tasks.matching.strategies.cascade import CascadeMatching, match_cascade
-from orthomill.tasks.simulation.published_pair.dissertation_pair import PairCrop, ground_texture, pair_crop
-from orthomill.tasks.simulation.published_pair.dissertation_surface import true_matches
 
 CASCADE = CascadeMatching()
 

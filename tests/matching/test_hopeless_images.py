@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
+from benchmarks.matching.published_recipe import published
 from orthomill.schemas.outcome import Outcome
 from orthomill.tasks.matching.dense.blocks import HALO, DenseMatching, ParallaxRange, match_block
 from orthomill.tasks.matching.least_squares.matching import match_points
-from orthomill.tasks.matching.least_squares.model import Ellipse, Forward, LeastSquaresMatching, published
+from orthomill.tasks.matching.least_squares.model import Ellipse, Forward, LeastSquaresMatching
 from orthomill.tasks.matching.points.correlation import TemplateCorrelation, correlate
 from orthomill.tasks.matching.strategies.cascade import CascadeMatching, match_cascade
 from orthomill.tasks.matching.strategies.coarse_to_fine import PyramidMatching, SearchRange, match_pyramid

@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 from benchmarks.matching import matching_published
+from benchmarks.matching.dissertation_pair import CLEAN, NOISY, GroundTexture, ground_texture
 from benchmarks.matching.matching_experiment import Experiment, Score, score
 from benchmarks.matching.matching_peers import semi_global_opencv
 from benchmarks.matching.matching_readings import reading, with_contrast
 from benchmarks.matching.matching_surfaces import QUICK_WINDOW, dense_page
 from benchmarks.matching.matching_windows import SIZES, STRATEGIES, differences, measured, settings_of, sizings, strategies
 from benchmarks.matching.matching_workers import workers_page
-from orthomill.tasks.matching.least_squares.model import Ellipse, Square, published
-from orthomill.tasks.simulation.published_pair.dissertation_pair import CLEAN, NOISY, GroundTexture, ground_texture
+from benchmarks.matching.published_recipe import published
+from orthomill.tasks.matching.least_squares.model import Ellipse, Square
 
 
 @pytest.fixture(scope="module")

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from benchmarks.matching.dissertation_pair import NOISY, PairCrop, ground_texture, pair_crop
+from benchmarks.matching.dissertation_surface import true_matches
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import Window
 from orthomill.tasks.matching.strategies.coarse_to_fine import PyramidMatching, SearchRange, halo, halved_part, match_pyramid
 from orthomill.tasks.matching.strategies.node_grid import ImagePart, NodeGrid
-from orthomill.tasks.simulation.published_pair.dissertation_pair import NOISY, PairCrop, ground_texture, pair_crop
-from orthomill.tasks.simulation.published_pair.dissertation_surface import true_matches
 
 SETTINGS = PyramidMatching(levels=3)
 NARROW = PyramidMatching(levels=2, wide_window=21)

@@ -1,5 +1,6 @@
 """The library: what a notebook calls. Photographs are small; what is tested is that the answers are those of the methods."""
 
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -42,6 +43,11 @@ def surface(oriented) -> xr.DataArray:
     x, y = np.arange(west, east, (east - west) / 100), np.arange(north, south, -(east - west) / 100)
     heights = griddata((points.x, points.y), points.z, tuple(np.meshgrid(x, y))).astype(np.float32)
     return xr.DataArray(heights, dims=("y", "x"), coords={"x": x, "y": y})
+
+
+def test_the_version_is_that_of_the_package():
+    declared = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]["version"]
+    assert orthomill.__version__ == declared
 
 
 def test_what_the_library_has_can_be_listed_and_nothing_else_is_there():

@@ -8,13 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from small_block import FLIGHT, scene, site
 
-from orthomill.schemas.errors import GeometryError
-from orthomill.schemas.raster import MapGrid, Window
-from orthomill.schemas.truth import Material
-from orthomill.tasks.geometry.view import view_of
-from orthomill.tasks.simulation.flight import BLOCK, CENTRE, PLAIN, camera_of, exposure, orientations, seen_window, views
-from orthomill.tasks.simulation.published_pair.dissertation_pair import right_window
-from orthomill.tasks.simulation.published_pair.dissertation_surface import (
+from benchmarks.matching.dissertation_pair import right_window
+from benchmarks.matching.dissertation_surface import (
     BASE,
     FLYING_HEIGHT,
     STATION_X,
@@ -26,6 +21,11 @@ from orthomill.tasks.simulation.published_pair.dissertation_surface import (
     surface_points,
     true_matches,
 )
+from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.truth import Material
+from orthomill.tasks.geometry.view import view_of
+from orthomill.tasks.simulation.flight import BLOCK, CENTRE, PLAIN, camera_of, exposure, orientations, seen_window, views
 from orthomill.tasks.simulation.surveying import farthest_first, find_place, lattice, search_window
 
 GRID = MapGrid(west=1000.0, north=2000.0, cell=0.5, rows=180, cols=180)

@@ -1,11 +1,14 @@
 """What the pages of docs/ say of codes, formulae and files is what the code does."""
 
 import re
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from orthomill.pipeline.cli.commands import app
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.surface import PROVENANCE_CODES
@@ -60,3 +63,8 @@ def test_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page.read_text()):
         if not target.startswith(("http", "docs/pictures/", "pictures/")):
             assert (page.parent / target).exists(), f"{page.name} links to {target}, which is not there"
+
+
+def test_the_command_tells_its_version():
+    answer = CliRunner().invoke(app, ["--version"])
+    assert answer.exit_code == 0 and answer.output.strip() == version("orthomill")

@@ -19,10 +19,7 @@ import cv2
 import numpy as np
 from numba import njit
 
-from orthomill.schemas.errors import ResourceError
-from orthomill.schemas.raster import Window
-from orthomill.tasks.imagery.bicubic import bicubic_at
-from orthomill.tasks.simulation.published_pair.dissertation_surface import (
+from benchmarks.matching.dissertation_surface import (
     CORNER,
     FLYING_HEIGHT,
     PIXEL,
@@ -36,9 +33,13 @@ from orthomill.tasks.simulation.published_pair.dissertation_surface import (
     ray_height,
     true_matches,
 )
+from benchmarks.measured_run import ROOT
+from orthomill.schemas.errors import ResourceError
+from orthomill.schemas.raster import Window
+from orthomill.tasks.imagery.bicubic import bicubic_at
 from orthomill.tasks.simulation.scene.hash_noise import normal_of
 
-SHIPPED_TEXTURE = Path(__file__).parents[1] / "textures" / "village.jpg"
+SHIPPED_TEXTURE = ROOT / "tasks" / "simulation" / "textures" / "village.jpg"
 TEXTURE_WEST, TEXTURE_NORTH, TEXTURE_CELL = 9412.94, 11286.09, 0.169
 """m: upper-left corner of the texture, and its pixel"""
 TEXTURE_SHAPE = (15220, 13480)

@@ -5,10 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orthomill.schemas.errors import ResourceError
-from orthomill.schemas.raster import Window
-from orthomill.tasks.imagery.resampling import sample_cubic
-from orthomill.tasks.simulation.published_pair.dissertation_pair import (
+from benchmarks.matching.dissertation_pair import (
     CLEAN,
     NOISY,
     TEXTURE_CELL,
@@ -22,7 +19,7 @@ from orthomill.tasks.simulation.published_pair.dissertation_pair import (
     pair_crop,
     rendered,
 )
-from orthomill.tasks.simulation.published_pair.dissertation_surface import (
+from benchmarks.matching.dissertation_surface import (
     SIDE,
     PublishedPhoto,
     grid_points,
@@ -32,6 +29,9 @@ from orthomill.tasks.simulation.published_pair.dissertation_surface import (
     surface_points,
     true_matches,
 )
+from orthomill.schemas.errors import ResourceError
+from orthomill.schemas.raster import Window
+from orthomill.tasks.imagery.resampling import sample_cubic
 
 WINDOW = Window(5200, 6000, 90, 130)
 

@@ -1,1 +1,0 @@
-"""The synthetic stereopair of the published matching experiment."""
