@@ -24,7 +24,7 @@ from orthomill.tasks.matching.dense.blocks import (
 from orthomill.tasks.matching.dense.semi_global import SemiGlobal, _costs, _sweep, census, remove_specks, semi_global
 from orthomill.tasks.matching.smoothing import with_gaps
 
-CONES = Path(__file__).parents[3] / "shared" / "data" / "cones"
+CONES = Path(__file__).parents[4] / "shared" / "data" / "cones"
 
 
 @pytest.fixture(scope="module")
