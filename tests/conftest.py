@@ -5,8 +5,15 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
+from hypothesis import settings
+
 import_module("orthomill.pipeline")  # gives numerical libraries one thread, as in the command, before any of them is loaded
 
 SUPPORT = [str(Path(__file__).parent / "support" / room) for room in ("engine", "scenes")]
 sys.path[:0] = SUPPORT
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [*SUPPORT, os.environ.get("PYTHONPATH", "")]))
+
+# Machines are busy, so no example has a deadline. CI draws the same examples each time: what it finds, everybody finds again.
+settings.register_profile("here", deadline=None)
+settings.register_profile("ci", deadline=None, derandomize=True)
+settings.load_profile("ci" if os.environ.get("CI") else "here")
