@@ -1,9 +1,11 @@
 """Are the products the same bit for bit: sequential and Dask, one worker and four, small tiles and large ones?
 
-Run with `python -m benchmarks.same_everywhere`. Uses the small simulated project.
+Run with `python -m benchmarks.same_everywhere`. Uses the small simulated project. `python -m benchmarks.same_everywhere RUN OTHER`
+compares two folders of runs instead, for example of the same project before and after a change of the code.
 """
 
 import hashlib
+import sys
 import tempfile
 from collections import Counter
 from itertools import chain
@@ -67,8 +69,17 @@ def compared(reference: Path, run: Path, name: str) -> tuple[str, list[str]]:
     return f"| {name} | {len(shared)} | {len(shared) - len(differ)} | {len(differ)} |", details
 
 
+def print_comparison(reference: Path, run: Path) -> None:
+    """Rasters and tables of two runs: how many both have, how many are equal, and what differs."""
+    line, details = compared(reference, run, run.as_posix())
+    print("| run | rasters and tables of both | equal | differ |", line, *details, sep="\n")
+
+
 def main() -> None:
-    """Run all variants and write the page."""
+    """Compare two runs that are named, or run all variants and write the page."""
+    if len(sys.argv) == 3:
+        print_comparison(Path(sys.argv[1]), Path(sys.argv[2]))
+        return
     with tempfile.TemporaryDirectory() as scratch:
         runs = {name: run_variant(Path(scratch) / name.replace(" ", "_"), words) for name, words in VARIANTS.items()}
         for tile in TILES:
