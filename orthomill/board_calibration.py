@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from orthomill.photograph_orientation import NO_PLACE
 from orthomill.schemas.camera import Camera
-from orthomill.schemas.project import CameraFromChessboards, Project
+from orthomill.schemas.project import ANY_CRS, CameraFromChessboards, Project
 from orthomill.schemas.stage_report import StageReport, report_table
 from orthomill.tasks.calibration.board_tables import CALIBRATION, CAMERA_FILE, RESIDUALS, Calibration, CornerResiduals
 from orthomill.tasks.calibration.stage import CalibrationStage
@@ -51,7 +50,7 @@ def calibrate(
     source = CameraFromChessboards(
         kind="chessboards", photographs=photos, corners=corners, square=square, boards=boards, arrangement=arrangement
     )
-    project = Project(project="calibrate", crs=NO_PLACE, photographs=photos, cameras=source)
+    project = Project(project="calibrate", crs=ANY_CRS, photographs=photos, cameras=source)
     with temporary_run(project, (stage or CalibrationStage(),), progress) as store:
         return BoardCalibration(
             camera=store.table(CAMERA_FILE),

@@ -5,10 +5,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from statistics import median
 
 from orthomill.pipeline.storage.image_files import read_header
-from orthomill.pipeline.workflow.camera_tags import longitude_latitude, utm_zone
+from orthomill.pipeline.workflow.starting_workflow import Survey
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.observations import GROUND_POINTS, IMAGE_RESIDUALS, GroundPoints, ImageResiduals
 from orthomill.schemas.orientation import (
@@ -23,6 +22,7 @@ from orthomill.schemas.orientation import (
 )
 from orthomill.schemas.photo import PHOTOS, Photos
 from orthomill.schemas.project import (
+    ANY_CRS,
     CameraFromExif,
     CameraFromFile,
     CameraSource,
@@ -39,9 +39,6 @@ from orthomill.tasks.orientation.stage import OrientationStage
 from orthomill.tasks.photos.stage import PhotosStage
 from orthomill.tasks.tie_points.stage import TiePointsStage
 from orthomill.temporary_run import Progress, photo_list, temporary_run
-
-NO_PLACE = "EPSG:3857"
-"""A block that nothing places on the earth still needs metres; its coordinates are those of a system of its own."""
 
 
 @dataclass(frozen=True)
@@ -108,11 +105,8 @@ def _oriented(project: Project, stages: tuple[Stage, ...], progress: Progress | 
 
 
 def _crs_of(paths: tuple[str, ...]) -> str:
-    places = [place for path in paths if (place := longitude_latitude(read_header(Path(path)).tags))]
-    if not places:
-        return NO_PLACE
-    longitudes, latitudes = zip(*places, strict=True)
-    return utm_zone(median(longitudes), median(latitudes))
+    """The reference system that a starting workflow would propose, from the GPS tags."""
+    return Survey("", tuple(read_header(Path(path)) for path in paths)).utm or ANY_CRS
 
 
 @contextmanager

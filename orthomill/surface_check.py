@@ -18,15 +18,16 @@ from orthomill.schemas.project import Project
 from orthomill.schemas.raster import MapGrid, RasterSpec, map_raster
 from orthomill.schemas.stage_contract import ProjectView
 from orthomill.schemas.stage_report import StageReport, report_table
-from orthomill.schemas.surface import CORRECTED, HEIGHT, SURFACE, Surface
+from orthomill.schemas.surface import CORRECTED, HEIGHT, SURFACE
+from orthomill.tasks.dsm_check.coverage import foreign_surface
 from orthomill.tasks.dsm_check.report import DH, PRECISION
 from orthomill.tasks.dsm_check.stage import DsmCheckStage, SurfaceFile
 from orthomill.tasks.epipolar.stage import EpipolarStage
 from orthomill.tasks.photos.stage import PhotosStage
 from orthomill.temporary_run import GivenResults, Progress, photo_list, temporary_run
 
-_LEEWAY = 1 / 7
-"""share of the flying height by which a surface may leave the heights of the tie points"""
+_TILE = 512
+"""Side of the pieces in which the surface is handed over, cells."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ def check(
     project = Project(project="check", crs=block.crs, photographs=photo_list(photographs))
     stage, given = settings or DsmCheckStage(), GivenResults.of({BLOCK: block})
     if isinstance(surface, xr.DataArray):
-        given = GivenResults.of({BLOCK: block, SURFACE: _bounds(surface, block)}, {_spec(surface, block): _heights(surface)})
+        given = _given(surface, block)
     else:
         stage = stage.model_copy(update={"surface": SurfaceFile(kind="file", path=str(Path(surface).resolve()))})
     with temporary_run(project, (PhotosStage(), given, _PairsAlone(), stage), progress) as store:
@@ -80,18 +81,11 @@ def _result(store: Store) -> xr.Dataset:
     return data[[name.split("/")[1] for name in leaves]].rename({n.split("/")[1]: new for n, new in leaves.items()}).load()
 
 
-def _heights(surface: xr.DataArray) -> np.ndarray:
-    return np.asarray(surface, np.float32)
-
-
-def _spec(surface: xr.DataArray, block: Block) -> RasterSpec:
-    return map_raster(HEIGHT, _grid(surface, block), "float32", block.crs, 512, nodata=float("nan"), unit="m")
-
-
-def _bounds(surface: xr.DataArray, block: Block) -> Surface:
-    flying = float(np.mean([photo.centre[2] for photo in block.photos])) - (block.ground_low + block.ground_high) / 2
-    spare = abs(flying) * _LEEWAY
-    return Surface(grid=_grid(surface, block), height_low=block.ground_low - spare, height_high=block.ground_high + spare)
+def _given(surface: xr.DataArray, block: Block) -> GivenResults:
+    """The surface as if the project had measured it, with the bounds of height of a surface from elsewhere."""
+    grid = _grid(surface, block)
+    spec = map_raster(HEIGHT, grid, "float32", block.crs, _TILE, nodata=float("nan"), unit="m")
+    return GivenResults.of({BLOCK: block, SURFACE: foreign_surface(grid, block)}, {spec: np.asarray(surface, np.float32)})
 
 
 def _grid(surface: xr.DataArray, block: Block) -> MapGrid:

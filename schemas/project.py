@@ -9,6 +9,9 @@ from pydantic import Field
 
 from orthomill.schemas.settings import Settings, setting
 
+ANY_CRS = "EPSG:3857"
+"""For what lies nowhere on the earth, such as boards or an object without positions: a project needs a system in metres."""
+
 
 class PhotoFolder(Settings):
     """All JPEG, TIFF and PNG images of a folder."""

@@ -18,12 +18,10 @@ from orthomill.pipeline.workflow.workflow_checks import kind_of
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow
 from orthomill.pipeline.workflow.workflow_text import workflow_text
 from orthomill.schemas.errors import WorkflowError
-from orthomill.schemas.project import CameraFromChessboards, PhotoFolder, PhotoList, Project
+from orthomill.schemas.project import ANY_CRS, CameraFromChessboards, PhotoFolder, PhotoList, Project
 from orthomill.schemas.stage_contract import Stage
 
 _STAGE = "calibration"
-_ANY_CRS = "EPSG:3857"
-"""A workflow needs a coordinate reference system; boards have none, and no result of a calibration depends on it."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +43,7 @@ def calibration_workflow(
     stage_type = next(stage for stage in catalogue if kind_of(stage) == _STAGE)
     try:
         cameras = _cameras(files, options)
-        project = Project(project=name, crs=_ANY_CRS, photographs=files, cameras=cameras)
+        project = Project(project=name, crs=ANY_CRS, photographs=files, cameras=cameras)
         parameters = tuple(part.strip() for part in options.parameters.split(",") if part.strip())
         stage = stage_type.model_validate({"parameters": parameters})
     except ValidationError as error:
