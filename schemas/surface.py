@@ -10,7 +10,11 @@ from orthomill.schemas.raster import MapGrid
 HEIGHT = "densification/height"
 """float32 m, NaN where nothing was measured"""
 PRECISION = "densification/precision"
-"""float32 m, standard error of the height"""
+"""float32 m, standard error of the height: `RELATIVE_PRECISION` and `DATUM_PRECISION` together"""
+RELATIVE_PRECISION = "densification/relative_precision"
+"""float32 m, standard error of the height among its neighbours: matching and the geometry of the rays"""
+DATUM_PRECISION = "densification/datum_precision"
+"""float32 m, what the orientation adds; neighbours share this error, so it says nothing about the shape of the surface"""
 COUNT = "densification/count"
 """uint8, pairs that agree on the height"""
 PROVENANCE = "densification/provenance"
@@ -30,15 +34,25 @@ class Provenance(IntEnum):
     ONE_PAIR = 1
     AGREED = 2
     DISPUTED = 3
-    FILLED = 4
+    INTERPOLATED = 4
+    VOLUME = 5
+    INCOHERENT = 6
+
+
+MEASURED = (Provenance.ONE_PAIR, Provenance.AGREED, Provenance.DISPUTED, Provenance.VOLUME)
+"""codes of heights that photographs measured"""
+ESTIMATED = (Provenance.INTERPOLATED, Provenance.INCOHERENT)
+"""codes of heights that are a guess, with a standard error of metres; never shown or counted as measured"""
 
 
 PROVENANCE_CODES: tuple[tuple[int, str, str], ...] = (
-    (Provenance.EMPTY, "#000000", "empty: not measured"),
-    (Provenance.ONE_PAIR, "#2c7bb6", "matched in one pair"),
-    (Provenance.AGREED, "#1a9641", "matched in two or more pairs that agree"),
-    (Provenance.DISPUTED, "#fdae61", "matched in several pairs that disagree: the best supported height"),
-    (Provenance.FILLED, "#d7191c", "filled from its neighbours"),
+    (Provenance.EMPTY, "#000000", "empty: no height"),
+    (Provenance.ONE_PAIR, "#2c7bb6", "measured in one pair"),
+    (Provenance.AGREED, "#1a9641", "measured in two or more pairs that agree"),
+    (Provenance.DISPUTED, "#fdae61", "measured in several pairs that disagree: the best supported height"),
+    (Provenance.INTERPOLATED, "#d7191c", "estimated: interpolated between its neighbours"),
+    (Provenance.VOLUME, "#a6d96a", "measured by all photographs together, in no single pair"),
+    (Provenance.INCOHERENT, "#f46d43", "estimated: the photographs together prefer it, but its neighbours contradict it"),
 )
 """(code, colour, meaning) for pictures and tables"""
 

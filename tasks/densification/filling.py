@@ -94,4 +94,4 @@ def fill(cells: FusedCells, cell: float, filling: NoFill | Interpolate) -> Fused
     _fill(cells.height, cells.precision, reach, height, precision)
     # The count stays 0: no pair measured these cells, and whoever counts support must see that.
     filled = np.isnan(cells.height) & np.isfinite(height)
-    return FusedCells(height, precision, cells.count, np.where(filled, np.uint8(Provenance.FILLED), cells.provenance))
+    return FusedCells(height, precision, cells.count, np.where(filled, np.uint8(Provenance.INTERPOLATED), cells.provenance))

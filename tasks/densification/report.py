@@ -121,7 +121,7 @@ def _surface_values(surface: Surface, cells: SurfaceStatistics) -> dict[str, flo
         "share_one_pair": _share(counts[Provenance.ONE_PAIR], known),
         "share_agreed": _share(counts[Provenance.AGREED], known),
         "share_disputed": _share(counts[Provenance.DISPUTED], known),
-        "share_filled": _share(counts[Provenance.FILLED], known),
+        "share_filled": _share(counts[Provenance.INTERPOLATED], known),
         "spikes_removed": cells.spikes,
         "precision_median": _rounded(median_of(cells.precision, _cell_edges(grid.cell)), 3),
         "height_lowest": _rounded(cells.lowest, 2),

@@ -167,7 +167,7 @@ def test_filled_cells_are_never_more_precise_than_their_neighbours():
     height = np.tile(np.arange(9.0), (9, 1))
     height[4, 4] = np.nan
     filled = fill(cells_of(height, 0.25), 1.0, Interpolate(kind="interpolate", max_gap=3.0))
-    assert filled.provenance[4, 4] == Provenance.FILLED and filled.count[4, 4] == 0
+    assert filled.provenance[4, 4] == Provenance.INTERPOLATED and filled.count[4, 4] == 0
     assert filled.precision[4, 4] > 0.25 and filled.height[4, 4] == pytest.approx(4.0)
 
 

@@ -109,7 +109,7 @@ def test_spikes_are_counted_and_emptied():
 def test_gaps_are_filled_on_request_with_their_own_code():
     gap = np.isnan(spiky(RULES).height)
     filled = spiky(SurfaceRules(Gridding(), Fusion(), SpikeFilter(), Interpolate(kind="interpolate", max_gap=60.0)))
-    assert gap.any() and (filled.provenance[gap] == Provenance.FILLED).all()
+    assert gap.any() and (filled.provenance[gap] == Provenance.INTERPOLATED).all()
     assert filled.height[gap] == pytest.approx(10.0, abs=0.05) and (filled.pairs[gap] == 0).all()
 
 
