@@ -162,7 +162,7 @@ class BlockMatch:
 
 
 def match_block(left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, settings: DenseMatching) -> BlockMatch:
-    """Match one block.
+    """Match one block that only the pair itself can give a start.
 
     left, right: grey uint8 of `left_window` and `right_window` in full (0 where they leave the raster, see `placed`). The core's
     nodes are at the left pixels HALO + i * step.
@@ -171,10 +171,7 @@ def match_block(left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, 
     start = start_surface(grey_left, grey_right, parallaxes, settings)
     if start is None:
         return BlockMatch(_nothing_found(grey_left[HALO : -HALO : settings.step, HALO : -HALO : settings.step]), float("nan"))
-    y_parallax = residual_y_parallax(grey_left, grey_right, start, parallaxes.high)
-    if np.isfinite(y_parallax):
-        # Once per block instead of per node: all later steps then work along rows.
-        grey_right = moved_rows(grey_right, np.float32(y_parallax))
+    y_parallax, grey_right = _rows_met(grey_left, grey_right, start, parallaxes)
     nodes = _fine_nodes(grey_left, grey_right, start, parallaxes.high, settings)
     wanted = barren(nodes, settings)
     if wanted.any():
@@ -182,8 +179,30 @@ def match_block(left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, 
     return BlockMatch(nodes, y_parallax)
 
 
+def refined_block(
+    left: np.ndarray, right: np.ndarray, start: StartSurface, parallaxes: ParallaxRange, settings: DenseMatching
+) -> BlockMatch:
+    """Match one block near a start that comes from elsewhere, such as heights of several photographs projected into the pair.
+
+    left, right: as in `match_block`. start: column parallaxes of the left block (H / factor, W / factor) float32, good to a pixel
+    or so, NaN where unknown: nodes around which nothing is known are not tried.
+    """
+    grey_left, grey_right = smoothed(with_gaps(left), settings.smoothing), smoothed(with_gaps(right), settings.smoothing)
+    y_parallax, grey_right = _rows_met(grey_left, grey_right, start, parallaxes)
+    return BlockMatch(_fine_nodes(grey_left, grey_right, start, parallaxes.high, settings), y_parallax)
+
+
+def _rows_met(left: np.ndarray, right: np.ndarray, start: StartSurface, parallaxes: ParallaxRange) -> tuple[float, np.ndarray]:
+    """The residual y-parallax of a block, and its right image without it."""
+    y_parallax = residual_y_parallax(left, right, start, parallaxes.high)
+    # Once per block instead of per node: all later steps then work along rows.
+    return y_parallax, moved_rows(right, np.float32(y_parallax)) if np.isfinite(y_parallax) else right
+
+
 def _fine_nodes(left: np.ndarray, right: np.ndarray, start: StartSurface, shift: int, settings: DenseMatching) -> NodeParallaxes:
     """The nodes of the core, matched with a ring of one node around them that only serves the neighbour test."""
+    if not np.isfinite(start.parallax).any():
+        return _nothing_found(left[HALO : -HALO : settings.step, HALO : -HALO : settings.step])
     counts = (-(-(side - 2 * HALO) // settings.step) for side in left.shape)
     rows, cols = (HALO - settings.step + settings.step * np.arange(count + 2) for count in counts)
     return consistent(match_nodes(left, right, start, rows, cols, shift, settings.limits), settings)

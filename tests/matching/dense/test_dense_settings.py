@@ -16,6 +16,7 @@ from orthomill.tasks.matching.dense.blocks import (
     consistent,
     match_block,
     reduced,
+    refined_block,
     start_surface,
 )
 from orthomill.tasks.matching.dense.epipolar_least_squares import EpipolarLimits, NodeParallaxes, match_nodes
@@ -263,3 +264,27 @@ def test_a_match_does_not_depend_on_where_nodes_without_data_lie():
     assert (gapped.outcome[hole] == Outcome.OUTSIDE).all() and np.isfinite(whole.parallax[hole]).mean() > 0.9
     far = ~binary_dilation(hole, iterations=12)
     assert np.nanmedian(np.abs(gapped.parallax - whole.parallax)[far]) < 0.01
+
+
+def block_of(parallax: np.ndarray) -> list[np.ndarray]:
+    """Both grey images of a block whose true parallaxes are given, as they are read."""
+    return [np.clip(np.rint(image), 1, 255).astype(np.uint8) for image in in_range(parallax)]
+
+
+def test_a_given_start_is_refined_to_the_surface_and_unknown_places_are_not_tried():
+    rows, cols = np.mgrid[0:192, 0:192].astype(float)
+    truth = 20.0 + 0.02 * cols + 3.0 * (cols > 110)
+    given = truth + 0.6 * np.sin(rows / 9.0)
+    given[:, : HALO + 20] = np.nan
+    start = StartSurface(given[::2, ::2].astype(np.float32), 2)
+    found = refined_block(*block_of(truth), start, RANGE, DenseMatching())
+    error = found.nodes.parallax - truth[HALO:-HALO:2, HALO:-HALO:2]
+    assert (found.nodes.outcome[:, :4] == Outcome.NOT_TRIED).all()
+    assert np.isfinite(error[:, 14:]).mean() > 0.9 and np.nanmedian(np.abs(error)) < 0.05
+    assert abs(found.y_parallax) < 0.05
+
+
+def test_a_start_without_any_parallax_gives_a_block_without_nodes():
+    start = StartSurface(np.full((96, 96), np.nan, np.float32), 2)
+    found = refined_block(*block_of(np.full((192, 192), 20.0)), start, RANGE, DenseMatching())
+    assert (found.nodes.outcome == Outcome.NOT_TRIED).all() and np.isnan(found.y_parallax)
