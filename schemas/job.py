@@ -1,8 +1,9 @@
 """A job: which regions it reads and writes, and which pure function computes the latter from the former.
 
 The engine derives every dependency from the regions. A region is a window of a raster, a table, a file of the project, or the
-header of a photograph. Arguments of the function arrive under the names of `reads` and `params`. It returns the bare value when
-the job writes one region, and otherwise a NamedTuple whose fields are the names of `writes` (`dict[str, T]` where the names depend
+header of a photograph. Arguments of the function arrive under the names of `reads` and `params`: a region as its value, a tuple of
+regions as a tuple, a `Stream` as an iterator that reads the next region when it is asked. It returns the bare value when the job
+writes one region, and otherwise a NamedTuple whose fields are the names of `writes` (`dict[str, T]` where the names depend
 on the data). The engine compares all of this with the annotations of the function when the graph is built.
 """
 
@@ -86,6 +87,28 @@ Region = Raster | Table | PhotoPixels | PhotoHeader | TextFile | MapFile | MapHe
 
 
 @dataclass(frozen=True)
+class Stream:
+    """Regions that are read one at a time, in their order, when the function asks for the next one.
+
+    Arrives as an `Iterator` of what the regions hold: it runs once, and need not run to its end. Memory is planned for two regions,
+    however many there are.
+    """
+
+    regions: tuple[Region, ...]
+
+
+Reading = Region | tuple[Region, ...] | Stream
+"""What one argument of a function is read from."""
+
+
+def regions_of(reading: Reading) -> tuple[Region, ...]:
+    """All regions of one argument."""
+    if isinstance(reading, Stream):
+        return reading.regions
+    return reading if isinstance(reading, tuple) else (reading,)
+
+
+@dataclass(frozen=True)
 class Job:
     """One unit of work. (stage, item, row, col) is its identity, its Dask key and its row in the records."""
 
@@ -93,7 +116,7 @@ class Job:
     item: str
     function: Callable[..., Any]
     # Mappings are covariant in their values, so that a stage may pass a dict[str, Table] without a cast.
-    reads: Mapping[str, Region | tuple[Region, ...]]
+    reads: Mapping[str, Reading]
     writes: Mapping[str, Raster | Table]
     params: dict[str, Any] = field(default_factory=dict)
     row: int = 0

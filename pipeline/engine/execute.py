@@ -14,7 +14,7 @@ from orthomill.pipeline.storage.image_files import read_header, read_pixels
 from orthomill.pipeline.storage.map_files import read_map, read_map_grid
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import OrthomillError, StoreError
-from orthomill.schemas.job import Export, Job, MapFile, MapHeader, PhotoHeader, PhotoPixels, Raster, Region, Table
+from orthomill.schemas.job import Export, Job, MapFile, MapHeader, PhotoHeader, PhotoPixels, Raster, Reading, Region, Stream, Table
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def _perform(work: JobOrder) -> dict[str, str]:
         export(work.job, store, work.folder)
         return {}
     job = work.job
-    inputs = {name: _read_all(store, work.root, region) for name, region in job.reads.items()}
+    inputs = {name: _read_all(store, work.root, reading) for name, reading in job.reads.items()}
     result = job.function(**inputs, **job.params)
     values = _by_name(result, job)
     if set(values) != set(job.writes):
@@ -95,10 +95,13 @@ def _by_name(result: Any, job: Job) -> dict[str, Any]:
     return result if isinstance(result, dict) else {next(iter(job.writes)): result}
 
 
-def _read_all(store: Store, root: Path, region: Region | tuple[Region, ...]) -> Any:
-    if isinstance(region, tuple):
-        return tuple(_read(store, root, part) for part in region)
-    return _read(store, root, region)
+def _read_all(store: Store, root: Path, reading: Reading) -> Any:
+    if isinstance(reading, Stream):
+        # A generator reads nothing before it is asked, and what it cannot read then ends the job as any other error does.
+        return (_read(store, root, region) for region in reading.regions)
+    if isinstance(reading, tuple):
+        return tuple(_read(store, root, region) for region in reading)
+    return _read(store, root, reading)
 
 
 def _read(store: Store, root: Path, region: Region) -> Any:

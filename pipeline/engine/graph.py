@@ -15,7 +15,21 @@ from orthomill.pipeline.engine.records import Fingerprint, Key
 from orthomill.pipeline.export.exports import export as export_file
 from orthomill.pipeline.storage.store import aligned
 from orthomill.schemas.errors import OrthomillError, ResourceError, WorkflowError
-from orthomill.schemas.job import Export, Job, MapFile, MapHeader, PhotoHeader, PhotoPixels, Raster, Region, Table, TextFile
+from orthomill.schemas.job import (
+    Export,
+    Job,
+    MapFile,
+    MapHeader,
+    PhotoHeader,
+    PhotoPixels,
+    Raster,
+    Reading,
+    Region,
+    Stream,
+    Table,
+    TextFile,
+    regions_of,
+)
 from orthomill.schemas.raster import RasterSpec, Window
 
 PROCESS_BYTES = 600 * 2**20
@@ -96,7 +110,7 @@ class Graph:
         return tuple(sorted(path for path in self._file_writers if path.startswith(prefix)))
 
     def _planned_job(self, job: Job) -> PlannedJob:
-        regions = [region for value in job.reads.values() for region in (value if isinstance(value, tuple) else (value,))]
+        regions = [region for reading in job.reads.values() for region in regions_of(reading)]
         for region in regions:
             self._check_reader(job, region)
         keys: dict[Key, None] = {}
@@ -105,10 +119,7 @@ class Graph:
             found, external = self._writers(job.stage, region)
             keys.update(dict.fromkeys(found))
             sources.append(f"{region!r}{external}" if not isinstance(region, Table) else region.path)
-        # Photographs are counted as 8-bit RGB; a job that reads 16 bits or widens the values says so in `scratch`.
-        read = sum(self.specs[r.name].bytes_of(r.window) for r in regions if isinstance(r, Raster))
-        read += sum(3 * r.window.height * r.window.width for r in regions if isinstance(r, PhotoPixels))
-        read += sum(4 * r.bands * r.window.height * r.window.width for r in regions if isinstance(r, MapFile))
+        read = sum(map(self._held_bytes, job.reads.values()))
         written = sum(self._spec(job, r.name).bytes_of(r.window) for r in job.writes.values() if isinstance(r, Raster))
         fingerprint = Fingerprint(
             settings=fp.digest(fp.of_value(job.params), *(self._output_text(job, name) for name in sorted(job.writes))),
@@ -117,6 +128,22 @@ class Graph:
             inputs=fp.digest(*job.reads, *sources, *(self.jobs[key].fingerprint.text for key in keys)),
         )
         return PlannedJob(job, tuple(keys), fingerprint, PROCESS_BYTES + read + written + job.scratch, written)
+
+    def _held_bytes(self, reading: Reading) -> int:
+        """Bytes of one argument that are in memory at the same time."""
+        sizes = sorted(map(self._bytes_of, regions_of(reading)))
+        # A loop over a stream still holds one region while it reads the next one.
+        return sum(sizes[-2:] if isinstance(reading, Stream) else sizes)
+
+    def _bytes_of(self, region: Region) -> int:
+        if isinstance(region, Raster):
+            return self.specs[region.name].bytes_of(region.window)
+        if isinstance(region, PhotoPixels):
+            # Photographs are counted as 8-bit RGB; a job that reads 16 bits or widens the values says so in `scratch`.
+            return 3 * region.window.height * region.window.width
+        if isinstance(region, MapFile):
+            return 4 * region.bands * region.window.height * region.window.width
+        return 0
 
     def _planned_export(self, export: Export) -> PlannedJob:
         keys: dict[Key, None] = {}

@@ -1,27 +1,38 @@
 """Whether a job fits its function: found when the graph is built, before any worker starts.
 
 A job passes `reads` and `params` to its function under their names, so the names must be parameters of the function, and a region
-must hold what the parameter's annotation says. The annotation of the return value says what comes back: the bare value of the only
-write, a NamedTuple whose fields are the names of the writes, or `dict[str, T]` where the names depend on the data. A field that is
-not always written has a default.
+must hold what the parameter's annotation says; a tuple of regions arrives as a tuple, a stream as an iterator. The annotation of
+the return value says what comes back: the bare value of the only write, a NamedTuple whose fields are the names of the writes, or
+`dict[str, T]` where the names depend on the data. A field that is not always written has a default.
 """
 
 import inspect
 import types
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from orthomill.schemas.job import Job, MapHeader, PhotoHeader, Region, Table, TextFile
+from orthomill.schemas.job import Job, MapHeader, PhotoHeader, Reading, Region, Stream, Table, TextFile, regions_of
 from orthomill.schemas.photo import Header
 from orthomill.schemas.raster import MapGrid
 
 _HELD = {TextFile: str, PhotoHeader: Header, MapHeader: MapGrid}
 
-Held = type | tuple[type, ...]
-"""What a region holds; for a tuple of regions, the kinds of its members."""
+
+@dataclass(frozen=True)
+class Several:
+    """What several regions hold: the kinds of their values, and the generic types that a parameter for them may have."""
+
+    word: str
+    kinds: tuple[type, ...]
+    containers: tuple[type, ...]
+
+
+Held = type | Several
+"""What the regions of one argument hold."""
 
 
 def misfit(job: Job) -> str | None:
@@ -34,10 +45,14 @@ def misfit(job: Job) -> str | None:
     return found and f"The job {'/'.join(map(str, job.key))} does not fit the function {job.function.__qualname__}: {found}."
 
 
-def _held(region: Region | tuple[Region, ...]) -> Held:
-    if isinstance(region, tuple):
-        return tuple(dict.fromkeys(_held_by(part) for part in region))
-    return _held_by(region)
+def _held(reading: Reading) -> Held:
+    if not isinstance(reading, tuple | Stream):
+        return _held_by(reading)
+    kinds = tuple(dict.fromkeys(map(_held_by, regions_of(reading))))
+    if isinstance(reading, Stream):
+        return Several("a stream", kinds, (Iterator, Iterable))
+    # The engine passes a tuple; a parameter of type list would invite a function to change it.
+    return Several("a tuple", kinds, (tuple, Sequence))
 
 
 def _held_by(region: Region) -> type:
@@ -113,18 +128,17 @@ def _wrong_fields(returned: Any, fields: dict[str, Any], writes: dict[str, type]
 
 
 def _takes(annotation: Any, held: Held) -> bool:
-    """Whether a parameter with this annotation accepts what a region, or a tuple of regions, holds."""
-    if isinstance(held, tuple):
+    """Whether a parameter with this annotation accepts what the regions of an argument hold."""
+    if isinstance(held, Several):
         return any(_takes_all(member, held) for member in _members(annotation))
     return any(_is_a(held, member) for member in _members(annotation))
 
 
-def _takes_all(annotation: Any, held: tuple[type, ...]) -> bool:
-    # The engine passes a tuple; a parameter of type list would invite a function to change it.
-    if get_origin(annotation) not in (tuple, Sequence):
-        return annotation in (tuple, object, Any)
+def _takes_all(annotation: Any, held: Several) -> bool:
+    if get_origin(annotation) not in held.containers:
+        return annotation in (*held.containers, object, Any)
     elements = [argument for argument in get_args(annotation) if argument is not Ellipsis]
-    return all(any(_takes(element, kind) for element in elements) for kind in held)
+    return all(any(_takes(element, kind) for element in elements) for kind in held.kinds)
 
 
 def _gives(annotation: Any, kind: type) -> bool:
@@ -158,6 +172,6 @@ def _is_a(kind: Any, annotation: Any) -> bool:
 
 
 def _name(kind: Any) -> str:
-    if isinstance(kind, tuple):
-        return f"a tuple of {' and '.join(_name(part) for part in kind) or 'nothing'}"
+    if isinstance(kind, Several):
+        return f"{kind.word} of {' and '.join(map(_name, kind.kinds)) or 'nothing'}"
     return kind.__name__ if isinstance(kind, type) and not get_origin(kind) else str(kind).replace("typing.", "")

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from orthomill.pipeline.engine.job_signature import misfit
-from orthomill.schemas.job import Export, Job, MapFile, MapHeader, Raster, Table
+from orthomill.schemas.job import Export, Job, MapFile, MapHeader, Raster, Reading, Stream, Table
 from orthomill.schemas.raster import MapGrid, RasterSpec
 from orthomill.schemas.stage_contract import NotYet, Stage
 
@@ -69,12 +69,16 @@ class MemoryProject:
 
     def _execute(self, job: Job) -> None:
         assert misfit(job) is None, misfit(job)
-        reads = {name: tuple(map(self._read, r)) if isinstance(r, tuple) else self._read(r) for name, r in job.reads.items()}
-        result = job.function(**reads, **job.params)
+        result = job.function(**{name: self._read_all(reading) for name, reading in job.reads.items()}, **job.params)
         result = result._asdict() if hasattr(result, "_fields") else {next(iter(job.writes)): result}
         assert all(value is None for name, value in result.items() if name not in job.writes)
         for name, region in job.writes.items():
             self._write(region, result[name])
+
+    def _read_all(self, reading: Reading):
+        if isinstance(reading, Stream):
+            return map(self._read, reading.regions)
+        return tuple(map(self._read, reading)) if isinstance(reading, tuple) else self._read(reading)
 
     def _read(self, region: Raster | Table):
         if isinstance(region, Table):
