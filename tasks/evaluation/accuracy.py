@@ -1,7 +1,8 @@
 """Height differences as histograms that can be added, and the measures derived from their sum.
 
-A tile keeps, per class, a histogram in bins of a hundredth of a cell over +-20 cells and a few exact sums. Summed histograms give
-median, NMAD and quantiles of the whole surface to within a bin, without ever holding all differences in memory.
+A tile keeps, per stratum (class, code, seen twice), a histogram in bins of a hundredth of a cell over +-20 cells and a few exact
+sums. Summed histograms give median, NMAD and quantiles of the whole surface to within a bin, without ever holding all differences
+in memory.
 
 Source: methods/relative_orientation_and_epipolar.md 1.21 (bias, SD, RMS, shares within n sigma);
 methods/matching_and_dsm_check.md 1.10 (95 % of the normal law: 1.96 RMSE) and 1.12; Hoehle & Hoehle 2009 (NMAD, quantiles).
@@ -17,16 +18,15 @@ BINS_PER_CELL = 100
 """bins along one cell: the least height difference that matters is far larger than a hundredth of a cell"""
 REACH = 20
 """Differences of more than this many cells share the outermost bins."""
-SIGMAS = (1.0, 3.0, 4.0, 5.0, 6.0, 10.0)
+SIGMAS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 10.0)
 
 
 @dataclass(frozen=True)
 class HeightHistogram(Columns):
-    """Non-empty bins: differences whose nearest multiple of the bin width is `bin`, of cells of class `place` (or building
-    `place`)."""
+    """Non-empty bins: differences whose nearest multiple of the bin width is `bin`."""
 
-    place: np.ndarray
-    """int32"""
+    part: np.ndarray
+    """int32: stratum (classes.py) of the cells, or number of their building"""
     bin: np.ndarray
     """int32, in bin widths; differences beyond +-REACH cells are collected in the outermost bins"""
     count: np.ndarray
@@ -35,26 +35,27 @@ class HeightHistogram(Columns):
 
 @dataclass(frozen=True)
 class HeightSums(Columns):
-    """One row per class."""
+    """One row per stratum."""
 
-    place: np.ndarray
-    """int32"""
+    part: np.ndarray
+    """int32: stratum (classes.py)"""
     cells: np.ndarray
     """int64: cells with a reference height"""
-    measured: np.ndarray
+    heights: np.ndarray
     """int64: of those, cells with a height"""
-    seen_twice: np.ndarray
-    """int64: of `cells`, those truly visible in two photographs or more (all of them where visibility is not known)"""
-    measured_seen_twice: np.ndarray
     total: np.ndarray
     squares: np.ndarray
     """float64: sums of the differences and their squares, m and m^2"""
     lowest: np.ndarray
     highest: np.ndarray
     """float64, m"""
+    beyond_metre: np.ndarray
+    beyond_cell: np.ndarray
+    """int64: differences larger than 1 m, than one cell"""
     with_precision: np.ndarray
-    """int64: measured cells that report a precision"""
+    """int64: heights that report a precision"""
     within_1: np.ndarray
+    within_2: np.ndarray
     within_3: np.ndarray
     within_4: np.ndarray
     within_5: np.ndarray
@@ -68,12 +69,12 @@ def bin_width(cell: float) -> float:
     return cell / BINS_PER_CELL
 
 
-def histogram(dh: np.ndarray, place: np.ndarray, cell: float) -> HeightHistogram:
-    """The histogram of differences `dh` (N,) m at places (N,)."""
-    # place and bin in one number: one call of `unique` counts all classes
+def histogram(dh: np.ndarray, part: np.ndarray, cell: float) -> HeightHistogram:
+    """The histogram of differences `dh` (N,) m of parts (N,): strata or buildings."""
+    # part and bin in one number: one call of `unique` counts all parts
     limit = REACH * BINS_PER_CELL
     bins = np.clip(np.rint(dh / bin_width(cell)), -limit, limit).astype(np.int64)
-    keys, counts = np.unique(place.astype(np.int64) * (4 * limit) + bins + 2 * limit, return_counts=True)
+    keys, counts = np.unique(part.astype(np.int64) * (4 * limit) + bins + 2 * limit, return_counts=True)
     return HeightHistogram(
         (keys // (4 * limit)).astype(np.int32), (keys % (4 * limit) - 2 * limit).astype(np.int32), counts.astype(np.int64)
     )
@@ -81,19 +82,17 @@ def histogram(dh: np.ndarray, place: np.ndarray, cell: float) -> HeightHistogram
 
 @dataclass(frozen=True)
 class JudgedCells:
-    """Cells of a tile, flat (N,): class, difference dh (m, NaN where nothing was measured), reported precision (m, may be NaN),
-    seen twice."""
+    """Cells of a tile, flat (N,): stratum, difference dh (m, NaN where there is no height), reported precision (m, may be NaN)."""
 
-    place: np.ndarray
+    stratum: np.ndarray
     dh: np.ndarray
     precision: np.ndarray
-    seen_twice: np.ndarray
 
 
-def _sums_of(cells: JudgedCells, place: int) -> dict[str, float]:
+def _sums_of(cells: JudgedCells, stratum: int, cell: float) -> dict[str, float]:
     """A row of HeightSums."""
-    mine = cells.place == place
-    dh, twice = cells.dh[mine].astype(np.float64), cells.seen_twice[mine]
+    mine = cells.stratum == stratum
+    dh = cells.dh[mine].astype(np.float64)
     measured = np.isfinite(dh)
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.abs(dh) / cells.precision[mine]
@@ -101,15 +100,15 @@ def _sums_of(cells: JudgedCells, place: int) -> dict[str, float]:
     rated = measured & np.isfinite(cells.precision[mine]) & (cells.precision[mine] > 0)
     good = dh[measured]
     return {
-        "place": place,
+        "part": stratum,
         "cells": len(dh),
-        "measured": len(good),
-        "seen_twice": twice.sum(),
-        "measured_seen_twice": (twice & measured).sum(),
+        "heights": len(good),
         "total": good.sum(),
         "squares": (good**2).sum(),
         "lowest": good.min(initial=np.inf),
         "highest": good.max(initial=-np.inf),
+        "beyond_metre": (np.abs(good) > 1.0).sum(),
+        "beyond_cell": (np.abs(good) > cell).sum(),
         "with_precision": rated.sum(),
         **{f"within_{k:.0f}": (ratio[rated] <= k).sum() for k in SIGMAS},
     }
@@ -120,33 +119,33 @@ _FLOATS = ("total", "squares", "lowest", "highest")
 
 def _columns(rows: list[dict[str, float]]) -> HeightSums:
     names = HeightSums.__dataclass_fields__
-    types = dict.fromkeys(names, np.int64) | dict.fromkeys(_FLOATS, np.float64) | {"place": np.int32}
+    types = dict.fromkeys(names, np.int64) | dict.fromkeys(_FLOATS, np.float64) | {"part": np.int32}
     return HeightSums(**{name: np.array([row[name] for row in rows], types[name]) for name in names})
 
 
-def height_sums(cells: JudgedCells) -> HeightSums:
-    """The sums of every class that occurs."""
-    return _columns([_sums_of(cells, int(place)) for place in np.unique(cells.place)])
+def height_sums(cells: JudgedCells, cell: float) -> HeightSums:
+    """The sums of every stratum that occurs; `cell` in m."""
+    return _columns([_sums_of(cells, int(stratum), cell) for stratum in np.unique(cells.stratum)])
 
 
-def merged_sums(parts: tuple[HeightSums, ...], places: tuple[int, ...]) -> dict[str, float]:
-    """The sum of all rows of `places`, as one row."""
+def merged_sums(parts: tuple[HeightSums, ...], strata: tuple[int, ...]) -> dict[str, float]:
+    """The sum of all rows of `strata`, as one row."""
     # extremes are not sums: the only two columns that are merged by comparison
     together = {name: np.concatenate([getattr(p, name) for p in parts]) for name in HeightSums.__dataclass_fields__}
-    mine = np.isin(together["place"], places)
-    merged = {name: values[mine].sum() for name, values in together.items() if name not in ("place", "lowest", "highest")}
+    mine = np.isin(together["part"], strata)
+    merged = {name: values[mine].sum() for name, values in together.items() if name not in ("part", "lowest", "highest")}
     merged["lowest"] = together["lowest"][mine].min(initial=np.inf)
     merged["highest"] = together["highest"][mine].max(initial=-np.inf)
     return {name: float(value) for name, value in merged.items()}
 
 
-def merged_histogram(parts: tuple[HeightHistogram, ...], places: tuple[int, ...] | None = None) -> np.ndarray:
-    """Counts (2 REACH BINS_PER_CELL + 1,) of the bins of `places` (None: all), lowest first."""
+def merged_histogram(parts: tuple[HeightHistogram, ...], strata: tuple[int, ...] | None = None) -> np.ndarray:
+    """Counts (2 REACH BINS_PER_CELL + 1,) of the bins of `strata` (None: all), lowest first."""
     # dense: a few thousand bins, whatever the number of tiles
     limit = REACH * BINS_PER_CELL
     counts = np.zeros(2 * limit + 1, np.int64)
     for part in parts:
-        mine = slice(None) if places is None else np.isin(part.place, places)
+        mine = slice(None) if strata is None else np.isin(part.part, strata)
         np.add.at(counts, part.bin[mine] + limit, part.count[mine])
     return counts
 
@@ -165,12 +164,9 @@ def quantile(counts: np.ndarray, share: float, low_edge: float, width: float) ->
 
 @dataclass(frozen=True)
 class Measures:
-    """Accuracy of one class of heights. Lengths in m, shares in %."""
+    """Accuracy of some heights. Lengths in m, shares in %."""
 
-    cells: int
-    measured: int
-    completeness: float
-    completeness_seen_twice: float
+    heights: int
     bias: float
     sd: float
     rmse: float
@@ -182,13 +178,15 @@ class Measures:
     fgdc95: float
     lowest: float
     highest: float
+    beyond_metre: float
+    beyond_cell: float
     within: tuple[float, ...]
     """% within SIGMAS of the reported precision"""
     within_expected: tuple[float, ...]
     """% within SIGMAS of the expected standard error"""
 
 
-def _percent(part: float, whole: float) -> float:
+def percent(part: float, whole: float) -> float:
     """NaN where there is nothing to share."""
     return 100.0 * part / whole if whole else float("nan")
 
@@ -209,17 +207,17 @@ def _absolute_quantile(counts: np.ndarray, centre: float, width: float, share: f
 
 
 def measures(sums: dict[str, float], counts: np.ndarray, cell: float, expected: float | None) -> Measures:
-    """The measures of one class. `expected` is the published standard error of a height, m, None where it is not known."""
-    n, width, nan = sums["measured"], bin_width(cell), float("nan")
+    """The measures of some strata from their sums and bins.
+
+    `expected`: the published standard error of a height, m, None where it is not known.
+    """
+    n, width, nan = sums["heights"], bin_width(cell), float("nan")
     # exact moments from the sums, order statistics from the bins
     bias = sums["total"] / n if n else nan
     rmse = float(np.sqrt(sums["squares"] / n)) if n else nan
     median = quantile(counts, 0.5, -(len(counts) / 2) * width, width)
     return Measures(
-        cells=int(sums["cells"]),
-        measured=int(n),
-        completeness=_percent(n, sums["cells"]),
-        completeness_seen_twice=_percent(sums["measured_seen_twice"], sums["seen_twice"]),
+        heights=int(n),
         bias=bias,
         sd=float(np.sqrt(max(rmse**2 - bias**2, 0.0))) if n else nan,
         rmse=rmse,
@@ -232,7 +230,9 @@ def measures(sums: dict[str, float], counts: np.ndarray, cell: float, expected: 
         fgdc95=1.96 * rmse,
         lowest=sums["lowest"] if n else nan,
         highest=sums["highest"] if n else nan,
-        within=tuple(_percent(sums[f"within_{k:.0f}"], sums["with_precision"]) for k in SIGMAS),
+        beyond_metre=percent(sums["beyond_metre"], n),
+        beyond_cell=percent(sums["beyond_cell"], n),
+        within=tuple(percent(sums[f"within_{k:.0f}"], sums["with_precision"]) for k in SIGMAS),
         within_expected=_within_expected(counts, width, expected),
     )
 
@@ -242,7 +242,7 @@ def _within_expected(counts: np.ndarray, width: float, expected: float | None) -
     if not expected:
         return ()
     distance, ordered = _absolute(counts, 0.0, width)
-    return tuple(_percent(ordered[distance <= k * expected].sum(), ordered.sum()) for k in SIGMAS)
+    return tuple(percent(ordered[distance <= k * expected].sum(), ordered.sum()) for k in SIGMAS)
 
 
 def building_medians(parts: tuple[HeightHistogram, ...], cell: float, least: int) -> np.ndarray:
@@ -250,13 +250,13 @@ def building_medians(parts: tuple[HeightHistogram, ...], cell: float, least: int
     width, limit = bin_width(cell), REACH * BINS_PER_CELL
     if not any(len(part) for part in parts):
         return np.empty((0, 3))
-    place = np.concatenate([p.place for p in parts])
+    building = np.concatenate([p.part for p in parts])
     bins, count = np.concatenate([p.bin for p in parts]), np.concatenate([p.count for p in parts])
     rows = []
     # the median of a building, not its mean: chimneys and wrong matches at the eaves are part of no roof plane
-    for building in np.unique(place[place > 0]):
-        mine = place == building
+    for number in np.unique(building[building > 0]):
+        mine = building == number
         counts = np.bincount(bins[mine] + limit, count[mine], 2 * limit + 1)
         if counts.sum() >= least:
-            rows.append((building, counts.sum(), quantile(counts, 0.5, -(len(counts) / 2) * width, width)))
+            rows.append((number, counts.sum(), quantile(counts, 0.5, -(len(counts) / 2) * width, width)))
     return np.array(rows).reshape(-1, 3)

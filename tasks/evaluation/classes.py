@@ -1,10 +1,11 @@
-"""Classes of places: where each judged cell lies, from the true materials."""
+"""Classes of places, and strata of judged cells: where a cell lies, what its height is worth, and whether it can be measured."""
 
 from enum import IntEnum
 
 import numpy as np
 from scipy import ndimage
 
+from orthomill.schemas.surface import ESTIMATED, MEASURED, Provenance
 from orthomill.schemas.truth import Material
 
 
@@ -33,6 +34,18 @@ GROUPS: tuple[tuple[str, str, tuple[PlaceClass, ...]], ...] = (
 )
 """name in figures, words in the report, and the classes that are combined"""
 
+CODE_GROUPS: tuple[tuple[str, str, tuple[Provenance, ...]], ...] = (
+    ("measured", "measured heights", MEASURED),
+    ("all_codes", "heights of all codes, the estimated ones too", MEASURED + ESTIMATED),
+    ("agreed", "heights of two or more pairs", (Provenance.AGREED,)),
+    ("one_pair", "heights of one pair", (Provenance.ONE_PAIR,)),
+    ("disputed", "heights of pairs that disagree", (Provenance.DISPUTED,)),
+    ("volume", "heights of all photographs together", (Provenance.VOLUME,)),
+    ("incoherent", "incoherent heights", (Provenance.INCOHERENT,)),
+    ("interpolated", "interpolated heights", (Provenance.INTERPOLATED,)),
+)
+"""name in figures, words in the report, and the codes that are combined"""
+
 MARGIN = 3
 """cells around a building or a tree that are not open ground: matching windows there contain both surfaces"""
 ROOF_RIM = 2
@@ -60,3 +73,20 @@ def place_classes(material: np.ndarray) -> np.ndarray:
     classes[water] = PlaceClass.WATER
     classes[~known] = PlaceClass.UNKNOWN
     return classes
+
+
+# One number for three facts: sums and histograms need one column, and any selection of strata adds up.
+_CODE, _TWICE = 16, 256
+
+
+def strata(place: np.ndarray, code: np.ndarray, seen_twice: np.ndarray) -> np.ndarray:
+    """int32 stratum of cells from their PlaceClass, their Provenance, and whether two photographs or more truly see them."""
+    return (place.astype(np.int32) + _CODE * code.astype(np.int32) + _TWICE * seen_twice.astype(np.int32)).astype(np.int32)
+
+
+def strata_of(
+    places: tuple[PlaceClass, ...], codes: tuple[Provenance, ...] = tuple(Provenance), only_seen_twice: bool = False
+) -> tuple[int, ...]:
+    """The strata of these classes and codes."""
+    twice = (True,) if only_seen_twice else (False, True)
+    return tuple(int(p + _CODE * c + _TWICE * t) for p in places for c in codes for t in twice)

@@ -6,6 +6,7 @@ import numpy as np
 
 from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture
 from orthomill.tasks.evaluation.accuracy import BINS_PER_CELL, SIGMAS
+from orthomill.tasks.evaluation.codes_section import code_figures, code_grids
 from orthomill.tasks.evaluation.report_section import ReportSection
 from orthomill.tasks.evaluation.tile_sums import LEAST_ROOF, GroupMeasures, HeightsSummary, rounded
 
@@ -52,7 +53,12 @@ def heights_section(summary: HeightsSummary) -> ReportSection:
     caption = "Red and blue: too high or too low by two cells' length or more."
     return ReportSection(
         figures=tuple(_height_figures("dsm", summary, full=True)),
-        grids=(_height_grid("Surface model against the reference", summary), _sigma_grid(summary), *_building_grid(summary)),
+        grids=(
+            _height_grid("Surface model against the reference", summary),
+            _sigma_grid(summary),
+            *code_grids("Surface model", summary),
+            *_building_grid(summary),
+        ),
         charts=(_height_chart("Height differences", summary),),
         pictures=(
             Picture(
@@ -73,7 +79,7 @@ def before_check_section(summary: HeightsSummary) -> ReportSection:
     """The main measures of the surface model as it was before its check."""
     return ReportSection(
         figures=tuple(_height_figures("dsm_before_check", summary, full=False)),
-        grids=(_height_grid("Surface model before its check", summary),),
+        grids=(_height_grid("Surface model before its check", summary), *code_grids("Surface model before its check", summary)),
     )
 
 
@@ -87,6 +93,7 @@ def _height_figures(prefix: str, summary: HeightsSummary, full: bool) -> Iterato
         yield from _completeness_figures(head, group)
         if full:
             yield from _sigma_figures(head, group)
+    yield from code_figures(prefix, summary, full)
     groups = {group.name: group for group in summary.groups}
     if "roof" in groups:
         yield _roof_figure(prefix, groups["roof"])
@@ -111,13 +118,13 @@ def _completeness_figures(head: str, group: GroupMeasures) -> Iterator[Figure]:
         name=f"{head}_completeness",
         value=group.numbers["completeness_seen_twice"],
         unit="%",
-        sentence=f"Heights, {group.words}: cells that have a height, of those visible in two photographs or more.",
+        sentence=f"Heights, {group.words}: cells that have a measured height, of those visible in two photographs or more.",
     )
     yield Figure(
         name=f"{head}_completeness_all",
         value=group.numbers["completeness"],
         unit="%",
-        sentence=f"Heights, {group.words}: cells that have a height, of all cells of the grid.",
+        sentence=f"Heights, {group.words}: cells that have a measured height, of all cells of the grid.",
     )
     cells = group.numbers["cells"]
     yield Figure(name=f"{head}_cells", value=None if cells is None else round(cells), sentence=f"Cells, {group.words}.")
@@ -161,11 +168,14 @@ def _building_figures(prefix: str, summary: HeightsSummary) -> Iterator[Figure]:
 
 
 def _water_figure(prefix: str, water: GroupMeasures) -> Figure:
-    # Water has no texture that stays in place: a height there is a wrong match, an empty cell is right.
+    # Water has no texture that stays in place: a measured height there is a wrong match, an empty or estimated cell is right.
     measured = water.numbers["completeness"]
     empty = None if measured is None else rounded(100 - measured, 2)
     return Figure(
-        name=f"{prefix}_water_left_empty", value=empty, unit="%", sentence="Water cells without a height, as they should be."
+        name=f"{prefix}_water_left_empty",
+        value=empty,
+        unit="%",
+        sentence="Water cells without a measured height, as they should be.",
     )
 
 
@@ -174,8 +184,8 @@ def _height_grid(title: str, summary: HeightsSummary) -> Grid:
         title=title,
         columns=("where", *(head for _, head in _GRID_COLUMNS)),
         rows=tuple((g.words, *(g.numbers[key] for key, _ in _GRID_COLUMNS)) for g in summary.groups),
-        note="Lengths in m. Complete: of the cells visible in two photographs or more. Median, NMAD and quantiles from a "
-        f"histogram of {100 * summary.cell / BINS_PER_CELL:g} cm bins; differences beyond 20 cells count as 20 there.",
+        note="Measured heights only. Lengths in m. Complete: of the cells visible in two photographs or more. Median, NMAD and "
+        f"quantiles from a histogram of {100 * summary.cell / BINS_PER_CELL:g} cm bins; beyond 20 cells they count as 20 there.",
     )
 
 
@@ -218,7 +228,7 @@ def _warnings(summary: HeightsSummary) -> Iterator[str]:
     ground = groups.get("open_ground") or groups.get("all")
     if ground is None:
         yield "No cell of the surface model lies within the reference: nothing was compared. Check the CRS of both."
-    elif ground.within and (within := ground.within[1]) is not None and within < _NORMAL_3:
+    elif ground.within and (within := ground.within[SIGMAS.index(3.0)]) is not None and within < _NORMAL_3:
         yield (
             f"Only {within:.0f} % of the heights ({ground.words}) lie within three of their own reported "
             "standard errors (a normal law has 99.7): the reported precision is too optimistic."

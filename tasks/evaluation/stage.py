@@ -14,7 +14,7 @@ from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, map_raster, tile
 from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
 from orthomill.schemas.stage_report import report_table
-from orthomill.schemas.surface import CORRECTED, HEIGHT, ORTHO, PRECISION, SURFACE
+from orthomill.schemas.surface import CORRECTED, HEIGHT, ORTHO, PRECISION, PROVENANCE, SURFACE
 from orthomill.schemas.truth import (
     TRUTH_BLOCK,
     TRUTH_BUILDING,
@@ -26,6 +26,7 @@ from orthomill.schemas.truth import (
 )
 from orthomill.tasks.evaluation.accuracy import HeightHistogram, HeightSums
 from orthomill.tasks.evaluation.classes import HALO as CLASS_HALO
+from orthomill.tasks.evaluation.edges import EdgeCounts
 from orthomill.tasks.evaluation.grids import Placement, grid_of, placement, readable
 from orthomill.tasks.evaluation.heights_section import DH
 from orthomill.tasks.evaluation.orthoimage_accuracy import HALO, GreyFit, GreySums, OrthoCounts, Shifts, fit_grey
@@ -168,6 +169,7 @@ class EvaluationStage(Stage):
             "sums": tuple(r["sums"] for r in results),
             "histograms": tuple(r["histogram"] for r in results),
             "buildings": tuple(r["buildings"] for r in results),
+            "edges": tuple(r["edges"] for r in results),
             "block": BLOCK,
             **pairs,
         }
@@ -202,14 +204,15 @@ def _difference_raster(judged: _Judged) -> RasterSpec:
 
 
 def _height_job(judged: _Judged, item: str, source: str, t: Tile, writes: dict[str, Raster | Table]) -> Job:
-    reads: Reads = {"height": Raster(source, t.window), "precision": Raster(PRECISION, t.window)}
+    own = {"height": source, "precision": PRECISION, "provenance": PROVENANCE}
+    reads: Reads = {key: Raster(name, t.window) for key, name in own.items()}
     if isinstance(judged.reference, str):
         reads["reference"] = MapFile(judged.reference, judged.crs, judged.grid, t.window)
         return Job("evaluation", item, heights_against_file, reads, writes, {"cell": judged.grid.cell}, t.row, t.col)
     # the halo of the classes: a building within three cells makes a cell a margin, also from the next tile
     place = placement(judged.grid, t.window.grown(CLASS_HALO), judged.reference)
     reads |= _truth(place, surface=TRUTH_SURFACE, material=TRUTH_MATERIAL, building=TRUTH_BUILDING, visibility=TRUTH_VISIBILITY)
-    params, scratch = {"place": place, "core": t.window}, _scratch(place, 75)
+    params, scratch = {"place": place, "core": t.window}, _scratch(place, 90)
     return Job("evaluation", item, heights_against_truth, reads, writes, params, t.row, t.col, scratch)
 
 
@@ -241,7 +244,7 @@ def _ortho_job(judged: _Judged, t: Tile, writes: dict[str, Raster | Table]) -> J
 
 def _height_results(item: str, t: Tile) -> dict[str, Table]:
     """The tables of a tile of heights."""
-    types = {"sums": HeightSums, "histogram": HeightHistogram, "buildings": HeightHistogram}
+    types = {"sums": HeightSums, "histogram": HeightHistogram, "buildings": HeightHistogram, "edges": EdgeCounts}
     return {key: Table(f"evaluation/{item}/{key}-{t.row}-{t.col}.parquet", type_) for key, type_ in types.items()}
 
 

@@ -1,5 +1,7 @@
 """Sums over all tiles: one small summary each of the heights, the orthoimage and the orientation."""
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from math import isfinite
 
 import numpy as np
@@ -7,6 +9,7 @@ from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.epipolar import EpipolarPairs
 from orthomill.schemas.orientation import Block
+from orthomill.schemas.surface import MEASURED
 from orthomill.tasks.evaluation.accuracy import (
     BINS_PER_CELL,
     HeightHistogram,
@@ -16,8 +19,10 @@ from orthomill.tasks.evaluation.accuracy import (
     measures,
     merged_histogram,
     merged_sums,
+    percent,
 )
-from orthomill.tasks.evaluation.classes import GROUPS, PlaceClass
+from orthomill.tasks.evaluation.classes import CODE_GROUPS, GROUPS, PlaceClass, strata_of
+from orthomill.tasks.evaluation.edges import EdgeCounts, edge_shares
 from orthomill.tasks.evaluation.orientation_accuracy import (
     InteriorDifference,
     PhotoDifference,
@@ -36,7 +41,7 @@ class _Summary(BaseModel):
 
 
 class GroupMeasures(_Summary):
-    """`Measures` of one group of classes; numbers that do not exist are None."""
+    """`Measures` of the measured heights of one group of classes; numbers that do not exist are None."""
 
     name: str
     words: str
@@ -45,10 +50,32 @@ class GroupMeasures(_Summary):
     within_expected: tuple[float | None, ...]
 
 
+class CodeMeasures(_Summary):
+    """`Measures` of the heights of one group of codes in one group of classes, on cells truly seen twice only."""
+
+    code: str
+    place: str
+    words: str
+    numbers: dict[str, float | None]
+    """with `share`: % of all cells of the classes that are seen twice"""
+    within: tuple[float | None, ...]
+
+
+class EdgeShares(_Summary):
+    """Roofs of one group of codes: % of the ground beside them that grew, and of their edges that were lost."""
+
+    code: str
+    words: str
+    grown: float | None
+    lost: float | None
+
+
 class HeightsSummary(_Summary):
     """The height differences of the whole surface model."""
 
     groups: tuple[GroupMeasures, ...]
+    codes: tuple[CodeMeasures, ...] = ()
+    edges: tuple[EdgeShares, ...] = ()
     expected_sigma: float | None
     cell: float
     buildings: tuple[tuple[int, int, float], ...] = ()
@@ -97,24 +124,81 @@ def expected_sigma(block: Block, pairs: EpipolarPairs | None, parallax_sigma: fl
     return float(parallax_sigma * pixel / np.median([pair.base_height for pair in pairs.pairs]))
 
 
-def _group(name: str, words: str, m: Measures) -> GroupMeasures:
-    numbers = {key: rounded(value) for key, value in vars(m).items() if key not in ("within", "within_expected")}
-    return GroupMeasures(
-        name=name,
-        words=words,
-        numbers=numbers,
-        within=tuple(rounded(v, 2) for v in m.within),
-        within_expected=tuple(rounded(v, 2) for v in m.within_expected),
-    )
+@dataclass(frozen=True)
+class _Tiles:
+    """Sums and histograms of all tiles, and what is known of the surface as a whole."""
+
+    sums: tuple[HeightSums, ...]
+    histograms: tuple[HeightHistogram, ...]
+    cell: float
+    expected: float | None
+
+    def count(self, name: str, strata: tuple[int, ...]) -> float:
+        return merged_sums(self.sums, strata)[name]
+
+    def measures(self, strata: tuple[int, ...]) -> Measures:
+        return measures(merged_sums(self.sums, strata), merged_histogram(self.histograms, strata), self.cell, self.expected)
+
+
+def _numbers(m: Measures) -> dict[str, float | None]:
+    return {key: rounded(value) for key, value in vars(m).items() if key not in ("within", "within_expected")}
+
+
+def _groups(tiles: _Tiles) -> Iterator[GroupMeasures]:
+    """The measured heights of every group of classes that occurs."""
+    for name, words, places in GROUPS:
+        cells, twice = tiles.count("cells", strata_of(places)), tiles.count("cells", strata_of(places, only_seen_twice=True))
+        # classes that do not occur have no figures: a file as reference knows no roofs
+        if not cells:
+            continue
+        m = tiles.measures(strata_of(places, MEASURED))
+        measured_twice = tiles.count("heights", strata_of(places, MEASURED, only_seen_twice=True))
+        completeness = {
+            "cells": rounded(cells),
+            "completeness": rounded(percent(m.heights, cells)),
+            "completeness_seen_twice": rounded(percent(measured_twice, twice)),
+        }
+        yield GroupMeasures(
+            name=name,
+            words=words,
+            numbers={**completeness, **_numbers(m)},
+            within=tuple(rounded(v, 2) for v in m.within),
+            within_expected=tuple(rounded(v, 2) for v in m.within_expected),
+        )
+
+
+def _codes(tiles: _Tiles) -> Iterator[CodeMeasures]:
+    """The heights of every group of codes in every group of classes, of cells seen twice; combinations that occur."""
+    for code, code_words, codes in CODE_GROUPS:
+        for place, words, places in GROUPS:
+            m = tiles.measures(strata_of(places, codes, only_seen_twice=True))
+            if not m.heights:
+                continue
+            cells = tiles.count("cells", strata_of(places, only_seen_twice=True))
+            yield CodeMeasures(
+                code=code,
+                place=place,
+                words=f"{code_words}, {words}",
+                numbers={"share": rounded(percent(m.heights, cells)), **_numbers(m)},
+                within=tuple(rounded(v, 2) for v in m.within),
+            )
+
+
+def _edges(edges: tuple[EdgeCounts, ...]) -> Iterator[EdgeShares]:
+    """The edges of roofs by group of codes; groups that have none are left out."""
+    for code, words, codes in CODE_GROUPS:
+        grown, lost = (rounded(share, 2) for share in edge_shares(edges, codes))
+        if grown is not None or lost is not None:
+            yield EdgeShares(code=code, words=words, grown=grown, lost=lost)
 
 
 def _chart(histograms: tuple[HeightHistogram, ...], cell: float) -> tuple[tuple[float, ...], dict[str, tuple[float, ...]]]:
-    """Shares of cells in bins of a twentieth of a cell over +-3 cells, for the groups that occur."""
+    """Shares of measured cells in bins of a twentieth of a cell over +-3 cells, for the groups that occur."""
     # a curve of 121 points: the bins themselves are too fine to be drawn
     step, reach = BINS_PER_CELL // 20, 60
     series = {}
     for name, words, places in GROUPS:
-        counts = merged_histogram(histograms, tuple(map(int, places)))
+        counts = merged_histogram(histograms, strata_of(places, MEASURED))
         if name not in ("all", "open_ground", "roof", "tree") or not counts.sum():
             continue
         middle = len(counts) // 2
@@ -127,6 +211,7 @@ def summarise_heights(
     sums: tuple[HeightSums, ...],
     histograms: tuple[HeightHistogram, ...],
     buildings: tuple[HeightHistogram, ...],
+    edges: tuple[EdgeCounts, ...],
     block: Block,
     cell: float,
     parallax_sigma: float,
@@ -134,17 +219,13 @@ def summarise_heights(
 ) -> HeightsSummary:
     """The summary of all tiles."""
     sigma = expected_sigma(block, pairs, parallax_sigma)
-    groups = []
-    for name, words, places in GROUPS:
-        codes = tuple(map(int, places))
-        together = merged_sums(sums, codes)
-        # classes that do not occur have no figures: a file as reference knows no roofs
-        if together["cells"]:
-            groups.append(_group(name, words, measures(together, merged_histogram(histograms, codes), cell, sigma)))
+    tiles = _Tiles(sums, histograms, cell, sigma)
     roofs = building_medians(buildings, cell, LEAST_ROOF)
     x, series = _chart(histograms, cell)
     return HeightsSummary(
-        groups=tuple(groups),
+        groups=tuple(_groups(tiles)),
+        codes=tuple(_codes(tiles)),
+        edges=tuple(_edges(edges)),
         expected_sigma=rounded(sigma),
         cell=cell,
         chart_x=x,

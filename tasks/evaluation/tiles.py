@@ -8,9 +8,11 @@ from scipy import ndimage
 
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.surface import MEASURED
 from orthomill.schemas.truth import Material
 from orthomill.tasks.evaluation.accuracy import HeightHistogram, HeightSums, JudgedCells, height_sums, histogram
-from orthomill.tasks.evaluation.classes import PlaceClass, place_classes
+from orthomill.tasks.evaluation.classes import PlaceClass, place_classes, strata
+from orthomill.tasks.evaluation.edges import EdgeCounts, edge_counts, no_edges
 from orthomill.tasks.evaluation.grids import Placement, codes_on, colours_on, heights_on
 from orthomill.tasks.evaluation.orthoimage_accuracy import (
     NEAR_ROOF,
@@ -33,13 +35,14 @@ UNKNOWN_COUNT = 255
 
 
 class HeightComparison(NamedTuple):
-    """A tile of heights: dh (rows, cols) float32 m, surface model minus reference; sums and histogram by class of place; histogram
-    by building of its roof interior."""
+    """A tile of heights: dh (rows, cols) float32 m, surface model minus reference; sums and histogram by stratum; histogram by
+    building of its measured roof interior; heights at the edges of roofs."""
 
     dh: np.ndarray
     sums: HeightSums
     histogram: HeightHistogram
     buildings: HeightHistogram
+    edges: EdgeCounts
 
 
 class OrthoComparison(NamedTuple):
@@ -63,21 +66,22 @@ def _photo_count(visibility: np.ndarray, place: Placement) -> np.ndarray:
     return codes_on(bits, place, UNKNOWN_COUNT)
 
 
-def _judge(dh: np.ndarray, known: np.ndarray, cells: JudgedCells, building: np.ndarray, cell: float) -> HeightComparison:
-    """The comparison from arrays (rows, cols) and the flat judged cells."""
-    measured = np.isfinite(cells.dh)
-    in_building = np.isfinite(dh) & (building > 0) & known
+def _judge(dh: np.ndarray, cells: JudgedCells, building: np.ndarray, edges: EdgeCounts, cell: float) -> HeightComparison:
+    """The comparison from arrays (rows, cols), the flat judged cells and the counts at edges. `building`: 0 is not judged."""
+    filled, in_building = np.isfinite(cells.dh), np.isfinite(dh) & (building > 0)
     return HeightComparison(
         dh=dh.astype(np.float32),
-        sums=height_sums(cells),
-        histogram=histogram(cells.dh[measured], cells.place[measured], cell),
+        sums=height_sums(cells, cell),
+        histogram=histogram(cells.dh[filled], cells.stratum[filled], cell),
         buildings=histogram(dh[in_building], building[in_building], cell),
+        edges=edges,
     )
 
 
 def heights_against_truth(
     height: np.ndarray,
     precision: np.ndarray,
+    provenance: np.ndarray,
     surface: np.ndarray,
     material: np.ndarray,
     building: np.ndarray,
@@ -87,31 +91,35 @@ def heights_against_truth(
 ) -> HeightComparison:
     """Compares the cells `core` of the surface model with the truth.
 
-    height, precision (rows, cols) m at `core`; the truth rasters at the source window of `place`, whose window is `core` with a
-    halo.
+    height, precision (rows, cols) m and provenance (code) at `core`; the truth rasters at the source window of `place`, whose
+    window is `core` with a halo.
     """
     inner = _inside(place.window, core)
     # everything is resampled on the window with its halo and cropped afterwards: classes depend on the neighbourhood
-    true = heights_on(surface, place)[inner]
-    classes = place_classes(codes_on(material, place))[inner]
+    true, classes = heights_on(surface, place), place_classes(codes_on(material, place))
+    edges = edge_counts(height, provenance, true, classes, place.grid.cell, inner)
+    true, classes = true[inner], classes[inner]
     # roof interiors only: at the eaves the cell decides whether roof or ground is compared, not the height
-    numbers = np.where(classes == PlaceClass.ROOF_INTERIOR, codes_on(building, place)[inner].astype(np.int64), 0)
-    seen = _photo_count(visibility, place)[inner]
+    judged_roof = (classes == PlaceClass.ROOF_INTERIOR) & np.isin(provenance, MEASURED)
+    numbers = np.where(judged_roof, codes_on(building, place)[inner].astype(np.int64), 0)
+    twice = _photo_count(visibility, place)[inner] >= 2
     known = np.isfinite(true) & (classes != PlaceClass.UNKNOWN)
     dh = height - true
-    cells = JudgedCells(classes[known].astype(np.int64), dh[known], precision[known], seen[known] >= 2)
-    return _judge(dh, known, cells, numbers, place.grid.cell)
+    cells = JudgedCells(strata(classes, provenance, twice)[known], dh[known], precision[known])
+    return _judge(dh, cells, numbers, edges, place.grid.cell)
 
 
-def heights_against_file(height: np.ndarray, precision: np.ndarray, reference: np.ndarray, cell: float) -> HeightComparison:
+def heights_against_file(
+    height: np.ndarray, precision: np.ndarray, provenance: np.ndarray, reference: np.ndarray, cell: float
+) -> HeightComparison:
     """As `heights_against_truth`, with a reference (rows, cols) m on the same cells, NaN where it has none; all cells are of one
     class."""
     known = np.isfinite(reference)
     dh = height - reference
-    flat = np.full(int(known.sum()), int(PlaceClass.UNKNOWN), np.int64)
     # visibility is not known, so every cell counts as visible in two photographs: completeness is then a lower bound
-    cells = JudgedCells(flat, dh[known], precision[known], np.ones(len(flat), bool))
-    return _judge(dh, known, cells, np.zeros(dh.shape, np.int64), cell)
+    stratum = strata(np.full(dh.shape, PlaceClass.UNKNOWN), provenance, np.ones(dh.shape, bool))
+    cells = JudgedCells(stratum[known], dh[known], precision[known])
+    return _judge(dh, cells, np.zeros(dh.shape, np.int64), no_edges(), cell)
 
 
 def sums_against_truth(ortho: np.ndarray, truth: np.ndarray, place: Placement) -> GreySums:

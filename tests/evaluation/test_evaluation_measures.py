@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.surface import Provenance
 from orthomill.schemas.truth import Material
 from orthomill.tasks.evaluation.accuracy import (
     SIGMAS,
@@ -18,26 +19,17 @@ from orthomill.tasks.evaluation.accuracy import (
     merged_histogram,
     merged_sums,
 )
-from orthomill.tasks.evaluation.classes import PlaceClass, place_classes
+from orthomill.tasks.evaluation.classes import PlaceClass, place_classes, strata, strata_of
 from orthomill.tasks.evaluation.grids import codes_on, colours_on, heights_on, placement
 from orthomill.tasks.evaluation.orientation_accuracy import interior_differences, photo_differences
 
 
-def judged(dh, precision=0.2, place=None, seen=None) -> JudgedCells:
-    dh = np.asarray(dh, np.float64)
-    return JudgedCells(
-        np.ones(len(dh), int) if place is None else place,
-        dh,
-        np.full(len(dh), precision),
-        np.ones(len(dh), bool) if seen is None else seen,
-    )
-
-
-def measured(dh, cell=1.0, parts=1, expected=None, **more):
-    """Measures of differences that come in `parts` tiles."""
-    tiles = [judged(part, **more) for part in np.array_split(np.asarray(dh), parts)]
-    counts = merged_histogram(tuple(histogram(t.dh[np.isfinite(t.dh)], t.place[np.isfinite(t.dh)], cell) for t in tiles), (1,))
-    return measures(merged_sums(tuple(height_sums(t) for t in tiles), (1,)), counts, cell, expected)
+def measured(dh, cell=1.0, parts=1, expected=None):
+    """Measures of differences of one stratum, with a precision of 0.2, that come in `parts` tiles."""
+    pieces = np.array_split(np.asarray(dh, np.float64), parts)
+    tiles = [JudgedCells(np.ones(len(dh), int), dh, np.full(len(dh), 0.2)) for dh in pieces]
+    counts = merged_histogram(tuple(histogram(t.dh[np.isfinite(t.dh)], t.stratum[np.isfinite(t.dh)], cell) for t in tiles), (1,))
+    return measures(merged_sums(tuple(height_sums(t, cell) for t in tiles), (1,)), counts, cell, expected)
 
 
 @settings(max_examples=25, deadline=None)
@@ -67,15 +59,25 @@ def test_shares_within_n_sigma():
     assert m.within_expected == pytest.approx([100 * np.mean(dh <= k * 0.4) for k in SIGMAS])
 
 
-def test_completeness_counts_cells_that_can_be_measured():
-    dh = np.array([0.0, 0.1, np.nan, np.nan])
-    m = measured(dh, seen=np.array([True, True, True, False]))
-    assert m.completeness == 50 and m.completeness_seen_twice == pytest.approx(200 / 3)
+@pytest.mark.parametrize(("cell", "beyond"), [(1.0, 50.0), (0.5, 75.0), (2.0, 25.0)])
+def test_large_differences_are_counted_in_metres_and_in_cells(cell, beyond):
+    m = measured([0.3, 0.7, -1.2, 2.3], cell=cell)
+    assert m.beyond_metre == 50.0 and m.beyond_cell == beyond and m.heights == 4
+
+
+def test_selected_strata_are_those_of_their_classes_codes_and_views():
+    place, code = np.array([PlaceClass.TREE, PlaceClass.WATER, PlaceClass.TREE]), np.array([Provenance.VOLUME] * 2 + [0])
+    found = strata(place, code, np.array([True, False, False]))
+    everything = strata_of(tuple(PlaceClass))
+    assert len(everything) == len(set(everything)) == 2 * len(Provenance) * len(PlaceClass) and np.isin(found, everything).all()
+    assert np.isin(found, strata_of((PlaceClass.TREE,))).tolist() == [True, False, True]
+    assert np.isin(found, strata_of(tuple(PlaceClass), (Provenance.VOLUME,))).tolist() == [True, True, False]
+    assert np.isin(found, strata_of(tuple(PlaceClass), only_seen_twice=True)).tolist() == [True, False, False]
 
 
 def test_nothing_measured_has_no_numbers():
     m = measured(np.full(3, np.nan))
-    assert m.completeness == 0 and np.isnan([m.bias, m.nmad, m.q95]).all()
+    assert m.heights == 0 and np.isnan([m.bias, m.nmad, m.q95]).all()
 
 
 def test_every_building_has_its_median():

@@ -30,7 +30,7 @@ NUMBERS = {
     "lowest": -3.0,
     "highest": 2.0,
 }
-GOOD = (68.0, 99.0, 99.5, 99.8, 99.9, 100.0)
+GOOD = (68.0, 95.0, 99.0, 99.5, 99.8, 99.9, 100.0)
 
 
 def group(name: str, within=GOOD, expected=GOOD, **numbers) -> GroupMeasures:
@@ -120,14 +120,14 @@ def test_before_the_check_only_the_main_measures_are_reported():
 
 @pytest.mark.parametrize(("share", "warned"), [(99.0, False), (95.0, False), (80.0, True), (None, False)])
 def test_an_optimistic_precision_is_warned_of(share, warned):
-    within = (60.0, share, *GOOD[2:])
+    within = (60.0, 90.0, share, *GOOD[3:])
     warnings = heights_section(heights(group("all"), group("open_ground", within=within))).warnings
     assert bool(warnings) == warned
     assert not warned or ("Only 80 % of the heights (open ground" in warnings[0] and "too optimistic" in warnings[0])
 
 
 def test_open_ground_decides_where_it_is_known():
-    poor = (10.0, 20.0, *GOOD[2:])
+    poor = (10.0, 15.0, 20.0, *GOOD[3:])
     assert not heights_section(heights(group("all", within=poor), group("open_ground"))).warnings
     assert heights_section(heights(group("all", within=poor))).warnings
 

@@ -11,6 +11,7 @@ from village_pair import level_pair
 from orthomill.schemas.epipolar import EpipolarPairs
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.surface import Provenance
 from orthomill.tasks.evaluation.accuracy import (
     BINS_PER_CELL,
     REACH,
@@ -24,7 +25,8 @@ from orthomill.tasks.evaluation.accuracy import (
     merged_sums,
     quantile,
 )
-from orthomill.tasks.evaluation.classes import GROUPS, MARGIN, PlaceClass, place_classes
+from orthomill.tasks.evaluation.classes import CODE_GROUPS, GROUPS, MARGIN, PlaceClass, place_classes, strata, strata_of
+from orthomill.tasks.evaluation.edges import no_edges
 from orthomill.tasks.evaluation.grids import codes_on, colours_on, heights_on, placement, readable
 from orthomill.tasks.evaluation.orthoimage_accuracy import GreyFit, OrthoCounts, Shifts
 from orthomill.tasks.evaluation.stage import EvaluationStage
@@ -40,19 +42,25 @@ from orthomill.tasks.evaluation.tile_sums import (
 CELL = 0.5
 
 
-def tile(dh, place, building=None):
-    """Sums, histogram and histogram of buildings of a tile."""
-    dh, place = np.asarray(dh, float), np.asarray(place)
-    cells = JudgedCells(place, dh, np.full(len(dh), 0.2), np.ones(len(dh), bool))
+def tile(dh, place, building=None, code=Provenance.AGREED, twice=True):
+    """Sums, histogram, histogram of buildings and counts at edges of a tile."""
+    dh = np.asarray(dh, float)
+    stratum = strata(np.asarray(place), np.full(len(dh), code), np.full(len(dh), twice))
+    cells = JudgedCells(stratum, dh, np.full(len(dh), 0.2))
     known = np.isfinite(dh)
     building = np.zeros(len(dh), int) if building is None else np.asarray(building)
     roof = known & (building > 0)
-    return height_sums(cells), histogram(dh[known], place[known], CELL), histogram(dh[roof], building[roof], CELL)
+    return (
+        height_sums(cells, CELL),
+        histogram(dh[known], stratum[known], CELL),
+        histogram(dh[roof], building[roof], CELL),
+        no_edges(),
+    )
 
 
 def summary(*tiles, pairs=None, parallax_sigma=0.5):
-    sums, histograms, buildings = zip(*tiles, strict=True)
-    return summarise_heights(sums, histograms, buildings, box_block(), CELL, parallax_sigma, pairs)
+    sums, histograms, buildings, edges = zip(*tiles, strict=True)
+    return summarise_heights(sums, histograms, buildings, edges, box_block(), CELL, parallax_sigma, pairs)
 
 
 def pairs(base_height=0.5) -> EpipolarPairs:
@@ -66,6 +74,41 @@ def test_groups_combine_their_classes():
     assert set(groups) == {"all", "open_ground", "clear_ground", "roof", "water"}
     assert groups["all"]["cells"] == 8 and groups["roof"]["bias"] == 0.4 and groups["water"]["cells"] == 1
     assert groups["all"]["bias"] == pytest.approx((6 * 0.1 + 2 * 0.4) / 8)
+
+
+def test_completeness_counts_cells_that_can_be_measured():
+    ground = [PlaceClass.CLEAR_GROUND]
+    found = summary(tile([0.0, 0.1, np.nan], 3 * ground), tile([np.nan], ground, twice=False))
+    assert found.groups[0].numbers["completeness"] == 50 and found.groups[0].numbers["completeness_seen_twice"] == 66.6667
+
+
+def test_an_estimated_height_is_not_a_measured_one():
+    ground = [PlaceClass.CLEAR_GROUND]
+    found = summary(
+        tile([0.1, 0.1], 2 * ground),
+        tile([5.0], ground, code=Provenance.INTERPOLATED),
+        tile([0.3], ground, code=Provenance.VOLUME),
+        tile([np.nan], ground, code=Provenance.EMPTY),
+    )
+    measured = found.groups[0].numbers
+    assert (measured["cells"], measured["heights"], measured["completeness"], measured["highest"]) == (5, 3, 60, 0.3)
+    shares = {row.code: row.numbers["share"] for row in found.codes if row.place == "all"}
+    assert shares == {"measured": 60, "all_codes": 80, "agreed": 40, "volume": 20, "interpolated": 20}
+    beyond = {row.code: row.numbers["beyond_metre"] for row in found.codes if row.place == "clear_ground"}
+    assert beyond["measured"] == 0 and beyond["all_codes"] == 25 and beyond["interpolated"] == 100
+
+
+def test_codes_are_judged_where_two_photographs_see_only():
+    tree = [PlaceClass.TREE]
+    found = summary(tile([0.1, 0.3], 2 * tree), tile([9.0] * 8, 8 * tree, twice=False))
+    (row,) = (row for row in found.codes if (row.code, row.place) == ("agreed", "tree"))
+    assert row.numbers["share"] == 100 and row.numbers["heights"] == 2 and row.within[:2] == (50, 100)
+
+
+def test_groups_of_codes_are_named_once_and_leave_only_empty_cells_out():
+    names = [name for name, _, _ in CODE_GROUPS]
+    together = {code for name, _, codes in CODE_GROUPS if name == "all_codes" for code in codes}
+    assert len(names) == len(set(names)) and together == set(Provenance) - {Provenance.EMPTY}
 
 
 def test_buildings_need_enough_cells():
@@ -139,10 +182,10 @@ def test_without_pairs_nothing_is_expected():
 
 def test_the_published_fgdc_factor():
     """Acceptance check 4 of methods/matching_and_dsm_check.md: an RMSE of 2.02 m is 3.96 m at 95 %."""
-    sums, counts, _ = tile([2.02, -2.02], [1, 1])
-    assert measures(merged_sums((sums,), (1,)), merged_histogram((counts,), (1,)), CELL, None).fgdc95 == pytest.approx(
-        3.96, abs=0.005
-    )
+    sums, counts, *_ = tile([2.02, -2.02], [PlaceClass.CLEAR_GROUND] * 2)
+    clear = strata_of((PlaceClass.CLEAR_GROUND,))
+    found = measures(merged_sums((sums,), clear), merged_histogram((counts,), clear), CELL, None)
+    assert found.fgdc95 == pytest.approx(3.96, abs=0.005)
 
 
 def shifts(dx, dy, place=PlaceClass.CLEAR_GROUND, seen=3) -> Shifts:
@@ -239,10 +282,10 @@ def test_quantiles_are_within_a_bin_of_those_of_the_values(dh, share):
     assert np.isnan(quantile(np.zeros(5, int), 0.5, 0.0, 1.0))
 
 
-def test_histograms_keep_places_apart():
+def test_histograms_keep_parts_apart():
     found = histogram(np.array([0.1, 0.1, -0.2]), np.array([3, 7, 3]), CELL)
     assert isinstance(found, HeightHistogram)
-    assert list(zip(found.place, found.bin, found.count, strict=True)) == [(3, -40, 1), (3, 20, 1), (7, 20, 1)]
+    assert list(zip(found.part, found.bin, found.count, strict=True)) == [(3, -40, 1), (3, 20, 1), (7, 20, 1)]
     assert merged_histogram((found,), (3,)).sum() == 2
 
 

@@ -6,10 +6,12 @@ from box_scene import block as box_block
 from scipy.ndimage import gaussian_filter
 
 from orthomill.schemas.raster import MapGrid, RasterSpec, Window, tiles_of
+from orthomill.schemas.surface import MEASURED, Provenance
 from orthomill.schemas.truth import Material
 from orthomill.tasks.evaluation.accuracy import HeightSums, merged_histogram, merged_sums
 from orthomill.tasks.evaluation.classes import HALO as CLASS_HALO
-from orthomill.tasks.evaluation.classes import PlaceClass
+from orthomill.tasks.evaluation.classes import PlaceClass, strata_of
+from orthomill.tasks.evaluation.edges import edge_shares
 from orthomill.tasks.evaluation.grids import grid_of, placement, readable
 from orthomill.tasks.evaluation.orthoimage_accuracy import HALO, GreyFit, merged_counts, photos_that_reach
 from orthomill.tasks.evaluation.tiles import (
@@ -40,22 +42,24 @@ def truth():
 
 
 def dsm():
-    """The truth, 0.2 m too high, roofs 0.5 m too low, empty water."""
+    """The truth, 0.2 m too high, roofs 0.5 m too low, empty water; height, precision and code (AGREED, or VOLUME in the east)."""
     surface, material, _, _ = truth()
     height = surface + np.where(material == Material.ROOF, -0.5, 0.2).astype(np.float32)
     height[material == Material.WATER] = np.nan
-    return height, np.where(np.isfinite(height), np.float32(0.15), np.float32(np.nan))
+    code = np.full(GRID.shape, Provenance.AGREED, np.uint8)
+    code[:, 50:], code[np.isnan(height)] = Provenance.VOLUME, Provenance.EMPTY
+    return height, np.where(np.isfinite(height), np.float32(0.15), np.float32(np.nan)), code
 
 
-def compared(core=WHOLE) -> HeightComparison:
+def compared(core=WHOLE, given=None) -> HeightComparison:
     place = placement(GRID, core.grown(CLASS_HALO), GRID)
-    height, precision = (raster[core.slices] for raster in dsm())
+    own = (raster[core.slices] for raster in given or dsm())
     parts = (raster[readable(place).slices] for raster in truth())
-    return heights_against_truth(height, precision, *parts, place, core)
+    return heights_against_truth(*own, *parts, place, core)
 
 
-def row_of(sums: HeightSums, *places: PlaceClass) -> dict[str, float]:
-    return merged_sums((sums,), tuple(map(int, places)))
+def row_of(sums: HeightSums, *places: PlaceClass, **which) -> dict[str, float]:
+    return merged_sums((sums,), strata_of(places, **which))
 
 
 def test_differences_are_those_that_were_planted():
@@ -70,20 +74,54 @@ def test_sums_are_kept_by_class_of_place():
     roof, water = row_of(sums, PlaceClass.ROOF_INTERIOR, PlaceClass.ROOF_EDGE), row_of(sums, PlaceClass.WATER)
     assert roof["cells"] == 16 * 24 and roof["total"] == pytest.approx(-0.5 * 16 * 24, rel=1e-6)
     assert roof["within_3"] == 0 and roof["within_4"] == roof["with_precision"] == 16 * 24
-    assert water["cells"] == 120 and water["measured"] == 0 and water["lowest"] == np.inf
+    assert water["cells"] == 120 and water["heights"] == 0 and water["lowest"] == np.inf
     clear = row_of(sums, PlaceClass.CLEAR_GROUND)
     assert clear["lowest"] == pytest.approx(0.2) == clear["highest"] and clear["within_1"] == 0
 
 
 def test_cells_that_one_photograph_shows_are_not_expected():
     sums = compared().sums
-    ground = row_of(sums, *PlaceClass)
-    assert ground["cells"] == 60 * 80 and ground["seen_twice"] == 55 * 80
+    every, twice = row_of(sums, *PlaceClass), row_of(sums, *PlaceClass, only_seen_twice=True)
+    assert every["cells"] == 60 * 80 and twice["cells"] == 55 * 80
+
+
+def test_sums_are_kept_by_code():
+    sums = compared().sums
+    volume, empty = (row_of(sums, *PlaceClass, codes=(code,)) for code in (Provenance.VOLUME, Provenance.EMPTY))
+    assert volume["cells"] == volume["heights"] == 60 * 30 - 120 and empty["cells"] == 120 and empty["heights"] == 0
+
+
+def test_an_estimated_roof_does_not_judge_its_building():
+    height, precision, code = dsm()
+    code[10:18, 20:44] = Provenance.INCOHERENT
+    assert compared(given=(height, precision, code)).buildings.count.sum() == 7 * 22
+
+
+def test_grown_and_lost_edges_are_counted_by_code():
+    """Three cells north of the roof have its height (24 of 3 rows around it); one row of its southern edge has the ground's."""
+    surface = truth()[0].copy()
+    surface[7:10, 20:44], surface[25, 20:44] = 18.0, 10.0
+    _, precision, code = dsm()
+    code[25] = Provenance.INCOHERENT
+    edges = compared(given=(surface, precision, code)).edges
+    beside, rim = 22 * 30 - 16 * 24, 2 * (16 + 24) - 4
+    assert (edges.beside.sum(), edges.rim.sum()) == (beside, rim)
+    assert edge_shares((edges,), tuple(Provenance)) == pytest.approx((100 * 72 / beside, 100 * 24 / rim))
+    assert edge_shares((edges, edges), MEASURED) == pytest.approx((100 * 72 / (beside - 6), 0))
+
+
+def test_a_step_that_is_no_wall_has_no_edge():
+    surface, material, building, visibility = truth()
+    low = np.minimum(surface, 11.5)
+    place = placement(GRID, WHOLE.grown(CLASS_HALO), GRID)
+    parts = (raster[readable(place).slices] for raster in (low, material, building, visibility))
+    edges = heights_against_truth(*dsm(), *parts, place, WHOLE).edges
+    assert edges.beside.sum() == edges.rim.sum() == 0 and np.isnan(edge_shares((edges,), MEASURED)).all()
 
 
 def test_a_building_is_judged_by_its_interior():
     histogram = compared().buildings
-    assert set(histogram.place) == {3} and histogram.count.sum() == 14 * 22, "one cell along each side is edge"
+    assert set(histogram.part) == {3} and histogram.count.sum() == 14 * 22, "one cell along each side is edge"
     assert set(histogram.bin) == {-50}
 
 
@@ -94,18 +132,19 @@ def test_tiles_of_heights_add_up_to_the_whole(size):
     for tile, part in zip(tiles_of(GRID.shape, size), parts, strict=True):
         assert np.array_equal(part.dh, whole.dh[tile.window.slices], equal_nan=True)
     for place in PlaceClass:
-        one, other = (merged_sums(tuple(p.sums for p in some), (int(place),)) for some in ([whole], parts))
+        one, other = (merged_sums(tuple(p.sums for p in some), strata_of((place,))) for some in ([whole], parts))
         assert one == pytest.approx(other)
+    for name in ("beside", "grown", "rim", "lost"):
+        assert np.array_equal(getattr(whole.edges, name), sum(getattr(p.edges, name) for p in parts))
     assert np.array_equal(merged_histogram((whole.histogram,)), merged_histogram(tuple(p.histogram for p in parts)))
 
 
 def test_a_file_has_one_class_and_no_buildings():
-    height, precision = dsm()
     reference = np.full(GRID.shape, 10.0)
     reference[:5] = np.nan
-    found = heights_against_file(height, precision, reference, GRID.cell)
-    assert set(found.sums.place) == {PlaceClass.UNKNOWN} and found.sums.cells[0] == 55 * 80 == found.sums.seen_twice[0]
-    assert np.isnan(found.dh[:5]).all() and len(found.buildings) == 0
+    found = heights_against_file(*dsm(), reference, GRID.cell)
+    assert row_of(found.sums, PlaceClass.UNKNOWN, only_seen_twice=True)["cells"] == 55 * 80 == found.sums.cells.sum()
+    assert np.isnan(found.dh[:5]).all() and len(found.buildings) == len(found.edges) == 0
 
 
 def texture(seed=1) -> np.ndarray:
