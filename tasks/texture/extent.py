@@ -15,6 +15,7 @@ from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import Surface
 from orthomill.tasks.geometry.footprint import photo_window
 from orthomill.tasks.geometry.view import View
+from orthomill.tasks.texture.draping import ground_window
 
 NESTING = 1e-6
 """Tolerated deviation of the ratio of the cells from an integer: rounding of decimal fractions, no more."""
@@ -47,6 +48,16 @@ class TileExtent:
     def divisor(self) -> int:
         """Ortho pixels along the side of a DSM cell."""
         return round(self.dsm.cell / self.ortho.cell)
+
+    @property
+    def core(self) -> Window:
+        """The DSM cells under the tile."""
+        return dsm_core(self.dsm, self.divisor, self.window)
+
+    @property
+    def ground(self) -> Window:
+        """The blocks of the whole model's ground that draping needs."""
+        return ground_window(self.dsm, self.heights)
 
 
 def ground_pixels(views: Iterable[View], ground: float) -> list[float]:

@@ -5,6 +5,7 @@ rows and columns of the whole grid: a tile gives, pixel by pixel, what one tile 
 """
 
 from dataclasses import dataclass, replace
+from math import ceil, isfinite
 from typing import NamedTuple
 
 import numpy as np
@@ -14,9 +15,10 @@ from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.geometry.view import View, block_view
 from orthomill.tasks.texture.blending import Blend, Blended, blend
+from orthomill.tasks.texture.draping import HALO, HeightSource, drape, far_from_heights, height_sources
 from orthomill.tasks.texture.extent import TileExtent
 from orthomill.tasks.texture.radiometric_balance import Radiometry, Samples, balance_block, corrected
-from orthomill.tasks.texture.sampling import Ground, PhotoPixelsAt, Sampled, ground_of, sample_photo
+from orthomill.tasks.texture.sampling import Ground, PhotoPixelsAt, Sampled, ground_of, sample_photo, shown
 from orthomill.tasks.visibility.height_model import HeightModel, Targets, bridge_holes, visible_targets, widening_factor
 
 STRIP = 64
@@ -24,8 +26,6 @@ STRIP = 64
 RESERVED_WORTH = 1e-3
 """Weight factor next to an occlusion: such a colour is used only where no photo has a better one."""
 
-NO_HEIGHT, MEASURED, DRAPED = 0, 1, 2
-"""Codes of the raster `texture/height_source`."""
 # 16 bits are stretched so that the brightest thousandth of the samples keeps a margin below white: specular points may saturate.
 _BRIGHTEST, _BRIGHT_MARGIN = 0.999, 1.05
 
@@ -37,8 +37,8 @@ class TextureRules:
     tolerance: float
     """m"""
     bridge: int
-    drape_gap: int
-    """0: no texture in holes"""
+    drape_reach: float
+    """how far from a height holes are draped; 0: no texture in holes, inf: all of them"""
     widening_margin: float
     widening_ramp: float
     feather: float
@@ -53,7 +53,9 @@ class TextureRules:
     @property
     def halo(self) -> int:
         """Cells of heights that are needed around what the rays cross."""
-        return max(self.bridge, self.drape_gap) + self.rim + 1
+        # The reach is measured in the same window that is draped; without a limit nothing is measured.
+        reach = ceil(self.drape_reach) if isfinite(self.drape_reach) else 0
+        return max(self.bridge, reach, HALO) + self.rim + 1
 
 
 class TileTexture(BaseModel):
@@ -64,8 +66,12 @@ class TileTexture(BaseModel):
     pixels: int
     seen: tuple[int, int, int, int]
     """pixels seen by 0, 1, 2, 3 or more photos"""
-    no_height: int
-    draped: int
+    heights: tuple[int, ...]
+    """pixels by code of HeightSource"""
+    outside: int
+    hidden: int
+    missed: int
+    """pixels without colour: in the frame of no photo, hidden from every photo that shows the place, seen by some photo"""
     most: int
     values: int
     rejected: int
@@ -100,10 +106,11 @@ class _Scene:
 
 @dataclass
 class _Tally:
-    """Sums over the strips of a tile; `seen`, `share` (photos,)."""
+    """Sums over the strips of a tile; `seen`, `share` (photos,), `empty` pixels without colour: outside, hidden, missed."""
 
     seen: np.ndarray
     share: np.ndarray
+    empty: np.ndarray
     difference_sum: float = 0.0
     difference_count: int = 0
 
@@ -123,14 +130,24 @@ def _targets(ground: Ground, dsm: MapGrid) -> Targets:
     return Targets(rows, cols, ground.z, np.hypot(ground.dx, ground.dy))
 
 
-def _scene(heights: np.ndarray, extent: TileExtent, views: list[View], rules: TextureRules) -> _Scene:
-    bridged = bridge_holes(heights, rules.bridge)
-    draped = bridge_holes(heights, rules.drape_gap) if rules.drape_gap else heights
-    # Draped heights beyond the bridge hide ground as well: what is painted is a surface.
-    model = HeightModel(np.where(np.isnan(bridged), draped, bridged), extent.dsm, extent.heights)
+def painted_heights(heights: np.ndarray, extent: TileExtent, rules: TextureRules, ground: np.ndarray | None) -> np.ndarray:
+    """The heights (rows, cols) that the texture is put on: those of the surface model, holes draped as far as the rules say."""
+    if ground is None or rules.drape_reach <= 0:
+        return heights
+    painted = drape(heights, extent.heights, ground, extent.ground)
+    return (
+        np.where(far_from_heights(heights, rules.drape_reach), np.float32(np.nan), painted)
+        if isfinite(rules.drape_reach)
+        else painted
+    )
+
+
+def _scene(painted: np.ndarray, extent: TileExtent, views: list[View], rules: TextureRules) -> _Scene:
+    # Draped heights hide ground as well: what is painted is a surface.
+    model = HeightModel(bridge_holes(painted, rules.bridge), extent.dsm, extent.heights)
     # Occlusions outside the tile reduce weights inside it, so visibility is computed on a larger window.
     rim = extent.window.grown(rules.rim * extent.divisor).clipped(extent.ortho.shape)
-    ground = ground_of(draped, extent.heights, extent.dsm, extent.ortho, rim)
+    ground = ground_of(painted, extent.heights, extent.dsm, extent.ortho, rim)
     targets, core = _targets(ground, extent.dsm), extent.window
     inner = Window(core.row - rim.row, core.col - rim.col, core.height, core.width).slices
     seen = (visible_targets(model, view, targets, rules.tolerance) for view in views)
@@ -148,10 +165,10 @@ def _factor(visible: np.ndarray, z: np.ndarray, rules: TextureRules, divisor: in
     return np.where(visible > 0, np.maximum(widened, RESERVED_WORTH), 0).astype(np.float32)
 
 
-def _to_ortho(cells: np.ndarray, core: Window, divisor: int, window: Window) -> np.ndarray:
-    """Values of the DSM cells under the ortho pixels `window`."""
-    rows = np.arange(window.row, window.row + window.height) // divisor - core.row
-    cols = np.arange(window.col, window.col + window.width) // divisor - core.col
+def _to_ortho(cells: np.ndarray, extent: TileExtent, window: Window) -> np.ndarray:
+    """Values of the DSM cells `extent.core` at the ortho pixels `window`."""
+    rows = np.arange(window.row, window.row + window.height) // extent.divisor - extent.core.row
+    cols = np.arange(window.col, window.col + window.width) // extent.divisor - extent.core.col
     return cells[np.ix_(rows, cols)]
 
 
@@ -193,16 +210,33 @@ def _rgba(blended: Blended) -> np.ndarray:
     return np.dstack([colour * (alpha[..., None] > 0), alpha])
 
 
-def _statistics(
-    coverage: np.ndarray, rejected: np.ndarray, height_source: np.ndarray, names: list[str], tally: _Tally
-) -> TileTexture:
+def _empty_pixels(ground: Ground, factors: list[np.ndarray], views: list[View], used: np.ndarray, level: float) -> np.ndarray:
+    """Numbers (3,) of pixels without colour: in the frame of no photo, hidden from every photo that shows the place, missed.
+
+    A pixel without height is tested at the height `level` (m), and missed if some photo shows the place.
+    """
+    without = np.isnan(ground.z)
+    place = replace(ground, z=np.where(without, np.float32(level), ground.z))
+    empty = (used == 0).astype(np.uint8)
+    shows, sees = np.zeros(used.shape, bool), np.zeros(used.shape, bool)
+    for view, factor in zip(views, factors, strict=True):
+        inside = shown(view, place, empty)
+        shows |= inside
+        sees |= inside & (without | (factor > 0))
+    return np.array([(empty > 0).sum() - shows.sum(), (shows & ~sees).sum(), sees.sum()])
+
+
+def _statistics(coverage: np.ndarray, rejected: np.ndarray, sources: np.ndarray, names: list[str], tally: _Tally) -> TileTexture:
     none, one, two, more = np.bincount(np.minimum(coverage, 3).ravel(), minlength=4).tolist()
+    outside, hidden, missed = tally.empty.tolist()
     return TileTexture(
         pixels=coverage.size,
         seen=(none, one, two, more),
         most=int(coverage.max()),
-        no_height=int((height_source == NO_HEIGHT).sum()),
-        draped=int((height_source == DRAPED).sum()),
+        heights=tuple(np.bincount(sources.ravel(), minlength=len(HeightSource)).tolist()),
+        outside=outside,
+        hidden=hidden,
+        missed=missed,
         values=int(coverage.sum(dtype=np.int64)),
         rejected=int(rejected.sum(dtype=np.int64)),
         difference_sum=tally.difference_sum,
@@ -214,33 +248,40 @@ def _statistics(
 
 def texture_tile(
     heights: np.ndarray,
+    provenance: np.ndarray,
     block: Block,
     radiometry: Radiometry,
     photos: tuple[np.ndarray, ...],
     extent: TileExtent,
     rules: TextureRules,
+    ground: np.ndarray | None = None,
 ) -> OrthoTile:
     """One tile of the orthoimage.
 
-    heights (rows, cols) m at `extent.heights`, NaN in holes; photos: pixels (rows, cols, bands) of `extent.photos`.
+    heights (rows, cols) m at `extent.heights`, NaN in holes; provenance codes at `extent.core`; photos: pixels (rows, cols, bands)
+    of `extent.photos`; ground: heights of the blocks `extent.ground` of the whole model, only for draping.
     """
     views = _views(block, extent)
-    scene = _scene(heights, extent, views, rules)
+    painted = painted_heights(heights, extent, rules, ground)
+    scene = _scene(painted, extent, views, rules)
+    core = Window(extent.core.row - extent.heights.row, extent.core.col - extent.heights.col, *extent.core.shape).slices
+    sources = _to_ortho(height_sources(heights[core], painted[core], provenance), extent, extent.window)
     parts = [PhotoPixelsAt(pixels, part.window, part.level) for pixels, part in zip(photos, extent.photos, strict=True)]
     height, width = extent.window.shape
-    coverage, rejected, height_source = (np.zeros((height, width), np.uint8) for _ in range(3))
-    ortho, tally = np.zeros((height, width, 4), np.uint8), _Tally(np.zeros(len(parts)), np.zeros(len(parts)))
+    coverage, rejected = np.zeros((height, width), np.uint8), np.zeros((height, width), np.uint8)
+    ortho, tally = np.zeros((height, width, 4), np.uint8), _Tally(np.zeros(len(parts)), np.zeros(len(parts)), np.zeros(3, np.int64))
+    level = 0.5 * (block.ground_low + block.ground_high)
     for top in range(0, height, STRIP):
         window = Window(extent.window.row + top, extent.window.col, min(STRIP, height - top), width)
-        ground = scene.ground.part(window)
-        blended, seeing = _strip(ground, scene, parts, views, radiometry, rules, top)
+        strip = scene.ground.part(window)
+        blended, seeing = _strip(strip, scene, parts, views, radiometry, rules, top)
         rows = slice(top, top + window.height)
         ortho[rows], coverage[rows], rejected[rows] = _rgba(blended), seeing.sum(axis=0), blended.rejected
-        measured = _to_ortho(~np.isnan(heights), extent.heights, extent.divisor, window)
-        height_source[rows] = np.where(np.isnan(ground.z), NO_HEIGHT, np.where(measured, MEASURED, DRAPED))
         tally.add(blended, seeing)
-    statistics = _statistics(coverage, rejected, height_source, [view.name for view in views], tally)
-    return OrthoTile(ortho, coverage, rejected, height_source, statistics)
+        tally.empty += _empty_pixels(strip, [factor[rows] for factor in scene.factors], views, blended.used, level)
+    return OrthoTile(
+        ortho, coverage, rejected, sources, _statistics(coverage, rejected, sources, [view.name for view in views], tally)
+    )
 
 
 def _every(ground: Ground, spacing: int) -> Ground:

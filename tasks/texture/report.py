@@ -8,7 +8,8 @@ import numpy as np
 
 from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport
 from orthomill.schemas.surface import ORTHO
-from orthomill.tasks.texture.mosaic import DRAPED, MEASURED, NO_HEIGHT, TileTexture
+from orthomill.tasks.texture.draping import HEIGHT_SOURCE_CODES, HeightSource
+from orthomill.tasks.texture.mosaic import TileTexture
 from orthomill.tasks.texture.radiometric_balance import PhotoRadiometry, Radiometry
 
 COVERAGE = "texture/coverage"
@@ -16,7 +17,7 @@ COVERAGE = "texture/coverage"
 REJECTED = "texture/rejected"
 """uint8: number of colours rejected at the pixel"""
 HEIGHT_SOURCE = "texture/height_source"
-"""uint8: 0 no height, 1 measured, 2 interpolated for draping only"""
+"""uint8 code of HeightSource"""
 
 COVERAGE_COLOURS = ("#d7191c", "#1a9641", "#2b5fd9", "#9a9a9a")
 """Red 0, green 1, blue 2, grey 3 or more photos (Petsa et al. 2007, fig. 22)."""
@@ -58,8 +59,10 @@ class _Totals:
     """Sums over all tiles. `seen`: pixels seen by 0, 1, 2, 3 or more photos."""
 
     pixels: int
-    no_height: int
-    draped: int
+    heights: tuple[int, ...]
+    outside: int
+    hidden: int
+    missed: int
     values: int
     rejected: int
     difference_sum: float
@@ -69,12 +72,7 @@ class _Totals:
     @property
     def with_height(self) -> int:
         """Pixels that have a height."""
-        return self.pixels - self.no_height
-
-    @property
-    def hidden(self) -> int:
-        """Pixels with a height that no photo sees. A pixel without height is seen by none, so the two differences subtract."""
-        return self.with_height - (self.pixels - self.seen[0])
+        return self.pixels - self.heights[HeightSource.NONE]
 
 
 def _totals(statistics: tuple[TileTexture, ...]) -> _Totals:
@@ -84,8 +82,10 @@ def _totals(statistics: tuple[TileTexture, ...]) -> _Totals:
     # Shares are formed from sums over all tiles: a mean of the tiles' shares would weight tiles at the border too much.
     return _Totals(
         pixels=total("pixels"),
-        no_height=total("no_height"),
-        draped=total("draped"),
+        heights=tuple(sum(tile.heights[code] for tile in statistics) for code in HeightSource),
+        outside=total("outside"),
+        hidden=total("hidden"),
+        missed=total("missed"),
         values=total("values"),
         rejected=total("rejected"),
         difference_sum=sum(tile.difference_sum for tile in statistics),
@@ -105,23 +105,34 @@ def _figures(totals: _Totals, radiometry: Radiometry, facts: TextureFacts) -> tu
 def _pixel_figures(totals: _Totals, facts: TextureFacts) -> tuple[Figure, ...]:
     ground_pixel, height = round(facts.ground_pixel, 4), _share(totals.with_height, totals.pixels)
     interpolated = "Pixels whose height was interpolated for the texture only."
+    guessed = "Pixels whose height the surface model estimates."
+    draped, estimated = (_share(totals.heights[code], totals.pixels) for code in (HeightSource.DRAPED, HeightSource.ESTIMATED))
     return (
         Figure(name="cell", value=facts.cell, unit="m", sentence="Pixel of the orthoimage on the ground."),
         Figure(name="photo_ground_pixel", value=ground_pixel, unit="m", sentence="Pixel of the photos on the ground, median."),
         Figure(name="pixels", value=totals.pixels, sentence="Pixels of the orthoimage."),
         Figure(name="height_share", value=height, unit="%", sentence="Pixels that have a height."),
-        Figure(name="draped_share", value=_share(totals.draped, totals.pixels), unit="%", sentence=interpolated),
+        Figure(name="estimated_share", value=estimated, unit="%", sentence=guessed),
+        Figure(name="draped_share", value=draped, unit="%", sentence=interpolated),
     )
 
 
 def _seen_figures(totals: _Totals) -> tuple[Figure, ...]:
-    hidden = "Pixels with a height that no photo sees: outside all photos, or hidden."
+    empty = (
+        ("outside_share", totals.outside, "Pixels without colour in the frame of no photo."),
+        (
+            "occluded_share",
+            totals.hidden,
+            "Pixels without colour because something hides them from every photo that shows the place.",
+        ),
+        ("missed_share", totals.missed, "Pixels without colour although a photo sees them, for want of a height."),
+    )
     return (
         *(
             Figure(name=f"seen_by_{name}", value=_share(count, totals.pixels), unit="%", sentence=f"Pixels seen by {words}.")
             for count, (name, words) in zip(totals.seen, _COUNTS, strict=True)
         ),
-        Figure(name="hidden_share", value=_share(totals.hidden, totals.with_height), unit="%", sentence=hidden),
+        *(Figure(name=name, value=_share(count, totals.pixels), unit="%", sentence=words) for name, count, words in empty),
     )
 
 
@@ -190,8 +201,8 @@ def _warnings(statistics: tuple[TileTexture, ...], totals: _Totals, radiometry: 
         yield "The orthoimage is empty: no photo sees any ground that has a height. Check the surface model first."
     if totals.hidden > _MOST_HIDDEN * totals.pixels:
         yield (
-            f"{_share(totals.hidden, totals.pixels):.1f} % of the orthoimage has a height but is seen by no photo (outside all of "
-            "them, or hidden by objects in front); it stays transparent. More photos would fill it."
+            f"{_share(totals.hidden, totals.pixels):.1f} % of the orthoimage is hidden by objects in front from every photo that "
+            "shows the place; it stays transparent. More photos would fill it."
         )
     if totals.values and totals.rejected > _MOST_REJECTED * totals.values:
         yield (
@@ -251,11 +262,8 @@ def _height_source_picture() -> Picture:
         title="Where heights come from",
         raster=HEIGHT_SOURCE,
         style="classes",
-        classes=(
-            (NO_HEIGHT, "#000000", "no height, no texture"),
-            (MEASURED, "#9a9a9a", "measured"),
-            (DRAPED, "#fdae61", "interpolated for the texture only"),
-        ),
+        classes=HEIGHT_SOURCE_CODES,
+        caption="Where the height is estimated or draped, the orthoimage may be displaced; products/ortho_height_source.tif.",
     )
 
 

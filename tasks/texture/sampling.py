@@ -17,6 +17,7 @@ from numba import njit
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.geometry.distortion import pixel_to_image
 from orthomill.tasks.geometry.view import View, project_point
+from orthomill.tasks.imagery.pyramid import level_shape
 from orthomill.tasks.visibility.height_model import WALL
 
 STEEPEST = 3.0
@@ -68,12 +69,15 @@ class _Cells(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """Pixels of a photograph for the kernels: `scale` full-size pixels per pixel, first row and column in the level."""
+    """Pixels of a photograph for the kernels: `scale` full-size pixels per pixel, first row and column in the level, and the
+    level's last ones."""
 
     pixels: np.ndarray
     scale: float
     first_row: int
     first_col: int
+    last_row: int
+    last_col: int
 
 
 class _Limits(NamedTuple):
@@ -102,23 +106,50 @@ def _keys(t, w):
 
 @njit(cache=True, inline="always")
 def _bicubic(part, col, row, wx, wy, colour):
-    """Fills `colour` (bands) at a place of the level; False where the part does not hold the 4 x 4 neighbours."""
+    """Fills `colour` (bands) at a place of the level; False where the part does not hold the 4 x 4 neighbours.
+
+    Beyond the border of the photograph its outermost pixels are repeated.
+    """
     pixels = part.pixels
     c, r = int(np.floor(col)), int(np.floor(row))
     _keys(col - c, wx)
     _keys(row - r, wy)
-    c, r = c - part.first_col, r - part.first_row
-    if c < 1 or r < 1 or c + 2 >= pixels.shape[1] or r + 2 >= pixels.shape[0]:
+    left, right = max(c - 1, 0) - part.first_col, min(c + 2, part.last_col) - part.first_col
+    top, bottom = max(r - 1, 0) - part.first_row, min(r + 2, part.last_row) - part.first_row
+    if left < 0 or top < 0 or right >= pixels.shape[1] or bottom >= pixels.shape[0]:
         return False
+    c, r = c - 1 - part.first_col, r - 1 - part.first_row
     for band in range(pixels.shape[2]):
         total = 0.0
         for k in range(4):
-            line = 0.0
+            line, y = 0.0, min(max(r + k, top), bottom)
             for m in range(4):
-                line += wx[m] * pixels[r - 1 + k, c - 1 + m, band]
+                line += wx[m] * pixels[y, min(max(c + m, left), right), band]
             total += wy[k] * line
         colour[band] = total
     return True
+
+
+@njit(cache=True, inline="always")
+def _framed(n, x, y, z, widest):
+    """(col, row, depth, border) of a ground point in a photo; `border`: px to its nearest border, negative outside, or NaN."""
+    col, row, depth = project_point(n, x, y, z)
+    border = min(min(col, n.width - 1.0 - col), min(row, n.height - 1.0 - row))
+    # Outside the field of view the distortion polynomial may fold back into the photograph.
+    reach = (n.xc - x) ** 2 + (n.yc - y) ** 2 + (n.zc - z) ** 2
+    if depth <= 0.0 or reach > (1.0 + widest) * depth * depth:
+        border = -1.0
+    return col, row, depth, border
+
+
+@njit(cache=True)
+def _show(n, cells, widest, out):
+    for i in range(cells.z.shape[0]):
+        y = cells.north - (cells.first_row + i + 0.5) * cells.cell
+        for j in range(cells.z.shape[1]):
+            if cells.seen[i, j]:
+                x = cells.west + (cells.first_col + j + 0.5) * cells.cell
+                out[i, j] = _framed(n, x, y, cells.z[i, j], widest)[3] >= 0.0
 
 
 @njit(cache=True)
@@ -133,14 +164,7 @@ def _sample(part, n, cells, limits, out):
             if cells.seen[i, j] == 0 or np.isnan(z[i, j]):
                 continue
             x = cells.west + (cells.first_col + j + 0.5) * cell
-            full_col, full_row, depth = project_point(n, x, y, z[i, j])
-            if depth <= 0.0:
-                continue
-            # Outside the field of view the distortion polynomial may fold back into the photograph.
-            reach = (n.xc - x) ** 2 + (n.yc - y) ** 2 + (n.zc - z[i, j]) ** 2
-            if reach > (1.0 + limits.widest) * depth * depth:
-                continue
-            border = min(min(full_col, n.width - 1.0 - full_col), min(full_row, n.height - 1.0 - full_row))
+            full_col, full_row, depth, border = _framed(n, x, y, z[i, j], limits.widest)
             if not border >= 0.0:  # also NaN
                 continue
             col, row = (full_col + 0.5) / part.scale - 0.5, (full_row + 0.5) / part.scale - 0.5
@@ -178,26 +202,28 @@ class Sampled:
     r2: np.ndarray
 
 
+def _cells(ground: Ground, chosen: np.ndarray) -> _Cells:
+    grid, window = ground.grid, ground.window
+    corner = float(grid.west), float(grid.north), float(grid.cell), window.row, window.col
+    return _Cells(*corner, ground.z, ground.dx, ground.dy, np.ascontiguousarray(chosen))
+
+
+def shown(view: View, ground: Ground, chosen: np.ndarray) -> np.ndarray:
+    """bool (rows, cols): the `chosen` (uint8) pixels whose ground lies in the frame of the photograph, hidden or not."""
+    out = np.zeros(ground.z.shape, np.bool_)
+    _show(view.numbers, _cells(ground, chosen), _widest(view), out)
+    return out
+
+
 def sample_photo(view: View, photo: PhotoPixelsAt, ground: Ground, seen: np.ndarray, feather: float) -> Sampled:
     """Colour and worth of every ground pixel that `seen` (rows, cols) allows to this photograph. `feather` is in full-size px."""
     shape = ground.z.shape
     colour = np.zeros((*shape, photo.pixels.shape[2]), np.float32)
     worth, r2 = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
     if photo.pixels.size:
-        grid, window = ground.grid, ground.window
-        part = _Part(photo.pixels, 2.0**photo.level, photo.window.row, photo.window.col)
-        cells = _Cells(
-            float(grid.west),
-            float(grid.north),
-            float(grid.cell),
-            window.row,
-            window.col,
-            ground.z,
-            ground.dx,
-            ground.dy,
-            np.ascontiguousarray(seen),
-        )
-        _sample(part, view.numbers, cells, _Limits(_widest(view), float(feather)), _Samples(colour, worth, r2))
+        rows, cols = level_shape((view.camera.height, view.camera.width), photo.level)
+        part = _Part(photo.pixels, 2.0**photo.level, photo.window.row, photo.window.col, rows - 1, cols - 1)
+        _sample(part, view.numbers, _cells(ground, seen), _Limits(_widest(view), float(feather)), _Samples(colour, worth, r2))
     return Sampled(colour, worth, r2)
 
 

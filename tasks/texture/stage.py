@@ -1,7 +1,7 @@
 """The stage `texture`: a true orthoimage, blended from every photograph that sees the ground."""
 
 from collections.abc import Iterator
-from math import ceil, sqrt
+from math import ceil, inf, nan, sqrt
 from statistics import median
 from typing import Annotated, ClassVar, Literal
 
@@ -10,18 +10,22 @@ from pydantic import Field, model_validator
 from orthomill.schemas.job import Export, Job, Raster, Region, Table
 from orthomill.schemas.orientation import BLOCK, Block
 from orthomill.schemas.photo import PHOTOS, Photos, photo_raster
-from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, map_raster, tiles_of
+from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, Window, map_raster, tiles_of
 from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
 from orthomill.schemas.stage_report import report_table
-from orthomill.schemas.surface import CORRECTED, COUNT, HEIGHT, ORTHO, PRECISION, SURFACE, Surface
+from orthomill.schemas.surface import CORRECTED, COUNT, HEIGHT, ORTHO, PRECISION, PROVENANCE, SURFACE, Surface
 from orthomill.tasks.geometry.view import block_view
 from orthomill.tasks.texture.blending import Blend, CentreName, Rejection
+from orthomill.tasks.texture.draping import BLOCK as GROUND_BLOCK
+from orthomill.tasks.texture.draping import block_grid, block_heights, blocks_of, filled
 from orthomill.tasks.texture.extent import PhotoSource, TileExtent, ground_pixels, ortho_grid, photo_level, tile_extent
 from orthomill.tasks.texture.mosaic import TextureRules, TileTexture, balance, sample_tile, texture_tile
 from orthomill.tasks.texture.radiometric_balance import RADIOMETRY, Samples
 from orthomill.tasks.texture.report import COVERAGE, HEIGHT_SOURCE, REJECTED, TextureFacts, texture_report
 
+BLOCK_HEIGHTS, GROUND = "texture/block_heights", "texture/ground"
+"""float32 m: mean heights of blocks of 16 x 16 cells of the surface model, NaN in holes; the same with every hole closed"""
 SAMPLES_AT_MOST = 60000
 """Ground samples of the whole block for the radiometric balance."""
 _COARSER = 4  # ortho pixels per sample pixel: averaging removes noise and the effect of mismatches of a pixel
@@ -31,14 +35,16 @@ _SPACING_OF_RANGE = 64  # px between samples that serve for the range of 16 bits
 class LeaveHoles(Settings):
     """No texture where the surface model has no height."""
 
-    kind: Literal["leave"] = "leave"
+    kind: Literal["leave"]
 
 
 class DrapeHoles(Settings):
     """Holes get an interpolated height for the texture only; `texture/height_source` marks them."""
 
-    kind: Literal["drape"]
-    max_gap: float = setting(20.0, "Largest distance to a measured height.", "m", gt=0)
+    kind: Literal["drape"] = "drape"
+    max_gap: Annotated[float, Field(gt=0)] | Literal["unlimited"] = setting(
+        "unlimited", "Largest distance to a height of the surface model. unlimited: wherever a photo sees the ground.", "m"
+    )
 
 
 class ByArea(Settings):
@@ -132,7 +138,7 @@ class TextureStage(Stage):
         "Pixel of the orthoimage; must divide the cell of the surface model. auto: about the ground pixel of the photos.",
         "m",
     )
-    holes: Holes = setting(LeaveHoles(), "What happens where the surface model has no height.")
+    holes: Holes = setting(DrapeHoles(), "What happens where the surface model has no height.")
     weights: Weights = setting(ByArea(), "Weight of a photo's colour (Petsa et al. 2007).")
     rejection: Rejections = setting(AboutMean(), "Which colours are rejected as gross errors.")
     two_colours: TwoColours = setting(AverageTwo(), "What happens where exactly two photos see the ground and disagree.")
@@ -175,8 +181,11 @@ class TextureStage(Stage):
         ortho = ortho_grid(surface.grid, None if self.cell == "auto" else self.cell, median(pixels))
         rules = self._rules(surface)
         yield from self._rasters(ortho, block.crs, view.project.tile)
+        draped = self.holes.kind == "drape"
         # The raster named here decides which stage the tiles wait for.
         heights = CORRECTED if view.has_stage("dsm_check") else HEIGHT
+        if draped:
+            yield from _ground(surface.grid, block.crs, view.project.tile, heights)
         tiles = list(tiles_of(ortho.shape, view.project.tile))
         coarse = [_source(view, block, photos, name, _COARSER * ortho.cell, size) for name, size in _by_name(block, pixels)]
         for tile in tiles:
@@ -186,7 +195,7 @@ class TextureStage(Stage):
         yield self._balance_job(tiles, block, deep)
         fine = [_source(view, block, photos, name, ortho.cell, size) for name, size in _by_name(block, pixels)]
         for tile in tiles:
-            yield _ortho_job(tile, heights, tile_extent(surface, ortho, tile.window, fine, rules.halo), rules)
+            yield _ortho_job(tile, heights, tile_extent(surface, ortho, tile.window, fine, rules.halo), rules, draped)
         facts = TextureFacts(cell=ortho.cell, dsm_cell=surface.grid.cell, ground_pixel=median(pixels), heights=heights)
         yield from _results(tiles, facts)
 
@@ -213,12 +222,18 @@ class TextureStage(Stage):
             # Between two cells the interpolated surface may exceed the true one by half a cell on a slope of one.
             tolerance=0.5 * cell if self.tolerance == "auto" else self.tolerance,
             bridge=self.bridge,
-            drape_gap=ceil(self.holes.max_gap / cell) if self.holes.kind == "drape" else 0,
+            drape_reach=self._reach(cell),
             widening_margin=self.occlusion_margin,
             widening_ramp=self.occlusion_ramp,
             feather=self.feather,
             blend=Blend(colours, 2 if self.weights.kind == "area_squared" else 1, self.best, two),
         )
+
+    def _reach(self, cell: float) -> float:
+        """How far holes are draped, in cells of the surface model."""
+        if self.holes.kind == "leave":
+            return 0.0
+        return inf if self.holes.max_gap == "unlimited" else self.holes.max_gap / cell
 
     def _spacing(self, ortho: MapGrid) -> int:
         """px between samples: that of the setting, or as many as keep to SAMPLES_AT_MOST."""
@@ -252,13 +267,34 @@ def _sample_job(tile: Tile, heights: str, extent: TileExtent, rules: TextureRule
     )
 
 
-def _ortho_job(tile: Tile, heights: str, extent: TileExtent, rules: TextureRules) -> Job:
+def _ground(dsm: MapGrid, crs: str, size: int, heights: str) -> Iterator[RasterSpec | Job]:
+    """The mean heights of the blocks of the whole model, tile by tile, and their gaps closed over the whole model."""
+    grid, chunk = block_grid(dsm), size // GROUND_BLOCK
+    for name in (BLOCK_HEIGHTS, GROUND):
+        yield map_raster(name, grid, "float32", crs, chunk, nodata=nan, unit="m", axes=("ground_y", "ground_x"))
+    for tile in tiles_of(dsm.shape, size):
+        blocks = blocks_of(tile.window)
+        reads, writes = {"heights": Raster(heights, tile.window)}, {"blocks": Raster(BLOCK_HEIGHTS, blocks)}
+        # A known flag, its sum and the sum of heights in float64 per cell, for the first of the halvings.
+        scratch = 16 * tile.window.height * tile.window.width
+        yield Job("texture", "blocks", block_heights, reads, writes, {}, tile.row, tile.col, scratch)
+    whole = Window(0, 0, *grid.shape)
+    scratch = 40 * grid.rows * grid.cols
+    yield Job(
+        "texture", "ground", filled, {"blocks": Raster(BLOCK_HEIGHTS, whole)}, {"ground": Raster(GROUND, whole)}, scratch=scratch
+    )
+
+
+def _ortho_job(tile: Tile, heights: str, extent: TileExtent, rules: TextureRules, draped: bool) -> Job:
     rasters = {"ortho": ORTHO, "coverage": COVERAGE, "rejected": REJECTED, "height_source": HEIGHT_SOURCE}
+    reads = {**_reads(heights, extent), "provenance": Raster(PROVENANCE, extent.core), "radiometry": RADIOMETRY}
+    if draped:
+        reads["ground"] = Raster(GROUND, extent.ground)
     return Job(
         "texture",
         "ortho",
         texture_tile,
-        {**_reads(heights, extent), "radiometry": RADIOMETRY},
+        reads,
         {**{key: Raster(name, tile.window) for key, name in rasters.items()}, "statistics": _statistics_table(tile)},
         {"extent": extent, "rules": rules},
         tile.row,
@@ -275,6 +311,7 @@ def _results(tiles: list[Tile], facts: TextureFacts) -> Iterator[Job | Export]:
     }
     yield Job("texture", "report", texture_report, reads, {"report": report_table("texture")}, {"facts": facts})
     yield Export("texture", "ortho_cog", "products/ortho.tif", "cog", {"rgba": ORTHO})
+    yield Export("texture", "height_source_cog", "products/ortho_height_source.tif", "cog", {"height_source": HEIGHT_SOURCE})
     attributes = {"z": facts.heights, "rgb": ORTHO, "precision": PRECISION, "pairs": COUNT}
     yield Export("texture", "points", "products/points.laz", "laz", attributes)
 
@@ -307,4 +344,5 @@ def _scratch(extent: TileExtent) -> int:
     photos = len(extent.photos)
     cells = extent.heights.height * extent.heights.width
     pixels = extent.window.height * extent.window.width
-    return 24 * cells + (48 + 6 * photos) * pixels + 64 * extent.window.width * (photos * 40 + 40)
+    # Draping holds the cells, their sums in float64 and two levels at a time.
+    return (24 + 40) * cells + (48 + 6 * photos) * pixels + 64 * extent.window.width * (photos * 40 + 40)

@@ -142,7 +142,7 @@ def test_vehicles_are_suppressed_where_three_photographs_see_the_place(figures):
 # --- the products -------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["dsm.tif", "dsm_check.tif", "dsm_provenance.tif", "ortho.tif"])
+@pytest.mark.parametrize("name", ["dsm.tif", "dsm_check.tif", "dsm_provenance.tif", "ortho.tif", "ortho_height_source.tif"])
 def test_a_product_opens_with_its_place_and_overviews(run, name):
     with rasterio.open(run.folder / "products" / name) as file:
         assert file.crs.to_epsg() == 2100

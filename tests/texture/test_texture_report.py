@@ -2,6 +2,7 @@
 
 import pytest
 
+from orthomill.tasks.texture.draping import HeightSource
 from orthomill.tasks.texture.mosaic import TileTexture
 from orthomill.tasks.texture.radiometric_balance import PhotoRadiometry, Radiometry
 from orthomill.tasks.texture.report import COVERAGE_COLOURS, TextureFacts, coverage_classes, texture_report
@@ -13,8 +14,10 @@ def tile(**changes) -> TileTexture:
     facts = {
         "pixels": 1000,
         "seen": (100, 200, 300, 400),
-        "no_height": 80,
-        "draped": 50,
+        "heights": (80, 860, 50, 10),
+        "outside": 70,
+        "hidden": 20,
+        "missed": 10,
         "most": 4,
         "values": 2500,
         "rejected": 100,
@@ -55,12 +58,15 @@ def test_figures_of_one_tile():
         "photo_ground_pixel": 0.4812,
         "pixels": 1000,
         "height_share": 92.0,
+        "estimated_share": 1.0,
         "draped_share": 5.0,
         "seen_by_0": 10.0,
         "seen_by_1": 20.0,
         "seen_by_2": 30.0,
         "seen_by_3_or_more": 40.0,
-        "hidden_share": pytest.approx(100 * 20 / 920, abs=1e-3),
+        "outside_share": 7.0,
+        "occluded_share": 2.0,
+        "missed_share": 1.0,
         "rejected_share": 4.0,
         "seam_difference": 2.0,
         "balance_difference_before": 12.346,
@@ -75,8 +81,10 @@ def test_shares_of_several_tiles_weight_by_pixels():
     empty = tile(
         pixels=3000,
         seen=(3000, 0, 0, 0),
-        no_height=3000,
-        draped=0,
+        heights=(3000, 0, 0, 0),
+        outside=3000,
+        hidden=0,
+        missed=0,
         values=0,
         rejected=0,
         difference_sum=0.0,
@@ -86,7 +94,7 @@ def test_shares_of_several_tiles_weight_by_pixels():
     )
     found = values(report(tile(), empty))
     assert found["pixels"] == 4000 and found["height_share"] == 23.0 and found["seen_by_3_or_more"] == 10.0
-    assert found["hidden_share"] == pytest.approx(100 * 20 / 920, abs=1e-3), "cells without height are not hidden"
+    assert (found["outside_share"], found["occluded_share"], found["missed_share"]) == (76.75, 0.5, 0.25)
     assert found["seam_difference"] == 2.0 and found["rejected_share"] == 4.0
 
 
@@ -110,8 +118,8 @@ def test_a_good_orthoimage_gives_no_warning():
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"seen": (1000, 0, 0, 0), "no_height": 1000}, "The orthoimage is empty"),
-        ({"seen": (140, 160, 300, 400)}, "6.0 % of the orthoimage has a height but is seen by no photo"),
+        ({"seen": (1000, 0, 0, 0), "heights": (1000, 0, 0, 0)}, "The orthoimage is empty"),
+        ({"hidden": 60}, "6.0 % of the orthoimage is hidden by objects in front from every photo"),
         ({"rejected": 700}, "28 % of all colours were rejected"),
         ({"photo_seen": {"a": 900}}, "No ground of the orthoimage is seen by: b."),
     ],
@@ -121,7 +129,7 @@ def test_weaknesses_of_the_image_are_reported(changes, words):
 
 
 @pytest.mark.parametrize(
-    ("changes", "count"), [({"seen": (130, 170, 300, 400)}, 0), ({"rejected": 625}, 0), ({"rejected": 626}, 1)]
+    ("changes", "count"), [({"hidden": 50}, 0), ({"hidden": 51}, 1), ({"rejected": 625}, 0), ({"rejected": 626}, 1)]
 )
 def test_warnings_begin_beyond_their_limits(changes, count):
     assert len(report(tile(**changes)).warnings) == count
@@ -152,7 +160,7 @@ def test_coverage_has_a_class_for_every_count(most):
 def test_pictures_know_the_codes_of_their_rasters():
     pictures = {picture.title: picture for picture in report(tile(most=6)).pictures}
     assert len(pictures["Coverage"].classes) == len(pictures["Rejected colours"].classes) == 7
-    assert [code for code, _, _ in pictures["Where heights come from"].classes] == [0, 1, 2]
+    assert [code for code, _, _ in pictures["Where heights come from"].classes] == list(HeightSource)
 
 
 def test_without_blended_pixels_there_is_no_seam_difference():

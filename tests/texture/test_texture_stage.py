@@ -1,5 +1,6 @@
 """The plan of the stage and its settings: what each one changes in the jobs, and that the jobs fit their functions."""
 
+from math import inf
 from types import SimpleNamespace
 
 import pytest
@@ -61,9 +62,12 @@ def test_all_jobs_fit_their_functions_and_have_names_of_their_own():
 def test_rasters_are_announced_before_the_jobs_that_write_them():
     made = planned()
     names = [one.name for one in made if isinstance(one, RasterSpec)]
-    assert names == ["texture/ortho", "texture/coverage", "texture/rejected", "texture/height_source"]
-    assert [isinstance(one, RasterSpec) for one in made[:4]] == [True] * 4
-    assert {raster.name for job in jobs(made, "ortho") for key, raster in job.writes.items() if key != "statistics"} == set(names)
+    assert names[:4] == ["texture/ortho", "texture/coverage", "texture/rejected", "texture/height_source"]
+    assert names[4:] == ["texture/block_heights", "texture/ground"]
+    assert [isinstance(one, RasterSpec) for one in made[:6]] == [True] * 6
+    assert {raster.name for job in jobs(made, "ortho") for key, raster in job.writes.items() if key != "statistics"} == set(
+        names[:4]
+    )
 
 
 @pytest.mark.parametrize(("check", "raster"), [(False, HEIGHT), (True, CORRECTED)])
@@ -91,10 +95,23 @@ def test_samples_come_from_a_coarser_level_than_colours():
 
 
 @pytest.mark.parametrize(
-    ("holes", "cells"), [({"kind": "leave"}, 0), ({"kind": "drape", "max_gap": 7.5}, 8), ({"kind": "drape", "max_gap": 20.0}, 20)]
+    ("holes", "cells"), [({"kind": "leave"}, 0), ({"kind": "drape", "max_gap": 7.5}, 7.5), ({"kind": "drape"}, inf), (None, inf)]
 )
 def test_holes_are_draped_up_to_the_gap(holes, cells):
-    assert rules(holes=holes).drape_gap == cells
+    assert rules(**({"holes": holes} if holes else {})).drape_reach == cells
+
+
+def test_the_ground_is_made_and_read_only_for_draping():
+    draped, left = planned(), planned(holes={"kind": "leave"})
+    assert len(jobs(draped, "blocks")) == len(jobs(draped, "ground")) == 1 and not jobs(left, "blocks") + jobs(left, "ground")
+    assert all("ground" in job.reads for job in jobs(draped, "ortho")) and not any(
+        "ground" in job.reads for job in jobs(left, "ortho")
+    )
+
+
+def test_the_source_of_heights_is_a_product():
+    (product,) = (one for one in planned() if isinstance(one, Export) and one.path == "products/ortho_height_source.tif")
+    assert product.rasters == {"height_source": "texture/height_source"}
 
 
 @pytest.mark.parametrize(("kind", "power"), [("area", 1), ("area_squared", 2)])
@@ -128,7 +145,7 @@ def test_the_number_of_blended_photos():
 def test_the_rim_of_occlusions_widens_what_a_tile_reads(margin, ramp, rim):
     found = rules(occlusion_margin=margin, occlusion_ramp=ramp)
     assert (found.widening_margin, found.widening_ramp, found.rim) == (margin, ramp, rim)
-    assert found.halo == 24 + rim + 1
+    assert found.halo == 32 + rim + 1
 
 
 @pytest.mark.parametrize(("tolerance", "expected"), [("auto", 0.5), (0.0, 0.0), (1.25, 1.25)])
@@ -137,8 +154,8 @@ def test_the_tolerance_of_visibility(tolerance, expected):
 
 
 def test_the_bridge_and_the_feather():
-    found = rules(bridge=5, feather=0.3)
-    assert found.bridge == 5 and found.feather == 0.3 and found.halo == 5 + found.rim + 1
+    found = rules(bridge=50, feather=0.3)
+    assert found.bridge == 50 and found.feather == 0.3 and found.halo == 50 + found.rim + 1
 
 
 @pytest.mark.parametrize(

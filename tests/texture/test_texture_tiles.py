@@ -1,6 +1,7 @@
 """Colours, worth, radiometry and whole tiles on the box scene."""
 
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 import pytest
@@ -9,8 +10,9 @@ from box_scene_stages import GAINS, VIGNETTING, photograph
 
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.raster import MapGrid, Window, tiles_of
-from orthomill.schemas.surface import Surface
+from orthomill.schemas.surface import Provenance, Surface
 from orthomill.tasks.texture.blending import Blend, Rejection
+from orthomill.tasks.texture.draping import HeightSource, block_heights, filled
 from orthomill.tasks.texture.extent import PhotoSource, level_window, ortho_grid, photo_level, tile_extent
 from orthomill.tasks.texture.mosaic import TextureRules, balance, sample_tile, texture_tile
 from orthomill.tasks.texture.radiometric_balance import PhotoRadiometry, Radiometry, Samples, balance_block, corrected
@@ -20,7 +22,7 @@ WHOLE = Window(0, 0, 240, 240)
 RULES = TextureRules(
     tolerance=0.3,
     bridge=24,
-    drape_gap=0,
+    drape_reach=0.0,
     widening_margin=1.0,
     widening_ramp=2.0,
     feather=0.15,
@@ -43,14 +45,25 @@ def radiometry(photos) -> Radiometry:
     return balance((samples,), block(), False, "block", True)
 
 
-def make(photos, radiometry, tile: int = 240, rules: TextureRules = RULES, model: np.ndarray | None = None, sources=SOURCES):
+def make(
+    photos,
+    radiometry,
+    tile: int = 240,
+    rules: TextureRules = RULES,
+    model: np.ndarray | None = None,
+    sources=SOURCES,
+    provenance=None,
+):
     """The whole orthoimage from tiles: rasters by name, and the statistics of the tiles."""
     model = heights() if model is None else model
+    codes = np.full(DSM.shape, Provenance.AGREED, np.uint8) if provenance is None else provenance
+    ground = filled(block_heights(model))
     rasters, statistics = {}, []
     for t in tiles_of(ORTHO.shape, tile):
         extent = tile_extent(SURFACE, ORTHO, t.window, sources, rules.halo)
         pixels = tuple(photos[part.name][part.window.slices] for part in extent.photos)
-        result = texture_tile(model[extent.heights.slices], block(), radiometry, pixels, extent, rules)
+        own, blocks = (model[extent.heights.slices], codes[extent.core.slices]), ground[extent.ground.slices]
+        result = texture_tile(*own, block(), radiometry, pixels, extent, rules, blocks)
         statistics.append(result.statistics)
         for name, values in zip(("ortho", "coverage", "rejected", "height_source"), result, strict=False):
             rasters.setdefault(name, np.zeros((*ORTHO.shape, *values.shape[2:]), values.dtype))[t.window.slices] = values
@@ -174,11 +187,13 @@ def test_vehicles_stay_without_rejection(photos, radiometry):
 
 
 @pytest.mark.parametrize("tile", [64, 100])
-def test_tiles_give_bit_for_bit_what_one_tile_gives(photos, radiometry, ortho, tile):
+@pytest.mark.parametrize("reach", [0.0, 3.0, inf])
+def test_tiles_give_bit_for_bit_what_one_tile_gives(photos, radiometry, tile, reach):
     noisy = heights() + np.random.default_rng(8).normal(0, 0.2, DSM.shape).astype(np.float32)
-    noisy[20:23, 30:36] = np.nan
-    one, _ = make(photos, radiometry, model=noisy)
-    many, _ = make(photos, radiometry, tile, model=noisy)
+    noisy[20:23, 30:36] = noisy[70:110, 25:90] = np.nan
+    rules = replace(RULES, drape_reach=reach)
+    one, _ = make(photos, radiometry, model=noisy, rules=rules)
+    many, _ = make(photos, radiometry, tile, model=noisy, rules=rules)
     for name, values in one.items():
         assert np.array_equal(values, many[name]), name
 
@@ -195,10 +210,50 @@ def test_holes_stay_open_or_are_draped(photos, radiometry):
     holed[90:96, 20:30] = np.nan
     place = np.s_[182:190, 42:58]
     left, _ = make(photos, radiometry, model=holed)
-    draped, statistics = make(photos, radiometry, model=holed, rules=replace(RULES, drape_gap=10))
-    assert (left["ortho"][place][..., 3] == 0).all() and (left["height_source"][place] == 0).all()
-    assert (draped["height_source"][place] == 2).all() and statistics[0].draped == 6 * 10 * 4
+    draped, statistics = make(photos, radiometry, model=holed, rules=replace(RULES, drape_reach=inf))
+    assert (left["ortho"][place][..., 3] == 0).all() and (left["height_source"][place] == HeightSource.NONE).all()
+    assert (draped["height_source"][place] == HeightSource.DRAPED).all() and statistics[0].heights[
+        HeightSource.DRAPED
+    ] == 6 * 10 * 4
     assert np.abs(draped["ortho"][place][..., :3] - true_ortho()[place]).max() < 20
+
+
+def test_holes_are_draped_as_far_as_the_reach(photos, radiometry):
+    holed = heights()
+    holed[80:101, 20:41] = np.nan
+    rasters, _ = make(photos, radiometry, model=holed, rules=replace(RULES, drape_reach=3.0))
+    source = rasters["height_source"][1::2, 1::2]
+    assert (source[80:83, 20:41] == HeightSource.DRAPED).all() and (source[83:98, 23:38] == HeightSource.NONE).all()
+
+
+def test_without_limit_every_pixel_that_a_photo_shows_has_a_colour(photos, radiometry):
+    """Half of the model is missing, its border included: all of it is painted up to the borders of the photos."""
+    holed = heights()
+    holed[:, :45] = np.nan
+    rasters, (statistics,) = make(photos, radiometry, model=holed, rules=replace(RULES, drape_reach=inf))
+    assert statistics.missed == 0 and statistics.heights[HeightSource.NONE] == 0
+    assert statistics.outside + statistics.hidden == (rasters["ortho"][..., 3] == 0).sum()
+    x, y = np.meshgrid(*ORTHO.centres(WHOLE))
+    points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    shows = np.any([view(name).contains(view(name).project(points)) for name in CENTRES], axis=0).reshape(x.shape)
+    far = ~near(BOX[:4], 12.0)
+    np.testing.assert_array_equal((rasters["ortho"][..., 3] > 0)[far], shows[far])
+
+
+def test_pixels_left_open_are_counted_as_missed(photos, radiometry):
+    holed = heights()
+    holed[90:96, 20:30] = np.nan
+    _, (statistics,) = make(photos, radiometry, model=holed)
+    assert statistics.missed == 6 * 10 * 4
+
+
+def test_estimated_heights_are_told_from_measured_ones(photos, radiometry):
+    codes = np.full(DSM.shape, Provenance.VOLUME, np.uint8)
+    codes[:10], codes[10:20] = Provenance.INCOHERENT, Provenance.INTERPOLATED
+    rasters, (statistics,) = make(photos, radiometry, provenance=codes)
+    source = rasters["height_source"]
+    assert (source[:40] == HeightSource.ESTIMATED).all() and (source[40:] == HeightSource.MEASURED).all()
+    assert statistics.heights == (0, 200 * 240, 0, 40 * 240)
 
 
 def test_grey_photos_of_16_bits_give_a_grey_orthoimage(photos):
