@@ -55,7 +55,7 @@ def test_texture_reports_what_was_seen(finished):
     f = figures(finished, "texture")
     assert f["cell"] == 0.5 and f["seen_by_3_or_more"] > 98
     assert f["seen_by_0"] + f["seen_by_1"] + f["seen_by_2"] + f["seen_by_3_or_more"] == pytest.approx(100, abs=0.01)
-    assert f["height_share"] == pytest.approx(100 * (1 - 48 / 14400), abs=0.01)
+    assert f["draped_share"] == pytest.approx(100 * 48 / 14400, abs=0.01) and f["height_share"] == 100 and f["missed_share"] == 0
     assert f["balance_difference_after"] < 0.25 * f["balance_difference_before"] and f["seam_difference"] < 3
     assert 0 < f["rejected_share"] < 1
 
