@@ -42,8 +42,11 @@ class EpipolarPair(BaseModel):
     # The usual measure of intersection geometry: the standard error of a height is that of the parallax, in ground units, over it.
     base_height: float
     """base over mean height above ground"""
+    # The covariance of a weak block predicts many pixels where tie points measure a tenth: what is measured outweighs it.
     row_sigma: float
-    """standard error of the y-parallax, from the precision of the orientation, px"""
+    """standard error of the y-parallax on the common ground, px: measured by the tie points of the pair, predicted without them"""
+    row_sigma_predicted: float = 0.0
+    """what the precision of the orientation predicts: root mean square over the common ground, px"""
     # Nine places: errors of the orientation deform the heights smoothly, so that bilinear interpolation between these suffices.
     height_sigmas: tuple[float, ...] = ()
     """standard errors of heights due to the orientation, m: (9,) at three rows and three columns of the left image, from the upper

@@ -1,4 +1,4 @@
-"""The check of an epipolar pair: residual y-parallaxes of its tie points.
+"""The check of epipolar pairs: residual y-parallaxes of their tie points, and the standard error of their rows that follows.
 
 Source: Karfis 2009, section 5.3 (methods/relative_orientation_and_epipolar.md, 1.11).
 """
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orthomill.schemas.epipolar import EpipolarPair
+from orthomill.schemas.epipolar import EpipolarPair, EpipolarPairs
 from orthomill.schemas.observations import ImageResiduals
 from orthomill.schemas.orientation import Block
 from orthomill.tasks.geometry.normal_case import Side, epipolar_view
@@ -25,6 +25,34 @@ class RowResiduals:
     rms: float
     median: float
     greatest: float
+
+
+LEAST_POINTS = 10
+"""tie points from which their y-parallaxes tell the standard error of a pair's rows to about a quarter"""
+_NORMAL = 1.4826
+"""standard deviation of a normal distribution over its median absolute value"""
+
+
+def with_measured_rows(pairs: EpipolarPairs, block: Block, measured: ImageResiduals, photos: tuple[str, ...]) -> EpipolarPairs:
+    """The pairs with the `row_sigma` (px) that their tie points measured, where there are enough; `photos`: the names by number."""
+    ties = kept_ties(measured)
+    return pairs.model_copy(
+        update={"pairs": tuple(_with_rows(pair, row_residuals(pair, block, ties, photos)) for pair in pairs.pairs)}
+    )
+
+
+def _with_rows(pair: EpipolarPair, residuals: np.ndarray) -> EpipolarPair:
+    if len(residuals) < LEAST_POINTS:
+        return pair
+    # About zero, not about their mean: an offset of the rows is an error of the orientation as well. The median, because a few
+    # wrong tie points that the adjustment kept say nothing about the rows of the others.
+    return pair.model_copy(update={"row_sigma": _NORMAL * summary(residuals).median})
+
+
+def kept_ties(measured: ImageResiduals) -> ImageResiduals:
+    """The measurements of tie points that the adjustment kept."""
+    # Points of track < 0 are control and check points: their targets were measured by hand, in another precision.
+    return measured.take(measured.used & (measured.track >= 0))
 
 
 def row_residuals(pair: EpipolarPair, block: Block, ties: ImageResiduals, photos: tuple[str, ...]) -> np.ndarray:

@@ -10,20 +10,19 @@ from orthomill.schemas.observations import ImageResiduals
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport
-from orthomill.tasks.epipolar.parallax import RowResiduals, row_residuals, summary
+from orthomill.tasks.epipolar.parallax import LEAST_POINTS, RowResiduals, kept_ties, row_residuals, summary
 from orthomill.tasks.geometry.normal_case import border_pixels
 from orthomill.tasks.geometry.view import block_view
 
 PARALLAX_LIMIT = 0.5
 """px: root mean square y-parallax beyond which matching along rows loses points"""
 BAND_LIMIT = 1.0
-"""px: half-width of the row band that matching along rows tolerates"""
+"""px: predicted y-parallax beyond which homologous points leave the rows that matching looks at"""
 
 
 def report(block: Block, pairs: EpipolarPairs, measured: ImageResiduals, photos: Photos) -> StageReport:
     """Tables, figures and warnings of the epipolar pairs; the y-parallaxes are those of tie points that the adjustment kept."""
-    # Points of track < 0 are control and check points: their targets were measured by hand, in another precision.
-    ties = measured.take(measured.used & (measured.track >= 0))
+    ties = kept_ties(measured)
     residuals = {pair.name: row_residuals(pair, block, ties, photos.names) for pair in pairs.pairs}
     rows = {name: summary(values) for name, values in residuals.items()}
     return StageReport(
@@ -55,8 +54,8 @@ _FIGURES = (
     (
         "row_band",
         "px",
-        "Half-width of the row band predicted by the precision of the orientation, in the least favourable corner of the worst "
-        "pair; corners without tie points are uncertain.",
+        "Standard error of the y-parallax that the precision of the orientation predicts, root mean square over the common ground "
+        "of the worst pair; the measured y-parallaxes outweigh it.",
     ),
     ("base_height_mean", "", "Mean base over flying height of the pairs."),
     ("megapixels", "Mpx", "Total size of all epipolar images."),
@@ -75,7 +74,7 @@ def _figures(pairs: EpipolarPairs, every: RowResiduals) -> tuple[Figure, ...]:
         "y_parallax_rms": _known(every.rms, 3),
         "y_parallax_median": _known(every.median, 3),
         "y_parallax_max": _known(every.greatest, 3),
-        "row_band": _known(max(pair.row_sigma for pair in used), 3),
+        "row_band": _known(max(pair.row_sigma_predicted for pair in used), 3),
         "base_height_mean": _known(float(np.mean([pair.base_height for pair in used])), 3),
         "megapixels": round(megapixels, 1),
     }
@@ -125,15 +124,17 @@ def _pairs_grid(pairs: EpipolarPairs) -> Grid:
 def _residuals_grid(pairs: EpipolarPairs, rows: dict[str, RowResiduals]) -> Grid:
     return Grid(
         title="Y-parallax of the tie points",
-        columns=("pair", "tie points", "mean (px)", "RMS (px)", "median (px)", "largest (px)", "row band (px)"),
+        columns=("pair", "tie points", "mean (px)", "RMS (px)", "median (px)", "largest (px)", "predicted (px)", "used (px)"),
         rows=tuple(_residuals_row(pair, rows[pair.name]) for pair in pairs.pairs),
-        note="Homologous points must lie on the same row. The row band is what the precision of both orientations predicts for the "
-        "least favourable corner of the common ground; the measured values hold where tie points lie, including their own noise.",
+        note="Homologous points must lie on the same row. Predicted is the standard error that follows from the precision of both "
+        "orientations, root mean square over the common ground. Used by the fusion of pairs is the measured level (1.48 times the "
+        "median, tie points' own noise included), and the prediction where fewer than "
+        f"{LEAST_POINTS} tie points connect the pair.",
     )
 
 
 def _residuals_row(pair: EpipolarPair, found: RowResiduals) -> tuple[float | str | None, ...]:
-    numbers = found.mean, found.rms, found.median, found.greatest, pair.row_sigma
+    numbers = found.mean, found.rms, found.median, found.greatest, pair.row_sigma_predicted, pair.row_sigma
     return pair.name, found.points, *(_known(number, 3) for number in numbers)
 
 
@@ -215,7 +216,8 @@ def _row_warnings(pairs: EpipolarPairs, rows: dict[str, RowResiduals]) -> Iterat
             "or tie points are wrong; matching will lose points."
         )
     # The prediction warns only where nothing was measured: measured y-parallaxes outweigh a pessimistic covariance.
-    wide = {pair.name: pair.row_sigma for pair in pairs.pairs if pair.row_sigma > BAND_LIMIT and not rows[pair.name].points}
+    unmeasured = [pair for pair in pairs.pairs if not rows[pair.name].points]
+    wide = {pair.name: pair.row_sigma_predicted for pair in unmeasured if pair.row_sigma_predicted > BAND_LIMIT}
     if wide:
         yield (
             "The precision of the orientation predicts y-parallaxes of more than one row, and no tie points check them, "

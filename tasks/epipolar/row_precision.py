@@ -1,7 +1,7 @@
 """Standard error of the y-parallax of a pair, as the precision of its orientation predicts it.
 
 Strategy. The errors of both exterior orientations and of the interior orientation are propagated to the row coordinate of ground
-points at the border of the common ground: rotations by Karfis' row partials, shifts of the centre by their projection, the interior
+points of the common ground: rotations by Karfis' row partials, shifts of the centre by their projection, the interior
 orientation by the collinearity equations. The joint covariance removes what a poorly determined datum does to both photographs
 alike, and what an uncertain camera constant does to orientation and camera together. Where it is not known the errors count as
 independent, and the result is an upper bound. An interior orientation that was not adjusted in the block contributes nothing.
@@ -21,13 +21,29 @@ from orthomill.tasks.geometry.normal_case import Side, common_polygon, epipolar_
 from orthomill.tasks.geometry.rotation import rotation_derivatives, rotation_matrix
 from orthomill.tasks.geometry.view import View, block_view, view_of
 
+_GRID = 9
+"""points across the common ground; the standard errors vary smoothly"""
+
 
 def row_sigma(pair: EpipolarPair, block: Block) -> float:
-    """Greatest standard error (px) of the y-parallax on the common ground of a pair; the block's sigma0 where the orientation has
-    no covariance."""
+    """Standard error (px) of the y-parallax, root mean square over the common ground of a pair; the block's sigma0 where the
+    orientation has no covariance."""
     if any(block.of(name).covariance is None for name in (pair.left, pair.right)):
         return block.sigma0_px
-    return float(row_sigmas(pair, block, common_corners(pair, block)).max())
+    return float(np.sqrt((row_sigmas(pair, block, common_points(pair, block)) ** 2).mean()))
+
+
+def common_points(pair: EpipolarPair, block: Block) -> np.ndarray:
+    """(N, 2): corners of the common ground and a regular grid on it, epipolar x and y of the left image, px."""
+    # The whole area, not the corners alone: there lens and attitude are extrapolated beyond the tie points, and one corner would
+    # speak for a pair that is ten times better everywhere else.
+    corners = common_corners(pair, block)
+    columns = np.linspace(corners.min(axis=0), corners.max(axis=0), _GRID)
+    grid = np.stack(np.meshgrid(*columns.T), axis=-1).reshape(-1, 2)
+    edges, spokes = np.roll(corners, -1, axis=0) - corners, grid[:, None] - corners
+    turns = edges[:, 0] * spokes[..., 1] - edges[:, 1] * spokes[..., 0]
+    inside = (turns > 0).all(axis=1) | (turns < 0).all(axis=1)
+    return np.vstack([corners, grid[inside]])
 
 
 def common_corners(pair: EpipolarPair, block: Block) -> np.ndarray:

@@ -1,9 +1,13 @@
 """Selection of the pairs of a block that are worth matching.
 
 Strategy. Every two photographs whose footprints overlap on the mean ground are judged by overlap, base over height, convergence and
-scale. Those that pass are taken in order of score (overlap times base over height: ground covered times precision) until each
-photograph takes part in as many pairs as allowed, so that the number of pairs grows linearly with the number of photographs. A
-photograph whose neighbours have all reached that number still gets its best pair.
+scale. Of those that pass, each photograph first gets its nearest neighbours: short bases see woods, walls and water alike, and what
+they see is complete. Neighbours are pairs with no third photograph between them, so that they lie in different directions: before
+and behind along the strip, where that is denser than the strips. The other half of a photograph's pairs are taken in order of score
+(overlap times base over height: ground covered times precision). The number of pairs thus grows linearly with the number of
+photographs. A photograph whose neighbours have all their pairs already still gets its best one.
+
+Source of the neighbours: Toussaint 1980, The relative neighbourhood graph of a finite planar set.
 """
 
 from dataclasses import dataclass
@@ -36,7 +40,7 @@ class PairChoice(Settings):
     base_height_high: float = setting(1.2, "Greatest base over flying height; steeper views differ too much to be matched.", gt=0)
     convergence: float = setting(40.0, "Greatest angle between the viewing directions.", "degrees", gt=0, le=90)
     scale: float = setting(1.6, "Greatest ratio of the ground pixel sizes of the two photographs.", ge=1)
-    per_photo: int = setting(4, "Pairs that a photograph takes part in, at most; the best are taken first.", ge=1)
+    per_photo: int = setting(4, "Pairs that a photograph takes part in, at most: half of them with its nearest neighbours.", ge=1)
 
 
 _GREATEST_ROOM = 0.35
@@ -89,7 +93,8 @@ def choose_pairs(block: Block, choice: PairChoice, height_margin: float, height_
     heights = block_heights(block, height_margin, height_room)
     views = [block_view(block, name) for name in block.names]
     found = candidates(views, heights.mean)
-    kept = best_pairs([c for c in found if not why_not(c, choice)], choice.per_photo)
+    centres = np.array([view.centre for view in views])
+    kept = best_pairs([c for c in found if not why_not(c, choice)], centres, choice.per_photo)
     refused = [*_horizons(views, heights.mean), *_refused(views, found, kept, choice)]
     pairs = []
     for c in kept:
@@ -182,33 +187,60 @@ def why_not(candidate: Candidate, choice: PairChoice) -> str | None:
     return next((reason for failed, reason in tests if failed), None)
 
 
-def best_pairs(useful: list[Candidate], per_photo: int) -> list[Candidate]:
-    """The pairs by falling score: no photograph in more than `per_photo`, but every photograph that can in at least one."""
-    # Rounded scores, then numbers: equal geometry must not be ranked by the last bits of the orientation.
-    ordered = sorted(useful, key=lambda c: (-round(c.score, 3), c.first, c.second))
-    count: dict[int, int] = {}
-    kept = [c for c in ordered if _take(c, count, per_photo)]
-    for c in ordered:
-        if c not in kept and not (count.get(c.first) and count.get(c.second)):
-            count[c.first], count[c.second] = count.get(c.first, 0) + 1, count.get(c.second, 0) + 1
-            kept.append(c)
+def best_pairs(useful: list[Candidate], centres: np.ndarray, per_photo: int) -> list[Candidate]:
+    """Neighbours up to half of `per_photo`, then the others by falling score: no photograph in more than `per_photo` pairs, but
+    every photograph that can in at least one. centres: (N, 3) m, projection centres of all photographs."""
+    # Rounded, then by number: equal geometry must not be ranked by the last bits of the orientation.
+    near = sorted(neighbours(useful, centres), key=lambda c: (round(c.base_height, 3), c.first, c.second))
+    wide = sorted(useful, key=lambda c: (-round(c.score, 3), c.first, c.second))
+    count = dict.fromkeys(range(len(centres)), 0)
+    kept = _taken(near, count, (per_photo + 1) // 2)
+    kept += _taken([c for c in wide if c not in kept], count, per_photo)
+    for c in wide:
+        if c not in kept and not (count[c.first] and count[c.second]):
+            kept += _taken([c], count, len(wide))
     return kept
 
 
-def _take(candidate: Candidate, count: dict[int, int], limit: int) -> bool:
-    """Whether both photographs have room for the pair; it is then counted."""
-    both = candidate.first, candidate.second
-    if any(count.get(photo, 0) >= limit for photo in both):
-        return False
-    for photo in both:
-        count[photo] = count.get(photo, 0) + 1
-    return True
+def _taken(ordered: list[Candidate], count: dict[int, int], limit: int) -> list[Candidate]:
+    """The pairs whose photographs both have fewer than `limit` when it is their turn; they are counted."""
+    taken = []
+    for c in ordered:
+        if max(count[c.first], count[c.second]) < limit:
+            count[c.first] += 1
+            count[c.second] += 1
+            taken.append(c)
+    return taken
+
+
+_NEARER = 0.999
+"""ratio of two distances below which one is the shorter: in a regular block the last bits must not decide"""
+
+
+def neighbours(useful: list[Candidate], centres: np.ndarray) -> list[Candidate]:
+    """The useful pairs of which no third photograph is nearer to both than they are to each other; centres: (N, 3) m."""
+    partners: dict[int, set[int]] = {}
+    for c in useful:
+        partners.setdefault(c.first, set()).add(c.second)
+        partners.setdefault(c.second, set()).add(c.first)
+    return [c for c in useful if not _nearer_to_both(c, centres, partners[c.first] | partners[c.second])]
+
+
+def _nearer_to_both(c: Candidate, centres: np.ndarray, others: set[int]) -> bool:
+    # Only partners of one of the two stand between them: at 90 % overlap the next photograph is too near for a pair, and must not
+    # keep the one after it from being the neighbour.
+    third = centres[sorted(others - {c.first, c.second})]
+    reach = _NEARER * np.linalg.norm(centres[c.first] - centres[c.second])
+    distances = (np.linalg.norm(third - centres[number], axis=1) for number in (c.first, c.second))
+    return bool(np.any(np.maximum(*distances) < reach))
 
 
 def _pair(block: Block, views: list[View], candidate: Candidate, heights: HeightRange) -> EpipolarPair:
     left, right = in_order(views[candidate.first], views[candidate.second])
     pair = normal_case(left, right, heights)
-    return pair.model_copy(update={"row_sigma": row_sigma(pair, block), "height_sigmas": height_sigmas(pair, block)})
+    predicted = row_sigma(pair, block)
+    rows = {"row_sigma": predicted, "row_sigma_predicted": predicted}
+    return pair.model_copy(update={**rows, "height_sigmas": height_sigmas(pair, block)})
 
 
 def _name(views: list[View], candidate: Candidate) -> str:

@@ -6,9 +6,9 @@ A tile reads the window of the photograph that it shows and nothing else, so it 
 from collections.abc import Iterator
 from typing import ClassVar, Literal
 
-from orthomill.schemas.epipolar import PAIRS, EpipolarPair, epipolar_raster, grey_table
-from orthomill.schemas.job import Export, Job, Raster, Region
-from orthomill.schemas.observations import IMAGE_RESIDUALS
+from orthomill.schemas.epipolar import PAIRS, EpipolarPair, EpipolarPairs, epipolar_raster, grey_table
+from orthomill.schemas.job import Export, Job, Raster, Reading
+from orthomill.schemas.observations import IMAGE_RESIDUALS, ImageResiduals
 from orthomill.schemas.orientation import BLOCK, Block
 from orthomill.schemas.photo import PHOTOS, Photos, photo_raster
 from orthomill.schemas.raster import RasterSpec, Tile, tiles_of
@@ -16,10 +16,17 @@ from orthomill.schemas.settings import setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
 from orthomill.schemas.stage_report import report_table
 from orthomill.tasks.epipolar.epipolar_image import TileOfPair, photograph_range, resample_tile
-from orthomill.tasks.epipolar.parallax import SIDES
+from orthomill.tasks.epipolar.parallax import SIDES, with_measured_rows
 from orthomill.tasks.epipolar.report import report
 from orthomill.tasks.epipolar.selection import PairChoice, choose_pairs
 from orthomill.tasks.geometry.normal_case import Side, epipolar_shape
+
+
+def measured_pairs(
+    block: Block, measured: ImageResiduals, photos: Photos, choice: PairChoice, height_margin: float, height_room: float
+) -> EpipolarPairs:
+    """The useful pairs (`choose_pairs`) with the rows that their tie points measured."""
+    return with_measured_rows(choose_pairs(block, choice, height_margin, height_room), block, measured, photos.names)
 
 
 class EpipolarStage(Stage):
@@ -54,9 +61,10 @@ class EpipolarStage(Stage):
                 yield from self._image(pair, side, block, photos, view.project.tile)
 
     def pairs_job(self) -> Job:
-        """The choice of pairs, from the block alone."""
+        """The choice of pairs, from the block and what its tie points say of the rows."""
         params = {"choice": self.pairs, "height_margin": self.height_margin, "height_room": self.height_room}
-        return Job(self.kind, "pairs", choose_pairs, {"block": BLOCK}, {"pairs": PAIRS}, params)
+        reads: dict[str, Reading] = {"block": BLOCK, "measured": IMAGE_RESIDUALS, "photos": PHOTOS}
+        return Job(self.kind, "pairs", measured_pairs, reads, {"pairs": PAIRS}, params)
 
     def grey_ranges(self, view: ProjectView, photos: Photos, pairs: tuple[EpipolarPair, ...]) -> Iterator[Job]:
         """One stretch for each 16-bit photograph, from its coarsest level."""
@@ -84,7 +92,7 @@ class EpipolarStage(Stage):
         of_pair = TileOfPair(pair, side, block.of(photo.name), block.camera_of(photo.name), tile.window)
         window = of_pair.view.photo_window(tile.window)
         # A tile outside the photograph reads nothing but is still written: downstream jobs need the whole image.
-        reads: dict[str, Region | tuple[Region, ...]] = {} if window.empty else {"pixels": Raster(photo_raster(photo.name), window)}
+        reads: dict[str, Reading] = {} if window.empty else {"pixels": Raster(photo_raster(photo.name), window)}
         if reads and photo.dtype != "uint8":
             reads["stretch"] = grey_table(photo.name)
         return Job(

@@ -1,14 +1,18 @@
 """Pairs of a block: which are chosen, why others are not, and how precise their rows are."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from tiny_block import block, photos, tie_points
 
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.orientation import JointCovariance
-from orthomill.tasks.epipolar.parallax import common_measurements, row_residuals, summary
+from orthomill.tasks.epipolar.parallax import common_measurements, row_residuals, summary, with_measured_rows
 from orthomill.tasks.epipolar.report import report
-from orthomill.tasks.epipolar.row_precision import common_corners, row_change, row_sigma
+from orthomill.tasks.epipolar.row_precision import common_points, row_change, row_sigma, row_sigmas
 from orthomill.tasks.epipolar.selection import Candidate, PairChoice, best_pairs, choose_pairs, why_not
 from orthomill.tasks.geometry.normal_case import epipolar_view
 from orthomill.tasks.geometry.view import view_of
@@ -45,7 +49,7 @@ def test_pairs_grow_linearly_with_the_strip():
 
 def test_every_photograph_gets_a_pair():
     star = [Candidate(0, i, 0.5, 0.5 + i / 100, 0, 1) for i in range(1, 6)]
-    assert len(best_pairs(star, 2)) == 5
+    assert len(best_pairs(star, np.eye(6)[:, :3], 2)) == 5
 
 
 @pytest.mark.parametrize(
@@ -72,16 +76,17 @@ def test_a_photograph_that_shows_the_horizon_is_named_and_the_others_are_paired(
     assert len(pairs.pairs) >= 4 and all(first.photo not in (p.left, p.right) for p in pairs.pairs)
 
 
-def test_the_row_band_is_that_of_ground_that_both_photographs_show():
+def test_rows_are_predicted_for_ground_that_both_photographs_show():
     one = block()
     askew = tuple(photo.model_copy(update={"omega_phi_kappa": (0.0, 0.0, 40.0)}) for photo in one.photos)
     turned = one.model_copy(update={"photos": askew})
     for pair in choose_pairs(turned, PairChoice(), 0.08).pairs:
-        corners, parallax = common_corners(pair, turned), (pair.parallax_low + pair.parallax_high) / 2
-        for side, name, xy in (("left", pair.left, corners), ("right", pair.right, corners - [parallax, 0.0])):
+        places, parallax = common_points(pair, turned), (pair.parallax_low + pair.parallax_high) / 2
+        for side, name, xy in (("left", pair.left, places), ("right", pair.right, places - [parallax, 0.0])):
             view = view_of(turned.of(name), turned.camera_of(name))
             pixels = epipolar_view(pair, side, view).to_photo(xy * [1, -1] + [getattr(pair, f"{side}_col0"), pair.row0])
             assert view.contains(pixels, margin=-2.0).all(), "curved borders are a pixel off their hull"
+        assert len(places) > 20
 
 
 def test_no_useful_pair_is_one_sentence():
@@ -130,16 +135,45 @@ def test_row_sigma_without_covariance_is_sigma0():
     assert 0.01 < pair.row_sigma < 0.3
 
 
+def test_the_prediction_is_the_mean_over_the_common_ground():
+    pair = choose_pairs(block(), PairChoice(), 0.08).pairs[0]
+    every = row_sigmas(pair, block(), common_points(pair, block()))
+    assert every.min() < pair.row_sigma_predicted < every.max()
+    assert pair.row_sigma == pair.row_sigma_predicted == pytest.approx(np.sqrt((every**2).mean()))
+
+
+@settings(max_examples=8, deadline=None)
+@given(noise=st.floats(0.02, 2.0), share=st.floats(0.0, 0.15))
+def test_tie_points_measure_the_rows_of_their_pair(noise, share):
+    """Both measurements of a point have the noise; a few wrong points count little."""
+    pairs, ties = choose_pairs(block(), PairChoice(), 0.08), tie_points(noise)
+    wrong = np.random.default_rng(1).random(len(ties)) < share
+    found = with_measured_rows(pairs, block(), replace(ties, row=ties.row + 30.0 * wrong), photos().names)
+    for pair, predicted in zip(found.pairs, pairs.pairs, strict=True):
+        assert 0.7 < pair.row_sigma / (np.sqrt(2) * noise) < 2.2
+        assert pair == predicted.model_copy(update={"row_sigma": pair.row_sigma})
+
+
+def test_rows_without_tie_points_are_predicted():
+    pairs, ties = choose_pairs(block(), PairChoice(), 0.08), tie_points(0.5)
+    assert with_measured_rows(pairs, block(), ties.take(np.zeros(0, int)), photos().names) == pairs
+    rejected = replace(ties, used=np.zeros(len(ties), bool))
+    assert with_measured_rows(pairs, block(), rejected, photos().names) == pairs
+    surveyed = replace(ties, track=-1 - ties.track)
+    assert with_measured_rows(pairs, block(), surveyed, photos().names) == pairs
+
+
 def test_report_warns_in_sentences():
     pairs = choose_pairs(block(), PairChoice(), 0.08)
     quiet = report(block(), pairs, tie_points(0.1), photos())
     assert not quiet.warnings
     loud = report(block(), pairs, tie_points(2.0), photos())
     assert any("lie off their row" in sentence for sentence in loud.warnings)
-    weak = pairs.model_copy(update={"pairs": tuple(p.model_copy(update={"row_sigma": 2.5}) for p in pairs.pairs)})
+    weak = pairs.model_copy(update={"pairs": tuple(p.model_copy(update={"row_sigma_predicted": 2.5}) for p in pairs.pairs)})
     nothing = tie_points(0.1).take(np.zeros(0, int))
     assert any("2.50 px" in sentence for sentence in report(block(), weak, nothing, photos()).warnings)
     assert {f.name: f.value for f in quiet.figures}["pairs"] == len(pairs.pairs)
+    assert {f.name: f.value for f in report(block(), weak, nothing, photos()).figures}["row_band"] == 2.5
 
 
 def test_what_moves_both_photographs_alike_moves_no_row():
