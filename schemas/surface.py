@@ -1,10 +1,12 @@
 """The surface model: rasters that `densification` writes and later stages read, all on one map grid."""
 
+from dataclasses import dataclass
 from enum import IntEnum
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from orthomill.schemas.job import Table
+from orthomill.schemas.job import Columns, Table
 from orthomill.schemas.raster import MapGrid
 
 HEIGHT = "densification/height"
@@ -69,3 +71,29 @@ class Surface(BaseModel):
 
 
 SURFACE = Table("densification/surface.json", Surface)
+
+
+@dataclass(frozen=True)
+class SurfacePoints(Columns):
+    """Matched nodes of the pairs in a tile, where they were measured.
+
+    They follow each other cell by cell of the surface model, rows first, and in a cell by their standard errors.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    """float64 m"""
+    sigma: np.ndarray
+    """float32 m: standard error of the height among its neighbours"""
+    rays: np.ndarray
+    """uint8: photographs that measured points in the same cell"""
+    code: np.ndarray
+    """uint8 code of Provenance of the cell"""
+    source: np.ndarray
+    """uint16: number of the pair in `epipolar/pairs.json`, from 1"""
+
+
+def points_table(row: int, col: int) -> Table[SurfacePoints]:
+    """The points of a tile of the surface model."""
+    return Table(f"densification/points/{row}-{col}.parquet", SurfacePoints)
