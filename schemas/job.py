@@ -134,8 +134,9 @@ class Job:
 class Export:
     """A file written from whole rasters, block by block; the path is relative to the run's folder.
 
-    `format`: "cog" (GeoTIFF with overviews), "tiff" (plain tiled TIFF, no georeference), "laz" (raster "z" as points, with "rgb"
-    and others as attributes), "json" or "csv" (the one table of `tables`), "text".
+    `format`: "cog" (GeoTIFF with overviews), "tiff" (plain tiled TIFF, no georeference), "laz" (the rows of `tables`, or
+    the cells of the raster "z", as points with the colours of "rgb" and attributes), "json" or "csv" (the one table of `tables`),
+    "text".
     """
 
     stage: str

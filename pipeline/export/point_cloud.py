@@ -1,13 +1,20 @@
-"""A point cloud from rasters: every finite cell of the raster "z" becomes a point, chunk by chunk.
+"""A point cloud, from rasters or from tables. LAS 1.4, point format 7 with colour, otherwise 6; coordinates in whole millimetres.
 
-"rgb" (RGB or RGBA, 8 bit) may have a finer or coarser grid that nests in the grid of z: a point takes the mean colour of the opaque
-pixels of its cell. Every other raster has the grid of z and becomes an extra attribute under its own label. LAS 1.4, point format 7
-with colour, otherwise 6; coordinates in whole millimetres.
+From rasters: every finite cell of the raster "z" becomes a point, chunk by chunk. "rgb" (RGB or RGBA, 8 bit) may have a finer or
+coarser grid that nests in the grid of z: a point takes the mean colour of the opaque pixels of its cell. Every other raster has the
+grid of z.
+
+From tables: every row of every table becomes a point, table by table, with the columns x, y and z. Its colour is that of the pixel
+of "rgb" above it, whose system of reference is that of the points.
+
+The raster or column "code" becomes the class: 64 + code, since classes from 64 on are the user's own. The column "source" becomes
+the point source ID. All others become extra attributes under their own labels.
 
 Source: ASPRS, LAS Specification 1.4 - R15.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import laspy
@@ -18,11 +25,16 @@ from pyproj.exceptions import CRSError
 
 from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.schemas.errors import StoreError
-from orthomill.schemas.job import Export
+from orthomill.schemas.job import Columns, Export
 from orthomill.schemas.raster import RasterSpec, Window, tiles_of
 
 SCALE = 0.001
 """m; LAS stores integers, and a millimetre is finer than the precision of any point here"""
+OWN_CLASSES = 64
+"""the first class of LAS that is the user's own; a code becomes the class this much higher"""
+_PLACES = ("x", "y", "z")
+_FIELDS = {"code": "classification", "source": "point_source_id"}
+"""labels that have a field of their own in LAS"""
 Affine = tuple[float, float, float, float, float, float]
 """(a, b, c, d, e, f) of x = a col + b row + c, y = d col + e row + f, in GDAL's corner convention"""
 
@@ -93,18 +105,69 @@ def nesting(z: RasterSpec, rgb: RasterSpec) -> Nesting:
 
 
 def write_points(export: Export, store: ReadableStore, path: Path) -> None:
-    """Write `export.rasters` as LAZ. Raises StoreError when "z" is missing or not georeferenced."""
+    """Write `export` as LAZ: the rows of its tables, or the cells of its rasters.
+
+    Raises StoreError for cells when "z" is missing or not georeferenced, and for rows when "rgb" is or a column of the place is.
+    """
+    if export.tables:
+        _write_rows(export, store, path)
+    else:
+        _write_cells(export, store, path)
+
+
+def _write_cells(export: Export, store: ReadableStore, path: Path) -> None:
     if "z" not in export.rasters:
         raise StoreError(f'{export.path} needs a raster called "z" for the heights; it has {", ".join(export.rasters) or "none"}.')
     specs = {label: store.spec(name) for label, name in export.rasters.items()}
     z = specs.pop("z")
     rgb = specs.pop("rgb", None)
     _check_same_grid(z, specs)
-    header = _header(z, specs, coloured=rgb is not None)
+    header = _header(z, {label: (spec.dtype, spec.unit) for label, spec in specs.items()}, coloured=rgb is not None)
     colours = nesting(z, rgb) if rgb is not None else None
-    with laspy.open(path, "w", header=header, do_compress=path.suffix == ".laz", laz_backend=laspy.LazBackend.Lazrs) as target:
+    with _opened(path, header) as target:
         for tile in tiles_of(z.shape, max(z.chunk, 128)):
             _write_tile(target, store, Cloud(z, specs, colours), tile.window)
+
+
+def _opened(path: Path, header: laspy.LasHeader) -> laspy.LasWriter:
+    return laspy.open(path, "w", header=header, do_compress=path.suffix == ".laz", laz_backend=laspy.LazBackend.Lazrs)
+
+
+def _write_rows(export: Export, store: ReadableStore, path: Path) -> None:
+    if "rgb" not in export.rasters:
+        raise StoreError(f'{export.path} is made from tables and needs a raster called "rgb" for colours and the reference system.')
+    rgb = store.spec(export.rasters["rgb"])
+    first = _columns(export, store, 0)
+    header = _header(
+        rgb, {label: (str(values.dtype), "") for label, values in first.items() if label not in _PLACES}, coloured=True
+    )
+    with _opened(path, header) as target:
+        for number in range(len(export.tables)):
+            columns = first if number == 0 else _columns(export, store, number)
+            if len(columns["x"]):
+                points = _record(target.header, columns)
+                _paint(points, _colours_above(store, rgb, columns["x"], columns["y"]))
+                target.write_points(points)
+
+
+def _columns(export: Export, store: ReadableStore, number: int) -> dict[str, np.ndarray]:
+    """The columns of one table of an export. Raises StoreError when it has no place."""
+    table = store.table(export.tables[number])
+    columns = {f.name: getattr(table, f.name) for f in fields(table)} if isinstance(table, Columns) else {}
+    if missing := [name for name in _PLACES if name not in columns]:
+        raise StoreError(
+            f"{export.path} cannot be written from {export.tables[number].path}: it has no column {', '.join(missing)}."
+        )
+    return columns
+
+
+def _colours_above(store: ReadableStore, rgb: RasterSpec, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """uint8 (N, 3) colours of the pixels that contain places (N,); 0 outside the raster and where it is transparent."""
+    a, _, west, _, e, north = _affine(rgb)
+    col, row = (np.floor(values).astype(np.int64) for values in ((x - west) / a, (y - north) / e))
+    window = Window(int(row.min()), int(col.min()), int(row.max() - row.min()) + 1, int(col.max() - col.min()) + 1)
+    pixels = _padded(store, rgb, window)[row - window.row, col - window.col]
+    return pixels[:, :3] * (pixels[:, 3:] > 0) if pixels.shape[1] == 4 else pixels
 
 
 @dataclass(frozen=True)
@@ -130,20 +193,45 @@ def _affine(spec: RasterSpec) -> Affine:
     return spec.transform
 
 
-def _header(z: RasterSpec, attributes: dict[str, RasterSpec], coloured: bool) -> laspy.LasHeader:
-    _, _, west, _, e, north = _affine(z)
+def _header(place: RasterSpec, attributes: Mapping[str, tuple[str, str]], coloured: bool) -> laspy.LasHeader:
+    """The header of points at the place of a raster; attributes: dtype and unit by label."""
+    _, _, west, _, e, north = _affine(place)
     header = laspy.LasHeader(version="1.4", point_format=7 if coloured else 6)
     # No date, so that the same points always give the same bytes.
     header.generating_software, header.system_identifier, header.creation_date = "orthomill", "image matching", None
     header.scales = np.full(3, SCALE)
     # Coordinates are 32-bit integers: relative to a corner, millimetres reach 2000 km; northings are larger.
-    header.offsets = np.floor([west, north + e * z.shape[0], 0.0])
+    header.offsets = np.floor([west, north + e * place.shape[0], 0.0])
     # Names and descriptions of extra dimensions have 32 bytes in the format.
-    for label, spec in attributes.items():
-        header.add_extra_dim(laspy.ExtraBytesParams(label[:32], spec.dtype, description=f"{label} {spec.unit}"[:32].strip()))
-    header.vlrs.append(WktCoordinateSystemVlr(_wkt(z)))
+    for label, (dtype, unit) in attributes.items():
+        if label not in _FIELDS:
+            header.add_extra_dim(laspy.ExtraBytesParams(label[:32], dtype, description=f"{label} {unit}"[:32].strip()))
+    header.vlrs.append(WktCoordinateSystemVlr(_wkt(place)))
     header.global_encoding.wkt = True
     return header
+
+
+def _record(header: laspy.LasHeader, columns: Mapping[str, np.ndarray]) -> laspy.ScaleAwarePointRecord:
+    """Points from their places and attributes (N,) by label."""
+    points = laspy.ScaleAwarePointRecord.zeros(len(columns["z"]), header=header)
+    for label, values in columns.items():
+        points[_FIELDS.get(label, label[:32])] = _class(values) if label == "code" else values
+    points["return_number"] = points["number_of_returns"] = np.ones(len(points), np.uint8)
+    return points
+
+
+def _class(codes: np.ndarray) -> np.ndarray:
+    # In wide integers: in its own eight bits a large code would wrap round to a class that means something else.
+    classes = codes.astype(np.int64) + OWN_CLASSES
+    if len(classes) and (classes.min() < OWN_CLASSES or classes.max() > 255):
+        raise StoreError(f"Codes of points must be between 0 and {255 - OWN_CLASSES}, so that each has a class of its own.")
+    return classes.astype(np.uint8)
+
+
+def _paint(points: laspy.ScaleAwarePointRecord, colours: np.ndarray) -> None:
+    """Gives the points their colours (N, 3), 0 to 255."""
+    # LAS colours have 16 bits: times 257 maps 255 to 65535.
+    points["red"], points["green"], points["blue"] = (np.rint(colours).astype(np.uint16) * 257).T
 
 
 def _wkt(z: RasterSpec) -> str:
@@ -162,14 +250,9 @@ def _write_tile(target: laspy.LasWriter, store: ReadableStore, cloud: Cloud, win
     if not len(rows):
         return
     a, _, west, _, e, north = _affine(cloud.z)
-    points = laspy.ScaleAwarePointRecord.zeros(len(rows), header=target.header)
-    points["x"], points["y"] = west + (cols + window.col + 0.5) * a, north + (rows + window.row + 0.5) * e
-    points["z"] = heights[present]
-    points["return_number"] = points["number_of_returns"] = np.ones(len(rows), np.uint8)
-    for label, spec in cloud.attributes.items():
-        points[label[:32]] = store.read(spec.name, window)[present]
+    x, y = west + (cols + window.col + 0.5) * a, north + (rows + window.row + 0.5) * e
+    attributes = {label: store.read(spec.name, window)[present] for label, spec in cloud.attributes.items()}
+    points = _record(target.header, {"x": x, "y": y, "z": heights[present], **attributes})
     if cloud.colours is not None:
-        # LAS colours have 16 bits: times 257 maps 255 to 65535.
-        colour = np.rint(cloud.colours.colours(store, window)[present]).astype(np.uint16) * 257
-        points["red"], points["green"], points["blue"] = colour.T
+        _paint(points, cloud.colours.colours(store, window)[present])
     target.write_points(points)

@@ -312,7 +312,7 @@ def _results(tiles: list[Tile], facts: TextureFacts) -> Iterator[Job | Export]:
     yield Job("texture", "report", texture_report, reads, {"report": report_table("texture")}, {"facts": facts})
     yield Export("texture", "ortho_cog", "products/ortho.tif", "cog", {"rgba": ORTHO})
     yield Export("texture", "height_source_cog", "products/ortho_height_source.tif", "cog", {"height_source": HEIGHT_SOURCE})
-    attributes = {"z": facts.heights, "rgb": ORTHO, "precision": PRECISION, "pairs": COUNT}
+    attributes = {"z": facts.heights, "rgb": ORTHO, "precision": PRECISION, "pairs": COUNT, "code": PROVENANCE}
     yield Export("texture", "points", "products/points.laz", "laz", attributes)
 
 
