@@ -14,6 +14,7 @@ from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import Surface
 from orthomill.tasks.geometry.footprint import photo_window
+from orthomill.tasks.geometry.photograph_part import PhotoPart, PhotoSource, level_window
 from orthomill.tasks.geometry.view import View
 from orthomill.tasks.texture.draping import ground_window
 
@@ -23,15 +24,6 @@ NESTING = 1e-6
 # nothing, while a divisor larger by one costs up to four times the pixels.
 _FINER_FROM = 0.25
 _HEIGHT_MARGIN = 0.05  # of the height range: the DSM may exceed the range known at planning
-
-
-@dataclass(frozen=True)
-class PhotoPart:
-    """The pixels of one photograph that a job holds: `window` in the raster of pyramid level `level`."""
-
-    name: str
-    level: int
-    window: Window
 
 
 @dataclass(frozen=True)
@@ -81,20 +73,6 @@ def ortho_grid(dsm: MapGrid, cell: float | None, ground_pixel: float) -> MapGrid
     return MapGrid(west=dsm.west, north=dsm.north, cell=dsm.cell / divisor, rows=dsm.rows * divisor, cols=dsm.cols * divisor)
 
 
-def photo_level(cell: float, ground_pixel: float, levels: int) -> int:
-    """The pyramid level with the ground pixel nearest to `cell` (both m); level k has pixels of 2^k full-size pixels."""
-    # Nearest on a logarithmic scale: a coarser level loses detail, a finer one aliases, both by the same factor.
-    return int(np.clip(np.floor(np.log2(max(cell / ground_pixel, 1.0)) + 0.5), 0, levels - 1))
-
-
-def level_window(window: Window, level: int, shape: tuple[int, ...]) -> Window:
-    """The window at pyramid level `level` (raster of `shape`) that covers a window of the full-size photograph."""
-    step = 2**level
-    row, col = window.row // step, window.col // step
-    bottom, right = -(-(window.row + window.height) // step), -(-(window.col + window.width) // step)
-    return Window(row, col, bottom - row, right - col).clipped(shape)
-
-
 def dsm_core(dsm: MapGrid, divisor: int, window: Window) -> Window:
     """The DSM cells under a window of the ortho grid."""
     row, col = window.row // divisor, window.col // divisor
@@ -118,15 +96,6 @@ def heights_window(surface: Surface, views: Sequence[View], core: Window, halo: 
         left, right = min(left, *reached_cols), max(right, *reached_cols)
     row, col = int(np.floor(top)) - 1, int(np.floor(left)) - 1
     return Window(row, col, int(np.ceil(bottom)) + 2 - row, int(np.ceil(right)) + 2 - col).grown(halo).clipped(grid.shape)
-
-
-@dataclass(frozen=True)
-class PhotoSource:
-    """A photograph at planning time: its view, the pyramid level to be used and the shape of that raster."""
-
-    view: View
-    level: int
-    shape: tuple[int, ...]
 
 
 def tile_extent(surface: Surface, ortho: MapGrid, window: Window, sources: Sequence[PhotoSource], halo: int) -> TileExtent:

@@ -11,16 +11,8 @@ from hypothesis import strategies as st
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import Surface
-from orthomill.tasks.texture.extent import (
-    PhotoSource,
-    dsm_core,
-    ground_pixels,
-    heights_window,
-    level_window,
-    ortho_grid,
-    photo_level,
-    tile_extent,
-)
+from orthomill.tasks.geometry.photograph_part import PhotoSource, level_window, photo_level
+from orthomill.tasks.texture.extent import dsm_core, ground_pixels, heights_window, ortho_grid, tile_extent
 
 SURFACE = Surface(grid=DSM, height_low=-2.0, height_high=16.0)
 VIEWS = [view(name) for name in CENTRES]

@@ -1,0 +1,1 @@
+"""The height volume of the block: its levels, tiles, photographs and jobs."""

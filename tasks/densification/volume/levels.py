@@ -1,0 +1,101 @@
+"""The levels of the height volume: their map grids and heights, from coarse to fine.
+
+Strategy: level l has cells of 2^l cells of the surface and heights 2^l steps apart, so that every level asks for the same
+parallax in its own cells. The coarsest level is the first whose heights span the surface with few enough of them. Grid and
+heights are absolute (heights are multiples of the step), so that neighbouring tiles agree.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from orthomill.schemas.orientation import Block
+from orthomill.schemas.photo import Photos
+from orthomill.schemas.raster import MapGrid, Tile, Window, tiles_of
+from orthomill.schemas.surface import Surface
+from orthomill.tasks.densification.volume.photograph_choice import base_height
+from orthomill.tasks.geometry.view import View, block_view
+from orthomill.tasks.matching.volume.height_volume import HeightVolume
+from orthomill.tasks.matching.volume.paths import UNIT
+
+BLOCK = 512
+"""Side of a tile in cells of its level, whatever the tile of the project: the result must not depend on that."""
+HALO = 32
+"""Cells on every side of a tile that are optimised with it, so that paths arrive there."""
+
+
+@dataclass(frozen=True)
+class VolumeLevel:
+    """One level: cells `grid`, and heights (first + k) * step m, k = 0 ... count - 1."""
+
+    number: int
+    grid: MapGrid
+    step: float
+    first: int
+    count: int
+
+    @property
+    def heights(self) -> np.ndarray:
+        """(count,) m."""
+        return (self.first + np.arange(self.count)) * self.step
+
+    @property
+    def tiles(self) -> tuple[Tile, ...]:
+        return tuple(tiles_of(self.grid.shape, BLOCK))
+
+
+def level_grid(grid: MapGrid, level: int) -> MapGrid:
+    """The grid whose cells are 2^level x 2^level cells of `grid`; the last ones may reach beyond it."""
+    factor = 2**level
+    return MapGrid(
+        west=grid.west, north=grid.north, cell=grid.cell * factor, rows=-(-grid.rows // factor), cols=-(-grid.cols // factor)
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class VolumeScene:
+    """What the tiles of all levels are planned from."""
+
+    block: Block
+    photos: Photos
+    surface: Surface
+    settings: HeightVolume
+
+    @cached_property
+    def views(self) -> tuple[View, ...]:
+        """The oriented photographs, in the order of the block."""
+        return tuple(block_view(self.block, name) for name in self.block.names)
+
+    @property
+    def ground(self) -> float:
+        """Mean height of the ground, m."""
+        return 0.5 * (self.block.ground_low + self.block.ground_high)
+
+    @cached_property
+    def levels(self) -> tuple[VolumeLevel, ...]:
+        """The levels, the coarsest first."""
+        widest = base_height(self.views, self.surface.grid, self.ground, self.settings.photographs)
+        step = self.settings.step * self.surface.grid.cell / widest
+        coarsest = 0
+        while _count(self.surface, step * 2**coarsest) > self.settings.widest:
+            coarsest += 1
+        return tuple(_level(self.surface, step * 2**number, number) for number in range(coarsest, -1, -1))
+
+
+def _count(surface: Surface, step: float) -> int:
+    """Heights that span the surface, as a multiple of UNIT."""
+    span = np.ceil(surface.height_high / step) - np.floor(surface.height_low / step) + 1
+    return int(-(-span // UNIT) * UNIT)
+
+
+def _level(surface: Surface, step: float, number: int) -> VolumeLevel:
+    first = int(np.floor(surface.height_low / step))
+    return VolumeLevel(number, level_grid(surface.grid, number), step, first, _count(surface, step))
+
+
+def coarser_window(work: Window, reach: int, shape: tuple[int, ...]) -> Window:
+    """The cells of the next coarser level (of `shape`) from which the ranges of the cells `work` follow."""
+    row, col = work.row // 2, work.col // 2
+    bottom, right = -(-(work.row + work.height) // 2), -(-(work.col + work.width) // 2)
+    return Window(row, col, bottom - row, right - col).grown(reach).clipped(shape)

@@ -1,0 +1,160 @@
+"""One tile of a level of the height volume: what it reads, and its heights.
+
+Strategy: tiles lie on a fixed grid of their level with a fixed halo, so that the tile size of the project changes nothing. A tile
+reads the photographs chosen for it, on the pyramid level that its cells need, and the heights of the next coarser level, which
+narrow its ranges and say which photographs do not see a cell.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from orthomill.schemas.orientation import Block
+from orthomill.schemas.raster import Tile, Window, tiles_of
+from orthomill.tasks.densification.volume.levels import BLOCK, HALO, VolumeLevel, VolumeScene, coarser_window, level_grid
+from orthomill.tasks.densification.volume.photograph_choice import chosen, places, sight
+from orthomill.tasks.geometry.footprint import photo_window
+from orthomill.tasks.geometry.photograph_part import PhotoPart, level_window, photo_level
+from orthomill.tasks.geometry.view import View, block_view
+from orthomill.tasks.imagery.pyramid import level_shape
+from orthomill.tasks.imagery.radiometry import grey
+from orthomill.tasks.matching.volume.candidates import CellRanges, all_planes, narrowed
+from orthomill.tasks.matching.volume.height_volume import HeightVolume, OptimisedCells, optimised, scratch_bytes
+from orthomill.tasks.matching.volume.rectified_photograph import (
+    CellFrame,
+    PhotographPixels,
+    RectifiedPhotograph,
+    rectified,
+    rectified_pixels,
+)
+from orthomill.tasks.matching.volume.signatures import signatures
+from orthomill.tasks.matching.volume.winners import coherence
+
+
+@dataclass(frozen=True)
+class VolumeTile:
+    """A tile of a level: its own cells `window`, the cells `work` that are optimised, the photographs, and the window of the
+    coarser level (None: there is none)."""
+
+    level: VolumeLevel
+    row: int
+    col: int
+    window: Window
+    work: Window
+    photos: tuple[PhotoPart, ...]
+    coarser: Window | None
+
+
+class SolvedVolume(NamedTuple):
+    """A solved tile: `height` (rows, cols) float32 m, NaN where fewer than two photographs show the cell; `quality` (rows, cols, 4)
+    uint8: cost at the height and margin to the runner-up (% of the signature's bits), coherence (% of the 9 x 9 cells that go
+    along), photographs that see the cell."""
+
+    height: np.ndarray
+    quality: np.ndarray
+
+
+def volume_tiles(level: VolumeLevel, scene: VolumeScene) -> tuple[VolumeTile, ...]:
+    """The tiles of a level with the photographs chosen for them; fewer than two photographs: none."""
+    return tuple(_tile(level, tile, scene) for tile in tiles_of(level.grid.shape, BLOCK))
+
+
+def _tile(level: VolumeLevel, tile: Tile, scene: VolumeScene) -> VolumeTile:
+    work = tile.window.grown(HALO).clipped(level.grid.shape)
+    best = chosen(sight(scene.views, places(level.grid, work, scene.ground)), scene.settings.photographs)
+    parts = [_part(scene.views[i], level, work, scene) for i in best]
+    used = tuple(part for part in parts if not part.window.empty)
+    coarsest = level.number == scene.levels[0].number
+    coarser = None if coarsest else coarser_window(work, scene.settings.reach, level_grid(level.grid, 1).shape)
+    return VolumeTile(level, tile.row, tile.col, tile.window, work, used if len(used) >= 2 else (), coarser)
+
+
+def _part(view: View, level: VolumeLevel, work: Window, scene: VolumeScene) -> PhotoPart:
+    photo, heights = scene.photos[view.name], level.heights
+    ground_pixel = max(view.centre[2] - scene.ground, 1e-6) / view.camera.c
+    number = photo_level(level.grid.cell / scene.settings.oversampling, ground_pixel, photo.levels)
+    full = photo_window(view, level.grid, work, heights[0], heights[-1], _margin(number))
+    return PhotoPart(view.name, number, level_window(full, number, level_shape((photo.height, photo.width), number)))
+
+
+def _margin(level: int) -> int:
+    """Pixels of the full photograph around what a tile shows: for the interpolation, and for the window of the signature."""
+    return 8 * 2**level
+
+
+def solve_volume(
+    tile: VolumeTile, settings: HeightVolume, block: Block, photos: tuple[np.ndarray, ...] = (), coarser: np.ndarray | None = None
+) -> SolvedVolume:
+    """The heights of a tile. photos: pixels (rows, cols, bands) of `tile.photos`; coarser: heights (rows, cols) of
+    `tile.coarser`."""
+    if len(photos) < 2:
+        return _nothing(tile.window.shape)
+    candidates = _candidates(tile, settings, coarser)
+    if candidates.offset[-1] == 0:
+        return _nothing(tile.window.shape)
+    candidates, planes = candidates.trimmed()
+    heights = tile.level.heights[planes]
+    views = [block_view(block, part.name) for part in tile.photos]
+    parts = zip(tile.photos, views, photos, strict=True)
+    images = [_rectified(tile, part, view, pixels, heights, settings) for part, view, pixels in parts]
+    hidden = np.zeros((len(views), *tile.work.shape), bool)
+    return _solved(tile, optimised(images, hidden, candidates, settings), float(heights[0]), settings)
+
+
+def _candidates(tile: VolumeTile, settings: HeightVolume, coarser: np.ndarray | None) -> CellRanges:
+    if coarser is None or tile.coarser is None:
+        return all_planes(np.ones(tile.work.shape, bool), tile.level.count)
+    rows = np.arange(tile.work.row, tile.work.row + tile.work.height) // 2 - tile.coarser.row
+    cols = np.arange(tile.work.col, tile.work.col + tile.work.width) // 2 - tile.coarser.col
+    return narrowed(coarser / tile.level.step - tile.level.first, (rows, cols), tile.level.count, settings.ranges)
+
+
+def _cell_frame(tile: VolumeTile) -> CellFrame:
+    x, y = tile.level.grid.centres(Window(tile.work.row, tile.work.col, 1, 1))
+    return CellFrame(float(x[0]), float(y[0]), tile.level.grid.cell, tile.work.height, tile.work.width)
+
+
+def _rectified(
+    tile: VolumeTile, part: PhotoPart, view: View, pixels: np.ndarray, heights: np.ndarray, settings: HeightVolume
+) -> RectifiedPhotograph:
+    work = tile.work
+    needed = level_window(
+        photo_window(view, tile.level.grid, work, heights[0], heights[-1], _margin(part.level)), part.level, (10**9, 10**9)
+    )
+    inside = Window(needed.row - part.window.row, needed.col - part.window.col, needed.height, needed.width).clipped(
+        part.window.shape
+    )
+    # Cropped before it is converted: the heights that planning had to allow for are far more than a tile turns out to have.
+    level = PhotographPixels(grey(pixels[inside.slices]), part.level, part.window.col + inside.col, part.window.row + inside.row)
+    image, planes = rectified(level, view, _cell_frame(tile), heights, settings.oversampling)
+    return RectifiedPhotograph(signatures(image, settings.half, settings.oversampling), planes)
+
+
+def _solved(tile: VolumeTile, cells: OptimisedCells, lowest: float, settings: HeightVolume) -> SolvedVolume:
+    step = tile.level.step
+    height = (lowest + cells.plane.astype(np.float64) * step).astype(np.float32)
+    slope = settings.coherence_slope * tile.level.grid.cell
+    agreeing = coherence(height, settings.coherence * step, slope)
+    height[cells.photographs < 2] = np.nan
+    percent = [np.clip(np.rint(100 * values), 0, 255) for values in (cells.cost, cells.margin, agreeing)]
+    quality = np.stack([*percent, cells.photographs], axis=-1).astype(np.uint8)
+    row, col = tile.window.row - tile.work.row, tile.window.col - tile.work.col
+    inner = slice(row, row + tile.window.height), slice(col, col + tile.window.width)
+    return SolvedVolume(np.ascontiguousarray(height[inner]), np.ascontiguousarray(quality[inner]))
+
+
+def _nothing(shape: tuple[int, int]) -> SolvedVolume:
+    return SolvedVolume(np.full(shape, np.nan, np.float32), np.zeros((*shape, 4), np.uint8))
+
+
+def tile_scratch(tile: VolumeTile, scene: VolumeScene) -> int:
+    """Working memory of `solve_volume`, bytes."""
+    settings, cells = scene.settings, tile.work.height * tile.work.width
+    candidates = cells * (settings.mean_heights if tile.coarser else tile.level.count)
+    views = [block_view(scene.block, part.name) for part in tile.photos]
+    heights = tile.level.heights
+    pixels = sum(rectified_pixels(view, _cell_frame(tile), heights, settings.oversampling) for view in views)
+    # The photographs are converted one after the other: grey values and their products, float32.
+    greatest = max((part.window.height * part.window.width for part in tile.photos), default=0)
+    return scratch_bytes(candidates, cells, pixels, settings) + 12 * greatest

@@ -1,0 +1,188 @@
+"""The cost of every candidate of every cell: how much the photographs that show it there differ from one another.
+
+Strategy: of every cell the first photographs of the list that show it (they come best first, those that the coarser surface hides
+left out) are compared in pairs; a candidate costs the mean distance of the best share of the pairs, so that a photograph in which
+something else stands in front does not decide. All candidates of a cell are sorted at once, by comparing and exchanging whole rows.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from orthomill.tasks.matching.volume.candidates import CellRanges
+from orthomill.tasks.matching.volume.rectified_photograph import RectifiedPhotograph
+from orthomill.tasks.matching.volume.signatures import BITS, bits_set, no_signature
+
+COST_UNIT = 4
+"""costs per bit of distance: means of several pairs are finer than a bit"""
+_UNKNOWN = np.uint8(255)
+"""distance of a pair of which one photograph does not show the candidate: sorted behind all others"""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """How the photographs of a cell are compared."""
+
+    most: int
+    """photographs per cell"""
+    share: float
+    """best share of the pairs"""
+    blank: float
+    """distance of a pair of which one does not show the candidate, share of the bits"""
+
+
+@dataclass(frozen=True, eq=False)
+class PhotographStack:
+    """All photographs of a volume in one piece, as kernels take them; `none` is the code of a place without a signature."""
+
+    flat: np.ndarray
+    starts: np.ndarray
+    sizes: np.ndarray
+    planes: np.ndarray
+    none: np.unsignedinteger
+
+    @classmethod
+    def of(cls, photographs: Sequence[RectifiedPhotograph], half: int) -> "PhotographStack":
+        """The stack of one photograph or more."""
+        sizes = np.array([photo.signatures.shape for photo in photographs], np.int64)
+        starts = np.concatenate([[0], np.cumsum(sizes.prod(axis=1))])[:-1]
+        # Far outside instead of NaN: a comparison then says that the photograph does not show the plane.
+        planes = np.nan_to_num(np.stack([photo.planes for photo in photographs]), nan=-1e9).astype(np.float32)
+        return cls(np.concatenate([photo.signatures.ravel() for photo in photographs]), starts, sizes, planes, no_signature(half))
+
+
+def volume_costs(stack: PhotographStack, hidden: np.ndarray, candidates: CellRanges, half: int, rules: Comparison) -> np.ndarray:
+    """Packed costs uint8 of all candidates, in 1/COST_UNIT bits.
+
+    hidden (photographs, rows, cols) bool: what must not be used, unless fewer than two photographs were left.
+    """
+    cost = np.empty(candidates.offset[-1], np.uint8)
+    blank = np.uint8(round(rules.blank * BITS[half] * COST_UNIT))
+    images = stack.flat, stack.starts, stack.sizes, stack.planes
+    _costs(*images, hidden, candidates.low, candidates.offset, stack.none, rules.most, rules.share, blank, cost)
+    return cost
+
+
+def photographs_at(stack: PhotographStack, hidden: np.ndarray, nearest: np.ndarray) -> np.ndarray:
+    """Number of photographs (rows, cols) uint8 that show the cells at the planes `nearest` (rows, cols; -1: none)."""
+    out = np.zeros(nearest.shape, np.uint8)
+    _photographs_at(stack.flat, stack.starts, stack.sizes, stack.planes, hidden, nearest, stack.none, out)
+    return out
+
+
+@njit(cache=True, inline="always")
+def _lookup(flat, start, rows, cols, plane, r, c, none):
+    """The signature of a photograph at a cell and plane, `none` outside."""
+    col, row = plane[0] * c + plane[1] + np.float32(0.5), plane[0] * r + plane[2] + np.float32(0.5)
+    if col >= 0 and row >= 0 and col < cols and row < rows:
+        return flat[start + np.int64(row) * cols + np.int64(col)]
+    return none
+
+
+@njit(cache=True)
+def _costs(flat, starts, sizes, planes, hidden, low, offset, none, most, share, blank, cost):
+    rows, cols = low.shape
+    count = starts.size
+    widest = 0
+    for i in range(rows * cols):
+        widest = max(widest, offset[i + 1] - offset[i])
+    found = np.empty((most, widest), flat.dtype)
+    distance = np.empty((most * (most - 1) // 2, widest), np.uint8)
+    sums, taken = np.empty(widest, np.uint16), np.empty(widest, np.uint8)
+    take_of = np.array([np.uint8(np.ceil(share * q - 1e-6)) for q in range(most * (most - 1) // 2 + 1)])
+    chosen = np.empty(count, np.int64)
+    for r in range(rows):
+        for c in range(cols):
+            begin, end = offset[r * cols + c], offset[r * cols + c + 1]
+            n, first = end - begin, low[r, c]
+            if n == 0:
+                continue
+            photos = _choose(flat, starts, sizes, planes, hidden, r, c, first, n, none, most, chosen)
+            if photos < 2:
+                cost[begin:end] = 0
+                continue
+            for m in range(photos):
+                p = chosen[m]
+                for k in range(n):
+                    found[m, k] = _lookup(
+                        flat, starts[p], sizes[p, 0], sizes[p, 1], planes[p, first + k], np.float32(r), np.float32(c), none
+                    )
+            pairs = 0
+            for a in range(photos):
+                one = found[a]
+                for b in range(a + 1, photos):
+                    other, row = found[b], distance[pairs]
+                    for k in range(n):
+                        bits = np.uint8(bits_set(one[k] ^ other[k]))
+                        row[k] = _UNKNOWN if (one[k] | other[k]) >= none else bits
+                    pairs += 1
+            taken[:n] = 0
+            for q in range(pairs):
+                row = distance[q]
+                for k in range(n):
+                    taken[k] += row[k] != _UNKNOWN
+            for k in range(n):
+                taken[k] = take_of[taken[k]]
+            _partial_sort(distance, pairs, take_of[pairs], n)
+            sums[:n] = 0
+            for q in range(take_of[pairs]):
+                row = distance[q]
+                for k in range(n):
+                    sums[k] += row[k] if q < taken[k] else np.uint8(0)
+            here = cost[begin:end]
+            for k in range(n):
+                mean = np.float32(sums[k]) * np.float32(COST_UNIT) / np.float32(max(taken[k], 1)) + np.float32(0.5)
+                here[k] = np.uint8(mean) if taken[k] > 0 else blank
+
+
+@njit(cache=True, inline="always")
+def _shows(flat, start, size, planes, r, c, none):
+    """Whether a photograph shows a cell at any of nine planes spread over its range; the middle first, which is most likely."""
+    last = planes.shape[0] - 1
+    for q in (4, 0, 8, 2, 6, 1, 3, 5, 7):
+        if _lookup(flat, start, size[0], size[1], planes[q * last // 8], np.float32(r), np.float32(c), none) != none:
+            return True
+    return False
+
+
+@njit(cache=True, inline="always")
+def _choose(flat, starts, sizes, planes, hidden, r, c, first, n, none, most, chosen):
+    """Writes the numbers of the photographs to be compared into `chosen`; returns how many. Those not hidden come first."""
+    photos = 0
+    for use_hidden in range(2):
+        if photos >= 2:
+            break
+        for p in range(starts.size):
+            if photos >= most or hidden[p, r, c] != (use_hidden == 1):
+                continue
+            if _shows(flat, starts[p], sizes[p], planes[p, first : first + n], r, c, none):
+                chosen[photos] = p
+                photos += 1
+    return photos
+
+
+@njit(cache=True, inline="always")
+def _partial_sort(rows, count, take, n):
+    """Moves, for each of n columns, the `take` lowest of `count` values to the first rows."""
+    for t in range(take):
+        best = rows[t]
+        for q in range(t + 1, count):
+            other = rows[q]
+            for k in range(n):
+                x, y = best[k], other[k]
+                best[k] = min(x, y)
+                other[k] = max(x, y)
+
+
+@njit(cache=True)
+def _photographs_at(flat, starts, sizes, planes, hidden, winners, none, out):
+    for r in range(winners.shape[0]):
+        for c in range(winners.shape[1]):
+            if winners[r, c] < 0:
+                continue
+            for p in range(starts.size):
+                plane = planes[p, winners[r, c]]
+                seen = _lookup(flat, starts[p], sizes[p, 0], sizes[p, 1], plane, np.float32(r), np.float32(c), none) != none
+                out[r, c] += seen and not hidden[p, r, c]

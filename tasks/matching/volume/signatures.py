@@ -1,0 +1,67 @@
+"""Census signatures: which neighbours of a pixel are darker than it, one bit each; invariant to gain and offset.
+
+Strategy: the window is sampled with a stride, so that an image sampled more finely than the cells of the volume gives signatures at
+positions between them: a candidate is then looked up at the nearest position and nothing is interpolated. A pixel has a signature
+when it has a value itself; neighbours without one count as brighter, so that signatures reach the border of a photograph.
+
+Source: Zabih & Woodfill 1994.
+"""
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numba.extending import intrinsic
+
+BITS = {2: 24, 3: 48}
+"""half side of the window -> neighbours compared, the greatest distance of two signatures"""
+_TYPE = {2: np.uint32, 3: np.uint64}
+
+
+def _population_count(context: Any, value: Any) -> Any:
+    # numba has no population count of its own, although every processor has: LLVM's instruction is reached through an intrinsic.
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.ctpop(arguments[0])
+
+    return value(value), generate
+
+
+bits_set: Any = intrinsic(_population_count)
+"""Number of bits set in an unsigned integer, of the same type; for kernels."""
+
+
+def no_signature(half: int) -> np.unsignedinteger:
+    """The code of a pixel without a value: the highest bit, which no signature uses."""
+    return np.uint32(1 << 31) if half == 2 else np.uint64(1 << 63)
+
+
+def signatures(grey: np.ndarray, half: int, stride: int) -> np.ndarray:
+    """Signatures (rows, cols) uint32 (`half` 2) or uint64 (3) of an image (rows, cols) float32, NaN without a value.
+
+    Neighbours are `stride` px apart, (2 * half + 1)^2 - 1 of them.
+    """
+    reach = half * stride
+    padded = np.pad(grey, reach, constant_values=np.nan)
+    out = np.zeros(grey.shape, _TYPE[half])
+    _compare(padded, half, stride, out, _TYPE[half](1), no_signature(half))
+    return out
+
+
+@njit(cache=True)
+def _compare(padded, half, stride, out, one, none):
+    rows, cols = out.shape
+    reach = half * stride
+    for r in range(rows):
+        centre, row = padded[r + reach, reach : reach + cols], out[r]
+        for dy in range(-half, half + 1):
+            for dx in range(-half, half + 1):
+                if dx == 0 and dy == 0:
+                    continue
+                # The window runs outside and the columns inside, so that the inner loop is contiguous and vectorised.
+                first = reach + dx * stride
+                neighbour = padded[r + reach + dy * stride, first : first + cols]
+                for c in range(cols):
+                    row[c] = (row[c] << one) | (one if neighbour[c] < centre[c] else one - one)
+        for c in range(cols):
+            if centre[c] != centre[c]:
+                row[c] = none

@@ -1,0 +1,52 @@
+"""Every setting of the height volume changes what it says it changes."""
+
+import numpy as np
+from textured_box import SURFACE, photos, pyramid, scene_block
+
+from orthomill.tasks.densification.volume.levels import VolumeScene
+from orthomill.tasks.densification.volume.volume_tile import SolvedVolume, solve_volume, volume_tiles
+from orthomill.tasks.matching.volume.height_volume import HeightVolume
+from orthomill.tasks.matching.volume.paths import UNIT
+
+
+def finest(settings: HeightVolume, coarser: float = 0.0) -> SolvedVolume:
+    """The finest level with a flat coarser one of the height `coarser`."""
+    scene = VolumeScene(scene_block(), photos(), SURFACE, settings)
+    tile = volume_tiles(scene.levels[-1], scene)[0]
+    pixels = tuple(pyramid(part.name)[part.level][part.window.slices] for part in tile.photos)
+    shape = (tile.coarser.height, tile.coarser.width)
+    return solve_volume(tile, settings, scene.block, pixels, np.full(shape, coarser, np.float32))
+
+
+def test_coherence_depends_on_what_goes_along():
+    loose, strict = finest(HeightVolume(widest=32)), finest(HeightVolume(widest=32, coherence=0.2, coherence_slope=0.0))
+    sloped = finest(HeightVolume(widest=32, coherence=0.2, coherence_slope=1.0))
+    assert (
+        strict.quality[..., 2].mean() < loose.quality[..., 2].mean()
+        and strict.quality[..., 2].mean() < sloped.quality[..., 2].mean()
+    )
+    assert np.array_equal(strict.height, loose.height, equal_nan=True)
+
+
+def test_oversampling_makes_heights_finer():
+    inner = slice(20, 45), slice(20, 45)
+    rough, fine = (finest(HeightVolume(widest=32, oversampling=n)).height[inner] for n in (1, 3))
+    assert abs(fine).mean() < 0.8 * abs(rough).mean()
+
+
+def test_few_photographs_are_compared_although_more_are_counted():
+    few, all_four = finest(HeightVolume(widest=32, compared=2)), finest(HeightVolume(widest=32, compared=4))
+    assert few.quality[..., 3].max() == all_four.quality[..., 3].max() == 4
+    assert not np.array_equal(few.height, all_four.height, equal_nan=True)
+
+
+def test_the_margin_is_how_far_a_height_may_lie_from_the_coarser_one():
+    near, far = (finest(HeightVolume(widest=32, margin=margin), coarser=14.0).height[20:40, 20:40] for margin in (1, 20))
+    assert np.median(near) > 3 and abs(np.median(far)) < 1
+
+
+def test_rules_follow_the_settings():
+    settings = HeightVolume(margin=3, reach=2, most_heights=40, mean_heights=20, compared=3, best_share=0.4, blank=0.3)
+    ranges, comparison = settings.ranges, settings.comparison
+    assert (ranges.margin, ranges.reach, ranges.most, ranges.mean) == (3, 2, 48, 32) and ranges.most % UNIT == 0
+    assert (comparison.most, comparison.share, comparison.blank) == (3, 0.4, 0.3)
