@@ -79,6 +79,11 @@ class Block(BaseModel):
     """photographs that tie points connect, the largest group first; only positions and control connect several groups"""
 
     @property
+    def ground_mean(self) -> float:
+        """Mean height of the ground, m."""
+        return 0.5 * (self.ground_low + self.ground_high)
+
+    @property
     def names(self) -> tuple[str, ...]:
         return tuple(photo.photo for photo in self.photos)
 

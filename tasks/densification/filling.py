@@ -1,7 +1,9 @@
-"""Filling of gaps, only on request; filled cells carry their own provenance code.
+"""Heights that no photographs measured: kept apart by their own codes, or left out on request.
 
-Strategy: from an empty cell the nearest measured cell is sought in eight directions, up to the largest gap. The cell is filled if
-measured cells lie on opposite sides, by the mean weighted with 1 / distance^2; its precision is theirs, widened by their spread.
+Strategy. Where the photographs together prefer a height that its neighbours contradict (leaves, water, a blank wall), that height
+is an estimate. Where there is none, the nearest heights are sought in eight directions, up to the largest gap; the cell is filled
+if they lie on opposite sides, by their mean weighted with 1 / distance^2, and its standard error is theirs, widened by their
+spread.
 """
 
 from typing import Annotated, Literal
@@ -11,32 +13,34 @@ from numba import njit
 from pydantic import Field
 
 from orthomill.schemas.settings import Settings, setting
-from orthomill.schemas.surface import Provenance
+from orthomill.schemas.surface import ESTIMATED, Provenance
 from orthomill.tasks.densification.fusion import FusedCells
 
 
-class NoFill(Settings):
-    """Gaps stay empty."""
+class MeasuredOnly(Settings):
+    """Cells without a measured height stay empty."""
 
-    kind: Literal["none"] = "none"
+    kind: Literal["none"]
 
-    def reach(self, cell: float) -> int:
-        """Distance from a gap, in cells, within which measured heights are used."""
+    @property
+    def reach(self) -> int:
+        """Distance from a gap, in cells, within which heights are used."""
         return 0
 
 
-class Interpolate(Settings):
-    """Gaps are filled from the heights around them."""
+class EstimateGaps(Settings):
+    """Every gap gets an estimated height, with a code that says so."""
 
-    kind: Literal["interpolate"]
-    max_gap: float = setting(10.0, "How far from a measured height a cell may be filled.", "m", gt=0.0, le=1000.0)
+    kind: Literal["estimate"] = "estimate"
+    max_gap: int = setting(32, "How far from the heights around it a cell may be interpolated.", "cells", ge=1, le=500)
 
-    def reach(self, cell: float) -> int:
-        """Distance from a gap, in cells, within which measured heights are used; cell: side of a cell, m."""
-        return int(np.ceil(self.max_gap / cell))
+    @property
+    def reach(self) -> int:
+        """Distance from a gap, in cells, within which heights are used."""
+        return self.max_gap
 
 
-Filling = Annotated[NoFill | Interpolate, Field(discriminator="kind")]
+Filling = Annotated[MeasuredOnly | EstimateGaps, Field(discriminator="kind")]
 
 _DIRECTIONS = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
 """(row, col) steps around a cell; those four places apart are opposite"""
@@ -85,13 +89,23 @@ def _fill(height, precision, reach, out_height, out_precision):
             out_height[r, c], out_precision[r, c] = mean, np.sqrt(error * error + spread / total)
 
 
-def fill(cells: FusedCells, cell: float, filling: NoFill | Interpolate) -> FusedCells:
-    """The cells with their gaps filled as `filling` says; cell: side of a cell, m."""
-    reach = filling.reach(cell)
-    if reach == 0:
-        return cells
+def fill(cells: FusedCells, filling: MeasuredOnly | EstimateGaps) -> FusedCells:
+    """The cells with their gaps interpolated, or without any estimated height."""
+    if filling.kind == "none":
+        return without(cells, np.isin(cells.provenance, ESTIMATED))
     height, precision = cells.height.copy(), cells.precision.copy()
-    _fill(cells.height, cells.precision, reach, height, precision)
+    _fill(cells.height, cells.precision, filling.reach, height, precision)
     # The count stays 0: no pair measured these cells, and whoever counts support must see that.
     filled = np.isnan(cells.height) & np.isfinite(height)
     return FusedCells(height, precision, cells.count, np.where(filled, np.uint8(Provenance.INTERPOLATED), cells.provenance))
+
+
+def without(cells: FusedCells, unwanted: np.ndarray) -> FusedCells:
+    """The cells with those of the mask (rows, cols) bool emptied."""
+    empty = np.float32(np.nan)
+    return FusedCells(
+        np.where(unwanted, empty, cells.height),
+        np.where(unwanted, empty, cells.precision),
+        np.where(unwanted, np.uint8(0), cells.count),
+        np.where(unwanted, np.uint8(Provenance.EMPTY), cells.provenance),
+    )

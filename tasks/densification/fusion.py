@@ -12,7 +12,7 @@ from numba import njit
 
 from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.surface import Provenance
-from orthomill.tasks.densification.gridding import HeightCells
+from orthomill.tasks.densification.height_stack import HeightStack
 
 _LEAST_SIGMA = 1e-4
 """m; a standard error of zero would give a weight of infinity"""
@@ -91,20 +91,20 @@ def _fuse(heights, sigmas, agreement, tolerance, height, precision, count, prove
                 provenance[r, c] = Provenance.DISPUTED
 
 
-def fuse(pairs: tuple[HeightCells, ...], shape: tuple[int, int], cell: float, settings: Fusion) -> FusedCells:
-    """Fuse the heights of several pairs on the same cells of `shape`; cell: side of a cell, m. No pairs: all empty."""
+def fuse(stack: HeightStack, cell: float, settings: Fusion) -> FusedCells:
+    """Fuse the heights that several pairs gave to the same cells; cell: side of a cell, m."""
+    shape = stack.reference.shape
     fused = FusedCells(
         np.full(shape, np.nan, np.float32), np.full(shape, np.nan, np.float32), np.zeros(shape, np.uint8), np.zeros(shape, np.uint8)
     )
-    if pairs:
-        _fuse(
-            np.stack([pair.height for pair in pairs]),
-            np.stack([pair.sigma for pair in pairs]),
-            settings.agreement,
-            settings.tolerance * cell,
-            fused.height,
-            fused.precision,
-            fused.count,
-            fused.provenance,
-        )
+    _fuse(
+        stack.height,
+        stack.sigma,
+        settings.agreement,
+        settings.tolerance * cell,
+        fused.height,
+        fused.precision,
+        fused.count,
+        fused.provenance,
+    )
     return fused

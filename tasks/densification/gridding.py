@@ -178,3 +178,18 @@ def grid_nodes(nodes: NodesOnGround, node_distance: float, target: TargetCells, 
         _CellArrays(window.row, window.col, found.height, found.sigma),
     )
     return found
+
+
+def rasterised(
+    col: np.ndarray, row: np.ndarray, value: np.ndarray, shape: tuple[int, int], max_jump: float, reach: float
+) -> np.ndarray:
+    """The greatest of the values (rows, cols) that fall on every pixel of an image of `shape`, float32, NaN where there is none.
+
+    col, row: where the values lie in the image, px. Neighbours whose values differ by more than `max_jump` are not connected; each
+    covers the pixels within `reach` px of it.
+    """
+    cells = _CellArrays(0, 0, np.full(shape, np.nan), np.full(shape, np.float32(np.nan)))
+    unused = np.zeros(value.shape, np.float32)
+    nodes = _NodeArrays(col, row, value, unused, value.astype(np.float32))
+    _rasterise(nodes, _GriddingLimits(np.float32(max_jump), reach, -np.inf, np.inf), cells)
+    return cells.height.astype(np.float32)

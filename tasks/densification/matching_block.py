@@ -8,16 +8,21 @@ from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.outcome import Outcome
-from orthomill.schemas.raster import Window
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.surface import Surface
+from orthomill.tasks.densification.start_parallaxes import start_parallaxes
+from orthomill.tasks.geometry.epipolar_window import map_window
 from orthomill.tasks.matching.dense.blocks import (
     BLOCK,
     DenseMatching,
     ParallaxRange,
     left_window,
-    match_block,
     placed,
+    refined_block,
     right_window,
+    scratch_bytes,
 )
+from orthomill.tasks.matching.dense.node_surfaces import StartSurface
 
 PRECISION_EDGES = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5)
 """classes of the standard error of a parallax, px"""
@@ -38,11 +43,21 @@ class MatchingStatistics(BaseModel):
 
 @dataclass(frozen=True)
 class PairBlock:
-    """A block of a pair: nodes `nodes` (window of the grid of nodes) of the left image."""
+    """A block of a pair: nodes `nodes` (window of the grid of nodes) of the left image, and the cells of the volume that it
+    shows."""
 
     pair: EpipolarPair
     nodes: Window
     step: int
+    grid: MapGrid
+    cells: Window
+
+    @classmethod
+    def over(cls, pair: EpipolarPair, nodes: Window, step: int, surface: Surface) -> "PairBlock":
+        """A block of a pair over the grid of a surface."""
+        core = Window(nodes.row * step, nodes.col * step, BLOCK, BLOCK)
+        cells = map_window(pair, left_window(core), surface.grid, surface.height_low, surface.height_high)
+        return cls(pair, nodes, step, surface.grid, cells)
 
     @property
     def offset(self) -> float:
@@ -70,6 +85,11 @@ class PairBlock:
         """The window that is read of the right image; empty where the whole parallax range lies beyond it."""
         return right_window(self.core, self.parallaxes).clipped((self.pair.rows, self.pair.right_cols))
 
+    def scratch(self, matching: DenseMatching) -> int:
+        """Working memory of `match_pair_block`, bytes."""
+        # Per cell three float64 places with their copies in pixels of the left image.
+        return scratch_bytes(self.parallaxes, matching) + 64 * self.cells.height * self.cells.width
+
 
 class MatchedBlock(NamedTuple):
     """Result of a block: nodes (rows, cols, 3) float32 (parallax px, its standard error px, correlation; NaN without a match) and
@@ -80,16 +100,23 @@ class MatchedBlock(NamedTuple):
     statistics: MatchingStatistics
 
 
-def match_pair_block(block: PairBlock, matching: DenseMatching, left: np.ndarray, right: np.ndarray | None = None) -> MatchedBlock:
-    """Match a block of a pair.
+def match_pair_block(
+    block: PairBlock, matching: DenseMatching, left: np.ndarray, right: np.ndarray | None = None, heights: np.ndarray | None = None
+) -> MatchedBlock:
+    """Match a block of a pair near the heights of the volume.
 
-    left, right: uint8 (rows, cols), the windows `block.left` and `block.right`; right is None where there is nothing to read.
+    left, right: uint8 (rows, cols), the windows `block.left` and `block.right`; heights: float32 m, the window `block.cells` of the
+    volume. None where there is nothing to read.
     """
     # A block whose parallax range lies beyond the right image is still written: the surface reads whole windows of nodes.
     right = np.zeros((0, 0), np.uint8) if right is None else right
-    found = match_block(
-        placed(left, block.left, left_window(block.core)),
+    whole = left_window(block.core)
+    heights = np.full(block.cells.shape, np.nan, np.float32) if heights is None else heights
+    start = start_parallaxes(block.pair, heights, block.grid, block.cells, whole)
+    found = refined_block(
+        placed(left, block.left, whole),
         placed(right, block.right, right_window(block.core, block.parallaxes)),
+        StartSurface(start.parallax + np.float32(block.offset), start.factor),
         block.parallaxes,
         matching,
     )

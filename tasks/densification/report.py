@@ -8,7 +8,18 @@ import numpy as np
 from orthomill.schemas.epipolar import EpipolarPair, EpipolarPairs
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport
-from orthomill.schemas.surface import COUNT, HEIGHT, PRECISION, PROVENANCE, PROVENANCE_CODES, Provenance, Surface
+from orthomill.schemas.surface import (
+    COUNT,
+    DATUM_PRECISION,
+    ESTIMATED,
+    HEIGHT,
+    MEASURED,
+    PROVENANCE,
+    PROVENANCE_CODES,
+    RELATIVE_PRECISION,
+    Provenance,
+    Surface,
+)
 from orthomill.tasks.densification.matching_block import PRECISION_EDGES, MatchingStatistics
 from orthomill.tasks.densification.surface_grid import ground_pixel
 from orthomill.tasks.densification.surface_tile import CLASSES, SurfaceStatistics
@@ -20,6 +31,9 @@ Y_PARALLAX_LIMIT = 0.5
 _DISPUTED_LIMIT = 0.05
 """share of heights on which pairs disagree that is worth a warning"""
 
+_ESTIMATED_LIMIT = 0.1
+"""share of heights that were not measured that is worth a warning"""
+
 _FIGURES = (
     ("pairs", "", "Pairs of photographs that were matched densely."),
     ("nodes", "", "Nodes inside the photographs, over all pairs."),
@@ -29,14 +43,19 @@ _FIGURES = (
     ("cell", "m", "Cell size of the surface model."),
     ("rows", "", "Rows of the surface model."),
     ("columns", "", "Columns of the surface model."),
-    ("cells_with_height", "", "Cells that carry a height."),
+    ("cells_with_height", "", "Cells that carry a height, measured or estimated."),
+    ("cells_measured", "", "Cells with a measured height."),
     ("completeness_grid", "", "Share of all cells of the rectangular grid; ground that no pair sees counts as empty."),
-    ("share_one_pair", "", "Heights from a single pair."),
+    ("share_measured", "", "Measured heights; the others are estimated."),
     ("share_agreed", "", "Heights on which two or more pairs agree."),
+    ("share_one_pair", "", "Heights from a single pair."),
     ("share_disputed", "", "Heights on which the pairs disagree."),
-    ("share_filled", "", "Heights interpolated from their neighbours."),
-    ("spikes_removed", "", "Cells emptied by the spike filter."),
-    ("precision_median", "m", "Median standard error of a height."),
+    ("share_volume", "", "Heights that all photographs together measured, and no single pair."),
+    ("share_incoherent", "", "Estimated heights: the best of the volume, contradicted by their neighbours."),
+    ("share_filled", "", "Estimated heights: interpolated between their neighbours."),
+    ("spikes_removed", "", "Heights of pairs removed by the spike filter."),
+    ("precision_median", "m", "Median standard error of a measured height among its neighbours."),
+    ("datum_precision_median", "m", "Median standard error that the orientation adds, common to neighbours."),
     ("height_lowest", "m", "Lowest height of the surface model."),
     ("height_highest", "m", "Highest height of the surface model."),
 )
@@ -112,18 +131,24 @@ def _matching_values(pairs: EpipolarPairs, matching: tuple[MatchingStatistics, .
 def _surface_values(surface: Surface, cells: SurfaceStatistics) -> dict[str, float | int | None]:
     grid, counts = surface.grid, cells.provenance
     known = _known_cells(cells)
+    measured = sum(counts[code] for code in MEASURED)
     return {
         "cell": grid.cell,
         "rows": grid.rows,
         "columns": grid.cols,
         "cells_with_height": known,
         "completeness_grid": _share(known, sum(counts)),
+        "cells_measured": measured,
+        "share_measured": _share(measured, known),
         "share_one_pair": _share(counts[Provenance.ONE_PAIR], known),
         "share_agreed": _share(counts[Provenance.AGREED], known),
         "share_disputed": _share(counts[Provenance.DISPUTED], known),
+        "share_volume": _share(counts[Provenance.VOLUME], known),
+        "share_incoherent": _share(counts[Provenance.INCOHERENT], known),
         "share_filled": _share(counts[Provenance.INTERPOLATED], known),
         "spikes_removed": cells.spikes,
         "precision_median": _rounded(median_of(cells.precision, _cell_edges(grid.cell)), 3),
+        "datum_precision_median": _rounded(median_of(cells.datum, _cell_edges(grid.cell)), 3),
         "height_lowest": _rounded(cells.lowest, 2),
         "height_highest": _rounded(cells.highest, 2),
     }
@@ -207,10 +232,12 @@ def _precision_chart(surface: Surface, cells: SurfaceStatistics) -> Chart:
 
 
 def _pictures() -> tuple[Picture, ...]:
+    among, datum = "Standard error of the heights among their neighbours.", "What the orientation adds; neighbours share it."
     return (
-        Picture(title="Surface model", raster=HEIGHT, style="hillshade", unit="m", caption="Empty where nothing could be matched."),
-        Picture(title="Precision", raster=PRECISION, style="ramp", unit="m", caption="Standard error of the heights."),
-        Picture(title="Provenance", raster=PROVENANCE, style="classes", classes=PROVENANCE_CODES),
+        Picture(title="Surface model", raster=HEIGHT, style="hillshade", unit="m", caption="Measured and estimated heights."),
+        Picture(title="Origin of the heights", raster=PROVENANCE, style="classes", classes=PROVENANCE_CODES),
+        Picture(title="Precision among neighbours", raster=RELATIVE_PRECISION, style="ramp", unit="m", caption=among),
+        Picture(title="Precision of the datum", raster=DATUM_PRECISION, style="ramp", unit="m", caption=datum),
         Picture(title="Agreeing pairs", raster=COUNT, style="ramp", caption="Number of pairs that support a height."),
     )
 
@@ -231,8 +258,14 @@ def _matching_warnings(pairs: EpipolarPairs, matching: tuple[MatchingStatistics,
 
 def _surface_warnings(cells: SurfaceStatistics) -> Iterator[str]:
     known, disputed = _known_cells(cells), cells.provenance[Provenance.DISPUTED]
+    estimated = sum(cells.provenance[code] for code in ESTIMATED)
     # An empty surface is an error of the block, not of matching: nothing else explains that no node in any pair converged.
     if known == 0:
         yield "The surface model is empty: no pair could be matched. Check the orientation and the heights of the block."
-    elif disputed > _DISPUTED_LIMIT * known:
+    elif estimated > _ESTIMATED_LIMIT * known:
+        yield (
+            f"{100 * estimated / known:.0f} % of the heights are estimates, not measurements (water, wood, or ground that few "
+            "photographs see); the map of their origin shows where."
+        )
+    if known and disputed > _DISPUTED_LIMIT * known:
         yield f"The pairs disagree on {100 * disputed / known:.0f} % of the heights; see the provenance map."

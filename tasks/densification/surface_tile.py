@@ -1,5 +1,7 @@
-"""One tile of the surface model: the pairs' nodes to cells, fusion of the pairs, spike removal, and filling of gaps on request."""
+"""One tile of the surface model: the pairs' nodes to cells, one pair after the other, fusion near the volume, completion by the
+volume, removal of spikes, and estimates for what is left."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -8,14 +10,21 @@ from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.raster import Window
-from orthomill.schemas.surface import Provenance, Surface
-from orthomill.tasks.densification.filling import Filling, fill
+from orthomill.schemas.surface import MEASURED, Provenance, Surface, SurfacePoints
+from orthomill.tasks.densification.completion import Completion, VolumeWindow, completed
+from orthomill.tasks.densification.datum_precision import datum_precision
+from orthomill.tasks.densification.filling import EstimateGaps, MeasuredOnly, fill, without
 from orthomill.tasks.densification.fusion import FusedCells, Fusion, fuse
-from orthomill.tasks.densification.gridding import Gridding, HeightCells, TargetCells, grid_nodes
-from orthomill.tasks.densification.ground_intersection import nodes_on_ground, orientation_sigma
+from orthomill.tasks.densification.gridding import Gridding, TargetCells, grid_nodes
+from orthomill.tasks.densification.ground_intersection import NodesOnGround, nodes_on_ground
+from orthomill.tasks.densification.height_stack import SLOTS, HeightStack
+from orthomill.tasks.densification.points import PointCollector, PointThinning
 from orthomill.tasks.densification.spike_filter import SpikeFilter, spikes
+from orthomill.tasks.densification.standard_errors import relative_precision
 from orthomill.tasks.densification.surface_grid import ground_pixel
 
+SURROUNDINGS = 4
+"""cells around a cell whose heights enter its standard error"""
 CLASSES = 20
 """classes of the precision histogram, each a tenth of a cell wide; the last is open"""
 
@@ -26,13 +35,16 @@ class SurfaceRules:
 
     gridding: Gridding
     fusion: Fusion
+    completion: Completion
     spikes: SpikeFilter
-    fill: Filling
+    fill: MeasuredOnly | EstimateGaps
+    points: PointThinning
 
-    def halo(self, cell: float) -> int:
-        """Cells around a tile that influence it; cell: side of a cell, m."""
-        # One cell more than filters and filling look at: gridding takes cell centres on the edge of a triangle.
-        return self.spikes.halo + self.fill.reach(cell) + 1
+    @property
+    def halo(self) -> int:
+        """Cells around a tile that influence it."""
+        # One cell more than filters, surroundings and filling look at: gridding takes cell centres on the edge of a triangle.
+        return self.spikes.halo + SURROUNDINGS + self.fill.reach + 1
 
 
 class SurfaceStatistics(BaseModel):
@@ -43,7 +55,9 @@ class SurfaceStatistics(BaseModel):
     provenance: tuple[int, ...] = (0,) * len(Provenance)
     """cells by code of Provenance"""
     precision: tuple[int, ...] = (0,) * CLASSES
-    """cells with a height by class of precision"""
+    """measured cells by class of their standard error among neighbours"""
+    datum: tuple[int, ...] = (0,) * CLASSES
+    """measured cells by class of what the orientation adds"""
     spikes: int = 0
     lowest: float | None = None
     highest: float | None = None
@@ -54,6 +68,8 @@ class SurfaceStatistics(BaseModel):
 class PairPiece:
     """What a tile reads of a pair: the window of its grid of nodes."""
 
+    number: int
+    """of the pair in the list of all pairs"""
     pair: EpipolarPair
     nodes: Window
     step: int
@@ -61,75 +77,86 @@ class PairPiece:
 
 @dataclass(frozen=True)
 class SurfaceTile:
-    """A tile of the surface: its own cells `window`, and the cells `work` that are computed (with halo, clipped to the grid)."""
+    """A tile of the surface: its own cells `window`, and the cells `work` that are computed (with halo, clipped to the grid).
+
+    pairs: all of the block, for what the orientation adds; pieces: those with nodes here.
+    """
 
     surface: Surface
     window: Window
     work: Window
     pieces: tuple[PairPiece, ...]
+    ground: float
+    """mean height of the ground, m"""
 
 
 class SurfaceCells(NamedTuple):
-    """A finished tile (rows, cols): height and precision float32 m (NaN where empty), number of agreeing pairs and
-    provenance uint8."""
+    """A finished tile (rows, cols): height and standard errors (total, among neighbours, of the datum) float32 m, NaN where empty;
+    number of agreeing pairs and provenance uint8."""
 
     height: np.ndarray
     precision: np.ndarray
+    relative: np.ndarray
+    datum: np.ndarray
     pairs: np.ndarray
     provenance: np.ndarray
     statistics: SurfaceStatistics
+    points: SurfacePoints
 
 
 def surface_scratch(pieces: tuple[PairPiece, ...], work: Window) -> int:
     """Working memory of `make_surface`, bytes."""
-    # Per node x, y, z, column and row in float64, sigma and parallax in float32 with their copies; per cell and pair a float64
-    # height and a float32 sigma, twice while they are stacked.
-    return sum(60 * piece.nodes.height * piece.nodes.width for piece in pieces) + (40 + 24 * len(pieces)) * work.height * work.width
+    # The pairs come one by one. Per node x, y, z, column and row in float64, sigma and parallax in float32 with their copies; per
+    # cell the slots (float64 and float32), one pair's heights, and some twenty float64 arrays of filters and standard errors.
+    largest = max((60 * piece.nodes.height * piece.nodes.width for piece in pieces), default=0)
+    return largest + (12 * SLOTS + 200) * work.height * work.width
 
 
-def make_surface(tile: SurfaceTile, rules: SurfaceRules, nodes: tuple[np.ndarray, ...] = ()) -> SurfaceCells:
-    """The cells of a tile with their statistics; nodes: one array (rows, cols, 3) float32 per piece."""
-    cell = tile.surface.grid.cell
-    pairs = tuple(_pair_cells(tile, piece, array, rules) for piece, array in zip(tile.pieces, nodes, strict=True))
-    fused = _with_orientation(fuse(pairs, tile.work.shape, cell, rules.fusion), pairs, tile)
+def make_surface(
+    tile: SurfaceTile, rules: SurfaceRules, height: np.ndarray, quality: np.ndarray, level: np.ndarray, nodes: Iterator[np.ndarray]
+) -> SurfaceCells:
+    """The cells of a tile with their statistics.
+
+    height, quality, level: the volume over `tile.work`, see `VolumeWindow`; nodes: one array (rows, cols, 3) float32 per piece, in
+    their order.
+    """
+    grid, volume = tile.surface.grid, VolumeWindow(height, quality, level)
+    cell = grid.cell
+    # A height of a coarser level is a mean over its larger cell.
+    stack = HeightStack.over(volume.height, np.float32(rules.completion.nearness * cell) * volume.size)
+    photos = tuple(dict.fromkeys(name for piece in tile.pieces for name in (piece.pair.left, piece.pair.right)))
+    collector = PointCollector(grid, tile.window, photos, rules.points)
+    for piece, array in zip(tile.pieces, nodes, strict=True):
+        ground = nodes_on_ground(piece.pair, array, piece.nodes, piece.step)
+        target = TargetCells(grid, tile.work, (tile.surface.height_low, tile.surface.height_high))
+        stack.add(grid_nodes(ground, ground_pixel(piece.pair) * piece.step, target, rules.gridding))
+        collector.add(piece.number, piece.pair, ground, _accepted(ground, tile, stack))
+    fused = fuse(stack, cell, rules.fusion)
     # After fusion, not before: a single pair cannot distinguish a chimney from a wrong match, two that agree can.
     spiky = spikes(fused.height, cell, rules.spikes)
-    cells = _cropped(fill(_without(fused, spiky), cell, rules.fill), tile)
-    inner = _inner(tile)
-    statistics = _statistics(cells, int(spiky[inner].sum()), cell)
-    return SurfaceCells(cells.height, cells.precision, cells.count, cells.provenance, statistics)
+    measured = completed(without(fused, spiky), volume)
+    relative = relative_precision(measured, volume, cell)
+    whole = fill(FusedCells(measured.height, relative, measured.count, measured.provenance), rules.fill)
+    cells = _cropped(whole, tile)
+    datum = datum_precision([piece.pair for piece in tile.pieces], grid, tile.window, tile.ground)
+    datum = np.where(np.isfinite(cells.height), datum, np.float32(np.nan))
+    precision = np.hypot(cells.precision, datum)
+    statistics = _statistics(cells, datum, int(spiky[_inner(tile)].sum()), cell)
+    points = collector.points(cells.provenance)
+    return SurfaceCells(cells.height, precision, cells.precision, datum, cells.count, cells.provenance, statistics, points)
 
 
-def _pair_cells(tile: SurfaceTile, piece: PairPiece, nodes: np.ndarray, rules: SurfaceRules) -> HeightCells:
-    # The heights of the surface bound what is believed: a wrong match at the end of the parallax range can lie far above any roof.
-    ground = nodes_on_ground(piece.pair, nodes, piece.nodes, piece.step)
-    target = TargetCells(tile.surface.grid, tile.work, (tile.surface.height_low, tile.surface.height_high))
-    return grid_nodes(ground, ground_pixel(piece.pair) * piece.step, target, rules.gridding)
-
-
-def _with_orientation(cells: FusedCells, pairs: tuple[HeightCells, ...], tile: SurfaceTile) -> FusedCells:
-    """The cells with the orientation part added to their standard errors: mean variance over the pairs that see a cell."""
-    x, y = np.meshgrid(*tile.surface.grid.centres(tile.work))
-    total, count = np.zeros(tile.work.shape), np.zeros(tile.work.shape)
-    for piece, pair in zip(tile.pieces, pairs, strict=True):
-        seen = np.isfinite(pair.height)
-        total[seen] += orientation_sigma(piece.pair, x[seen], y[seen], cells.height[seen]) ** 2
-        count += seen
-    # The mean of the variances, not the variance of a mean: the datum and the camera constant move all pairs alike, and no number
-    # of pairs averages that out.
-    precision = np.sqrt(cells.precision**2 + total / np.maximum(count, 1.0)).astype(np.float32)
-    return FusedCells(cells.height, precision, cells.count, cells.provenance)
-
-
-def _without(cells: FusedCells, spiky: np.ndarray) -> FusedCells:
-    """The cells with the spikes (rows, cols) bool emptied."""
-    empty = np.float32(np.nan)
-    return FusedCells(
-        np.where(spiky, empty, cells.height),
-        np.where(spiky, empty, cells.precision),
-        np.where(spiky, np.uint8(0), cells.count),
-        np.where(spiky, np.uint8(Provenance.EMPTY), cells.provenance),
+def _accepted(ground: NodesOnGround, tile: SurfaceTile, stack: HeightStack) -> np.ndarray:
+    """(rows, cols) bool: nodes near the volume in their own cell."""
+    col, row = tile.surface.grid.pixel(ground.x, ground.y)
+    inside = np.isfinite(ground.z)
+    row, col = (
+        np.rint(np.where(inside, at, 0.0)).astype(np.int64) - first for at, first in ((row, tile.work.row), (col, tile.work.col))
     )
+    inside &= (row >= 0) & (col >= 0) & (row < tile.work.height) & (col < tile.work.width)
+    row, col = np.where(inside, row, 0), np.where(inside, col, 0)
+    # Without a reference nothing contradicts the node; NaN fails the comparison.
+    return inside & ~(np.abs(ground.z - stack.reference[row, col]) > stack.tolerance[row, col])
 
 
 def _inner(tile: SurfaceTile) -> tuple[slice, slice]:
@@ -143,13 +170,18 @@ def _cropped(cells: FusedCells, tile: SurfaceTile) -> FusedCells:
     return FusedCells(cells.height[inner], cells.precision[inner], cells.count[inner], cells.provenance[inner])
 
 
-def _statistics(cells: FusedCells, spiky: int, cell: float) -> SurfaceStatistics:
-    known = np.isfinite(cells.height)
+def _classes(sigma: np.ndarray, cell: float) -> tuple[int, ...]:
     # Classes are relative to the cell, so one histogram serves a drone block and an aerial block alike.
-    classes = np.minimum(cells.precision[known] / (0.1 * cell), CLASSES - 1).astype(int)
+    classes = np.minimum(sigma / (0.1 * cell), CLASSES - 1).astype(int)
+    return tuple(np.bincount(classes, minlength=CLASSES).tolist())
+
+
+def _statistics(cells: FusedCells, datum: np.ndarray, spiky: int, cell: float) -> SurfaceStatistics:
+    known, measured = np.isfinite(cells.height), np.isin(cells.provenance, MEASURED)
     return SurfaceStatistics(
         provenance=tuple(np.bincount(cells.provenance.ravel(), minlength=len(Provenance)).tolist()),
-        precision=tuple(np.bincount(classes, minlength=CLASSES).tolist()),
+        precision=_classes(cells.precision[measured], cell),
+        datum=_classes(datum[measured], cell),
         spikes=spiky,
         lowest=float(cells.height[known].min()) if known.any() else None,
         highest=float(cells.height[known].max()) if known.any() else None,
@@ -163,6 +195,7 @@ def sum_surface(parts: tuple[SurfaceStatistics, ...]) -> SurfaceStatistics:
     return SurfaceStatistics(
         provenance=tuple(map(sum, zip(*(part.provenance for part in parts), strict=True))),
         precision=tuple(map(sum, zip(*(part.precision for part in parts), strict=True))),
+        datum=tuple(map(sum, zip(*(part.datum for part in parts), strict=True))),
         spikes=sum(part.spikes for part in parts),
         lowest=min(lows, default=None),
         highest=max(highs, default=None),

@@ -1,5 +1,5 @@
-"""The window of a pair's left epipolar image that shows a window of the map: planning declares regions with it, so it may be too
-large but never too small."""
+"""The window of a pair's left epipolar image that shows a window of the map, and the reverse: planning declares regions with
+them, so they may be too large but never too small."""
 
 import numpy as np
 
@@ -37,6 +37,27 @@ def node_window(pair: EpipolarPair, step: int, corners: np.ndarray, margin: int 
     col, row = np.floor(pixels.min(axis=0) / step).astype(int) - margin
     right, bottom = np.ceil(pixels.max(axis=0) / step).astype(int) + 1 + margin
     return Window(int(row), int(col), int(bottom - row), int(right - col)).clipped(nodes_shape(pair, step))
+
+
+def map_window(pair: EpipolarPair, left: Window, grid: MapGrid, low: float, high: float, margin: int = 2) -> Window:
+    """The cells of `grid` that the pixels `left` of the left epipolar image can show between two heights, m.
+
+    `margin` cells are added on each side, and the window is clipped to the grid. A ray that meets the heights nowhere does
+    not count.
+    """
+    cols, rows = np.array([left.col, left.col + left.width - 1.0]), np.array([left.row, left.row + left.height - 1.0])
+    corners = np.stack(np.meshgrid(cols - pair.left_col0, pair.row0 - rows, [-pair.c]), axis=-1).reshape(-1, 3)
+    rays = corners @ np.array(pair.rotation)
+    # At or above the horizon a ray meets no height; the other corners then bound what is left of the ground.
+    rays = rays[rays[:, 2] < 0]
+    if not len(rays):
+        return Window(0, 0, 0, 0)
+    centre = np.array(pair.left_centre)
+    ground = np.concatenate([centre[:2] + rays[:, :2] * ((z - centre[2]) / rays[:, 2])[:, None] for z in (low, high)])
+    col, row = grid.pixel(ground[:, 0], ground[:, 1])
+    first_row, first_col = int(np.floor(row.min())) - margin, int(np.floor(col.min())) - margin
+    last_row, last_col = int(np.ceil(row.max())) + margin, int(np.ceil(col.max())) + margin
+    return Window(first_row, first_col, last_row - first_row + 1, last_col - first_col + 1).clipped(grid.shape)
 
 
 def nodes_shape(pair: EpipolarPair, step: int) -> tuple[int, int]:

@@ -31,10 +31,14 @@ def matching(converged=800, failed=200, outside=500, y=(0.1, -0.1)) -> MatchingS
     return MatchingStatistics(outcomes=tuple(outcomes), precision=tuple(precision), y_parallaxes=y)
 
 
-def cells(empty=10, one=50, agreed=30, disputed=2, filled=8) -> SurfaceStatistics:
+def cells(empty=10, one=50, agreed=30, disputed=2, filled=3, volume=4, incoherent=1) -> SurfaceStatistics:
     classes = [0] * CLASSES
-    classes[3] = one + agreed + disputed + filled
-    return SurfaceStatistics(provenance=(empty, one, agreed, disputed, filled), precision=tuple(classes), spikes=4, lowest=1.234)
+    classes[3] = one + agreed + disputed + volume
+    codes = (empty, one, agreed, disputed, filled, volume, incoherent)
+    return SurfaceStatistics(provenance=codes, precision=tuple(classes), datum=tuple(classes), spikes=4, lowest=1.234)
+
+
+EMPTY = cells(100, 0, 0, 0, 0, 0, 0)
 
 
 def reported(parts=None, surface=None, names=("a-b", "b-c")):
@@ -54,13 +58,15 @@ def test_figures_of_matching_leave_out_nodes_outside_the_photographs():
     assert found["parallax_precision_median"] == 0.05, "all nodes are in the class of 0.04 to 0.06 px"
 
 
-def test_figures_of_the_surface_are_shares_of_the_measured_cells():
+def test_figures_of_the_surface_are_shares_of_the_cells_with_a_height():
     found = figures(reported())
     assert found["cells_with_height"] == 90 and found["completeness_grid"] == 0.9
     assert found["share_one_pair"] == round(50 / 90, 4) and found["share_agreed"] == round(30 / 90, 4)
-    assert found["share_disputed"] == round(2 / 90, 4) and found["share_filled"] == round(8 / 90, 4)
+    assert found["share_disputed"] == round(2 / 90, 4) and found["share_volume"] == round(4 / 90, 4)
+    assert found["share_filled"] == round(3 / 90, 4) and found["share_incoherent"] == round(1 / 90, 4)
+    assert found["cells_measured"] == 86 and found["share_measured"] == round(86 / 90, 4)
     assert found["spikes_removed"] == 4 and found["height_lowest"] == 1.23 and found["height_highest"] is None
-    assert found["precision_median"] == pytest.approx(0.35 * LEVEL_GRID.cell)
+    assert found["precision_median"] == found["datum_precision_median"] == pytest.approx(0.35 * LEVEL_GRID.cell)
     assert (found["cell"], found["rows"], found["columns"]) == (LEVEL_GRID.cell, LEVEL_GRID.rows, LEVEL_GRID.cols)
 
 
@@ -85,7 +91,7 @@ def test_the_outcomes_of_every_pair_are_listed():
 
 def test_the_origin_of_the_heights_is_listed_by_code():
     rows = reported().grids[2].rows
-    assert [row[0] for row in rows] == list(Provenance) and [row[2] for row in rows] == [10, 50, 30, 2, 8]
+    assert [row[0] for row in rows] == list(Provenance) and [row[2] for row in rows] == [10, 50, 30, 2, 3, 4, 1]
     assert sum(row[3] for row in rows) == pytest.approx(1.0, abs=1e-3)
 
 
@@ -104,13 +110,17 @@ def test_a_y_parallax_that_the_orientation_left_is_reported_for_its_pair():
 
 
 def test_disputed_and_empty_surfaces_are_reported():
-    assert "disagree on 25 %" in reported(surface=cells(one=50, agreed=10, disputed=20, filled=0)).warnings[0]
-    assert "is empty" in reported(surface=cells(100, 0, 0, 0, 0)).warnings[0]
+    assert "disagree on 25 %" in reported(surface=cells(0, 50, 10, 20, 0, 0, 0)).warnings[0]
+    assert "is empty" in reported(surface=EMPTY).warnings[0]
+
+
+def test_many_estimates_are_reported():
+    assert "15 % of the heights are estimates" in reported(surface=cells(0, 85, 0, 0, 10, 0, 5)).warnings[0]
 
 
 def test_nothing_matched_gives_no_numbers():
     none = matching(0, 0, 100, y=())
-    found = figures(reported((none,), cells(100, 0, 0, 0, 0)))
+    found = figures(reported((none,), EMPTY))
     assert found["completeness_nodes"] is None and found["share_one_pair"] is None
     assert completeness(none) is None and y_parallax(none) is None
 
@@ -130,7 +140,7 @@ def test_statistics_of_blocks_add_up():
 
 def test_a_block_reads_its_square_and_what_the_parallaxes_can_reach():
     pair = level_pair()
-    block = PairBlock(pair, Window(0, 0, 10, 10), 4)
+    block = PairBlock.over(pair, Window(0, 0, 10, 10), 4, SURFACE)
     assert block.core == Window(0, 0, BLOCK, BLOCK)
     assert block.offset == pair.left_col0 - pair.right_col0
     assert block.parallaxes.low <= pair.parallax_low + block.offset < pair.parallax_high + block.offset <= block.parallaxes.high
@@ -140,7 +150,7 @@ def test_a_block_reads_its_square_and_what_the_parallaxes_can_reach():
 
 def test_a_block_without_a_right_image_has_no_match():
     beyond = level_pair(right_col0=level_pair().right_col0 - 5000.0)
-    block = PairBlock(beyond, Window(0, 0, 9, 7), 4)
+    block = PairBlock.over(beyond, Window(0, 0, 9, 7), 4, SURFACE)
     assert block.right.empty
     found = match_pair_block(block, DenseMatching(step=4), np.full(block.left.shape, 100, np.uint8))
     assert found.nodes.shape == (9, 7, 3) and np.isnan(found.nodes).all() and found.outcome.shape == (9, 7)
@@ -155,9 +165,12 @@ def test_the_settings_of_a_stage_reach_its_tiles():
             "gridding": {"max_jump": 0.7},
             "fusion": {"agreement": 2.0},
             "spikes": {"rounds": 5},
-            "fill": {"kind": "interpolate", "max_gap": 3.0},
+            "completion": {"nearness": 2.5},
+            "points": {"most_per_cell": 5},
+            "fill": {"kind": "estimate", "max_gap": 3},
         }
     )
     rules = stage.rules
     assert rules.gridding.max_jump == 0.7 and rules.fusion.agreement == 2.0
-    assert rules.spikes.rounds == 5 and rules.fill.reach(1.0) == 3
+    assert rules.spikes.rounds == 5 and rules.fill.reach == 3
+    assert rules.completion.nearness == 2.5 and rules.points.most_per_cell == 5

@@ -4,18 +4,32 @@ import numpy as np
 import pytest
 from memory_runner import MemoryProject
 from scipy import ndimage
-from village_pair import CELL, normal_case, render, village
+from village_pair import CELL, block_of, normal_case, photos_of, render, village
 
 from orthomill.schemas.epipolar import PAIRS, EpipolarPairs, epipolar_raster
-from orthomill.schemas.orientation import BLOCK, Block
+from orthomill.schemas.orientation import BLOCK
+from orthomill.schemas.photo import PHOTOS, photo_raster
 from orthomill.schemas.raster import Window
 from orthomill.schemas.stage_report import report_table
-from orthomill.schemas.surface import COUNT, HEIGHT, PRECISION, PROVENANCE, SURFACE
-from orthomill.tasks.densification.filling import Interpolate
-from orthomill.tasks.densification.stage import DensificationStage, nodes_raster, outcome_raster
+from orthomill.schemas.surface import (
+    COUNT,
+    DATUM_PRECISION,
+    HEIGHT,
+    MEASURED,
+    PRECISION,
+    PROVENANCE,
+    RELATIVE_PRECISION,
+    SURFACE,
+    Provenance,
+)
+from orthomill.tasks.densification.filling import MeasuredOnly
+from orthomill.tasks.densification.stage import DensificationStage, ObjectSpace, nodes_raster, outcome_raster
+from orthomill.tasks.densification.volume.merged_levels import Sureness
+from orthomill.tasks.geometry.view import block_view
+from orthomill.tasks.imagery.pyramid import halved
 from orthomill.tasks.matching.dense.blocks import DenseMatching
 
-STAGE = DensificationStage(matching=DenseMatching(step=4))
+STAGE = DensificationStage(matching=ObjectSpace(pairs=DenseMatching(step=4)))
 
 
 @pytest.fixture(scope="module")
@@ -26,21 +40,13 @@ def seen():
 
 def run(seen, stage=STAGE, tile=192, blank=False):
     engine, pair = MemoryProject(tile), seen[1].pair
-    engine.tables[BLOCK.path] = Block(
-        crs="EPSG:2100",
-        cameras={},
-        of_photo={},
-        photos=(),
-        datum="free",
-        sigma0_px=0.3,
-        redundancy=9,
-        iterations=1,
-        ground_low=-10.0,
-        ground_high=15.0,
-    )
+    engine.tables[BLOCK.path], engine.tables[PHOTOS.path] = block_of(pair), photos_of(pair)
     engine.tables[PAIRS.path] = EpipolarPairs(pairs=(pair,))
-    for side, image in (("left", seen[1].left), ("right", seen[1].right)):
-        engine.put(epipolar_raster(pair.name, side), np.zeros_like(image) if blank else image)
+    for name, side, image in ((pair.left, "left", seen[1].left), (pair.right, "right", seen[1].right)):
+        pixels = np.zeros_like(image) if blank else image
+        engine.put(epipolar_raster(pair.name, side), pixels)
+        engine.put(photo_raster(name), pixels[..., None])
+        engine.put(photo_raster(name, 1), halved(pixels[..., None]))
     engine.run(stage)
     return engine
 
@@ -69,22 +75,46 @@ def test_the_surface_is_the_true_one(seen, engine):
 
 def test_rasters_agree_with_one_another(engine):
     known = np.isfinite(engine.rasters[HEIGHT])
-    assert (np.isfinite(engine.rasters[PRECISION]) == known).all()
-    assert ((engine.rasters[COUNT] > 0) == known).all() and ((engine.rasters[PROVENANCE] > 0) == known).all()
+    for name in (PRECISION, RELATIVE_PRECISION, DATUM_PRECISION):
+        assert (np.isfinite(engine.rasters[name]) == known).all()
+    code = engine.rasters[PROVENANCE]
+    assert ((code > 0) == known).all()
+    assert ((engine.rasters[COUNT] > 0) == np.isin(code, (Provenance.ONE_PAIR, Provenance.AGREED))).all()
     assert (engine.rasters[nodes_raster("a-b")].shape[:2]) == engine.rasters[outcome_raster("a-b")].shape
+
+
+def test_every_cell_that_both_photographs_see_has_a_height(engine):
+    grid, block = engine.tables[SURFACE.path].grid, engine.tables[BLOCK.path]
+    x, y = np.meshgrid(*grid.centres(Window(0, 0, *grid.shape)))
+    points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    views = [block_view(block, name) for name in block.names]
+    seen = np.logical_and.reduce([view.contains(view.project(points), 12.0) for view in views]).reshape(grid.shape)
+    assert seen.mean() > 0.5 and np.isfinite(engine.rasters[HEIGHT][seen]).all()
+
+
+def test_the_standard_error_is_that_among_neighbours_and_that_of_the_datum(engine):
+    total, among, datum = (engine.rasters[name] for name in (PRECISION, RELATIVE_PRECISION, DATUM_PRECISION))
+    assert np.allclose(total, np.hypot(among, datum), equal_nan=True)
 
 
 def test_any_tile_size_gives_the_same_bits(seen, engine):
     whole = run(seen, tile=1024)
-    for name in (HEIGHT, PRECISION, COUNT, PROVENANCE):
+    assert {Provenance.ONE_PAIR, Provenance.VOLUME, Provenance.INCOHERENT} <= set(np.unique(whole.rasters[PROVENANCE]))
+    for name in (HEIGHT, PRECISION, RELATIVE_PRECISION, DATUM_PRECISION, COUNT, PROVENANCE):
         assert np.array_equal(engine.rasters[name], whole.rasters[name], equal_nan=True)
 
 
-def test_filled_gaps_do_not_depend_on_tiles_either(seen):
-    stage = STAGE.model_copy(update={"fill": Interpolate(kind="interpolate", max_gap=12.0)})
-    parts, whole = run(seen, stage), run(seen, stage, tile=1024)
-    assert (parts.rasters[PROVENANCE] == 4).any()
-    assert np.array_equal(parts.rasters[HEIGHT], whole.rasters[HEIGHT], equal_nan=True)
+def test_estimates_are_left_out_on_request_and_nothing_else_changes(seen, engine):
+    only = run(seen, STAGE.model_copy(update={"fill": MeasuredOnly(kind="none")}))
+    measured = np.isin(engine.rasters[PROVENANCE], MEASURED)
+    assert (np.isfinite(only.rasters[HEIGHT]) == measured).all() and not measured.all()
+    assert np.array_equal(only.rasters[HEIGHT][measured], engine.rasters[HEIGHT][measured])
+
+
+def test_a_stricter_volume_measures_fewer_cells(seen, engine):
+    strict = ObjectSpace(pairs=STAGE.matching.pairs, sure=Sureness(coherence=1.0, margin=2.0))
+    codes = run(seen, STAGE.model_copy(update={"matching": strict})).rasters[PROVENANCE]
+    assert (codes == Provenance.VOLUME).sum() < (engine.rasters[PROVENANCE] == Provenance.VOLUME).sum()
 
 
 def test_the_report_counts_what_the_rasters_hold(engine):
@@ -92,13 +122,15 @@ def test_the_report_counts_what_the_rasters_hold(engine):
     figures = {figure.name: figure.value for figure in report.figures}
     assert figures["cells_with_height"] == np.isfinite(engine.rasters[HEIGHT]).sum()
     assert figures["nodes_matched"] == np.isfinite(engine.rasters[nodes_raster("a-b")][..., 0]).sum()
-    assert figures["share_one_pair"] == 1.0
-    assert figures["precision_median"] == pytest.approx(np.nanmedian(engine.rasters[PRECISION]), abs=0.02)
+    measured = np.isin(engine.rasters[PROVENANCE], MEASURED)
+    assert figures["cells_measured"] == measured.sum() < figures["cells_with_height"]
+    assert figures["precision_median"] == pytest.approx(np.median(engine.rasters[RELATIVE_PRECISION][measured]), abs=0.02)
     exported = [set(export.rasters.values()) for export in engine.exports.values()]
-    assert {HEIGHT, PRECISION} in exported and {COUNT, PROVENANCE} in exported
+    assert {HEIGHT, PRECISION, RELATIVE_PRECISION, DATUM_PRECISION} in exported and {COUNT, PROVENANCE} in exported
 
 
-def test_images_without_data_give_an_empty_surface_and_say_so(seen):
+def test_blank_photographs_give_estimates_and_the_report_says_so(seen):
     empty = run(seen, blank=True)
-    assert np.isnan(empty.rasters[HEIGHT]).all()
-    assert any("empty" in warning for warning in empty.tables[report_table("densification").path].warnings)
+    # Along the border of a photograph some heights leave it, which sets the others apart.
+    assert np.isin(empty.rasters[PROVENANCE], MEASURED).mean() < 0.01
+    assert any("estimates" in warning for warning in empty.tables[report_table("densification").path].warnings)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import Provenance
-from orthomill.tasks.densification.filling import Interpolate, fill
+from orthomill.tasks.densification.filling import EstimateGaps, MeasuredOnly, fill
 from orthomill.tasks.densification.fusion import FusedCells
 from orthomill.tasks.densification.gridding import Gridding, HeightCells, TargetCells, grid_nodes
 from orthomill.tasks.densification.ground_intersection import NodesOnGround
@@ -154,33 +154,39 @@ def plain_filling(height: np.ndarray, reach: int) -> np.ndarray:
 
 
 @settings(max_examples=30, deadline=None)
-@given(seed=st.integers(0, 10**6), gap=st.floats(1.0, 6.0))
+@given(seed=st.integers(0, 10**6), gap=st.integers(1, 6))
 def test_filling_agrees_with_its_plain_twin(seed, gap):
     rng = np.random.default_rng(seed)
     height = rng.normal(50, 3, (10, 11))
     height[rng.random(height.shape) < 0.5] = np.nan
-    filled = fill(cells_of(height), 1.0, Interpolate(kind="interpolate", max_gap=gap))
-    assert np.allclose(filled.height, plain_filling(height.astype(np.float32), int(np.ceil(gap))), atol=1e-4, equal_nan=True)
+    filled = fill(cells_of(height), EstimateGaps(max_gap=gap))
+    assert np.allclose(filled.height, plain_filling(height.astype(np.float32), gap), atol=1e-4, equal_nan=True)
 
 
 def test_filled_cells_are_never_more_precise_than_their_neighbours():
     height = np.tile(np.arange(9.0), (9, 1))
     height[4, 4] = np.nan
-    filled = fill(cells_of(height, 0.25), 1.0, Interpolate(kind="interpolate", max_gap=3.0))
+    filled = fill(cells_of(height, 0.25), EstimateGaps(max_gap=3))
     assert filled.provenance[4, 4] == Provenance.INTERPOLATED and filled.count[4, 4] == 0
     assert filled.precision[4, 4] > 0.25 and filled.height[4, 4] == pytest.approx(4.0)
 
 
-def test_max_gap_is_in_metres():
+def test_max_gap_is_in_cells():
     height = np.full((1, 21), 5.0)
     height[0, 6:15] = np.nan
-    for gap, cell, whole in ((9.0, 1.0, True), (4.0, 1.0, False), (4.0, 0.5, False), (5.0, 0.5, True)):
-        filled = fill(cells_of(height), cell, Interpolate(kind="interpolate", max_gap=gap))
-        assert np.isfinite(filled.height).all() == whole, (gap, cell)
+    for gap, whole in ((9, True), (8, False)):
+        assert np.isfinite(fill(cells_of(height), EstimateGaps(max_gap=gap)).height).all() == whole, gap
 
 
 def test_nothing_is_extrapolated():
     height = np.full((9, 9), np.nan)
     height[:, :4] = 3.0
-    filled = fill(cells_of(height), 1.0, Interpolate(kind="interpolate", max_gap=5.0))
-    assert np.isnan(filled.height[:, 4:]).all()
+    assert np.isnan(fill(cells_of(height), EstimateGaps(max_gap=5)).height[:, 4:]).all()
+
+
+def test_measured_only_leaves_every_estimate_out():
+    cells = cells_of(np.full((1, 7), 5.0))
+    codes = np.arange(7, dtype=np.uint8)[None]
+    kept = fill(FusedCells(cells.height, cells.precision, cells.count, codes), MeasuredOnly(kind="none"))
+    assert kept.provenance.tolist() == [[0, 1, 2, 3, 0, 5, 0]]
+    assert (np.isnan(kept.height[0]) == [False, False, False, False, True, False, True]).all()

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from village_pair import stack_of
 
 from orthomill.schemas.epipolar import EpipolarPair, EpipolarPairs
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.tasks.densification.filling import Interpolate, NoFill, fill
+from orthomill.tasks.densification.filling import EstimateGaps, MeasuredOnly, fill
 from orthomill.tasks.densification.fusion import FusedCells, Fusion, fuse
 from orthomill.tasks.densification.gridding import Gridding, HeightCells, TargetCells, grid_nodes
 from orthomill.tasks.densification.ground_intersection import NodesOnGround, nodes_on_ground
@@ -134,7 +135,7 @@ def test_gridding_a_window_is_a_window_of_the_whole(row, col, size):
 
 def fused(*heights, sigma=0.1, **changes):
     pairs = tuple(HeightCells(np.array([[h]], dtype=np.float64), np.array([[sigma]], dtype=np.float32)) for h in heights)
-    cells = fuse(pairs, (1, 1), 1.0, Fusion(**changes))
+    cells = fuse(stack_of(*pairs), 1.0, Fusion(**changes))
     return cells.height[0, 0], cells.precision[0, 0], int(cells.count[0, 0]), int(cells.provenance[0, 0])
 
 
@@ -149,7 +150,6 @@ def test_one_pair_and_none():
     assert fused(10.0) == (pytest.approx(10.0), pytest.approx(0.1), 1, 1)
     height, precision, count, provenance = fused(np.nan, np.nan)
     assert np.isnan(height) and np.isnan(precision) and (count, provenance) == (0, 0)
-    assert np.isnan(fuse((), (2, 3), 1.0, Fusion()).height).all()
 
 
 def test_two_that_agree_beat_one_blunder_and_a_dispute_is_named():
@@ -198,8 +198,8 @@ def test_gaps_are_filled_only_when_asked_for_and_only_within_reach():
     height[:, 24:] = EMPTY
     known = np.isfinite(height)
     cells = FusedCells(height, np.where(known, np.float32(0.1), EMPTY), known.astype(np.uint8), known.astype(np.uint8))
-    assert fill(cells, 1.0, NoFill()) is cells
-    filled = fill(cells, 1.0, Interpolate(kind="interpolate", max_gap=6.0))
+    assert np.array_equal(fill(cells, MeasuredOnly(kind="none")).height, cells.height, equal_nan=True)
+    filled = fill(cells, EstimateGaps(max_gap=6))
     hole = slice(10, 14), slice(12, 16)
     assert np.abs(filled.height[hole] - (100 + 0.5 * x[12:16])).max() < 0.3
     assert (filled.provenance[hole] == 4).all() and (filled.count[hole] == 0).all() and (filled.precision[hole] >= 0.1).all()

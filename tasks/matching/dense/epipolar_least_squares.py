@@ -369,7 +369,8 @@ def _match_nodes(pair, start, rows, cols, limits, correlation, nodes):
                     if best > 4.0 * values[_SIGMA0] + 1.0:
                         outcome[i, j] = outcomes.INCONSISTENT
                 elif best == np.inf:
-                    outcome[i, j] = result
+                    # Without a misfit the node itself lies at the edge of the data, although its window fits.
+                    outcome[i, j] = outcomes.OUTSIDE if result == outcomes.CONVERGED else result
                     likeness[i, j] = values[_CORRELATION]
             if outcome[i, j] != outcomes.CONVERGED:
                 parallax[i, j] = np.nan

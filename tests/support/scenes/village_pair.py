@@ -12,9 +12,14 @@ from pathlib import Path
 import numpy as np
 from numba import njit
 
+from orthomill.schemas.camera import Camera
 from orthomill.schemas.epipolar import EpipolarPair
+from orthomill.schemas.orientation import Block, ExteriorOrientation
+from orthomill.schemas.photo import Photo, Photos
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import Surface
+from orthomill.tasks.densification.gridding import HeightCells
+from orthomill.tasks.densification.height_stack import HeightStack
 from orthomill.tasks.densification.surface_tile import PairPiece, SurfaceTile
 from orthomill.tasks.geometry.epipolar_window import box_corners, node_window, nodes_shape
 
@@ -183,6 +188,42 @@ def render(
     return RenderedPair(pair, images[0], images[1], points, parallax, roof, wall, blank)
 
 
+def block_of(pair: EpipolarPair) -> Block:
+    """The photographs of a pair, which are its epipolar images, as a block: vertical, each with the principal point of its
+    image."""
+    sides = ((pair.left, pair.left_centre, pair.left_col0), (pair.right, pair.right_centre, pair.right_col0))
+    cameras = {
+        name: Camera(
+            name=name,
+            width=pair.left_cols,
+            height=pair.rows,
+            c=pair.c,
+            x0=col0 - (pair.left_cols - 1) / 2,
+            y0=(pair.rows - 1) / 2 - pair.row0,
+        )
+        for name, _, col0 in sides
+    }
+    photos = tuple(ExteriorOrientation(photo=name, centre=centre, omega_phi_kappa=(0.0, 0.0, 0.0)) for name, centre, _ in sides)
+    return Block(
+        crs="EPSG:2100",
+        cameras=cameras,
+        of_photo={name: name for name in cameras},
+        photos=photos,
+        datum="free",
+        sigma0_px=0.3,
+        redundancy=9,
+        iterations=1,
+        ground_low=-10.0,
+        ground_high=15.0,
+    )
+
+
+def photos_of(pair: EpipolarPair, levels: int = 2) -> Photos:
+    """The table of the photographs of a pair."""
+    size = {"width": pair.left_cols, "height": pair.rows, "bands": 1, "dtype": "uint8", "levels": levels}
+    return Photos(photos=tuple(Photo(name=name, path=f"{name}.tif", camera=name, **size) for name in (pair.left, pair.right)))
+
+
 LEVEL_SIZE = 220
 STEP = 4
 LEVEL_GRID = MapGrid(west=20.0, north=-20.0, cell=2.0, rows=32, cols=36)
@@ -207,7 +248,7 @@ def level_nodes(pair: EpipolarPair, z: float, window: Window, sigma: float = 0.1
 
 def piece_of(pair: EpipolarPair, surface: Surface, work: Window) -> PairPiece:
     corners = box_corners(surface.grid, work.grown(1), surface.height_low, surface.height_high)
-    return PairPiece(pair, node_window(pair, STEP, corners), STEP)
+    return PairPiece(0, pair, node_window(pair, STEP, corners), STEP)
 
 
 def surface_tile(*pairs: EpipolarPair, window: Window | None = None, work: Window | None = None) -> SurfaceTile:
@@ -215,7 +256,16 @@ def surface_tile(*pairs: EpipolarPair, window: Window | None = None, work: Windo
     surface = Surface(grid=LEVEL_GRID, height_low=-30.0, height_high=60.0)
     whole = Window(0, 0, *LEVEL_GRID.shape)
     window, work = window or whole, work or whole
-    return SurfaceTile(surface, window, work, tuple(piece_of(pair, surface, work) for pair in pairs))
+    return SurfaceTile(surface, window, work, tuple(piece_of(pair, surface, work) for pair in pairs), 10.0)
+
+
+def stack_of(*pairs: HeightCells, reference: float = 0.0, tolerance: float = np.inf) -> HeightStack:
+    """The heights of pairs over the same cells, near a reference height (m); by default any height is near."""
+    shape = pairs[0].height.shape
+    stack = HeightStack.over(np.full(shape, reference), np.full(shape, tolerance, np.float32))
+    for pair in pairs:
+        stack.add(pair)
+    return stack
 
 
 def all_nodes(pair: EpipolarPair) -> Window:

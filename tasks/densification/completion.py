@@ -1,0 +1,55 @@
+"""From the heights of the pairs to a complete surface: where no pair has a height, the volume has, measured or estimated."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from orthomill.schemas.settings import Settings, setting
+from orthomill.schemas.surface import Provenance
+from orthomill.tasks.densification.fusion import FusedCells
+from orthomill.tasks.densification.volume.merged_levels import UNSURE
+
+
+class Completion(Settings):
+    """How the heights of pairs and those of the volume go together."""
+
+    nearness: float = setting(1.0, "Heights of a pair count only within this distance of the volume's.", "cells", gt=0.0, le=20.0)
+
+
+class VolumeWindow(NamedTuple):
+    """The volume over the cells of a tile: heights (rows, cols) float32 m, NaN where fewer than two photographs see the
+    place; quality (rows, cols, 4) uint8: cost, margin, coherence (%), photographs; level (rows, cols) uint8 as in
+    `MergedVolume`."""
+
+    height: np.ndarray
+    quality: np.ndarray
+    level: np.ndarray
+
+    @property
+    def sure(self) -> np.ndarray:
+        """(rows, cols) bool: measured."""
+        return self.level < UNSURE
+
+    @property
+    def size(self) -> np.ndarray:
+        """(rows, cols) float32: cells of the surface along the side of a cell of the level that a height comes from."""
+        return (1 << (self.level % UNSURE).astype(np.int32)).astype(np.float32)
+
+    @property
+    def margin(self) -> np.ndarray:
+        """(rows, cols) float32: by how much the next best height fits worse, share of the bits of a signature."""
+        return self.quality[..., 1] * np.float32(0.01)
+
+    @classmethod
+    def unknown(cls, shape: tuple[int, int]) -> "VolumeWindow":
+        """No height anywhere."""
+        return cls(np.full(shape, np.nan, np.float32), np.zeros((*shape, 4), np.uint8), np.full(shape, UNSURE, np.uint8))
+
+
+def completed(cells: FusedCells, volume: VolumeWindow) -> FusedCells:
+    """The fused cells with heights of the volume where they have none; standard errors there are NaN until modelled."""
+    added = np.isnan(cells.height) & np.isfinite(volume.height)
+    code = np.where(volume.sure, np.uint8(Provenance.VOLUME), np.uint8(Provenance.INCOHERENT))
+    return FusedCells(
+        np.where(added, volume.height, cells.height), cells.precision, cells.count, np.where(added, code, cells.provenance)
+    )

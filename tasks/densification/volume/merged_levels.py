@@ -1,0 +1,104 @@
+"""One height per cell from all levels of the volume: the finest level that is sure of it.
+
+Strategy. On open ground the finest level answers. In a wood its windows show single leaves, which no two photographs see alike,
+while a coarser level sees crowns: there the coarser height, which is coherent and clearly the best, is worth more than a fine one
+that is neither. A cell takes the finest level that is sure; where none is, the most coherent one, as an estimate.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from orthomill.schemas.raster import Window
+from orthomill.schemas.settings import Settings, setting
+
+
+class Sureness(Settings):
+    """When a height of the volume counts as measured."""
+
+    coherence: float = setting(0.7, "Share of the cells around that must go along with it.", ge=0.0, le=1.0)
+    margin: float = setting(
+        0.5, "How much worse the photographs must fit at any other height.", "share of the bits", ge=0.0, le=2.5
+    )
+
+    def sure(self, quality: np.ndarray) -> np.ndarray:
+        """(rows, cols) bool from the quality (rows, cols, 4) of a level."""
+        return (quality[..., 2] >= 100 * self.coherence) & (quality[..., 1] >= 100 * self.margin)
+
+
+@dataclass(frozen=True)
+class LevelsUnderTile:
+    """A tile of the surface grid, and the window of every level (finest first) under it with one cell around."""
+
+    window: Window
+    levels: tuple[Window, ...]
+
+    @classmethod
+    def of(cls, window: Window, shapes: Sequence[tuple[int, ...]]) -> "LevelsUnderTile":
+        """shapes: of the levels, finest first; level k has cells of 2^k cells."""
+        return cls(window, tuple(_under(window, 2**k).clipped(shape) for k, shape in enumerate(shapes)))
+
+
+class MergedVolume(NamedTuple):
+    """A tile: `height` (rows, cols) float32 m; `quality` (rows, cols, 4) uint8 of the level that it comes from; `level`
+    (rows, cols) uint8, that level, `UNSURE` more where no level is sure."""
+
+    height: np.ndarray
+    quality: np.ndarray
+    level: np.ndarray
+
+
+UNSURE = 128
+"""added to the level of a height that is an estimate"""
+
+
+def merge_levels(
+    tile: LevelsUnderTile, settings: Sureness, heights: tuple[np.ndarray, ...], qualities: tuple[np.ndarray, ...]
+) -> MergedVolume:
+    """heights, qualities: of the windows `tile.levels`."""
+    height, quality = heights[0][_inner(tile)].copy(), qualities[0][_inner(tile)].copy()
+    level = np.where(settings.sure(quality), np.uint8(0), np.uint8(UNSURE))
+    for k in range(1, len(heights)):
+        rows, cols = _places(tile, k)
+        own = qualities[k][np.ix_(np.rint(rows).astype(int), np.rint(cols).astype(int))]
+        sure = settings.sure(own)
+        # An estimate only gives way to one whose surroundings agree more: of equals the finer one stays.
+        better = (level >= UNSURE) & (sure | (own[..., 2] > quality[..., 2]))
+        values = _interpolated(heights[k], rows, cols)
+        better &= np.isfinite(values) & np.isfinite(height)
+        height[better], quality[better] = values[better], own[better]
+        level[better] = np.where(sure, k, UNSURE + k)[better]
+    return MergedVolume(height, quality, level)
+
+
+def _under(window: Window, factor: int) -> Window:
+    row, col = window.row // factor, window.col // factor
+    bottom, right = -(-(window.row + window.height) // factor), -(-(window.col + window.width) // factor)
+    return Window(row, col, bottom - row, right - col).grown(1)
+
+
+def _inner(tile: LevelsUnderTile) -> tuple[slice, slice]:
+    row, col = tile.window.row - tile.levels[0].row, tile.window.col - tile.levels[0].col
+    return slice(row, row + tile.window.height), slice(col, col + tile.window.width)
+
+
+def _places(tile: LevelsUnderTile, level: int) -> tuple[np.ndarray, np.ndarray]:
+    """Row (height,) and column (width,) of the tile's cells in the window of a level, fractional, within it."""
+    factor, window = 2**level, tile.levels[level]
+    rows = (np.arange(tile.window.row, tile.window.row + tile.window.height) + 0.5) / factor - 0.5 - window.row
+    cols = (np.arange(tile.window.col, tile.window.col + tile.window.width) + 0.5) / factor - 0.5 - window.col
+    return np.clip(rows, 0, window.height - 1), np.clip(cols, 0, window.width - 1)
+
+
+def _interpolated(heights: np.ndarray, rows: np.ndarray, cols: np.ndarray) -> np.ndarray:
+    """Bilinear between the four cells around, the nearest where one of them is unknown; float32."""
+    i, j = (np.minimum(at.astype(int), max(size - 2, 0)) for at, size in ((rows, heights.shape[0]), (cols, heights.shape[1])))
+    below, right = np.minimum(i + 1, heights.shape[0] - 1), np.minimum(j + 1, heights.shape[1] - 1)
+    s, t = (rows - i)[:, None], (cols - j)[None, :]
+    upper = heights[np.ix_(i, j)] * (1 - t) + heights[np.ix_(i, right)] * t
+    lower = heights[np.ix_(below, j)] * (1 - t) + heights[np.ix_(below, right)] * t
+    nearest = heights[np.ix_(np.rint(rows).astype(int), np.rint(cols).astype(int))]
+    smooth = upper * (1 - s) + lower * s
+    return np.where(np.isfinite(smooth), smooth, nearest).astype(np.float32)

@@ -1,0 +1,55 @@
+"""Where pairs have no height the volume has one, with a code; what the orientation adds is smooth and the same in every tile."""
+
+import numpy as np
+import pytest
+from village_pair import LEVEL_GRID, level_pair
+
+from orthomill.schemas.raster import Window
+from orthomill.schemas.surface import Provenance
+from orthomill.tasks.densification.completion import VolumeWindow, completed
+from orthomill.tasks.densification.datum_precision import SPACING, datum_precision
+from orthomill.tasks.densification.fusion import FusedCells
+from orthomill.tasks.densification.volume.merged_levels import UNSURE
+
+
+def cells_of(*heights: float) -> FusedCells:
+    height = np.array([heights], np.float32)
+    known = np.isfinite(height)
+    return FusedCells(height, np.where(known, 0.1, np.nan).astype(np.float32), known.astype(np.uint8), known.astype(np.uint8))
+
+
+def volume_of(heights, levels) -> VolumeWindow:
+    return VolumeWindow(np.array([heights], np.float32), np.zeros((1, len(heights), 4), np.uint8), np.array([levels], np.uint8))
+
+
+def test_the_volume_gives_what_pairs_do_not():
+    volume = volume_of((5.2, 6.0, 7.0, np.nan, 8.0), (0, 0, UNSURE, UNSURE, 2))
+    found = completed(cells_of(5.0, np.nan, np.nan, np.nan, np.nan), volume)
+    assert found.height[0].tolist()[:3] == [5.0, 6.0, 7.0] and np.isnan(found.height[0, 3])
+    codes = [Provenance.ONE_PAIR, Provenance.VOLUME, Provenance.INCOHERENT, Provenance.EMPTY, Provenance.VOLUME]
+    assert found.provenance[0].tolist() == codes and found.count[0].tolist() == [1, 0, 0, 0, 0]
+    assert volume.size[0].tolist() == [1, 1, 1, 1, 4]
+
+
+WHOLE = Window(0, 0, *LEVEL_GRID.shape)
+UNEVEN = (0.1, 0.2, 0.3, 0.2, 0.1, 0.2, 0.4, 0.2, 0.1)
+
+
+def test_the_datum_error_of_one_value_is_that_value():
+    assert datum_precision([level_pair(height_sigmas=(0.25,) * 9)], LEVEL_GRID, WHOLE, 10.0) == pytest.approx(0.25)
+
+
+def test_two_pairs_do_not_average_the_datum_error_out():
+    pairs = [level_pair(height_sigmas=(s,) * 9) for s in (0.1, 0.3)]
+    assert datum_precision(pairs, LEVEL_GRID, WHOLE, 10.0) == pytest.approx(np.sqrt((0.01 + 0.09) / 2))
+
+
+def test_the_datum_error_is_the_same_in_any_window():
+    pairs = [level_pair(height_sigmas=UNEVEN)]
+    whole, part = datum_precision(pairs, LEVEL_GRID, WHOLE, 10.0), Window(SPACING - 3, 5, 12, 19)
+    assert np.array_equal(datum_precision(pairs, LEVEL_GRID, part, 10.0), whole[part.slices])
+    assert 0.1 <= whole.min() < whole.max() <= 0.4
+
+
+def test_without_covariance_the_orientation_adds_nothing():
+    assert (datum_precision([level_pair()], LEVEL_GRID, WHOLE, 10.0) == 0).all()
