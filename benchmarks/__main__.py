@@ -2,7 +2,7 @@
 
 import sys
 
-from benchmarks import memory_growth, same_everywhere, volos
+from benchmarks import memory_growth, same_everywhere, time_by_stage, volos
 from benchmarks.matching import matching_speed, published_tables, window_sizes
 
 
@@ -12,6 +12,7 @@ def main() -> None:
         "volos": volos.main,
         "same_everywhere": same_everywhere.main,
         "memory_growth": memory_growth.main,
+        "time_by_stage": lambda: time_by_stage.main([]),
         "matching": lambda: published_tables.main([]),
         "matching_speed": matching_speed.main,
         "window_sizes": window_sizes.main,

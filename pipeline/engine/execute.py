@@ -6,7 +6,7 @@ import time
 import traceback
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from orthomill.pipeline.engine.records import Fingerprint, Key, Record, Records
 from orthomill.pipeline.export.exports import export
@@ -30,6 +30,13 @@ class JobOrder:
     """identifier of the run that asks for it"""
 
 
+class Started(NamedTuple):
+    """When a job began: time of day, and processor time of this process, s."""
+
+    wall: float
+    processor: float
+
+
 class JobFailed(Exception):
     """A job could not be done; carries the sentence for the user."""
 
@@ -47,7 +54,7 @@ def execute(work: JobOrder, *dependencies: object) -> Key:
     # When a worker dies, Dask repeats all jobs whose results, the keys, it held; their data are on disk and remain valid.
     if _is_done(work, records):
         return work.job.key
-    started = time.time()
+    started = Started(time.time(), time.process_time())
     # The record goes first: a process killed while it writes must not leave a record that says the result is valid.
     records.remove(work.job.key)
     try:
@@ -137,7 +144,7 @@ def _write(store: Store, region: Raster | Table, value: Any) -> None:
         store.write_table(region, value)
 
 
-def _record(work: JobOrder, status: str, started: float, **more: Any) -> Record:
+def _record(work: JobOrder, status: str, started: Started, **more: Any) -> Record:
     stage, item, row, col = work.job.key
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024  # Linux counts in KiB
     return Record(
@@ -149,8 +156,9 @@ def _record(work: JobOrder, status: str, started: float, **more: Any) -> Record:
         fingerprint=work.fingerprint,
         reason=work.reason,
         run=work.run,
-        started=started,
-        seconds=time.time() - started,
+        started=started.wall,
+        seconds=time.time() - started.wall,
+        cpu_seconds=time.process_time() - started.processor,
         worker=str(os.getpid()),
         peak_bytes=peak,
         **more,

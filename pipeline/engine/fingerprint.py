@@ -26,7 +26,7 @@ LIBRARIES = ("numpy", "scipy", "numba", "opencv-python-headless", "rasterio")
 def digest(*parts: str) -> str:
     """A short, stable name of some text."""
     # Separated by zero bytes, which no part contains: ("ab", "c") and ("a", "bc") must differ. 80 bits are ample for 10^6 jobs.
-    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:20]
+    return hashlib.sha256("\0".join(parts).encode(errors="surrogatepass")).hexdigest()[:20]
 
 
 def of_value(value: Any) -> str:

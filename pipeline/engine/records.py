@@ -47,6 +47,9 @@ class Record(BaseModel):
     """raster -> birth mark of the raster that was written"""
     started: float = 0.0
     seconds: float = 0.0
+    # Wall-clock time tells what a job costs only on an idle machine: beside other programs it doubles.
+    cpu_seconds: float = 0.0
+    """processor time of the worker process while the job ran, s"""
     worker: str = ""
     peak_bytes: int = 0
     """peak memory of the worker process until the job's end"""

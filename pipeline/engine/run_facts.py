@@ -30,6 +30,8 @@ class StageRun:
     """working time of its jobs added up, s, whichever run did them"""
     peak_bytes: int | None = None
     """largest memory of a worker while one of its jobs ran, whichever run did it"""
+    cpu_seconds: float = 0.0
+    """processor time of its jobs added up, s, whichever run did them"""
     reported: bool = True
     """whether its report, where there is one, describes its present results and not those of an earlier run"""
 

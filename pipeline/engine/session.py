@@ -211,6 +211,7 @@ class Session:
             failed=sum(key in self.failures for key in keys),
             seconds=sum(record.seconds for record in valid),
             peak_bytes=max((record.peak_bytes for record in valid), default=None),
+            cpu_seconds=sum(record.cpu_seconds for record in valid),
             reported=self._reported(keys),
         )
 

@@ -76,6 +76,9 @@ def _stage_figures(stage: StageRun) -> tuple[Figure, ...]:
 def _job_figures(stages: tuple[StageRun, ...], peak_bytes: int | None) -> tuple[Figure, ...]:
     return (
         _fact("work_seconds", sum(stage.seconds for stage in stages), "Working time of all jobs, whichever run did them.", "s"),
+        _fact(
+            "cpu_seconds", sum(stage.cpu_seconds for stage in stages), "Processor time of all jobs, whichever run did them.", "s"
+        ),
         _fact("peak_memory", _mebibytes(peak_bytes), "Largest memory of one worker.", "MiB"),
         _fact("jobs", sum(stage.jobs for stage in stages), "Jobs planned."),
         _fact("jobs_done", sum(stage.done for stage in stages), "Jobs done by the last run that did any work."),

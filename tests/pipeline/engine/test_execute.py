@@ -1,5 +1,6 @@
 """One job: its inputs are read, its results written whole, and its end recorded, whatever the end is."""
 
+import time
 from pathlib import Path
 from typing import NamedTuple
 
@@ -63,6 +64,19 @@ def test_a_table_is_written_and_recorded(tmp_path):
     record = Records(tmp_path / "run").get(KEY)
     assert (record.status, record.reason, record.fingerprint, record.births) == ("done", "not done yet", PRINT, {})
     assert record.peak_bytes > 0 and record.seconds >= 0
+
+
+def test_processor_time_is_recorded_apart_from_waiting(tmp_path):
+    def wait_and_work(rows: int, cols: int) -> Size:
+        time.sleep(0.2)
+        end = time.process_time() + 0.1
+        while time.process_time() < end:
+            pass
+        return Size(rows=rows, cols=cols)
+
+    execute(order(tmp_path, size_job(wait_and_work)))
+    record = Records(tmp_path / "run").get(KEY)
+    assert 0.1 <= record.cpu_seconds < record.seconds and record.seconds >= 0.3
 
 
 def test_several_results_go_where_their_names_say(tmp_path):

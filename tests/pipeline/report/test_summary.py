@@ -15,7 +15,7 @@ RUN = RunFacts(
     finished="2026-11-21T10:05:00",
     seconds=300.0,
     peak_bytes=2**30,
-    stages=(StageRun("photos", 4, 4, 0, 0, 3.5, 2**28), StageRun("orientation", 6, 4, 1, 1, 9.0)),
+    stages=(StageRun("photos", 4, 4, 0, 0, 3.5, 2**28, 3.0), StageRun("orientation", 6, 4, 1, 1, 9.0, cpu_seconds=4.5)),
     failures=(Failure("orientation", "orientation/pair/0/1", "Too few points."),),
 )
 
@@ -50,8 +50,19 @@ RUN_NAMES = (
     "version",
     "wall_seconds",
     "work_seconds",
+    "cpu_seconds",
 )
-STAGE_NAMES = ("complete", "jobs", "jobs_done", "jobs_failed", "jobs_skipped", "jobs_waiting", "peak_memory", "work_seconds")
+STAGE_NAMES = (
+    "complete",
+    "cpu_seconds",
+    "jobs",
+    "jobs_done",
+    "jobs_failed",
+    "jobs_skipped",
+    "jobs_waiting",
+    "peak_memory",
+    "work_seconds",
+)
 
 
 def test_the_names_are_stable_and_sorted():
@@ -68,6 +79,7 @@ def test_every_entry_has_value_unit_and_sentence():
     assert entries["orientation.sigma0_2"]["value"] == 0.4
     assert entries["run.complete"]["value"] is False and entries["run.photos.complete"]["value"] is True
     assert entries["run.jobs"]["value"] == 10 and entries["run.work_seconds"]["value"] == 12.5
+    assert entries["run.cpu_seconds"]["value"] == 7.5 and entries["run.photos.cpu_seconds"]["value"] == 3.0
     assert entries["run.peak_memory"] == {"value": 1024.0, "unit": "MiB", "sentence": "Largest memory of one worker."}
     assert entries["run.failed_tiles"]["value"] == "orientation/pair/0/1"
     assert entries["run.texture.jobs"]["value"] == 0
