@@ -12,17 +12,17 @@ import numpy as np
 
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.photo import Photos
-from orthomill.schemas.raster import MapGrid, Tile, Window, tiles_of
+from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import Surface
 from orthomill.tasks.densification.volume.photograph_choice import base_height
+from orthomill.tasks.geometry.footprint import ground_bounds
 from orthomill.tasks.geometry.view import View, block_view
 from orthomill.tasks.matching.volume.height_volume import HeightVolume
 from orthomill.tasks.matching.volume.paths import UNIT
 
-BLOCK = 512
-"""Side of a tile in cells of its level, whatever the tile of the project: the result must not depend on that."""
 HALO = 32
 """Cells on every side of a tile that are optimised with it, so that paths arrive there."""
+_SIDE, _COARSE_SIDE = 512, 256
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,10 @@ class VolumeLevel:
         return (self.first + np.arange(self.count)) * self.step
 
     @property
-    def tiles(self) -> tuple[Tile, ...]:
-        return tuple(tiles_of(self.grid.shape, BLOCK))
+    def side(self) -> int:
+        """Side of a tile in cells, whatever the tile of the project: the result must not depend on that."""
+        # A coarse tile of the usual size would lie under hundreds of photographs of a drone block.
+        return _SIDE if self.number < 2 else _COARSE_SIDE
 
 
 def level_grid(grid: MapGrid, level: int) -> MapGrid:
@@ -66,6 +68,11 @@ class VolumeScene:
     def views(self) -> tuple[View, ...]:
         """The oriented photographs, in the order of the block."""
         return tuple(block_view(self.block, name) for name in self.block.names)
+
+    @cached_property
+    def bounds(self) -> tuple[tuple[float, float, float, float], ...]:
+        """(west, south, east, north) of the ground that each of them can show, m."""
+        return tuple(ground_bounds(view, self.surface.height_low, self.surface.height_high) for view in self.views)
 
     @property
     def ground(self) -> float:

@@ -1,9 +1,9 @@
-"""Which photographs of a block show a tile of the map best, for comparison with one another.
+"""Which photographs of a block show a place best, for comparison with one another.
 
-Strategy: one photograph after the other is added, each time the one that adds most over a grid of places on the tile: at every
-place that it shows it adds the more the steeper it looks down, the larger its scale is beside the largest one, the fewer
-photographs there already are, and the farther its direction is from theirs. So a strip gives the neighbours, a dense block
-several azimuths, an oblique block whatever it has, and a photograph that alone shows a corner of the tile is not forgotten.
+Strategy: at every place of a regular grid one photograph after the other is taken, each time the one that looks down steepest,
+has the largest scale, and looks from a direction that those taken before do not have. So a strip gives the neighbours, a dense
+block several azimuths, an oblique block whatever it has. A tile gets the photographs of all its places, however many its area
+needs; a cell compares those of its place.
 """
 
 from collections.abc import Sequence
@@ -14,8 +14,10 @@ import numpy as np
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.geometry.view import View
 
-_PLACES = 5
-"""places along each side of a tile"""
+PLACE = 32
+"""Cells of a level along the side of the square that a place stands for; tiles begin at multiples of it."""
+_NEAR = 0.05
+"""worth of a photograph that shows the surroundings of a place but not its middle"""
 _APART = 0.15
 """Difference of two directions, as base over height, from which on a photograph counts as a new view."""
 _SAMPLES = 9
@@ -23,60 +25,65 @@ _SAMPLES = 9
 
 
 class Sight(NamedTuple):
-    """How views see places: `shown` (V, N) bool, `direction` (V, N, 2) horizontal over vertical distance to the projection centre,
-    `scale` (V, N) ground pixel over the finest one at the place, 1 or more."""
+    """How views see places: `shown` (V, N) bool, `near` the same for the surroundings, `direction` (V, N, 2) horizontal over
+    vertical distance to the projection centre, `scale` (V, N) ground pixel over the finest one at the place, 1 or more."""
 
     shown: np.ndarray
+    near: np.ndarray
     direction: np.ndarray
     scale: np.ndarray
 
 
-def places(grid: MapGrid, window: Window, ground: float, side: int = _PLACES) -> np.ndarray:
-    """(side * side, 3) points (m) spread over a window of the map at the height `ground`."""
-    x = grid.west + grid.cell * (window.col + window.width * (np.arange(side) + 0.5) / side)
-    y = grid.north - grid.cell * (window.row + window.height * (np.arange(side) + 0.5) / side)
-    return np.stack(np.meshgrid(x, y, [ground]), axis=-1).reshape(-1, 3)
+def places(grid: MapGrid, window: Window) -> tuple[np.ndarray, np.ndarray]:
+    """X (C,) and Y (R,) of the places of a window of a level that begins at a multiple of PLACE."""
+    cols, rows = np.arange(-(-window.width // PLACE)), np.arange(-(-window.height // PLACE))
+    x = grid.west + grid.cell * (window.col + PLACE * (cols + 0.5))
+    y = grid.north - grid.cell * (window.row + PLACE * (rows + 0.5))
+    return x, y
 
 
-def sight(views: Sequence[View], points: np.ndarray) -> Sight:
-    """How the views see the points (N, 3) m."""
-    shown = np.array([view.contains(view.project(points)) for view in views])
-    away = np.array([view.centre for view in views])[:, None, :] - points
-    shown &= away[..., 2] > 0
+def sight(views: Sequence[View], points: np.ndarray, surroundings: float) -> Sight:
+    """How the views see the points (N, 3) m; `surroundings`: how far they extend, m."""
+    pixels = [view.project(points) for view in views]
+    away = np.array([view.centre for view in views]).reshape(-1, 1, 3) - points
+    distance = np.linalg.norm(away, axis=-1)
+    pixel = distance / np.array([view.camera.c for view in views])[:, None]
+    shown = np.array([view.contains(at) for view, at in zip(views, pixels, strict=True)], bool).reshape(distance.shape)
+    margins = surroundings / np.median(pixel, axis=1)
+    near = np.array([view.contains(at, -margin) for view, at, margin in zip(views, pixels, margins, strict=True)], bool)
+    above = away[..., 2] > 0
     with np.errstate(divide="ignore", invalid="ignore"):
         direction = away[..., :2] / away[..., 2:]
-    pixel = np.linalg.norm(away, axis=-1) / np.array([view.camera.c for view in views])[:, None]
-    finest = np.where(shown, pixel, np.inf).min(axis=0)
-    return Sight(shown, direction, pixel / np.where(np.isfinite(finest), finest, 1.0))
+    finest = np.where(shown & above, pixel, np.inf).min(axis=0, initial=np.inf)
+    scale = pixel / np.where(np.isfinite(finest), finest, pixel.min(axis=0, initial=np.inf))
+    return Sight(shown & above, near.reshape(distance.shape) & above, direction, scale)
 
 
-def chosen(seen: Sight, most: int) -> tuple[int, ...]:
-    """Numbers of at most `most` views, the best first; none that shows no place."""
+def preferred(seen: Sight, most: int) -> np.ndarray:
+    """Numbers (N, most) of the views that are compared at each place, the best first; -1 where there are no more."""
     steep = 1.0 / (1.0 + (seen.direction**2).sum(axis=-1))
-    worth = np.where(seen.shown, steep / seen.scale**2, 0.0)
-    apart, count = np.ones(seen.shown.shape), np.zeros(seen.shown.shape[1])
-    order: list[int] = []
-    for _ in range(min(most, len(worth))):
-        gain = (worth * apart / (1.0 + count)).sum(axis=1)
-        gain[order] = -1.0
-        best = int(np.argmax(gain))
-        if gain[best] <= 0:
-            break
-        order.append(best)
-        count += seen.shown[best]
-        distance = np.linalg.norm(seen.direction - seen.direction[best], axis=-1)
-        # Never zero: two photographs from one place are better than a place that only one shows.
-        apart = np.where(seen.shown[best], np.minimum(apart, np.clip(distance / _APART, 0.01, 1.0)), apart)
-    return tuple(order)
+    worth = np.where(seen.shown, 1.0, np.where(seen.near, _NEAR, 0.0)) * steep / np.maximum(seen.scale, 1.0) ** 2
+    out = np.full((seen.shown.shape[1], most), -1)
+    at = np.arange(seen.shown.shape[1])
+    for turn in range(min(most, len(worth))):
+        best = np.argmax(worth, axis=0)
+        some = worth[best, at] > 0
+        out[some, turn] = best[some]
+        # A twin of a photograph adds little, but more than none at all.
+        distance = np.linalg.norm(seen.direction - seen.direction[best, at], axis=-1)
+        worth = worth * np.clip(distance / _APART, 0.01, 1.0)
+        worth[best, at] = 0.0
+    return out
 
 
 def base_height(views: Sequence[View], grid: MapGrid, ground: float, most: int) -> float:
     """The widest base over height of the photographs that are compared: median over the surface; 1 where no place is seen twice."""
-    points = places(grid, Window(0, 0, grid.rows, grid.cols), ground, _SAMPLES)
+    side = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
+    x, y = grid.west + grid.cell * grid.cols * side, grid.north - grid.cell * grid.rows * side
+    seen = sight(views, np.stack(np.meshgrid(x, y, [ground]), axis=-1).reshape(-1, 3), 0.0)
     widest = []
-    for point in points:
-        seen = sight(views, point[None])
-        directions = seen.direction[list(chosen(seen, most)), 0]
+    for place, numbers in enumerate(preferred(seen, most)):
+        directions = seen.direction[numbers[numbers >= 0], place]
         if len(directions) >= 2:
             widest.append(np.linalg.norm(directions[:, None] - directions[None], axis=-1).max())
     return float(np.median(widest)) if widest else 1.0

@@ -12,15 +12,15 @@ import numpy as np
 
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import Tile, Window, tiles_of
-from orthomill.tasks.densification.volume.levels import BLOCK, HALO, VolumeLevel, VolumeScene, coarser_window, level_grid
-from orthomill.tasks.densification.volume.photograph_choice import chosen, places, sight
+from orthomill.tasks.densification.volume.levels import HALO, VolumeLevel, VolumeScene, coarser_window, level_grid
+from orthomill.tasks.densification.volume.photograph_choice import PLACE, places, preferred, sight
 from orthomill.tasks.geometry.footprint import photo_window
 from orthomill.tasks.geometry.photograph_part import PhotoPart, level_window, photo_level
 from orthomill.tasks.geometry.view import View, block_view
 from orthomill.tasks.imagery.pyramid import level_shape
 from orthomill.tasks.imagery.radiometry import grey
 from orthomill.tasks.matching.volume.candidates import CellRanges, all_planes, narrowed
-from orthomill.tasks.matching.volume.height_volume import HeightVolume, OptimisedCells, optimised, scratch_bytes
+from orthomill.tasks.matching.volume.height_volume import Choice, HeightVolume, OptimisedCells, optimised, scratch_bytes
 from orthomill.tasks.matching.volume.rectified_photograph import (
     CellFrame,
     PhotographPixels,
@@ -57,17 +57,35 @@ class SolvedVolume(NamedTuple):
 
 def volume_tiles(level: VolumeLevel, scene: VolumeScene) -> tuple[VolumeTile, ...]:
     """The tiles of a level with the photographs chosen for them; fewer than two photographs: none."""
-    return tuple(_tile(level, tile, scene) for tile in tiles_of(level.grid.shape, BLOCK))
+    return tuple(_tile(level, tile, scene) for tile in tiles_of(level.grid.shape, level.side))
 
 
 def _tile(level: VolumeLevel, tile: Tile, scene: VolumeScene) -> VolumeTile:
     work = tile.window.grown(HALO).clipped(level.grid.shape)
-    best = chosen(sight(scene.views, places(level.grid, work, scene.ground)), scene.settings.photographs)
-    parts = [_part(scene.views[i], level, work, scene) for i in best]
+    parts = [_part(view, level, work, scene) for view in _chosen(level, work, scene)]
     used = tuple(part for part in parts if not part.window.empty)
     coarsest = level.number == scene.levels[0].number
     coarser = None if coarsest else coarser_window(work, scene.settings.reach, level_grid(level.grid, 1).shape)
     return VolumeTile(level, tile.row, tile.col, tile.window, work, used if len(used) >= 2 else (), coarser)
+
+
+def _chosen(level: VolumeLevel, work: Window, scene: VolumeScene) -> list[View]:
+    """The photographs that are preferred at any place of a tile, at the lowest or the highest ground of the block."""
+    x, y = places(level.grid, work)
+    views = [
+        view for view, bounds in zip(scene.views, scene.bounds, strict=True) if _overlap(bounds, x, y, level.grid.cell * PLACE)
+    ]
+    if not views:
+        return []
+    heights = [scene.block.ground_low, scene.block.ground_high]
+    points = np.stack(np.meshgrid(x, y, heights), axis=-1).reshape(-1, 3)
+    numbers = preferred(sight(views, points, 0.75 * PLACE * level.grid.cell), scene.settings.photographs)
+    return [views[i] for i in np.unique(numbers[numbers >= 0])]
+
+
+def _overlap(bounds: tuple[float, float, float, float], x: np.ndarray, y: np.ndarray, spare: float) -> bool:
+    west, south, east, north = bounds
+    return west <= x[-1] + spare and east >= x[0] - spare and south <= y[0] + spare and north >= y[-1] - spare
 
 
 def _part(view: View, level: VolumeLevel, work: Window, scene: VolumeScene) -> PhotoPart:
@@ -98,16 +116,39 @@ def solve_volume(
     views = [block_view(block, part.name) for part in tile.photos]
     parts = zip(tile.photos, views, photos, strict=True)
     images = [_rectified(tile, part, view, pixels, heights, settings) for part, view, pixels in parts]
-    hidden = np.zeros((len(views), *tile.work.shape), bool)
-    return _solved(tile, optimised(images, hidden, candidates, settings), float(heights[0]), settings)
+    choice = Choice(PLACE, _preferred(tile, views, settings, block, coarser), np.zeros((len(views), *tile.work.shape), bool))
+    return _solved(tile, optimised(images, choice, candidates, settings), float(heights[0]), settings)
+
+
+def _preferred(tile: VolumeTile, views: list[View], settings: HeightVolume, block: Block, coarser: np.ndarray | None) -> np.ndarray:
+    """Numbers (places, places, photographs) of the tile's photographs at each of its places, the best first."""
+    x, y = places(tile.level.grid, tile.work)
+    z = np.full((len(y), len(x)), 0.5 * (block.ground_low + block.ground_high))
+    if coarser is not None and tile.coarser is not None:
+        z = _known(coarser[np.ix_(*_coarser_cells(tile, PLACE))], z)
+    points = np.column_stack([*(values.ravel() for values in np.meshgrid(x, y)), z.ravel()])
+    numbers = preferred(sight(views, points, 0.75 * PLACE * tile.level.grid.cell), settings.photographs)
+    return numbers.reshape(len(y), len(x), -1)
 
 
 def _candidates(tile: VolumeTile, settings: HeightVolume, coarser: np.ndarray | None) -> CellRanges:
     if coarser is None or tile.coarser is None:
         return all_planes(np.ones(tile.work.shape, bool), tile.level.count)
-    rows = np.arange(tile.work.row, tile.work.row + tile.work.height) // 2 - tile.coarser.row
-    cols = np.arange(tile.work.col, tile.work.col + tile.work.width) // 2 - tile.coarser.col
-    return narrowed(coarser / tile.level.step - tile.level.first, (rows, cols), tile.level.count, settings.ranges)
+    planes = coarser / tile.level.step - tile.level.first
+    return narrowed(planes, _coarser_cells(tile, 1), tile.level.count, settings.ranges)
+
+
+def _coarser_cells(tile: VolumeTile, spacing: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns, in the window of the coarser level, of every `spacing`-th cell of a tile, from half of it on."""
+    assert tile.coarser is not None
+    work, coarser = tile.work, tile.coarser
+    rows = np.minimum(np.arange(spacing // 2, work.height + spacing // 2, spacing), work.height - 1)
+    cols = np.minimum(np.arange(spacing // 2, work.width + spacing // 2, spacing), work.width - 1)
+    return (work.row + rows) // 2 - coarser.row, (work.col + cols) // 2 - coarser.col
+
+
+def _known(heights: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
+    return np.where(np.isfinite(heights), heights, otherwise)
 
 
 def _cell_frame(tile: VolumeTile) -> CellFrame:

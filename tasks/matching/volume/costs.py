@@ -34,6 +34,17 @@ class Comparison:
 
 
 @dataclass(frozen=True, eq=False)
+class Choice:
+    """Which photographs are compared where: `preferred` (places, places, n) numbers of photographs, the best first, -1 for
+    none, one place for every `spacing` x `spacing` cells; `hidden` (photographs, rows, cols) bool, those that something else
+    stands before."""
+
+    spacing: int
+    preferred: np.ndarray
+    hidden: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class PhotographStack:
     """All photographs of a volume in one piece, as kernels take them; `none` is the code of a place without a signature."""
 
@@ -53,15 +64,16 @@ class PhotographStack:
         return cls(np.concatenate([photo.signatures.ravel() for photo in photographs]), starts, sizes, planes, no_signature(half))
 
 
-def volume_costs(stack: PhotographStack, hidden: np.ndarray, candidates: CellRanges, half: int, rules: Comparison) -> np.ndarray:
+def volume_costs(stack: PhotographStack, choice: Choice, candidates: CellRanges, half: int, rules: Comparison) -> np.ndarray:
     """Packed costs uint8 of all candidates, in 1/COST_UNIT bits.
 
-    hidden (photographs, rows, cols) bool: what must not be used, unless fewer than two photographs were left.
+    Hidden photographs are used only where fewer than two are left without them.
     """
     cost = np.empty(candidates.offset[-1], np.uint8)
     blank = np.uint8(round(rules.blank * BITS[half] * COST_UNIT))
     images = stack.flat, stack.starts, stack.sizes, stack.planes
-    _costs(*images, hidden, candidates.low, candidates.offset, stack.none, rules.most, rules.share, blank, cost)
+    where = choice.spacing, choice.preferred.astype(np.int16), choice.hidden
+    _costs(*images, *where, candidates.low, candidates.offset, stack.none, rules.most, rules.share, blank, cost)
     return cost
 
 
@@ -82,7 +94,7 @@ def _lookup(flat, start, rows, cols, plane, r, c, none):
 
 
 @njit(cache=True)
-def _costs(flat, starts, sizes, planes, hidden, low, offset, none, most, share, blank, cost):
+def _costs(flat, starts, sizes, planes, spacing, preferred, hidden, low, offset, none, most, share, blank, cost):
     rows, cols = low.shape
     count = starts.size
     widest = 0
@@ -99,7 +111,9 @@ def _costs(flat, starts, sizes, planes, hidden, low, offset, none, most, share, 
             n, first = end - begin, low[r, c]
             if n == 0:
                 continue
-            photos = _choose(flat, starts, sizes, planes, hidden, r, c, first, n, none, most, chosen)
+            photos = _choose(
+                flat, starts, sizes, planes, preferred[r // spacing, c // spacing], hidden, r, c, first, n, none, most, chosen
+            )
             if photos < 2:
                 cost[begin:end] = 0
                 continue
@@ -148,16 +162,17 @@ def _shows(flat, start, size, planes, r, c, none):
 
 
 @njit(cache=True, inline="always")
-def _choose(flat, starts, sizes, planes, hidden, r, c, first, n, none, most, chosen):
+def _choose(flat, starts, sizes, planes, preferred, hidden, r, c, first, n, none, most, chosen):
     """Writes the numbers of the photographs to be compared into `chosen`; returns how many. Those not hidden come first."""
     photos = 0
     for use_hidden in range(2):
         if photos >= 2:
             break
-        for p in range(starts.size):
-            if photos >= most or hidden[p, r, c] != (use_hidden == 1):
-                continue
-            if _shows(flat, starts[p], sizes[p], planes[p, first : first + n], r, c, none):
+        for p in preferred:
+            if photos >= most or p < 0:
+                break
+            usable = hidden[p, r, c] == (use_hidden == 1)
+            if usable and _shows(flat, starts[p], sizes[p], planes[p, first : first + n], r, c, none):
                 chosen[photos] = p
                 photos += 1
     return photos

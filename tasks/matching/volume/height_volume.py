@@ -14,7 +14,7 @@ import numpy as np
 
 from orthomill.schemas.settings import Settings, setting
 from orthomill.tasks.matching.volume.candidates import CellRanges, Ranges
-from orthomill.tasks.matching.volume.costs import COST_UNIT, Comparison, PhotographStack, photographs_at, volume_costs
+from orthomill.tasks.matching.volume.costs import COST_UNIT, Choice, Comparison, PhotographStack, photographs_at, volume_costs
 from orthomill.tasks.matching.volume.paths import UNIT, sweep
 from orthomill.tasks.matching.volume.rectified_photograph import RectifiedPhotograph
 from orthomill.tasks.matching.volume.signatures import BITS
@@ -27,11 +27,11 @@ class HeightVolume(Settings):
     window: Literal[5, 7] = setting(5, "Side of the census window.", "cells")
     oversampling: int = setting(2, "Pixels of a rectified photograph along the side of a cell.", ge=1, le=4)
     step: float = setting(0.5, "Greatest parallax between neighbouring heights.", "cells", gt=0.1, le=4.0)
-    photographs: int = setting(8, "Photographs that are chosen for a tile.", ge=2, le=32)
-    compared: int = setting(5, "Of these, photographs that are compared in a cell.", ge=2, le=16)
+    photographs: int = setting(8, "Photographs that are chosen for a place.", ge=2, le=32)
+    compared: int = setting(5, "Of these, photographs that are compared in a cell: the first that show it.", ge=2, le=16)
     best_share: float = setting(0.5, "Share of the pairs of photographs that decide: the most similar ones.", gt=0.0, le=1.0)
     blank: float = setting(
-        0.5, "Cost of a pair of which one photograph does not show the height.", "share of the bits", ge=0.0, le=1.0
+        0.4, "Cost of a pair of which one photograph does not show the height.", "share of the bits", ge=0.0, le=1.0
     )
     small_penalty: float = setting(0.16, "Cost of a change by one height between neighbours.", "share of the bits", ge=0.0, le=2.0)
     large_penalty: float = setting(0.5, "Cost of a larger jump between neighbours.", "share of the bits", ge=0.0, le=4.0)
@@ -71,14 +71,11 @@ class OptimisedCells(NamedTuple):
 
 
 def optimised(
-    photographs: Sequence[RectifiedPhotograph], hidden: np.ndarray, candidates: CellRanges, settings: HeightVolume
+    photographs: Sequence[RectifiedPhotograph], choice: Choice, candidates: CellRanges, settings: HeightVolume
 ) -> OptimisedCells:
-    """The cheapest candidates of a volume under the eight paths.
-
-    hidden (photographs, rows, cols) bool: where a photograph is left out.
-    """
+    """The cheapest candidates of a volume under the eight paths."""
     stack = PhotographStack.of(photographs, settings.half)
-    cost = volume_costs(stack, hidden, candidates, settings.half, settings.comparison)
+    cost = volume_costs(stack, choice, candidates, settings.half, settings.comparison)
     total = np.zeros(cost.shape, np.int16)
     low, offset, planes = candidates.low, candidates.offset, stack.planes.shape[1]
     small, large = settings.penalty(settings.small_penalty), settings.penalty(settings.large_penalty)
@@ -86,7 +83,7 @@ def optimised(
         sweep(cost, total, low, offset, planes, small, large, backwards)
     found = winners(total, cost, low, offset)
     unit = BITS[settings.half] * COST_UNIT
-    seen = photographs_at(stack, hidden, found[1])
+    seen = photographs_at(stack, choice.hidden, found[1])
     return OptimisedCells(found[0], found[2] / np.float32(unit), found[3] / np.float32(8 * unit), seen)
 
 

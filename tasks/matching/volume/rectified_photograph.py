@@ -86,7 +86,7 @@ def rectified(
     """
     z0 = reference_plane(view, heights)
     scales = plane_scales(view, heights, z0)
-    frame = _frame(view, cells, scales, oversampling)
+    frame = _frame(view, cells, heights, oversampling)
     scale = scales * cells.cell / frame.pitch
     col = (view.centre[0] - frame.x + scales * (cells.x - view.centre[0])) / frame.pitch
     row = (frame.y - view.centre[1] - scales * (cells.y - view.centre[1])) / frame.pitch
@@ -101,24 +101,39 @@ def rectified(
 
 def rectified_pixels(view: View, cells: CellFrame, heights: np.ndarray, oversampling: int) -> int:
     """Pixels of the rectified image; memory is planned with it."""
-    frame = _frame(view, cells, plane_scales(view, heights, reference_plane(view, heights)), oversampling)
+    frame = _frame(view, cells, heights, oversampling)
     return frame.rows * frame.cols
 
 
-def _frame(view: View, cells: CellFrame, scales: np.ndarray, oversampling: int) -> _RectifiedFrame:
+def _frame(view: View, cells: CellFrame, heights: np.ndarray, oversampling: int) -> _RectifiedFrame:
     """The pixels that the cells need at any of the planes."""
-    pitch = cells.cell / oversampling
+    pitch, reference = cells.cell / oversampling, reference_plane(view, heights)
+    scales = plane_scales(view, heights, reference)
     known = scales[np.isfinite(scales)]
     ends = np.array([known.min(), known.max()]) if len(known) else np.ones(2)
     x = np.array([cells.x, cells.x + (cells.cols - 1) * cells.cell])
     y = np.array([cells.y - (cells.rows - 1) * cells.cell, cells.y])
     bounds = []
-    for centre, side in ((view.centre[0], x), (view.centre[1], y)):
+    shown = _footprint(view, reference)
+    for axis, side in ((0, x), (1, y)):
+        centre = view.centre[axis]
         reached = centre + (side[None, :] - centre) * ends[:, None]
         spare = 0.5 * (_WIDEST - 1.0) * (side[1] - side[0] + cells.cell)
-        bounds.append((max(reached.min(), side[0] - spare), min(reached.max(), side[1] + spare)))
+        low, high = max(reached.min(), side[0] - spare, shown[0][axis]), min(reached.max(), side[1] + spare, shown[1][axis])
+        bounds.append((low, max(low, high)))
     (west, east), (south, north) = bounds
     return _RectifiedFrame(west, north, pitch, int(np.ceil((north - south) / pitch)) + 2, int(np.ceil((east - west) / pitch)) + 2)
+
+
+def _footprint(view: View, z: float) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest X and Y (2,), (2,) m of what the photograph shows of the plane z; infinite when it shows the horizon."""
+    along = np.linspace(0.0, 1.0, 9)
+    col, row = (view.camera.width - 1) * along, (view.camera.height - 1) * along
+    sides = [(col, 0 * col), (col, 0 * col + row[-1]), (0 * row, row), (0 * row + col[-1], row)]
+    ground = view.at_height(np.concatenate([np.column_stack(side) for side in sides]), z)[:, :2]
+    if np.isnan(ground).any():
+        return np.full(2, -np.inf), np.full(2, np.inf)
+    return ground.min(axis=0), ground.max(axis=0)
 
 
 @njit(cache=True)

@@ -12,8 +12,9 @@ from orthomill.schemas.job import Job, Raster
 from orthomill.schemas.orientation import BLOCK as BLOCK_TABLE
 from orthomill.schemas.photo import photo_raster
 from orthomill.schemas.raster import Window
-from orthomill.tasks.densification.volume.levels import BLOCK, HALO, VolumeScene, coarser_window, level_grid
+from orthomill.tasks.densification.volume.levels import HALO, VolumeScene, coarser_window, level_grid
 from orthomill.tasks.densification.volume.merged_levels import Sureness
+from orthomill.tasks.densification.volume.photograph_choice import PLACE
 from orthomill.tasks.densification.volume.volume_plan import volume_height, volume_plan, volume_quality
 from orthomill.tasks.densification.volume.volume_tile import SolvedVolume, solve_volume, tile_scratch, volume_tiles
 from orthomill.tasks.matching.volume.height_volume import HeightVolume
@@ -81,10 +82,12 @@ def test_one_photograph_alone_gives_nothing_and_reads_nothing():
 
 def test_the_tile_of_the_project_changes_nothing():
     planned = scene()
+    sides = {level.number: level.side for level in planned.levels}
     for thing in volume_plan(planned, Sureness(), "densification", "EPSG:2100"):
         if isinstance(thing, Job):
-            window = thing.writes["height"].window
-            assert window.row % BLOCK == 0 and window.col % BLOCK == 0
+            window, level = thing.writes["height"].window, thing.item.removeprefix("volume").strip()
+            side = sides[int(level) if level else 0]
+            assert window.row % side == 0 and window.col % side == 0 and side % PLACE == HALO % PLACE == 0
 
 
 def test_pixels_beyond_what_a_tile_reads_do_not_matter():
@@ -114,8 +117,8 @@ def test_work_is_the_window_with_a_halo():
     tiles = volume_tiles(planned.levels[-1], planned)
     assert [(tile.row, tile.col) for tile in tiles] == [(r, c) for r in range(3) for c in range(2)]
     middle = tiles[2]
-    assert middle.window == Window(BLOCK, 0, BLOCK, BLOCK)
-    assert middle.work == Window(BLOCK - HALO, 0, BLOCK + 2 * HALO, BLOCK + HALO)
+    assert middle.window == Window(512, 0, 512, 512)
+    assert middle.work == Window(512 - HALO, 0, 512 + 2 * HALO, 512 + HALO)
 
 
 def test_levels_nest_and_keep_the_parallax_between_heights():
@@ -142,9 +145,16 @@ def test_memory_follows_candidates_and_photographs():
     assert tile_scratch(volume_tiles(wide.levels[-1], wide)[0], wide) > tile_scratch(other, many)
 
 
-def test_fewer_photographs_are_read_when_asked():
-    planned = scene(settings=HeightVolume(photographs=2, widest=32))
-    assert {len(tile.photos) for tile in volume_tiles(planned.levels[0], planned)} == {2}
+def test_a_large_tile_reads_more_photographs_than_a_place_compares():
+    grid = SURFACE.grid.model_copy(update={"west": -60.0, "north": 180.0, "rows": 240, "cols": 240})
+    settings = HeightVolume(photographs=2, widest=64)
+    planned = VolumeScene(scene_block(), photos(), SURFACE.model_copy(update={"grid": grid}), settings)
+    tile = volume_tiles(planned.levels[0], planned)[0]
+    assert len(tile.photos) > 2
+    pixels = tuple(pyramid(part.name)[part.level][part.window.slices] for part in tile.photos)
+    found = solve_volume(tile, settings, planned.block, pixels)
+    level = tile.level.number
+    assert (abs(found.height[70 >> level : 100 >> level, 70 >> level : 100 >> level]) < tile.level.step).mean() > 0.9
 
 
 def test_jobs_read_the_level_below():

@@ -8,6 +8,7 @@ from scipy.ndimage import gaussian_filter
 from textured_plane import photograph, texture, views
 
 from orthomill.tasks.matching.volume.candidates import all_planes
+from orthomill.tasks.matching.volume.costs import Choice
 from orthomill.tasks.matching.volume.height_volume import HeightVolume, optimised, scratch_bytes
 from orthomill.tasks.matching.volume.rectified_photograph import (
     CellFrame,
@@ -75,6 +76,12 @@ def test_a_rectified_image_never_outgrows_its_cells(top):
     assert rectified_pixels(views()[0], CELLS, heights, 2) <= (3 * 2 * 60 + 4) ** 2
 
 
+def test_a_rectified_image_ends_with_the_photograph():
+    wide = CellFrame(x=-60.0, y=60.0, cell=0.2, rows=600, cols=600)
+    # The photograph shows about 45 m x 38 m of the 120 m x 120 m, which its rotated frame surrounds.
+    assert rectified_pixels(views()[1], wide, HEIGHTS, 1) < 0.4 * wide.rows * wide.cols
+
+
 def stereo(parallax: np.ndarray, seed: int = 3, noise: float = 0.0) -> list[RectifiedPhotograph]:
     """A rectified pair: candidate k is the parallax k, the right column is the left one minus it."""
     random = np.random.default_rng(seed)
@@ -97,8 +104,8 @@ def stepped() -> np.ndarray:
 
 def found(photographs, chosen: HeightVolume):
     shape = photographs[0].signatures.shape
-    hidden = np.zeros((len(photographs), *shape), bool)
-    return optimised(photographs, hidden, all_planes(np.ones(shape, bool), 32), chosen)
+    choice = Choice(256, np.arange(len(photographs)).reshape(1, 1, -1), np.zeros((len(photographs), *shape), bool))
+    return optimised(photographs, choice, all_planes(np.ones(shape, bool), 32), chosen)
 
 
 def wrong(photographs, truth: np.ndarray, chosen: HeightVolume) -> float:

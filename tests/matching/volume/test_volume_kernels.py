@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numba import njit
 
 from orthomill.tasks.matching.volume.candidates import CellRanges, Ranges, all_planes, narrowed, packed
-from orthomill.tasks.matching.volume.costs import COST_UNIT, Comparison, PhotographStack, photographs_at, volume_costs
+from orthomill.tasks.matching.volume.costs import COST_UNIT, Choice, Comparison, PhotographStack, photographs_at, volume_costs
 from orthomill.tasks.matching.volume.paths import UNIT, sweep
 from orthomill.tasks.matching.volume.rectified_photograph import RectifiedPhotograph
 from orthomill.tasks.matching.volume.signatures import BITS, bits_set, no_signature, signatures
@@ -110,6 +110,12 @@ def small_stack(seed: int, half: int = 2) -> tuple[PhotographStack, list[Rectifi
     return PhotographStack.of(photographs, half), photographs
 
 
+def everywhere(hidden: np.ndarray) -> Choice:
+    """All photographs in their order, but for the hidden ones."""
+    count, rows, cols = hidden.shape
+    return Choice(4, np.broadcast_to(np.arange(count), (-(-rows // 4), -(-cols // 4), count)), hidden)
+
+
 def plain_cost(photographs, cell: tuple[int, int], k: int, rules: Comparison, left_out: set[int]) -> float:
     codes = []
     for number, photo in enumerate(photographs):
@@ -129,7 +135,7 @@ def test_costs_are_the_mean_of_the_best_share_of_the_pairs(share):
     rules = Comparison(most=3, share=share, blank=0.6)
     candidates = all_planes(np.ones((8, 9), bool), UNIT)
     hidden = np.zeros((3, 8, 9), bool)
-    cost = volume_costs(stack, hidden, candidates, 2, rules).reshape(8, 9, UNIT)
+    cost = volume_costs(stack, everywhere(hidden), candidates, 2, rules).reshape(8, 9, UNIT)
     for r in range(8):
         for c in range(9):
             for k in range(UNIT):
@@ -142,7 +148,7 @@ def test_hidden_photographs_are_left_out_unless_fewer_than_two_are_left():
     hidden = np.zeros((3, 2, 2), bool)
     hidden[0, 0, 0] = hidden[0, 1, 1] = hidden[1, 1, 1] = True
     candidates = all_planes(np.ones((2, 2), bool), UNIT)
-    cost = volume_costs(stack, hidden, candidates, 2, rules).reshape(2, 2, UNIT)
+    cost = volume_costs(stack, everywhere(hidden), candidates, 2, rules).reshape(2, 2, UNIT)
     assert abs(cost[0, 0, 1] - plain_cost(photographs, (0, 0), 1, rules, {0})) <= 0.51
     assert abs(cost[1, 1, 1] - plain_cost(photographs, (1, 1), 1, rules, set())) <= 0.51
 
@@ -151,8 +157,20 @@ def test_no_more_photographs_are_compared_than_asked_for():
     stack, photographs = small_stack(6)
     candidates = all_planes(np.ones((8, 9), bool), UNIT)
     hidden = np.zeros((3, 8, 9), bool)
-    cost = volume_costs(stack, hidden, candidates, 2, Comparison(2, 1.0, 0.6)).reshape(8, 9, UNIT)
+    cost = volume_costs(stack, everywhere(hidden), candidates, 2, Comparison(2, 1.0, 0.6)).reshape(8, 9, UNIT)
     assert abs(cost[2, 3, 1] - plain_cost(photographs, (2, 3), 1, Comparison(2, 1.0, 0.6), {2})) <= 0.51
+
+
+def test_every_place_has_its_own_order_of_photographs():
+    stack, photographs = small_stack(6)
+    candidates = all_planes(np.ones((8, 8), bool), UNIT)
+    order = np.array([[[0, 1], [0, 1]], [[1, 2], [2, -1]]])
+    rules = Comparison(2, 1.0, 0.6)
+    cost = volume_costs(stack, Choice(4, order, np.zeros((3, 8, 8), bool)), candidates, 2, rules).reshape(8, 8, UNIT)
+    assert abs(cost[2, 5, 1] - plain_cost(photographs, (2, 5), 1, rules, {2})) <= 0.51
+    assert abs(cost[5, 2, 1] - plain_cost(photographs, (5, 2), 1, rules, {0})) <= 0.51
+    # One photograph alone cannot be compared with anything: every height is as good as the others.
+    assert not cost[5, 5].any()
 
 
 def test_photographs_are_counted_where_they_show_the_winner():
