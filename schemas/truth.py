@@ -16,9 +16,11 @@ from orthomill.schemas.raster import MapGrid
 TRUTH_READERS = ("simulation", "evaluation")
 
 TRUTH_SURFACE = "truth/surface"
-"""float32 m (rows, cols): height of the visible surface (ground, roofs, crowns, water; no vehicles) at the cell's centre."""
+"""float32 m (rows, cols): height of the visible surface (ground, roofs, crowns, water; no vehicles, poles and wires) at the cell's
+centre. Of a crown it is the envelope without wind: leaves begin at it or below it, and some rays pass through to the ground."""
 TRUTH_ORTHO = "truth/ortho"
-"""uint8 (rows, cols, 3): the true orthoimage without vehicles, before any camera's gain, offset, vignetting and noise."""
+"""uint8 (rows, cols, 3): the true orthoimage without vehicles, poles, wires, wind and glints, before any camera's gain, offset,
+vignetting and noise."""
 TRUTH_MATERIAL = "truth/material"
 """uint8 (rows, cols): code of Material."""
 TRUTH_BUILDING = "truth/building"
@@ -26,7 +28,7 @@ TRUTH_BUILDING = "truth/building"
 # One bit per photograph limits a simulation to 32 photographs; a raster for each would take eight times the space and more reads.
 TRUTH_VISIBILITY = "truth/visibility"
 """uint32 (rows, cols): bit i is set where photo i of TRUTH_BLOCK truly sees the cell's centre (inside the photo, not occluded;
-vehicles are ignored). `(mask >> i) & 1`."""
+vehicles, poles and wires are ignored, crowns hide whatever is behind them). `(mask >> i) & 1`."""
 
 
 class Material(IntEnum):
@@ -39,10 +41,12 @@ class Material(IntEnum):
     ROOF = 4
     TREE = 5
     WATER = 6
+    VEHICLE = 7
+    WIRE = 8
 
 
-OPEN_MATERIALS = (Material.OPEN_GROUND, Material.FIELD, Material.ROAD)
-"""bare, textured ground without objects"""
+OPEN_MATERIALS = (Material.OPEN_GROUND, Material.FIELD, Material.ROAD, Material.VEHICLE, Material.WIRE)
+"""bare, textured ground; on VEHICLE one stands while some photograph is taken, above WIRE hangs a wire or stands a pole"""
 
 MATERIAL_CLASSES: tuple[tuple[int, str, str], ...] = (
     (Material.OPEN_GROUND, "#b8b37a", "open ground"),
@@ -51,6 +55,8 @@ MATERIAL_CLASSES: tuple[tuple[int, str, str], ...] = (
     (Material.ROOF, "#c1523c", "roof"),
     (Material.TREE, "#2f6b33", "tree"),
     (Material.WATER, "#3d6fa3", "water"),
+    (Material.VEHICLE, "#e6c229", "ground on which a vehicle stands in some photograph"),
+    (Material.WIRE, "#5b3a8c", "ground below wires and at poles"),
 )
 """(code, colour, meaning) for pictures of TRUTH_MATERIAL."""
 

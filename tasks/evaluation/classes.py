@@ -20,6 +20,8 @@ class PlaceClass(IntEnum):
     ROOF_EDGE = 5
     TREE = 6
     WATER = 7
+    VEHICLE = 8
+    WIRE = 9
 
 
 GROUPS: tuple[tuple[str, str, tuple[PlaceClass, ...]], ...] = (
@@ -31,6 +33,8 @@ GROUPS: tuple[tuple[str, str, tuple[PlaceClass, ...]], ...] = (
     ("roof_interior", "roofs, 2 cells or more from their edge", (PlaceClass.ROOF_INTERIOR,)),
     ("tree", "trees", (PlaceClass.TREE,)),
     ("water", "water", (PlaceClass.WATER,)),
+    ("vehicle", "ground on which a vehicle stands in some photograph", (PlaceClass.VEHICLE,)),
+    ("wire", "ground below wires and at poles", (PlaceClass.WIRE,)),
 )
 """name in figures, words in the report, and the classes that are combined"""
 
@@ -62,7 +66,7 @@ def _near(mask: np.ndarray, cells: int) -> np.ndarray:
 def place_classes(material: np.ndarray) -> np.ndarray:
     """uint8 codes of PlaceClass (rows, cols) from codes of Material (rows, cols) on the same cells, 0 where nothing is known."""
     # fields and roads are open ground like any other: both have texture and carry no objects
-    roof, tree, water = (material == code for code in (Material.ROOF, Material.TREE, Material.WATER))
+    roof, tree = material == Material.ROOF, material == Material.TREE
     known = material > 0
     # Later assignments win: a building margin under a tree is a building margin, and what a cell is itself beats what is near.
     classes = np.full(material.shape, PlaceClass.CLEAR_GROUND, np.uint8)
@@ -70,7 +74,13 @@ def place_classes(material: np.ndarray) -> np.ndarray:
     classes[_near(roof, MARGIN)] = PlaceClass.BUILDING_MARGIN
     classes[roof] = np.where(_near(known & ~roof, ROOF_RIM - 1)[roof], PlaceClass.ROOF_EDGE, PlaceClass.ROOF_INTERIOR)
     classes[tree] = PlaceClass.TREE
-    classes[water] = PlaceClass.WATER
+    # The truth of these three is the ground; what moves or hangs above it is what makes them hard.
+    for place, code in (
+        (PlaceClass.WATER, Material.WATER),
+        (PlaceClass.VEHICLE, Material.VEHICLE),
+        (PlaceClass.WIRE, Material.WIRE),
+    ):
+        classes[material == code] = place
     classes[~known] = PlaceClass.UNKNOWN
     return classes
 

@@ -6,7 +6,7 @@ from orthomill.schemas.stage_report import Figure, Grid
 from orthomill.tasks.evaluation.accuracy import SIGMAS
 from orthomill.tasks.evaluation.tile_sums import CodeMeasures, EdgeShares, HeightsSummary, rounded
 
-_PLACES = ("all", "open_ground", "roof", "building_margin", "tree", "water")
+_PLACES = ("all", "open_ground", "roof", "building_margin", "tree", "water", "vehicle", "wire")
 """groups of classes that are told apart by code; finer ones have too few cells of the rare codes"""
 _TOGETHER = ("measured", "all_codes")
 _MAIN = ("share", "nmad", "beyond_1_m", "within_2_sigma", "beyond_4_sigma")

@@ -287,7 +287,7 @@ def count_ortho(scene: OrthoScene, core: Window, hidden_photos: np.ndarray) -> O
     hidden = hidden_photos[inner]
     shadow, free = ground & judged & (hidden > 0), ground & judged & (hidden == 0)
     # roads only: vehicles are found there, and the truth contains the road without them
-    road = judged & known & (scene.material[inner] == Material.ROAD)
+    road = judged & known & np.isin(scene.material[inner], (Material.ROAD, Material.VEHICLE))
     # any channel: a red car on grey asphalt may differ in one of them only
     far = (own[0] > FAR) | (own[1] > FAR) | (own[2] > FAR)
     many, few = road & (seen >= 3), road & (seen < 3) & (seen > 0)

@@ -11,10 +11,12 @@ from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport
 from orthomill.schemas.truth import (
     MATERIAL_CLASSES,
+    OPEN_MATERIALS,
     TRUTH_MATERIAL,
     TRUTH_ORTHO,
     TRUTH_SURFACE,
     ControlRows,
+    Material,
     MeasurementRows,
     PositionRows,
 )
@@ -26,7 +28,8 @@ from orthomill.tasks.simulation.scene.layout import SceneSettings
 from orthomill.tasks.simulation.scene.scene import SurfaceWindow
 from orthomill.tasks.simulation.scene.settlement import scene_of
 from orthomill.tasks.simulation.scene.true_visibility import occlusion_reach, visibility
-from orthomill.tasks.simulation.scene.vehicles import vehicles_of
+from orthomill.tasks.simulation.scene.vehicles import vehicle_cells, vehicles_of
+from orthomill.tasks.simulation.scene.wires import MARKED, near_spans, spans_of
 from orthomill.tasks.simulation.surveying import SurveyPoint, SurveySettings, find_place, positions, survey
 
 
@@ -88,7 +91,17 @@ def paint(site: Site, window: Window) -> PaintedTile:
     # The layout is drawn again in every job instead of being stored: it takes milliseconds and is kept per process.
     painted = painted_window(scene_of(site.scene), site.grid, window)
     surface = painted.surface
-    return PaintedTile(surface.height, surface.material, surface.building, painted.colours)
+    return PaintedTile(surface.height, _marked(site, window, surface.material), surface.building, painted.colours)
+
+
+def _marked(site: Site, window: Window, material: np.ndarray) -> np.ndarray:
+    """The materials (rows, cols) with the bare ground on which vehicles stand in some photograph, or below a wire."""
+    scene, open_ground = scene_of(site.scene), np.isin(material, np.array(OPEN_MATERIALS, np.uint8))
+    span = np.zeros(window.shape, np.int32)
+    near_spans(span, site.grid.centres(window), spans_of(scene), MARKED)
+    marked = np.where(open_ground & (span > 0), np.uint8(Material.WIRE), material)
+    driven = vehicle_cells(scene, site.grid, window, len(views(site.flight)))
+    return np.where(open_ground & driven, np.uint8(Material.VEHICLE), marked)
 
 
 def see(surface: np.ndarray, site: Site, window: Window, wide: Window) -> np.ndarray:
@@ -155,7 +168,7 @@ def report(
         grids=(_orientation_grid(flight), _camera_grid(flight)),
         charts=(_map(flight, control),),
         pictures=_pictures(flight),
-        # Results on simulated photographs are better than on real ones: no film, no haze, no wind in the crowns.
+        # Results on simulated photographs are better than on real ones: no film, no haze, no facades in detail.
         warnings=("The photographs are simulated: the results do not show how well real photographs would perform.",),
     )
 

@@ -2,7 +2,8 @@
 
 1. Rays (traversal.py) start from the true camera, distortion included. A ray that meets the top of a column takes the colours of
    the scene, interpolated among cells of the same object only; one that meets a wall takes wall colour with windows, so that
-   roofs are not smeared down walls.
+   roofs are not smeared down walls; leaves of crowns and wires have their own. Vehicles, wind in the crowns and glints on water
+   are those of this photograph.
 2. The lens blurs with a Gaussian of PSF_SIGMA in addition to the pixel's own area.
 3. Gain, offset and vignetting of the exposure, then noise hashed from photo, pixel and band.
 Every step depends on the pixel's own position only, so tiles fit together bit for bit.
@@ -19,11 +20,16 @@ from orthomill.schemas.truth import Material
 from orthomill.tasks.geometry.distortion import undistort_point
 from orthomill.tasks.geometry.view import View
 from orthomill.tasks.simulation.flight import FlightExposure
-from orthomill.tasks.simulation.scene.ground_texture import AMBIENT, SUN, PaintedWindow
+from orthomill.tasks.simulation.scene.aloft import CABLE, LEAF, Aloft, first_seen, lifted, nothing_aloft
+from orthomill.tasks.simulation.scene.crowns import leaf_colour, leaves_at
+from orthomill.tasks.simulation.scene.glints import with_glints
+from orthomill.tasks.simulation.scene.ground_texture import PaintedWindow
 from orthomill.tasks.simulation.scene.hash_noise import normal_of, uniform_of, value_noise
 from orthomill.tasks.simulation.scene.layout import HouseColumn, Scene
+from orthomill.tasks.simulation.scene.sunlight import AMBIENT, SUN
 from orthomill.tasks.simulation.scene.traversal import NOTHING, TOP, Ray, columns_of, first_hit, safe_start, widened
 from orthomill.tasks.simulation.scene.vehicles import FIRST_NUMBER, vehicles_of, with_vehicles
+from orthomill.tasks.simulation.scene.wires import WIRE_COLOUR
 
 PSF_SIGMA = 0.45
 """px, of the lens"""
@@ -84,17 +90,25 @@ def render(scene: Scene, view: View, film: Film, pixels: Window, ground: tuple[M
     """The photo window `pixels`, uint8 (rows, cols, 3).
 
     `ground` is the grid of the scene's rasters, the window of it that the photo window can show (`flight.seen_window`) and its
-    content without vehicles: those of this photo are added here.
+    content at rest: what moves is as it is in this photo.
     """
     grid, window, painted = ground
-    painted = with_vehicles(painted, grid, window, vehicles_of(scene, film.exposure.number))
-    light = cast(scene, view, pixels.grown(HALO), (grid, window, painted))
+    photo = film.exposure.number
+    painted = with_vehicles(painted, grid, window, vehicles_of(scene, photo))
+    painted = with_glints(painted, grid, window, scene.settings.seed, photo)
+    painted, aloft = lifted(scene, painted, grid, window, photo)
+    light = cast(scene, view, pixels.grown(HALO), (grid, window, painted), aloft)
     blurred = blur(light, PSF_SIGMA)
     return expose(blurred, film, view, pixels)
 
 
-def cast(scene: Scene, view: View, pixels: Window, ground: tuple[MapGrid, Window, PaintedWindow]) -> np.ndarray:
-    """Light on the pixels of a window that may leave the photo: float32 (rows, cols, 3), the mean of four rays per pixel."""
+def cast(
+    scene: Scene, view: View, pixels: Window, ground: tuple[MapGrid, Window, PaintedWindow], aloft: Aloft | None = None
+) -> np.ndarray:
+    """Light on the pixels of a window that may leave the photo: float32 (rows, cols, 3), the mean of four rays per pixel.
+
+    Without `aloft` crowns are solid.
+    """
     grid, window, painted = ground
     columns = columns_of(painted.surface.height, window, grid.cell)
     keys, mixed_cells = _object_keys(painted.surface.material, painted.surface.building)
@@ -102,7 +116,9 @@ def cast(scene: Scene, view: View, pixels: Window, ground: tuple[MapGrid, Window
     place = float(grid.west), float(grid.north), float(grid.cell)
     frame = _Frame(*place, pixels.row, pixels.col, _detail_octaves(view, grid), scene.settings.seed)
     paint = _Paint(painted.colours, painted.surface.material, keys, mixed_cells, scene.buildings.table)
-    _cast(out, view.numbers, frame, columns, paint)
+    aloft, left = aloft or nothing_aloft(), np.zeros(pixels.shape, np.uint8)
+    _cast(out, view.numbers, frame, columns, paint, aloft.number, left)
+    _cast_aloft(out, view.numbers, frame, columns, paint, aloft, left)
     return out
 
 
@@ -193,6 +209,14 @@ def _wall_colour(house, number, seed, x, y, below_top, out):
     out[2] = np.float32(min((plaster - warm) * light, 250.0))
 
 
+@njit(cache=True)
+def _leaf(aloft, u, v, z, row, col, top, out):
+    """Sets `out` to the colour of the leaves that a ray met at (u, v) of the grid and height z, in the cell (row, col)."""
+    k, x, y = aloft.number[row, col] - 1, aloft.west + u * aloft.cell, aloft.north - v * aloft.cell
+    brightness = leaves_at(aloft.stand, k, aloft.seed, x, y, z, top)
+    leaf_colour(aloft.stand, k, aloft.seed, (x, y, z), top, brightness, out)
+
+
 @njit(cache=True, inline="always")
 def _add_detail(frame, u, v, colour):
     """Multiplies a colour by noise finer than the cells of the scene."""
@@ -206,47 +230,104 @@ def _add_detail(frame, u, v, colour):
         colour[band] *= factor
 
 
+@njit(cache=True, inline="always")
+def _sight(n, frame, row, col):
+    """Image coordinates (over c) of a pixel, without distortion."""
+    x = (frame.col + col - n.col0) / n.c
+    y = (n.row0 - (frame.row + row)) / n.c
+    # Undistorted once per pixel: the distortion hardly differs between its four rays.
+    return undistort_point(x, y, n.k1, n.k2, n.k3, n.p1, n.p2)
+
+
+@njit(cache=True, inline="always")
+def _slope(n, frame, x, y, part):
+    """Columns and rows that ray number `part` of a pixel goes per metre of depth."""
+    xs = x + (_SUBPIXEL if part & 1 else -_SUBPIXEL) / n.c
+    ys = y + (_SUBPIXEL if part & 2 else -_SUBPIXEL) / n.c
+    dx = n.r11 * xs + n.r21 * ys - n.r31
+    dy = n.r12 * xs + n.r22 * ys - n.r32
+    dz = n.r13 * xs + n.r23 * ys - n.r33
+    return dx / -dz / frame.cell, -dy / -dz / frame.cell
+
+
 @njit(cache=True)
-def _cast(out, n, frame, columns, paint):
-    """Fills `out`; `n` is `View.numbers`."""
-    cell = frame.cell
+def _side_colour(frame, columns, paint, r, c, u, v, z, out):
+    """Sets `out` to the colour of the side of the column (r, c) of the window, at (u, v, z)."""
+    key = paint.keys[r, c]
+    if key < FIRST_NUMBER:
+        east, north, below = frame.west + u * frame.cell, frame.north - v * frame.cell, columns.tops[r, c, 0] - z
+        _wall_colour(paint.houses[key - 1], key, frame.seed, east, north, below, out)
+        return
+    # Sides of vehicles and poles, darker than their tops; solid crowns (whose key is larger still) look alike.
+    for band in range(3):
+        out[band] = np.float32(0.55) * paint.colours[r, c, band]
+
+
+@njit(cache=True)
+def _cast(out, n, frame, columns, paint, number, left):
+    """Fills `out`; `n` is `View.numbers`. Rays that meet a cell with a `number` (as in `Aloft`) are left: bits in `left`."""
+    cell, hollow = frame.cell, number.shape[0] > 0
     u0, v0, z0 = (n.xc - frame.west) / cell, (frame.north - n.yc) / cell, n.zc
     start = max(z0 - float(columns.highest.max()), 0.0)
     colour = np.zeros(3, np.float32)
     high = widened(columns.highest)
     for row in range(out.shape[0]):
         for col in range(out.shape[1]):
-            x = (frame.col + col - n.col0) / n.c
-            y = (n.row0 - (frame.row + row)) / n.c
-            # Undistorted once per pixel: the distortion hardly differs between its four rays.
-            x, y = undistort_point(x, y, n.k1, n.k2, n.k3, n.p1, n.p2)
+            x, y = _sight(n, frame, row, col)
             down = -(n.r13 * x + n.r23 * y - n.r33)
             du = (n.r11 * x + n.r21 * y - n.r31) / down / cell
             dv = -(n.r12 * x + n.r22 * y - n.r32) / down / cell
             begin = safe_start(columns, high, Ray(u0, v0, z0, du, dv), start)
             for part in range(4):
-                xs = x + (_SUBPIXEL if part & 1 else -_SUBPIXEL) / n.c
-                ys = y + (_SUBPIXEL if part & 2 else -_SUBPIXEL) / n.c
-                dx = n.r11 * xs + n.r21 * ys - n.r31
-                dy = n.r12 * xs + n.r22 * ys - n.r32
-                dz = n.r13 * xs + n.r23 * ys - n.r33
-                du, dv = dx / -dz / cell, -dy / -dz / cell
+                du, dv = _slope(n, frame, x, y, part)
                 kind, s, r, c = first_hit(columns, Ray(u0, v0, z0, du, dv), begin, z0 + _BEYOND)
                 if kind == NOTHING:
                     continue
+                if hollow and number[r, c] != 0:
+                    left[row, col] |= 1 << part
+                    continue
                 u, v = u0 + s * du, v0 + s * dv
-                key = paint.keys[r, c]
-                if kind == TOP or key == 0:
+                if kind == TOP or paint.keys[r, c] == 0:
                     _top_colour(paint, r, c, u - columns.col, v - columns.row, colour)
                     if frame.octaves > 0 and paint.material[r, c] != _WATER:
                         _add_detail(frame, u, v, colour)
-                elif key < FIRST_NUMBER:
-                    east, north, below = frame.west + u * cell, frame.north - v * cell, columns.tops[r, c, 0] - (z0 - s)
-                    _wall_colour(paint.houses[key - 1], key, frame.seed, east, north, below, colour)
                 else:
-                    # Sides of vehicles, darker than their roofs; crowns (whose key is larger still) look alike.
+                    _side_colour(frame, columns, paint, r, c, u, v, z0 - s, colour)
+                for band in range(3):
+                    out[row, col, band] += np.float32(0.25) * colour[band]
+
+
+@njit(cache=True)
+def _cast_aloft(out, n, frame, columns, paint, aloft, left):
+    """Adds the rays that `_cast` has left: through crowns and below wires."""
+    # A kernel of its own: few rays come here, and what they need would slow down all others.
+    u0, v0, z0 = (n.xc - frame.west) / frame.cell, (frame.north - n.yc) / frame.cell, n.zc
+    start = max(z0 - float(columns.highest.max()), 0.0)
+    colour = np.zeros(3, np.float32)
+    for row in range(out.shape[0]):
+        for col in range(out.shape[1]):
+            if left[row, col] == 0:
+                continue
+            x, y = _sight(n, frame, row, col)
+            for part in range(4):
+                if not left[row, col] & 1 << part:
+                    continue
+                du, dv = _slope(n, frame, x, y, part)
+                kind, s, r, c = first_seen(columns, aloft, Ray(u0, v0, z0, du, dv), start, z0 + _BEYOND)
+                if kind == NOTHING:
+                    continue
+                u, v = u0 + s * du, v0 + s * dv
+                if kind == LEAF:
+                    _leaf(aloft, u, v, z0 - s, r, c, float(columns.tops[r, c, 0]), colour)
+                elif kind == CABLE:
                     for band in range(3):
-                        colour[band] = np.float32(0.55) * paint.colours[r, c, band]
+                        colour[band] = np.float32(WIRE_COLOUR[band])
+                elif kind == TOP or paint.keys[r, c] == 0:
+                    _top_colour(paint, r, c, u - columns.col, v - columns.row, colour)
+                    if frame.octaves > 0:
+                        _add_detail(frame, u, v, colour)
+                else:
+                    _side_colour(frame, columns, paint, r, c, u, v, z0 - s, colour)
                 for band in range(3):
                     out[row, col, band] += np.float32(0.25) * colour[band]
 

@@ -183,7 +183,7 @@ class SimulationStage(Stage):
                     params,
                     t.row,
                     t.col,
-                    scratch=36 * ground.height * ground.width + 28 * t.window.height * t.window.width,
+                    scratch=52 * ground.height * ground.width + 28 * t.window.height * t.window.width,
                 )
             yield Export("simulation", f"{photo.name}_file", f"photographs/{photo.name}.tif", "tiff", {"image": name})
 

@@ -142,9 +142,11 @@ def test_classes_of_places():
     material = np.full((30, 30), Material.OPEN_GROUND, np.uint8)
     material[5:15, 5:15] = Material.ROOF
     material[25, 25], material[28, 2] = Material.TREE, 0
+    material[10, 16], material[20, 3] = Material.WIRE, Material.VEHICLE
     classes = place_classes(material)
     assert classes[10, 10] == PlaceClass.ROOF_INTERIOR and classes[5, 8] == PlaceClass.ROOF_EDGE
     assert classes[10, 17] == PlaceClass.BUILDING_MARGIN and classes[10, 18] == PlaceClass.CLEAR_GROUND
+    assert classes[10, 16] == PlaceClass.WIRE and classes[20, 3] == PlaceClass.VEHICLE, "what a cell is beats what is near"
     assert classes[25, 22] == PlaceClass.TREE_MARGIN and classes[25, 25] == PlaceClass.TREE and classes[28, 2] == PlaceClass.UNKNOWN
 
 

@@ -26,7 +26,7 @@ NUMBERS = {
         "IMPRECISE": 10,
     },
     Provenance: {"EMPTY": 0, "ONE_PAIR": 1, "AGREED": 2, "DISPUTED": 3, "INTERPOLATED": 4, "VOLUME": 5, "INCOHERENT": 6},
-    Material: {"OPEN_GROUND": 1, "FIELD": 2, "ROAD": 3, "ROOF": 4, "TREE": 5, "WATER": 6},
+    Material: {"OPEN_GROUND": 1, "FIELD": 2, "ROAD": 3, "ROOF": 4, "TREE": 5, "WATER": 6, "VEHICLE": 7, "WIRE": 8},
 }
 
 

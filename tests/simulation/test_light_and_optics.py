@@ -15,8 +15,9 @@ from orthomill.tasks.geometry.view import View
 from orthomill.tasks.simulation.flight import BLOCK, FlightExposure
 from orthomill.tasks.simulation.jobs import sight_window
 from orthomill.tasks.simulation.rendering import HALO, Film, _object_keys, _wall_colour, blur, cast, expose
-from orthomill.tasks.simulation.scene.ground_texture import AMBIENT, SUN, SUN_ELEVATION, PaintedWindow, _light
+from orthomill.tasks.simulation.scene.ground_texture import PaintedWindow
 from orthomill.tasks.simulation.scene.scene import SurfaceWindow
+from orthomill.tasks.simulation.scene.sunlight import AMBIENT, SUN, SUN_ELEVATION, light_on
 from orthomill.tasks.simulation.scene.true_visibility import occlusion_reach
 
 CELL, SIDE = 0.5, 16 * BLOCK
@@ -108,7 +109,7 @@ def test_walls_have_windows_on_every_floor():
 def test_light_on_a_slope_follows_lambert(gx, gy):
     y, x = np.mgrid[0:12, 0:12] * CELL
     height = (gx * x - gy * y).astype(np.float32)
-    found = _light(height, CELL)[3:-4, 3:-4]
+    found = light_on(height, CELL)[3:-4, 3:-4]
     facing = (SUN[2] - gx * SUN[0] - gy * SUN[1]) / np.sqrt(1 + gx * gx + gy * gy)
     assert np.allclose(found, AMBIENT + (1 - AMBIENT) * max(facing, 0.0) / SUN[2], atol=2e-3)
 
@@ -116,7 +117,7 @@ def test_light_on_a_slope_follows_lambert(gx, gy):
 def test_the_shadow_of_a_tower_points_away_from_the_sun():
     height = np.zeros((60, 60), np.float32)
     height[40:42, 40:42] = 5.0
-    found = _light(height, CELL)
+    found = light_on(height, CELL)
     length = 5.0 / np.tan(SUN_ELEVATION) / np.sqrt(2.0) / CELL
     diagonal = np.array([found[40 - k, 40 - k] for k in range(2, 20)])
     dark = np.flatnonzero(diagonal < 0.9)

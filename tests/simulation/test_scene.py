@@ -10,10 +10,11 @@ from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.raster import Window
 from orthomill.schemas.truth import Material
 from orthomill.tasks.simulation.flight import FlightSettings, scene_grid, scene_settings
-from orthomill.tasks.simulation.scene.ground_texture import SUN_ELEVATION, WATER_COLOUR, _sweep_shadow, painted_window
+from orthomill.tasks.simulation.scene.ground_texture import WATER_COLOUR, painted_window
 from orthomill.tasks.simulation.scene.layout import building_clearance, ground_at, height_bounds, road_clearance, scene_bounds
 from orthomill.tasks.simulation.scene.scene import surface_window
 from orthomill.tasks.simulation.scene.settlement import scene_of
+from orthomill.tasks.simulation.scene.sunlight import SUN_ELEVATION, _sweep_shadow
 
 FULL = FlightSettings(2009, 230.0, 153.353, 96.0, 6800.0, 582.0, 0.6, 2, 3)
 

@@ -10,7 +10,7 @@ from small_block import FLIGHT, scene, site
 
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.truth import Material
-from orthomill.tasks.simulation.scene.ground_texture import PaintedWindow, flat_mosaic, limited_slope
+from orthomill.tasks.simulation.scene.ground_texture import PaintedWindow, flat_mosaic
 from orthomill.tasks.simulation.scene.layout import (
     STREET_SPACING,
     Buildings,
@@ -28,6 +28,7 @@ from orthomill.tasks.simulation.scene.layout import (
 )
 from orthomill.tasks.simulation.scene.scene import PARCEL, SurfaceWindow, parcel_at, surface_window
 from orthomill.tasks.simulation.scene.settlement import TREE_TOP, scene_of
+from orthomill.tasks.simulation.scene.sunlight import limited_slope
 from orthomill.tasks.simulation.scene.vehicles import FIRST_NUMBER, vehicles_of, with_vehicles
 
 POND = Pond(100.0, 50.0, 40.0, 20.0, 7.0)

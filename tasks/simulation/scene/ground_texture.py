@@ -1,9 +1,8 @@
 """The colours of a simulated scene: what a true orthoimage of it shows, sunlight and shadows included.
 
 Brightness of open ground follows a mosaic of real photographs (textures/ATTRIBUTION.md), flattened by division through its local
-mean; colours come from the materials; fields, roofs, roads and crowns have patterns of their own. Fine noise reaches down to half
-a metre everywhere but on water, so that every patch of ground can be matched. The sun is in the south-east, on the diagonal
-of the grid, so that a shadow is found by one sweep.
+mean; colours come from the materials; fields, roofs and roads have patterns of their own, crowns are made of leaves (crowns.py).
+Fine noise reaches down to half a metre everywhere but on water and trees, so that every patch of ground can be matched.
 """
 
 from dataclasses import dataclass
@@ -19,25 +18,17 @@ from numba import njit
 from orthomill.schemas.errors import ResourceError
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.truth import Material
+from orthomill.tasks.simulation.scene.crowns import paint_crowns, stamp_crowns, stand_at_rest
 from orthomill.tasks.simulation.scene.hash_noise import uniform_of, value_noise
 from orthomill.tasks.simulation.scene.layout import HouseColumn, Scene
 from orthomill.tasks.simulation.scene.scene import SurfaceWindow, parcel_at, surface_window
+from orthomill.tasks.simulation.scene.sunlight import SHADOW_REACH, light_on
 
 MOSAIC_FILE = Path(__file__).parents[1] / "textures" / "village.jpg"
 MOSAIC_CELL = 0.507
 """m"""
 _FLAT = 110.0  # value of the flattened mosaic where it is as bright as its surroundings
 _MOSAIC_MEAN = 81  # px, 41 m: larger than fields' furrows and trees, smaller than fields, whose own tones are painted below
-SUN_ELEVATION = np.radians(47.0)
-SUN = np.array([np.cos(SUN_ELEVATION) / np.sqrt(2.0), -np.cos(SUN_ELEVATION) / np.sqrt(2.0), np.sin(SUN_ELEVATION)])
-"""Unit vector to the sun (east, north, up)."""
-AMBIENT = 0.42
-"""Share of the light that reaches ground in the shade."""
-SHADOW_REACH = 40.0
-"""m along x and along y: no shadow is longer."""
-# m: a shadow begins this far below its upper bound and is full after the second length: penumbra, and no shadow by rounding.
-_SHADOW_BEGIN, _PENUMBRA = 0.1, 0.7
-_STEEPEST = 1.5  # m per m: a steeper step is a wall, which shades nothing by its slope
 _GROUND, _FIELD, _ROAD = int(Material.OPEN_GROUND), int(Material.FIELD), int(Material.ROAD)
 _ROOF, _TREE, _WATER = int(Material.ROOF), int(Material.TREE), int(Material.WATER)
 WATER_COLOUR = (46.0, 70.0, 78.0)
@@ -50,7 +41,6 @@ class _Layer(IntEnum):
     MIDDLE = 32
     ROOF_KIND = 33
     ROOF_TONE = 34
-    CROWN = 35
     ROAD = 36
     DRYNESS = 37
     FIELD_KIND = 38
@@ -95,13 +85,24 @@ def painted_window(scene: Scene, grid: MapGrid, window: Window) -> PaintedWindow
     grown = Window(window.row - 1, window.col - 1, window.height + 1 + reach, window.width + 1 + reach)
     wide = surface_window(scene, grid, grown)
     inner = slice(1, 1 + window.height), slice(1, 1 + window.width)
-    light = _light(wide.height, grid.cell)[inner]
+    light = light_on(wide.height, grid.cell)[inner]
     surface = SurfaceWindow(*(np.ascontiguousarray(part[inner]) for part in (wide.height, wide.material, wide.building)))
     colours, settings = np.empty((*window.shape, 3), np.uint8), scene.settings
     corner = float(settings.west), float(settings.north)
     ground = *grid.centres(window), surface.material, surface.building, light
     _paint(colours, _Canvas(*ground, flat_mosaic(), *corner, scene.buildings.table, settings.seed))
+    _paint_trees(scene, colours, surface, grid.centres(window), grid.cell)
     return PaintedWindow(surface, colours)
+
+
+def _paint_trees(
+    scene: Scene, colours: np.ndarray, surface: SurfaceWindow, axes: tuple[np.ndarray, np.ndarray], cell: float
+) -> None:
+    """Sets `colours` (rows, cols, 3) of the crowns: what is seen of them straight from above, without wind."""
+    height, number = np.full(surface.height.shape, -np.inf), np.zeros(surface.height.shape, np.int32)
+    stand, seed = stand_at_rest(scene), scene.settings.seed
+    stamp_crowns(height, surface.building, number, axes, stand, seed)
+    paint_crowns(colours, number, height, (float(axes[0][0]), float(axes[1][0]), cell), stand, seed)
 
 
 @lru_cache(maxsize=1)
@@ -113,60 +114,6 @@ def flat_mosaic() -> np.ndarray:
     mean = cv2.blur(grey, (_MOSAIC_MEAN, _MOSAIC_MEAN), borderType=cv2.BORDER_REFLECT)
     # The real photographs have shadows of their own: where even the mean is dark, their noise would be amplified.
     return np.asarray(cv2.divide(grey, np.maximum(mean, 20), scale=_FLAT))
-
-
-def _light(height: np.ndarray, cell: float) -> np.ndarray:
-    """Light on each cell, 1 on sunlit level ground (float32, same shape); the last rows and columns are a halo."""
-    shadow = np.empty(height.shape, np.float32)
-    _sweep_shadow(height, cell * np.sqrt(2.0) * np.tan(SUN_ELEVATION), shadow)
-    light = np.empty(height.shape, np.float32)
-    _shade(height, shadow, cell, SUN, light)
-    return light
-
-
-@njit(cache=True)
-def _sweep_shadow(height, drop, shadow):
-    """The share of direct sunlight that is blocked, from the height of the shadow's upper bound carried along the diagonal."""
-    # Two rows of bounds suffice: the sun is on the diagonal, so every cell is shaded by its south-eastern neighbour only.
-    rows, cols = height.shape
-    bound = np.full((2, cols + 1), -np.inf)
-    for row in range(rows - 1, -1, -1):
-        now, before = row % 2, (row + 1) % 2
-        bound[now, cols] = -np.inf
-        for col in range(cols - 1, -1, -1):
-            z = float(height[row, col])
-            above = bound[before, col + 1] - drop
-            shadow[row, col] = min(max((above - z - _SHADOW_BEGIN) / _PENUMBRA, 0.0), 1.0)
-            bound[now, col] = max(above, z)
-
-
-@njit(cache=True)
-def _shade(height, shadow, cell, sun, light):
-    """Lambert's law with ambient light; steps steeper than `_STEEPEST` count as level."""
-    rows, cols = height.shape
-    limit = _STEEPEST * cell
-    light[:] = 1.0
-    for row in range(1, rows - 1):
-        for col in range(1, cols - 1):
-            gx = limited_slope(height[row, col - 1], height[row, col], height[row, col + 1], limit) / cell
-            gy = -limited_slope(height[row - 1, col], height[row, col], height[row + 1, col], limit) / cell
-            facing = (sun[2] - gx * sun[0] - gy * sun[1]) / np.sqrt(1.0 + gx * gx + gy * gy)
-            direct = max(facing, 0.0) / sun[2] * (1.0 - shadow[row, col])
-            light[row, col] = AMBIENT + (1.0 - AMBIENT) * direct
-
-
-@njit(cache=True, inline="always")
-def limited_slope(before, here, after, limit):
-    """Height difference per cell from those neighbours that are not across a wall (a step above `limit`, m)."""
-    left, right = here - before, after - here
-    ok_left, ok_right = abs(left) <= limit, abs(right) <= limit
-    if ok_left and ok_right:
-        return 0.5 * (left + right)
-    if ok_left:
-        return left
-    if ok_right:
-        return right
-    return 0.0 * here
 
 
 @njit(cache=True, inline="always")
@@ -207,10 +154,12 @@ def _paint(colours, canvas):
             code = canvas.material[row, col]
             x, y = canvas.x[col], canvas.y[row]
             east, north = x - canvas.west, canvas.north - y
-            # Still water has no texture at all: matching must fail there, as it does on real water.
+            # Water has no texture that stays: the waves and glints of a photograph are not part of a true orthoimage.
             if code == _WATER:
                 for band in range(3):
                     colours[row, col, band] = np.uint8(WATER_COLOUR[band])
+                continue
+            if code == _TREE:
                 continue
             # Lattices of 0.8 and 2.3 m: no multiples of each other nor of a cell, so that no regular pattern appears.
             fine = value_noise(seed + _Layer.FINE, east / 0.8, north / 0.8)
@@ -226,9 +175,6 @@ def _paint(colours, canvas):
                 bright = 0.9 + 0.2 * uniform_of(seed + _Layer.ROOF_TONE, number, 0)
                 factor = bright * _roof_factor(seed, house, x, y, number)
                 factor += 0.07 * fine
-            elif code == _TREE:
-                red, green, blue = 58.0, 82.0, 44.0
-                factor += 0.25 * middle + 0.15 * value_noise(seed + _Layer.CROWN, east / 1.4, north / 1.4)
             elif code == _ROAD:
                 red, green, blue = 128.0, 126.0, 124.0
                 factor = 1.0 + 0.10 * fine + 0.07 * middle + 0.06 * value_noise(seed + _Layer.ROAD, east / 7.0, north / 7.0)

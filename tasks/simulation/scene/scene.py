@@ -12,12 +12,13 @@ from numba import njit
 
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.truth import Material
-from orthomill.tasks.simulation.scene.hash_noise import uniform_of, value_noise
+from orthomill.tasks.simulation.scene.crowns import stamp_crowns, stand_at_rest
+from orthomill.tasks.simulation.scene.hash_noise import uniform_of
 from orthomill.tasks.simulation.scene.layout import STREET_SPACING, Scene, pond_blend, pond_distance, terrain_factors
 
 PARCEL = (96.0, 132.0, 0.33)
 """Width and depth of a field (m) and the angle of the fields (radians)."""
-_ROW_SHIFT, _FALLOW, _CROWN = 11, 12, 21  # layers of hashed noise, added to the seed
+_ROW_SHIFT, _FALLOW = 11, 12  # layers of hashed noise, added to the seed
 _FIELD_PATH = 1.3  # m: half the width of the paths of open ground between fields
 _FALLOW_SHARE = 0.34
 _HILL_REACH = 2.6  # sigmas of the steep hill within which there are no fields
@@ -39,16 +40,19 @@ def surface_window(scene: Scene, grid: MapGrid, window: Window) -> SurfaceWindow
     """The surface of `window` of `grid`; the window may extend beyond the grid."""
     # float64 until the end: trees are compared with each other and roofs with the ground before rounding to float32.
     x, y = grid.centres(window)
-    height = _terrain(scene, x, y)
+    height = bare_ground(scene, x, y)
     material = _ground_material(scene, x, y)
     building = np.zeros(window.shape, np.uint16)
     _stamp_buildings(height, material, building, x, y, scene.buildings.table)
-    _stamp_trees(height, material, building, x, y, scene.trees, scene.tree_feet, scene.settings.seed)
+    # The surface of a crown is its envelope at rest; leaves begin at it or below it.
+    number = np.zeros(window.shape, np.int32)
+    stamp_crowns(height, building, number, (x, y), stand_at_rest(scene), scene.settings.seed)
+    material[number > 0] = _TREE
     return SurfaceWindow(height.astype(np.float32), material, building)
 
 
-def _terrain(scene: Scene, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Bare ground (rows, cols), float64 m."""
+def bare_ground(scene: Scene, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Height of the ground (rows, cols) at the coordinates of columns and rows, float64 m; the same in any window."""
     height = _sum_of_products(*terrain_factors(scene, x, y))
     pond = scene.pond
     near_x, near_y = np.abs(x - pond.x) < _POND_REACH * pond.a, np.abs(y - pond.y) < _POND_REACH * pond.b
@@ -174,23 +178,3 @@ def _stamp_buildings(height, material, building, x, y, table):
                     height[row, col] = eaves + rise * (1.0 - abs(q) / width)
                     material[row, col] = _ROOF
                     building[row, col] = k + 1
-
-
-@njit(cache=True)
-def _stamp_trees(height, material, building, x, y, trees, feet, seed):
-    """Sets crowns (a rough dome on a vertical rim) where there is no building; of two trees the higher one is visible."""
-    dx, dy = x[1] - x[0], y[1] - y[0]
-    for k in range(trees.shape[0]):
-        cx, cy, radius, peak = trees[k]
-        left, right = _range_of(cx - radius, cx + radius, x[0], dx, len(x))
-        top, bottom = _range_of(cy - radius, cy + radius, y[0], dy, len(y))
-        for row in range(top, bottom):
-            for col in range(left, right):
-                d = ((x[col] - cx) ** 2 + (y[row] - cy) ** 2) / (radius * radius)
-                if d < 1.0 and building[row, col] == 0:
-                    # A rim at 55 % of the height: crowns occlude like walls, as real ones do.
-                    dome = 0.55 + 0.45 * np.sqrt(1.0 - d)
-                    z = feet[k] + (peak - feet[k]) * dome + 0.3 * value_noise(seed + _CROWN, x[col] / 1.6, y[row] / 1.6)
-                    if material[row, col] != _TREE or z > height[row, col]:
-                        height[row, col] = z
-                        material[row, col] = _TREE

@@ -16,7 +16,7 @@ from numba import njit
 
 from orthomill.schemas.raster import Window
 from orthomill.tasks.simulation.flight import BLOCK
-from orthomill.tasks.simulation.scene.ground_texture import limited_slope
+from orthomill.tasks.simulation.scene.sunlight import limited_slope
 
 NOTHING, TOP, WALL = 0, 1, 2
 """What a ray met: nothing in the window, the top of a column, the side of one."""
@@ -76,7 +76,7 @@ def _tops(height, step, tops, highest):
 
 
 @njit(cache=True, inline="always")
-def _leaves_at(low_u, low_v, size, ray):
+def exit_of(low_u, low_v, size, ray):
     """Depth s at which a ray leaves the square [low, low + size], and whether it leaves it across a border in u."""
     su = np.inf
     if ray.du > 0.0:
@@ -120,7 +120,7 @@ def first_hit(columns, ray, start, end):
         iu, iv = bu - first_u, bv - first_v
         if iu < 0 or iv < 0 or iu >= highest.shape[1] or iv >= highest.shape[0]:
             return NOTHING, s, 0, 0
-        block_end, block_across_u = _leaves_at(bu * BLOCK, bv * BLOCK, BLOCK, ray)
+        block_end, block_across_u = exit_of(bu * BLOCK, bv * BLOCK, BLOCK, ray)
         peak = highest[iv, iu]
         # The ray is lowest where it leaves the block: only then may it be below the highest point.
         if ray.z0 - block_end <= peak:
@@ -132,7 +132,7 @@ def first_hit(columns, ray, start, end):
                 col, row = cu - columns.col, cv - columns.row
                 if col < 0 or row < 0 or col >= cols or row >= rows:
                     return NOTHING, s, 0, 0
-                leave, across_u = _leaves_at(cu, cv, 1.0, ray)
+                leave, across_u = exit_of(cu, cv, 1.0, ray)
                 above, fall = _above(tops, row, col, ray, cu, cv)
                 at_entry = above - s * fall
                 # Far below the top where it enters the cell: it came through the side of the column.
@@ -180,7 +180,7 @@ def safe_start(columns, high, ray, start):
         iu, iv = bu - first_u, bv - first_v
         if iu < 0 or iv < 0 or iu >= high.shape[1] or iv >= high.shape[0]:
             return s
-        end, across_u = _leaves_at(bu * BLOCK, bv * BLOCK, BLOCK, ray)
+        end, across_u = exit_of(bu * BLOCK, bv * BLOCK, BLOCK, ray)
         if ray.z0 - end <= high[iv, iu]:
             # A centimetre earlier: the four rays of a pixel differ a little in depth at the same height.
             return max(s, ray.z0 - high[iv, iu] - 0.01)
@@ -213,7 +213,7 @@ def is_free(columns, ray, depth, clear):
             return True
         peak = highest[iv, iu]
         if ray.z0 - s > peak:
-            s, across_u = _leaves_at(bu * BLOCK, bv * BLOCK, BLOCK, back)
+            s, across_u = exit_of(bu * BLOCK, bv * BLOCK, BLOCK, back)
             s = -s
             if across_u:
                 cu = bu * BLOCK + BLOCK if step_u > 0 else bu * BLOCK - 1
@@ -227,7 +227,7 @@ def is_free(columns, ray, depth, clear):
         col, row = cu - columns.col, cv - columns.row
         if col < 0 or row < 0 or col >= cols or row >= rows:
             return True
-        leave, across_u = _leaves_at(cu, cv, 1.0, back)
+        leave, across_u = exit_of(cu, cv, 1.0, back)
         leave = -leave
         if cu != own_u or cv != own_v:
             above, fall = _above(tops, row, col, ray, cu, cv)
