@@ -47,9 +47,16 @@ class VolumeWindow(NamedTuple):
 
 
 def completed(cells: FusedCells, volume: VolumeWindow) -> FusedCells:
-    """The fused cells with heights of the volume where they have none; standard errors there are NaN until modelled."""
+    """The fused cells with heights of the volume where they have none; standard errors there are NaN until modelled.
+
+    Where the volume is not sure, what pairs found near it is an estimate as well: they started from there.
+    """
     added = np.isnan(cells.height) & np.isfinite(volume.height)
-    code = np.where(volume.sure, np.uint8(Provenance.VOLUME), np.uint8(Provenance.INCOHERENT))
+    unsure = np.isfinite(volume.height) & ~volume.sure
+    code = np.where(added, np.uint8(Provenance.VOLUME), cells.provenance)
     return FusedCells(
-        np.where(added, volume.height, cells.height), cells.precision, cells.count, np.where(added, code, cells.provenance)
+        np.where(added, volume.height, cells.height),
+        cells.precision,
+        cells.count,
+        np.where(unsure, np.uint8(Provenance.INCOHERENT), code),
     )

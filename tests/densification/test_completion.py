@@ -31,6 +31,12 @@ def test_the_volume_gives_what_pairs_do_not():
     assert volume.size[0].tolist() == [1, 1, 1, 1, 4]
 
 
+def test_what_pairs_find_where_the_volume_is_not_sure_is_an_estimate():
+    found = completed(cells_of(5.0, 5.0), volume_of((5.2, 5.2), (0, UNSURE)))
+    assert found.provenance[0].tolist() == [Provenance.ONE_PAIR, Provenance.INCOHERENT]
+    assert found.height[0].tolist() == [5.0, 5.0] and found.count[0].tolist() == [1, 1]
+
+
 WHOLE = Window(0, 0, *LEVEL_GRID.shape)
 UNEVEN = (0.1, 0.2, 0.3, 0.2, 0.1, 0.2, 0.4, 0.2, 0.1)
 

@@ -79,7 +79,8 @@ def test_rasters_agree_with_one_another(engine):
         assert (np.isfinite(engine.rasters[name]) == known).all()
     code = engine.rasters[PROVENANCE]
     assert ((code > 0) == known).all()
-    assert ((engine.rasters[COUNT] > 0) == np.isin(code, (Provenance.ONE_PAIR, Provenance.AGREED))).all()
+    assert (engine.rasters[COUNT][np.isin(code, (Provenance.ONE_PAIR, Provenance.AGREED))] > 0).all()
+    assert (engine.rasters[COUNT][np.isin(code, (Provenance.VOLUME, Provenance.EMPTY))] == 0).all()
     assert (engine.rasters[nodes_raster("a-b")].shape[:2]) == engine.rasters[outcome_raster("a-b")].shape
 
 

@@ -2,7 +2,9 @@
 
 Strategy. On open ground the finest level answers. In a wood its windows show single leaves, which no two photographs see alike,
 while a coarser level sees crowns: there the coarser height, which is coherent and clearly the best, is worth more than a fine one
-that is neither. A cell takes the finest level that is sure; where none is, the most coherent one, as an estimate.
+that stands alone. Next to a roof edge it is the other way round: a coarse level is sure of the wrong surface. So a coarser level is
+asked only where the finer heights stand alone far and wide; of those asked the finest that is sure gives the height, or, as an
+estimate, the most coherent one.
 """
 
 from collections.abc import Sequence
@@ -20,7 +22,7 @@ class Sureness(Settings):
 
     coherence: float = setting(0.7, "Share of the cells around that must go along with it.", ge=0.0, le=1.0)
     margin: float = setting(
-        0.5, "How much worse the photographs must fit at any other height.", "share of the bits", ge=0.0, le=2.5
+        0.25, "How much worse the photographs must fit at any other height.", "share of the bits", ge=0.0, le=2.5
     )
 
     def sure(self, quality: np.ndarray) -> np.ndarray:
@@ -28,9 +30,13 @@ class Sureness(Settings):
         return (quality[..., 2] >= 100 * self.coherence) & (quality[..., 1] >= 100 * self.margin)
 
 
+_AROUND = 9
+"""cells of a coarser level along the side of the square in which the finer heights must stand alone, that of its coherence"""
+
+
 @dataclass(frozen=True)
 class LevelsUnderTile:
-    """A tile of the surface grid, and the window of every level (finest first) under it with one cell around."""
+    """A tile of the surface grid, and the window of every level (finest first) under it, with the surroundings that count."""
 
     window: Window
     levels: tuple[Window, ...]
@@ -38,7 +44,9 @@ class LevelsUnderTile:
     @classmethod
     def of(cls, window: Window, shapes: Sequence[tuple[int, ...]]) -> "LevelsUnderTile":
         """shapes: of the levels, finest first; level k has cells of 2^k cells."""
-        return cls(window, tuple(_under(window, 2**k).clipped(shape) for k, shape in enumerate(shapes)))
+        around = _AROUND * 2 ** (len(shapes) - 1) // 2
+        under = (_under(window, 2**k).grown(1 if k else around).clipped(shape) for k, shape in enumerate(shapes))
+        return cls(window, tuple(under))
 
 
 class MergedVolume(NamedTuple):
@@ -64,8 +72,8 @@ def merge_levels(
         rows, cols = _places(tile, k)
         own = qualities[k][np.ix_(np.rint(rows).astype(int), np.rint(cols).astype(int))]
         sure = settings.sure(own)
-        # An estimate only gives way to one whose surroundings agree more: of equals the finer one stays.
-        better = (level >= UNSURE) & (sure | (own[..., 2] > quality[..., 2]))
+        # An estimate gives way to one whose surroundings agree more; of equals the finer one stays.
+        better = (level >= UNSURE) & _alone(qualities[0], k, settings)[_inner(tile)] & (sure | (own[..., 2] > quality[..., 2]))
         values = _interpolated(heights[k], rows, cols)
         better &= np.isfinite(values) & np.isfinite(height)
         height[better], quality[better] = values[better], own[better]
@@ -73,10 +81,28 @@ def merge_levels(
     return MergedVolume(height, quality, level)
 
 
+def _alone(quality: np.ndarray, level: int, settings: Sureness) -> np.ndarray:
+    """(rows, cols) bool: where the mean coherence of the finest heights over the surroundings of a coarser cell is too low."""
+    half = _AROUND * 2**level // 2
+    known = quality[..., 3] > 0
+    return _box_sums(np.where(known, quality[..., 2], 0), half) < 100 * settings.coherence * _box_sums(known, half)
+
+
+def _box_sums(values: np.ndarray, half: int) -> np.ndarray:
+    """Sums (rows, cols) int64 over the cells up to `half` away in rows and columns."""
+    # Integers: a running sum of floats would depend on where the window begins.
+    total = values.astype(np.int64)
+    for axis in (0, 1):
+        sums = np.concatenate([np.zeros_like(total.take([0], axis)), np.cumsum(total, axis)], axis)
+        size, at = total.shape[axis], np.arange(total.shape[axis])
+        total = sums.take(np.minimum(at + half + 1, size), axis) - sums.take(np.maximum(at - half, 0), axis)
+    return total
+
+
 def _under(window: Window, factor: int) -> Window:
     row, col = window.row // factor, window.col // factor
     bottom, right = -(-(window.row + window.height) // factor), -(-(window.col + window.width) // factor)
-    return Window(row, col, bottom - row, right - col).grown(1)
+    return Window(row, col, bottom - row, right - col)
 
 
 def _inner(tile: LevelsUnderTile) -> tuple[slice, slice]:

@@ -15,7 +15,7 @@ RULES = Sureness()
 
 def quality(shape, coherence: int, margin: int = 100) -> np.ndarray:
     out = np.zeros((*shape, 4), np.uint8)
-    out[..., 1], out[..., 2] = margin, coherence
+    out[..., 1], out[..., 2], out[..., 3] = margin, coherence, 3
     return out
 
 
@@ -32,7 +32,7 @@ def level_heights() -> list[np.ndarray]:
 
 @pytest.mark.parametrize(
     ("coherences", "height", "level"),
-    [((90, 95, 99), 0, 0), ((40, 90, 99), 1, 1), ((40, 50, 90), 2, 2), ((40, 60, 50), 1, UNSURE + 1), ((50, 50, 50), 0, UNSURE)],
+    [((90, 95, 99), 0, 0), ((40, 90, 99), 1, 1), ((30, 40, 90), 2, 2), ((40, 60, 50), 1, UNSURE + 1), ((50, 50, 50), 0, UNSURE)],
 )
 def test_the_finest_level_that_is_sure_gives_the_height(coherences, height, level):
     found = merged(level_heights(), [quality(shape, c) for shape, c in zip(SHAPES, coherences, strict=True)])
@@ -41,11 +41,24 @@ def test_the_finest_level_that_is_sure_gives_the_height(coherences, height, leve
 
 
 @pytest.mark.parametrize(
-    ("rules", "level"), [(Sureness(coherence=0.6), 0), (Sureness(coherence=0.9), 1), (Sureness(margin=1.2), UNSURE + 1)]
+    ("rules", "level"),
+    [(Sureness(coherence=0.6), 0), (Sureness(coherence=0.9), 1), (Sureness(coherence=0.9, margin=1.2), UNSURE + 1)],
 )
 def test_coherence_and_margin_decide_what_is_sure(rules, level):
     found = merged(level_heights(), [quality(SHAPES[0], 70), quality(SHAPES[1], 95), quality(SHAPES[2], 80)], rules=rules)
     assert (found.level == level).all()
+
+
+def test_a_few_cells_that_stand_alone_do_not_ask_a_coarser_level():
+    qualities = [quality(shape, 95) for shape in SHAPES]
+    qualities[0][4:6, 10:12, 2] = 10
+    found = merged(level_heights(), qualities)
+    assert (found.height == 0).all() and (found.level[4:6, 10:12] == UNSURE).all() and (found.level == UNSURE).sum() == 4
+
+
+def test_a_height_that_others_nearly_equal_is_an_estimate():
+    found = merged(level_heights(), [quality(shape, 95, 10) for shape in SHAPES])
+    assert (found.height == 0).all() and (found.level == UNSURE).all()
 
 
 def test_coarse_heights_are_interpolated():
