@@ -7,6 +7,7 @@ import numpy as np
 from orthomill.schemas.camera import INTERIOR
 from orthomill.schemas.orientation import Block
 from orthomill.tasks.geometry.rotation import angles, rotation_matrix
+from orthomill.tasks.geometry.view import block_view
 
 
 @dataclass(frozen=True)
@@ -76,3 +77,19 @@ def interior_differences(block: Block, truth: Block) -> tuple[InteriorDifference
         values = zip(INTERIOR, mine.interior, true.interior, sigma, strict=True)
         rows += [InteriorDifference(key, *value) for value in values]
     return tuple(rows)
+
+
+def datum_shifts(block: Block, truth: Block, points: np.ndarray) -> np.ndarray:
+    """How far (N, 2) m, east and north, the block's orientations move ground points (N, 3): mean over photographs that show one.
+
+    A point is projected with the true orientation and brought back to its height with the adjusted one. NaN where none shows it.
+    """
+    total, count = np.zeros((len(points), 2)), np.zeros(len(points))
+    for name in sorted(set(block.names) & set(truth.names)):
+        true, adjusted = block_view(truth, name), block_view(block, name)
+        pixels = true.project(points)
+        shown = true.contains(pixels)
+        total[shown] += (adjusted.at_height(pixels[shown], points[shown, 2]) - points[shown])[:, :2]
+        count += shown
+    with np.errstate(invalid="ignore"):
+        return total / np.where(count, count, np.nan)[:, None]

@@ -10,7 +10,7 @@
 - Vehicles: road pixels far from their vehicle-free truth, where three photographs or more show the place.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,8 +19,9 @@ from scipy import ndimage
 
 from orthomill.schemas.job import Columns
 from orthomill.schemas.orientation import Block
-from orthomill.schemas.raster import Window
+from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.truth import OPEN_MATERIALS, Material
+from orthomill.tasks.evaluation.orientation_accuracy import datum_shifts
 from orthomill.tasks.geometry.view import block_view
 from orthomill.tasks.matching.least_squares.matching import match_points
 from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
@@ -100,6 +101,9 @@ class Shifts(Columns):
     """uint8: code of PlaceClass, 0 not known"""
     seen: np.ndarray
     """uint8: photographs that truly show the node; 255 not known"""
+    datum_dx: np.ndarray
+    datum_dy: np.ndarray
+    """float32 px: what the adjusted orientations alone shift; NaN where the true ones are not known"""
 
 
 def grey_sums(ortho: np.ndarray, truth: np.ndarray) -> GreySums:
@@ -215,7 +219,8 @@ def shifts(scene: OrthoScene, core: Window, place: np.ndarray) -> Shifts:
     row, col = (a.ravel() for a in np.meshgrid(rows, cols, indexing="ij"))
     r, c = row - scene.window.row, col - scene.window.col
     if not len(r):
-        return Shifts(*(np.zeros(0, t) for t in (np.int32, np.int32, np.float32, np.float32, np.uint8, np.uint8)))
+        types = (np.int32, np.int32, np.float32, np.float32, np.uint8, np.uint8, np.float32, np.float32)
+        return Shifts(*(np.zeros(0, t) for t in types))
     grey, truth = (np.where(scene.judged, np.maximum(x, 1.0), np.nan).astype(np.float32) for x in (scene.grey, scene.true_grey))
     points = np.column_stack([c, r]).astype(np.float64)
     # the truth is the template: its noise is zero, and the gradients come from it
@@ -227,7 +232,17 @@ def shifts(scene: OrthoScene, core: Window, place: np.ndarray) -> Shifts:
         (found.row - r).astype(np.float32),
         place[r, c],
         scene.seen[r, c],
+        *np.full((2, len(r)), np.nan, np.float32),
     )
+
+
+def with_datum(found: Shifts, scene: OrthoScene, grid: MapGrid, height: np.ndarray, blocks: tuple[Block, Block]) -> Shifts:
+    """The shifts with those of the datum; `height` (rows, cols) m of the scene, NaN where unknown; `blocks`: adjusted and true."""
+    x, y = grid.centres(scene.window)
+    row, col = found.row - scene.window.row, found.col - scene.window.col
+    moved = datum_shifts(*blocks, np.column_stack([x[col], y[row], height[row, col]])) / grid.cell
+    # rows count southwards
+    return replace(found, datum_dx=moved[:, 0].astype(np.float32), datum_dy=-moved[:, 1].astype(np.float32))
 
 
 def doubled(scene: OrthoScene) -> np.ndarray:

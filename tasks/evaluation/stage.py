@@ -237,7 +237,7 @@ def _ortho_job(judged: _Judged, t: Tile, writes: dict[str, Raster | Table]) -> J
         return Job("evaluation", "ortho", ortho_against_file, reads, writes, params, t.row, t.col)
     place = placement(judged.grid, window, judged.reference)
     reads |= _truth(place, truth=TRUTH_ORTHO, material=TRUTH_MATERIAL, visibility=TRUTH_VISIBILITY, surface=TRUTH_SURFACE)
-    reads["block"] = TRUTH_BLOCK
+    reads |= {"block": TRUTH_BLOCK, "adjusted": BLOCK}
     params = {"where": OrthoTruthPlace(judged.grid, t.window, window, place)}
     return Job("evaluation", "ortho", ortho_against_truth, reads, writes, params, t.row, t.col, _scratch(place, 250))
 

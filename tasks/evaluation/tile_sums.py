@@ -253,9 +253,24 @@ def _shift_numbers(shifts: Shifts) -> dict[str, float | None]:
         numbers[f"{name}share_above_half"] = rounded(100.0 * float((mine > 0.5).mean()), 3) if len(mine) else None
         numbers[f"{name}nodes_matched"] = float(len(mine))
     mine = found & visible
+    numbers |= _own_numbers(shifts, visible & found)
     numbers["mean_dx"] = rounded(shifts.dx[mine].mean()) if mine.any() else None
     numbers["mean_dy"] = rounded(shifts.dy[mine].mean()) if mine.any() else None
     return numbers
+
+
+def _own_numbers(shifts: Shifts, mine: np.ndarray) -> dict[str, float | None]:
+    """The shifts of the datum, and what is left without them, where both are known."""
+    known = mine & np.isfinite(shifts.datum_dx)
+    own = np.hypot(shifts.dx - shifts.datum_dx, shifts.dy - shifts.datum_dy)[known]
+    if not known.any():
+        return dict.fromkeys(("datum_mean_dx", "datum_mean_dy", "own_median", "own_share_above_half"))
+    return {
+        "datum_mean_dx": rounded(shifts.datum_dx[known].mean()),
+        "datum_mean_dy": rounded(shifts.datum_dy[known].mean()),
+        "own_median": rounded(np.median(own)),
+        "own_share_above_half": rounded(100.0 * float((own > 0.5).mean()), 3),
+    }
 
 
 def summarise_ortho(counts: tuple[OrthoCounts, ...], shifts: tuple[Shifts, ...], fit: GreyFit) -> OrthoSummary:

@@ -28,6 +28,7 @@ from orthomill.tasks.evaluation.orthoimage_accuracy import (
     is_ground,
     photos_that_reach,
     shifts,
+    with_datum,
 )
 
 UNKNOWN_COUNT = 255
@@ -186,12 +187,14 @@ def ortho_against_truth(
     visibility: np.ndarray,
     surface: np.ndarray,
     block: Block,
+    adjusted: Block,
     fit: GreyFit,
     where: OrthoTruthPlace,
 ) -> OrthoComparison:
     """Compares the pixels `where.core` of the orthoimage with the truth.
 
-    ortho (rows, cols, 4) at `where.window`; the truth rasters at the source window of `where.source`; `block` is the true one.
+    ortho (rows, cols, 4) at `where.window`; the truth rasters at the source window of `where.source`; `block` is the true one,
+    `adjusted` that of the orthoimage.
     """
     place = where.source
     # the fit first: brightness is free in a block, and every later comparison is of grey values
@@ -203,7 +206,9 @@ def ortho_against_truth(
         codes_on(material, place),
         _photo_count(visibility, place),
     )
-    return _finish(scene, where, _hidden_photos(scene, heights_on(surface, place), block, where.grid))
+    height = heights_on(surface, place)
+    found = _finish(scene, where, _hidden_photos(scene, height, block, where.grid))
+    return found._replace(shifts=with_datum(found.shifts, scene, where.grid, height, (adjusted, block)))
 
 
 def ortho_against_file(ortho: np.ndarray, reference: np.ndarray, fit: GreyFit, where: OrthoPlace) -> OrthoComparison:

@@ -27,8 +27,8 @@ def test_a_shipped_workflow_can_be_planned(root, name):
     assert [path.name for path in root.iterdir()] == ["workflows"]
 
 
-def test_the_four_projects_are_shipped():
-    assert {path.stem for path in WORKFLOWS.glob("*.yaml")} >= {"volos", "volos_small", "volos_full", "brighton"}
+def test_the_five_projects_are_shipped():
+    assert {path.stem for path in WORKFLOWS.glob("*.yaml")} >= {"volos", "volos_second", "volos_small", "volos_full", "brighton"}
 
 
 def test_the_full_scene_fits_the_memory_of_a_worker(root):

@@ -42,10 +42,13 @@ def heights(*groups: GroupMeasures, **changes) -> HeightsSummary:
     return HeightsSummary(groups=groups, expected_sigma=changes.pop("expected_sigma", 0.25), cell=0.5, **changes)
 
 
+DATUM = {"datum_mean_dx": -0.17, "datum_mean_dy": 0.02, "own_median": 0.05, "own_share_above_half": 0.03}
+
+
 def shift(**changes) -> dict[str, float | None]:
     names = ("median", "q95", "share_above_half", "nodes_matched")
     values = {f"{head}{name}": 0.1 for head in ("", "open_ground_", "roof_") for name in names}
-    return {**values, "nodes": 100.0, "matched": 80.0, "mean_dx": 0.01, "mean_dy": -0.02, **changes}
+    return {**values, "nodes": 100.0, "matched": 80.0, "mean_dx": 0.01, "mean_dy": -0.02, **DATUM, **changes}
 
 
 def ortho(fit=None, counts=None, **changes) -> OrthoSummary:
@@ -165,6 +168,7 @@ def test_figures_of_the_orthoimage_against_the_truth():
     assert found["ortho_doubled_share"] == 5.0 and found["ortho_doubled_by_chance"] == 0.1
     assert found["ortho_roads_disturbed_3"] == 4.0 and found["ortho_roads_disturbed_fewer"] == 50.0
     assert found["ortho_mean_absolute_difference"] == 1.5
+    assert found["ortho_datum_shift_mean_col_px"] == -0.17 and found["ortho_own_shift_above_half_px_share"] == 0.03
 
 
 def test_shifted_orthoimages_are_warned_of():

@@ -188,11 +188,12 @@ def test_the_published_fgdc_factor():
     assert found.fgdc95 == pytest.approx(3.96, abs=0.005)
 
 
-def shifts(dx, dy, place=PlaceClass.CLEAR_GROUND, seen=3) -> Shifts:
+def shifts(dx, dy, place=PlaceClass.CLEAR_GROUND, seen=3, datum=np.nan) -> Shifts:
     n = len(dx)
     code, photos = np.full(n, place, np.uint8), np.full(n, seen, np.uint8)
     number = np.arange(n, dtype=np.int32)
-    return Shifts(number, number, np.asarray(dx, np.float32), np.asarray(dy, np.float32), code, photos)
+    of_datum = np.full((2, n), datum, np.float32)
+    return Shifts(number, number, np.asarray(dx, np.float32), np.asarray(dy, np.float32), code, photos, *of_datum)
 
 
 def test_shifts_are_summed_by_place():
@@ -205,6 +206,13 @@ def test_shifts_are_summed_by_place():
     assert found.shift["open_ground_median"] == pytest.approx(0.75) and found.shift["roof_median"] == pytest.approx(0.2)
     assert found.shift["share_above_half"] == 25.0, "0.5 itself is not above a half"
     assert found.shift["mean_dx"] == pytest.approx(-0.075, abs=1e-4) and found.shift["mean_dy"] == pytest.approx(0.4, abs=1e-4)
+
+
+def test_the_datum_is_told_apart_from_the_other_shifts():
+    found = summarise_ortho((OrthoCounts(),), (shifts([0.7, 0.5, 1.5], [0.5, 0.5, 0.5], datum=0.5),), GreyFit()).shift
+    assert found["datum_mean_dx"] == found["datum_mean_dy"] == 0.5 and found["own_median"] == pytest.approx(0.2)
+    assert found["share_above_half"] == 100.0 and found["own_share_above_half"] == 33.333
+    assert summarise_ortho((OrthoCounts(),), (shifts([0.1], [0.1]),), GreyFit()).shift["own_median"] is None
 
 
 def test_nodes_that_no_photograph_shows_are_left_out():

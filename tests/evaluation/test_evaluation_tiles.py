@@ -156,14 +156,16 @@ def rgba(colours: np.ndarray) -> np.ndarray:
     return np.dstack([colours, np.full(GRID.shape, 255, np.uint8)])
 
 
-def judged_ortho(core=WHOLE, ortho=None):
+def judged_ortho(core=WHOLE, ortho=None, adjusted=None):
     ortho = rgba(texture()) if ortho is None else ortho
     window = core.grown(HALO).clipped(GRID.shape)
     place = placement(GRID, window, GRID)
     surface, material, _, visibility = (raster[readable(place).slices] for raster in truth())
     where = OrthoTruthPlace(GRID, core, window, place)
     colours = texture()[readable(place).slices]
-    return ortho_against_truth(ortho[window.slices], colours, material, visibility, surface, box_block(), GreyFit(), where)
+    return ortho_against_truth(
+        ortho[window.slices], colours, material, visibility, surface, box_block(), adjusted or box_block(), GreyFit(), where
+    )
 
 
 def test_a_perfect_orthoimage_has_no_difference():
@@ -171,6 +173,17 @@ def test_a_perfect_orthoimage_has_no_difference():
     assert np.abs(found.difference).max() == 0 and found.counts.difference_absolute == 0
     assert found.counts.ssim_sum == pytest.approx(found.counts.ssim_count)
     assert np.nanmax(np.hypot(found.shifts.dx, found.shifts.dy)) < 1e-3
+
+
+def test_the_shift_of_the_datum_is_that_of_the_adjusted_centres():
+    """Centres 2 m too far east and 1 m too far south move every point by as much; the orthoimage itself is perfect."""
+    assert np.nanmax(np.abs(judged_ortho().shifts.datum_dx)) < 1e-5
+    true = box_block()
+    photos = tuple(p.model_copy(update={"centre": tuple(np.add(p.centre, (2.0, -1.0, 0.0)))}) for p in true.photos)
+    found = judged_ortho(adjusted=true.model_copy(update={"photos": photos})).shifts
+    known = np.isfinite(found.datum_dx)
+    assert known.sum() > 2 and found.datum_dx[known] == pytest.approx(2.0, abs=1e-4)
+    assert found.datum_dy[known] == pytest.approx(1.0, abs=1e-4)
 
 
 def test_a_planted_difference_of_grey_values_is_found_where_it_is():
@@ -201,6 +214,7 @@ def test_an_orthoimage_against_a_file_knows_nothing_of_visibility():
     reference[:, :10] = np.nan
     found = ortho_against_file(rgba(texture()), reference, GreyFit(), OrthoPlace(GRID, WHOLE, WHOLE))
     assert found.counts.difference_count == 60 * 70 and found.counts.visible == found.counts.hidden == 0
+    assert np.isnan(found.shifts.datum_dx).all()
     assert (found.shifts.seen == 255).all() and (found.shifts.place == PlaceClass.UNKNOWN).all()
 
 
