@@ -3,6 +3,9 @@
 Strategy, per ortho pixel: (1) values of negligible weight are reserves and not used while better ones exist; (2) of three values or
 more those far from the centre of all are rejected; (3) the best N of the remaining ones are averaged with their weights.
 
+Where the colours of a pixel agree, which is nearly everywhere, no rule has an effect and the colour is the weighted mean of
+all: a row of pixels is first averaged as a whole, photograph by photograph, and only the others are looked at one by one.
+
 Colours are vectors: the centre is the mean or the channel-wise median, sigma the root mean square distance from it, so one grey
 channel gives exactly the published rule.
 
@@ -70,15 +73,16 @@ class Blend:
 class Blended:
     """Blended pixels.
 
-    `colour` (rows, cols, bands) float32; `used`, `rejected` (rows, cols) uint8 counts of values; `share` (photos,) float64, sum
-    over pixels of each photo's part in the colour; `difference` (rows, cols) float32, mean absolute difference of the used values
-    from the colour, NaN where fewer than two were used.
+    `colour` (rows, cols, bands) float32; `seen`, `used`, `rejected` (rows, cols) uint8 counts of values; `share` (photos,) float64,
+    sum over pixels of each photo's part in the colour; `difference` (rows, cols) float32, mean absolute difference of the used
+    values from the colour, NaN where fewer than two were used.
     """
 
     colour: np.ndarray
     used: np.ndarray
     rejected: np.ndarray
     share: np.ndarray
+    seen: np.ndarray
     difference: np.ndarray
 
 
@@ -100,6 +104,7 @@ class _Images(NamedTuple):
     used: np.ndarray
     rejected: np.ndarray
     share: np.ndarray
+    seen: np.ndarray
     difference: np.ndarray
 
 
@@ -110,6 +115,21 @@ class _Work(NamedTuple):
     distance: np.ndarray
     line: np.ndarray
     sorted: np.ndarray
+    weight: np.ndarray
+    photo: np.ndarray
+
+
+class _Row(NamedTuple):
+    """A row of pixels (cols,) float32: greatest and total weight, number of values; centre and mean colour (cols, bands); the
+    greatest squared distance from the centre, the sum of absolute differences from the mean."""
+
+    greatest: np.ndarray
+    total: np.ndarray
+    number: np.ndarray
+    centre: np.ndarray
+    colour: np.ndarray
+    farthest: np.ndarray
+    apart: np.ndarray
 
 
 @njit(cache=True, inline="always")
@@ -215,42 +235,107 @@ def _average(values, weight, count, keep, colour):
 
 
 @njit(cache=True)
-def _blend(colours, weights, rules, images):
-    photos, rows, cols, bands = colours.shape
-    values = np.empty((MOST, bands))
-    weight, photo = np.empty(MOST), np.empty(MOST, np.int64)
-    work = _Work(np.empty(MOST, np.bool_), np.empty(MOST), np.empty(MOST), np.empty(MOST))
-    keep = work.keep
-    for i in range(rows):
+def _blend_pixel(colours, weights, i, j, greatest, rules, images, values, work):
+    """Blends one pixel by all the rules; `greatest`: its greatest weight."""
+    photos, _, _, bands = colours.shape
+    keep, weight, photo, count = work.keep, work.weight, work.photo, 0
+    for p in range(photos):
+        if weights[p, i, j] > RESERVE * greatest and count < MOST:
+            photo[count] = p
+            # The power of the area is applied after the choice of reserves: it would square the limit as well.
+            weight[count] = weights[p, i, j] if rules.power == 1 else weights[p, i, j] ** rules.power
+            for band in range(bands):
+                values[count, band] = colours[p, i, j, band]
+            count += 1
+    left = _reject(values, count, rules, work)
+    if count == 2 and rules.two_limit > 0.0:
+        left = _prefer_heavier(values, weight, rules.two_limit, keep)
+    # Counted before the best are chosen: those left out there are no errors.
+    images.rejected[i, j] = count - left
+    if rules.best > 0:
+        left = _keep_best(weight, count, left, rules.best, keep)
+    images.used[i, j] = left
+    total, apart = _average(values, weight, count, keep, images.colour[i, j])
+    for m in range(count):
+        if keep[m]:
+            images.share[photo[m]] += weight[m] / total
+    if left > 1:
+        images.difference[i, j] = apart / (left * bands)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _average_row(colours, weights, i, power, bands, row, seen):
+    """Fills `row` for the pixels of row i as if no value were rejected, and counts the photos that see them."""
+    photos, cols = weights.shape[0], weights.shape[2]
+    zero, one, least = np.float32(0.0), np.float32(1.0), np.float32(RESERVE)
+    row.greatest[:], row.total[:], row.number[:], row.farthest[:], row.apart[:] = zero, zero, zero, zero, zero
+    row.centre[:], row.colour[:] = zero, zero
+    for p in range(photos):
+        weight = weights[p, i]
         for j in range(cols):
-            greatest = 0.0
-            for p in range(photos):
-                greatest = max(greatest, weights[p, i, j])
-            if greatest <= 0.0:
+            row.greatest[j] = max(row.greatest[j], weight[j])
+            seen[j] += weight[j] > zero
+    for p in range(photos):
+        weight, value = weights[p, i], colours[p, i]
+        for j in range(cols):
+            keep = weight[j] > least * row.greatest[j]
+            own = weight[j] if keep else zero
+            if power == 2:
+                own *= own
+            here = one if keep else zero
+            row.total[j] += own
+            row.number[j] += here
+            for band in range(bands):
+                row.centre[j, band] += here * value[j, band]
+                row.colour[j, band] += own * value[j, band]
+    for j in range(cols):
+        for band in range(bands):
+            row.centre[j, band] /= max(row.number[j], one)
+            row.colour[j, band] /= row.total[j] if row.total[j] > zero else one
+    for p in range(photos):
+        weight, value = weights[p, i], colours[p, i]
+        for j in range(cols):
+            square, apart = zero, zero
+            for band in range(bands):
+                square += (value[j, band] - row.centre[j, band]) ** 2
+                apart += abs(value[j, band] - row.colour[j, band])
+            keep = weight[j] > least * row.greatest[j]
+            row.farthest[j] = max(row.farthest[j], square if keep else zero)
+            row.apart[j] += apart if keep else zero
+
+
+@njit(cache=True)
+def _blend(colours, weights, rules, images, row, values, work):
+    photos, rows, cols, bands = colours.shape
+    # About a median, a value is at most twice as far in every band as the farthest one is from the mean.
+    agreed = rules.least**2 * (bands if rules.centre == Centre.MEAN else 0.25)
+    for i in range(rows):
+        # The number of bands is written out, so that the compiler sees the few loops over them as one block.
+        if bands == 3:
+            _average_row(colours, weights, i, rules.power, 3, row, images.seen[i])
+        else:
+            _average_row(colours, weights, i, rules.power, bands, row, images.seen[i])
+        for j in range(cols):
+            count = row.number[j]
+            if count == 0:
                 continue
-            count = 0
-            for p in range(photos):
-                if weights[p, i, j] > RESERVE * greatest and count < MOST:
-                    photo[count] = p
-                    # The power of the area is applied after the choice of reserves: it would square the limit as well.
-                    weight[count] = weights[p, i, j] ** rules.power
-                    for band in range(bands):
-                        values[count, band] = colours[p, i, j, band]
-                    count += 1
-            left = _reject(values, count, rules, work)
-            if count == 2 and rules.two_limit > 0.0:
-                left = _prefer_heavier(values, weight, rules.two_limit, keep)
-            # Counted before the best are chosen: those left out there are no errors.
-            images.rejected[i, j] = count - left
-            if rules.best > 0:
-                left = _keep_best(weight, count, left, rules.best, keep)
-            images.used[i, j] = left
-            total, apart = _average(values, weight, count, keep, images.colour[i, j])
-            for m in range(count):
-                if keep[m]:
-                    images.share[photo[m]] += weight[m] / total
-            if left > 1:
-                images.difference[i, j] = apart / (left * bands)
+            alike = rules.centre == Centre.NONE or count < 3 or row.farthest[j] <= agreed
+            if not alike or (count == 2 and rules.two_limit > 0.0) or 0 < rules.best < count or rules.power > 2 or count > MOST:
+                _blend_pixel(colours, weights, i, j, row.greatest[j], rules, images, values, work)
+                row.total[j] = 0.0
+                continue
+            images.used[i, j] = count
+            for band in range(bands):
+                images.colour[i, j, band] = row.colour[j, band]
+            if count > 1:
+                images.difference[i, j] = row.apart[j] / (count * bands)
+        for p in range(photos):
+            share = 0.0
+            for j in range(cols):
+                if row.total[j] > 0.0 and weights[p, i, j] > RESERVE * row.greatest[j]:
+                    own = weights[p, i, j]
+                    share += (own * own if rules.power == 2 else own) / row.total[j]
+            images.share[p] += share
 
 
 def blend(colours: np.ndarray, weights: np.ndarray, how: Blend) -> Blended:
@@ -264,6 +349,7 @@ def blend(colours: np.ndarray, weights: np.ndarray, how: Blend) -> Blended:
         used=np.zeros((rows, cols), np.uint8),
         rejected=np.zeros((rows, cols), np.uint8),
         share=np.zeros(photos),
+        seen=np.zeros((rows, cols), np.uint8),
         difference=np.full((rows, cols), np.nan, np.float32),
     )
     rejection = how.rejection
@@ -271,6 +357,9 @@ def blend(colours: np.ndarray, weights: np.ndarray, how: Blend) -> Blended:
     rules = _Rules(
         int(_CENTRES[rejection.centre]), float(rejection.k), float(rejection.least), how.power, how.best, float(how.two_limit)
     )
-    images = _Images(result.colour, result.used, result.rejected, result.share, result.difference)
-    _blend(np.ascontiguousarray(colours, np.float32), np.ascontiguousarray(weights, np.float32), rules, images)
+    images = _Images(result.colour, result.used, result.rejected, result.share, result.seen, result.difference)
+    lines = [np.empty((cols, bands) if wide else cols, np.float32) for wide in (False, False, False, True, True, False, False)]
+    work = _Work(np.empty(MOST, np.bool_), *(np.empty(MOST, kind) for kind in (float, float, float, float, np.int64)))
+    pixels = np.ascontiguousarray(colours, np.float32), np.ascontiguousarray(weights, np.float32)
+    _blend(*pixels, rules, images, _Row(*lines), np.empty((MOST, bands)), work)
     return result

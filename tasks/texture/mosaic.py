@@ -18,7 +18,7 @@ from orthomill.tasks.texture.blending import Blend, Blended, blend
 from orthomill.tasks.texture.draping import HALO, HeightSource, drape, far_from_heights, height_sources
 from orthomill.tasks.texture.extent import TileExtent
 from orthomill.tasks.texture.radiometric_balance import Radiometry, Samples, balance_block, corrected
-from orthomill.tasks.texture.sampling import Ground, PhotoPixelsAt, Sampled, ground_of, sample_photo, shown
+from orthomill.tasks.texture.sampling import Ground, PhotoPixelsAt, ground_of, sample_photo, shown
 from orthomill.tasks.visibility.height_model import HeightModel, Targets, bridge_holes, visible_targets, widening_factor
 
 STRIP = 64
@@ -114,12 +114,12 @@ class _Tally:
     difference_sum: float = 0.0
     difference_count: int = 0
 
-    def add(self, blended: Blended, seeing: np.ndarray) -> None:
+    def add(self, blended: Blended, seen: list[int]) -> None:
         """Counts one strip."""
         # float64: a tile sums a million float32 differences.
         self.difference_sum += float(np.nansum(blended.difference, dtype=np.float64))
         self.difference_count += int(np.isfinite(blended.difference).sum())
-        self.seen += seeing.sum(axis=(1, 2))
+        self.seen += seen
         self.share += blended.share
 
 
@@ -180,26 +180,20 @@ def _bands(pixels: tuple[np.ndarray, ...]) -> int:
     return max((array.shape[2] for array in pixels), default=1)
 
 
-def _photo_on(ground: Ground, part: PhotoPixelsAt, view: View, factor: np.ndarray, rules: TextureRules) -> Sampled:
-    """The samples of one photo, their worth reduced next to occlusions."""
-    sampled = sample_photo(view, part, ground, (factor > 0).astype(np.uint8), _feather(view, rules))
-    return replace(sampled, worth=sampled.worth * factor)
-
-
 def _strip(
     ground: Ground, scene: _Scene, parts: list[PhotoPixelsAt], views: list[View], balance: Radiometry, rules: TextureRules, top: int
-) -> tuple[Blended, np.ndarray]:
-    """The blended strip, and which photos (photos, rows, cols) see it. Colours are in the block's radiometry."""
+) -> tuple[Blended, list[int]]:
+    """The blended strip, and the pixels that each photo sees. Colours are in the block's radiometry."""
     bands = _bands(tuple(part.pixels for part in parts))
     colours = np.zeros((len(parts), *ground.z.shape, bands), np.float32)
     weights = np.zeros((len(parts), *ground.z.shape), np.float32)
     for i, (part, view) in enumerate(zip(parts, views, strict=True)):
         factor = scene.factors[i][top : top + len(ground.z)]
-        sampled = _photo_on(ground, part, view, factor, rules)
+        sampled = sample_photo(view, part, ground, factor, _feather(view, rules))
         # Corrected before blending: rejection compares colours, and a gain of some per cent would look like a gross error.
         colours[i] = corrected(sampled.colour, sampled.r2, balance.of(view.name)) * (255.0 / balance.white)
         weights[i] = sampled.worth
-    return blend(colours, weights, rules.blend), weights > 0
+    return blend(colours, weights, rules.blend), [int(np.count_nonzero(weight)) for weight in weights]
 
 
 def _rgba(blended: Blended) -> np.ndarray:
@@ -274,10 +268,10 @@ def texture_tile(
     for top in range(0, height, STRIP):
         window = Window(extent.window.row + top, extent.window.col, min(STRIP, height - top), width)
         strip = scene.ground.part(window)
-        blended, seeing = _strip(strip, scene, parts, views, radiometry, rules, top)
+        blended, seen = _strip(strip, scene, parts, views, radiometry, rules, top)
         rows = slice(top, top + window.height)
-        ortho[rows], coverage[rows], rejected[rows] = _rgba(blended), seeing.sum(axis=0), blended.rejected
-        tally.add(blended, seeing)
+        ortho[rows], coverage[rows], rejected[rows] = _rgba(blended), blended.seen, blended.rejected
+        tally.add(blended, seen)
         tally.empty += _empty_pixels(strip, [factor[rows] for factor in scene.factors], views, blended.used, level)
     return OrthoTile(
         ortho, coverage, rejected, sources, _statistics(coverage, rejected, sources, [view.name for view in views], tally)

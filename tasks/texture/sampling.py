@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.tasks.geometry.distortion import pixel_to_image
+from orthomill.tasks.geometry.distortion import distort_point, pixel_to_image
 from orthomill.tasks.geometry.view import View, project_point
 from orthomill.tasks.imagery.pyramid import level_shape
 from orthomill.tasks.visibility.height_model import WALL
@@ -55,7 +55,8 @@ class PhotoPixelsAt:
 
 
 class _Cells(NamedTuple):
-    """Ortho pixels for the kernels: the grid, the first row and column of the window, and which pixels are sampled."""
+    """Ortho pixels for the kernels: the grid, the first row and column of the window, and the factor on the worth of
+    each pixel, 0 for those that are not sampled."""
 
     west: float
     north: float
@@ -65,19 +66,31 @@ class _Cells(NamedTuple):
     z: np.ndarray
     dx: np.ndarray
     dy: np.ndarray
-    seen: np.ndarray
+    factor: np.ndarray
+
+
+class _Line(NamedTuple):
+    """Full-size column and row in a photograph of a row of ortho pixels."""
+
+    col: np.ndarray
+    row: np.ndarray
+
+
+class _Origin(NamedTuple):
+    """First row and column of a part in its pyramid level, which is `inverse` times a full-size place plus `offset`."""
+
+    row: int
+    col: int
+    inverse: float
+    offset: float
 
 
 class _Part(NamedTuple):
-    """Pixels of a photograph for the kernels: `scale` full-size pixels per pixel, first row and column in the level, and the
-    level's last ones."""
+    """Pixels of a photograph for the kernels, their place, and the level's last row and column."""
 
     pixels: np.ndarray
-    scale: float
-    first_row: int
-    first_col: int
-    last_row: int
-    last_col: int
+    origin: _Origin
+    last: tuple[int, int]
 
 
 class _Limits(NamedTuple):
@@ -96,43 +109,97 @@ class _Samples(NamedTuple):
 
 
 @njit(cache=True, inline="always")
-def _keys(t, w):
-    """Weights of four neighbours at the distance `t` behind the second one (Keys 1981, a = -1/2)."""
-    w[0] = ((-0.5 * t + 1.0) * t - 0.5) * t
-    w[1] = (1.5 * t - 2.5) * t * t + 1.0
-    w[2] = ((-1.5 * t + 2.0) * t + 0.5) * t
-    w[3] = (0.5 * t - 0.5) * t * t
+def _keys(t):
+    """Weights of four neighbours at the distance `t` (float32) behind the second one (Keys 1981, a = -1/2)."""
+    half, one = np.float32(0.5), np.float32(1.0)
+    return (
+        ((-half * t + one) * t - half) * t,
+        (np.float32(1.5) * t - np.float32(2.5)) * t * t + one,
+        ((-np.float32(1.5) * t + np.float32(2.0)) * t + half) * t,
+        (half * t - half) * t * t,
+    )
 
 
 @njit(cache=True, inline="always")
-def _bicubic(part, col, row, wx, wy, colour):
-    """Fills `colour` (bands) at a place of the level; False where the part does not hold the 4 x 4 neighbours.
+def _row_of_four(flat, first, bands, wx):
+    """The weighted sum of four neighbours in a row of pixels, the first at position `first`, `bands` apart."""
+    # Unsigned positions need no test for a negative one, which would cost as much as the sum.
+    second, third, fourth = first + bands, first + bands + bands, first + bands + bands + bands
+    two = wx[0] * np.float32(flat[first]) + wx[1] * np.float32(flat[second])
+    return two + wx[2] * np.float32(flat[third]) + wx[3] * np.float32(flat[fourth])
 
-    Beyond the border of the photograph its outermost pixels are repeated.
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _inner_colours(flat, shape, origin, line, worth, colour):
+    """Fills `colour` (cols, bands) at the places of `line` with worth whose 4 x 4 neighbours are among the pixels; returns how many
+    are not. flat: pixels of `shape` (rows, cols, bands) as one row; origin: as of `_Origin`."""
+    height, width, bands = shape
+    step, beside, missing = np.uint64(width * bands), np.uint64(bands), 0
+    for j in range(worth.size):
+        if not worth[j] > 0.0:
+            continue
+        col, row = line.col[j] * origin.inverse + origin.offset, line.row[j] * origin.inverse + origin.offset
+        c, r = int(np.floor(col)), int(np.floor(row))
+        left, top = c - 1 - origin.col, r - 1 - origin.row
+        if left < 0 or top < 0 or left + 3 >= width or top + 3 >= height:
+            missing += 1
+            continue
+        wx, wy = _keys(np.float32(col - c)), _keys(np.float32(row - r))
+        start = np.uint64((top * width + left) * bands)
+        # Sums in local numbers: after a write to an array the compiler must read every pixel again, as they might overlap.
+        if bands == 3:
+            red, green, blue = np.float32(0.0), np.float32(0.0), np.float32(0.0)
+            for k in range(4):
+                red += wy[k] * _row_of_four(flat, start, np.uint64(3), wx)
+                green += wy[k] * _row_of_four(flat, start + np.uint64(1), np.uint64(3), wx)
+                blue += wy[k] * _row_of_four(flat, start + np.uint64(2), np.uint64(3), wx)
+                start += step
+            colour[j, 0], colour[j, 1], colour[j, 2] = red, green, blue
+        else:
+            for band in range(bands):
+                total, first = np.float32(0.0), start + np.uint64(band)
+                for k in range(4):
+                    total += wy[k] * _row_of_four(flat, first, beside, wx)
+                    first += step
+                colour[j, band] = total
+    return missing
+
+
+@njit(cache=True)
+def _border_colours(pixels, last, origin, line, worth, colour):
+    """Fills what `_inner_colours` leaves: beyond the border of the photograph its outermost pixels are repeated.
+
+    last: last row and column of the level. Where the part does not hold the neighbours, the worth becomes 0.
     """
-    pixels = part.pixels
-    c, r = int(np.floor(col)), int(np.floor(row))
-    _keys(col - c, wx)
-    _keys(row - r, wy)
-    left, right = max(c - 1, 0) - part.first_col, min(c + 2, part.last_col) - part.first_col
-    top, bottom = max(r - 1, 0) - part.first_row, min(r + 2, part.last_row) - part.first_row
-    if left < 0 or top < 0 or right >= pixels.shape[1] or bottom >= pixels.shape[0]:
-        return False
-    c, r = c - 1 - part.first_col, r - 1 - part.first_row
-    for band in range(pixels.shape[2]):
-        total = 0.0
-        for k in range(4):
-            line, y = 0.0, min(max(r + k, top), bottom)
-            for m in range(4):
-                line += wx[m] * pixels[y, min(max(c + m, left), right), band]
-            total += wy[k] * line
-        colour[band] = total
-    return True
+    height, width, bands = pixels.shape
+    for j in range(worth.size):
+        if not worth[j] > 0.0:
+            continue
+        col, row = line.col[j] * origin.inverse + origin.offset, line.row[j] * origin.inverse + origin.offset
+        c, r = int(np.floor(col)), int(np.floor(row))
+        left, right = c - 1 - origin.col, c + 2 - origin.col
+        top, bottom = r - 1 - origin.row, r + 2 - origin.row
+        if left >= 0 and top >= 0 and right < width and bottom < height:
+            continue
+        wx, wy = _keys(np.float32(col - c)), _keys(np.float32(row - r))
+        low_col, high_col = max(left, -origin.col), min(right, last[1] - origin.col)
+        low_row, high_row = max(top, -origin.row), min(bottom, last[0] - origin.row)
+        if low_col < 0 or low_row < 0 or high_col >= width or high_row >= height:
+            worth[j] = 0.0
+            continue
+        for band in range(bands):
+            total = np.float32(0.0)
+            for k in range(4):
+                four, y = np.float32(0.0), min(max(top + k, low_row), high_row)
+                for m in range(4):
+                    four += wx[m] * np.float32(pixels[y, min(max(left + m, low_col), high_col), band])
+                total += wy[k] * four
+            colour[j, band] = total
 
 
 @njit(cache=True, inline="always")
 def _framed(n, x, y, z, widest):
-    """(col, row, depth, border) of a ground point in a photo; `border`: px to its nearest border, negative outside, or NaN."""
+    """(col, row, depth, border) of a ground point in a photo; `border`: px to its nearest border, negative or NaN outside."""
     col, row, depth = project_point(n, x, y, z)
     border = min(min(col, n.width - 1.0 - col), min(row, n.height - 1.0 - row))
     # Outside the field of view the distortion polynomial may fold back into the photograph.
@@ -147,38 +214,56 @@ def _show(n, cells, widest, out):
     for i in range(cells.z.shape[0]):
         y = cells.north - (cells.first_row + i + 0.5) * cells.cell
         for j in range(cells.z.shape[1]):
-            if cells.seen[i, j]:
+            if cells.factor[i, j] > 0:
                 x = cells.west + (cells.first_col + j + 0.5) * cells.cell
                 out[i, j] = _framed(n, x, y, cells.z[i, j], widest)[3] >= 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def _place_row(n, cells, limits, i, line, worth, r2):
+    """Fills `line` for the pixels of row i: their places in the photograph; and worth, 0 outside of it, and r2 (cols)."""
+    # No branch, and no call that is not inlined: the compiler then computes several pixels at a time.
+    y = cells.north - (cells.first_row + i + 0.5) * cells.cell
+    z, slope_x, slope_y, factor = cells.z[i], cells.dx[i], cells.dy[i], cells.factor[i]
+    dy, dy2 = y - n.yc, (y - n.yc) ** 2
+    half_width, half_height = 0.5 * (n.width - 1.0), 0.5 * (n.height - 1.0)
+    diagonal = 1.0 / (half_width**2 + half_height**2)
+    scale, softness = n.c * n.c * cells.cell * cells.cell, 1.0 / max(limits.feather, 1e-300)
+    for j in range(z.size):
+        x = cells.west + (cells.first_col + j + 0.5) * cells.cell
+        dx, dz = x - n.xc, z[j] - n.zc
+        depth = -(n.r31 * dx + n.r32 * dy + n.r33 * dz)
+        inverse = 1.0 / depth
+        u = (n.r11 * dx + n.r12 * dy + n.r13 * dz) * inverse
+        v = (n.r21 * dx + n.r22 * dy + n.r23 * dz) * inverse
+        xd, yd = distort_point(u, v, n.k1, n.k2, n.k3, n.p1, n.p2)
+        col, row = n.col0 + n.c * xd, n.row0 - n.c * yd
+        off_col, off_row = col - half_width, row - half_height
+        border = min(half_width - abs(off_col), half_height - abs(off_row))
+        # Outside the field of view the distortion polynomial may fold back into the photograph.
+        inside = (border >= 0.0) & (depth > 0.0) & (dx * dx + dy2 + dz * dz <= (1.0 + limits.widest) * depth * depth)
+        facing = max(slope_x[j] * dx + slope_y[j] * dy - dz, -LEAST_FACING * dz)
+        share = min(border * softness, 1.0)
+        # A smooth step: neither end of the feather leaves a visible edge.
+        area = max(scale * facing * inverse * inverse * inverse * share * share * (3.0 - 2.0 * share), _LEAST_WORTH)
+        line.col[j], line.row[j] = col, row
+        worth[j] = area * factor[j] if inside else 0.0
+        r2[j] = (off_col * off_col + off_row * off_row) * diagonal if inside else 0.0
 
 
 @njit(cache=True)
 def _sample(part, n, cells, limits, out):
     # Positions are counted in the whole grid and photograph, so that rounding is the same whatever the windows.
-    z, cell = cells.z, cells.cell
-    wx, wy = np.empty(4), np.empty(4)
-    half_diagonal2 = 0.25 * ((n.width - 1.0) ** 2 + (n.height - 1.0) ** 2)
-    for i in range(z.shape[0]):
-        y = cells.north - (cells.first_row + i + 0.5) * cell
-        for j in range(z.shape[1]):
-            if cells.seen[i, j] == 0 or np.isnan(z[i, j]):
-                continue
-            x = cells.west + (cells.first_col + j + 0.5) * cell
-            full_col, full_row, depth, border = _framed(n, x, y, z[i, j], limits.widest)
-            if not border >= 0.0:  # also NaN
-                continue
-            col, row = (full_col + 0.5) / part.scale - 0.5, (full_row + 0.5) / part.scale - 0.5
-            if not _bicubic(part, col, row, wx, wy, out.colour[i, j]):
-                continue
-            rise = n.zc - z[i, j]
-            facing = rise - cells.dx[i, j] * (n.xc - x) - cells.dy[i, j] * (n.yc - y)
-            facing = max(facing, LEAST_FACING * rise)
-            area = n.c * n.c * cell * cell * facing / (depth * depth * depth)
-            share = 1.0 if limits.feather <= 0.0 else min(border / limits.feather, 1.0)
-            # A smooth step: neither end of the feather leaves a visible edge.
-            out.worth[i, j] = max(area * share * share * (3.0 - 2.0 * share), _LEAST_WORTH)
-            off_col, off_row = full_col - 0.5 * (n.width - 1.0), full_row - 0.5 * (n.height - 1.0)
-            out.r2[i, j] = (off_col**2 + off_row**2) / half_diagonal2
+    rows, cols = cells.z.shape
+    line, flat = _Line(np.empty(cols), np.empty(cols)), part.pixels.reshape(-1)
+    for i in range(rows):
+        # A photograph often shows a corner of the tile only.
+        if not cells.factor[i].any():
+            continue
+        worth, colour = out.worth[i], out.colour[i]
+        _place_row(n, cells, limits, i, line, worth, out.r2[i])
+        if _inner_colours(flat, part.pixels.shape, part.origin, line, worth, colour):
+            _border_colours(part.pixels, part.last, part.origin, line, worth, colour)
 
 
 def _widest(view: View) -> float:
@@ -202,28 +287,30 @@ class Sampled:
     r2: np.ndarray
 
 
-def _cells(ground: Ground, chosen: np.ndarray) -> _Cells:
+def _cells(ground: Ground, factor: np.ndarray) -> _Cells:
     grid, window = ground.grid, ground.window
     corner = float(grid.west), float(grid.north), float(grid.cell), window.row, window.col
-    return _Cells(*corner, ground.z, ground.dx, ground.dy, np.ascontiguousarray(chosen))
+    return _Cells(*corner, ground.z, ground.dx, ground.dy, np.ascontiguousarray(factor, np.float32))
 
 
 def shown(view: View, ground: Ground, chosen: np.ndarray) -> np.ndarray:
-    """bool (rows, cols): the `chosen` (uint8) pixels whose ground lies in the frame of the photograph, hidden or not."""
+    """bool (rows, cols): the `chosen` (0 or 1) pixels whose ground lies in the frame of the photograph, hidden or not."""
     out = np.zeros(ground.z.shape, np.bool_)
     _show(view.numbers, _cells(ground, chosen), _widest(view), out)
     return out
 
 
-def sample_photo(view: View, photo: PhotoPixelsAt, ground: Ground, seen: np.ndarray, feather: float) -> Sampled:
-    """Colour and worth of every ground pixel that `seen` (rows, cols) allows to this photograph. `feather` is in full-size px."""
+def sample_photo(view: View, photo: PhotoPixelsAt, ground: Ground, factor: np.ndarray, feather: float) -> Sampled:
+    """Colour and worth of every ground pixel whose `factor` (rows, cols) on the worth is not 0. `feather` is in full-size px."""
     shape = ground.z.shape
     colour = np.zeros((*shape, photo.pixels.shape[2]), np.float32)
     worth, r2 = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
     if photo.pixels.size:
         rows, cols = level_shape((view.camera.height, view.camera.width), photo.level)
-        part = _Part(photo.pixels, 2.0**photo.level, photo.window.row, photo.window.col, rows - 1, cols - 1)
-        _sample(part, view.numbers, _cells(ground, seen), _Limits(_widest(view), float(feather)), _Samples(colour, worth, r2))
+        inverse = 0.5**photo.level
+        origin = _Origin(photo.window.row, photo.window.col, inverse, 0.5 * inverse - 0.5)
+        part = _Part(np.ascontiguousarray(photo.pixels), origin, (rows - 1, cols - 1))
+        _sample(part, view.numbers, _cells(ground, factor), _Limits(_widest(view), float(feather)), _Samples(colour, worth, r2))
     return Sampled(colour, worth, r2)
 
 

@@ -13,12 +13,12 @@ ray replaces the triangle look-up. Widening of occlusions: M10, on the ground in
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numba import njit
-from scipy import ndimage
 
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.geometry.view import View
@@ -26,8 +26,8 @@ from orthomill.tasks.geometry.view import View
 # Dask runs one job per core; OpenCV's own threads would only compete with them.
 cv2.setNumThreads(1)
 
-BLOCK = 16
-"""Side of the blocks whose greatest height lets a ray skip them, cells."""
+BLOCK, FINE_BLOCK = 16, 4
+"""Side of the blocks whose greatest height lets a ray skip them, cells: large ones, and small ones for the first steps."""
 WALL = 2.0
 """A step between neighbouring cells of more than this many cells is a wall, not a slope."""
 # Factor on the tolerance: beyond this slope the noise of the model no longer grows with it, for its cells smooth it.
@@ -42,13 +42,22 @@ class HeightModel:
     grid: MapGrid
     window: Window
 
+    @cached_property
+    def terrain(self) -> "_Terrain":
+        """The model for the kernels, the same for all views."""
+        heights = np.ascontiguousarray(self.heights, np.float32)
+        ceilings = _ceiling(heights, BLOCK), _ceiling(heights, FINE_BLOCK)
+        top = float(ceilings[0].max(initial=-np.inf))
+        return _Terrain(heights, *ceilings, top, self.window.row, self.window.col, WALL * self.grid.cell)
+
 
 class _Terrain(NamedTuple):
-    """The height model for the kernels: `ceiling` as from `_ceiling`, `top` the greatest height, `row`, `col` of the first cell in
-    the whole model, `wall` in m."""
+    """The height model for the kernels: `ceiling` and `fine_ceiling` as from `_ceiling`, `top` the greatest height, `row`, `col` of
+    the first cell in the whole model, `wall` in m."""
 
     heights: np.ndarray
     ceiling: np.ndarray
+    fine_ceiling: np.ndarray
     top: float
     row: int
     col: int
@@ -119,13 +128,14 @@ def bridge_holes(heights: np.ndarray, gap: int) -> np.ndarray:
         return np.where(holes, total / weights, heights).astype(np.float32)
 
 
-def _ceiling(heights: np.ndarray) -> np.ndarray:
-    """Per block of 16 x 16 cells, the greatest height in it and in the blocks around it; -inf where there is none."""
-    rows, cols = -(-heights.shape[0] // BLOCK), -(-heights.shape[1] // BLOCK)
-    padded = np.full((rows * BLOCK, cols * BLOCK), -np.inf, np.float32)
+def _ceiling(heights: np.ndarray, side: int) -> np.ndarray:
+    """Per block of `side` x `side` cells, the greatest height in it and in the blocks around it; -inf where there is none."""
+    rows, cols = -(-heights.shape[0] // side), -(-heights.shape[1] // side)
+    padded = np.full((rows * side, cols * side), -np.inf, np.float32)
     padded[: heights.shape[0], : heights.shape[1]] = np.where(np.isnan(heights), -np.inf, heights)
-    blocks = padded.reshape(rows, BLOCK, cols, BLOCK).max(axis=(1, 3))
-    return ndimage.maximum_filter(blocks, size=3, mode="nearest")
+    # One axis after the other: the maximum over rows runs through memory in order.
+    blocks = padded.reshape(rows, side, cols * side).max(axis=1).reshape(rows, cols, side).max(axis=2)
+    return cv2.dilate(blocks, np.ones((3, 3), np.uint8), borderType=cv2.BORDER_REPLICATE)
 
 
 @njit(cache=True, inline="always")
@@ -183,6 +193,9 @@ def _is_free(terrain, row, col, z, start, centre):
         if ray - 0.5 * sz > terrain.ceiling[near_r // BLOCK, near_c // BLOCK]:
             step += BLOCK - 1
             continue
+        if ray - 0.5 * sz > terrain.fine_ceiling[near_r // FINE_BLOCK, near_c // FINE_BLOCK]:
+            step += FINE_BLOCK - 1
+            continue
         surface = _surface_at(terrain, y, x, by_row)
         if surface > ray:
             return False
@@ -229,17 +242,14 @@ def visible_targets(model: HeightModel, view: View, targets: Targets, tolerance:
     A target without height is not seen. `tolerance` (m) is how deep a ray may dip below the surface on level ground; it grows with
     the slope at the target. Whether the target lies inside the photograph is not tested here.
     """
-    heights = np.ascontiguousarray(model.heights, np.float32)
     out = np.zeros(targets.z.shape, np.uint8)
-    if np.isnan(heights).all():
+    if model.terrain.top == -np.inf:
         return out
     col, row = model.grid.pixel(view.centre[0], view.centre[1])
     centre = _Centre(float(col), float(row), float(view.centre[2]))
-    window, wall = model.window, WALL * model.grid.cell
-    terrain = _Terrain(heights, _ceiling(heights), float(np.nanmax(heights)), window.row, window.col, wall)
     rows, cols = np.asarray(targets.rows, np.float64), np.asarray(targets.cols, np.float64)
     z, slope = (np.ascontiguousarray(values, np.float32) for values in (targets.z, targets.slope))
-    _march(terrain, centre, rows, cols, z, slope, tolerance, out)
+    _march(model.terrain, centre, rows, cols, z, slope, tolerance, out)
     return out
 
 
