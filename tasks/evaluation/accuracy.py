@@ -62,6 +62,16 @@ class HeightSums(Columns):
     within_6: np.ndarray
     within_10: np.ndarray
     """int64: differences within n of the cell's own reported standard errors"""
+    with_relative: np.ndarray
+    """int64: heights that report a precision among their neighbours, where the error of the datum is known"""
+    relative_1: np.ndarray
+    relative_2: np.ndarray
+    relative_3: np.ndarray
+    relative_4: np.ndarray
+    relative_5: np.ndarray
+    relative_6: np.ndarray
+    relative_10: np.ndarray
+    """int64: differences without that of the datum within n of these standard errors"""
 
 
 def bin_width(cell: float) -> float:
@@ -82,11 +92,16 @@ def histogram(dh: np.ndarray, part: np.ndarray, cell: float) -> HeightHistogram:
 
 @dataclass(frozen=True)
 class JudgedCells:
-    """Cells of a tile, flat (N,): stratum, difference dh (m, NaN where there is no height), reported precision (m, may be NaN)."""
+    """Cells of a tile, flat (N,): stratum, difference dh (m, NaN where there is no height), reported precision (m, may be NaN).
+
+    The same among neighbours: `relative`, and what the datum adds to dh (`datum`, NaN where it is not known).
+    """
 
     stratum: np.ndarray
     dh: np.ndarray
     precision: np.ndarray
+    relative: np.ndarray
+    datum: np.ndarray
 
 
 def _sums_of(cells: JudgedCells, stratum: int, cell: float) -> dict[str, float]:
@@ -94,10 +109,8 @@ def _sums_of(cells: JudgedCells, stratum: int, cell: float) -> dict[str, float]:
     mine = cells.stratum == stratum
     dh = cells.dh[mine].astype(np.float64)
     measured = np.isfinite(dh)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        ratio = np.abs(dh) / cells.precision[mine]
-    # a precision of zero is no statement, and a ratio to it would be infinite
-    rated = measured & np.isfinite(cells.precision[mine]) & (cells.precision[mine] > 0)
+    ratio = _ratios(dh, cells.precision[mine])
+    relative = _ratios(dh - cells.datum[mine], cells.relative[mine])
     good = dh[measured]
     return {
         "part": stratum,
@@ -109,9 +122,18 @@ def _sums_of(cells: JudgedCells, stratum: int, cell: float) -> dict[str, float]:
         "highest": good.max(initial=-np.inf),
         "beyond_metre": (np.abs(good) > 1.0).sum(),
         "beyond_cell": (np.abs(good) > cell).sum(),
-        "with_precision": rated.sum(),
-        **{f"within_{k:.0f}": (ratio[rated] <= k).sum() for k in SIGMAS},
+        "with_precision": len(ratio),
+        **{f"within_{k:.0f}": (ratio <= k).sum() for k in SIGMAS},
+        "with_relative": len(relative),
+        **{f"relative_{k:.0f}": (relative <= k).sum() for k in SIGMAS},
     }
+
+
+def _ratios(dh: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+    """|dh| over their standard errors, where both are known."""
+    # a precision of zero is no statement, and a ratio to it would be infinite
+    rated = np.isfinite(dh) & np.isfinite(sigma) & (sigma > 0)
+    return np.abs(dh[rated]) / sigma[rated]
 
 
 _FLOATS = ("total", "squares", "lowest", "highest")
@@ -182,6 +204,8 @@ class Measures:
     beyond_cell: float
     within: tuple[float, ...]
     """% within SIGMAS of the reported precision"""
+    within_relative: tuple[float, ...]
+    """% within SIGMAS of the reported precision among neighbours, without the error of the datum"""
     within_expected: tuple[float, ...]
     """% within SIGMAS of the expected standard error"""
 
@@ -233,6 +257,7 @@ def measures(sums: dict[str, float], counts: np.ndarray, cell: float, expected: 
         beyond_metre=percent(sums["beyond_metre"], n),
         beyond_cell=percent(sums["beyond_cell"], n),
         within=tuple(percent(sums[f"within_{k:.0f}"], sums["with_precision"]) for k in SIGMAS),
+        within_relative=tuple(percent(sums[f"relative_{k:.0f}"], sums["with_relative"]) for k in SIGMAS),
         within_expected=_within_expected(counts, width, expected),
     )
 

@@ -9,7 +9,7 @@ from orthomill.tasks.evaluation.tile_sums import CodeMeasures, EdgeShares, Heigh
 _PLACES = ("all", "open_ground", "roof", "building_margin", "tree", "water", "vehicle", "wire")
 """groups of classes that are told apart by code; finer ones have too few cells of the rare codes"""
 _TOGETHER = ("measured", "all_codes")
-_MAIN = ("share", "nmad", "beyond_1_m", "within_2_sigma", "beyond_4_sigma")
+_MAIN = ("share", "nmad", "beyond_1_m", "within_2_sigma", "beyond_4_sigma", "within_2_relative_sigma", "beyond_4_relative_sigma")
 """measures of a single code, and of the surface before its check"""
 
 _MEASURES = (
@@ -24,21 +24,30 @@ _MEASURES = (
     ("within_3_sigma", "%", "within 3 of their own standard errors", "< 3 s"),
     ("beyond_4_sigma", "%", "beyond 4 of their own standard errors", "> 4 s"),
     ("beyond_5_sigma", "%", "beyond 5 of their own standard errors", "> 5 s"),
+    ("within_1_relative_sigma", "%", "within 1 of their standard errors among neighbours, without the datum's error", "< 1 r"),
+    ("within_2_relative_sigma", "%", "within 2 of their standard errors among neighbours, without the datum's error", "< 2 r"),
+    ("beyond_4_relative_sigma", "%", "beyond 4 of their standard errors among neighbours, without the datum's error", "> 4 r"),
 )
 """name, unit, meaning, and head of its column"""
 
 
 def _values(row: CodeMeasures) -> dict[str, float | None]:
     """The values of _MEASURES."""
-    within = dict(zip(SIGMAS, row.within, strict=True))
-    beyond = {k: None if share is None else rounded(100.0 - share, 2) for k, share in within.items()}
+    within, relative = (dict(zip(SIGMAS, shares, strict=True)) for shares in (row.within, row.within_relative))
     return {
         **{name: row.numbers[name] for name in ("share", "heights", "bias", "nmad")},
         "beyond_1_m": row.numbers["beyond_metre"],
         "beyond_1_cell": row.numbers["beyond_cell"],
         **{f"within_{k:.0f}_sigma": within[k] for k in (1.0, 2.0, 3.0)},
-        **{f"beyond_{k:.0f}_sigma": beyond[k] for k in (4.0, 5.0)},
+        **{f"beyond_{k:.0f}_sigma": _rest(within[k]) for k in (4.0, 5.0)},
+        **{f"within_{k:.0f}_relative_sigma": relative[k] for k in (1.0, 2.0)},
+        "beyond_4_relative_sigma": _rest(relative[4.0]),
     }
+
+
+def _rest(share: float | None) -> float | None:
+    """What is not within."""
+    return None if share is None else rounded(100.0 - share, 2)
 
 
 def code_figures(prefix: str, summary: HeightsSummary, full: bool) -> Iterator[Figure]:
@@ -79,8 +88,8 @@ def code_grids(title: str, summary: HeightsSummary) -> tuple[Grid, ...]:
         title=f"{title}: heights by code and class",
         columns=("heights", *(head for *_, head in _MEASURES)),
         rows=tuple((row.words, *(_values(row)[name] for name, *_ in _MEASURES)) for row in rows),
-        note="Cells visible in two photographs or more. Lengths in m, shares in %; s: the height's own standard error "
-        "(a normal law has 68.3, 95.4 and 99.7 within 1, 2 and 3, and 0.006 beyond 4).",
+        note="Cells visible in two photographs or more. Lengths in m, shares in %; s: the height's own standard error, r: that "
+        "among neighbours, after the error of the datum is taken off (a normal law has 68.3, 95.4 and 99.7 within 1, 2 and 3).",
     )
     edges = Grid(
         title=f"{title}: edges of roofs",

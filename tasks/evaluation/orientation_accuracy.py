@@ -93,3 +93,25 @@ def datum_shifts(block: Block, truth: Block, points: np.ndarray) -> np.ndarray:
         count += shown
     with np.errstate(invalid="ignore"):
         return total / np.where(count, count, np.nan)[:, None]
+
+
+def datum_heights(block: Block, truth: Block, points: np.ndarray) -> np.ndarray:
+    """How much (N,) m the block's orientations raise ground points (N, 3): rays of their true pixels, intersected as adjusted.
+
+    Every photograph that contains a point counts; NaN where fewer than two do.
+    """
+    normal, right, count = np.zeros((len(points), 3, 3)), np.zeros((len(points), 3)), np.zeros(len(points))
+    for name in sorted(set(block.names) & set(truth.names)):
+        true, adjusted = block_view(truth, name), block_view(block, name)
+        pixels = true.project(points)
+        shown = true.contains(pixels)
+        rays = adjusted.rays(pixels[shown])
+        # The part of a vector that is perpendicular to the ray: what is minimised is the distance from all rays.
+        across = np.eye(3) - rays[:, :, None] * rays[:, None, :]
+        normal[shown] += across
+        right[shown] += np.einsum("nij,nj->ni", across, adjusted.centre - points[shown])
+        count += shown
+    raised = np.full(len(points), np.nan)
+    seen = count >= 2
+    raised[seen] = np.linalg.solve(normal[seen], right[seen][..., None])[:, 2, 0]
+    return raised

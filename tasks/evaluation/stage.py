@@ -14,7 +14,7 @@ from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, map_raster, tile
 from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
 from orthomill.schemas.stage_report import report_table
-from orthomill.schemas.surface import CORRECTED, HEIGHT, ORTHO, PRECISION, PROVENANCE, SURFACE
+from orthomill.schemas.surface import CORRECTED, HEIGHT, ORTHO, PRECISION, PROVENANCE, RELATIVE_PRECISION, SURFACE
 from orthomill.schemas.truth import (
     TRUTH_BLOCK,
     TRUTH_BUILDING,
@@ -212,7 +212,8 @@ def _height_job(judged: _Judged, item: str, source: str, t: Tile, writes: dict[s
     # the halo of the classes: a building within three cells makes a cell a margin, also from the next tile
     place = placement(judged.grid, t.window.grown(CLASS_HALO), judged.reference)
     reads |= _truth(place, surface=TRUTH_SURFACE, material=TRUTH_MATERIAL, building=TRUTH_BUILDING, visibility=TRUTH_VISIBILITY)
-    params, scratch = {"place": place, "core": t.window}, _scratch(place, 90)
+    reads |= {"relative": Raster(RELATIVE_PRECISION, t.window), "block": BLOCK, "true_block": TRUTH_BLOCK}
+    params, scratch = {"place": place, "core": t.window}, _scratch(place, 120)
     return Job("evaluation", item, heights_against_truth, reads, writes, params, t.row, t.col, scratch)
 
 

@@ -59,6 +59,7 @@ class CodeMeasures(_Summary):
     numbers: dict[str, float | None]
     """with `share`: % of all cells of the classes that are seen twice"""
     within: tuple[float | None, ...]
+    within_relative: tuple[float | None, ...]
 
 
 class EdgeShares(_Summary):
@@ -141,7 +142,7 @@ class _Tiles:
 
 
 def _numbers(m: Measures) -> dict[str, float | None]:
-    return {key: rounded(value) for key, value in vars(m).items() if key not in ("within", "within_expected")}
+    return {key: rounded(value) for key, value in vars(m).items() if not key.startswith("within")}
 
 
 def _groups(tiles: _Tiles) -> Iterator[GroupMeasures]:
@@ -181,6 +182,7 @@ def _codes(tiles: _Tiles) -> Iterator[CodeMeasures]:
                 words=f"{code_words}, {words}",
                 numbers={"share": rounded(percent(m.heights, cells)), **_numbers(m)},
                 within=tuple(rounded(v, 2) for v in m.within),
+                within_relative=tuple(rounded(v, 2) for v in m.within_relative),
             )
 
 

@@ -14,6 +14,7 @@ from orthomill.tasks.evaluation.accuracy import HeightHistogram, HeightSums, Jud
 from orthomill.tasks.evaluation.classes import PlaceClass, place_classes, strata
 from orthomill.tasks.evaluation.edges import EdgeCounts, edge_counts, no_edges
 from orthomill.tasks.evaluation.grids import Placement, codes_on, colours_on, heights_on
+from orthomill.tasks.evaluation.orientation_accuracy import datum_heights
 from orthomill.tasks.evaluation.orthoimage_accuracy import (
     NEAR_ROOF,
     GreyFit,
@@ -31,6 +32,8 @@ from orthomill.tasks.evaluation.orthoimage_accuracy import (
     with_datum,
 )
 
+DATUM_NODES = 32
+"""cells between the nodes at which the error of the datum is computed"""
 UNKNOWN_COUNT = 255
 """code where the number of photographs that show a place is not known"""
 
@@ -82,18 +85,21 @@ def _judge(dh: np.ndarray, cells: JudgedCells, building: np.ndarray, edges: Edge
 def heights_against_truth(
     height: np.ndarray,
     precision: np.ndarray,
+    relative: np.ndarray,
     provenance: np.ndarray,
     surface: np.ndarray,
     material: np.ndarray,
     building: np.ndarray,
     visibility: np.ndarray,
+    block: Block,
+    true_block: Block,
     place: Placement,
     core: Window,
 ) -> HeightComparison:
     """Compares the cells `core` of the surface model with the truth.
 
-    height, precision (rows, cols) m and provenance (code) at `core`; the truth rasters at the source window of `place`, whose
-    window is `core` with a halo.
+    height, precision, relative (rows, cols) m and provenance (code) at `core`; the truth rasters at the source window of `place`,
+    whose window is `core` with a halo; the adjusted and the true block.
     """
     inner = _inside(place.window, core)
     # everything is resampled on the window with its halo and cropped afterwards: classes depend on the neighbourhood
@@ -106,8 +112,25 @@ def heights_against_truth(
     twice = _photo_count(visibility, place)[inner] >= 2
     known = np.isfinite(true) & (classes != PlaceClass.UNKNOWN)
     dh = height - true
-    cells = JudgedCells(strata(classes, provenance, twice)[known], dh[known], precision[known])
+    datum = _datum_on(place.grid, core, block, true_block)
+    cells = JudgedCells(strata(classes, provenance, twice)[known], dh[known], precision[known], relative[known], datum[known])
     return _judge(dh, cells, numbers, edges, place.grid.cell)
+
+
+def _datum_on(grid: MapGrid, core: Window, block: Block, truth: Block) -> np.ndarray:
+    """What the adjusted orientations add to heights (rows, cols) m of `core`: bilinear between nodes of the whole grid."""
+    # It changes by millimetres from node to node, and with the height of the ground by less: one level will do.
+    first, last = (
+        np.array([core.row, core.col]) // DATUM_NODES,
+        -(-np.array([core.row + core.height, core.col + core.width]) // DATUM_NODES),
+    )
+    row, col = (DATUM_NODES * np.arange(a, b + 1) for a, b in zip(first, last, strict=True))
+    x, y = grid.west + (col + 0.5) * grid.cell, grid.north - (row + 0.5) * grid.cell
+    level = 0.5 * (truth.ground_low + truth.ground_high)
+    points = np.column_stack([*(a.ravel() for a in np.meshgrid(x, y)), np.full(len(x) * len(y), level)])
+    nodes = datum_heights(block, truth, points).reshape(len(y), len(x))
+    at = [np.arange(n) + start for n, start in ((core.height, core.row - row[0]), (core.width, core.col - col[0]))]
+    return ndimage.map_coordinates(nodes, np.meshgrid(*(a / DATUM_NODES for a in at), indexing="ij"), order=1)
 
 
 def heights_against_file(
@@ -119,7 +142,9 @@ def heights_against_file(
     dh = height - reference
     # visibility is not known, so every cell counts as visible in two photographs: completeness is then a lower bound
     stratum = strata(np.full(dh.shape, PlaceClass.UNKNOWN), provenance, np.ones(dh.shape, bool))
-    cells = JudgedCells(stratum[known], dh[known], precision[known])
+    # and the datum of a file is its own, so the precision among neighbours cannot be judged
+    unknown = np.full(int(known.sum()), np.nan)
+    cells = JudgedCells(stratum[known], dh[known], precision[known], unknown, unknown)
     return _judge(dh, cells, np.zeros(dh.shape, np.int64), no_edges(), cell)
 
 

@@ -6,12 +6,20 @@ from orthomill.tasks.evaluation.codes_section import code_figures, code_grids
 from orthomill.tasks.evaluation.heights_section import before_check_section, heights_section
 from orthomill.tasks.evaluation.tile_sums import CodeMeasures, EdgeShares, HeightsSummary
 
+RELATIVE = (60.0, 90.0, 95.0, 96.0, 97.0, 98.0, 99.0)
 WITHIN = (70.0, 95.0, 98.0, 99.0, 99.5, 99.8, 100.0)
 
 
 def code(name: str, place: str, **numbers) -> CodeMeasures:
     known = {"share": 90.0, "heights": 1000.0, "bias": 0.01, "nmad": 0.06, "beyond_metre": 1.0, "beyond_cell": 4.0}
-    return CodeMeasures(code=name, place=place, words=f"{name} heights, {place}", numbers={**known, **numbers}, within=WITHIN)
+    return CodeMeasures(
+        code=name,
+        place=place,
+        words=f"{name} heights, {place}",
+        numbers={**known, **numbers},
+        within=WITHIN,
+        within_relative=RELATIVE,
+    )
 
 
 def summary(*codes: CodeMeasures, edges=()) -> HeightsSummary:
@@ -31,12 +39,14 @@ def test_figures_are_named_by_code_class_and_measure():
 def test_shares_beyond_are_what_is_not_within():
     found = values(code("measured", "all"))
     assert found["dsm_measured_within_3_sigma"] == 98.0
+    assert found["dsm_measured_within_2_relative_sigma"] == 90.0 and found["dsm_measured_beyond_4_relative_sigma"] == 4.0
     assert found["dsm_measured_beyond_4_sigma"] == pytest.approx(1.0) and found["dsm_measured_beyond_5_sigma"] == pytest.approx(0.5)
 
 
 def test_single_codes_have_the_main_measures_only():
     found = values(code("agreed", "all"))
-    assert set(found) == {f"dsm_agreed_{name}" for name in ("share", "nmad", "beyond_1_m", "within_2_sigma", "beyond_4_sigma")}
+    honesty = ("within_2_sigma", "beyond_4_sigma", "within_2_relative_sigma", "beyond_4_relative_sigma")
+    assert set(found) == {f"dsm_agreed_{name}" for name in ("share", "nmad", "beyond_1_m", *honesty)}
 
 
 def test_before_the_check_single_codes_have_no_figures():

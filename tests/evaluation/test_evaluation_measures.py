@@ -21,13 +21,13 @@ from orthomill.tasks.evaluation.accuracy import (
 )
 from orthomill.tasks.evaluation.classes import PlaceClass, place_classes, strata, strata_of
 from orthomill.tasks.evaluation.grids import codes_on, colours_on, heights_on, placement
-from orthomill.tasks.evaluation.orientation_accuracy import interior_differences, photo_differences
+from orthomill.tasks.evaluation.orientation_accuracy import datum_heights, interior_differences, photo_differences
 
 
-def measured(dh, cell=1.0, parts=1, expected=None):
-    """Measures of differences of one stratum, with a precision of 0.2, that come in `parts` tiles."""
+def measured(dh, cell=1.0, parts=1, expected=None, datum=0.0):
+    """Measures of differences of one stratum, with a precision of 0.2 (0.1 among neighbours), that come in `parts` tiles."""
     pieces = np.array_split(np.asarray(dh, np.float64), parts)
-    tiles = [JudgedCells(np.ones(len(dh), int), dh, np.full(len(dh), 0.2)) for dh in pieces]
+    tiles = [JudgedCells(np.ones(len(d), int), d, *(np.full(len(d), v) for v in (0.2, 0.1, datum))) for d in pieces]
     counts = merged_histogram(tuple(histogram(t.dh[np.isfinite(t.dh)], t.stratum[np.isfinite(t.dh)], cell) for t in tiles), (1,))
     return measures(merged_sums(tuple(height_sums(t, cell) for t in tiles), (1,)), counts, cell, expected)
 
@@ -73,6 +73,20 @@ def test_selected_strata_are_those_of_their_classes_codes_and_views():
     assert np.isin(found, strata_of((PlaceClass.TREE,))).tolist() == [True, False, True]
     assert np.isin(found, strata_of(tuple(PlaceClass), (Provenance.VOLUME,))).tolist() == [True, True, False]
     assert np.isin(found, strata_of(tuple(PlaceClass), only_seen_twice=True)).tolist() == [True, False, False]
+
+
+def test_the_datum_is_taken_off_before_neighbours_are_compared():
+    m = measured([0.35, 0.55, 0.75], datum=0.4)
+    assert m.within_relative[:3] == pytest.approx([100 / 3, 200 / 3, 200 / 3]) and m.within_relative[3] == 100
+    assert np.isnan(measured([0.35], datum=np.nan).within_relative).all(), "without a datum nothing is said"
+
+
+def test_a_block_that_is_raised_raises_its_points():
+    true, points = block(), np.array([[60.0, 60.0, 0.0], [50.0, 70.0, 5.0], [9e3, 60.0, 0.0]])
+    photos = tuple(p.model_copy(update={"centre": tuple(np.add(p.centre, (0.3, 0.0, 0.7)))}) for p in true.photos)
+    assert datum_heights(true, true, points)[:2] == pytest.approx(0.0, abs=1e-8)
+    raised = datum_heights(true.model_copy(update={"photos": photos}), true, points)
+    assert raised[:2] == pytest.approx(0.7, abs=1e-6) and np.isnan(raised[2]), "rays of one photograph at most do not intersect"
 
 
 def test_nothing_measured_has_no_numbers():

@@ -46,7 +46,7 @@ def tile(dh, place, building=None, code=Provenance.AGREED, twice=True):
     """Sums, histogram, histogram of buildings and counts at edges of a tile."""
     dh = np.asarray(dh, float)
     stratum = strata(np.asarray(place), np.full(len(dh), code), np.full(len(dh), twice))
-    cells = JudgedCells(stratum, dh, np.full(len(dh), 0.2))
+    cells = JudgedCells(stratum, dh, *(np.full(len(dh), value) for value in (0.2, 0.1, 0.0)))
     known = np.isfinite(dh)
     building = np.zeros(len(dh), int) if building is None else np.asarray(building)
     roof = known & (building > 0)

@@ -53,9 +53,9 @@ def dsm():
 
 def compared(core=WHOLE, given=None) -> HeightComparison:
     place = placement(GRID, core.grown(CLASS_HALO), GRID)
-    own = (raster[core.slices] for raster in given or dsm())
+    height, precision, code = (raster[core.slices] for raster in given or dsm())
     parts = (raster[readable(place).slices] for raster in truth())
-    return heights_against_truth(*own, *parts, place, core)
+    return heights_against_truth(height, precision, precision, code, *parts, box_block(), box_block(), place, core)
 
 
 def row_of(sums: HeightSums, *places: PlaceClass, **which) -> dict[str, float]:
@@ -115,7 +115,8 @@ def test_a_step_that_is_no_wall_has_no_edge():
     low = np.minimum(surface, 11.5)
     place = placement(GRID, WHOLE.grown(CLASS_HALO), GRID)
     parts = (raster[readable(place).slices] for raster in (low, material, building, visibility))
-    edges = heights_against_truth(*dsm(), *parts, place, WHOLE).edges
+    height, precision, code = dsm()
+    edges = heights_against_truth(height, precision, precision, code, *parts, box_block(), box_block(), place, WHOLE).edges
     assert edges.beside.sum() == edges.rim.sum() == 0 and np.isnan(edge_shares((edges,), MEASURED)).all()
 
 

@@ -11,7 +11,7 @@ from orthomill.schemas.orientation import BLOCK, Block
 from orthomill.schemas.photo import PHOTOS, Photo, Photos, photo_raster
 from orthomill.schemas.raster import MapGrid, RasterSpec, Window, map_raster
 from orthomill.schemas.stage_contract import Stage
-from orthomill.schemas.surface import COUNT, HEIGHT, PRECISION, PROVENANCE, SURFACE, Provenance, Surface
+from orthomill.schemas.surface import COUNT, HEIGHT, PRECISION, PROVENANCE, RELATIVE_PRECISION, SURFACE, Provenance, Surface
 from orthomill.schemas.truth import (
     TRUTH_BLOCK,
     TRUTH_BUILDING,
@@ -75,7 +75,13 @@ def give_heights(seed: int, hole: bool) -> dict[str, np.ndarray]:
     known = np.isfinite(z)
     precision = np.where(known, np.float32(0.1), np.float32(np.nan))
     codes = np.where(known, Provenance.AGREED, Provenance.EMPTY).astype(np.uint8)
-    return {HEIGHT: z.astype(np.float32), PRECISION: precision, COUNT: known.astype(np.uint8), PROVENANCE: codes}
+    return {
+        HEIGHT: z.astype(np.float32),
+        PRECISION: precision,
+        RELATIVE_PRECISION: precision,
+        COUNT: known.astype(np.uint8),
+        PROVENANCE: codes,
+    }
 
 
 def give_block() -> Block:
@@ -133,7 +139,7 @@ class GivenStage(Stage):
 
     def _densification(self) -> Iterator[RasterSpec | Job]:
         yield Job("densification", "grid", give_surface, {}, {"surface": SURFACE})
-        types = {HEIGHT: "float32", PRECISION: "float32", COUNT: "uint8", PROVENANCE: "uint8"}
+        types = {HEIGHT: "float32", PRECISION: "float32", RELATIVE_PRECISION: "float32", COUNT: "uint8", PROVENANCE: "uint8"}
         specs = [_whole(name, DSM, dtype) for name, dtype in types.items()]
         yield from specs
         yield Job(
