@@ -156,8 +156,8 @@ def test_the_affine_of_the_warp_is_found(matched):
         (RegionGrowing, {"region": 0, "crossings": 5}, "crossings has no effect with region: 0; divide the grid into regions"),
         (RegionGrowing, {"neighbour_tolerance": 2.0}, "neighbour_tolerance has no effect with min_neighbours: 0"),
         (EntropyWindow, {"min_stalled": 2.0}, "min_stalled has no effect with min_gain: 0; set a min_gain, or leave it out"),
-        (DenseMatching, {"coarse_sigma": 1.0, "coarse_below": 0.5}, "coarse_sigma and coarse_below have no effect with"),
-        (DenseMatching, {"window": 7, "edge_window": 9}, "edge_window is 9 and window is 7"),
+        (DenseMatching, {"small_window": 7, "edge_window": 9}, "edge_window is 9 and small_window is 7"),
+        (DenseMatching, {"window": 21, "wide_window": 17}, "window is 21 and wide_window is 17"),
     ],
 )
 def test_a_setting_that_a_mode_ignores_is_refused(kind, set_to, sentence):

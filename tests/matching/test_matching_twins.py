@@ -1,4 +1,4 @@
-"""Small kernels of matching against plain NumPy: planes and supports, census, specks, paraboloids, correlated residuals."""
+"""Small kernels of matching against plain NumPy: census, specks, paraboloids, correlated residuals."""
 
 import numpy as np
 import pytest
@@ -6,87 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from orthomill.tasks.matching.dense.node_surfaces import Node, StartSurface, fit_surface, start_parallaxes, surface_window
 from orthomill.tasks.matching.dense.semi_global import census, remove_specks
 from orthomill.tasks.matching.least_squares.grey_values import cubic_weights, leaves, nearest_pixel, on_lattice
 from orthomill.tasks.matching.least_squares.shift_precision import residual_correlation
 from orthomill.tasks.matching.points.sub_pixel import paraboloid_peaks
 from orthomill.tasks.matching.smoothing import gaussian_weights, reach_of, smoothed, with_gaps
-
-HALF = 4
-
-
-def window_of_plane(level: float, along: float, across: float) -> np.ndarray:
-    y, x = np.mgrid[-HALF : HALF + 1, -HALF : HALF + 1]
-    return (level + along * x + across * y).astype(np.float32).ravel()
-
-
-def fitted(window: np.ndarray, level: float, tolerance: float = 1.0, left: np.ndarray | None = None):
-    """Plane, support (9, 9) bool and number of its pixels at the centre of a 20 x 20 image."""
-    left = np.full((20, 20), 100.0, np.float32) if left is None else left
-    guess, plane, mask = np.zeros(3), np.zeros(3), np.zeros(window.size, np.float32)
-    count = fit_surface(left, Node(10, 10, HALF), window, level, tolerance, guess, plane, mask)
-    return plane, mask.reshape(9, 9) > 0, count
-
-
-@settings(max_examples=30, deadline=None)
-@given(level=st.floats(-20, 20), along=st.floats(-0.2, 0.2), across=st.floats(-0.2, 0.2))
-def test_a_plane_is_fitted_and_supported_by_its_whole_window(level, along, across):
-    plane, support, count = fitted(window_of_plane(level, along, across), level)
-    assert support.all() and count == 81
-    assert plane[0] == pytest.approx(0.0, abs=1e-4)
-    # The ridge draws slopes towards zero by 0.05 px^2 against the variance of the coordinates, 6.67 px^2.
-    assert plane[1:] == pytest.approx(np.array([along, across]) * 6.6667 / 6.7167, abs=1e-4)
-
-
-def test_the_support_keeps_the_roof_and_drops_the_ground():
-    window = window_of_plane(10.0, 0.0, 0.0).reshape(9, 9)
-    window[:, 6:] = 18.0
-    roof, ground = fitted(window.ravel(), 18.0)[1], fitted(window.ravel(), 10.0)[1]
-    assert np.array_equal(roof, window == 18.0) and np.array_equal(ground, window == 10.0)
-
-
-def test_unknown_parallaxes_belong_to_a_window_that_shows_one_surface_only():
-    window = window_of_plane(10.0, 0.0, 0.0).reshape(9, 9)
-    window[2:4, 2:4] = np.nan
-    assert fitted(window.ravel(), 10.0)[1].all()
-    window[:, 7:] = 18.0
-    assert not fitted(window.ravel(), 10.0)[1][2:4, 2:4].any()
-
-
-def test_pixels_without_data_or_gradient_do_not_support_a_surface():
-    left = np.full((20, 20), 100.0, np.float32)
-    left[10, 12] = np.nan
-    _, support, count = fitted(window_of_plane(10.0, 0.0, 0.0), 10.0, left=left)
-    assert count == 78 and not support[4, 5:8].any() and support[4, 4] and support[3, 6]
-
-
-def test_a_surface_of_too_few_pixels_has_no_plane():
-    window = np.full(81, np.nan, np.float32)
-    window[:5] = 10.0
-    assert fitted(window, 10.0)[2] == 0
-
-
-@pytest.mark.parametrize("factor", [1, 2, 4])
-def test_a_surface_window_reads_the_start_surface_at_its_factor(factor):
-    start = StartSurface(np.arange(30, dtype=np.float32).reshape(5, 6), factor)
-    window = np.empty(81, np.float32)
-    surface_window(start, Node(6, 7, HALF), window)
-    for i, value in enumerate(window):
-        row, col = (6 + i // 9 - HALF) // factor, (7 + i % 9 - HALF) // factor
-        inside = row < 5 and col < 6
-        assert value == start.parallax[row, col] if inside else np.isnan(value)
-
-
-def test_the_parallaxes_worth_trying_are_the_own_and_the_extremes_that_differ_from_it():
-    window, found = window_of_plane(10.0, 0.0, 0.0).reshape(9, 9), np.empty(3, np.float32)
-    assert start_parallaxes(window.ravel(), HALF, 2, found) == 1 and found[0] == 10.0
-    window[3, 3], window[5, 5] = 4.0, 19.0
-    assert start_parallaxes(window.ravel(), HALF, 2, found) == 3 and found.tolist() == [10.0, 4.0, 19.0]
-    window[4, 4] = np.nan
-    window[3, 3] = 9.0
-    assert start_parallaxes(window.ravel(), HALF, 2, found) == 2 and found[:2].tolist() == [9.0, 19.0]
-    assert start_parallaxes(np.full(81, np.nan, np.float32), HALF, 4, found) == 0
 
 
 @settings(max_examples=20, deadline=None)

@@ -10,8 +10,6 @@ Strategy
   rows, and the right block is moved by its median.
 - Refinement: least-squares matching of every node on its own surface (epipolar_least_squares.py).
 - A node must agree with some of its neighbours, and its standard error must be within the limit.
-- Where the finest level matches hardly any node over the width of a window (leaves move and hide each other, crowns do not), a
-  coarser level is matched in the same way, with its own, larger standard error. Strips along edges are narrower and stay empty.
 
 Parallaxes here are column left - column right of the two rasters, px ("column parallax").
 
@@ -19,19 +17,19 @@ Source: methods/relative_orientation_and_epipolar.md 1.13 to 1.18; measured.md.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 from numba import njit
 from pydantic import model_validator
-from scipy import ndimage
 
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import Window
-from orthomill.schemas.settings import Settings, refuse_ignored, setting
+from orthomill.schemas.settings import Settings, setting
 from orthomill.tasks.matching.dense.epipolar_least_squares import EpipolarLimits, NodeParallaxes, match_nodes
 from orthomill.tasks.matching.dense.node_surfaces import StartSurface
-from orthomill.tasks.matching.dense.semi_global import SemiGlobal, remove_specks, semi_global
+from orthomill.tasks.matching.dense.semi_global import SemiGlobal, semi_global
 from orthomill.tasks.matching.least_squares.grey_values import cubic_weights
 from orthomill.tasks.matching.least_squares.matching import PreparedImage, match_points
 from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
@@ -45,8 +43,6 @@ _COARSEST = 4
 """levels of reduction: 2**4 divides BLOCK and HALO"""
 _MOST = 2
 """limit of the candidates of a level, in units of `DenseMatching.widest_range`; the memory of a block is planned with it"""
-_LEAST_PATCH = 16
-"""pixels of a coarse level below which a patch is not trusted"""
 _FREE_ROWS = LeastSquaresMatching(
     window=17, interpolation="bilinear", stop=0.05, max_iterations=12, min_correlation=0.8, min_gradient=1.0
 )
@@ -56,59 +52,45 @@ class DenseMatching(Settings):
     """How a pair of epipolar images is matched densely."""
 
     step: Literal[1, 2, 4] = setting(2, "Distance of the nodes.", "px")
-    window: int = setting(9, "Side of the least-squares window; an even number is taken as the next odd one.", "px", ge=5, le=41)
+    window: int = setting(
+        15, "Side of the least-squares window on smooth surfaces; an even number is taken as the next odd one.", "px", ge=7, le=41
+    )
+    small_window: int = setting(9, "Side of the window where the surface bends.", "px", ge=5, le=41)
     edge_window: int = setting(5, "Side of the window where the surface breaks within the other.", "px", ge=5, le=41)
+    wide_window: int = setting(31, "Side of the window where texture is weak.", "px", ge=7, le=101)
+    weak_sigma: float = setting(0.1, "Standard error of a parallax above which wider windows are tried.", "px", gt=0.0)
     smoothing: float = setting(0.5, "Sigma of the Gaussian that both images are smoothed with.", "px", ge=0.0, le=3.0)
     start: SemiGlobal = setting(SemiGlobal(), "Semi-global matching that gives the start values.")
     start_level: int = setting(0, "Finest pyramid level of the start values; every level halves the image.", ge=0, le=3)
     widest_range: int = setting(96, "Parallax candidates above which a coarser level narrows the range first.", ge=16, le=512)
     range_margin: int = setting(6, "Added on both sides to the range that a coarser level found.", "px of that level", ge=1, le=64)
-    max_iterations: int = setting(12, "Iterations after which a node is abandoned.", ge=1, le=100)
-    stop: float = setting(0.03, "Converged when the parallax changes by less than this.", "px", gt=0.0, le=1.0)
-    max_shift: float = setting(3.0, "A node that moves farther than this from its start is rejected.", "px", gt=0.0)
-    surface_tolerance: float = setting(
-        1.0, "Pixels of the window farther from the surface of the node are excluded.", "px of the start level", gt=0.0
-    )
+    max_shift: float = setting(1.5, "A node that ends farther than this from its start is rejected.", "px", gt=0.0)
+    surface_tolerance: float = setting(1.0, "Pixels of the window farther from the surface of the node are excluded.", "px", gt=0.0)
     min_support: float = setting(0.3, "Share of the window that must lie on the node's surface.", gt=0.0, le=1.0)
     min_correlation: float = setting(0.6, "Normalised correlation that the matched windows must reach.", ge=0.0, le=1.0)
     min_gradient: float = setting(0.5, "Root mean square grey value gradient along the row.", "grey values per px", ge=0.0)
     max_sigma: float = setting(0.5, "Largest standard error of a parallax.", "px", gt=0.0)
     min_neighbours: int = setting(3, "Of the eight neighbours of a node, how many must agree with it.", ge=0, le=8)
     neighbour_tolerance: float = setting(1.5, "Largest parallax difference of neighbours that agree.", "px", gt=0.0)
-    coarse_level: int = setting(0, "Pyramid level that is matched where the finest finds nothing; 0: none.", ge=0, le=4)
-    coarse_sigma: float = setting(0.3, "Smallest standard error of such a match.", "px of that level", gt=0.0)
-    coarse_correlation: float = setting(0.65, "Normalised correlation that such a match must reach.", ge=0.0, le=1.0)
-    coarse_gradient: float = setting(
-        10.0, "Root mean square gradient along the row that it needs; foliage has it, water does not.", "grey values per px", ge=0.0
-    )
-    coarse_below: float = setting(
-        0.25, "The coarser level is matched where a smaller share of the surrounding nodes is matched.", ge=0.0, le=1.0
-    )
 
     @model_validator(mode="after")
-    def _everything_has_an_effect(self) -> "DenseMatching":
-        if self.coarse_level == 0:
-            unused = ("coarse_sigma", "coarse_correlation", "coarse_gradient", "coarse_below")
-            refuse_ignored(self, unused, "coarse_level: 0", "set a coarse_level of 1 to 4, or leave them out")
-        if self.edge_window // 2 > self.window // 2:
-            raise ValueError(f"edge_window is {self.edge_window} and window is {self.window}; edge_window must not be larger")
+    def _windows_ascend(self) -> "DenseMatching":
+        names = ("edge_window", "small_window", "window", "wide_window")
+        for smaller, larger in pairwise(names):
+            if getattr(self, smaller) // 2 > getattr(self, larger) // 2:
+                raise ValueError(
+                    f"{smaller} is {getattr(self, smaller)} and {larger} is {getattr(self, larger)}; {smaller} must not be larger"
+                )
         return self
-
-    @property
-    def at_coarse_level(self) -> "DenseMatching":
-        """The same settings for the coarse level: one window size, patches in pixels of that level, strong texture only."""
-        # Crowns have no straight edges, so a smaller window at edges would gain nothing.
-        speckle = max(self.start.speckle // 4**self.coarse_level, _LEAST_PATCH)
-        start = self.start.model_copy(update={"speckle": speckle})
-        return self.model_copy(update={"edge_window": self.window, "min_gradient": self.coarse_gradient, "start": start})
 
     @property
     def limits(self) -> EpipolarLimits:
         return EpipolarLimits(
+            self.edge_window // 2,
+            self.small_window // 2,
             self.window // 2,
-            min(self.edge_window, self.window) // 2,
-            self.max_iterations,
-            self.stop,
+            self.wide_window // 2,
+            self.weak_sigma,
             self.max_shift,
             self.surface_tolerance,
             self.min_support,
@@ -172,11 +154,7 @@ def match_block(left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, 
     if start is None:
         return BlockMatch(_nothing_found(grey_left[HALO : -HALO : settings.step, HALO : -HALO : settings.step]), float("nan"))
     y_parallax, grey_right = _rows_met(grey_left, grey_right, start, parallaxes)
-    nodes = _fine_nodes(grey_left, grey_right, start, parallaxes.high, settings)
-    wanted = barren(nodes, settings)
-    if wanted.any():
-        nodes = _completed(nodes, coarse_nodes(grey_left, grey_right, parallaxes, wanted.shape, settings), wanted)
-    return BlockMatch(nodes, y_parallax)
+    return BlockMatch(_fine_nodes(grey_left, grey_right, start, parallaxes.high, settings), y_parallax)
 
 
 def refined_block(
@@ -206,43 +184,6 @@ def _fine_nodes(left: np.ndarray, right: np.ndarray, start: StartSurface, shift:
     counts = (-(-(side - 2 * HALO) // settings.step) for side in left.shape)
     rows, cols = (HALO - settings.step + settings.step * np.arange(count + 2) for count in counts)
     return consistent(match_nodes(left, right, start, rows, cols, shift, settings.limits), settings)
-
-
-def barren(nodes: NodeParallaxes, settings: DenseMatching) -> np.ndarray:
-    """Unmatched nodes (rows, cols) bool surrounded, over the width of a coarse window, by hardly any matched node."""
-    if settings.coarse_level == 0:
-        return np.zeros(nodes.parallax.shape, bool)
-    width = settings.window * 2**settings.coarse_level // settings.step
-    matched = np.isfinite(nodes.parallax)
-    # The width of a coarse window: strips along edges are narrower, so that their surroundings are matched.
-    share = ndimage.uniform_filter(matched.astype(np.float64), width, mode="nearest")
-    return ~matched & (share < settings.coarse_below) & (nodes.outcome != Outcome.OUTSIDE)
-
-
-def coarse_nodes(
-    left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, shape: tuple[int, ...], settings: DenseMatching
-) -> NodeParallaxes:
-    """The nodes of a block from the coarse level: the parallax of its nearest pixel, sigma never below `coarse_sigma`."""
-    level, factor = settings.coarse_level, 2**settings.coarse_level
-    settings = settings.at_coarse_level
-    start = _level_surface(left, right, parallaxes, parallaxes, level, settings)
-    start = StartSurface(start.parallax / np.float32(factor), 1)
-    rows, cols = (HALO // factor - 1 + np.arange((n * settings.step - 1) // factor + 3) for n in shape)
-    found = match_nodes(reduced(left, level), reduced(right, level), start, rows, cols, parallaxes.high // factor, settings.limits)
-    found = consistent(found, settings)
-    remove_specks(found.parallax, np.float32(settings.neighbour_tolerance), settings.start.speckle)
-    nearest = np.ix_(*(settings.step * np.arange(n) // factor for n in shape))
-    parallax, sigma, correlation, outcome = (table[nearest] for table in found)
-    # Formal sigmas of smoothed crowns are too optimistic, for the leaves inside the window do not move together.
-    sigma = np.maximum(sigma, np.float32(settings.coarse_sigma))
-    unlike = ~(correlation >= settings.coarse_correlation)
-    parallax[unlike], sigma[unlike] = np.nan, np.nan
-    return NodeParallaxes(parallax * np.float32(factor), sigma * np.float32(factor), correlation, outcome)
-
-
-def _completed(nodes: NodeParallaxes, coarse: NodeParallaxes, wanted: np.ndarray) -> NodeParallaxes:
-    answered = wanted & np.isfinite(coarse.parallax)
-    return NodeParallaxes._make(np.where(answered, new, old) for old, new in zip(nodes, coarse, strict=True))
 
 
 def start_surface(left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, settings: DenseMatching) -> StartSurface | None:
@@ -332,7 +273,7 @@ def consistent(nodes: NodeParallaxes, settings: DenseMatching) -> NodeParallaxes
     parallax, sigma, outcome = nodes.parallax.copy(), nodes.sigma.copy(), nodes.outcome.copy()
     # Imprecise nodes are removed first: they may not support their neighbours.
     vague = sigma > settings.max_sigma
-    outcome[vague] = Outcome.LOW_TEXTURE
+    outcome[vague] = Outcome.IMPRECISE
     parallax[vague] = np.nan
     lonely = np.isfinite(parallax) & (_agreeing(parallax, np.float32(settings.neighbour_tolerance)) < settings.min_neighbours)
     outcome[lonely] = Outcome.INCONSISTENT

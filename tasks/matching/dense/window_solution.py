@@ -1,0 +1,283 @@
+"""One window of the left image against the warped right one: correction of the parallax and of its slopes, with their precision.
+
+Strategy
+- Unknowns are a correction of the parallax, its two slopes, gain and offset; the grey values are linear in all five, so that one
+  solution of the normal equations is one step of inverse-compositional least squares.
+- Only the pixels on the surface of the node take part, its *support*: those whose parallax lies on its plane.
+- The variance is the larger of two. The first is that of noise which smoothing has correlated. The second compares the sums of
+  gradient times residual (the *scores*) of nine parts of the window: with mere noise they scatter as the noise does; a surface that
+  bends or breaks within the window, other radiometry and aliasing make them scatter more.
+
+Source: methods/matching_windows.md 2.1; Huber 1967 (variance from the scores).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from orthomill.tasks.matching.dense.surface_warp import LANES
+from orthomill.tasks.matching.least_squares import result_columns as outcomes
+from orthomill.tasks.matching.least_squares.grey_values import EXACT
+from orthomill.tasks.matching.least_squares.small_systems import factor, solve
+
+CORRECTION, SLOPE_X, SLOPE_Y, VARIANCE, CORRELATION, STRENGTH, SUPPORT, SPREAD, ASIDE = range(9)
+"""Places in a solution: correction of the parallax (px) and of its slopes, variance of the parallax (px^2), correlation of the grey
+values, root mean square gradient, pixels of the support, variance from the scores (px^2), and how far from the node the texture
+lies (px)"""
+FEWEST = 10
+"""pixels of support: five unknowns and as many more"""
+_FLAT = 1e-6
+"""variance of grey values below which a window counts as constant"""
+_LEAST_GAIN = 0.05
+"""gain below which the right window shows something else"""
+_SLOPES = 0.05
+"""px per px: expected size of the corrections of the slopes; what the texture hardly determines stays near its start"""
+_ROUNDING = 0.3
+"""grey values squared: least variance of residuals, about that of two images in whole grey values"""
+_PARTS = 3
+"""rows and columns of parts of a window"""
+_FREE = 1.5
+"""parts of a window per part that the unknowns leave free"""
+
+
+class SurfaceBlock(NamedTuple):
+    """The pixels of a window row by row, rows filled up to a multiple of LANES; all float32, all 0 off the support."""
+
+    left: np.ndarray
+    right: np.ndarray
+    """grey values from that of the node in the left image"""
+    gradient: np.ndarray
+    gradient_x: np.ndarray
+    gradient_y: np.ndarray
+    """of the left image along the row, and its products with the coordinates"""
+    inside: np.ndarray
+    """1 on the support"""
+
+
+class SurfaceScratch(NamedTuple):
+    """Arrays that are reused by every window."""
+
+    block: SurfaceBlock
+    sums: np.ndarray
+    """(21,)"""
+    normal: np.ndarray
+    lower: np.ndarray
+    """(4, 4) each: gain, parallax and slopes"""
+    right: np.ndarray
+    unknowns: np.ndarray
+    cofactors: np.ndarray
+    """(4,) each; cofactors: those of the parallax"""
+    line: np.ndarray
+    """(n,) float32: of a row"""
+
+
+@njit(cache=True)
+def scratch_for(half):
+    """Scratch for windows of half side `half` at most."""
+    wide = (2 * half + LANES) // LANES * LANES
+    n = wide * (2 * half + 1)
+    return SurfaceScratch(
+        SurfaceBlock(
+            np.zeros(n, np.float32),
+            np.zeros(n, np.float32),
+            np.zeros(n, np.float32),
+            np.zeros(n, np.float32),
+            np.zeros(n, np.float32),
+            np.zeros(n, np.float32),
+        ),
+        np.empty(21),
+        np.empty((4, 4)),
+        np.empty((4, 4)),
+        np.empty(4),
+        np.empty(4),
+        np.empty(4),
+        np.empty(wide, np.float32),
+    )
+
+
+@njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
+def cut_block(pair, centre, half, plane, tolerance, flat, block):
+    """Fill the block of a window; returns its size and the length of a row.
+
+    centre: flat place of the node in the images of `pair`. plane: (parallax, slope x, slope y). flat: whether the corrections count
+    from the plane itself instead of the field, which is smooth over a normal window only.
+    """
+    grey, warped, steepness, field, cols, _ = pair
+    left, right, gradient, gradient_x, gradient_y, inside = block
+    side = 2 * half + 1
+    lanes = (side + LANES - 1) // LANES * LANES
+    zero, limit, middle = np.float32(0.0), np.float32(tolerance), np.float32(half)
+    level, slope = grey[np.uint64(centre)], np.float32(plane[1])
+    bend = np.float32(1.0 if flat else 0.0)
+    for y in range(-half, half + 1):
+        # Unsigned places need no test for negative ones, and slices would cost more than the loop itself.
+        k, at = np.uint64(centre + y * cols - half), np.uint64((y + half) * lanes)
+        begin, down = np.float32(plane[0] + plane[2] * y - plane[1] * half), np.float32(y)
+        for i in range(np.uint64(lanes)):
+            x = np.float32(i)
+            apart = field[k + i] - (begin + slope * x)
+            belongs = (abs(apart) <= limit) & (i < side)
+            steep = steepness[k + i] if belongs else zero
+            left[at + i] = grey[k + i] - level if belongs else zero
+            right[at + i] = warped[k + i] - level + bend * steep * apart if belongs else zero
+            gradient[at + i] = steep
+            gradient_x[at + i] = steep * (x - middle)
+            gradient_y[at + i] = steep * down
+            inside[at + i] = np.float32(1.0) if belongs else zero
+    return side * lanes, lanes
+
+
+@njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
+def block_sums(block, n, sums):
+    """Fill the 21 sums of products of a block: 1, left, right, their squares and product; gradients; their products; with both."""
+    left, right, g = block.left[:n], block.right[:n], block.gradient[:n]
+    gx, gy, inside = block.gradient_x[:n], block.gradient_y[:n], block.inside[:n]
+    # Three runs of a few sums each: all 21 at once would not fit into the registers.
+    a = b = c = d = e = f = p = q = r = np.float32(0.0)
+    for i in range(n):
+        a += inside[i]
+        b += left[i]
+        c += right[i]
+        d += left[i] * left[i]
+        e += left[i] * right[i]
+        f += right[i] * right[i]
+        p += g[i]
+        q += gx[i]
+        r += gy[i]
+    sums[0], sums[1], sums[2], sums[3], sums[4], sums[5], sums[6], sums[7], sums[8] = a, b, c, d, e, f, p, q, r
+    a = b = c = d = e = f = np.float32(0.0)
+    for i in range(n):
+        a += g[i] * g[i]
+        b += g[i] * gx[i]
+        c += g[i] * gy[i]
+        d += gx[i] * gx[i]
+        e += gx[i] * gy[i]
+        f += gy[i] * gy[i]
+    sums[9], sums[10], sums[11], sums[12], sums[13], sums[14] = a, b, c, d, e, f
+    a = b = c = d = e = f = np.float32(0.0)
+    for i in range(n):
+        a += g[i] * left[i]
+        b += gx[i] * left[i]
+        c += gy[i] * left[i]
+        d += g[i] * right[i]
+        e += gx[i] * right[i]
+        f += gy[i] * right[i]
+    sums[15], sums[16], sums[17], sums[18], sums[19], sums[20] = a, b, c, d, e, f
+
+
+@njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
+def correlated_share(gradient, n, lanes, near, far):
+    """Factor of the variance of the parallax by residuals that correlate by `near` and `far` at distances of 1 and 2 px.
+
+    gradient: of a block of n pixels in rows of `lanes`; the pairs that begin in its last two rows are left out.
+    """
+    size, row = np.uint64(max(n - 2 * lanes, 0)), np.uint64(lanes)
+    one, two = np.uint64(1), np.uint64(2)
+    here, right, second = gradient[:size], gradient[one : size + one], gradient[two : size + two]
+    below, beside, lower = (
+        gradient[row : size + row],
+        gradient[row + one : size + row + one],
+        gradient[two * row : size + two * row],
+    )
+    own = along = across = diagonal = farther = np.float32(0.0)
+    for i in range(here.size):
+        own += here[i] * here[i]
+        along += here[i] * right[i]
+        across += here[i] * below[i]
+        diagonal += here[i] * beside[i] + right[i] * below[i]
+        farther += here[i] * second[i] + here[i] * lower[i]
+    share = near * (along + across) + near * near * diagonal + far * farther
+    # The truncated correlation is not positive definite: texture of one wavelength may make the sum negative.
+    return max(1.0 + 2.0 * share / max(own, np.float32(1e-6)), 0.3)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
+def squared_scores(scratch, half, lanes):
+    """Sum of the squared scores of the parts of a window, after its adjustment."""
+    sums, unknowns, line = scratch.sums, scratch.unknowns, scratch.line
+    left, right, g, gx, gy, inside = scratch.block
+    side = 2 * half + 1
+    gain, a, b, c = np.float32(unknowns[0]), np.float32(unknowns[1]), np.float32(unknowns[2]), np.float32(unknowns[3])
+    mean = np.float32(sums[6] / sums[0])
+    explained = unknowns[0] * sums[1] + unknowns[1] * sums[6] + unknowns[2] * sums[7] + unknowns[3] * sums[8]
+    constant = np.float32((sums[2] - explained) / sums[0])
+    total = 0.0
+    for part in range(_PARTS):
+        line[:lanes] = np.float32(0.0)
+        for y in range(part * side // _PARTS, (part + 1) * side // _PARTS):
+            k = np.uint64(y * lanes)
+            for i in range(np.uint64(lanes)):
+                residual = right[k + i] - constant - gain * left[k + i] - a * g[k + i] - b * gx[k + i] - c * gy[k + i]
+                line[i] += (g[k + i] - mean) * residual * inside[k + i]
+        for other in range(_PARTS):
+            score = 0.0
+            for i in range(other * side // _PARTS, (other + 1) * side // _PARTS):
+                score += line[i]
+            total += score * score
+    return total
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def _normal_equations(sums, normal, right):
+    """Normal equations of gain, parallax and slopes, the offset eliminated; returns the power of the right window."""
+    n = sums[0]
+    left_mean, right_mean = sums[1] / n, sums[2] / n
+    normal[0, 0], right[0] = sums[3] - sums[1] * left_mean, sums[4] - sums[1] * right_mean
+    place = 9
+    for i in range(3):
+        mean = sums[6 + i] / n
+        normal[1 + i, 0] = normal[0, 1 + i] = sums[15 + i] - n * mean * left_mean
+        right[1 + i] = sums[18 + i] - n * mean * right_mean
+        for j in range(i, 3):
+            normal[1 + i, 1 + j] = normal[1 + j, 1 + i] = sums[place] - mean * sums[6 + j]
+            place += 1
+    return sums[5] - sums[2] * right_mean
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def solved(scratch, half, size, correlation, slope, out):
+    """Solve a window whose block is cut: fills `out` (9,), a solution; returns its outcome.
+
+    size: of the block and of its rows, from `cut_block`. correlation: of residuals 1 and 2 px apart. slope: of the plane, x.
+    """
+    n, lanes = size
+    sums, normal, right, unknowns = scratch.sums, scratch.normal, scratch.right, scratch.unknowns
+    cofactors = scratch.cofactors
+    block_sums(scratch.block, n, sums)
+    out[SUPPORT] = sums[0]
+    if sums[0] < FEWEST:
+        return outcomes.NOT_TRIED
+    out[STRENGTH] = np.sqrt(sums[9] / sums[0])
+    # The centroid of the squared gradients: where the window is determined.
+    out[ASIDE] = max(abs(sums[10]), abs(sums[11])) / max(sums[9], 1e-6)
+    power = _normal_equations(sums, normal, right)
+    if normal[0, 0] <= _FLAT * sums[0] or power <= _FLAT * sums[0]:
+        return outcomes.LOW_TEXTURE
+    out[CORRELATION] = right[0] / np.sqrt(normal[0, 0] * power)
+    gain = right[0] / normal[0, 0]
+    if not gain > _LEAST_GAIN:
+        return outcomes.LOW_CORRELATION
+    # Slopes are observed as zero with `_SLOPES` as standard error, beside the residuals before the adjustment.
+    before = max(power - gain * right[0], 0.0) / sums[0] + _ROUNDING
+    for k in (2, 3):
+        normal[k, k] += before / (gain * _SLOPES) ** 2
+    if not factor(normal, 4, scratch.lower):
+        return outcomes.SINGULAR
+    for i in range(4):
+        unknowns[i] = right[i]
+        cofactors[i] = 1.0 if i == 1 else 0.0
+    solve(scratch.lower, 4, unknowns)
+    solve(scratch.lower, 4, cofactors)
+    for i in range(4):
+        power -= unknowns[i] * right[i]
+    if not unknowns[0] > _LEAST_GAIN:
+        return outcomes.LOW_CORRELATION
+    # From derivatives of the left image to parallaxes: the right one shows the window stretched by 1 - slope.
+    stretch = (1.0 - slope) / unknowns[0]
+    out[CORRECTION], out[SLOPE_X], out[SLOPE_Y] = stretch * unknowns[1], stretch * unknowns[2], stretch * unknowns[3]
+    cofactor = cofactors[1] * stretch * stretch
+    noise = max(power, 0.0) / (sums[0] - 5.0)
+    out[VARIANCE] = noise * cofactor * correlated_share(scratch.block.gradient, n, lanes, correlation[0], correlation[1])
+    out[SPREAD] = _FREE * squared_scores(scratch, half, lanes) * cofactors[1] * cofactor
+    return outcomes.CONVERGED
