@@ -14,7 +14,7 @@ from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, Window, map_rast
 from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
 from orthomill.schemas.stage_report import report_table
-from orthomill.schemas.surface import CORRECTED, COUNT, HEIGHT, ORTHO, PRECISION, PROVENANCE, SURFACE, Surface
+from orthomill.schemas.surface import CORRECTED, COUNT, HEIGHT, ORTHO, PRECISION, PROVENANCE, SURFACE, Surface, points_table
 from orthomill.tasks.geometry.photograph_part import PhotoSource, photo_level
 from orthomill.tasks.geometry.view import block_view
 from orthomill.tasks.texture.blending import Blend, CentreName, Rejection
@@ -27,6 +27,8 @@ from orthomill.tasks.texture.report import COVERAGE, HEIGHT_SOURCE, REJECTED, Te
 
 BLOCK_HEIGHTS, GROUND = "texture/block_heights", "texture/ground"
 """float32 m: mean heights of blocks of 16 x 16 cells of the surface model, NaN in holes; the same with every hole closed"""
+CELLS_OF_ONE_FILE = 40_000_000
+"""Cells of the surface model up to which its points are one file; about as many points, of about ten bytes each."""
 SAMPLES_AT_MOST = 60000
 """Ground samples of the whole block for the radiometric balance."""
 _COARSER = 4  # ortho pixels per sample pixel: averaging removes noise and the effect of mismatches of a pixel
@@ -199,6 +201,7 @@ class TextureStage(Stage):
             yield _ortho_job(tile, heights, tile_extent(surface, ortho, tile.window, fine, rules.halo), rules, draped)
         facts = TextureFacts(cell=ortho.cell, dsm_cell=surface.grid.cell, ground_pixel=median(pixels), heights=heights)
         yield from _results(tiles, facts)
+        yield from _clouds(surface.grid, view.project.tile, heights)
 
     def _balance_job(self, tiles: list[Tile], block: Block, deep: bool) -> Job:
         return Job(
@@ -313,8 +316,19 @@ def _results(tiles: list[Tile], facts: TextureFacts) -> Iterator[Job | Export]:
     yield Job("texture", "report", texture_report, reads, {"report": report_table("texture")}, {"facts": facts})
     yield Export("texture", "ortho_cog", "products/ortho.tif", "cog", {"rgba": ORTHO})
     yield Export("texture", "height_source_cog", "products/ortho_height_source.tif", "cog", {"height_source": HEIGHT_SOURCE})
-    attributes = {"z": facts.heights, "rgb": ORTHO, "precision": PRECISION, "pairs": COUNT, "code": PROVENANCE}
-    yield Export("texture", "points", "products/points.laz", "laz", attributes)
+
+
+def _clouds(dsm: MapGrid, size: int, heights: str) -> Iterator[Export]:
+    """The matched points and the cells of the surface model, coloured; large models in one file of points for each tile."""
+    tables = {(tile.row, tile.col): points_table(tile.row, tile.col) for tile in tiles_of(dsm.shape, size)}
+    if dsm.rows * dsm.cols <= CELLS_OF_ONE_FILE:
+        yield Export("texture", "points", "products/points.laz", "laz", {"rgb": ORTHO}, tuple(tables.values()))
+    else:
+        for (row, col), table in tables.items():
+            path = f"products/points/{row}-{col}.laz"
+            yield Export("texture", f"points-{row}-{col}", path, "laz", {"rgb": ORTHO}, (table,))
+    attributes = {"z": heights, "rgb": ORTHO, "precision": PRECISION, "pairs": COUNT, "code": PROVENANCE}
+    yield Export("texture", "cells", "products/dsm_cells.laz", "laz", attributes)
 
 
 def _samples_table(tile: Tile) -> Table[Samples]:

@@ -17,6 +17,7 @@ from simulated_run import PROJECT, Run, run_in
 from small_site import command, results_of
 
 from orthomill.schemas.orientation import Block
+from orthomill.schemas.surface import MEASURED
 
 pytestmark = pytest.mark.slow
 
@@ -169,14 +170,24 @@ def test_heights_come_with_a_precision_of_their_own(run):
     assert 0.02 < np.nanmedian(precision) < 0.3 * PARALLAX_HEIGHT
 
 
-def test_points_lie_on_the_surface(run):
+def test_cells_lie_on_the_surface(run):
     with rasterio.open(run.folder / "products" / "dsm.tif") as file:
         cells = int(np.isfinite(file.read(1)).sum())
         bounds = file.bounds
-    points = laspy.read(run.folder / "products" / "points.laz")
+    points = laspy.read(run.folder / "products" / "dsm_cells.laz")
     assert len(points.x) == cells
     assert bounds.left < points.x.min() and points.x.max() < bounds.right
     assert points.header.parse_crs().to_epsg() == 2100
+
+
+def test_matched_points_lie_near_the_surface(run):
+    with rasterio.open(run.folder / "products" / "dsm.tif") as file:
+        heights, inverse = file.read(1), ~file.transform
+    points = laspy.read(run.folder / "products" / "points.laz")
+    col, row = (np.floor(values).astype(int) for values in inverse * (np.array(points.x), np.array(points.y)))
+    apart = np.abs(heights[row, col] - np.array(points.z))
+    assert len(points) > 10_000 and np.nanmedian(apart) < 0.3 * PARALLAX_HEIGHT
+    assert set(np.unique(points.classification)) <= {64 + code for code in MEASURED} and np.min(points["rays"]) >= 2
 
 
 def test_cameras_are_the_block(run):

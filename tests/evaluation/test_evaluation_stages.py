@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import laspy
 import numpy as np
 import pytest
 import rasterio
@@ -16,6 +17,7 @@ from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.project import Project
 from orthomill.schemas.stage_report import StageReport, report_table
 from orthomill.schemas.surface import ORTHO as ORTHO_RASTER
+from orthomill.schemas.surface import Provenance
 from orthomill.tasks.evaluation.stage import EvaluationStage
 from orthomill.tasks.texture.stage import TextureStage
 
@@ -66,6 +68,14 @@ def test_the_product_is_a_georeferenced_rgba_file(finished):
             file.count == 4 and file.crs.to_epsg() == 2100 and file.transform[0] == 0.5 and (file.height, file.width) == (240, 240)
         )
         assert (file.read(4) > 0).mean() > 0.99
+
+
+def test_points_and_cells_are_coloured_clouds_with_classes(finished):
+    points, cells = (laspy.read(finished / "runs/box/products" / name) for name in ("points.laz", "dsm_cells.laz"))
+    assert len(points) == 120 * 120 and len(cells) == 120 * 120 - 48
+    assert set(points.classification) == set(cells.classification) == {64 + Provenance.AGREED}
+    roof = np.array(points.z) == 14
+    assert (np.array(points.red)[roof] > 150 * 257).mean() > 0.95 and set(points["rays"]) == {2}
 
 
 def test_evaluation_measures_the_noise_that_was_planted(finished):

@@ -13,6 +13,7 @@ from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS, Photo, Photos
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.surface import CORRECTED, HEIGHT, SURFACE, Surface
+from orthomill.tasks.texture import stage
 from orthomill.tasks.texture.blending import Blend, Rejection
 from orthomill.tasks.texture.stage import SAMPLES_AT_MOST, TextureStage
 
@@ -74,8 +75,8 @@ def test_rasters_are_announced_before_the_jobs_that_write_them():
 def test_corrected_heights_are_used_where_there_is_a_check(check, raster):
     made = planned(View(check=check))
     assert {job.reads["heights"].name for job in jobs(made, "ortho")} == {raster}
-    (points,) = (one for one in made if isinstance(one, Export) and one.format == "laz")
-    assert points.rasters["z"] == raster
+    (cells,) = (one for one in made if isinstance(one, Export) and one.path == "products/dsm_cells.laz")
+    assert cells.rasters["z"] == raster
 
 
 @pytest.mark.parametrize(("cell", "expected"), [("auto", 0.5), (1.0, 1.0), (0.25, 0.25)])
@@ -107,6 +108,21 @@ def test_the_ground_is_made_and_read_only_for_draping():
     assert all("ground" in job.reads for job in jobs(draped, "ortho")) and not any(
         "ground" in job.reads for job in jobs(left, "ortho")
     )
+
+
+def test_points_are_the_matched_ones_of_all_tiles():
+    (points,) = (one for one in planned(View(tile=64)) if isinstance(one, Export) and one.path == "products/points.laz")
+    assert [table.path for table in points.tables] == [
+        f"densification/points/{row}-{col}.parquet" for row in (0, 1) for col in (0, 1)
+    ]
+    assert points.rasters == {"rgb": "texture/ortho"}
+
+
+def test_points_of_a_large_model_are_one_file_for_each_tile(monkeypatch):
+    monkeypatch.setattr(stage, "CELLS_OF_ONE_FILE", 119 * 120)
+    clouds = [one for one in planned(View(tile=64)) if isinstance(one, Export) and "points" in one.path]
+    assert [one.path for one in clouds] == [f"products/points/{row}-{col}.laz" for row in (0, 1) for col in (0, 1)]
+    assert [len(one.tables) for one in clouds] == [1] * 4 and len({one.key for one in clouds}) == 4
 
 
 def test_the_source_of_heights_is_a_product():

@@ -9,9 +9,20 @@ from box_scene import CENTRES, DSM, ORTHO, Vehicle, block, heights, render, sees
 from orthomill.schemas.job import Job, Raster, Table
 from orthomill.schemas.orientation import BLOCK, Block
 from orthomill.schemas.photo import PHOTOS, Photo, Photos, photo_raster
-from orthomill.schemas.raster import MapGrid, RasterSpec, Window, map_raster
+from orthomill.schemas.raster import MapGrid, RasterSpec, Window, map_raster, tiles_of
 from orthomill.schemas.stage_contract import Stage
-from orthomill.schemas.surface import COUNT, HEIGHT, PRECISION, PROVENANCE, RELATIVE_PRECISION, SURFACE, Provenance, Surface
+from orthomill.schemas.surface import (
+    COUNT,
+    HEIGHT,
+    PRECISION,
+    PROVENANCE,
+    RELATIVE_PRECISION,
+    SURFACE,
+    Provenance,
+    Surface,
+    SurfacePoints,
+    points_table,
+)
 from orthomill.schemas.truth import (
     TRUTH_BLOCK,
     TRUTH_BUILDING,
@@ -84,6 +95,14 @@ def give_heights(seed: int, hole: bool) -> dict[str, np.ndarray]:
     }
 
 
+def give_points(window: Window) -> SurfacePoints:
+    """A point at the centre of every cell."""
+    x, y = (values.ravel() for values in np.meshgrid(*DSM.centres(window)))
+    sigma, code = np.full(x.size, 0.1, np.float32), np.full(x.size, Provenance.AGREED, np.uint8)
+    two, first = np.full(x.size, 2, np.uint8), np.ones(x.size, np.uint16)
+    return SurfacePoints(x, y, heights(DSM)[window.slices].ravel().astype(np.float64), sigma, two, code, first)
+
+
 def give_block() -> Block:
     return block()
 
@@ -110,7 +129,10 @@ class GivenStage(Stage):
     hole: bool = True
 
     def plan(self, view) -> Iterator[RasterSpec | Job]:
-        yield from getattr(self, f"_{self.kind}")()
+        if self.kind == "densification":
+            yield from self._densification(view.project.tile)
+        else:
+            yield from getattr(self, f"_{self.kind}")()
 
     def _simulation(self) -> Iterator[RasterSpec | Job]:
         types = {
@@ -137,7 +159,7 @@ class GivenStage(Stage):
     def _orientation(self) -> Iterator[RasterSpec | Job]:
         yield Job("orientation", "block", give_block, {}, {"block": BLOCK})
 
-    def _densification(self) -> Iterator[RasterSpec | Job]:
+    def _densification(self, size: int) -> Iterator[RasterSpec | Job]:
         yield Job("densification", "grid", give_surface, {}, {"surface": SURFACE})
         types = {HEIGHT: "float32", PRECISION: "float32", RELATIVE_PRECISION: "float32", COUNT: "uint8", PROVENANCE: "uint8"}
         specs = [_whole(name, DSM, dtype) for name, dtype in types.items()]
@@ -150,6 +172,9 @@ class GivenStage(Stage):
             {s.name: Raster(s.name, s.full) for s in specs},
             {"seed": 5, "hole": self.hole},
         )
+        for tile in tiles_of(DSM.shape, size):
+            points = {"points": points_table(tile.row, tile.col)}
+            yield Job("densification", "points", give_points, {}, points, {"window": tile.window}, tile.row, tile.col)
 
 
 GIVEN = tuple(GivenStage(kind=kind) for kind in ("simulation", "photos", "orientation", "densification"))
