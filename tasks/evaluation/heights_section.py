@@ -126,6 +126,12 @@ def _completeness_figures(head: str, group: GroupMeasures) -> Iterator[Figure]:
         unit="%",
         sentence=f"Heights, {group.words}: cells that have a measured height, of all cells of the grid.",
     )
+    yield Figure(
+        name=f"{head}_measured_unseen",
+        value=group.numbers["measured_unseen"],
+        unit="%",
+        sentence=f"Heights, {group.words}: cells called measured, of those that fewer than two photographs truly see.",
+    )
     cells = group.numbers["cells"]
     yield Figure(name=f"{head}_cells", value=None if cells is None else round(cells), sentence=f"Cells, {group.words}.")
 

@@ -158,6 +158,8 @@ def _groups(tiles: _Tiles) -> Iterator[GroupMeasures]:
             "cells": rounded(cells),
             "completeness": rounded(percent(m.heights, cells)),
             "completeness_seen_twice": rounded(percent(measured_twice, twice)),
+            # a height that is called measured although no two photographs see the place is a wrong match by definition
+            "measured_unseen": rounded(percent(m.heights - measured_twice, cells - twice)),
         }
         yield GroupMeasures(
             name=name,

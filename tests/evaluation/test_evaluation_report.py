@@ -18,6 +18,7 @@ NUMBERS = {
     "measured": 900.0,
     "completeness": 90.0,
     "completeness_seen_twice": 95.0,
+    "measured_unseen": 2.5,
     "bias": 0.05,
     "sd": 0.2,
     "rmse": 0.21,
@@ -73,7 +74,7 @@ def test_figures_of_heights_are_named_by_group_and_measure():
     assert found["dsm_bias"] == 0.05 and found["dsm_open_ground_bias"] == 0.5
     assert found["dsm_completeness"] == 95.0 and found["dsm_completeness_all"] == 90.0 and found["dsm_cells"] == 1000
     assert found["dsm_within_1_sigma"] == 68.0 and found["dsm_open_ground_within_10_expected_sigma"] == 100.0
-    assert found["dsm_expected_sigma"] == 0.25
+    assert found["dsm_expected_sigma"] == 0.25 and found["dsm_measured_unseen"] == 2.5
 
 
 def test_every_figure_has_one_name_and_a_sentence():

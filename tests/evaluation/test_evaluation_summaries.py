@@ -79,6 +79,9 @@ def test_groups_combine_their_classes():
 def test_completeness_counts_cells_that_can_be_measured():
     ground = [PlaceClass.CLEAR_GROUND]
     found = summary(tile([0.0, 0.1, np.nan], 3 * ground), tile([np.nan], ground, twice=False))
+    assert found.groups[0].numbers["measured_unseen"] == 0
+    claimed = summary(tile([0.1, np.nan], 2 * ground, twice=False), tile([9.0], ground, code=Provenance.INCOHERENT, twice=False))
+    assert claimed.groups[0].numbers["measured_unseen"] == pytest.approx(100 / 3, abs=1e-3)
     assert found.groups[0].numbers["completeness"] == 50 and found.groups[0].numbers["completeness_seen_twice"] == 66.6667
 
 

@@ -20,5 +20,5 @@ def test_figures_that_a_run_does_not_have_are_left_blank():
 
 def test_codes_that_occur_are_listed_with_their_classes():
     known = figures(dsm_volume_roof_share=4.0, dsm_volume_roof_within_2_sigma=94.0, dsm_volume_roof_beyond_4_sigma=0.5)
-    assert list(honesty_rows({"volos": known}))[2:] == ["| volume roof | 4.00 / - / 94.00 / 0.50 |"]
+    assert list(honesty_rows({"volos": known}))[2:] == ["| volume roof | 4.00; -; 94.00 / 0.50; - / - |"]
     assert "| volume roof |" in page({"volos": known}, [])
