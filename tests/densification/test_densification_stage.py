@@ -125,7 +125,9 @@ def test_the_report_counts_what_the_rasters_hold(engine):
     assert figures["nodes_matched"] == np.isfinite(engine.rasters[nodes_raster("a-b")][..., 0]).sum()
     measured = np.isin(engine.rasters[PROVENANCE], MEASURED)
     assert figures["cells_measured"] == measured.sum() < figures["cells_with_height"]
-    assert figures["precision_median"] == pytest.approx(np.median(engine.rasters[RELATIVE_PRECISION][measured]), abs=0.02)
+    # The median comes from a histogram whose classes are a tenth of a cell wide.
+    half_class = 0.05 * engine.tables[SURFACE.path].grid.cell
+    assert figures["precision_median"] == pytest.approx(np.median(engine.rasters[RELATIVE_PRECISION][measured]), abs=half_class)
     exported = [set(export.rasters.values()) for export in engine.exports.values()]
     assert {HEIGHT, PRECISION, RELATIVE_PRECISION, DATUM_PRECISION} in exported and {COUNT, PROVENANCE} in exported
 

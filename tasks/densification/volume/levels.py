@@ -22,7 +22,7 @@ from orthomill.tasks.matching.volume.paths import UNIT
 
 HALO = 32
 """Cells on every side of a tile that are optimised with it, so that paths arrive there."""
-_SIDE, _COARSE_SIDE = 512, 256
+_SIDE, _COARSE_SIDE = 384, 256
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,10 @@ from orthomill.tasks.matching.volume.rectified_photograph import (
 )
 from orthomill.tasks.matching.volume.signatures import signatures
 from orthomill.tasks.matching.volume.winners import coherence
+from orthomill.tasks.visibility.height_model import HeightModel, Targets, visible_targets
+
+HIDING = 4.0
+"""Heights of a level by which something must stand above the ray to a photograph to hide the cell from it."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +53,8 @@ class VolumeTile:
 class SolvedVolume(NamedTuple):
     """A solved tile: `height` (rows, cols) float32 m, NaN where fewer than two photographs show the cell; `quality` (rows, cols, 4)
     uint8: cost at the height and margin to the runner-up (% of the signature's bits), coherence (% of the 9 x 9 cells that go
-    along), photographs that see the cell."""
+    along), photographs that see the
+    cell: fewer than two where something else stands before the others."""
 
     height: np.ndarray
     quality: np.ndarray
@@ -115,9 +120,25 @@ def solve_volume(
     heights = tile.level.heights[planes]
     views = [block_view(block, part.name) for part in tile.photos]
     parts = zip(tile.photos, views, photos, strict=True)
-    images = [_rectified(tile, part, view, pixels, heights, settings) for part, view, pixels in parts]
-    choice = Choice(PLACE, _preferred(tile, views, settings, block, coarser), np.zeros((len(views), *tile.work.shape), bool))
-    return _solved(tile, optimised(images, choice, candidates, settings), float(heights[0]), settings)
+    # One after the other: a tile of a dense block has dozens of photographs, and only their signatures are needed together.
+    images = (_rectified(tile, part, view, pixels, heights, settings) for part, view, pixels in parts)
+    pixels = sum(rectified_pixels(view, _cell_frame(tile), heights, settings.oversampling) for view in views)
+    choice = Choice(PLACE, _preferred(tile, views, settings, block, coarser), _hidden(tile, views, coarser))
+    return _solved(tile, optimised(images, pixels, choice, candidates, settings), float(heights[0]), settings)
+
+
+def _hidden(tile: VolumeTile, views: list[View], coarser: np.ndarray | None) -> np.ndarray:
+    """(photographs, rows, cols) bool: the cells that the coarser heights hide from each photograph."""
+    if coarser is None or tile.coarser is None:
+        return np.zeros((len(views), *tile.work.shape), bool)
+    window = tile.coarser
+    model = HeightModel(coarser, level_grid(tile.level.grid, 1), window)
+    rows, cols = np.arange(window.row, window.row + window.height), np.arange(window.col, window.col + window.width)
+    targets = Targets(rows.astype(float), cols.astype(float), coarser, np.zeros_like(coarser))
+    at, known = np.ix_(*_coarser_cells(tile, 1)), np.isfinite(coarser)
+    # Coarse heights are good to about a step, and a wrong verdict costs a photograph.
+    seen = (visible_targets(model, view, targets, HIDING * tile.level.step) for view in views)
+    return np.stack([((visible == 0) & known)[at] for visible in seen])
 
 
 def _preferred(tile: VolumeTile, views: list[View], settings: HeightVolume, block: Block, coarser: np.ndarray | None) -> np.ndarray:
@@ -169,7 +190,7 @@ def _rectified(
     # Cropped before it is converted: the heights that planning had to allow for are far more than a tile turns out to have.
     level = PhotographPixels(grey(pixels[inside.slices]), part.level, part.window.col + inside.col, part.window.row + inside.row)
     image, planes = rectified(level, view, _cell_frame(tile), heights, settings.oversampling)
-    return RectifiedPhotograph(signatures(image, settings.half, settings.oversampling), planes)
+    return RectifiedPhotograph(signatures(image, settings.half, settings.spacing), planes)
 
 
 def _solved(tile: VolumeTile, cells: OptimisedCells, lowest: float, settings: HeightVolume) -> SolvedVolume:
@@ -177,9 +198,9 @@ def _solved(tile: VolumeTile, cells: OptimisedCells, lowest: float, settings: He
     height = (lowest + cells.plane.astype(np.float64) * step).astype(np.float32)
     slope = settings.coherence_slope * tile.level.grid.cell
     agreeing = coherence(height, settings.coherence * step, slope)
-    height[cells.photographs < 2] = np.nan
+    height[cells.shown < 2] = np.nan
     percent = [np.clip(np.rint(100 * values), 0, 255) for values in (cells.cost, cells.margin, agreeing)]
-    quality = np.stack([*percent, cells.photographs], axis=-1).astype(np.uint8)
+    quality = np.stack([*percent, cells.seen], axis=-1).astype(np.uint8)
     row, col = tile.window.row - tile.work.row, tile.window.col - tile.work.col
     inner = slice(row, row + tile.window.height), slice(col, col + tile.window.width)
     return SolvedVolume(np.ascontiguousarray(height[inner]), np.ascontiguousarray(quality[inner]))
@@ -195,7 +216,7 @@ def tile_scratch(tile: VolumeTile, scene: VolumeScene) -> int:
     candidates = cells * (settings.mean_heights if tile.coarser else tile.level.count)
     views = [block_view(scene.block, part.name) for part in tile.photos]
     heights = tile.level.heights
-    pixels = sum(rectified_pixels(view, _cell_frame(tile), heights, settings.oversampling) for view in views)
-    # The photographs are converted one after the other: grey values and their products, float32.
+    pixels = [rectified_pixels(view, _cell_frame(tile), heights, settings.oversampling) for view in views]
+    # Photographs are converted and rectified one after the other: grey values and their products, image, border and signatures.
     greatest = max((part.window.height * part.window.width for part in tile.photos), default=0)
-    return scratch_bytes(candidates, cells, pixels, settings) + 12 * greatest
+    return scratch_bytes(candidates, cells, sum(pixels), settings) + 12 * greatest + 24 * max(pixels, default=0)

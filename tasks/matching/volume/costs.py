@@ -5,7 +5,7 @@ left out) are compared in pairs; a candidate costs the mean distance of the best
 something else stands in front does not decide. All candidates of a cell are sorted at once, by comparing and exchanging whole rows.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,13 +55,17 @@ class PhotographStack:
     none: np.unsignedinteger
 
     @classmethod
-    def of(cls, photographs: Sequence[RectifiedPhotograph], half: int) -> "PhotographStack":
-        """The stack of one photograph or more."""
-        sizes = np.array([photo.signatures.shape for photo in photographs], np.int64)
-        starts = np.concatenate([[0], np.cumsum(sizes.prod(axis=1))])[:-1]
-        # Far outside instead of NaN: a comparison then says that the photograph does not show the plane.
-        planes = np.nan_to_num(np.stack([photo.planes for photo in photographs]), nan=-1e9).astype(np.float32)
-        return cls(np.concatenate([photo.signatures.ravel() for photo in photographs]), starts, sizes, planes, no_signature(half))
+    def of(cls, photographs: Iterable[RectifiedPhotograph], pixels: int, half: int) -> "PhotographStack":
+        """The stack of one photograph or more that have `pixels` signatures together; each is let go when the next one is
+        asked for."""
+        flat, starts, sizes, planes = np.empty(pixels, type(no_signature(half))), [0], [], []
+        for photo in photographs:
+            flat[starts[-1] : starts[-1] + photo.signatures.size] = photo.signatures.ravel()
+            starts.append(starts[-1] + photo.signatures.size)
+            sizes.append(photo.signatures.shape)
+            # Far outside instead of NaN: a comparison then says that the photograph does not show the plane.
+            planes.append(np.nan_to_num(photo.planes, nan=-1e9))
+        return cls(flat, np.array(starts[:-1]), np.array(sizes), np.stack(planes).astype(np.float32), no_signature(half))
 
 
 def volume_costs(stack: PhotographStack, choice: Choice, candidates: CellRanges, half: int, rules: Comparison) -> np.ndarray:

@@ -7,7 +7,7 @@ say what they are worth.
 Source: Hirschmueller 2008 (paths); Zabih & Woodfill 1994 (census); Collins 1996 (plane sweep).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -24,17 +24,18 @@ from orthomill.tasks.matching.volume.winners import winners
 class HeightVolume(Settings):
     """Semi-global matching of all photographs in a volume of heights over map cells, coarse to fine."""
 
-    window: Literal[5, 7] = setting(5, "Side of the census window.", "cells")
-    oversampling: int = setting(2, "Pixels of a rectified photograph along the side of a cell.", ge=1, le=4)
+    window: Literal[5, 7] = setting(7, "Pixels compared along the side of the census window.", "px")
+    oversampling: int = setting(3, "Pixels of a rectified photograph along the side of a cell.", ge=1, le=4)
+    spacing: int = setting(2, "Distance of the pixels of a census window.", "px of the rectified photograph", ge=1, le=4)
     step: float = setting(0.5, "Greatest parallax between neighbouring heights.", "cells", gt=0.1, le=4.0)
     photographs: int = setting(8, "Photographs that are chosen for a place.", ge=2, le=32)
-    compared: int = setting(5, "Of these, photographs that are compared in a cell: the first that show it.", ge=2, le=16)
+    compared: int = setting(8, "Of these, photographs that are compared in a cell: the first that show it.", ge=2, le=16)
     best_share: float = setting(0.5, "Share of the pairs of photographs that decide: the most similar ones.", gt=0.0, le=1.0)
     blank: float = setting(
         0.4, "Cost of a pair of which one photograph does not show the height.", "share of the bits", ge=0.0, le=1.0
     )
     small_penalty: float = setting(0.16, "Cost of a change by one height between neighbours.", "share of the bits", ge=0.0, le=2.0)
-    large_penalty: float = setting(0.5, "Cost of a larger jump between neighbours.", "share of the bits", ge=0.0, le=4.0)
+    large_penalty: float = setting(0.6, "Cost of a larger jump between neighbours.", "share of the bits", ge=0.0, le=4.0)
     widest: int = setting(96, "Heights of the coarsest level, at most.", ge=32, le=256)
     margin: int = setting(7, "Heights added on both sides to the range that the coarser level found.", ge=1, le=64)
     reach: int = setting(1, "Coarser cells around a cell whose heights are within its range.", "cells", ge=1, le=8)
@@ -62,19 +63,21 @@ class HeightVolume(Settings):
 
 class OptimisedCells(NamedTuple):
     """Per cell (rows, cols): `plane` float32 (fractional number, NaN without candidates); `cost` float32, mean share of bits that
-    differ; `margin` float32, the same unit, infinite without a competitor; `photographs` uint8 that show it."""
+    differ; `margin` float32, the same unit, infinite without a competitor; `shown` uint8, photographs within whose frame it lies;
+    `seen` uint8, those of them from which nothing hides it."""
 
     plane: np.ndarray
     cost: np.ndarray
     margin: np.ndarray
-    photographs: np.ndarray
+    shown: np.ndarray
+    seen: np.ndarray
 
 
 def optimised(
-    photographs: Sequence[RectifiedPhotograph], choice: Choice, candidates: CellRanges, settings: HeightVolume
+    photographs: Iterable[RectifiedPhotograph], pixels: int, choice: Choice, candidates: CellRanges, settings: HeightVolume
 ) -> OptimisedCells:
-    """The cheapest candidates of a volume under the eight paths."""
-    stack = PhotographStack.of(photographs, settings.half)
+    """The cheapest candidates of a volume under the eight paths; `pixels`: those of all rectified photographs together."""
+    stack = PhotographStack.of(photographs, pixels, settings.half)
     cost = volume_costs(stack, choice, candidates, settings.half, settings.comparison)
     total = np.zeros(cost.shape, np.int16)
     low, offset, planes = candidates.low, candidates.offset, stack.planes.shape[1]
@@ -83,13 +86,11 @@ def optimised(
         sweep(cost, total, low, offset, planes, small, large, backwards)
     found = winners(total, cost, low, offset)
     unit = BITS[settings.half] * COST_UNIT
-    seen = photographs_at(stack, choice.hidden, found[1])
-    return OptimisedCells(found[0], found[2] / np.float32(unit), found[3] / np.float32(8 * unit), seen)
+    counts = (photographs_at(stack, hidden, found[1]) for hidden in (np.zeros_like(choice.hidden), choice.hidden))
+    return OptimisedCells(found[0], found[2] / np.float32(unit), found[3] / np.float32(8 * unit), *counts)
 
 
 def scratch_bytes(candidates: int, cells: int, pixels: int, settings: HeightVolume) -> int:
     """Working memory of a volume: of its candidates and cells, and of the pixels of all its rectified photographs together."""
-    signature = BITS[settings.half] // 6
-    # Costs 1 byte and path sums 2; ranges, masks and results of a cell; signatures twice, for kernels take them in one piece; grey
-    # values of one photograph at a time with their border.
-    return 3 * candidates + (64 + settings.photographs) * cells + (2 * signature + 8) * pixels
+    # Costs 1 byte and path sums 2; ranges, masks and results of a cell.
+    return 3 * candidates + (64 + settings.photographs) * cells + BITS[settings.half] // 6 * pixels

@@ -34,6 +34,12 @@ def test_oversampling_makes_heights_finer():
     assert abs(fine).mean() < 0.8 * abs(rough).mean()
 
 
+def test_a_wider_spacing_looks_farther_around_a_cell():
+    fine, wide = (finest(HeightVolume(widest=32, spacing=spacing)) for spacing in (1, 4))
+    # Neighbouring pixels are more alike than distant ones, so that noise turns more of their bits.
+    assert fine.quality[20:40, 20:40, 0].mean() > 1.1 * wide.quality[20:40, 20:40, 0].mean()
+
+
 def test_few_photographs_are_compared_although_more_are_counted():
     few, all_four = finest(HeightVolume(widest=32, compared=2)), finest(HeightVolume(widest=32, compared=4))
     assert few.quality[..., 3].max() == all_four.quality[..., 3].max() == 4

@@ -107,7 +107,7 @@ def small_stack(seed: int, half: int = 2) -> tuple[PhotographStack, list[Rectifi
         codes = random.integers(0, 2**24, (8, cols)).astype(np.uint32)
         planes = np.array([[1.0, shift * k, 0.0] for k in range(UNIT)])
         photographs.append(RectifiedPhotograph(codes, planes))
-    return PhotographStack.of(photographs, half), photographs
+    return PhotographStack.of(iter(photographs), sum(photo.signatures.size for photo in photographs), half), photographs
 
 
 def everywhere(hidden: np.ndarray) -> Choice:
@@ -184,7 +184,7 @@ def test_photographs_are_counted_where_they_show_the_winner():
 def test_a_plane_that_a_photograph_cannot_show_is_nowhere_in_it():
     stack, photographs = small_stack(8)
     photographs[0].planes[2] = np.nan
-    stack = PhotographStack.of(photographs, 2)
+    stack = PhotographStack.of(photographs, sum(photo.signatures.size for photo in photographs), 2)
     assert photographs_at(stack, np.zeros((3, 1, 1), bool), np.full((1, 1), 2, np.int32)).tolist() == [[1]]
 
 
