@@ -22,7 +22,8 @@ from orthomill.tasks.matching.volume.paths import UNIT
 
 HALO = 32
 """Cells on every side of a tile that are optimised with it, so that paths arrive there."""
-_SIDE, _COARSE_SIDE = 384, 256
+SIDE = 256
+"""Side of a tile in cells of its level, whatever the tile of the project: the result must not depend on that."""
 
 
 @dataclass(frozen=True)
@@ -39,12 +40,6 @@ class VolumeLevel:
     def heights(self) -> np.ndarray:
         """(count,) m."""
         return (self.first + np.arange(self.count)) * self.step
-
-    @property
-    def side(self) -> int:
-        """Side of a tile in cells, whatever the tile of the project: the result must not depend on that."""
-        # A coarse tile of the usual size would lie under hundreds of photographs of a drone block.
-        return _SIDE if self.number < 2 else _COARSE_SIDE
 
 
 def level_grid(grid: MapGrid, level: int) -> MapGrid:

@@ -6,7 +6,7 @@ from orthomill.schemas.job import Job, Raster, Region
 from orthomill.schemas.orientation import BLOCK as BLOCK_TABLE
 from orthomill.schemas.photo import photo_raster
 from orthomill.schemas.raster import RasterSpec, Tile, map_raster, tiles_of
-from orthomill.tasks.densification.volume.levels import VolumeLevel, VolumeScene
+from orthomill.tasks.densification.volume.levels import SIDE, VolumeLevel, VolumeScene
 from orthomill.tasks.densification.volume.merged_levels import LevelsUnderTile, Sureness, merge_levels
 from orthomill.tasks.densification.volume.volume_tile import VolumeTile, solve_volume, tile_scratch, volume_tiles
 
@@ -41,8 +41,8 @@ def volume_plan(scene: VolumeScene, sure: Sureness, stage: str, crs: str) -> Ite
 def volume_specs(level: VolumeLevel, crs: str) -> tuple[RasterSpec, RasterSpec]:
     """The rasters of a level. One chunk is one tile."""
     return (
-        map_raster(volume_height(level.number), level.grid, "float32", crs, level.side, nodata=float("nan"), unit="m"),
-        map_raster(volume_quality(level.number), level.grid, "uint8", crs, level.side, bands=4),
+        map_raster(volume_height(level.number), level.grid, "float32", crs, SIDE, nodata=float("nan"), unit="m"),
+        map_raster(volume_quality(level.number), level.grid, "uint8", crs, SIDE, bands=4),
     )
 
 
@@ -69,10 +69,10 @@ def _job(tile: VolumeTile, scene: VolumeScene, stage: str) -> Job:
 def _merged(levels: tuple[VolumeLevel, ...], sure: Sureness, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
     """One height per cell; levels: the finest first."""
     finest = levels[0]
-    yield map_raster(MERGED_HEIGHT, finest.grid, "float32", crs, finest.side, nodata=float("nan"), unit="m")
-    yield map_raster(MERGED_QUALITY, finest.grid, "uint8", crs, finest.side, bands=4)
-    yield map_raster(MERGED_LEVEL, finest.grid, "uint8", crs, finest.side)
-    for tile in tiles_of(finest.grid.shape, finest.side):
+    yield map_raster(MERGED_HEIGHT, finest.grid, "float32", crs, SIDE, nodata=float("nan"), unit="m")
+    yield map_raster(MERGED_QUALITY, finest.grid, "uint8", crs, SIDE, bands=4)
+    yield map_raster(MERGED_LEVEL, finest.grid, "uint8", crs, SIDE)
+    for tile in tiles_of(finest.grid.shape, SIDE):
         yield _merging(tile, levels, sure, stage)
 
 

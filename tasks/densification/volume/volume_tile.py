@@ -12,7 +12,7 @@ import numpy as np
 
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import Tile, Window, tiles_of
-from orthomill.tasks.densification.volume.levels import HALO, VolumeLevel, VolumeScene, coarser_window, level_grid
+from orthomill.tasks.densification.volume.levels import HALO, SIDE, VolumeLevel, VolumeScene, coarser_window, level_grid
 from orthomill.tasks.densification.volume.photograph_choice import PLACE, places, preferred, sight
 from orthomill.tasks.geometry.footprint import photo_window
 from orthomill.tasks.geometry.photograph_part import PhotoPart, level_window, photo_level
@@ -62,7 +62,7 @@ class SolvedVolume(NamedTuple):
 
 def volume_tiles(level: VolumeLevel, scene: VolumeScene) -> tuple[VolumeTile, ...]:
     """The tiles of a level with the photographs chosen for them; fewer than two photographs: none."""
-    return tuple(_tile(level, tile, scene) for tile in tiles_of(level.grid.shape, level.side))
+    return tuple(_tile(level, tile, scene) for tile in tiles_of(level.grid.shape, SIDE))
 
 
 def _tile(level: VolumeLevel, tile: Tile, scene: VolumeScene) -> VolumeTile:

@@ -12,7 +12,7 @@ from orthomill.schemas.job import Job, Raster
 from orthomill.schemas.orientation import BLOCK as BLOCK_TABLE
 from orthomill.schemas.photo import photo_raster
 from orthomill.schemas.raster import Window
-from orthomill.tasks.densification.volume.levels import HALO, VolumeScene, coarser_window, level_grid
+from orthomill.tasks.densification.volume.levels import HALO, SIDE, VolumeScene, coarser_window, level_grid
 from orthomill.tasks.densification.volume.merged_levels import Sureness
 from orthomill.tasks.densification.volume.photograph_choice import PLACE
 from orthomill.tasks.densification.volume.volume_plan import volume_height, volume_plan, volume_quality
@@ -81,13 +81,11 @@ def test_one_photograph_alone_gives_nothing_and_reads_nothing():
 
 
 def test_the_tile_of_the_project_changes_nothing():
-    planned = scene()
-    sides = {level.number: level.side for level in planned.levels}
-    for thing in volume_plan(planned, Sureness(), "densification", "EPSG:2100"):
+    assert SIDE % PLACE == HALO % PLACE == 0
+    for thing in volume_plan(scene(), Sureness(), "densification", "EPSG:2100"):
         if isinstance(thing, Job):
-            window, level = thing.writes["height"].window, thing.item.removeprefix("volume").strip()
-            side = sides[int(level) if level else 0]
-            assert window.row % side == 0 and window.col % side == 0 and side % PLACE == HALO % PLACE == 0
+            window = thing.writes["height"].window
+            assert window.row % SIDE == 0 and window.col % SIDE == 0
 
 
 def test_pixels_beyond_what_a_tile_reads_do_not_matter():
@@ -112,13 +110,13 @@ def test_a_tile_reads_the_coarser_cells_around_its_own():
 
 
 def test_work_is_the_window_with_a_halo():
-    big = SURFACE.model_copy(update={"grid": SURFACE.grid.model_copy(update={"rows": 1200, "cols": 700})})
+    big = SURFACE.model_copy(update={"grid": SURFACE.grid.model_copy(update={"rows": 700, "cols": 400})})
     planned = VolumeScene(scene_block(), photos(), big, SETTINGS)
     tiles = volume_tiles(planned.levels[-1], planned)
-    assert [(tile.row, tile.col) for tile in tiles] == [(r, c) for r in range(4) for c in range(2)]
+    assert [(tile.row, tile.col) for tile in tiles] == [(r, c) for r in range(3) for c in range(2)]
     middle = tiles[2]
-    assert middle.window == Window(384, 0, 384, 384)
-    assert middle.work == Window(384 - HALO, 0, 384 + 2 * HALO, 384 + HALO)
+    assert middle.window == Window(SIDE, 0, SIDE, SIDE)
+    assert middle.work == Window(SIDE - HALO, 0, SIDE + 2 * HALO, SIDE + HALO)
 
 
 def test_levels_nest_and_keep_the_parallax_between_heights():
