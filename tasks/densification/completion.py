@@ -16,6 +16,10 @@ class Completion(Settings):
     nearness: float = setting(1.0, "Heights of a pair count only within this distance of the volume's.", "cells", gt=0.0, le=20.0)
 
 
+_COMPANY = 50
+"""% of the cells around that go along with a height, below which it stands alone"""
+
+
 class VolumeWindow(NamedTuple):
     """The volume over the cells of a tile: heights (rows, cols) float32 m, NaN where fewer than two photographs see the
     place; quality (rows, cols, 4) uint8: cost, margin, coherence (%), photographs; level (rows, cols) uint8 as in
@@ -29,6 +33,11 @@ class VolumeWindow(NamedTuple):
     def sure(self) -> np.ndarray:
         """(rows, cols) bool: measured."""
         return self.level < UNSURE
+
+    @property
+    def stray(self) -> np.ndarray:
+        """(rows, cols) bool: estimates with which most of the cells around do not go along."""
+        return ~self.sure & (self.quality[..., 2] < _COMPANY)
 
     @property
     def size(self) -> np.ndarray:

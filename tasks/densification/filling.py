@@ -32,7 +32,7 @@ class EstimateGaps(Settings):
     """Every gap gets an estimated height, with a code that says so."""
 
     kind: Literal["estimate"] = "estimate"
-    max_gap: int = setting(32, "How far from the heights around it a cell may be interpolated.", "cells", ge=1, le=500)
+    max_gap: int = setting(64, "How far from the heights around it a cell may be interpolated.", "cells", ge=1, le=500)
 
     @property
     def reach(self) -> int:
@@ -89,15 +89,25 @@ def _fill(height, precision, reach, out_height, out_precision):
             out_height[r, c], out_precision[r, c] = mean, np.sqrt(error * error + spread / total)
 
 
-def fill(cells: FusedCells, filling: MeasuredOnly | EstimateGaps) -> FusedCells:
-    """The cells with their gaps interpolated, or without any estimated height."""
+def fill(cells: FusedCells, stray: np.ndarray, filling: MeasuredOnly | EstimateGaps) -> FusedCells:
+    """The cells with their gaps interpolated, or without any estimated height.
+
+    stray (rows, cols) bool: estimates that stand alone among their neighbours, as on water: what surrounds them is the better
+    guess, where it is within reach.
+    """
     if filling.kind == "none":
         return without(cells, np.isin(cells.provenance, ESTIMATED))
-    height, precision = cells.height.copy(), cells.precision.copy()
-    _fill(cells.height, cells.precision, filling.reach, height, precision)
-    # The count stays 0: no pair measured these cells, and whoever counts support must see that.
-    filled = np.isnan(cells.height) & np.isfinite(height)
-    return FusedCells(height, precision, cells.count, np.where(filled, np.uint8(Provenance.INTERPOLATED), cells.provenance))
+    known = without(cells, stray)
+    height, precision = known.height.copy(), known.precision.copy()
+    _fill(known.height, known.precision, filling.reach, height, precision)
+    filled = np.isnan(known.height) & np.isfinite(height)
+    # The count becomes 0: no pair measured these cells, and whoever counts support must see that.
+    return FusedCells(
+        np.where(filled, height, cells.height),
+        np.where(filled, precision, cells.precision),
+        np.where(filled, np.uint8(0), cells.count),
+        np.where(filled, np.uint8(Provenance.INTERPOLATED), cells.provenance),
+    )
 
 
 def without(cells: FusedCells, unwanted: np.ndarray) -> FusedCells:

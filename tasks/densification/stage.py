@@ -114,7 +114,7 @@ class DensificationStage(Stage):
         yield from volume_plan(scene, self.matching.sure, self.kind, view.project.crs)
         for pair in pairs:
             yield from self._pair(pair, surface)
-        yield from self._surface(view, surface, pairs, block.ground_mean)
+        yield from self._surface(view, scene, pairs)
         matching = tuple(matching_table(pair.name) for pair in pairs)
         yield Job(
             self.kind,
@@ -161,10 +161,10 @@ class DensificationStage(Stage):
         )
 
     def _surface(
-        self, view: ProjectView, surface: Surface, pairs: tuple[EpipolarPair, ...], ground: float
+        self, view: ProjectView, scene: VolumeScene, pairs: tuple[EpipolarPair, ...]
     ) -> Iterator[RasterSpec | Job | Export]:
         """The tiles of the surface model."""
-        grid, crs, size = surface.grid, view.project.crs, view.project.tile
+        grid, crs, size = scene.surface.grid, view.project.crs, view.project.tile
         for name in _HEIGHTS.values():
             yield map_raster(name, grid, "float32", crs, size, nodata=float("nan"), unit="m")
         yield map_raster(COUNT, grid, "uint8", crs, size, unit="pairs")
@@ -172,16 +172,15 @@ class DensificationStage(Stage):
         tables = []
         for tile in tiles_of(grid.shape, size):
             tables.append(Table(f"densification/cells/{tile.row}-{tile.col}.json", SurfaceStatistics))
-            yield self._tile(surface, pairs, ground, tile, tables[-1])
+            yield self._tile(scene, pairs, tile, tables[-1])
         yield Job(self.kind, "cells", sum_surface, {"parts": tuple(tables)}, {"sum": CELLS})
         yield Export(self.kind, "dsm", "products/dsm.tif", "cog", rasters=_HEIGHTS)
         yield Export(
             self.kind, "provenance", "products/dsm_provenance.tif", "cog", rasters={"provenance": PROVENANCE, "count": COUNT}
         )
 
-    def _tile(
-        self, surface: Surface, pairs: tuple[EpipolarPair, ...], ground: float, tile: Tile, table: Table[SurfaceStatistics]
-    ) -> Job:
+    def _tile(self, scene: VolumeScene, pairs: tuple[EpipolarPair, ...], tile: Tile, table: Table[SurfaceStatistics]) -> Job:
+        surface = scene.surface
         # The halo makes filters and filling see what they would see in one piece: any tile size gives the same bits.
         around = tile.window.grown(self.rules.halo)
         work = around.clipped(surface.grid.shape)
@@ -203,7 +202,7 @@ class DensificationStage(Stage):
                 "statistics": table,
                 "points": points_table(tile.row, tile.col),
             },
-            {"tile": SurfaceTile(surface, tile.window, work, pieces, ground), "rules": self.rules},
+            {"tile": SurfaceTile(surface, tile.window, work, pieces, scene.ground, scene.levels[-1].step), "rules": self.rules},
             row=tile.row,
             col=tile.col,
             scratch=surface_scratch(pieces, work) + points_bytes(tile.window, 2 * len(pieces), self.points),

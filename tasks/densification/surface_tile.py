@@ -20,11 +20,9 @@ from orthomill.tasks.densification.ground_intersection import NodesOnGround, nod
 from orthomill.tasks.densification.height_stack import SLOTS, HeightStack
 from orthomill.tasks.densification.points import PointCollector, PointThinning
 from orthomill.tasks.densification.spike_filter import SpikeFilter, spikes
-from orthomill.tasks.densification.standard_errors import relative_precision
+from orthomill.tasks.densification.standard_errors import REACH, relative_precision
 from orthomill.tasks.densification.surface_grid import ground_pixel
 
-SURROUNDINGS = 4
-"""cells around a cell whose heights enter its standard error"""
 CLASSES = 20
 """classes of the precision histogram, each a tenth of a cell wide; the last is open"""
 
@@ -44,7 +42,7 @@ class SurfaceRules:
     def halo(self) -> int:
         """Cells around a tile that influence it."""
         # One cell more than filters, surroundings and filling look at: gridding takes cell centres on the edge of a triangle.
-        return self.spikes.halo + SURROUNDINGS + self.fill.reach + 1
+        return self.spikes.halo + REACH + self.fill.reach + 1
 
 
 class SurfaceStatistics(BaseModel):
@@ -88,6 +86,8 @@ class SurfaceTile:
     pieces: tuple[PairPiece, ...]
     ground: float
     """mean height of the ground, m"""
+    step: float
+    """between the heights of the volume, m"""
 
 
 class SurfaceCells(NamedTuple):
@@ -135,8 +135,9 @@ def make_surface(
     # After fusion, not before: a single pair cannot distinguish a chimney from a wrong match, two that agree can.
     spiky = spikes(fused.height, cell, rules.spikes)
     measured = completed(without(fused, spiky), volume)
-    relative = relative_precision(measured, volume, cell)
-    whole = fill(FusedCells(measured.height, relative, measured.count, measured.provenance), rules.fill)
+    relative = relative_precision(measured, volume, tile.step)
+    rated = FusedCells(measured.height, relative, measured.count, measured.provenance)
+    whole = fill(rated, volume.stray & (rated.provenance == Provenance.INCOHERENT), rules.fill)
     cells = _cropped(whole, tile)
     datum = datum_precision([piece.pair for piece in tile.pieces], grid, tile.window, tile.ground)
     datum = np.where(np.isfinite(cells.height), datum, np.float32(np.nan))

@@ -20,6 +20,8 @@ def photo_window(view: View, grid: MapGrid, window: Window, low: float, high: fl
     pixels = pixels[np.isfinite(pixels).all(axis=1)]
     if not len(pixels):
         return Window(0, 0, 0, 0)
+    # Far outside the frame the distortion polynomial leaves the range of integers.
+    pixels = np.clip(pixels, -1e9, 1e9)
     col, row = np.floor(pixels.min(axis=0)).astype(int) - margin
     right, bottom = np.ceil(pixels.max(axis=0)).astype(int) + 1 + margin
     return Window(int(row), int(col), int(bottom - row), int(right - col)).clipped((view.camera.height, view.camera.width))

@@ -12,10 +12,10 @@ from orthomill.tasks.densification.fusion import Fusion
 from orthomill.tasks.densification.gridding import Gridding
 from orthomill.tasks.densification.points import PointThinning
 from orthomill.tasks.densification.spike_filter import SpikeFilter
+from orthomill.tasks.densification.standard_errors import REACH, SHARE
 from orthomill.tasks.densification.surface_grid import ground_pixel
 from orthomill.tasks.densification.surface_tile import (
     CLASSES,
-    SURROUNDINGS,
     SurfaceRules,
     SurfaceStatistics,
     make_surface,
@@ -55,10 +55,10 @@ def test_level_ground_is_level_everywhere():
 
 
 def test_the_precision_is_height_over_base_times_ground_pixel_times_parallax_error():
-    """sigma_Z = (H / B) (H / c) sigma_p, with H the height above the ground (Karfis 2009, 1.21)."""
+    """sigma_Z = (H / B) (H / c) sigma_p, with H the height above the ground (Karfis 2009, 1.21); a share of it between nodes."""
     pair = level_pair()
     depth = pair.left_centre[2] - 12.5
-    expected = depth / pair.base * depth / pair.c * 0.2
+    expected = SHARE * depth / pair.base * depth / pair.c * 0.2
     assert made(12.5, sigma=0.2).precision == pytest.approx(expected, rel=1e-3)
 
 
@@ -153,7 +153,7 @@ def test_statistics_of_tiles_add_up():
 
 def test_the_halo_covers_every_filter():
     rules = rules_of(SpikeFilter(radius=3.0, rounds=2, far_radius=5.0))
-    assert rules.halo == 3 * 2 + 5 + SURROUNDINGS + 1
+    assert rules.halo == 3 * 2 + 5 + REACH + 1
     assert rules_of(fill=EstimateGaps(max_gap=4)).halo - RULES.halo == 4
 
 

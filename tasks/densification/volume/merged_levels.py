@@ -1,10 +1,11 @@
 """One height per cell from all levels of the volume: the finest level that is sure of it.
 
 Strategy. On open ground the finest level answers. In a wood its windows show single leaves, which no two photographs see alike,
-while a coarser level sees crowns: there the coarser height, which is coherent and clearly the best, is worth more than a fine one
-that stands alone. Next to a roof edge it is the other way round: a coarse level is sure of the wrong surface. So a coarser level is
-asked only where the finer heights stand alone far and wide; of those asked the finest that is sure gives the height, or, as an
-estimate, the most coherent one.
+while a coarser level sees crowns: there the coarser height, which is coherent and clearly the best, is a better guess than a fine
+one that stands alone. Next to a roof edge it is the other way round: a coarse level is sure of the wrong surface. So a coarser
+level is asked only where the finer heights stand alone far and wide; of those asked the finest that is sure gives the height, or
+the most coherent one. Only the finest level measures; what a coarser one says about its larger cells is an estimate in the finer
+ones. Next to the border of what two photographs see, where a part of the heights leaves a photograph, nothing is sure.
 """
 
 from collections.abc import Sequence
@@ -15,6 +16,7 @@ import numpy as np
 
 from orthomill.schemas.raster import Window
 from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.matching.volume.winners import COHERENCE_HALF
 
 
 class Sureness(Settings):
@@ -67,18 +69,25 @@ def merge_levels(
 ) -> MergedVolume:
     """heights, qualities: of the windows `tile.levels`."""
     height, quality = heights[0][_inner(tile)].copy(), qualities[0][_inner(tile)].copy()
-    level = np.where(settings.sure(quality), np.uint8(0), np.uint8(UNSURE))
+    level = np.where(settings.sure(quality) & _enclosed(qualities[0])[_inner(tile)], np.uint8(0), np.uint8(UNSURE))
+    settled = level < UNSURE
     for k in range(1, len(heights)):
         rows, cols = _places(tile, k)
         own = qualities[k][np.ix_(np.rint(rows).astype(int), np.rint(cols).astype(int))]
         sure = settings.sure(own)
         # An estimate gives way to one whose surroundings agree more; of equals the finer one stays.
-        better = (level >= UNSURE) & _alone(qualities[0], k, settings)[_inner(tile)] & (sure | (own[..., 2] > quality[..., 2]))
+        better = ~settled & _alone(qualities[0], k, settings)[_inner(tile)] & (sure | (own[..., 2] > quality[..., 2]))
         values = _interpolated(heights[k], rows, cols)
         better &= np.isfinite(values) & np.isfinite(height)
         height[better], quality[better] = values[better], own[better]
-        level[better] = np.where(sure, k, UNSURE + k)[better]
+        level[better] = UNSURE + k
+        settled |= better & sure
     return MergedVolume(height, quality, level)
+
+
+def _enclosed(quality: np.ndarray) -> np.ndarray:
+    """(rows, cols) bool: cells all around which, as far as coherence looks, two photographs or more see."""
+    return _box_sums(quality[..., 3] >= 2, COHERENCE_HALF) == (2 * COHERENCE_HALF + 1) ** 2
 
 
 def _alone(quality: np.ndarray, level: int, settings: Sureness) -> np.ndarray:

@@ -11,6 +11,8 @@ from orthomill.tasks.densification.volume.merged_levels import UNSURE, LevelsUnd
 SHAPES = [(16, 24), (8, 12), (4, 6)]
 WHOLE = Window(0, 0, *SHAPES[0])
 RULES = Sureness()
+INNER = slice(4, -4), slice(4, -4)
+"""cells that the border does not touch"""
 
 
 def quality(shape, coherence: int, margin: int = 100) -> np.ndarray:
@@ -32,28 +34,43 @@ def level_heights() -> list[np.ndarray]:
 
 @pytest.mark.parametrize(
     ("coherences", "height", "level"),
-    [((90, 95, 99), 0, 0), ((40, 90, 99), 1, 1), ((30, 40, 90), 2, 2), ((40, 60, 50), 1, UNSURE + 1), ((50, 50, 50), 0, UNSURE)],
+    [
+        ((90, 95, 99), 0, 0),
+        ((40, 90, 99), 1, UNSURE + 1),
+        ((30, 40, 90), 2, UNSURE + 2),
+        ((40, 60, 50), 1, UNSURE + 1),
+        ((50, 50, 50), 0, UNSURE),
+    ],
 )
 def test_the_finest_level_that_is_sure_gives_the_height(coherences, height, level):
     found = merged(level_heights(), [quality(shape, c) for shape, c in zip(SHAPES, coherences, strict=True)])
-    assert (found.height == height).all() and (found.level == level).all()
+    assert (found.height == height).all() and (found.level[INNER] == level).all()
     assert (found.quality[..., 2] == coherences[height]).all()
 
 
 @pytest.mark.parametrize(
-    ("rules", "level"),
-    [(Sureness(coherence=0.6), 0), (Sureness(coherence=0.9), 1), (Sureness(coherence=0.9, margin=1.2), UNSURE + 1)],
+    ("rules", "level"), [(Sureness(coherence=0.6), 0), (Sureness(coherence=0.9), UNSURE + 1), (Sureness(margin=1.2), UNSURE)]
 )
 def test_coherence_and_margin_decide_what_is_sure(rules, level):
     found = merged(level_heights(), [quality(SHAPES[0], 70), quality(SHAPES[1], 95), quality(SHAPES[2], 80)], rules=rules)
-    assert (found.level == level).all()
+    assert (found.level[INNER] == level).all()
 
 
 def test_a_few_cells_that_stand_alone_do_not_ask_a_coarser_level():
     qualities = [quality(shape, 95) for shape in SHAPES]
     qualities[0][4:6, 10:12, 2] = 10
     found = merged(level_heights(), qualities)
-    assert (found.height == 0).all() and (found.level[4:6, 10:12] == UNSURE).all() and (found.level == UNSURE).sum() == 4
+    assert (found.height == 0).all() and (found.level[4:6, 10:12] == UNSURE).all() and (found.level[INNER] == UNSURE).sum() == 4
+
+
+def test_nothing_is_sure_next_to_the_border():
+    qualities = [quality(shape, 95) for shape in SHAPES]
+    qualities[0][8, 12, 3] = 1
+    sure = merged(level_heights(), qualities).level < UNSURE
+    row, col = np.indices(SHAPES[0])
+    near = (np.abs(row - 8) <= 4) & (np.abs(col - 12) <= 4)
+    edge = (row < 4) | (col < 4) | (row >= SHAPES[0][0] - 4) | (col >= SHAPES[0][1] - 4)
+    assert (sure == ~(near | edge)).all()
 
 
 def test_a_height_that_others_nearly_equal_is_an_estimate():

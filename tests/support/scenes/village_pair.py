@@ -256,7 +256,7 @@ def surface_tile(*pairs: EpipolarPair, window: Window | None = None, work: Windo
     surface = Surface(grid=LEVEL_GRID, height_low=-30.0, height_high=60.0)
     whole = Window(0, 0, *LEVEL_GRID.shape)
     window, work = window or whole, work or whole
-    return SurfaceTile(surface, window, work, tuple(piece_of(pair, surface, work) for pair in pairs), 10.0)
+    return SurfaceTile(surface, window, work, tuple(piece_of(pair, surface, work) for pair in pairs), 10.0, 1.0)
 
 
 def stack_of(*pairs: HeightCells, reference: float = 0.0, tolerance: float = np.inf) -> HeightStack:
