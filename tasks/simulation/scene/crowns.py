@@ -16,8 +16,9 @@ from orthomill.tasks.simulation.scene.sunlight import AMBIENT, SUN
 
 LAYER = 0.5
 """m: height of a cluster of leaves"""
-LOWEST = 0.3
+LOWEST = 0.12
 """share of a tree's height below which it has no leaves"""
+_SKIRT = 0.22  # the same along the rim: higher, and the ground under a crown would be matched between its trunk and its rim
 _CLUSTER = 0.6  # m: width of a cluster
 _GUST, _FLUTTER = 0.02, 0.02  # m per m of height: standard deviation of the wind of a photograph, and of each tree in it
 _WIND = 5  # draws of the wind: a stream of random numbers of its own
@@ -118,8 +119,8 @@ def leaves_at(stand, k, seed, x, y, z, top):
     x, y = x - share * stand[k, TreeColumn.EAST], y - share * stand[k, TreeColumn.NORTH]
     radius = stand[k, TreeColumn.RADIUS]
     d = ((x - stand[k, TreeColumn.X]) ** 2 + (y - stand[k, TreeColumn.Y]) ** 2) / (radius * radius)
-    # The lower side of the crown rises towards its rim: rays pass below it and see the ground.
-    if d >= 1.0 or share < 0.45 - (0.45 - LOWEST) * np.sqrt(1.0 - d):
+    # The lower side of the crown rises towards its rim.
+    if d >= 1.0 or share < _SKIRT - (_SKIRT - LOWEST) * np.sqrt(1.0 - d):
         return 0.0
     filled = _SHELL if top - z < _SHELL_DEPTH else _INSIDE
     if value_noise(seed + _Noise.GAPS, x / 1.7, y / 1.7 + 0.2 * z) < _GAP:
@@ -149,7 +150,7 @@ def leaf_colour(stand, k, seed, point, top, brightness, out):
 @njit(cache=True, inline="always")
 def litter_colour(seed, x, y, out):
     """Sets `out` to the colour of the ground below crowns, in the shade."""
-    factor = 0.62 * (1.0 + 0.3 * value_noise(seed + _Noise.LITTER, x / 0.8, y / 0.8))
+    factor = 0.62 * (1.0 + 0.15 * value_noise(seed + _Noise.LITTER, x / 0.8, y / 0.8))
     for band in range(3):
         out[band] = np.float32(_LITTER[band] * factor)
 
