@@ -5,7 +5,8 @@ while a coarser level sees crowns: there the coarser height, which is coherent a
 one that stands alone. Next to a roof edge it is the other way round: a coarse level is sure of the wrong surface. So a coarser
 level is asked only where the finer heights stand alone far and wide; of those asked the finest that is sure gives the height, or
 the most coherent one. Only the finest level measures; what a coarser one says about its larger cells is an estimate in the finer
-ones. Next to the border of what two photographs see, where a part of the heights leaves a photograph, nothing is sure.
+ones. Next to the border of what two photographs see, where a part of the heights leaves a photograph, nothing is sure, and the
+nearest height farther inside is the better guess.
 """
 
 from collections.abc import Sequence
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy import ndimage
 
 from orthomill.schemas.raster import Window
 from orthomill.schemas.settings import Settings, setting
@@ -68,8 +70,9 @@ def merge_levels(
     tile: LevelsUnderTile, settings: Sureness, heights: tuple[np.ndarray, ...], qualities: tuple[np.ndarray, ...]
 ) -> MergedVolume:
     """heights, qualities: of the windows `tile.levels`."""
-    height, quality = heights[0][_inner(tile)].copy(), qualities[0][_inner(tile)].copy()
-    level = np.where(settings.sure(quality) & _enclosed(qualities[0])[_inner(tile)], np.uint8(0), np.uint8(UNSURE))
+    enclosed = _enclosed(heights[0], qualities[0])
+    height, quality = _calmed(heights[0], enclosed)[_inner(tile)], qualities[0][_inner(tile)].copy()
+    level = np.where(settings.sure(quality) & enclosed[_inner(tile)], np.uint8(0), np.uint8(UNSURE))
     settled = level < UNSURE
     for k in range(1, len(heights)):
         rows, cols = _places(tile, k)
@@ -85,9 +88,19 @@ def merge_levels(
     return MergedVolume(height, quality, level)
 
 
-def _enclosed(quality: np.ndarray) -> np.ndarray:
+def _enclosed(height: np.ndarray, quality: np.ndarray) -> np.ndarray:
     """(rows, cols) bool: cells all around which, as far as coherence looks, two photographs or more see."""
-    return _box_sums(quality[..., 3] >= 2, COHERENCE_HALF) == (2 * COHERENCE_HALF + 1) ** 2
+    return _box_sums((quality[..., 3] >= 2) & np.isfinite(height), COHERENCE_HALF) == (2 * COHERENCE_HALF + 1) ** 2
+
+
+def _calmed(height: np.ndarray, enclosed: np.ndarray) -> np.ndarray:
+    """The heights (rows, cols); those next to the border are those of the nearest cell that is not, where one is near."""
+    # Left alone they run to the ends of their ranges, and hide ground from photographs as if they were walls.
+    if not enclosed.any():
+        return height.copy()
+    distance, nearest = ndimage.distance_transform_edt(~enclosed, return_indices=True)
+    rim = np.isfinite(height) & ~enclosed & (distance <= 2 * COHERENCE_HALF)
+    return np.where(rim, height[tuple(nearest)], height).astype(np.float32)
 
 
 def _alone(quality: np.ndarray, level: int, settings: Sureness) -> np.ndarray:

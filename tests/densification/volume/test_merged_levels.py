@@ -78,6 +78,14 @@ def test_a_height_that_others_nearly_equal_is_an_estimate():
     assert (found.height == 0).all() and (found.level == UNSURE).all()
 
 
+def test_heights_at_the_border_are_those_farther_inside():
+    heights = level_heights()
+    heights[0][:] = np.arange(24.0, dtype=np.float32)
+    heights[0][:, 0] = 900.0
+    found = merged(heights, [quality(shape, 95) for shape in SHAPES])
+    assert (found.height[:, :4] == 4.0).all() and (found.height[INNER] == heights[0][INNER]).all()
+
+
 def test_coarse_heights_are_interpolated():
     heights = level_heights()
     heights[1] = np.broadcast_to(10.0 + 2.0 * np.arange(12, dtype=np.float32), SHAPES[1]).copy()
