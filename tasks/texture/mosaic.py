@@ -9,6 +9,7 @@ from math import ceil, isfinite
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.orientation import Block
@@ -196,12 +197,24 @@ def _strip(
     return blend(colours, weights, rules.blend), [int(np.count_nonzero(weight)) for weight in weights]
 
 
+@njit(cache=True)
+def _paint(colour, used, out):
+    bands = colour.shape[2]
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            if used[i, j]:
+                for band in range(3):
+                    # A grey orthoimage has three equal bands as well.
+                    value = np.floor(colour[i, j, band if bands == 3 else 0] + np.float32(0.5))
+                    out[i, j, band] = np.uint8(min(max(value, np.float32(0.0)), np.float32(255.0)))
+                out[i, j, 3] = 255
+
+
 def _rgba(blended: Blended) -> np.ndarray:
     """uint8 (rows, cols, 4); transparent black where no photo sees the ground."""
-    alpha = np.where(blended.used > 0, 255, 0).astype(np.uint8)
-    colour = np.clip(np.floor(blended.colour + 0.5), 0, 255).astype(np.uint8)
-    colour = np.broadcast_to(colour, (*colour.shape[:2], 3))  # a grey orthoimage has three equal bands as well
-    return np.dstack([colour * (alpha[..., None] > 0), alpha])
+    out = np.zeros((*blended.used.shape, 4), np.uint8)
+    _paint(blended.colour, blended.used, out)
+    return out
 
 
 def _empty_pixels(ground: Ground, factors: list[np.ndarray], views: list[View], used: np.ndarray, level: float) -> np.ndarray:
@@ -209,6 +222,8 @@ def _empty_pixels(ground: Ground, factors: list[np.ndarray], views: list[View], 
 
     A pixel without height is tested at the height `level` (m), and missed if some photo shows the place.
     """
+    if used.all():
+        return np.zeros(3, np.int64)
     without = np.isnan(ground.z)
     place = replace(ground, z=np.where(without, np.float32(level), ground.z))
     empty = (used == 0).astype(np.uint8)
@@ -278,24 +293,6 @@ def texture_tile(
     )
 
 
-def _every(ground: Ground, spacing: int) -> Ground:
-    """Every `spacing`-th pixel of the whole grid, as a ground with larger cells around the same centres."""
-    grid, window = ground.grid, ground.window
-    row, col = -(-window.row // spacing), -(-window.col // spacing)
-    take = slice(row * spacing - window.row, None, spacing), slice(col * spacing - window.col, None, spacing)
-    cell = grid.cell * spacing
-    # A cell `spacing` times as large about the centre of the first pixel: the centres of the coarse grid are sampled pixels.
-    coarse = MapGrid(
-        west=grid.west + 0.5 * (grid.cell - cell),
-        north=grid.north - 0.5 * (grid.cell - cell),
-        cell=cell,
-        rows=-(-grid.rows // spacing),
-        cols=-(-grid.cols // spacing),
-    )
-    z, dx, dy = (np.ascontiguousarray(values[take]) for values in (ground.z, ground.dx, ground.dy))
-    return Ground(coarse, Window(row, col, *z.shape), z, dx, dy)
-
-
 def sample_tile(
     heights: np.ndarray, block: Block, photos: tuple[np.ndarray, ...], extent: TileExtent, rules: TextureRules, spacing: int
 ) -> Samples:
@@ -304,7 +301,7 @@ def sample_tile(
     Inputs as for `texture_tile`, the photos at a coarser pyramid level, so that noise and small mismatches are averaged.
     """
     views = _views(block, extent)
-    ground = _every(ground_of(heights, extent.heights, extent.dsm, extent.ortho, extent.window), spacing)
+    ground = ground_of(heights, extent.heights, extent.dsm, extent.ortho, extent.window, spacing)
     model = HeightModel(bridge_holes(heights, rules.bridge), extent.dsm, extent.heights)
     targets = _targets(ground, extent.dsm)
     # Numbers of the whole grid: the tables of all tiles are merged without renumbering.

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from pydantic import BaseModel, ConfigDict
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
@@ -92,13 +93,21 @@ RADIOMETRY = Table("texture/radiometry.json", Radiometry)
 
 def corrected(grey: np.ndarray, r2: np.ndarray, photo: PhotoRadiometry) -> np.ndarray:
     """Grey values (..., bands) of a photo at `r2` (...) corrected to the block's radiometry; bands 1 or 3. float32."""
-    out = np.empty(grey.shape, np.result_type(grey, np.float32))
     # float32 throughout: every pixel of every photograph passes here, and 24 bits are ample for grey values.
-    r2 = r2.astype(np.float32)
-    for band in range(grey.shape[-1]):
-        gain, offset, v1, v2 = (np.float32(values[band]) for values in (photo.gain, photo.offset, photo.v1, photo.v2))
-        out[..., band] = (grey[..., band] - offset) / (gain * (1 + r2 * (v1 + r2 * v2)))
-    return out
+    out = np.ascontiguousarray(grey, np.float32).reshape(-1, grey.shape[-1]).copy()
+    terms = np.array([photo.gain, photo.offset, photo.v1, photo.v2], np.float32)
+    _correct(out, np.ascontiguousarray(r2, np.float32).ravel(), terms)
+    return out.reshape(grey.shape)
+
+
+@njit(cache=True, error_model="numpy")
+def _correct(grey, r2, terms):
+    """Corrects grey (N, bands) in place; terms (4, 3): gain, offset, v1, v2 by channel."""
+    one = np.float32(1.0)
+    for i in range(r2.size):
+        for band in range(grey.shape[1]):
+            falloff = one + r2[i] * (terms[2, band] + r2[i] * terms[3, band])
+            grey[i, band] = (grey[i, band] - terms[1, band]) / (terms[0, band] * falloff)
 
 
 def _grouped(point: np.ndarray) -> tuple[np.ndarray, int]:

@@ -315,17 +315,18 @@ def sample_photo(view: View, photo: PhotoPixelsAt, ground: Ground, factor: np.nd
 
 
 @njit(cache=True)
-def _drape(heights, corner, first, divisor, limit, z):
-    """Fills `z` with the heights of ortho pixels; `corner`, `first`: first row and column of the DSM window and of `z`."""
+def _drape(heights, corner, first, step, divisor, limit, z):
+    """Fills `z` with the heights of every `step`-th ortho pixel; `corner`, `first`: first row and column of the DSM window and of
+    the pixels."""
     rows, cols = z.shape
     row0, col0 = corner
     last_row, last_col = heights.shape[0] - 1, heights.shape[1] - 1
     for i in range(rows):
-        y = (first[0] + i + 0.5) / divisor - 0.5
+        y = (first[0] + i * step + 0.5) / divisor - 0.5
         near_r = min(max(int(np.floor(y + 0.5)) - row0, 0), last_row)
         r = min(max(int(np.floor(y)) - row0, 0), max(last_row - 1, 0))
         for j in range(cols):
-            x = (first[1] + j + 0.5) / divisor - 0.5
+            x = (first[1] + j * step + 0.5) / divisor - 0.5
             near_c = min(max(int(np.floor(x + 0.5)) - col0, 0), last_col)
             c = min(max(int(np.floor(x)) - col0, 0), max(last_col - 1, 0))
             z[i, j] = heights[near_r, near_c]
@@ -341,39 +342,60 @@ def _drape(heights, corner, first, divisor, limit, z):
             z[i, j] = (1.0 - t) * ((1.0 - s) * a + s * b) + t * ((1.0 - s) * d + s * e)
 
 
-def _slopes(heights: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
-    """Slopes (dz/dx, dz/dy) in m per m from differences over two cells, averaged over three; 0 where a neighbour is missing."""
-    # float64: differences of heights of hundreds of metres; the mean over three cells halves the effect of their noise.
-    padded = np.pad(heights.astype(np.float64), 1, mode="edge")
-    down = padded[:-2] + padded[1:-1] + padded[2:]
-    across = padded[:, :-2] + padded[:, 1:-1] + padded[:, 2:]
-    dx = (down[:, 2:] - down[:, :-2]) / (6.0 * cell)
-    dy = (across[:-2] - across[2:]) / (6.0 * cell)
-    steepness = np.maximum(np.hypot(dx, dy) / STEEPEST, 1.0)
-    missing = np.isnan(steepness)
-    limited = [np.where(missing, 0.0, slope / steepness).astype(np.float32) for slope in (dx, dy)]
-    return limited[0], limited[1]
+@njit(cache=True)
+def _slopes(heights, cell, rows, cols, dx, dy):
+    """Slopes (dz/dx, dz/dy) in m per m of the cells `rows` x `cols`, from differences over two cells, averaged over three; 0 where
+    a neighbour is missing. The cells at the edge of the model are their own neighbours beyond it."""
+    last_row, last_col = heights.shape[0] - 1, heights.shape[1] - 1
+    for i in range(rows.size):
+        r = rows[i]
+        north, south = max(r - 1, 0), min(r + 1, last_row)
+        for j in range(cols.size):
+            # Several ortho pixels follow each other in a cell.
+            if j > 0 and cols[j] == cols[j - 1]:
+                dx[i, j], dy[i, j] = dx[i, j - 1], dy[i, j - 1]
+                continue
+            west, c, east = max(cols[j] - 1, 0), cols[j], min(cols[j] + 1, last_col)
+            # float64 differences of heights of hundreds of metres; the mean over three cells halves the effect of their noise.
+            here = np.float64(heights[r, c])
+            a, b, d = heights[north, west] - here, heights[north, c] - here, heights[north, east] - here
+            e, f = heights[r, west] - here, heights[r, east] - here
+            g, h, k = heights[south, west] - here, heights[south, c] - here, heights[south, east] - here
+            x, y = ((d + f + k) - (a + e + g)) / (6.0 * cell), ((a + b + d) - (g + h + k)) / (6.0 * cell)
+            steepness = np.hypot(x, y) / STEEPEST
+            if np.isnan(steepness):
+                dx[i, j], dy[i, j] = 0.0, 0.0
+            else:
+                dx[i, j], dy[i, j] = x / max(steepness, 1.0), y / max(steepness, 1.0)
 
 
-def _slopes_at(heights: np.ndarray, cell: float, rows: np.ndarray, cols: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The slopes of the cells `rows` x `cols` (ascending), computed for these and their neighbours only."""
-    top, left = max(int(rows[0]) - 1, 0), max(int(cols[0]) - 1, 0)
-    dx, dy = _slopes(heights[top : rows[-1] + 2, left : cols[-1] + 2], cell)
-    at = np.ix_(rows - top, cols - left)
-    return dx[at], dy[at]
+def _every(grid: MapGrid, window: Window, spacing: int) -> tuple[MapGrid, Window]:
+    """The grid whose cells are every `spacing`-th pixel of `grid`, and those of its cells that lie in `window`."""
+    row, col = -(-window.row // spacing), -(-window.col // spacing)
+    bottom, right = -(-(window.row + window.height) // spacing), -(-(window.col + window.width) // spacing)
+    cell = grid.cell * spacing
+    # Cells about the centres of the pixels.
+    west, north = grid.west + 0.5 * (grid.cell - cell), grid.north - 0.5 * (grid.cell - cell)
+    coarse = MapGrid(west=west, north=north, cell=cell, rows=-(-grid.rows // spacing), cols=-(-grid.cols // spacing))
+    return coarse, Window(row, col, bottom - row, right - col)
 
 
-def ground_of(heights: np.ndarray, heights_window: Window, dsm: MapGrid, ortho: MapGrid, window: Window) -> Ground:
-    """The ground of the ortho pixels `window` from DSM `heights` (at `heights_window`).
+def ground_of(
+    heights: np.ndarray, heights_window: Window, dsm: MapGrid, ortho: MapGrid, window: Window, spacing: int = 1
+) -> Ground:
+    """The ground of every `spacing`-th of the ortho pixels `window` from DSM `heights` (at `heights_window`).
 
-    Heights are interpolated bilinearly between four DSM cells; where these differ by more than two cells in height (a wall) or one
-    is missing, the nearest cell is taken: there is no ramp between a roof and the ground.
+    Pixels whose row and column in the whole orthoimage are multiples of `spacing` are taken. Heights are interpolated bilinearly
+    between four DSM cells; where these differ by more than two cells in height (a wall) or one is missing, the nearest cell is
+    taken: there is no ramp between a roof and the ground.
     """
     divisor = round(dsm.cell / ortho.cell)
     heights = np.ascontiguousarray(heights, np.float32)
-    z = np.empty(window.shape, np.float32)
-    corner, first = (heights_window.row, heights_window.col), (window.row, window.col)
-    _drape(heights, corner, first, divisor, WALL * dsm.cell, z)
-    rows = np.arange(window.row, window.row + window.height) // divisor - heights_window.row
-    cols = np.arange(window.col, window.col + window.width) // divisor - heights_window.col
-    return Ground(ortho, window, z, *_slopes_at(heights, dsm.cell, rows, cols))
+    grid, taken = _every(ortho, window, spacing)
+    z, dx, dy = (np.empty(taken.shape, np.float32) for _ in range(3))
+    corner, first = (heights_window.row, heights_window.col), (taken.row * spacing, taken.col * spacing)
+    _drape(heights, corner, first, spacing, divisor, WALL * dsm.cell, z)
+    rows = (first[0] + np.arange(taken.height) * spacing) // divisor - corner[0]
+    cols = (first[1] + np.arange(taken.width) * spacing) // divisor - corner[1]
+    _slopes(heights, dsm.cell, rows, cols, dx, dy)
+    return Ground(grid, taken, z, dx, dy)
