@@ -9,7 +9,7 @@ project ?= volos
 options ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run plan status report export dashboard doctor test test-fast test-slow lint types links format bench bench-time bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-camera-constants docs clean clean-all
+.PHONY: help setup run plan status report export dashboard doctor test test-fast test-slow lint types links format bench bench-time bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants docs clean clean-all
 
 help: ## List all targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-18s %s\n", $$1, $$2}'
@@ -89,6 +89,9 @@ bench-matching-speed: $(STAMP) ## Measure the points per second of least-squares
 
 bench-calibration: $(STAMP) ## Measure the calibration beside OpenCV: many seeds, rendered and real photographs
 	@$(BIN)/python -m benchmarks.calibration.calibration_accuracy
+
+bench-orthoimage: $(STAMP) ## The orthoimage of a run beside orthority (options="runs/volos PYTHON")
+	@$(BIN)/python -m benchmarks.orthoimage_peers $(options)
 
 bench-camera-constants: $(STAMP) ## Camera constants that real blocks find, with their standard errors, beside references
 	@$(BIN)/python -m benchmarks.orientation.camera_constants
