@@ -4,12 +4,14 @@ Strategy. Every two photographs whose footprints overlap on the mean ground are 
 scale. Of those that pass, each photograph first gets its nearest neighbours: short bases see woods, walls and water alike, and what
 they see is complete. Neighbours are pairs with no third photograph between them, so that they lie in different directions: before
 and behind along the strip, where that is denser than the strips. The other half of a photograph's pairs are taken in order of score
-(overlap times base over height: ground covered times precision). The number of pairs thus grows linearly with the number of
-photographs. A photograph whose neighbours have all their pairs already still gets its best one.
+(overlap times base over height: ground covered times precision), as long as a good part of their ground lies under few pairs: where
+every place is in ten photographs, further pairs cost time and tell nothing new. The number of pairs thus grows linearly with the
+number of photographs. A photograph whose neighbours have all their pairs already still gets its best one.
 
 Source of the neighbours: Toussaint 1980, The relative neighbourhood graph of a finite planar set.
 """
 
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,8 +43,17 @@ class PairChoice(Settings):
     convergence: float = setting(40.0, "Greatest angle between the viewing directions.", "degrees", gt=0, le=90)
     scale: float = setting(1.6, "Greatest ratio of the ground pixel sizes of the two photographs.", ge=1)
     per_photo: int = setting(4, "Pairs that a photograph takes part in, at most: half of them with its nearest neighbours.", ge=1)
+    per_place: int = setting(
+        5, "Pairs over a place that are enough: a wide pair is taken where a quarter of its ground lies under fewer.", ge=1
+    )
 
 
+_NEEDY_SHARE = 0.25
+"""share of a pair's ground that has to lie under too few pairs; less is a fringe that the next pair along the strip sees as well"""
+_PLACES_ACROSS = 10
+"""places across a footprint: coverage is counted to a tenth of a photograph"""
+Places = frozenset[tuple[int, int]]
+"""places of a regular grid on the ground, by row and column"""
 _GREATEST_ROOM = 0.35
 """share of the flying height; higher objects are rarely visible in two photographs, and the parallax range would explode"""
 
@@ -94,7 +105,7 @@ def choose_pairs(block: Block, choice: PairChoice, height_margin: float, height_
     views = [block_view(block, name) for name in block.names]
     found = candidates(views, heights.mean)
     centres = np.array([view.centre for view in views])
-    kept = best_pairs([c for c in found if not why_not(c, choice)], centres, choice.per_photo)
+    kept = best_pairs([c for c in found if not why_not(c, choice)], centres, seen_places(views, heights.mean), choice)
     refused = [*_horizons(views, heights.mean), *_refused(views, found, kept, choice)]
     pairs = []
     for c in kept:
@@ -116,17 +127,20 @@ def _horizons(views: list[View], z: float) -> list[tuple[str, str]]:
 
 def _refused(views: list[View], found: list[Candidate], kept: list[Candidate], choice: PairChoice) -> list[tuple[str, str]]:
     """Pairs that are not kept, with the reason."""
+    count = Counter(number for c in kept for number in (c.first, c.second))
     full = f"one of the photos already has {choice.per_photo} better pairs"
-    return [(_name(views, c), why_not(c, choice) or full) for c in found if c not in kept]
+    covered = f"most of its ground lies under {choice.per_place} better pairs"
+
+    def surplus(c: Candidate) -> str:
+        return full if max(count[c.first], count[c.second]) >= choice.per_photo else covered
+
+    return [(_name(views, c), why_not(c, choice) or surplus(c)) for c in found if c not in kept]
 
 
 def candidates(views: list[View], z: float) -> list[Candidate]:
     """All pairs whose footprints overlap at height `z` (m), in order of the photographs; none with a photograph that shows the
     horizon."""
-    # Footprints relative to the middle of the block: OpenCV intersects polygons in float32, which resolves map coordinates of
-    # millions of metres to half a metre only.
-    origin = np.mean([view.centre for view in views], axis=0)[:2]
-    prints = [footprint(view, z, origin) for view in views]
+    prints = footprints(views, z)
     nowhere = np.full((1, 2), np.nan)
     polygons = [nowhere if p is None else p.polygon for p in prints]
     # bounding boxes first: of n^2 / 2 pairs of a large block only the neighbours have their polygons intersected
@@ -140,6 +154,30 @@ def candidates(views: list[View], z: float) -> list[Candidate]:
             if first and second and common > 0:
                 found.append(_candidate((i, j), (views[i], views[j]), (first, second), common))
     return found
+
+
+def footprints(views: list[View], z: float) -> list[Footprint | None]:
+    """The footprint of every photograph at height `z` (m), relative to the middle of the block."""
+    # OpenCV intersects polygons in float32, which resolves map coordinates of millions of metres to half a metre only.
+    origin = np.mean([view.centre for view in views], axis=0)[:2]
+    return [footprint(view, z, origin) for view in views]
+
+
+def seen_places(views: list[View], z: float) -> list[Places]:
+    """The places that every photograph sees at height `z` (m); none for one that shows the horizon."""
+    prints = footprints(views, z)
+    spacing = min((np.sqrt(p.area) for p in prints if p), default=1.0) / _PLACES_ACROSS
+    return [Places() if p is None else _places_in(p.polygon / spacing) for p in prints]
+
+
+def _places_in(polygon: np.ndarray) -> Places:
+    """The points with whole coordinates in a convex polygon (N, 2)."""
+    low, high = np.ceil(polygon.min(axis=0)).astype(int), np.floor(polygon.max(axis=0)).astype(int)
+    cols, rows = (span.ravel() for span in np.meshgrid(*(np.arange(a, b + 1) for a, b in zip(low, high, strict=True))))
+    edges = np.roll(polygon, -1, axis=0) - polygon
+    turns = edges[:, 0] * (rows[:, None] - polygon[:, 1]) - edges[:, 1] * (cols[:, None] - polygon[:, 0])
+    inside = (turns >= 0).all(axis=1) | (turns <= 0).all(axis=1)
+    return Places(zip(rows[inside].tolist(), cols[inside].tolist(), strict=True))
 
 
 def footprint(view: View, z: float, origin: np.ndarray) -> Footprint | None:
@@ -187,30 +225,53 @@ def why_not(candidate: Candidate, choice: PairChoice) -> str | None:
     return next((reason for failed, reason in tests if failed), None)
 
 
-def best_pairs(useful: list[Candidate], centres: np.ndarray, per_photo: int) -> list[Candidate]:
-    """Neighbours up to half of `per_photo`, then the others by falling score: no photograph in more than `per_photo` pairs, but
-    every photograph that can in at least one. centres: (N, 3) m, projection centres of all photographs."""
+def best_pairs(useful: list[Candidate], centres: np.ndarray, places: list[Places], choice: PairChoice) -> list[Candidate]:
+    """Neighbours up to half of `per_photo`, then the others by falling score where their ground needs them: no photograph in more
+    than `per_photo` pairs, but every photograph that can in at least one.
+
+    centres: (N, 3) m, projection centres of all photographs; places: what each of them sees.
+    """
     # Rounded, then by number: equal geometry must not be ranked by the last bits of the orientation.
     near = sorted(neighbours(useful, centres), key=lambda c: (round(c.base_height, 3), c.first, c.second))
     wide = sorted(useful, key=lambda c: (-round(c.score, 3), c.first, c.second))
-    count = dict.fromkeys(range(len(centres)), 0)
-    kept = _taken(near, count, (per_photo + 1) // 2)
-    kept += _taken([c for c in wide if c not in kept], count, per_photo)
+    chosen = ChosenPairs(places)
+    for c in near:
+        if chosen.most(c) < (choice.per_photo + 1) // 2:
+            chosen.add(c)
     for c in wide:
-        if c not in kept and not (count[c.first] and count[c.second]):
-            kept += _taken([c], count, len(wide))
-    return kept
+        if c not in chosen.pairs and chosen.most(c) < choice.per_photo and chosen.needed(c, choice.per_place):
+            chosen.add(c)
+    for c in wide:
+        if c not in chosen.pairs and not (chosen.of_photo[c.first] and chosen.of_photo[c.second]):
+            chosen.add(c)
+    return chosen.pairs
 
 
-def _taken(ordered: list[Candidate], count: dict[int, int], limit: int) -> list[Candidate]:
-    """The pairs whose photographs both have fewer than `limit` when it is their turn; they are counted."""
-    taken = []
-    for c in ordered:
-        if max(count[c.first], count[c.second]) < limit:
-            count[c.first] += 1
-            count[c.second] += 1
-            taken.append(c)
-    return taken
+class ChosenPairs:
+    """The pairs taken so far, counted by photograph and by place."""
+
+    def __init__(self, places: list[Places]) -> None:
+        self.pairs: list[Candidate] = []
+        self.of_photo: Counter[int] = Counter()
+        self._places, self._over = places, Counter[tuple[int, int]]()
+
+    def _ground(self, c: Candidate) -> Places:
+        return self._places[c.first] & self._places[c.second]
+
+    def add(self, c: Candidate) -> None:
+        """Take a pair."""
+        self.pairs.append(c)
+        self.of_photo.update((c.first, c.second))
+        self._over.update(self._ground(c))
+
+    def most(self, c: Candidate) -> int:
+        """Pairs of the one of its photographs that has more."""
+        return max(self.of_photo[c.first], self.of_photo[c.second])
+
+    def needed(self, c: Candidate, enough: int) -> bool:
+        """Whether a good part of its ground lies under fewer than `enough` pairs."""
+        ground = self._ground(c)
+        return sum(self._over[place] < enough for place in ground) >= _NEEDY_SHARE * len(ground)
 
 
 _NEARER = 0.999

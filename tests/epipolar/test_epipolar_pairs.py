@@ -13,7 +13,7 @@ from orthomill.schemas.orientation import JointCovariance
 from orthomill.tasks.epipolar.parallax import common_measurements, row_residuals, summary, with_measured_rows
 from orthomill.tasks.epipolar.report import report
 from orthomill.tasks.epipolar.row_precision import common_points, row_change, row_sigma, row_sigmas
-from orthomill.tasks.epipolar.selection import Candidate, PairChoice, best_pairs, choose_pairs, why_not
+from orthomill.tasks.epipolar.selection import Candidate, PairChoice, Places, best_pairs, choose_pairs, why_not
 from orthomill.tasks.geometry.normal_case import epipolar_view
 from orthomill.tasks.geometry.view import view_of
 
@@ -49,7 +49,7 @@ def test_pairs_grow_linearly_with_the_strip():
 
 def test_every_photograph_gets_a_pair():
     star = [Candidate(0, i, 0.5, 0.5 + i / 100, 0, 1) for i in range(1, 6)]
-    assert len(best_pairs(star, np.eye(6)[:, :3], 2)) == 5
+    assert len(best_pairs(star, np.eye(6)[:, :3], [Places()] * 6, PairChoice(per_photo=2))) == 5
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,17 @@ from orthomill.schemas.observations import IMAGE_RESIDUALS
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS, photo_raster
 from orthomill.schemas.raster import RasterSpec
-from orthomill.tasks.epipolar.selection import Candidate, PairChoice, best_pairs, candidates, choose_pairs, footprint, why_not
+from orthomill.tasks.epipolar.selection import (
+    Candidate,
+    PairChoice,
+    Places,
+    best_pairs,
+    candidates,
+    choose_pairs,
+    footprint,
+    seen_places,
+    why_not,
+)
 from orthomill.tasks.epipolar.stage import EpipolarStage
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.geometry.view import View, block_view
@@ -53,6 +63,20 @@ def test_per_photo_limits_the_pairs_of_a_photograph(most):
     assert any(f"already has {most} better pairs" in reason for _, reason in pairs.not_used)
 
 
+def test_per_place_leaves_out_pairs_whose_ground_has_enough():
+    few, all_ = (choose_pairs(block(), PairChoice(per_place=most), 0.08) for most in (1, 9))
+    assert len(few.pairs) < len(all_.pairs)
+    assert any("most of its ground lies under 1 better pairs" in reason for _, reason in few.not_used)
+
+
+def test_places_are_those_of_the_footprint():
+    """Squares of the ground: their number is the area, and two photographs share what their footprints share."""
+    one, other, horizon = seen_places([level_view("l"), level_view("r", x=100.0), level_view("h", omega=80.0)], 50.0)
+    assert len(one) == pytest.approx(100, abs=12) and len(other) == pytest.approx(100, abs=12) and not horizon
+    width = 479 * 450 / 700
+    assert len(one & other) / len(one) == pytest.approx((width - 100) / width, abs=0.12)
+
+
 @settings(max_examples=50, deadline=None)
 @given(
     scores=st.lists(
@@ -62,7 +86,7 @@ def test_per_photo_limits_the_pairs_of_a_photograph(most):
 )
 def test_every_photograph_with_a_partner_gets_a_pair(scores, most):
     useful = [Candidate(a, b, s, 1.0, 0.0, 1.0) for a, b, s in {(a, b): (a, b, s) for a, b, s in scores}.values()]
-    kept = best_pairs(useful, np.random.default_rng(most).normal(size=(8, 3)), most)
+    kept = best_pairs(useful, np.random.default_rng(most).normal(size=(8, 3)), [Places()] * 8, PairChoice(per_photo=most))
     assert {n for c in kept for n in (c.first, c.second)} == {n for c in useful for n in (c.first, c.second)}
     assert len({(c.first, c.second) for c in kept}) == len(kept)
 
