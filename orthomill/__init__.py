@@ -1,7 +1,7 @@
 """orthomill: from overlapping photographs to a checked surface model and a blended true orthoimage.
 
 For notebooks and programs. `open` gives a finished project: its block, rasters, points and figures. `calibrate`, `orient`,
-`match` and `check` call the methods of the stages without a project.
+`match`, `match_surface` and `check` call the methods of the stages without a project.
 
     >>> import orthomill
     >>> volos = orthomill.open("runs/volos")
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from orthomill.finished_project import FinishedProject as FinishedProject
     from orthomill.finished_project import open as open
     from orthomill.photograph_matching import match as match
+    from orthomill.photograph_matching import match_surface as match_surface
     from orthomill.photograph_matching import read_photograph as read_photograph
     from orthomill.photograph_orientation import OrientedBlock as OrientedBlock
     from orthomill.photograph_orientation import orient as orient
@@ -34,6 +35,7 @@ _PLACES = {
     "orient": ("photograph_orientation", "orient"),
     "OrientedBlock": ("photograph_orientation", "OrientedBlock"),
     "match": ("photograph_matching", "match"),
+    "match_surface": ("photograph_matching", "match_surface"),
     "read_photograph": ("photograph_matching", "read_photograph"),
     "check": ("surface_check", "check"),
     "SurfaceCheck": ("surface_check", "SurfaceCheck"),

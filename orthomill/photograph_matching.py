@@ -1,4 +1,4 @@
-"""Matching of points in two photographs without a project."""
+"""Matching of two photographs without a project: of points, and of the whole surface of a rectified pair."""
 
 from pathlib import Path
 
@@ -8,6 +8,8 @@ from orthomill.pipeline.storage.image_files import read_header, read_pixels
 from orthomill.schemas.raster import Window
 from orthomill.tasks.imagery.radiometry import grey
 from orthomill.tasks.imagery.upright import exif_orientation, upright
+from orthomill.tasks.matching.dense.blocks import DenseMatching
+from orthomill.tasks.matching.dense.pair_surface import PairSurface, match_pair
 from orthomill.tasks.matching.least_squares.matching import Matches, match_points
 from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
 
@@ -37,6 +39,19 @@ def match(
     points = np.atleast_2d(np.asarray(points, np.float64))
     starts = points if starts is None else np.atleast_2d(np.asarray(starts, np.float64))
     return match_points(_grey(left), _grey(right), points, starts, settings or LeastSquaresMatching())
+
+
+def match_surface(
+    left: np.ndarray | str | Path, right: np.ndarray | str | Path, low: float, high: float, settings: DenseMatching | None = None
+) -> PairSurface:
+    """Parallaxes of a rectified pair, complete, each with its standard error and a code that says what it is worth.
+
+    left, right: image files or arrays as for `match`, whose rows are homologous. low, high: parallaxes (column left - column right)
+    that can occur, px. The result has the nodes `settings.step` px apart from the first pixel on.
+
+    Raises PhotoError for unreadable files, ValueError for arrays that do not fit together.
+    """
+    return match_pair(_grey(left), _grey(right), low, high, settings)
 
 
 def _grey(image: np.ndarray | str | Path) -> np.ndarray:

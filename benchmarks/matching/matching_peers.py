@@ -1,21 +1,10 @@
-"""What the strategies are measured against, on whole images: OpenCV's semi-global matching, and the pipeline's densification.
+"""What matching is measured against, on whole images: OpenCV's semi-global matching.
 
-Both take a pair whose rows are homologous and give parallaxes (column left - column right, px), NaN where they accept nothing.
+It takes a pair whose rows are homologous and gives parallaxes (column left - column right, px), NaN where it accepts nothing.
 """
 
 import cv2
 import numpy as np
-
-from orthomill.schemas.raster import Window
-from orthomill.tasks.matching.dense.blocks import (
-    BLOCK,
-    DenseMatching,
-    ParallaxRange,
-    left_window,
-    match_block,
-    placed,
-    right_window,
-)
 
 
 def semi_global_opencv(left: np.ndarray, right: np.ndarray, low: float, high: float, checked: bool = False) -> np.ndarray:
@@ -38,22 +27,3 @@ def semi_global_opencv(left: np.ndarray, right: np.ndarray, low: float, high: fl
     )
     found = matcher.compute(wide, moved)[:, count:]
     return np.where(found >= 0, found / np.float32(16.0) + np.float32(first), np.float32(np.nan)).astype(np.float32)
-
-
-def densification(left: np.ndarray, right: np.ndarray, low: float, high: float, settings: DenseMatching) -> np.ndarray:
-    """(H / step, W / step) float32: every node as the stage densification matches it, block by block."""
-    parallaxes = ParallaxRange.around(low, high)
-    rows, cols = (-(-side // BLOCK) for side in left.shape)
-    side = BLOCK // settings.step
-    out = np.empty((rows * side, cols * side), np.float32)
-    for row in range(rows):
-        for col in range(cols):
-            core = Window(row * BLOCK, col * BLOCK, BLOCK, BLOCK)
-            wanted = left_window(core), right_window(core, parallaxes)
-            pair = []
-            for image, window in zip((left, right), wanted, strict=True):
-                read = window.clipped(image.shape)
-                pair.append(placed(image[read.slices], read, window))
-            found = match_block(*pair, parallaxes, settings).nodes.parallax
-            out[row * side : (row + 1) * side, col * side : (col + 1) * side] = found
-    return out[: -(-left.shape[0] // settings.step), : -(-left.shape[1] // settings.step)]

@@ -1,47 +1,14 @@
-"""Small kernels of matching against plain NumPy: census, specks, paraboloids, correlated residuals."""
+"""Small kernels of matching against plain NumPy: paraboloids, interpolation, smoothing, correlated residuals."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy import ndimage
 
-from orthomill.tasks.matching.dense.semi_global import census, remove_specks
 from orthomill.tasks.matching.least_squares.grey_values import cubic_weights, leaves, nearest_pixel, on_lattice
 from orthomill.tasks.matching.least_squares.shift_precision import residual_correlation
 from orthomill.tasks.matching.points.sub_pixel import paraboloid_peaks
 from orthomill.tasks.matching.smoothing import gaussian_weights, reach_of, smoothed, with_gaps
-
-
-@settings(max_examples=20, deadline=None)
-@given(seed=st.integers(0, 99), gain=st.floats(0.2, 4.0), offset=st.floats(-50, 50))
-def test_census_does_not_see_gain_and_offset(seed, gain, offset):
-    grey = np.random.default_rng(seed).integers(0, 50, (12, 13)).astype(np.float32)
-    brighter = (np.float32(gain) * grey + np.float32(offset)).astype(np.float32)
-    assert all(np.array_equal(a, b) for a, b in zip(census(grey), census(brighter), strict=True))
-
-
-def test_census_is_valid_where_the_whole_window_has_data():
-    grey = np.random.default_rng(0).normal(size=(20, 20)).astype(np.float32)
-    grey[10, 10] = np.nan
-    expected = np.zeros((20, 20), bool)
-    expected[3:-3, 3:-3] = True
-    expected[7:14, 7:14] = False
-    assert np.array_equal(census(grey)[1], expected)
-
-
-@settings(max_examples=30, deadline=None)
-@given(seed=st.integers(0, 999), smallest=st.integers(1, 12))
-def test_specks_are_the_small_components_of_equal_parallax(seed, smallest):
-    parallax = np.random.default_rng(seed).choice([0.0, 5.0, np.nan], (12, 14)).astype(np.float32)
-    expected = parallax.copy()
-    for value in (0.0, 5.0):
-        labels, count = ndimage.label(parallax == value)
-        for label in range(1, count + 1):
-            if (labels == label).sum() < smallest:
-                expected[labels == label] = np.nan
-    remove_specks(parallax, np.float32(1.0), smallest)
-    assert np.array_equal(parallax, expected, equal_nan=True)
 
 
 @settings(max_examples=40, deadline=None)

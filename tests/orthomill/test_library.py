@@ -51,9 +51,19 @@ def test_the_version_is_that_of_the_package():
 
 
 def test_what_the_library_has_can_be_listed_and_nothing_else_is_there():
-    assert {"open", "calibrate", "orient", "match", "check"} <= set(dir(orthomill))
+    assert {"open", "calibrate", "orient", "match", "match_surface", "check"} <= set(dir(orthomill))
     with pytest.raises(AttributeError, match="orthomill has no 'reconstruct'; it has open"):
         _ = orthomill.reconstruct
+
+
+def test_the_surface_of_a_rectified_pair_is_complete_and_says_what_it_is_worth(tmp_path):
+    right = cv2.GaussianBlur(np.random.default_rng(2).integers(0, 255, (90, 130)).astype(np.float32), (0, 0), 1.2)
+    right = np.clip(3.0 * (right - right.mean()) + 128.0, 1, 255).astype(np.uint8)
+    cv2.imwrite(str(tmp_path / "left.png"), np.roll(right, 7, axis=1))
+    found = orthomill.match_surface(tmp_path / "left.png", right, 0.0, 20.0)
+    inside = found.parallax[:, 8:]
+    assert np.isfinite(inside).all() and (np.abs(inside - 7.0) < 0.1).mean() > 0.95
+    assert (np.abs(inside - 7.0) < 3.0 * found.sigma[:, 8:]).mean() > 0.95 and (found.code[:, 8:] > 0).all()
 
 
 def test_photographs_become_a_block_with_covariances(oriented):

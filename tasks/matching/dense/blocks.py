@@ -3,9 +3,8 @@
 Strategy
 - The unit of matching is a *block*: a fixed square of the left epipolar image on an absolute grid, with a fixed halo, whatever the
   tile of the project. A block's result depends on nothing else, so tiling cannot change it.
-- Start: semi-global matching on a reduced level. When the parallax range is wide, a coarser level is matched first and narrows the
-  range of the block; nothing but that range is passed on, so a building that the coarse level missed can still be found within the
-  margin.
+- Start: the heights of a volume of all photographs, projected into the pair by the caller. A pair that has nothing but itself is
+  matched in one piece by pair_surface.py.
 - The residual y-parallax that the orientation left is measured in the block by least-squares matching of a sparse grid with free
   rows, and the right block is moved by its median.
 - Refinement: least-squares matching of every node on its own surface (epipolar_least_squares.py).
@@ -29,7 +28,6 @@ from orthomill.schemas.raster import Window
 from orthomill.schemas.settings import Settings, setting
 from orthomill.tasks.matching.dense.epipolar_least_squares import EpipolarLimits, NodeParallaxes, match_nodes
 from orthomill.tasks.matching.dense.node_surfaces import StartSurface
-from orthomill.tasks.matching.dense.semi_global import SemiGlobal, semi_global
 from orthomill.tasks.matching.least_squares.grey_values import cubic_weights
 from orthomill.tasks.matching.least_squares.matching import PreparedImage, match_points
 from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
@@ -38,11 +36,9 @@ from orthomill.tasks.matching.smoothing import smoothed, with_gaps
 BLOCK = 256
 """Side of a block in px of the left image."""
 HALO = 64
-"""Context on every side of a block: room for the paths of semi-global matching and for windows, px."""
-_COARSEST = 4
-"""levels of reduction: 2**4 divides BLOCK and HALO"""
-_MOST = 2
-"""limit of the candidates of a level, in units of `DenseMatching.widest_range`; the memory of a block is planned with it"""
+"""Context on every side of a block, px: room for nodes around it and their windows."""
+_UNIT = 16
+"""px: parallax ranges are multiples of this"""
 _FREE_ROWS = LeastSquaresMatching(
     window=17, interpolation="bilinear", stop=0.05, max_iterations=12, min_correlation=0.8, min_gradient=1.0
 )
@@ -60,10 +56,6 @@ class DenseMatching(Settings):
     wide_window: int = setting(31, "Side of the window where texture is weak.", "px", ge=7, le=101)
     weak_sigma: float = setting(0.1, "Standard error of a parallax above which wider windows are tried.", "px", gt=0.0)
     smoothing: float = setting(0.5, "Sigma of the Gaussian that both images are smoothed with.", "px", ge=0.0, le=3.0)
-    start: SemiGlobal = setting(SemiGlobal(), "Semi-global matching that gives the start values.")
-    start_level: int = setting(0, "Finest pyramid level of the start values; every level halves the image.", ge=0, le=3)
-    widest_range: int = setting(96, "Parallax candidates above which a coarser level narrows the range first.", ge=16, le=512)
-    range_margin: int = setting(6, "Added on both sides to the range that a coarser level found.", "px of that level", ge=1, le=64)
     max_shift: float = setting(1.5, "A node that ends farther than this from its start is rejected.", "px", gt=0.0)
     surface_tolerance: float = setting(1.0, "Pixels of the window farther from the surface of the node are excluded.", "px", gt=0.0)
     min_support: float = setting(0.3, "Share of the window that must lie on the node's surface.", gt=0.0, le=1.0)
@@ -102,15 +94,14 @@ class DenseMatching(Settings):
 
 @dataclass(frozen=True)
 class ParallaxRange:
-    """Column parallaxes that can occur, px; multiples of 16, so that every level starts at integer pixels."""
+    """Column parallaxes that can occur, px; multiples of 16, so that few differ."""
 
     low: int
     high: int
 
     @classmethod
     def around(cls, low: float, high: float) -> "ParallaxRange":
-        unit = 2**_COARSEST
-        return cls(int(np.floor(low / unit)) * unit, int(np.ceil(high / unit)) * unit)
+        return cls(int(np.floor(low / _UNIT)) * _UNIT, int(np.ceil(high / _UNIT)) * _UNIT)
 
 
 def left_window(core: Window) -> Window:
@@ -125,13 +116,11 @@ def right_window(core: Window, parallaxes: ParallaxRange) -> Window:
 
 
 def scratch_bytes(parallaxes: ParallaxRange, settings: DenseMatching) -> int:
-    """Working memory of `match_block`, bytes."""
-    # Costs (1 byte) and path sums (2) of every candidate, with a reserve of two; images in float32 with their scratch.
-    factor = 2**settings.start_level
-    candidates = min((parallaxes.high - parallaxes.low) // factor + 1, _MOST * settings.widest_range + 1)
-    side = (BLOCK + 2 * HALO) // factor
-    pixels = (BLOCK + 2 * HALO) * (BLOCK + 2 * HALO + parallaxes.high - parallaxes.low)
-    return 6 * side * side * candidates + 40 * pixels
+    """Working memory of `refined_block`, bytes."""
+    # Both images in float32 with their scratch; beside the left one what it is compared with; planes, weights and results of nodes.
+    left = (BLOCK + 2 * HALO) ** 2
+    right = (BLOCK + 2 * HALO) * (BLOCK + 2 * HALO + parallaxes.high - parallaxes.low)
+    return 20 * right + 40 * left + 100 * (left // settings.step**2)
 
 
 @dataclass(frozen=True)
@@ -143,27 +132,14 @@ class BlockMatch:
     """median residual y-parallax, row right - row left, px; NaN with too few points"""
 
 
-def match_block(left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, settings: DenseMatching) -> BlockMatch:
-    """Match one block that only the pair itself can give a start.
-
-    left, right: grey uint8 of `left_window` and `right_window` in full (0 where they leave the raster, see `placed`). The core's
-    nodes are at the left pixels HALO + i * step.
-    """
-    grey_left, grey_right = smoothed(with_gaps(left), settings.smoothing), smoothed(with_gaps(right), settings.smoothing)
-    start = start_surface(grey_left, grey_right, parallaxes, settings)
-    if start is None:
-        return BlockMatch(_nothing_found(grey_left[HALO : -HALO : settings.step, HALO : -HALO : settings.step]), float("nan"))
-    y_parallax, grey_right = _rows_met(grey_left, grey_right, start, parallaxes)
-    return BlockMatch(_fine_nodes(grey_left, grey_right, start, parallaxes.high, settings), y_parallax)
-
-
 def refined_block(
     left: np.ndarray, right: np.ndarray, start: StartSurface, parallaxes: ParallaxRange, settings: DenseMatching
 ) -> BlockMatch:
     """Match one block near a start that comes from elsewhere, such as heights of several photographs projected into the pair.
 
-    left, right: as in `match_block`. start: column parallaxes of the left block (H / factor, W / factor) float32, good to a pixel
-    or so, NaN where unknown: nodes around which nothing is known are not tried.
+    left, right: grey uint8 of `left_window` and `right_window` in full (0 where they leave the raster, see `placed`). The core's
+    nodes are at the left pixels HALO + i * step. start: column parallaxes of the left block (H / factor, W / factor) float32, good
+    to a pixel or so, NaN where unknown: nodes around which nothing is known are not tried.
     """
     grey_left, grey_right = smoothed(with_gaps(left), settings.smoothing), smoothed(with_gaps(right), settings.smoothing)
     y_parallax, grey_right = _rows_met(grey_left, grey_right, start, parallaxes)
@@ -184,50 +160,6 @@ def _fine_nodes(left: np.ndarray, right: np.ndarray, start: StartSurface, shift:
     counts = (-(-(side - 2 * HALO) // settings.step) for side in left.shape)
     rows, cols = (HALO - settings.step + settings.step * np.arange(count + 2) for count in counts)
     return consistent(match_nodes(left, right, start, rows, cols, shift, settings.limits), settings)
-
-
-def start_surface(left: np.ndarray, right: np.ndarray, parallaxes: ParallaxRange, settings: DenseMatching) -> StartSurface | None:
-    """Integer-pixel parallaxes of a block, from coarse to fine; None where nothing was found.
-
-    Stops before the start level where the relief of the block would need more candidates than the planned memory holds.
-    """
-    level = settings.start_level
-    while level < _COARSEST and (parallaxes.high - parallaxes.low) / 2**level > settings.widest_range:
-        level += 1
-    found = parallaxes
-    while True:
-        surface = _level_surface(left, right, parallaxes, found, level, settings)
-        if not np.isfinite(surface.parallax).any():
-            return None
-        if level == settings.start_level:
-            return surface
-        # Only the range is passed on; parallaxes themselves would hand down the coarse level's blunders.
-        found = _narrowed(surface, found, settings.range_margin)
-        level -= 1
-        if (found.high - found.low) / 2**level > _MOST * settings.widest_range:
-            return surface
-
-
-def _level_surface(
-    left: np.ndarray, right: np.ndarray, whole: ParallaxRange, part: ParallaxRange, level: int, settings: DenseMatching
-) -> StartSurface:
-    """Semi-global matching on one level within `part` of the whole range."""
-    factor = 2**level
-    left, right = reduced(left, level), reduced(right, level)
-    # The right block was read for the whole range; a part of the range needs a part of its columns.
-    first = (whole.high - part.high) // factor
-    candidates = (part.high - part.low) // factor + 1
-    found = semi_global(left, right[:, first : first + left.shape[1] + candidates - 1], settings.start)
-    return StartSurface(found * np.float32(factor) + np.float32(part.low), factor)
-
-
-def _narrowed(surface: StartSurface, whole: ParallaxRange, margin: int) -> ParallaxRange:
-    """The range of a surface with a margin, inside the whole range, in integer pixels of its level."""
-    # Percentiles: a few wrong patches at the ends would otherwise keep the range as wide as before.
-    low, high = np.nanpercentile(surface.parallax, [0.5, 99.5])
-    factor = surface.factor
-    low, high = (int(np.floor(low / factor)) - margin) * factor, (int(np.ceil(high / factor)) + margin) * factor
-    return ParallaxRange(max(low, whole.low), min(high, whole.high))
 
 
 def reduced(grey: np.ndarray, level: int) -> np.ndarray:

@@ -68,6 +68,15 @@ _ASIDE = 0.8
 """half windows: farther than this from the node its texture says little about it, such as the shore about water"""
 _MISFIT = 2.0
 """ratio of the variances by scores and by noise up to which a window shows no sign of misfit"""
+# These were set on Middlebury Cones and the synthetic pair, and tested on seven other real pairs (benchmarks/results/matching.md).
+_MODEL = 1.44
+"""factor of the variance of grey values: what they leave unexplained is not noise alone, in photographs"""
+_SAMPLING = 0.05**2
+"""px^2: aliasing, interpolation and what is left of distortion and rectification are common to neighbouring windows"""
+_START_NOISE = 0.07**2
+"""px^2: variance of the plane of a start"""
+_DISAGREED = 0.45**2
+"""px^2: the most that a disagreement with the start adds; farther away it is more often the start that is wrong"""
 _AGREE = 2.0
 """standard errors on both sides of a solution in which those of larger windows must lie"""
 
@@ -222,6 +231,16 @@ def _solve_node(pair, centre, plane, rules, scratch, solution, kept):
     return outcome
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def stated_variance(variance, moved):
+    """Variance of a parallax among its neighbours, px^2.
+
+    variance: what the grey values of its window say. moved: how far it ended from the plane of its start, px; the start is a second
+    opinion, from other grey values and another measure of likeness, and differs by no more than its own noise where both are right.
+    """
+    return _MODEL * variance + _SAMPLING + min(max(moved * moved - _START_NOISE, 0.0), _DISAGREED)
+
+
 @njit(cache=True, error_model="numpy")
 def _solve_nodes(pair, lattice, planes, start, shape, rules, nodes):
     """Solve the inner nodes of a lattice, of which `nodes` are the results. start (rows, cols): parallaxes of the start planes."""
@@ -254,7 +273,8 @@ def _solve_nodes(pair, lattice, planes, start, shape, rules, nodes):
                 found = outcomes.MOVED_TOO_FAR
             outcome[i, j] = found
             if found == outcomes.CONVERGED:
-                parallax[i, j], sigma[i, j] = kept[0], np.sqrt(kept[1])
+                parallax[i, j] = kept[0]
+                sigma[i, j] = np.sqrt(stated_variance(kept[1], kept[0] - start[ring + i, ring + j]))
 
 
 def match_nodes(

@@ -7,19 +7,9 @@ from hypothesis import strategies as st
 from scipy.ndimage import binary_dilation, gaussian_filter, map_coordinates
 
 from orthomill.schemas.outcome import Outcome
-from orthomill.tasks.matching.dense.blocks import (
-    HALO,
-    DenseMatching,
-    ParallaxRange,
-    consistent,
-    match_block,
-    reduced,
-    refined_block,
-    start_surface,
-)
-from orthomill.tasks.matching.dense.epipolar_least_squares import EpipolarLimits, NodeParallaxes, match_nodes
+from orthomill.tasks.matching.dense.blocks import HALO, DenseMatching, ParallaxRange, consistent, reduced, refined_block
+from orthomill.tasks.matching.dense.epipolar_least_squares import EpipolarLimits, NodeParallaxes, match_nodes, stated_variance
 from orthomill.tasks.matching.dense.node_surfaces import StartSurface
-from orthomill.tasks.matching.dense.semi_global import SemiGlobal, semi_global
 
 RANGE = ParallaxRange(0, 48)
 
@@ -41,39 +31,6 @@ def pair_of(parallax: np.ndarray, high: int, seed: int = 3) -> tuple[np.ndarray,
 def in_range(parallax: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """As `pair_of`, for RANGE."""
     return pair_of(parallax, RANGE.high)
-
-
-def occluded_pair(parallax: np.ndarray, high: int, seed: int = 3) -> tuple[np.ndarray, np.ndarray]:
-    """As `pair_of` for integer parallaxes, of which larger ones hide smaller ones in the right image."""
-    rows, cols = parallax.shape
-    left, right = pattern((rows, cols), seed), pattern((rows, cols + high), seed + 1)
-    for level in np.unique(parallax):
-        row, col = np.nonzero(parallax == level)
-        right[row, col + high - int(level)] = left[row, col]
-    return left, right
-
-
-def with_island(background: float, island: float, side: int, shape: tuple[int, int] = (160, 160)) -> np.ndarray:
-    parallax = np.full(shape, background)
-    parallax[72 : 72 + side, 72 : 72 + side] = island
-    return parallax
-
-
-@pytest.mark.parametrize("level", [0, 1, 2])
-def test_start_level_is_the_level_of_the_start_surface(level):
-    found = start_surface(*in_range(np.full((160, 160), 16.0)), RANGE, DenseMatching(start_level=level))
-    assert found.factor == 2**level and found.parallax.shape == (160 // 2**level,) * 2
-    assert np.nanmedian(found.parallax) == pytest.approx(16.0, abs=2**level / 2)
-
-
-def test_range_margin_keeps_what_the_coarse_level_missed():
-    images = occluded_pair(with_island(8.0, 26.0, 14), RANGE.high)
-    centres = []
-    for margin in (1, 8):
-        found = start_surface(*images, RANGE, DenseMatching(widest_range=16, range_margin=margin))
-        centres.append(found.parallax[76:82, 76:82])
-    assert not (np.abs(centres[0] - 26.0) < 1.0).any()
-    assert (np.abs(centres[1] - 26.0) < 1.0).mean() > 0.5
 
 
 def stepped_nodes(**changes) -> np.ndarray:
@@ -128,39 +85,6 @@ def test_max_sigma_is_the_largest_standard_error_of_a_node():
     assert refused.outcome[2, 2] == Outcome.IMPRECISE and np.isnan(refused.parallax[2, 2])
 
 
-def census_match(images: tuple[np.ndarray, np.ndarray], **changes) -> np.ndarray:
-    """Parallaxes that semi-global matching finds among 0 to 31 px."""
-    return semi_global(*images, SemiGlobal(**changes))
-
-
-def test_a_small_penalty_that_is_too_high_turns_slopes_into_steps():
-    slope = np.minimum(4.0 + np.arange(100) / 3.0, 28.0) * np.ones((60, 1))
-    images, part = pair_of(slope, 31), (slice(10, -10), slice(10, 70))
-    usual, high = (census_match(images, small_penalty=penalty, large_penalty=400, speckle=0)[part] for penalty in (8, 200))
-    assert (np.abs(usual - slope[part]) < 1.0).mean() > 0.95
-    assert (np.abs(high - slope[part]) < 1.0).mean() < 0.87
-
-
-def test_a_large_penalty_that_is_too_high_loses_narrow_surfaces():
-    images = occluded_pair(np.where((np.arange(100) >= 48) & (np.arange(100) < 54), 14.0, 6.0) * np.ones((60, 1)), 31)
-    low, high = (census_match(images, large_penalty=penalty, speckle=0)[10:-10, 49:53] for penalty in (20, 400))
-    assert (np.abs(low - 14.0) < 1.0).mean() > 0.9
-    assert (np.abs(high - 14.0) < 1.0).mean() < 0.2
-
-
-def test_patches_below_the_speckle_size_are_removed():
-    images, inside = occluded_pair(with_island(6.0, 16.0, 12, (110, 110)), 31), (slice(76, 80), slice(76, 80))
-    kept, removed = (census_match(images, speckle=size)[inside] for size in (30, 400))
-    assert (kept == 16.0).all() and np.isnan(removed).all()
-
-
-def test_tolerance_is_the_difference_of_the_views_that_is_allowed():
-    slope = 4.0 + np.arange(100) / 5.0 * np.ones((60, 1))
-    images = pair_of(slope, 31)
-    strict, loose = (np.isfinite(census_match(images, tolerance=limit, speckle=0)).mean() for limit in (0, 3))
-    assert loose > strict
-
-
 @settings(max_examples=15, deadline=None)
 @given(level=st.floats(6.0, 14.0), along=st.floats(-0.15, 0.15), across=st.floats(-0.15, 0.15))
 def test_nodes_of_a_plane_lie_on_the_plane(level, along, across):
@@ -208,11 +132,12 @@ def test_a_reduced_level_holds_means_and_gaps():
 
 
 def test_a_match_does_not_depend_on_where_nodes_without_data_lie():
-    """A gap changes the nodes whose windows touch it, and no others beyond the reach of semi-global matching."""
+    """A gap changes the nodes whose windows or planes touch it, and no others."""
     grey = [np.clip(image, 1, 255).astype(np.uint8) for image in in_range(np.full((192, 192), 20.0))]
     holed = grey[0].copy()
     holed[HALO + 20 : HALO + 30, HALO + 20 : HALO + 30] = 0
-    whole, gapped = (match_block(left, grey[1], RANGE, DenseMatching(step=1)).nodes for left in (grey[0], holed))
+    start = StartSurface(np.full((192, 192), 20.0, np.float32), 1)
+    whole, gapped = (refined_block(left, grey[1], start, RANGE, DenseMatching(step=1)).nodes for left in (grey[0], holed))
     hole = np.zeros(whole.parallax.shape, bool)
     hole[20:30, 20:30] = True
     assert (gapped.outcome[hole] == Outcome.OUTSIDE).all() and np.isfinite(whole.parallax[hole]).mean() > 0.9
@@ -242,3 +167,52 @@ def test_a_start_without_any_parallax_gives_a_block_without_nodes():
     start = StartSurface(np.full((96, 96), np.nan, np.float32), 2)
     found = refined_block(*block_of(np.full((192, 192), 20.0)), start, RANGE, DenseMatching())
     assert (found.nodes.outcome == Outcome.NOT_TRIED).all() and np.isnan(found.y_parallax)
+
+
+def bent_nodes(**changes) -> NodeParallaxes:
+    """Nodes of a surface that bends, from a start that has its rough shape."""
+    truth = (12.0 + 2.0 * np.sin(np.arange(140) / 6.0)) * np.ones((96, 1))
+    left, right = pair_of(truth, 32)
+    limits = DenseMatching(smoothing=0.0, **changes).limits
+    rows, cols = np.arange(24, 72, 2), np.arange(30, 110, 2)
+    found = match_nodes(left, right, StartSurface(truth.astype(np.float32), 1), rows, cols, 32, limits)
+    return found._replace(parallax=found.parallax - truth[np.ix_(rows, cols)].astype(np.float32))
+
+
+def test_the_small_window_serves_where_the_surface_bends():
+    small, none = (bent_nodes(small_window=side, edge_window=5).parallax for side in (7, 15))
+    assert np.nanpercentile(np.abs(small), 90) < np.nanpercentile(np.abs(none), 90)
+
+
+def weak_nodes(**changes) -> NodeParallaxes:
+    """Nodes of a level surface of weak texture under noise."""
+    left, right = pair_of(np.full((120, 140), 12.0), 32)
+    random = np.random.default_rng(8)
+    left, right = (
+        (128.0 + 0.12 * (image - 128.0) + random.normal(0, 2.0, image.shape)).astype(np.float32) for image in (left, right)
+    )
+    limits = DenseMatching(smoothing=0.0, min_gradient=0.0, min_correlation=0.0, **changes).limits
+    start = StartSurface(np.full((120, 140), 12.0, np.float32), 1)
+    return match_nodes(left, right, start, np.arange(40, 80, 2), np.arange(40, 100, 2), 32, limits)
+
+
+def test_weak_texture_is_matched_with_the_wide_window():
+    wide, none = weak_nodes(), weak_nodes(wide_window=15)
+    assert np.nanmedian(wide.sigma) < np.nanmedian(none.sigma)
+    assert np.nanstd(wide.parallax) < np.nanstd(none.parallax)
+
+
+def test_weak_sigma_says_what_weak_is():
+    strict, lax = weak_nodes(weak_sigma=0.01), weak_nodes(weak_sigma=5.0)
+    assert np.nanstd(strict.parallax) < np.nanstd(lax.parallax)
+    assert np.array_equal(lax.parallax, weak_nodes(wide_window=15, weak_sigma=5.0).parallax, equal_nan=True)
+
+
+def test_the_window_is_as_large_as_it_is_set():
+    small, large = (weak_nodes(window=side, small_window=5, wide_window=31, weak_sigma=5.0) for side in (9, 21))
+    assert np.nanstd(large.parallax) < np.nanstd(small.parallax)
+
+
+@pytest.mark.parametrize(("moved", "more"), [(0.05, 0.0), (0.3, 0.3), (3.0, 0.45)])
+def test_a_node_that_leaves_its_start_is_less_sure_up_to_a_limit(moved, more):
+    assert np.sqrt(stated_variance(0.01, moved) - stated_variance(0.01, 0.0)) == pytest.approx(more, abs=0.01)
