@@ -69,12 +69,14 @@ _ASIDE = 0.8
 _MISFIT = 2.0
 """ratio of the variances by scores and by noise up to which a window shows no sign of misfit"""
 # These were set on Middlebury Cones and the synthetic pair, and tested on seven other real pairs (benchmarks/results/matching.md).
-_MODEL = 1.44
-"""factor of the variance of grey values: what they leave unexplained is not noise alone, in photographs"""
+_NOISE_ALONE, _MISFITS = 0.8, 50
+"""median misfit of windows with mere noise, and the number of nodes that a median takes; twice as much is photographic"""
+_MODEL = 0.44
+"""added to the factor of the variance of grey values in photographs: what they leave unexplained is not noise alone"""
 _SAMPLING = 0.05**2
-"""px^2: aliasing, interpolation and what is left of distortion and rectification are common to neighbouring windows"""
+"""px^2: in photographs aliasing, interpolation and what is left of distortion are common to neighbouring windows"""
 _START_NOISE = 0.07**2
-"""px^2: variance of the plane of a start"""
+"""px^2: variance of the plane of a start, at least"""
 _DISAGREED = 0.45**2
 """px^2: the most that a disagreement with the start adds; farther away it is more often the start that is wrong"""
 _AGREE = 2.0
@@ -185,8 +187,8 @@ def _adjust_planes(pair, lattice, planes, shape, rules, weights):
 def _take(solution, begin, kept):
     """Let a solution take over where it agrees with those of smaller windows; False where it does not.
 
-    kept (5,): parallax, variance, correlation, and the interval that all windows so far agree on. begin: what the correction
-    counts from.
+    kept (6,): parallax, variance, correlation, the interval that all windows so far agree on, misfit of the normal window. begin:
+    what the correction counts from.
     """
     variance = max(solution[VARIANCE], solution[SPREAD])
     parallax, reach = begin + solution[CORRECTION], _AGREE * np.sqrt(variance)
@@ -202,7 +204,7 @@ def _take(solution, begin, kept):
 def _solve_node(pair, centre, plane, rules, scratch, solution, kept):
     """The best of the windows of a node, in `kept` (see `_take`); returns its outcome."""
     limits = rules.limits
-    kept[0], kept[1], kept[2], kept[3], kept[4] = np.nan, np.inf, np.nan, -np.inf, np.inf
+    kept[0], kept[1], kept[2], kept[3], kept[4], kept[5] = np.nan, np.inf, np.nan, -np.inf, np.inf, np.nan
     outcome, field = outcomes.NOT_TRIED, pair.field[centre]
     near = field if abs(field - plane[0]) <= limits.surface_tolerance else plane[0]
     window = _NORMAL
@@ -214,6 +216,7 @@ def _solve_node(pair, centre, plane, rules, scratch, solution, kept):
         solid = found == outcomes.CONVERGED and abs(solution[CORRECTION]) <= _MAX_STEP
         whole = solution[SUPPORT] > _WHOLE * (2 * half + 1) ** 2
         if window == _NORMAL:
+            kept[5] = solution[SPREAD] / solution[VARIANCE] if solid and whole else np.nan
             # Scores that scatter as noise does are no sign of a surface that bends or breaks: smaller windows would add nothing.
             if solid and whole and solution[SPREAD] < _MISFIT * solution[VARIANCE]:
                 _take(solution, near, kept)
@@ -231,22 +234,12 @@ def _solve_node(pair, centre, plane, rules, scratch, solution, kept):
     return outcome
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def stated_variance(variance, moved):
-    """Variance of a parallax among its neighbours, px^2.
-
-    variance: what the grey values of its window say. moved: how far it ended from the plane of its start, px; the start is a second
-    opinion, from other grey values and another measure of likeness, and differs by no more than its own noise where both are right.
-    """
-    return _MODEL * variance + _SAMPLING + min(max(moved * moved - _START_NOISE, 0.0), _DISAGREED)
-
-
 @njit(cache=True, error_model="numpy")
-def _solve_nodes(pair, lattice, planes, start, shape, rules, nodes):
+def _solve_nodes(pair, lattice, planes, start, shape, rules, nodes, variance, misfit):
     """Solve the inner nodes of a lattice, of which `nodes` are the results. start (rows, cols): parallaxes of the start planes."""
     limits = rules.limits
-    parallax, sigma, likeness, outcome = nodes
-    scratch, solution, plane, kept = scratch_for(rules.widest), np.empty(9), np.empty(3), np.empty(5)
+    parallax, _, likeness, outcome = nodes
+    scratch, solution, plane, kept = scratch_for(rules.widest), np.empty(9), np.empty(3), np.empty(6)
     ring = (lattice.rows - parallax.shape[0]) // 2
     for i in range(parallax.shape[0]):
         for j in range(parallax.shape[1]):
@@ -266,15 +259,14 @@ def _solve_nodes(pair, lattice, planes, start, shape, rules, nodes):
             found = _solve_node(pair, centre, plane, rules, scratch, solution, kept)
             if found == outcomes.NOT_TRIED and np.isnan(pair.field[centre]):
                 found = outcomes.OUTSIDE
-            likeness[i, j] = kept[2]
+            likeness[i, j], misfit[i, j] = kept[2], kept[5]
             if found == outcomes.CONVERGED and not kept[2] >= limits.min_correlation:
                 found = outcomes.LOW_CORRELATION
             elif found == outcomes.CONVERGED and not abs(kept[0] - start[ring + i, ring + j]) <= limits.max_shift:
                 found = outcomes.MOVED_TOO_FAR
             outcome[i, j] = found
             if found == outcomes.CONVERGED:
-                parallax[i, j] = kept[0]
-                sigma[i, j] = np.sqrt(stated_variance(kept[1], kept[0] - start[ring + i, ring + j]))
+                parallax[i, j], variance[i, j] = kept[0], kept[1]
 
 
 def match_nodes(
@@ -305,5 +297,25 @@ def match_nodes(
     planes, begin = (np.where(other[..., None], own, carried) for carried in (planes, begin))
     warp(pair, right, shift, lattice, planes)
     nodes = NodeParallaxes.unmatched(np.zeros((len(rows), len(cols)), np.uint8))
-    _solve_nodes(pair, lattice, planes, begin[..., 0].copy(), left.shape, rules, nodes)
-    return nodes
+    variance, misfit = np.full((2, *nodes.outcome.shape), np.nan)
+    _solve_nodes(pair, lattice, planes, begin[..., 0].copy(), left.shape, rules, nodes, variance, misfit)
+    ring = (lattice.rows - len(rows)) // 2
+    moved = nodes.parallax - begin[ring : ring + len(rows), ring : ring + len(cols), 0]
+    return nodes._replace(sigma=np.sqrt(stated_variance(variance, moved, misfit)).astype(np.float32))
+
+
+def stated_variance(variance: np.ndarray, moved: np.ndarray, misfit: np.ndarray) -> np.ndarray:
+    """Variances (rows, cols) of parallaxes among their neighbours, px^2.
+
+    variance: what the grey values of the windows say. moved: how far the nodes ended from the planes of their start, px; the start
+    is a second opinion, from another measure of likeness, and differs by no more than its own noise where both are right. misfit:
+    ratio of the variances by scores and by noise in whole normal windows, NaN elsewhere; where its median is above that of mere
+    noise, the images have errors that no window shows in full: aliasing, distortion, other radiometry.
+    """
+    known = misfit[np.isfinite(misfit)]
+    share = np.clip((np.median(known) - _NOISE_ALONE) / _NOISE_ALONE, 0.0, 1.0) if known.size >= _MISFITS else 1.0
+    near = np.abs(moved[np.isfinite(moved)])
+    # Half of all nodes are nearer than 0.67 standard deviations to a start that is only noisy.
+    noise = (1.4826 * np.median(near)) ** 2 if near.size >= _MISFITS else 0.0
+    apart = np.clip(moved * moved - max(noise, _START_NOISE), 0.0, _DISAGREED)
+    return variance * (1.0 + share * _MODEL) + share * _SAMPLING + apart

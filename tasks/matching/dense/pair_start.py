@@ -75,7 +75,8 @@ def _level(
         RectifiedPhotograph(signatures(image, volume.half, 1), places) for image, places in zip(images, (flat, moved), strict=True)
     ]
     everywhere = Choice(max(shown.shape), np.array([[[0, 1]]]), np.zeros((2, *shown.shape), bool))
-    found = optimised(photographs, everywhere, candidates, volume)
+    pixels = sum(photograph.signatures.size for photograph in photographs)
+    found = optimised(photographs, pixels, everywhere, candidates, volume)
     return found.plane, first
 
 

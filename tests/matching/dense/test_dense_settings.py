@@ -213,6 +213,20 @@ def test_the_window_is_as_large_as_it_is_set():
     assert np.nanstd(large.parallax) < np.nanstd(small.parallax)
 
 
-@pytest.mark.parametrize(("moved", "more"), [(0.05, 0.0), (0.3, 0.3), (3.0, 0.45)])
+NOISE, PHOTOGRAPH = np.full(100, 0.8), np.full(100, 1.7)
+
+
+@pytest.mark.parametrize(("moved", "more"), [(0.05, 0.0), (0.3, 0.29), (3.0, 0.45)])
 def test_a_node_that_leaves_its_start_is_less_sure_up_to_a_limit(moved, more):
-    assert np.sqrt(stated_variance(0.01, moved) - stated_variance(0.01, 0.0)) == pytest.approx(more, abs=0.01)
+    near, far = (stated_variance(np.array([0.01]), np.array([distance]), NOISE)[0] for distance in (0.0, moved))
+    assert np.sqrt(far - near) == pytest.approx(more, abs=0.01)
+
+
+@pytest.mark.parametrize(("misfit", "sigma"), [(NOISE, 0.1), (PHOTOGRAPH, 0.13), (PHOTOGRAPH[:10], 0.13), (NOISE[:10], 0.13)])
+def test_images_with_more_than_noise_have_larger_standard_errors(misfit, sigma):
+    assert np.sqrt(stated_variance(np.array([0.01]), np.zeros(1), misfit)) == pytest.approx([sigma], abs=1e-3)
+
+
+def test_the_noise_of_a_rough_start_does_not_count():
+    moved = np.random.default_rng(1).normal(0.0, 0.3, 2000)
+    assert np.median(stated_variance(np.full(2000, 0.01), moved, NOISE)) == pytest.approx(0.01, rel=0.05)
