@@ -22,6 +22,8 @@ _APART = 0.15
 """Difference of two directions, as base over height, from which on a photograph counts as a new view."""
 _SAMPLES = 9
 """places along each side of the surface at which the bases are looked at"""
+_BASES = (0.1, 2.0)
+"""Bases over height between which the steps of the heights follow them: level views of a wall would ask for steps of nothing."""
 
 
 class Sight(NamedTuple):
@@ -77,7 +79,8 @@ def preferred(seen: Sight, most: int) -> np.ndarray:
 
 
 def base_height(views: Sequence[View], grid: MapGrid, ground: float, most: int) -> float:
-    """The widest base over height of the photographs that are compared: median over the surface; 1 where no place is seen twice."""
+    """The widest base over height of the photographs that are compared: median over the surface, within
+    0.1 to 2; 1 where no place is seen twice."""
     side = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
     x, y = grid.west + grid.cell * grid.cols * side, grid.north - grid.cell * grid.rows * side
     seen = sight(views, np.stack(np.meshgrid(x, y, [ground]), axis=-1).reshape(-1, 3), 0.0)
@@ -86,4 +89,4 @@ def base_height(views: Sequence[View], grid: MapGrid, ground: float, most: int) 
         directions = seen.direction[numbers[numbers >= 0], place]
         if len(directions) >= 2:
             widest.append(np.linalg.norm(directions[:, None] - directions[None], axis=-1).max())
-    return float(np.median(widest)) if widest else 1.0
+    return float(np.clip(np.median(widest), *_BASES)) if widest else 1.0

@@ -71,3 +71,8 @@ def test_base_over_height_is_that_of_the_photographs_compared():
     assert base_height([view(-30, 0), view(30, 0)], GRID, 0.0, 8) == pytest.approx(0.3)
     assert base_height([view(-30, 0), view(30, 0), view(0, 0)], GRID, 0.0, 8) == pytest.approx(0.3)
     assert base_height([view(0, 0)], GRID, 0.0, 8) == 1.0
+
+
+def test_bases_are_bounded():
+    assert base_height([view(0, 0), view(1, 0)], GRID, 0.0, 8) == 0.1
+    assert base_height([view(-60, 0, z=20.0, tilt=0.0), view(60, 0, z=20.0)], GRID, 0.0, 8) <= 2.0
