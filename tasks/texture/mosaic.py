@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid, Window
+from orthomill.tasks.geometry.footprint import photo_window
 from orthomill.tasks.geometry.view import View, block_view
 from orthomill.tasks.texture.blending import Blend, Blended, blend
 from orthomill.tasks.texture.draping import HALO, HeightSource, drape, far_from_heights, height_sources
@@ -143,6 +144,21 @@ def painted_heights(heights: np.ndarray, extent: TileExtent, rules: TextureRules
     )
 
 
+def _showing(painted: np.ndarray, extent: TileExtent, views: list[View]) -> list[tuple[View, int]]:
+    """The views that show some of the tile at its own heights, with their numbers; the plan had to allow for all heights."""
+    near = extent.core.grown(2).clipped(extent.dsm.shape)
+    here = painted[Window(near.row - extent.heights.row, near.col - extent.heights.col, *near.shape).clipped(painted.shape).slices]
+    if np.isnan(here).all():
+        return [(view, number) for number, view in enumerate(views)]
+    bounds = float(np.nanmin(here)), float(np.nanmax(here))
+    windows = (photo_window(view, extent.ortho, extent.window, *bounds) for view in views)
+    return [(view, number) for number, (view, window) in enumerate(zip(views, windows, strict=True)) if not window.empty]
+
+
+def _place(extent: TileExtent, number: int) -> tuple[Window, int]:
+    return extent.photos[number].window, extent.photos[number].level
+
+
 def _scene(painted: np.ndarray, extent: TileExtent, views: list[View], rules: TextureRules) -> _Scene:
     # Draped heights hide ground as well: what is painted is a surface.
     model = HeightModel(bridge_holes(painted, rules.bridge), extent.dsm, extent.heights)
@@ -270,12 +286,12 @@ def texture_tile(
     heights (rows, cols) m at `extent.heights`, NaN in holes; provenance codes at `extent.core`; photos: pixels (rows, cols, bands)
     of `extent.photos`; ground: heights of the blocks `extent.ground` of the whole model, only for draping.
     """
-    views = _views(block, extent)
     painted = painted_heights(heights, extent, rules, ground)
+    showing = _showing(painted, extent, _views(block, extent))
+    views, parts = [view for view, _ in showing], [PhotoPixelsAt(photos[k], *_place(extent, k)) for _, k in showing]
     scene = _scene(painted, extent, views, rules)
     core = Window(extent.core.row - extent.heights.row, extent.core.col - extent.heights.col, *extent.core.shape).slices
     sources = _to_ortho(height_sources(heights[core], painted[core], provenance), extent, extent.window)
-    parts = [PhotoPixelsAt(pixels, part.window, part.level) for pixels, part in zip(photos, extent.photos, strict=True)]
     height, width = extent.window.shape
     coverage, rejected = np.zeros((height, width), np.uint8), np.zeros((height, width), np.uint8)
     ortho, tally = np.zeros((height, width, 4), np.uint8), _Tally(np.zeros(len(parts)), np.zeros(len(parts)), np.zeros(3, np.int64))
