@@ -71,9 +71,9 @@ _MISFIT = 2.0
 # These were set on Middlebury Cones and the synthetic pair, and tested on seven other real pairs (benchmarks/results/matching.md).
 _NOISE_ALONE, _MISFITS = 0.8, 50
 """median misfit of windows with mere noise, and the number of nodes that a median takes; twice as much is photographic"""
-_MODEL = 0.44
+_MODEL = 1.25
 """added to the factor of the variance of grey values in photographs: what they leave unexplained is not noise alone"""
-_SAMPLING = 0.05**2
+_SAMPLING = 0.06**2
 """px^2: in photographs aliasing, interpolation and what is left of distortion are common to neighbouring windows"""
 _START_NOISE = 0.07**2
 """px^2: variance of the plane of a start, at least"""
