@@ -70,7 +70,7 @@ def merge_levels(
     tile: LevelsUnderTile, settings: Sureness, heights: tuple[np.ndarray, ...], qualities: tuple[np.ndarray, ...]
 ) -> MergedVolume:
     """heights, qualities: of the windows `tile.levels`."""
-    enclosed = _enclosed(heights[0], qualities[0])
+    enclosed = _enclosed(heights[0])
     height, quality = _calmed(heights[0], enclosed)[_inner(tile)], qualities[0][_inner(tile)].copy()
     level = np.where(settings.sure(quality) & enclosed[_inner(tile)], np.uint8(0), np.uint8(UNSURE))
     settled = level < UNSURE
@@ -88,9 +88,9 @@ def merge_levels(
     return MergedVolume(height, quality, level)
 
 
-def _enclosed(height: np.ndarray, quality: np.ndarray) -> np.ndarray:
+def _enclosed(height: np.ndarray) -> np.ndarray:
     """(rows, cols) bool: cells all around which, as far as coherence looks, two photographs or more see."""
-    return _box_sums((quality[..., 3] >= 2) & np.isfinite(height), COHERENCE_HALF) == (2 * COHERENCE_HALF + 1) ** 2
+    return _box_sums(np.isfinite(height), COHERENCE_HALF) == (2 * COHERENCE_HALF + 1) ** 2
 
 
 def _calmed(height: np.ndarray, enclosed: np.ndarray) -> np.ndarray:

@@ -64,9 +64,9 @@ def test_a_few_cells_that_stand_alone_do_not_ask_a_coarser_level():
 
 
 def test_nothing_is_sure_next_to_the_border():
-    qualities = [quality(shape, 95) for shape in SHAPES]
-    qualities[0][8, 12, 3] = 1
-    sure = merged(level_heights(), qualities).level < UNSURE
+    heights = level_heights()
+    heights[0][8, 12] = np.nan
+    sure = merged(heights, [quality(shape, 95) for shape in SHAPES]).level < UNSURE
     row, col = np.indices(SHAPES[0])
     near = (np.abs(row - 8) <= 4) & (np.abs(col - 12) <= 4)
     edge = (row < 4) | (col < 4) | (row >= SHAPES[0][0] - 4) | (col >= SHAPES[0][1] - 4)
