@@ -59,7 +59,8 @@ def test_what_the_library_has_can_be_listed_and_nothing_else_is_there():
 def test_the_surface_of_a_rectified_pair_is_complete_and_says_what_it_is_worth(tmp_path):
     right = cv2.GaussianBlur(np.random.default_rng(2).integers(0, 255, (90, 130)).astype(np.float32), (0, 0), 1.2)
     right = np.clip(3.0 * (right - right.mean()) + 128.0, 1, 255).astype(np.uint8)
-    cv2.imwrite(str(tmp_path / "left.png"), np.roll(right, 7, axis=1))
+    noisy = np.roll(right, 7, axis=1) + np.random.default_rng(3).normal(0.0, 2.0, right.shape)
+    cv2.imwrite(str(tmp_path / "left.png"), np.clip(np.rint(noisy), 1, 255).astype(np.uint8))
     found = orthomill.match_surface(tmp_path / "left.png", right, 0.0, 20.0)
     inside = found.parallax[:, 8:]
     assert np.isfinite(inside).all() and (np.abs(inside - 7.0) < 0.1).mean() > 0.95
