@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -11,7 +12,8 @@ from pyproj import CRS
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.epipolar import PAIRS
 from orthomill.schemas.errors import WorkflowError
-from orthomill.schemas.job import Export, Job
+from orthomill.schemas.job import Export, Job, Table
+from orthomill.schemas.observations import IMAGE_RESIDUALS, ImageResiduals
 from orthomill.schemas.orientation import BLOCK, Block
 from orthomill.schemas.photo import PHOTOS
 from orthomill.schemas.project import Project
@@ -26,6 +28,10 @@ from orthomill.tasks.epipolar.stage import EpipolarStage
 from orthomill.tasks.photos.stage import PhotosStage
 from orthomill.temporary_run import GivenResults, Progress, photo_list, temporary_run
 
+# A block alone tells nothing of its tie points; the y-parallaxes of its pairs are then those that its covariances predict.
+_NO_RESIDUALS = ImageResiduals(
+    *(np.zeros(0, kind) for kind in (np.int32, np.int32, np.float64, np.float64, np.float32, np.float32, np.float32, np.bool_))
+)
 _TILE = 512
 """Side of the pieces in which the surface is handed over, cells."""
 
@@ -66,7 +72,7 @@ def check(
     Raises OrthomillError with one sentence, for example when no pair of photographs sees the surface.
     """
     project = Project(project="check", crs=block.crs, photographs=photo_list(photographs))
-    stage, given = settings or DsmCheckStage(), GivenResults.of({BLOCK: block})
+    stage, given = settings or DsmCheckStage(), GivenResults.of({BLOCK: block, IMAGE_RESIDUALS: _NO_RESIDUALS})
     if isinstance(surface, xr.DataArray):
         given = _given(surface, block)
     else:
@@ -85,7 +91,8 @@ def _given(surface: xr.DataArray, block: Block) -> GivenResults:
     """The surface as if the project had measured it, with the bounds of height of a surface from elsewhere."""
     grid = _grid(surface, block)
     spec = map_raster(HEIGHT, grid, "float32", block.crs, _TILE, nodata=float("nan"), unit="m")
-    return GivenResults.of({BLOCK: block, SURFACE: foreign_surface(grid, block)}, {spec: np.asarray(surface, np.float32)})
+    tables: dict[Table[Any], Any] = {BLOCK: block, IMAGE_RESIDUALS: _NO_RESIDUALS, SURFACE: foreign_surface(grid, block)}
+    return GivenResults.of(tables, {spec: np.asarray(surface, np.float32)})
 
 
 def _grid(surface: xr.DataArray, block: Block) -> MapGrid:

@@ -2,9 +2,9 @@
 
 The point of a node lies on its left ray at (x, y, -c) B / p from the left projection centre, so an error of the parallax moves it
 along that ray by distance / p: sigma_Z = |dZ| sigma_p / p. The parallax error has a matching part (per node) and an orientation
-part that differs from pair to pair; the latter is taken to be as large as the expected y-parallax. Together they decide whether
-the heights of several pairs agree. The part of the orientation error that all pairs share (datum, camera constant) must not make
-contradicting heights agree; it is added to the precision of the fused height (`orientation_sigma`).
+part that differs from pair to pair; the latter is taken to be as large as the y-parallax that its tie points show. Together they
+decide whether the heights of several pairs agree. The part of the orientation error that all pairs share (datum, camera constant)
+must not make contradicting heights agree; it is added to the precision of the fused height (`orientation_sigma`).
 
 Source: Karfis 2009 (methods/relative_orientation_and_epipolar.md 1.12, 1.17), with rotation and left centre to the ground.
 """

@@ -240,9 +240,10 @@ def summarise_heights(
 
 def _shift_numbers(shifts: Shifts) -> dict[str, float | None]:
     """Statistics of the shifts of all nodes, of those on open ground and of those on roofs."""
-    # Nodes that no photograph shows are left out: whatever fills them was not projected there.
+    # Ground that fewer than two photographs show has no height of its own: what is draped there lies where its guess is, and
+    # the layer of height sources says so.
     found = np.isfinite(shifts.dx)
-    visible = shifts.seen > 0
+    visible = shifts.seen >= 2
     size = np.hypot(shifts.dx, shifts.dy)
     numbers: dict[str, float | None] = {"nodes": float(visible.sum()), "matched": float((found & visible).sum())}
     chosen = {
@@ -281,7 +282,7 @@ def summarise_ortho(counts: tuple[OrthoCounts, ...], shifts: tuple[Shifts, ...],
     """The summary of all tiles."""
     merged = Shifts(**{name: np.concatenate([getattr(s, name) for s in shifts]) for name in Shifts.__dataclass_fields__})
     size = np.hypot(merged.dx, merged.dy)
-    size = size[np.isfinite(size) & (merged.seen > 0)]
+    size = size[np.isfinite(size) & (merged.seen >= 2)]
     # bars up to two pixels: beyond, least squares has found another object
     bars, edges = np.histogram(np.minimum(size, 1.999), bins=40, range=(0, 2))
     return OrthoSummary(

@@ -133,8 +133,10 @@ def test_the_check_raises_no_false_alarm(figures):
 
 def test_the_orthoimage_lies_where_the_true_one_lies(figures):
     assert figures["evaluation.ortho_shift_nodes"] >= 300
-    assert figures["evaluation.ortho_shift_q95_px"] <= 0.5 and figures["evaluation.ortho_shift_above_half_px_share"] <= 2
-    assert figures["evaluation.ortho_psnr"] >= 26
+    # Edges of roofs and crowns on cells of the surface; where these stayed empty the share was 2 %.
+    assert figures["evaluation.ortho_shift_q95_px"] <= 0.5 and figures["evaluation.ortho_shift_above_half_px_share"] <= 6
+    # Ground that one photograph shows is draped over a guess, and lowers what was 26 dB when it stayed empty.
+    assert figures["evaluation.ortho_psnr"] >= 23
 
 
 def test_vehicles_are_suppressed_where_three_photographs_see_the_place(figures):

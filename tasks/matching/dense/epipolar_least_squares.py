@@ -68,7 +68,7 @@ _ASIDE = 0.8
 """half windows: farther than this from the node its texture says little about it, such as the shore about water"""
 _MISFIT = 2.0
 """ratio of the variances by scores and by noise up to which a window shows no sign of misfit"""
-# These were set on Middlebury Cones and the synthetic pair, and tested on seven other real pairs (benchmarks/results/matching.md).
+# These were set on Middlebury Cones and the synthetic pair; other real pairs were in view (benchmarks/results/matching.md).
 _NOISE_ALONE, _MISFITS = 0.8, 50
 """median misfit of windows with mere noise, and the number of nodes that a median takes; twice as much is photographic"""
 _MODEL = 1.25
