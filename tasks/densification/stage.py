@@ -202,7 +202,10 @@ class DensificationStage(Stage):
                 "statistics": table,
                 "points": points_table(tile.row, tile.col),
             },
-            {"tile": SurfaceTile(surface, tile.window, work, pieces, scene.ground, scene.levels[-1].step), "rules": self.rules},
+            {
+                "tile": SurfaceTile(surface, tile.window, work, pieces, scene.block.ground_mean, scene.levels[-1].step),
+                "rules": self.rules,
+            },
             row=tile.row,
             col=tile.col,
             scratch=surface_scratch(pieces, work) + points_bytes(tile.window, 2 * len(pieces), self.points),

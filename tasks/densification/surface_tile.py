@@ -77,7 +77,7 @@ class PairPiece:
 class SurfaceTile:
     """A tile of the surface: its own cells `window`, and the cells `work` that are computed (with halo, clipped to the grid).
 
-    pairs: all of the block, for what the orientation adds; pieces: those with nodes here.
+    pieces: the pairs that can show it.
     """
 
     surface: Surface

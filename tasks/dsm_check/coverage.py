@@ -70,7 +70,7 @@ def foreign_surface(grid: MapGrid, block: Block, surface: Surface | None = None)
     Its heights may exceed those of the tie points by a seventh of the flying height; higher and lower ones are not checked.
     """
     # The header of a file does not contain its heights, and reading all of them would delay every other job.
-    flying = float(np.mean([photo.centre[2] for photo in block.photos])) - (block.ground_low + block.ground_high) / 2
+    flying = float(np.mean([photo.centre[2] for photo in block.photos])) - block.ground_mean
     low, high = block.ground_low - abs(flying) / 7, block.ground_high + abs(flying) / 7
     return Surface(grid=surface.grid if surface else grid, height_low=low, height_high=high)
 

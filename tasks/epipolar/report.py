@@ -147,7 +147,7 @@ def _not_used(pairs: EpipolarPairs) -> tuple[Grid, ...]:
 def _map(block: Block) -> Chart:
     """Projection centres with their names, and points along the borders of the footprints."""
     # Every fourth border point: the footprint stays recognisable and the chart of a large block stays small.
-    mean = (block.ground_low + block.ground_high) / 2
+    mean = block.ground_mean
     corners = [block_view(block, name).at_height(border_pixels(block_view(block, name))[::4], mean) for name in block.names]
     points = np.vstack([[photo.centre for photo in block.photos], *corners])
     points = points[np.isfinite(points).all(axis=1)]

@@ -90,7 +90,7 @@ def block_heights(block: Block, margin: float, room: float = 0.0) -> HeightRange
     (m) where that is more, up to a limit well below the camera."""
     # Tie points lie mostly on the ground. Room for crowns and roofs is given in metres, because trees do not grow with the
     # flying height; the limit keeps drone flights at 30 m from asking for parallaxes up to the camera.
-    flying = abs(float(np.mean([photo.centre[2] for photo in block.photos]) - (block.ground_low + block.ground_high) / 2))
+    flying = abs(float(np.mean([photo.centre[2] for photo in block.photos]) - block.ground_mean))
     spare = margin * flying
     return HeightRange(block.ground_low - spare, block.ground_high + max(spare, min(room, _GREATEST_ROOM * flying)))
 

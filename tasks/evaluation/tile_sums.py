@@ -119,7 +119,7 @@ def expected_sigma(block: Block, pairs: EpipolarPairs | None, parallax_sigma: fl
     # without pairs no base is known, and without a base no expectation
     if pairs is None or not pairs.pairs:
         return None
-    ground = 0.5 * (block.ground_low + block.ground_high)
+    ground = block.ground_mean
     # medians: a few oblique or high photographs must not set the expectation for all heights
     pixel = np.median([(v.centre[2] - ground) / v.camera.c for v in (block_view(block, name) for name in block.names)])
     return float(parallax_sigma * pixel / np.median([pair.base_height for pair in pairs.pairs]))

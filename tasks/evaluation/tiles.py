@@ -126,7 +126,7 @@ def _datum_on(grid: MapGrid, core: Window, block: Block, truth: Block) -> np.nda
     )
     row, col = (DATUM_NODES * np.arange(a, b + 1) for a, b in zip(first, last, strict=True))
     x, y = grid.west + (col + 0.5) * grid.cell, grid.north - (row + 0.5) * grid.cell
-    level = 0.5 * (truth.ground_low + truth.ground_high)
+    level = truth.ground_mean
     points = np.column_stack([*(a.ravel() for a in np.meshgrid(x, y)), np.full(len(x) * len(y), level)])
     nodes = datum_heights(block, truth, points).reshape(len(y), len(x))
     at = [np.arange(n) + start for n, start in ((core.height, core.row - row[0]), (core.width, core.col - col[0]))]

@@ -295,7 +295,7 @@ def texture_tile(
     height, width = extent.window.shape
     coverage, rejected = np.zeros((height, width), np.uint8), np.zeros((height, width), np.uint8)
     ortho, tally = np.zeros((height, width, 4), np.uint8), _Tally(np.zeros(len(parts)), np.zeros(len(parts)), np.zeros(3, np.int64))
-    level = 0.5 * (block.ground_low + block.ground_high)
+    level = block.ground_mean
     for top in range(0, height, STRIP):
         window = Window(extent.window.row + top, extent.window.col, min(STRIP, height - top), width)
         strip = scene.ground.part(window)

@@ -180,7 +180,7 @@ class TextureStage(Stage):
         """Samples of all tiles, the balance of the block, then the tiles of the orthoimage."""
         block, surface, photos = view.table(BLOCK), view.table(SURFACE), view.table(PHOTOS)
         views = [block_view(block, name) for name in block.names]
-        pixels = ground_pixels(views, 0.5 * (block.ground_low + block.ground_high))
+        pixels = ground_pixels(views, block.ground_mean)
         ortho = ortho_grid(surface.grid, None if self.cell == "auto" else self.cell, median(pixels))
         rules = self._rules(surface)
         yield from self._rasters(ortho, block.crs, view.project.tile)

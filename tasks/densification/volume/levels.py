@@ -69,15 +69,10 @@ class VolumeScene:
         """(west, south, east, north) of the ground that each of them can show, m."""
         return tuple(ground_bounds(view, self.surface.height_low, self.surface.height_high) for view in self.views)
 
-    @property
-    def ground(self) -> float:
-        """Mean height of the ground, m."""
-        return 0.5 * (self.block.ground_low + self.block.ground_high)
-
     @cached_property
     def levels(self) -> tuple[VolumeLevel, ...]:
         """The levels, the coarsest first."""
-        widest = base_height(self.views, self.surface.grid, self.ground, self.settings.photographs)
+        widest = base_height(self.views, self.surface.grid, self.block.ground_mean, self.settings.photographs)
         step = self.settings.step * self.surface.grid.cell / widest
         coarsest = 0
         while _count(self.surface, step * 2**coarsest) > self.settings.widest:

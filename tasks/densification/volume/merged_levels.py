@@ -75,6 +75,8 @@ def merge_levels(
     level = np.where(settings.sure(quality) & enclosed[_inner(tile)], np.uint8(0), np.uint8(UNSURE))
     settled = level < UNSURE
     for k in range(1, len(heights)):
+        if settled.all():
+            break
         rows, cols = _places(tile, k)
         own = qualities[k][np.ix_(np.rint(rows).astype(int), np.rint(cols).astype(int))]
         sure = settings.sure(own)

@@ -95,7 +95,7 @@ def _overlap(bounds: tuple[float, float, float, float], x: np.ndarray, y: np.nda
 
 def _part(view: View, level: VolumeLevel, work: Window, scene: VolumeScene) -> PhotoPart:
     photo, heights = scene.photos[view.name], level.heights
-    ground_pixel = max(view.centre[2] - scene.ground, 1e-6) / view.camera.c
+    ground_pixel = max(view.centre[2] - scene.block.ground_mean, 1e-6) / view.camera.c
     number = photo_level(level.grid.cell / scene.settings.oversampling, ground_pixel, photo.levels)
     full = photo_window(view, level.grid, work, heights[0], heights[-1], _margin(number))
     return PhotoPart(view.name, number, level_window(full, number, level_shape((photo.height, photo.width), number)))
@@ -144,7 +144,7 @@ def _hidden(tile: VolumeTile, views: list[View], coarser: np.ndarray | None) -> 
 def _preferred(tile: VolumeTile, views: list[View], settings: HeightVolume, block: Block, coarser: np.ndarray | None) -> np.ndarray:
     """Numbers (places, places, photographs) of the tile's photographs at each of its places, the best first."""
     x, y = places(tile.level.grid, tile.work)
-    z = np.full((len(y), len(x)), 0.5 * (block.ground_low + block.ground_high))
+    z = np.full((len(y), len(x)), block.ground_mean)
     if coarser is not None and tile.coarser is not None:
         z = _known(coarser[np.ix_(*_coarser_cells(tile, PLACE))], z)
     points = np.column_stack([*(values.ravel() for values in np.meshgrid(x, y)), z.ravel()])

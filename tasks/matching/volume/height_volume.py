@@ -86,8 +86,8 @@ def optimised(
         sweep(cost, total, low, offset, planes, small, large, backwards)
     found = winners(total, cost, low, offset)
     unit = BITS[settings.half] * COST_UNIT
-    counts = (photographs_at(stack, hidden, found[1]) for hidden in (np.zeros_like(choice.hidden), choice.hidden))
-    return OptimisedCells(found[0], found[2] / np.float32(unit), found[3] / np.float32(8 * unit), *counts)
+    counts = (photographs_at(stack, hidden, found.nearest) for hidden in (np.zeros_like(choice.hidden), choice.hidden))
+    return OptimisedCells(found.plane, found.cost / np.float32(unit), found.margin / np.float32(8 * unit), *counts)
 
 
 def scratch_bytes(candidates: int, cells: int, pixels: int, settings: HeightVolume) -> int:

@@ -55,7 +55,7 @@ def winners(total, cost, low, offset):
                     shift = min(max(np.float32(0.5) * (before - after) / bend, np.float32(-0.5)), np.float32(0.5))
             nearest[r, c], own[r, c] = low[r, c] + best, cost[begin + best]
             plane[r, c] = np.float32(low[r, c] + best) + shift
-    return plane, nearest, own, margin
+    return Winners(plane, nearest, own, margin)
 
 
 @njit(cache=True)

@@ -41,7 +41,7 @@ def filled_areas(own: ImageResiduals, camera: Camera) -> int:
 
 def coverage(facts: Facts) -> tuple[float, float]:
     """Percent of the photographed ground (a grid at the mean height under the block) that two and three photographs see."""
-    height = 0.5 * (facts.block.ground_low + facts.block.ground_high)
+    height = facts.block.ground_mean
     views = [block_view(facts.block, name) for name in facts.block.names]
     corners = np.vstack([view.at_height(_corners(view), height) for view in views])
     # Rays above the horizon of an oblique photograph meet no ground.

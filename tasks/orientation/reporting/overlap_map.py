@@ -42,7 +42,7 @@ class GroundMap:
 
 def overlap_map(block: Block) -> np.ndarray:
     """(SIDE, SIDE) uint8: photographs that see each place, at most MOST; outlines and projection centres drawn over it."""
-    height, views = _mean_height(block), _views(block)
+    height, views = block.ground_mean, _views(block)
     outlines = [outline(view, height) for view in views]
     ground = _ground_map(views, outlines)
     places = np.column_stack([ground.places(), np.full(SIDE * SIDE, height)])
@@ -56,10 +56,6 @@ def overlap_map(block: Block) -> np.ndarray:
         col, row = np.rint(ground.pixels(view.centre[None, :2])[0]).astype(int)
         drawn[max(row - 1, 0) : row + 2, max(col - 1, 0) : col + 2] = CENTRE
     return drawn
-
-
-def _mean_height(block: Block) -> float:
-    return 0.5 * (block.ground_low + block.ground_high)
 
 
 def _views(block: Block) -> list[View]:
@@ -97,7 +93,7 @@ def overlap_picture(block: Block) -> Picture:
     """How the report draws the map of `overlap_map`."""
     # The width is computed again: a job that writes a raster returns nothing else.
     views = _views(block)
-    wide = SIDE * _ground_map(views, [outline(view, _mean_height(block)) for view in views]).cell
+    wide = SIDE * _ground_map(views, [outline(view, block.ground_mean) for view in views]).cell
     seen = [(0, "#f4f4f1", "seen by none")]
     seen += [(i, _COLOURS[i - 1], f"{i} photograph{'s' * (i > 1)}{' or more' * (i == MOST)}") for i in range(1, MOST + 1)]
     return Picture(
