@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.surface import MEASURED
 from orthomill.tasks.geometry.footprint import photo_window
 from orthomill.tasks.geometry.view import View, block_view
 from orthomill.tasks.texture.blending import Blend, Blended, blend
@@ -22,11 +23,14 @@ from orthomill.tasks.texture.extent import TileExtent
 from orthomill.tasks.texture.radiometric_balance import Radiometry, Samples, balance_block, corrected
 from orthomill.tasks.texture.sampling import Ground, PhotoPixelsAt, ground_of, sample_photo, shown
 from orthomill.tasks.visibility.height_model import HeightModel, Targets, bridge_holes, visible_targets, widening_factor
+from orthomill.tasks.visibility.sight import Sight, sights
 
 STRIP = 64
 """Ortho rows that are blended at a time."""
 RESERVED_WORTH = 1e-3
 """Weight factor next to an occlusion: such a colour is used only where no photo has a better one."""
+LAST_WORTH = 1e-6
+"""Weight factor behind an estimated height: such a colour is used only where estimates stand in front of every photo."""
 
 # 16 bits are stretched so that the brightest thousandth of the samples keeps a margin below white: specular points may saturate.
 _BRIGHTEST, _BRIGHT_MARGIN = 0.999, 1.05
@@ -100,7 +104,7 @@ def _views(block: Block, extent: TileExtent) -> list[View]:
 
 @dataclass(frozen=True)
 class _Scene:
-    """A tile's ground, and each photo's weight factor on it: 0 hidden, small next to an occlusion, 1 elsewhere."""
+    """A tile's ground, and each photo's weight factor on it: 0 hidden, small behind an estimate or at an occlusion, 1 elsewhere."""
 
     ground: Ground
     factors: tuple[np.ndarray, ...]
@@ -159,27 +163,29 @@ def _place(extent: TileExtent, number: int) -> tuple[Window, int]:
     return extent.photos[number].window, extent.photos[number].level
 
 
-def _scene(painted: np.ndarray, extent: TileExtent, views: list[View], rules: TextureRules) -> _Scene:
-    # Draped heights hide ground as well: what is painted is a surface.
+def _scene(painted: np.ndarray, measured: np.ndarray, extent: TileExtent, views: list[View], rules: TextureRules) -> _Scene:
+    # Draped heights stand in the way as well, like estimates: what is painted is a surface.
     model = HeightModel(bridge_holes(painted, rules.bridge), extent.dsm, extent.heights)
+    certain = HeightModel(np.where(measured, painted, np.float32(np.nan)), extent.dsm, extent.heights)
     # Occlusions outside the tile reduce weights inside it, so visibility is computed on a larger window.
     rim = extent.window.grown(rules.rim * extent.divisor).clipped(extent.ortho.shape)
     ground = ground_of(painted, extent.heights, extent.dsm, extent.ortho, rim)
     targets, core = _targets(ground, extent.dsm), extent.window
     inner = Window(core.row - rim.row, core.col - rim.col, core.height, core.width).slices
-    seen = (visible_targets(model, view, targets, rules.tolerance) for view in views)
-    factors = tuple(_factor(visible, ground.z, rules, extent.divisor)[inner] for visible in seen)
+    seen = (sights(model, certain, view, targets, rules.tolerance) for view in views)
+    factors = tuple(_factor(sight, ground.z, rules, extent.divisor)[inner] for sight in seen)
     return _Scene(ground.part(core), factors)
 
 
-def _factor(visible: np.ndarray, z: np.ndarray, rules: TextureRules, divisor: int) -> np.ndarray:
-    """Weight factors (rows, cols) of a photo from its visibility, reduced next to occlusions."""
+def _factor(sight: np.ndarray, z: np.ndarray, rules: TextureRules, divisor: int) -> np.ndarray:
+    """Weight factors (rows, cols) of a photo from codes of Sight, reduced next to occlusions."""
+    worth = np.array([0.0, LAST_WORTH, 1.0], np.float32)[sight]
     if rules.widening_margin + rules.widening_ramp <= 0:
-        return visible.astype(np.float32)
+        return worth
     # A hole without height is no occlusion: its rim is as well visible as any other ground.
-    hidden = (visible == 0) & np.isfinite(z)
-    widened = widening_factor(hidden, rules.widening_margin * divisor, rules.widening_ramp * divisor)
-    return np.where(visible > 0, np.maximum(widened, RESERVED_WORTH), 0).astype(np.float32)
+    occluded = (sight != Sight.FREE) & np.isfinite(z)
+    widened = widening_factor(occluded, rules.widening_margin * divisor, rules.widening_ramp * divisor)
+    return np.where(sight == Sight.FREE, np.maximum(widened, np.float32(RESERVED_WORTH)), worth)
 
 
 def _to_ortho(cells: np.ndarray, extent: TileExtent, window: Window) -> np.ndarray:
@@ -283,15 +289,15 @@ def texture_tile(
 ) -> OrthoTile:
     """One tile of the orthoimage.
 
-    heights (rows, cols) m at `extent.heights`, NaN in holes; provenance codes at `extent.core`; photos: pixels (rows, cols, bands)
-    of `extent.photos`; ground: heights of the blocks `extent.ground` of the whole model, only for draping.
+    heights (rows, cols) m, NaN in holes, and provenance codes at `extent.heights`; photos: pixels (rows, cols, bands) of
+    `extent.photos`; ground: heights of the blocks `extent.ground` of the whole model, only for draping.
     """
     painted = painted_heights(heights, extent, rules, ground)
     showing = _showing(painted, extent, _views(block, extent))
     views, parts = [view for view, _ in showing], [PhotoPixelsAt(photos[k], *_place(extent, k)) for _, k in showing]
-    scene = _scene(painted, extent, views, rules)
+    scene = _scene(painted, np.isin(provenance, MEASURED) & np.isfinite(heights), extent, views, rules)
     core = Window(extent.core.row - extent.heights.row, extent.core.col - extent.heights.col, *extent.core.shape).slices
-    sources = _to_ortho(height_sources(heights[core], painted[core], provenance), extent, extent.window)
+    sources = _to_ortho(height_sources(heights[core], painted[core], provenance[core]), extent, extent.window)
     height, width = extent.window.shape
     coverage, rejected = np.zeros((height, width), np.uint8), np.zeros((height, width), np.uint8)
     ortho, tally = np.zeros((height, width, 4), np.uint8), _Tally(np.zeros(len(parts)), np.zeros(len(parts)), np.zeros(3, np.int64))

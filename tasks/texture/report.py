@@ -123,7 +123,7 @@ def _seen_figures(totals: _Totals) -> tuple[Figure, ...]:
         (
             "occluded_share",
             totals.hidden,
-            "Pixels without colour because something hides them from every photo that shows the place.",
+            "Pixels without colour because a measured surface hides them from every photo that shows the place.",
         ),
         ("missed_share", totals.missed, "Pixels without colour although a photo sees them, for want of a height."),
     )

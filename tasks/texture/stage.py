@@ -291,7 +291,7 @@ def _ground(dsm: MapGrid, crs: str, size: int, heights: str) -> Iterator[RasterS
 
 def _ortho_job(tile: Tile, heights: str, extent: TileExtent, rules: TextureRules, draped: bool) -> Job:
     rasters = {"ortho": ORTHO, "coverage": COVERAGE, "rejected": REJECTED, "height_source": HEIGHT_SOURCE}
-    reads = {**_reads(heights, extent), "provenance": Raster(PROVENANCE, extent.core), "radiometry": RADIOMETRY}
+    reads = {**_reads(heights, extent), "provenance": Raster(PROVENANCE, extent.heights), "radiometry": RADIOMETRY}
     if draped:
         reads["ground"] = Raster(GROUND, extent.ground)
     return Job(
@@ -359,5 +359,5 @@ def _scratch(extent: TileExtent) -> int:
     photos = len(extent.photos)
     cells = extent.heights.height * extent.heights.width
     pixels = extent.window.height * extent.window.width
-    # Draping holds the cells, their sums in float64 and two levels at a time.
-    return (24 + 40) * cells + (48 + 6 * photos) * pixels + 64 * extent.window.width * (photos * 40 + 40)
+    # Draping holds the cells, their sums in float64 and two levels at a time; visibility the model and its measured part.
+    return (32 + 40) * cells + (48 + 6 * photos) * pixels + 64 * extent.window.width * (photos * 40 + 40)

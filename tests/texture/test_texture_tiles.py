@@ -63,7 +63,7 @@ def make(
     for t in tiles_of(ORTHO.shape, tile):
         extent = tile_extent(SURFACE, ORTHO, t.window, sources, rules.halo)
         pixels = tuple(photos[part.name][part.window.slices] for part in extent.photos)
-        own, blocks = (model[extent.heights.slices], codes[extent.core.slices]), ground[extent.ground.slices]
+        own, blocks = (model[extent.heights.slices], codes[extent.heights.slices]), ground[extent.ground.slices]
         result = texture_tile(*own, block(), radiometry, pixels, extent, rules, blocks)
         statistics.append(result.statistics)
         for name, values in zip(("ortho", "coverage", "rejected", "height_source"), result, strict=False):
@@ -192,9 +192,10 @@ def test_vehicles_stay_without_rejection(photos, radiometry):
 def test_tiles_give_bit_for_bit_what_one_tile_gives(photos, radiometry, tile, reach):
     noisy = heights() + np.random.default_rng(8).normal(0, 0.2, DSM.shape).astype(np.float32)
     noisy[20:23, 30:36] = noisy[70:110, 25:90] = np.nan
+    codes = np.where(np.arange(120)[:, None] % 20 < 9, Provenance.INCOHERENT, Provenance.AGREED).repeat(120, 1)
     rules = replace(RULES, drape_reach=reach)
-    one, _ = make(photos, radiometry, model=noisy, rules=rules)
-    many, _ = make(photos, radiometry, tile, model=noisy, rules=rules)
+    one, _ = make(photos, radiometry, model=noisy, rules=rules, provenance=codes)
+    many, _ = make(photos, radiometry, tile, model=noisy, rules=rules, provenance=codes)
     for name, values in one.items():
         assert np.array_equal(values, many[name]), name
 
@@ -255,6 +256,38 @@ def test_estimated_heights_are_told_from_measured_ones(photos, radiometry):
     source = rasters["height_source"]
     assert (source[:40] == HeightSource.ESTIMATED).all() and (source[40:] == HeightSource.MEASURED).all()
     assert statistics.heights == (0, 200 * 240, 0, 40 * 240)
+
+
+def test_where_only_an_estimate_hides_the_ground_it_has_its_colour(photos, radiometry, ortho):
+    """A slab that is not there stands before the ground of every photo: measured it hides it, estimated it does not."""
+    wrong, codes = heights(), np.full(DSM.shape, Provenance.AGREED, np.uint8)
+    slab = np.zeros(DSM.shape, bool)
+    # A frame around cells of ground, as high as the photos are far: no ray comes in.
+    slab[84:103, 14:33] = True
+    slab[90:97, 20:27] = False
+    wrong[slab] = 60.0
+    inside = np.s_[184:190, 44:50]
+    hidden, (statistics,) = make(photos, radiometry, model=wrong, provenance=codes)
+    assert (hidden["ortho"][inside][..., 3] == 0).all()
+    codes[slab] = Provenance.INCOHERENT
+    shown, (honest,) = make(photos, radiometry, model=wrong, provenance=codes)
+    assert np.abs(shown["ortho"][inside][..., :3] - true_ortho()[inside]).max() < 20
+    assert honest.hidden == ortho[1][0].hidden < statistics.hidden
+
+
+def test_a_photo_behind_an_estimate_serves_only_where_no_other_sees_the_place(photos, radiometry):
+    """An estimated wall on the true roof stands before photo a alone: the blend is that of the others."""
+    wrong, codes = heights(), np.full(DSM.shape, Provenance.AGREED, np.uint8)
+    wrong[20:24, 38:40], codes[20:24, 38:40] = 8.0, Provenance.INTERPOLATED
+    behind = np.s_[42:46, 80:81]
+    rasters, _ = make(photos, radiometry, model=wrong, provenance=codes)
+    others, _ = make(
+        {name: np.where(name == "a", 0, pixels).astype(np.uint8) for name, pixels in photos.items()},
+        radiometry,
+        model=wrong,
+        provenance=codes,
+    )
+    np.testing.assert_array_equal(rasters["ortho"][behind], others["ortho"][behind])
 
 
 def test_grey_photos_of_16_bits_give_a_grey_orthoimage(photos):
