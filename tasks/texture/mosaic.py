@@ -23,7 +23,7 @@ from orthomill.tasks.texture.extent import TileExtent
 from orthomill.tasks.texture.radiometric_balance import Radiometry, Samples, balance_block, corrected
 from orthomill.tasks.texture.sampling import Ground, PhotoPixelsAt, ground_of, sample_photo, shown
 from orthomill.tasks.visibility.height_model import HeightModel, Targets, bridge_holes, visible_targets, widening_factor
-from orthomill.tasks.visibility.sight import Sight, sights
+from orthomill.tasks.visibility.lines_of_sight import LineOfSight, lines_of_sight
 
 STRIP = 64
 """Ortho rows that are blended at a time."""
@@ -172,20 +172,20 @@ def _scene(painted: np.ndarray, measured: np.ndarray, extent: TileExtent, views:
     ground = ground_of(painted, extent.heights, extent.dsm, extent.ortho, rim)
     targets, core = _targets(ground, extent.dsm), extent.window
     inner = Window(core.row - rim.row, core.col - rim.col, core.height, core.width).slices
-    seen = (sights(model, certain, view, targets, rules.tolerance) for view in views)
+    seen = (lines_of_sight(model, certain, view, targets, rules.tolerance) for view in views)
     factors = tuple(_factor(sight, ground.z, rules, extent.divisor)[inner] for sight in seen)
     return _Scene(ground.part(core), factors)
 
 
 def _factor(sight: np.ndarray, z: np.ndarray, rules: TextureRules, divisor: int) -> np.ndarray:
-    """Weight factors (rows, cols) of a photo from codes of Sight, reduced next to occlusions."""
+    """Weight factors (rows, cols) of a photo from codes of LineOfSight, reduced next to occlusions."""
     worth = np.array([0.0, LAST_WORTH, 1.0], np.float32)[sight]
     if rules.widening_margin + rules.widening_ramp <= 0:
         return worth
     # A hole without height is no occlusion: its rim is as well visible as any other ground.
-    occluded = (sight != Sight.FREE) & np.isfinite(z)
+    occluded = (sight != LineOfSight.FREE) & np.isfinite(z)
     widened = widening_factor(occluded, rules.widening_margin * divisor, rules.widening_ramp * divisor)
-    return np.where(sight == Sight.FREE, np.maximum(widened, np.float32(RESERVED_WORTH)), worth)
+    return np.where(sight == LineOfSight.FREE, np.maximum(widened, np.float32(RESERVED_WORTH)), worth)
 
 
 def _to_ortho(cells: np.ndarray, extent: TileExtent, window: Window) -> np.ndarray:

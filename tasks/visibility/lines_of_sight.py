@@ -13,7 +13,7 @@ from orthomill.tasks.geometry.view import View
 from orthomill.tasks.visibility.height_model import HeightModel, Targets, visible_targets
 
 
-class Sight(IntEnum):
+class LineOfSight(IntEnum):
     """How a photograph sees a place; uint8 in arrays. The higher the better."""
 
     HIDDEN = 0
@@ -21,8 +21,8 @@ class Sight(IntEnum):
     FREE = 2
 
 
-def sights(surface: HeightModel, measured: HeightModel, view: View, targets: Targets, tolerance: float) -> np.ndarray:
-    """uint8 (R, C) codes of Sight of the targets.
+def lines_of_sight(surface: HeightModel, measured: HeightModel, view: View, targets: Targets, tolerance: float) -> np.ndarray:
+    """uint8 (R, C) codes of LineOfSight of the targets.
 
     `surface`: all heights; `measured`: the same model with NaN where heights are not measured; `tolerance` (m) as in
     `visible_targets`. A target without height is HIDDEN.
@@ -31,4 +31,4 @@ def sights(surface: HeightModel, measured: HeightModel, view: View, targets: Tar
     # Only what something hides is asked again: a few per cent of the ground.
     behind = replace(targets, z=np.where(free, np.float32(np.nan), targets.z))
     certain = visible_targets(measured, view, behind, tolerance)
-    return np.where(free, Sight.FREE, certain * np.uint8(Sight.BEHIND_ESTIMATE)).astype(np.uint8)
+    return np.where(free, LineOfSight.FREE, certain * np.uint8(LineOfSight.BEHIND_ESTIMATE)).astype(np.uint8)

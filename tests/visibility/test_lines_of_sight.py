@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from orthomill.schemas.raster import Window
 from orthomill.tasks.visibility.height_model import HeightModel, Targets, visible_targets
-from orthomill.tasks.visibility.sight import Sight, sights
+from orthomill.tasks.visibility.lines_of_sight import LineOfSight, lines_of_sight
 
 WHOLE = Window(0, 0, DSM.rows, DSM.cols)
 INDEX = np.arange(120)
@@ -18,11 +18,11 @@ ROW = int(DSM.pixel(20.0, 60.0)[1])
 
 
 def seen(z: np.ndarray, measured: np.ndarray) -> np.ndarray:
-    """Sight of all cell centres of a model of which `measured` (bool) says what is no estimate."""
+    """LineOfSight of all cell centres of a model of which `measured` (bool) says what is no estimate."""
     targets = Targets(INDEX, INDEX, z, np.zeros_like(z))
     model = HeightModel(z, DSM, WHOLE)
     certain = HeightModel(np.where(measured, z, np.float32(np.nan)), DSM, WHOLE)
-    return sights(model, certain, CAMERA, targets, 0.2)
+    return lines_of_sight(model, certain, CAMERA, targets, 0.2)
 
 
 def wall(col: int = 60) -> np.ndarray:
@@ -34,22 +34,22 @@ def wall(col: int = 60) -> np.ndarray:
 def test_a_measured_wall_hides_what_an_estimated_one_sets_back():
     measured = np.ones((120, 120), bool)
     behind = slice(64, 70)
-    assert (seen(wall(), measured)[ROW, behind] == Sight.HIDDEN).all()
+    assert (seen(wall(), measured)[ROW, behind] == LineOfSight.HIDDEN).all()
     measured[:, 60:62] = False
-    assert (seen(wall(), measured)[ROW, behind] == Sight.BEHIND_ESTIMATE).all()
+    assert (seen(wall(), measured)[ROW, behind] == LineOfSight.BEHIND_ESTIMATE).all()
 
 
 def test_a_measured_wall_behind_an_estimated_one_hides():
     z, measured = wall(), np.ones((120, 120), bool)
     z[:, 50:52], measured[:, 50:52] = 6.0, False
-    assert (seen(z, measured)[ROW, 64:70] == Sight.HIDDEN).all()
-    assert (seen(z, measured)[ROW, 52:56] == Sight.BEHIND_ESTIMATE).all()
+    assert (seen(z, measured)[ROW, 64:70] == LineOfSight.HIDDEN).all()
+    assert (seen(z, measured)[ROW, 52:56] == LineOfSight.BEHIND_ESTIMATE).all()
 
 
 def test_an_estimate_is_hidden_by_what_is_measured():
     z, measured = wall(), np.ones((120, 120), bool)
     measured[:, 62:] = False
-    assert (seen(z, measured)[ROW, 64:70] == Sight.HIDDEN).all()
+    assert (seen(z, measured)[ROW, 64:70] == LineOfSight.HIDDEN).all()
 
 
 @settings(max_examples=15, deadline=None)
@@ -58,4 +58,4 @@ def test_what_all_heights_leave_free_is_free_whatever_is_measured(seed, share):
     rng = np.random.default_rng(seed)
     z = (12 * rng.random((120, 120)) * (rng.random((120, 120)) < 0.05)).astype(np.float32)
     free = visible_targets(HeightModel(z, DSM, WHOLE), CAMERA, Targets(INDEX, INDEX, z, np.zeros_like(z)), 0.2) > 0
-    np.testing.assert_array_equal(seen(z, rng.random(z.shape) < share) == Sight.FREE, free)
+    np.testing.assert_array_equal(seen(z, rng.random(z.shape) < share) == LineOfSight.FREE, free)
