@@ -69,7 +69,9 @@ def execute(work: JobOrder, *dependencies: object) -> Key:
 
 def _is_done(work: JobOrder, records: Records) -> bool:
     record = records.get(work.job.key)
-    return bool(work.run) and record is not None and record.status == "done" and record.run == work.run
+    if record is None or not work.run:
+        return False
+    return (record.status, record.run, record.fingerprint) == ("done", work.run, work.fingerprint)
 
 
 def _put(records: Records, record: Record) -> None:

@@ -4,12 +4,12 @@ A record is written after the job's results and removed before they are touched 
 leaves no record of unfinished work.
 """
 
-import re
 from pathlib import Path
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from orthomill.pipeline.storage.file_names import file_name
 from orthomill.pipeline.storage.table_files import write_whole
 
 Key = tuple[str, str, int, int]
@@ -70,15 +70,16 @@ class Records:
 
     def path(self, key: Key) -> Path:
         stage, item, row, col = key
-        # Items are named after photographs, whose names may hold characters that a file system does not allow.
-        return self.folder / stage / f"{re.sub(r'[^A-Za-z0-9_.-]', '~', item)}.{row}.{col}.json"
+        return self.folder / stage / f"{file_name(item)}.{row}.{col}.json"
 
     def get(self, key: Key) -> Record | None:
         """The record of a job, None when there is none that can be read."""
         try:
-            return Record.model_validate_json(self.path(key).read_bytes())
+            record = Record.model_validate_json(self.path(key).read_bytes())
         except (FileNotFoundError, ValidationError):  # a record of another version: doing the job again is always safe
             return None
+        # A file that was copied or renamed by hand must not vouch for a job that it does not describe.
+        return record if record.key == key else None
 
     def put(self, record: Record) -> None:
         write_whole(self.path(record.key), record.model_dump_json().encode())

@@ -55,13 +55,24 @@ def image_files(root: Path, source: PhotoFiles) -> tuple[str, ...]:
         return tuple(sorted(source.paths))
     folder = root / source.path
     try:
-        names = sorted(entry.name for entry in folder.iterdir() if is_image_name(entry.name) and entry.is_file())
+        names = sorted(_readable(entry) for entry in folder.iterdir() if is_image_name(entry.name) and entry.is_file())
     except OSError as error:
         raise WorkflowError(f"The folder {source.path} cannot be read ({error.strerror}); correct its path.") from error
     chosen = [name for name in names if fnmatch.fnmatchcase(name, source.pattern)]
     if not chosen:
         raise WorkflowError(_no_images(source.path, source.pattern, len(names)))
     return tuple((Path(source.path) / name).as_posix() for name in chosen)
+
+
+def _readable(path: Path) -> str:
+    """The name of a file. Raises WorkflowError when it is not text: no table could hold it."""
+    try:
+        path.name.encode()
+    except UnicodeEncodeError:
+        raise WorkflowError(
+            f"The photograph {shown(path)} has a name that is not UTF-8 text; rename it with letters that this system can show."
+        ) from None
+    return path.name
 
 
 def _no_images(folder: str, pattern: str, without_pattern: int) -> str:
@@ -223,9 +234,8 @@ def _truncated(path: Path, sign: str) -> str:
 
 
 def shown(path: Path) -> str:
-    """A path as the user knows it: relative to the current folder if it is inside it."""
+    """A path as the user knows it: relative to the current folder if it is inside it; on one line, whatever its name holds."""
     absolute = Path(os.path.abspath(path))
-    try:
-        return absolute.relative_to(Path.cwd()).as_posix()
-    except ValueError:
-        return absolute.as_posix()
+    inside = absolute.relative_to(Path.cwd()) if absolute.is_relative_to(Path.cwd()) else absolute
+    # A name may hold line ends, which would break a sentence, and bytes that are no text, which no terminal can show.
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in inside.as_posix())

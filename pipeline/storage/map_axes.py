@@ -13,6 +13,7 @@ import numpy as np
 import zarr
 from pyproj import CRS
 
+from orthomill.pipeline.storage.file_names import path_of
 from orthomill.schemas.raster import MapGrid, RasterSpec
 
 GRID_MAPPING = "spatial_ref"
@@ -40,7 +41,7 @@ def write_axes(rasters: Path, spec: RasterSpec) -> None:
     """Write the coordinate arrays and the reference system of a map raster into its group, unless they are there already."""
     if not spec.transform:
         return
-    group = zarr.open_group(rasters, path="/".join(spec.name.split("/")[:-1]), mode="a")
+    group = zarr.open_group(rasters, path=path_of(spec.name).parent.as_posix(), mode="a")
     cell, _, west, _, _, north = spec.transform
     grid = MapGrid(west=west, north=north, cell=cell, rows=spec.shape[0], cols=spec.shape[1])
     columns, rows = grid.centres(spec.full)

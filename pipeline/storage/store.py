@@ -4,16 +4,18 @@ A raster is created once from its specification; a write must be whole chunks, b
 silently. Every raster has a birth mark: the record of a job is valid only as long as the raster it wrote is still the same one.
 """
 
+import json
 import shutil
 import uuid
 from collections.abc import Iterator
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any, TypeVar
 
 import numpy as np
 import zarr
 from zarr.codecs import BloscCodec
 
+from orthomill.pipeline.storage.file_names import path_of
 from orthomill.pipeline.storage.map_axes import dimension_names, map_attributes, write_axes
 from orthomill.pipeline.storage.table_files import read_table, write_table
 from orthomill.schemas.errors import StoreError
@@ -34,6 +36,10 @@ class Store:
     def rasters(self) -> Path:
         return self.folder / "rasters.zarr"
 
+    def place(self, name: str) -> Path:
+        """The folder of a raster."""
+        return self.rasters / path_of(name)
+
     def names(self) -> tuple[str, ...]:
         """Names of all rasters that exist, sorted."""
         return tuple(sorted(self._walk(self.rasters)))
@@ -47,7 +53,7 @@ class Store:
             text = (entry / "zarr.json").read_text() if (entry / "zarr.json").exists() else ""
             if '"node_type": "array"' in text:
                 if '"spec"' in text:  # coordinates of map axes are arrays too, but no rasters
-                    yield entry.relative_to(self.rasters).as_posix()
+                    yield json.loads(text)["attributes"]["spec"]["name"]
             else:
                 yield from self._walk(entry)
 
@@ -70,7 +76,7 @@ class Store:
         zarr.open_group(self.rasters, mode="a")
         return zarr.create_array(
             self.rasters,
-            name=spec.name,
+            name=path_of(spec.name).as_posix(),
             shape=spec.shape,
             chunks=spec.chunks,
             dtype=spec.dtype,
@@ -85,22 +91,23 @@ class Store:
         """Remove what a killed run was writing: files under temporary names, which nothing reads. Nothing else may write now."""
         # zarr ends its temporary names in .partial, write_whole in .part.
         for path in self.folder.rglob("*.part*"):
-            if path.suffix in {".partial", ".part"}:
+            # A photograph may be called "part": then it is a folder that ends so.
+            if path.suffix in {".partial", ".part"} and path.is_file():
                 path.unlink(missing_ok=True)
 
     def delete(self, name: str) -> None:
         """Remove a raster with its data."""
         self._arrays.pop(name, None)
-        shutil.rmtree(self.rasters / name, ignore_errors=True)
+        shutil.rmtree(self.place(name), ignore_errors=True)
 
     def has(self, name: str) -> bool:
-        return (self.rasters / name / "zarr.json").exists()
+        return (self.place(name) / "zarr.json").exists()
 
     def _array(self, name: str) -> zarr.Array:
         if name not in self._arrays:
             if not self.has(name):
                 raise StoreError(f"There is no raster {name} in {self.rasters}; run the stage '{name.split('/')[0]}' first.")
-            self._arrays[name] = zarr.open_array(self.rasters, path=name, mode="r+")
+            self._arrays[name] = zarr.open_array(self.rasters, path=path_of(name).as_posix(), mode="r+")
         return self._arrays[name]
 
     def spec(self, name: str) -> RasterSpec:
@@ -138,7 +145,7 @@ class Store:
         return self.table_path(table).exists()
 
     def table_path(self, table: Table[Any]) -> Path:
-        return self.folder / "tables" / table.path
+        return self.folder / "tables" / path_of(table.path, PurePosixPath(table.path).suffix)
 
     def table(self, table: Table[T]) -> T:
         """The value of a table. Raises StoreError."""

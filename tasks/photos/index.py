@@ -20,6 +20,7 @@ from orthomill.tasks.imagery.pyramid import level_count
 from orthomill.tasks.imagery.upright import exif_orientation, upright_shape
 from orthomill.tasks.photos import exif
 from orthomill.tasks.photos.coordinates import Digital, ImageCoordinates
+from orthomill.tasks.photos.pair_names import refuse_ambiguous
 from orthomill.tasks.photos.positions import Position, read_positions
 from orthomill.tasks.photos.scans import Fitted, Scans, in_mark_frame, in_principal_frame
 from orthomill.tasks.photos.sensors import sensor_width_mm
@@ -94,6 +95,7 @@ def index_photos(
     if refusals:
         raise PhotoError(" ".join(refusals))
     photos, remarks = _without_duplicates([photo_from_header(header) for header in headers])
+    refuse_ambiguous([photo.name for photo in photos])
     photos = _with_sensors(photos)
     remarks += _rotated_without_flag(photos)
     photos, strays = _placed(photos, crs, positions, positions_text or "")

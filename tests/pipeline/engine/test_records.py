@@ -1,10 +1,6 @@
 """The records of jobs: kept whole, read back as they were, and judged in a fixed order."""
 
-import string
-
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from orthomill.pipeline.engine.records import Fingerprint, Record, Records, reason_to_run
 
@@ -64,16 +60,20 @@ def test_the_records_of_a_stage_are_its_own(records):
     assert [kept.row for kept in records.of_stage("photos")] == [5]
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(item=st.text(min_size=1, max_size=40))
-def test_any_name_of_a_photograph_gives_a_file_inside_the_stage(records, item):
-    """Slashes, dots and control characters of a name must not lead out of the folder or make an impossible file name."""
-    path = records.path(("photos", item, 0, 0))
-    assert path.parent == records.folder / "photos"
-    assert set(path.name) <= set(string.ascii_letters + string.digits + "_.-~")
-    records.put(record(stage="photos", item=item))
-    found = records.get(("photos", item, 2, 3))
-    assert found is not None and found.item == item
+@pytest.mark.parametrize(
+    "items", [("α", "β", "γ"), ("照片一", "照片二", "相片三"), ("p(1)", "p[1]", "p 1 ", "p~1"), ("x" * 250 + "a", "x" * 250 + "b")]
+)
+def test_photographs_of_any_names_have_records_of_their_own(records, items):
+    for row, item in enumerate(items):
+        records.put(record(stage="photos", item=item, row=0, col=0, seconds=float(row)))
+    assert [records.get(("photos", item, 0, 0)).seconds for item in items] == list(map(float, range(len(items))))
+    assert len(records.of_stage("photos")) == len(items)
+
+
+def test_a_record_under_the_name_of_another_job_counts_as_none(records):
+    records.put(record())
+    records.path(record().key).rename(records.path(record(row=7).key))
+    assert records.get(record(row=7).key) is None
 
 
 OTHER = {name: PRINT.model_copy(update={name: "x"}) for name in ("settings", "code", "inputs")}
