@@ -24,12 +24,14 @@ from orthomill.pipeline.cli.doctor import doctor as examine
 from orthomill.pipeline.cli.inspect_photo import GuardedPhoto, picture_path, write_map
 from orthomill.pipeline.cli.plan_lines import plan_lines, plan_notes
 from orthomill.pipeline.cli.progress_lines import ProgressLines
+from orthomill.pipeline.cli.verification_lines import verification_lines
 from orthomill.pipeline.engine.interruption import listen
 from orthomill.pipeline.engine.lock import is_running, only_run
 from orthomill.pipeline.engine.records import Record, Records
 from orthomill.pipeline.engine.run_facts import RunFacts, read_facts
 from orthomill.pipeline.engine.running import DASHBOARD, MIB, Options, check_stage_names, session_of
 from orthomill.pipeline.engine.session import TIME_FORMAT, Session, key_text
+from orthomill.pipeline.engine.verification import verify as verify_results
 from orthomill.pipeline.export.exports import export as export_file
 from orthomill.pipeline.report.results import rewrite_results, run_with_report
 from orthomill.pipeline.report.summary import summary_markdown
@@ -219,7 +221,7 @@ def _begun(folder: Path) -> float | None:
 def _status_row(records: tuple[Record, ...], begun: float | None) -> Iterator[str]:
     """The cells of a stage; with the jobs begun since `begun`, where a run is in progress."""
     failed = [record for record in records if record.status == "failed"]
-    yield str(len(records) - len(failed))
+    yield str(sum(record.status == "done" for record in records))
     if begun:
         yield str(sum(record.started >= begun for record in records))
     yield str(len(failed))
@@ -286,6 +288,20 @@ def clean(
         check_stage_names(loaded, stages)
         clean_run(loaded.run_folder, stages)
         out.print(f"removed from {loaded.run_folder}: {', '.join(stages) or 'everything'}", soft_wrap=True)
+
+
+@app.command()
+def verify(name: Name, debug: Debug = False) -> None:
+    """Check every stored result against its checksum; what is damaged is computed again by the next run."""
+    with plain_errors(debug):
+        folder = _load(name).run_folder
+        if not folder.is_dir():
+            raise StoreError(f"{folder.name} has no results yet; run it first: orthomill run {name}")
+        found = verify_results(folder)
+        for line in verification_lines(found, name):
+            out.print(escape(line), soft_wrap=True)
+    if found.damaged:
+        raise typer.Exit(1)
 
 
 @app.command()

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from orthomill.pipeline.engine.records import Fingerprint, Key, Record, Records
 from orthomill.pipeline.export.exports import export
 from orthomill.pipeline.storage.image_files import read_header, read_pixels
+from orthomill.pipeline.storage.kept_files import KeptFile, keep
 from orthomill.pipeline.storage.map_files import read_map, read_map_grid
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import OrthomillError, StoreError
@@ -37,6 +38,13 @@ class Started(NamedTuple):
     processor: float
 
 
+class Left(NamedTuple):
+    """What a job left on the disk: birth marks by raster, and its files by path in the run's folder."""
+
+    births: dict[str, str]
+    files: dict[str, KeptFile]
+
+
 class JobFailed(Exception):
     """A job could not be done; carries the sentence for the user."""
 
@@ -58,12 +66,12 @@ def execute(work: JobOrder, *dependencies: object) -> Key:
     # The record goes first: a process killed while it writes must not leave a record that says the result is valid.
     records.remove(work.job.key)
     try:
-        births = _perform(work)
+        left = _perform(work)
     except Exception as error:  # whatever a method raises ends this job only, and the run goes on with the others
         sentence = str(error) if isinstance(error, OrthomillError) else f"unexpected {type(error).__name__}: {error}"
         _put(records, _record(work, "failed", started, error=sentence, traceback=traceback.format_exc()))
         raise JobFailed(work.job.key, sentence) from None
-    _put(records, _record(work, "done", started, births=births))
+    _put(records, _record(work, "done", started, births=left.births, files=left.files))
     return work.job.key
 
 
@@ -81,11 +89,11 @@ def _put(records: Records, record: Record) -> None:
         raise JobFailed(record.key, str(error)) from None
 
 
-def _perform(work: JobOrder) -> dict[str, str]:
+def _perform(work: JobOrder) -> Left:
     store = Store(work.folder)
     if isinstance(work.job, Export):
         export(work.job, store, work.folder)
-        return {}
+        return Left({}, keep(work.folder, [work.folder / work.job.path]))
     job = work.job
     inputs = {name: _read_all(store, work.root, reading) for name, reading in job.reads.items()}
     result = job.function(**inputs, **job.params)
@@ -94,7 +102,8 @@ def _perform(work: JobOrder) -> dict[str, str]:
         raise StoreError(f"{job.key} must return {sorted(job.writes)} but returned {sorted(values)}.")
     for name, region in job.writes.items():
         _write(store, region, values[name])
-    return {region.name: store.birth(region.name) for region in job.writes.values() if isinstance(region, Raster)}
+    births = {region.name: store.birth(region.name) for region in job.writes.values() if isinstance(region, Raster)}
+    return Left(births, keep(work.folder, (path for region in job.writes.values() for path in store.files(region))))
 
 
 def _by_name(result: Any, job: Job) -> dict[str, Any]:

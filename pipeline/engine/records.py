@@ -4,15 +4,22 @@ A record is written after the job's results and removed before they are touched 
 leaves no record of unfinished work.
 """
 
+import zlib
 from pathlib import Path
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from orthomill.pipeline.storage.file_names import file_name
+from orthomill.pipeline.storage.kept_files import Defect, KeptFile
 from orthomill.pipeline.storage.table_files import write_whole
 
 Key = tuple[str, str, int, int]
+DEFECTS = ("result is missing", "result is damaged")
+"""The reasons to do again what an earlier run had done, and which nothing in the project has changed."""
+
+_SEAL = b',"seal":"'
+"""What stands before the last value of a record, the checksum of all before it: a changed digit is still a valid record."""
 
 
 class Fingerprint(BaseModel):
@@ -38,13 +45,16 @@ class Record(BaseModel):
     item: str
     row: int
     col: int
-    status: Literal["done", "failed"]
+    status: Literal["done", "failed", "damaged"]
+    """damaged: it was done, but what it left on the disk is not what it wrote"""
     fingerprint: Fingerprint
     reason: str
     run: str = ""
     """identifier of the run that did it"""
     births: dict[str, str] = {}
     """raster -> birth mark of the raster that was written"""
+    files: dict[str, KeptFile] = {}
+    """what it left on the disk, by path in the run's folder; a chunk that holds nothing but its fill value has no file"""
     started: float = 0.0
     seconds: float = 0.0
     # Wall-clock time tells what a job costs only on an idle machine: beside other programs it doubles.
@@ -74,32 +84,45 @@ class Records:
 
     def get(self, key: Key) -> Record | None:
         """The record of a job, None when there is none that can be read."""
-        try:
-            record = Record.model_validate_json(self.path(key).read_bytes())
-        except (FileNotFoundError, ValidationError):  # a record of another version: doing the job again is always safe
-            return None
+        record = _read(self.path(key))
         # A file that was copied or renamed by hand must not vouch for a job that it does not describe.
-        return record if record.key == key else None
+        return record if record and record.key == key else None
 
     def put(self, record: Record) -> None:
-        write_whole(self.path(record.key), record.model_dump_json().encode())
+        text = record.model_dump_json().encode()
+        write_whole(self.path(record.key), text[:-1] + _SEAL + f'{zlib.crc32(text):08x}"}}'.encode())
 
     def remove(self, key: Key) -> None:
         self.path(key).unlink(missing_ok=True)
 
     def of_stage(self, stage: str) -> tuple[Record, ...]:
         """All readable records of a stage, by key."""
-        found = []
-        for path in sorted((self.folder / stage).glob("*.json")):
-            try:
-                found.append(Record.model_validate_json(path.read_bytes()))
-            except (ValidationError, FileNotFoundError):
-                continue
-        return tuple(found)
+        return tuple(record for path in sorted((self.folder / stage).glob("*.json")) if (record := _read(path)))
+
+    def sort_out(self) -> tuple[tuple[Record, ...], tuple[Path, ...]]:
+        """All records, and the files of records that cannot be read or are not under their own name."""
+        found = {path: _read(path) for path in sorted(self.folder.glob("*/*.json"))}
+        good = {path: record for path, record in found.items() if record and self.path(record.key) == path}
+        return tuple(good.values()), tuple(path for path in found if path not in good)
 
 
-def reason_to_run(record: Record | None, fingerprint: Fingerprint, births: dict[str, str], outputs_exist: bool) -> str | None:
-    """Why a job must run, in a few words; None when its result is still valid."""
+def _read(path: Path) -> Record | None:
+    """A record; None when there is none, when it is damaged, or when it is of another version: doing a job again is always safe."""
+    try:
+        start, _, checksum = path.read_bytes().rpartition(_SEAL)
+        text = start + b"}"
+        return Record.model_validate_json(text) if checksum == _checksum(text) else None
+    except (FileNotFoundError, ValidationError):
+        return None
+
+
+def _checksum(text: bytes) -> bytes:
+    """The checksum of a record's text, with the end of the file."""
+    return b'%08x"}' % zlib.crc32(text)
+
+
+def reason_to_run(record: Record | None, fingerprint: Fingerprint, births: dict[str, str], defect: Defect | None) -> str | None:
+    """Why a job must run, in a few words; None when its result is still valid. `defect` is that of its files."""
     if record is None:
         return "not done yet"
     if record.status == "failed":
@@ -111,6 +134,8 @@ def reason_to_run(record: Record | None, fingerprint: Fingerprint, births: dict[
     if record.fingerprint.inputs != fingerprint.inputs:
         return "inputs changed"
     # A raster that was deleted and created again has another birth mark: its chunks are empty although the array exists.
-    if record.births != births or not outputs_exist:
+    if record.births != births:
         return "result is missing"
-    return None
+    if record.status == "damaged":
+        return "result is damaged"
+    return f"result is {defect}" if defect else None

@@ -20,12 +20,12 @@ import psutil
 from orthomill.pipeline.engine.lock import only_run
 from orthomill.pipeline.engine.run_facts import RunFacts, StageTitle, write_facts
 from orthomill.pipeline.engine.runner import Runner, SequentialRunner
-from orthomill.pipeline.engine.session import Session, Watcher, now, unwatched
+from orthomill.pipeline.engine.session import Session, Watcher, key_text, now, unwatched
 from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.pipeline.storage.table_files import write_whole
 from orthomill.pipeline.workflow.mistakes import did_you_mean
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow, image_files, write_workflow
-from orthomill.schemas.errors import ResourceError, WorkflowError
+from orthomill.schemas.errors import ResourceError, WorkflowError, some_of
 from orthomill.schemas.stage_contract import Stage
 
 MIB = 2**20
@@ -111,9 +111,17 @@ def run_workflow(
             write_facts(session.folder, _so_far(facts, session))
             with _facts_survive(session, facts):
                 facts = replace(facts, scheduler=_run(session, options, watch, announce))
+        if session.defects:
+            announce(_mended(session))
         facts = replace(_so_far(facts, session), finished=now(), seconds=time.monotonic() - clock)
         write_results(session.store, session.folder, titles_of(loaded.stages), facts)
     return facts
+
+
+def _mended(session: Session) -> str:
+    """What was computed again though nothing in the project has changed."""
+    names = some_of([f"{key_text(key)} ({reason})" for key, reason in session.defects.items()], 3)
+    return f"Found lost or damaged on the disk and computed again, {len(session.defects)} in all: {names}."
 
 
 def _begin(loaded: LoadedWorkflow, session: Session) -> RunFacts:

@@ -16,9 +16,10 @@ from orthomill.pipeline.engine.execute import JobOrder
 from orthomill.pipeline.engine.graph import Graph, PlannedJob, check_memory
 from orthomill.pipeline.engine.interruption import stop_if_asked
 from orthomill.pipeline.engine.planner import Planner
-from orthomill.pipeline.engine.records import Key, Record, Records, reason_to_run
+from orthomill.pipeline.engine.records import DEFECTS, Key, Record, Records, reason_to_run
 from orthomill.pipeline.engine.run_facts import Failure, StageRun
 from orthomill.pipeline.engine.runner import Finished, Runner
+from orthomill.pipeline.storage.kept_files import Defect, first_defect
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import ResourceError
 from orthomill.schemas.job import Export, Raster, Table
@@ -74,6 +75,8 @@ class Session:
     failures: dict[Key, str] = field(default_factory=dict)
     blocked: set[Key] = field(default_factory=set)
     reasons: dict[Key, str] = field(default_factory=dict)
+    defects: dict[Key, str] = field(default_factory=dict)
+    """jobs of earlier runs whose results were lost or damaged, and which of it"""
     pending: list[PlannedJob] = field(default_factory=list)
     """planned, to be run, not yet submitted; in an order in which they can run"""
 
@@ -110,22 +113,30 @@ class Session:
         if planned.job.stage in self.forced:
             return "asked for"
         record = self.records.get(planned.key)
-        return reason_to_run(record, planned.fingerprint, self._births(planned), self._outputs_exist(planned))
+        defect = self._defect(planned, record) if record else None
+        reason = reason_to_run(record, planned.fingerprint, self._births(planned), defect)
+        if reason in DEFECTS:
+            self.defects[planned.key] = reason
+        return reason
 
     def _births(self, planned: PlannedJob) -> dict[str, str]:
         if isinstance(planned.job, Export):
             return {}
         names = {region.name for region in planned.job.writes.values() if isinstance(region, Raster)}
-        return {name: self.store.birth(name) for name in names if self._raster_is_valid(name)}
+        return {name: self.store.birth(name) for name in names if self.store.holds(self.graph.specs[name])}
 
-    def _raster_is_valid(self, name: str) -> bool:
-        return self.store.has(name) and self.store.spec(name).same(self.graph.specs[name])
+    def _defect(self, planned: PlannedJob, record: Record, thoroughly: bool = False) -> Defect | None:
+        """What is wrong with the results of a job; None when they are all there."""
+        if not self._outputs_exist(planned):
+            return "missing"
+        found = first_defect(self.folder, record.files, thoroughly)
+        return found[1] if found else None
 
     def _outputs_exist(self, planned: PlannedJob) -> bool:
         if isinstance(planned.job, Export):
             return (self.folder / planned.job.path).exists()
         return all(
-            self.store.has_table(region) if isinstance(region, Table) else self._raster_is_valid(region.name)
+            self.store.has_table(region) if isinstance(region, Table) else self.store.holds(self.graph.specs[region.name])
             for region in planned.job.writes.values()
         )
 
@@ -168,7 +179,7 @@ class Session:
         if isinstance(planned.job, Export):
             return
         for region in planned.job.writes.values():
-            if isinstance(region, Raster) and not self._raster_is_valid(region.name):
+            if isinstance(region, Raster) and not self.store.holds(self.graph.specs[region.name]):
                 self.store.create(self.graph.specs[region.name])
 
     def check_resources(self, memory_limit: int) -> None:
@@ -192,9 +203,17 @@ class Session:
             seconds = record.seconds if record else 0.0
         elif finished.status == "failed":
             self.failures[finished.key] = finished.sentence
+            self._suspect_inputs(finished.key)
         else:
             self.blocked.add(finished.key)
         watcher.finished(finished, seconds)
+
+    def _suspect_inputs(self, key: Key) -> None:
+        """After a failure: what an earlier run left for the job may have been damaged without a trace but its content."""
+        for before in self.graph.jobs[key].dependencies:
+            record = self.records.get(before) if before in self.skipped else None
+            if record and self._defect(self.graph.jobs[before], record, thoroughly=True):
+                self.records.put(record.model_copy(update={"status": "damaged"}))
 
     def stage_runs(self) -> tuple[StageRun, ...]:
         """The state of every stage so far."""

@@ -6,6 +6,7 @@ convention's `grid_mapping`, which names an empty array with the system in its a
 share their axes. Pixel rasters have axes of their own, because their sizes differ within a group.
 """
 
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 import zarr
 from pyproj import CRS
 
+from orthomill.pipeline.storage.array_metadata import array_metadata, seal_array
 from orthomill.pipeline.storage.file_names import path_of
 from orthomill.schemas.raster import MapGrid, RasterSpec
 
@@ -37,30 +39,50 @@ def map_attributes(spec: RasterSpec) -> dict[str, Any]:
     return attributes
 
 
-def write_axes(rasters: Path, spec: RasterSpec) -> None:
-    """Write the coordinate arrays and the reference system of a map raster into its group, unless they are there already."""
+def write_axes(rasters: Path, spec: RasterSpec) -> list[Path]:
+    """Write the coordinate arrays and the reference system of a map raster into its group, unless they are there already.
+
+    Returns the folders of the arrays that were written.
+    """
     if not spec.transform:
-        return
-    group = zarr.open_group(rasters, path=path_of(spec.name).parent.as_posix(), mode="a")
+        return []
+    folder = rasters / path_of(spec.name).parent
     cell, _, west, _, _, north = spec.transform
     grid = MapGrid(west=west, north=north, cell=cell, rows=spec.shape[0], cols=spec.shape[1])
     columns, rows = grid.centres(spec.full)
-    for name, direction, values in zip(spec.axes, ("y", "x"), (rows, columns), strict=True):
-        _write_axis(group, name, direction, values)
-    if spec.crs and GRID_MAPPING not in group:
-        group.create_array(
-            GRID_MAPPING, shape=(), dtype="int8", attributes=CRS(spec.crs).to_cf() | {"spatial_ref": CRS(spec.crs).to_wkt()}
-        )
+    wanted = list(zip(spec.axes, "yx", (rows, columns), strict=True))
+    # Absent, damaged, or the grid has changed since an earlier run: then its rasters are created again, and their axes with them.
+    wanting = [axis for axis in wanted if not _is_whole(folder / axis[0], axis[2])]
+    for name, direction, values in wanting:
+        _write_axis(folder / name, direction, values)
+    written = [folder / name for name, _, _ in wanting]
+    if spec.crs and not array_metadata(folder / GRID_MAPPING):
+        _write_reference_system(folder / GRID_MAPPING, spec.crs)
+        written.append(folder / GRID_MAPPING)
+    return written
 
 
-def _write_axis(group: zarr.Group, name: str, direction: str, values: np.ndarray) -> None:
-    known = group.get(name)
-    if isinstance(known, zarr.Array):
-        if known.shape == values.shape and np.array_equal(np.asarray(known[:]), values):
-            return
-        # The grid has changed since an earlier run: its rasters are created again, and their axes with them.
-        del group[name]
+def _write_axis(folder: Path, direction: str, values: np.ndarray) -> None:
     axis, standard_name = _DIRECTIONS[direction]
+    name = folder.name
     attributes: dict[str, Any] = {"axis": axis, "standard_name": standard_name, "units": "m", "_ARRAY_DIMENSIONS": [name]}
-    array = group.create_array(name, shape=values.shape, dtype="float64", dimension_names=[name], attributes=attributes)
+    shutil.rmtree(folder, ignore_errors=True)
+    array = zarr.create_array(folder, shape=values.shape, dtype="float64", dimension_names=[name], attributes=attributes)
     array[:] = values
+    seal_array(folder)
+
+
+def _write_reference_system(folder: Path, crs: str) -> None:
+    shutil.rmtree(folder, ignore_errors=True)
+    zarr.create_array(folder, shape=(), dtype="int8", attributes=CRS(crs).to_cf() | {"spatial_ref": CRS(crs).to_wkt()})
+    seal_array(folder)
+
+
+def _is_whole(folder: Path, values: np.ndarray) -> bool:
+    """Whether an axis exists, can be read and has these values."""
+    if not array_metadata(folder):
+        return False
+    try:
+        return np.array_equal(np.asarray(zarr.open_array(folder, mode="r")[:]), values)
+    except (ValueError, RuntimeError):  # of zarr's codecs, for a damaged chunk
+        return False

@@ -2,9 +2,9 @@
 
 A raster is created once from its specification; a write must be whole chunks, because unaligned concurrent writes to zarr lose data
 silently. Every raster has a birth mark: the record of a job is valid only as long as the raster it wrote is still the same one.
+Every chunk ends with a checksum, which is compared when it is read.
 """
 
-import json
 import shutil
 import uuid
 from collections.abc import Iterator
@@ -13,13 +13,14 @@ from typing import Any, TypeVar
 
 import numpy as np
 import zarr
-from zarr.codecs import BloscCodec
+from zarr.codecs import BloscCodec, Crc32cCodec
 
+from orthomill.pipeline.storage.array_metadata import METADATA, array_metadata, ensure_groups, seal_array
 from orthomill.pipeline.storage.file_names import path_of
 from orthomill.pipeline.storage.map_axes import dimension_names, map_attributes, write_axes
 from orthomill.pipeline.storage.table_files import read_table, write_table
 from orthomill.schemas.errors import StoreError
-from orthomill.schemas.job import Table
+from orthomill.schemas.job import Raster, Table
 from orthomill.schemas.raster import RasterSpec, Window
 
 T = TypeVar("T")
@@ -50,21 +51,20 @@ class Store:
         for entry in folder.iterdir():
             if not entry.is_dir():
                 continue
-            text = (entry / "zarr.json").read_text() if (entry / "zarr.json").exists() else ""
-            if '"node_type": "array"' in text:
-                if '"spec"' in text:  # coordinates of map axes are arrays too, but no rasters
-                    yield json.loads(text)["attributes"]["spec"]["name"]
+            if metadata := array_metadata(entry):
+                if "spec" in metadata["attributes"]:  # coordinates of map axes are arrays too, but no rasters
+                    yield metadata["attributes"]["spec"]["name"]
             else:
                 yield from self._walk(entry)
 
     def create(self, spec: RasterSpec) -> str:
         """Create the raster unless it exists with the same specification; returns its birth mark. Raises StoreError."""
         try:
-            if self.has(spec.name):
-                if self.spec(spec.name).same(spec):
-                    return self.birth(spec.name)
-                self.delete(spec.name)
-            self._arrays[spec.name] = self._new_array(spec)
+            if self.holds(spec):
+                return self.birth(spec.name)
+            self.delete(spec.name)
+            ensure_groups(self.rasters, self.place(spec.name).parent)
+            self._new_array(spec)
             write_axes(self.rasters, spec)
         except OSError as error:
             raise StoreError(
@@ -72,9 +72,8 @@ class Store:
             ) from error
         return self.birth(spec.name)
 
-    def _new_array(self, spec: RasterSpec) -> zarr.Array:
-        zarr.open_group(self.rasters, mode="a")
-        return zarr.create_array(
+    def _new_array(self, spec: RasterSpec) -> None:
+        zarr.create_array(
             self.rasters,
             name=path_of(spec.name).as_posix(),
             shape=spec.shape,
@@ -82,10 +81,15 @@ class Store:
             dtype=spec.dtype,
             fill_value=_fill_value(spec),
             # lz4 at its fastest level: reading and writing must not cost more than computing a tile.
-            compressors=BloscCodec(cname="lz4", clevel=1, shuffle="shuffle"),
+            compressors=(BloscCodec(cname="lz4", clevel=1, shuffle="shuffle"), Crc32cCodec()),
             dimension_names=dimension_names(spec),
             attributes={"spec": spec.model_dump(mode="json"), "birth": uuid.uuid4().hex, **map_attributes(spec)},
         )
+        seal_array(self.place(spec.name))
+
+    def mend(self, spec: RasterSpec) -> list[Path]:
+        """Write again what belongs to no job, where it is lost or damaged: the groups and the map axes of a raster. Returns it."""
+        return [*ensure_groups(self.rasters, self.place(spec.name).parent), *write_axes(self.rasters, spec)]
 
     def sweep(self) -> None:
         """Remove what a killed run was writing: files under temporary names, which nothing reads. Nothing else may write now."""
@@ -101,12 +105,22 @@ class Store:
         shutil.rmtree(self.place(name), ignore_errors=True)
 
     def has(self, name: str) -> bool:
-        return (self.place(name) / "zarr.json").exists()
+        return (self.place(name) / METADATA).exists()
+
+    def is_sound(self, name: str) -> bool:
+        """Whether a raster exists and its metadata are whole."""
+        return self.has(name) and (name in self._arrays or array_metadata(self.place(name)) is not None)
+
+    def holds(self, spec: RasterSpec) -> bool:
+        """Whether a raster of this specification exists, with metadata that are whole."""
+        return self.is_sound(spec.name) and self.spec(spec.name).same(spec)
 
     def _array(self, name: str) -> zarr.Array:
         if name not in self._arrays:
             if not self.has(name):
                 raise StoreError(f"There is no raster {name} in {self.rasters}; run the stage '{name.split('/')[0]}' first.")
+            if not self.is_sound(name):
+                raise StoreError(f"The metadata of the raster {name} are damaged; run again, and it is computed again.")
             self._arrays[name] = zarr.open_array(self.rasters, path=path_of(name).as_posix(), mode="r+")
         return self._arrays[name]
 
@@ -122,7 +136,10 @@ class Store:
         array = self._array(name)
         if window.clipped(array.shape) != window:
             raise StoreError(f"{window} extends beyond the raster {name} of shape {array.shape}; clip it first.")
-        return np.asarray(array[window.slices])
+        try:
+            return np.asarray(array[window.slices])
+        except (ValueError, RuntimeError) as error:  # zarr's word for a wrong checksum, and that of its decompressor
+            raise StoreError(f"The raster {name} is damaged in {window}; run again, and it is computed again.") from error
 
     def write(self, name: str, window: Window, values: np.ndarray) -> None:
         """Write whole chunks. Raises StoreError for windows that cut a chunk and for values of another shape or kind."""
@@ -140,6 +157,20 @@ class Store:
             raise StoreError(
                 f"The raster {name} cannot be written: {error.strerror}; make room on the disk, then run again."
             ) from error
+
+    def files(self, output: Raster | Table[Any]) -> Iterator[Path]:
+        """The files that hold an output. A chunk that is nothing but its fill value has none."""
+        if isinstance(output, Table):
+            yield self.table_path(output)
+            return
+        array, window = self._array(output.name), output.window
+        rows, cols = (
+            range(start // chunk, -(-(start + length) // chunk))
+            for start, length, chunk in zip((window.row, window.col), window.shape, array.chunks[:2], strict=True)
+        )
+        bands = (0,) * (array.ndim - 2)
+        chunks = (self.place(output.name) / array.metadata.encode_chunk_key((r, c, *bands)) for r in rows for c in cols)
+        yield from (path for path in chunks if path.exists())
 
     def has_table(self, table: Table[Any]) -> bool:
         return self.table_path(table).exists()

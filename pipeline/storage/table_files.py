@@ -1,4 +1,4 @@
-"""Tables on disk: pydantic models as readable JSON, columns as parquet. A write is complete or absent.
+"""Tables on disk: pydantic models as readable JSON, columns as parquet. A write is complete or absent, also after a power cut.
 
 A table that consists of bytes only (descriptors, patches) is one binary value in its file: parquet has no 8-bit type and would
 store each byte as a 32-bit integer, which costs more to read than everything that is done with it afterwards.
@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from pydantic import ValidationError
 from pydantic_core import to_json
 
+from orthomill.pipeline.storage.kept_files import make_folder, sync_folder
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.job import Columns, Table
 
@@ -23,15 +23,19 @@ from orthomill.schemas.job import Columns, Table
 def write_whole(path: Path, data: bytes) -> None:
     """Write a file so that a reader sees the old one or the new one, never a part. Raises StoreError."""
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(path.parent)
         # In the same folder, since renaming is atomic only within one file system; the suffix is what `Store.sweep` removes.
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".part")
         try:
             with os.fdopen(handle, "wb") as stream:
                 stream.write(data)
+                stream.flush()
+                # Before it gets its name: otherwise a power cut can leave the name with nothing in the file.
+                os.fsync(stream.fileno())
             # mkstemp grants access to the owner only, but results are shared like any other file.
             os.chmod(temporary, 0o666 & ~_umask())
             os.replace(temporary, path)
+            sync_folder(path.parent)
         except BaseException:
             Path(temporary).unlink(missing_ok=True)
             raise
@@ -57,7 +61,7 @@ def write_table(path: Path, value: Any) -> None:
         arrays = {name: _one_value(column) if only_bytes else pa.array(column) for name, column in columns.items()}
         # Dictionaries pay off for names and codes; random bytes only make them grow.
         sink = pa.BufferOutputStream()
-        pq.write_table(pa.table(arrays), sink, compression="zstd", use_dictionary=not only_bytes)
+        pq.write_table(pa.table(arrays), sink, compression="zstd", use_dictionary=not only_bytes, write_page_checksum=True)
         write_whole(path, sink.getvalue().to_pybytes())
     else:
         write_whole(path, to_json(value, indent=1, inf_nan_mode="constants"))
@@ -79,11 +83,15 @@ def read_table(path: Path, table: Table[Any]) -> Any:
     """The value of a stored table. Raises StoreError when it is absent or not of its type."""
     try:
         if issubclass(table.type, Columns):
-            stored = pq.read_table(path)
+            stored = pq.read_table(path, page_checksum_verification=True)
             return table.type(**{f.name: _numbers(stored[f.name]) for f in fields(table.type)})
         return table.type.model_validate_json(path.read_bytes())
     except FileNotFoundError:
         raise StoreError(f"{path} does not exist; run the stage '{table.path.split('/')[0]}' first.") from None
-    # KeyError: a column that this version has and the file has not.
-    except (ValidationError, pa.ArrowInvalid, KeyError) as error:
-        raise StoreError(f"{path} is damaged or from another version ({type(error).__name__}); delete it and run again.") from error
+    # KeyError: a column that this version has and the file has not. ValueError: columns of different lengths, or invalid ones
+    # (pydantic's and some of pyarrow's errors are among them); pyarrow reports damaged pages as OSError.
+    except (KeyError, ValueError, OSError, pa.ArrowException) as error:
+        raise StoreError(
+            f"{path} is damaged or from another version ({type(error).__name__}); find all damage with 'orthomill verify', "
+            "then run again."
+        ) from error

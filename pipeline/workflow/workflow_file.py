@@ -15,11 +15,12 @@ from typing import Annotated, Any
 from pydantic import Field, TypeAdapter, ValidationError
 
 from orthomill.pipeline.storage.image_files import image_files, shown
+from orthomill.pipeline.storage.table_files import write_whole
 from orthomill.pipeline.workflow.mistakes import Mistakes, nearest, stage_kind
 from orthomill.pipeline.workflow.workflow_checks import Kinds, check_crs, check_files, check_simulation, check_stages, kind_of
 from orthomill.pipeline.workflow.workflow_text import workflow_text
 from orthomill.pipeline.workflow.yaml_lines import SIZE_LIMIT, Document, YamlError, read_yaml
-from orthomill.schemas.errors import StoreError, WorkflowError
+from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.project import Project
 from orthomill.schemas.stage_contract import Stage
 
@@ -195,10 +196,4 @@ def write_workflow(loaded: LoadedWorkflow, path: Path) -> None:
     Raises StoreError when the file cannot be written.
     """
     head = f"# The workflow {loaded.path.name} as run, every default filled in. Running this file reproduces the run.\n\n"
-    # Renamed when complete: this file is what reproduces the run, and half of it would be a different workflow.
-    part = path.with_name(path.name + ".part")
-    try:
-        part.write_text(head + workflow_text(loaded.project, loaded.stages), encoding="utf-8")
-        os.replace(part, path)
-    except OSError as error:
-        raise StoreError(f"{shown(path)} cannot be written ({error.strerror}); make room or make the folder writable.") from error
+    write_whole(path, (head + workflow_text(loaded.project, loaded.stages)).encode())

@@ -80,28 +80,28 @@ OTHER = {name: PRINT.model_copy(update={name: "x"}) for name in ("settings", "co
 
 
 @pytest.mark.parametrize(
-    ("kept", "wanted", "births", "exists", "reason"),
+    ("kept", "wanted", "births", "defect", "reason"),
     [
-        (None, PRINT, {}, True, "not done yet"),
-        (record(status="failed"), PRINT, {}, True, "failed before"),
-        (record(), OTHER["settings"], {}, True, "settings changed"),
-        (record(), OTHER["code"], {}, True, "code changed"),
-        (record(), OTHER["inputs"], {}, True, "inputs changed"),
-        (record(births={"a": "1"}), PRINT, {"a": "2"}, True, "result is missing"),
-        (record(births={"a": "1"}), PRINT, {}, True, "result is missing"),
-        (record(), PRINT, {}, False, "result is missing"),
-        (record(births={"a": "1"}), PRINT, {"a": "1"}, True, None),
+        (None, PRINT, {}, None, "not done yet"),
+        (record(status="failed"), PRINT, {}, None, "failed before"),
+        (record(), OTHER["settings"], {}, None, "settings changed"),
+        (record(), OTHER["code"], {}, None, "code changed"),
+        (record(), OTHER["inputs"], {}, None, "inputs changed"),
+        (record(births={"a": "1"}), PRINT, {"a": "2"}, None, "result is missing"),
+        (record(births={"a": "1"}), PRINT, {}, None, "result is missing"),
+        (record(), PRINT, {}, "missing", "result is missing"),
+        (record(births={"a": "1"}), PRINT, {"a": "1"}, None, None),
     ],
 )
-def test_the_reason_to_run(kept, wanted, births, exists, reason):
-    assert reason_to_run(kept, wanted, births, exists) == reason
+def test_the_reason_to_run(kept, wanted, births, defect, reason):
+    assert reason_to_run(kept, wanted, births, defect) == reason
 
 
 def test_a_changed_setting_is_named_before_changed_code_and_inputs():
     """The user changed the setting; that everything after it changes too is only a consequence."""
     changed = Fingerprint(settings="x", code="x", inputs="x")
-    assert reason_to_run(record(), changed, {}, False) == "settings changed"
-    assert reason_to_run(record(), OTHER["inputs"].model_copy(update={"code": "x"}), {}, False) == "code changed"
+    assert reason_to_run(record(), changed, {}, "missing") == "settings changed"
+    assert reason_to_run(record(), OTHER["inputs"].model_copy(update={"code": "x"}), {}, "missing") == "code changed"
 
 
 def test_every_part_of_a_fingerprint_counts_in_its_text():

@@ -139,16 +139,16 @@ def test_records_come_back_and_broken_ones_do_not_count(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("fingerprint", "births", "exist", "reason"),
+    ("fingerprint", "births", "defect", "reason"),
     [
-        (("a", "b", "c"), {}, True, None),
-        (("x", "b", "c"), {}, True, "settings changed"),
-        (("a", "x", "c"), {}, True, "code changed"),
-        (("a", "b", "x"), {}, True, "inputs changed"),
-        (("a", "b", "c"), {"r": "1"}, True, "result is missing"),
-        (("a", "b", "c"), {}, False, "result is missing"),
+        (("a", "b", "c"), {}, None, None),
+        (("x", "b", "c"), {}, None, "settings changed"),
+        (("a", "x", "c"), {}, None, "code changed"),
+        (("a", "b", "x"), {}, None, "inputs changed"),
+        (("a", "b", "c"), {"r": "1"}, None, "result is missing"),
+        (("a", "b", "c"), {}, "missing", "result is missing"),
     ],
 )
-def test_the_reason_to_run_is_data(fingerprint, births, exist, reason):
+def test_the_reason_to_run_is_data(fingerprint, births, defect, reason):
     settings_, code, inputs = fingerprint
-    assert reason_to_run(record_of(), Fingerprint(settings=settings_, code=code, inputs=inputs), births, exist) == reason
+    assert reason_to_run(record_of(), Fingerprint(settings=settings_, code=code, inputs=inputs), births, defect) == reason

@@ -8,6 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from orthomill.pipeline.storage.table_files import read_table, write_table
+from orthomill.schemas.errors import StoreError
 from orthomill.schemas.job import Columns, Table
 
 
@@ -41,3 +42,14 @@ def test_bytes_next_to_other_columns_remain_a_column_of_numbers(tmp_path):
 def test_bytes_of_an_earlier_version_are_still_read(tmp_path):
     pq.write_table(pa.table({"values": pa.array(np.arange(9, dtype=np.uint8))}), tmp_path / "a.parquet")
     assert read_table(tmp_path / "a.parquet", Table("a.parquet", Bytes)).values.tolist() == list(range(9))
+
+
+def test_a_flipped_byte_in_a_long_table_is_not_read_as_another_number(tmp_path):
+    """Pages of bytes are stored as they are: without their checksums most flips would give other values."""
+    path = tmp_path / "a.parquet"
+    write_table(path, Bytes(np.random.default_rng(1).integers(0, 256, 20_000, dtype=np.uint8)))
+    content = path.read_bytes()
+    for at in range(100, 20_000, 997):
+        path.write_bytes(content[:at] + bytes([content[at] ^ 4]) + content[at + 1 :])
+        with pytest.raises(StoreError, match=r"a\.parquet is damaged or from another version"):
+            read_table(path, Table("a.parquet", Bytes))

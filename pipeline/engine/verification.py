@@ -1,0 +1,65 @@
+"""Checks every file that the jobs of a project left on the disk against its checksum.
+
+What is damaged is marked in the records, so that the next run computes it again, and nothing else. What belongs to no job (the
+groups and map axes of the raster store) is written again at once.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from orthomill.pipeline.engine.lock import only_run
+from orthomill.pipeline.engine.records import Record, Records
+from orthomill.pipeline.storage.kept_files import defect_of
+from orthomill.pipeline.storage.store import Store
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What was examined: `files` of `size` bytes in all; `damaged` ones by path with what is wrong, `mended` ones by path."""
+
+    files: int
+    size: int
+    damaged: dict[str, str]
+    mended: tuple[str, ...]
+
+
+def verify(folder: Path) -> Verification:
+    """Examine the results of a run, and mark the damaged ones. Raises ResourceError while the project is being run."""
+    # Under the lock: a run in progress replaces files between the reading of a record and that of its files.
+    with only_run(folder):
+        store, records = Store(folder), Records(folder)
+        readable, unreadable = records.sort_out()
+        done = [record for record in readable if record.status == "done" and not _is_replaced(record, store)]
+        last = {name: record for record in sorted(done, key=lambda record: record.started) for name in record.files}
+        damaged: dict[str, str] = {}
+        for record in done:
+            # Where a later job wrote the same file, an earlier record says nothing about it.
+            own = {name: kept for name, kept in record.files.items() if last[name] is record}
+            found = {name: defect for name, kept in own.items() if (defect := defect_of(folder / name, kept, thoroughly=True))}
+            found |= dict.fromkeys(_broken_rasters(record, store), "damaged")
+            if found:
+                damaged |= found
+                records.put(record.model_copy(update={"status": "damaged"}))
+        for path in unreadable:
+            path.unlink()
+            damaged[path.relative_to(folder).as_posix()] = "damaged"
+        size = sum(kept.size for record in done for kept in record.files.values())
+        return Verification(len(last), size, damaged, tuple(_mended(store)))
+
+
+def _is_replaced(record: Record, store: Store) -> bool:
+    """Whether a raster that the job wrote has been created again since."""
+    sound = (name for name in record.births if store.is_sound(name))
+    return any(store.birth(name) != record.births[name] for name in sound)
+
+
+def _broken_rasters(record: Record, store: Store) -> Iterator[str]:
+    for name in record.births:
+        if not store.is_sound(name):
+            yield (store.place(name) / "zarr.json").relative_to(store.folder).as_posix()
+
+
+def _mended(store: Store) -> Iterator[str]:
+    for name in store.names():
+        yield from (path.relative_to(store.folder).as_posix() for path in store.mend(store.spec(name)))

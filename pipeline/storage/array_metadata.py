@@ -1,0 +1,58 @@
+"""zarr's own metadata, the `zarr.json` of arrays and groups: sealed when it is written, checked when it is read.
+
+zarr believes what stands there. A flipped byte in the codecs, the fill value or the shape of an array would give other pixels
+without an error, so that its attributes hold a checksum of all the rest. The metadata of a group is always the same.
+"""
+
+import json
+import zlib
+from pathlib import Path
+from typing import Any
+
+from orthomill.pipeline.storage.table_files import write_whole
+
+METADATA = "zarr.json"
+SEAL = "seal"
+_GROUP: dict[str, Any] = {"attributes": {}, "zarr_format": 3, "node_type": "group"}
+
+
+def seal_array(folder: Path) -> None:
+    """Put a checksum of an array's metadata into its attributes, and write it durably. Raises StoreError."""
+    metadata = json.loads((folder / METADATA).read_text())
+    metadata["attributes"][SEAL] = _checksum(metadata)
+    write_whole(folder / METADATA, json.dumps(metadata, indent=2).encode())
+
+
+def array_metadata(folder: Path) -> dict[str, Any] | None:
+    """The metadata of an array; None where there is none or it is damaged. Arrays of earlier versions have no seal."""
+    metadata = _read(folder)
+    if metadata is None or metadata.get("node_type") != "array" or not isinstance(metadata.get("attributes"), dict):
+        return None
+    sealed = metadata["attributes"].get(SEAL)
+    return metadata if sealed in (None, _checksum(metadata)) else None
+
+
+def _checksum(metadata: dict[str, Any]) -> str:
+    attributes = {name: value for name, value in metadata["attributes"].items() if name != SEAL}
+    # Canonical text, so that a program that writes the file with other spaces breaks no seal.
+    return f"{zlib.crc32(json.dumps(metadata | {'attributes': attributes}, sort_keys=True).encode()):08x}"
+
+
+def ensure_groups(top: Path, folder: Path) -> list[Path]:
+    """Write the metadata of the group `folder` and of all groups above it up to `top`, where it is missing or damaged.
+
+    Returns the files that were written. Raises StoreError.
+    """
+    groups = [place for place in (folder, *folder.parents) if place.is_relative_to(top)]
+    wanting = [place / METADATA for place in groups if _read(place) != _GROUP]
+    for path in wanting:
+        write_whole(path, json.dumps(_GROUP, indent=2).encode())
+    return wanting
+
+
+def _read(folder: Path) -> dict[str, Any] | None:
+    try:
+        value = json.loads((folder / METADATA).read_bytes())
+    except (OSError, ValueError):  # absent, not UTF-8, or no JSON
+        return None
+    return value if isinstance(value, dict) else None

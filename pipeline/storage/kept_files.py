@@ -1,0 +1,97 @@
+"""The files that a job left on the disk: made durable when it ends, and found whole or damaged ever after.
+
+A file counts as whole while its size and time of change are as recorded, which costs one question to the file system. Where the
+time differs (a copy of the project, or damage), and whenever somebody asks for a thorough check, its checksum decides.
+"""
+
+import os
+import zlib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+_BLOCK = 2**20
+"""bytes that are read at a time"""
+
+
+class KeptFile(NamedTuple):
+    """A file as it was when its job ended: `size` bytes, `changed` ns since 1970, `checksum` CRC-32 of its content."""
+
+    size: int
+    changed: int
+    checksum: int
+
+
+Defect = Literal["missing", "damaged"]
+KeptFiles = Mapping[str, KeptFile]
+"""by path relative to the run's folder"""
+
+
+def keep(folder: Path, paths: Iterable[Path]) -> dict[str, KeptFile]:
+    """Force files of the run's folder and their names to the disk; returns what they are like. Raises OSError."""
+    found = {path: _durable(path) for path in paths}
+    # A file is found again after a power cut only if every folder on the way to it was written as well.
+    for place in sorted({parent for path in found for parent in path.parents if parent.is_relative_to(folder)}):
+        sync_folder(place)
+    return {path.relative_to(folder).as_posix(): kept for path, kept in found.items()}
+
+
+def _durable(path: Path) -> KeptFile:
+    with path.open("rb") as stream:
+        os.fsync(stream.fileno())
+    return _state(path)
+
+
+def make_folder(folder: Path) -> None:
+    """Create a folder and those above it, as far as they are missing, durably. Raises OSError."""
+    if not folder.is_dir():
+        make_folder(folder.parent)
+        folder.mkdir(exist_ok=True)
+        sync_folder(folder.parent)
+
+
+def sync_folder(folder: Path) -> None:
+    """Force the names in a folder to the disk. Raises OSError."""
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _state(path: Path) -> KeptFile:
+    status = path.stat()
+    return KeptFile(status.st_size, status.st_mtime_ns, _checksum(path))
+
+
+def _checksum(path: Path) -> int:
+    checksum = 0
+    with path.open("rb") as stream:
+        while block := stream.read(_BLOCK):
+            checksum = zlib.crc32(block, checksum)
+    return checksum
+
+
+def defect_of(path: Path, kept: KeptFile, thoroughly: bool) -> Defect | None:
+    """What is wrong with a file, None when it is whole; `thoroughly`: its content is read in any case. Raises OSError."""
+    try:
+        status = path.stat()
+        if status.st_size != kept.size:
+            return "damaged"
+        unchanged = status.st_mtime_ns == kept.changed and not thoroughly
+        return None if unchanged or _checksum(path) == kept.checksum else "damaged"
+    except (FileNotFoundError, NotADirectoryError):
+        return "missing"
+
+
+def first_defect(folder: Path, files: KeptFiles, thoroughly: bool = False) -> tuple[str, Defect] | None:
+    """The first of a job's files that is not whole, and what is wrong with it. Raises OSError."""
+    for name, kept in files.items():
+        if defect := defect_of(folder / name, kept, thoroughly):
+            return name, defect
+    return None
+
+
+def stamped(folder: Path, files: KeptFiles) -> dict[str, KeptFile]:
+    """Whole files with the times of change that they have now."""
+    return {name: kept._replace(changed=(folder / name).stat().st_mtime_ns) for name, kept in files.items()}

@@ -1,0 +1,179 @@
+"""Files of a finished project are lost, cut and flipped: all are found, and a run makes the same project again, bit for bit."""
+
+import os
+import random
+import shutil
+
+import numpy as np
+import pytest
+from toy_stages import MEMORY, TOTAL, SmoothStage, SourceStage, SumStage, run_in, session_in
+
+from orthomill.pipeline.engine.records import Record
+from orthomill.pipeline.engine.runner import SequentialRunner
+from orthomill.pipeline.engine.verification import verify
+from orthomill.pipeline.storage.store import Store
+
+STAGES = (SourceStage(rows=700, cols=700), SmoothStage(), SumStage())
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    root = tmp_path_factory.mktemp("finished")
+    run_in(root, *STAGES)
+    return root
+
+
+@pytest.fixture
+def project(finished, tmp_path):
+    return shutil.copytree(finished, tmp_path / "copy")
+
+
+def folder_of(root):
+    return root / "runs" / "toy"
+
+
+def content_of(root):
+    """Rasters as their readers see them, and the bytes of tables and products."""
+    store = Store(folder_of(root))
+    rasters = {name: store.read(name, store.spec(name).full).tobytes() for name in store.names()}
+    files = [path for part in ("tables", "products") for path in (folder_of(root) / part).rglob("*") if path.is_file()]
+    return rasters | {path.relative_to(root).as_posix(): path.read_bytes() for path in files}
+
+
+def damage(path, how, chance):
+    before = path.stat()
+    if how == "deleted":
+        path.unlink()
+        return
+    content = bytearray(path.read_bytes())
+    if how == "cut":
+        del content[chance.randrange(len(content)) :]
+    else:
+        content[chance.randrange(len(content))] ^= 1 << chance.randrange(8)
+    path.write_bytes(content)
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))  # as a failing disk does it, without a trace
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_whatever_is_lost_cut_or_flipped_is_found_and_made_again(finished, project, seed):
+    chance = random.Random(seed)
+    folder = folder_of(project)
+    files = sorted(path for part in ("rasters.zarr", "tables", "jobs") for path in (folder / part).rglob("*") if path.is_file())
+    hit = {path.relative_to(folder).as_posix(): chance.choice(("deleted", "cut", "flipped")) for path in chance.sample(files, 25)}
+    for name, how in hit.items():
+        damage(folder / name, how, chance)
+    found = verify(folder)
+    records = [name for name in hit if name.startswith("jobs/")]
+    # A lost record leaves no trace but a job that is not done, and what a damaged one says of its files is not believed: these
+    # files are made again whatever they are like.
+    made_again = {path for name in records for path in files_of_record(finished, name)}
+    deleted = {name for name in records if hit[name] == "deleted"}
+    assert set(hit) - deleted - made_again <= set(found.damaged) | set(found.mended)
+    session = run_in(project, *STAGES)
+    assert not session.failures
+    assert content_of(project) == content_of(finished)
+    assert verify(folder).damaged == {} and not run_in(project, *STAGES).done
+
+
+def files_of_record(finished, name):
+    return Record.model_validate_json((folder_of(finished) / name).read_bytes()).files
+
+
+def test_a_lost_chunk_is_noticed_without_asking(project):
+    chunk = folder_of(project) / "rasters.zarr/source/numbers/c/2/3"
+    chunk.unlink()
+    session = run_in(project, *STAGES)
+    assert session.done == {("source", "tile", 2, 3)}
+    assert session.defects == {("source", "tile", 2, 3): "result is missing"}
+
+
+def test_a_silently_damaged_chunk_stops_its_reader_and_is_made_again_by_the_next_run(finished, project):
+    """Neither size nor time betray it: the reader's checksum does, and the record of its writer is marked."""
+    damage(folder_of(project) / "rasters.zarr/source/numbers/c/2/3", "flipped", random.Random(1))
+    session = run_in(project, *STAGES, forced=frozenset({"smooth"}))
+    assert session.failures and all("source/numbers is damaged in" in sentence for sentence in session.failures.values())
+    again = run_in(project, *STAGES)
+    assert again.defects == {("source", "tile", 2, 3): "result is damaged"} and not again.failures
+    assert content_of(project) == content_of(finished)
+
+
+def test_a_chunk_that_is_all_fill_value_has_no_file_and_is_not_missed(tmp_path):
+    stages = (SourceStage(factor=0.0), SmoothStage(), SumStage())
+    first = run_in(tmp_path, *stages)
+    assert first.store.table(TOTAL).total == 0 and not list((folder_of(tmp_path) / "rasters.zarr").rglob("c/*"))
+    assert not run_in(tmp_path, *stages).done
+
+
+def test_an_older_record_of_the_same_file_is_no_damage(tmp_path):
+    """Another tiling leaves records of tiles that no longer exist; the rasters were made again since."""
+    run_in(tmp_path, tile=128)
+    run_in(tmp_path, tile=256)
+    assert verify(folder_of(tmp_path)).damaged == {}
+    run_in(tmp_path, SourceStage(factor=2.0), SmoothStage(), SumStage(), tile=256)
+    assert verify(folder_of(tmp_path)).damaged == {}
+
+
+def test_flipped_metadata_of_a_raster_are_not_believed(finished, project):
+    path = folder_of(project) / "rasters.zarr/smooth/numbers/zarr.json"
+    path.write_text(path.read_text().replace('"fill_value": 0.0', '"fill_value": 1.0'))
+    assert verify(folder_of(project)).damaged.keys() == {"rasters.zarr/smooth/numbers/zarr.json"}
+    session = run_in(project, *STAGES)
+    assert set(session.reasons.values()) == {"result is missing"}
+    assert content_of(project) == content_of(finished)
+
+
+# --- a power cut --------------------------------------------------------------------------------------------------------------
+
+
+class PowerCut(BaseException):
+    """The machine is off."""
+
+
+class Disk:
+    """Knows what was forced to the disk: the content of files by inode and time, and the entries of folders."""
+
+    def __init__(self, monkeypatch):
+        self.contents, self.entries, self._fsync = set(), {}, os.fsync
+        monkeypatch.setattr(os, "fsync", self.fsync)
+
+    def fsync(self, handle):
+        self._fsync(handle)
+        status, path = os.fstat(handle), os.readlink(f"/proc/self/fd/{handle}")
+        if os.path.isdir(path):
+            self.entries[status.st_ino] = {entry.inode() for entry in os.scandir(path)}
+        else:
+            self.contents.add((status.st_ino, status.st_mtime_ns))
+
+    def cut(self, folder):
+        """Lose what was not forced: entries of folders vanish, contents become zeros of the same length."""
+        for path in sorted(folder.rglob("*")):
+            if not path.exists():
+                continue
+            status = path.stat()
+            if status.st_ino not in self.entries.get(path.parent.stat().st_ino, ()):
+                shutil.rmtree(path) if path.is_dir() else path.unlink()
+            elif path.is_file() and (status.st_ino, status.st_mtime_ns) not in self.contents:
+                path.write_bytes(bytes(status.st_size))
+                os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
+
+
+@pytest.mark.parametrize("jobs", [1, 20, 45, 73])
+def test_after_a_power_cut_every_job_with_a_record_has_its_results(finished, tmp_path, monkeypatch, jobs):
+    session, disk = session_in(tmp_path, *STAGES), Disk(monkeypatch)
+
+    class Until:
+        def planned(self, key): ...
+        def skipped(self, key): ...
+        def finished(self, finished, seconds):
+            if len(session.done) == jobs:
+                raise PowerCut
+
+    with pytest.raises(PowerCut):
+        session.run(SequentialRunner(MEMORY), Until())
+    disk.cut(folder_of(tmp_path))
+    monkeypatch.undo()
+    assert verify(folder_of(tmp_path)).damaged == {}
+    resumed = run_in(tmp_path, *STAGES)
+    assert len(resumed.skipped) >= jobs - 1, "what was recorded as done survived"
+    assert content_of(tmp_path) == content_of(finished)
+    assert np.isfinite(resumed.store.table(TOTAL).total)
