@@ -15,13 +15,19 @@ from orthomill.tasks.matching.dense.node_surfaces import StartSurface
 
 FACTOR = 2
 """pixels of the left image per start parallax: cells of the volume are wider than a pixel"""
+_BESIDE = 8.0
+"""reduced px beside the image, and two cells, in which cells may be corners of triangles that reach into it"""
 _SAME_SURFACE = 1.5
 """px of parallax between neighbouring cells above which the surface breaks"""
 
 
-@njit(cache=True)
-def _projected(heights, x, y, rotation, centre, c, base, places):
-    """Fill places (3, rows, cols): x and y (px, from the principal point, y up) and the parallax (px) of every cell."""
+@njit(cache=True, error_model="numpy")
+def _projected(heights, x, y, pose, base, cell, first, shape, places):
+    """Fill places (3, rows, cols): column and row in the reduced image of `shape`, and the parallax (px), of the cells near it.
+
+    pose: rotation, projection centre and camera constant (px). first: principal column and row in the reduced image.
+    """
+    rotation, centre, c = pose
     for i in range(heights.shape[0]):
         for j in range(heights.shape[1]):
             dx, dy, dz = x[j] - centre[0], y[i] - centre[1], np.float64(heights[i, j]) - centre[2]
@@ -29,10 +35,13 @@ def _projected(heights, x, y, rotation, centre, c, base, places):
             # NaN heights and cells behind the camera stay unknown.
             if not depth > 0.0:
                 continue
-            scale = c / depth
-            places[0, i, j] = (rotation[0, 0] * dx + rotation[0, 1] * dy + rotation[0, 2] * dz) * scale
-            places[1, i, j] = (rotation[1, 0] * dx + rotation[1, 1] * dy + rotation[1, 2] * dz) * scale
-            places[2, i, j] = base * scale
+            scale = c / (depth * FACTOR)
+            col = first[0] + (rotation[0, 0] * dx + rotation[0, 1] * dy + rotation[0, 2] * dz) * scale
+            row = first[1] - (rotation[1, 0] * dx + rotation[1, 1] * dy + rotation[1, 2] * dz) * scale
+            # The window of cells holds all heights that may occur; most of it lies beside the image then.
+            beside = _BESIDE + 2.0 * cell * scale
+            if -beside < col < shape[1] + beside and -beside < row < shape[0] + beside:
+                places[0, i, j], places[1, i, j], places[2, i, j] = col, row, base * scale * FACTOR
 
 
 def start_parallaxes(pair: EpipolarPair, heights: np.ndarray, grid: MapGrid, cells: Window, left: Window) -> StartSurface:
@@ -41,14 +50,13 @@ def start_parallaxes(pair: EpipolarPair, heights: np.ndarray, grid: MapGrid, cel
     heights: (rows, cols) float32 m of the window `cells` of `grid`, NaN where unknown. `left` begins and ends at multiples of
     FACTOR and may leave the image.
     """
-    places = np.full((3, *heights.shape), np.nan)
-    x, y = grid.centres(cells)
-    _projected(heights, x, y, np.array(pair.rotation), np.array(pair.left_centre), pair.c, pair.base, places)
+    places, shape = np.full((3, *heights.shape), np.nan), (left.height // FACTOR, left.width // FACTOR)
     # The centre of reduced pixel k lies at FACTOR k + (FACTOR - 1) / 2 of the image.
     half = (FACTOR - 1) / 2
-    col = (places[0] + pair.left_col0 - left.col - half) / FACTOR
-    row = (pair.row0 - places[1] - left.row - half) / FACTOR
+    first = (pair.left_col0 - left.col - half) / FACTOR, (pair.row0 - left.row - half) / FACTOR
+    pose = np.array(pair.rotation), np.array(pair.left_centre), pair.c
+    _projected(heights, *grid.centres(cells), pose, pair.base, grid.cell, first, shape, places)
+    col, row, parallax = places
     # Half the distance of cells as seen in the image, and half a pixel at least, so that cells at a break leave no gaps.
-    distance = grid.cell * float(np.nanmedian(places[2])) / pair.base / FACTOR if np.isfinite(places[2]).any() else 1.0
-    shape = left.height // FACTOR, left.width // FACTOR
-    return StartSurface(rasterised(col, row, places[2], shape, _SAME_SURFACE, max(0.5 * distance, 0.5)), FACTOR)
+    distance = grid.cell * float(np.nanmean(parallax)) / pair.base / FACTOR if np.isfinite(parallax).any() else 1.0
+    return StartSurface(rasterised(col, row, parallax, shape, _SAME_SURFACE, max(0.5 * distance, 0.5)), FACTOR)

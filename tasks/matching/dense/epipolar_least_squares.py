@@ -46,8 +46,8 @@ from orthomill.tasks.matching.dense.window_solution import (
 from orthomill.tasks.matching.least_squares import result_columns as outcomes
 from orthomill.tasks.matching.least_squares.shift_precision import residual_correlation
 
-_NORMAL, _EDGE, _SMALL, _AGAIN, _WIDER, _WIDE = range(6)
-"""windows of a node in the order of their trial: the normal one alone, or from small to normal, and wider ones"""
+_EDGE, _SMALL, _NORMAL, _WIDER, _WIDE = range(5)
+"""windows of a node from small to large"""
 _REACH = 16
 """px around the wanted nodes that are matched to smooth, and to fill windows; beyond it the start itself serves"""
 _COARSE = 4
@@ -66,6 +66,8 @@ _WHOLE = 0.85
 """share of the window on the node's surface below which the smallest window is tried"""
 _ASIDE = 0.8
 """half windows: farther than this from the node its texture says little about it, such as the shore about water"""
+_HOPELESS = 0.4
+"""share of the wanted correlation below which a window shows two different things"""
 _MISFIT = 2.0
 """ratio of the variances by scores and by noise up to which a window shows no sign of misfit"""
 # These were set on Middlebury Cones and the synthetic pair; other real pairs were in view (benchmarks/results/matching.md).
@@ -135,7 +137,7 @@ def _half_of(window, limits):
         return limits.edge_half
     if window == _SMALL:
         return limits.small_half
-    if window <= _AGAIN:
+    if window == _NORMAL:
         return limits.half
     return limits.wide_half if window == _WIDE else (limits.half + limits.wide_half) // 2
 
@@ -155,6 +157,17 @@ def _attempt(pair, centre, half, plane, rules, scratch, solution):
     return found
 
 
+@njit(cache=True, error_model="numpy", forceinline=True)
+def _shown(pair, centre, half):
+    """Whether both images show the node or the middle of a side of its window."""
+    field = pair.field
+    return (
+        field[centre] == field[centre]
+        or field[centre - half] == field[centre - half]
+        or field[centre + half] == field[centre + half]
+    )
+
+
 @njit(cache=True, error_model="numpy")
 def _adjust_planes(pair, lattice, planes, shape, rules, weights):
     """Correct the planes of all nodes once, in place; fills their weights. shape: of the left image."""
@@ -168,6 +181,8 @@ def _adjust_planes(pair, lattice, planes, shape, rules, weights):
                 continue
             plane[0], plane[1], plane[2] = planes[i, j, 0], planes[i, j, 1], planes[i, j, 2]
             centre, best = (row + pair.margin) * pair.cols + col + pair.margin, _VAGUE
+            if not _shown(pair, centre, limits.half):
+                continue
             for k in range(2):
                 half = limits.half if k == 0 else limits.wide_half
                 found = _attempt(pair, centre, half, plane, rules, scratch, solution)
@@ -201,31 +216,34 @@ def _take(solution, begin, kept):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def _solve_node(pair, centre, plane, rules, scratch, solution, kept):
-    """The best of the windows of a node, in `kept` (see `_take`); returns its outcome."""
+def _solid(outcome, solution):
+    """Whether a window was solved near its start."""
+    return outcome == outcomes.CONVERGED and abs(solution[CORRECTION]) <= _MAX_STEP
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def _solve_node(pair, centre, plane, rules, scratch, solutions, kept):
+    """The best of the windows of a node, in `kept` (see `_take`); returns its outcome. solutions (2, 9): scratch."""
     limits = rules.limits
     kept[0], kept[1], kept[2], kept[3], kept[4], kept[5] = np.nan, np.inf, np.nan, -np.inf, np.inf, np.nan
     outcome, field = outcomes.NOT_TRIED, pair.field[centre]
     near = field if abs(field - plane[0]) <= limits.surface_tolerance else plane[0]
-    window = _NORMAL
+    normal, other = solutions[0], solutions[1]
+    first = _attempt(pair, centre, limits.half, plane, rules, scratch, normal)
+    solid, whole = _solid(first, normal), normal[SUPPORT] > _WHOLE * (2 * limits.half + 1) ** 2
+    if solid and whole:
+        kept[5] = normal[SPREAD] / normal[VARIANCE]
+    # Scores that scatter as noise does are no sign of a surface that bends or breaks: smaller windows would add nothing.
+    window = _NORMAL if kept[5] < _MISFIT else _SMALL if whole or limits.edge_half == limits.small_half else _EDGE
     while window <= _WIDE:
-        half = _half_of(window, limits)
-        if window >= _WIDER and kept[1] < limits.weak_sigma**2:
+        # Texture that is weak becomes precise in a larger window; grey values that are not alike remain so.
+        if window > _NORMAL and (kept[1] < limits.weak_sigma**2 or normal[CORRELATION] < _HOPELESS * limits.min_correlation):
             break
-        found = _attempt(pair, centre, half, plane, rules, scratch, solution)
-        solid = found == outcomes.CONVERGED and abs(solution[CORRECTION]) <= _MAX_STEP
-        whole = solution[SUPPORT] > _WHOLE * (2 * half + 1) ** 2
-        if window == _NORMAL:
-            kept[5] = solution[SPREAD] / solution[VARIANCE] if solid and whole else np.nan
-            # Scores that scatter as noise does are no sign of a surface that bends or breaks: smaller windows would add nothing.
-            if solid and whole and solution[SPREAD] < _MISFIT * solution[VARIANCE]:
-                _take(solution, near, kept)
-                outcome, window = found, _WIDER
-            else:
-                window = _EDGE if limits.edge_half < limits.small_half and not whole else _SMALL
-            continue
-        if solid:
-            if not _take(solution, near if window < _WIDER else plane[0], kept):
+        found, solution = first, normal
+        if window != _NORMAL:
+            found, solution = _attempt(pair, centre, _half_of(window, limits), plane, rules, scratch, other), other
+        if _solid(found, solution):
+            if not _take(solution, near if window <= _NORMAL else plane[0], kept):
                 break
             outcome = found
         elif outcome != outcomes.CONVERGED:
@@ -239,7 +257,7 @@ def _solve_nodes(pair, lattice, planes, start, shape, rules, nodes, variance, mi
     """Solve the inner nodes of a lattice, of which `nodes` are the results. start (rows, cols): parallaxes of the start planes."""
     limits = rules.limits
     parallax, _, likeness, outcome = nodes
-    scratch, solution, plane, kept = scratch_for(rules.widest), np.empty(9), np.empty(3), np.empty(6)
+    scratch, solutions, plane, kept = scratch_for(rules.widest), np.empty((2, 9)), np.empty(3), np.empty(6)
     ring = (lattice.rows - parallax.shape[0]) // 2
     for i in range(parallax.shape[0]):
         for j in range(parallax.shape[1]):
@@ -256,7 +274,10 @@ def _solve_nodes(pair, lattice, planes, start, shape, rules, nodes, variance, mi
             if np.isnan(plane[0]):
                 outcome[i, j] = outcomes.NOT_TRIED
                 continue
-            found = _solve_node(pair, centre, plane, rules, scratch, solution, kept)
+            if not _shown(pair, centre, limits.half):
+                outcome[i, j] = outcomes.OUTSIDE
+                continue
+            found = _solve_node(pair, centre, plane, rules, scratch, solutions, kept)
             if found == outcomes.NOT_TRIED and np.isnan(pair.field[centre]):
                 found = outcomes.OUTSIDE
             likeness[i, j], misfit[i, j] = kept[2], kept[5]
@@ -291,7 +312,8 @@ def match_nodes(
         planes = smoothed_planes(planes, weights, level, half, tolerance)
     planes, begin = finer_planes(planes, level, lattice), finer_planes(begin, level, lattice)
     # Nodes on another surface than the nearest coarser one begin with their own plane.
-    other = ~(np.abs(planes[..., 0] - start_values(start, lattice)) <= tolerance)
+    values = start_values(start, lattice)
+    other = np.isfinite(values) & ~(np.abs(planes[..., 0] - values) <= tolerance)
     own = start_planes(start, lattice, half, tolerance, other)
     other &= ~(np.abs(planes[..., 0] - own[..., 0]) <= tolerance)
     planes, begin = (np.where(other[..., None], own, carried) for carried in (planes, begin))

@@ -19,7 +19,6 @@ from numba import njit
 from orthomill.tasks.matching.dense.surface_warp import LANES
 from orthomill.tasks.matching.least_squares import result_columns as outcomes
 from orthomill.tasks.matching.least_squares.grey_values import EXACT
-from orthomill.tasks.matching.least_squares.small_systems import factor, solve
 
 CORRECTION, SLOPE_X, SLOPE_Y, VARIANCE, CORRELATION, STRENGTH, SUPPORT, SPREAD, ASIDE = range(9)
 """Places in a solution: correction of the parallax (px) and of its slopes, variance of the parallax (px^2), correlation of the grey
@@ -35,6 +34,8 @@ _SLOPES = 0.05
 """px per px: expected size of the corrections of the slopes; what the texture hardly determines stays near its start"""
 _ROUNDING = 0.3
 """grey values squared: least variance of residuals, about that of two images in whole grey values"""
+_PIVOT = 1e-6
+"""share of a diagonal element below which its pivot counts as zero: the texture does not determine that unknown"""
 _PARTS = 3
 """rows and columns of parts of a window"""
 _FREE = 1.5
@@ -61,13 +62,6 @@ class SurfaceScratch(NamedTuple):
     block: SurfaceBlock
     sums: np.ndarray
     """(21,)"""
-    normal: np.ndarray
-    lower: np.ndarray
-    """(4, 4) each: gain, parallax and slopes"""
-    right: np.ndarray
-    unknowns: np.ndarray
-    cofactors: np.ndarray
-    """(4,) each; cofactors: those of the parallax"""
     line: np.ndarray
     """(n,) float32: of a row"""
 
@@ -87,11 +81,6 @@ def scratch_for(half):
             np.zeros(n, np.float32),
         ),
         np.empty(21),
-        np.empty((4, 4)),
-        np.empty((4, 4)),
-        np.empty(4),
-        np.empty(4),
-        np.empty(4),
         np.empty(wide, np.float32),
     )
 
@@ -193,14 +182,14 @@ def correlated_share(gradient, n, lanes, near, far):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
-def squared_scores(scratch, half, lanes):
-    """Sum of the squared scores of the parts of a window, after its adjustment."""
-    sums, unknowns, line = scratch.sums, scratch.unknowns, scratch.line
+def squared_scores(scratch, half, lanes, unknowns):
+    """Sum of the squared scores of the parts of a window, after its adjustment; unknowns: see `_adjusted`."""
+    sums, line = scratch.sums, scratch.line
     left, right, g, gx, gy, inside = scratch.block
     side = 2 * half + 1
-    gain, a, b, c = np.float32(unknowns[0]), np.float32(unknowns[1]), np.float32(unknowns[2]), np.float32(unknowns[3])
+    gain, b, c, a = np.float32(unknowns[0]), np.float32(unknowns[1]), np.float32(unknowns[2]), np.float32(unknowns[3])
     mean = np.float32(sums[6] / sums[0])
-    explained = unknowns[0] * sums[1] + unknowns[1] * sums[6] + unknowns[2] * sums[7] + unknowns[3] * sums[8]
+    explained = unknowns[0] * sums[1] + unknowns[1] * sums[7] + unknowns[2] * sums[8] + unknowns[3] * sums[6]
     constant = np.float32((sums[2] - explained) / sums[0])
     total = 0.0
     for part in range(_PARTS):
@@ -219,20 +208,36 @@ def squared_scores(scratch, half, lanes):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def _normal_equations(sums, normal, right):
-    """Normal equations of gain, parallax and slopes, the offset eliminated; returns the power of the right window."""
-    n = sums[0]
-    left_mean, right_mean = sums[1] / n, sums[2] / n
-    normal[0, 0], right[0] = sums[3] - sums[1] * left_mean, sums[4] - sums[1] * right_mean
-    place = 9
-    for i in range(3):
-        mean = sums[6 + i] / n
-        normal[1 + i, 0] = normal[0, 1 + i] = sums[15 + i] - n * mean * left_mean
-        right[1 + i] = sums[18 + i] - n * mean * right_mean
-        for j in range(i, 3):
-            normal[1 + i, 1 + j] = normal[1 + j, 1 + i] = sums[place] - mean * sums[6 + j]
-            place += 1
-    return sums[5] - sums[2] * right_mean
+def _adjusted(sums, prior):
+    """Solve for gain, slopes and parallax, the offset eliminated; `prior`: weight of the observations that the slopes are zero.
+
+    Returns the unknowns, the cofactor of the parallax (NaN where the texture does not determine it) and what they explain of the
+    power of the right window.
+    """
+    # The parallax comes last: its pivot is the inverse of its cofactor, and no inverse is computed. Written out, for loops over
+    # four unknowns would take longer than all sums of a window.
+    share = 1.0 / sums[0]
+    left, right, p, q, r = sums[1] * share, sums[2] * share, sums[6] * share, sums[7] * share, sums[8] * share
+    gain, gain_x, gain_y = sums[3] - sums[1] * left, sums[16] - sums[7] * left, sums[17] - sums[8] * left
+    gain_p, x_p, y_p = sums[15] - sums[6] * left, sums[10] - sums[7] * p, sums[11] - sums[8] * p
+    x_x, x_y, y_y = sums[12] - sums[7] * q + prior, sums[13] - sums[8] * q, sums[14] - sums[8] * r + prior
+    to_x, to_y, to_p = gain_x / gain, gain_y / gain, gain_p / gain
+    pivot_x, rest_xy, rest_xp = x_x - to_x * gain_x, x_y - to_y * gain_x, x_p - to_p * gain_x
+    x_to_y, x_to_p = rest_xy / pivot_x, rest_xp / pivot_x
+    pivot_y, rest_yp = y_y - to_y * gain_y - x_to_y * rest_xy, y_p - to_p * gain_y - x_to_p * rest_xy
+    y_to_p = rest_yp / pivot_y
+    pivot_p = sums[9] - sums[6] * p - to_p * gain_p - x_to_p * rest_xp - y_to_p * rest_yp
+    of_gain = sums[4] - sums[1] * right
+    of_x = sums[19] - sums[7] * right - to_x * of_gain
+    of_y = sums[20] - sums[8] * right - to_y * of_gain - x_to_y * of_x
+    of_p = sums[18] - sums[6] * right - to_p * of_gain - x_to_p * of_x - y_to_p * of_y
+    parallax = of_p / pivot_p
+    slope_y = of_y / pivot_y - y_to_p * parallax
+    slope_x = of_x / pivot_x - x_to_y * slope_y - x_to_p * parallax
+    own_gain = of_gain / gain - to_x * slope_x - to_y * slope_y - to_p * parallax
+    explained = of_gain * of_gain / gain + of_x * of_x / pivot_x + of_y * of_y / pivot_y + of_p * parallax
+    sound = pivot_x > _PIVOT * x_x and pivot_y > _PIVOT * y_y and pivot_p > _PIVOT * sums[9]
+    return own_gain, slope_x, slope_y, parallax, 1.0 / pivot_p if sound else np.nan, explained
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -242,8 +247,7 @@ def solved(scratch, half, size, correlation, slope, out):
     size: of the block and of its rows, from `cut_block`. correlation: of residuals 1 and 2 px apart. slope: of the plane, x.
     """
     n, lanes = size
-    sums, normal, right, unknowns = scratch.sums, scratch.normal, scratch.right, scratch.unknowns
-    cofactors = scratch.cofactors
+    sums = scratch.sums
     block_sums(scratch.block, n, sums)
     out[SUPPORT] = sums[0]
     if sums[0] < FEWEST:
@@ -251,33 +255,27 @@ def solved(scratch, half, size, correlation, slope, out):
     out[STRENGTH] = np.sqrt(sums[9] / sums[0])
     # The centroid of the squared gradients: where the window is determined.
     out[ASIDE] = max(abs(sums[10]), abs(sums[11])) / max(sums[9], 1e-6)
-    power = _normal_equations(sums, normal, right)
-    if normal[0, 0] <= _FLAT * sums[0] or power <= _FLAT * sums[0]:
+    contrast, power = sums[3] - sums[1] * sums[1] / sums[0], sums[5] - sums[2] * sums[2] / sums[0]
+    if contrast <= _FLAT * sums[0] or power <= _FLAT * sums[0]:
         return outcomes.LOW_TEXTURE
-    out[CORRELATION] = right[0] / np.sqrt(normal[0, 0] * power)
-    gain = right[0] / normal[0, 0]
+    common = sums[4] - sums[1] * sums[2] / sums[0]
+    out[CORRELATION] = common / np.sqrt(contrast * power)
+    gain = common / contrast
     if not gain > _LEAST_GAIN:
         return outcomes.LOW_CORRELATION
     # Slopes are observed as zero with `_SLOPES` as standard error, beside the residuals before the adjustment.
-    before = max(power - gain * right[0], 0.0) / sums[0] + _ROUNDING
-    for k in (2, 3):
-        normal[k, k] += before / (gain * _SLOPES) ** 2
-    if not factor(normal, 4, scratch.lower):
+    before = max(power - gain * common, 0.0) / sums[0] + _ROUNDING
+    unknowns = _adjusted(sums, before / (gain * _SLOPES) ** 2)
+    gain, slope_x, slope_y, parallax, cofactor, explained = unknowns
+    if np.isnan(cofactor):
         return outcomes.SINGULAR
-    for i in range(4):
-        unknowns[i] = right[i]
-        cofactors[i] = 1.0 if i == 1 else 0.0
-    solve(scratch.lower, 4, unknowns)
-    solve(scratch.lower, 4, cofactors)
-    for i in range(4):
-        power -= unknowns[i] * right[i]
-    if not unknowns[0] > _LEAST_GAIN:
+    if not gain > _LEAST_GAIN:
         return outcomes.LOW_CORRELATION
     # From derivatives of the left image to parallaxes: the right one shows the window stretched by 1 - slope.
-    stretch = (1.0 - slope) / unknowns[0]
-    out[CORRECTION], out[SLOPE_X], out[SLOPE_Y] = stretch * unknowns[1], stretch * unknowns[2], stretch * unknowns[3]
-    cofactor = cofactors[1] * stretch * stretch
-    noise = max(power, 0.0) / (sums[0] - 5.0)
-    out[VARIANCE] = noise * cofactor * correlated_share(scratch.block.gradient, n, lanes, correlation[0], correlation[1])
-    out[SPREAD] = _FREE * squared_scores(scratch, half, lanes) * cofactors[1] * cofactor
+    stretch = (1.0 - slope) / gain
+    out[CORRECTION], out[SLOPE_X], out[SLOPE_Y] = stretch * parallax, stretch * slope_x, stretch * slope_y
+    scaled = cofactor * stretch * stretch
+    noise = max(power - explained, 0.0) / (sums[0] - 5.0)
+    out[VARIANCE] = noise * scaled * correlated_share(scratch.block.gradient, n, lanes, correlation[0], correlation[1])
+    out[SPREAD] = _FREE * squared_scores(scratch, half, lanes, unknowns) * cofactor * scaled
     return outcomes.CONVERGED
