@@ -42,7 +42,7 @@ def report(tiles: tuple[TileCounts, ...], pairs: CheckedPairs, coarse: np.ndarra
     trend, plane = fitted_trend(coarse, blocks.grid, blocks.size)
     areas = suspicious_areas(coarse, plane, blocks.grid, blocks.size, blocks.significance)
     return StageReport(
-        figures=_figures(_cell_values(tiles, whole, pairs) | _place_values(trend, areas)),
+        figures=_figures(_cell_values(tiles, whole, pairs) | _estimate_values(tiles, pairs) | _place_values(trend, areas)),
         grids=(_pairs_grid(tiles, pairs), _outcomes_grid(tiles, pairs), *_areas_grid(areas)),
         charts=(_histogram(total, pairs.pixel_height),) if whole.number else (),
         pictures=_pictures(pairs, whole),
@@ -67,6 +67,9 @@ _FIGURES = (
     ("dh_within_3_sigma", "%", "Cells whose correction is below three of its standard errors."),
     ("checked", "%", "Share of the measured cells that could be checked."),
     ("changed", "%", "Share of the measured cells that the check changed."),
+    ("estimates", "%", "Share of the heights that are estimated: neither checked nor changed, and in no other figure here."),
+    ("estimates_compared", "%", "Share of the estimated cells in which the photographs could be compared nevertheless."),
+    ("estimates_dh_nmad", "m", "Robust spread of their corrections; an estimate that agrees is no measurement yet."),
     ("pairs", "", "Pairs of orthoimages that were compared."),
     ("pixel_height", "m", "Height error that shifts the two orthoimages by one pixel, on average."),
     ("suspicious_areas", "", "Connected areas where the surface deviates significantly from its own trend, too high or too low."),
@@ -99,6 +102,16 @@ def _cell_values(tiles: tuple[TileCounts, ...], whole: Summary, pairs: CheckedPa
         "changed": _share(changed, heights),
         "pairs": len(pairs.pairs),
         "pixel_height": _known(pairs.pixel_height),
+    }
+
+
+def _estimate_values(tiles: tuple[TileCounts, ...], pairs: CheckedPairs) -> dict[str, float | int | None]:
+    counts = added([tile.dh_estimates for tile in tiles])
+    measured, estimates = (sum(getattr(tile, name) for tile in tiles) for name in ("heights", "estimates"))
+    return {
+        "estimates": _share(estimates, measured + estimates),
+        "estimates_compared": _share(counts.number, estimates) if estimates else None,
+        "estimates_dh_nmad": _known(summarised(counts, pairs.pixel_height).nmad),
     }
 
 
@@ -201,7 +214,8 @@ def _pictures(pairs: CheckedPairs, whole: Summary) -> tuple[Picture, ...]:
             unit="m",
             low=low,
             high=reach,
-            caption="Correction derived from the photographs. Negative: the surface is too high. Empty: could not be checked.",
+            caption="Correction derived from the photographs. Negative: the surface is too high. "
+            "Empty: estimated, or could not be checked.",
         ),
         Picture(
             title="Precision of the check", raster=PRECISION, style="ramp", unit="m", caption="Standard error of the correction."
@@ -215,7 +229,7 @@ def _surface_warnings(tiles: tuple[TileCounts, ...], trend: Trend, pairs: Checke
     # with less than half of the surface checked the figures above do not speak for the whole
     if checked < 0.5 * heights:
         yield (
-            f"Only {_share(checked, heights):.0f} % of the surface could be checked; the rest lies outside the pairs of "
+            f"Only {_share(checked, heights):.0f} % of the measured surface could be checked; the rest lies outside the pairs of "
             "photographs, has too little texture, or is hidden in one of them."
         )
     if abs(trend.middle) > _SHIFT_LIMIT * pairs.pixel_height:

@@ -19,7 +19,7 @@ from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, Window, map_rast
 from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
 from orthomill.schemas.stage_report import report_table
-from orthomill.schemas.surface import CORRECTED, HEIGHT, SURFACE, Surface
+from orthomill.schemas.surface import CORRECTED, HEIGHT, PROVENANCE, SURFACE, Surface
 from orthomill.tasks.dsm_check.areas import block_size
 from orthomill.tasks.dsm_check.correction_map import CorrectionNodes
 from orthomill.tasks.dsm_check.coverage import (
@@ -271,13 +271,17 @@ class DsmCheckStage(Stage):
             self.kind,
             "answer",
             correct_tile,
-            {"heights": Raster(INPUT, tile.window), "nodes": tuple(reads)},
+            {"heights": Raster(INPUT, tile.window), "nodes": tuple(reads), **self._codes(tile.window)},
             _checked_cells(tile, size),
             {"window": tile.window, "pairs": tuple(windows), "rule": rule},
             row=tile.row,
             col=tile.col,
             scratch=tile.window.width * 64 * 96 + tile.window.height * tile.window.width * 64,
         )
+
+    def _codes(self, window: Window) -> Reads:
+        """Where the heights under test come from; nothing is known of those of a file."""
+        return {"provenance": Raster(PROVENANCE, window)} if self.surface.kind == "densification" else {}
 
     def _nodes_near(self, plan: _Plan, pair: CheckedPair, window: Window, halo: int) -> tuple[NodeWindow, Raster]:
         """The nodes of a pair in and around a tile: counted over the whole surface, and as a region of the pair's raster."""

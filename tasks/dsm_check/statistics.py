@@ -51,13 +51,17 @@ class TileCounts(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     heights: int
-    """cells with a height"""
+    """cells with a measured height"""
     checked: int
-    """cells with a height and a correction"""
+    """of these, cells with a correction"""
     changed: int
     """cells whose height was changed"""
     dh: Counts
     pairs: tuple[PairCounts, ...]
+    estimates: int = 0
+    """cells with an estimated height; they are never changed"""
+    dh_estimates: Counts = Counts()
+    """what the comparison says where heights are estimated"""
 
 
 @dataclass(frozen=True)
@@ -97,7 +101,7 @@ def bin_width(pixel_height: float) -> float:
 
 
 def count_pair(name: str, nodes: np.ndarray, pixel_height: float) -> PairCounts:
-    """Counts of the nodes (rows, cols, bands) of one pair."""
+    """Counts of the nodes (..., bands) of one pair."""
     # NaN is what the store holds of nodes that no job wrote: NOT_TRIED
     codes = np.nan_to_num(nodes[..., OUTCOME]).astype(int).ravel()
     return PairCounts(
@@ -108,18 +112,25 @@ def count_pair(name: str, nodes: np.ndarray, pixel_height: float) -> PairCounts:
 
 
 def count_tile(
-    heights: np.ndarray, correction: CorrectionMap, share: np.ndarray, pairs: tuple[PairCounts, ...], pixel_height: float
+    heights: np.ndarray,
+    correction: CorrectionMap,
+    share: np.ndarray,
+    estimated: np.ndarray,
+    pairs: tuple[PairCounts, ...],
+    pixel_height: float,
 ) -> TileCounts:
-    """Counts of one tile; arrays are (rows, cols)."""
+    """Counts of one tile; arrays are (rows, cols); estimated: bool, cells whose height is no measurement."""
     # corrections reach beyond the surface; where it has no height there is nothing to check
-    known = np.isfinite(heights)
-    dh = np.where(known, correction.dh, np.nan)
+    known, guessed = (np.isfinite(heights) & cells for cells in (~estimated, estimated))
+    dh, of_estimates = (np.where(cells, correction.dh, np.nan) for cells in (known, guessed))
     return TileCounts(
         heights=int(known.sum()),
         checked=int(np.isfinite(dh).sum()),
         changed=int((known & (share > 0)).sum()),
         dh=count(dh, correction.sigma, pixel_height),
         pairs=pairs,
+        estimates=int(guessed.sum()),
+        dh_estimates=count(of_estimates, correction.sigma, pixel_height),
     )
 
 

@@ -1,4 +1,8 @@
-"""One tile of the result: from the nodes of all pairs to correction, precision, corrected surface, coarse blocks and counts."""
+"""One tile of the result: from the nodes of all pairs to correction, precision, corrected surface, coarse blocks and counts.
+
+Strategy. Only heights that were measured can be confirmed or corrected. Where a height is an estimate, two orthoimages made with it
+agree or disagree by chance within the small reach of the search: its corrections are counted apart and appear nowhere else.
+"""
 
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
@@ -6,8 +10,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from orthomill.schemas.raster import Window
+from orthomill.schemas.surface import ESTIMATED
 from orthomill.tasks.dsm_check.areas import blocks
 from orthomill.tasks.dsm_check.correction_map import (
+    CorrectionMap,
     CorrectionNodes,
     corrected_heights,
     interpolate,
@@ -15,6 +21,7 @@ from orthomill.tasks.dsm_check.correction_map import (
     share_applied,
     without_spikes,
 )
+from orthomill.tasks.dsm_check.nodes import node_offset
 from orthomill.tasks.dsm_check.statistics import TileCounts, count_pair, count_tile
 
 
@@ -63,22 +70,44 @@ def take_surface(heights: np.ndarray) -> np.ndarray:
 
 
 def correct_tile(
-    window: Window, pairs: tuple[NodeWindow, ...], rule: CorrectionRule, heights: np.ndarray, nodes: tuple[np.ndarray, ...] = ()
+    window: Window,
+    pairs: tuple[NodeWindow, ...],
+    rule: CorrectionRule,
+    heights: np.ndarray,
+    nodes: tuple[np.ndarray, ...] = (),
+    provenance: np.ndarray | None = None,
 ) -> CheckedCells:
     """The checked cells of `window`.
 
-    heights: (window.shape) m, of the surface under test. nodes: one array (rows, cols, bands) for each of `pairs`.
+    heights: (window.shape) m, of the surface under test. nodes: one array (rows, cols, bands) for each of `pairs`. provenance:
+    uint8 (window.shape) codes of the heights; None where all count as measured.
     """
+    estimated = np.isin(np.zeros(window.shape, np.uint8) if provenance is None else provenance, ESTIMATED)
     clean = [without_spikes(one) for one in nodes]
     points = [node_points(one, (pair.given.row, pair.given.col), rule.nodes) for one, pair in zip(clean, pairs, strict=True)]
-    correction = interpolate(np.concatenate([np.empty((0, 4)), *points]), window, rule.nodes.radius)
+    found = interpolate(np.concatenate([np.empty((0, 4)), *points]), window, rule.nodes.radius)
+    correction = CorrectionMap(*(np.where(estimated, np.float32(np.nan), band) for band in (found.dh, found.sigma)))
     share = share_applied(correction, rule.apply, rule.significance)
     # own nodes only: those of the halo are counted by the tiles to which they belong
-    counted = tuple(count_pair(pair.pair, pair.inner(one), rule.pixel_height) for one, pair in zip(clean, pairs, strict=True))
+    counted = tuple(
+        count_pair(pair.pair, pair.inner(one)[_of_nodes(~estimated, pair, window, rule.nodes)], rule.pixel_height)
+        for one, pair in zip(clean, pairs, strict=True)
+    )
     return CheckedCells(
         dh=correction.dh,
         precision=correction.sigma,
         height=corrected_heights(heights, correction, share),
         coarse=blocks(correction.dh, correction.sigma, rule.block),
-        counts=count_tile(heights, correction, share, counted, rule.pixel_height),
+        counts=count_tile(heights, found, share, estimated, counted, rule.pixel_height),
     )
+
+
+def _of_nodes(cells: np.ndarray, pair: NodeWindow, window: Window, nodes: CorrectionNodes) -> np.ndarray:
+    """What holds (bool) in the cells of `window` under a pair's own nodes."""
+    within = round(node_offset(nodes.step, nodes.pixels_per_cell))
+    rows, cols = (
+        (first + np.arange(count)) * nodes.step + within - corner
+        for first, count, corner in ((pair.own.row, pair.own.height, window.row), (pair.own.col, pair.own.width, window.col))
+    )
+    # A node of the last, incomplete step may lie beyond the surface.
+    return cells[np.ix_(np.minimum(rows, window.height - 1), np.minimum(cols, window.width - 1))]

@@ -6,7 +6,7 @@ from tiny_block import EAST, FLYING, NORTH, block
 
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.schemas.surface import Surface
+from orthomill.schemas.surface import Provenance, Surface
 from orthomill.tasks.dsm_check.areas import CHECKED, MEAN, SIGMA, blocks, suspicious_areas
 from orthomill.tasks.dsm_check.correction_map import CorrectionMap, CorrectionNodes
 from orthomill.tasks.dsm_check.coverage import (
@@ -110,7 +110,7 @@ def test_a_surface_that_could_not_be_checked_says_so():
     dh = noisy()
     dh[:, 60:] = np.nan
     found = reported(dh)
-    assert "Only 38 % of the surface could be checked" in found.warnings[0]
+    assert "Only 38 % of the measured surface could be checked" in found.warnings[0]
     nothing = reported(np.full(GRID.shape, np.nan))
     assert figures(nothing)["dh_mean"] is None and not nothing.charts
 
@@ -159,6 +159,26 @@ def test_a_tile_counts_its_own_nodes_only():
     assert cells.height == pytest.approx(0.5, abs=1e-5) and cells.counts.changed == 256
 
 
+def test_estimated_heights_are_judged_apart_and_stay_as_they_are():
+    nodes = np.zeros((8, 8, len(BANDS)), np.float32)
+    nodes[..., OUTCOME], nodes[..., DH], nodes[..., 3] = Outcome.CONVERGED, 0.5, 0.1
+    window = NodeWindow("a-b", Window(10, 20, 8, 8), Window(12, 22, 4, 4))
+    rule = CorrectionRule("all", 3.0, CorrectionNodes(4, 1, 6.0, 20.0), 8, 2.0)
+    codes = np.full((16, 16), Provenance.AGREED, np.uint8)
+    codes[:, 8:] = Provenance.INTERPOLATED
+    cells = correct_tile(Window(48, 88, 16, 16), (window,), rule, np.zeros((16, 16), np.float32), (nodes,), codes)
+    assert cells.height[:, :8] == pytest.approx(0.5, abs=1e-5) and (cells.height[:, 8:] == 0.0).all()
+    assert np.isnan(cells.dh[:, 8:]).all() and np.isnan(cells.precision[:, 8:]).all()
+    counts = cells.counts
+    assert (counts.heights, counts.checked, counts.changed, counts.dh.number) == (128, 128, 128, 128)
+    assert (counts.estimates, counts.dh_estimates.number) == (128, 128)
+    assert counts.pairs[0].outcomes[Outcome.CONVERGED] == counts.pairs[0].dh.number == 8
+    assert cells.coarse[0, 0, CHECKED] == 1.0 and cells.coarse[0, 1, CHECKED] == 0.0
+    found = figures(report((counts,), PAIRS, cells.coarse, Blocks(GRID, 8, 3.0)))
+    assert found["checked"] == found["changed"] == 100.0 and found["estimates"] == 50.0
+    assert found["estimates_compared"] == 100.0 and found["estimates_dh_nmad"] == pytest.approx(0.0, abs=0.02)
+
+
 def test_counts_of_nodes_and_cells():
     nodes = np.full((2, 2, len(BANDS)), np.nan, np.float32)
     nodes[0, 0] = (0.5, 0, 0, 0.1, 0.9, Outcome.CONVERGED)
@@ -167,7 +187,7 @@ def test_counts_of_nodes_and_cells():
     assert counts.outcomes[Outcome.CONVERGED] == counts.outcomes[Outcome.OCCLUDED] == 1
     assert counts.outcomes[Outcome.NOT_TRIED] == 2 and counts.dh.number == 1
     correction = CorrectionMap(np.array([[1.0, 1.0, np.nan]]), np.full((1, 3), 0.5))
-    cells = count_tile(np.array([[5.0, np.nan, 5.0]]), correction, np.array([[1.0, 1.0, 0.0]]), (), 2.0)
+    cells = count_tile(np.array([[5.0, np.nan, 5.0]]), correction, np.array([[1.0, 1.0, 0.0]]), np.zeros((1, 3), bool), (), 2.0)
     assert (cells.heights, cells.checked, cells.changed, cells.dh.within_3) == (2, 1, 1, 1)
 
 

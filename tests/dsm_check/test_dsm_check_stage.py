@@ -17,13 +17,14 @@ from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.photo import PHOTOS, photo_raster
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.stage_report import report_table
-from orthomill.schemas.surface import CORRECTED, HEIGHT, SURFACE, Surface
+from orthomill.schemas.surface import CORRECTED, HEIGHT, PROVENANCE, SURFACE, Provenance, Surface
 from orthomill.tasks.dsm_check.coverage import best_cover, choose_checked_pairs
 from orthomill.tasks.dsm_check.nodes import NodeTile, check_nodes
 from orthomill.tasks.dsm_check.stage import DsmCheckStage, SurfaceFile, node_raster, ortho_raster
 from orthomill.tasks.epipolar.selection import PairChoice, choose_pairs
 
 GRID = MapGrid(west=EAST - 120, north=NORTH + 96, cell=0.6, rows=320, cols=400)
+ESTIMATED = slice(130, 160), slice(190, 230)
 
 
 def ground():
@@ -50,6 +51,9 @@ def project(tile=128, planted=error, hole=True):
     if hole:
         heights[40:70, 290:330] = np.nan
     made.put(HEIGHT, heights)
+    codes = np.where(np.isfinite(heights), Provenance.AGREED, Provenance.EMPTY).astype(np.uint8)
+    codes[ESTIMATED] = Provenance.INCOHERENT
+    made.put(PROVENANCE, codes)
     for name in block().names:
         made.put(photo_raster(name), photograph(name))
     return made
@@ -84,6 +88,19 @@ def test_the_corrected_surface_is_better():
     assert np.sqrt((now**2).mean()) < 0.25 * np.sqrt((before**2).mean())
     np.testing.assert_array_equal(np.isfinite(after), np.isfinite(heights))
     np.testing.assert_array_equal(after[~np.isfinite(dh)], heights[~np.isfinite(dh)])
+
+
+def test_estimated_cells_are_neither_corrected_nor_counted_as_measured():
+    made = checked()
+    dh, figures = made.rasters["dsm_check/dh"], made.tables[report_table("dsm_check").path].figures
+    values = {figure.name: figure.value for figure in figures}
+    assert np.isnan(dh[ESTIMATED]).all() and np.isfinite(dh[130:160, 240:280]).mean() > 0.9
+    np.testing.assert_array_equal(made.rasters[CORRECTED][ESTIMATED], made.rasters[HEIGHT][ESTIMATED])
+    cells = np.isfinite(made.rasters[HEIGHT]).sum()
+    assert values["estimates"] == pytest.approx(100 * 30 * 40 / cells, abs=0.01) and values["estimates_compared"] > 90
+    assert values["checked"] == pytest.approx(
+        100 * np.isfinite(dh[np.isfinite(made.rasters[HEIGHT])]).sum() / (cells - 1200), abs=0.01
+    )
 
 
 def test_a_good_surface_stays_as_it_is():
