@@ -112,13 +112,14 @@ def _triangulate(nodes, limits, cells, joined):
     """Fills the cells inside triangles; `joined` (rows, cols) counts the triangles that meet in every node."""
     for i in range(joined.shape[0] - 1):
         for j in range(joined.shape[1] - 1):
+            # Parallaxes decide, not heights: a jump of 1.5 px is the same evidence at any scale and base. NaN fails both tests.
+            upper, lower = nodes.parallax[i, j + 1], nodes.parallax[i + 1, j]
+            if not abs(upper - lower) <= limits.max_jump:
+                continue
             for half in range(2):
                 k, m = (i, j) if half == 0 else (i + 1, j + 1)
-                values = (nodes.parallax[k, m], nodes.parallax[i, j + 1], nodes.parallax[i + 1, j])
-                spread = max(values) - min(values)
-                known = values[0] == values[0] and values[1] == values[1] and values[2] == values[2]
-                # Parallaxes decide, not heights: a jump of 1.5 px is the same evidence at any scale and base.
-                if not (spread <= limits.max_jump and known):
+                value = nodes.parallax[k, m]
+                if not (abs(value - upper) <= limits.max_jump and abs(value - lower) <= limits.max_jump):
                     continue
                 if not (limits.low <= nodes.z[k, m] <= limits.high):
                     continue

@@ -11,12 +11,15 @@ from numba import njit
 from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.densification.gridding import rasterised
+from orthomill.tasks.geometry.epipolar_window import map_window
 from orthomill.tasks.matching.dense.node_surfaces import StartSurface
 
 FACTOR = 2
 """pixels of the left image per start parallax: cells of the volume are wider than a pixel"""
-_BESIDE = 8.0
-"""reduced px beside the image, and two cells, in which cells may be corners of triangles that reach into it"""
+_CROPS = 2
+"""times that the window of cells is cropped to the heights in it"""
+_BESIDE = 8
+"""cells beside those that are seen: corners of triangles that reach into the image"""
 _SAME_SURFACE = 1.5
 """px of parallax between neighbouring cells above which the surface breaks"""
 
@@ -38,10 +41,21 @@ def _projected(heights, x, y, pose, base, cell, first, shape, places):
             scale = c / (depth * FACTOR)
             col = first[0] + (rotation[0, 0] * dx + rotation[0, 1] * dy + rotation[0, 2] * dz) * scale
             row = first[1] - (rotation[1, 0] * dx + rotation[1, 1] * dy + rotation[1, 2] * dz) * scale
-            # The window of cells holds all heights that may occur; most of it lies beside the image then.
-            beside = _BESIDE + 2.0 * cell * scale
+            beside = _BESIDE * cell * scale
             if -beside < col < shape[1] + beside and -beside < row < shape[0] + beside:
                 places[0, i, j], places[1, i, j], places[2, i, j] = col, row, base * scale * FACTOR
+
+
+def _cropped(pair: EpipolarPair, heights: np.ndarray, grid: MapGrid, cells: Window, left: Window) -> tuple[np.ndarray, Window]:
+    """The heights that the pixels `left` can show, and their window: that of all heights that may occur is many times as large."""
+    for _ in range(_CROPS):
+        if heights.size == 0 or not np.isfinite(low := np.fmin.reduce(heights, axis=None)):
+            break
+        high = np.fmax.reduce(heights, axis=None)
+        seen = map_window(pair, left, grid, float(low), float(high), margin=_BESIDE)
+        inside = Window(seen.row - cells.row, seen.col - cells.col, *seen.shape).clipped(cells.shape)
+        heights, cells = heights[inside.slices], Window(cells.row + inside.row, cells.col + inside.col, *inside.shape)
+    return heights, cells
 
 
 def start_parallaxes(pair: EpipolarPair, heights: np.ndarray, grid: MapGrid, cells: Window, left: Window) -> StartSurface:
@@ -50,6 +64,7 @@ def start_parallaxes(pair: EpipolarPair, heights: np.ndarray, grid: MapGrid, cel
     heights: (rows, cols) float32 m of the window `cells` of `grid`, NaN where unknown. `left` begins and ends at multiples of
     FACTOR and may leave the image.
     """
+    heights, cells = _cropped(pair, heights, grid, cells, left)
     places, shape = np.full((3, *heights.shape), np.nan), (left.height // FACTOR, left.width // FACTOR)
     # The centre of reduced pixel k lies at FACTOR k + (FACTOR - 1) / 2 of the image.
     half = (FACTOR - 1) / 2

@@ -54,6 +54,15 @@ def test_a_roof_hides_the_ground_behind_it_and_keeps_its_edge():
     assert (np.abs(first - edge) <= FACTOR).all()
 
 
+def test_cells_that_the_pixels_cannot_show_change_nothing():
+    x, y = np.meshgrid(*FINE.centres(Window(0, 0, *FINE.shape)))
+    heights = (6.0 + 4.0 * np.sin(x / 9.0) * np.cos(y / 7.0)).astype(np.float32)
+    heights[np.hypot(x - 75.0, y + 75.0) > 100.0] = HIGH
+    whole = start_parallaxes(level_pair(), heights, FINE, Window(0, 0, *FINE.shape), LEFT).parallax
+    np.testing.assert_array_equal(whole, started(heights))
+    assert np.isfinite(whole).all()
+
+
 def test_unknown_heights_stay_unknown():
     assert np.isnan(started(np.full(FINE.shape, np.nan))).all()
 

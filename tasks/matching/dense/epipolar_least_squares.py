@@ -4,11 +4,11 @@ Strategy
 - Rows are homologous, so a node has a plane: its parallax and the slopes along and across the row (node_surfaces.py). The right
   image is seen along the planes of all nodes at once (surface_warp.py), and every node is corrected from the pixels of its window
   that lie on its plane (window_solution.py).
-- Two rounds on a lattice of coarser nodes; after each the planes are fitted anew to the corrected nodes, weighted by their
+- One round on a lattice of coarser nodes, after which the planes are fitted anew to the corrected nodes, weighted by their
   precision. Windows then see the surface as it bends, and only what is left of it is taken as level.
-- Last, every node is solved with windows from small to large. A larger window takes over while it agrees with all smaller ones and
-  is more precise: windows are large where the surface is smooth, small where it bends. The smallest serves where the surface breaks
-  within the next, those above the normal one only where texture is weak.
+- Last, every node is solved with its normal window. Where that shows a misfit, windows from small to large follow, one taking over
+  while it agrees with all smaller ones and is more precise: they are large where the surface is smooth, small where it bends. The
+  smallest serves where the surface breaks within the next, those above the normal one only where texture is weak.
 - A node that ends far from its start is refused: the start knows which of several similar places is meant.
 
 Source: methods/matching_windows.md 2.1; relative_orientation_and_epipolar.md 1.18; Goldenshluger & Nemirovski 1997 (intersection of
@@ -51,9 +51,7 @@ _EDGE, _SMALL, _NORMAL, _WIDER, _WIDE = range(5)
 _REACH = 16
 """px around the wanted nodes that are matched to smooth, and to fill windows; beyond it the start itself serves"""
 _COARSE = 4
-"""px: distance of the nodes of the rounds"""
-_ROUNDS = 2
-"""adjustments of the planes before the last; a start that is good to a pixel needs no more"""
+"""px: distance of the nodes of the first round"""
 _MAX_STEP, _MAX_SLOPE_STEP = 1.5, 0.1
 """limits of the change in one round: of the parallax (px) and of its slopes"""
 _VAGUE = 0.25
@@ -306,10 +304,10 @@ def match_nodes(
     level = lattice.thinned(max(1, _COARSE // lattice.step))
     begin = start_planes(start, level, half, tolerance)
     planes, weights = begin.copy(), np.empty(level.shape, np.float32)
-    for _ in range(_ROUNDS):
-        warp(pair, right, shift, level, planes)
-        _adjust_planes(pair, level, planes, left.shape, rules, weights)
-        planes = smoothed_planes(planes, weights, level, half, tolerance)
+    # A start that is good to a pixel needs one round: a second one gains 1 % on noisy images and loses as much on real ones.
+    warp(pair, right, shift, level, planes)
+    _adjust_planes(pair, level, planes, left.shape, rules, weights)
+    planes = smoothed_planes(planes, weights, level, half, tolerance)
     planes, begin = finer_planes(planes, level, lattice), finer_planes(begin, level, lattice)
     # Nodes on another surface than the nearest coarser one begin with their own plane.
     values = start_values(start, lattice)
