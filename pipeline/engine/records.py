@@ -109,9 +109,11 @@ class Records:
 def _read(path: Path) -> Record | None:
     """A record; None when there is none, when it is damaged, or when it is of another version: doing a job again is always safe."""
     try:
-        start, _, checksum = path.read_bytes().rpartition(_SEAL)
-        text = start + b"}"
-        return Record.model_validate_json(text) if checksum == _checksum(text) else None
+        content = path.read_bytes()
+        start, seal, checksum = content.rpartition(_SEAL)
+        # Records of earlier versions have no seal.
+        text = start + b"}" if seal else content
+        return Record.model_validate_json(text) if not seal or checksum == _checksum(text) else None
     except (FileNotFoundError, ValidationError):
         return None
 

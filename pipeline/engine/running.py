@@ -18,6 +18,7 @@ from typing import Protocol
 import psutil
 
 from orthomill.pipeline.engine.lock import only_run
+from orthomill.pipeline.engine.power_cut import examine_after_power_cut, flushing
 from orthomill.pipeline.engine.run_facts import RunFacts, StageTitle, write_facts
 from orthomill.pipeline.engine.runner import Runner, SequentialRunner
 from orthomill.pipeline.engine.session import Session, Watcher, key_text, now, unwatched
@@ -104,12 +105,13 @@ def run_workflow(
     session = session_of(loaded, options.from_stage, options.until)
     with only_run(session.folder):
         facts, clock = _begin(loaded, session), time.monotonic()
+        examine_after_power_cut(session.folder)
         session.plan()
         if session.pending:
             # Only now: the lock is held, so no live process can own a temporary file, and a run without work touches nothing.
             session.store.sweep()
             write_facts(session.folder, _so_far(facts, session))
-            with _facts_survive(session, facts):
+            with flushing(session.folder), _facts_survive(session, facts):
                 facts = replace(facts, scheduler=_run(session, options, watch, announce))
         if session.defects:
             announce(_mended(session))

@@ -28,24 +28,31 @@ def verify(folder: Path) -> Verification:
     """Examine the results of a run, and mark the damaged ones. Raises ResourceError while the project is being run."""
     # Under the lock: a run in progress replaces files between the reading of a record and that of its files.
     with only_run(folder):
-        store, records = Store(folder), Records(folder)
-        readable, unreadable = records.sort_out()
-        done = [record for record in readable if record.status == "done" and not _is_replaced(record, store)]
-        last = {name: record for record in sorted(done, key=lambda record: record.started) for name in record.files}
-        damaged: dict[str, str] = {}
-        for record in done:
-            # Where a later job wrote the same file, an earlier record says nothing about it.
-            own = {name: kept for name, kept in record.files.items() if last[name] is record}
-            found = {name: defect for name, kept in own.items() if (defect := defect_of(folder / name, kept, thoroughly=True))}
-            found |= dict.fromkeys(_broken_rasters(record, store), "damaged")
-            if found:
-                damaged |= found
-                records.put(record.model_copy(update={"status": "damaged"}))
-        for path in unreadable:
-            path.unlink()
-            damaged[path.relative_to(folder).as_posix()] = "damaged"
-        size = sum(kept.size for record in done for kept in record.files.values())
-        return Verification(len(last), size, damaged, tuple(_mended(store)))
+        return examine(folder)
+
+
+def examine(folder: Path, since: float = 0.0) -> Verification:
+    """Examine the results of jobs that ended after `since` (s since 1970), and mark the damaged ones."""
+    store, records = Store(folder), Records(folder)
+    readable, unreadable = records.sort_out()
+    done = [record for record in readable if record.status == "done" and not _is_replaced(record, store)]
+    last = {name: record for record in sorted(done, key=lambda record: record.started) for name in record.files}
+    damaged: dict[str, str] = {}
+    for record in done:
+        if record.started + record.seconds < since:
+            continue
+        # Where a later job wrote the same file, an earlier record says nothing about it.
+        own = {name: kept for name, kept in record.files.items() if last[name] is record}
+        found = {name: defect for name, kept in own.items() if (defect := defect_of(folder / name, kept, thoroughly=True))}
+        found |= dict.fromkeys(_broken_rasters(record, store), "damaged")
+        if found:
+            damaged |= found
+            records.put(record.model_copy(update={"status": "damaged"}))
+    for path in unreadable:
+        path.unlink()
+        damaged[path.relative_to(folder).as_posix()] = "damaged"
+    size = sum(kept.size for record in done for kept in record.files.values())
+    return Verification(len(last), size, damaged, tuple(_mended(store)))
 
 
 def _is_replaced(record: Record, store: Store) -> bool:

@@ -6,6 +6,7 @@ without an error, so that its attributes hold a checksum of all the rest. The me
 
 import json
 import zlib
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ _GROUP: dict[str, Any] = {"attributes": {}, "zarr_format": 3, "node_type": "grou
 
 
 def seal_array(folder: Path) -> None:
-    """Put a checksum of an array's metadata into its attributes, and write it durably. Raises StoreError."""
+    """Put a checksum of an array's metadata into its attributes, and write it whole. Raises StoreError."""
     metadata = json.loads((folder / METADATA).read_text())
     metadata["attributes"][SEAL] = _checksum(metadata)
     write_whole(folder / METADATA, json.dumps(metadata, indent=2).encode())
@@ -25,6 +26,16 @@ def seal_array(folder: Path) -> None:
 
 def array_metadata(folder: Path) -> dict[str, Any] | None:
     """The metadata of an array; None where there is none or it is damaged. Arrays of earlier versions have no seal."""
+    try:
+        state = (folder / METADATA).stat()
+    except OSError:
+        return None
+    return _sealed(folder, state.st_mtime_ns, state.st_size)
+
+
+@lru_cache(maxsize=1024)
+def _sealed(folder: Path, changed: int, size: int) -> dict[str, Any] | None:
+    # Kept by the file's state: every job opens its arrays anew, and most of them are those of the job before.
     metadata = _read(folder)
     if metadata is None or metadata.get("node_type") != "array" or not isinstance(metadata.get("attributes"), dict):
         return None

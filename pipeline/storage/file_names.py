@@ -5,6 +5,7 @@ names never give the same file: another job's record or raster would pass for on
 """
 
 import hashlib
+from functools import lru_cache
 from pathlib import Path
 from urllib.parse import quote
 
@@ -34,6 +35,7 @@ def _plain_start(encoded: str) -> str:
     return encoded
 
 
+@lru_cache(maxsize=4096)
 def path_of(name: str, suffix: str = "") -> Path:
     """A name with slashes as a relative path, each of its parts as a `file_name`; the suffix stays as it is."""
     *folders, leaf = name.removesuffix(suffix).split("/")

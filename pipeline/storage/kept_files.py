@@ -1,10 +1,9 @@
-"""The files that a job left on the disk: made durable when it ends, and found whole or damaged ever after.
+"""The files that a job left on the disk: what they were like when it ended, and whether they still are.
 
 A file counts as whole while its size and time of change are as recorded, which costs one question to the file system. Where the
 time differs (a copy of the project, or damage), and whenever somebody asks for a thorough check, its checksum decides.
 """
 
-import os
 import zlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -28,35 +27,8 @@ KeptFiles = Mapping[str, KeptFile]
 
 
 def keep(folder: Path, paths: Iterable[Path]) -> dict[str, KeptFile]:
-    """Force files of the run's folder and their names to the disk; returns what they are like. Raises OSError."""
-    found = {path: _durable(path) for path in paths}
-    # A file is found again after a power cut only if every folder on the way to it was written as well.
-    for place in sorted({parent for path in found for parent in path.parents if parent.is_relative_to(folder)}):
-        sync_folder(place)
-    return {path.relative_to(folder).as_posix(): kept for path, kept in found.items()}
-
-
-def _durable(path: Path) -> KeptFile:
-    with path.open("rb") as stream:
-        os.fsync(stream.fileno())
-    return _state(path)
-
-
-def make_folder(folder: Path) -> None:
-    """Create a folder and those above it, as far as they are missing, durably. Raises OSError."""
-    if not folder.is_dir():
-        make_folder(folder.parent)
-        folder.mkdir(exist_ok=True)
-        sync_folder(folder.parent)
-
-
-def sync_folder(folder: Path) -> None:
-    """Force the names in a folder to the disk. Raises OSError."""
-    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
+    """What files of the run's folder are like. Raises OSError."""
+    return {path.relative_to(folder).as_posix(): _state(path) for path in paths}
 
 
 def _state(path: Path) -> KeptFile:
@@ -90,8 +62,3 @@ def first_defect(folder: Path, files: KeptFiles, thoroughly: bool = False) -> tu
         if defect := defect_of(folder / name, kept, thoroughly):
             return name, defect
     return None
-
-
-def stamped(folder: Path, files: KeptFiles) -> dict[str, KeptFile]:
-    """Whole files with the times of change that they have now."""
-    return {name: kept._replace(changed=(folder / name).stat().st_mtime_ns) for name, kept in files.items()}

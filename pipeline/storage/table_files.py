@@ -1,4 +1,4 @@
-"""Tables on disk: pydantic models as readable JSON, columns as parquet. A write is complete or absent, also after a power cut.
+"""Tables on disk: pydantic models as readable JSON, columns as parquet. A write is complete or absent.
 
 A table that consists of bytes only (descriptors, patches) is one binary value in its file: parquet has no 8-bit type and would
 store each byte as a 32-bit integer, which costs more to read than everything that is done with it afterwards.
@@ -15,7 +15,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from pydantic_core import to_json
 
-from orthomill.pipeline.storage.kept_files import make_folder, sync_folder
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.job import Columns, Table
 
@@ -23,19 +22,15 @@ from orthomill.schemas.job import Columns, Table
 def write_whole(path: Path, data: bytes) -> None:
     """Write a file so that a reader sees the old one or the new one, never a part. Raises StoreError."""
     try:
-        make_folder(path.parent)
+        path.parent.mkdir(parents=True, exist_ok=True)
         # In the same folder, since renaming is atomic only within one file system; the suffix is what `Store.sweep` removes.
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".part")
         try:
             with os.fdopen(handle, "wb") as stream:
                 stream.write(data)
-                stream.flush()
-                # Before it gets its name: otherwise a power cut can leave the name with nothing in the file.
-                os.fsync(stream.fileno())
             # mkstemp grants access to the owner only, but results are shared like any other file.
             os.chmod(temporary, 0o666 & ~_umask())
             os.replace(temporary, path)
-            sync_folder(path.parent)
         except BaseException:
             Path(temporary).unlink(missing_ok=True)
             raise

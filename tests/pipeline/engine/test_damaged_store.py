@@ -4,12 +4,10 @@ import os
 import random
 import shutil
 
-import numpy as np
 import pytest
-from toy_stages import MEMORY, TOTAL, SmoothStage, SourceStage, SumStage, run_in, session_in
+from toy_stages import TOTAL, SmoothStage, SourceStage, SumStage, run_in
 
 from orthomill.pipeline.engine.records import Record
-from orthomill.pipeline.engine.runner import SequentialRunner
 from orthomill.pipeline.engine.verification import verify
 from orthomill.pipeline.storage.store import Store
 
@@ -120,60 +118,3 @@ def test_flipped_metadata_of_a_raster_are_not_believed(finished, project):
     session = run_in(project, *STAGES)
     assert set(session.reasons.values()) == {"result is missing"}
     assert content_of(project) == content_of(finished)
-
-
-# --- a power cut --------------------------------------------------------------------------------------------------------------
-
-
-class PowerCut(BaseException):
-    """The machine is off."""
-
-
-class Disk:
-    """Knows what was forced to the disk: the content of files by inode and time, and the entries of folders."""
-
-    def __init__(self, monkeypatch):
-        self.contents, self.entries, self._fsync = set(), {}, os.fsync
-        monkeypatch.setattr(os, "fsync", self.fsync)
-
-    def fsync(self, handle):
-        self._fsync(handle)
-        status, path = os.fstat(handle), os.readlink(f"/proc/self/fd/{handle}")
-        if os.path.isdir(path):
-            self.entries[status.st_ino] = {entry.inode() for entry in os.scandir(path)}
-        else:
-            self.contents.add((status.st_ino, status.st_mtime_ns))
-
-    def cut(self, folder):
-        """Lose what was not forced: entries of folders vanish, contents become zeros of the same length."""
-        for path in sorted(folder.rglob("*")):
-            if not path.exists():
-                continue
-            status = path.stat()
-            if status.st_ino not in self.entries.get(path.parent.stat().st_ino, ()):
-                shutil.rmtree(path) if path.is_dir() else path.unlink()
-            elif path.is_file() and (status.st_ino, status.st_mtime_ns) not in self.contents:
-                path.write_bytes(bytes(status.st_size))
-                os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
-
-
-@pytest.mark.parametrize("jobs", [1, 20, 45, 73])
-def test_after_a_power_cut_every_job_with_a_record_has_its_results(finished, tmp_path, monkeypatch, jobs):
-    session, disk = session_in(tmp_path, *STAGES), Disk(monkeypatch)
-
-    class Until:
-        def planned(self, key): ...
-        def skipped(self, key): ...
-        def finished(self, finished, seconds):
-            if len(session.done) == jobs:
-                raise PowerCut
-
-    with pytest.raises(PowerCut):
-        session.run(SequentialRunner(MEMORY), Until())
-    disk.cut(folder_of(tmp_path))
-    monkeypatch.undo()
-    assert verify(folder_of(tmp_path)).damaged == {}
-    resumed = run_in(tmp_path, *STAGES)
-    assert len(resumed.skipped) >= jobs - 1, "what was recorded as done survived"
-    assert content_of(tmp_path) == content_of(finished)
-    assert np.isfinite(resumed.store.table(TOTAL).total)

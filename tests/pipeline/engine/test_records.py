@@ -1,6 +1,8 @@
 """The records of jobs: kept whole, read back as they were, and judged in a fixed order."""
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from orthomill.pipeline.engine.records import Fingerprint, Record, Records, reason_to_run
 
@@ -107,3 +109,20 @@ def test_a_changed_setting_is_named_before_changed_code_and_inputs():
 def test_every_part_of_a_fingerprint_counts_in_its_text():
     texts = {PRINT.text, *(other.text for other in OTHER.values())}
     assert len(texts) == 4
+
+
+@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.data())
+def test_no_flipped_bit_changes_what_a_record_says(records, data):
+    records.put(record(files={"tables/a.json": (3, 4, 5)}, seconds=1.25))
+    path = records.path(record().key)
+    content = bytearray(path.read_bytes())
+    content[data.draw(st.integers(0, len(content) - 1))] ^= 1 << data.draw(st.integers(0, 7))
+    path.write_bytes(content)
+    assert records.get(record().key) in (None, record(files={"tables/a.json": (3, 4, 5)}, seconds=1.25))
+
+
+def test_a_record_of_an_earlier_version_without_a_checksum_still_counts(records):
+    records.put(record())
+    records.path(record().key).write_text(record().model_dump_json(exclude={"files"}))
+    assert records.get(record().key) == record()

@@ -385,4 +385,4 @@ def test_the_workflow_as_run_says_every_default_with_its_sentence_and_unit(root)
 def test_a_folder_that_cannot_be_written_to(root):
     loaded = load_workflow(workflow(root, HEAD + STAGES), CATALOGUE)
     with pytest.raises(StoreError, match="cannot be written"):
-        write_workflow(loaded, root / "nowhere" / "workflow.yaml")
+        write_workflow(loaded, root / "workflows" / "site.yaml" / "workflow.yaml")
