@@ -44,6 +44,10 @@ class Window:
         bottom, right = min(self.row + self.height, shape[0]), min(self.col + self.width, shape[1])
         return Window(row, col, max(bottom - row, 0), max(right - col, 0))
 
+    def within(self, outer: "Window") -> "Window":
+        """The same pixels, counted from the corner of a window that holds them: their place in an array of `outer`."""
+        return Window(self.row - outer.row, self.col - outer.col, self.height, self.width)
+
     def scaled(self, factor: int) -> "Window":
         """The window of the same area in a raster whose pixels are `factor` times smaller."""
         return Window(self.row * factor, self.col * factor, self.height * factor, self.width * factor)

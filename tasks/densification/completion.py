@@ -7,7 +7,8 @@ import numpy as np
 from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.fusion import FusedCells
-from orthomill.tasks.densification.volume.merged_levels import UNSURE
+from orthomill.tasks.densification.volume.quality import SPREAD_UNIT, Judgement
+from orthomill.tasks.densification.volume.sureness import SQUARE, Worth
 
 
 class Completion(Settings):
@@ -22,37 +23,42 @@ _COMPANY = 50
 
 class VolumeWindow(NamedTuple):
     """The volume over the cells of a tile: heights (rows, cols) float32 m, NaN where fewer than two photographs see the
-    place; quality (rows, cols, 4) uint8: cost, margin, coherence (%), photographs; level (rows, cols) uint8 as in
-    `MergedVolume`."""
+    place; judgement (rows, cols, 3) uint8; worth (rows, cols) uint8 codes of Worth."""
 
     height: np.ndarray
-    quality: np.ndarray
-    level: np.ndarray
+    judgement: np.ndarray
+    worth: np.ndarray
 
     @property
     def sure(self) -> np.ndarray:
         """(rows, cols) bool: measured."""
-        return self.level < UNSURE
+        return self.worth == Worth.SURE
 
     @property
     def stray(self) -> np.ndarray:
         """(rows, cols) bool: estimates with which most of the cells around do not go along."""
-        return ~self.sure & (self.quality[..., 2] < _COMPANY)
+        return (self.worth == Worth.UNSURE) & (self.judgement[..., Judgement.COHERENCE] < _COMPANY)
 
     @property
     def size(self) -> np.ndarray:
-        """(rows, cols) float32: cells of the surface along the side of a cell of the level that a height comes from."""
-        return (1 << (self.level % UNSURE).astype(np.int32)).astype(np.float32)
+        """(rows, cols) float32: cells along the side of what a height stands for."""
+        return np.where(self.worth == Worth.CALMED, np.float32(SQUARE), np.float32(1.0))
 
     @property
-    def margin(self) -> np.ndarray:
-        """(rows, cols) float32: by how much the next best height fits worse, share of the bits of a signature."""
-        return self.quality[..., 1] * np.float32(0.01)
+    def standing(self) -> np.ndarray:
+        """(rows, cols) float32: how clearly a height beats its rivals, share of what is usual around."""
+        return self.judgement[..., Judgement.STANDING] * np.float32(0.01)
+
+    @property
+    def spread(self) -> np.ndarray:
+        """(rows, cols) float32: how far from a height others lie that fit nearly as well, steps of the volume."""
+        return self.judgement[..., Judgement.SPREAD] * np.float32(1 / SPREAD_UNIT)
 
     @classmethod
     def unknown(cls, shape: tuple[int, int]) -> "VolumeWindow":
         """No height anywhere."""
-        return cls(np.full(shape, np.nan, np.float32), np.zeros((*shape, 4), np.uint8), np.full(shape, UNSURE, np.uint8))
+        nothing = np.full(shape, np.nan, np.float32), np.zeros((*shape, len(Judgement)), np.uint8)
+        return cls(*nothing, np.full(shape, Worth.UNSURE, np.uint8))
 
 
 def completed(cells: FusedCells, volume: VolumeWindow) -> FusedCells:

@@ -12,6 +12,7 @@ from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.densification.ground_intersection import orientation_sigma
 from orthomill.tasks.geometry.epipolar_window import left_pixels
+from orthomill.tasks.imagery.resampling import between
 
 SPACING = 16
 """cells between the places: errors of an orientation bend a model over hundreds of pixels"""
@@ -34,7 +35,9 @@ def datum_precision(pairs: Sequence[EpipolarPair], grid: MapGrid, window: Window
     # The mean of the variances, not the variance of a mean: the datum and the camera constant move all pairs alike, and no number
     # of pairs averages that out. Next to the block the nearest pairs still say more than zero.
     mean = np.where(seen > 0, total / np.maximum(seen, 1.0), outside / np.maximum(anyway, 1.0))
-    return _between(np.sqrt(mean), rows, cols, window).astype(np.float32)
+    at_row = (np.arange(window.row, window.row + window.height) - rows[0]) / SPACING
+    at_col = (np.arange(window.col, window.col + window.width) - cols[0]) / SPACING
+    return between(np.sqrt(mean), at_row, at_col)
 
 
 def _shown(pair: EpipolarPair, places: np.ndarray) -> np.ndarray:
@@ -43,14 +46,3 @@ def _shown(pair: EpipolarPair, places: np.ndarray) -> np.ndarray:
     with np.errstate(invalid="ignore"):
         inside = (pixels >= 0) & (pixels <= (pair.left_cols - 1, pair.rows - 1))
     return inside[:, 0] & inside[:, 1]
-
-
-def _between(values: np.ndarray, rows: np.ndarray, cols: np.ndarray, window: Window) -> np.ndarray:
-    """Bilinear interpolation of values on the lattice `rows` x `cols` at every cell of the window."""
-    row = (np.arange(window.row, window.row + window.height) - rows[0]) / SPACING
-    col = (np.arange(window.col, window.col + window.width) - cols[0]) / SPACING
-    i, j = np.minimum(row.astype(int), len(rows) - 2), np.minimum(col.astype(int), len(cols) - 2)
-    s, t = (row - i)[:, None], (col - j)[None, :]
-    upper = values[i][:, j] * (1 - t) + values[i][:, j + 1] * t
-    lower = values[i + 1][:, j] * (1 - t) + values[i + 1][:, j + 1] * t
-    return upper * (1 - s) + lower * s

@@ -48,8 +48,8 @@ from orthomill.tasks.densification.surface_tile import (
     surface_scratch,
 )
 from orthomill.tasks.densification.volume.levels import VolumeScene
-from orthomill.tasks.densification.volume.merged_levels import Sureness
-from orthomill.tasks.densification.volume.volume_plan import MERGED_HEIGHT, MERGED_LEVEL, MERGED_QUALITY, volume_plan
+from orthomill.tasks.densification.volume.sureness import Sureness
+from orthomill.tasks.densification.volume.volume_plan import JUDGED_HEIGHT, JUDGEMENT, WORTH, volume_plan
 from orthomill.tasks.geometry.epipolar_window import box_corners, node_window, nodes_shape
 from orthomill.tasks.matching.dense.blocks import BLOCK, DenseMatching
 from orthomill.tasks.matching.volume.height_volume import HeightVolume
@@ -142,7 +142,7 @@ class DensificationStage(Stage):
         if not block.right.empty:
             reads["right"] = Raster(epipolar_raster(pair.name, "right"), block.right)
         if not block.cells.empty:
-            reads["heights"] = Raster(MERGED_HEIGHT, block.cells)
+            reads["heights"] = Raster(JUDGED_HEIGHT, block.cells)
         writes: dict[str, Raster | Table] = {
             "nodes": Raster(nodes_raster(pair.name), tile.window),
             "outcome": Raster(outcome_raster(pair.name), tile.window),
@@ -192,9 +192,9 @@ class DensificationStage(Stage):
             "surface",
             make_surface,
             {
-                "height": Raster(MERGED_HEIGHT, work),
-                "quality": Raster(MERGED_QUALITY, work),
-                "level": Raster(MERGED_LEVEL, work),
+                "height": Raster(JUDGED_HEIGHT, work),
+                "judgement": Raster(JUDGEMENT, work),
+                "worth": Raster(WORTH, work),
                 "nodes": nodes,
             },
             {

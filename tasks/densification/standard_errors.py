@@ -1,10 +1,13 @@
 """Standard errors of heights among their neighbours: what matching states, and what the surface around makes doubtful.
 
-Strategy. Three independent parts are added as variances:
-- the standard error that matching and the rays gave; for a height of the volume a share of the distance between its heights;
-- the roughness around: within a cell the surface itself varies;
-- doubt: where the photographs fit almost as well at another height (a small margin), the height may be that of the surface next
-door, and the error is of the order of the height differences around. Beside a wall this is the largest part by far.
+Strategy. Independent parts are added as variances. Of every height:
+- the standard error that matching and the rays gave; of a height of the volume a share of the distance between its heights;
+- the roughness next to it: within a cell the surface itself varies;
+- doubt: where rivals fit almost as well (a low standing), the height may be that of the surface next door, and the error is of
+  the order of the height differences around;
+- edges: a window that reaches over an edge bends towards what lies behind it, in all pairs alike.
+Of an estimate also:
+- the distance to heights that were measured: where photographs disagree something stands or moves, about as high as it is wide.
 
 The numbers below were fitted to the west half of a simulated scene and tested on the east half and on another scene (benchmarks).
 """
@@ -12,37 +15,55 @@ The numbers below were fitted to the west half of a simulated scene and tested o
 import numpy as np
 from scipy import ndimage
 
-from orthomill.schemas.surface import ESTIMATED, Provenance
+from orthomill.schemas.surface import ESTIMATED, MEASURED
 from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.fusion import FusedCells
+from orthomill.tasks.densification.volume.quality import box_sums
 
-REACH = 2
-"""cells around a cell whose heights enter its standard error"""
-SHARE = 0.65
+SHARE = 0.55
 """factor of the standard errors of matching: those of neighbouring nodes, between which a cell is interpolated, partly cancel"""
-_OF_STEP = 0.15
+_OF_STEP = 0.45
 """standard error of a height of the volume, share of the distance between its heights"""
-_ROUGHNESS = 0.1
-"""share of the height differences around that the surface varies within a cell"""
-_DOUBT, _CLEAR = 3.5, 0.19
-"""share of the height differences around that a height without margin may be wrong, and the margin at which this falls to 37 %"""
+_ROUGHNESS = 0.2
+"""share of the height differences to the cells next to it that the surface varies within a cell"""
+_DOUBT, _CLEAR, _DOUBTFUL = 3.5, 0.19, 2
+"""share of the height differences around that a height without standing may be wrong, the standing at which this falls to 37 %,
+and how many cells away these differences count"""
 _MOST = 1.0
 """no height is farther from the truth than the heights around differ"""
-_GUESS = 0.5
-"""the same of an estimate, whose margin says nothing"""
+_EDGE, _WINDOW = 0.03, 5
+"""share of the height differences within half a window of matching, cells, by which it bends"""
+_RISE = 2.2
+"""m per m of distance that what was not measured may rise"""
+_FARTHEST = 16
+"""cells; farther away an estimate gets no worse"""
+_CORE, _MOSTLY = 2, 0.75
+"""a cell counts as measured ground if most of the cells up to two away are measured: single ones in a crown are no ground"""
+REACH = _FARTHEST + _CORE
+"""cells around a cell that enter its standard error"""
 
 
 def relative_precision(cells: FusedCells, volume: VolumeWindow, step: float) -> np.ndarray:
     """Standard errors (rows, cols) float32, m, of all cells with a height; step: of the volume's heights at its finest level, m."""
-    around = height_range(cells.height, REACH)
     of_volume = np.float32(_OF_STEP * step) * volume.size
     matching = np.where(np.isfinite(cells.precision), SHARE * cells.precision, of_volume)
-    doubt = np.minimum(_DOUBT * np.exp(-volume.margin / np.float32(_CLEAR)), _MOST)
-    share = np.where(np.isin(cells.provenance, ESTIMATED), np.maximum(doubt, _GUESS), doubt)
-    variance = matching**2 + (_ROUGHNESS**2 + share**2) * around**2
-    # An estimate is never better than the volume's own resolution.
-    least = np.where(cells.provenance == Provenance.INCOHERENT, step * volume.size, 0.0)
-    return np.where(np.isfinite(cells.height), np.sqrt(variance + least**2), np.nan).astype(np.float32)
+    doubt = np.minimum(_DOUBT * np.exp(-volume.standing / np.float32(_CLEAR)), _MOST) * height_range(cells.height, _DOUBTFUL)
+    roughness, edge = _ROUGHNESS * height_range(cells.height, 1), _EDGE * height_range(cells.height, _WINDOW)
+    sigma = np.sqrt(matching**2 + roughness**2 + doubt**2 + edge**2)
+    return np.where(np.isfinite(cells.height), sigma, np.nan).astype(np.float32)
+
+
+def with_distance(cells: FusedCells, cell: float) -> FusedCells:
+    """The cells with the standard errors of estimates widened by their distance to measured ones; cell: its side, m."""
+    estimated = np.isin(cells.provenance, ESTIMATED)
+    if not estimated.any():
+        return cells
+    measured = box_sums(np.isin(cells.provenance, MEASURED), _CORE)
+    ground = measured > _MOSTLY * box_sums(np.ones(measured.shape, bool), _CORE)
+    # Without any measured cell the distance would be that to the edge of the array.
+    distance = ndimage.distance_transform_edt(~ground) if ground.any() else np.full(ground.shape, _FARTHEST)
+    widened = np.hypot(cells.precision, _RISE * cell * np.minimum(distance, _FARTHEST))
+    return FusedCells(cells.height, np.where(estimated, widened, cells.precision).astype(np.float32), cells.count, cells.provenance)
 
 
 def height_range(height: np.ndarray, reach: int) -> np.ndarray:

@@ -20,7 +20,7 @@ from orthomill.tasks.densification.ground_intersection import NodesOnGround, nod
 from orthomill.tasks.densification.height_stack import SLOTS, HeightStack
 from orthomill.tasks.densification.points import PointCollector, PointThinning
 from orthomill.tasks.densification.spike_filter import SpikeFilter, spikes
-from orthomill.tasks.densification.standard_errors import REACH, relative_precision
+from orthomill.tasks.densification.standard_errors import REACH, relative_precision, with_distance
 from orthomill.tasks.densification.surface_grid import ground_pixel
 
 CLASSES = 20
@@ -113,16 +113,21 @@ def surface_scratch(pieces: tuple[PairPiece, ...], work: Window) -> int:
 
 
 def make_surface(
-    tile: SurfaceTile, rules: SurfaceRules, height: np.ndarray, quality: np.ndarray, level: np.ndarray, nodes: Iterator[np.ndarray]
+    tile: SurfaceTile,
+    rules: SurfaceRules,
+    height: np.ndarray,
+    judgement: np.ndarray,
+    worth: np.ndarray,
+    nodes: Iterator[np.ndarray],
 ) -> SurfaceCells:
     """The cells of a tile with their statistics.
 
-    height, quality, level: the volume over `tile.work`, see `VolumeWindow`; nodes: one array (rows, cols, 3) float32 per piece, in
-    their order.
+    height, judgement, worth: the volume over `tile.work`, see `VolumeWindow`; nodes: one array (rows, cols, 3) float32 per piece,
+    in their order.
     """
-    grid, volume = tile.surface.grid, VolumeWindow(height, quality, level)
+    grid, volume = tile.surface.grid, VolumeWindow(height, judgement, worth)
     cell = grid.cell
-    # A height of a coarser level is a mean over its larger cell.
+    # A calmed height is one of a whole square.
     stack = HeightStack.over(volume.height, np.float32(rules.completion.nearness * cell) * volume.size)
     photos = tuple(dict.fromkeys(name for piece in tile.pieces for name in (piece.pair.left, piece.pair.right)))
     collector = PointCollector(grid, tile.window, photos, rules.points)
@@ -138,7 +143,7 @@ def make_surface(
     relative = relative_precision(measured, volume, tile.step)
     rated = FusedCells(measured.height, relative, measured.count, measured.provenance)
     whole = fill(rated, volume.stray & (rated.provenance == Provenance.INCOHERENT), rules.fill)
-    cells = _cropped(whole, tile)
+    cells = _cropped(with_distance(whole, cell), tile)
     datum = datum_precision([piece.pair for piece in tile.pieces], grid, tile.window, tile.ground)
     datum = np.where(np.isfinite(cells.height), datum, np.float32(np.nan))
     precision = np.hypot(cells.precision, datum)
@@ -162,8 +167,7 @@ def _accepted(ground: NodesOnGround, tile: SurfaceTile, stack: HeightStack) -> n
 
 def _inner(tile: SurfaceTile) -> tuple[slice, slice]:
     """The tile's own cells in the computed ones."""
-    row, col = tile.window.row - tile.work.row, tile.window.col - tile.work.col
-    return slice(row, row + tile.window.height), slice(col, col + tile.window.width)
+    return tile.window.within(tile.work).slices
 
 
 def _cropped(cells: FusedCells, tile: SurfaceTile) -> FusedCells:

@@ -80,13 +80,12 @@ class View:
 
     def contains(self, pixels: np.ndarray, margin: float = 0.0) -> np.ndarray:
         """(N,) bool: pixels (N, 2) inside the photograph by `margin` px or more; NaN is outside."""
-        with np.errstate(invalid="ignore"):
-            return (
-                (pixels[:, 0] >= margin)
-                & (pixels[:, 0] <= self.camera.width - 1 - margin)
-                & (pixels[:, 1] >= margin)
-                & (pixels[:, 1] <= self.camera.height - 1 - margin)
-            )
+        return self.within(pixels) >= margin
+
+    def within(self, pixels: np.ndarray) -> np.ndarray:
+        """(N,) px by which pixels (N, 2) lie inside the nearest edge of the photograph, negative outside; -infinite for NaN."""
+        far = np.array([self.camera.width - 1, self.camera.height - 1])
+        return np.nan_to_num(np.minimum(pixels, far - pixels).min(axis=1), nan=-np.inf)
 
     @property
     def numbers(self) -> ViewNumbers:

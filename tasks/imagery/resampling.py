@@ -1,4 +1,4 @@
-"""Resampling at a list of fractional pixels by cubic convolution (Keys 1981, a = -1/2).
+"""Resampling at fractional pixels: at a list of them by cubic convolution (Keys 1981, a = -1/2), on a lattice bilinearly.
 
 Points outside the pixel centres of the image give NaN, never an extrapolated value. Close to the border, where the kernel would
 leave the image, the border pixels are repeated.
@@ -48,3 +48,18 @@ def sample_cubic(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     out = np.empty((len(pixels), bands.shape[2]))
     _cubic(bands, np.ascontiguousarray(pixels, dtype=np.float64), out)
     return out[:, 0] if image.ndim == 2 else out
+
+
+def between(values: np.ndarray, rows: np.ndarray, cols: np.ndarray) -> np.ndarray:
+    """Bilinear interpolation of `values` at the fractional `rows` (R,) and `cols` (C,) within it: (R, C) float32.
+
+    Where one of the four values around is NaN, the nearest one.
+    """
+    i, j = (np.minimum(at.astype(int), max(size - 2, 0)) for at, size in ((rows, values.shape[0]), (cols, values.shape[1])))
+    below, right = np.minimum(i + 1, values.shape[0] - 1), np.minimum(j + 1, values.shape[1] - 1)
+    s, t = (rows - i)[:, None], (cols - j)[None, :]
+    upper = values[np.ix_(i, j)] * (1 - t) + values[np.ix_(i, right)] * t
+    lower = values[np.ix_(below, j)] * (1 - t) + values[np.ix_(below, right)] * t
+    nearest = values[np.ix_(np.rint(rows).astype(int), np.rint(cols).astype(int))]
+    smooth = upper * (1 - s) + lower * s
+    return np.where(np.isfinite(smooth), smooth, nearest).astype(np.float32)

@@ -1,11 +1,8 @@
 """Heights for the places where the surface model has none, for the texture only: holes are draped from their surroundings.
 
-Strategy: pull and push. Pull: means of the known heights over blocks of 2, 4, 8 and 16 cells. Push: from coarse to fine, a block
-without heights takes the coarser level, interpolated bilinearly. Heights of the blocks of 16 cells come from the whole model and
-have no holes (`filled`), so that every hole is closed however large it is; a tile with `HALO` cells around it gives what the whole
-model would give. Blocks are counted from the corner of the model's grid, never from that of a tile.
-
-Source: pull-push of Gortler et al. 1996 (The Lumigraph, section 3.4), with blocks that are either known or not.
+Strategy: pull and push over blocks of 2, 4, 8 and 16 cells. Heights of the blocks of 16 cells come from the whole model and have no
+holes, so that every hole is closed however large it is; a tile with `HALO` cells around it gives what the whole model would give.
+Blocks are counted from the corner of the model's grid, never from that of a tile.
 """
 
 from enum import IntEnum
@@ -15,6 +12,7 @@ import numpy as np
 
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import ESTIMATED
+from orthomill.tasks.imagery.pull_push import halved, pushed
 
 
 class HeightSource(IntEnum):
@@ -61,51 +59,11 @@ def ground_window(grid: MapGrid, cells: Window) -> Window:
     return blocks_of(cells).grown(1).clipped(block_grid(grid).shape)
 
 
-def halved(heights: np.ndarray) -> np.ndarray:
-    """Means (rows / 2, cols / 2) of the known heights in blocks of 2 x 2, NaN where none is; odd edges are padded."""
-    padded = np.pad(heights, [(0, heights.shape[0] % 2), (0, heights.shape[1] % 2)], constant_values=np.nan)
-    shape = padded.shape[0] // 2, padded.shape[1] // 2
-    total, count = np.zeros(shape), np.zeros(shape)
-    # Four slices of single cells: a sum over two short axes would take ten times as long.
-    for values in (padded[row::2, col::2] for row in (0, 1) for col in (0, 1)):
-        known = ~np.isnan(values)
-        total += np.where(known, values, 0)
-        count += known
-    with np.errstate(invalid="ignore"):
-        return (total / count).astype(np.float32)
-
-
 def block_heights(heights: np.ndarray) -> np.ndarray:
     """float32 (rows / 16, cols / 16) m: mean heights of the blocks of a tile (rows, cols) that starts on a block."""
     for _ in range(LEVELS):
         heights = halved(heights)
     return heights
-
-
-def doubled(coarse: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """The level below `coarse`, of `shape`, interpolated bilinearly; constant beyond the outer blocks."""
-    # Centres of the finer blocks lie a quarter of a block before and behind that of the coarser one.
-    for axis in (0, 1):
-        before = np.take(coarse, np.maximum(np.arange(coarse.shape[axis]) - 1, 0), axis)
-        after = np.take(coarse, np.minimum(np.arange(coarse.shape[axis]) + 1, coarse.shape[axis] - 1), axis)
-        pair = np.stack([0.75 * coarse + 0.25 * before, 0.75 * coarse + 0.25 * after], axis + 1)
-        coarse = pair.reshape([2 * n if k == axis else n for k, n in enumerate(coarse.shape)])
-    return coarse[: shape[0], : shape[1]]
-
-
-def filled(blocks: np.ndarray) -> np.ndarray:
-    """The ground: block heights of the whole model (rows, cols) with every gap closed; all NaN only where the model is empty."""
-    levels = [blocks.astype(np.float32)]
-    while max(levels[-1].shape) > 1:
-        levels.append(halved(levels[-1]))
-    ground = levels.pop()
-    while levels:
-        ground = _pushed(levels.pop(), ground)
-    return ground.astype(np.float32)
-
-
-def _pushed(known: np.ndarray, coarser: np.ndarray) -> np.ndarray:
-    return np.where(np.isnan(known), doubled(coarser, known.shape), known).astype(np.float32)
 
 
 def drape(heights: np.ndarray, window: Window, ground: np.ndarray, blocks: Window) -> np.ndarray:
@@ -125,7 +83,7 @@ def drape(heights: np.ndarray, window: Window, ground: np.ndarray, blocks: Windo
         levels.append(halved(levels[-1]))
     surface = ground
     while levels:
-        surface = _pushed(levels.pop(), surface)
+        surface = pushed(levels.pop(), surface)
     return surface[inside]
 
 

@@ -9,7 +9,8 @@ from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.completion import VolumeWindow, completed
 from orthomill.tasks.densification.datum_precision import SPACING, datum_precision
 from orthomill.tasks.densification.fusion import FusedCells
-from orthomill.tasks.densification.volume.merged_levels import UNSURE
+from orthomill.tasks.densification.volume.quality import Judgement
+from orthomill.tasks.densification.volume.sureness import SQUARE, Worth
 
 
 def cells_of(*heights: float) -> FusedCells:
@@ -18,21 +19,22 @@ def cells_of(*heights: float) -> FusedCells:
     return FusedCells(height, np.where(known, 0.1, np.nan).astype(np.float32), known.astype(np.uint8), known.astype(np.uint8))
 
 
-def volume_of(heights, levels) -> VolumeWindow:
-    return VolumeWindow(np.array([heights], np.float32), np.zeros((1, len(heights), 4), np.uint8), np.array([levels], np.uint8))
+def volume_of(heights, worth) -> VolumeWindow:
+    judgement = np.zeros((1, len(heights), len(Judgement)), np.uint8)
+    return VolumeWindow(np.array([heights], np.float32), judgement, np.array([worth], np.uint8))
 
 
 def test_the_volume_gives_what_pairs_do_not():
-    volume = volume_of((5.2, 6.0, 7.0, np.nan, 8.0), (0, 0, UNSURE, UNSURE, 2))
+    volume = volume_of((5.2, 6.0, 7.0, np.nan, 8.0), (Worth.SURE, Worth.SURE, Worth.UNSURE, Worth.UNSURE, Worth.CALMED))
     found = completed(cells_of(5.0, np.nan, np.nan, np.nan, np.nan), volume)
     assert found.height[0].tolist()[:3] == [5.0, 6.0, 7.0] and np.isnan(found.height[0, 3])
-    codes = [Provenance.ONE_PAIR, Provenance.VOLUME, Provenance.INCOHERENT, Provenance.EMPTY, Provenance.VOLUME]
+    codes = [Provenance.ONE_PAIR, Provenance.VOLUME, Provenance.INCOHERENT, Provenance.EMPTY, Provenance.INCOHERENT]
     assert found.provenance[0].tolist() == codes and found.count[0].tolist() == [1, 0, 0, 0, 0]
-    assert volume.size[0].tolist() == [1, 1, 1, 1, 4]
+    assert volume.size[0].tolist() == [1, 1, 1, 1, SQUARE]
 
 
 def test_what_pairs_find_where_the_volume_is_not_sure_is_an_estimate():
-    found = completed(cells_of(5.0, 5.0), volume_of((5.2, 5.2), (0, UNSURE)))
+    found = completed(cells_of(5.0, 5.0), volume_of((5.2, 5.2), (Worth.SURE, Worth.UNSURE)))
     assert found.provenance[0].tolist() == [Provenance.ONE_PAIR, Provenance.INCOHERENT]
     assert found.height[0].tolist() == [5.0, 5.0] and found.count[0].tolist() == [1, 1]
 

@@ -7,6 +7,7 @@ from scipy import ndimage
 from village_pair import CELL, block_of, normal_case, photos_of, render, village
 
 from orthomill.schemas.epipolar import PAIRS, EpipolarPairs, epipolar_raster
+from orthomill.schemas.observations import GROUND_POINTS, GroundPoints
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS, photo_raster
 from orthomill.schemas.raster import Window
@@ -24,7 +25,7 @@ from orthomill.schemas.surface import (
 )
 from orthomill.tasks.densification.filling import MeasuredOnly
 from orthomill.tasks.densification.stage import DensificationStage, ObjectSpace, nodes_raster, outcome_raster
-from orthomill.tasks.densification.volume.merged_levels import Sureness
+from orthomill.tasks.densification.volume.sureness import Sureness
 from orthomill.tasks.geometry.view import block_view
 from orthomill.tasks.imagery.pyramid import halved
 from orthomill.tasks.matching.dense.blocks import DenseMatching
@@ -38,9 +39,17 @@ def seen():
     return scene, render(scene, pair)
 
 
+def tie_points(height: np.ndarray) -> GroundPoints:
+    """Every 31st place of the scene as a tie point."""
+    row, col = (values.ravel() for values in np.meshgrid(*(np.arange(10, size, 31) for size in height.shape), indexing="ij"))
+    none, rays = np.zeros(len(row), np.float32), np.full(len(row), 2, np.int16)
+    return GroundPoints(np.arange(len(row)), CELL * col, -CELL * row, height[row, col], none, none, none, rays, none)
+
+
 def run(seen, stage=STAGE, tile=192, blank=False):
     engine, pair = MemoryProject(tile), seen[1].pair
     engine.tables[BLOCK.path], engine.tables[PHOTOS.path] = block_of(pair), photos_of(pair)
+    engine.tables[GROUND_POINTS.path] = tie_points(seen[0].height)
     engine.tables[PAIRS.path] = EpipolarPairs(pairs=(pair,))
     for name, side, image in ((pair.left, "left", seen[1].left), (pair.right, "right", seen[1].right)):
         pixels = np.zeros_like(image) if blank else image
@@ -114,7 +123,7 @@ def test_estimates_are_left_out_on_request_and_nothing_else_changes(seen, engine
 
 
 def test_a_stricter_volume_measures_fewer_cells(seen, engine):
-    strict = ObjectSpace(pairs=STAGE.matching.pairs, sure=Sureness(coherence=1.0, margin=2.0))
+    strict = ObjectSpace(pairs=STAGE.matching.pairs, sure=Sureness(coherence=1.0, spread=0.0))
     codes = run(seen, STAGE.model_copy(update={"matching": strict})).rasters[PROVENANCE]
     assert (codes == Provenance.VOLUME).sum() < (engine.rasters[PROVENANCE] == Provenance.VOLUME).sum()
 

@@ -6,7 +6,8 @@ import pytest
 from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.fusion import FusedCells
-from orthomill.tasks.densification.standard_errors import REACH, SHARE, height_range, relative_precision
+from orthomill.tasks.densification.standard_errors import SHARE, height_range, relative_precision, with_distance
+from orthomill.tasks.densification.volume.quality import Judgement
 
 SHAPE = (9, 15)
 STEP = 2.0
@@ -19,11 +20,11 @@ def wall() -> np.ndarray:
     return height
 
 
-def rated(height: np.ndarray, code: Provenance = Provenance.AGREED, sigma: float = 0.1, margin: float = 1.0) -> np.ndarray:
+def rated(height: np.ndarray, code: Provenance = Provenance.AGREED, sigma: float = 0.1, standing: float = 1.0) -> np.ndarray:
     precision = np.full(SHAPE, np.nan if code == Provenance.VOLUME else sigma, np.float32)
-    quality = np.zeros((*SHAPE, 4), np.uint8)
-    quality[..., 1] = 100 * margin
-    volume = VolumeWindow(height, quality, np.zeros(SHAPE, np.uint8))
+    judgement = np.zeros((*SHAPE, len(Judgement)), np.uint8)
+    judgement[..., Judgement.STANDING] = 100 * standing
+    volume = VolumeWindow(height, judgement, np.zeros(SHAPE, np.uint8))
     cells = FusedCells(height, precision, np.ones(SHAPE, np.uint8), np.full(SHAPE, code, np.uint8))
     return relative_precision(cells, volume, STEP)
 
@@ -32,20 +33,53 @@ def test_on_level_ground_the_standard_error_is_that_of_matching():
     assert rated(np.full(SHAPE, 10.0, np.float32), sigma=0.2) == pytest.approx(SHARE * 0.2)
 
 
-def test_beside_a_wall_it_grows_the_more_the_smaller_the_margin():
-    clear, doubtful = rated(wall(), margin=1.0), rated(wall(), margin=0.3)
-    away = slice(None), slice(0, 7 - REACH)
-    assert clear[:, 6].min() > 5 * clear[away].max()
-    assert (doubtful[:, 6] > 2 * clear[:, 6]).all() and np.array_equal(doubtful[away], clear[away])
+def test_beside_a_wall_it_grows_the_more_the_lower_the_standing():
+    clear, doubtful = rated(wall(), standing=1.0), rated(wall(), standing=0.4)
+    away = slice(None), slice(0, 2)
+    assert (doubtful[:, 5] > 2 * clear[:, 5]).all() and np.array_equal(doubtful[away], clear[away])
+    assert (np.diff(clear[4, :7]) >= 0).all() and clear[4, 6] > 5 * clear[4, 0]
+
+
+def test_windows_that_reach_over_an_edge_bend():
+    height = np.full((9, 30), 10.0, np.float32)
+    height[:, 20:] = 16.0
+    volume = VolumeWindow.unknown(height.shape)
+    volume.judgement[..., Judgement.STANDING] = 200
+    cells = FusedCells(height, np.full(height.shape, 0.1, np.float32), *(np.ones(height.shape, np.uint8) for _ in range(2)))
+    found = relative_precision(cells, volume, STEP)[4]
+    assert found[15] > 2 * found[14] and found[14] == pytest.approx(SHARE * 0.1)
 
 
 def test_a_height_of_the_volume_is_known_to_a_share_of_its_step():
     level = rated(np.full(SHAPE, 10.0, np.float32), Provenance.VOLUME)
-    assert (level > 0).all() and (level < STEP / 3).all()
+    assert (level > 0).all() and (level < STEP / 2).all()
 
 
-def test_an_estimate_is_never_better_than_the_step_of_the_volume():
-    assert (rated(wall(), Provenance.INCOHERENT) >= STEP).all()
+def coded(provenance: np.ndarray) -> FusedCells:
+    shape = provenance.shape
+    return FusedCells(np.zeros(shape, np.float32), np.full(shape, 0.1, np.float32), np.zeros(shape, np.uint8), provenance)
+
+
+def test_an_estimate_is_the_worse_the_farther_it_is_from_measured_ground():
+    codes = np.full((21, 60), Provenance.AGREED, np.uint8)
+    codes[:, 10:50] = Provenance.INCOHERENT
+    found = with_distance(coded(codes), 0.5).precision[10]
+    assert (found[:10] == np.float32(0.1)).all() and found[10] > 0.5
+    assert (np.diff(found[10:25]) > 0).all() and found[26:34] == pytest.approx(found[26]) and found[30] > 10
+
+
+def test_single_measured_cells_in_a_crown_make_no_ground():
+    codes = np.full((31, 31), Provenance.AGREED, np.uint8)
+    codes[8:23, 8:23] = Provenance.INCOHERENT
+    around = with_distance(coded(codes), 1.0).precision[15, 14]
+    codes[15, 15] = Provenance.AGREED
+    assert with_distance(coded(codes), 1.0).precision[15, 14] == around
+    assert with_distance(coded(codes), 1.0).precision[15, 15] == np.float32(0.1)
+
+
+def test_without_any_measured_cell_every_estimate_is_a_far_one():
+    codes = np.full((5, 5), Provenance.INTERPOLATED, np.uint8)
+    assert (with_distance(coded(codes), 1.0).precision > 30).all()
 
 
 def test_cells_without_a_height_have_no_standard_error_and_do_not_disturb_others():

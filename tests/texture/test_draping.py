@@ -6,18 +6,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orthomill.schemas.raster import MapGrid, Window
+from orthomill.tasks.imagery.pull_push import filled
 from orthomill.tasks.texture.draping import (
     BLOCK,
     HALO,
     block_grid,
     block_heights,
     blocks_of,
-    doubled,
     drape,
     far_from_heights,
-    filled,
     ground_window,
-    halved,
 )
 
 GRID = MapGrid(west=0.0, north=0.0, cell=0.5, rows=150, cols=171)
@@ -85,16 +83,6 @@ def test_blocks_of_tiles_are_those_of_the_whole_model():
     whole, tile = block_heights(heights), Window(64, 128, 64, 43)
     np.testing.assert_array_equal(whole[blocks_of(tile).slices], block_heights(heights[tile.slices]))
     assert whole.shape == block_grid(GRID).shape and block_grid(GRID).cell == BLOCK * GRID.cell
-
-
-def test_means_are_of_the_known_heights():
-    heights = np.array([[1.0, np.nan, 5.0], [2.0, 3.0, np.nan], [np.nan, np.nan, np.nan]], np.float32)
-    np.testing.assert_array_equal(halved(heights), np.array([[2.0, 5.0], [np.nan, np.nan]], np.float32))
-
-
-def test_doubling_a_ramp_gives_the_ramp_between_the_outer_blocks():
-    coarse = np.arange(4.0)[None, :].repeat(3, axis=0)
-    np.testing.assert_allclose(doubled(coarse, (6, 8))[2, 1:-1], np.arange(1, 7) / 2 - 0.25)
 
 
 @pytest.mark.parametrize(("reach", "count"), [(1.0, 9), (2.0, 1), (3.0, 0)])

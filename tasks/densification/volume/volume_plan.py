@@ -1,13 +1,16 @@
-"""The rasters and jobs of the height volume: level by level, then one height per cell from all levels."""
+"""The rasters and jobs of the height volume: level by level, then what the finest heights are worth."""
 
 from collections.abc import Iterator
 
 from orthomill.schemas.job import Job, Raster, Region
+from orthomill.schemas.observations import GROUND_POINTS
 from orthomill.schemas.orientation import BLOCK as BLOCK_TABLE
 from orthomill.schemas.photo import photo_raster
-from orthomill.schemas.raster import RasterSpec, Tile, map_raster, tiles_of
+from orthomill.schemas.raster import MapGrid, RasterSpec, Window, map_raster, tiles_of
 from orthomill.tasks.densification.volume.levels import SIDE, VolumeLevel, VolumeScene
-from orthomill.tasks.densification.volume.merged_levels import LevelsUnderTile, Sureness, merge_levels
+from orthomill.tasks.densification.volume.quality import Band, Judgement
+from orthomill.tasks.densification.volume.sureness import JudgedTile, Sureness, judged
+from orthomill.tasks.densification.volume.terrain import terrain, terrain_grid
 from orthomill.tasks.densification.volume.volume_tile import VolumeTile, solve_volume, tile_scratch, volume_tiles
 
 
@@ -17,32 +20,44 @@ def volume_height(level: int) -> str:
 
 
 def volume_quality(level: int) -> str:
-    """uint8 (rows, cols, 4), see `SolvedVolume.quality`."""
+    """uint8 (rows, cols, 5), see `Band`."""
     return f"densification/volume/{level}/quality"
 
 
-MERGED_HEIGHT = "densification/volume/height"
+TERRAIN = "densification/terrain"
+"""float32 m, heights of a lattice of places from the tie points"""
+JUDGED_HEIGHT = "densification/volume/height"
 """float32 m, NaN where fewer than two photographs show the cell"""
-MERGED_QUALITY = "densification/volume/quality"
-"""uint8 (rows, cols, 4), see `SolvedVolume.quality`, of the level that the height comes from"""
-MERGED_LEVEL = "densification/volume/level"
-"""uint8, see `MergedVolume.level`"""
+JUDGEMENT = "densification/volume/judgement"
+"""uint8 (rows, cols, 3), see `Judgement`"""
+WORTH = "densification/volume/worth"
+"""uint8 codes of Worth"""
 
 
 def volume_plan(scene: VolumeScene, sure: Sureness, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
-    """The rasters and jobs of all levels, the coarsest first; level 0 and what is merged have the cells of the surface."""
+    """The rasters and jobs of all levels, the coarsest first; level 0 and what is judged have the cells of the surface."""
+    yield from _terrain(scene, stage, crs)
     for level in scene.levels:
         yield from volume_specs(level, crs)
         for tile in volume_tiles(level, scene):
             yield _job(tile, scene, stage)
-    yield from _merged(scene.levels[::-1], sure, stage, crs)
+    yield from _judged(scene.surface.grid, sure, stage, crs)
+
+
+def _terrain(scene: VolumeScene, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
+    """The terrain of the whole block in one piece: gaps between tie points may be large."""
+    grid = terrain_grid(scene.surface.grid)
+    yield map_raster(TERRAIN, grid, "float32", crs, SIDE, nodata=float("nan"), unit="m")
+    whole = Raster(TERRAIN, Window(0, 0, *grid.shape))
+    reads: dict[str, Region] = {"points": GROUND_POINTS, "block": BLOCK_TABLE}
+    yield Job(stage, "terrain", terrain, reads, {"heights": whole}, {"grid": grid}, scratch=32 * grid.rows * grid.cols)
 
 
 def volume_specs(level: VolumeLevel, crs: str) -> tuple[RasterSpec, RasterSpec]:
     """The rasters of a level. One chunk is one tile."""
     return (
         map_raster(volume_height(level.number), level.grid, "float32", crs, SIDE, nodata=float("nan"), unit="m"),
-        map_raster(volume_quality(level.number), level.grid, "uint8", crs, SIDE, bands=4),
+        map_raster(volume_quality(level.number), level.grid, "uint8", crs, SIDE, bands=len(Band)),
     )
 
 
@@ -50,6 +65,7 @@ def _job(tile: VolumeTile, scene: VolumeScene, stage: str) -> Job:
     reads: dict[str, Region | tuple[Region, ...]] = {"block": BLOCK_TABLE}
     if tile.photos:
         reads["photos"] = tuple(Raster(photo_raster(part.name, part.level), part.window) for part in tile.photos)
+        reads["terrain"] = Raster(TERRAIN, tile.places)
     if tile.photos and tile.coarser:
         reads["coarser"] = Raster(volume_height(tile.level.number + 1), tile.coarser)
     level = tile.level.number
@@ -66,31 +82,27 @@ def _job(tile: VolumeTile, scene: VolumeScene, stage: str) -> Job:
     )
 
 
-def _merged(levels: tuple[VolumeLevel, ...], sure: Sureness, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
-    """One height per cell; levels: the finest first."""
-    finest = levels[0]
-    yield map_raster(MERGED_HEIGHT, finest.grid, "float32", crs, SIDE, nodata=float("nan"), unit="m")
-    yield map_raster(MERGED_QUALITY, finest.grid, "uint8", crs, SIDE, bands=4)
-    yield map_raster(MERGED_LEVEL, finest.grid, "uint8", crs, SIDE)
-    for tile in tiles_of(finest.grid.shape, SIDE):
-        yield _merging(tile, levels, sure, stage)
-
-
-def _merging(tile: Tile, levels: tuple[VolumeLevel, ...], sure: Sureness, stage: str) -> Job:
-    under = LevelsUnderTile.of(tile.window, [level.grid.shape for level in levels])
-    windows = list(zip(levels, under.levels, strict=True))
-    names = {"height": MERGED_HEIGHT, "quality": MERGED_QUALITY, "level": MERGED_LEVEL}
-    return Job(
-        stage,
-        "volume",
-        merge_levels,
-        {
-            "heights": tuple(Raster(volume_height(level.number), window) for level, window in windows),
-            "qualities": tuple(Raster(volume_quality(level.number), window) for level, window in windows),
-        },
-        {key: Raster(name, tile.window) for key, name in names.items()},
-        {"tile": under, "settings": sure},
-        row=tile.row,
-        col=tile.col,
-        scratch=60 * tile.window.height * tile.window.width,
-    )
+def _judged(grid: MapGrid, sure: Sureness, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
+    """What the heights of the finest level are worth."""
+    yield map_raster(JUDGED_HEIGHT, grid, "float32", crs, SIDE, nodata=float("nan"), unit="m")
+    yield map_raster(JUDGEMENT, grid, "uint8", crs, SIDE, bands=len(Judgement))
+    yield map_raster(WORTH, grid, "uint8", crs, SIDE)
+    names = {"height": JUDGED_HEIGHT, "judgement": JUDGEMENT, "worth": WORTH}
+    for tile in tiles_of(grid.shape, SIDE):
+        judging = JudgedTile.of(tile.window, grid.shape, terrain_grid(grid).shape)
+        yield Job(
+            stage,
+            "volume",
+            judged,
+            {
+                "height": Raster(volume_height(0), judging.around),
+                "quality": Raster(volume_quality(0), judging.around),
+                "terrain": Raster(TERRAIN, judging.places),
+            },
+            {key: Raster(name, tile.window) for key, name in names.items()},
+            {"tile": judging, "settings": sure},
+            row=tile.row,
+            col=tile.col,
+            # Running sums in int64 of two quantities, their slices, and sorted copies of the heights.
+            scratch=120 * judging.around.height * judging.around.width,
+        )

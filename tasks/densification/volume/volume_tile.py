@@ -14,6 +14,8 @@ from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import Tile, Window, tiles_of
 from orthomill.tasks.densification.volume.levels import HALO, SIDE, VolumeLevel, VolumeScene, coarser_window, level_grid
 from orthomill.tasks.densification.volume.photograph_choice import PLACE, places, preferred, sight
+from orthomill.tasks.densification.volume.quality import Band, quality_bands
+from orthomill.tasks.densification.volume.terrain import SPACING, at_cells, places_around, terrain_grid
 from orthomill.tasks.geometry.footprint import photo_window
 from orthomill.tasks.geometry.photograph_part import PhotoPart, level_window, photo_level
 from orthomill.tasks.geometry.view import View, block_view
@@ -35,11 +37,14 @@ from orthomill.tasks.visibility.height_model import HeightModel, Targets, visibl
 HIDING = 4.0
 """Heights of a level by which something must stand above the ray to a photograph to hide the cell from it."""
 
+_OUTSIDE = -1e6
+"""px; places behind a camera are outside its frame by this, a number that can be interpolated"""
+
 
 @dataclass(frozen=True)
 class VolumeTile:
-    """A tile of a level: its own cells `window`, the cells `work` that are optimised, the photographs, and the window of the
-    coarser level (None: there is none)."""
+    """A tile of a level: its own cells `window`, the cells `work` that are optimised, the photographs, the window of the coarser
+    level (None: there is none), and the places of the terrain around it."""
 
     level: VolumeLevel
     row: int
@@ -48,13 +53,12 @@ class VolumeTile:
     work: Window
     photos: tuple[PhotoPart, ...]
     coarser: Window | None
+    places: Window
 
 
 class SolvedVolume(NamedTuple):
-    """A solved tile: `height` (rows, cols) float32 m, NaN where fewer than two photographs show the cell; `quality` (rows, cols, 4)
-    uint8: cost at the height and margin to the runner-up (% of the signature's bits), coherence (% of the 9 x 9 cells that go
-    along), photographs that see the
-    cell: fewer than two where something else stands before the others."""
+    """A solved tile: `height` (rows, cols) float32 m, NaN where fewer than two photographs show the cell; `quality` (rows, cols, 5)
+    uint8, see `Band`."""
 
     height: np.ndarray
     quality: np.ndarray
@@ -71,7 +75,8 @@ def _tile(level: VolumeLevel, tile: Tile, scene: VolumeScene) -> VolumeTile:
     used = tuple(part for part in parts if not part.window.empty)
     coarsest = level.number == scene.levels[0].number
     coarser = None if coarsest else coarser_window(work, scene.settings.reach, level_grid(level.grid, 1).shape)
-    return VolumeTile(level, tile.row, tile.col, tile.window, work, used if len(used) >= 2 else (), coarser)
+    terrain = places_around(work, 2**level.number, terrain_grid(scene.surface.grid).shape)
+    return VolumeTile(level, tile.row, tile.col, tile.window, work, used if len(used) >= 2 else (), coarser, terrain)
 
 
 def _chosen(level: VolumeLevel, work: Window, scene: VolumeScene) -> list[View]:
@@ -107,24 +112,41 @@ def _margin(level: int) -> int:
 
 
 def solve_volume(
-    tile: VolumeTile, settings: HeightVolume, block: Block, photos: tuple[np.ndarray, ...] = (), coarser: np.ndarray | None = None
+    tile: VolumeTile,
+    settings: HeightVolume,
+    block: Block,
+    photos: tuple[np.ndarray, ...] = (),
+    terrain: np.ndarray | None = None,
+    coarser: np.ndarray | None = None,
 ) -> SolvedVolume:
-    """The heights of a tile. photos: pixels (rows, cols, bands) of `tile.photos`; coarser: heights (rows, cols) of
-    `tile.coarser`."""
-    if len(photos) < 2:
+    """The heights of a tile. photos: pixels (rows, cols, bands) of `tile.photos`; terrain: heights (rows, cols) of `tile.places`;
+    coarser: heights (rows, cols) of `tile.coarser`."""
+    if terrain is None or len(photos) < 2:
         return _nothing(tile.window.shape)
-    candidates = _candidates(tile, settings, coarser)
+    views = [block_view(block, part.name) for part in tile.photos]
+    candidates = _candidates(tile, settings, coarser).only(_shown_twice(tile, views, terrain))
     if candidates.offset[-1] == 0:
         return _nothing(tile.window.shape)
     candidates, planes = candidates.trimmed()
     heights = tile.level.heights[planes]
-    views = [block_view(block, part.name) for part in tile.photos]
     parts = zip(tile.photos, views, photos, strict=True)
     # One after the other: a tile of a dense block has dozens of photographs, and only their signatures are needed together.
     images = (_rectified(tile, part, view, pixels, heights, settings) for part, view, pixels in parts)
     pixels = sum(rectified_pixels(view, _cell_frame(tile), heights, settings.oversampling) for view in views)
     choice = Choice(PLACE, _preferred(tile, views, settings, block, coarser), _hidden(tile, views, coarser))
     return _solved(tile, optimised(images, pixels, choice, candidates, settings), float(heights[0]), settings)
+
+
+def _shown_twice(tile: VolumeTile, views: list[View], terrain: np.ndarray) -> np.ndarray:
+    """(rows, cols) bool: the cells whose terrain two photographs or more show."""
+    factor = 2**tile.level.number
+    x, y = terrain_grid(tile.level.grid, SPACING / factor).centres(tile.places)
+    points = np.column_stack([*(values.ravel() for values in np.meshgrid(x, y)), terrain.ravel()])
+    photographs = np.zeros(tile.work.shape, np.int32)
+    for view in views:
+        within = np.maximum(view.within(view.project(points)), _OUTSIDE).reshape(terrain.shape)
+        photographs += at_cells(within, tile.places, tile.work, factor) >= 0
+    return photographs >= 2
 
 
 def _hidden(tile: VolumeTile, views: list[View], coarser: np.ndarray | None) -> np.ndarray:
@@ -184,9 +206,7 @@ def _rectified(
     needed = level_window(
         photo_window(view, tile.level.grid, work, heights[0], heights[-1], _margin(part.level)), part.level, (10**9, 10**9)
     )
-    inside = Window(needed.row - part.window.row, needed.col - part.window.col, needed.height, needed.width).clipped(
-        part.window.shape
-    )
+    inside = needed.within(part.window).clipped(part.window.shape)
     # Cropped before it is converted: the heights that planning had to allow for are far more than a tile turns out to have.
     level = PhotographPixels(grey(pixels[inside.slices]), part.level, part.window.col + inside.col, part.window.row + inside.row)
     image, planes = rectified(level, view, _cell_frame(tile), heights, settings.oversampling)
@@ -199,15 +219,13 @@ def _solved(tile: VolumeTile, cells: OptimisedCells, lowest: float, settings: He
     slope = settings.coherence_slope * tile.level.grid.cell
     agreeing = coherence(height, settings.coherence * step, slope)
     height[cells.shown < 2] = np.nan
-    percent = [np.clip(np.rint(100 * values), 0, 255) for values in (cells.cost, cells.margin, agreeing)]
-    quality = np.stack([*percent, cells.seen], axis=-1).astype(np.uint8)
-    row, col = tile.window.row - tile.work.row, tile.window.col - tile.work.col
-    inner = slice(row, row + tile.window.height), slice(col, col + tile.window.width)
+    quality = quality_bands(cells.cost, cells.margin, agreeing, cells.seen, cells.spread)
+    inner = tile.window.within(tile.work).slices
     return SolvedVolume(np.ascontiguousarray(height[inner]), np.ascontiguousarray(quality[inner]))
 
 
 def _nothing(shape: tuple[int, int]) -> SolvedVolume:
-    return SolvedVolume(np.full(shape, np.nan, np.float32), np.zeros((*shape, 4), np.uint8))
+    return SolvedVolume(np.full(shape, np.nan, np.float32), np.zeros((*shape, len(Band)), np.uint8))
 
 
 def tile_scratch(tile: VolumeTile, scene: VolumeScene) -> int:

@@ -36,6 +36,10 @@ class CellRanges:
         first, last = int(self.low[some].min()), int((self.low + count)[some].max())
         return CellRanges(np.where(some, self.low - first, 0).astype(np.int32), self.offset), slice(first, last)
 
+    def only(self, cells: np.ndarray) -> "CellRanges":
+        """The candidates of the `cells` (rows, cols) bool; the others have none."""
+        return packed(self.low, np.where(cells, self.count, 0))
+
 
 @dataclass(frozen=True)
 class Ranges:

@@ -18,7 +18,7 @@ from orthomill.tasks.matching.volume.costs import COST_UNIT, Choice, Comparison,
 from orthomill.tasks.matching.volume.paths import UNIT, sweep
 from orthomill.tasks.matching.volume.rectified_photograph import RectifiedPhotograph
 from orthomill.tasks.matching.volume.signatures import BITS
-from orthomill.tasks.matching.volume.winners import winners
+from orthomill.tasks.matching.volume.winners import rival_weights, winners
 
 
 class HeightVolume(Settings):
@@ -41,6 +41,13 @@ class HeightVolume(Settings):
     reach: int = setting(1, "Coarser cells around a cell whose heights are within its range.", "cells", ge=1, le=8)
     most_heights: int = setting(128, "Heights of a cell, at most.", ge=16, le=512)
     mean_heights: int = setting(48, "Mean number of heights of the cells of a tile, at most; bounds the memory.", ge=16, le=512)
+    doubt: float = setting(
+        0.08,
+        "A height whose photographs fit by this less is a rival of a third of the weight.",
+        "share of the bits",
+        gt=0.0,
+        le=1.0,
+    )
     coherence: float = setting(2.0, "A neighbour goes along when its height differs by at most this.", "heights", gt=0.0)
     coherence_slope: float = setting(0.75, "Added to it per cell of distance: the slope of a coherent surface.", ge=0.0, le=8.0)
 
@@ -63,12 +70,14 @@ class HeightVolume(Settings):
 
 class OptimisedCells(NamedTuple):
     """Per cell (rows, cols): `plane` float32 (fractional number, NaN without candidates); `cost` float32, mean share of bits that
-    differ; `margin` float32, the same unit, infinite without a competitor; `shown` uint8, photographs within whose frame it lies;
+    differ; `margin` float32, the same unit, infinite without a competitor; `spread` float32, planes, of
+    the rivals of the height (see `Winners`); `shown` uint8, photographs within whose frame it lies;
     `seen` uint8, those of them from which nothing hides it."""
 
     plane: np.ndarray
     cost: np.ndarray
     margin: np.ndarray
+    spread: np.ndarray
     shown: np.ndarray
     seen: np.ndarray
 
@@ -84,10 +93,11 @@ def optimised(
     small, large = settings.penalty(settings.small_penalty), settings.penalty(settings.large_penalty)
     for backwards in (False, True):
         sweep(cost, total, low, offset, planes, small, large, backwards)
-    found = winners(total, cost, low, offset)
     unit = BITS[settings.half] * COST_UNIT
+    compared = photographs_at(stack, choice.hidden, np.where(candidates.count > 0, candidates.low + candidates.count // 2, -1))
+    found = winners(total, cost, low, offset, compared, rival_weights(8 * unit * settings.doubt, settings.compared))
     counts = (photographs_at(stack, hidden, found.nearest) for hidden in (np.zeros_like(choice.hidden), choice.hidden))
-    return OptimisedCells(found.plane, found.cost / np.float32(unit), found.margin / np.float32(8 * unit), *counts)
+    return OptimisedCells(found.plane, found.cost / np.float32(unit), found.margin / np.float32(8 * unit), found.spread, *counts)
 
 
 def scratch_bytes(candidates: int, cells: int, pixels: int, settings: HeightVolume) -> int:

@@ -1,5 +1,9 @@
 """From path sums to heights: the cheapest candidate of every cell, between planes, and what says how good it is.
 
+Spread: how far the rivals of a height lie from it, each counted the less the dearer it is. Where the photographs are of one mind
+it is nothing; where they fit almost as well elsewhere (leaves, a blank wall, something that moved) it says how wrong the height may
+be.
+
 Coherence: the share of the 9 x 9 cells around a cell whose heights go along with it. Where photographs see different leaves, or
 nothing at all, the paths still prefer some height, but neighbours are not of one mind.
 """
@@ -15,18 +19,32 @@ COHERENCE_HALF = 4
 class Winners(NamedTuple):
     """Per cell (rows, cols): `plane` float32, fractional number of the plane, NaN without candidates; `nearest` int32, its whole
     number, -1 without; `cost` uint8 at it; `margin` float32, path sums by which the best candidate farther than two planes is
-    dearer, infinite without any."""
+    dearer, infinite without any; `spread` float32, planes, root mean square distance of the winner and all candidates farther than
+    two planes, 1 the weight of the winner and less those of the others."""
 
     plane: np.ndarray
     nearest: np.ndarray
     cost: np.ndarray
     margin: np.ndarray
+    spread: np.ndarray
+
+
+def rival_weights(tolerance: float, most: int) -> np.ndarray:
+    """Weights (most + 1, S) float32 of candidates whose path sums are by 0, 1, 2 ... greater than that of the winner, where 0, 1,
+    ... `most` photographs see it: for two of them a factor e less for every `tolerance`.
+
+    Costs are means: with n photographs, of which one is the reference, they vary by sqrt(n - 1) less by chance.
+    """
+    tolerances = tolerance / np.sqrt(np.maximum(np.arange(most + 1), 2) - 1)
+    return np.exp(-np.arange(int(8 * tolerance) + 1) / tolerances[:, None]).astype(np.float32)
 
 
 @njit(cache=True)
-def winners(total, cost, low, offset):
-    """Winners of packed path sums int16 and costs uint8."""
+def winners(total, cost, low, offset, photographs, weights):
+    """Winners of packed path sums int16 and costs uint8; photographs (rows, cols) uint8 that are compared; weights of rivals, see
+    `rival_weights`."""
     rows, cols = low.shape
+    spread = np.zeros((rows, cols), np.float32)
     plane, nearest = np.full((rows, cols), np.float32(np.nan)), np.full((rows, cols), np.int32(-1))
     own, margin = np.zeros((rows, cols), np.uint8), np.full((rows, cols), np.float32(np.inf))
     for r in range(rows):
@@ -47,6 +65,14 @@ def winners(total, cost, low, offset):
                 second = min(second, value)
             if second < 2**31 - 1:
                 margin[r, c] = np.float32(second - sums[best])
+            of_rivals = weights[min(photographs[r, c], weights.shape[0] - 1)]
+            squares, count = np.float32(0.0), np.float32(1.0)
+            for k in range(n):
+                dearer = np.int32(sums[k]) - np.int32(sums[best])
+                if dearer < of_rivals.size and abs(k - best) > 2:
+                    count += of_rivals[dearer]
+                    squares += of_rivals[dearer] * np.float32((k - best) * (k - best))
+            spread[r, c] = np.sqrt(squares / count)
             shift = np.float32(0.0)
             if 0 < best < n - 1:
                 before, here, after = np.float32(sums[best - 1]), np.float32(sums[best]), np.float32(sums[best + 1])
@@ -55,7 +81,7 @@ def winners(total, cost, low, offset):
                     shift = min(max(np.float32(0.5) * (before - after) / bend, np.float32(-0.5)), np.float32(0.5))
             nearest[r, c], own[r, c] = low[r, c] + best, cost[begin + best]
             plane[r, c] = np.float32(low[r, c] + best) + shift
-    return Winners(plane, nearest, own, margin)
+    return Winners(plane, nearest, own, margin, spread)
 
 
 @njit(cache=True)

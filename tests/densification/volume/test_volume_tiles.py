@@ -9,14 +9,16 @@ from memory_runner import MemoryProject
 from textured_box import LEVELS, SURFACE, photos, pyramid, scene_block, truth
 
 from orthomill.schemas.job import Job, Raster
+from orthomill.schemas.observations import GROUND_POINTS, GroundPoints
 from orthomill.schemas.orientation import BLOCK as BLOCK_TABLE
 from orthomill.schemas.photo import photo_raster
 from orthomill.schemas.raster import Window
 from orthomill.tasks.densification.volume.levels import HALO, SIDE, VolumeScene, coarser_window, level_grid
-from orthomill.tasks.densification.volume.merged_levels import Sureness
 from orthomill.tasks.densification.volume.photograph_choice import PLACE
+from orthomill.tasks.densification.volume.quality import SPREAD_UNIT, Band
+from orthomill.tasks.densification.volume.sureness import Sureness
 from orthomill.tasks.densification.volume.volume_plan import volume_height, volume_plan, volume_quality
-from orthomill.tasks.densification.volume.volume_tile import SolvedVolume, solve_volume, tile_scratch, volume_tiles
+from orthomill.tasks.densification.volume.volume_tile import SolvedVolume, VolumeTile, solve_volume, tile_scratch, volume_tiles
 from orthomill.tasks.matching.volume.height_volume import HeightVolume
 
 SETTINGS = HeightVolume(widest=32)
@@ -26,10 +28,20 @@ def scene(names: str = "abcd", settings: HeightVolume = SETTINGS) -> VolumeScene
     return VolumeScene(scene_block(names), photos(names), SURFACE, settings)
 
 
+def no_points() -> GroundPoints:
+    """Without tie points the terrain is flat, at the mean height of the block."""
+    return GroundPoints(*(np.zeros(0) for _ in range(9)))
+
+
+def flat(tile: VolumeTile, height: float = 0.0) -> np.ndarray:
+    return np.full(tile.places.shape, height, np.float32)
+
+
 def solved(planned: VolumeScene) -> MemoryProject:
     """All levels, run from the plan as the engine would."""
     engine = MemoryProject(64)
     engine.tables[BLOCK_TABLE.path] = planned.block
+    engine.tables[GROUND_POINTS.path] = no_points()
     for name in planned.block.names:
         for level in range(LEVELS):
             engine.put(photo_raster(name, level), pyramid(name)[level])
@@ -46,7 +58,7 @@ def engine():
 def test_every_level_is_written_with_its_own_grid(engine):
     for level in scene().levels:
         height, quality = engine.rasters[volume_height(level.number)], engine.rasters[volume_quality(level.number)]
-        assert height.shape == level.grid.shape and quality.shape == (*level.grid.shape, 4)
+        assert height.shape == level.grid.shape and quality.shape == (*level.grid.shape, len(Band))
         assert engine.written[volume_height(level.number)].all()
 
 
@@ -60,17 +72,22 @@ def test_ground_and_roof_are_where_they_are(engine):
 
 
 def test_quality_says_where_the_heights_are_good(engine):
-    cost, margin, coherence, count = np.moveaxis(engine.rasters[volume_quality(0)], -1, 0)
+    cost, margin, coherence, count, spread = np.moveaxis(engine.rasters[volume_quality(0)], -1, 0)
     inner = slice(20, 100), slice(20, 100)
     assert np.median(cost[inner]) < 20 and np.median(margin[inner]) > 10
     assert np.median(coherence[inner]) > 90 and count[inner].max() == 4
+    assert np.median(spread[inner]) < SPREAD_UNIT
 
 
-def test_a_place_that_one_photograph_shows_has_no_height_but_a_count():
+def test_a_place_whose_terrain_one_photograph_shows_has_no_height():
     one = solved(scene("ac"))
-    height, quality = one.rasters[volume_height(0)], one.rasters[volume_quality(0)]
-    assert np.isfinite(height[quality[..., 3] == 2]).all() and (quality[..., 3] == 2).any()
-    assert (quality[..., 3][np.isnan(height)] < 2).all() and (quality[..., 3][np.isnan(height)] == 1).any()
+    height, seen = one.rasters[volume_height(0)], one.rasters[volume_quality(0)][..., Band.SEEN]
+    assert np.isfinite(height[seen == 2]).all() and (seen == 2).any()
+    x, y = np.meshgrid(*SURFACE.grid.centres(Window(0, 0, *SURFACE.grid.shape)))
+    ground = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, one.tables[BLOCK_TABLE.path].ground_mean)])
+    within = np.sort([view.within(view.project(ground)) for view in scene("ac").views], axis=0)[0].reshape(height.shape)
+    # The frame bends between the places of the terrain, by less than a pixel here.
+    assert np.isnan(height[within < -1]).all() and np.isfinite(height[within > 1]).mean() > 0.99
 
 
 def test_one_photograph_alone_gives_nothing_and_reads_nothing():
@@ -84,7 +101,7 @@ def test_the_tile_of_the_project_changes_nothing():
     assert SIDE % PLACE == HALO % PLACE == 0
     for thing in volume_plan(scene(), Sureness(), "densification", "EPSG:2100"):
         if isinstance(thing, Job):
-            window = thing.writes["height"].window
+            window = next(iter(thing.writes.values())).window
             assert window.row % SIDE == 0 and window.col % SIDE == 0
 
 
@@ -93,9 +110,9 @@ def test_pixels_beyond_what_a_tile_reads_do_not_matter():
     tile = volume_tiles(planned.levels[0], planned)[0]
     pixels = [pyramid(part.name)[part.level] for part in tile.photos]
     parts = list(zip(tile.photos, pixels, strict=True))
-    least = solve_volume(tile, SETTINGS, planned.block, tuple(array[part.window.slices] for part, array in parts))
+    least = solve_volume(tile, SETTINGS, planned.block, tuple(array[part.window.slices] for part, array in parts), flat(tile))
     whole = tuple(replace(part, window=Window(0, 0, *array.shape[:2])) for part, array in parts)
-    most = solve_volume(replace(tile, photos=whole), SETTINGS, planned.block, tuple(pixels))
+    most = solve_volume(replace(tile, photos=whole), SETTINGS, planned.block, tuple(pixels), flat(tile))
     assert isinstance(least, SolvedVolume)
     assert np.array_equal(least.height, most.height, equal_nan=True) and np.array_equal(least.quality, most.quality)
 
@@ -150,7 +167,7 @@ def test_a_large_tile_reads_more_photographs_than_a_place_compares():
     tile = volume_tiles(planned.levels[0], planned)[0]
     assert len(tile.photos) > 2
     pixels = tuple(pyramid(part.name)[part.level][part.window.slices] for part in tile.photos)
-    found = solve_volume(tile, settings, planned.block, pixels)
+    found = solve_volume(tile, settings, planned.block, pixels, flat(tile))
     level = tile.level.number
     assert (abs(found.height[70 >> level : 100 >> level, 70 >> level : 100 >> level]) < tile.level.step).mean() > 0.9
 
@@ -170,7 +187,7 @@ def test_the_coarser_surface_hides_ground_behind_a_wall_from_some_photographs():
     coarser = np.zeros(tile.coarser.shape, np.float32)
     coarser[26:34, 25:35] = 14.0
     pixels = tuple(pyramid(part.name)[part.level][part.window.slices] for part in tile.photos)
-    found = solve_volume(tile, SETTINGS, planned.block, pixels, coarser)
+    found = solve_volume(tile, SETTINGS, planned.block, pixels, flat(tile), coarser)
     # The box stands at 50 to 70 m east; the photographs look from 20 and 104 m east, so that each misses a strip beside it.
     seen = found.quality[60, :, 3]
     assert (seen[30:44] == 2).all() and (seen[46:50] == 1).any() and (seen[70:73] == 1).any() and (seen[80:90] == 2).all()

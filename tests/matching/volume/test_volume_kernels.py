@@ -11,7 +11,7 @@ from orthomill.tasks.matching.volume.costs import COST_UNIT, Choice, Comparison,
 from orthomill.tasks.matching.volume.paths import UNIT, sweep
 from orthomill.tasks.matching.volume.rectified_photograph import RectifiedPhotograph
 from orthomill.tasks.matching.volume.signatures import BITS, bits_set, no_signature, signatures
-from orthomill.tasks.matching.volume.winners import coherence, winners
+from orthomill.tasks.matching.volume.winners import coherence, rival_weights, winners
 
 RULES = Ranges(margin=2, reach=1, most=64, mean=48)
 
@@ -191,8 +191,9 @@ def test_a_plane_that_a_photograph_cannot_show_is_nowhere_in_it():
 def test_winners_lie_at_the_bottom_of_the_parabola():
     sums = np.array([[(k - place) ** 2 for k in range(8)] for place in (3.25, 4.75, 0.0)]) * 100
     candidates = packed(np.array([[5, 6, 7, 8]]), np.array([[8, 8, 8, 0]]))
-    plane, nearest, cost, margin = winners(
-        sums.ravel().astype(np.int16), np.arange(24, dtype=np.uint8), candidates.low, candidates.offset
+    two, costs = np.full((1, 4), 2, np.uint8), np.arange(24, dtype=np.uint8)
+    plane, nearest, cost, margin, _ = winners(
+        sums.ravel().astype(np.int16), costs, candidates.low, candidates.offset, two, rival_weights(100.0, 8)
     )
     assert plane[0, :2] == pytest.approx([8.25, 10.75]) and plane[0, 2] == 7.0 and np.isnan(plane[0, 3])
     assert nearest.tolist() == [[8, 11, 7, -1]] and cost.tolist() == [[3, 13, 16, 0]]
@@ -202,8 +203,32 @@ def test_winners_lie_at_the_bottom_of_the_parabola():
 
 def test_a_winner_without_a_rival_has_an_infinite_margin():
     candidates = packed(np.zeros((1, 1), int), np.array([[3]]))
-    found = winners(np.array([4, 2, 4], np.int16), np.zeros(3, np.uint8), candidates.low, candidates.offset)
-    assert np.isinf(found[3][0, 0]) and found[0][0, 0] == 1.0
+    two = np.full((1, 1), 2, np.uint8)
+    found = winners(
+        np.array([4, 2, 4], np.int16), np.zeros(3, np.uint8), candidates.low, candidates.offset, two, rival_weights(10.0, 8)
+    )
+    assert np.isinf(found.margin[0, 0]) and found.plane[0, 0] == 1.0 and found.spread[0, 0] == 0
+
+
+def spread_of(sums: list[int], photographs: int = 2, tolerance: float = 10.0) -> float:
+    candidates, costs = packed(np.zeros((1, 1), int), np.array([[len(sums)]])), np.zeros(len(sums), np.uint8)
+    seen = np.full((1, 1), photographs, np.uint8)
+    found = winners(np.array(sums, np.int16), costs, candidates.low, candidates.offset, seen, rival_weights(tolerance, 8))
+    return float(found.spread[0, 0])
+
+
+def test_the_spread_is_the_distance_of_the_rivals_by_their_weight():
+    assert spread_of([0, 90, 90, 90, 10, 90, 0]) == pytest.approx(np.sqrt((16 * np.exp(-1) + 36) / (2 + np.exp(-1))), rel=1e-3)
+
+
+def test_neighbouring_and_much_dearer_heights_are_no_rivals():
+    assert spread_of([0, 1, 2, 200, 300]) == 0
+
+
+def test_more_photographs_tell_rivals_apart_better():
+    sums = [0, 90, 90, 90, 15, 90]
+    assert spread_of(sums, 5) == pytest.approx(np.sqrt(16 * np.exp(-3) / (1 + np.exp(-3))), rel=1e-3)
+    assert spread_of(sums, 5) < spread_of(sums, 2) < spread_of(sums, 2, tolerance=20)
 
 
 def plain_coherence(heights: np.ndarray, tolerance: float, slope: float) -> np.ndarray:

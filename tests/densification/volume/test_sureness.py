@@ -1,0 +1,121 @@
+"""What heights of the volume are worth: coherence, rivals and the border decide; what stands alone far and wide is calmed."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.tasks.densification.volume.quality import SPREAD_UNIT, Band, Judgement, judgement, quality_bands
+from orthomill.tasks.densification.volume.sureness import SQUARE, JudgedTile, Sureness, Worth, judged
+from orthomill.tasks.densification.volume.terrain import terrain_grid
+
+SHAPE = (80, 104)
+TERRAIN_SHAPE = terrain_grid(MapGrid(west=0.0, north=0.0, cell=1.0, rows=SHAPE[0], cols=SHAPE[1])).shape
+WHOLE = Window(0, 0, *SHAPE)
+INNER = slice(4, -4), slice(4, -4)
+"""cells that the border does not touch"""
+
+
+def quality(coherence: float, spread: float = 0.0, shape=SHAPE) -> np.ndarray:
+    def full(value: float) -> np.ndarray:
+        return np.full(shape, value)
+
+    return quality_bands(full(0.1), full(0.5), full(coherence), full(3), full(spread))
+
+
+def judge(height, bands, window=WHOLE, rules=None, terrain=0.0):
+    tile = JudgedTile.of(window, SHAPE, TERRAIN_SHAPE)
+    ground = np.full(tile.places.shape, terrain, np.float32)
+    return judged(tile, rules or Sureness(), height[tile.around.slices], bands[tile.around.slices], ground)
+
+
+def level(height: float = 50.0) -> np.ndarray:
+    return np.full(SHAPE, height, np.float32)
+
+
+@pytest.mark.parametrize(
+    ("coherence", "spread", "rules", "worth"),
+    [
+        (0.9, 0.5, Sureness(), Worth.SURE),
+        (0.6, 0.5, Sureness(), Worth.UNSURE),
+        (0.6, 0.5, Sureness(coherence=0.5), Worth.SURE),
+        (0.9, 2.5, Sureness(), Worth.UNSURE),
+        (0.9, 2.5, Sureness(spread=3.0), Worth.SURE),
+        (0.9, 0.5, Sureness(standing=1.2), Worth.UNSURE),
+        (0.3, 0.0, Sureness(), Worth.CALMED),
+    ],
+)
+def test_coherence_and_rivals_decide(coherence, spread, rules, worth):
+    found = judge(level(), quality(coherence, spread), rules=rules)
+    assert (found.worth[INNER] == worth).all() and (found.height == 50).all()
+
+
+def test_nothing_is_sure_next_to_the_border():
+    height = level()
+    height[40, 50] = np.nan
+    found = judge(height, quality(0.95))
+    row, col = np.indices(SHAPE)
+    near = (np.abs(row - 40) <= 4) & (np.abs(col - 50) <= 4)
+    edge = (row < 4) | (col < 4) | (row >= SHAPE[0] - 4) | (col >= SHAPE[1] - 4)
+    assert ((found.worth == Worth.SURE) == ~(near | edge)).all() and np.isnan(found.height[40, 50])
+
+
+def test_a_few_cells_that_stand_alone_are_not_calmed():
+    bands, height = quality(0.95), level()
+    bands[30:34, 40:44, Band.COHERENCE] = 10
+    height[30:34, 40:44] += np.arange(4)
+    found = judge(height, bands)
+    assert (found.worth[30:34, 40:44] == Worth.UNSURE).all() and (found.worth[INNER] == Worth.UNSURE).sum() == 16
+    assert (found.height == height).all()
+
+
+def test_calmed_heights_follow_the_crowns_and_not_the_leaves():
+    crowns = 20 + 0.05 * np.indices(SHAPE)[1]
+    leaves = np.random.default_rng(0).normal(0, 3, SHAPE)
+    found = judge((crowns + leaves).astype(np.float32), quality(0.2))
+    assert (found.worth == Worth.CALMED).all()
+    assert np.abs(found.height - crowns)[SQUARE:-SQUARE, SQUARE:-SQUARE].max() < 1.5
+
+
+def test_chance_on_water_gives_way_to_the_terrain():
+    chance = np.random.default_rng(1).uniform(-40, 60, SHAPE).astype(np.float32)
+    found = judge(chance, quality(0.2), terrain=3.0)
+    assert np.abs(found.height - 3).mean() < 3 < np.abs(chance - 3).mean() / 5
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 10**6), row=st.integers(0, 70), col=st.integers(0, 90), size=st.integers(1, 40))
+def test_a_window_is_a_window_of_the_whole(seed, row, col, size):
+    rng = np.random.default_rng(seed)
+    height = rng.normal(50, 5, SHAPE).astype(np.float32)
+    height[rng.random(SHAPE) < 0.02] = np.nan
+    bands = rng.integers(0, 100, (*SHAPE, len(Band))).astype(np.uint8)
+    bands[..., Band.SPREAD] //= 16
+    window = Window(row, col, size, size).clipped(SHAPE)
+    part, whole = judge(height, bands, window), judge(height, bands)
+    for one, other in zip(part, whole, strict=True):
+        assert np.array_equal(one, other[window.slices], equal_nan=one.dtype.kind == "f")
+
+
+def test_a_judgement_is_about_a_cell_and_its_neighbours():
+    bands = quality(1.0, 0.0, (80, 90))
+    bands[40, 40, Band.SPREAD], bands[41, 41, Band.SPREAD] = 4 * SPREAD_UNIT, 2 * SPREAD_UNIT
+    bands[42, 42, Band.SEEN], bands[42, 42, Band.SPREAD], bands[42, 42, Band.MARGIN] = 0, 255, 255
+    bands[10:13, 10:13, Band.MARGIN] = 20
+    found = judgement(bands)
+    assert found[41, 41, Judgement.SPREAD] == round(SPREAD_UNIT * np.sqrt((16 + 4) / 8))
+    # Half of the bits everywhere else, a fifth here.
+    assert found[11, 11, Judgement.STANDING] == pytest.approx(40, abs=1) and found[60, 60, Judgement.STANDING] in (100, 101)
+    assert (found[..., Judgement.COHERENCE] == 100).all()
+
+
+def test_a_margin_without_rivals_counts_as_a_clear_one():
+    bands = quality(1.0, 0.0, (9, 9))
+    bands[4, 4, Band.MARGIN] = 255
+    assert judgement(bands)[4, 4, Judgement.STANDING] <= 111
+
+
+def test_bands_that_are_too_large_are_cut_off():
+    found = quality_bands(*(np.full((1, 1), value) for value in (9.0, np.inf, 0.5, 2, 40.0)))
+    assert found[0, 0].tolist() == [255, 255, 50, 2, 255]
