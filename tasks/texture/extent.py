@@ -98,15 +98,22 @@ def heights_window(surface: Surface, views: Sequence[View], core: Window, halo: 
     return Window(row, col, int(np.ceil(bottom)) + 2 - row, int(np.ceil(right)) + 2 - col).grown(halo).clipped(grid.shape)
 
 
-def tile_extent(surface: Surface, ortho: MapGrid, window: Window, sources: Sequence[PhotoSource], halo: int) -> TileExtent:
-    """All windows that the ortho tile `window` needs; photographs that cannot see it are left out."""
+def tile_extent(
+    surface: Surface, ortho: MapGrid, window: Window, sources: Sequence[PhotoSource], halo: int, around: int = 0
+) -> TileExtent:
+    """All windows that the ortho tile `window` needs; photographs that cannot see it are left out.
+
+    `halo`: cells of heights around what the rays cross; `around`: cells around the tile that the photographs show as well.
+    """
     parts, seeing = [], []
+    divisor = round(surface.grid.cell / ortho.cell)
+    shown = window.grown(around * divisor).clipped(ortho.shape)
     for source in sources:
         margin = 4 * 2**source.level  # two pixels of the level for the bicubic kernel, two for the relief within the window
-        full = photo_window(source.view, ortho, window, surface.height_low, surface.height_high, margin)
+        full = photo_window(source.view, ortho, shown, surface.height_low, surface.height_high, margin)
         part = level_window(full, source.level, source.shape)
         if not (full.empty or part.empty):
             parts.append(PhotoPart(source.view.name, source.level, part))
             seeing.append(source.view)
-    core = dsm_core(surface.grid, round(surface.grid.cell / ortho.cell), window)
+    core = dsm_core(surface.grid, divisor, window)
     return TileExtent(ortho, window, surface.grid, heights_window(surface, seeing, core, halo), tuple(parts))

@@ -17,10 +17,13 @@ from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import MEASURED
 from orthomill.tasks.geometry.footprint import photo_window
 from orthomill.tasks.geometry.view import View, block_view
+from orthomill.tasks.texture.balanced_photograph import BalancedPhotograph, most_bands
 from orthomill.tasks.texture.blending import Blend, Blended, blend
 from orthomill.tasks.texture.draping import HALO, HeightSource, drape, far_from_heights, height_sources
+from orthomill.tasks.texture.edges.sharpened_ground import AROUND, SharpenedGround, sharpened
+from orthomill.tasks.texture.edges.sharpened_ground import HALO as WALL_HALO
 from orthomill.tasks.texture.extent import TileExtent
-from orthomill.tasks.texture.radiometric_balance import Radiometry, Samples, balance_block, corrected
+from orthomill.tasks.texture.radiometric_balance import Radiometry, Samples, balance_block
 from orthomill.tasks.texture.sampling import Ground, PhotoPixelsAt, ground_of, sample_photo, shown
 from orthomill.tasks.visibility.height_model import HeightModel, Targets, bridge_holes, visible_targets, widening_factor
 from orthomill.tasks.visibility.lines_of_sight import LineOfSight, lines_of_sight
@@ -49,6 +52,8 @@ class TextureRules:
     widening_ramp: float
     feather: float
     """share of the photo's shorter side"""
+    sharpen: bool
+    """whether photographs choose the surface of pixels near walls"""
     blend: Blend
 
     @property
@@ -61,7 +66,12 @@ class TextureRules:
         """Cells of heights that are needed around what the rays cross."""
         # The reach is measured in the same window that is draped; without a limit nothing is measured.
         reach = ceil(self.drape_reach) if isfinite(self.drape_reach) else 0
-        return max(self.bridge, reach, HALO) + self.rim + 1
+        return max(self.bridge, reach, HALO) + self.rim + 1 + (WALL_HALO if self.sharpen else 0)
+
+    @property
+    def around(self) -> int:
+        """Cells around the tile whose colours take part."""
+        return self.rim + AROUND if self.sharpen else 0
 
 
 class TileTexture(BaseModel):
@@ -148,33 +158,47 @@ def painted_heights(heights: np.ndarray, extent: TileExtent, rules: TextureRules
     )
 
 
-def _showing(painted: np.ndarray, extent: TileExtent, views: list[View]) -> list[tuple[View, int]]:
-    """The views that show some of the tile at its own heights, with their numbers; the plan had to allow for all heights."""
+def _showing(painted: np.ndarray, extent: TileExtent, photos: list[BalancedPhotograph]) -> list[int]:
+    """Numbers of the photographs that show some of the tile at its own heights; the plan had to allow for all heights."""
     near = extent.core.grown(2).clipped(extent.dsm.shape)
     here = painted[Window(near.row - extent.heights.row, near.col - extent.heights.col, *near.shape).clipped(painted.shape).slices]
     if np.isnan(here).all():
-        return [(view, number) for number, view in enumerate(views)]
+        return list(range(len(photos)))
     bounds = float(np.nanmin(here)), float(np.nanmax(here))
-    windows = (photo_window(view, extent.ortho, extent.window, *bounds) for view in views)
-    return [(view, number) for number, (view, window) in enumerate(zip(views, windows, strict=True)) if not window.empty]
+    windows = (photo_window(photo.view, extent.ortho, extent.window, *bounds) for photo in photos)
+    return [number for number, window in enumerate(windows) if not window.empty]
 
 
-def _place(extent: TileExtent, number: int) -> tuple[Window, int]:
-    return extent.photos[number].window, extent.photos[number].level
-
-
-def _scene(painted: np.ndarray, measured: np.ndarray, extent: TileExtent, views: list[View], rules: TextureRules) -> _Scene:
+def _scene(
+    painted: np.ndarray,
+    measured: np.ndarray,
+    extent: TileExtent,
+    photos: list[BalancedPhotograph],
+    showing: list[int],
+    rules: TextureRules,
+) -> _Scene:
     # Draped heights stand in the way as well, like estimates: what is painted is a surface.
     model = HeightModel(bridge_holes(painted, rules.bridge), extent.dsm, extent.heights)
     certain = HeightModel(np.where(measured, painted, np.float32(np.nan)), extent.dsm, extent.heights)
     # Occlusions outside the tile reduce weights inside it, so visibility is computed on a larger window.
     rim = extent.window.grown(rules.rim * extent.divisor).clipped(extent.ortho.shape)
     ground = ground_of(painted, extent.heights, extent.dsm, extent.ortho, rim)
+    sharp = sharpened(ground, painted, certain, photos) if rules.sharpen else None
+    ground = sharp.ground if sharp else ground
     targets, core = _targets(ground, extent.dsm), extent.window
     inner = Window(core.row - rim.row, core.col - rim.col, core.height, core.width).slices
-    seen = (lines_of_sight(model, certain, view, targets, rules.tolerance) for view in views)
+    seen = (lines_of_sight(model, certain, photos[k].view, targets, rules.tolerance) for k in showing)
+    if sharp:
+        seen = (_at_walls(sight, sharp, k) for sight, k in zip(seen, showing, strict=True))
     factors = tuple(_factor(sight, ground.z, rules, extent.divisor)[inner] for sight in seen)
     return _Scene(ground.part(core), factors)
+
+
+def _at_walls(sight: np.ndarray, sharp: SharpenedGround, number: int) -> np.ndarray:
+    """Codes of LineOfSight of a photo, corrected where the model is blurred and hides nothing for certain: there the photographs
+    whose colour is that of the pixel's surface see it, and no others; where there are none the model decides."""
+    own = np.where(sharp.alike[number], np.maximum(sight, np.uint8(LineOfSight.BEHIND_ESTIMATE)), np.uint8(LineOfSight.HIDDEN))
+    return np.where(sharp.doubtful & sharp.alike.any(axis=0), own, sight)
 
 
 def _factor(sight: np.ndarray, z: np.ndarray, rules: TextureRules, divisor: int) -> np.ndarray:
@@ -199,23 +223,17 @@ def _feather(view: View, rules: TextureRules) -> float:
     return rules.feather * min(view.camera.width, view.camera.height)
 
 
-def _bands(pixels: tuple[np.ndarray, ...]) -> int:
-    return max((array.shape[2] for array in pixels), default=1)
-
-
 def _strip(
-    ground: Ground, scene: _Scene, parts: list[PhotoPixelsAt], views: list[View], balance: Radiometry, rules: TextureRules, top: int
+    ground: Ground, scene: _Scene, photos: list[BalancedPhotograph], rules: TextureRules, top: int
 ) -> tuple[Blended, list[int]]:
     """The blended strip, and the pixels that each photo sees. Colours are in the block's radiometry."""
-    bands = _bands(tuple(part.pixels for part in parts))
-    colours = np.zeros((len(parts), *ground.z.shape, bands), np.float32)
-    weights = np.zeros((len(parts), *ground.z.shape), np.float32)
-    for i, (part, view) in enumerate(zip(parts, views, strict=True)):
+    colours = np.zeros((len(photos), *ground.z.shape, most_bands(photos)), np.float32)
+    weights = np.zeros((len(photos), *ground.z.shape), np.float32)
+    for i, photo in enumerate(photos):
         factor = scene.factors[i][top : top + len(ground.z)]
-        sampled = sample_photo(view, part, ground, factor, _feather(view, rules))
         # Corrected before blending: rejection compares colours, and a gain of some per cent would look like a gross error.
-        colours[i] = corrected(sampled.colour, sampled.r2, balance.of(view.name)) * (255.0 / balance.white)
-        weights[i] = sampled.worth
+        sampled = photo.on(ground, factor, _feather(photo.view, rules))
+        colours[i], weights[i] = sampled.colour, sampled.worth
     return blend(colours, weights, rules.blend), [int(np.count_nonzero(weight)) for weight in weights]
 
 
@@ -293,19 +311,24 @@ def texture_tile(
     `extent.photos`; ground: heights of the blocks `extent.ground` of the whole model, only for draping.
     """
     painted = painted_heights(heights, extent, rules, ground)
-    showing = _showing(painted, extent, _views(block, extent))
-    views, parts = [view for view, _ in showing], [PhotoPixelsAt(photos[k], *_place(extent, k)) for _, k in showing]
-    scene = _scene(painted, np.isin(provenance, MEASURED) & np.isfinite(heights), extent, views, rules)
+    around = [
+        BalancedPhotograph(view, PhotoPixelsAt(pixels, part.window, part.level), radiometry)
+        for view, pixels, part in zip(_views(block, extent), photos, extent.photos, strict=True)
+    ]
+    numbers = _showing(painted, extent, around)
+    showing = [around[k] for k in numbers]
+    views = [photo.view for photo in showing]
+    scene = _scene(painted, np.isin(provenance, MEASURED) & np.isfinite(heights), extent, around, numbers, rules)
     core = Window(extent.core.row - extent.heights.row, extent.core.col - extent.heights.col, *extent.core.shape).slices
     sources = _to_ortho(height_sources(heights[core], painted[core], provenance[core]), extent, extent.window)
     height, width = extent.window.shape
     coverage, rejected = np.zeros((height, width), np.uint8), np.zeros((height, width), np.uint8)
-    ortho, tally = np.zeros((height, width, 4), np.uint8), _Tally(np.zeros(len(parts)), np.zeros(len(parts)), np.zeros(3, np.int64))
+    ortho, tally = np.zeros((height, width, 4), np.uint8), _Tally(np.zeros(len(views)), np.zeros(len(views)), np.zeros(3, np.int64))
     level = block.ground_mean
     for top in range(0, height, STRIP):
         window = Window(extent.window.row + top, extent.window.col, min(STRIP, height - top), width)
         strip = scene.ground.part(window)
-        blended, seen = _strip(strip, scene, parts, views, radiometry, rules, top)
+        blended, seen = _strip(strip, scene, showing, rules, top)
         rows = slice(top, top + window.height)
         ortho[rows], coverage[rows], rejected[rows] = _rgba(blended), blended.seen, blended.rejected
         tally.add(blended, seen)

@@ -95,6 +95,18 @@ class AboutMedianRobust(Settings):
     least: float = setting(12.0, "Deviations up to this are never rejected.", "grey levels", ge=0)
 
 
+class KeepEdges(Settings):
+    """Every pixel lies on the surface model, whose cells blur walls."""
+
+    kind: Literal["keep"]
+
+
+class SharpenEdges(Settings):
+    """Near walls every pixel lies on the upper or the lower surface, whichever the photographs show there."""
+
+    kind: Literal["sharpen"] = "sharpen"
+
+
 class AverageTwo(Settings):
     """Two colours are averaged, however different they are."""
 
@@ -123,6 +135,7 @@ class BlockBalance(Settings):
 
 
 Holes = Annotated[LeaveHoles | DrapeHoles, Field(discriminator="kind")]
+Edges = Annotated[KeepEdges | SharpenEdges, Field(discriminator="kind")]
 Weights = Annotated[ByArea | BySquaredArea, Field(discriminator="kind")]
 Rejections = Annotated[KeepAllColours | AboutMean | AboutMedian | AboutMedianRobust, Field(discriminator="kind")]
 TwoColours = Annotated[AverageTwo | PreferHeavier, Field(discriminator="kind")]
@@ -143,6 +156,7 @@ class TextureStage(Stage):
         "m",
     )
     holes: Holes = setting(DrapeHoles(), "What happens where the surface model has no height.")
+    edges: Edges = setting(SharpenEdges(), "On which surface a pixel near a wall lies.")
     weights: Weights = setting(ByArea(), "Weight of a photo's colour (Petsa et al. 2007).")
     rejection: Rejections = setting(AboutMean(), "Which colours are rejected as gross errors.")
     two_colours: TwoColours = setting(AverageTwo(), "What happens where exactly two photos see the ground and disagree.")
@@ -199,7 +213,7 @@ class TextureStage(Stage):
         yield self._balance_job(tiles, block, deep)
         fine = [_source(view, block, photos, name, ortho.cell, size) for name, size in _by_name(block, pixels)]
         for tile in tiles:
-            yield _ortho_job(tile, heights, tile_extent(surface, ortho, tile.window, fine, rules.halo), rules, draped)
+            yield _ortho_job(tile, heights, tile_extent(surface, ortho, tile.window, fine, rules.halo, rules.around), rules, draped)
         facts = TextureFacts(cell=ortho.cell, dsm_cell=surface.grid.cell, ground_pixel=median(pixels), heights=heights)
         yield from _results(tiles, facts)
         yield from _clouds(surface.grid, view.project.tile, heights)
@@ -231,6 +245,7 @@ class TextureStage(Stage):
             widening_margin=self.occlusion_margin,
             widening_ramp=self.occlusion_ramp,
             feather=self.feather,
+            sharpen=self.edges.kind == "sharpen",
             blend=Blend(colours, 2 if self.weights.kind == "area_squared" else 1, self.best, two),
         )
 

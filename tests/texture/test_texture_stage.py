@@ -159,9 +159,16 @@ def test_the_number_of_blended_photos():
 
 @pytest.mark.parametrize(("margin", "ramp", "rim"), [(0.0, 0.0, 2), (1.0, 2.0, 5), (3.5, 4.0, 10)])
 def test_the_rim_of_occlusions_widens_what_a_tile_reads(margin, ramp, rim):
-    found = rules(occlusion_margin=margin, occlusion_ramp=ramp)
+    found = rules(occlusion_margin=margin, occlusion_ramp=ramp, edges={"kind": "keep"})
     assert (found.widening_margin, found.widening_ramp, found.rim) == (margin, ramp, rim)
     assert found.halo == 32 + rim + 1
+
+
+def test_edges_are_sharpened_unless_they_are_kept():
+    """What takes part in the choice of a surface lies up to 9 cells (colours) and 15 (heights) beyond the rim."""
+    sharp, kept = rules(), rules(edges={"kind": "keep"})
+    assert sharp.sharpen and sharp.around == sharp.rim + 9 and sharp.halo == kept.halo + 15
+    assert not kept.sharpen and kept.around == 0
 
 
 @pytest.mark.parametrize(("tolerance", "expected"), [("auto", 0.5), (0.0, 0.0), (1.25, 1.25)])
@@ -170,7 +177,7 @@ def test_the_tolerance_of_visibility(tolerance, expected):
 
 
 def test_the_bridge_and_the_feather():
-    found = rules(bridge=50, feather=0.3)
+    found = rules(bridge=50, feather=0.3, edges={"kind": "keep"})
     assert found.bridge == 50 and found.feather == 0.3 and found.halo == 50 + found.rim + 1
 
 

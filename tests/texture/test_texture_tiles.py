@@ -28,6 +28,7 @@ RULES = TextureRules(
     widening_margin=1.0,
     widening_ramp=2.0,
     feather=0.15,
+    sharpen=True,
     blend=Blend(Rejection("mean", 1.0, 12.0)),
 )
 SURFACE = Surface(grid=DSM, height_low=-2.0, height_high=16.0)
@@ -62,7 +63,7 @@ def make(
     ground = filled(block_heights(model))
     rasters, statistics = {}, []
     for t in tiles_of(ORTHO.shape, tile):
-        extent = tile_extent(SURFACE, ORTHO, t.window, sources, rules.halo)
+        extent = tile_extent(SURFACE, ORTHO, t.window, sources, rules.halo, rules.around)
         pixels = tuple(photos[part.name][part.window.slices] for part in extent.photos)
         own, blocks = (model[extent.heights.slices], codes[extent.heights.slices]), ground[extent.ground.slices]
         result = texture_tile(*own, block(), radiometry, pixels, extent, rules, blocks)

@@ -1,0 +1,30 @@
+"""A photograph in the radiometry of the block: colours of the ground that can be compared with those of other photographs."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from orthomill.tasks.geometry.view import View
+from orthomill.tasks.texture.radiometric_balance import Radiometry, corrected
+from orthomill.tasks.texture.sampling import Ground, PhotoPixelsAt, Sampled, sample_photo
+
+
+@dataclass(frozen=True)
+class BalancedPhotograph:
+    """A view, the part of its pixels that is at hand, and the balance of the block."""
+
+    view: View
+    part: PhotoPixelsAt
+    balance: Radiometry
+
+    def on(self, ground: Ground, factor: np.ndarray, feather: float) -> Sampled:
+        """Colours and worth on the ground, as from `sample_photo`; 0 to 255 is the range of the block."""
+        sampled = sample_photo(self.view, self.part, ground, factor, feather)
+        colour = corrected(sampled.colour, sampled.r2, self.balance.of(self.view.name)) * (255.0 / self.balance.white)
+        return Sampled(colour, sampled.worth, sampled.r2)
+
+
+def most_bands(photos: Sequence[BalancedPhotograph]) -> int:
+    """Channels of colours that all photographs fit in: 1 or 3; a grey photograph has three equal ones among coloured ones."""
+    return max((int(photo.part.pixels.shape[2]) for photo in photos), default=1)

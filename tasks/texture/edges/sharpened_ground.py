@@ -1,0 +1,172 @@
+"""The ground of an orthoimage with sharp edges: near walls every pixel lies on the surface that the photographs show there.
+
+What hides is still the surface model: beside a roof it is blurred by a cell or two, which matters little for what is seen, while a
+pixel of roof painted at the height of the ground takes its colour from a place metres away.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import cv2
+import numpy as np
+
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.tasks.texture.balanced_photograph import BalancedPhotograph, most_bands
+from orthomill.tasks.texture.edges.likeness import REACH as COLOUR_REACH
+from orthomill.tasks.texture.edges.likeness import SPREAD, Likeness, Side, likeness, supported
+from orthomill.tasks.texture.edges.wall_surfaces import REACH as HEIGHT_REACH
+from orthomill.tasks.texture.edges.wall_surfaces import WallSurfaces, at_pixels, wall_surfaces
+from orthomill.tasks.texture.sampling import Ground
+from orthomill.tasks.visibility.height_model import HeightModel, Targets, visible_targets
+
+SUPPORT = 1
+"""cells around a pixel that support its choice"""
+AROUND = COLOUR_REACH + SUPPORT
+"""cells around the sharpened pixels whose colours take part"""
+HALO = AROUND + HEIGHT_REACH + 1
+"""cells around the sharpened pixels whose heights take part"""
+_CLEARLY = 3.0  # grey levels, as the noise of photographs: ground painted as roof shows it twice, so a roof must be seen clearly
+_STRIP = 32  # rows of pixels whose colours are held for all photographs
+
+
+@dataclass(frozen=True)
+class _Walls:
+    """Pixels of `window` (in the ortho grid): heights of both surfaces, m; which of them the model has there (`side`, codes of
+    Side); `examples` (they belong to it) and `doubtful`, bool."""
+
+    grid: MapGrid
+    window: Window
+    upper: np.ndarray
+    lower: np.ndarray
+    side: np.ndarray
+    examples: np.ndarray
+    doubtful: np.ndarray
+
+    def ground(self, z: np.ndarray, rows: slice) -> Ground:
+        """Level pixels at heights z (rows, cols) m."""
+        flat = np.zeros(z[rows].shape, np.float32)
+        height = rows.stop - rows.start
+        window = Window(self.window.row + rows.start, self.window.col, height, self.window.width)
+        return Ground(self.grid, window, np.ascontiguousarray(z[rows]), flat, flat)
+
+    @cached_property
+    def strips(self) -> tuple[slice, ...]:
+        """The rows, some at a time."""
+        return tuple(slice(top, min(top + _STRIP, self.window.height)) for top in range(0, self.window.height, _STRIP))
+
+
+@dataclass(frozen=True)
+class SharpenedGround:
+    """A ground on which pixels near walls lie on the surface that the photographs show there.
+
+    `doubtful` bool (rows, cols): these pixels; `alike` bool (photos, rows, cols): whose colour there is that of this surface.
+    """
+
+    ground: Ground
+    doubtful: np.ndarray
+    alike: np.ndarray
+
+
+def sharpened(ground: Ground, heights: np.ndarray, certain: HeightModel, photos: list[BalancedPhotograph]) -> SharpenedGround:
+    """The ground sharpened at walls.
+
+    heights (rows, cols) m and the measured ones of them, `certain`, in one window, which is HALO cells larger than the ground or
+    ends with the model; the parts of the photographs show AROUND cells around the ground.
+    """
+    window, dsm = ground.window, certain.grid
+    divisor = round(dsm.cell / ground.grid.cell)
+    wide = window.grown(AROUND * divisor).clipped((dsm.rows * divisor, dsm.cols * divisor))
+    near = _cells(wide, divisor).grown(HEIGHT_REACH + 1).clipped(dsm.shape)
+    inner = Window(near.row - certain.window.row, near.col - certain.window.col, *near.shape).slices
+    surfaces = wall_surfaces(heights[inner], np.isfinite(certain.heights[inner]), dsm.cell)
+    if not photos or not surfaces.doubtful.any():
+        return SharpenedGround(ground, np.zeros(window.shape, bool), np.zeros((len(photos), *window.shape), bool))
+    walls = _walls(surfaces, heights[inner], near, wide, ground.grid, divisor)
+    place = Window(window.row - wide.row, window.col - wide.col, *window.shape).slices
+    found = _likeness(walls, certain, photos, divisor)
+    score, doubtful = found.score[place], walls.doubtful[place]
+    # Where the photographs cannot tell, the surface model keeps its word.
+    raised = np.where(np.isnan(score), walls.side[place] == Side.UPPER, score < -_CLEARLY)
+    z = np.where(doubtful, np.where(raised, walls.upper[place], walls.lower[place]), ground.z)
+    lower, upper = found.alike[(slice(None), slice(None), *place)]
+    return SharpenedGround(replace(ground, z=z.astype(np.float32)), doubtful, np.where(raised, upper, lower))
+
+
+def _cells(window: Window, divisor: int) -> Window:
+    """The cells under pixels."""
+    row, col = window.row // divisor, window.col // divisor
+    bottom, right = -(-(window.row + window.height) // divisor), -(-(window.col + window.width) // divisor)
+    return Window(row, col, bottom - row, right - col)
+
+
+def _walls(surfaces: WallSurfaces, heights: np.ndarray, near: Window, wide: Window, grid: MapGrid, divisor: int) -> _Walls:
+    """The pixels `wide` from the surfaces and heights at the cells `near`."""
+    part = Window(wide.row - near.row * divisor, wide.col - near.col * divisor, *wide.shape).slices
+    to_pixels = np.ones((divisor, divisor), np.uint8)
+    above, below = surfaces.upper[..., 0], surfaces.lower[..., 0]
+    side = np.where(np.abs(heights - above) < np.abs(heights - below), Side.UPPER, Side.LOWER)
+    side = np.where(np.isfinite(above) & np.isfinite(heights), side, Side.NEITHER).astype(np.uint8)
+    side, typical, doubtful = (np.kron(cells, to_pixels)[part] for cells in (side, surfaces.typical, surfaces.doubtful))
+    examples = (typical > 0) & (side != Side.NEITHER)
+    upper, lower = (np.ascontiguousarray(at_pixels(planes, divisor)[part]) for planes in (surfaces.upper, surfaces.lower))
+    return _Walls(grid, wide, upper, lower, side, examples, doubtful > 0)
+
+
+def _likeness(walls: _Walls, certain: HeightModel, photos: list[BalancedPhotograph], divisor: int) -> Likeness:
+    """The likeness of the doubtful pixels, supported by those around."""
+    colours, sides = _example_colours(walls, certain, photos, divisor)
+    step = max(1, 2 * COLOUR_REACH * divisor // (SPREAD - 1))
+    shape = walls.doubtful.shape
+    whole = Likeness(np.full(shape, np.nan, np.float32), np.zeros((2, len(photos), *shape), bool))
+    guides = [np.zeros((*shape, most_bands(photos)), np.float32) for _ in range(2)]
+    for rows in walls.strips:
+        chosen = walls.doubtful[rows]
+        if not chosen.any():
+            continue
+        grounds = [walls.ground(z, rows) for z in (walls.upper, walls.lower)]
+        (upper, lower), shown = _both(grounds, chosen, photos)
+        whole.score[rows], whole.alike[:, :, rows] = likeness(upper, lower, shown, colours, sides, (rows.start, 0), step, chosen)
+        for guide, values in zip(guides, (upper, lower), strict=True):
+            guide[rows] = values.sum(axis=0) / np.maximum(shown.sum(axis=0), 1)[..., None]
+    return whole._replace(score=supported(whole.score, guides[0], guides[1], SUPPORT * divisor))
+
+
+def _both(
+    grounds: list[Ground], chosen: np.ndarray, photos: list[BalancedPhotograph]
+) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
+    """Colours (photos, rows, cols, bands) at both heights, 0 where not shown, and shown (photos, rows, cols) bool."""
+    factor = chosen.astype(np.float32)
+    shape = len(photos), *chosen.shape
+    colours = tuple(np.zeros((*shape, most_bands(photos)), np.float32) for _ in range(2))
+    shown = np.zeros(shape, bool)
+    for k, photo in enumerate(photos):
+        both = [photo.on(ground, factor, 0.0) for ground in grounds]
+        shown[k] = (both[0].worth > 0) & (both[1].worth > 0)
+        for values, sampled in zip(colours, both, strict=True):
+            values[k][shown[k]] = sampled.colour[shown[k]]
+    return (colours[0], colours[1]), shown
+
+
+def _example_colours(
+    walls: _Walls, certain: HeightModel, photos: list[BalancedPhotograph], divisor: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Colours (rows, cols, bands) of pixels that belong to one of the surfaces near doubtful ones, and their codes of Side."""
+    side = 2 * COLOUR_REACH * divisor + 1
+    wanted = walls.examples & (cv2.dilate(walls.doubtful.astype(np.uint8), np.ones((side, side), np.uint8)) > 0)
+    z = np.where(wanted, np.where(walls.side == Side.UPPER, walls.upper, walls.lower), np.float32(np.nan))
+    total, weights = np.zeros((*z.shape, most_bands(photos)), np.float32), np.zeros(z.shape, np.float32)
+    for rows in walls.strips:
+        if not wanted[rows].any():
+            continue
+        ground = walls.ground(z, rows)
+        x, y = ground.grid.centres(ground.window)
+        targets = Targets(*certain.grid.pixel(x, y)[::-1], ground.z, ground.dx)
+        for photo in photos:
+            # Ground that a roof hides would show the roof.
+            seen = visible_targets(certain, photo.view, targets, 0.5 * certain.grid.cell)
+            sampled = photo.on(ground, seen.astype(np.float32), 0.0)
+            total[rows] += sampled.worth[..., None] * sampled.colour
+            weights[rows] += sampled.worth
+    known = weights > 0
+    colours = np.where(known[..., None], total / np.where(known, weights, 1)[..., None], np.float32(0))
+    return colours.astype(np.float32), np.where(known, walls.side, Side.NEITHER).astype(np.uint8)

@@ -1,0 +1,95 @@
+"""Which surface the photographs show: by their colours at both heights, beside a plain NumPy twin."""
+
+import numpy as np
+import pytest
+
+from orthomill.tasks.texture.edges.likeness import OTHER, SPREAD, Side, likeness, supported
+
+ROOF, GRASS, FACADE = np.array([200.0, 40.0, 40.0]), np.array([90.0, 120.0, 80.0]), np.array([230.0, 0.0, 230.0])
+STEP = 2
+SIDES = np.where(np.arange(40) < 20, Side.LOWER, Side.UPPER).astype(np.uint8)[None, :].repeat(40, 0)
+EXAMPLES = np.where(SIDES[..., None] == Side.UPPER, ROOF, GRASS).astype(np.float32)
+"""ground on the left, a roof on the right"""
+
+
+def one(upper: list[np.ndarray], lower: list[np.ndarray], shown=None, sides=SIDES, examples=EXAMPLES):
+    """Score and likenesses (2, photos) of a single pixel at row 18, column 19 of the examples."""
+    colours = [np.array(values, np.float32)[:, None, None, :] for values in (upper, lower)]
+    seen = np.ones((len(upper), 1, 1), bool) if shown is None else np.array(shown)[:, None, None]
+    found = likeness(*colours, seen, examples, sides, (18, 19), STEP, np.ones((1, 1), bool))
+    return found.score[0, 0], found.alike[..., 0, 0]
+
+
+def test_a_roof_in_all_photographs_is_a_roof():
+    score, alike = one([ROOF, ROOF, ROOF], [ROOF, FACADE, ROOF])
+    assert score < -10 and alike[Side.UPPER - 1].all() and not alike[Side.LOWER - 1].any()
+
+
+def test_ground_that_half_of_the_photographs_see_is_ground():
+    """One photo sees the ground beside the wall, from the other the roof hides it; at the roof's height they see what is behind."""
+    score, alike = one([GRASS, FACADE], [GRASS, ROOF])
+    assert score > 10 and alike[Side.LOWER - 1].tolist() == [True, False]
+
+
+def test_a_photograph_that_does_not_show_the_pixel_has_no_say():
+    with_it, without = one([ROOF, GRASS], [GRASS, GRASS], [True, False]), one([ROOF], [GRASS])
+    assert with_it[0] == without[0] and not with_it[1][:, 1].any()
+
+
+@pytest.mark.parametrize("only", [Side.UPPER, Side.LOWER])
+def test_without_examples_of_both_surfaces_the_photographs_cannot_tell(only):
+    score, alike = one([ROOF], [GRASS], sides=np.full_like(SIDES, only))
+    assert np.isnan(score) and not alike.any()
+
+
+def score_by_numpy(upper, lower, shown, examples, sides, place) -> float:
+    half = SPREAD // 2 * STEP
+    nodes = [(place[0] + i, place[1] + j) for i in range(-half, half + 1, STEP) for j in range(-half, half + 1, STEP)]
+    inside = [(r, c) for r, c in nodes if 0 <= r < sides.shape[0] and 0 <= c < sides.shape[1]]
+    highs, lows = ([examples[p] for p in inside if sides[p] == side] for side in (Side.UPPER, Side.LOWER))
+
+    def distance(colour, others):
+        return min(OTHER, np.abs(np.array(others, float) - colour).mean(axis=1).min())
+
+    photos = np.flatnonzero(shown)
+    own, other = (np.mean([distance(upper[p], those) for p in photos]) for those in (highs, lows))
+    low = sorted(distance(lower[p], lows) for p in photos)
+    return 2 * own - other - np.mean(low[: (len(low) + 1) // 2])
+
+
+@pytest.mark.parametrize("bands", [1, 3])
+def test_scores_agree_with_numpy(bands):
+    rng = np.random.default_rng(bands)
+    sides = rng.integers(0, 3, (30, 30)).astype(np.uint8)
+    examples = rng.uniform(0, 255, (30, 30, bands)).astype(np.float32)
+    upper, lower = rng.uniform(0, 255, (2, 5, 4, 6, bands)).astype(np.float32)
+    shown, chosen = rng.random((5, 4, 6)) < 0.7, rng.random((4, 6)) < 0.8
+    shown[0] = True
+    found = likeness(upper, lower, shown, examples, sides, (3, 20), STEP, chosen).score
+    assert (np.isfinite(found) == chosen).all()
+    for r, c in zip(*np.nonzero(chosen), strict=True):
+        expected = score_by_numpy(upper[:, r, c], lower[:, r, c], shown[:, r, c], examples, sides, (r + 3, c + 20))
+        assert found[r, c] == pytest.approx(expected, abs=1e-3)
+
+
+def test_pixels_that_look_alike_support_each_other():
+    """A wrong score in the middle of the roof is outvoted, the outline of the roof stays where it is."""
+    scores = np.where(np.arange(12) < 6, 20.0, -20.0).astype(np.float32)[None, :].repeat(12, 0)
+    scores[6, 9] = 5.0
+    colours = np.where(scores[..., None] > 10, GRASS, ROOF).astype(np.float32)
+    found = supported(scores, colours, colours, 2)
+    np.testing.assert_array_equal(found < 0, np.arange(12)[None, :].repeat(12, 0) >= 6)
+
+
+def test_support_agrees_with_numpy_and_leaves_gaps():
+    rng = np.random.default_rng(7)
+    scores = rng.normal(0, 20, (9, 9)).astype(np.float32)
+    scores[rng.random((9, 9)) < 0.2] = np.nan
+    upper, lower = rng.uniform(100, 110, (2, 9, 9, 3)).astype(np.float32)
+    found = supported(scores, upper, lower, 1)
+    np.testing.assert_array_equal(np.isnan(found), np.isnan(scores))
+    for r, c in zip(*np.nonzero(np.isfinite(scores)), strict=True):
+        near = np.s_[max(r - 1, 0) : r + 2, max(c - 1, 0) : c + 2]
+        apart = sum(np.abs(guide[near] - guide[r, c]).sum(axis=-1) for guide in (upper, lower))
+        weight = np.where(np.isnan(scores[near]), 0, np.exp(-apart / 30.0))
+        assert found[r, c] == pytest.approx((weight * np.nan_to_num(scores[near])).sum() / weight.sum(), abs=1e-4)

@@ -1,0 +1,89 @@
+"""The edge of a roof that the surface model blurs, found again in photographs with analytic truth."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from box_scene import BOX, CENTRES, DSM, ORTHO, heights, render, view
+
+from orthomill.schemas.raster import Window
+from orthomill.tasks.texture.balanced_photograph import BalancedPhotograph
+from orthomill.tasks.texture.edges.sharpened_ground import SharpenedGround, sharpened
+from orthomill.tasks.texture.radiometric_balance import Radiometry, Samples, balance_block
+from orthomill.tasks.texture.sampling import PhotoPixelsAt, ground_of
+from orthomill.tasks.visibility.height_model import HeightModel
+
+WHOLE = Window(0, 0, 240, 240)
+CELLS = Window(0, 0, 120, 120)
+
+
+@pytest.fixture(scope="module")
+def photos() -> list[BalancedPhotograph]:
+    none = Samples(*(np.zeros(0, kind) for kind in (np.int64, np.int32, *4 * (np.float32,))))
+    balance: Radiometry = balance_block(list(CENTRES), none, 255.0, False)
+    whole = Window(0, 0, 420, 420)
+    return [BalancedPhotograph(view(n), PhotoPixelsAt(render(view(n)).astype(np.uint8), whole, 0), balance) for n in CENTRES]
+
+
+def rounded() -> tuple[np.ndarray, np.ndarray]:
+    """The box with its corners cut off and its east side a cell too far, and bool: cells whose height is measured."""
+    model, measured = heights(), np.ones((120, 120), bool)
+    measured[50:70, 48:72] = False
+    measured[54:66, 52:68] = True
+    model[52:68, 70] = BOX[4]
+    for row, col in ((52, 50), (52, 69), (67, 50), (67, 69), (53, 50), (66, 50), (53, 69), (66, 69)):
+        model[row, col] = 0.0
+    return model, measured
+
+
+def made(photos, window: Window = WHOLE) -> SharpenedGround:
+    model, measured = rounded()
+    ground = ground_of(model, CELLS, DSM, ORTHO, window)
+    certain = HeightModel(np.where(measured, model, np.float32(np.nan)), DSM, CELLS)
+    return sharpened(ground, model, certain, photos)
+
+
+def true_heights() -> np.ndarray:
+    return heights(ORTHO)
+
+
+def test_the_roof_gets_its_corners_back(photos):
+    found, truth = made(photos), true_heights()
+    model, _ = rounded()
+    before = ground_of(model, CELLS, DSM, ORTHO, WHOLE).z
+    wrong = [np.count_nonzero(np.abs(z - truth)[found.doubtful] > 1.0) for z in (before, found.ground.z)]
+    assert found.doubtful.sum() > 500 and wrong[0] > 60 and wrong[1] <= 0.3 * wrong[0]
+
+
+def test_only_pixels_near_the_wall_are_moved(photos):
+    found = made(photos)
+    model, _ = rounded()
+    before = ground_of(model, CELLS, DSM, ORTHO, WHOLE).z
+    np.testing.assert_array_equal(found.ground.z[~found.doubtful], before[~found.doubtful])
+    assert not found.doubtful[:80].any() and not found.doubtful[:, :80].any()
+
+
+def test_photographs_that_the_box_hides_the_ground_from_are_not_alike(photos):
+    """Photo a stands in the west, c in the east: each sees the ground on its own side of the box only."""
+    found, names = made(photos), list(CENTRES)
+    west, east = np.s_[110:130, 98:99], np.s_[110:130, 141:142]
+    a, c = found.alike[names.index("a")], found.alike[names.index("c")]
+    assert a[west].mean() > 0.9 and c[east].mean() > 0.9 and a[east].mean() < 0.2 and c[west].mean() < 0.2
+
+
+def test_a_part_of_the_ground_is_sharpened_like_the_whole(photos):
+    part = Window(96, 88, 30, 40)
+    whole, own = made(photos), made(photos, part)
+    np.testing.assert_array_equal(own.ground.z, whole.ground.z[part.slices])
+    np.testing.assert_array_equal(own.alike, whole.alike[(slice(None), *part.slices)])
+
+
+def test_without_photographs_the_ground_stays_as_it_is():
+    found = made([])
+    assert not found.doubtful.any() and found.alike.shape == (0, 240, 240)
+
+
+def test_grey_photographs_find_the_roof_too(photos):
+    grey = [replace(photo, part=replace(photo.part, pixels=photo.part.pixels[..., :1])) for photo in photos]
+    found = made(grey)
+    assert np.mean(np.abs(found.ground.z - true_heights())[found.doubtful] > 1.0) < 0.03

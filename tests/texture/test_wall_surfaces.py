@@ -1,0 +1,108 @@
+"""The two surfaces at a wall: planes that are continued, and where there are none."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from orthomill.tasks.texture.edges.wall_surfaces import FEWEST, REACH, at_pixels, wall_surfaces
+
+CELL = 0.5
+SHAPE = (40, 40)
+ROW, COL = np.mgrid[:40, :40].astype(float)
+
+
+def step(upper: float = 8.0, slope: float = 0.0) -> np.ndarray:
+    """Ground on a slope (m per cell to the right), and a roof of constant height above it from column 20 on."""
+    return (slope * COL + np.where(COL >= 20, upper, 0.0)).astype(np.float32)
+
+
+def blurred(heights: np.ndarray, width: int = 2) -> tuple[np.ndarray, np.ndarray]:
+    """Heights with a ramp over 2 `width` cells at the wall, and which cells are measured: all but the ramp."""
+    out, measured = heights.copy(), np.ones(SHAPE, bool)
+    for k in range(-width, width):
+        share = (k + width + 0.5) / (2 * width)
+        out[:, 20 + k] = (1 - share) * heights[:, 19 - width] + share * heights[:, 20 + width]
+        measured[:, 20 + k] = False
+    return out, measured
+
+
+def plane_by_numpy(heights: np.ndarray, measured: np.ndarray, row: int, col: int, above: bool) -> np.ndarray:
+    """Weighted least squares with np.linalg.lstsq through the heights of one side of 4 m."""
+    near = (np.abs(ROW - row) <= REACH) & (np.abs(COL - col) <= REACH) & measured & ((heights > 4.0) == above)
+    right, down = COL[near] - col, ROW[near] - row
+    weight = 1.0 / (2.0 + right**2 + down**2)
+    weight /= weight.sum()
+    z = heights[near].astype(float)
+    mean = (weight * z).sum()
+    design = np.column_stack([np.ones_like(right), right, down]) * np.sqrt(weight)[:, None]
+    # The ridge: a slope costs half a cell squared.
+    design = np.vstack([design, [0, np.sqrt(0.5), 0], [0, 0, np.sqrt(0.5)]])
+    found = np.linalg.lstsq(design, np.concatenate([np.sqrt(weight) * (z - mean), [0, 0]]), rcond=None)[0]
+    return found + np.array([mean, 0, 0])
+
+
+def test_both_surfaces_are_continued_into_the_blur():
+    heights, measured = blurred(step())
+    found = wall_surfaces(heights, measured, CELL)
+    np.testing.assert_allclose(found.upper[10:30, 17:23], np.broadcast_to([8.0, 0, 0], (20, 6, 3)), atol=1e-5)
+    np.testing.assert_allclose(found.lower[10:30, 17:23], np.zeros((20, 6, 3)), atol=1e-5)
+    assert found.doubtful[:, 17:23].all() and not found.doubtful[:, :14].any() and not found.doubtful[:, 26:].any()
+
+
+def test_planes_agree_with_numpy():
+    rng = np.random.default_rng(5)
+    heights = step(slope=0.05) + rng.normal(0, 0.05, SHAPE).astype(np.float32)
+    heights, measured = blurred(heights)
+    found = wall_surfaces(heights, measured, CELL)
+    for row, col in ((12, 19), (20, 21), (0, 20), (39, 22)):
+        np.testing.assert_allclose(found.upper[row, col], plane_by_numpy(heights, measured, row, col, True), atol=1e-4)
+        np.testing.assert_allclose(found.lower[row, col], plane_by_numpy(heights, measured, row, col, False), atol=1e-4)
+
+
+@pytest.mark.parametrize("heights", [step(0.9), step(0.0, 0.9), np.random.default_rng(1).uniform(0, 9, SHAPE).astype(np.float32)])
+def test_without_a_wall_between_planes_there_are_no_two_surfaces(heights):
+    """A low step, a steep slope, and rubble."""
+    found = wall_surfaces(heights, np.ones(SHAPE, bool), CELL)
+    assert np.isnan(found.upper).all() and np.isnan(found.lower).all() and not found.doubtful.any()
+
+
+def test_a_surface_needs_some_cells():
+    heights, measured = np.zeros(SHAPE, np.float32), np.ones(SHAPE, bool)
+    heights[20, 20 : 20 + FEWEST - 1] = 8.0
+    assert not wall_surfaces(heights, measured, CELL).doubtful.any()
+    heights[20, 20 + FEWEST - 1] = 8.0
+    assert wall_surfaces(heights, measured, CELL).doubtful.any()
+
+
+def test_a_cell_is_certain_when_everything_around_it_is_measured_and_level():
+    heights, measured = blurred(step())
+    measured[30, 5] = False
+    found = wall_surfaces(heights, measured, CELL)
+    assert not found.typical[30, 5] and found.typical[30, 4] and not found.certain[30, 4] and found.certain[30, 3]
+    assert not found.certain[0].any(), "beyond the edge of the model nothing is measured"
+
+
+@settings(max_examples=10, deadline=None)
+@given(seed=st.integers(0, 10**6), row=st.integers(8, 16), col=st.integers(8, 16))
+def test_a_part_gives_what_the_whole_gives(seed, row, col):
+    rng = np.random.default_rng(seed)
+    heights = (8.0 * (rng.random((8, 8)) < 0.4)).repeat(5, 0).repeat(5, 1).astype(np.float32)
+    measured = rng.random(SHAPE) < 0.9
+    whole = wall_surfaces(heights, measured, CELL)
+    part = np.s_[row - REACH - 1 : row + 12 + REACH + 1, col - REACH - 1 : col + 12 + REACH + 1]
+    own = wall_surfaces(np.ascontiguousarray(heights[part]), np.ascontiguousarray(measured[part]), CELL)
+    inner, place = np.s_[REACH + 1 : REACH + 13, REACH + 1 : REACH + 13], np.s_[row : row + 12, col : col + 12]
+    for name in ("upper", "lower", "typical", "certain"):
+        np.testing.assert_array_equal(getattr(own, name)[inner], getattr(whole, name)[place], err_msg=name)
+
+
+@pytest.mark.parametrize("divisor", [1, 2, 3])
+def test_pixels_lie_on_the_plane_of_their_cell(divisor):
+    planes = np.stack([np.arange(6.0).reshape(2, 3), np.full((2, 3), 0.6), np.full((2, 3), -0.3)], -1).astype(np.float32)
+    found = at_pixels(planes, divisor)
+    for r in range(2 * divisor):
+        for c in range(3 * divisor):
+            height, right, down = planes[r // divisor, c // divisor]
+            x, y = (c % divisor + 0.5) / divisor - 0.5, (r % divisor + 0.5) / divisor - 0.5
+            assert found[r, c] == pytest.approx(height + right * x + down * y, abs=1e-5)
