@@ -30,7 +30,8 @@ from orthomill.schemas.surface import CORRECTED, HEIGHT, ORTHO, PROVENANCE, SURF
 from orthomill.schemas.truth import TRUTH_BLOCK, TRUTH_GRID, TRUTH_MATERIAL, TRUTH_ORTHO, TRUTH_SURFACE, TRUTH_VISIBILITY
 from orthomill.tasks.evaluation.classes import place_classes
 from orthomill.tasks.evaluation.orthoimage_accuracy import OrthoScene, fit_grey, fitted, grey_sums, shifts
-from orthomill.tasks.texture.draping import block_heights, drape, filled
+from orthomill.tasks.imagery.pull_push import filled
+from orthomill.tasks.texture.draping import block_heights, drape
 from orthomill.tasks.texture.report import COVERAGE
 from orthomill.tasks.texture.stage import Balance, BlockBalance, NoBalance, TextureStage
 

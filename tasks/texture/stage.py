@@ -301,7 +301,7 @@ def _ground(dsm: MapGrid, crs: str, size: int, heights: str) -> Iterator[RasterS
     whole = Window(0, 0, *grid.shape)
     scratch = 40 * grid.rows * grid.cols
     yield Job(
-        "texture", "ground", filled, {"blocks": Raster(BLOCK_HEIGHTS, whole)}, {"ground": Raster(GROUND, whole)}, scratch=scratch
+        "texture", "ground", filled, {"values": Raster(BLOCK_HEIGHTS, whole)}, {"ground": Raster(GROUND, whole)}, scratch=scratch
     )
 
 
