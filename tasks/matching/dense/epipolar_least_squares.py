@@ -33,6 +33,7 @@ from orthomill.tasks.matching.dense.window_solution import (
     ASIDE,
     CORRECTION,
     CORRELATION,
+    KERNEL,
     SLOPE_X,
     SLOPE_Y,
     SPREAD,
@@ -170,7 +171,7 @@ def _shown(pair, centre, half):
 def _adjust_planes(pair, lattice, planes, shape, rules, weights):
     """Correct the planes of all nodes once, in place; fills their weights. shape: of the left image."""
     limits = rules.limits
-    scratch, solution, plane = scratch_for(rules.widest), np.empty(9), np.empty(3)
+    scratch, solution, plane = scratch_for(rules.widest), np.empty(10), np.empty(3)
     for i in range(lattice.rows):
         for j in range(lattice.cols):
             weights[i, j] = _ALONE
@@ -200,8 +201,8 @@ def _adjust_planes(pair, lattice, planes, shape, rules, weights):
 def _take(solution, begin, kept):
     """Let a solution take over where it agrees with those of smaller windows; False where it does not.
 
-    kept (6,): parallax, variance, correlation, the interval that all windows so far agree on, misfit of the normal window. begin:
-    what the correction counts from.
+    kept (7,): parallax, variance, correlation, the interval that all windows so far agree on, misfit of the normal window, variance
+    of the interpolation. begin: what the correction counts from.
     """
     variance = max(solution[VARIANCE], solution[SPREAD])
     parallax, reach = begin + solution[CORRECTION], _AGREE * np.sqrt(variance)
@@ -209,7 +210,7 @@ def _take(solution, begin, kept):
         return False
     kept[3], kept[4] = max(kept[3], parallax - reach), min(kept[4], parallax + reach)
     if variance < kept[1]:
-        kept[0], kept[1], kept[2] = parallax, variance, solution[CORRELATION]
+        kept[0], kept[1], kept[2], kept[6] = parallax, variance, solution[CORRELATION], solution[KERNEL]
     return True
 
 
@@ -221,7 +222,7 @@ def _solid(outcome, solution):
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def _solve_node(pair, centre, plane, rules, scratch, solutions, kept):
-    """The best of the windows of a node, in `kept` (see `_take`); returns its outcome. solutions (2, 9): scratch."""
+    """The best of the windows of a node, in `kept` (see `_take`); returns its outcome. solutions (2, 10): scratch."""
     limits = rules.limits
     kept[0], kept[1], kept[2], kept[3], kept[4], kept[5] = np.nan, np.inf, np.nan, -np.inf, np.inf, np.nan
     outcome, field = outcomes.NOT_TRIED, pair.field[centre]
@@ -255,7 +256,7 @@ def _solve_nodes(pair, lattice, planes, start, shape, rules, nodes, variance, mi
     """Solve the inner nodes of a lattice, of which `nodes` are the results. start (rows, cols): parallaxes of the start planes."""
     limits = rules.limits
     parallax, _, likeness, outcome = nodes
-    scratch, solutions, plane, kept = scratch_for(rules.widest), np.empty((2, 9)), np.empty(3), np.empty(6)
+    scratch, solutions, plane, kept = scratch_for(rules.widest), np.empty((2, 10)), np.empty(3), np.empty(7)
     ring = (lattice.rows - parallax.shape[0]) // 2
     for i in range(parallax.shape[0]):
         for j in range(parallax.shape[1]):
@@ -285,7 +286,7 @@ def _solve_nodes(pair, lattice, planes, start, shape, rules, nodes, variance, mi
                 found = outcomes.MOVED_TOO_FAR
             outcome[i, j] = found
             if found == outcomes.CONVERGED:
-                parallax[i, j], variance[i, j] = kept[0], kept[1]
+                parallax[i, j], variance[i, j] = kept[0], kept[1] + kept[6]
 
 
 def match_nodes(

@@ -3,8 +3,10 @@
 Strategy
 - Start from the volume of the pair (pair_start.py), its residual y-parallax removed; least squares near it, as for every block of a
   pair of a project (epipolar_least_squares.py).
-- Where least squares gives nothing, the start itself is the answer. Three codes say what a parallax is: measured by least squares;
-  by the volume alone, whose neighbours go along; estimated, where they do not or where something stands in front of the place.
+- Where least squares gives nothing, the start itself is the answer; so it is beside a break where least squares ends nearer to
+  another plane of the volume: windows pull nodes to the wrong side, and the volume, which weighs single pixels, knows it better.
+- Three codes say what a parallax is: measured by least squares; by the volume alone, whose neighbours go along; estimated, where
+  they do not or where something stands in front of the place.
 - Beside a break of the surface the place of the edge is uncertain: what is assigned to the wrong side is wrong by the whole jump.
   The variance of that is the jump squared times how often it happens at this distance, which differs little between scenes.
 
@@ -18,6 +20,7 @@ import numpy as np
 from numba import njit
 from scipy.ndimage import maximum_filter, minimum_filter
 
+from orthomill.schemas.outcome import Outcome
 from orthomill.tasks.matching.dense.blocks import DenseMatching, consistent, moved_rows, residual_y_parallax
 from orthomill.tasks.matching.dense.epipolar_least_squares import NodeParallaxes, match_nodes
 from orthomill.tasks.matching.dense.node_surfaces import StartSurface
@@ -33,6 +36,8 @@ _SLOPE = 0.3
 """px per px: slope that is no break"""
 _IN_FRONT = np.float32(1.5)
 """px: parallaxes that are larger by this belong to something that stands in front"""
+_HALF_PLANE = 0.5
+"""px: half the distance of the volume's planes; who ends farther from its winner says that another plane is right"""
 _COHERENT = 0.7
 """share of the 9 x 9 pixels around that must go along with a parallax of the volume alone"""
 _VOLUME_SIGMA, _ESTIMATED_SIGMA = 0.5, 2.0
@@ -113,17 +118,22 @@ def _completed(nodes: NodeParallaxes, start: PairStart, right_cols: int, matchin
     known = np.isfinite(start.parallax)[every]
     shown = ~hidden(start.parallax, right_cols)[every]
     parallax = np.where(np.isfinite(nodes.parallax), nodes.parallax, start.parallax[every])
+    with np.errstate(invalid="ignore"):
+        strayed = np.abs(nodes.parallax - start.parallax[every]) > _HALF_PLANE
+    strayed &= break_variance(parallax, matching.step) > 0.0
+    parallax = np.where(strayed, start.parallax[every], parallax)
     broken = break_variance(parallax, matching.step)
     with np.errstate(invalid="ignore"):
         variance = nodes.sigma**2 + broken
-        measured = shown & (variance <= matching.max_sigma**2)
+        measured = shown & ~strayed & (variance <= matching.max_sigma**2)
     sure = known & shown & (start.coherence[every] >= _COHERENT)
     code = np.select(
         [measured, sure, known], [ParallaxCode.MEASURED, ParallaxCode.VOLUME, ParallaxCode.ESTIMATED], ParallaxCode.EMPTY
     )
     alone = np.where(sure, _VOLUME_SIGMA, _ESTIMATED_SIGMA) ** 2 + broken
     sigma = np.sqrt(np.where(measured, variance, np.where(np.isfinite(parallax), alone, np.nan)))
-    return PairSurface(parallax, sigma.astype(np.float32), nodes.correlation, code.astype(np.uint8), nodes.outcome)
+    outcome = np.where(strayed, Outcome.MOVED_TOO_FAR, nodes.outcome).astype(np.uint8)
+    return PairSurface(parallax, sigma.astype(np.float32), nodes.correlation, code.astype(np.uint8), outcome)
 
 
 def break_variance(parallax: np.ndarray, step: int) -> np.ndarray:

@@ -20,10 +20,10 @@ from orthomill.tasks.matching.dense.surface_warp import LANES
 from orthomill.tasks.matching.least_squares import result_columns as outcomes
 from orthomill.tasks.matching.least_squares.grey_values import EXACT
 
-CORRECTION, SLOPE_X, SLOPE_Y, VARIANCE, CORRELATION, STRENGTH, SUPPORT, SPREAD, ASIDE = range(9)
+CORRECTION, SLOPE_X, SLOPE_Y, VARIANCE, CORRELATION, STRENGTH, SUPPORT, SPREAD, ASIDE, KERNEL = range(10)
 """Places in a solution: correction of the parallax (px) and of its slopes, variance of the parallax (px^2), correlation of the grey
-values, root mean square gradient, pixels of the support, variance from the scores (px^2), and how far from the node the texture
-lies (px)"""
+values, root mean square gradient, pixels of the support, variance from the scores (px^2), how far from the node the texture lies
+(px), and the variance that cubic interpolation adds, noise or none (px^2)"""
 FEWEST = 10
 """pixels of support: five unknowns and as many more"""
 _FLAT = 1e-6
@@ -38,6 +38,9 @@ _PIVOT = 1e-6
 """share of a diagonal element below which its pivot counts as zero: the texture does not determine that unknown"""
 _PARTS = 3
 """rows and columns of parts of a window"""
+_PHASE = 0.025
+"""px: by what the cubic kernel moves a wave of frequency f (per px), root mean square over all places between pixels, divided by
+1 - cos(2 pi f); 0.023 for long waves, 0.031 at a quarter of the sampling rate"""
 _FREE = 1.5
 """parts of a window per part that the unknowns leave free"""
 
@@ -157,7 +160,8 @@ def block_sums(block, n, sums):
 
 @njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
 def correlated_share(gradient, n, lanes, near, far):
-    """Factor of the variance of the parallax by residuals that correlate by `near` and `far` at distances of 1 and 2 px.
+    """Factor of the variance of the parallax by residuals that correlate by `near` and `far` at distances of 1 and 2 px, and the
+    correlation of the gradient itself along the row.
 
     gradient: of a block of n pixels in rows of `lanes`; the pairs that begin in its last two rows are left out.
     """
@@ -178,7 +182,8 @@ def correlated_share(gradient, n, lanes, near, far):
         farther += here[i] * second[i] + here[i] * lower[i]
     share = near * (along + across) + near * near * diagonal + far * farther
     # The truncated correlation is not positive definite: texture of one wavelength may make the sum negative.
-    return max(1.0 + 2.0 * share / max(own, np.float32(1e-6)), 0.3)
+    power = max(own, np.float32(1e-6))
+    return max(1.0 + 2.0 * share / power, 0.3), along / power
 
 
 @njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
@@ -242,7 +247,7 @@ def _adjusted(sums, prior):
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def solved(scratch, half, size, correlation, slope, out):
-    """Solve a window whose block is cut: fills `out` (9,), a solution; returns its outcome.
+    """Solve a window whose block is cut: fills `out` (10,), a solution; returns its outcome.
 
     size: of the block and of its rows, from `cut_block`. correlation: of residuals 1 and 2 px apart. slope: of the plane, x.
     """
@@ -276,6 +281,9 @@ def solved(scratch, half, size, correlation, slope, out):
     out[CORRECTION], out[SLOPE_X], out[SLOPE_Y] = stretch * parallax, stretch * slope_x, stretch * slope_y
     scaled = cofactor * stretch * stretch
     noise = max(power - explained, 0.0) / (sums[0] - 5.0)
-    out[VARIANCE] = noise * scaled * correlated_share(scratch.block.gradient, n, lanes, correlation[0], correlation[1])
+    factor, alike = correlated_share(scratch.block.gradient, n, lanes, correlation[0], correlation[1])
+    out[VARIANCE] = noise * scaled * factor
+    # The mean of 1 - cos over the waves of the gradient is one minus its correlation at 1 px; a row has one pair less than pixels.
+    out[KERNEL] = (_PHASE * (1.0 - alike * (2 * half + 1) / (2 * half))) ** 2
     out[SPREAD] = _FREE * squared_scores(scratch, half, lanes, unknowns) * cofactor * scaled
     return outcomes.CONVERGED

@@ -23,6 +23,7 @@ from orthomill.tasks.matching.dense.window_solution import (
     ASIDE,
     CORRECTION,
     CORRELATION,
+    KERNEL,
     SLOPE_X,
     SLOPE_Y,
     SPREAD,
@@ -178,7 +179,7 @@ def test_what_lacks_data_in_either_image_is_unknown():
 
 
 def solution_of(pair: WarpedPair, row: int, col: int, half: int, flat: bool = False) -> tuple[np.ndarray, Outcome]:
-    scratch, out = scratch_for(half), np.full(9, np.nan)
+    scratch, out = scratch_for(half), np.full(10, np.nan)
     centre = (row + pair.margin) * pair.cols + col + pair.margin
     plane = np.array([12.0, 0.0, 0.0])
     size = cut_block(pair, centre, half, plane, 1.0, flat, scratch.block)
@@ -288,4 +289,23 @@ def test_correlated_residuals_count_as_their_twin_says():
     diagonal = (here * padded[1 : upper + 1, 1:17]).sum() + (padded[:upper, 1:17] * padded[1 : upper + 1, :16]).sum()
     two = (here * padded[:upper, 2:18]).sum() + (here * padded[2 : upper + 2, :16]).sum()
     expected = 1 + 2 * (near * sum(along) + near**2 * diagonal + far * two) / (here**2).sum()
-    assert correlated_share(g.ravel(), g.size, 16, near, far) == pytest.approx(max(expected, 0.3), rel=0.03)
+    factor, alike = correlated_share(g.ravel(), g.size, 16, near, far)
+    assert factor == pytest.approx(max(expected, 0.3), rel=0.03) and alike == pytest.approx(along[0] / (here**2).sum(), abs=0.01)
+
+
+@pytest.mark.parametrize("frequency", [0.06, 0.1, 0.15])
+def test_interpolation_alone_gives_the_standard_error_of_a_pair_without_noise(frequency):
+    # Without noise what the cubic kernel moves is all that is wrong: a wave of texture at all places between pixels.
+    col = np.arange(90.0)
+    phase = 2 * np.pi * np.arange(60)[:, None] * 0.618
+    errors, sigma = [], 0.0
+    for shift in np.linspace(0.05, 0.95, 10):
+        right = (120.0 + 40.0 * np.cos(2 * np.pi * frequency * col + phase)).astype(np.float32)
+        left = (120.0 + 40.0 * np.cos(2 * np.pi * frequency * (col[:70] + 6.0 + shift) + phase)).astype(np.float32)
+        pair = WarpedPair.of(left, 10)
+        warp(pair, right, 18, NodeLattice(0, 0, 30, 35, 2), np.full((30, 35, 3), [12.0 - shift, 0.0, 0.0], np.float32))
+        found, outcome = solution_of(pair, 30, 36, 7)
+        assert outcome == Outcome.CONVERGED
+        errors.append(found[CORRECTION])
+        sigma = np.sqrt(found[KERNEL])
+    assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(sigma, rel=0.3)
