@@ -9,7 +9,7 @@ project ?= volos
 options ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run plan status report export dashboard doctor test test-fast test-slow lint types links format bench bench-time bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants docs clean clean-all
+.PHONY: help setup run plan status report export dashboard doctor test test-fast test-slow lint types links format bench bench-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants docs clean clean-all
 
 help: ## List all targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-18s %s\n", $$1, $$2}'
@@ -77,6 +77,9 @@ bench-orientation: $(STAMP) ## Orientation of real photographs, beside COLMAP wh
 
 bench-time: $(STAMP) ## Where the time goes, stage by stage (options="runs/volos ..." for runs that are finished)
 	@$(BIN)/python -m benchmarks.time_by_stage $(options)
+
+bench-brighton: $(STAMP) ## The drone block by code, beside a peer, and disjoint strips (options="runs/brighton")
+	@$(BIN)/python -m benchmarks.brighton $(options)
 
 bench-matching: $(STAMP) ## Measure matching beside the published experiments (options="--quick")
 	@$(BIN)/python -m benchmarks.matching.published_tables $(options)
