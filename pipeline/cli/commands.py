@@ -38,7 +38,7 @@ from orthomill.pipeline.report.summary import summary_markdown
 from orthomill.pipeline.workflow.settings_reference import write_settings_reference
 from orthomill.pipeline.workflow.starting_workflow import write_starting_workflow
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow, load_workflow, resolve_workflow
-from orthomill.schemas.errors import OrthomillError, StoreError
+from orthomill.schemas.errors import OrthomillError, ResourceError, StoreError
 from orthomill.schemas.job import Export
 from orthomill.tasks.catalogue import STAGES, Method, share_of, sizing_of, window_size_map
 
@@ -109,14 +109,30 @@ def run(
     sequential: Sequential = False,
     scheduler: Annotated[str | None, typer.Option(help="Address of an existing Dask scheduler, e.g. tcp://10.0.0.5:8786.")] = None,
     port: Annotated[int, typer.Option(help="Port of the dashboard; the next free one if it is taken.", min=1, max=65535)] = 8787,
+    tls_ca: Annotated[Path | None, typer.Option(help="Certificate of the authority of an existing cluster (PEM).")] = None,
+    tls_cert: Annotated[Path | None, typer.Option(help="Your certificate for that cluster (PEM).")] = None,
+    tls_key: Annotated[Path | None, typer.Option(help="The key of your certificate (PEM).")] = None,
     debug: Debug = False,
 ) -> None:
     """Run a workflow; continues where an earlier run stopped."""
     with plain_errors(debug):
-        loaded = _load(name)
-        facts = _run(loaded, Options(from_stage, until, workers, memory * MIB, sequential, scheduler, port))
+        loaded, tls = _load(name), _tls_files(scheduler, (tls_ca, tls_cert, tls_key))
+        facts = _run(loaded, Options(from_stage, until, workers, memory * MIB, sequential, scheduler, port, tls))
     if not facts.complete:
         raise typer.Exit(1)
+
+
+def _tls_files(scheduler: str | None, files: tuple[Path | None, ...]) -> tuple[Path, Path, Path] | None:
+    """The three files of an encrypted connection, None without. Raises ResourceError for some of them only, or absent ones."""
+    given = [path for path in files if path is not None]
+    if not given:
+        return None
+    if len(given) < len(files) or not scheduler:
+        raise ResourceError("--tls-ca, --tls-cert and --tls-key are given together, with the --scheduler that they are for.")
+    for path in given:
+        if not path.is_file():
+            raise ResourceError(f"There is no file {path}; give the certificates and the key as PEM files.")
+    return given[0], given[1], given[2]
 
 
 def _run(loaded: LoadedWorkflow, options: Options) -> RunFacts:

@@ -1,20 +1,26 @@
 """Starts or finds the Dask cluster that jobs run on. One of the two files that import Dask.
 
-Everything listens on 127.0.0.1 only. If the dashboard's port is taken, the next free one is used. Each worker is one process with
-one thread, because numba kernels and OpenCV gain nothing from sharing a process, and memory can then be counted per job.
+A Dask cluster runs whatever it is told by anyone who reaches it. A cluster of this machine therefore listens on 127.0.0.1 only,
+talks TLS with a certificate that exists in the memory of its processes, for this run, and has a dashboard with a secret address. If
+the dashboard's port is taken, the next free one is used. Each worker is one process with one thread, because numba kernels and
+OpenCV gain nothing from sharing a process, and memory can then be counted per job.
 """
 
 import logging
 import signal
 import socket
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
+from pathlib import Path
+from typing import Any
 
 import dask
-from distributed import Client, LocalCluster, Worker
+from distributed import Client, Nanny, Scheduler, SpecCluster, Worker
 from distributed.comm import CommClosedError
+from distributed.security import Security
 
+from orthomill.pipeline.engine.dashboard_guard import Guard, new_secret
 from orthomill.schemas.errors import ResourceError
 
 MEMORY = "orthomill_memory"
@@ -22,6 +28,10 @@ MEMORY = "orthomill_memory"
 
 ANSWER = "20s"
 """How long the scheduler of an existing cluster may take to answer."""
+CLOSING = 20
+"""Seconds that client and cluster may take to close; after that their processes end with this one."""
+LOST = (CommClosedError, TimeoutError, OSError, RuntimeError, AttributeError)
+"""What Dask raises when it is used after its scheduler has gone: besides its own error whatever the missing parts cause."""
 
 _SETTINGS = {
     "distributed.scheduler.allowed-failures": 2,
@@ -37,8 +47,13 @@ _SETTINGS = {
     "distributed.admin.tick.interval": "500ms",
     "distributed.admin.system-monitor.interval": "2s",
     "distributed.scheduler.work-stealing-interval": "500ms",
-    # On a machine with all cores busy the client can wait longer than Dask's 30 s for its own scheduler.
-    "distributed.comm.timeouts.connect": "60s",
+    # On a machine with all cores busy a process can wait minutes for its turn. A process that has ended closes its connections, and
+    # that is noticed at once; these limits only decide how long silence is taken for life.
+    "distributed.comm.timeouts.connect": "300s",
+    "distributed.comm.timeouts.tcp": "300s",
+    "distributed.scheduler.worker-ttl": "60 minutes",
+    # Workers answer no questions over HTTP: nothing here asks them, and the ports would be open to everybody on the machine.
+    "distributed.worker.http.routes": [],
     "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 32 * 2**20,
     "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 256 * 2**20,
 }
@@ -62,33 +77,77 @@ def free_port(wanted: int) -> int:
     return 0  # any free port, by the convention of sockets
 
 
+class GuardedScheduler(Scheduler):
+    """A scheduler whose web pages are found under its secret only."""
+
+    def __init__(self, secret: str, **options: Any) -> None:
+        self._secret = secret
+        super().__init__(http_prefix=f"/{secret}", **options)
+
+    def start_http_server(self, *words: Any, **options: Any) -> None:
+        super().start_http_server(*words, **options)
+        # No request can have been answered yet: the event loop has had no turn since the server listens.
+        self.http_server.request_callback = Guard(self.http_application, self._secret)
+
+
 @contextmanager
 def local_client(workers: int, memory: int, port: int) -> Iterator[Client]:
     """A client of `workers` processes with `memory` bytes each; the dashboard listens on `port` or the next free one.
 
-    Raises ResourceError when the processes do not start.
+    Raises ResourceError when the processes do not start or the scheduler is lost.
     """
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    with dask.config.set(_SETTINGS):
+    _silence()
+    secret = new_secret()
+    link = {"distributed.dashboard.link": f"{{scheme}}://{{host}}:{{port}}/{secret}/status"}
+    with dask.config.set(_SETTINGS | link):
         try:
             with _ctrl_c_blocked():
-                cluster = LocalCluster(
-                    n_workers=workers,
-                    threads_per_worker=1,
-                    processes=True,
-                    host="127.0.0.1",
-                    memory_limit=memory,
-                    dashboard_address=f"127.0.0.1:{free_port(port)}",
-                    silence_logs=logging.CRITICAL,
-                    resources={MEMORY: memory},
-                )
+                cluster = _cluster(workers, memory, port, secret)
         except (RuntimeError, OSError, TimeoutError) as error:
             raise ResourceError(
                 f"The {workers} worker processes could not be started ({error}); check memory and installation with "
                 "'orthomill doctor', or run with --sequential, which needs none."
             ) from error
-        with cluster, Client(cluster) as client:
-            yield client
+        try:
+            with _open(Client(cluster), "of this machine", "free memory or processors if the machine is overloaded") as client:
+                yield client
+        finally:
+            with suppress(*LOST):
+                cluster.close(timeout=CLOSING)
+
+
+def _cluster(workers: int, memory: int, port: int, secret: str) -> SpecCluster:
+    """A scheduler in this process, and worker processes of this machine."""
+    common = {"host": "127.0.0.1", "protocol": "tls://", "security": Security.temporary()}
+    scheduler = {"secret": secret, "port": 0, "dashboard": True, "dashboard_address": f"127.0.0.1:{free_port(port)}"}
+    worker = {"nthreads": 1, "memory_limit": memory, "resources": {MEMORY: memory}, "silence_logs": logging.CRITICAL}
+    return SpecCluster(
+        scheduler={"cls": GuardedScheduler, "options": common | scheduler},
+        workers={number: {"cls": Nanny, "options": common | worker} for number in range(workers)},
+        security=common["security"],
+        silence_logs=logging.CRITICAL,
+    )
+
+
+@contextmanager
+def _open(client: Client, where: str, advice: str) -> Iterator[Client]:
+    """A client, whose end never hides the reason for which the run ends. Raises ResourceError when its scheduler is lost."""
+    try:
+        yield client
+    except CommClosedError as error:
+        raise ResourceError(
+            f"The Dask scheduler {where} was lost in the middle of the run; finished jobs are kept, so {advice} "
+            "and run the same command again to continue."
+        ) from error
+    finally:
+        with suppress(*LOST):
+            client.close(timeout=CLOSING)
+
+
+def _silence() -> None:
+    """What these libraries would log with tracebacks, the loss of a connection above all, is reported in one sentence."""
+    for name in ("distributed", "distributed.client", "tornado", "asyncio", "bokeh"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
 @contextmanager
@@ -104,29 +163,32 @@ def _ctrl_c_blocked() -> Iterator[None]:
 
 
 @contextmanager
-def remote_client(address: str, memory: int) -> Iterator[Client]:
-    """A client of an existing cluster whose workers see the project's folder. Raises ResourceError."""
-    # The errors of a lost connection are reported below in one sentence; Dask would log them with tracebacks.
-    for name in ("distributed", "distributed.client"):
-        logging.getLogger(name).setLevel(logging.CRITICAL)
+def remote_client(address: str, memory: int, tls: tuple[Path, Path, Path] | None = None) -> Iterator[Client]:
+    """A client of an existing cluster whose workers see the project's folder. Raises ResourceError.
+
+    With `tls` (certificate of an authority, own certificate, own key) everything is encrypted, and both sides must have a
+    certificate of that authority.
+    """
+    _silence()
     try:
-        client = Client(address, timeout=ANSWER)
-    except (OSError, TimeoutError, ValueError) as error:
+        reached = Client(address, timeout=ANSWER, security=_security(tls))
+    except (OSError, TimeoutError, ValueError, TypeError, RuntimeError) as error:
         raise ResourceError(
             f"No Dask scheduler answers at {address} ({error}); start one with 'dask scheduler' or leave --scheduler out."
         ) from error
-    try:
-        with client:
-            if not client.scheduler_info(n_workers=-1)["workers"]:
-                raise ResourceError(f"The Dask scheduler at {address} has no workers; start some with 'dask worker {address}'.")
-            # Workers that somebody else started do not offer the resource that the jobs ask for, and would never get one.
-            client.run(_declare_memory, memory)
-            yield client
-    except CommClosedError as error:
-        raise ResourceError(
-            f"The Dask scheduler at {address} was lost in the middle of the run; finished jobs are kept, so restart the cluster "
-            "and run the same command again to continue."
-        ) from error
+    with _open(reached, f"at {address}", "restart the cluster") as client:
+        if not client.scheduler_info(n_workers=-1)["workers"]:
+            raise ResourceError(f"The Dask scheduler at {address} has no workers; start some with 'dask worker {address}'.")
+        # Workers that somebody else started do not offer the resource that the jobs ask for, and would never get one.
+        client.run(_declare_memory, memory)
+        yield client
+
+
+def _security(tls: tuple[Path, Path, Path] | None) -> Security | None:
+    if tls is None:
+        return None
+    authority, certificate, key = map(str, tls)
+    return Security(require_encryption=True, tls_ca_file=authority, tls_client_cert=certificate, tls_client_key=key)
 
 
 async def _declare_memory(memory: int, dask_worker: Worker) -> None:

@@ -1,21 +1,30 @@
 """Runs jobs on Dask: worker processes of this machine, or any existing cluster. One of the two files that import Dask.
 
 Dask's keys are the jobs' own keys, so that its dashboard groups progress by stage. Memory is a resource of each worker: the
-scheduler assigns no more jobs to a worker than its memory allows.
+scheduler assigns no more jobs to a worker than its memory allows. It holds a limited number of jobs at a time: with tens of
+thousands it is busy with itself, on a loaded machine for so long that it loses its workers.
 """
 
 import uuid
+from collections import deque
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from queue import Empty, SimpleQueue
 
-from distributed import Client, Future, KilledWorker, as_completed, performance_report
+from distributed import Client, Future, KilledWorker, performance_report
 from distributed.comm import CommClosedError
 
-from orthomill.pipeline.engine.dask_cluster import MEMORY
+from orthomill.pipeline.engine.dask_cluster import LOST, MEMORY
 from orthomill.pipeline.engine.execute import JobFailed, JobOrder, execute
+from orthomill.pipeline.engine.interruption import stop_if_asked
 from orthomill.pipeline.engine.records import Key
 from orthomill.pipeline.engine.runner import ATTEMPTS, Finished
+
+WAVE = 2000
+"""Jobs that the scheduler holds at most; the rest waits here. Enough for hundreds of workers."""
+PATIENCE = 0.5
+"""seconds after which waiting for a job looks whether the user wants to stop"""
 
 
 class DaskRunner:
@@ -25,64 +34,103 @@ class DaskRunner:
         self.memory_limit = memory_limit
         self.description = description
         self._client = client
+        self._waiting: deque[tuple[JobOrder, tuple[Key, ...], int]] = deque()
         self._futures: dict[Key, Future] = {}
-        self._key_of: dict[object, Key] = {}
-        self._ended = as_completed()
-        self._running = 0
+        """those that the scheduler holds"""
+        self._ended: SimpleQueue[tuple[Key, Future]] = SimpleQueue()
+        self._unusable: set[Key] = set()
+        self._blocked: deque[Key] = deque()
         self._session = uuid.uuid4().hex[:8]
         """Last part of every Dask key: a cluster may hold the same jobs of another run."""
 
     def submit(self, work: JobOrder, dependencies: tuple[Key, ...], memory: int) -> None:
-        # Jobs skipped by this run have no future: their results are on disk already.
+        self._waiting.append((work, dependencies, memory))
+        self._fill()
+
+    def _fill(self) -> None:
+        """Hand over waiting jobs, in their order, until the scheduler has enough."""
+        while self._waiting and len(self._futures) < WAVE:
+            work, dependencies, memory = self._waiting.popleft()
+            if self._unusable.intersection(dependencies):
+                self._unusable.add(work.job.key)
+                self._blocked.append(work.job.key)
+            else:
+                self._start(work, dependencies, memory)
+
+    def _start(self, work: JobOrder, dependencies: tuple[Key, ...], memory: int) -> None:
+        # Jobs that are done, in this run or before, have no future: their results are on disk.
         before = [self._futures[key] for key in dependencies if key in self._futures]
         name = (*work.job.key, self._session)
         # pure=False: Dask must not take two jobs with equal arguments for one, since what counts is what they write.
         future = self._client.submit(execute, work, *before, key=name, retries=ATTEMPTS - 1, resources={MEMORY: memory}, pure=False)
         self._futures[work.job.key] = future
-        self._key_of[name] = work.job.key
-        self._ended.add(future)
-        self._running += 1
+        self._await(work.job.key, future)
+
+    def _await(self, key: Key, future: Future) -> None:
+        future.add_done_callback(lambda ended: self._ended.put((key, ended)))
 
     @property
     def busy(self) -> bool:
-        return self._running > 0
+        return bool(self._futures or self._waiting or self._blocked)
 
     def next(self) -> Finished:
-        future = self._next_ended()
+        if self._blocked:
+            return Finished(self._blocked.popleft(), "blocked")
+        key, future = self._next_ended()
         if future.cancelled():
             # Nobody here cancels a future that is still waited for: the client does so when it loses its scheduler.
             raise CommClosedError("the scheduler was lost, and all submitted jobs with it")
-        self._running -= 1
-        key = self._key_of[future.key]
-        if future.status == "finished":
-            return Finished(key, "done")
-        error = future.exception()
-        # Dask hands the exception of a job on to all that depend on it; only the job itself is reported as failed.
-        if isinstance(error, JobFailed):
-            return Finished(key, "failed", error.sentence) if error.key == key else Finished(key, "blocked")
-        if isinstance(error, KilledWorker):
-            sentence = "its worker died at every attempt; it may need more memory than --memory allows"
-            return Finished(key, "failed", sentence) if error.task == future.key else Finished(key, "blocked")
-        return Finished(key, "failed", f"Dask could not run it ({type(error).__name__}: {error})")
+        finished = _finished(key, future)
+        if finished.status != "done":
+            self._unusable.add(key)
+        # Nobody needs the result any more, which is a key; the scheduler forgets the job when those that wait for it are done.
+        del self._futures[key]
+        self._fill()
+        return finished
 
-    def _next_ended(self) -> Future:
+    def _next_ended(self) -> tuple[Key, Future]:
         """The next future that has ended and is still in that state: Dask revokes results of workers that died since."""
         while True:
-            future = next(self._ended)
+            stop_if_asked()
+            try:
+                key, future = self._ended.get(timeout=PATIENCE)
+            except Empty:
+                continue
             if future.status in ("finished", "error", "cancelled"):
-                return future
-            self._ended.add(future)
+                return key, future
+            self._await(key, future)
 
     def close(self) -> None:
+        self._waiting.clear()
         # After Ctrl-C the scheduler would otherwise go on with the queued jobs; a client without scheduler would wait for one.
-        if self._client.status == "running":
-            self._client.cancel(list(self._futures.values()), force=True)
+        if self._futures and self._client.status == "running":
+            with suppress(*LOST):
+                self._client.cancel(list(self._futures.values()), force=True)
         self._futures.clear()
+
+
+def _finished(key: Key, future: Future) -> Finished:
+    if future.status == "finished":
+        return Finished(key, "done")
+    error = future.exception()
+    # Dask hands the exception of a job on to all that depend on it; only the job itself is reported as failed.
+    if isinstance(error, JobFailed):
+        return Finished(key, "failed", error.sentence) if error.key == key else Finished(key, "blocked")
+    if isinstance(error, KilledWorker):
+        sentence = "its worker died at every attempt; it may need more memory than --memory allows"
+        return Finished(key, "failed", sentence) if error.task == future.key else Finished(key, "blocked")
+    return Finished(key, "failed", f"Dask could not run it ({type(error).__name__}: {error})")
 
 
 @contextmanager
 def kept_report(runner: object, path: Path) -> Iterator[None]:
     """Keep Dask's own performance report of what runs inside, as one self-contained page; does nothing for other runners."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    with performance_report(str(path), mode="inline") if isinstance(runner, DaskRunner) else nullcontext():
-        yield
+    report = performance_report(str(path), mode="inline") if isinstance(runner, DaskRunner) else None
+    if report:
+        report.__enter__()
+    yield
+    # Of a run that was interrupted or lost its scheduler there is no report: asking for one would hide why it ended.
+    if report:
+        with suppress(*LOST):
+            report.__exit__(None, None, None)

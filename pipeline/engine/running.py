@@ -17,13 +17,13 @@ from typing import Protocol
 
 import psutil
 
+from orthomill.pipeline.engine.interruption import only_where_asked
 from orthomill.pipeline.engine.lock import only_run
 from orthomill.pipeline.engine.power_cut import examine_after_power_cut, flushing
 from orthomill.pipeline.engine.run_facts import RunFacts, StageTitle, write_facts
 from orthomill.pipeline.engine.runner import Runner, SequentialRunner
 from orthomill.pipeline.engine.session import Session, Watcher, key_text, now, unwatched
 from orthomill.pipeline.storage.reading import ReadableStore
-from orthomill.pipeline.storage.table_files import write_whole
 from orthomill.pipeline.workflow.mistakes import did_you_mean
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow, image_files, write_workflow
 from orthomill.schemas.errors import ResourceError, WorkflowError, some_of
@@ -34,6 +34,11 @@ WORKERS_PER_CORE = 8
 """More worker processes than this per core are a typing error, and starting them would stall the machine."""
 DASHBOARD = "jobs/dashboard.txt"
 """Holds the address of the dashboard while a run on Dask is in progress."""
+
+UNENCRYPTED = (
+    "warning: the connection to {} is not encrypted, and whoever reaches that scheduler can run code as you; use certificates "
+    "(--tls-ca, --tls-cert, --tls-key) unless the network is yours alone."
+)
 
 
 @dataclass(frozen=True)
@@ -47,6 +52,8 @@ class Options:
     sequential: bool = False
     scheduler: str | None = None
     port: int = 8787
+    tls: tuple[Path, Path, Path] | None = None
+    """certificate of the authority, own certificate and own key for the scheduler of an existing cluster"""
 
     @property
     def processes(self) -> int:
@@ -188,22 +195,33 @@ def _on_dask(folder: Path, options: Options, announce: Callable[[str], None]) ->
     from orthomill.pipeline.engine.dask_runner import DaskRunner, kept_report
 
     if options.scheduler:
+        if options.tls is None:
+            announce(UNENCRYPTED.format(options.scheduler))
         place = f"the cluster at {options.scheduler}"
-        client_of = remote_client(options.scheduler, options.memory)
+        client_of = remote_client(options.scheduler, options.memory, options.tls)
     else:
         place = f"{options.processes} processes on this machine"
         client_of = local_client(options.processes, options.memory, options.port)
     address = folder / DASHBOARD
-    with client_of as client:
+    # An exception in the middle of Dask's connections would end in its tracebacks: the runner asks for requests to stop.
+    with only_where_asked(), client_of as client:
         runner = DaskRunner(client, options.memory, place)
         announce(f"dashboard: {client.dashboard_link}")
-        write_whole(address, client.dashboard_link.encode())
-        with kept_report(runner, folder / "dask_report.html"):
-            try:
+        _write_for_the_user_only(address, client.dashboard_link)
+        try:
+            with kept_report(runner, folder / "dask_report.html"):
                 yield runner
-            finally:
-                runner.close()
-                address.unlink(missing_ok=True)
+        finally:
+            runner.close()
+            address.unlink(missing_ok=True)
+
+
+def _write_for_the_user_only(path: Path, text: str) -> None:
+    """A file that others cannot read: whoever knows the address of the dashboard may look at it."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.unlink(missing_ok=True)
+    with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as stream:
+        stream.write(text)
 
 
 def _so_far(facts: RunFacts, session: Session) -> RunFacts:

@@ -169,6 +169,7 @@ class Session:
                 watcher.skipped(key)
         self._announced = len(self.graph.jobs)
         for planned in self.pending:
+            stop_if_asked()
             # Rasters are created here and not by the workers: two workers that create the same one would race.
             self._create_outputs(planned)
             work = JobOrder(planned.job, self.root, self.folder, planned.fingerprint, self.reasons[planned.key], self._mark)

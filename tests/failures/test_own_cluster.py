@@ -6,16 +6,28 @@ import sys
 import time
 
 import pytest
+from distributed.security import Security
 from small_site import command, make_site, results_of, start_command
 
 pytestmark = pytest.mark.slow
 
 
 @pytest.fixture
-def cluster(tmp_path):
-    """A scheduler with two workers, as processes of their own; (its process, its address)."""
+def tls(tmp_path):
+    """The words for a certificate of an authority, a certificate and a key, as Dask's programs and the command take them."""
+    own, files = Security.temporary(), {name: tmp_path / f"{name}.pem" for name in ("ca", "cert", "key")}
+    for path, content in zip(files.values(), (own.tls_ca_file, own.tls_client_cert, own.tls_client_key), strict=True):
+        path.write_text(content)
+    return [word for name, path in files.items() for word in (f"--tls-{name}", str(path))]
+
+
+@pytest.fixture(params=["tcp", "tls"])
+def cluster(tmp_path, tls, request):
+    """A scheduler with two workers, as processes of their own; (its process, its address, what the command must be told of it)."""
     file = tmp_path / "scheduler.json"
     common = ["--scheduler-file", str(file), "--no-dashboard"]
+    if request.param == "tls":
+        common += ["--protocol", "tls", *(word.replace("--tls-ca", "--tls-ca-file") for word in tls)]
     silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     scheduler = subprocess.Popen(
         [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0", *common], **silent
@@ -27,22 +39,23 @@ def cluster(tmp_path):
     while not file.exists() and time.monotonic() < deadline:
         time.sleep(0.1)
     time.sleep(3)
-    yield scheduler, json.loads(file.read_text())["address"]
+    yield scheduler, json.loads(file.read_text())["address"], tls if request.param == "tls" else []
     for process in (workers, scheduler):
         process.terminate()
         process.wait(timeout=30)
 
 
 def test_another_cluster_gives_the_same_and_its_loss_is_one_sentence(cluster, tmp_path):
-    scheduler, address = cluster
+    scheduler, address, words = cluster
     here, there = make_site(tmp_path / "here"), make_site(tmp_path / "there")
     _, errors = (alone := start_command(here, "run", "site", "--sequential")).communicate(timeout=120)
     assert alone.returncode == 0, errors
-    said, errors = (run := start_command(there, "run", "site", "--scheduler", address)).communicate(timeout=120)
+    said, errors = (run := start_command(there, "run", "site", "--scheduler", address, *words)).communicate(timeout=120)
     assert run.returncode == 0 and " 0 failed" in said, errors
+    assert ("is not encrypted, and whoever reaches that scheduler can run code as you" in said) == (not words)
     assert results_of(there) == results_of(here)
 
-    run = start_command(there, "run", "site", "--from", "photos", "--scheduler", address)
+    run = start_command(there, "run", "site", "--from", "photos", "--scheduler", address, *words)
     while "dashboard" not in run.stdout.readline():
         assert run.poll() is None
     scheduler.kill()
@@ -56,7 +69,7 @@ def test_workers_that_do_not_start_are_one_sentence(tmp_path, monkeypatch):
         raise RuntimeError("Nanny failed to start.")
 
     monkeypatch.chdir(make_site(tmp_path))
-    monkeypatch.setattr("orthomill.pipeline.engine.dask_cluster.LocalCluster", broken)
+    monkeypatch.setattr("orthomill.pipeline.engine.dask_cluster.SpecCluster", broken)
     said = command("run", "site", "--workers", "2", code=2)
     assert "The 2 worker processes could not be started (Nanny failed to start.)" in said
 
@@ -66,3 +79,15 @@ def test_a_scheduler_that_does_not_answer_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr("orthomill.pipeline.engine.dask_cluster.ANSWER", "2s")
     said = command("run", "site", "--scheduler", "tcp://127.0.0.1:9", code=2)
     assert "No Dask scheduler answers at tcp://127.0.0.1:9" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "answer"),
+    [
+        (["--tls-ca", "ca.pem"], "--tls-ca, --tls-cert and --tls-key are given together"),
+        (["--tls-ca", "no.pem", "--tls-cert", "no.pem", "--tls-key", "no.pem"], "There is no file no.pem"),
+    ],
+)
+def test_incomplete_certificates_are_answered_before_anything_starts(tmp_path, monkeypatch, words, answer):
+    monkeypatch.chdir(make_site(tmp_path))
+    assert answer in command("run", "site", "--scheduler", "tls://127.0.0.1:9", *words, code=2)

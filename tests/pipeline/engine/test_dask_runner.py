@@ -21,6 +21,9 @@ class Answer:
     def __init__(self, key: object, status: str, error: Exception | None = None) -> None:
         self.key, self.status, self._error = key, status, error
 
+    def add_done_callback(self, call) -> None:
+        call(self)
+
     def cancelled(self) -> bool:
         return self.status == "cancelled"
 
@@ -45,19 +48,8 @@ class Client:
         self.cancelled = futures
 
 
-class Ended(list):
-    """Futures in the order in which they were added, as `as_completed` hands them out."""
-
-    add = list.append
-
-    def __next__(self):
-        return self.pop(0)
-
-
 @pytest.fixture
-def runner_of(tmp_path, monkeypatch):
-    monkeypatch.setattr(runner_module, "as_completed", Ended)
-
+def runner_of(tmp_path):
     def build(*items: str, **planned: tuple) -> DaskRunner:
         runner = DaskRunner(Client(**planned), 2**30, "a test")
         previous: tuple = ()
@@ -92,6 +84,45 @@ def test_jobs_carry_their_keys_their_memory_and_what_they_wait_for(runner_of):
 def test_two_runs_on_one_cluster_do_not_share_keys(runner_of):
     one, other = runner_of("one"), runner_of("one")
     assert one._client.submitted[0][0] != other._client.submitted[0][0]
+
+
+def test_the_scheduler_holds_no_more_jobs_than_a_wave_and_gets_the_next_when_one_ends(runner_of, monkeypatch):
+    monkeypatch.setattr(runner_module, "WAVE", 3)
+    runner = runner_of(*"abcdefg")
+    assert [key[1] for key, _, _ in runner._client.submitted] == ["a", "b", "c"] and runner.busy
+    ended = []
+    while runner.busy:
+        ended.append(runner.next().key[1])
+        assert len(runner._futures) <= 3
+    assert ended == list("abcdefg")
+    waits = {key[1]: [before.key[1] for before in befores] for key, befores, _ in runner._client.submitted}
+    assert waits["d"] == ["c"], "c was still with the scheduler"
+
+
+def test_jobs_behind_the_wave_are_blocked_by_a_failure_in_it(runner_of, monkeypatch):
+    monkeypatch.setattr(runner_module, "WAVE", 1)
+    runner = runner_of("one", "two", "three", one=failed("one"))
+    assert [(ended.key[1], ended.status) for ended in (runner.next(), runner.next(), runner.next())] == [
+        ("one", "failed"),
+        ("two", "blocked"),
+        ("three", "blocked"),
+    ]
+    assert not runner.busy and len(runner._client.submitted) == 1
+
+
+def test_waiting_for_a_job_can_be_stopped(runner_of, monkeypatch):
+    monkeypatch.setattr(Answer, "add_done_callback", lambda self, call: None)
+    runner = runner_of("endless")
+    asked = iter([None, None, KeyboardInterrupt])
+
+    def stop_if_asked():
+        if error := next(asked):
+            raise error
+
+    monkeypatch.setattr(runner_module, "stop_if_asked", stop_if_asked)
+    monkeypatch.setattr(runner_module, "PATIENCE", 0.01)
+    with pytest.raises(KeyboardInterrupt):
+        runner.next()
 
 
 @pytest.mark.parametrize(
@@ -130,6 +161,9 @@ def test_closing_cancels_what_is_left_if_the_client_still_lives(runner_of):
     runner = runner_of("one", "two")
     runner.close()
     assert len(runner._client.cancelled) == 2
+    failing = runner_of("one")
+    failing._client.cancel = lambda *more, **options: (_ for _ in ()).throw(CommClosedError("gone"))
+    failing.close()
     lost = runner_of("one")
     lost._client.status = "closed"
     lost.close()

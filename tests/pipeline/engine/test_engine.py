@@ -198,7 +198,7 @@ def test_a_killed_worker_costs_only_a_retry(tmp_path, client):
 
 def test_the_dashboard_listens_on_this_machine_only(client):
     assert client.dashboard_link.startswith("http://127.0.0.1:")
-    assert client.scheduler.address.startswith("tcp://127.0.0.1:")
+    assert client.scheduler.address.startswith("tls://127.0.0.1:")
 
 
 SLOW_RUN = """
