@@ -12,6 +12,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
+from scipy import ndimage
 
 from orthomill.schemas.raster import Window
 from orthomill.schemas.settings import Settings, setting
@@ -94,16 +95,27 @@ def judged(tile: JudgedTile, settings: Sureness, height: np.ndarray, quality: np
     `tile.places`."""
     inner = tile.window.within(tile.around).slices
     known, judgements = np.isfinite(height), judgement(quality)
-    sure = settings.sure(judgements) & _enclosed(known)
+    enclosed = _enclosed(known)
+    sure = settings.sure(judgements) & enclosed
     alone = known & ~sure & _alone(quality, known)
     calm = _calm(height, at_cells(terrain, tile.places, tile.around, 1))
     worth = np.where(sure, np.uint8(Worth.SURE), np.where(alone, np.uint8(Worth.CALMED), np.uint8(Worth.UNSURE)))
-    return JudgedVolume(np.where(alone, calm, height)[inner], judgements[inner], worth[inner])
+    return JudgedVolume(np.where(alone, calm, _bordered(height, enclosed))[inner], judgements[inner], worth[inner])
 
 
 def _enclosed(known: np.ndarray) -> np.ndarray:
     """(rows, cols) bool: cells all around which, as far as coherence looks, two photographs or more see."""
     return box_sums(known, COHERENCE_HALF) == (2 * COHERENCE_HALF + 1) ** 2
+
+
+def _bordered(height: np.ndarray, enclosed: np.ndarray) -> np.ndarray:
+    """The heights (rows, cols); along the border, on both sides, those of the nearest cell that is enclosed, where one is near."""
+    # Inside the border, left alone, they run to the ends of their ranges and hide ground from photographs as if they were walls;
+    # beyond it, the terrain that drew it is known to a few cells only.
+    if not enclosed.any():
+        return height
+    distance, nearest = ndimage.distance_transform_edt(~enclosed, return_indices=True)
+    return np.where(~enclosed & (distance <= 2 * COHERENCE_HALF), height[tuple(nearest)], height)
 
 
 def _alone(quality: np.ndarray, known: np.ndarray) -> np.ndarray:

@@ -58,7 +58,22 @@ def test_nothing_is_sure_next_to_the_border():
     row, col = np.indices(SHAPE)
     near = (np.abs(row - 40) <= 4) & (np.abs(col - 50) <= 4)
     edge = (row < 4) | (col < 4) | (row >= SHAPE[0] - 4) | (col >= SHAPE[1] - 4)
-    assert ((found.worth == Worth.SURE) == ~(near | edge)).all() and np.isnan(found.height[40, 50])
+    assert ((found.worth == Worth.SURE) == ~(near | edge)).all()
+
+
+def test_heights_at_the_border_are_those_farther_inside():
+    height = np.broadcast_to(np.arange(SHAPE[1], dtype=np.float32), SHAPE).copy()
+    height[:, 0] = 900.0
+    found = judge(height, quality(0.95))
+    assert (found.height[:, :4] == 4.0).all() and (found.height[INNER] == height[INNER]).all()
+
+
+def test_the_surface_reaches_a_little_beyond_its_border():
+    height = level()
+    height[:, :20] = np.nan
+    found = judge(height, quality(0.95))
+    assert (found.height[4:-4, 16:] == 50).all() and np.isnan(found.height[:, :16]).all()
+    assert (found.worth[:, 16:20] != Worth.SURE).all()
 
 
 def test_a_few_cells_that_stand_alone_are_not_calmed():
