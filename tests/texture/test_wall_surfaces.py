@@ -17,7 +17,7 @@ def step(upper: float = 8.0, slope: float = 0.0) -> np.ndarray:
     return (slope * COL + np.where(COL >= 20, upper, 0.0)).astype(np.float32)
 
 
-def blurred(heights: np.ndarray, width: int = 2) -> tuple[np.ndarray, np.ndarray]:
+def blurred(heights: np.ndarray, width: int = 1) -> tuple[np.ndarray, np.ndarray]:
     """Heights with a ramp over 2 `width` cells at the wall, and which cells are measured: all but the ramp."""
     out, measured = heights.copy(), np.ones(SHAPE, bool)
     for k in range(-width, width):
@@ -27,9 +27,9 @@ def blurred(heights: np.ndarray, width: int = 2) -> tuple[np.ndarray, np.ndarray
     return out, measured
 
 
-def plane_by_numpy(heights: np.ndarray, measured: np.ndarray, row: int, col: int, above: bool) -> np.ndarray:
+def plane_by_numpy(heights: np.ndarray, smooth: np.ndarray, row: int, col: int, above: bool) -> np.ndarray:
     """Weighted least squares with np.linalg.lstsq through the heights of one side of 4 m."""
-    near = (np.abs(ROW - row) <= REACH) & (np.abs(COL - col) <= REACH) & measured & ((heights > 4.0) == above)
+    near = (np.abs(ROW - row) <= REACH) & (np.abs(COL - col) <= REACH) & smooth & ((heights > 4.0) == above)
     right, down = COL[near] - col, ROW[near] - row
     weight = 1.0 / (2.0 + right**2 + down**2)
     weight /= weight.sum()
@@ -47,7 +47,7 @@ def test_both_surfaces_are_continued_into_the_blur():
     found = wall_surfaces(heights, measured, CELL)
     np.testing.assert_allclose(found.upper[10:30, 17:23], np.broadcast_to([8.0, 0, 0], (20, 6, 3)), atol=1e-5)
     np.testing.assert_allclose(found.lower[10:30, 17:23], np.zeros((20, 6, 3)), atol=1e-5)
-    assert found.doubtful[:, 17:23].all() and not found.doubtful[:, :14].any() and not found.doubtful[:, 26:].any()
+    assert found.doubtful[:, 18:22].all() and not found.doubtful[:, :14].any() and not found.doubtful[:, 26:].any()
 
 
 def test_planes_agree_with_numpy():
@@ -55,9 +55,11 @@ def test_planes_agree_with_numpy():
     heights = step(slope=0.05) + rng.normal(0, 0.05, SHAPE).astype(np.float32)
     heights, measured = blurred(heights)
     found = wall_surfaces(heights, measured, CELL)
-    for row, col in ((12, 19), (20, 21), (0, 20), (39, 22)):
-        np.testing.assert_allclose(found.upper[row, col], plane_by_numpy(heights, measured, row, col, True), atol=1e-4)
-        np.testing.assert_allclose(found.lower[row, col], plane_by_numpy(heights, measured, row, col, False), atol=1e-4)
+    smooth = np.abs(COL - 19.5) > 2
+    np.testing.assert_array_equal(found.smooth, smooth)
+    for row, col in ((12, 18), (20, 21), (0, 19), (39, 20)):
+        np.testing.assert_allclose(found.upper[row, col], plane_by_numpy(heights, smooth, row, col, True), atol=1e-4)
+        np.testing.assert_allclose(found.lower[row, col], plane_by_numpy(heights, smooth, row, col, False), atol=1e-4)
 
 
 @pytest.mark.parametrize("heights", [step(0.9), step(0.0, 0.9), np.random.default_rng(1).uniform(0, 9, SHAPE).astype(np.float32)])
@@ -67,19 +69,20 @@ def test_without_a_wall_between_planes_there_are_no_two_surfaces(heights):
     assert np.isnan(found.upper).all() and np.isnan(found.lower).all() and not found.doubtful.any()
 
 
-def test_a_surface_needs_some_cells():
-    heights, measured = np.zeros(SHAPE, np.float32), np.ones(SHAPE, bool)
-    heights[20, 20 : 20 + FEWEST - 1] = 8.0
-    assert not wall_surfaces(heights, measured, CELL).doubtful.any()
-    heights[20, 20 + FEWEST - 1] = 8.0
-    assert wall_surfaces(heights, measured, CELL).doubtful.any()
+@pytest.mark.parametrize("measured", [True, False])
+def test_a_surface_needs_some_smooth_cells_measured_or_not(measured):
+    heights, codes = np.zeros(SHAPE, np.float32), np.full(SHAPE, measured)
+    heights[20:24, 20 : 20 + FEWEST // 2 + 1] = 8.0
+    assert not np.isfinite(wall_surfaces(heights, codes, CELL).upper).any()
+    heights[20:24, 20 : 20 + FEWEST // 2 + 2] = 8.0
+    assert np.isfinite(wall_surfaces(heights, codes, CELL).upper).any()
 
 
-def test_a_cell_is_certain_when_everything_around_it_is_measured_and_level():
+def test_a_cell_is_certain_when_everything_around_it_is_measured_and_smooth():
     heights, measured = blurred(step())
     measured[30, 5] = False
     found = wall_surfaces(heights, measured, CELL)
-    assert not found.typical[30, 5] and found.typical[30, 4] and not found.certain[30, 4] and found.certain[30, 3]
+    assert found.smooth[30, 5] and not found.certain[30, 4] and found.certain[30, 3]
     assert not found.certain[0].any(), "beyond the edge of the model nothing is measured"
 
 
@@ -93,7 +96,7 @@ def test_a_part_gives_what_the_whole_gives(seed, row, col):
     part = np.s_[row - REACH - 1 : row + 12 + REACH + 1, col - REACH - 1 : col + 12 + REACH + 1]
     own = wall_surfaces(np.ascontiguousarray(heights[part]), np.ascontiguousarray(measured[part]), CELL)
     inner, place = np.s_[REACH + 1 : REACH + 13, REACH + 1 : REACH + 13], np.s_[row : row + 12, col : col + 12]
-    for name in ("upper", "lower", "typical", "certain"):
+    for name in ("upper", "lower", "smooth", "certain"):
         np.testing.assert_array_equal(getattr(own, name)[inner], getattr(whole, name)[place], err_msg=name)
 
 

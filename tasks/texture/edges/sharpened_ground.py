@@ -106,8 +106,8 @@ def _walls(surfaces: WallSurfaces, heights: np.ndarray, near: Window, wide: Wind
     above, below = surfaces.upper[..., 0], surfaces.lower[..., 0]
     side = np.where(np.abs(heights - above) < np.abs(heights - below), Side.UPPER, Side.LOWER)
     side = np.where(np.isfinite(above) & np.isfinite(heights), side, Side.NEITHER).astype(np.uint8)
-    side, typical, doubtful = (np.kron(cells, to_pixels)[part] for cells in (side, surfaces.typical, surfaces.doubtful))
-    examples = (typical > 0) & (side != Side.NEITHER)
+    side, smooth, doubtful = (np.kron(cells, to_pixels)[part] for cells in (side, surfaces.smooth, surfaces.doubtful))
+    examples = (smooth > 0) & (side != Side.NEITHER)
     upper, lower = (np.ascontiguousarray(at_pixels(planes, divisor)[part]) for planes in (surfaces.upper, surfaces.lower))
     return _Walls(grid, wide, upper, lower, side, examples, doubtful > 0)
 

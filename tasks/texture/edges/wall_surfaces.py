@@ -1,11 +1,12 @@
-"""The two surfaces at a wall: planes through the measured heights above and below the step, continued to the cells between them.
+"""The two surfaces at a wall: planes through the smooth heights above and below the step, continued to the cells between them.
 
 Matching windows that contain both surfaces blur the edge of a roof over several cells, and no height between its interior and the
-free ground is trustworthy. But both surfaces are well measured beside that strip and smooth, so each is continued into it; which of
-them is there is a question of its own (`likeness`).
+free ground is trustworthy. But beside that strip both surfaces are smooth, so each is continued into it; which of them is there is
+a question of its own (`likeness`).
 
-Strategy: the measured heights of a window of cells are sorted; their largest gap, when it is a wall, divides them. A plane with
-weights that fall with the distance goes through either part. Where a part is no plane (a wood, rubble) there are no two surfaces.
+Strategy: heights that touch no wall are taken, measured or not, from a window of cells and sorted; their largest gap, when it is a
+wall, divides them. A plane with weights that fall with the distance goes through either part. Where a part is no plane (a wood,
+rubble) there are no two surfaces.
 """
 
 from dataclasses import dataclass
@@ -30,12 +31,12 @@ class WallSurfaces:
     """Two surfaces at the cells (rows, cols) near walls.
 
     `upper`, `lower` (rows, cols, 3) float32: height m, slopes to the right and downwards, m per cell; NaN where no wall is near.
-    `typical` bool: measured cells that do not touch a wall; `certain`: those whose eight neighbours are measured as well.
+    `smooth` bool: cells that touch no wall; `certain`: those of them that are measured with all their neighbours.
     """
 
     upper: np.ndarray
     lower: np.ndarray
-    typical: np.ndarray
+    smooth: np.ndarray
     certain: np.ndarray
 
     @property
@@ -77,7 +78,7 @@ def _plane(heights, right, down, count, middle, above, plane):
 
 
 @njit(cache=True)
-def _divide(heights, measured, near, wall, upper, lower):
+def _divide(heights, smooth, near, wall, upper, lower):
     """Fills `upper` and `lower` at the cells `near` a wall."""
     rows, cols = heights.shape
     most = (2 * REACH + 1) ** 2
@@ -89,7 +90,7 @@ def _divide(heights, measured, near, wall, upper, lower):
             count = 0
             for i in range(max(r - REACH, 0), min(r + REACH + 1, rows)):
                 for j in range(max(c - REACH, 0), min(c + REACH + 1, cols)):
-                    if measured[i, j]:
+                    if smooth[i, j]:
                         values[count], right[count], down[count] = heights[i, j], j - c, i - r
                         count += 1
             ordered = np.sort(values[:count])
@@ -109,15 +110,15 @@ def _divide(heights, measured, near, wall, upper, lower):
 def wall_surfaces(heights: np.ndarray, measured: np.ndarray, cell: float) -> WallSurfaces:
     """The two surfaces at walls of heights (rows, cols) m, `measured` bool; `cell` m. Cells nearer than REACH to an edge of the
     arrays that is not one of the model may differ from those of the whole model."""
-    wall, known = WALL * cell, measured & np.isfinite(heights)
+    wall = WALL * cell
+    smooth = np.isfinite(heights) & (_range(heights, np.isfinite(heights), 3) < wall)
     upper, lower = (np.full((*heights.shape, 3), np.nan, np.float32) for _ in range(2))
-    step = _range(heights, known, 2 * REACH + 1)
-    if (step > wall).any():
-        _divide(heights.astype(np.float64), known, step > wall, wall, upper, lower)
-    typical = known & (_range(heights, np.isfinite(heights), 3) < wall)
+    near = _range(heights, smooth, 2 * REACH + 1) > wall
+    if near.any():
+        _divide(heights.astype(np.float64), smooth, near, wall, upper, lower)
     # Beyond the edge of the model nothing is measured.
-    whole = cv2.erode(known.astype(np.uint8), np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=0) > 0
-    return WallSurfaces(upper, lower, typical, typical & whole)
+    around = cv2.erode(measured.astype(np.uint8), np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=0)
+    return WallSurfaces(upper, lower, smooth, smooth & (around > 0))
 
 
 def _range(heights: np.ndarray, known: np.ndarray, side: int) -> np.ndarray:
