@@ -20,7 +20,11 @@ _FIGURES = (
     ("ortho_shift_median_px", "px", "Median shift relative to the reference."),
     ("ortho_shift_q95_px", "px", "95 % of the shifts are below this."),
     ("ortho_shift_above_half_px_share", "%", "Nodes that are shifted by more than 0.5 px."),
-    ("ortho_shift_nodes", "", "Nodes at which the shift was measured, on ground that two photographs or more show."),
+    (
+        "ortho_shift_nodes",
+        "",
+        "Nodes at which the shift was measured, where two photographs or more show the ground and no car or water is near.",
+    ),
     ("ortho_shift_mean_col_px", "px", "Mean shift to the right."),
     ("ortho_shift_mean_row_px", "px", "Mean shift downwards."),
 )
@@ -43,7 +47,7 @@ _TRUTH_FIGURES = (
     (
         "ortho_doubled_share",
         "%",
-        "Ground that buildings hide from some photograph and that looks like the adjacent roof instead of itself: doubled roofs.",
+        "Ground that two photographs show, that buildings hide from another, and that looks like the adjacent roof: doubled roofs.",
     ),
     (
         "ortho_doubled_by_chance",

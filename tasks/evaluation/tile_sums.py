@@ -243,7 +243,8 @@ def _shift_numbers(shifts: Shifts) -> dict[str, float | None]:
     # Ground that fewer than two photographs show has no height of its own: what is draped there lies where its guess is, and
     # the layer of height sources says so.
     found = np.isfinite(shifts.dx)
-    visible = shifts.seen >= 2
+    # Cars and glints differ from photograph to photograph, and the truth has none: there is nothing to match.
+    visible = (shifts.seen >= 2) & ~np.isin(shifts.place, (PlaceClass.VEHICLE, PlaceClass.WATER))
     size = np.hypot(shifts.dx, shifts.dy)
     numbers: dict[str, float | None] = {"nodes": float(visible.sum()), "matched": float((found & visible).sum())}
     chosen = {

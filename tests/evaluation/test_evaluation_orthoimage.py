@@ -7,6 +7,7 @@ from scipy.ndimage import shift as shifted
 
 from orthomill.schemas.raster import Window
 from orthomill.schemas.truth import Material
+from orthomill.tasks.evaluation.classes import PlaceClass
 from orthomill.tasks.evaluation.orthoimage_accuracy import (
     GreyFit,
     OrthoScene,
@@ -109,6 +110,27 @@ def test_dirt_of_another_colour_is_no_doubled_roof():
     dirty = roofed(False)
     dirty.colour[120:130, 60:100] = 250
     assert not doubled(dirty).any()
+
+
+def test_roofs_are_doubled_where_two_photographs_see_the_ground():
+    picture = roofed(True)
+    picture.seen[:] = 2
+    hidden = np.ones(SHAPE, int)
+    whole = count_ortho(picture, WHOLE, hidden)
+    assert whole.shadow_doubled == doubled(picture).sum() > 0
+    picture.seen[:, 105:] = 1
+    half = count_ortho(picture, WHOLE, hidden)
+    assert half.shadow_doubled == doubled(picture)[:, :105].sum() < whole.shadow_doubled and half.shadow < whole.shadow
+
+
+@pytest.mark.parametrize(("material", "code"), [(Material.VEHICLE, PlaceClass.VEHICLE), (Material.WATER, PlaceClass.WATER)])
+def test_nodes_know_of_cars_and_water_in_their_window(material, code):
+    truth = texture()
+    materials = np.full(SHAPE, Material.OPEN_GROUND, np.uint8)
+    materials[64 + 12, 96 - 12] = materials[64 + 13, 128] = material
+    found = shifts(scene(truth, truth, materials), WHOLE, np.full(SHAPE, PlaceClass.CLEAR_GROUND, np.uint8))
+    place = {(int(r), int(c)): p for r, c, p in zip(found.row, found.col, found.place, strict=True)}
+    assert place[64, 96] == code and place[64, 128] == PlaceClass.CLEAR_GROUND
 
 
 def test_counts_of_roads_shadows_and_visibility():

@@ -211,6 +211,15 @@ def test_shifts_are_summed_by_place():
     assert found.shift["mean_dx"] == pytest.approx(-0.075, abs=1e-4) and found.shift["mean_dy"] == pytest.approx(0.4, abs=1e-4)
 
 
+def test_cars_and_water_are_no_measure_of_the_shift():
+    found = summarise_ortho(
+        (OrthoCounts(),),
+        (shifts([0.1], [0.0]), *(shifts([3.0], [0.0], p) for p in (PlaceClass.VEHICLE, PlaceClass.WATER))),
+        GreyFit(),
+    )
+    assert found.shift["nodes"] == 1 and found.shift["share_above_half"] == 0.0
+
+
 def test_the_datum_is_told_apart_from_the_other_shifts():
     found = summarise_ortho((OrthoCounts(),), (shifts([0.7, 0.5, 1.5], [0.5, 0.5, 0.5], datum=0.5),), GreyFit()).shift
     assert found["datum_mean_dx"] == found["datum_mean_dy"] == 0.5 and found["own_median"] == pytest.approx(0.2)
