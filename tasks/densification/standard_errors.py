@@ -35,12 +35,14 @@ _EDGE, _WINDOW = 0.03, 5
 """share of the height differences within half a window of matching, cells, by which it bends"""
 _RISE = 2.2
 """m per m of distance that what was not measured may rise"""
-_FARTHEST = 16
-"""cells; farther away an estimate gets no worse"""
+_FARTHEST, _TALLEST = 64, 10.0
+"""cells and m; farther away, or once as uncertain as trees and houses are high, an estimate gets no worse"""
 _CORE, _MOSTLY = 2, 0.75
 """a cell counts as measured ground if most of the cells up to two away are measured: single ones in a crown are no ground"""
-REACH = _FARTHEST + _CORE
-"""cells around a cell that enter its standard error"""
+REACH = _WINDOW
+"""cells around a cell whose heights enter its standard error"""
+CODE_REACH = _FARTHEST + _CORE
+"""cells around an estimate whose codes enter its standard error"""
 
 
 def relative_precision(cells: FusedCells, volume: VolumeWindow, step: float) -> np.ndarray:
@@ -62,7 +64,7 @@ def with_distance(cells: FusedCells, cell: float) -> FusedCells:
     ground = measured > _MOSTLY * box_sums(np.ones(measured.shape, bool), _CORE)
     # Without any measured cell the distance would be that to the edge of the array.
     distance = ndimage.distance_transform_edt(~ground) if ground.any() else np.full(ground.shape, _FARTHEST)
-    widened = np.hypot(cells.precision, _RISE * cell * np.minimum(distance, _FARTHEST))
+    widened = np.hypot(cells.precision, np.minimum(_RISE * cell * np.minimum(distance, _FARTHEST), _TALLEST))
     return FusedCells(cells.height, np.where(estimated, widened, cells.precision).astype(np.float32), cells.count, cells.provenance)
 
 

@@ -20,7 +20,7 @@ from orthomill.tasks.densification.ground_intersection import NodesOnGround, nod
 from orthomill.tasks.densification.height_stack import SLOTS, HeightStack
 from orthomill.tasks.densification.points import PointCollector, PointThinning
 from orthomill.tasks.densification.spike_filter import SpikeFilter, spikes
-from orthomill.tasks.densification.standard_errors import REACH, relative_precision, with_distance
+from orthomill.tasks.densification.standard_errors import CODE_REACH, REACH, relative_precision, with_distance
 from orthomill.tasks.densification.surface_grid import ground_pixel
 
 CLASSES = 20
@@ -42,7 +42,7 @@ class SurfaceRules:
     def halo(self) -> int:
         """Cells around a tile that influence it."""
         # One cell more than filters, surroundings and filling look at: gridding takes cell centres on the edge of a triangle.
-        return self.spikes.halo + REACH + self.fill.reach + 1
+        return self.spikes.halo + max(REACH + self.fill.reach, CODE_REACH) + 1
 
 
 class SurfaceStatistics(BaseModel):

@@ -12,7 +12,7 @@ from orthomill.tasks.densification.fusion import Fusion
 from orthomill.tasks.densification.gridding import Gridding
 from orthomill.tasks.densification.points import PointThinning
 from orthomill.tasks.densification.spike_filter import SpikeFilter
-from orthomill.tasks.densification.standard_errors import REACH, SHARE
+from orthomill.tasks.densification.standard_errors import CODE_REACH, REACH, SHARE
 from orthomill.tasks.densification.surface_grid import ground_pixel
 from orthomill.tasks.densification.surface_tile import (
     CLASSES,
@@ -153,8 +153,9 @@ def test_statistics_of_tiles_add_up():
 
 def test_the_halo_covers_every_filter():
     rules = rules_of(SpikeFilter(radius=3.0, rounds=2, far_radius=5.0))
-    assert rules.halo == 3 * 2 + 5 + REACH + 1
-    assert rules_of(fill=EstimateGaps(max_gap=4)).halo - RULES.halo == 4
+    assert rules.halo == 3 * 2 + 5 + CODE_REACH + 1
+    wide = rules_of(fill=EstimateGaps(max_gap=2 * CODE_REACH))
+    assert wide.halo - RULES.halo == REACH + CODE_REACH
 
 
 def test_memory_does_not_grow_with_the_pairs():
