@@ -9,7 +9,7 @@ project ?= volos
 options ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run plan status report export dashboard doctor test test-fast test-slow lint types links format bench bench-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants docs clean clean-all
+.PHONY: help setup run plan status report export dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants docs clean clean-all
 
 help: ## List all targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-18s %s\n", $$1, $$2}'
@@ -52,6 +52,9 @@ test-fast: $(STAMP) ## Run the tests that take seconds
 
 test-slow: $(STAMP) ## Run the tests that take minutes
 	@$(BIN)/python -m pytest -m slow
+
+fuzz: $(STAMP) ## Give every reader of files thousands of broken ones (options=5000: cases for each)
+	@ORTHOMILL_FUZZ=$(or $(options),3000) $(BIN)/python -m pytest tests/failures/test_fuzzed_files.py
 
 lint: $(STAMP) types ## Check style, format and types
 	@$(BIN)/ruff check $(CODE)

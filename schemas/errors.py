@@ -33,3 +33,10 @@ def some_of(names: Sequence[str], most: int = 8) -> str:
     # A block can have thousands of photographs, and the message must remain one readable sentence.
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more
+
+
+def first_of(sentences: Sequence[str], most: int = 10) -> str:
+    """The first `most` sentences, one a line, and how many more there are."""
+    # A wrong separator makes a mistake of every line of a file: nobody reads a hundred thousand.
+    more = [f"... and {len(sentences) - most} more."] if len(sentences) > most else []
+    return "\n".join([*sentences[:most], *more])

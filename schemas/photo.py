@@ -20,6 +20,8 @@ class Header(BaseModel):
     dtype: str
     # Text, because programs disagree about the types of tags: the same one occurs as a number, a fraction or a padded string.
     tags: dict[str, str] = {}
+    damaged_tags: bool = False
+    """The file has tags that cannot be read; `tags` is empty."""
 
 
 def tag_text(tags: Mapping[str, str], name: str) -> str:
@@ -91,6 +93,10 @@ class PhotoRemarkCode(StrEnum):
     """Two files have the same name; `photos` holds the path of the one that is used and of the one that is set aside."""
     STRAY_POSITION = "stray_position"
     """The GPS tag of a photograph lies `distance_km` from the others and is not used."""
+    DAMAGED_TAGS = "damaged_tags"
+    """The EXIF tags of photographs cannot be read; they are used like photographs without tags."""
+    NO_ALTITUDE = "no_altitude"
+    """The GPS tags of photographs have no altitude, or an impossible one; they are used like photographs without GPS."""
     ROTATED_WITHOUT_FLAG = "rotated_without_flag"
     """Photographs were rotated by a quarter turn by a program that left no EXIF flag."""
 

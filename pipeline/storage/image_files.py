@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import rasterio
+from rasterio._err import CPLE_BaseError
 from rasterio.enums import ColorInterp
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 from rasterio.windows import Window as GdalWindow
@@ -84,13 +85,20 @@ def _no_images(folder: str, pattern: str, without_pattern: int) -> str:
 def read_header(path: Path) -> Header:
     """Size, bands, dtype and EXIF tags of an image file. Raises PhotoError for anything but a complete photograph."""
     with _opened(path) as dataset:
+        damaged = _has_damaged_tags(dataset)
         _check_size(path, dataset)
         bands = _colour_bands(path, dataset)
         # GDAL opens a truncated file without complaint and fails in the last tile, possibly hours later.
         if dataset.driver in _END_CHECKS:
             _END_CHECKS[dataset.driver](path)
         return Header(
-            path=str(path), width=dataset.width, height=dataset.height, bands=bands, dtype=dataset.dtypes[0], tags=_tags(dataset)
+            path=str(path),
+            width=dataset.width,
+            height=dataset.height,
+            bands=bands,
+            dtype=dataset.dtypes[0],
+            tags={} if damaged else _tags(dataset),
+            damaged_tags=damaged,
         )
 
 
@@ -100,6 +108,7 @@ def read_pixels(path: Path, window: Window) -> np.ndarray:
     An alpha band is left out. Raises PhotoError when the file is not an image, or ends inside the window.
     """
     with _opened(path) as dataset:
+        _has_damaged_tags(dataset)
         _check_size(path, dataset)
         bands = _colour_bands(path, dataset)
         if window.clipped(dataset.shape) != window or window.empty:
@@ -125,13 +134,23 @@ def _opened(path: Path) -> Iterator[rasterio.DatasetReader]:
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         try:
             dataset = rasterio.open(Path(path).absolute(), driver=driver)
-        except RasterioError as error:
+        except (RasterioError, CPLE_BaseError) as error:
             raise PhotoError(
                 f"{shown(path)} begins like an image, but cannot be opened: the file is damaged or was not copied "
                 "completely; copy it again from the camera."
             ) from error
         with dataset:
             yield dataset
+
+
+def _has_damaged_tags(dataset: rasterio.DatasetReader) -> bool:
+    """Whether EXIF cannot be read. GDAL reads it when the file is opened and fails with the first question, whatever is asked; all
+    later questions are answered."""
+    try:
+        _ = dataset.tags(), dataset.colorinterp
+    except CPLE_BaseError:
+        return True
+    return False
 
 
 def _driver(path: Path) -> str:

@@ -26,7 +26,7 @@ from orthomill.pipeline.workflow.field_words import (
     variants,
 )
 from orthomill.pipeline.workflow.yaml_lines import Document, Path_
-from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.errors import WorkflowError, first_of
 
 _BOUNDS = {
     "greater_than": ("gt", "greater than"),
@@ -89,9 +89,9 @@ class Mistakes:
                 self.add(path, text)
 
     def raise_if_any(self) -> None:
-        """Raises WorkflowError with all mistakes, one a line, in the order of the file."""
+        """Raises WorkflowError with the first mistakes, one a line, in the order of the file."""
         if self.found:
-            raise WorkflowError("\n".join(_line(self.file, mistake) for mistake in sorted(self.found)))
+            raise WorkflowError(first_of([_line(self.file, mistake) for mistake in sorted(self.found)]))
 
 
 def _line(file: str, mistake: Mistake) -> str:

@@ -3,12 +3,14 @@
 A tag that is empty, zero where zero is impossible, or not a number counts as absent: cameras write all of these.
 """
 
+import math
 import re
 from collections.abc import Mapping
 
 import numpy as np
 
 from orthomill.schemas.photo import tag_text
+from orthomill.tasks.geometry.coordinate_ranges import height_mistake
 from orthomill.tasks.geometry.rotation import angles
 
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
@@ -20,7 +22,8 @@ _INCH = 2.0  # the unit that EXIF prescribes when the tag is absent
 
 def numbers(tags: Mapping[str, str], name: str) -> list[float]:
     """All numbers of a tag; empty when it is absent or holds none."""
-    return [float(text) for text in _NUMBER.findall(tag_text(tags, name))]
+    found = [float(text) for text in _NUMBER.findall(tag_text(tags, name))]
+    return found if all(map(math.isfinite, found)) else []  # damaged tags hold numbers such as 1e400
 
 
 def positive(tags: Mapping[str, str], name: str) -> float | None:
@@ -46,13 +49,17 @@ def _degrees(tags: Mapping[str, str], name: str, negative: str) -> float | None:
 
 
 def altitude(tags: Mapping[str, str]) -> float | None:
-    """Metres above the reference of the receiver, negative below it (GPSAltitudeRef 1); None when absent."""
+    """Metres above the reference of the receiver, negative below it (GPSAltitudeRef 1); None when absent or impossible.
+
+    Exactly 0 is what receivers without a height write (0/0 among them, which GDAL shows as 0), as they do for the other two.
+    """
     found = numbers(tags, "GPSAltitude")
-    if not found:
+    if not found or found[0] == 0:
         return None
     # GDAL prints the byte either as a number or in hexadecimal.
     below = tag_text(tags, "GPSAltitudeRef").lower() in {"1", "0x01"}
-    return -found[0] if below else found[0]
+    value = -found[0] if below else found[0]
+    return None if height_mistake(value) else value
 
 
 def gimbal_attitude(tags: Mapping[str, str]) -> tuple[float, float, float] | None:

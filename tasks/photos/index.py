@@ -5,6 +5,7 @@ stages that need them ask for them.
 """
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import PurePath
 from typing import NamedTuple
@@ -29,8 +30,9 @@ _DIGITAL = Digital(kind="digital")
 _KM_PER_DEGREE = 111.2  # of a meridian; enough to tell kilometres from continents
 # A position is a stray when it lies farther from the median position than this, in km and in multiples of the median distance.
 # Both are needed: a block of a few hectares has a median distance of metres, a country-wide one of hundreds of kilometres.
-_STRAY_KM, _STRAY_SHARE = 20.0, 20.0
-_FEWEST_TO_JUDGE = 4  # with three positions one stray is already a third of the evidence
+# Photographs whose neighbours are within 50 m do not overlap with one a kilometre away.
+_STRAY_KM, _STRAY_SHARE = 1.0, 20.0
+_FEWEST_TO_JUDGE = 3  # of two, either may be wrong
 
 
 @dataclass(frozen=True)
@@ -97,7 +99,7 @@ def index_photos(
     photos, remarks = _without_duplicates([photo_from_header(header) for header in headers])
     refuse_ambiguous([photo.name for photo in photos])
     photos = _with_sensors(photos)
-    remarks += _rotated_without_flag(photos)
+    remarks += [*_rotated_without_flag(photos), *_about_tags(headers, photos, positions)]
     photos, strays = _placed(photos, crs, positions, positions_text or "")
     remarks += strays
     fitted = _fitted(photos, coordinates, scan_texts)
@@ -227,6 +229,15 @@ def _rotated_without_flag(photos: list[Photo]) -> list[PhotoRemark]:
         if photo.focal_mm and photo.exif_orientation == 1 and 0 < count[photo.camera] < count[_swapped(photo)]
     ]
     return [PhotoRemark(code=PhotoRemarkCode.ROTATED_WITHOUT_FLAG, photos=tuple(names))] if names else []
+
+
+def _about_tags(headers: tuple[Header, ...], photos: list[Photo], positions: Positions) -> Iterator[PhotoRemark]:
+    """Remarks about tags that cannot be read, and about GPS tags that are to be used and have no possible altitude."""
+    if damaged := tuple(photo_from_header(header).name for header in headers if header.damaged_tags):
+        yield PhotoRemark(code=PhotoRemarkCode.DAMAGED_TAGS, photos=damaged)
+    low = tuple(photo.name for photo in photos if photo.longitude is not None and photo.altitude is None)
+    if low and positions.kind == "exif":
+        yield PhotoRemark(code=PhotoRemarkCode.NO_ALTITUDE, photos=low)
 
 
 def _pixel_um(header: Header) -> float | None:

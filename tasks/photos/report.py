@@ -60,6 +60,16 @@ def remark_sentence(remark: PhotoRemark) -> str:
             f"The GPS tag of {remark.photos[0]} lies {remark.distance_km or 0.0:.0f} km from the other photographs and is not "
             "used; the photograph itself is."
         )
+    if remark.code is PhotoRemarkCode.DAMAGED_TAGS:
+        return (
+            f"{some_of(remark.photos)}: the EXIF tags are damaged and not used; copy the files again from the camera, or state "
+            "camera and positions in the workflow."
+        )
+    if remark.code is PhotoRemarkCode.NO_ALTITUDE:
+        return (
+            f"{some_of(remark.photos)}: the GPS tags hold no possible altitude, so that these positions are not used; give "
+            "positions in a file if the block depends on them."
+        )
     return (
         f"{some_of(remark.photos)}: the size of the other photographs of this camera with width and height exchanged, and no EXIF "
         "flag that explains it. A program rotated the pixels; in which direction is unknown, so the interior orientation cannot be "

@@ -1,6 +1,7 @@
 """Cameras from EXIF, as typed, from files; fitted to reduced and turned photographs."""
 
 import json
+import math
 from types import SimpleNamespace
 
 import numpy as np
@@ -142,7 +143,7 @@ def test_files_hold_one_camera_or_those_of_an_earlier_run():
     single = from_file(photos(photo(width=400, height=300)), CAMERA.model_dump_json(), "camera.json")
     assert single.cameras.of("a").c == 350
     assert any("scaled" in warning for warning in single.report.warnings)
-    table = Cameras(cameras={"cam": CAMERA, "x": CAMERA.model_copy(update={"c": 1.0})}, of_photo={})
+    table = Cameras(cameras={"cam": CAMERA, "x": CAMERA.model_copy(update={"c": 900.0})}, of_photo={})
     assert from_file(photos(photo()), table.model_dump_json(), "cameras.json").cameras.of("a").c == 700
     block = table.model_dump_json()[:-1] + ', "crs": "EPSG:2100", "photos": []}'
     assert from_file(photos(photo()), block, "cameras.json").cameras.of("a").c == 700
@@ -157,6 +158,15 @@ def test_files_hold_one_camera_or_those_of_an_earlier_run():
         (json.dumps({"name": "x", "width": 10}), "height"),
         ("[1]", "the whole"),
         (json.dumps({"name": "x", "width": 10, "height": 10, "c": -5}), "greater than 0"),
+        (json.dumps(CAMERA.model_dump() | {"x0": math.nan}), "not a number"),
+        (CAMERA.model_copy(update={"c": 4.7}).model_dump_json(), "in pixels and not in millimetres"),
+        (CAMERA.model_copy(update={"x0": 9e4}).model_dump_json(), "outside of the photograph"),
+        (CAMERA.model_copy(update={"k1": 1e300}).model_dump_json(), "times the radius in the corners"),
+        (CAMERA.model_copy(update={"pixel_um": -3.0}).model_dump_json(), "pixels of -3 micrometres"),
+        (CAMERA.model_copy(update={"covariance": ((1.0, 2.0),)}).model_dump_json(), "not 8 x 8"),
+        (CAMERA.model_copy(update={"covariance": ((-1.0,) * 8,) * 8}).model_dump_json(), "negative variances"),
+        ("[" * 100_000, "cannot be read as JSON"),
+        ('{"width": ' + "9" * 5000 + "}", "cannot be read as JSON"),
     ],
 )
 def test_a_wrong_camera_file_says_where(text, part):

@@ -56,7 +56,9 @@ def test_a_sign_in_place_of_the_reference_is_understood():
         ({}, None),
         ({"GPSAltitude": "(120.5)"}, 120.5),
         ({"GPSAltitude": "(120.5)", "GPSAltitudeRef": "1"}, -120.5),
-        ({"GPSAltitude": "(0)"}, 0.0),
+        ({"GPSAltitude": "(0)"}, None),  # 0/0 is shown like this, and receivers without a height write it
+        ({"GPSAltitude": "(4e+09)"}, None),
+        ({"GPSAltitude": "(1e400)"}, None),
     ],
 )
 def test_altitudes(tags, height):

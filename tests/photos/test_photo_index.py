@@ -208,6 +208,32 @@ def test_a_gps_tag_of_another_place_is_left_out_and_named():
     assert remark_sentence(remark).startswith(f"The GPS tag of far lies {remark.distance_km:.0f} km from")
 
 
+def test_in_a_block_of_three_a_tag_ten_kilometres_off_is_left_out():
+    off = {**DRONE, "GPSLatitude": "(46) (56) (0)"}
+    headers = (header("a.jpg"), header("b.jpg"), header("c.jpg", tags=off))
+    photos = photos_of(headers, "EPSG:26915", EXIF_POSITIONS, LIMITS)
+    assert [photo.position is None for photo in photos.photos] == [False, False, True]
+    assert photos.remarks[0].code is PhotoRemarkCode.STRAY_POSITION
+
+
+def test_a_strip_of_three_with_wide_bases_has_no_strays():
+    headers = [header(f"p{i}.jpg", tags={**DRONE, "GPSLatitude": f"(46) (5{i}) (0)"}) for i in range(3)]
+    assert photos_of(tuple(headers), "EPSG:26915", EXIF_POSITIONS, LIMITS).remarks == ()
+
+
+@pytest.mark.parametrize("altitude", ["(0)", "(4e+09)"])
+def test_an_impossible_altitude_is_no_position_and_is_named(altitude):
+    headers = (header("a.jpg"), header("b.jpg", tags={**DRONE, "GPSAltitude": altitude}))
+    photos = photos_of(headers, "EPSG:26915", EXIF_POSITIONS, LIMITS)
+    assert photos["a"].position is not None and photos["b"].position is None
+    assert photos.remarks == (PhotoRemark(code=PhotoRemarkCode.NO_ALTITUDE, photos=("b",)),)
+
+
+def test_damaged_tags_are_named_and_the_photograph_is_used():
+    photos = photos_of((header("a.jpg"), header("b.jpg", tags={}, damaged_tags=True)), "EPSG:26915", EXIF_POSITIONS, LIMITS)
+    assert photos.names == ("a", "b") and photos.remarks == (PhotoRemark(code=PhotoRemarkCode.DAMAGED_TAGS, photos=("b",)),)
+
+
 def test_of_two_camps_of_positions_none_is_a_stray():
     elsewhere = {**DRONE, "GPSLatitude": "(47) (50) (0)"}
     headers = [header(f"p{i}.jpg", tags=DRONE if i % 2 else elsewhere) for i in range(4)]

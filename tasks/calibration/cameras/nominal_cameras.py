@@ -12,6 +12,7 @@ from orthomill.schemas.camera import INTERIOR, Camera, Cameras
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.schemas.project import CameraGiven
+from orthomill.tasks.calibration.cameras.possible_cameras import camera_mistake
 from orthomill.tasks.geometry.camera_change import QUARTER_TURNS, sensor_name, sensor_size, turned
 
 # EXIF holds the marked focal length, not the one at the focused distance; a 35 mm equivalent is rounded to whole millimetres, and
@@ -82,17 +83,24 @@ def _parsed(text: str, path: str) -> dict[str, Camera]:
         content = json.loads(text)
         if isinstance(content, dict) and "cameras" in content:
             known = {name: content[name] for name in ("cameras", "of_photo") if name in content}
-            return _file_cameras(Cameras.model_validate(known))
-        camera = Camera.model_validate(content).model_copy(update={"source": "file"})
-        return {camera.name: camera}
-    except json.JSONDecodeError as error:
-        raise WorkflowError(f"{path} is not a camera file: it is not JSON (line {error.lineno}: {error.msg}).") from error
+            found = _file_cameras(Cameras.model_validate(known))
+        else:
+            camera = Camera.model_validate(content).model_copy(update={"source": "file"})
+            found = {camera.name: camera}
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"]) or "the whole"
         raise WorkflowError(
             f"{path} is not a camera file: {place}: {first['msg']}; it must have at least name, width, height and c."
         ) from error
+    except json.JSONDecodeError as error:
+        raise WorkflowError(f"{path} is not a camera file: it is not JSON (line {error.lineno}: {error.msg}).") from error
+    except (ValueError, RecursionError) as error:  # numbers of thousands of digits, brackets in brackets in brackets
+        raise WorkflowError(f"{path} is not a camera file: it cannot be read as JSON ({error}).") from error
+    for camera in found.values():
+        if mistake := camera_mistake(camera):
+            raise WorkflowError(f"The camera {camera.name} of {path} {mistake}; correct the file.")
+    return found
 
 
 def _file_cameras(cameras: Cameras) -> dict[str, Camera]:

@@ -5,14 +5,15 @@ of its fiducial marks).
 """
 
 import csv
-import io
 import math
 from collections.abc import Iterator
+from itertools import zip_longest
 from pathlib import PurePosixPath
 
-from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.errors import WorkflowError, first_of
 from orthomill.schemas.observations import Control, ControlPoint, Distance
 from orthomill.schemas.photo import Photo, Photos
+from orthomill.tasks.geometry.coordinate_ranges import coordinate_mistake, sigma_mistake
 
 POINT_COLUMNS = ("name", "role", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
 MEASUREMENT_COLUMNS = ("name", "photo", "col", "row", "sigma")
@@ -31,16 +32,17 @@ def read_control(photos: Photos, points: str, measurements: str, distances: str 
     mistakes: list[str] = []
     known = _points(points, mistakes)
     measured = _measurements(measurements, known, photos, mistakes)
+    # A point whose only measurement is wrong has its sentence already.
+    answered = " ".join(mistakes)
     mistakes += [
         f"Control point {name} is measured in no photograph; measure it in two or more, or leave it out."
         for name in known
-        # A point whose only measurement is wrong has its sentence already.
-        if not measured[name] and not any(f"point {name} " in text for text in mistakes)
+        if not measured[name] and f"point {name} " not in answered
     ]
     points_of = {name: point.model_copy(update={"measurements": measured[name]}) for name, point in known.items()}
     lengths = () if distances is None else tuple(_distances(distances, points_of, mistakes))
     if mistakes:
-        raise WorkflowError("\n".join(mistakes))
+        raise WorkflowError(first_of(mistakes))
     return Control(points=tuple(points_of.values()), distances=lengths)
 
 
@@ -67,13 +69,21 @@ def _rows(text: str, columns: tuple[str, ...], what: str, mistakes: list[str]) -
         for number, line in enumerate(text.lstrip("\ufeff").splitlines(), 1)
         if line.strip() and not line.startswith("#")
     ]
-    reader = csv.reader(io.StringIO("\n".join(line for _, line in lines)), skipinitialspace=True)
-    cells = [[cell.strip() for cell in row] for row in reader]
-    if not cells or not set(columns) <= set(cells[0]):
-        missing = ", ".join(name for name in columns if not cells or name not in cells[0])
+    header = _cells(lines[0][1]) if lines else []
+    if not set(columns) <= set(header):
+        missing = ", ".join(name for name in columns if name not in header)
         mistakes.append(f"The {what} file lacks the column(s) {missing}; its first line must be: {','.join(columns)}.")
         return []
-    return [(number, dict(zip(cells[0], row, strict=False))) for (number, _), row in zip(lines[1:], cells[1:], strict=True)]
+    # A line that ends early has empty cells, which are answered like all others.
+    return [(number, dict(zip_longest(header, _cells(line)[: len(header)], fillvalue=""))) for number, line in lines[1:]]
+
+
+def _cells(line: str) -> list[str]:
+    """The cells of one line: a quote that is not closed ends with its line, so that it spoils no other."""
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], skipinitialspace=True))]
+    except csv.Error:  # a cell of more than 128 KiB
+        return []
 
 
 def _numbers(row: dict[str, str], names: tuple[str, ...], where: str, mistakes: list[str]) -> tuple[float, ...] | None:
@@ -86,7 +96,10 @@ def _numbers(row: dict[str, str], names: tuple[str, ...], where: str, mistakes: 
             value = math.nan
         if not math.isfinite(value) or (name.startswith("sigma") and value <= 0):
             needed = "a positive number" if name.startswith("sigma") else "a number"
-            mistakes.append(f"{where}: {name} is '{row.get(name, '')}', which must be {needed}.")
+            mistakes.append(f"{where}: {name} is '{row.get(name, '')[:40]}', which must be {needed}.")
+            return None
+        if mistake := sigma_mistake(value) if name.startswith("sigma") else coordinate_mistake(value):
+            mistakes.append(f"{where}: {name} {mistake}.")
             return None
         values.append(value)
     return tuple(values)

@@ -7,10 +7,11 @@ Source: OpenDroneMap's documentation, "Ground Control Points", file format.
 
 from dataclasses import dataclass
 
-from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.errors import WorkflowError, first_of
 from orthomill.schemas.observations import Control, ControlPoint
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.schemas.project import ControlFromGcpList
+from orthomill.tasks.geometry.coordinate_ranges import coordinate_mistake
 from orthomill.tasks.orientation.control.control_files import measurement_mistake, photos_by_word
 
 
@@ -41,7 +42,7 @@ def read_gcp_list(photos: Photos, text: str, source: ControlFromGcpList) -> GcpL
         if name not in known
     ]
     if mistakes or not known:
-        raise WorkflowError("\n".join(mistakes) or "The GCP list names a reference system, but no point.")
+        raise WorkflowError(first_of(mistakes) or "The GCP list names a reference system, but no point.")
     return GcpList(lines[0][1], Control(points=tuple(known.values())))
 
 
@@ -53,6 +54,9 @@ def _add(line: str, known: dict[str, ControlPoint], photos: dict[str, Photo], so
         word = words[5]
     except (ValueError, IndexError):
         return f"'{line[:60]}' must hold X Y Z col row photograph, and may hold a name."
+    for label, value in zip(("X", "Y", "Z", "col", "row"), (x, y, z, col, row), strict=True):
+        if mistake := coordinate_mistake(value):
+            return f"{label} {mistake}."
     # Without a name the text of the coordinates is the name.
     name = words[6] if len(words) > 6 else f"{words[0]} {words[1]} {words[2]}"
     # Programs that count from the corner of a pixel have its centre at (0.5, 0.5).

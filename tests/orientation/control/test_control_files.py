@@ -36,6 +36,10 @@ def test_points_and_measurements_are_put_together():
         (POINTS.replace("check", "chek"), MEASURED, "role 'chek'; allowed are control, check and tie"),
         (POINTS.replace("sigma_z", "sz"), MEASURED, "lacks the column"),
         ("", MEASURED, "lacks the column"),
+        (POINTS.replace("4,5,6", "4e12,5,6"), MEASURED, "which is no coordinate on the Earth"),
+        (POINTS.replace("0.1,0.1,0.2\nP2", "1e-300,0.1,0.2\nP2"), MEASURED, "sigma_x is 1e-300, but a standard error is between"),
+        (POINTS, MEASURED + '"P1,b\n', "point P1,b: col is '', which must be a number"),
+        (POINTS + "x" * 200_000, MEASURED, "point  has the role ''"),
     ],
 )
 def test_every_mistake_is_one_sentence(points, measured, sentence):
@@ -80,3 +84,10 @@ def test_distances_of_control_on_another_site_still_count():
     control = control_from_files(here, TIES, SEEN, None, "EPSG:32634", LENGTHS)
     assert [(p.name, p.role) for p in control.points] == [("P1", "tie"), ("P3", "tie")]
     assert len(control.distances) == 1 and control.findings[0].code == "control_elsewhere"
+
+
+def test_of_a_hundred_thousand_mistakes_ten_are_told_and_the_rest_is_counted():
+    with pytest.raises(WorkflowError) as told:
+        read_control(PHOTOS, POINTS, MEASURED + "P1,zzz,1,1,1\n" * 100_000)
+    lines = str(told.value).splitlines()
+    assert len(lines) == 11 and lines[-1] == "... and 99990 more."
