@@ -4,7 +4,7 @@ Strategy. A height counts as measured where those around go along with it, it be
 them lies far away, and two photographs or more see all of its surroundings. The others are estimates. In a wood or on water, where
 every leaf and wave has a height of its own that no neighbour shares, estimates are calmed: medians of squares, medians of those,
 interpolated; a rough guess would hide ground from photographs that no other rough guess reveals. How far they depart from the
-terrain of the tie points is believed as far as their scatter supports it: crowns stand out from it, chance does not.
+terrain of the tie points is believed as far as their scatter supports it, and upwards only: crowns stand out from it.
 """
 
 from dataclasses import dataclass
@@ -130,8 +130,9 @@ def _calm(height: np.ndarray, terrain: np.ndarray) -> np.ndarray:
     middle = _median(patches)
     scatter = _median(np.abs(patches - middle[..., None])) * np.float32(_OF_MEDIAN / (2 * _PATCH + 1))
     places = [np.clip((np.arange(size) + 0.5) / SQUARE - 0.5, 0, -(-size // SQUARE) - 1) for size in height.shape]
-    departure, doubtful = between(middle, *places) - terrain, _SUPPORT * between(scatter, *places)
-    believed = 1 - np.minimum(doubtful / np.maximum(np.abs(departure), np.float32(1e-6)), 1) ** 2
+    # Crowns rise above the tie points; what lies below them all around is chance, however much it agrees with itself.
+    departure, doubtful = np.maximum(between(middle, *places) - terrain, 0), _SUPPORT * between(scatter, *places)
+    believed = 1 - np.minimum(doubtful / np.maximum(departure, np.float32(1e-6)), 1) ** 2
     return np.where(np.isfinite(height), terrain + believed * departure, np.nan).astype(np.float32)
 
 

@@ -99,6 +99,10 @@ def test_chance_on_water_gives_way_to_the_terrain():
     assert np.abs(found.height - 3).mean() < 3 < np.abs(chance - 3).mean() / 5
 
 
+def test_guesses_below_the_terrain_are_not_believed():
+    assert (judge(level(-40.0), quality(0.2), terrain=3.0).height == 3).all()
+
+
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10**6), row=st.integers(0, 70), col=st.integers(0, 90), size=st.integers(1, 40))
 def test_a_window_is_a_window_of_the_whole(seed, row, col, size):
