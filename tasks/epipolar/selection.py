@@ -44,7 +44,7 @@ class PairChoice(Settings):
     scale: float = setting(1.6, "Greatest ratio of the ground pixel sizes of the two photographs.", ge=1)
     per_photo: int = setting(4, "Pairs that a photograph takes part in, at most: half of them with its nearest neighbours.", ge=1)
     per_place: int = setting(
-        5, "Pairs over a place that are enough: a wide pair is taken where a quarter of its ground lies under fewer.", ge=1
+        4, "Pairs over a place that are enough: a wide pair is taken where a quarter of its ground lies under fewer.", ge=1
     )
 
 

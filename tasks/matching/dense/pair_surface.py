@@ -38,6 +38,8 @@ _IN_FRONT = np.float32(1.5)
 """px: parallaxes that are larger by this belong to something that stands in front"""
 _HALF_PLANE = 0.5
 """px: half the distance of the volume's planes; who ends farther from its winner says that another plane is right"""
+_USUAL = 3.0 * 1.4826
+"""medians of the distance to the start that are three of its standard deviations"""
 _COHERENT = 0.7
 """share of the 9 x 9 pixels around that must go along with a parallax of the volume alone"""
 _VOLUME_SIGMA, _ESTIMATED_SIGMA = 0.5, 2.0
@@ -118,8 +120,11 @@ def _completed(nodes: NodeParallaxes, start: PairStart, right_cols: int, matchin
     known = np.isfinite(start.parallax)[every]
     shown = ~hidden(start.parallax, right_cols)[every]
     parallax = np.where(np.isfinite(nodes.parallax), nodes.parallax, start.parallax[every])
+    moved = np.abs(nodes.parallax - start.parallax[every])
+    # A start that is itself noisy decides nothing.
+    usual = _USUAL * float(np.median(moved[np.isfinite(moved)])) if np.isfinite(moved).any() else 0.0
     with np.errstate(invalid="ignore"):
-        strayed = np.abs(nodes.parallax - start.parallax[every]) > _HALF_PLANE
+        strayed = moved > max(_HALF_PLANE, usual)
     strayed &= break_variance(parallax, matching.step) > 0.0
     parallax = np.where(strayed, start.parallax[every], parallax)
     broken = break_variance(parallax, matching.step)
