@@ -41,7 +41,7 @@ def error(x, y):
 def project(tile=128, planted=error, hole=True):
     made = MemoryProject(tile)
     made.tables = {
-        PAIRS.path: choose_pairs(block(), PairChoice(), 0.08),
+        PAIRS.path: choose_pairs(block(), PairChoice(per_place=9), 0.08),
         BLOCK.path: block(),
         PHOTOS.path: photos(),
         SURFACE.path: Surface(grid=GRID, height_low=20, height_high=85),
