@@ -83,6 +83,8 @@ class StageReport(_ReportPart):
     pictures: tuple[Picture, ...] = ()
     warnings: tuple[str, ...] = ()
     """Whole sentences: what is poorly determined or suspicious, where, and what to do."""
+    doubts: tuple[str, ...] = ()
+    """Those of the warnings that one must know before one believes any result of the project, the gravest first."""
 
 
 def report_table(stage: str) -> Table[StageReport]:

@@ -1,7 +1,7 @@
 """The command `orthomill`: hands the catalogue of stages to the engine and talks to the user at the terminal.
 
 Every error that orthomill can explain is one sentence and an exit code: 1 for failed jobs, 2 for input that cannot be used,
-130 for Ctrl-C. A traceback is shown with --debug only.
+3 for results in doubt with --strict, 130 for Ctrl-C. A traceback is shown with --debug only.
 """
 
 import gc
@@ -29,12 +29,14 @@ from orthomill.pipeline.engine.interruption import listen
 from orthomill.pipeline.engine.lock import is_running, only_run
 from orthomill.pipeline.engine.records import Record, Records
 from orthomill.pipeline.engine.run_facts import RunFacts, read_facts
-from orthomill.pipeline.engine.running import DASHBOARD, MIB, Options, check_stage_names, session_of
+from orthomill.pipeline.engine.running import DASHBOARD, MIB, Options, check_stage_names, session_of, titles_of
 from orthomill.pipeline.engine.session import TIME_FORMAT, Session, key_text
 from orthomill.pipeline.engine.verification import verify as verify_results
 from orthomill.pipeline.export.exports import export as export_file
+from orthomill.pipeline.report.doubts import doubts
 from orthomill.pipeline.report.results import rewrite_results, run_with_report
 from orthomill.pipeline.report.summary import summary_markdown
+from orthomill.pipeline.storage.store import Store
 from orthomill.pipeline.workflow.settings_reference import write_settings_reference
 from orthomill.pipeline.workflow.starting_workflow import write_starting_workflow
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow, load_workflow, resolve_workflow
@@ -52,6 +54,8 @@ inspect = typer.Typer(help="Look at a single photograph, without a project.", no
 app.add_typer(inspect, name="inspect")
 out = Console(highlight=False)
 err = Console(stderr=True, highlight=False)
+
+DOUBTS_SHOWN = 3
 
 Name = Annotated[str, typer.Argument(help="Project name (workflows/<name>.yaml) or the path of a workflow file.")]
 Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
@@ -112,14 +116,18 @@ def run(
     tls_ca: Annotated[Path | None, typer.Option(help="Certificate of the authority of an existing cluster (PEM).")] = None,
     tls_cert: Annotated[Path | None, typer.Option(help="Your certificate for that cluster (PEM).")] = None,
     tls_key: Annotated[Path | None, typer.Option(help="The key of your certificate (PEM).")] = None,
+    strict: Annotated[bool, typer.Option("--strict", help="End with exit code 3 where the results are in doubt.")] = False,
     debug: Debug = False,
 ) -> None:
     """Run a workflow; continues where an earlier run stopped."""
     with plain_errors(debug):
         loaded, tls = _load(name), _tls_files(scheduler, (tls_ca, tls_cert, tls_key))
         facts = _run(loaded, Options(from_stage, until, workers, memory * MIB, sequential, scheduler, port, tls))
+        found = _tell_doubts(loaded, facts)
     if not facts.complete:
         raise typer.Exit(1)
+    if found and strict:
+        raise typer.Exit(3)
 
 
 def _tls_files(scheduler: str | None, files: tuple[Path | None, ...]) -> tuple[Path, Path, Path] | None:
@@ -158,6 +166,18 @@ def _conclude(facts: RunFacts, folder: Path) -> None:
             "The project is not complete. What does not depend on the failed jobs is done; fix the cause and run again.",
             soft_wrap=True,
         )
+
+
+def _tell_doubts(loaded: LoadedWorkflow, facts: RunFacts) -> int:
+    """Print the gravest warnings of the run, with their place in the report; returns how many there are."""
+    reported = {stage.kind for stage in facts.stages if stage.complete}
+    titles = tuple(title for title in titles_of(loaded.stages) if title[0] in reported)
+    found = list(doubts(Store(loaded.run_folder), titles))
+    for doubt in found[:DOUBTS_SHOWN]:
+        err.print(f"[yellow]doubtful[/yellow] {escape(doubt.sentence)} (report: {escape(doubt.section)})", soft_wrap=True)
+    if len(found) > DOUBTS_SHOWN:
+        err.print(f"... and {len(found) - DOUBTS_SHOWN} more that put the results in doubt; they are in the report.")
+    return len(found)
 
 
 @app.command()

@@ -7,6 +7,7 @@ from orthomill.schemas.photo import Photos
 from orthomill.schemas.stage_report import StageReport
 from orthomill.tasks.orientation.reporting.adjustment_tables import adjustment_grids, ground_grids
 from orthomill.tasks.orientation.reporting.block_charts import block_charts
+from orthomill.tasks.orientation.reporting.block_doubts import block_doubts
 from orthomill.tasks.orientation.reporting.block_facts import Facts
 from orthomill.tasks.orientation.reporting.block_figures import block_figures
 from orthomill.tasks.orientation.reporting.block_warnings import block_warnings
@@ -40,4 +41,5 @@ def report(
         charts=tuple(block_charts(facts)),
         pictures=(overlap_picture(block),),
         warnings=tuple(block_warnings(facts)),
+        doubts=tuple(block_doubts(facts)),
     )

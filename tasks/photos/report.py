@@ -17,6 +17,8 @@ PICTURES = 6
 _MOST_CLIPPED, _LEAST_CONTRAST = 0.1, 0.03
 # Marks are measured to half a pixel or so; twice the pixel is more than careless measuring explains.
 _WORST_FIT_PX = 2.0
+# What was set aside may be what the user relies on.
+_GRAVE = (PhotoRemarkCode.STRAY_POSITION, PhotoRemarkCode.NO_ALTITUDE, PhotoRemarkCode.DAMAGED_TAGS)
 _SCAN_COLUMNS = (
     "photo",
     "marks",
@@ -44,6 +46,7 @@ def photos_report(
             *_exposure_warnings(exposures),
             *_scan_warnings(scans),
         ),
+        doubts=tuple(remark_sentence(remark) for remark in photos.remarks if remark.code in _GRAVE),
     )
 
 

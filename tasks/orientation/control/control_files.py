@@ -31,6 +31,10 @@ def read_control(photos: Photos, points: str, measurements: str, distances: str 
     # Everything is read before anything is refused: a surveyor corrects a whole file at once.
     mistakes: list[str] = []
     known = _points(points, mistakes)
+    if not known and not mistakes:
+        mistakes.append(
+            "The control points file holds no points; fill it in, or say that there is no ground control (control: {kind: none})."
+        )
     measured = _measurements(measurements, known, photos, mistakes)
     # A point whose only measurement is wrong has its sentence already.
     answered = " ".join(mistakes)

@@ -1,0 +1,45 @@
+"""Which warnings about the block put every result of the project in doubt: place, scale, tilt or shape may be wrong as a whole."""
+
+from collections.abc import Iterator
+
+from orthomill.schemas.findings.block_findings import (
+    AxesExchanged,
+    BlockElsewhere,
+    BlockSeparate,
+    ConstantContradicted,
+    ControlContradicted,
+    DatumMisfit,
+    DistortionFolds,
+    GroupsUnconnected,
+    LooksUpward,
+    NoDatum,
+    PositionsElsewhere,
+    TiltUnobserved,
+)
+from orthomill.tasks.orientation.reporting.block_facts import Facts
+from orthomill.tasks.orientation.reporting.control_sentences import control_sentence
+from orthomill.tasks.orientation.reporting.finding_sentences import finding_sentence
+
+GRAVE = (
+    NoDatum,
+    LooksUpward,
+    AxesExchanged,
+    DatumMisfit,
+    BlockElsewhere,
+    PositionsElsewhere,
+    ControlContradicted,
+    GroupsUnconnected,
+    BlockSeparate,
+    ConstantContradicted,
+    DistortionFolds,
+    TiltUnobserved,
+)
+"""In the order in which they are told. Other findings concern single points and photographs, or a precision that is stated."""
+
+
+def block_doubts(facts: Facts) -> Iterator[str]:
+    """Sentences that are among the warnings, the gravest first."""
+    # Control that was left out for its place or its heights leaves the block without what its user relies on.
+    yield from (control_sentence(finding) for finding in facts.control.findings)
+    found = [finding for finding in facts.precision.findings if isinstance(finding, GRAVE)]
+    yield from (finding_sentence(finding) for finding in sorted(found, key=lambda finding: GRAVE.index(type(finding))))
