@@ -3,7 +3,7 @@
 import shutil
 from pathlib import Path
 
-from orthomill.pipeline.engine.lock import only_run
+from orthomill.pipeline.records.lock import only_run
 from orthomill.schemas.errors import StoreError
 
 

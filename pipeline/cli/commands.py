@@ -26,13 +26,13 @@ from orthomill.pipeline.cli.plan_lines import plan_lines, plan_notes
 from orthomill.pipeline.cli.progress_lines import ProgressLines
 from orthomill.pipeline.cli.verification_lines import verification_lines
 from orthomill.pipeline.engine.interruption import listen
-from orthomill.pipeline.engine.lock import is_running, only_run
-from orthomill.pipeline.engine.records import Record, Records
 from orthomill.pipeline.engine.run_facts import RunFacts, read_facts
 from orthomill.pipeline.engine.running import DASHBOARD, MIB, Options, check_stage_names, session_of, titles_of
 from orthomill.pipeline.engine.session import TIME_FORMAT, Session, key_text
-from orthomill.pipeline.engine.verification import verify as verify_results
 from orthomill.pipeline.export.exports import export as export_file
+from orthomill.pipeline.records.lock import is_running, only_run
+from orthomill.pipeline.records.records import Record, Records
+from orthomill.pipeline.records.verification import verify as verify_results
 from orthomill.pipeline.report.doubts import doubts
 from orthomill.pipeline.report.results import rewrite_results, run_with_report
 from orthomill.pipeline.report.summary import summary_markdown

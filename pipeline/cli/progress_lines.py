@@ -11,8 +11,8 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table as Lines
 
-from orthomill.pipeline.engine.records import Key
 from orthomill.pipeline.engine.runner import Finished
+from orthomill.pipeline.records.records import Key
 
 
 @dataclass

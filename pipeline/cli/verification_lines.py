@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from orthomill.pipeline.engine.verification import Verification
+from orthomill.pipeline.records.verification import Verification
 
 SHOWN = 10
 

@@ -18,8 +18,8 @@ from distributed.comm import CommClosedError
 from orthomill.pipeline.engine.dask_cluster import LOST, MEMORY
 from orthomill.pipeline.engine.execute import JobFailed, JobOrder, execute
 from orthomill.pipeline.engine.interruption import stop_if_asked
-from orthomill.pipeline.engine.records import Key
 from orthomill.pipeline.engine.runner import ATTEMPTS, Finished
+from orthomill.pipeline.records.records import Key
 
 WAVE = 2000
 """Jobs that the scheduler holds at most; the rest waits here. Enough for hundreds of workers."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from orthomill.pipeline.engine.records import Fingerprint, Key, Record, Records
 from orthomill.pipeline.export.exports import export
+from orthomill.pipeline.records.records import Fingerprint, Key, Record, Records
 from orthomill.pipeline.storage.image_files import read_header, read_pixels
 from orthomill.pipeline.storage.kept_files import KeptFile, keep
 from orthomill.pipeline.storage.map_files import read_map, read_map_grid

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from orthomill.pipeline.engine import fingerprint as fp
 from orthomill.pipeline.engine.job_signature import misfit
-from orthomill.pipeline.engine.records import Fingerprint, Key
 from orthomill.pipeline.export.exports import export as export_file
+from orthomill.pipeline.records.records import Fingerprint, Key
 from orthomill.pipeline.storage.store import aligned
 from orthomill.schemas.errors import OrthomillError, ResourceError, WorkflowError
 from orthomill.schemas.job import (

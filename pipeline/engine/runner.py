@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 from orthomill.pipeline.engine.execute import JobFailed, JobOrder, execute
-from orthomill.pipeline.engine.records import Key
+from orthomill.pipeline.records.records import Key
 
 ATTEMPTS = 2
 """A failed job is tried once more: the disk may have been full for a moment, or the worker may have been killed."""

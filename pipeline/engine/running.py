@@ -18,11 +18,11 @@ from typing import Protocol
 import psutil
 
 from orthomill.pipeline.engine.interruption import only_where_asked
-from orthomill.pipeline.engine.lock import only_run
-from orthomill.pipeline.engine.power_cut import examine_after_power_cut, flushing
 from orthomill.pipeline.engine.run_facts import RunFacts, StageTitle, write_facts
 from orthomill.pipeline.engine.runner import Runner, SequentialRunner
 from orthomill.pipeline.engine.session import Session, Watcher, key_text, now, unwatched
+from orthomill.pipeline.records.lock import only_run
+from orthomill.pipeline.records.power_cut import examine_after_power_cut, flushing
 from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.pipeline.workflow.mistakes import did_you_mean
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow, image_files, write_workflow

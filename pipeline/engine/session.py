@@ -16,9 +16,9 @@ from orthomill.pipeline.engine.execute import JobOrder
 from orthomill.pipeline.engine.graph import Graph, PlannedJob, check_memory
 from orthomill.pipeline.engine.interruption import stop_if_asked
 from orthomill.pipeline.engine.planner import Planner
-from orthomill.pipeline.engine.records import DEFECTS, Key, Record, Records, reason_to_run
 from orthomill.pipeline.engine.run_facts import Failure, StageRun
 from orthomill.pipeline.engine.runner import Finished, Runner
+from orthomill.pipeline.records.records import DEFECTS, Key, Record, Records, reason_to_run
 from orthomill.pipeline.storage.kept_files import Defect, first_defect
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import ResourceError

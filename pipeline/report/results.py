@@ -9,10 +9,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from orthomill.pipeline.engine.fingerprint import digest, of_modules
-from orthomill.pipeline.engine.lock import only_run
 from orthomill.pipeline.engine.run_facts import FACTS, RunFacts, StageTitle, read_facts, write_facts
 from orthomill.pipeline.engine.running import Options, Watch, run_workflow, session_of, titles_of
 from orthomill.pipeline.engine.session import unwatched
+from orthomill.pipeline.records.lock import only_run
 from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow
 from orthomill.schemas.errors import StoreError

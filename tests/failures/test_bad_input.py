@@ -4,7 +4,7 @@ import pytest
 from PIL import Image
 from small_site import command, copy_of_finished_site, counts, make_site, photographs, write_workflow
 
-from orthomill.pipeline.engine.lock import only_run
+from orthomill.pipeline.records.lock import only_run
 
 
 @pytest.fixture

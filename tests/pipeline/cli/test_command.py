@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 
 from orthomill.pipeline.cli.commands import app
 from orthomill.pipeline.cli.doctor import Finding
-from orthomill.pipeline.engine.lock import only_run
 from orthomill.pipeline.engine.running import DASHBOARD
+from orthomill.pipeline.records.lock import only_run
 from orthomill.schemas.errors import WorkflowError
 
 

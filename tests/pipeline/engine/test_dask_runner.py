@@ -11,7 +11,7 @@ from orthomill.pipeline.engine import dask_runner as runner_module
 from orthomill.pipeline.engine.dask_cluster import MEMORY, free_port
 from orthomill.pipeline.engine.dask_runner import DaskRunner, kept_report
 from orthomill.pipeline.engine.execute import JobFailed, JobOrder
-from orthomill.pipeline.engine.records import Fingerprint
+from orthomill.pipeline.records.records import Fingerprint
 from orthomill.schemas.job import Job
 
 

@@ -9,8 +9,8 @@ import pytest
 from toy_stages import SIZE, Size, make_size
 
 from orthomill.pipeline.engine.execute import JobFailed, JobOrder, execute
-from orthomill.pipeline.engine.records import Fingerprint, Records
 from orthomill.pipeline.engine.runner import ATTEMPTS, SequentialRunner
+from orthomill.pipeline.records.records import Fingerprint, Records
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.job import Export, Job, Raster, Table, TextFile

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 from toy_stages import CATALOGUE, PROJECT, TOTAL, SmoothStage, SourceStage, SumStage, pixels
 
-from orthomill.pipeline.engine.lock import is_running, only_run
 from orthomill.pipeline.engine.run_facts import read_facts
 from orthomill.pipeline.engine.running import DASHBOARD, MIB, Options, check_stage_names, run_workflow, session_of
 from orthomill.pipeline.engine.session import Unwatched
+from orthomill.pipeline.records.lock import is_running, only_run
 from orthomill.pipeline.report.results import REPORT, SUMMARY, rewrite_results, run_with_report
 from orthomill.pipeline.storage.store import Store
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow

@@ -15,7 +15,7 @@ from orthomill.pipeline.engine.dask_runner import DaskRunner
 from orthomill.pipeline.engine.execute import JobFailed, JobOrder, execute
 from orthomill.pipeline.engine.graph import PROCESS_BYTES, Graph, GraphError, NoWriter
 from orthomill.pipeline.engine.job_signature import misfit
-from orthomill.pipeline.engine.records import Fingerprint, Records
+from orthomill.pipeline.records.records import Fingerprint, Records
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.job import Job, MapFile, PhotoPixels, Raster, Reading, Stream, TextFile
 from orthomill.schemas.raster import MapGrid, RasterSpec, Window

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orthomill.pipeline.engine.records import Fingerprint, Record, Records, reason_to_run
+from orthomill.pipeline.records.records import Fingerprint, Record, Records, reason_to_run
 from orthomill.pipeline.storage.store import Store, aligned
 from orthomill.pipeline.storage.table_files import write_whole
 from orthomill.schemas.errors import StoreError

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from orthomill.pipeline.engine.lock import only_run
-from orthomill.pipeline.engine.records import Record, Records
+from orthomill.pipeline.records.lock import only_run
+from orthomill.pipeline.records.records import Record, Records
 from orthomill.pipeline.storage.kept_files import defect_of
 from orthomill.pipeline.storage.store import Store
 

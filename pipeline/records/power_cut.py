@@ -16,7 +16,7 @@ from threading import Event, Thread
 import psutil
 from pydantic import BaseModel, ValidationError
 
-from orthomill.pipeline.engine.verification import Verification, examine
+from orthomill.pipeline.records.verification import Verification, examine
 from orthomill.pipeline.storage.table_files import write_whole
 from orthomill.schemas.errors import StoreError
 

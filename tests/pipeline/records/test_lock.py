@@ -9,7 +9,7 @@ import pytest
 
 from orthomill.pipeline.engine import interruption
 from orthomill.pipeline.engine.interruption import listen, stop_if_asked
-from orthomill.pipeline.engine.lock import is_running, only_run
+from orthomill.pipeline.records.lock import is_running, only_run
 from orthomill.schemas.errors import ResourceError
 
 
@@ -38,7 +38,7 @@ def test_asking_whether_a_project_runs_writes_nothing(tmp_path):
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from orthomill.pipeline.engine.lock import only_run
+from orthomill.pipeline.records.lock import only_run
 with only_run(Path(sys.argv[1])):
     os.kill(os.getpid(), signal.SIGKILL)
 """

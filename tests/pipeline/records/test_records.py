@@ -4,7 +4,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from orthomill.pipeline.engine.records import Fingerprint, Record, Records, reason_to_run
+from orthomill.pipeline.records.records import Fingerprint, Record, Records, reason_to_run
 
 PRINT = Fingerprint(settings="s", code="c", inputs="i")
 

@@ -7,9 +7,9 @@ import shutil
 import pytest
 from toy_stages import MEMORY, SmoothStage, SourceStage, SumStage, pixels, run_in, session_in
 
-from orthomill.pipeline.engine import power_cut
-from orthomill.pipeline.engine.power_cut import NOTE, examine_after_power_cut, flushing
 from orthomill.pipeline.engine.runner import SequentialRunner
+from orthomill.pipeline.records import power_cut
+from orthomill.pipeline.records.power_cut import NOTE, examine_after_power_cut, flushing
 
 STAGES = (SourceStage(rows=700, cols=700), SmoothStage(), SumStage())
 

@@ -7,8 +7,8 @@ import shutil
 import pytest
 from toy_stages import TOTAL, SmoothStage, SourceStage, SumStage, run_in
 
-from orthomill.pipeline.engine.records import Record
-from orthomill.pipeline.engine.verification import verify
+from orthomill.pipeline.records.records import Record
+from orthomill.pipeline.records.verification import verify
 from orthomill.pipeline.storage.store import Store
 
 STAGES = (SourceStage(rows=700, cols=700), SmoothStage(), SumStage())
