@@ -135,7 +135,8 @@ def robust_plane(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
     for _ in range(5):
         found = np.linalg.lstsq(design[kept], z[kept], rcond=None)[0]
         left = z - design @ found
-        kept = np.abs(left) < 4 * nmad(left[kept])
+        # From the median: gross errors on one side have drawn the first planes away from all others.
+        kept = np.abs(left - np.median(left[kept])) < 4 * nmad(left[kept])
     return found
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
+from orthomill.schemas.outcome import Outcome
 from orthomill.tasks.matching.dense.blocks import DenseMatching
 from orthomill.tasks.matching.dense.pair_start import PAIR_VOLUME, pair_start
 from orthomill.tasks.matching.dense.pair_surface import PairSurface, ParallaxCode, break_variance, hidden, match_pair
@@ -61,6 +62,13 @@ def test_the_standard_errors_hold_for_every_code(scene, surface):
     for code in (ParallaxCode.MEASURED, ParallaxCode.VOLUME):
         chosen = both & (surface.code == code)
         assert (error[chosen] < 3.0 * surface.sigma[chosen]).mean() > 0.95
+
+
+def test_least_squares_that_strays_beside_a_break_gives_way_to_the_volume(scene, surface):
+    start = pair_start(scene[0].astype(np.float32), scene[1].astype(np.float32), 0.0, 30.0).parallax[::2, ::2]
+    strayed = (surface.outcome == Outcome.MOVED_TOO_FAR) & np.isfinite(start)
+    assert (surface.code[strayed] != ParallaxCode.MEASURED).all()
+    np.testing.assert_array_equal(surface.parallax[strayed], start[strayed])
 
 
 def test_what_the_island_hides_is_estimated(scene, surface):
