@@ -56,19 +56,23 @@ def _plane(heights, right, down, count, middle, above, plane):
             total += weight
             mean += weight * heights[k]
     mean /= total
-    normal, side = np.zeros((3, 3)), np.zeros(3)
+    # Normal equations of three unknowns, written out: a library call for every cell would cost as much as all the rest.
+    x, y, xx, xy, yy, xz, yz = 0.0, 0.0, _RIDGE, 0.0, _RIDGE, 0.0, 0.0
     for k in range(count):
         if (heights[k] > middle) == above:
-            weight, dz = 1.0 / (_NEAR + right[k] ** 2 + down[k] ** 2) / total, heights[k] - mean
-            terms = (1.0, right[k], down[k])
-            for i in range(3):
-                side[i] += weight * terms[i] * dz
-                for j in range(3):
-                    normal[i, j] += weight * terms[i] * terms[j]
-    normal[1, 1] += _RIDGE
-    normal[2, 2] += _RIDGE
-    found = np.linalg.solve(normal, side)
-    plane[0], plane[1], plane[2] = mean + found[0], found[1], found[2]
+            weight = 1.0 / (_NEAR + right[k] ** 2 + down[k] ** 2) / total
+            x += weight * right[k]
+            y += weight * down[k]
+            xx += weight * right[k] * right[k]
+            xy += weight * right[k] * down[k]
+            yy += weight * down[k] * down[k]
+            xz += weight * right[k] * (heights[k] - mean)
+            yz += weight * down[k] * (heights[k] - mean)
+    # About the mean place the height is the mean, and two unknowns are left.
+    a, b, c = xx - x * x, xy - x * y, yy - y * y
+    determinant = a * c - b * b
+    slope_x, slope_y = (xz * c - yz * b) / determinant, (yz * a - xz * b) / determinant
+    plane[0], plane[1], plane[2] = mean - slope_x * x - slope_y * y, slope_x, slope_y
     square = 0.0
     for k in range(count):
         if (heights[k] > middle) == above:
