@@ -36,6 +36,13 @@ def test_a_photograph_that_does_not_show_the_pixel_has_no_say():
     assert with_it[0] == without[0] and not with_it[1][:, 1].any()
 
 
+def test_a_photograph_is_like_both_surfaces_where_they_look_the_same():
+    """Roof and ground of nearly one colour: noise must not choose the photographs pixel by pixel."""
+    alike_colours = np.where(SIDES[..., None] == Side.UPPER, GRASS + 3.0, GRASS).astype(np.float32)
+    _, alike = one([GRASS], [GRASS + 3.0], examples=alike_colours)
+    assert alike.all()
+
+
 @pytest.mark.parametrize("only", [Side.UPPER, Side.LOWER])
 def test_without_examples_of_both_surfaces_the_photographs_cannot_tell(only):
     score, alike = one([ROOF], [GRASS], sides=np.full_like(SIDES, only))

@@ -23,7 +23,7 @@ SPREAD = 11
 """colours along the side of that window"""
 OTHER = 40.0
 """grey levels from which on a colour is that of another object, however different it is"""
-_ALIKE = 5.0  # grey levels: scale of the difference at which the support of a neighbour fades; a few times the noise of photographs
+_ALIKE = 5.0  # grey levels: colours that differ by less may be the same; a few times the noise of photographs
 
 
 class Side(IntEnum):
@@ -90,9 +90,10 @@ def _score(upper, lower, shown, examples, sides, first, step, chosen, out, alike
                     own += roof
                     other += ground
                     low[count] = _distance(lower[p, r, c], lows, below)
-                    # A wall or a car is like neither.
-                    alike[Side.UPPER - 1, p, r, c] = roof < OTHER and roof <= ground
-                    alike[Side.LOWER - 1, p, r, c] = low[count] < OTHER and low[count] <= _distance(lower[p, r, c], highs, above)
+                    # A wall or a car is like neither; where both surfaces look the same, the photograph is like either.
+                    alike[Side.UPPER - 1, p, r, c] = roof < OTHER and roof <= ground + _ALIKE
+                    high = _distance(lower[p, r, c], highs, above)
+                    alike[Side.LOWER - 1, p, r, c] = low[count] < OTHER and low[count] <= high + _ALIKE
                     count += 1
             if count:
                 out[r, c] = (2.0 * own - other) / count - _mean_of_better_half(low, count)
