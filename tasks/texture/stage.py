@@ -319,7 +319,7 @@ def _ortho_job(tile: Tile, heights: str, extent: TileExtent, rules: TextureRules
         {"extent": extent, "rules": rules},
         tile.row,
         tile.col,
-        scratch=_scratch(extent),
+        scratch=_scratch(extent) + (_edge_scratch(extent, rules) if rules.sharpen else 0),
     )
 
 
@@ -377,3 +377,10 @@ def _scratch(extent: TileExtent) -> int:
     pixels = extent.window.height * extent.window.width
     # Draping holds the cells, their sums in float64 and two levels at a time; visibility the model and its measured part.
     return (32 + 40) * cells + (48 + 6 * photos) * pixels + 64 * extent.window.width * (photos * 40 + 40)
+
+
+def _edge_scratch(extent: TileExtent, rules: TextureRules) -> int:
+    """Bytes for both surfaces, examples and scores of the pixels around the tile, and the colours of one strip at both heights."""
+    wide = extent.window.grown(rules.around * extent.divisor)
+    photos, cells = len(extent.photos), wide.height * wide.width // extent.divisor**2
+    return 80 * cells + (90 + 3 * photos) * wide.height * wide.width + 32 * wide.width * photos * 40
