@@ -6,10 +6,12 @@ Every error that orthomill can explain is one sentence and an exit code: 1 for f
 
 import gc
 import json
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
 from importlib.metadata import version
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Annotated
 
@@ -418,5 +420,9 @@ def main() -> None:
     # Planning creates hundreds of thousands of small objects that live on: collecting garbage among them at Python's usual
     # threshold of 700 takes longer than creating them.
     gc.set_threshold(50_000)
+    # A terminal that is not UTF-8 shows names of photographs as codes; it must not end the run with an internal error.
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     listen()
     app()

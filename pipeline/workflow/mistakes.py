@@ -67,12 +67,15 @@ class Mistakes:
     file: str
     document: Document
     found: list[Mistake] = field(default_factory=list)
+    _known: set[object] = field(default_factory=set)
+    """the mistakes that were found, and their lines and places: a file may hold tens of thousands"""
 
     def add(self, path: Path_, text: str, line: int | None = None) -> None:
         """Record a mistake at a place of the document (on another `line` if given); a repetition is ignored."""
         mistake = Mistake(line or self.document.line(path), place_words(path, self.document), text)
-        if mistake not in self.found:
+        if mistake not in self._known:
             self.found.append(mistake)
+            self._known |= {mistake, (mistake.line, mistake.place)}
 
     def add_all(self, error: ValidationError, annotation: Any, base: Path_) -> None:
         """Record what pydantic found wrong in the value at `base`, which should be an `annotation`."""
@@ -85,7 +88,7 @@ class Mistakes:
                 continue
             text, path = _sentence(detail, place, self.document, base, annotation)
             # Members of a plain union report one error each for the same value: the first one names the declared type.
-            if not any(m.line == self.document.line(path) and m.place == place_words(path, self.document) for m in self.found):
+            if (self.document.line(path), place_words(path, self.document)) not in self._known:
                 self.add(path, text)
 
     def raise_if_any(self) -> None:

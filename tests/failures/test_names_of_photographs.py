@@ -4,7 +4,7 @@ import os
 
 import numpy as np
 import pytest
-from small_site import command, counts, make_site, photographs
+from small_site import command, counts, make_site, photographs, start_command
 
 from orthomill.pipeline.storage.image_files import read_pixels
 from orthomill.pipeline.storage.store import Store
@@ -63,3 +63,12 @@ def test_a_damaged_photograph_with_line_ends_in_its_name_is_one_line(site):
     (site / "photos" / "two\nlines.JPG").write_bytes(b"")
     said = command("run", "site", "--sequential", code=1)
     assert "photos/two\\nlines.JPG is empty (0 bytes); copy it again from the camera." in said
+
+
+def test_a_terminal_that_cannot_show_a_name_shows_its_codes(site, monkeypatch):
+    renamed(site, ("α", "b", "c"))
+    (site / "photos" / "α.JPG").write_bytes(b"")
+    monkeypatch.setenv("PYTHONIOENCODING", "ascii")
+    out, errors = (process := start_command(site, "run", "site", "--sequential")).communicate(timeout=120)
+    assert process.returncode == 1 and "Traceback" not in out + errors
+    assert "photos/\\u03b1.JPG is empty (0 bytes)" in errors

@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from time import process_time
 
 import pytest
 import yaml
@@ -386,3 +387,13 @@ def test_a_folder_that_cannot_be_written_to(root):
     loaded = load_workflow(workflow(root, HEAD + STAGES), CATALOGUE)
     with pytest.raises(StoreError, match="cannot be written"):
         write_workflow(loaded, root / "workflows" / "site.yaml" / "workflow.yaml")
+
+
+def test_twenty_thousand_unknown_settings_are_answered_in_seconds(root):
+    path = workflow(root, HEAD + STAGES + "".join(f"key{number}: 1\n" for number in range(20_000)))
+    begun = process_time()
+    with pytest.raises(WorkflowError) as caught:
+        load_workflow(path, CATALOGUE)
+    lines = str(caught.value).splitlines()
+    assert len(lines) == 11 and lines[-1] == "... and 19990 more."
+    assert process_time() - begun < 20, "it took a minute when every mistake was compared with all others"
