@@ -47,7 +47,9 @@ def volume_plan(scene: VolumeScene, sure: Sureness, stage: str, crs: str) -> Ite
 def _terrain(scene: VolumeScene, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
     """The terrain of the whole block in one piece: gaps between tie points may be large."""
     grid = terrain_grid(scene.surface.grid)
-    yield map_raster(TERRAIN, grid, "float32", crs, SIDE, nodata=float("nan"), unit="m")
+    # Axes of its own: rasters of one folder that share names of axes must have the same size.
+    axes = "terrain_y", "terrain_x"
+    yield map_raster(TERRAIN, grid, "float32", crs, SIDE, nodata=float("nan"), unit="m", axes=axes)
     whole = Raster(TERRAIN, Window(0, 0, *grid.shape))
     reads: dict[str, Region] = {"points": GROUND_POINTS, "block": BLOCK_TABLE}
     yield Job(stage, "terrain", terrain, reads, {"heights": whole}, {"grid": grid}, scratch=32 * grid.rows * grid.cols)
