@@ -20,7 +20,7 @@ from orthomill.schemas.project import Project
 from orthomill.schemas.raster import MapGrid, RasterSpec, map_raster
 from orthomill.schemas.stage_contract import ProjectView
 from orthomill.schemas.stage_report import StageReport, report_table
-from orthomill.schemas.surface import CORRECTED, HEIGHT, SURFACE
+from orthomill.schemas.surface import CORRECTED, HEIGHT, PROVENANCE, SURFACE, Provenance
 from orthomill.tasks.dsm_check.coverage import foreign_surface
 from orthomill.tasks.dsm_check.report import DH, PRECISION
 from orthomill.tasks.dsm_check.stage import DsmCheckStage, SurfaceFile
@@ -90,9 +90,13 @@ def _result(store: Store) -> xr.Dataset:
 def _given(surface: xr.DataArray, block: Block) -> GivenResults:
     """The surface as if the project had measured it, with the bounds of height of a surface from elsewhere."""
     grid = _grid(surface, block)
+    heights = np.asarray(surface, np.float32)
     spec = map_raster(HEIGHT, grid, "float32", block.crs, _TILE, nodata=float("nan"), unit="m")
+    codes = map_raster(PROVENANCE, grid, "uint8", block.crs, _TILE)
+    # Nothing is known of how the heights were found; every one of them is to be judged.
+    judged = np.where(np.isfinite(heights), np.uint8(Provenance.ONE_PAIR), np.uint8(Provenance.EMPTY))
     tables: dict[Table[Any], Any] = {BLOCK: block, IMAGE_RESIDUALS: _NO_RESIDUALS, SURFACE: foreign_surface(grid, block)}
-    return GivenResults.of(tables, {spec: np.asarray(surface, np.float32)})
+    return GivenResults.of(tables, {spec: heights, codes: judged})
 
 
 def _grid(surface: xr.DataArray, block: Block) -> MapGrid:
