@@ -14,13 +14,15 @@ import numpy as np
 from numba import njit
 
 COHERENCE_HALF = 4
+FARTHEST_RIVAL = 16
+"""planes; a spread must not depend on how many candidates a cell happens to have"""
 
 
 class Winners(NamedTuple):
     """Per cell (rows, cols): `plane` float32, fractional number of the plane, NaN without candidates; `nearest` int32, its whole
     number, -1 without; `cost` uint8 at it; `margin` float32, path sums by which the best candidate farther than two planes is
-    dearer, infinite without any; `spread` float32, planes, root mean square distance of the winner and all candidates farther than
-    two planes, 1 the weight of the winner and less those of the others."""
+    dearer, infinite without any; `spread` float32, planes, root mean square distance of the winner and all candidates from three to
+    FARTHEST_RIVAL planes away, 1 the weight of the winner and less those of the others."""
 
     plane: np.ndarray
     nearest: np.ndarray
@@ -69,7 +71,7 @@ def winners(total, cost, low, offset, photographs, weights):
             squares, count = np.float32(0.0), np.float32(1.0)
             for k in range(n):
                 dearer = np.int32(sums[k]) - np.int32(sums[best])
-                if dearer < of_rivals.size and abs(k - best) > 2:
+                if dearer < of_rivals.size and 2 < abs(k - best) <= FARTHEST_RIVAL:
                     count += of_rivals[dearer]
                     squares += of_rivals[dearer] * np.float32((k - best) * (k - best))
             spread[r, c] = np.sqrt(squares / count)

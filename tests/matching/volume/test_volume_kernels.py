@@ -11,7 +11,7 @@ from orthomill.tasks.matching.volume.costs import COST_UNIT, Choice, Comparison,
 from orthomill.tasks.matching.volume.paths import UNIT, sweep
 from orthomill.tasks.matching.volume.rectified_photograph import RectifiedPhotograph
 from orthomill.tasks.matching.volume.signatures import BITS, bits_set, no_signature, signatures
-from orthomill.tasks.matching.volume.winners import coherence, rival_weights, winners
+from orthomill.tasks.matching.volume.winners import FARTHEST_RIVAL, coherence, rival_weights, winners
 
 RULES = Ranges(margin=2, reach=1, most=64, mean=48)
 
@@ -223,6 +223,10 @@ def test_the_spread_is_the_distance_of_the_rivals_by_their_weight():
 
 def test_neighbouring_and_much_dearer_heights_are_no_rivals():
     assert spread_of([0, 1, 2, 200, 300]) == 0
+
+
+def test_rivals_beyond_the_ordinary_range_do_not_count():
+    assert spread_of([0] + [90] * (FARTHEST_RIVAL - 1) + [0, 0, 0]) == pytest.approx(FARTHEST_RIVAL / np.sqrt(2), rel=1e-3)
 
 
 def test_more_photographs_tell_rivals_apart_better():
