@@ -48,6 +48,12 @@ class Window:
         """The same pixels, counted from the corner of a window that holds them: their place in an array of `outer`."""
         return Window(self.row - outer.row, self.col - outer.col, self.height, self.width)
 
+    def reduced(self, factor: int) -> "Window":
+        """The pixels, `factor` times larger, that the window touches."""
+        row, col = self.row // factor, self.col // factor
+        bottom, right = -(-(self.row + self.height) // factor), -(-(self.col + self.width) // factor)
+        return Window(row, col, bottom - row, right - col)
+
     def scaled(self, factor: int) -> "Window":
         """The window of the same area in a raster whose pixels are `factor` times smaller."""
         return Window(self.row * factor, self.col * factor, self.height * factor, self.width * factor)

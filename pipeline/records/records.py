@@ -90,7 +90,7 @@ class Records:
 
     def put(self, record: Record) -> None:
         text = record.model_dump_json().encode()
-        write_whole(self.path(record.key), text[:-1] + _SEAL + f'{zlib.crc32(text):08x}"}}'.encode())
+        write_whole(self.path(record.key), text[:-1] + _SEAL + _checksum(text))
 
     def remove(self, key: Key) -> None:
         self.path(key).unlink(missing_ok=True)

@@ -7,7 +7,7 @@ import numpy as np
 from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.fusion import FusedCells
-from orthomill.tasks.densification.volume.quality import SPREAD_UNIT, Judgement
+from orthomill.tasks.densification.volume.quality import Judgement
 from orthomill.tasks.densification.volume.sureness import SQUARE, Worth
 
 
@@ -48,11 +48,6 @@ class VolumeWindow(NamedTuple):
     def standing(self) -> np.ndarray:
         """(rows, cols) float32: how clearly a height beats its rivals, share of what is usual around."""
         return self.judgement[..., Judgement.STANDING] * np.float32(0.01)
-
-    @property
-    def spread(self) -> np.ndarray:
-        """(rows, cols) float32: how far from a height others lie that fit nearly as well, steps of the volume."""
-        return self.judgement[..., Judgement.SPREAD] * np.float32(1 / SPREAD_UNIT)
 
     @classmethod
     def unknown(cls, shape: tuple[int, int]) -> "VolumeWindow":

@@ -53,7 +53,7 @@ def _cropped(pair: EpipolarPair, heights: np.ndarray, grid: MapGrid, cells: Wind
             break
         high = np.fmax.reduce(heights, axis=None)
         seen = map_window(pair, left, grid, float(low), float(high), margin=_BESIDE)
-        inside = Window(seen.row - cells.row, seen.col - cells.col, *seen.shape).clipped(cells.shape)
+        inside = seen.within(cells).clipped(cells.shape)
         heights, cells = heights[inside.slices], Window(cells.row + inside.row, cells.col + inside.col, *inside.shape)
     return heights, cells
 

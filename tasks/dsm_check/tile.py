@@ -36,7 +36,7 @@ class NodeWindow:
 
     def inner(self, nodes: np.ndarray) -> np.ndarray:
         """The tile's own nodes of the given array."""
-        return nodes[Window(self.own.row - self.given.row, self.own.col - self.given.col, *self.own.shape).slices]
+        return nodes[self.own.within(self.given).slices]
 
 
 @dataclass(frozen=True)

@@ -293,7 +293,7 @@ def _similarity_in(scene: OrthoScene, core: Window) -> np.ndarray:
     # the scene has a halo for matching; smoothing all of it would double the time of the job
     near = core.grown(SSIM_REACH).clipped(scene.covered.shape)
     index = structural_similarity(*(values[near.slices] for values in (scene.grey, scene.true_grey, scene.judged)))
-    return index[Window(core.row - near.row, core.col - near.col, *core.shape).slices]
+    return index[core.within(near).slices]
 
 
 def count_ortho(scene: OrthoScene, core: Window, hidden_photos: np.ndarray) -> OrthoCounts:
@@ -301,7 +301,7 @@ def count_ortho(scene: OrthoScene, core: Window, hidden_photos: np.ndarray) -> O
 
     `hidden_photos` (rows, cols) on the scene: photographs from which the pixel is hidden; -1 where not computed.
     """
-    own_core = Window(core.row - scene.window.row, core.col - scene.window.col, core.height, core.width)
+    own_core = core.within(scene.window)
     inner = own_core.slices
     own = [scene.difference[..., band][inner] for band in range(3)]
     # on the tile alone; everything else needs no neighbourhood

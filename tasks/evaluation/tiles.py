@@ -60,7 +60,7 @@ class OrthoComparison(NamedTuple):
 
 def _inside(window: Window, core: Window) -> tuple[slice, slice]:
     """`core` in arrays of `window`; both on the same grid."""
-    return Window(core.row - window.row, core.col - window.col, core.height, core.width).slices
+    return core.within(window).slices
 
 
 def _photo_count(visibility: np.ndarray, place: Placement) -> np.ndarray:

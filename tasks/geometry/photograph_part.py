@@ -34,7 +34,4 @@ def photo_level(cell: float, ground_pixel: float, levels: int) -> int:
 
 def level_window(window: Window, level: int, shape: tuple[int, ...]) -> Window:
     """The window at pyramid level `level` (raster of `shape`) that covers a window of the full-size photograph."""
-    step = 2**level
-    row, col = window.row // step, window.col // step
-    bottom, right = -(-(window.row + window.height) // step), -(-(window.col + window.width) // step)
-    return Window(row, col, bottom - row, right - col).clipped(shape)
+    return window.reduced(2**level).clipped(shape)

@@ -111,7 +111,7 @@ class _Upright:
     def levels(self, strip: Window, reach: int) -> tuple[GreyLevels, Window]:
         """Grey levels of a strip with `reach` px around it, and where in them the strip lies."""
         read = strip.grown(reach).clipped(self.shape)
-        core = Window(strip.row - read.row, strip.col - read.col, strip.height, strip.width)
+        core = strip.within(read)
         return grey_levels(grey_bytes(self.pixels(read), self.limits)), core
 
     def stretched(self) -> "_Upright":

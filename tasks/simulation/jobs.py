@@ -112,10 +112,7 @@ def see(surface: np.ndarray, site: Site, window: Window, wide: Window) -> np.nda
 def sight_window(site: Site, window: Window) -> Window:
     """The cells that may hide those of `window`, aligned to the blocks of the ray traversal."""
     reach = int(np.ceil(occlusion_reach(views(site.flight), scene_of(site.scene)) / site.grid.cell))
-    grown = window.grown(reach)
-    row, col = grown.row // BLOCK * BLOCK, grown.col // BLOCK * BLOCK
-    bottom, right = -(-(grown.row + grown.height) // BLOCK) * BLOCK, -(-(grown.col + grown.width) // BLOCK) * BLOCK
-    return Window(row, col, bottom - row, right - col).clipped(site.grid.shape)
+    return window.grown(reach).reduced(BLOCK).scaled(BLOCK).clipped(site.grid.shape)
 
 
 def photograph(

@@ -49,9 +49,7 @@ def block_grid(grid: MapGrid) -> MapGrid:
 
 def blocks_of(window: Window) -> Window:
     """The blocks that a window of cells touches."""
-    row, col = window.row // BLOCK, window.col // BLOCK
-    bottom, right = -(-(window.row + window.height) // BLOCK), -(-(window.col + window.width) // BLOCK)
-    return Window(row, col, bottom - row, right - col)
+    return window.reduced(BLOCK)
 
 
 def ground_window(grid: MapGrid, cells: Window) -> Window:

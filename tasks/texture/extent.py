@@ -75,9 +75,7 @@ def ortho_grid(dsm: MapGrid, cell: float | None, ground_pixel: float) -> MapGrid
 
 def dsm_core(dsm: MapGrid, divisor: int, window: Window) -> Window:
     """The DSM cells under a window of the ortho grid."""
-    row, col = window.row // divisor, window.col // divisor
-    bottom, right = -(-(window.row + window.height) // divisor), -(-(window.col + window.width) // divisor)
-    return Window(row, col, bottom - row, right - col).clipped(dsm.shape)
+    return window.reduced(divisor).clipped(dsm.shape)
 
 
 def heights_window(surface: Surface, views: Sequence[View], core: Window, halo: int) -> Window:

@@ -161,7 +161,7 @@ def painted_heights(heights: np.ndarray, extent: TileExtent, rules: TextureRules
 def _showing(painted: np.ndarray, extent: TileExtent, photos: list[BalancedPhotograph]) -> list[int]:
     """Numbers of the photographs that show some of the tile at its own heights; the plan had to allow for all heights."""
     near = extent.core.grown(2).clipped(extent.dsm.shape)
-    here = painted[Window(near.row - extent.heights.row, near.col - extent.heights.col, *near.shape).clipped(painted.shape).slices]
+    here = painted[near.within(extent.heights).clipped(painted.shape).slices]
     if np.isnan(here).all():
         return list(range(len(photos)))
     bounds = float(np.nanmin(here)), float(np.nanmax(here))
@@ -186,7 +186,7 @@ def _scene(
     sharp = sharpened(ground, painted, certain, photos) if rules.sharpen else None
     ground = sharp.ground if sharp else ground
     targets, core = _targets(ground, extent.dsm), extent.window
-    inner = Window(core.row - rim.row, core.col - rim.col, core.height, core.width).slices
+    inner = core.within(rim).slices
     seen = (lines_of_sight(model, certain, photos[k].view, targets, rules.tolerance) for k in showing)
     if sharp:
         seen = (_at_walls(sight, sharp, k) for sight, k in zip(seen, showing, strict=True))
@@ -319,7 +319,7 @@ def texture_tile(
     showing = [around[k] for k in numbers]
     views = [photo.view for photo in showing]
     scene = _scene(painted, np.isin(provenance, MEASURED) & np.isfinite(heights), extent, around, numbers, rules)
-    core = Window(extent.core.row - extent.heights.row, extent.core.col - extent.heights.col, *extent.core.shape).slices
+    core = extent.core.within(extent.heights).slices
     sources = _to_ortho(height_sources(heights[core], painted[core], provenance[core]), extent, extent.window)
     height, width = extent.window.shape
     coverage, rejected = np.zeros((height, width), np.uint8), np.zeros((height, width), np.uint8)

@@ -41,7 +41,7 @@ class Ground:
 
     def part(self, window: Window) -> "Ground":
         """The pixels of a window (in the ortho grid) that lies within this one."""
-        inner = Window(window.row - self.window.row, window.col - self.window.col, window.height, window.width).slices
+        inner = window.within(self.window).slices
         return Ground(self.grid, window, *(np.ascontiguousarray(values[inner]) for values in (self.z, self.dx, self.dy)))
 
 

@@ -57,9 +57,7 @@ def tile_interest_points(
     grey = grey_bytes(pixels, grey_range(overview))
     window, core = detection.window, detection.core
     inner = core.clipped(detection.shape)
-    found = interest_points(
-        grey, search.points, core=type(core)(inner.row - window.row, inner.col - window.col, inner.height, inner.width)
-    )
+    found = interest_points(grey, search.points, core=inner.within(window))
     col, row = found.col + window.col, found.row + window.row
     chosen = strongest_in_cells(col, row, found.strength, detection.per_cell)
     count = len(chosen)

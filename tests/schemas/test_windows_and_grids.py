@@ -59,6 +59,30 @@ def test_a_scaled_window_covers_the_same_ground(window, factor):
     assert np.array_equal(np.kron(coarse, np.ones((factor, factor), bool)), fine)
 
 
+@settings(max_examples=100, deadline=None)
+@given(window=WINDOWS, factor=st.integers(1, 8))
+def test_a_reduced_window_holds_all_larger_pixels_that_the_window_touches(window, factor):
+    touched = {
+        (row // factor, col // factor)
+        for row in range(window.row, window.row + window.height)
+        for col in range(window.col, window.col + window.width)
+    }
+    reduced = window.reduced(factor)
+    assert window.empty or touched == {
+        (row, col)
+        for row in range(reduced.row, reduced.row + reduced.height)
+        for col in range(reduced.col, reduced.col + reduced.width)
+    }
+    assert window.scaled(factor).reduced(factor) == window
+
+
+@settings(max_examples=100, deadline=None)
+@given(window=WINDOWS, halo=st.integers(0, 20))
+def test_a_window_within_another_is_its_place_in_that_array(window, halo):
+    outer = window.grown(halo)
+    assert window.within(outer) == Window(halo, halo, *window.shape)
+
+
 @settings(max_examples=150, deadline=None)
 @given(shape=SHAPES, size=st.tuples(st.integers(1, 40), st.integers(1, 40)))
 def test_tiles_cover_a_raster_exactly_once_row_by_row(shape, size):

@@ -93,6 +93,4 @@ def _level(surface: Surface, step: float, number: int) -> VolumeLevel:
 
 def coarser_window(work: Window, reach: int, shape: tuple[int, ...]) -> Window:
     """The cells of the next coarser level (of `shape`) from which the ranges of the cells `work` follow."""
-    row, col = work.row // 2, work.col // 2
-    bottom, right = -(-(work.row + work.height) // 2), -(-(work.col + work.width) // 2)
-    return Window(row, col, bottom - row, right - col).grown(reach).clipped(shape)
+    return work.reduced(2).grown(reach).clipped(shape)

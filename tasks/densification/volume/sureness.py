@@ -83,9 +83,7 @@ class JudgedTile:
     @classmethod
     def of(cls, window: Window, shape: tuple[int, int], terrain_shape: tuple[int, int]) -> "JudgedTile":
         """shape: of the finest level; terrain_shape: of the raster of the terrain."""
-        row, col = window.row // SQUARE, window.col // SQUARE
-        bottom, right = -(-(window.row + window.height) // SQUARE), -(-(window.col + window.width) // SQUARE)
-        squares = Window(row, col, bottom - row, right - col).grown(max(_PATCH + 1, SURROUNDINGS // SQUARE + 1))
+        squares = window.reduced(SQUARE).grown(max(_PATCH + 1, SURROUNDINGS // SQUARE + 1))
         around = squares.scaled(SQUARE).clipped(shape)
         return cls(window, around, places_around(around, 1, terrain_shape))
 
@@ -98,9 +96,12 @@ def judged(tile: JudgedTile, settings: Sureness, height: np.ndarray, quality: np
     enclosed = _enclosed(known)
     sure = settings.sure(judgements) & enclosed
     alone = known & ~sure & _alone(quality, known)
-    calm = _calm(height, at_cells(terrain, tile.places, tile.around, 1))
     worth = np.where(sure, np.uint8(Worth.SURE), np.where(alone, np.uint8(Worth.CALMED), np.uint8(Worth.UNSURE)))
-    return JudgedVolume(np.where(alone, calm, _bordered(height, enclosed))[inner], judgements[inner], worth[inner])
+    calmer = _bordered(height, enclosed)
+    # Most tiles of open ground have nothing to calm, and medians cost more than all the rest.
+    if alone[inner].any():
+        calmer = np.where(alone, _calm(height, at_cells(terrain, tile.places, tile.around, 1)), calmer)
+    return JudgedVolume(calmer[inner], judgements[inner], worth[inner])
 
 
 def _enclosed(known: np.ndarray) -> np.ndarray:

@@ -44,9 +44,8 @@ def terrain(points: GroundPoints, block: Block, grid: MapGrid) -> np.ndarray:
 
 def places_around(window: Window, factor: int, shape: tuple[int, ...]) -> Window:
     """The places (of `shape` in all) between which the cells of a window of a level lie, `factor` cells of the surface wide."""
-    row, col = window.row * factor // SPACING, window.col * factor // SPACING
-    bottom, right = -(-(window.row + window.height) * factor // SPACING), -(-(window.col + window.width) * factor // SPACING)
-    return Window(row, col, bottom - row + 1, right - col + 1).clipped(shape)
+    meshes = window.scaled(factor).reduced(SPACING)
+    return Window(meshes.row, meshes.col, meshes.height + 1, meshes.width + 1).clipped(shape)
 
 
 def at_cells(values: np.ndarray, places: Window, window: Window, factor: int) -> np.ndarray:

@@ -233,8 +233,7 @@ def placed(array: np.ndarray, window: Window, wanted: Window) -> np.ndarray:
     out = np.zeros((wanted.height, wanted.width), dtype=array.dtype)
     if window.empty:
         return out
-    row, col = window.row - wanted.row, window.col - wanted.col
-    out[row : row + window.height, col : col + window.width] = array.reshape(window.height, window.width)
+    out[window.within(wanted).slices] = array.reshape(window.height, window.width)
     return out
 
 

@@ -76,13 +76,13 @@ def sharpened(ground: Ground, heights: np.ndarray, certain: HeightModel, photos:
     window, dsm = ground.window, certain.grid
     divisor = round(dsm.cell / ground.grid.cell)
     wide = window.grown(AROUND * divisor).clipped((dsm.rows * divisor, dsm.cols * divisor))
-    near = _cells(wide, divisor).grown(HEIGHT_REACH + 1).clipped(dsm.shape)
-    inner = Window(near.row - certain.window.row, near.col - certain.window.col, *near.shape).slices
+    near = wide.reduced(divisor).grown(HEIGHT_REACH + 1).clipped(dsm.shape)
+    inner = near.within(certain.window).slices
     surfaces = wall_surfaces(heights[inner], np.isfinite(certain.heights[inner]), dsm.cell)
     if not photos or not surfaces.doubtful.any():
         return SharpenedGround(ground, np.zeros(window.shape, bool), np.zeros((len(photos), *window.shape), bool))
     walls = _walls(surfaces, heights[inner], near, wide, ground.grid, divisor)
-    place = Window(window.row - wide.row, window.col - wide.col, *window.shape).slices
+    place = window.within(wide).slices
     found = _likeness(walls, certain, photos, divisor)
     score, doubtful = found.score[place], walls.doubtful[place]
     # Where the photographs cannot tell, the surface model keeps its word.
@@ -92,16 +92,9 @@ def sharpened(ground: Ground, heights: np.ndarray, certain: HeightModel, photos:
     return SharpenedGround(replace(ground, z=z.astype(np.float32)), doubtful, np.where(raised, upper, lower))
 
 
-def _cells(window: Window, divisor: int) -> Window:
-    """The cells under pixels."""
-    row, col = window.row // divisor, window.col // divisor
-    bottom, right = -(-(window.row + window.height) // divisor), -(-(window.col + window.width) // divisor)
-    return Window(row, col, bottom - row, right - col)
-
-
 def _walls(surfaces: WallSurfaces, heights: np.ndarray, near: Window, wide: Window, grid: MapGrid, divisor: int) -> _Walls:
     """The pixels `wide` from the surfaces and heights at the cells `near`."""
-    part = Window(wide.row - near.row * divisor, wide.col - near.col * divisor, *wide.shape).slices
+    part = wide.within(near.scaled(divisor)).slices
     to_pixels = np.ones((divisor, divisor), np.uint8)
     above, below = surfaces.upper[..., 0], surfaces.lower[..., 0]
     side = np.where(np.abs(heights - above) < np.abs(heights - below), Side.UPPER, Side.LOWER)
