@@ -83,7 +83,9 @@ class MapHeader:
     crs: str
 
 
-Region = Raster | Table | PhotoPixels | PhotoHeader | TextFile | MapFile | MapHeader
+FileRegion = PhotoPixels | PhotoHeader | TextFile | MapFile | MapHeader
+"""What is read from a file outside the store: one of the user's, or one that a job exports."""
+Region = Raster | Table | FileRegion
 
 
 @dataclass(frozen=True)

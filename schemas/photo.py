@@ -97,6 +97,10 @@ class PhotoRemarkCode(StrEnum):
     """The EXIF tags of photographs cannot be read; they are used like photographs without tags."""
     NO_ALTITUDE = "no_altitude"
     """The GPS tags of photographs have no altitude, or an impossible one; they are used like photographs without GPS."""
+    POSITION_WITHOUT_PHOTOGRAPH = "position_without_photograph"
+    """Lines of the positions file name photographs that the project does not have."""
+    POSITIONS_FAR_APART = "positions_far_apart"
+    """`photos` lie at least `distance_km` from all others, too far for one block; their positions are used all the same."""
     ROTATED_WITHOUT_FLAG = "rotated_without_flag"
     """Photographs were rotated by a quarter turn by a program that left no EXIF flag."""
 

@@ -40,6 +40,11 @@ PhotoFiles = PhotoFolder | PhotoList
 Photographs = Annotated[PhotoFolder | PhotoList | SimulatedPhotos, Field(discriminator="kind")]
 
 # One camera source per project: a second camera is the exception, and its photographs fall back to their EXIF tags.
+# Photographs are thrown out all the time, blurred ones first, and the control file is rarely edited along.
+ABSENT = (
+    "What happens to measurements in photographs that the project does not have: they are skipped, with a warning, or the file is "
+    "refused."
+)
 SERVES = "Shell pattern of the names of the photographs taken with this camera; others have the camera of their EXIF tags."
 
 
@@ -146,6 +151,7 @@ class ControlFromFiles(Settings):
     crs: str | None = setting(
         None, "Reference system of the points, e.g. EPSG:4326 or EPSG:2100+5773; by default that of the project."
     )
+    absent: Literal["skip", "refuse"] = setting("skip", ABSENT)
 
 
 class ControlFromGcpList(Settings):
@@ -162,6 +168,7 @@ class ControlFromGcpList(Settings):
     origin: Literal["centre", "corner"] = setting(
         "centre", "Origin (0, 0) of the pixel coordinates: the centre of the upper-left pixel (as in OpenDroneMap), or its corner."
     )
+    absent: Literal["skip", "refuse"] = setting("skip", ABSENT)
 
 
 class NoControl(Settings):

@@ -55,6 +55,11 @@ class Stage(Settings):
 
     kind: str
 
+    def remarks(self, view: ProjectView) -> Iterator[str]:
+        """What the user should know of the project's files before anything runs, in sentences; from tables that depend on nothing
+        but headers and texts. The report has them as well."""
+        return iter(())
+
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         """Yields raster specifications, jobs and exports. Contains no numerics."""
         raise NotImplementedError

@@ -27,6 +27,7 @@ from orthomill.pipeline.cli.inspect_photo import GuardedPhoto, picture_path, wri
 from orthomill.pipeline.cli.plan_lines import plan_lines, plan_notes
 from orthomill.pipeline.cli.progress_lines import ProgressLines
 from orthomill.pipeline.cli.verification_lines import verification_lines
+from orthomill.pipeline.engine.foresight import plan_ahead
 from orthomill.pipeline.engine.interruption import listen
 from orthomill.pipeline.engine.run_facts import RunFacts, read_facts
 from orthomill.pipeline.engine.running import DASHBOARD, MIB, Options, check_stage_names, session_of, titles_of
@@ -151,7 +152,7 @@ def _run(loaded: LoadedWorkflow, options: Options) -> RunFacts:
         loaded,
         options,
         watch=lambda titles, workers: ProgressLines(titles, workers, err),
-        announce=lambda line: out.print(line, soft_wrap=True),
+        announce=lambda line: out.print(escape(line), soft_wrap=True),
     )
     _conclude(facts, loaded.run_folder)
     return facts
@@ -227,8 +228,10 @@ def plan(name: Name, from_stage: From = None, until: Until = None, debug: Debug 
     """Show what a run would do: jobs, bytes, peak memory, and why each stage would run. Writes nothing."""
     with plain_errors(debug):
         session = session_of(_load(name), from_stage, until)
-        session.plan()
+        noticed = plan_ahead(session).remarks()
         out.print(plan_lines(session))
+        for sentence in noticed:
+            out.print(f"note: {escape(sentence)}", soft_wrap=True)
         for note in plan_notes(session):
             out.print(escape(note), soft_wrap=True)
 

@@ -4,6 +4,7 @@ import os
 import resource
 import time
 import traceback
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,7 +16,20 @@ from orthomill.pipeline.storage.kept_files import KeptFile, keep
 from orthomill.pipeline.storage.map_files import read_map, read_map_grid
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import OrthomillError, StoreError
-from orthomill.schemas.job import Export, Job, MapFile, MapHeader, PhotoHeader, PhotoPixels, Raster, Reading, Region, Stream, Table
+from orthomill.schemas.job import (
+    Export,
+    FileRegion,
+    Job,
+    MapFile,
+    MapHeader,
+    PhotoHeader,
+    PhotoPixels,
+    Raster,
+    Reading,
+    Region,
+    Stream,
+    Table,
+)
 
 
 @dataclass(frozen=True)
@@ -95,9 +109,9 @@ def _perform(work: JobOrder) -> Left:
         export(work.job, store, work.folder)
         return Left({}, keep(work.folder, [work.folder / work.job.path]))
     job = work.job
-    inputs = {name: _read_all(store, work.root, reading) for name, reading in job.reads.items()}
+    inputs = {name: read_all(reading, lambda region: _read(store, work.root, region)) for name, reading in job.reads.items()}
     result = job.function(**inputs, **job.params)
-    values = _by_name(result, job)
+    values = results_by_name(result, job)
     if set(values) != set(job.writes):
         raise StoreError(f"{job.key} must return {sorted(job.writes)} but returned {sorted(values)}.")
     for name, region in job.writes.items():
@@ -106,20 +120,19 @@ def _perform(work: JobOrder) -> Left:
     return Left(births, keep(work.folder, (path for region in job.writes.values() for path in store.files(region))))
 
 
-def _by_name(result: Any, job: Job) -> dict[str, Any]:
+def results_by_name(result: Any, job: Job) -> dict[str, Any]:
     """What a function returned, under the names of the writes; job_signature.py describes the three forms."""
     if isinstance(result, tuple) and hasattr(result, "_asdict"):
         return {name: value for name, value in result._asdict().items() if value is not None}
     return result if isinstance(result, dict) else {next(iter(job.writes)): result}
 
 
-def _read_all(store: Store, root: Path, reading: Reading) -> Any:
+def read_all(reading: Reading, read: Callable[[Region], Any]) -> Any:
+    """The value of one argument: `read` gives that of a region."""
     if isinstance(reading, Stream):
         # A generator reads nothing before it is asked, and what it cannot read then ends the job as any other error does.
-        return (_read(store, root, region) for region in reading.regions)
-    if isinstance(reading, tuple):
-        return tuple(_read(store, root, region) for region in reading)
-    return _read(store, root, reading)
+        return (read(region) for region in reading.regions)
+    return tuple(map(read, reading)) if isinstance(reading, tuple) else read(reading)
 
 
 def _read(store: Store, root: Path, region: Region) -> Any:
@@ -127,6 +140,11 @@ def _read(store: Store, root: Path, region: Region) -> Any:
         return store.read(region.name, region.window)
     if isinstance(region, Table):
         return store.table(region)
+    return read_file(root, region)
+
+
+def read_file(root: Path, region: FileRegion) -> Any:
+    """What a region of a file outside the store holds. Raises OrthomillError."""
     if isinstance(region, PhotoPixels):
         return read_pixels(root / region.path, region.window)
     if isinstance(region, PhotoHeader):

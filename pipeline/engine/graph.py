@@ -104,6 +104,10 @@ class Graph:
     def writer_of_table(self, path: str) -> Key | None:
         return self._table_writers.get(path)
 
+    def is_exported(self, path: str) -> bool:
+        """Whether a planned export writes a file, given relative to the project's root."""
+        return path in self._file_writers
+
     def exported_files(self, folder: str) -> tuple[str, ...]:
         """Files that planned exports write in a folder of the run, relative to the project's root, sorted."""
         prefix = f"{self.run_folder}/{folder}/"

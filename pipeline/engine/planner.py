@@ -4,7 +4,8 @@ A stage that asks for a table which is not finished, or reads what no job writes
 yielded before is in the graph already, so nothing waits for a whole stage to be planned or done.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import Any
@@ -34,8 +35,18 @@ class Planner:
     def __post_init__(self) -> None:
         self.complete: set[str] = set()
         self.waiting_for: dict[str, str] = {}
+        self._expected: dict[str, Any] = {}
         self._asking = ""
         """the stage that is being planned"""
+
+    @contextmanager
+    def expecting(self, tables: dict[str, Any]) -> Iterator[None]:
+        """Inside, tables that no job has written yet have these values, by path."""
+        self._expected = tables
+        try:
+            yield
+        finally:
+            self._expected = {}
 
     @property
     def open_stages(self) -> tuple[Stage, ...]:
@@ -84,6 +95,8 @@ class Planner:
         # The truth of a simulation must not be seen while planning either, where no job would show that it was read.
         self.graph.check_table_reader(self._asking, table.path)
         if not self.is_done(key):
+            if table.path in self._expected:
+                return self._expected[table.path]
             raise NotYet(f"the table {table.path}")
         return self.store.table(table)
 

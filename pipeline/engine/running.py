@@ -17,6 +17,7 @@ from typing import Protocol
 
 import psutil
 
+from orthomill.pipeline.engine.foresight import Foresight
 from orthomill.pipeline.engine.interruption import only_where_asked
 from orthomill.pipeline.engine.run_facts import RunFacts, StageTitle, write_facts
 from orthomill.pipeline.engine.runner import Runner, SequentialRunner
@@ -26,7 +27,7 @@ from orthomill.pipeline.records.power_cut import examine_after_power_cut, flushi
 from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.pipeline.workflow.mistakes import did_you_mean
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow, image_files, write_workflow
-from orthomill.schemas.errors import ResourceError, WorkflowError, some_of
+from orthomill.schemas.errors import ResourceError, WorkflowError, first_of, some_of
 from orthomill.schemas.stage_contract import Stage
 
 MIB = 2**20
@@ -111,9 +112,11 @@ def run_workflow(
     _check_workers(options)
     session = session_of(loaded, options.from_stage, options.until)
     with only_run(session.folder):
-        facts, clock = _begin(loaded, session), time.monotonic()
+        clock = time.monotonic()
         examine_after_power_cut(session.folder)
         session.plan()
+        _tell_foreseen(session, announce)
+        facts = _begin(loaded, session)
         if session.pending:
             # Only now: the lock is held, so no live process can own a temporary file, and a run without work touches nothing.
             session.store.sweep()
@@ -125,6 +128,16 @@ def run_workflow(
         facts = replace(_so_far(facts, session), finished=now(), seconds=time.monotonic() - clock)
         write_results(session.store, session.folder, titles_of(loaded.stages), facts)
     return facts
+
+
+def _tell_foreseen(session: Session, announce: Callable[[str], None]) -> None:
+    """Announce what is noticed in the files before anything runs. Raises WorkflowError for mistakes in them."""
+    if not session.pending:
+        return
+    foresight = Foresight(session)
+    foresight.look()
+    for sentence in first_of(foresight.remarks()).splitlines():
+        announce(f"note: {sentence}")
 
 
 def _mended(session: Session) -> str:

@@ -89,9 +89,10 @@ class Session:
         # Distinguishes the jobs of this run in the records: a worker that Dask asks twice can see that the job is done already.
         self._mark = uuid.uuid4().hex
         self.graph = Graph(self.root, relative)
-        self.planner = Planner(self.project, self.stages, self.graph, self.store, self._is_valid, self.list_images)
+        self.planner = Planner(self.project, self.stages, self.graph, self.store, self.is_valid, self.list_images)
 
-    def _is_valid(self, key: Key) -> bool:
+    def is_valid(self, key: Key) -> bool:
+        """Whether the results of a job are there and describe the project as it is."""
         return key in self.done or key in self.skipped
 
     def plan(self) -> None:
@@ -237,7 +238,7 @@ class Session:
 
     def _valid_records(self, keys: Iterable[Key]) -> list[Record]:
         """Records of the jobs whose results are valid, whichever run did them."""
-        return [record for key in keys if self._is_valid(key) and (record := self.records.get(key))]
+        return [record for key in keys if self.is_valid(key) and (record := self.records.get(key))]
 
     def earlier_runs(self) -> tuple[float, ...]:
         """How long each earlier run took whose results are still valid, from its first to its last job among them, s."""

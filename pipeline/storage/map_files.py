@@ -1,12 +1,13 @@
 """Reads georeferenced raster files that the user provides: windows of them, resampled to the project's grid."""
 
+import warnings
 from pathlib import Path
 
 import numpy as np
 import rasterio
 from rasterio.crs import CRS
 from rasterio.enums import Resampling
-from rasterio.errors import CRSError, RasterioError
+from rasterio.errors import CRSError, NotGeoreferencedWarning, RasterioError
 from rasterio.transform import Affine
 from rasterio.vrt import WarpedVRT
 from rasterio.warp import transform_bounds
@@ -25,6 +26,11 @@ def read_map_grid(path: Path, crs: str) -> MapGrid:
         cell = max((east - west) / source.width, (north - south) / source.height)
     rows, cols = (max(1, round(length / cell)) for length in (north - south, east - west))
     return MapGrid(west=west, north=north, cell=cell, rows=rows, cols=cols)
+
+
+def check_map_file(path: Path) -> None:
+    """Raises WorkflowError for a file that is no georeferenced raster."""
+    _opened(path).close()
 
 
 def read_map(path: Path, region: MapFile) -> np.ndarray:
@@ -57,7 +63,9 @@ def _horizontal(crs: str) -> CRS:
 def _opened(path: Path) -> rasterio.DatasetReader:
     try:
         # One driver only: a VRT named .tif could read any file of this machine.
-        source = rasterio.open(path, driver="GTiff")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", NotGeoreferencedWarning)  # a sentence follows below
+            source = rasterio.open(path, driver="GTiff")
     except RasterioError as error:
         raise WorkflowError(f"{path} is not a GeoTIFF that can be read ({error}); export the surface as a GeoTIFF.") from None
     try:

@@ -17,6 +17,7 @@ from pyproj import CRS
 from pyproj.exceptions import CRSError
 
 from orthomill.pipeline.storage.image_files import image_files, is_image_name, read_header
+from orthomill.pipeline.storage.map_files import check_map_file
 from orthomill.pipeline.workflow.camera_tags import longitude_latitude, utm_zone
 from orthomill.pipeline.workflow.mistakes import Mistakes, nearest
 from orthomill.pipeline.workflow.yaml_lines import Path_
@@ -25,7 +26,9 @@ from orthomill.schemas.project import PhotoFolder, PhotoList, Project
 from orthomill.schemas.stage_contract import Stage
 
 SIMULATION = "simulation"
-_FILE_FIELDS = frozenset({"path", "paths", "points", "measurements"})
+_MAP_FIELDS = frozenset({"dsm", "ortho"})
+_FILE_FIELDS = frozenset({"path", "paths", "points", "measurements", "distances"}) | _MAP_FIELDS
+_MAP_SUFFIXES = (".tif", ".tiff")
 _METRE = frozenset({"metre", "meter"})
 _MANY_NAMES = 12
 """Names of a folder are listed in a message up to this number; more would bury the sentence."""
@@ -230,6 +233,16 @@ def _check_file(text: str, path: Path_, root: Path, mistakes: Mistakes, what: st
         mistakes.add(path, f"'{text}' is a folder; a file is needed here.")
     elif not file.is_file():
         mistakes.add(path, f"the {what} '{text}' does not exist{_near_file(file, root)}")
+    elif what == "file" and (path[-1] in _MAP_FIELDS or file.suffix.lower() in _MAP_SUFFIXES):
+        _check_map(file, path, mistakes)
+
+
+def _check_map(file: Path, path: Path_, mistakes: Mistakes) -> None:
+    # A reference is read last of all, when everything that it is to judge has been computed.
+    try:
+        check_map_file(file)
+    except WorkflowError as error:
+        mistakes.add(path, str(error))
 
 
 def _inside(text: str, path: Path_, root: Path, mistakes: Mistakes) -> bool:

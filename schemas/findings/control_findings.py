@@ -35,4 +35,19 @@ class ControlElsewhere(BaseModel):
     """whether that requires exchanging their first two coordinates"""
 
 
-ControlFinding = Annotated[HeightsNotTransformed | ControlElsewhere, Field(discriminator="code")]
+# Users drop photographs and keep the control file; what that costs must be known before the block is believed.
+class PhotographsAbsent(BaseModel):
+    """Measurements in photographs that the project does not have were skipped."""
+
+    model_config = ConfigDict(frozen=True)
+
+    code: Literal["photographs_absent"] = "photographs_absent"
+    measurements: int
+    """how many were skipped"""
+    photos: tuple[str, ...]
+    """the absent photographs, as the file names them"""
+    lost: tuple[str, ...] = ()
+    """control and check points that are measured in absent photographs only, and were left out"""
+
+
+ControlFinding = Annotated[HeightsNotTransformed | ControlElsewhere | PhotographsAbsent, Field(discriminator="code")]

@@ -23,6 +23,7 @@ from orthomill.tasks.orientation.exterior.sources import Adjusted, ExteriorSourc
 from orthomill.tasks.orientation.exterior.started_block import orient_from
 from orthomill.tasks.orientation.relative.pairs import no_pairs, relate_pairs
 from orthomill.tasks.orientation.report import report
+from orthomill.tasks.orientation.reporting.control_sentences import control_sentence
 from orthomill.tasks.orientation.reporting.overlap_map import OVERLAP, SIDE, overlap_map
 from orthomill.tasks.orientation.results.block_tables import BlockTables
 from orthomill.tasks.orientation.results.products import PRODUCTS, block_products, product_table
@@ -106,6 +107,10 @@ class OrientationStage(Stage):
         """The file that fixes the exterior orientation; None where the block is adjusted."""
         source = self.exterior
         return source if source.kind != "adjusted" and source.use == "fixed" else None
+
+    def remarks(self, view: ProjectView) -> Iterator[str]:
+        """What is noticed about the control."""
+        return map(control_sentence, view.table(CONTROL).findings)
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         yield self._control(view)
@@ -213,14 +218,17 @@ class OrientationStage(Stage):
             listed: Reads = {"photos": PHOTOS, "text": TextFile(source.path)}
             return _control_job(control_from_list, listed, {"source": source, "crs": view.project.crs})
         if source.kind == "simulated":
-            own, points, measurements, distances = None, view.run_file(_SIMULATED[0]), view.run_file(_SIMULATED[1]), None
-        else:
-            own, points, measurements, distances = source.crs, source.points, source.measurements, source.distances
-        reads: Reads = {"photos": PHOTOS, "points": TextFile(points), "measurements": TextFile(measurements)}
+            points, measurements = map(view.run_file, _SIMULATED)
+            return _control_job(control_from_files, _control_texts(points, measurements), {"own": None, "crs": view.project.crs})
+        reads = _control_texts(source.points, source.measurements)
         # Optional in the project, and then a parameter of the function with a default.
-        if distances:
-            reads["distances"] = TextFile(distances)
-        return _control_job(control_from_files, reads, {"own": own, "crs": view.project.crs})
+        if source.distances:
+            reads["distances"] = TextFile(source.distances)
+        return _control_job(control_from_files, reads, {"own": source.crs, "crs": view.project.crs, "absent": source.absent})
+
+
+def _control_texts(points: str, measurements: str) -> Reads:
+    return {"photos": PHOTOS, "points": TextFile(points), "measurements": TextFile(measurements)}
 
 
 def _control_job(function: Callable[..., Control], reads: Reads, params: dict[str, Any]) -> Job:

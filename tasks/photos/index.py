@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthomill.schemas.errors import PhotoError
+from orthomill.schemas.errors import PhotoError, WorkflowError, some_of
 from orthomill.schemas.photo import Header, Photo, PhotoRemark, PhotoRemarkCode, Photos, tag_text
 from orthomill.schemas.project import NoPositions, Positions
 from orthomill.tasks.geometry.camera_change import QUARTER_TURNS
@@ -32,6 +32,9 @@ _KM_PER_DEGREE = 111.2  # of a meridian; enough to tell kilometres from continen
 # Both are needed: a block of a few hectares has a median distance of metres, a country-wide one of hundreds of kilometres.
 # Photographs whose neighbours are within 50 m do not overlap with one a kilometre away.
 _STRAY_KM, _STRAY_SHARE = 1.0, 20.0
+# m: photographs that are farther than this from all others show other ground, from whatever height they were taken: one for mapping
+# from an airliner is 20 km wide.
+_APART = 50_000.0
 _FEWEST_TO_JUDGE = 3  # of two, either may be wrong
 
 
@@ -100,8 +103,8 @@ def index_photos(
     refuse_ambiguous([photo.name for photo in photos])
     photos = _with_sensors(photos)
     remarks += [*_rotated_without_flag(photos), *_about_tags(headers, photos, positions)]
-    photos, strays = _placed(photos, crs, positions, positions_text or "")
-    remarks += strays
+    photos, about_positions = _placed(photos, crs, positions, positions_text or "")
+    remarks += [*about_positions, *_far_apart(photos)]
     fitted = _fitted(photos, coordinates, scan_texts)
     framed = [one.photo for one in fitted] or photos
     # The frame of a scan differs in size from its file, so the number of pyramid levels is counted again.
@@ -116,7 +119,7 @@ def _placed(photos: list[Photo], crs: str, positions: Positions, text: str) -> t
     if isinstance(positions, NoPositions):
         return photos, []
     if positions.kind != "exif":
-        return _placed_by_file(photos, text), []
+        return _placed_by_file(photos, text)
     # Strays are removed before projecting: a tag in another hemisphere would lie outside the CRS and refuse the whole project.
     photos, strays = _without_strays(photos)
     return _placed_by_gps(photos, crs, (positions.sigma_plan, positions.sigma_plan, positions.sigma_height)), strays
@@ -186,6 +189,36 @@ def _without_strays(photos: list[Photo]) -> tuple[list[Photo], list[PhotoRemark]
     return kept, [
         PhotoRemark(code=PhotoRemarkCode.STRAY_POSITION, photos=(name,), distance_km=distance) for name, distance in strays.items()
     ]
+
+
+def _far_apart(photos: list[Photo]) -> list[PhotoRemark]:
+    """A remark about the photographs that lie too far from most others to be one block with them."""
+    placed = [photo for photo in photos if photo.position is not None]
+    xy = np.array([photo.position[:2] for photo in placed if photo.position]).reshape(-1, 2)
+    group = _groups(np.floor(xy / _APART).astype(np.int64))
+    others = np.flatnonzero(group != np.bincount(group).argmax()) if len(placed) else group
+    if not len(others):
+        return []
+    main = np.delete(xy, others, axis=0)
+    gap = min(float(np.linalg.norm(main - place, axis=1).min()) for place in xy[others])
+    names = tuple(placed[i].name for i in others)
+    return [PhotoRemark(code=PhotoRemarkCode.POSITIONS_FAR_APART, photos=names, distance_km=gap / 1000.0)]
+
+
+def _groups(cells: np.ndarray) -> np.ndarray:
+    """Numbers (n,) of the groups of cells (n, 2) that touch each other, also at corners."""
+    # By cells and not by pairs of photographs, of which ten thousand would have fifty million.
+    open_, group, number = {tuple(cell) for cell in cells.tolist()}, {}, 0
+    while open_:
+        waiting = [open_.pop()]
+        while waiting:
+            col, row = waiting.pop()
+            group[col, row] = number
+            near = {(col + i, row + j) for i in (-1, 0, 1) for j in (-1, 0, 1)} & open_
+            open_ -= near
+            waiting += near
+        number += 1
+    return np.array([group[tuple(cell)] for cell in cells.tolist()], np.int64)
 
 
 def _camera_name(header: Header, orientation: int) -> str:
@@ -259,9 +292,18 @@ def _placed_by_gps(photos: list[Photo], crs: str, sigma: tuple[float, float, flo
     return [_placed_at(photo, places.get(photo.name), sigma) for photo in photos]
 
 
-def _placed_by_file(photos: list[Photo], text: str) -> list[Photo]:
+def _placed_by_file(photos: list[Photo], text: str) -> tuple[list[Photo], list[PhotoRemark]]:
     positions = read_positions(text)
-    return [_placed_as(photo, positions.get(photo.name)) for photo in photos]
+    names = {photo.name for photo in photos}
+    absent = tuple(name for name in positions if name not in names)
+    # Photographs are dropped, and their lines stay: but where all of them are gone, the names are wrong.
+    if absent and len(absent) == len(positions):
+        raise WorkflowError(
+            f"The positions file names none of the photographs: it has {some_of(absent, 3)}, the project has "
+            f"{some_of([photo.name for photo in photos], 3)}; correct its names, or set positions: {{kind: none}}."
+        )
+    remarks = [PhotoRemark(code=PhotoRemarkCode.POSITION_WITHOUT_PHOTOGRAPH, photos=absent)] if absent else []
+    return [_placed_as(photo, positions.get(photo.name)) for photo in photos], remarks
 
 
 def _placed_as(photo: Photo, position: Position | None) -> Photo:

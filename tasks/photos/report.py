@@ -18,7 +18,12 @@ _MOST_CLIPPED, _LEAST_CONTRAST = 0.1, 0.03
 # Marks are measured to half a pixel or so; twice the pixel is more than careless measuring explains.
 _WORST_FIT_PX = 2.0
 # What was set aside may be what the user relies on.
-_GRAVE = (PhotoRemarkCode.STRAY_POSITION, PhotoRemarkCode.NO_ALTITUDE, PhotoRemarkCode.DAMAGED_TAGS)
+_GRAVE = (
+    PhotoRemarkCode.POSITIONS_FAR_APART,
+    PhotoRemarkCode.STRAY_POSITION,
+    PhotoRemarkCode.NO_ALTITUDE,
+    PhotoRemarkCode.DAMAGED_TAGS,
+)
 _SCAN_COLUMNS = (
     "photo",
     "marks",
@@ -40,12 +45,7 @@ def photos_report(
         grids=(_photo_grid(photos, exposures), _camera_grid(photos), *((_scan_grid(scans),) if scans.scans else ())),
         charts=_charts(photos),
         pictures=_pictures(photos),
-        warnings=(
-            *(remark_sentence(remark) for remark in photos.remarks),
-            *_header_warnings(photos, positions_kind, cameras_kind),
-            *_exposure_warnings(exposures),
-            *_scan_warnings(scans),
-        ),
+        warnings=(*header_warnings(photos, positions_kind, cameras_kind), *_exposure_warnings(exposures), *_scan_warnings(scans)),
         doubts=tuple(remark_sentence(remark) for remark in photos.remarks if remark.code in _GRAVE),
     )
 
@@ -62,6 +62,16 @@ def remark_sentence(remark: PhotoRemark) -> str:
         return (
             f"The GPS tag of {remark.photos[0]} lies {remark.distance_km or 0.0:.0f} km from the other photographs and is not "
             "used; the photograph itself is."
+        )
+    if remark.code is PhotoRemarkCode.POSITIONS_FAR_APART:
+        return (
+            f"The positions of {some_of(remark.photos)} lie {remark.distance_km or 0.0:.0f} km or more from all others, too far "
+            "for one block; correct the positions, or make two projects of them."
+        )
+    if remark.code is PhotoRemarkCode.POSITION_WITHOUT_PHOTOGRAPH:
+        return (
+            f"The positions file has lines for photographs that the project does not have, which are skipped: "
+            f"{some_of(remark.photos)}."
         )
     if remark.code is PhotoRemarkCode.DAMAGED_TAGS:
         return (
@@ -228,7 +238,9 @@ def _pictures(photos: Photos) -> tuple[Picture, ...]:
     )
 
 
-def _header_warnings(photos: Photos, positions_kind: str, cameras_kind: str) -> Iterator[str]:
+def header_warnings(photos: Photos, positions_kind: str, cameras_kind: str) -> Iterator[str]:
+    """What is noticed about files, positions and cameras before any pixel is read."""
+    yield from (remark_sentence(remark) for remark in photos.remarks)
     unplaced = [photo.name for photo in photos.photos if photo.position is None]
     if unplaced and positions_kind != "none":
         source = "GPS tags with longitude, latitude and altitude" if positions_kind == "exif" else "line in the positions file"

@@ -19,7 +19,7 @@ from orthomill.tasks.imagery.upright import file_window, turned, upright_shape
 from orthomill.tasks.photos.coordinates import Digital, ImageCoordinates
 from orthomill.tasks.photos.index import Limits, index_photos
 from orthomill.tasks.photos.pixels import Exposure, exposure, level_tile, upright_strip
-from orthomill.tasks.photos.report import photos_report
+from orthomill.tasks.photos.report import header_warnings, photos_report
 from orthomill.tasks.photos.scans import Scans, scan_tile, scan_window
 
 SCANS = Table("photos/scans.json", Scans)
@@ -41,6 +41,10 @@ class PhotosStage(Stage):
     max_megapixels: float = setting(
         400.0, "Photographs with more pixels are refused, as a guard against files included by mistake.", "megapixels", gt=0
     )
+
+    def remarks(self, view: ProjectView) -> Iterator[str]:
+        """What is noticed about files, positions and cameras."""
+        return header_warnings(view.table(PHOTOS), view.project.positions.kind, view.project.cameras.kind)
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         """The table of photographs first, then their strips, levels and exposure."""

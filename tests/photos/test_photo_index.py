@@ -238,7 +238,29 @@ def test_of_two_camps_of_positions_none_is_a_stray():
     elsewhere = {**DRONE, "GPSLatitude": "(47) (50) (0)"}
     headers = [header(f"p{i}.jpg", tags=DRONE if i % 2 else elsewhere) for i in range(4)]
     photos = photos_of(tuple(headers), "EPSG:26915", EXIF_POSITIONS, LIMITS)
-    assert photos.remarks == () and all(photo.position is not None for photo in photos.photos)
+    assert all(photo.position is not None for photo in photos.photos)
+    (apart,) = photos.remarks
+    assert apart.code is PhotoRemarkCode.POSITIONS_FAR_APART and apart.photos == ("p0", "p2")
+    assert apart.distance_km == pytest.approx(110.0, abs=1.5)
+
+
+def test_photographs_of_one_large_block_are_not_far_apart():
+    rows = "".join(f"p{i},{500000 + 40000 * i},{4400000},9000,1,1,1\n" for i in range(20))
+    text = "photo,x,y,z,sigma_x,sigma_y,sigma_z\n" + rows
+    headers = tuple(header(f"p{i}.jpg") for i in range(20))
+    from_file = PositionsFromFile(kind="file", path="p.csv")
+    assert photos_of(headers, "EPSG:2100", from_file, LIMITS, text).remarks == ()
+    (apart,) = photos_of(headers, "EPSG:2100", from_file, LIMITS, text.replace("p0,5", "p0,1")).remarks
+    assert apart.photos == ("p0",)
+
+
+def test_lines_of_other_photographs_in_the_positions_file_are_a_remark_unless_all_are():
+    text = "photo,x,y,z,sigma_x,sigma_y,sigma_z\n{},1,2,3,1,1,1\nq,1,2,3,1,1,1\n"
+    from_file = PositionsFromFile(kind="file", path="p.csv")
+    (remark,) = photos_of((header("p.jpg"),), "EPSG:2100", from_file, LIMITS, text.format("p.JPG")).remarks
+    assert remark.code is PhotoRemarkCode.POSITION_WITHOUT_PHOTOGRAPH and remark.photos == ("q",)
+    with pytest.raises(WorkflowError, match="names none of the photographs: it has r, q, the project has p;"):
+        photos_of((header("p.jpg"),), "EPSG:2100", from_file, LIMITS, text.format("r"))
 
 
 def test_neighbours_across_the_date_line_are_no_strays():

@@ -14,6 +14,7 @@ from orthomill.schemas.errors import WorkflowError, first_of
 from orthomill.schemas.observations import Control, ControlPoint, Distance
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.tasks.geometry.coordinate_ranges import coordinate_mistake, sigma_mistake
+from orthomill.tasks.orientation.control.absent_photographs import Rule, Skipped
 
 POINT_COLUMNS = ("name", "role", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
 MEASUREMENT_COLUMNS = ("name", "photo", "col", "row", "sigma")
@@ -21,12 +22,12 @@ DISTANCE_COLUMNS = ("from", "to", "metres", "sigma")
 ROLES = ("control", "check", "tie")
 
 
-def read_control(photos: Photos, points: str, measurements: str, distances: str | None = None) -> Control:
+def read_control(photos: Photos, points: str, measurements: str, distances: str | None = None, absent: Rule = "skip") -> Control:
     """Control, check and tie points with their image measurements, and distances between them.
 
     `points`: CSV text with POINT_COLUMNS (m); `measurements`: CSV text with MEASUREMENT_COLUMNS (px); `distances`: CSV text with
-    DISTANCE_COLUMNS (m). Photographs are named with or without extension. Raises WorkflowError that lists every mistake in the
-    texts.
+    DISTANCE_COLUMNS (m). Photographs are named with or without extension; `absent`: whether lines of others are skipped. Raises
+    WorkflowError that lists every mistake in the texts.
     """
     # Everything is read before anything is refused: a surveyor corrects a whole file at once.
     mistakes: list[str] = []
@@ -35,19 +36,28 @@ def read_control(photos: Photos, points: str, measurements: str, distances: str 
         mistakes.append(
             "The control points file holds no points; fill it in, or say that there is no ground control (control: {kind: none})."
         )
-    measured = _measurements(measurements, known, photos, mistakes)
+    skipped = Skipped(absent)
+    measured = _measurements(measurements, known, photos, skipped, mistakes)
+    points_of = {name: point.model_copy(update={"measurements": measured[name]}) for name, point in known.items()}
+    lost = skipped.lost(points_of)
+    if not mistakes and (mistake := skipped.mistake(points_of)):
+        mistakes.append(mistake)
     # A point whose only measurement is wrong has its sentence already.
     answered = " ".join(mistakes)
     mistakes += [
         f"Control point {name} is measured in no photograph; measure it in two or more, or leave it out."
         for name in known
-        if not measured[name] and f"point {name} " not in answered
+        if not measured[name] and name not in lost and f"point {name} " not in answered
     ]
-    points_of = {name: point.model_copy(update={"measurements": measured[name]}) for name, point in known.items()}
-    lengths = () if distances is None else tuple(_distances(distances, points_of, mistakes))
+    lengths = () if distances is None else tuple(_distances(distances, points_of, lost, mistakes))
     if mistakes:
         raise WorkflowError(first_of(mistakes))
-    return Control(points=tuple(points_of.values()), distances=lengths)
+    finding = skipped.finding(points_of)
+    return Control(
+        points=tuple(point for name, point in points_of.items() if name not in lost),
+        distances=lengths,
+        findings=(finding,) if finding else (),
+    )
 
 
 def no_control() -> Control:
@@ -134,7 +144,7 @@ def _points(text: str, mistakes: list[str]) -> dict[str, ControlPoint]:
 
 
 def _measurements(
-    text: str, known: dict[str, ControlPoint], photos: Photos, mistakes: list[str]
+    text: str, known: dict[str, ControlPoint], photos: Photos, skipped: Skipped, mistakes: list[str]
 ) -> dict[str, dict[str, tuple[float, float, float]]]:
     """Measurements (col, row, sigma) by point and photograph."""
     of_name = photos_by_word(photos)
@@ -143,6 +153,8 @@ def _measurements(
         name, photo = row["name"], of_name.get(row.get("photo", ""))
         where = f"Control measurements file, line {line}, point {name} "
         values = _numbers(row, MEASUREMENT_COLUMNS[2:], where.strip(), mistakes)
+        if photo is None and name in known and row.get("photo") and skipped.takes(name, row["photo"]):
+            continue
         mistake = measurement_mistake(name, row.get("photo", ""), photo, values, measured)
         if mistake:
             mistakes.append(f"{where}{mistake}")
@@ -152,11 +164,14 @@ def _measurements(
     return measured
 
 
-def _distances(text: str, known: dict[str, ControlPoint], mistakes: list[str]) -> Iterator[Distance]:
+def _distances(text: str, known: dict[str, ControlPoint], lost: tuple[str, ...], mistakes: list[str]) -> Iterator[Distance]:
+    """The distances, but for those to points that were lost with their photographs."""
     for line, row in _rows(text, DISTANCE_COLUMNS, "distances", mistakes):
         ends = row["from"], row.get("to", "")
         where = f"Distances file, line {line}, {ends[0]} to {ends[1]}: "
         values = _numbers(row, DISTANCE_COLUMNS[2:], where.removesuffix(": "), mistakes)
+        if set(ends).intersection(lost):
+            continue
         mistake = _distance_mistake(ends, values, known)
         if mistake:
             mistakes.append(f"{where}{mistake}")

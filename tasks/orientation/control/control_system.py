@@ -11,6 +11,7 @@ from orthomill.schemas.observations import Control
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.project import ControlFromGcpList
 from orthomill.tasks.geometry.survey_system import fitting_system, survey_crs, transform_surveyed
+from orthomill.tasks.orientation.control.absent_photographs import Rule
 from orthomill.tasks.orientation.control.control_files import in_photographs, read_control
 from orthomill.tasks.orientation.control.gcp_list import read_gcp_list
 
@@ -21,11 +22,11 @@ _LEAST_FAR = 3000.0
 
 
 def control_from_files(
-    photos: Photos, points: str, measurements: str, own: str | None, crs: str, distances: str | None = None
+    photos: Photos, points: str, measurements: str, own: str | None, crs: str, distances: str | None = None, absent: Rule = "skip"
 ) -> Control:
-    """Control from CSV texts in the project's system `crs`; `own`: the system of the texts (None: the same). Raises
-    WorkflowError."""
-    return _in_project(read_control(photos, points, measurements, distances), photos, own or crs, crs)
+    """Control from CSV texts in the project's system `crs`; `own`: the system of the texts (None: the same); `absent`: whether
+    measurements in photographs that the project does not have are skipped. Raises WorkflowError."""
+    return _in_project(read_control(photos, points, measurements, distances, absent), photos, own or crs, crs)
 
 
 def control_from_list(photos: Photos, text: str, source: ControlFromGcpList, crs: str) -> Control:
@@ -52,7 +53,9 @@ def _in_project(control: Control, photos: Photos, own: str, crs: str) -> Control
         for point in control.points
         if point.role == "tie" or point.name in placed or point.name in ends
     )
-    return Control(points=tuple(points), distances=control.distances, findings=(finding,) if finding else ())
+    return Control(
+        points=tuple(points), distances=control.distances, findings=(*((finding,) if finding else ()), *control.findings)
+    )
 
 
 def _placed(

@@ -12,6 +12,7 @@ from orthomill.schemas.observations import Control, ControlPoint
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.schemas.project import ControlFromGcpList
 from orthomill.tasks.geometry.coordinate_ranges import coordinate_mistake
+from orthomill.tasks.orientation.control.absent_photographs import Skipped
 from orthomill.tasks.orientation.control.control_files import measurement_mistake, photos_by_word
 
 
@@ -31,9 +32,9 @@ def read_gcp_list(photos: Photos, text: str, source: ControlFromGcpList) -> GcpL
         raise WorkflowError("The GCP list is empty; its first line names the reference system, e.g. EPSG:32634.")
     mistakes: list[str] = []
     known: dict[str, ControlPoint] = {}
-    of_word = photos_by_word(photos)
+    of_word, skipped = photos_by_word(photos), Skipped(source.absent)
     for number, line in lines[1:]:
-        mistake = _add(line, known, of_word, source)
+        mistake = _add(line, known, of_word, source, skipped)
         if mistake:
             mistakes.append(f"GCP list, line {number}: {mistake}")
     mistakes += [
@@ -41,12 +42,18 @@ def read_gcp_list(photos: Photos, text: str, source: ControlFromGcpList) -> GcpL
         for name in source.check
         if name not in known
     ]
+    if not mistakes and (nothing_left := skipped.mistake(known)):
+        mistakes.append(nothing_left)
     if mistakes or not known:
         raise WorkflowError(first_of(mistakes) or "The GCP list names a reference system, but no point.")
-    return GcpList(lines[0][1], Control(points=tuple(known.values())))
+    finding, lost = skipped.finding(known), skipped.lost(known)
+    points = tuple(point for name, point in known.items() if name not in lost)
+    return GcpList(lines[0][1], Control(points=points, findings=(finding,) if finding else ()))
 
 
-def _add(line: str, known: dict[str, ControlPoint], photos: dict[str, Photo], source: ControlFromGcpList) -> str | None:
+def _add(
+    line: str, known: dict[str, ControlPoint], photos: dict[str, Photo], source: ControlFromGcpList, skipped: Skipped
+) -> str | None:
     """Adds the measurement of one line to the points; what is wrong with the line, as the end of a sentence."""
     words = line.split()
     try:
@@ -68,6 +75,8 @@ def _add(line: str, known: dict[str, ControlPoint], photos: dict[str, Photo], so
             "agree."
         )
     photo = photos.get(word)
+    if photo is None and skipped.takes(name, word):
+        return None
     mistake = measurement_mistake(name, word, photo, (col, row), {name: point.measurements})
     if mistake or not photo:
         return f"point {name} {mistake}"

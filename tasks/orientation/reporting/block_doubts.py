@@ -17,7 +17,7 @@ from orthomill.schemas.findings.block_findings import (
     TiltUnobserved,
 )
 from orthomill.tasks.orientation.reporting.block_facts import Facts
-from orthomill.tasks.orientation.reporting.control_sentences import control_sentence
+from orthomill.tasks.orientation.reporting.control_sentences import control_sentence, is_grave
 from orthomill.tasks.orientation.reporting.finding_sentences import finding_sentence
 
 GRAVE = (
@@ -40,6 +40,6 @@ GRAVE = (
 def block_doubts(facts: Facts) -> Iterator[str]:
     """Sentences that are among the warnings, the gravest first."""
     # Control that was left out for its place or its heights leaves the block without what its user relies on.
-    yield from (control_sentence(finding) for finding in facts.control.findings)
+    yield from (control_sentence(finding) for finding in facts.control.findings if is_grave(finding))
     found = [finding for finding in facts.precision.findings if isinstance(finding, GRAVE)]
     yield from (finding_sentence(finding) for finding in sorted(found, key=lambda finding: GRAVE.index(type(finding))))

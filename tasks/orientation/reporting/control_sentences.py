@@ -1,6 +1,7 @@
 """Findings about control in words."""
 
-from orthomill.schemas.findings.control_findings import ControlElsewhere, ControlFinding
+from orthomill.schemas.errors import some_of
+from orthomill.schemas.findings.control_findings import ControlElsewhere, ControlFinding, PhotographsAbsent
 
 GEOGRAPHIC = "EPSG:4326"
 
@@ -12,7 +13,24 @@ def control_sentence(finding: ControlFinding) -> str:
             f"The {finding.points} control points, read as {finding.crs}, are {finding.distance_m / 1000:.0f} km from where the "
             f"photographs were taken; {_advice(finding)}. They were set aside and took no part in the adjustment."
         )
+    if isinstance(finding, PhotographsAbsent):
+        return _about_absent(finding)
     return f"Heights of control points were not transformed: only {finding.crs} defines a vertical datum."
+
+
+def is_grave(finding: ControlFinding) -> bool:
+    """Whether the block lacks what its user relies on; measurements of points that others measure as well are no such loss."""
+    return not isinstance(finding, PhotographsAbsent) or bool(finding.lost)
+
+
+def _about_absent(finding: PhotographsAbsent) -> str:
+    are = "is" if len(finding.lost) == 1 else "are"
+    lost = f"; {some_of(finding.lost)} {are} measured in no other and left out" if finding.lost else ""
+    were = "measurement of control points was" if finding.measurements == 1 else "measurements of control points were"
+    return (
+        f"{finding.measurements} {were} skipped, as the project does not have the photographs {some_of(finding.photos)}{lost}. "
+        "Set absent: refuse below control if no photograph may be missing."
+    )
 
 
 def _advice(finding: ControlElsewhere) -> str:

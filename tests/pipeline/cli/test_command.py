@@ -6,7 +6,7 @@ import re
 import pytest
 import rasterio
 from rasterio.errors import NotGeoreferencedWarning
-from small_site import command, copy_of_finished_site, counts, finished_site, make_site, photographs, write_workflow
+from small_site import command, copy_of_finished_site, counts, damage, finished_site, make_site, photographs, write_workflow
 from typer.testing import CliRunner
 
 from orthomill.pipeline.cli.commands import app
@@ -42,7 +42,7 @@ def test_plan_shows_jobs_bytes_memory_and_reasons_and_writes_nothing(fresh):
     before = sorted(fresh.rglob("*"))
     said = command("plan", "site")
     assert "not done yet; the rest is" in said and "peak memory" in said and "600 MiB" in said
-    assert "tie_points ? ? ? ?" in said and "3 of 4 stages wait for results of earlier stages" in said
+    assert "tie_points 10 + ? 10 + ? " in said and "2 of 4 stages wait for results of earlier stages" in said
     assert "Estimate from the files alone: 3 photographs with 1 million pixels are 18 tiles of 256 px" in said
     assert sorted(fresh.rglob("*")) == before
 
@@ -135,9 +135,9 @@ def test_status_after_a_run_and_while_another_is_in_progress(done):
 
 
 def test_status_shows_the_last_error(fresh):
-    photographs(fresh)[0].write_bytes(photographs(fresh)[0].read_bytes()[:9000])
+    damage(photographs(fresh)[0])
     command("run", "site", "--sequential", code=1)
-    assert "is truncated" in command("status", "site")
+    assert "cannot be decoded" in command("status", "site")
 
 
 def test_the_dashboard_is_named_while_a_run_on_dask_is_in_progress(done):
@@ -158,7 +158,7 @@ def test_an_address_that_a_killed_run_left_is_not_shown(done):
 def test_figures_of_an_earlier_run_are_not_shown_for_a_stage_that_failed_since(done):
     summary = done / "runs" / "site" / "summary.json"
     assert any(name.startswith("orientation.") for name in json.loads(summary.read_text()))
-    photographs(done)[0].write_bytes(photographs(done)[0].read_bytes()[:9000])
+    damage(photographs(done)[0])
     command("run", "site", "--sequential", code=1)
     figures = json.loads(summary.read_text())
     assert not any(name.startswith(("orientation.", "tie_points.")) for name in figures)
