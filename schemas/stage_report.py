@@ -4,6 +4,7 @@ It is declarative: the pipeline draws it without knowing what it means. Every fi
 `<stage>.<name>`; names are stable and documented.
 """
 
+from enum import StrEnum
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
@@ -18,15 +19,60 @@ class _ReportPart(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="constants")
 
 
+class Topic(StrEnum):
+    """What a client asks of a survey, in the words and the order of the report's first page."""
+
+    PHOTOGRAPHS = "Photographs used"
+    GROUND_PIXEL = "Pixel on the ground"
+    AREA = "Area of the surface"
+    HEIGHTS = "Heights"
+    ORTHOIMAGE = "Orthoimage"
+    ACCURACY_PLAN = "Accuracy in plan"
+    ACCURACY_HEIGHT = "Accuracy in height"
+    PRECISION = "Precision of the block"
+    REFERENCE = "Reference system"
+    TIME = "Time"
+
+
+class Answer(_ReportPart):
+    """What a stage answers to one of these questions, in words; the answer of a later stage replaces that of an earlier one."""
+
+    topic: Topic
+    text: str
+
+
+class Verdict(_ReportPart):
+    """What a stage's results are worth, in one sentence.
+
+    good: as it should be; fair: usable within the limits that the sentence names; poor: not to be used before it is mended.
+    """
+
+    level: Literal["good", "fair", "poor"]
+    sentence: str
+    weighs: bool = False
+    """Whether it decides about what the user gets; otherwise it stands at its own stage only, unless it is poor."""
+
+
+class Product(_ReportPart):
+    """A file of the run's folder that the user takes away, and what it is for."""
+
+    path: str
+    purpose: str
+    main: bool = False
+    """One of the few that nearly everybody wants; the others are for other programs and closer analysis."""
+
+
 class Figure(_ReportPart):
     """One number (or word) with its unit and meaning. `name` is snake_case and stable."""
 
     name: str
+    label: str = ""
+    """What people call it; made from the name where that says it already."""
     value: float | int | str | bool | None
     unit: str = ""
     sentence: str = ""
     headline: bool = False
-    """One of the few figures that a surveyor signs: shown among the key figures at the top of the report."""
+    """One of the few figures of its stage that are read before the chapter is opened."""
     detail: bool = False
     """One of many figures for a closer analysis: collapsed in the report."""
 
@@ -58,6 +104,8 @@ class Picture(_ReportPart):
     colours: str = "viridis"
     classes: tuple[tuple[int, str, str], ...] = ()
     """(code, "#rrggbb", meaning)"""
+    first_page: bool = False
+    """Whether the report begins with it: a result that the run was made for."""
 
 
 class Chart(_ReportPart):
@@ -77,6 +125,11 @@ class Chart(_ReportPart):
 class StageReport(_ReportPart):
     """Everything that one stage reports, in reading order."""
 
+    verdict: Verdict | None = None
+    answers: tuple[Answer, ...] = ()
+    products: tuple[Product, ...] = ()
+    aside: bool = False
+    """Of a simulation, or of a comparison with a known truth: told after what a real survey would have."""
     figures: tuple[Figure, ...] = ()
     grids: tuple[Grid, ...] = ()
     charts: tuple[Chart, ...] = ()
@@ -85,6 +138,8 @@ class StageReport(_ReportPart):
     """Whole sentences: what is poorly determined or suspicious, where, and what to do."""
     doubts: tuple[str, ...] = ()
     """Those of the warnings that one must know before one believes any result of the project, the gravest first."""
+    losses: tuple[str, ...] = ()
+    """Those of the others that cost accuracy or ground, the dearest first; what remains is good to know."""
 
 
 def report_table(stage: str) -> Table[StageReport]:

@@ -100,6 +100,14 @@ def memory_text(count: int | None) -> str:
     return f"{count / 2**30:.2f}{NARROW_SPACE}GiB" if count >= 2**30 else f"{count / 2**20:.0f}{NARROW_SPACE}MiB"
 
 
+def bytes_text(count: int) -> str:
+    """The size of a file as file managers print it: 13 kB, 65 MB, 1.2 GB."""
+    for unit, size in (("GB", 10**9), ("MB", 10**6), ("kB", 10**3)):
+        if count >= size:
+            return f"{count / size:.{1 if count < 10 * size else 0}f}{NARROW_SPACE}{unit}"
+    return f"{count}{NARROW_SPACE}bytes"
+
+
 def nice_step(span: float, parts: int) -> float:
     """The step of 1, 2 or 5 times a power of ten that divides `span` into about `parts`; 1 for an empty span."""
     if not (math.isfinite(span) and span > 0):

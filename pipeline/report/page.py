@@ -1,5 +1,7 @@
 """The report: one self-contained HTML page, generated from what every stage declares, without knowing what it means.
 
+It answers first (`first_page.py`), and what stages declare folds below, a chapter each.
+
 Everything variable is text that the template escapes; the only markup passed in are the charts, which escape their own text. The
 page loads nothing from the network: its pictures are data URIs, and a content security policy makes the browser enforce this.
 """
@@ -14,14 +16,15 @@ from markupsafe import Markup
 from orthomill.pipeline.engine.run_facts import RunFacts, StageRun, StageTitle
 from orthomill.pipeline.report import numbers
 from orthomill.pipeline.report.charts import chart_svg, colour_bar_svg, thinned
+from orthomill.pipeline.report.first_page import Caution, FirstPage, Reports, first_page, not_asked_for, reports_of
 from orthomill.pipeline.report.pictures import Drawing, draw
 from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.pipeline.storage.table_files import write_whole
 from orthomill.schemas.errors import StoreError
-from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport, report_table
+from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport
 
-MOST_HEADLINES = 8
-"""headline figures shown when no stage marks one"""
+LEADING = 2
+"""pictures beside each other at the top"""
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,8 @@ class FigureRow:
 class PictureView:
     """A picture with its legend, or the sentence that says why it is missing."""
 
+    name: str
+    """under which other places of the page show the same picture"""
     picture: Picture
     drawing: Drawing | None
     bar: Markup | None = None
@@ -72,7 +77,7 @@ class Section:
     kind: str
     title: str
     state: str
-    """done, failed, unfinished or not yet"""
+    """done, failed, unfinished, not yet or not run"""
     run: StageRun
     report: StageReport
     figures: tuple[FigureRow, ...]
@@ -80,25 +85,45 @@ class Section:
     charts: tuple[ChartView, ...]
     grids: tuple[GridView, ...]
     failures: tuple[str, ...]
+    cautions: tuple[Caution, ...]
+
+    @property
+    def main_figures(self) -> tuple[FigureRow, ...]:
+        """The figures that are read before the chapter is opened."""
+        marked = [row for row, figure in zip(self.figures, self.report.figures, strict=True) if figure.headline]
+        return tuple(marked) or self.figures[:1]
 
 
 def write_report(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunFacts, path: Path) -> None:
     """Write the page for a run, finished or not, completely or not at all. Raises StoreError when the disk refuses."""
-    write_whole(path, report_html(store, stages, run).encode())
+    write_whole(path, report_html(store, stages, run, path.parent).encode())
 
 
-def report_html(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunFacts) -> str:
-    """The page as text. Stages that have not reported yet are listed as such."""
+def report_html(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunFacts, folder: Path) -> str:
+    """The page as text; `stages` are all of the workflow, and those without a report are listed as such."""
     bars = _Counter()
-    sections = tuple(_section(store, stage, run, bars) for stage in stages)
+    reports = reports_of(store, stages, run)
+    answers = first_page(reports, stages, run, folder)
+    sections = tuple(_section(store, stage, run, reports, answers, bars) for stage in stages)
+    # What is simulated, or compared with a known truth, comes after what a real survey would have.
+    sections = tuple(sorted(sections, key=lambda section: section.report.aside))
     return _template().render(
         run=run,
+        first=answers,
         sections=sections,
-        headlines=headlines(sections),
-        verdict=verdict(run, sections),
+        leading=leading(sections),
+        not_run=not_asked_for(stages, run),
         longest=max((section.run.seconds for section in sections), default=0.0) or 1.0,
-        warned=[section for section in sections if section.report.warnings or section.failures],
+        failed=[section for section in sections if section.failures],
     )
+
+
+def leading(sections: tuple[Section, ...]) -> tuple[PictureView, ...]:
+    """The pictures at the top: results as marked, the last ones first; before there are any, what the last stages show."""
+    views = [(view, view.picture.first_page) for section in sections for view in section.pictures if view.drawing]
+    marked = [view for view, is_result in views if is_result]
+    firsts = [section.pictures[0] for section in sections if section.pictures and section.pictures[0].drawing]
+    return tuple(reversed((marked or firsts)[-LEADING:]))
 
 
 @cache
@@ -109,6 +134,7 @@ def _template() -> Template:
     environment.filters.update(
         number=numbers.number_text, duration=numbers.duration_text, memory=numbers.memory_text, ground_length=length_text
     )
+    environment.filters.update(bytes=numbers.bytes_text)
     return environment.get_template("report.html")
 
 
@@ -126,22 +152,23 @@ class _Counter:
 # --- one stage ---------------------------------------------------------------------------------------------------------------
 
 
-def _section(store: ReadableStore, stage: StageTitle, run: RunFacts, bars: _Counter) -> Section:
+def _section(
+    store: ReadableStore, stage: StageTitle, run: RunFacts, reports: Reports, answers: FirstPage, bars: _Counter
+) -> Section:
     kind, title = stage
-    # The report table may be that of an earlier run whose stage has failed since; its figures must not be shown as current.
-    reported = run.stage(kind).reported and store.has_table(report_table(kind))
-    report = store.table(report_table(kind)) if reported else StageReport()
+    report = reports.get(kind, StageReport())
     return Section(
         kind,
         title,
-        _state(run.stage(kind), reported),
+        "not run" if title in not_asked_for((stage,), run) else _state(run.stage(kind), kind in reports),
         run.stage(kind),
         report,
         tuple(figure_row(kind, figure) for figure in report.figures),
-        tuple(_picture_view(store, picture, bars) for picture in report.pictures),
+        tuple(_picture_view(store, f"{kind}-{n}", picture, bars) for n, picture in enumerate(report.pictures)),
         tuple(_chart_view(chart) for chart in report.charts),
         tuple(_grid_view(grid) for grid in report.grids),
         tuple(f"{failure.key}: {failure.sentence}" for failure in run.failures if failure.stage == kind),
+        tuple(caution for caution in answers.cautions if caution.kind == kind),
     )
 
 
@@ -168,7 +195,9 @@ def figure_row(kind: str, figure: Figure) -> FigureRow:
     """A figure as text."""
     value = numbers.number_text(figure.value)
     name, unit = figure.name, figure.unit
-    return FigureRow(kind, f"{kind}.{name}", label_of(_without_unit(name, unit)), value, unit, figure.sentence, figure.detail)
+    return FigureRow(
+        kind, f"{kind}.{name}", figure.label or label_of(_without_unit(name, unit)), value, unit, figure.sentence, figure.detail
+    )
 
 
 def _without_unit(name: str, unit: str) -> str:
@@ -177,42 +206,12 @@ def _without_unit(name: str, unit: str) -> str:
     return name.removesuffix(suffix) or name
 
 
-def headlines(sections: tuple[Section, ...]) -> tuple[FigureRow, ...]:
-    """The figures that a surveyor signs: those marked as headlines, in order; the first of every stage when none is marked."""
-    marked = tuple(
-        row for section in sections for row, figure in zip(section.figures, section.report.figures, strict=True) if figure.headline
-    )
-    return marked or tuple(section.figures[0] for section in sections if section.figures)[:MOST_HEADLINES]
-
-
-def verdict(run: RunFacts, sections: tuple[Section, ...]) -> str:
-    """Whether the run is complete, and if not, what is missing."""
-    if run.complete:
-        skipped = sum(stage.skipped for stage in run.stages)
-        unchanged = f", {numbers.number_text(skipped)} of them unchanged since an earlier run" if skipped else ""
-        jobs = numbers.number_text(sum(stage.jobs for stage in run.stages))
-        stages = "1 stage" if len(run.stages) == 1 else f"{len(run.stages)} stages"
-        return f"Complete. All {jobs} jobs of {stages} are done{unchanged}."
-    missing = [
-        _counted(sum(stage.failed for stage in run.stages), "job failed", "jobs failed"),
-        _counted(sum(stage.waiting for stage in run.stages), "job is waiting", "jobs are waiting"),
-        _counted(sum(section.state == "not yet" for section in sections), "stage has not begun", "stages have not begun"),
-    ]
-    otherwise = "no job has run" if run.finished else "it is still running or was interrupted"
-    reason = "; ".join(part for part in missing if part) or otherwise
-    return f"Not complete: {reason}. The figures below are valid for what is done; run the project again to continue."
-
-
-def _counted(count: int, one: str, many: str) -> str:
-    return f"{numbers.number_text(count)} {one if count == 1 else many}" if count else ""
-
-
-def _picture_view(store: ReadableStore, picture: Picture, bars: _Counter) -> PictureView:
+def _picture_view(store: ReadableStore, name: str, picture: Picture, bars: _Counter) -> PictureView:
     try:
         drawing = draw(store, picture)
     except StoreError as error:
-        return PictureView(picture, None, missing=str(error))
-    return PictureView(picture, drawing, Markup(colour_bar_svg(drawing.bar, bars.next())) if drawing.bar else None)
+        return PictureView(name, picture, None, missing=str(error))
+    return PictureView(name, picture, drawing, Markup(colour_bar_svg(drawing.bar, bars.next())) if drawing.bar else None)
 
 
 def _chart_view(chart: Chart) -> ChartView:

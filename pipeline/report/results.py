@@ -39,21 +39,21 @@ def run_with_report(
 def update_results(store: ReadableStore, folder: Path, stages: tuple[StageTitle, ...], facts: RunFacts) -> None:
     """Facts, summary and report of a run that did something; after one that did nothing they stay as they are, if current."""
     if facts.worked:
-        ran = {stage.kind for stage in facts.stages}  # fewer than all after --until
-        write_results(store, folder, tuple(stage for stage in stages if stage[0] in ran), facts)
+        write_results(store, folder, stages, facts)
     else:
         keep_results(store, folder, stages, facts)
 
 
 def write_results(store: ReadableStore, folder: Path, stages: tuple[StageTitle, ...], facts: RunFacts) -> None:
-    """Write the facts, the summary and the report."""
+    """Write the facts, the summary and the report. `stages` are all of the workflow; --until leaves some of them out."""
     # matplotlib and OpenCV are loaded only where there is something to draw: importing them takes longer than a run without work.
     from orthomill.pipeline.report.page import write_report
     from orthomill.pipeline.report.summary import write_summary
 
     facts = replace(facts, written_by=_writers())
     write_facts(folder, facts)
-    write_summary(store, stages, facts, folder / SUMMARY)
+    ran = {stage.kind for stage in facts.stages}
+    write_summary(store, tuple(stage for stage in stages if stage[0] in ran), facts, folder / SUMMARY)
     write_report(store, stages, facts, folder / REPORT)
 
 
@@ -65,7 +65,7 @@ def keep_results(store: ReadableStore, folder: Path, stages: tuple[StageTitle, .
     earlier = read_facts(folder)
     described = facts if earlier is None or not earlier.describes(facts) else earlier
     if described is facts or not _are_current(folder, described):
-        write_results(store, folder, tuple(stage for stage in stages if described.stage(stage[0]).jobs), described)
+        write_results(store, folder, stages, described)
 
 
 def rewrite_results(loaded: LoadedWorkflow) -> Path:
@@ -92,5 +92,6 @@ def _are_current(folder: Path, facts: RunFacts) -> bool:
 
 def _writers() -> str:
     """Digest of everything but the results that determines summary and report."""
-    template = Path(__file__).parent / "templates" / "report.html"
-    return digest(of_modules("orthomill.pipeline.report.page", "orthomill.pipeline.report.summary"), template.read_text())
+    templates = sorted((Path(__file__).parent / "templates").iterdir())
+    modules = of_modules("orthomill.pipeline.report.page", "orthomill.pipeline.report.summary")
+    return digest(modules, *(template.read_text() for template in templates))

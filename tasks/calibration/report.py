@@ -7,7 +7,7 @@ import numpy as np
 from orthomill.schemas.camera import INTERIOR, Camera, Cameras
 from orthomill.schemas.errors import some_of
 from orthomill.schemas.photo import Photo, Photos
-from orthomill.schemas.stage_report import Chart, Figure, Grid, StageReport
+from orthomill.schemas.stage_report import Chart, Figure, Grid, StageReport, Verdict
 from orthomill.tasks.calibration.cameras.camera_sharing import SharedCameras
 from orthomill.tasks.calibration.cameras.nominal_cameras import nominal_constant
 from orthomill.tasks.calibration.cameras.untagged_photographs import GUESS_SHARE, Substitute, UntaggedPhotos
@@ -40,7 +40,22 @@ def cameras_report(cameras: Cameras, shared: SharedCameras) -> StageReport:
         *_scale_warnings(cameras, shared.cameras),
         *_nominal_warnings(shown, shared.photos),
     ]
-    return StageReport(figures=figures, grids=_camera_grids(cameras), charts=(_distortion_chart(shown),), warnings=tuple(warnings))
+    return StageReport(
+        verdict=_verdict(shown),
+        figures=figures,
+        grids=_camera_grids(cameras),
+        charts=(_distortion_chart(shown),),
+        warnings=tuple(warnings),
+    )
+
+
+def _verdict(cameras: tuple[Camera, ...]) -> Verdict:
+    nominal = sum(camera.source == "exif" for camera in cameras)
+    if nominal:
+        which = "The camera is" if len(cameras) == 1 else f"{nominal} of {len(cameras)} cameras are"
+        return Verdict(level="fair", sentence=f"{which} known from EXIF only, without lens distortion; a calibration is better.")
+    sources = sorted({_SOURCES[camera.source] for camera in cameras})
+    return Verdict(level="good", sentence=f"Interior orientation {' and '.join(sources)}.")
 
 
 def _camera_figures(cameras: tuple[Camera, ...]) -> tuple[Figure, ...]:
@@ -49,9 +64,12 @@ def _camera_figures(cameras: tuple[Camera, ...]) -> tuple[Figure, ...]:
     camera = cameras[0]
     calibrated = camera.source == "chessboards"
     return (
-        Figure(name="c", value=round(camera.c, 3), unit="px", sentence="Camera constant.", headline=calibrated),
+        Figure(
+            name="c", label="Camera constant", value=round(camera.c, 3), unit="px", sentence="Camera constant.", headline=calibrated
+        ),
         Figure(
             name="sigma_c",
+            label="Its standard error",
             value=_rounded(_sigma(camera, "c"), 4),
             unit="px",
             sentence="Standard error of the camera constant.",

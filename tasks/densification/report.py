@@ -2,12 +2,13 @@
 
 from collections.abc import Iterator
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 
 from orthomill.schemas.epipolar import EpipolarPair, EpipolarPairs
 from orthomill.schemas.outcome import Outcome
-from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport
+from orthomill.schemas.stage_report import Answer, Chart, Figure, Grid, Picture, Product, StageReport, Topic, Verdict
 from orthomill.schemas.surface import (
     COUNT,
     DATUM_PRECISION,
@@ -60,6 +61,23 @@ _FIGURES = (
     ("height_highest", "m", "Highest height of the surface model."),
 )
 """name, unit and meaning of every figure, in the order of the report"""
+_LABELS = {
+    "precision_median": "Precision among neighbours",
+    "datum_precision_median": "Precision of the datum",
+    "completeness_nodes": "Matched of what photographs share",
+    "completeness_grid": "Filled of the rectangle",
+    "parallax_precision_median": "Precision of matching",
+    "share_incoherent": "Estimated, contradicted by neighbours",
+    "share_filled": "Estimated from neighbours",
+    "share_volume": "Measured by all photographs together",
+}
+"""what people call a figure whose name does not say it"""
+_PRODUCTS = (
+    Product(path="products/dsm.tif", purpose="Surface model: heights with their standard errors", main=True),
+    Product(path="products/dsm_provenance.tif", purpose="Where each height comes from: measured or estimated"),
+)
+_MOST_ESTIMATED = 0.5
+"""share of the heights: with more, the surface is a sketch for most of its area"""
 _HEADLINES = ("completeness_nodes", "precision_median")
 
 
@@ -69,8 +87,19 @@ def report(
     """Figures, tables, charts, pictures and warnings; `matching` in the order of the pairs."""
     values = _matching_values(pairs, matching) | _surface_values(surface, cells)
     return StageReport(
+        verdict=_verdict(cells, surface),
+        answers=tuple(_answers(cells, surface)),
+        products=_PRODUCTS,
+        losses=(*_surface_warnings(cells), *_matching_warnings(pairs, matching)),
         figures=tuple(
-            Figure(name=name, value=values[name], unit=unit, sentence=sentence, headline=name in _HEADLINES)
+            Figure(
+                name=name,
+                label=_LABELS.get(name, ""),
+                value=values[name],
+                unit=unit,
+                sentence=sentence,
+                headline=name in _HEADLINES,
+            )
             for name, unit, sentence in _FIGURES
         ),
         grids=(_pairs_grid(pairs, matching), _outcome_grid(pairs, matching), _provenance_grid(cells)),
@@ -234,12 +263,46 @@ def _precision_chart(surface: Surface, cells: SurfaceStatistics) -> Chart:
 def _pictures() -> tuple[Picture, ...]:
     among, datum = "Standard error of the heights among their neighbours.", "What the orientation adds; neighbours share it."
     return (
-        Picture(title="Surface model", raster=HEIGHT, style="hillshade", unit="m", caption="Measured and estimated heights."),
+        Picture(
+            title="Surface model",
+            raster=HEIGHT,
+            style="hillshade",
+            unit="m",
+            caption="Measured and estimated heights.",
+            first_page=True,
+        ),
         Picture(title="Origin of the heights", raster=PROVENANCE, style="classes", classes=PROVENANCE_CODES),
         Picture(title="Precision among neighbours", raster=RELATIVE_PRECISION, style="ramp", unit="m", caption=among),
         Picture(title="Precision of the datum", raster=DATUM_PRECISION, style="ramp", unit="m", caption=datum),
         Picture(title="Agreeing pairs", raster=COUNT, style="ramp", caption="Number of pairs that support a height."),
     )
+
+
+def _verdict(cells: SurfaceStatistics, surface: Surface) -> Verdict:
+    known, precision = _known_cells(cells), median_of(cells.precision, _cell_edges(surface.grid.cell))
+    if not known:
+        return Verdict(level="poor", sentence="The surface is empty: no pair of photographs could be matched.", weighs=True)
+    estimated = sum(cells.provenance[code] for code in ESTIMATED) / known
+    level: Literal["good", "fair", "poor"] = (
+        "good" if estimated <= _ESTIMATED_LIMIT else "fair" if estimated <= _MOST_ESTIMATED else "poor"
+    )
+    words = f"{100 * (1 - estimated):.0f} % of the heights are measured"
+    precise = "" if precision is None else f", to {precision:.2g} m among their neighbours (median standard error)"
+    return Verdict(level=level, sentence=f"{words}{precise}; {100 * estimated:.0f} % are estimates.", weighs=True)
+
+
+def _answers(cells: SurfaceStatistics, surface: Surface) -> Iterator[Answer]:
+    known, cell = _known_cells(cells), surface.grid.cell
+    area = known * cell * cell
+    yield Answer(topic=Topic.AREA, text=f"{area / 1e6:.3g} km²" if area >= 1e6 else f"{area / 1e4:.3g} ha")
+    if known:
+        estimated = 100 * sum(cells.provenance[code] for code in ESTIMATED) / known
+        empty = 100 * (1 - known / sum(cells.provenance))
+        yield Answer(
+            topic=Topic.HEIGHTS,
+            text=f"{100 - estimated:.0f} % measured, {estimated:.0f} % estimated, every {cell:g} m; "
+            f"{empty:.0f} % of the rectangle is empty",
+        )
 
 
 def _matching_warnings(pairs: EpipolarPairs, matching: tuple[MatchingStatistics, ...]) -> Iterator[str]:
@@ -253,7 +316,10 @@ def _matching_warnings(pairs: EpipolarPairs, matching: tuple[MatchingStatistics,
         )
     for name, part in rows:
         if abs(left := y_parallax(part) or 0.0) > Y_PARALLAX_LIMIT:
-            yield f"Pair {name}: the orientation left a y-parallax of {left:.2f} px; heights of this pair may be biased."
+            yield (
+                f"Pair {name}: the orientation left a y-parallax of {left:.2f} px; heights of this pair may be biased. Calibrate "
+                "the camera, or leave one of the photographs out."
+            )
 
 
 def _surface_warnings(cells: SurfaceStatistics) -> Iterator[str]:
@@ -265,7 +331,11 @@ def _surface_warnings(cells: SurfaceStatistics) -> Iterator[str]:
     elif estimated > _ESTIMATED_LIMIT * known:
         yield (
             f"{100 * estimated / known:.0f} % of the heights are estimates, not measurements (water, wood, or ground that few "
-            "photographs see); the map of their origin shows where."
+            "photographs see); the map of their origin shows where. More overlap, or photographs with more light and less wind, "
+            "would measure more."
         )
     if known and disputed > _DISPUTED_LIMIT * known:
-        yield f"The pairs disagree on {100 * disputed / known:.0f} % of the heights; see the provenance map."
+        yield (
+            f"The pairs disagree on {100 * disputed / known:.0f} % of the heights; the map of their origin shows where. Look for "
+            "things that moved between the photographs, or a poor calibration."
+        )

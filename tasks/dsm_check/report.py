@@ -8,7 +8,7 @@ import numpy as np
 
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import MapGrid
-from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport
+from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, Product, StageReport, Verdict
 from orthomill.schemas.surface import CORRECTED
 from orthomill.tasks.dsm_check.areas import SuspiciousArea, Trend, fitted_trend, suspicious_areas
 from orthomill.tasks.dsm_check.coverage import CheckedPair, CheckedPairs
@@ -42,6 +42,11 @@ def report(tiles: tuple[TileCounts, ...], pairs: CheckedPairs, coarse: np.ndarra
     trend, plane = fitted_trend(coarse, blocks.grid, blocks.size)
     areas = suspicious_areas(coarse, plane, blocks.grid, blocks.size, blocks.significance)
     return StageReport(
+        verdict=_verdict(tiles, whole, pairs),
+        products=(
+            Product(path="products/dsm_check.tif", purpose="What the photographs say against the surface, and the surface mended"),
+        ),
+        losses=(*_surface_warnings(tiles, trend, pairs), *_area_warnings(areas)),
         figures=_figures(_cell_values(tiles, whole, pairs) | _estimate_values(tiles, pairs) | _place_values(trend, areas)),
         grids=(_pairs_grid(tiles, pairs), _outcomes_grid(tiles, pairs), *_areas_grid(areas)),
         charts=(_histogram(total, pairs.pixel_height),) if whole.number else (),
@@ -58,6 +63,16 @@ def _share(part: int, of: int) -> float:
     return round(100 * part / max(of, 1), 2)
 
 
+_LABELS = {
+    "dh_mean": "Mean correction",
+    "dh_std": "Standard deviation of the corrections",
+    "dh_median": "Median correction",
+    "dh_nmad": "Robust spread of the corrections",
+    "dh_within_1_sigma": "Below one standard error",
+    "dh_within_3_sigma": "Below three standard errors",
+    "estimates_dh_nmad": "Robust spread, estimated heights",
+}
+"""what people call a figure whose name does not say it"""
 _FIGURES = (
     ("dh_mean", "m", "Mean correction: photographs minus surface model."),
     ("dh_std", "m", "Standard deviation of the corrections."),
@@ -84,7 +99,9 @@ _HEADLINES = ("dh_nmad", "checked", "suspicious_areas")
 
 def _figures(values: dict[str, float | int | None]) -> tuple[Figure, ...]:
     return tuple(
-        Figure(name=name, value=values[name], unit=unit, sentence=sentence, headline=name in _HEADLINES)
+        Figure(
+            name=name, label=_LABELS.get(name, ""), value=values[name], unit=unit, sentence=sentence, headline=name in _HEADLINES
+        )
         for name, unit, sentence in _FIGURES
     )
 
@@ -222,6 +239,18 @@ def _pictures(pairs: CheckedPairs, whole: Summary) -> tuple[Picture, ...]:
         ),
         Picture(title="Surface after the check", raster=CORRECTED, style="hillshade", unit="m"),
     )
+
+
+def _verdict(tiles: tuple[TileCounts, ...], whole: Summary, pairs: CheckedPairs) -> Verdict:
+    heights, checked = sum(tile.heights for tile in tiles), sum(tile.checked for tile in tiles)
+    if not whole.number:
+        return Verdict(level="fair", sentence="Nothing of the surface could be checked against the photographs.", weighs=True)
+    agrees = whole.nmad <= pairs.pixel_height and checked >= 0.5 * heights
+    words = (
+        f"Photographs and surface agree to {whole.nmad:.2g} m (robust spread) where it could be checked, which is "
+        f"{_share(checked, heights):.0f} % of the measured heights"
+    )
+    return Verdict(level="good" if agrees else "fair", sentence=f"{words}.", weighs=True)
 
 
 def _surface_warnings(tiles: tuple[TileCounts, ...], trend: Trend, pairs: CheckedPairs) -> Iterator[str]:

@@ -9,7 +9,7 @@ from orthomill.schemas.epipolar import EpipolarPair, EpipolarPairs, epipolar_ras
 from orthomill.schemas.observations import ImageResiduals
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.photo import Photos
-from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport
+from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport, Verdict
 from orthomill.tasks.epipolar.parallax import LEAST_POINTS, RowResiduals, kept_ties, row_residuals, summary
 from orthomill.tasks.geometry.normal_case import border_pixels
 from orthomill.tasks.geometry.view import block_view
@@ -25,8 +25,11 @@ def report(block: Block, pairs: EpipolarPairs, measured: ImageResiduals, photos:
     ties = kept_ties(measured)
     residuals = {pair.name: row_residuals(pair, block, ties, photos.names) for pair in pairs.pairs}
     rows = {name: summary(values) for name, values in residuals.items()}
+    whole = summary(np.concatenate(list(residuals.values())))
     return StageReport(
-        figures=_figures(pairs, summary(np.concatenate(list(residuals.values())))),
+        verdict=_verdict(pairs, whole),
+        losses=tuple(_row_warnings(pairs, rows)),
+        figures=_figures(pairs, whole),
         grids=(_pairs_grid(pairs), _residuals_grid(pairs, rows), *_not_used(pairs)),
         charts=(_map(block), _histogram(residuals)),
         pictures=_pictures(pairs.pairs[0]),
@@ -44,6 +47,13 @@ def _known(value: float, digits: int = 2) -> float | None:
     return round(value, digits) if math.isfinite(value) else None
 
 
+_LABELS = {
+    "y_parallax_rms": "Distance off the row (y-parallax), root mean square",
+    "y_parallax_median": "The same, median",
+    "y_parallax_max": "The same, largest",
+    "row_band": "Predicted distance off the row",
+}
+"""what people call a figure whose name does not say it"""
 _FIGURES = (
     ("pairs", "", "Pairs of photographs that are matched."),
     ("pairs_not_used", "", "Pairs that share ground but are not matched."),
@@ -79,7 +89,9 @@ def _figures(pairs: EpipolarPairs, every: RowResiduals) -> tuple[Figure, ...]:
         "megapixels": round(megapixels, 1),
     }
     return tuple(
-        Figure(name=name, value=values[name], unit=unit, sentence=sentence, headline=name in _HEADLINES)
+        Figure(
+            name=name, label=_LABELS.get(name, ""), value=values[name], unit=unit, sentence=sentence, headline=name in _HEADLINES
+        )
         for name, unit, sentence in _FIGURES
     )
 
@@ -193,6 +205,15 @@ def _pictures(pair: EpipolarPair) -> tuple[Picture, ...]:
         )
         for side in ("left", "right")
     )
+
+
+def _verdict(pairs: EpipolarPairs, whole: RowResiduals) -> Verdict:
+    many = f"{len(pairs.pairs)} pairs are matched"
+    if not whole.points:
+        return Verdict(level="fair", sentence=f"{many}; no tie points check how well their rows fit.")
+    fits = whole.rms <= PARALLAX_LIMIT
+    words = f"{many}; homologous points lie {whole.rms:.2f} px off their common row (root mean square)"
+    return Verdict(level="good" if fits else "fair", sentence=f"{words}{'' if fits else f', more than {PARALLAX_LIMIT} px'}.")
 
 
 def _warnings(block: Block, pairs: EpipolarPairs, rows: dict[str, RowResiduals]) -> Iterator[str]:

@@ -73,6 +73,7 @@ def evaluation_report(
     if orientation:
         sections.append(orientation_section(orientation))
     return StageReport(
+        aside=True,
         figures=_main_first([figure for section in sections for figure in section.figures]),
         grids=tuple(chain.from_iterable(section.grids for section in sections)),
         charts=tuple(chain.from_iterable(section.charts for section in sections)),

@@ -6,11 +6,12 @@ from orthomill.schemas.orientation import Block, BlockPrecision, GroundResiduals
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.stage_report import StageReport
 from orthomill.tasks.orientation.reporting.adjustment_tables import adjustment_grids, ground_grids
+from orthomill.tasks.orientation.reporting.block_answers import PRODUCTS, block_answers, block_verdict
 from orthomill.tasks.orientation.reporting.block_charts import block_charts
 from orthomill.tasks.orientation.reporting.block_doubts import block_doubts
 from orthomill.tasks.orientation.reporting.block_facts import Facts
 from orthomill.tasks.orientation.reporting.block_figures import block_figures
-from orthomill.tasks.orientation.reporting.block_warnings import block_warnings
+from orthomill.tasks.orientation.reporting.block_warnings import block_losses, block_warnings
 from orthomill.tasks.orientation.reporting.camera_tables import camera_grids
 from orthomill.tasks.orientation.reporting.overlap_map import overlap_picture
 from orthomill.tasks.orientation.reporting.photograph_tables import photograph_grids
@@ -35,11 +36,16 @@ def report(
         *adjustment_grids(precision, ground_residuals.distances),
         *photograph_grids(facts),
     )
+    doubts = tuple(block_doubts(facts))
     return StageReport(
+        verdict=block_verdict(facts, doubts),
+        answers=tuple(block_answers(facts)),
+        products=PRODUCTS,
         figures=block_figures(facts),
         grids=tuple(grid for grid in grids if grid.rows),
         charts=tuple(block_charts(facts)),
         pictures=(overlap_picture(block),),
         warnings=tuple(block_warnings(facts)),
-        doubts=tuple(block_doubts(facts)),
+        doubts=doubts,
+        losses=tuple(block_losses(facts)),
     )

@@ -7,7 +7,7 @@ import numpy as np
 
 from orthomill.schemas.errors import some_of
 from orthomill.schemas.photo import Photo, PhotoRemark, PhotoRemarkCode, Photos, photo_raster
-from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport
+from orthomill.schemas.stage_report import Answer, Chart, Figure, Grid, Picture, StageReport, Topic, Verdict
 from orthomill.tasks.photos.pixels import Exposure
 from orthomill.tasks.photos.scans import Scans
 
@@ -40,14 +40,23 @@ def photos_report(
     photos: Photos, scans: Scans, exposures: tuple[Exposure, ...], positions_kind: str, cameras_kind: str = "exif"
 ) -> StageReport:
     """The report of the stage. exposures: in the order of the photographs."""
+    read = "1 photograph is" if len(photos.photos) == 1 else f"All {len(photos.photos)} photographs are"
     return StageReport(
+        verdict=Verdict(level="good", sentence=f"{read} readable, of {_cameras(photos)}."),
+        answers=(Answer(topic=Topic.PHOTOGRAPHS, text=f"{len(photos.photos)} read"),),
         figures=_figures(photos),
         grids=(_photo_grid(photos, exposures), _camera_grid(photos), *((_scan_grid(scans),) if scans.scans else ())),
         charts=_charts(photos),
         pictures=_pictures(photos),
         warnings=(*header_warnings(photos, positions_kind, cameras_kind), *_exposure_warnings(exposures), *_scan_warnings(scans)),
+        losses=tuple(_exposure_warnings(exposures)),
         doubts=tuple(remark_sentence(remark) for remark in photos.remarks if remark.code in _GRAVE),
     )
+
+
+def _cameras(photos: Photos) -> str:
+    count = len({photo.camera for photo in photos.photos})
+    return "one camera" if count == 1 else f"{count} cameras, focal lengths or image sizes"
 
 
 def remark_sentence(remark: PhotoRemark) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from orthomill.schemas.job import Table
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport
+from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport, Verdict
 from orthomill.schemas.truth import (
     MATERIAL_CLASSES,
     OPEN_MATERIALS,
@@ -156,6 +156,8 @@ def report(
     """What was simulated. `boards`: photos of boards, boards on the floor, noise sigma of all photos."""
     flight = site.flight
     return StageReport(
+        verdict=Verdict(level="good", sentence="The photographs are simulated, so that the truth is known."),
+        aside=True,
         figures=(
             *_flight_figures(flight, boards[2]),
             *_scene_figures(site),

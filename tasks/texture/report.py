@@ -3,10 +3,11 @@
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
-from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport
+from orthomill.schemas.stage_report import Answer, Chart, Figure, Grid, Picture, Product, StageReport, Topic, Verdict
 from orthomill.schemas.surface import ORTHO
 from orthomill.tasks.texture.draping import HEIGHT_SOURCE_CODES, HeightSource
 from orthomill.tasks.texture.mosaic import TileTexture
@@ -31,6 +32,15 @@ _PHOTO_COLUMNS = (
     "falloff at the corner",
     "samples",
 )
+_PRODUCTS = (
+    Product(path="products/ortho.tif", purpose="Orthoimage, true to the surface, for any GIS", main=True),
+    Product(path="products/points.laz", purpose="Point cloud in colour: every matched point", main=True),
+    Product(path="products/points", purpose="Point cloud in colour: every matched point, one file for each tile", main=True),
+    Product(path="products/dsm_cells.laz", purpose="The surface model as a point cloud in colour", main=True),
+    Product(path="products/ortho_height_source.tif", purpose="Where the orthoimage rests on measured, estimated or draped heights"),
+)
+_FILLED = 0.99
+"""Share of the photographed ground that a good orthoimage shows."""
 # Shares of pixels and colours, and grey levels, from which on a warning helps: below, vehicles and facades explain them.
 _MOST_HIDDEN, _MOST_REJECTED, _MOST_DIFFERENCE = 0.05, 0.25, 10.0
 
@@ -196,18 +206,52 @@ def _photo_row(photo: PhotoRadiometry, seen: int, share: float) -> tuple[str | i
     )
 
 
+def _filled(totals: _Totals) -> float:
+    """Share of the pixels in the frame of a photograph that have a colour."""
+    shown = totals.pixels - totals.outside
+    return (shown - totals.hidden - totals.missed) / shown if shown else 0.0
+
+
+def _verdict(totals: _Totals) -> Verdict:
+    filled, heights = _filled(totals), totals.heights
+    if not filled:
+        return Verdict(level="poor", sentence="The orthoimage is empty.", weighs=True)
+    # Draped heights are left out: most of them lie beyond the photographs.
+    estimated = _share(heights[HeightSource.ESTIMATED], heights[HeightSource.ESTIMATED] + heights[HeightSource.MEASURED])
+    rests = f"; {estimated:.0f} % of its heights are estimates, where it may be displaced" if estimated >= 1 else ""
+    level: Literal["good", "fair"] = "good" if filled >= _FILLED else "fair"
+    return Verdict(
+        level=level, sentence=f"The orthoimage shows {_percent(filled)} of the ground in the photographs{rests}.", weighs=True
+    )
+
+
+def _percent(share: float) -> str:
+    # 99.95 % must not be rounded to all of it.
+    return "all" if share == 1.0 else f"{min(100 * share, 99.9):.1f} %"
+
+
+def _answers(totals: _Totals, facts: TextureFacts) -> Iterator[Answer]:
+    pixel = f"{facts.cell:g} m in the orthoimage, {facts.ground_pixel:.2g} m in the photographs"
+    yield Answer(topic=Topic.GROUND_PIXEL, text=pixel)
+    twice = _share(totals.seen[2] + totals.seen[3], totals.pixels - totals.outside)
+    yield Answer(
+        topic=Topic.ORTHOIMAGE, text=f"shows {_percent(_filled(totals))} of the photographed ground, {twice:.0f} % from two or more"
+    )
+
+
 def _warnings(statistics: tuple[TileTexture, ...], totals: _Totals, radiometry: Radiometry) -> Iterator[str]:
     if totals.seen[0] == totals.pixels:
         yield "The orthoimage is empty: no photo sees any ground that has a height. Check the surface model first."
     if totals.hidden > _MOST_HIDDEN * totals.pixels:
         yield (
             f"{_share(totals.hidden, totals.pixels):.1f} % of the orthoimage is hidden by objects in front from every photo that "
-            "shows the place; it stays transparent. More photos would fill it."
+            "shows the place; it stays transparent. Photographs from more sides would fill it."
         )
     if totals.values and totals.rejected > _MOST_REJECTED * totals.values:
         yield (
             f"{_share(totals.rejected, totals.values):.0f} % of all colours were rejected: heights or orientation may be wrong, "
-            "or the photos differ in more than brightness."
+            "or the photos differ in more than brightness. On the map of rejected colours, "
+            "scattered ones are traffic and leaves, patches are wrong heights."
         )
     yield from _balance_warnings(radiometry)
     idle = [photo.photo for photo in radiometry.photos if not any(tile.photo_seen.get(photo.photo) for tile in statistics)]
@@ -221,7 +265,7 @@ def _balance_warnings(radiometry: Radiometry) -> Iterator[str]:
     if radiometry.difference_median_after is not None and radiometry.difference_median_after > _MOST_DIFFERENCE:
         yield (
             f"After the radiometric balance the photos still differ by {radiometry.difference_median_after:.0f} grey "
-            "levels (median): seams may show."
+            "levels (median): seams may show. Take photographs in one light, or leave out those that differ."
         )
 
 
@@ -231,7 +275,8 @@ def _pictures(most: int) -> tuple[Picture, ...]:
             title="True orthoimage",
             raster=ORTHO,
             style="rgb",
-            caption="Blended from all photos that see the ground; transparent where none does.",
+            caption="Blended from all photographs that see the ground; transparent where none does.",
+            first_page=True,
         ),
         Picture(
             title="Coverage",
@@ -247,7 +292,7 @@ def _pictures(most: int) -> tuple[Picture, ...]:
 
 def _rejection_picture(most: int) -> Picture:
     # Counts from three on are listed one by one, for a picture of classes needs every code that occurs.
-    several = tuple((count, "#7b1fa2", "three or more") for count in range(3, max(most, 3) + 1))
+    several = tuple((count, "#7b1fa2", f"{count} colours") for count in range(3, max(most, 3) + 1))
     return Picture(
         title="Rejected colours",
         raster=REJECTED,
@@ -280,6 +325,10 @@ def texture_report(statistics: tuple[TileTexture, ...], radiometry: Radiometry, 
         series={"pixels": tuple(float(count) for count in totals.seen)},
     )
     return StageReport(
+        verdict=_verdict(totals),
+        answers=tuple(_answers(totals, facts)),
+        products=_PRODUCTS,
+        losses=tuple(_warnings(statistics, totals, radiometry)),
         figures=_figures(totals, radiometry, facts),
         grids=(_photo_grid(statistics, radiometry),),
         charts=(chart,),

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -13,7 +13,7 @@ from orthomill.schemas.errors import some_of
 from orthomill.schemas.observations import TiePoints
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.photo import Photos
-from orthomill.schemas.stage_report import Chart, Figure, Grid, StageReport
+from orthomill.schemas.stage_report import Chart, Figure, Grid, StageReport, Verdict
 from orthomill.tasks.tie_points.match_records import Links, Observations, PairSummary, Refined, Scatter
 from orthomill.tasks.tie_points.tie_point_assembly import RefinementSummary, Weighting, assemble, with_measured_floor
 
@@ -66,6 +66,8 @@ def finish(
     points, summary = assemble(observations, refined, measured)
     strength = measure(points, photos)
     report = StageReport(
+        verdict=_verdict(strength),
+        losses=tuple(_warnings(photos, strength, summaries)),
         figures=(
             *_point_figures(points, strength),
             *_pair_figures(links, summaries),
@@ -232,6 +234,14 @@ def _block_chart(photos: Photos, summaries: tuple[PairSummary, ...]) -> Chart:
         x=tuple(float(number) for number in range(1, 1 + len(values))),
         series={"matches with the next": values},
     )
+
+
+def _verdict(strength: Strength) -> Verdict:
+    parts, fewest = _parts(strength), int(strength.observations.min())
+    connected = "connect all photographs" if parts == 1 and fewest else f"leave {parts} parts" if parts > 1 else "leave some out"
+    level: Literal["good", "fair", "poor"] = "poor" if parts > 1 else "good" if fewest >= _WEAK else "fair"
+    weakest = f"the weakest photograph has {fewest}"
+    return Verdict(level=level, sentence=f"{len(strength.rays)} tie points {connected}; {weakest}.")
 
 
 def _warnings(photos: Photos, strength: Strength, summaries: tuple[PairSummary, ...]) -> Iterator[str]:

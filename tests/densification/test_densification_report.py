@@ -174,3 +174,25 @@ def test_the_settings_of_a_stage_reach_its_tiles():
     assert rules.gridding.max_jump == 0.7 and rules.fusion.agreement == 2.0
     assert rules.spikes.rounds == 5 and rules.fill.reach == 3
     assert rules.completion.nearness == 2.5 and rules.points.most_per_cell == 5
+
+
+@pytest.mark.parametrize(
+    ("surface", "level", "words"),
+    [
+        (cells(), "good", "96 % of the heights are measured"),
+        (cells(incoherent=30), "fair", "28 % are estimates"),
+        (cells(incoherent=300), "poor", "78 % are estimates"),
+        (EMPTY, "poor", "The surface is empty"),
+    ],
+)
+def test_the_verdict_is_the_share_of_measured_heights(surface, level, words):
+    verdict = reported(surface=surface).verdict
+    assert verdict.level == level and verdict.weighs and words in verdict.sentence
+
+
+def test_a_client_is_told_the_area_and_how_much_of_it_is_measured():
+    answers = {answer.topic: answer.text for answer in reported().answers}
+    assert answers["Area of the surface"] == f"{90 * LEVEL_GRID.cell**2 / 1e4:.3g} ha"
+    assert answers["Heights"].startswith("96 % measured, 4 % estimated") and answers["Heights"].endswith(
+        "10 % of the rectangle is empty"
+    )

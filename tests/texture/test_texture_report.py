@@ -165,3 +165,21 @@ def test_pictures_know_the_codes_of_their_rasters():
 
 def test_without_blended_pixels_there_is_no_seam_difference():
     assert values(report(tile(difference_sum=0.0, difference_count=0)))["seam_difference"] is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "level", "words"),
+    [
+        ({"hidden": 0, "missed": 0}, "good", "shows all of the ground"),
+        ({"hidden": 20, "missed": 10}, "fair", "shows 96.8 %"),
+        ({"outside": 1000, "hidden": 0, "missed": 0}, "poor", "empty"),
+    ],
+)
+def test_the_verdict_is_the_share_of_the_photographed_ground_that_is_shown(changes, level, words):
+    verdict = report(tile(**changes)).verdict
+    assert verdict.level == level and verdict.weighs and words in verdict.sentence
+
+
+def test_nearly_all_is_never_rounded_to_all():
+    made = report(tile(pixels=1_000_000, outside=0, hidden=0, missed=1))
+    assert "99.9 %" in made.verdict.sentence

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from orthomill.schemas.stage_report import Picture, StageReport
+from orthomill.schemas.stage_report import Picture, Product, StageReport
 from orthomill.tasks.calibration.board_tables import drawing_raster
 from orthomill.tasks.calibration.reporting.advice import geometry, geometry_advice, result_advice, search_advice
 from orthomill.tasks.calibration.reporting.advice_sentences import advice_sentence
@@ -13,6 +13,14 @@ from orthomill.tasks.calibration.reporting.calibration_results import Calibratio
 from orthomill.tasks.calibration.reporting.drawing import RESIDUAL_LENGTH, usual_length
 from orthomill.tasks.calibration.reporting.left_out import unused
 
+PRODUCTS = (
+    Product(path="products/camera.json", purpose="The calibrated camera, to be used in other projects"),
+    Product(path="products/calibration.json", purpose="The record of the calibration: parameters with their covariance"),
+    Product(path="products/camera_agisoft.xml", purpose="The camera for Metashape"),
+    Product(path="products/camera_colmap.txt", purpose="The camera for COLMAP"),
+    Product(path="products/camera_opencv.yaml", purpose="The camera for OpenCV"),
+    Product(path="products/camera_opensfm.json", purpose="The camera for OpenSfM"),
+)
 _MOST_PICTURES = 12
 """A report is one file: hundreds of photographs would make it too large to open."""
 
@@ -28,6 +36,8 @@ def chessboards_report(plain: StageReport, results: CalibrationResults) -> Stage
     ]
     own = (model_grid(results), exterior_grid(results), board_grid(results), photo_grid(results), *unused(results))
     return StageReport(
+        verdict=plain.verdict,
+        products=PRODUCTS,
         figures=(*plain.figures, *board_figures(results, shape)),
         grids=(parameter_grid(results), *plain.grids, *own),
         charts=(*plain.charts, *board_charts(results)),

@@ -7,6 +7,7 @@ import numpy as np
 from orthomill.schemas.orientation import Block, ExteriorOrientation, GroundResidual
 from orthomill.schemas.stage_report import Figure
 from orthomill.tasks.geometry.survey_system import vertical_name
+from orthomill.tasks.orientation.reporting.block_answers import accuracy
 from orthomill.tasks.orientation.reporting.block_facts import Facts, coverage
 
 PLACES = {
@@ -15,6 +16,7 @@ PLACES = {
     "gnss": "at the projection centres, whose positions were observed",
 }
 """Words in the names of figures, and where their differences are found."""
+LABELS = {"control": "control points", "check": "check points", "gnss": "projection centres"}
 ROLES = {"control": "control", "check": "check", "gnss": "position"}
 
 
@@ -59,6 +61,7 @@ def _sigma0(facts: Facts) -> Iterator[Figure]:
     precision = facts.precision
     yield Figure(
         name="sigma0_px",
+        label="Precision of an image measurement",
         value=sigma0,
         unit="px",
         headline=True,
@@ -67,12 +70,16 @@ def _sigma0(facts: Facts) -> Iterator[Figure]:
     )
     yield Figure(
         name="sigma0_um",
+        label="Precision on the sensor",
         value=sigma0 * pixel if sigma0 and pixel else None,
         unit="micrometres",
         sentence="The same on the sensor or scan; empty when the pixel size is unknown.",
     )
     yield Figure(
-        name="sigma0_factor", value=precision.image_factor, sentence="Estimated by stated standard error of the image measurements."
+        name="sigma0_factor",
+        label="Measured by stated precision",
+        value=precision.image_factor,
+        sentence="Estimated by stated standard error of the image measurements.",
     )
     yield Figure(
         name="common_errors_px",
@@ -148,32 +155,31 @@ def _median(values: np.ndarray) -> float | None:
 
 
 def _ground(points: tuple[GroundResidual, ...], word: str) -> Iterator[Figure]:
-    if not points:
+    found = accuracy(points)
+    if found is None:
         return
-    difference, predicted = np.array([p.difference for p in points]), np.array([p.predicted for p in points])
-    plan, height = np.sqrt((difference[:, :2] ** 2).sum(axis=1).mean()), np.sqrt((difference[:, 2] ** 2).mean())
-    # The floor keeps points without redundancy (predicted 0, difference 0) finite.
-    ratio = np.sqrt(((difference / np.maximum(predicted, 1e-9)) ** 2).mean())
     # Only check points are independent of the adjustment: their differences are its accuracy, the others its fit.
     headline = word == "check"
-    yield Figure(name=f"{word}_count", value=len(points))
+    yield Figure(name=f"{word}_count", label=f"Number of {LABELS[word]}", value=found.points)
     yield Figure(
         name=f"{word}_rmse_plan",
-        value=float(plan),
+        label=f"Accuracy in plan at {LABELS[word]}" if headline else f"Differences in plan at {LABELS[word]}",
+        value=found.plan,
         unit="m",
         headline=headline,
         sentence=f"Root mean square difference in plan, {PLACES[word]}.",
     )
     yield Figure(
         name=f"{word}_rmse_height",
-        value=float(height),
+        label=f"Accuracy in height at {LABELS[word]}" if headline else f"Differences in height at {LABELS[word]}",
+        value=found.height,
         unit="m",
         headline=headline,
         sentence=f"The same in height, {PLACES[word]}.",
     )
     yield Figure(
         name=f"{word}_by_predicted",
-        value=float(ratio),
+        value=found.by_predicted,
         sentence="Differences in units of their predicted standard errors, root mean square: about 1 when the stated precision is "
         "realistic; well below, it could be stated better.",
     )

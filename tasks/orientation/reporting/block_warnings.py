@@ -5,6 +5,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from orthomill.schemas.errors import some_of
+from orthomill.schemas.findings.block_findings import (
+    ConstantNominal,
+    ControlOnALine,
+    ImageErrorsCorrelated,
+    InteriorUndetermined,
+    MeasurementsRejected,
+    TiePointsMisfit,
+)
 from orthomill.schemas.observations import ControlPoint
 from orthomill.schemas.orientation import GroundResidual
 from orthomill.tasks.adjustment.testing.adjustment_result import ObservationKind
@@ -26,6 +34,8 @@ LEAST_OVERLAP = 60.0
 """% of the photographed ground that two photographs must see: forward overlap of a common flight"""
 CHANGED = 0.06
 """A camera constant that changes by more of itself: twice what EXIF is usually wrong by"""
+COSTLY = (ConstantNominal, InteriorUndetermined, ImageErrorsCorrelated, ControlOnALine, MeasurementsRejected, TiePointsMisfit)
+"""Findings that cost accuracy without putting the whole block in doubt"""
 MANY = 0.15
 """Share of rejected measurements that right tie points do not reach"""
 
@@ -44,12 +54,22 @@ def block_warnings(facts: Facts) -> Iterator[str]:
     yield from _written_warnings(facts)
 
 
+def block_losses(facts: Facts) -> Iterator[str]:
+    """Those of them that cost accuracy or ground, the dearest first."""
+    yield from (u.reason for u in facts.block.unoriented)
+    yield from _overlap_warnings(facts)
+    yield from (finding_sentence(finding) for finding in facts.precision.findings if isinstance(finding, COSTLY))
+    yield from _control_warnings(facts)
+    yield from _photo_warnings(facts)
+    yield from _factor_warnings(facts)
+
+
 def _control_warnings(facts: Facts) -> Iterator[str]:
     surveyed = [point for point in facts.control.points if point.role != "tie"]
     if not surveyed:
         yield (
             "There is no ground control: absolute position and height are as good as the positions of the photographs, and nothing "
-            "independent checks them."
+            "independent checks them. Measure at least five points on the ground, and keep some of them as check points."
         )
     elif all(point.role != "check" for point in surveyed):
         yield "There are no check points, so nothing independent confirms the block; turn some control points into check points."
@@ -178,7 +198,10 @@ def _factor_warnings(facts: Facts) -> Iterator[str]:
     precision = facts.precision
     if precision.position_factor > 1.0:
         factor = precision.position_factor
-        yield f"The GNSS positions are worse than stated: their standard errors were enlarged {factor:.1f} times."
+        yield (
+            f"The GNSS positions are worse than stated: their standard errors were enlarged {factor:.1f} times. State their true "
+            "precision, or look for single wrong ones."
+        )
     if precision.control_factor > 1.0:
         yield f"The ground control is worse than stated: its standard errors were enlarged {precision.control_factor:.1f} times."
     # Below 1 the measurements are better than stated, which needs no warning.

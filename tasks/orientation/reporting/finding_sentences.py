@@ -80,10 +80,11 @@ def tilt_unobserved(finding: TiltUnobserved) -> str:
     alone = finding.tilt_sigma_deg
     fixed = "do not determine" if alone is None or alone > OPEN_DEG else f"determine only to {alone:.1f} degrees"
     return (
-        "The positions and control are so nearly collinear (projection centres of one strip), for their standard errors, that they "
-        f"{fixed} the tilt about their line; it rests {SENTENCES[finding.basis]}, and is known to about {finding.sigma_deg:.1f} "
-        "degrees if that is right. Fly a second strip, give control away from the line, state the true precision of the positions, "
-        "or say how the photographs look (`looking` and `vertical_sigma` of the stage orientation)."
+        "Beside their standard errors the positions and control lie so nearly on one line (as those of one strip do, or of several "
+        f"close ones) that they {fixed} the tilt about it; it rests {SENTENCES[finding.basis]}, and is known to about "
+        f"{finding.sigma_deg:.1f} degrees if that is right. Give control away from the line, state the true precision of the "
+        "positions, say how the photographs look (`looking` and `vertical_sigma` of the stage orientation), or fly strips farther "
+        "apart than the positions are uncertain."
     )
 
 

@@ -7,6 +7,7 @@ from simulated_block import two_strips
 
 from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import DistanceResidual
+from orthomill.schemas.stage_report import Topic
 from orthomill.tasks.geometry.view import block_view
 from orthomill.tasks.orientation.report import report
 from orthomill.tasks.orientation.reporting.overlap_map import CENTRE, MOST, OUTLINE, SIDE, outline, overlap_map
@@ -105,3 +106,19 @@ def test_control_in_one_corner_is_one_sided():
     assert any("one-sided" in warning and "south-west" in warning for warning in warnings)
     whole = page(block, orient(block)).warnings
     assert not any("one-sided" in warning for warning in whole)
+
+
+def test_check_points_decide_the_verdict_and_answer_the_client(shown):
+    answers = {answer.topic: answer.text for answer in shown.answers}
+    assert (
+        shown.verdict.level == "good"
+        and "check points" in shown.verdict.sentence
+        and "formal statement needs 30" in shown.verdict.sentence
+    )
+    assert answers[Topic.PHOTOGRAPHS] == "all 6" and "root mean square" in answers[Topic.ACCURACY_HEIGHT]
+
+
+def test_a_block_without_control_never_counts_as_good(volos_like):
+    block, result = volos_like
+    unchecked = {**result, "ground_residuals": result["ground_residuals"].model_copy(update={"points": ()})}
+    assert page(block, unchecked, Control()).verdict.level == "fair"

@@ -1,6 +1,7 @@
 """The page says what happened: its verdict, its states, its key figures and its tables."""
 
 import re
+from pathlib import Path
 
 import pytest
 from memory_store import MemoryStore
@@ -22,11 +23,11 @@ def page(facts: RunFacts, **reports: StageReport) -> str:
     store = MemoryStore()
     for kind, report in reports.items():
         store.put_table(report_table(kind), report)
-    return report_html(store, STAGES, facts)
+    return report_html(store, STAGES, facts, Path())
 
 
 def verdict(html: str) -> str:
-    return re.search(r'<p class="verdict[^>]*>(.*?)</p>', html)[1]
+    return re.search(r'<section class="verdict[^>]*>\s*<h2>(.*?)</h2>', html)[1]
 
 
 def states(html: str) -> list[str]:
@@ -40,20 +41,20 @@ REPORT = StageReport(figures=(Figure(name="photos", value=12),))
 @pytest.mark.parametrize(
     ("facts", "sentence"),
     [
-        (run(DONE), "Complete. All 3 jobs of 1 stage are done."),
+        (run(DONE), "Part of a run: all 3 jobs of 1 stage are done; not run: true orthoimage."),
         (
             run(DONE, StageRun("texture", jobs=2, skipped=2)),
-            "Complete. All 5 jobs of 2 stages are done, 2 of them unchanged since an earlier run.",
+            "Complete: all 5 jobs of 2 stages are done, 2 of them unchanged since an earlier run.",
         ),
         (
             run(DONE, StageRun("texture", jobs=2, done=1)),
-            "Not complete: 1 job is waiting. The figures below are valid for what is done; run",
+            "Not complete: 1 job is waiting. What is said below holds for what is done; run",
         ),
         (
-            run(StageRun("photos", 9, 2, failed=2), failures=(Failure("photos", "k", "s."),)),
-            "Not complete: 2 jobs failed; 5 jobs are waiting; 1 stage has not begun.",
+            run(StageRun("photos", 9, 2, failed=2), StageRun("texture", 4), failures=(Failure("photos", "k", "s."),)),
+            "Not complete: 2 jobs failed; 9 jobs are waiting; 1 stage has not begun.",
         ),
-        (run(DONE, finished=None), "Not complete: 1 stage has not begun."),
+        (run(DONE, StageRun("texture"), finished=None), "Not complete: 1 stage has not begun."),
     ],
 )
 def test_the_verdict_counts_what_is_missing(facts, sentence):
@@ -87,22 +88,27 @@ def test_the_report_of_an_earlier_run_is_not_shown():
 def test_warnings_are_at_the_top_and_with_their_stage():
     html = page(run(DONE), photos=StageReport(warnings=("Photograph DJI_0030 is blurred; take it again.",)))
     assert html.count("Photograph DJI_0030 is blurred; take it again.") == 2
-    assert "<h2>Warnings</h2>" in html and "No stage has issued a warning." not in html
+    assert "Warnings</h2>" in html and "No stage has issued a warning." not in html
     assert "No stage has issued a warning." in page(run(DONE), photos=REPORT)
 
 
 def test_many_failures_are_counted_above_and_listed_with_the_stage():
     failures = tuple(Failure("photos", f"photos/{n}/0/0", "It is truncated.") for n in range(12))
     html = page(run(StageRun("photos", 12, failed=12), failures=failures))
-    assert "12 jobs failed. photos/0/0/0: It is truncated. The others are listed with the stage." in html
+    assert "12 jobs failed.</b> photos/0/0/0: It is truncated. The others are listed with the stage." in html
     assert all(f"photos/{n}/0/0: It is truncated." in html for n in range(12))
 
 
-def test_key_figures_are_those_that_are_marked():
-    signed = Figure(name="sigma0_px", value=0.31, unit="px", headline=True, sentence="Precision of an image coordinate.")
+def test_marked_figures_are_read_before_the_chapter_is_opened():
+    signed = Figure(name="sigma0_px", label="Precision", value=0.31, unit="px", headline=True)
     html = page(run(DONE), photos=StageReport(figures=(Figure(name="photos", value=12), signed)))
-    strip = html[html.index('<div class="strip">') : html.index("<h2>Warnings</h2>")]
-    assert "Sigma0" in strip and "0.31" in strip and "Precision of an image coordinate." in strip and "Photos" not in strip
+    summary = html[html.index('<p class="signed">') : html.index("</summary>")]
+    assert "Precision" in summary and "0.31" in summary and "Photos" not in summary
+
+
+def test_a_stage_that_was_not_asked_for_is_named_and_never_called_done():
+    html = page(run(DONE), photos=REPORT)
+    assert states(html) == ["done", "not run"] and "This run was not asked for this stage." in html
 
 
 def test_rows_of_a_grid_may_be_short():

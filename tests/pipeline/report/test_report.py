@@ -4,6 +4,7 @@ import re
 import struct
 import zlib
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -38,7 +39,7 @@ def run_facts(**more):
 
 def page(report, run=None, store=None):
     store = (store or MemoryStore()).put_table(report_table("a"), report)
-    return report_html(store, (("a", "Stage A"),), run or run_facts())
+    return report_html(store, (("a", "Stage A"),), run or run_facts(), Path())
 
 
 def full_report():
@@ -88,7 +89,9 @@ def test_everything_a_stage_declares_is_on_the_page():
     html = page(full_report(), store=store_with_raster())
     for text in ("Check RMSE", "0.123", "How good it is.", "Cameras", "p2", "1.5", "One photograph did not join.", "Stage A"):
         assert text in html
-    assert html.count('<svg class="chart"') == 5 and html.count("<img") == 5
+    # Five pictures, the first of them beside its chapter's verdict as well.
+    assert html.count('<svg class="chart"') == 5 and html.count("<img") == 7
+    assert html.count("data:image/") == 5, "every picture is in the page once"
     assert html.count('<svg class="bar"') == 3 and len(set(re.findall(r'id="(bar\d+)"', html))) == 3
 
 
@@ -119,11 +122,11 @@ def test_text_from_outside_is_never_markup():
 def test_an_unfinished_run_lists_what_has_not_begun():
     run = run_facts(
         finished=None,
-        stages=(StageRun("a", 10, 3, 0, 1, 4.0),),
+        stages=(StageRun("a", 10, 3, 0, 1, 4.0), StageRun("b")),
         failures=(Failure("a", "a/tile/3/4", "The tile needed more memory than a worker may use."),),
     )
     store = MemoryStore().put_table(report_table("a"), full_report())
-    html = report_html(store, (("a", "Stage A"), ("b", "Stage B")), run)
+    html = report_html(store, (("a", "Stage A"), ("b", "Stage B")), run, Path())
     assert "Not complete: 1 job failed; 6 jobs are waiting; 1 stage has not begun." in html
     assert "This stage has not reported yet." in html and ">not yet<" in html
     assert "a/tile/3/4: The tile needed more memory than a worker may use." in html
@@ -131,13 +134,13 @@ def test_an_unfinished_run_lists_what_has_not_begun():
 
 
 def test_a_complete_run_says_so():
-    assert "Complete. All 3 jobs of 1 stage are done, 1 of them unchanged since an earlier run." in page(full_report())
+    assert "Complete: all 3 jobs of 1 stage are done, 1 of them unchanged since an earlier run." in page(full_report())
 
 
-def test_without_marked_figures_the_first_of_every_stage_are_at_the_top():
+def test_without_marked_figures_the_first_one_stands_for_its_chapter():
     html = page(StageReport(figures=(Figure(name="first", value=1), Figure(name="second", value=2))))
-    strip = html[html.index('<div class="strip">') : html.index(">Warnings<")]
-    assert "First" in strip and "Second" not in strip
+    summary = html[html.index('<p class="signed">') : html.index("</summary>")]
+    assert "First" in summary and "Second" not in summary
 
 
 def test_a_chart_whose_series_do_not_fit_is_the_only_one_missing():
@@ -273,7 +276,7 @@ def test_gaps_in_a_chart_survive_the_store(tmp_path):
     chart = Chart(title="", style="lines", x_label="", y_label="", x=(0.0, 1.0, 2.0), series={"a": (1.0, NAN, 2.0)})
     store.write_table(table, StageReport(charts=(chart,), figures=(Figure(name="bias", value=NAN),)))
     back = store.table(table)
-    assert math.isnan(back.charts[0].series["a"][1]) and "–" in report_html(store, (("a", "A"),), run_facts())
+    assert math.isnan(back.charts[0].series["a"][1]) and "–" in report_html(store, (("a", "A"),), run_facts(), tmp_path)
 
 
 def test_an_outlier_does_not_cross_the_page_and_is_counted():
@@ -287,7 +290,7 @@ def test_an_outlier_does_not_cross_the_page_and_is_counted():
 def test_details_are_collapsed_below_the_main_figures():
     details = [Figure(name=f"d{n}", value=n, detail=True) for n in range(30)]
     html = page(StageReport(figures=(Figure(name="main", value=1), *details)))
-    shown, folded = html[html.index('<section class="stage"') :].split('<details class="more"', 1)
+    shown, folded = html[html.index('<details class="chapter"') :].split('<details class="more"', 1)
     assert ">Main<" in shown and ">D7<" not in shown and "30 more figures" in folded and ">D7<" in folded
 
 

@@ -1,0 +1,215 @@
+"""What the first page of the report and the end of a run say: is it good, why, what to do next, where are the results.
+
+Stages judge themselves (`Verdict`), answer a client's questions (`Answer`) and name their files (`Product`); here all of it is
+put in one order, without knowing what it means.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from orthomill.pipeline.engine.run_facts import RunFacts, StageTitle
+from orthomill.pipeline.report import numbers
+from orthomill.pipeline.storage.reading import ReadableStore
+from orthomill.schemas.stage_report import Product, StageReport, Topic, report_table
+
+Reports = Mapping[str, StageReport]
+"""The present report of every stage that has one, by kind."""
+Level = Literal["good", "fair", "poor", "unjudged", "partial", "open"]
+WORDS: dict[Level, str] = {
+    "good": "Good",
+    "fair": "Usable within limits",
+    "poor": "In doubt",
+    "unjudged": "Complete",
+    "partial": "Part of a run",
+    "open": "Not complete",
+}
+"""How the verdict begins."""
+SEVERITY = ("good", "fair", "poor")
+Cost = Literal["doubt", "loss", "note"]
+NOT_DETERMINED = "not determined"
+
+
+@dataclass(frozen=True)
+class Reason:
+    """One reason of the verdict, and the stage that gives it."""
+
+    kind: str
+    level: str
+    sentence: str
+
+
+@dataclass(frozen=True)
+class Caution:
+    """A warning of a stage with what it costs: doubt (any result may be wrong), loss (accuracy or ground), note."""
+
+    kind: str
+    title: str
+    cost: Cost
+    sentence: str
+
+
+@dataclass(frozen=True)
+class ProductFile:
+    """A file to take away, with its size in bytes."""
+
+    product: Product
+    size: int
+
+    @property
+    def format(self) -> str:
+        """The format as people call it, by the end of the name."""
+        return FORMATS.get(Path(self.product.path).suffix, Path(self.product.path).suffix.lstrip(".").upper() or "folder")
+
+
+FORMATS = {".tif": "GeoTIFF", ".laz": "LAZ", ".json": "JSON", ".csv": "CSV", ".xml": "XML", ".yaml": "YAML", ".txt": "text"}
+
+
+@dataclass(frozen=True)
+class FirstPage:
+    """The answers, in the order in which they are read."""
+
+    level: Level
+    headline: str
+    reasons: tuple[Reason, ...]
+    cautions: tuple[Caution, ...]
+    """all of them, the dearest first"""
+    answers: tuple[tuple[str, str], ...]
+    """(question, answer)"""
+    products: tuple[ProductFile, ...]
+
+
+def first_page(reports: Reports, stages: tuple[StageTitle, ...], run: RunFacts, folder: Path) -> FirstPage:
+    """The first page of a run in `folder`; `stages` are all of the workflow, in its order."""
+    cautions = tuple(sorted(_cautions(reports, stages), key=lambda caution: ("doubt", "loss", "note").index(caution.cost)))
+    reasons = tuple(_reasons(reports, stages))
+    level = _level(reasons, cautions, stages, run)
+    return FirstPage(
+        level,
+        f"{WORDS[level]}: {_state(level, cautions, stages, run)}",
+        reasons,
+        cautions,
+        tuple(_answers(reports, stages, run)),
+        tuple(_products(reports, stages, folder)),
+    )
+
+
+def reports_of(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunFacts) -> dict[str, StageReport]:
+    """The present reports; one that an earlier run left for a stage which has failed since is not shown as current."""
+    tables = {kind: report_table(kind) for kind, _ in stages if run.stage(kind).reported and run.stage(kind).jobs}
+    return {kind: store.table(table) for kind, table in tables.items() if store.has_table(table)}
+
+
+def not_asked_for(stages: tuple[StageTitle, ...], run: RunFacts) -> tuple[str, ...]:
+    """Titles of the stages that a finished run was not to do."""
+    done = {stage.kind for stage in run.stages}
+    return tuple(title for kind, title in stages if kind not in done) if run.finished and run.stages else ()
+
+
+def job_count(run: RunFacts) -> str:
+    """Whether all jobs are done, and if not, what is missing."""
+    if run.complete:
+        skipped = sum(stage.skipped for stage in run.stages)
+        unchanged = f", {numbers.number_text(skipped)} of them unchanged since an earlier run" if skipped else ""
+        jobs = numbers.number_text(sum(stage.jobs for stage in run.stages))
+        stages = "1 stage" if len(run.stages) == 1 else f"{len(run.stages)} stages"
+        return f"all {jobs} jobs of {stages} are done{unchanged}."
+    begun = [stage for stage in run.stages if stage.done or stage.skipped or stage.failed]
+    missing = (
+        counted(sum(stage.failed for stage in run.stages), "job failed", "jobs failed"),
+        counted(sum(stage.waiting for stage in run.stages), "job is waiting", "jobs are waiting"),
+        counted(len(run.stages) - len(begun), "stage has not begun", "stages have not begun"),
+    )
+    otherwise = "no job has run" if run.finished else "it is still running or was interrupted"
+    reason = "; ".join(part for part in missing if part) or otherwise
+    return f"{reason}. What is said below holds for what is done; run the project again to continue."
+
+
+def counted(count: int, one: str, many: str) -> str:
+    """A count with its noun; empty for none."""
+    return f"{numbers.number_text(count)} {one if count == 1 else many}" if count else ""
+
+
+def _level(reasons: tuple[Reason, ...], cautions: tuple[Caution, ...], stages: tuple[StageTitle, ...], run: RunFacts) -> Level:
+    if not run.complete:
+        return "open"
+    if not_asked_for(stages, run):
+        return "partial"
+    if any(caution.cost == "doubt" for caution in cautions):
+        return "poor"
+    if not reasons:
+        return "unjudged"
+    worst = max(SEVERITY.index(reason.level) for reason in reasons)
+    return ("good", "fair", "poor")[worst]
+
+
+def _state(level: Level, cautions: tuple[Caution, ...], stages: tuple[StageTitle, ...], run: RunFacts) -> str:
+    """What follows the first word of the verdict."""
+    if level in ("open", "unjudged"):
+        return job_count(run)
+    if level == "partial":
+        # Lower case in the middle of a sentence, but not for abbreviations.
+        missing = (title if title[1:2].isupper() else title[:1].lower() + title[1:] for title in not_asked_for(stages, run))
+        return f"{job_count(run)[:-1]}; not run: {', '.join(missing)}."
+    doubts = [caution for caution in cautions if caution.cost == "doubt"]
+    if doubts:
+        return f"{counted(len(doubts), 'finding', 'findings')} must be looked at before any result is used."
+    losses = sum(caution.cost == "loss" for caution in cautions)
+    if losses:
+        return f"nothing puts the results in doubt; {counted(losses, 'warning says', 'warnings say')} what they cost."
+    return "see the reasons." if level == "poor" else "nothing puts the results in doubt."
+
+
+def _reasons(reports: Reports, stages: tuple[StageTitle, ...]) -> Iterator[Reason]:
+    """What the stages say of their results, the worst first."""
+    found = [(kind, reports[kind].verdict) for kind, _ in stages if kind in reports]
+    said = [
+        Reason(kind, verdict.level, verdict.sentence)
+        for kind, verdict in found
+        if verdict and (verdict.weighs or (verdict.level == "poor" and not reports[kind].aside))
+    ]
+    yield from sorted(said, key=lambda reason: -SEVERITY.index(reason.level))
+
+
+def _cautions(reports: Reports, stages: tuple[StageTitle, ...]) -> Iterator[Caution]:
+    """Every warning once, in the order of the stages; what concerns a simulation comes last."""
+    ordered = sorted((stage for stage in stages if stage[0] in reports), key=lambda stage: reports[stage[0]].aside)
+    for kind, title in ordered:
+        report = reports[kind]
+        rest = (sentence for sentence in report.warnings if sentence not in report.doubts and sentence not in report.losses)
+        groups: tuple[tuple[Cost, Iterator[str]], ...] = (
+            ("doubt", iter(report.doubts)),
+            ("loss", (sentence for sentence in report.losses if sentence not in report.doubts)),
+            ("note", rest),
+        )
+        yield from (Caution(kind, title, cost, sentence) for cost, sentences in groups for sentence in sentences)
+
+
+def _answers(reports: Reports, stages: tuple[StageTitle, ...], run: RunFacts) -> Iterator[tuple[str, str]]:
+    given = {answer.topic: answer.text for kind, _ in stages if kind in reports for answer in reports[kind].answers}
+    reference = given.get(Topic.REFERENCE, "")
+    given[Topic.REFERENCE] = f"{run.crs}, {reference}" if reference else run.crs
+    given[Topic.TIME] = _time(run)
+    yield from ((str(topic), given.get(topic, NOT_DETERMINED)) for topic in Topic)
+
+
+def _time(run: RunFacts) -> str:
+    whole = numbers.duration_text(run.whole_seconds)
+    runs = f" in {run.runs} runs" if run.runs > 1 else ""
+    memory = f"; largest worker {numbers.memory_text(run.peak_bytes)}" if run.peak_bytes else ""
+    return f"{whole}{runs}{memory}"
+
+
+def _products(reports: Reports, stages: tuple[StageTitle, ...], folder: Path) -> Iterator[ProductFile]:
+    """Files that exist; those of later stages first, for they are what the run was made for."""
+    for kind, _ in reversed(stages):
+        if kind in reports:
+            for product in reports[kind].products:
+                path = folder / product.path
+                if path.exists():
+                    yield ProductFile(product, _size(path))
+
+
+def _size(path: Path) -> int:
+    return path.stat().st_size if path.is_file() else sum(part.stat().st_size for part in path.rglob("*") if part.is_file())

@@ -1,0 +1,128 @@
+"""What the block is worth to a client: accuracy where check points tell it, precision, photographs used, and a verdict.
+
+The limits for differences at check points are multiples of the ground pixel, as in the ASPRS Positional Accuracy Standards for
+Digital Geospatial Data (2014, annex B; edition 2, 2023): 1 for the most accurate work, 2 for standard mapping, 3 for visualisation.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from orthomill.schemas.orientation import GroundResidual
+from orthomill.schemas.stage_report import Answer, Product, Topic, Verdict
+from orthomill.tasks.geometry.survey_system import vertical_name
+from orthomill.tasks.orientation.reporting.block_facts import Facts
+
+CLASSES = ((1.0, "the most accurate mapping (1 pixel)"), (2.0, "standard mapping (2 pixels)"), (3.0, "visualisation (3 pixels)"))
+"""Limit in ground pixels, and what differences below it are good enough for."""
+FORMAL = 30
+"""check points that a formal statement of accuracy needs (ASPRS, edition 2)"""
+UNCHECKED = "not checked: no check points"
+REALISTIC = 3.0
+"""Differences this many times their predicted standard errors contradict the stated precision."""
+
+PRODUCTS = (
+    Product(path="products/exterior_orientation.csv", purpose="Position and rotation of every photograph, as a table"),
+    Product(path="products/cameras.json", purpose="The whole block with its cameras and covariances"),
+    Product(path="products/colmap", purpose="The block for COLMAP and what reads its files"),
+    Product(path="products/opensfm", purpose="The block for OpenSfM and OpenDroneMap"),
+)
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """Root mean square differences at the check points, m, and in units of their predicted standard errors."""
+
+    points: int
+    plan: float
+    height: float
+    by_predicted: float
+
+
+def accuracy(points: tuple[GroundResidual, ...]) -> Accuracy | None:
+    """The accuracy at check points; None without any."""
+    if not points:
+        return None
+    difference, predicted = np.array([p.difference for p in points]), np.array([p.predicted for p in points])
+    plan, height = np.sqrt((difference[:, :2] ** 2).sum(axis=1).mean()), np.sqrt((difference[:, 2] ** 2).mean())
+    # The floor keeps points without redundancy (predicted 0, difference 0) finite.
+    ratio = np.sqrt(((difference / np.maximum(predicted, 1e-9)) ** 2).mean())
+    return Accuracy(len(points), float(plan), float(height), float(ratio))
+
+
+def ground_pixel(facts: Facts) -> float | None:
+    """Side of a photograph's pixel on the ground, m: the median over the block, below or before the projection centres."""
+    if not len(facts.points) or not facts.block.photos:
+        return None
+    ground = np.array([np.median(facts.points.x), np.median(facts.points.y), np.median(facts.points.z)])
+    distance = [min(np.linalg.norm(np.array(photo.centre) - ground), _height(photo.centre, ground)) for photo in facts.block.photos]
+    constants = [facts.block.camera_of(photo.photo).c for photo in facts.block.photos]
+    return float(np.median(np.array(distance) / np.array(constants)))
+
+
+def _height(centre: tuple[float, float, float], ground: np.ndarray) -> float:
+    # Far photographs of a long block are not farther from the ground: their height above it counts, unless they look sideways.
+    above = centre[2] - ground[2]
+    return float(above) if above > 0 else float("inf")
+
+
+def block_answers(facts: Facts) -> Iterator[Answer]:
+    """What the orientation answers to a client's questions."""
+    used, given = len(facts.block.photos), len(facts.photos.photos)
+    yield Answer(topic=Topic.PHOTOGRAPHS, text=f"all {given}" if used == given else f"{used} of {given}")
+    pixel, found = ground_pixel(facts), accuracy(facts.ground.of_role("check"))
+    if pixel:
+        yield Answer(topic=Topic.GROUND_PIXEL, text=f"{length(pixel)} in the photographs")
+    yield Answer(topic=Topic.ACCURACY_PLAN, text=_checked(found.plan, found.points) if found else UNCHECKED)
+    yield Answer(topic=Topic.ACCURACY_HEIGHT, text=_checked(found.height, found.points) if found else UNCHECKED)
+    if sigmas := _sigmas(facts):
+        plan, height = sigmas
+        yield Answer(topic=Topic.PRECISION, text=f"{length(plan)} in plan, {length(height)} in height (standard error of a point)")
+    yield Answer(topic=Topic.REFERENCE, text=f"heights: {vertical_name(facts.block.crs) or 'as in the input, system not stated'}")
+
+
+def _checked(value: float, points: int) -> str:
+    return f"{length(value)} (root mean square of {_points(points)})"
+
+
+def _points(count: int) -> str:
+    return "1 check point" if count == 1 else f"{count} check points"
+
+
+def _sigmas(facts: Facts) -> tuple[float, float] | None:
+    plan = np.hypot(facts.points.sigma_x, facts.points.sigma_y)
+    known = np.isfinite(plan) & np.isfinite(facts.points.sigma_z)
+    # A fixed block states no standard errors.
+    return (float(np.median(plan[known])), float(np.median(facts.points.sigma_z[known]))) if known.any() else None
+
+
+def block_verdict(facts: Facts, doubts: tuple[str, ...]) -> Verdict:
+    """Good where check points say so, fair where nothing independent does, poor where a doubt or the check points contradict it."""
+    found, pixel = accuracy(facts.ground.of_role("check")), ground_pixel(facts)
+    if found is None:
+        stated = f" (stated: {length(sigmas[1])} in height)" if (sigmas := _sigmas(facts)) else ""
+        words = f"Accuracy is not proved: there are no check points, only the precision that the adjustment states{stated}."
+        return Verdict(level="poor" if doubts else "fair", sentence=words, weighs=True)
+    largest = max(found.plan, found.height) / pixel if pixel else float("nan")
+    good_for = next((words for limit, words in CLASSES if largest <= limit), None)
+    contradicted = found.by_predicted > REALISTIC
+    level = "poor" if doubts or contradicted or (pixel and good_for is None) else "good" if largest <= CLASSES[1][0] else "fair"
+    return Verdict(level=level, sentence=_accuracy_sentence(found, largest, good_for, contradicted), weighs=True)
+
+
+def _accuracy_sentence(found: Accuracy, largest: float, good_for: str | None, contradicted: bool) -> str:
+    formal = "" if found.points >= FORMAL else f"; a formal statement needs {FORMAL}"
+    reached = f"it meets the class for {good_for}" if good_for else "it meets no mapping class (3 pixels)"
+    expected = f", {found.by_predicted:.1f} times what the adjustment predicts" if contradicted else ""
+    return (
+        f"Accuracy at {_points(found.points)}: {length(found.plan)} in plan and {length(found.height)} in height{expected}; with "
+        f"{largest:.1f} ground pixels {reached}{formal}."
+    )
+
+
+def length(metres: float) -> str:
+    """A length with the digits that it deserves: 2.3 m, 0.28 m, 12 mm."""
+    if metres < 0.1:
+        return f"{1000 * metres:.0f} mm" if metres >= 0.0095 else f"{1000 * metres:.1f} mm"
+    return f"{metres:.2f} m" if metres < 10 else f"{metres:.0f} m"

@@ -1,0 +1,84 @@
+"""The first page: one verdict that follows from what the stages say, every question answered, the dearest warnings first."""
+
+import pytest
+
+from orthomill.pipeline.engine.run_facts import RunFacts, StageRun
+from orthomill.pipeline.report.first_page import NOT_DETERMINED, first_page
+from orthomill.schemas.stage_report import Answer, Product, StageReport, Topic, Verdict
+
+STAGES = (("simulation", "Simulated"), ("orientation", "Orientation"), ("texture", "Orthoimage"))
+
+
+def run(*kinds, finished="2026-11-21T11:00:00"):
+    stages = tuple(StageRun(kind, jobs=1, done=1) for kind in kinds or ("simulation", "orientation", "texture"))
+    return RunFacts("p", "EPSG:2100", "0.1.0", "2026-11-21T10:00:00", finished, stages=stages)
+
+
+def says(level, sentence="s.", weighs=True):
+    return Verdict(level=level, sentence=sentence, weighs=weighs)
+
+
+def page(reports, facts=None, folder=None, tmp_path=None):
+    return first_page(reports, STAGES, facts or run(), folder or tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("reports", "level"),
+    [
+        ({"orientation": StageReport(verdict=says("good")), "texture": StageReport(verdict=says("good"))}, "good"),
+        ({"orientation": StageReport(verdict=says("good")), "texture": StageReport(verdict=says("fair"))}, "fair"),
+        ({"orientation": StageReport(verdict=says("poor")), "texture": StageReport(verdict=says("fair"))}, "poor"),
+        ({"orientation": StageReport(verdict=says("good"), warnings=("d",), doubts=("d",))}, "poor"),
+        ({"orientation": StageReport(verdict=says("fair", weighs=False)), "texture": StageReport(verdict=says("good"))}, "good"),
+        ({"orientation": StageReport()}, "unjudged"),
+    ],
+)
+def test_the_run_is_as_good_as_the_worst_that_weighs(reports, level, tmp_path):
+    assert page(reports, folder=tmp_path).level == level
+
+
+def test_neither_a_partial_nor_an_unfinished_run_is_ever_called_good(tmp_path):
+    good = {"orientation": StageReport(verdict=says("good"))}
+    partial = page(good, run("simulation", "orientation"), tmp_path)
+    assert partial.level == "partial" and partial.headline.endswith("not run: orthoimage.")
+    assert page(good, run(finished=None), tmp_path).level == "open"
+
+
+def test_what_costs_most_is_told_first_and_a_simulation_last(tmp_path):
+    reports = {
+        "simulation": StageReport(warnings=("simulated",), aside=True, verdict=says("good", weighs=False)),
+        "orientation": StageReport(warnings=("note", "loss", "doubt"), doubts=("doubt",), losses=("loss", "doubt")),
+        "texture": StageReport(warnings=("holes",), losses=("holes",)),
+    }
+    found = page(reports, folder=tmp_path).cautions
+    assert [(caution.cost, caution.sentence) for caution in found] == [
+        ("doubt", "doubt"),
+        ("loss", "loss"),
+        ("loss", "holes"),
+        ("note", "note"),
+        ("note", "simulated"),
+    ]
+
+
+def test_every_question_is_answered_and_a_later_stage_knows_better(tmp_path):
+    earlier = StageReport(
+        answers=(Answer(topic=Topic.GROUND_PIXEL, text="0.6 m"), Answer(topic=Topic.REFERENCE, text="heights: x"))
+    )
+    reports = {"orientation": earlier, "texture": StageReport(answers=(Answer(topic=Topic.GROUND_PIXEL, text="0.5 m"),))}
+    answers = dict(page(reports, folder=tmp_path).answers)
+    assert list(answers) == [str(topic) for topic in Topic]
+    assert answers[Topic.GROUND_PIXEL] == "0.5 m" and answers[Topic.REFERENCE] == "EPSG:2100, heights: x"
+    assert answers[Topic.AREA] == NOT_DETERMINED
+
+
+def test_products_are_those_that_exist_with_their_size(tmp_path):
+    (tmp_path / "products" / "colmap").mkdir(parents=True)
+    (tmp_path / "products" / "ortho.tif").write_bytes(b"12345")
+    (tmp_path / "products" / "colmap" / "images.txt").write_bytes(b"123")
+    paths = ("products/ortho.tif", "products/colmap", "products/absent.laz")
+    report = StageReport(products=tuple(Product(path=path, purpose="p") for path in paths))
+    found = page({"texture": report}, folder=tmp_path).products
+    assert [(file.product.path, file.size, file.format) for file in found] == [
+        ("products/ortho.tif", 5, "GeoTIFF"),
+        ("products/colmap", 3, "folder"),
+    ]
