@@ -1,29 +1,29 @@
 """The extent of the orthoimage and the input of one of its tiles: nested grids, pyramid levels, windows of heights and photographs.
 
 A DSM cell is divided into an integer number of ortho pixels, so that the two grids share their outer corner. Whatever can hide a
-cell from a photograph lies between the cell and the foot of the ray's point at the greatest height: the window of heights of a tile
-is the tile, and the tile moved that far towards every projection centre. With it a tile gives what the whole model would give.
+cell from a photograph lies between the cell and the last place where the surface is higher than the ray: the window of heights of a
+tile is the tile, and the tile moved that far towards every projection centre. With it a tile gives what the whole model would give.
 """
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from math import ceil, floor, isfinite
 
 import numpy as np
 
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.schemas.surface import Surface
 from orthomill.tasks.geometry.footprint import photo_window
 from orthomill.tasks.geometry.photograph_part import PhotoPart, PhotoSource, level_window
 from orthomill.tasks.geometry.view import View
 from orthomill.tasks.texture.draping import ground_window
+from orthomill.tasks.texture.relief import SIDE, ReliefMap
 
 NESTING = 1e-6
 """Tolerated deviation of the ratio of the cells from an integer: rounding of decimal fractions, no more."""
 # auto rounds the photo pixels per DSM cell up, but not for less than a quarter: a cell slightly larger than the photo pixel loses
 # nothing, while a divisor larger by one costs up to four times the pixels.
 _FINER_FROM = 0.25
-_HEIGHT_MARGIN = 0.05  # of the height range: the DSM may exceed the range known at planning
 
 
 @dataclass(frozen=True)
@@ -78,40 +78,66 @@ def dsm_core(dsm: MapGrid, divisor: int, window: Window) -> Window:
     return window.reduced(divisor).clipped(dsm.shape)
 
 
-def heights_window(surface: Surface, views: Sequence[View], core: Window, halo: int) -> Window:
+def heights_window(relief: ReliefMap, views: Sequence[View], core: Window, halo: int) -> Window:
     """The DSM cells that can hide `core` from any of `views`, with `halo` cells more on every side, clipped to the DSM."""
-    grid, margin = surface.grid, _HEIGHT_MARGIN * (surface.height_high - surface.height_low)
-    low, high = surface.height_low - margin, surface.height_high + margin
-    rows, cols = [core.row, core.row + core.height - 1], [core.col, core.col + core.width - 1]
-    top, left, bottom, right = rows[0], cols[0], rows[1], cols[1]
-    for view in views:
-        col0, row0 = grid.pixel(view.centre[0], view.centre[1])
-        # At this share of the way to the centre a ray from the lowest ground is above the highest point of the model.
-        share = min((high - low) / max(view.centre[2] - low, 1e-9), 1.0)
-        reached_rows = [row + share * (row0 - row) for row in rows]
-        reached_cols = [col + share * (col0 - col) for col in cols]
-        top, bottom = min(top, *reached_rows), max(bottom, *reached_rows)
-        left, right = min(left, *reached_cols), max(right, *reached_cols)
+    grid = relief.grid
+    low, _ = relief.over(core.grown(halo))
+    reached = [_crossed(relief, view, core, low, halo) for view in views] if isfinite(low) else []
+    top, left = min([core.row, *(one[0] for one in reached)]), min([core.col, *(one[1] for one in reached)])
+    bottom = max([core.row + core.height - 1, *(one[2] for one in reached)])
+    right = max([core.col + core.width - 1, *(one[3] for one in reached)])
     row, col = int(np.floor(top)) - 1, int(np.floor(left)) - 1
     return Window(row, col, int(np.ceil(bottom)) + 2 - row, int(np.ceil(right)) + 2 - col).grown(halo).clipped(grid.shape)
 
 
+def _crossed(relief: ReliefMap, view: View, core: Window, low: float, halo: int) -> tuple[float, float, float, float]:
+    """(top, left, bottom, right) cells that rays from `core` to the projection centre cross where the surface may hide them.
+
+    Followed from the far end, where rays from the lowest height `low` (m) have reached the greatest one of the model, block by
+    block back to the first place whose surface is higher than the rays are there.
+    """
+    col0, row0 = relief.grid.pixel(view.centre[0], view.centre[1])
+    rise = max(view.centre[2] - low, 1e-9)
+    # At this share of the way to the centre a ray is above the highest point of the model.
+    farthest = min((relief.highest - low) / rise, 1.0)
+    # A step moves less than a block; where the camera stands far outside the model most of the way lies beyond it.
+    far = max(abs(row0 - core.row), abs(col0 - core.col)) + max(core.shape)
+    shares = np.linspace(0.0, farthest, max(2, ceil(farthest * far / SIDE) + 1))
+
+    def moved(share: float) -> tuple[float, float, float, float]:
+        up, across = share * (row0 - core.row), share * (col0 - core.col)
+        shrunk = (1.0 - share) * (core.height - 1), (1.0 - share) * (core.width - 1)
+        return core.row + up, core.col + across, core.row + up + shrunk[0], core.col + across + shrunk[1]
+
+    for near, beyond in zip(shares[-2::-1], shares[:0:-1], strict=True):
+        here, there = moved(near), moved(beyond)
+        row, col = floor(min(here[0], there[0])) - 1, floor(min(here[1], there[1])) - 1
+        bottom, right = ceil(max(here[2], there[2])) + 2, ceil(max(here[3], there[3])) + 2
+        _, high = relief.over(Window(row, col, bottom - row, right - col).grown(halo))
+        if high >= low + near * rise:
+            return there
+    return moved(0.0)
+
+
 def tile_extent(
-    surface: Surface, ortho: MapGrid, window: Window, sources: Sequence[PhotoSource], halo: int, around: int = 0
+    relief: ReliefMap, ortho: MapGrid, window: Window, sources: Sequence[PhotoSource], halo: int, around: int = 0
 ) -> TileExtent:
     """All windows that the ortho tile `window` needs; photographs that cannot see it are left out.
 
     `halo`: cells of heights around what the rays cross; `around`: cells around the tile that the photographs show as well.
     """
     parts, seeing = [], []
-    divisor = round(surface.grid.cell / ortho.cell)
+    dsm = relief.grid
+    divisor = round(dsm.cell / ortho.cell)
+    core = dsm_core(dsm, divisor, window)
+    # A height at a cell, bridged or draped, is one of those within the halo or between two of them.
+    low, high = relief.over(core.grown(around + halo))
     shown = window.grown(around * divisor).clipped(ortho.shape)
-    for source in sources:
+    for source in sources if isfinite(low) else ():
         margin = 4 * 2**source.level  # two pixels of the level for the bicubic kernel, two for the relief within the window
-        full = photo_window(source.view, ortho, shown, surface.height_low, surface.height_high, margin)
+        full = photo_window(source.view, ortho, shown, low, high, margin)
         part = level_window(full, source.level, source.shape)
         if not (full.empty or part.empty):
             parts.append(PhotoPart(source.view.name, source.level, part))
             seeing.append(source.view)
-    core = dsm_core(surface.grid, divisor, window)
-    return TileExtent(ortho, window, surface.grid, heights_window(surface, seeing, core, halo), tuple(parts))
+    return TileExtent(ortho, window, dsm, heights_window(relief, seeing, core, halo), tuple(parts))

@@ -24,6 +24,7 @@ from orthomill.tasks.texture.draping import block_grid, block_heights, blocks_of
 from orthomill.tasks.texture.extent import TileExtent, ground_pixels, ortho_grid, tile_extent
 from orthomill.tasks.texture.mosaic import TextureRules, TileTexture, balance, sample_tile, texture_tile
 from orthomill.tasks.texture.radiometric_balance import RADIOMETRY, Samples
+from orthomill.tasks.texture.relief import RELIEF, ReliefMap, relief_table, tile_relief, whole_relief
 from orthomill.tasks.texture.report import COVERAGE, HEIGHT_SOURCE, REJECTED, TextureFacts, texture_report
 
 BLOCK_HEIGHTS, GROUND = "texture/block_heights", "texture/ground"
@@ -204,16 +205,18 @@ class TextureStage(Stage):
         heights = CORRECTED if view.has_stage("dsm_check") else HEIGHT
         if draped:
             yield from _ground(surface.grid, block.crs, view.project.tile, heights)
+        yield from _relief(surface.grid, view.project.tile, heights, draped)
+        relief = ReliefMap(view.table(RELIEF), surface.grid)
         tiles = list(tiles_of(ortho.shape, view.project.tile))
         coarse = [_source(view, block, photos, name, _COARSER * ortho.cell, size) for name, size in _by_name(block, pixels)]
         for tile in tiles:
-            extent = tile_extent(surface, ortho, tile.window, coarse, rules.halo)
+            extent = tile_extent(relief, ortho, tile.window, coarse, rules.halo)
             yield _sample_job(tile, heights, extent, rules, self._spacing(ortho))
         deep = any(view.raster(photo_raster(name, 0)).dtype == "uint16" for name in block.names)
         yield self._balance_job(tiles, block, deep)
         fine = [_source(view, block, photos, name, ortho.cell, size) for name, size in _by_name(block, pixels)]
         for tile in tiles:
-            yield _ortho_job(tile, heights, tile_extent(surface, ortho, tile.window, fine, rules.halo, rules.around), rules, draped)
+            yield _ortho_job(tile, heights, tile_extent(relief, ortho, tile.window, fine, rules.halo, rules.around), rules, draped)
         facts = TextureFacts(cell=ortho.cell, dsm_cell=surface.grid.cell, ground_pixel=median(pixels), heights=heights)
         yield from _results(tiles, facts)
         yield from _clouds(surface.grid, view.project.tile, heights)
@@ -303,6 +306,19 @@ def _ground(dsm: MapGrid, crs: str, size: int, heights: str) -> Iterator[RasterS
     yield Job(
         "texture", "ground", filled, {"values": Raster(BLOCK_HEIGHTS, whole)}, {"ground": Raster(GROUND, whole)}, scratch=scratch
     )
+
+
+def _relief(dsm: MapGrid, size: int, heights: str, draped: bool) -> Iterator[Job]:
+    """The relief of the whole model, tile by tile and then together: what the tiles of the orthoimage read follows from it."""
+    tables = []
+    for tile in tiles_of(dsm.shape, size):
+        reads: dict[str, Region | tuple[Region, ...]] = {"heights": Raster(heights, tile.window)}
+        if draped:
+            reads["ground"] = Raster(GROUND, blocks_of(tile.window))
+        tables.append(relief_table(tile.row, tile.col))
+        writes, scratch = {"relief": tables[-1]}, 8 * tile.window.height * tile.window.width
+        yield Job("texture", "relief", tile_relief, reads, writes, {"window": tile.window}, tile.row, tile.col, scratch)
+    yield Job("texture", "whole-relief", whole_relief, {"parts": tuple(tables)}, {"relief": RELIEF}, {})
 
 
 def _ortho_job(tile: Tile, heights: str, extent: TileExtent, rules: TextureRules, draped: bool) -> Job:

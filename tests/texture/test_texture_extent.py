@@ -4,17 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from box_scene import CENTRES, DSM, ORTHO, view
+from box_scene import CENTRES, DSM, ORTHO, heights, view
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.schemas.surface import Surface
 from orthomill.tasks.geometry.photograph_part import PhotoSource, level_window, photo_level
 from orthomill.tasks.texture.extent import dsm_core, ground_pixels, heights_window, ortho_grid, tile_extent
+from orthomill.tasks.texture.relief import Relief, ReliefMap, tile_relief
 
-SURFACE = Surface(grid=DSM, height_low=-2.0, height_high=16.0)
+RELIEF = ReliefMap(tile_relief(heights(), Window(0, 0, *DSM.shape)), DSM)
 VIEWS = [view(name) for name in CENTRES]
 
 
@@ -78,11 +78,11 @@ def test_the_cells_under_a_window_of_the_orthoimage(divisor):
 
 def test_heights_are_read_towards_every_projection_centre():
     core = Window(50, 50, 10, 10)
-    alone = {name: heights_window(SURFACE, [view(name)], core, 0) for name in CENTRES}
+    alone = {name: heights_window(RELIEF, [view(name)], core, 0) for name in CENTRES}
     west, east = alone["a"], alone["c"]
     assert west.col < core.col - 1 and west.col + west.width <= core.col + core.width + 2
     assert east.col + east.width > core.col + core.width + 1 and east.col >= core.col - 2
-    together = heights_window(SURFACE, VIEWS, core, 0)
+    together = heights_window(RELIEF, VIEWS, core, 0)
     for window in alone.values():
         assert together.row <= window.row and together.col <= window.col
         assert together.row + together.height >= window.row + window.height
@@ -90,24 +90,60 @@ def test_heights_are_read_towards_every_projection_centre():
 
 def test_the_halo_grows_the_window_on_every_side():
     core = Window(50, 50, 10, 10)
-    small, large = (heights_window(SURFACE, VIEWS[:1], core, halo) for halo in (0, 7))
+    small, large = (heights_window(RELIEF, VIEWS[:1], core, halo) for halo in (0, 7))
     assert small.grown(7).clipped(DSM.shape) == large
 
 
-def test_a_window_below_the_centre_reads_as_far_as_the_relief_asks():
-    """A ray from the lowest ground passes the greatest height after (high - low) / (centre - low) of its way."""
-    photo, core = view("a"), Window(60, 110, 1, 1)
-    found = heights_window(SURFACE, [photo], core, 0)
-    low, high = -2.0 - 0.9, 16.0 + 0.9
-    share = (high - low) / (photo.centre[2] - low)
-    col0, _ = DSM.pixel(photo.centre[0], photo.centre[1])
-    assert found.col == int(np.floor(110 + share * (col0 - 110))) - 1
+def relief_of(model: np.ndarray) -> ReliefMap:
+    return ReliefMap(tile_relief(model, Window(0, 0, *model.shape)), MapGrid(west=0.0, north=0.0, cell=1.0, rows=512, cols=512))
+
+
+def test_a_window_reads_as_far_as_the_relief_asks_and_not_as_far_as_the_highest_mountain():
+    """A ray from height 0 is 20 m high after a tenth of its way to a centre at 200 m."""
+    photo = replace(view("a"), centre=np.array([1256.5, -280.5, 200.0]))
+    ramp, core = np.zeros((512, 512), np.float32), Window(280, 0, 1, 1)
+    ramp[:, 100] = 20.0
+    near = heights_window(relief_of(ramp), [photo], core, 0)
+    assert near.col == 0 and 100 < near.col + near.width <= 100 + 66 and near.height < 8
+    ramp[:, 100] = 19.0 * 100 / 1256
+    assert heights_window(relief_of(ramp), [photo], core, 0).width <= 66
+    ramp[:100, 500] = 190.0  # off the way of the ray
+    assert heights_window(relief_of(ramp), [photo], core, 0).width <= 66
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 10**6), row=st.integers(0, 480), col=st.integers(0, 480), height=st.floats(20.0, 400.0))
+def test_every_cell_that_rises_above_a_ray_is_in_the_window(seed, row, col, height):
+    rng = np.random.default_rng(seed)
+    model = rng.normal(0, 1, (512, 512)).astype(np.float32)
+    for top, left in rng.integers(0, 480, (6, 2)):
+        model[top : top + 20, left : left + 20] += rng.uniform(0, 30)
+    core = Window(row, col, 24, 24)
+    photo = replace(view("a"), centre=np.array([*rng.uniform(-300, 800, 2) * [1, -1], height + 40]))
+    window = heights_window(relief_of(model), [photo], core, 0)
+    col0, row0 = photo.centre[0] - 0.5, -photo.centre[1] - 0.5
+    for r, c in ((row, col), (row + 23, col), (row, col + 23), (row + 23, col + 23)):
+        share = np.linspace(0, 1, 4000)
+        rays = model[r, c] + share * (photo.centre[2] - model[r, c])
+        at = np.rint(r + share * (row0 - r)).astype(int), np.rint(c + share * (col0 - c)).astype(int)
+        on = (at[0] >= 0) & (at[0] < 512) & (at[1] >= 0) & (at[1] < 512)
+        rows, cols = at[0][on], at[1][on]
+        hidden = model[rows, cols] > rays[on]
+        inside = (rows >= window.row) & (rows < window.row + window.height)
+        inside &= (cols >= window.col) & (cols < window.col + window.width)
+        assert inside[hidden].all()
+
+
+def test_a_tile_without_heights_reads_no_photograph():
+    empty = ReliefMap(Relief(*(np.zeros(0, kind) for kind in (np.int32, np.int32, np.float32, np.float32))), DSM)
+    extent = tile_extent(empty, ORTHO, Window(0, 0, 64, 64), [PhotoSource(one, 0, (420, 420, 3)) for one in VIEWS], 3)
+    assert extent.photos == () and extent.heights.height < 45
 
 
 def test_photographs_that_do_not_show_a_tile_are_left_out():
     sources = [PhotoSource(one, 0, (420, 420, 3)) for one in VIEWS]
     far = replace(VIEWS[0], name="far", centre=VIEWS[0].centre + np.array([5000.0, 0.0, 0.0]))
-    extent = tile_extent(SURFACE, ORTHO, Window(0, 0, 64, 64), [*sources, PhotoSource(far, 0, (420, 420, 3))], 3)
+    extent = tile_extent(RELIEF, ORTHO, Window(0, 0, 64, 64), [*sources, PhotoSource(far, 0, (420, 420, 3))], 3)
     assert "far" not in {part.name for part in extent.photos} and len(extent.photos) >= 2
     assert extent.divisor == 2
 
@@ -116,9 +152,9 @@ def test_photographs_that_do_not_show_a_tile_are_left_out():
 def test_the_parts_of_photographs_hold_the_projected_tile(level):
     window = Window(100, 60, 50, 70)
     shape = (-(-420 // 2**level), -(-420 // 2**level), 3)
-    extent = tile_extent(SURFACE, ORTHO, window, [PhotoSource(one, level, shape) for one in VIEWS], 3)
+    extent = tile_extent(RELIEF, ORTHO, window, [PhotoSource(one, level, shape) for one in VIEWS], 3)
     x, y = ORTHO.centres(window)
-    corners = np.array([(a, b, z) for a in (x[0], x[-1]) for b in (y[0], y[-1]) for z in (-2.0, 16.0)])
+    corners = np.array([(a, b, z) for a in (x[0], x[-1]) for b in (y[0], y[-1]) for z in (0.0, 14.0)])
     for part in extent.photos:
         pixels = view(part.name).project(corners) / 2**level
         inside = view(part.name).contains(view(part.name).project(corners))

@@ -4,17 +4,18 @@ from math import inf
 from types import SimpleNamespace
 
 import pytest
-from box_scene import CENTRES, DSM, block
+from box_scene import CENTRES, DSM, block, heights
 from pydantic import ValidationError
 
 from orthomill.pipeline.engine.job_signature import misfit
 from orthomill.schemas.job import Export, Job
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS, Photo, Photos
-from orthomill.schemas.raster import RasterSpec
+from orthomill.schemas.raster import RasterSpec, Window
 from orthomill.schemas.surface import CORRECTED, HEIGHT, SURFACE, Surface
 from orthomill.tasks.texture import stage
 from orthomill.tasks.texture.blending import Blend, Rejection
+from orthomill.tasks.texture.relief import RELIEF, tile_relief
 from orthomill.tasks.texture.stage import SAMPLES_AT_MOST, TextureStage
 
 
@@ -27,7 +28,8 @@ class View:
         facts = {"width": 420, "height": 420, "bands": 3, "dtype": dtype, "camera": "test", "levels": 4}
         shown = Photos(photos=tuple(Photo(name=name, path=name, **facts) for name in CENTRES))
         surface = Surface(grid=DSM, height_low=-2.0, height_high=16.0)
-        self.known = {BLOCK.path: block(), PHOTOS.path: shown, SURFACE.path: surface}
+        relief = tile_relief(heights(), Window(0, 0, *DSM.shape))
+        self.known = {BLOCK.path: block(), PHOTOS.path: shown, SURFACE.path: surface, RELIEF.path: relief}
 
     def table(self, table):
         return self.known[table.path]

@@ -10,7 +10,7 @@ from box_scene_stages import GAINS, VIGNETTING, photograph
 
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.raster import MapGrid, Window, tiles_of
-from orthomill.schemas.surface import Provenance, Surface
+from orthomill.schemas.surface import Provenance
 from orthomill.tasks.geometry.photograph_part import PhotoSource, level_window, photo_level
 from orthomill.tasks.imagery.pull_push import filled
 from orthomill.tasks.texture.blending import Blend, Rejection
@@ -18,6 +18,7 @@ from orthomill.tasks.texture.draping import HeightSource, block_heights
 from orthomill.tasks.texture.extent import ortho_grid, tile_extent
 from orthomill.tasks.texture.mosaic import TextureRules, balance, sample_tile, texture_tile
 from orthomill.tasks.texture.radiometric_balance import PhotoRadiometry, Radiometry, Samples, balance_block, corrected
+from orthomill.tasks.texture.relief import ReliefMap, tile_relief
 from orthomill.tasks.texture.sampling import Ground, PhotoPixelsAt, ground_of, sample_photo
 
 WHOLE = Window(0, 0, 240, 240)
@@ -31,8 +32,11 @@ RULES = TextureRules(
     sharpen=True,
     blend=Blend(Rejection("mean", 1.0, 12.0)),
 )
-SURFACE = Surface(grid=DSM, height_low=-2.0, height_high=16.0)
 SOURCES = [PhotoSource(view(name), 0, (420, 420, 3)) for name in CENTRES]
+
+
+def relief(model: np.ndarray, ground: np.ndarray | None = None) -> ReliefMap:
+    return ReliefMap(tile_relief(model, Window(0, 0, *DSM.shape), ground), DSM)
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +46,7 @@ def photos() -> dict[str, np.ndarray]:
 
 @pytest.fixture(scope="module")
 def radiometry(photos) -> Radiometry:
-    extent = tile_extent(SURFACE, ORTHO, WHOLE, SOURCES, RULES.halo)
+    extent = tile_extent(relief(heights()), ORTHO, WHOLE, SOURCES, RULES.halo)
     pixels = tuple(photos[part.name][part.window.slices] for part in extent.photos)
     samples = sample_tile(heights()[extent.heights.slices], block(), pixels, extent, RULES, 4)
     return balance((samples,), block(), False, "block", True)
@@ -61,9 +65,10 @@ def make(
     model = heights() if model is None else model
     codes = np.full(DSM.shape, Provenance.AGREED, np.uint8) if provenance is None else provenance
     ground = filled(block_heights(model))
+    shape = relief(model, ground)
     rasters, statistics = {}, []
     for t in tiles_of(ORTHO.shape, tile):
-        extent = tile_extent(SURFACE, ORTHO, t.window, sources, rules.halo, rules.around)
+        extent = tile_extent(shape, ORTHO, t.window, sources, rules.halo, rules.around)
         pixels = tuple(photos[part.name][part.window.slices] for part in extent.photos)
         own, blocks = (model[extent.heights.slices], codes[extent.heights.slices]), ground[extent.ground.slices]
         result = texture_tile(*own, block(), radiometry, pixels, extent, rules, blocks)
@@ -294,7 +299,7 @@ def test_a_photo_behind_an_estimate_serves_only_where_no_other_sees_the_place(ph
 
 def test_grey_photos_of_16_bits_give_a_grey_orthoimage(photos):
     deep = {name: (pixels[..., 1:2].astype(np.uint16) * 100) for name, pixels in photos.items()}
-    extent = tile_extent(SURFACE, ORTHO, WHOLE, SOURCES, RULES.halo)
+    extent = tile_extent(relief(heights()), ORTHO, WHOLE, SOURCES, RULES.halo)
     pixels = tuple(deep[part.name][part.window.slices] for part in extent.photos)
     samples = sample_tile(heights()[extent.heights.slices], block(), pixels, extent, RULES, 6)
     found = balance((samples,), block(), True, "block", True)

@@ -6,6 +6,7 @@ from box_scene import BOX, CENTRES, DSM, ORTHO, heights, sees, view
 
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.texture.extent import heights_window
+from orthomill.tasks.texture.relief import ReliefMap, tile_relief
 from orthomill.tasks.texture.sampling import ground_of
 from orthomill.tasks.visibility.height_model import HeightModel, Targets, bridge_holes, visible_targets, widening_factor
 
@@ -67,14 +68,12 @@ def test_the_kernel_agrees_with_its_plain_twin_on_hills():
 
 
 def test_a_window_with_its_halo_sees_what_the_whole_sees():
-    from orthomill.schemas.surface import Surface
-
     rough = heights() + np.random.default_rng(1).normal(0, 0.3, DSM.shape).astype(np.float32)
-    surface = Surface(grid=DSM, height_low=-2.0, height_high=16.0)
+    relief = ReliefMap(tile_relief(rough, WHOLE), DSM)
     for name in "ad":
         whole = visible_targets(HeightModel(rough, DSM, WHOLE), view(name), targets(rough), 0.2)
         core = Window(40, 60, 24, 24)
-        window = heights_window(surface, [view(name)], core, 1)
+        window = heights_window(relief, [view(name)], core, 1)
         model = HeightModel(rough[window.slices], DSM, window)
         part = visible_targets(model, view(name), targets(rough, ORTHO, core.scaled(2)), 0.2)
         assert window.height * window.width < 0.3 * rough.size
