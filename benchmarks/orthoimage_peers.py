@@ -52,7 +52,7 @@ class TextureRun:
     seconds: float = 0.0
 
     def table(self, table: Table) -> Any:
-        return self.over[table.path] if table.path in self.over else self.store.table(table)
+        return self._read(table)
 
     def raster(self, name: str) -> RasterSpec:
         return self.store.spec(name)

@@ -369,7 +369,7 @@ def _slopes(heights, cell, rows, cols, dx, dy):
                 dx[i, j], dy[i, j] = x / max(steepness, 1.0), y / max(steepness, 1.0)
 
 
-def _every(grid: MapGrid, window: Window, spacing: int) -> tuple[MapGrid, Window]:
+def every(grid: MapGrid, window: Window, spacing: int) -> tuple[MapGrid, Window]:
     """The grid whose cells are every `spacing`-th pixel of `grid`, and those of its cells that lie in `window`."""
     row, col = -(-window.row // spacing), -(-window.col // spacing)
     bottom, right = -(-(window.row + window.height) // spacing), -(-(window.col + window.width) // spacing)
@@ -391,7 +391,7 @@ def ground_of(
     """
     divisor = round(dsm.cell / ortho.cell)
     heights = np.ascontiguousarray(heights, np.float32)
-    grid, taken = _every(ortho, window, spacing)
+    grid, taken = every(ortho, window, spacing)
     z, dx, dy = (np.empty(taken.shape, np.float32) for _ in range(3))
     corner, first = (heights_window.row, heights_window.col), (taken.row * spacing, taken.col * spacing)
     _drape(heights, corner, first, spacing, divisor, WALL * dsm.cell, z)

@@ -3,20 +3,23 @@
 import numpy as np
 import pytest
 
-from orthomill.tasks.texture.edges.likeness import OTHER, SPREAD, Side, likeness, supported
+from orthomill.schemas.raster import Window
+from orthomill.tasks.texture.edges.likeness import OTHER, REACH, SPREAD, Examples, Side, likeness, spacing_of, supported
 
 ROOF, GRASS, FACADE = np.array([200.0, 40.0, 40.0]), np.array([90.0, 120.0, 80.0]), np.array([230.0, 0.0, 230.0])
-STEP = 2
+DIVISOR = 2
+SPACING = 4
 SIDES = np.where(np.arange(40) < 20, Side.LOWER, Side.UPPER).astype(np.uint8)[None, :].repeat(40, 0)
 EXAMPLES = np.where(SIDES[..., None] == Side.UPPER, ROOF, GRASS).astype(np.float32)
 """ground on the left, a roof on the right"""
 
 
 def one(upper: list[np.ndarray], lower: list[np.ndarray], shown=None, sides=SIDES, examples=EXAMPLES):
-    """Score and likenesses (2, photos) of a single pixel at row 18, column 19 of the examples."""
+    """Score and likenesses (2, photos) of a single pixel at the node in row 18, column 19 of the examples."""
     colours = [np.array(values, np.float32)[:, None, None, :] for values in (upper, lower)]
     seen = np.ones((len(upper), 1, 1), bool) if shown is None else np.array(shown)[:, None, None]
-    found = likeness(*colours, seen, examples, sides, (18, 19), STEP, np.ones((1, 1), bool))
+    pixel = Window(18 * SPACING, 19 * SPACING, 1, 1)
+    found = likeness(*colours, seen, Examples(examples, sides, (0, 0), SPACING), np.ones((1, 1), bool), pixel, DIVISOR)
     return found.score[0, 0], found.alike[..., 0, 0]
 
 
@@ -49,11 +52,12 @@ def test_without_examples_of_both_surfaces_the_photographs_cannot_tell(only):
     assert np.isnan(score) and not alike.any()
 
 
-def score_by_numpy(upper, lower, shown, examples, sides, place) -> float:
-    half = SPREAD // 2 * STEP
-    nodes = [(place[0] + i, place[1] + j) for i in range(-half, half + 1, STEP) for j in range(-half, half + 1, STEP)]
-    inside = [(r, c) for r, c in nodes if 0 <= r < sides.shape[0] and 0 <= c < sides.shape[1]]
-    highs, lows = ([examples[p] for p in inside if sides[p] == side] for side in (Side.UPPER, Side.LOWER))
+def score_by_numpy(upper, lower, shown, examples: Examples, place, divisor) -> float:
+    """`place`: row and column in the orthoimage."""
+    cell = [n // divisor * divisor + (divisor - 1) // 2 for n in place]
+    rows, cols = ((np.arange(n) + first) * examples.spacing for n, first in zip(examples.sides.shape, examples.first, strict=True))
+    near = (abs(rows - cell[0]) <= REACH * divisor)[:, None] & (abs(cols - cell[1]) <= REACH * divisor)
+    highs, lows = (examples.colours[near & (examples.sides == side)] for side in (Side.UPPER, Side.LOWER))
 
     def distance(colour, others):
         return min(OTHER, np.abs(np.array(others, float) - colour).mean(axis=1).min())
@@ -64,19 +68,27 @@ def score_by_numpy(upper, lower, shown, examples, sides, place) -> float:
     return 2 * own - other - np.mean(low[: (len(low) + 1) // 2])
 
 
-@pytest.mark.parametrize("bands", [1, 3])
-def test_scores_agree_with_numpy(bands):
+@pytest.mark.parametrize(("bands", "divisor"), [(1, 1), (3, 2), (3, 3)])
+def test_scores_agree_with_numpy(bands, divisor):
     rng = np.random.default_rng(bands)
     sides = rng.integers(0, 3, (30, 30)).astype(np.uint8)
-    examples = rng.uniform(0, 255, (30, 30, bands)).astype(np.float32)
+    examples = Examples(rng.uniform(0, 255, (30, 30, bands)).astype(np.float32), sides, (5, 7), spacing_of(divisor))
     upper, lower = rng.uniform(0, 255, (2, 5, 4, 6, bands)).astype(np.float32)
     shown, chosen = rng.random((5, 4, 6)) < 0.7, rng.random((4, 6)) < 0.8
     shown[0] = True
-    found = likeness(upper, lower, shown, examples, sides, (3, 20), STEP, chosen).score
+    window = Window(8 * examples.spacing + 1, 30 * examples.spacing + 1, 4, 6)
+    found = likeness(upper, lower, shown, examples, chosen, window, divisor).score
     assert (np.isfinite(found) == chosen).all()
     for r, c in zip(*np.nonzero(chosen), strict=True):
-        expected = score_by_numpy(upper[:, r, c], lower[:, r, c], shown[:, r, c], examples, sides, (r + 3, c + 20))
+        place = (window.row + r, window.col + c)
+        expected = score_by_numpy(upper[:, r, c], lower[:, r, c], shown[:, r, c], examples, place, divisor)
         assert found[r, c] == pytest.approx(expected, abs=1e-3)
+
+
+@pytest.mark.parametrize("divisor", [1, 2, 3, 5, 8])
+def test_examples_are_as_dense_as_asked_and_no_denser(divisor):
+    along = 2 * REACH * divisor // spacing_of(divisor) + 1
+    assert SPREAD / 2 < along <= SPREAD
 
 
 def test_pixels_that_look_alike_support_each_other():

@@ -109,3 +109,25 @@ def test_pixels_lie_on_the_plane_of_their_cell(divisor):
             height, right, down = planes[r // divisor, c // divisor]
             x, y = (c % divisor + 0.5) / divisor - 0.5, (r % divisor + 0.5) / divisor - 0.5
             assert found[r, c] == pytest.approx(height + right * x + down * y, abs=1e-5)
+
+
+@pytest.mark.parametrize("tallest", [3.0, 12.0, 200.0])
+def test_the_widest_gap_divides_terraces_however_tall(tallest):
+    """Terraces of random heights: the upper surface is what lies above the widest gap with enough cells on either side."""
+    rng = np.random.default_rng(int(tallest))
+    heights = np.kron(rng.uniform(0, tallest, (3, 3)), np.ones((14, 14)))[:40, :40].astype(np.float32)
+    found = wall_surfaces(heights, np.ones(SHAPE, bool), CELL)
+    divided = 0
+    for row in range(0, 40, 3):
+        for col in range(0, 40, 3):
+            near = np.sort(heights[(np.abs(ROW - row) <= REACH) & (np.abs(COL - col) <= REACH) & found.smooth].astype(float))
+            gaps = np.diff(near)[FEWEST - 1 : len(near) - FEWEST]
+            if not len(gaps) or gaps.max() < 2 * CELL or not np.isfinite(found.upper[row, col, 0]):
+                continue
+            at = int(gaps.argmax()) + FEWEST
+            lower, upper = near[:at], near[at:]
+            # A level plane in either part lies between its lowest and its highest height.
+            assert lower.min() - 1e-3 <= found.lower[row, col, 0] <= lower.max() + 1e-3
+            assert upper.min() - 1e-3 <= found.upper[row, col, 0] <= upper.max() + 1e-3
+            divided += 1
+    assert divided > 10

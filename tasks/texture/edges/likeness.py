@@ -11,18 +11,22 @@ an object they support each other, across its outline they do not (adaptive supp
 Source: support weights of Yoon and Kweon 2006 (Adaptive support-weight approach for correspondence search), two hypotheses only.
 """
 
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from orthomill.schemas.raster import Window
+
 REACH = 8
 """cells around a pixel from which colours of the surfaces are taken"""
 SPREAD = 11
-"""colours along the side of that window"""
+"""colours along the side of that window, at most"""
 OTHER = 40.0
 """grey levels from which on a colour is that of another object, however different it is"""
+_MOST = (2 * REACH + 1) ** 2  # nodes in a window, in the worst case a px apart
 _ALIKE = 5.0  # grey levels: colours that differ by less may be the same; a few times the noise of photographs
 
 
@@ -34,33 +38,75 @@ class Side(IntEnum):
     UPPER = 2
 
 
-@njit(cache=True, inline="always")
-def _distance(colour, examples, count):
-    """Mean absolute difference from the nearest of the examples, OTHER at most."""
-    nearest, bands = OTHER, colour.size
+@dataclass(frozen=True)
+class Examples:
+    """What the surfaces look like: pixels of the orthoimage whose rows and columns are multiples of `spacing` px.
+
+    `colours` float32 (rows, cols, bands) and `sides` uint8 (rows, cols), codes of Side, of the nodes from `first` (row, column) on,
+    counted in steps of `spacing` from the corner of the orthoimage.
+    """
+
+    colours: np.ndarray
+    sides: np.ndarray
+    first: tuple[int, int]
+    spacing: int
+
+
+class _Lattice(NamedTuple):
+    """The examples for the kernel; `divisor`: px per cell."""
+
+    colours: np.ndarray
+    sides: np.ndarray
+    row: int
+    col: int
+    spacing: int
+    divisor: int
+
+
+class _Palette(NamedTuple):
+    """Colours of both surfaces around a cell, (3, nodes) each: by channels, so that several are compared at a time."""
+
+    high: np.ndarray
+    low: np.ndarray
+
+
+def spacing_of(divisor: int) -> int:
+    """px between examples, for cells of `divisor` px."""
+    return max(1, -(-2 * REACH * divisor // (SPREAD - 1)))
+
+
+# Without NaN and signed zeros the least of several distances is found at once; the result is the same in any order.
+@njit(cache=True, fastmath={"nnan", "nsz"})
+def _distance(red, green, blue, examples, count):
+    """Mean absolute difference from the nearest of the first `count` examples (3, nodes), OTHER at most."""
+    nearest = np.float32(3.0 * OTHER)
+    reds, greens, blues = examples[0], examples[1], examples[2]
     for k in range(count):
-        apart = 0.0
-        for band in range(bands):
-            apart += abs(colour[band] - examples[k, band])
-        nearest = min(nearest, apart / bands)
-    return nearest
+        apart = abs(red - reds[k]) + abs(green - greens[k]) + abs(blue - blues[k])
+        nearest = min(nearest, apart)
+    return nearest / np.float32(3.0)
 
 
 @njit(cache=True)
-def _gather(examples, sides, side, place, step, out):
-    """Copies the examples of a side at the nodes of a window around a place (row, col) to `out`; returns their number."""
-    rows, cols = sides.shape
-    count, half = 0, SPREAD // 2
-    for i in range(-half, half + 1):
-        r = place[0] + i * step
-        if r < 0 or r >= rows:
-            continue
-        for j in range(-half, half + 1):
-            c = place[1] + j * step
-            if c >= 0 and c < cols and sides[r, c] == side:
-                out[count] = examples[r, c]
-                count += 1
-    return count
+def _gather(lattice, cell, palette):
+    """Copies the examples around a cell (row, col) of the model to the palette; returns the numbers of high and low ones."""
+    rows, cols, bands = lattice.colours.shape
+    middle, spacing, reach = (lattice.divisor - 1) // 2, lattice.spacing, REACH * lattice.divisor
+    row, col = cell[0] * lattice.divisor + middle, cell[1] * lattice.divisor + middle
+    top, left = -((reach - row) // spacing) - lattice.row, -((reach - col) // spacing) - lattice.col
+    bottom, right = (row + reach) // spacing - lattice.row, (col + reach) // spacing - lattice.col
+    high, low = 0, 0
+    for r in range(max(top, 0), min(bottom + 1, rows)):
+        for c in range(max(left, 0), min(right + 1, cols)):
+            if lattice.sides[r, c] == Side.UPPER:
+                for band in range(3):
+                    palette.high[band, high] = lattice.colours[r, c, min(band, bands - 1)]
+                high += 1
+            elif lattice.sides[r, c] == Side.LOWER:
+                for band in range(3):
+                    palette.low[band, low] = lattice.colours[r, c, min(band, bands - 1)]
+                low += 1
+    return high, low
 
 
 @njit(cache=True)
@@ -70,33 +116,48 @@ def _mean_of_better_half(distances, count):
 
 
 @njit(cache=True)
-def _score(upper, lower, shown, examples, sides, first, step, chosen, out, alike):
-    photos, rows, cols, bands = upper.shape
-    highs, lows = np.empty((SPREAD * SPREAD, bands), np.float32), np.empty((SPREAD * SPREAD, bands), np.float32)
-    low = np.empty(photos)
-    for r in range(rows):
-        for c in range(cols):
-            if not chosen[r, c]:
+def _score_pixel(upper, lower, shown, place, palette, counts, low, alike):
+    """The score of a pixel at `place` (row, col); `low` (photos,) is work space."""
+    photos, bands = upper.shape[0], upper.shape[3]
+    r, c = place
+    green, blue = min(1, bands - 1), bands - 1
+    count, own, other = 0, 0.0, 0.0
+    for p in range(photos):
+        if shown[p, r, c]:
+            at = upper[p, r, c]
+            roof = _distance(at[0], at[green], at[blue], palette.high, counts[0])
+            ground = _distance(at[0], at[green], at[blue], palette.low, counts[1])
+            own += roof
+            other += ground
+            at = lower[p, r, c]
+            low[count] = _distance(at[0], at[green], at[blue], palette.low, counts[1])
+            high = _distance(at[0], at[green], at[blue], palette.high, counts[0])
+            # A wall or a car is like neither; where both surfaces look the same, the photograph is like either.
+            alike[Side.UPPER - 1, p, r, c] = roof < OTHER and roof <= ground + _ALIKE
+            alike[Side.LOWER - 1, p, r, c] = low[count] < OTHER and low[count] <= high + _ALIKE
+            count += 1
+    return (2.0 * own - other) / count - _mean_of_better_half(low, count) if count else np.nan
+
+
+@njit(cache=True)
+def _score(upper, lower, shown, lattice, corner, chosen, out, alike):
+    photos, rows, cols, _ = upper.shape
+    palette, low = _Palette(np.empty((3, _MOST), np.float32), np.empty((3, _MOST), np.float32)), np.empty(photos)
+    # Pixels of one cell share their examples; cells are counted from the corner of the orthoimage, not of these rows.
+    size = lattice.divisor
+    for cell_row in range(corner[0] // size, (corner[0] + rows - 1) // size + 1):
+        top, bottom = max(cell_row * size - corner[0], 0), min((cell_row + 1) * size - corner[0], rows)
+        for cell_col in range(corner[1] // size, (corner[1] + cols - 1) // size + 1):
+            left, right = max(cell_col * size - corner[1], 0), min((cell_col + 1) * size - corner[1], cols)
+            if not chosen[top:bottom, left:right].any():
                 continue
-            place = (r + first[0], c + first[1])
-            above = _gather(examples, sides, Side.UPPER, place, step, highs)
-            below = _gather(examples, sides, Side.LOWER, place, step, lows)
-            if not above or not below:
+            counts = _gather(lattice, (cell_row, cell_col), palette)
+            if not counts[0] or not counts[1]:
                 continue
-            count, own, other = 0, 0.0, 0.0
-            for p in range(photos):
-                if shown[p, r, c]:
-                    roof, ground = _distance(upper[p, r, c], highs, above), _distance(upper[p, r, c], lows, below)
-                    own += roof
-                    other += ground
-                    low[count] = _distance(lower[p, r, c], lows, below)
-                    # A wall or a car is like neither; where both surfaces look the same, the photograph is like either.
-                    alike[Side.UPPER - 1, p, r, c] = roof < OTHER and roof <= ground + _ALIKE
-                    high = _distance(lower[p, r, c], highs, above)
-                    alike[Side.LOWER - 1, p, r, c] = low[count] < OTHER and low[count] <= high + _ALIKE
-                    count += 1
-            if count:
-                out[r, c] = (2.0 * own - other) / count - _mean_of_better_half(low, count)
+            for r in range(top, bottom):
+                for c in range(left, right):
+                    if chosen[r, c]:
+                        out[r, c] = _score_pixel(upper, lower, shown, (r, c), palette, counts, low, alike)
 
 
 class Likeness(NamedTuple):
@@ -109,23 +170,16 @@ class Likeness(NamedTuple):
 
 
 def likeness(
-    upper: np.ndarray,
-    lower: np.ndarray,
-    shown: np.ndarray,
-    examples: np.ndarray,
-    sides: np.ndarray,
-    first: tuple[int, int],
-    step: int,
-    chosen: np.ndarray,
+    upper: np.ndarray, lower: np.ndarray, shown: np.ndarray, examples: Examples, chosen: np.ndarray, window: Window, divisor: int
 ) -> Likeness:
-    """The likeness of the `chosen` pixels (rows, cols) to the surfaces around.
+    """The likeness of the `chosen` pixels (rows, cols) to the surfaces around; they lie at `window` of the orthoimage.
 
     upper, lower (photos, rows, cols, bands): colours at either height; shown (photos, rows, cols) bool: both lie in the photo;
-    examples (height, width, bands) and sides (height, width; codes of Side) in a larger window in which `first` is the first row
-    and column of the others; step: px between the examples that are compared.
+    divisor: px per cell of the surface model.
     """
     found = Likeness(np.full(chosen.shape, np.nan, np.float32), np.zeros((2, *shown.shape), bool))
-    _score(upper, lower, shown, examples, sides, first, step, chosen, *found)
+    lattice = _Lattice(examples.colours, examples.sides, *examples.first, examples.spacing, divisor)
+    _score(upper, lower, shown, lattice, (window.row, window.col), chosen, *found)
     return found
 
 

@@ -13,10 +13,10 @@ import numpy as np
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.texture.balanced_photograph import BalancedPhotograph, most_bands
 from orthomill.tasks.texture.edges.likeness import REACH as COLOUR_REACH
-from orthomill.tasks.texture.edges.likeness import SPREAD, Likeness, Side, likeness, supported
+from orthomill.tasks.texture.edges.likeness import Examples, Likeness, Side, likeness, spacing_of, supported
 from orthomill.tasks.texture.edges.wall_surfaces import REACH as HEIGHT_REACH
 from orthomill.tasks.texture.edges.wall_surfaces import WallSurfaces, at_pixels, wall_surfaces
-from orthomill.tasks.texture.sampling import Ground
+from orthomill.tasks.texture.sampling import Ground, every
 from orthomill.tasks.visibility.height_model import HeightModel, Targets, visible_targets
 
 SUPPORT = 1
@@ -107,8 +107,7 @@ def _walls(surfaces: WallSurfaces, heights: np.ndarray, near: Window, wide: Wind
 
 def _likeness(walls: _Walls, certain: HeightModel, photos: list[BalancedPhotograph], divisor: int) -> Likeness:
     """The likeness of the doubtful pixels, supported by those around."""
-    colours, sides = _example_colours(walls, certain, photos, divisor)
-    step = max(1, 2 * COLOUR_REACH * divisor // (SPREAD - 1))
+    examples = _examples(walls, certain, photos, divisor)
     shape = walls.doubtful.shape
     whole = Likeness(np.full(shape, np.nan, np.float32), np.zeros((2, len(photos), *shape), bool))
     guides = [np.zeros((*shape, most_bands(photos)), np.float32) for _ in range(2)]
@@ -118,7 +117,7 @@ def _likeness(walls: _Walls, certain: HeightModel, photos: list[BalancedPhotogra
             continue
         grounds = [walls.ground(z, rows) for z in (walls.upper, walls.lower)]
         (upper, lower), shown = _both(grounds, chosen, photos)
-        whole.score[rows], whole.alike[:, :, rows] = likeness(upper, lower, shown, colours, sides, (rows.start, 0), step, chosen)
+        whole.score[rows], whole.alike[:, :, rows] = likeness(upper, lower, shown, examples, chosen, grounds[0].window, divisor)
         for guide, values in zip(guides, (upper, lower), strict=True):
             guide[rows] = values.sum(axis=0) / np.maximum(shown.sum(axis=0), 1)[..., None]
     return whole._replace(score=supported(whole.score, guides[0], guides[1], SUPPORT * divisor))
@@ -140,26 +139,28 @@ def _both(
     return (colours[0], colours[1]), shown
 
 
-def _example_colours(
-    walls: _Walls, certain: HeightModel, photos: list[BalancedPhotograph], divisor: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Colours (rows, cols, bands) of pixels that belong to one of the surfaces near doubtful ones, and their codes of Side."""
+def _examples(walls: _Walls, certain: HeightModel, photos: list[BalancedPhotograph], divisor: int) -> Examples:
+    """The colours of pixels that belong to one of the surfaces near doubtful ones."""
     side = 2 * COLOUR_REACH * divisor + 1
     wanted = walls.examples & (cv2.dilate(walls.doubtful.astype(np.uint8), np.ones((side, side), np.uint8)) > 0)
-    z = np.where(wanted, np.where(walls.side == Side.UPPER, walls.upper, walls.lower), np.float32(np.nan))
+    spacing = spacing_of(divisor)
+    grid, nodes = every(walls.grid, walls.window, spacing)
+    rows = np.arange(nodes.row, nodes.row + nodes.height) * spacing - walls.window.row
+    cols = np.arange(nodes.col, nodes.col + nodes.width) * spacing - walls.window.col
+    at = np.ix_(rows, cols)
+    z = np.where(walls.side[at] == Side.UPPER, walls.upper[at], walls.lower[at])
+    z, flat = np.where(wanted[at], z, np.float32(np.nan)), np.zeros(z.shape, np.float32)
+    ground = Ground(grid, nodes, z, flat, flat)
+    x, y = grid.centres(nodes)
+    targets = Targets(*certain.grid.pixel(x, y)[::-1], z, flat)
     total, weights = np.zeros((*z.shape, most_bands(photos)), np.float32), np.zeros(z.shape, np.float32)
-    for rows in walls.strips:
-        if not wanted[rows].any():
-            continue
-        ground = walls.ground(z, rows)
-        x, y = ground.grid.centres(ground.window)
-        targets = Targets(*certain.grid.pixel(x, y)[::-1], ground.z, ground.dx)
-        for photo in photos:
-            # Ground that a roof hides would show the roof.
-            seen = visible_targets(certain, photo.view, targets, 0.5 * certain.grid.cell)
-            sampled = photo.on(ground, seen.astype(np.float32), 0.0)
-            total[rows] += sampled.worth[..., None] * sampled.colour
-            weights[rows] += sampled.worth
+    for photo in photos:
+        # Ground that a roof hides would show the roof.
+        seen = visible_targets(certain, photo.view, targets, 0.5 * certain.grid.cell)
+        sampled = photo.on(ground, seen.astype(np.float32), 0.0)
+        total += sampled.worth[..., None] * sampled.colour
+        weights += sampled.worth
     known = weights > 0
-    colours = np.where(known[..., None], total / np.where(known, weights, 1)[..., None], np.float32(0))
-    return colours.astype(np.float32), np.where(known, walls.side, Side.NEITHER).astype(np.uint8)
+    colours = np.where(known[..., None], total / np.where(known, weights, 1)[..., None], np.float32(0)).astype(np.float32)
+    sides = np.where(known, walls.side[at], Side.NEITHER).astype(np.uint8)
+    return Examples(colours, sides, (nodes.row, nodes.col), spacing)
