@@ -138,7 +138,7 @@ class Export:
 
     `format`: "cog" (GeoTIFF with overviews), "tiff" (plain tiled TIFF, no georeference), "laz" (the rows of `tables`, or
     the cells of the raster "z", as points with the colours of "rgb" and attributes), "json" or "csv" (the one table of `tables`),
-    "text".
+    "text", "xyz" (X, Y and the first band of the one raster as text, a line for every cell with a value).
     """
 
     stage: str

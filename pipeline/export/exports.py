@@ -250,6 +250,21 @@ def _write_laz(export: Export, store: ReadableStore, path: Path) -> None:
         write_points(export, store, temporary)
 
 
+def _write_xyz(export: Export, store: ReadableStore, path: Path) -> None:
+    """X, Y and the first band of the one raster, one line for every cell that has a value, in millimetres."""
+    stack = stack_of(export, store)
+    if len(stack.specs) != 1 or stack.first.transform is None:
+        raise StoreError(f"{export.path} is a list of places, which needs exactly one raster on the map.")
+    cell, _, west, _, _, north = stack.first.transform
+    with _renamed_when_whole(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as target:
+        for window in stack.windows():
+            heights = store.read(stack.first.name, window)
+            heights = heights if heights.ndim == 2 else heights[..., 0]
+            row, col = np.nonzero(np.isfinite(heights))
+            x, y = west + (window.col + col + 0.5) * cell, north - (window.row + row + 0.5) * cell
+            np.savetxt(target, np.column_stack([x, y, heights[row, col]]), fmt="%.3f")
+
+
 # --- tables ------------------------------------------------------------------------------------------------------------------
 
 
@@ -301,4 +316,5 @@ WRITERS: dict[str, Callable[[Export, ReadableStore, Path], None]] = {
     "json": _write_json,
     "csv": _write_csv,
     "text": _write_text,
+    "xyz": _write_xyz,
 }

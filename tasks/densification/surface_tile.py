@@ -140,15 +140,31 @@ def make_surface(
     # After fusion, not before: a single pair cannot distinguish a chimney from a wrong match, two that agree can.
     spiky = spikes(fused.height, cell, rules.spikes)
     measured = completed(without(fused, spiky), volume)
+    cells, datum, statistics = finished_cells(measured, volume, spiky, tile, rules)
+    points = collector.points(cells.provenance)
+    return surface_cells(cells, datum, statistics, points)
+
+
+def finished_cells(
+    measured: FusedCells, volume: VolumeWindow, spiky: np.ndarray, tile: SurfaceTile, rules: SurfaceRules
+) -> tuple[FusedCells, np.ndarray, SurfaceStatistics]:
+    """The tile's own cells with standard errors and estimates, the standard error of the datum (rows, cols) m, and their counts.
+
+    measured: the cells `tile.work` with what matching found; spiky (rows, cols) bool: those that were removed as spikes.
+    """
+    grid = tile.surface.grid
     relative = relative_precision(measured, volume, tile.step)
     rated = FusedCells(measured.height, relative, measured.count, measured.provenance)
     whole = fill(rated, volume.stray & (rated.provenance == Provenance.INCOHERENT), rules.fill)
-    cells = _cropped(with_distance(whole, cell), tile)
+    cells = _cropped(with_distance(whole, grid.cell), tile)
     datum = datum_precision([piece.pair for piece in tile.pieces], grid, tile.window, tile.ground)
     datum = np.where(np.isfinite(cells.height), datum, np.float32(np.nan))
+    return cells, datum, _statistics(cells, datum, int(spiky[_inner(tile)].sum()), grid.cell)
+
+
+def surface_cells(cells: FusedCells, datum: np.ndarray, statistics: SurfaceStatistics, points: SurfacePoints) -> SurfaceCells:
+    """A finished tile: its total standard error is that among neighbours and that of the datum."""
     precision = np.hypot(cells.precision, datum)
-    statistics = _statistics(cells, datum, int(spiky[_inner(tile)].sum()), cell)
-    points = collector.points(cells.provenance)
     return SurfaceCells(cells.height, precision, cells.precision, datum, cells.count, cells.provenance, statistics, points)
 
 

@@ -24,7 +24,8 @@ from orthomill.schemas.surface import (
     Provenance,
 )
 from orthomill.tasks.densification.filling import MeasuredOnly
-from orthomill.tasks.densification.stage import DensificationStage, ObjectSpace, nodes_raster, outcome_raster
+from orthomill.tasks.densification.planning.pair_plan import nodes_raster, outcome_raster
+from orthomill.tasks.densification.stage import DensificationStage, ObjectSpace
 from orthomill.tasks.densification.volume.sureness import Sureness
 from orthomill.tasks.geometry.view import block_view
 from orthomill.tasks.imagery.pyramid import halved

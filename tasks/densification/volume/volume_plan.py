@@ -36,7 +36,7 @@ WORTH = "densification/volume/worth"
 
 def volume_plan(scene: VolumeScene, sure: Sureness, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
     """The rasters and jobs of all levels, the coarsest first; level 0 and what is judged have the cells of the surface."""
-    yield from _terrain(scene, stage, crs)
+    yield from terrain_plan(scene.surface.grid, stage, crs)
     for level in scene.levels:
         yield from volume_specs(level, crs)
         for tile in volume_tiles(level, scene):
@@ -44,9 +44,9 @@ def volume_plan(scene: VolumeScene, sure: Sureness, stage: str, crs: str) -> Ite
     yield from _judged(scene.surface.grid, sure, stage, crs)
 
 
-def _terrain(scene: VolumeScene, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
+def terrain_plan(surface: MapGrid, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
     """The terrain of the whole block in one piece: gaps between tie points may be large."""
-    grid = terrain_grid(scene.surface.grid)
+    grid = terrain_grid(surface)
     # Axes of its own: rasters of one folder that share names of axes must have the same size.
     axes = "terrain_y", "terrain_x"
     yield map_raster(TERRAIN, grid, "float32", crs, SIDE, nodata=float("nan"), unit="m", axes=axes)

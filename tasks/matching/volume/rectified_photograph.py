@@ -54,8 +54,8 @@ class PhotographPixels:
 
 
 @dataclass(frozen=True)
-class _RectifiedFrame:
-    """Pixels of a rectified image: centre of the first one (m), pitch (m), and their number."""
+class PlaneFrame:
+    """Pixels of an image on a horizontal plane: centre of the first one (m), pitch (m), and their number."""
 
     x: float
     y: float
@@ -90,13 +90,18 @@ def rectified(
     scale = scales * cells.cell / frame.pitch
     col = (view.centre[0] - frame.x + scales * (cells.x - view.centre[0])) / frame.pitch
     row = (frame.y - view.centre[1] - scales * (cells.y - view.centre[1])) / frame.pitch
+    return on_plane(pixels, view, frame, z0), np.column_stack([scale, col, row])
+
+
+def on_plane(pixels: PhotographPixels, view: View, frame: PlaneFrame, z: float) -> np.ndarray:
+    """A photograph on the horizontal plane z (m): grey values (frame.rows, frame.cols) float32, NaN where it shows nothing."""
     x = frame.x + frame.pitch * np.arange(0, frame.cols + _NODES, _NODES)
     y = frame.y - frame.pitch * np.arange(0, frame.rows + _NODES, _NODES)
-    nodes = _nodes(view.numbers, x, y, z0)
+    nodes = _nodes(view.numbers, x, y, z)
     level = full_to_level(nodes, pixels.level) - np.array([pixels.col, pixels.row])
     out = np.empty((frame.rows, frame.cols), np.float32)
     _resample(np.ascontiguousarray(pixels.grey), level.astype(np.float32), out)
-    return out, np.column_stack([scale, col, row])
+    return out
 
 
 def rectified_pixels(view: View, cells: CellFrame, heights: np.ndarray, oversampling: int) -> int:
@@ -105,7 +110,7 @@ def rectified_pixels(view: View, cells: CellFrame, heights: np.ndarray, oversamp
     return frame.rows * frame.cols
 
 
-def _frame(view: View, cells: CellFrame, heights: np.ndarray, oversampling: int) -> _RectifiedFrame:
+def _frame(view: View, cells: CellFrame, heights: np.ndarray, oversampling: int) -> PlaneFrame:
     """The pixels that the cells need at any of the planes."""
     pitch, reference = cells.cell / oversampling, reference_plane(view, heights)
     scales = plane_scales(view, heights, reference)
@@ -122,7 +127,7 @@ def _frame(view: View, cells: CellFrame, heights: np.ndarray, oversampling: int)
         low, high = max(reached.min(), side[0] - spare, shown[0][axis]), min(reached.max(), side[1] + spare, shown[1][axis])
         bounds.append((low, max(low, high)))
     (west, east), (south, north) = bounds
-    return _RectifiedFrame(west, north, pitch, int(np.ceil((north - south) / pitch)) + 2, int(np.ceil((east - west) / pitch)) + 2)
+    return PlaneFrame(west, north, pitch, int(np.ceil((north - south) / pitch)) + 2, int(np.ceil((east - west) / pitch)) + 2)
 
 
 def _footprint(view: View, z: float) -> tuple[np.ndarray, np.ndarray]:

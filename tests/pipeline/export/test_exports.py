@@ -117,6 +117,20 @@ def test_a_photograph_reads_back_as_it_was(tmp_path, dtype, bands):
         np.testing.assert_array_equal(np.moveaxis(image.read(), 0, 2), pixels)
 
 
+def test_places_are_listed_cell_by_cell_where_there_is_a_height(store, tmp_path):
+    path = opened(store, tmp_path, "xyz", {"height": "d/height"}, "heights.xyz")
+    x, y, z = np.loadtxt(path).T
+    heights = ramp(700, 1100)
+    col, row = (x - TRANSFORM[2]) / TRANSFORM[0] - 0.5, (y - TRANSFORM[5]) / TRANSFORM[4] - 0.5
+    assert len(x) == np.isfinite(heights).sum()
+    assert np.allclose(z, heights[np.rint(row).astype(int), np.rint(col).astype(int)], atol=6e-4)
+
+
+def test_places_need_one_raster_on_the_map(store, tmp_path):
+    with pytest.raises(StoreError, match="exactly one raster on the map"):
+        opened(store, tmp_path, "xyz", {"height": "d/height", "precision": "d/precision"}, "heights.xyz")
+
+
 class Endless(MemoryStore):
     """A raster far larger than may be read at once; its values are made when they are asked for."""
 
@@ -232,7 +246,7 @@ def test_csv_reads_back_to_the_same_numbers(tmp_path):
     ("wanted", "says"),
     [
         (Export("d", "x", "../out.tif", "cog", {"z": "d/height"}), "is outside the run's folder"),
-        (Export("d", "x", "o.xyz", "xyz", {"z": "d/height"}), "known formats are cog, csv"),
+        (Export("d", "x", "o.dxf", "dxf", {"z": "d/height"}), "known formats are cog, csv"),
         (Export("d", "x", "o.tif", "cog", {}), "needs at least one"),
         (Export("d", "x", "o.tif", "cog", {"z": "d/none"}), "no raster d/none"),
         (Export("d", "x", "o.tif", "cog", {"z": "d/height", "o": "d/small"}), "different grids"),

@@ -1,0 +1,87 @@
+"""The rasters and jobs of a pair: its nodes, block by block, matched near the heights of the volume."""
+
+from collections.abc import Iterator
+
+from orthomill.schemas.epipolar import EpipolarPair, epipolar_raster
+from orthomill.schemas.job import Job, Raster, Reading, Table
+from orthomill.schemas.outcome import Outcome
+from orthomill.schemas.raster import RasterSpec, Tile, tiles_of
+from orthomill.schemas.surface import Surface
+from orthomill.tasks.densification.matching_block import MatchingStatistics, PairBlock, match_pair_block, sum_matching
+from orthomill.tasks.densification.volume.volume_plan import JUDGED_HEIGHT
+from orthomill.tasks.geometry.epipolar_window import nodes_shape
+from orthomill.tasks.matching.dense.blocks import BLOCK, DenseMatching
+
+
+def nodes_raster(pair: str) -> str:
+    """(rows, cols, 3) float32 at the nodes of a pair: parallax px, its standard error px, correlation; NaN without a match."""
+    return f"densification/nodes/{pair}"
+
+
+def outcome_raster(pair: str) -> str:
+    """uint8 `orthomill.schemas.outcome.Outcome` at the nodes of a pair."""
+    return f"densification/outcome/{pair}"
+
+
+def matching_table(pair: str) -> Table[MatchingStatistics]:
+    """The matching statistics of a pair."""
+    return Table(f"densification/matching/{pair}.json", MatchingStatistics)
+
+
+def block_table(pair: str, tile: Tile) -> Table[MatchingStatistics]:
+    """The matching statistics of a block of a pair."""
+    return Table(f"densification/matching/{pair}/{tile.row}-{tile.col}.json", MatchingStatistics)
+
+
+def node_specs(pair: EpipolarPair, step: int, chunk: int) -> tuple[RasterSpec, RasterSpec]:
+    """The rasters of the nodes of a pair, `step` px apart. One chunk is one block, whatever the tile of the project."""
+    shape = nodes_shape(pair, step)
+    return (
+        RasterSpec(name=nodes_raster(pair.name), shape=(*shape, 3), dtype="float32", chunk=chunk, nodata=float("nan")),
+        RasterSpec(name=outcome_raster(pair.name), shape=shape, dtype="uint8", chunk=chunk, nodata=Outcome.NOT_TRIED),
+    )
+
+
+def block_writes(pair: EpipolarPair, tile: Tile) -> dict[str, Raster | Table]:
+    """What the job of a block of nodes writes."""
+    return {
+        "nodes": Raster(nodes_raster(pair.name), tile.window),
+        "outcome": Raster(outcome_raster(pair.name), tile.window),
+        "statistics": block_table(pair.name, tile),
+    }
+
+
+def counts_job(stage: str, pair: EpipolarPair, tiles: list[Tile]) -> Job:
+    """The statistics of the blocks of a pair together."""
+    tables = tuple(block_table(pair.name, tile) for tile in tiles)
+    return Job(stage, f"{pair.name}-statistics", sum_matching, {"parts": tables}, {"sum": matching_table(pair.name)})
+
+
+def pair_plan(pair: EpipolarPair, surface: Surface, matching: DenseMatching, stage: str) -> Iterator[RasterSpec | Job]:
+    """The blocks of a pair."""
+    chunk = BLOCK // matching.step
+    yield from node_specs(pair, matching.step, chunk)
+    tiles = list(tiles_of(nodes_shape(pair, matching.step), chunk))
+    for tile in tiles:
+        yield _block(pair, surface, matching, tile, stage)
+    yield counts_job(stage, pair, tiles)
+
+
+def _block(pair: EpipolarPair, surface: Surface, matching: DenseMatching, tile: Tile, stage: str) -> Job:
+    block = PairBlock.over(pair, tile.window, matching.step, surface)
+    reads: dict[str, Reading] = {"left": Raster(epipolar_raster(pair.name, "left"), block.left)}
+    if not block.right.empty:
+        reads["right"] = Raster(epipolar_raster(pair.name, "right"), block.right)
+    if not block.cells.empty:
+        reads["heights"] = Raster(JUDGED_HEIGHT, block.cells)
+    return Job(
+        stage,
+        pair.name,
+        match_pair_block,
+        reads,
+        block_writes(pair, tile),
+        {"block": block, "matching": matching},
+        row=tile.row,
+        col=tile.col,
+        scratch=block.scratch(matching),
+    )

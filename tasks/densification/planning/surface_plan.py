@@ -1,0 +1,112 @@
+"""The rasters and jobs of the surface model: the same tiles, rasters and products, whatever the heights come from."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from orthomill.schemas.epipolar import EpipolarPair
+from orthomill.schemas.job import Export, Job, Raster, Reading, Stream, Table
+from orthomill.schemas.raster import RasterSpec, Tile, Window, map_raster, tiles_of
+from orthomill.schemas.surface import (
+    COUNT,
+    DATUM_PRECISION,
+    HEIGHT,
+    PRECISION,
+    PROVENANCE,
+    RELATIVE_PRECISION,
+    Surface,
+    points_table,
+)
+from orthomill.tasks.densification.planning.pair_plan import nodes_raster
+from orthomill.tasks.densification.points import points_bytes
+from orthomill.tasks.densification.surface_tile import (
+    PairPiece,
+    SurfaceRules,
+    SurfaceStatistics,
+    SurfaceTile,
+    sum_surface,
+    surface_scratch,
+)
+from orthomill.tasks.geometry.epipolar_window import box_corners, node_window
+
+CELLS = Table("densification/cells.json", SurfaceStatistics)
+_HEIGHTS = {"height": HEIGHT, "precision": PRECISION, "relative": RELATIVE_PRECISION, "datum": DATUM_PRECISION}
+"""float rasters of the surface, by the name of the band"""
+
+
+@dataclass(frozen=True)
+class SurfaceSource:
+    """What a tile of the surface is made from: the function, the map rasters that it reads by argument, and the nodes of the
+    pairs."""
+
+    function: Callable[..., Any]
+    rasters: Mapping[str, str]
+    surface: Surface
+    ground: float
+    """mean height of the ground, m"""
+    step: float
+    """between the heights that were compared, m"""
+    node_step: int
+    """px between the nodes of the pairs"""
+    reads_nodes: bool = True
+    """whether it reads the nodes of the pairs as well, as the argument `nodes`"""
+
+
+@dataclass(frozen=True)
+class SurfacePlan:
+    """Everything about the tiles but what they are made from."""
+
+    stage: str
+    crs: str
+    tile: int
+    rules: SurfaceRules
+
+    def jobs(self, source: SurfaceSource, pairs: tuple[EpipolarPair, ...]) -> Iterator[RasterSpec | Job | Export]:
+        """The tiles of the surface model."""
+        grid = source.surface.grid
+        for name in _HEIGHTS.values():
+            yield map_raster(name, grid, "float32", self.crs, self.tile, nodata=float("nan"), unit="m")
+        yield map_raster(COUNT, grid, "uint8", self.crs, self.tile, unit="pairs")
+        yield map_raster(PROVENANCE, grid, "uint8", self.crs, self.tile)
+        tables = []
+        for tile in tiles_of(grid.shape, self.tile):
+            tables.append(Table(f"densification/cells/{tile.row}-{tile.col}.json", SurfaceStatistics))
+            yield self._tile(source, pairs, tile, tables[-1])
+        yield Job(self.stage, "cells", sum_surface, {"parts": tuple(tables)}, {"sum": CELLS})
+        yield Export(self.stage, "dsm", "products/dsm.tif", "cog", rasters=_HEIGHTS)
+        yield Export(
+            self.stage, "provenance", "products/dsm_provenance.tif", "cog", rasters={"provenance": PROVENANCE, "count": COUNT}
+        )
+
+    def _tile(self, source: SurfaceSource, pairs: tuple[EpipolarPair, ...], tile: Tile, table: Table[SurfaceStatistics]) -> Job:
+        # The halo makes filters and filling see what they would see in one piece: any tile size gives the same bits.
+        around = tile.window.grown(self.rules.halo)
+        work = around.clipped(source.surface.grid.shape)
+        pieces = _pieces(source, pairs, around)
+        reads: dict[str, Reading] = {key: Raster(name, work) for key, name in source.rasters.items()}
+        if source.reads_nodes:
+            reads["nodes"] = Stream(tuple(Raster(nodes_raster(piece.pair.name), piece.nodes) for piece in pieces))
+        outputs = {**_HEIGHTS, "pairs": COUNT, "provenance": PROVENANCE}
+        return Job(
+            self.stage,
+            "surface",
+            source.function,
+            reads,
+            {
+                **{key: Raster(name, tile.window) for key, name in outputs.items()},
+                "statistics": table,
+                "points": points_table(tile.row, tile.col),
+            },
+            {"tile": SurfaceTile(source.surface, tile.window, work, pieces, source.ground, source.step), "rules": self.rules},
+            row=tile.row,
+            col=tile.col,
+            scratch=surface_scratch(pieces, work) + points_bytes(tile.window, 2 * len(pieces), self.rules.points),
+        )
+
+
+def _pieces(source: SurfaceSource, pairs: tuple[EpipolarPair, ...], around: Window) -> tuple[PairPiece, ...]:
+    # All heights of the surface, not those of the tie points: a tower leans across several tiles of the left image.
+    surface, step = source.surface, source.node_step
+    corners = box_corners(surface.grid, around, surface.height_low, surface.height_high)
+    pieces = (PairPiece(k, pair, node_window(pair, step, corners), step) for k, pair in enumerate(pairs))
+    return tuple(piece for piece in pieces if not piece.nodes.empty)

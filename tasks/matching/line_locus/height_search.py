@@ -1,0 +1,92 @@
+"""How heights are sought on a vertical line: equal steps to both sides of the start, halved until they are below what is required.
+
+Every choice that the publication leaves open is a setting.
+
+Source: Tumska, Procyk, Janczak (methods/vertical_line_locus.md V1).
+"""
+
+from math import floor, log2
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.matching.line_locus.thresholds import IndependentPixelsThreshold, Threshold
+
+STEP_PIXELS = 1.5
+"""parallax between the first heights when nothing else is asked: a peak of the correlation is some three pixels wide"""
+ACCURACY_PIXELS = 0.1
+"""parallax below which steps are fine enough when nothing else is asked"""
+
+Auto = Literal["auto"] | Annotated[float, Field(gt=0)]
+
+
+class HeightSearch(Settings):
+    """How the height of a node is sought on its vertical line, and when it counts as found."""
+
+    window: int = setting(
+        11, "Side of the windows that are compared; an even number is taken as the next odd one.", "px", ge=5, le=201
+    )
+    alignment: Literal["ground", "image"] = setting(
+        "ground",
+        "Windows with the axes of the map, or with those of the photographs (as published; for photographs that are not turned "
+        "against one another).",
+    )
+    interpolation: Literal["bilinear", "nearest"] = setting(
+        "bilinear", "Grey values between pixels, or those of the nearest pixels."
+    )
+    level: int = setting(0, "Pyramid level of the photographs; each halves them.", ge=0, le=8)
+    photographs: int = setting(4, "Photographs that are compared at a node, at most.", ge=2, le=16)
+    step: Auto = setting("auto", "First distance between the heights of a line; auto is 1.5 px of parallax.", "m")
+    side_points: int = setting(5, "Heights on either side of the start, in every round.", ge=1, le=100)
+    accuracy: Auto = setting("auto", "The steps are halved until they are below this; auto is 0.1 px of parallax.", "m")
+    fit: Literal["parabola", "none"] = setting(
+        "parabola", "The top of a parabola through the last correlations, or the best height itself (as published)."
+    )
+    measure: Literal["signed", "absolute", "published"] = setting(
+        "signed",
+        "What is sought and tested: the correlation, its absolute value, or as published (the largest correlation is sought, its "
+        "absolute value is tested).",
+    )
+    threshold: Threshold = setting(IndependentPixelsThreshold(), "From which correlation on a node counts as found.")
+    start: Literal["neighbour", "terrain"] = setting(
+        "neighbour",
+        "Where a line is entered: at the height of the node before (as published), or on the terrain of the tie points.",
+    )
+    passed_on: Literal["accepted", "found"] = setting(
+        "accepted", "What a rejected node hands to the next one: the height that it was given, or the height that it found."
+    )
+    order: Literal["rings", "rows", "serpentine"] = setting(
+        "rings", "Order of the nodes: away from the first one on all sides, along the rows, or along the rows there and back."
+    )
+
+    @model_validator(mode="after")
+    def _refines(self) -> "HeightSearch":
+        if self.step != "auto" and self.accuracy != "auto" and self.step < self.accuracy:
+            raise ValueError(
+                f"step is {self.step} m and accuracy {self.accuracy} m; the first step must not be smaller than the accuracy"
+            )
+        return self
+
+    @property
+    def half(self) -> int:
+        return self.window // 2
+
+    @property
+    def pixels(self) -> int:
+        """Pixels of a window."""
+        return (2 * self.half + 1) ** 2
+
+    def spacings(self, metres_per_pixel: float) -> np.ndarray:
+        """(rounds,) m: the distances between heights, round by round; metres_per_pixel: height that a pixel of parallax stands
+        for."""
+        step = STEP_PIXELS * metres_per_pixel if self.step == "auto" else self.step
+        accuracy = ACCURACY_PIXELS * metres_per_pixel if self.accuracy == "auto" else self.accuracy
+        return step / 2.0 ** np.arange(rounds(step, accuracy))
+
+
+def rounds(step: float, accuracy: float) -> int:
+    """Rounds of a search: the last one is the first whose spacing is below `accuracy`, and it is still evaluated."""
+    # Steps that were halved can equal the accuracy but for rounding; such a round is not yet below it.
+    return max(floor(log2(step / accuracy) + 1e-9) + 2, 1)
