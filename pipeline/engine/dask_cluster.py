@@ -7,6 +7,7 @@ OpenCV gain nothing from sharing a process, and memory can then be counted per j
 """
 
 import logging
+import os
 import signal
 import socket
 from collections.abc import Iterator
@@ -154,12 +155,28 @@ def _silence() -> None:
 def _ctrl_c_blocked() -> Iterator[None]:
     """Threads started inside, and all processes that they start, never receive Ctrl-C, which a terminal sends to the whole process
     group: only this thread is to handle it, after it has left this context."""
-    resource_tracker.ensure_running()  # started by a thread inside, it would unblock the signal for that thread
+    with _environment("PYTHONWARNINGS", "ignore::UserWarning:multiprocessing.resource_tracker"):
+        resource_tracker.ensure_running()  # started by a thread inside, it would unblock the signal for that thread
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _environment(name: str, value: str) -> Iterator[None]:
+    """An environment variable for processes that are started inside. What a process killed by Dask leaves behind is removed by the
+    tracker in any case; its warning would be the last line on the terminal, below the result."""
+    before = os.environ.get(name)
+    os.environ[name] = value
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[name]
+        else:
+            os.environ[name] = before
 
 
 @contextmanager

@@ -9,24 +9,21 @@ SPREAD_UNIT = 16
 
 
 class Band(IntEnum):
-    """The bands (rows, cols, 5) uint8 of a quality raster."""
+    """The bands (rows, cols, 4) uint8 of a quality raster."""
 
-    COST = 0
-    """of the height, % of the bits of a signature"""
-    MARGIN = 1
-    """by which the next best height is dearer, the same unit"""
-    COHERENCE = 2
+    MARGIN = 0
+    """by which the next best height is dearer, % of the bits of a signature"""
+    COHERENCE = 1
     """% of the 9 x 9 cells around that go along with the height"""
-    SEEN = 3
+    SEEN = 2
     """photographs that see the cell: fewer than two where something else stands before the others"""
-    SPREAD = 4
+    SPREAD = 3
     """of the rivals of the height, 1/SPREAD_UNIT steps"""
 
 
-def quality_bands(cost: np.ndarray, margin: np.ndarray, coherence: np.ndarray, seen: np.ndarray, spread: np.ndarray) -> np.ndarray:
-    """(rows, cols, 5) uint8 from cost, margin and coherence as shares, photographs, and spread in steps; too large values are cut
-    off."""
-    bands = (100 * cost, 100 * margin, 100 * coherence, seen, SPREAD_UNIT * spread)
+def quality_bands(margin: np.ndarray, coherence: np.ndarray, seen: np.ndarray, spread: np.ndarray) -> np.ndarray:
+    """(rows, cols, 4) uint8 from margin and coherence as shares, photographs, and spread in steps; too large values are cut off."""
+    bands = (100 * margin, 100 * coherence, seen, SPREAD_UNIT * spread)
     return np.stack([np.clip(np.rint(band), 0, 255).astype(np.uint8) for band in bands], axis=-1)
 
 
@@ -48,7 +45,7 @@ _MOST = 100
 
 
 def judgement(quality: np.ndarray) -> np.ndarray:
-    """(rows, cols, 3) uint8, see `Judgement`, of a quality (rows, cols, 5); cells nearer than SURROUNDINGS to an edge that is not
+    """(rows, cols, 3) uint8, see `Judgement`, of a quality (rows, cols, 4); cells nearer than SURROUNDINGS to an edge that is not
     one of the whole raster differ.
 
     How much worse rivals fit depends on texture, noise and the number of photographs. All of these change slowly: a place where

@@ -89,7 +89,7 @@ class JudgedTile:
 
 
 def judged(tile: JudgedTile, settings: Sureness, height: np.ndarray, quality: np.ndarray, terrain: np.ndarray) -> JudgedVolume:
-    """height (rows, cols) m, NaN for none, and quality (rows, cols, 5) of the cells `tile.around`; terrain (rows, cols) m of
+    """height (rows, cols) m, NaN for none, and quality (rows, cols, 4) of the cells `tile.around`; terrain (rows, cols) m of
     `tile.places`."""
     inner = tile.window.within(tile.around).slices
     known, judgements = np.isfinite(height), judgement(quality)

@@ -20,7 +20,7 @@ def volume_height(level: int) -> str:
 
 
 def volume_quality(level: int) -> str:
-    """uint8 (rows, cols, 5), see `Band`."""
+    """uint8 (rows, cols, 4), see `Band`."""
     return f"densification/volume/{level}/quality"
 
 

@@ -57,7 +57,7 @@ class VolumeTile:
 
 
 class SolvedVolume(NamedTuple):
-    """A solved tile: `height` (rows, cols) float32 m, NaN where fewer than two photographs show the cell; `quality` (rows, cols, 5)
+    """A solved tile: `height` (rows, cols) float32 m, NaN where fewer than two photographs show the cell; `quality` (rows, cols, 4)
     uint8, see `Band`."""
 
     height: np.ndarray
@@ -219,7 +219,7 @@ def _solved(tile: VolumeTile, cells: OptimisedCells, lowest: float, settings: He
     slope = settings.coherence_slope * tile.level.grid.cell
     agreeing = coherence(height, settings.coherence * step, slope)
     height[cells.shown < 2] = np.nan
-    quality = quality_bands(cells.cost, cells.margin, agreeing, cells.seen, cells.spread)
+    quality = quality_bands(cells.margin, agreeing, cells.seen, cells.spread)
     inner = tile.window.within(tile.work).slices
     return SolvedVolume(np.ascontiguousarray(height[inner]), np.ascontiguousarray(quality[inner]))
 

@@ -38,8 +38,8 @@ def test_oversampling_makes_heights_finer():
 
 def test_a_wider_spacing_looks_farther_around_a_cell():
     fine, wide = (finest(HeightVolume(widest=32, spacing=spacing)) for spacing in (1, 4))
-    # Neighbouring pixels are more alike than distant ones, so that noise turns more of their bits.
-    assert fine.quality[20:40, 20:40, Band.COST].mean() > 1.1 * wide.quality[20:40, 20:40, Band.COST].mean()
+    # What looks farther is blunter: heights farther apart cost nearly the same.
+    assert 1.5 * fine.quality[..., Band.SPREAD].mean() < wide.quality[..., Band.SPREAD].mean()
 
 
 def test_few_photographs_are_compared_although_more_are_counted():

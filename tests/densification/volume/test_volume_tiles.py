@@ -72,10 +72,9 @@ def test_ground_and_roof_are_where_they_are(engine):
 
 
 def test_quality_says_where_the_heights_are_good(engine):
-    cost, margin, coherence, count, spread = np.moveaxis(engine.rasters[volume_quality(0)], -1, 0)
+    margin, coherence, count, spread = np.moveaxis(engine.rasters[volume_quality(0)], -1, 0)
     inner = slice(20, 100), slice(20, 100)
-    assert np.median(cost[inner]) < 20 and np.median(margin[inner]) > 10
-    assert np.median(coherence[inner]) > 90 and count[inner].max() == 4
+    assert np.median(margin[inner]) > 10 and np.median(coherence[inner]) > 90 and count[inner].max() == 4
     assert np.median(spread[inner]) < SPREAD_UNIT
 
 
@@ -189,6 +188,6 @@ def test_the_coarser_surface_hides_ground_behind_a_wall_from_some_photographs():
     pixels = tuple(pyramid(part.name)[part.level][part.window.slices] for part in tile.photos)
     found = solve_volume(tile, SETTINGS, planned.block, pixels, flat(tile), coarser)
     # The box stands at 50 to 70 m east; the photographs look from 20 and 104 m east, so that each misses a strip beside it.
-    seen = found.quality[60, :, 3]
+    seen = found.quality[60, :, Band.SEEN]
     assert (seen[30:44] == 2).all() and (seen[46:50] == 1).any() and (seen[70:73] == 1).any() and (seen[80:90] == 2).all()
     assert np.isfinite(found.height[60, 30:90]).all()
