@@ -2,10 +2,14 @@
 
 from collections.abc import Mapping
 from enum import StrEnum
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.job import Table
+
+Decoding = Literal["anywhere", "in_order", "at_once"]
+"""How the rows of a file can be had: each by itself; from the first one on, in order; or only all of them, held in memory."""
 
 
 class Header(BaseModel):
@@ -18,6 +22,7 @@ class Header(BaseModel):
     height: int
     bands: int
     dtype: str
+    decoding: Decoding = "anywhere"
     # Text, because programs disagree about the types of tags: the same one occurs as a number, a fraction or a padded string.
     tags: dict[str, str] = {}
     damaged_tags: bool = False
@@ -40,6 +45,7 @@ class Photo(BaseModel):
     height: int
     bands: int
     dtype: str
+    decoding: Decoding = "anywhere"
     exif_orientation: int = 1
     as_taken: bool = False
     """Its pixels were rotated in the file and EXIF undoes it: upright, it has the orientation of the sensor."""

@@ -23,6 +23,7 @@ from rich.table import Table as Lines
 from orthomill.pipeline.cli.calibrate import BoardOptions, calibration_workflow
 from orthomill.pipeline.cli.clean import clean_run
 from orthomill.pipeline.cli.doctor import doctor as examine
+from orthomill.pipeline.cli.environment import environment_sentence
 from orthomill.pipeline.cli.inspect_photo import GuardedPhoto, picture_path, write_map
 from orthomill.pipeline.cli.plan_lines import plan_lines, plan_notes
 from orthomill.pipeline.cli.progress_lines import ProgressLines
@@ -95,11 +96,21 @@ def plain_errors(debug: bool) -> Iterator[None]:
     except OrthomillError as error:
         if debug:
             raise
-        err.print(f"[red]error:[/red] {escape(str(error))}", soft_wrap=True)
+        _say_error(str(error))
+        raise typer.Exit(2) from None
+    except (OSError, MemoryError) as error:
+        sentence = environment_sentence(error)
+        if debug or sentence is None:
+            raise
+        _say_error(sentence)
         raise typer.Exit(2) from None
     except KeyboardInterrupt:
         err.print("Stopped. Finished jobs are kept; run the same command again to continue.")
         raise typer.Exit(130) from None
+
+
+def _say_error(sentence: str) -> None:
+    err.print(f"[red]error:[/red] {escape(sentence)}", soft_wrap=True)
 
 
 def _load(name: str) -> LoadedWorkflow:

@@ -31,6 +31,8 @@ from orthomill.schemas.job import (
     Table,
 )
 
+_NO_MEMORY = ("bad_alloc", "Insufficient memory", "Cannot allocate memory", "Unable to allocate")
+
 
 @dataclass(frozen=True)
 class JobOrder:
@@ -82,11 +84,22 @@ def execute(work: JobOrder, *dependencies: object) -> Key:
     try:
         left = _perform(work)
     except Exception as error:  # whatever a method raises ends this job only, and the run goes on with the others
-        sentence = str(error) if isinstance(error, OrthomillError) else f"unexpected {type(error).__name__}: {error}"
+        sentence = _sentence(error)
         _put(records, _record(work, "failed", started, error=sentence, traceback=traceback.format_exc()))
         raise JobFailed(work.job.key, sentence) from None
     _put(records, _record(work, "done", started, births=left.births, files=left.files))
     return work.job.key
+
+
+def _sentence(error: Exception) -> str:
+    if isinstance(error, OrthomillError):
+        return str(error)
+    # Each library has its own error for it; C++ has std::bad_alloc, which some of them pass on as text.
+    if isinstance(error, MemoryError) or any(word in str(error) for word in _NO_MEMORY):
+        return (
+            "The system refused more memory; run fewer workers, close other programs, or raise the limit of this shell (ulimit -v)."
+        )
+    return f"unexpected {type(error).__name__}: {error}"
 
 
 def _is_done(work: JobOrder, records: Records) -> bool:

@@ -252,8 +252,9 @@ def _check_allowed(stage: str, name: str, readers: tuple[str, ...] | None) -> No
 def check_memory(planned: PlannedJob, limit: int) -> None:
     """Raises ResourceError when a job cannot fit a worker of `limit` bytes."""
     if planned.memory > limit:
+        way_out = f"with --memory or {planned.job.way_out}" if isinstance(planned.job, Job) else "with --memory"
         raise ResourceError(
             f"The job {'/'.join(map(str, planned.key))} needs {planned.memory / 2**20:.0f} MiB, of which every worker takes "
             f"{PROCESS_BYTES / 2**20:.0f} MiB for itself, but a worker may use {limit / 2**20:.0f} MiB; give workers more memory "
-            "with --memory or set a smaller 'tile' in the workflow."
+            f"{way_out}."
         )

@@ -6,6 +6,7 @@ The engine neither draws reports nor prints: progress goes to a `Watcher`, the r
 
 import os
 import platform
+import resource
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -18,6 +19,7 @@ from typing import Protocol
 import psutil
 
 from orthomill.pipeline.engine.foresight import Foresight
+from orthomill.pipeline.engine.graph import PROCESS_BYTES
 from orthomill.pipeline.engine.interruption import only_where_asked
 from orthomill.pipeline.engine.run_facts import RunFacts, StageTitle, write_facts
 from orthomill.pipeline.engine.runner import Runner, SequentialRunner
@@ -33,6 +35,8 @@ from orthomill.schemas.stage_contract import Stage
 MIB = 2**20
 WORKERS_PER_CORE = 8
 """More worker processes than this per core are a typing error, and starting them would stall the machine."""
+LIBRARIES_BYTES = 3000 * MIB
+"""Address space of a process with all libraries, kernels and threads, measured; most of it is never filled with anything."""
 DASHBOARD = "jobs/dashboard.txt"
 """Holds the address of the dashboard while a run on Dask is in progress."""
 
@@ -110,6 +114,7 @@ def run_workflow(
     `watch` shows progress; `announce` receives single lines, such as the address of the dashboard.
     """
     _check_workers(options)
+    _check_address_space(options)
     session = session_of(loaded, options.from_stage, options.until)
     with only_run(session.folder):
         clock = time.monotonic()
@@ -169,6 +174,19 @@ def _check_workers(options: Options) -> None:
         raise ResourceError(
             f"--workers {options.processes} is too many for the {cores} cores of this machine, where more than one per core "
             f"gains little; give at most {WORKERS_PER_CORE * cores}, or leave it out."
+        )
+
+
+def _check_address_space(options: Options) -> None:
+    """Raises ResourceError where the shell does not give a process the memory that a worker may use."""
+    # Beyond such a limit the C++ libraries end the process without a word, and its workers would be started again and again.
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    needed = LIBRARIES_BYTES + max(options.memory - PROCESS_BYTES, 0)
+    if 0 <= limit < needed and not options.scheduler:
+        raise ResourceError(
+            f"This shell allows a process {limit / MIB:.0f} MiB of memory (ulimit -v), but with --memory "
+            f"{options.memory / MIB:.0f} it may need {needed / MIB:.0f} MiB with its libraries; raise the limit with "
+            "'ulimit -v unlimited', or set a smaller --memory."
         )
 
 

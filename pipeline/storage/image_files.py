@@ -9,6 +9,7 @@ import fnmatch
 import mmap
 import os
 import re
+import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,7 +23,7 @@ from rasterio.errors import NotGeoreferencedWarning, RasterioError
 from rasterio.windows import Window as GdalWindow
 
 from orthomill.schemas.errors import PhotoError, WorkflowError
-from orthomill.schemas.photo import Header
+from orthomill.schemas.photo import Decoding, Header
 from orthomill.schemas.project import PhotoFiles
 from orthomill.schemas.raster import Window
 
@@ -40,8 +41,22 @@ _SIGNATURES = {
 """First bytes of a file -> the GDAL driver that may open it."""
 # libjpeg fills the missing part of a damaged scan with grey and only warns; matched grey would look like a textureless surface.
 # An .aux.xml or .ovr file next to the image could replace its statistics, georeference or pixels.
-_GDAL = {"GDAL_ERROR_ON_LIBJPEG_WARNING": "YES", "GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR", "GDAL_PAM_ENABLED": "NO"}
+_GDAL = {
+    "GDAL_ERROR_ON_LIBJPEG_WARNING": "YES",
+    "GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR",
+    "GDAL_PAM_ENABLED": "NO",
+    # Its cache of decoded rows would otherwise take a twentieth of the machine in every process.
+    "GDAL_CACHEMAX": 64 * 2**20,
+    # What a progressive JPEG takes is part of the memory that its job asks for.
+    "GDAL_ALLOW_LARGE_LIBJPEG_MEM_ALLOC": "YES",
+}
+_PIECE = 128
+"""Rows that are decoded at a time: all bands of so many rows are in the cache, so that no row is decoded once for each band."""
 
+_PROGRESSIVE = frozenset({0xC2, 0xC6, 0xCA, 0xCE})
+"""Start-of-frame markers of progressive JPEG (ISO/IEC 10918-1, table B.1)."""
+_LARGE_BLOCK = 1024
+"""rows of a block of a TIFF beyond which tiles would decode it many times"""
 _GIMBAL = re.compile(r"(Gimbal(?:Yaw|Pitch|Roll)Degree)\s*(?:=\s*\"|>)\s*([-+]?\d+(?:\.\d+)?)")
 
 
@@ -97,6 +112,7 @@ def read_header(path: Path) -> Header:
             height=dataset.height,
             bands=bands,
             dtype=dataset.dtypes[0],
+            decoding=_decoding(path, dataset),
             tags={} if damaged else _tags(dataset),
             damaged_tags=damaged,
         )
@@ -107,7 +123,7 @@ def read_pixels(path: Path, window: Window) -> np.ndarray:
 
     An alpha band is left out. Raises PhotoError when the file is not an image, or ends inside the window.
     """
-    with _opened(path) as dataset:
+    with _reading(path) as dataset:
         _has_damaged_tags(dataset)
         _check_size(path, dataset)
         bands = _colour_bands(path, dataset)
@@ -116,10 +132,9 @@ def read_pixels(path: Path, window: Window) -> np.ndarray:
                 f"{shown(path)} has {dataset.width} x {dataset.height} px, and {window} is not inside it; "
                 "the file has changed since it was first read, so run again."
             )
-        part = GdalWindow(window.col, window.row, window.width, window.height)
         try:
-            return np.moveaxis(dataset.read(list(range(1, bands + 1)), window=part), 0, -1)
-        except (RasterioError, MemoryError) as error:
+            return _decoded(dataset, window, bands)
+        except RasterioError as error:
             rows = f"{window.row} to {window.row + window.height - 1}"
             raise PhotoError(
                 f"{shown(path)} cannot be decoded in the rows {rows}: the file is damaged or was not copied "
@@ -127,20 +142,82 @@ def read_pixels(path: Path, window: Window) -> np.ndarray:
             ) from error
 
 
+def _decoded(dataset: rasterio.DatasetReader, window: Window, bands: int) -> np.ndarray:
+    pixels = np.empty((*window.shape, bands), dataset.dtypes[0])
+    piece = max(_PIECE, dataset.block_shapes[0][0])
+    for row in range(0, window.height, piece):
+        part = GdalWindow(window.col, window.row + row, window.width, min(piece, window.height - row))
+        pixels[row : row + piece] = np.moveaxis(dataset.read(list(range(1, bands + 1)), window=part), 0, -1)
+    return pixels
+
+
+class _Kept(threading.local):
+    """The file that this thread read last, left open where it is decoded in order: the next window need not begin at its top."""
+
+    state: tuple[Path, int, int] | None = None
+    dataset: rasterio.DatasetReader | None = None
+
+    def take(self, state: tuple[Path, int, int]) -> rasterio.DatasetReader | None:
+        """The open file if it is this one, unchanged; another one is closed."""
+        dataset, same = self.dataset, self.state == state
+        self.state = self.dataset = None
+        if dataset is not None and not same:
+            dataset.close()
+        return dataset if same else None
+
+
+_KEPT = _Kept()
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[rasterio.DatasetReader]:
+    """A file to read pixels from. Closed afterwards, unless the next window of it may go on where this one ends."""
+    _first_bytes(path)
+    status = os.stat(path)
+    state = path, status.st_size, status.st_mtime_ns
+    with rasterio.Env(**_GDAL):
+        dataset = _KEPT.take(state) or _open(path)
+        try:
+            yield dataset
+        except BaseException:
+            dataset.close()
+            raise
+        if _decoding(path, dataset) == "in_order":
+            _KEPT.state, _KEPT.dataset = state, dataset
+        else:
+            dataset.close()
+
+
 @contextmanager
 def _opened(path: Path) -> Iterator[rasterio.DatasetReader]:
+    with rasterio.Env(**_GDAL), _open(path) as dataset:
+        yield dataset
+
+
+def _open(path: Path) -> rasterio.DatasetReader:
+    """An image file, by GDAL's driver for what it holds; within GDAL's settings."""
     driver = _driver(path)
-    with rasterio.Env(**_GDAL), warnings.catch_warnings():
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         try:
-            dataset = rasterio.open(Path(path).absolute(), driver=driver)
+            return rasterio.open(Path(path).absolute(), driver=driver)
         except (RasterioError, CPLE_BaseError) as error:
             raise PhotoError(
                 f"{shown(path)} begins like an image, but cannot be opened: the file is damaged or was not copied "
                 "completely; copy it again from the camera."
             ) from error
-        with dataset:
-            yield dataset
+
+
+def _decoding(path: Path, dataset: rasterio.DatasetReader) -> Decoding:
+    if dataset.driver == "GTiff":
+        # A block is decoded as a whole; writers of a single strip are common.
+        return "anywhere" if dataset.block_shapes[0][0] <= _LARGE_BLOCK else "in_order"
+    with open(path, "rb") as file:
+        if dataset.driver == "PNG":
+            # The interlace method is the last byte of the first chunk (PNG specification, 11.2.2).
+            return "at_once" if file.read(29)[-1:] == b"\1" else "in_order"
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+            return "at_once" if any(marker in _PROGRESSIVE for marker, _ in _segments(content)) else "in_order"
 
 
 def _has_damaged_tags(dataset: rasterio.DatasetReader) -> bool:
@@ -230,11 +307,18 @@ def _check_jpeg_end(path: Path) -> None:
 
 def _first_scan(content: mmap.mmap) -> int:
     """Offset of the first start-of-scan marker, found by following the segments, so that embedded thumbnails are skipped."""
+    ends = [2, *(after for _, after in _segments(content))]
+    return min(ends[-1], len(content))
+
+
+def _segments(content: mmap.mmap) -> Iterator[tuple[int, int]]:
+    """The marker of every segment before the first scan, and the offset of what follows it."""
     at = 2
     while at + 4 <= len(content) and content[at] == 0xFF and content[at + 1] != 0xDA:
+        marker = content[at + 1]
         # A marker may be preceded by any number of fill bytes 0xFF (ISO/IEC 10918-1, B.1.1.2).
-        at += 1 if content[at + 1] == 0xFF else 2 + int.from_bytes(content[at + 2 : at + 4], "big")
-    return min(at, len(content))
+        at += 1 if marker == 0xFF else 2 + int.from_bytes(content[at + 2 : at + 4], "big")
+        yield marker, at
 
 
 def _check_png_end(path: Path) -> None:

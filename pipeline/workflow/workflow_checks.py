@@ -29,6 +29,8 @@ SIMULATION = "simulation"
 _MAP_FIELDS = frozenset({"dsm", "ortho"})
 _FILE_FIELDS = frozenset({"path", "paths", "points", "measurements", "distances"}) | _MAP_FIELDS
 _MAP_SUFFIXES = (".tif", ".tiff")
+_LONGEST_PATH, _LONGEST_NAME = 4000, 255
+"""bytes; Linux allows 4096, the project's folder included"""
 _METRE = frozenset({"metre", "meter"})
 _MANY_NAMES = 12
 """Names of a folder are listed in a message up to this number; more would bury the sentence."""
@@ -250,6 +252,9 @@ def _inside(text: str, path: Path_, root: Path, mistakes: Mistakes) -> bool:
     if not text.strip() or "\0" in text:
         problem = "is empty; name" if not text.strip() else "contains a null character; name"
         mistakes.add(path, f"{problem} a file or folder inside the project.")
+        return False
+    if len(os.fsencode(text)) > _LONGEST_PATH or any(len(os.fsencode(part)) > _LONGEST_NAME for part in Path(text).parts):
+        mistakes.add(path, f"'{text[:40]}...' has {len(text)} characters, longer than any path of this system; correct it.")
         return False
     # Judged by the text alone, without following links: photographs often lie on another disk, linked into the project.
     top = os.path.abspath(root)

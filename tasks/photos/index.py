@@ -67,6 +67,7 @@ def photo_from_header(header: Header) -> Photo:
         # An alpha band is dropped when the pixels are read.
         bands=1 if header.bands == 1 else 3,
         dtype=header.dtype,
+        decoding=header.decoding,
         exif_orientation=orientation,
         camera=_camera_name(header, orientation),
         focal_mm=exif.positive(tags, "FocalLength"),

@@ -1,7 +1,8 @@
 """The stage `photos`: image files to chunked rasters with pyramids, and a table of what is known about each photograph.
 
 Pixels are read in strips of entire chunks, a tile high (or a tile wide for photographs that EXIF rotates by a quarter turn, whose
-file rows become columns), so that a strip bounds the memory however large the photograph.
+file rows become columns), so that a strip bounds the memory however large the photograph. A JPEG or PNG is decoded from its first
+row on, whichever row is wanted: its strips are as high as memory allows, most often the whole photograph.
 """
 
 from collections.abc import Iterator
@@ -22,6 +23,8 @@ from orthomill.tasks.photos.pixels import Exposure, exposure, level_tile, uprigh
 from orthomill.tasks.photos.report import header_warnings, photos_report
 from orthomill.tasks.photos.scans import Scans, scan_tile, scan_window
 
+AT_ONCE = 96 * 2**20
+"""Bytes of a strip of a photograph that is decoded in order; a job takes four times as many, a worker of 1 GiB has room for it."""
 SCANS = Table("photos/scans.json", Scans)
 
 
@@ -106,7 +109,10 @@ class PhotosStage(Stage):
                 reads={"pixels": source},
                 writes={"strip": Raster(name, window)},
                 params={"orientation": photo.exif_orientation, "bands": photo.bands},
+                # As much for a copy that is turned, or for what a decoder holds that needs all rows: the coefficients of a
+                # progressive JPEG have 16 bits.
                 scratch=2 * window.height * window.width * photo.bands,
+                way_out=f"save {photo.path} as a tiled TIFF or, if it is a progressive JPEG or an interlaced PNG, as a plain one",
             )
 
     def _scan_jobs(self, photo: Photo, tile: int) -> Iterator[Job]:
@@ -161,8 +167,20 @@ def _strips(photo: Photo, tile: int) -> Iterator[Window]:
     """Strips of entire chunks of the upright photograph that are rows of its file."""
     # Compressed files decode row by row: a strip across the file's rows would decode the whole file for every strip.
     if turned(photo.exif_orientation):
-        for col in range(0, photo.width, tile):
-            yield Window(0, col, photo.height, min(tile, photo.width - col))
+        side = _strip_side(photo, photo.height, tile)
+        for col in range(0, photo.width, side):
+            yield Window(0, col, photo.height, min(side, photo.width - col))
     else:
-        for row in range(0, photo.height, tile):
-            yield Window(row, 0, min(tile, photo.height - row), photo.width)
+        side = _strip_side(photo, photo.width, tile)
+        for row in range(0, photo.height, side):
+            yield Window(row, 0, min(side, photo.height - row), photo.width)
+
+
+def _strip_side(photo: Photo, length: int, tile: int) -> int:
+    """Rows of the file in one strip, each `length` px long."""
+    if photo.decoding == "anywhere":
+        return tile
+    if photo.decoding == "at_once":
+        return max(photo.height, photo.width)
+    row = length * photo.bands * (2 if photo.dtype == "uint16" else 1)
+    return max(1, AT_ONCE // (row * tile)) * tile

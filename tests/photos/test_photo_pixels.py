@@ -6,9 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image, ImageOps
 
+from orthomill.pipeline.engine.graph import check_memory
 from orthomill.pipeline.engine.runner import SequentialRunner
 from orthomill.pipeline.engine.session import Session
 from orthomill.pipeline.storage.image_files import image_files
+from orthomill.schemas.errors import ResourceError
 from orthomill.schemas.photo import PHOTOS, photo_raster
 from orthomill.schemas.project import Project
 from orthomill.schemas.raster import Window
@@ -107,3 +109,30 @@ def test_the_limit_of_megapixels_is_that_of_the_setting(tmp_path):
     (sentence,) = _run(tmp_path, stage=PhotosStage(max_megapixels=0.02)).failures.values()
     assert "one.jpg has 0.0 megapixels (200 x 150), more than the 0.02 that are allowed" in sentence
     assert not _run(tmp_path, stage=PhotosStage(max_megapixels=0.04)).failures
+
+
+@pytest.mark.parametrize("orientation", [1, 6])
+def test_a_photograph_that_is_decoded_in_order_is_read_in_strips_that_memory_allows(tmp_path, monkeypatch, orientation):
+    (tmp_path / "in").mkdir()
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    Image.fromarray(_picture(600, 300)).save(tmp_path / "in" / "one.jpg", exif=exif)
+    whole = _run(tmp_path)
+    monkeypatch.setattr("orthomill.tasks.photos.stage.AT_ONCE", 300 * 3 * 300)
+    cut = _run(tmp_path, project="cut")
+    strips = [sum(key[1] == "one strip" for key in session.graph.jobs) for session in (whole, cut)]
+    assert strips == [1, 3], "600 rows of the file, at most 300 at a time, in whole tiles of 128"
+    stored = [session.store.read(photo_raster("one"), session.store.spec(photo_raster("one")).full) for session in (whole, cut)]
+    assert np.array_equal(stored[0], stored[1])
+    assert stored[0].shape == (*upright_shape(orientation, 600, 300), 3) and stored[0].std() > 20
+
+
+def test_a_progressive_jpeg_asks_for_the_memory_of_its_decoder_and_names_the_way_out(tmp_path):
+    (tmp_path / "in").mkdir()
+    for name, progressive in (("plain", False), ("progressive", True)):
+        Image.fromarray(_picture(300, 200)).save(tmp_path / "in" / f"{name}.jpg", progressive=progressive)
+    jobs = _run(tmp_path).graph.jobs
+    memory = {name: jobs["photos", f"{name} strip", 0, 0].memory for name in ("plain", "progressive")}
+    assert memory["progressive"] == 600 * 2**20 + (3 + 3 + 6) * 300 * 200
+    with pytest.raises(ResourceError, match=r"with --memory or save in/progressive\.jpg as a tiled TIFF"):
+        check_memory(jobs["photos", "progressive strip", 0, 0], 600 * 2**20)

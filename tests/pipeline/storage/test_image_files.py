@@ -206,3 +206,56 @@ def test_paths_are_shown_relative_to_the_current_folder(tmp_path, monkeypatch):
     assert shown(tmp_path / "photos" / "a.jpg") == "photos/a.jpg"
     assert shown(Path("photos/a.jpg")) == "photos/a.jpg"
     assert shown(Path(os.sep) / "etc" / "a.jpg") == "/etc/a.jpg"
+
+
+def decoding(path):
+    return read_header(path).decoding
+
+
+def test_the_header_tells_how_the_rows_of_a_file_can_be_had(tmp_path):
+    image = Image.fromarray(np.arange(64 * 48 * 3, dtype=np.uint8).reshape(64, 48, 3))
+    for name, how in {"b.jpg": {}, "p.jpg": {"progressive": True}, "n.png": {}, "t.tif": {}}.items():
+        image.save(tmp_path / name, **how)
+    found = {name: decoding(tmp_path / name) for name in ("b.jpg", "p.jpg", "n.png", "t.tif")}
+    assert found == {"b.jpg": "in_order", "p.jpg": "at_once", "n.png": "in_order", "t.tif": "anywhere"}
+
+
+def test_an_interlaced_png_is_decoded_at_once(tmp_path):
+    path = tmp_path / "i.png"
+    Image.new("L", (64, 64)).save(path)
+    data = bytearray(path.read_bytes())
+    data[28] = 1  # the interlace method, followed by the checksum of the chunk
+    data[29:33] = zlib.crc32(data[12:29]).to_bytes(4, "big")
+    path.write_bytes(data)
+    assert decoding(path) == "at_once"
+
+
+def test_a_tiff_of_a_single_high_strip_is_decoded_in_order(tmp_path):
+    path = tmp_path / "s.tif"
+    with rasterio.open(
+        path, "w", driver="GTiff", width=8, height=2000, count=1, dtype="uint8", blockysize=2000, compress="lzw"
+    ) as file:
+        file.write(np.zeros((1, 2000, 8), np.uint8))
+    assert decoding(path) == "in_order"
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.tif"])
+def test_windows_in_any_order_are_those_of_the_whole(tmp_path, name):
+    path = tmp_path / name
+    Image.fromarray(np.random.default_rng(1).integers(0, 255, (700, 300, 3), dtype=np.uint8)).save(path)
+    whole = read_pixels(path, Window(0, 0, 700, 300))
+    for row, col in ((0, 0), (256, 0), (512, 100), (128, 17), (0, 3)):
+        assert np.array_equal(read_pixels(path, Window(row, col, 100, 100)), whole[row : row + 100, col : col + 100])
+
+
+def test_a_file_that_is_decoded_in_order_is_opened_once(tmp_path, monkeypatch):
+    path, opened = tmp_path / "a.png", []
+    Image.fromarray(np.random.default_rng(1).integers(0, 255, (700, 300, 3), dtype=np.uint8)).save(path)
+    real = rasterio.open
+    monkeypatch.setattr(rasterio, "open", lambda *words, **more: opened.append(words) or real(*words, **more))
+    for row in range(0, 700, 100):
+        read_pixels(path, Window(row, 0, 100, 300))
+    assert len(opened) == 1
+    Image.new("RGB", (300, 700), (1, 2, 3)).save(path)
+    assert (read_pixels(path, Window(600, 0, 100, 300)) == (1, 2, 3)).all(), "a file that has changed is opened anew"
+    assert len(opened) == 2
