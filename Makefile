@@ -9,7 +9,7 @@ project ?= volos
 options ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run plan status report export dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants docs clean clean-all
+.PHONY: help setup run plan status report export dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-vll docs clean clean-all
 
 help: ## List all targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-18s %s\n", $$1, $$2}'
@@ -92,6 +92,9 @@ bench-window-sizes: $(STAMP) ## Measure what choosing a matching window costs
 
 bench-matching-speed: $(STAMP) ## Measure the points per second of least-squares matching
 	@$(BIN)/python -m benchmarks matching_speed
+
+bench-vll: $(STAMP) ## Vertical line locus beside its published study
+	@$(BIN)/python -m benchmarks.vll.line_locus_study
 
 bench-calibration: $(STAMP) ## Measure the calibration beside OpenCV: many seeds, rendered and real photographs
 	@$(BIN)/python -m benchmarks.calibration.calibration_accuracy

@@ -1,0 +1,1 @@
+"""The published study of vertical line locus on a simulated scene."""
