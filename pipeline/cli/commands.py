@@ -8,7 +8,6 @@ import gc
 import json
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
 from datetime import datetime
 from importlib.metadata import version
 from io import TextIOWrapper
@@ -16,17 +15,17 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table as Lines
 
 from orthomill.pipeline.cli.calibrate import BoardOptions, calibration_workflow
 from orthomill.pipeline.cli.clean import clean_run
 from orthomill.pipeline.cli.doctor import doctor as examine
-from orthomill.pipeline.cli.environment import environment_sentence
 from orthomill.pipeline.cli.inspect_photo import GuardedPhoto, picture_path, write_map
 from orthomill.pipeline.cli.plan_lines import plan_lines, plan_notes
 from orthomill.pipeline.cli.progress_lines import ProgressLines
+from orthomill.pipeline.cli.sign import Person, sign_project, signed_page, signing_lines
+from orthomill.pipeline.cli.terminal import Debug, Name, err, out, plain_errors
 from orthomill.pipeline.cli.verification_lines import verification_lines
 from orthomill.pipeline.engine.foresight import plan_ahead
 from orthomill.pipeline.engine.interruption import listen
@@ -40,11 +39,14 @@ from orthomill.pipeline.records.verification import verify as verify_results
 from orthomill.pipeline.report.doubts import doubts
 from orthomill.pipeline.report.results import rewrite_results, run_with_report
 from orthomill.pipeline.report.summary import summary_markdown
+from orthomill.pipeline.signing.signature import check_signature
+from orthomill.pipeline.signing.signature_lines import signature_lines
+from orthomill.pipeline.signing.statement import Signer
 from orthomill.pipeline.storage.store import Store
 from orthomill.pipeline.workflow.settings_reference import write_settings_reference
 from orthomill.pipeline.workflow.starting_workflow import write_starting_workflow
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow, load_workflow, resolve_workflow
-from orthomill.schemas.errors import OrthomillError, ResourceError, StoreError
+from orthomill.schemas.errors import ResourceError, StoreError
 from orthomill.schemas.job import Export
 from orthomill.tasks.catalogue import STAGES, Method, share_of, sizing_of, window_size_map
 
@@ -56,13 +58,8 @@ app = typer.Typer(
 )
 inspect = typer.Typer(help="Look at a single photograph, without a project.", no_args_is_help=True)
 app.add_typer(inspect, name="inspect")
-out = Console(highlight=False)
-err = Console(stderr=True, highlight=False)
-
 DOUBTS_SHOWN = 3
 
-Name = Annotated[str, typer.Argument(help="Project name (workflows/<name>.yaml) or the path of a workflow file.")]
-Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
 From = Annotated[str | None, typer.Option("--from", help="Run this stage and all later ones again, changed or not.")]
 Until = Annotated[str | None, typer.Option(help="Stop after this stage.")]
 Sequential = Annotated[bool, typer.Option("--sequential", help="One job after another in this process, without Dask.")]
@@ -86,31 +83,6 @@ def main_options(
     ] = False,
 ) -> None:
     """From overlapping photographs to a checked surface model and a blended true orthoimage."""
-
-
-@contextmanager
-def plain_errors(debug: bool) -> Iterator[None]:
-    """Turns every error that orthomill can explain into a sentence and an exit code."""
-    try:
-        yield
-    except OrthomillError as error:
-        if debug:
-            raise
-        _say_error(str(error))
-        raise typer.Exit(2) from None
-    except (OSError, MemoryError) as error:
-        sentence = environment_sentence(error)
-        if debug or sentence is None:
-            raise
-        _say_error(sentence)
-        raise typer.Exit(2) from None
-    except KeyboardInterrupt:
-        err.print("Stopped. Finished jobs are kept; run the same command again to continue.")
-        raise typer.Exit(130) from None
-
-
-def _say_error(sentence: str) -> None:
-    err.print(f"[red]error:[/red] {escape(sentence)}", soft_wrap=True)
 
 
 def _load(name: str) -> LoadedWorkflow:
@@ -350,9 +322,35 @@ def verify(name: Name, debug: Debug = False) -> None:
         if not folder.is_dir():
             raise StoreError(f"{folder.name} has no results yet; run it first: orthomill run {name}")
         found = verify_results(folder)
-        for line in verification_lines(found, name):
+        signed = check_signature(folder)
+        for line in (*verification_lines(found, name), *(signature_lines(signed) if signed else ())):
             out.print(escape(line), soft_wrap=True)
-    if found.damaged:
+    if found.damaged or (signed and not signed.holds):
+        raise typer.Exit(1)
+
+
+@app.command()
+def sign(
+    name: Name,
+    signer: Annotated[str, typer.Option("--name", help="Who signs.")],
+    role: Annotated[str, typer.Option(help="In what capacity, e.g. 'licensed surveyor'.")],
+    remarks: Annotated[str, typer.Option(help="What else is to be said.")] = "",
+    key: Annotated[Path | None, typer.Option(help="A private Ed25519 key (PEM); your own, made when first needed.")] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Sign without being asked; the figures are printed all the same.")] = False,
+    debug: Debug = False,
+) -> None:
+    """Sign the figures and products of a finished run; `orthomill verify` tells whether they still belong together."""
+    with plain_errors(debug):
+        loaded = _load(name)
+        for line in signing_lines(signed_page(loaded)[0]):
+            out.print(escape(line), soft_wrap=True)
+        question = f"Do you, {signer}, {role}, sign these figures and the products they are about?"
+        person = Person(
+            agrees=lambda: yes or typer.confirm(question), passphrase=lambda: str(typer.prompt("Passphrase", hide_input=True))
+        )
+        path = sign_project(loaded, Signer(name=signer, role=role, remarks=remarks), key, person)
+        out.print(f"signed: {path}" if path else "not signed", soft_wrap=True)
+    if path is None:
         raise typer.Exit(1)
 
 

@@ -18,6 +18,9 @@ from orthomill.pipeline.report import numbers
 from orthomill.pipeline.report.charts import chart_svg, colour_bar_svg, thinned
 from orthomill.pipeline.report.first_page import Caution, FirstPage, Reports, first_page, not_asked_for, reports_of
 from orthomill.pipeline.report.pictures import Drawing, draw
+from orthomill.pipeline.signing.signature import check_signature
+from orthomill.pipeline.signing.signature_lines import signature_lines
+from orthomill.pipeline.signing.statement import Statement
 from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.pipeline.storage.table_files import write_whole
 from orthomill.schemas.errors import StoreError
@@ -115,7 +118,29 @@ def report_html(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunFa
         not_run=not_asked_for(stages, run),
         longest=max((section.run.seconds for section in sections), default=0.0) or 1.0,
         failed=[section for section in sections if section.failures],
+        signed=signed_part(folder),
     )
+
+
+@dataclass(frozen=True)
+class SignedPart:
+    """The signature under the run, and what is to be said of it now."""
+
+    statement: Statement
+    fingerprint: str
+    holds: bool
+    lines: tuple[str, ...]
+
+
+def signed_part(folder: Path) -> SignedPart | None:
+    """The signature of a run as the page shows it; None without one, and for one that cannot be read."""
+    try:
+        check = check_signature(folder)
+    except StoreError:  # `orthomill verify` says what is wrong with it; the page is about the results
+        return None
+    if check is None:
+        return None
+    return SignedPart(check.signature.statement, check.signature.fingerprint, check.holds, tuple(signature_lines(check)))
 
 
 def leading(sections: tuple[Section, ...]) -> tuple[PictureView, ...]:

@@ -83,6 +83,13 @@ def rewrite_results(loaded: LoadedWorkflow) -> Path:
     return session.folder / REPORT
 
 
+def rewrite_page(store: ReadableStore, folder: Path, stages: tuple[StageTitle, ...], facts: RunFacts) -> None:
+    """Write the report alone again: facts and summary, which may be signed, stay as they are."""
+    from orthomill.pipeline.report.page import write_report
+
+    write_report(store, stages, facts, folder / REPORT)
+
+
 def _are_current(folder: Path, facts: RunFacts) -> bool:
     # The facts are written first, so that a page older than them belongs to a run that was killed before it wrote the page.
     written = (folder / FACTS).stat().st_mtime_ns

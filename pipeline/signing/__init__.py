@@ -1,0 +1,1 @@
+"""A person's signature under the results of a run."""

@@ -1,0 +1,79 @@
+"""What a person signs: who, when, the figures that were looked at, and digests of products, figures and workflow."""
+
+import hashlib
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict
+
+FORMAT = 1
+"""version of the statement"""
+PRODUCTS = "products"
+OTHERS = ("summary.json", "workflow.yaml")
+"""files of a run that are signed beside the products"""
+_PIECE = 2**22  # bytes that are read at a time
+
+
+class SignedFile(BaseModel):
+    """A file as it was when it was signed."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    size: int
+    """bytes"""
+    sha256: str
+    """hexadecimal"""
+
+
+class Signer(BaseModel):
+    """Who signs, in what capacity, and what is to be said about it."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    name: str
+    role: str
+    remarks: str = ""
+
+
+class Statement(BaseModel):
+    """What is signed."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    format: int = FORMAT
+    project: str
+    orthomill: str
+    """version that made the results"""
+    signer: Signer
+    signed: str
+    """ISO 8601, UTC"""
+    verdict: str
+    """first sentence of the report"""
+    answers: dict[str, str]
+    """figures that were looked at: the answers of the report's first page, by question"""
+    warnings: tuple[str, ...]
+    """what the report warned of, the gravest first"""
+    files: dict[str, SignedFile]
+    """by path in the run's folder"""
+
+    def canonical(self) -> bytes:
+        """The bytes that are signed: the same for the same content, whatever writes it."""
+        return json.dumps(self.model_dump(), sort_keys=True, separators=(",", ":"), ensure_ascii=False).encode()
+
+
+def signed_paths(folder: Path) -> Iterator[str]:
+    """The files of a run that a signature covers, in order of name, relative to its folder."""
+    products = (path for path in (folder / PRODUCTS).rglob("*") if path.is_file())
+    others = (folder / name for name in OTHERS if (folder / name).is_file())
+    yield from sorted(path.relative_to(folder).as_posix() for path in (*products, *others))
+
+
+def digest_of(path: Path) -> SignedFile:
+    """Size and digest of a file. Raises OSError."""
+    found, size = hashlib.sha256(), 0
+    with path.open("rb") as stream:
+        while piece := stream.read(_PIECE):
+            found.update(piece)
+            size += len(piece)
+    return SignedFile(size=size, sha256=found.hexdigest())

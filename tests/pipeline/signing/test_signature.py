@@ -1,0 +1,180 @@
+"""Signatures: what they cover, what breaks them, and keys that cannot be used."""
+
+import json
+import os
+import stat
+
+import pytest
+from cryptography.hazmat.primitives.asymmetric.ec import SECP256R1, generate_private_key
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from cryptography.hazmat.primitives.serialization import BestAvailableEncryption, Encoding, NoEncryption, PrivateFormat
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from orthomill.pipeline.signing.signature import SIGNATURE, check_signature, keep, read_signature, sign
+from orthomill.pipeline.signing.signature_lines import SHOWN, signature_lines
+from orthomill.pipeline.signing.signing_key import default_key_path, fingerprint, new_key, public_bytes, read_key
+from orthomill.pipeline.signing.statement import Signer, Statement, digest_of, signed_paths
+from orthomill.schemas.errors import ResourceError, StoreError
+
+KEY = Ed25519PrivateKey.from_private_bytes(bytes(range(32)))
+
+
+def statement(folder, **changes) -> Statement:
+    given = {
+        "project": "site",
+        "orthomill": "0.1.0",
+        "signer": Signer(name="A. Surveyor", role="licensed", remarks="weak in the wood"),
+        "signed": "2026-11-22T12:00:00+00:00",
+        "verdict": "Good: nothing puts the results in doubt.",
+        "answers": {"Ground pixel": "5 cm"},
+        "warnings": ("few points",),
+        "files": {path: digest_of(folder / path) for path in signed_paths(folder)},
+    }
+    return Statement(**(given | changes))
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A run with two products, one of them in a folder, and its figures."""
+    (tmp_path / "products" / "points").mkdir(parents=True)
+    (tmp_path / "products" / "dsm.tif").write_bytes(b"heights" * 1000)
+    (tmp_path / "products" / "points" / "0-0.laz").write_bytes(b"points")
+    (tmp_path / "summary.json").write_text("{}")
+    (tmp_path / "workflow.yaml").write_text("project: site\n")
+    (tmp_path / "report.html").write_text("the report shows the signature and is not signed itself")
+    return tmp_path
+
+
+@pytest.fixture
+def signed(folder):
+    keep(sign(statement(folder), KEY), folder)
+    return folder
+
+
+def test_products_figures_and_workflow_are_covered(folder):
+    assert list(signed_paths(folder)) == ["products/dsm.tif", "products/points/0-0.laz", "summary.json", "workflow.yaml"]
+
+
+def test_a_signature_holds_while_nothing_changes(signed):
+    check = check_signature(signed)
+    assert check.holds and check.signature.fingerprint == fingerprint(public_bytes(KEY))
+    (line,) = signature_lines(check)
+    assert line.startswith("the signature of A. Surveyor, licensed, 2026-11-22T12:00:00+00:00, holds; key ")
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda run: (run / "products" / "dsm.tif").write_bytes(b"Heights" * 1000), "products/dsm.tif has changed since"),
+        (lambda run: (run / "summary.json").write_text("{ }"), "summary.json has changed since"),
+        (lambda run: (run / "products" / "points" / "0-0.laz").unlink(), "products/points/0-0.laz is missing"),
+        (lambda run: (run / "products" / "new.tif").write_bytes(b"new"), "products/new.tif was made later"),
+    ],
+)
+def test_a_file_that_is_not_as_it_was_signed_is_named(signed, spoil, said):
+    spoil(signed)
+    check = check_signature(signed)
+    first, last = signature_lines(check)
+    assert not check.holds and first == said and "no longer belongs to these results" in last
+
+
+def test_the_report_may_be_written_again(signed):
+    (signed / "report.html").write_text("another day")
+    assert check_signature(signed).holds
+
+
+def test_of_many_changed_files_the_first_are_named(signed):
+    for k in range(SHOWN + 3):
+        (signed / "products" / f"{k:02}.tif").write_bytes(b"")
+    lines = list(signature_lines(check_signature(signed)))
+    assert len(lines) == SHOWN + 2 and lines[SHOWN] == "... and 3 more"
+
+
+@settings(max_examples=40, deadline=None)
+@given(where=st.integers(0, 10**6), bit=st.integers(0, 7))
+def test_no_bit_of_statement_key_or_signature_can_be_changed(tmp_path_factory, where, bit):
+    folder = tmp_path_factory.mktemp("run")
+    (folder / "products").mkdir()
+    original = sign(statement(folder), KEY)
+    text = bytearray(original.model_dump_json().encode())
+    text[where % len(text)] ^= 1 << bit
+    (folder / SIGNATURE).write_bytes(bytes(text))
+    try:
+        found = read_signature(folder)
+    except StoreError as error:
+        assert "sign again" in str(error)
+        return
+    # Hexadecimal digits mean the same in upper case.
+    same = found.public_key.lower() == original.public_key and found.signature.lower() == original.signature
+    assert not found.is_genuine or (same and found.statement == original.statement)
+
+
+def test_a_statement_changed_after_it_was_signed_is_not_genuine(signed):
+    record = json.loads((signed / SIGNATURE).read_text())
+    record["statement"]["answers"]["Ground pixel"] = "1 cm"
+    (signed / SIGNATURE).write_text(json.dumps(record))
+    check = check_signature(signed)
+    assert not check.holds
+    assert list(signature_lines(check)) == [
+        "the signature of A. Surveyor, licensed is not genuine: the statement was changed after it was signed"
+    ]
+
+
+def test_without_a_signature_there_is_nothing_to_check(folder):
+    assert check_signature(folder) is None
+
+
+def test_a_new_key_is_private_and_never_replaced(tmp_path):
+    path = tmp_path / "settings" / "key.pem"
+    made = new_key(path)
+    assert public_bytes(read_key(path)) == public_bytes(made)
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    with pytest.raises(ResourceError, match="cannot be written"):
+        new_key(path)
+    assert public_bytes(read_key(path)) == public_bytes(made)
+
+
+def test_a_key_that_others_can_read_is_refused_with_what_to_do(tmp_path):
+    new_key(tmp_path / "key.pem")
+    os.chmod(tmp_path / "key.pem", 0o644)
+    with pytest.raises(ResourceError, match="chmod 600"):
+        read_key(tmp_path / "key.pem")
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"no key", "is no signing key"),
+        (
+            generate_private_key(SECP256R1()).private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()),
+            "a key of another kind",
+        ),
+    ],
+)
+def test_what_is_no_signing_key_is_refused(tmp_path, content, said):
+    path = tmp_path / "key.pem"
+    path.write_bytes(content)
+    path.chmod(0o600)
+    with pytest.raises(ResourceError, match=said):
+        read_key(path)
+    with pytest.raises(ResourceError, match="cannot be read"):
+        read_key(tmp_path / "absent.pem")
+
+
+def test_an_encrypted_key_needs_its_passphrase(tmp_path):
+    path = tmp_path / "key.pem"
+    path.write_bytes(KEY.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, BestAvailableEncryption(b"open")))
+    path.chmod(0o600)
+    with pytest.raises(TypeError):
+        read_key(path)
+    with pytest.raises(ResourceError, match="passphrase is wrong"):
+        read_key(path, "shut")
+    assert public_bytes(read_key(path, "open")) == public_bytes(KEY)
+
+
+def test_the_key_of_a_person_is_among_the_settings(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    assert default_key_path() == tmp_path / "orthomill" / "signing_key.pem"
+    monkeypatch.delenv("XDG_CONFIG_HOME")
+    assert default_key_path().parts[-3:] == (".config", "orthomill", "signing_key.pem")
