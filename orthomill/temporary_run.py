@@ -13,6 +13,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from pydantic import ConfigDict, PrivateAttr
 
+from orthomill.pipeline.engine.graph import PlannedJob
 from orthomill.pipeline.engine.runner import Finished, SequentialRunner
 from orthomill.pipeline.engine.session import Session
 from orthomill.pipeline.storage.image_files import is_image_name
@@ -62,8 +63,9 @@ class _Watcher:
     def __init__(self, progress: Progress | None) -> None:
         self._progress, self._planned, self._ended = progress, dict[str, int](), dict[str, int]()
 
-    def planned(self, key: tuple[str, str, int, int]) -> None:
-        self._planned[key[0]] = self._planned.get(key[0], 0) + 1
+    def planned(self, planned: PlannedJob) -> None:
+        kind = planned.key[0]
+        self._planned[kind] = self._planned.get(kind, 0) + 1
 
     def skipped(self, key: tuple[str, str, int, int]) -> None:
         """Nothing was there before."""

@@ -7,6 +7,7 @@ Every error that orthomill can explain is one sentence and an exit code: 1 for f
 import gc
 import json
 import sys
+import webbrowser
 from collections.abc import Iterator
 from datetime import datetime
 from importlib.metadata import version
@@ -23,26 +24,26 @@ from orthomill.pipeline.cli.clean import clean_run
 from orthomill.pipeline.cli.doctor import doctor as examine
 from orthomill.pipeline.cli.inspect_photo import GuardedPhoto, picture_path, write_map
 from orthomill.pipeline.cli.plan_lines import plan_lines, plan_notes
-from orthomill.pipeline.cli.progress_lines import ProgressLines
+from orthomill.pipeline.cli.run_display import run_display
+from orthomill.pipeline.cli.run_end import RunEnd, run_end, tell, tell_as_json
 from orthomill.pipeline.cli.sign import Person, sign_project, signed_page, signing_lines
 from orthomill.pipeline.cli.terminal import Debug, Name, err, out, plain_errors
 from orthomill.pipeline.cli.verification_lines import verification_lines
 from orthomill.pipeline.engine.foresight import plan_ahead
 from orthomill.pipeline.engine.interruption import listen
-from orthomill.pipeline.engine.run_facts import RunFacts, read_facts
+from orthomill.pipeline.engine.run_facts import read_facts
 from orthomill.pipeline.engine.running import DASHBOARD, MIB, Options, check_stage_names, session_of, titles_of
 from orthomill.pipeline.engine.session import TIME_FORMAT, Session, key_text
 from orthomill.pipeline.export.exports import export as export_file
 from orthomill.pipeline.records.lock import is_running, only_run
 from orthomill.pipeline.records.records import Record, Records
 from orthomill.pipeline.records.verification import verify as verify_results
-from orthomill.pipeline.report.doubts import doubts
 from orthomill.pipeline.report.results import rewrite_results, run_with_report
 from orthomill.pipeline.report.summary import summary_markdown
 from orthomill.pipeline.signing.signature import check_signature
 from orthomill.pipeline.signing.signature_lines import signature_lines
 from orthomill.pipeline.signing.statement import Signer
-from orthomill.pipeline.storage.store import Store
+from orthomill.pipeline.watching.live_map import MAP, tiles_address
 from orthomill.pipeline.workflow.settings_reference import write_settings_reference
 from orthomill.pipeline.workflow.starting_workflow import write_starting_workflow
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow, load_workflow, resolve_workflow
@@ -58,8 +59,6 @@ app = typer.Typer(
 )
 inspect = typer.Typer(help="Look at a single photograph, without a project.", no_args_is_help=True)
 app.add_typer(inspect, name="inspect")
-DOUBTS_SHOWN = 3
-
 From = Annotated[str | None, typer.Option("--from", help="Run this stage and all later ones again, changed or not.")]
 Until = Annotated[str | None, typer.Option(help="Stop after this stage.")]
 Sequential = Annotated[bool, typer.Option("--sequential", help="One job after another in this process, without Dask.")]
@@ -103,16 +102,16 @@ def run(
     tls_cert: Annotated[Path | None, typer.Option(help="Your certificate for that cluster (PEM).")] = None,
     tls_key: Annotated[Path | None, typer.Option(help="The key of your certificate (PEM).")] = None,
     strict: Annotated[bool, typer.Option("--strict", help="End with exit code 3 where the results are in doubt.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Progress and result as one JSON object a line.")] = False,
     debug: Debug = False,
 ) -> None:
     """Run a workflow; continues where an earlier run stopped."""
     with plain_errors(debug):
         loaded, tls = _load(name), _tls_files(scheduler, (tls_ca, tls_cert, tls_key))
-        facts = _run(loaded, Options(from_stage, until, workers, memory * MIB, sequential, scheduler, port, tls))
-        found = _tell_doubts(loaded, facts)
-    if not facts.complete:
+        end = _run(loaded, Options(from_stage, until, workers, memory * MIB, sequential, scheduler, port, tls), as_json)
+    if not end.facts.complete:
         raise typer.Exit(1)
-    if found and strict:
+    if end.doubts and strict:
         raise typer.Exit(3)
 
 
@@ -129,41 +128,24 @@ def _tls_files(scheduler: str | None, files: tuple[Path | None, ...]) -> tuple[P
     return given[0], given[1], given[2]
 
 
-def _run(loaded: LoadedWorkflow, options: Options) -> RunFacts:
-    """Run with progress lines on stderr, and print how it ended."""
+def _run(loaded: LoadedWorkflow, options: Options, as_json: bool = False) -> RunEnd:
+    """Run with progress lines, and tell how it ended."""
+
+    def announce(line: str) -> None:
+        print(json.dumps({"event": "note", "text": line}), flush=True) if as_json else out.print(escape(line), soft_wrap=True)
+
     facts = run_with_report(
         loaded,
         options,
-        watch=lambda titles, workers: ProgressLines(titles, workers, err),
-        announce=lambda line: out.print(escape(line), soft_wrap=True),
+        watch=lambda session, runner, workers: run_display(session, runner, workers, err, announce, as_json),
+        announce=announce,
     )
-    _conclude(facts, loaded.run_folder)
-    return facts
-
-
-def _conclude(facts: RunFacts, folder: Path) -> None:
-    done, skipped = sum(s.done for s in facts.stages), sum(s.skipped for s in facts.stages)
-    counts = f"{done} jobs run, {skipped} unchanged, {len(facts.failures)} failed in {facts.seconds:.0f} s"
-    out.print(f"{counts}; report: {folder / 'report.html'}", soft_wrap=True)
-    for failure in facts.failures:
-        err.print(f"[red]failed[/red] {escape(failure.key)}: {escape(failure.sentence)}", soft_wrap=True)
-    if not facts.complete:
-        err.print(
-            "The project is not complete. What does not depend on the failed jobs is done; fix the cause and run again.",
-            soft_wrap=True,
-        )
-
-
-def _tell_doubts(loaded: LoadedWorkflow, facts: RunFacts) -> int:
-    """Print the gravest warnings of the run, with their place in the report; returns how many there are."""
-    reported = {stage.kind for stage in facts.stages if stage.complete}
-    titles = tuple(title for title in titles_of(loaded.stages) if title[0] in reported)
-    found = list(doubts(Store(loaded.run_folder), titles))
-    for doubt in found[:DOUBTS_SHOWN]:
-        err.print(f"[yellow]doubtful[/yellow] {escape(doubt.sentence)} (report: {escape(doubt.section)})", soft_wrap=True)
-    if len(found) > DOUBTS_SHOWN:
-        err.print(f"... and {len(found) - DOUBTS_SHOWN} more that put the results in doubt; they are in the report.")
-    return len(found)
+    end = run_end(facts, loaded.run_folder, titles_of(loaded.stages))
+    if as_json:
+        print(tell_as_json(end), flush=True)
+    else:
+        tell(end, out, err)
+    return end
 
 
 @app.command()
@@ -184,8 +166,8 @@ def calibrate(
     with plain_errors(debug):
         boards_used = BoardOptions(corners, square, boards, arrangement, parameters)
         loaded = calibration_workflow(name, photos, boards_used, Path.cwd(), STAGES)
-        facts = _run(loaded, Options(None, None, workers, memory * MIB, sequential))
-    if not facts.complete:
+        end = _run(loaded, Options(None, None, workers, memory * MIB, sequential))
+    if not end.facts.complete:
         raise typer.Exit(1)
     _print_calibration(loaded.run_folder)
 
@@ -362,6 +344,20 @@ def dashboard(name: Name, debug: Debug = False) -> None:
         none = f"{folder.name} is running without Dask, so there is no dashboard; see: orthomill status {name}"
         idle = f"{folder.name} is not running; start it with: orthomill run {name}"
         out.print(_dashboard_address(folder) or (none if is_running(folder) else idle), soft_wrap=True)
+
+
+@app.command()
+def watch(name: Name, debug: Debug = False) -> None:
+    """Show the map of tiles in a browser: live while the project runs, as it ended afterwards."""
+    with plain_errors(debug):
+        folder = _load(name).run_folder
+        live = _dashboard_address(folder)
+        kept = folder / MAP
+        if not live and not kept.exists():
+            raise StoreError(f"{folder.name} has no map of tiles yet; run it first: orthomill run {name}")
+        address = tiles_address(live) if live else kept.resolve().as_uri()
+        out.print(address, soft_wrap=True)
+        webbrowser.open(address)
 
 
 @app.command()

@@ -1,4 +1,4 @@
-"""Starts or finds the Dask cluster that jobs run on. One of the two files that import Dask.
+"""Starts or finds the Dask cluster that jobs run on. One of the three files that import Dask.
 
 A Dask cluster runs whatever it is told by anyone who reaches it. A cluster of this machine therefore listens on 127.0.0.1 only,
 talks TLS with a certificate that exists in the memory of its processes, for this run, and has a dashboard with a secret address. If

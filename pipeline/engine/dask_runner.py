@@ -1,4 +1,4 @@
-"""Runs jobs on Dask: worker processes of this machine, or any existing cluster. One of the two files that import Dask.
+"""Runs jobs on Dask: worker processes of this machine, or any existing cluster. One of the three files that import Dask.
 
 Dask's keys are the jobs' own keys, so that its dashboard groups progress by stage. Memory is a resource of each worker: the
 scheduler assigns no more jobs to a worker than its memory allows. It holds a limited number of jobs at a time: with tens of
@@ -33,7 +33,8 @@ class DaskRunner:
     def __init__(self, client: Client, memory_limit: int, description: str) -> None:
         self.memory_limit = memory_limit
         self.description = description
-        self._client = client
+        self.dashboard = client.dashboard_link
+        self.client = client
         self._waiting: deque[tuple[JobOrder, tuple[Key, ...], int]] = deque()
         self._futures: dict[Key, Future] = {}
         """those that the scheduler holds"""
@@ -62,7 +63,7 @@ class DaskRunner:
         before = [self._futures[key] for key in dependencies if key in self._futures]
         name = (*work.job.key, self._session)
         # pure=False: Dask must not take two jobs with equal arguments for one, since what counts is what they write.
-        future = self._client.submit(execute, work, *before, key=name, retries=ATTEMPTS - 1, resources={MEMORY: memory}, pure=False)
+        future = self.client.submit(execute, work, *before, key=name, retries=ATTEMPTS - 1, resources={MEMORY: memory}, pure=False)
         self._futures[work.job.key] = future
         self._await(work.job.key, future)
 
@@ -103,9 +104,9 @@ class DaskRunner:
     def close(self) -> None:
         self._waiting.clear()
         # After Ctrl-C the scheduler would otherwise go on with the queued jobs; a client without scheduler would wait for one.
-        if self._futures and self._client.status == "running":
+        if self._futures and self.client.status == "running":
             with suppress(*LOST):
-                self._client.cancel(list(self._futures.values()), force=True)
+                self.client.cancel(list(self._futures.values()), force=True)
         self._futures.clear()
 
 

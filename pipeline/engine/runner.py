@@ -26,6 +26,8 @@ class Runner(Protocol):
     memory_limit: int
     """bytes that one worker may use"""
     description: str
+    dashboard: str
+    """address of its page; empty where there is none"""
 
     def submit(self, work: JobOrder, dependencies: tuple[Key, ...], memory: int) -> None:
         """Accept a job; `dependencies` are keys of jobs submitted before."""
@@ -45,6 +47,7 @@ class SequentialRunner:
     """One job after another in this process."""
 
     description = "one job after another in this process"
+    dashboard = ""
 
     def __init__(self, memory_limit: int) -> None:
         self.memory_limit = memory_limit

@@ -71,8 +71,8 @@ class ResultWriter(Protocol):
     def __call__(self, store: ReadableStore, folder: Path, stages: tuple[StageTitle, ...], facts: RunFacts) -> None: ...
 
 
-Watch = Callable[[dict[str, str], int], AbstractContextManager[Watcher]]
-"""(titles of the stages by kind, number of workers) -> the progress display of one run."""
+Watch = Callable[[Session, Runner, int], AbstractContextManager[Watcher]]
+"""(session, its runner, number of workers) -> the progress display of one run."""
 
 
 def session_of(loaded: LoadedWorkflow, from_stage: str | None = None, until: str | None = None) -> Session:
@@ -204,8 +204,9 @@ def _run(session: Session, options: Options, watch: Watch, announce: Callable[[s
     """Run all pending jobs; returns the description of the runner."""
     # Checked before workers start: starting them takes seconds, and the refusal needs none of them.
     session.check_resources(options.memory)
-    titles = {stage.kind: stage.title for stage in session.stages}
-    with _runner(session.folder, options, announce) as runner, watch(titles, options.processes) as watcher:
+    with _runner(session.folder, options, announce) as runner, watch(session, runner, options.processes) as watcher:
+        if runner.dashboard:
+            announce(f"dashboard: {runner.dashboard}")
         session.run(runner, watcher)
         return runner.description
 
@@ -237,8 +238,7 @@ def _on_dask(folder: Path, options: Options, announce: Callable[[str], None]) ->
     # An exception in the middle of Dask's connections would end in its tracebacks: the runner asks for requests to stop.
     with only_where_asked(), client_of as client:
         runner = DaskRunner(client, options.memory, place)
-        announce(f"dashboard: {client.dashboard_link}")
-        _write_for_the_user_only(address, client.dashboard_link)
+        _write_for_the_user_only(address, runner.dashboard)
         try:
             with kept_report(runner, folder / "dask_report.html"):
                 yield runner

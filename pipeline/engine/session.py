@@ -37,7 +37,7 @@ COMPRESSION = 2
 class Watcher(Protocol):
     """Whatever shows the progress of a run."""
 
-    def planned(self, key: Key) -> None: ...
+    def planned(self, planned: PlannedJob) -> None: ...
     def skipped(self, key: Key) -> None: ...
     def finished(self, finished: Finished, seconds: float) -> None: ...
 
@@ -45,7 +45,7 @@ class Watcher(Protocol):
 class Unwatched:
     """A watcher that shows nothing."""
 
-    def planned(self, key: Key) -> None:
+    def planned(self, planned: PlannedJob) -> None:
         """Nothing is shown."""
 
     def skipped(self, key: Key) -> None:
@@ -56,7 +56,7 @@ class Unwatched:
 
 
 @contextmanager
-def unwatched(titles: dict[str, str], workers: int) -> Iterator[Watcher]:
+def unwatched(session: "Session", runner: Runner, workers: int) -> Iterator[Watcher]:
     """The progress display of a run that nobody watches."""
     yield Unwatched()
 
@@ -165,7 +165,7 @@ class Session:
         self.check_resources(runner.memory_limit)
         # Jobs are announced once, though planning is repeated: the graph keeps them in the order in which they were added.
         for key in list(self.graph.jobs)[self._announced :]:
-            watcher.planned(key)
+            watcher.planned(self.graph.jobs[key])
             if key in self.skipped:
                 watcher.skipped(key)
         self._announced = len(self.graph.jobs)

@@ -52,6 +52,7 @@ class SimulationStage(Stage):
     """A flight over a simulated town near Volos, photographs of chessboards by the same camera, and a survey, with known truth."""
 
     title: ClassVar[str] = "Simulated photographs"
+    usual_cost: ClassVar[float] = 70.0
 
     kind: Literal["simulation"] = "simulation"
     seed: int = setting(2009, "Everything random follows from this number.", ge=0, le=10**6)

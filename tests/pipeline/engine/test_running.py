@@ -42,13 +42,13 @@ def test_a_run_reports_to_those_that_were_handed_in(tmp_path):
             seen.append(finished.key[0])
 
     @contextmanager
-    def watch(titles, workers):
-        seen.append((titles, workers))
+    def watch(session, runner, workers):
+        seen.append(({stage.kind: stage.title for stage in session.stages}, runner.description, workers))
         yield Counting()
 
     facts = run_workflow(loaded_in(tmp_path), Options(sequential=True, workers=3), written, watch)
     assert facts.complete and facts.scheduler == "one job after another in this process"
-    assert seen[0] == ({"source": "making numbers", "smooth": "smoothing", "sum": "adding up"}, 3)
+    assert seen[0] == ({"source": "making numbers", "smooth": "smoothing", "sum": "adding up"}, facts.scheduler, 3)
     assert set(seen[1:]) == set(KINDS) and len(seen) == 1 + sum(stage.done for stage in facts.stages)
     ((stages, given),) = written.calls
     assert given == facts and [kind for kind, _ in stages] == list(KINDS)
@@ -103,7 +103,7 @@ def test_an_interrupted_run_leaves_its_facts_and_no_lock(tmp_path):
                 raise KeyboardInterrupt
 
     @contextmanager
-    def watch(titles, workers):
+    def watch(session, runner, workers):
         yield Impatient()
 
     with pytest.raises(KeyboardInterrupt):
