@@ -23,7 +23,7 @@ from orthomill.schemas.raster import Window
 REACH = 8
 """cells around a pixel from which colours of the surfaces are taken"""
 SPREAD = 11
-"""colours along the side of that window, at most"""
+"""colours along the side of that window, or some more where pixels are coarse"""
 OTHER = 40.0
 """grey levels from which on a colour is that of another object, however different it is"""
 _MOST = (2 * REACH + 1) ** 2  # nodes in a window, in the worst case a px apart
@@ -72,7 +72,7 @@ class _Palette(NamedTuple):
 
 def spacing_of(divisor: int) -> int:
     """px between examples, for cells of `divisor` px."""
-    return max(1, -(-2 * REACH * divisor // (SPREAD - 1)))
+    return max(1, 2 * REACH * divisor // (SPREAD - 1))
 
 
 # Without NaN and signed zeros the least of several distances is found at once; the result is the same in any order.
