@@ -2,15 +2,22 @@
 
 from dataclasses import replace
 
+import numpy as np
+from scipy.special import ndtr
+
 from orthomill.tasks.adjustment.model.surveyed_observations import Blunder, has_weight, without
 from orthomill.tasks.adjustment.progress import Progress
-from orthomill.tasks.adjustment.solve.minimise import minimise
+from orthomill.tasks.adjustment.solve.minimise import NEAR, minimise
 from orthomill.tasks.adjustment.solve.ray_intersection import enough_rays, usable_rays
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.adjustment.testing.ray_blunders import ray_blunders
 from orthomill.tasks.adjustment.testing.solution_precision import precise_solution
 from orthomill.tasks.adjustment.testing.surveyed_blunders import is_outlier, surveyed_blunder, with_reinstated
-from orthomill.tasks.adjustment.testing.variance_components import converged, estimated_factors
+from orthomill.tasks.adjustment.testing.variance_components import converged, estimated_factors, image_factor_without
+
+# They bend photographs as well as their points, and rays that are right look wrong beside them.
+UNBENT = 0.95
+"""Rays that reduce the standard error of all rays by more must go alone before others are tested."""
 
 
 def plain_solution(now: Progress) -> Progress:
@@ -18,7 +25,7 @@ def plain_solution(now: Progress) -> Progress:
     network, rays = now.weighted_network, now.weighted_rays
     # Points may have moved to where their rays no longer intersect; they would make the normal equations singular.
     used = usable_rays(network, now.state, rays, now.used)
-    state, steps = minimise(network, now.state, rays.take(used))
+    state, steps = minimise(network, now.state, rays.take(used), damping=NEAR)
     result = precise_solution(network, state, rays, used, now.factors)
     return replace(now, state=state, used=used, iterations=now.iterations + steps, result=result, changed=False)
 
@@ -53,7 +60,7 @@ def _solution_without(now: Progress, suspect: Blunder) -> tuple[Adjustment, int]
     """The plain solution without one observation, and its iterations."""
     network, rays = without(now.weighted_network, suspect), now.weighted_rays
     used = enough_rays(network, rays, now.used)
-    state, steps = minimise(network, now.state, rays.take(used))
+    state, steps = minimise(network, now.state, rays.take(used), damping=NEAR)
     return precise_solution(network, state, rays, used, now.factors), steps
 
 
@@ -66,11 +73,31 @@ def with_variance_components(now: Progress) -> Progress:
 
 
 def without_ray_blunders(now: Progress) -> Progress:
-    """Rejects the worst ray of every point whose standardised residual is too large, by the estimated standard errors."""
-    # The residuals are standardised with the old factors; the quotient turns the limit into units of the new ones.
-    limit = now.by_group(now.estimated) / now.by_group(now.factors) * now.test.limit
-    left = enough_rays(now.network, now.rays, now.used & ~ray_blunders(now.solution, limit))
-    return replace(now, used=left, changed=now.changed or bool((left != now.used).any()))
+    """Rejects the worst ray of every point whose standardised residual is too large, by the standard errors that the rays left
+    yield; a point that has lost a ray waits for the next solution. So few rays as exceed the limit by chance change nothing."""
+    solution, left, waiting = now.solution, now.used, np.zeros(len(now.state.point), bool)
+    least = UNBENT * now.estimated.image
+    while now.estimated.image >= least:
+        # The residuals are standardised with the old factors; the quotient turns the limit into units of the new ones.
+        limit = now.by_group(now.estimated) / now.by_group(now.factors) * now.test.limit
+        worst = left & ray_blunders(solution, limit) & ~waiting[now.rays.point]
+        if not worst.any():
+            break
+        # Blunders hide behind the standard error that they enlarge: each sweep finds those that the last one has uncovered, and
+        # none of them needs a solution of its own.
+        waiting[now.rays.point[worst]] = True
+        left = enough_rays(now.network, now.rays, left & ~worst)
+        now = replace(now, estimated=replace(now.estimated, image=image_factor_without(solution, now.used & ~left)))
+    # Rays about the limit would otherwise be found one by one, each by the small shift that the last one caused.
+    chance = 4.0 * ndtr(-now.test.limit) * left.sum()
+    return replace(now, used=left, changed=now.changed or bool((left != now.used).sum() > chance))
+
+
+def settled(now: Progress) -> Progress:
+    """The last solution, computed anew where rays were rejected after it."""
+    if (now.used == now.solution.used).all():
+        return now
+    return with_variance_components(plain_solution(reweighted(now)))
 
 
 def reweighted(now: Progress) -> Progress:

@@ -19,6 +19,7 @@ from orthomill.tasks.adjustment.adjustment_steps import (
     final_result,
     plain_solution,
     reweighted,
+    settled,
     with_reinstated_blunders,
     with_variance_components,
     without_ray_blunders,
@@ -49,7 +50,7 @@ def adjust(network: Network, start: State, rays: Rays, test: BlunderTest | None 
             continue
         now = with_reinstated_blunders(now)
         if not now.changed:
-            return final_result(now)
+            return final_result(settled(now))
     raise GeometryError(
         f"The blunder tests of the bundle adjustment still rejected rays in the last of {test.rounds} rounds; the tie points "
         "contain too many wrong matches."

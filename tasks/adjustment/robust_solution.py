@@ -17,7 +17,7 @@ from orthomill.tasks.adjustment.solve.minimise import minimise
 from orthomill.tasks.adjustment.solve.ray_intersection import enough_rays, usable_rays
 from orthomill.tasks.adjustment.testing.adjustment_result import surveyed
 from orthomill.tasks.adjustment.testing.distance_agreement import agreement
-from orthomill.tasks.adjustment.testing.gross_blunders import gross_blunder, lengths_of_rays
+from orthomill.tasks.adjustment.testing.gross_blunders import gross_blunder, lengths_of_rays, surveyed_factors
 
 # The unit changes as the block improves: the first two solutions need no sharp end.
 TOLERANCES = (1e-2, 1e-2, 1e-3)
@@ -29,7 +29,7 @@ def robust_solution(network: Network, start: State, rays: Rays, test: BlunderTes
     now = _with_agreeing_distances(Progress(network, rays, test, network, start, np.ones(len(rays), bool)))
     for tolerance in TOLERANCES:
         now, scaled = _huber_solution(now, tolerance)
-    return _without_gross_rays(_without_gross_surveyed(now, scaled))
+    return _with_usual_factors(_without_gross_rays(_without_gross_surveyed(now, scaled)), scaled)
 
 
 def _huber_solution(now: Progress, tolerance: float) -> tuple[Progress, Rays]:
@@ -56,6 +56,17 @@ def _without_gross_rays(now: Progress) -> Progress:
     unit = _units(now.network, now.state, now.rays, now.used, least=1e-3)
     good = residual_lengths(now.network, now.state, now.rays) < now.test.gross * unit
     return replace(now, used=enough_rays(now.network, now.rays, now.used & good))
+
+
+def _with_usual_factors(now: Progress, scaled: Rays) -> Progress:
+    """The same solution with the standard errors that its residuals show.
+
+    Control that is stated to centimetres but good to metres would bend the block in the first solution without Huber's weights.
+    """
+    surveyed_ones = surveyed_factors(now.network, now.state, scaled, now.test.gross_surveyed)
+    unit, by_person = _units(now.network, now.state, now.rays, now.used, least=0.1), surveyed(now.network, now.rays)
+    image, pointing = (float(unit[own].max(initial=0.0)) or 1.0 for own in (~by_person, by_person))
+    return replace(now, factors=replace(surveyed_ones, image=image, pointing=pointing))
 
 
 def _with_agreeing_distances(now: Progress) -> Progress:

@@ -14,16 +14,17 @@ from orthomill.tasks.adjustment.model.datum import PriorFactors, add_prior, prio
 from orthomill.tasks.adjustment.model.linearisation import Linear, linearised, structure
 from orthomill.tasks.adjustment.model.network import Network, Rays, State
 from orthomill.tasks.adjustment.model.robust_weights import huber_cost, huber_weights
+from orthomill.tasks.adjustment.solve.bundle_step import BundleStep, step_of
 from orthomill.tasks.adjustment.solve.normal_equations import point_corrections, reduced_normals
 from orthomill.tasks.adjustment.solve.normal_inverse import inverse_of
-from orthomill.tasks.adjustment.solve.ray_intersection import intersected
+from orthomill.tasks.adjustment.solve.ray_intersection import held_in_front, intersected
 from orthomill.tasks.adjustment.solve.whole_block import fitted_whole
 from orthomill.tasks.adjustment.sparse.block_cholesky import Structure
 from orthomill.tasks.adjustment.sparse.block_matrix import diagonal_places
-from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
 
-NEGLIGIBLE = 1e-3
-"""A step that gains less, in squares of standard errors, moves no unknown by more than some hundredths of its standard error."""
+# Undamped steps converge quadratically: after one of a tenth of a standard error the next is some thousandths of it.
+NEGLIGIBLE = 1e-2
+"""An undamped step that gains less, in squares of standard errors, is the last."""
 
 # In a curved valley damping that falls too far fails at every other step, so that it falls slowly once a step has failed.
 FAST, GENTLE = 0.1, 1.0 / 3.0
@@ -35,7 +36,7 @@ LARGEST_DAMPING = 1e8
 """Damping beyond which no better step is searched for."""
 
 # Less would let a singular system pass for a determined one as long as its damping is above rounding.
-LEAST_DAMPING = 1e-9
+LEAST_DAMPING = 1e-12
 """Damping below which it is set to 0, and from which it grows again."""
 
 UNDETERMINED = (
@@ -43,6 +44,9 @@ UNDETERMINED = (
     "parameter cannot be separated from the positions; fix the interior orientation, or add control points."
 )
 
+
+FAR, NEAR = 1e-4, 0.0
+"""Damping of the first step: from starting values, and from the neighbourhood of the minimum, where it would only shorten steps."""
 
 # A small gain of a strongly damped step says only that the step was short.
 END_DAMPING = 1e-3
@@ -65,26 +69,32 @@ class _Iterate:
 
     state: State
     cost: float
-    damping: float = 1e-4
+    damping: float
     ease: float = FAST
     gain: float = np.inf
 
 
 def minimise(
-    network: Network, start: State, rays: Rays, huber: float = np.inf, tolerance: float = 1e-9, most: int = 100
+    network: Network,
+    start: State,
+    rays: Rays,
+    huber: float = np.inf,
+    tolerance: float = 1e-9,
+    damping: float = FAR,
+    most: int = 100,
 ) -> tuple[State, int]:
-    """Levenberg-Marquardt from `start`; `huber` in standard errors. Returns the state and the number of iterations.
+    """Levenberg-Marquardt from `start` with a first `damping`; `huber` in standard errors. Returns the state and the number of
+    iterations.
 
-    Stops when a step gains less than `tolerance` of the cost. Iterative reweighting with Huber's weights converges slowly and needs
-    no sharp end: it may stop after `most` iterations. Poorly determined blocks (a short strip without control) move slowly along a
-    curved valley; they may stop where a step gains no more than NEGLIGIBLE.
+    Stops when a step gains less than `tolerance` of the cost, or an undamped one no more than NEGLIGIBLE. Iterative reweighting
+    with Huber's weights converges slowly and needs no sharp end: it may stop after `most` iterations.
 
     Every point with rays needs two of them (or prior coordinates). Raises GeometryError when the observations do not determine the
     unknowns, or when `most` iterations do not converge.
     """
     bundle = _Bundle(network, rays, huber)
     state = fitted_whole(network, start, huber)
-    now, order = _Iterate(state, _cost(bundle, state)), None
+    now, order = _Iterate(state, _cost(bundle, state), damping), None
     for iteration in range(1, most + 1):
         factors = prior_factors(network, now.state, huber)
         linear = linearised(
@@ -95,12 +105,20 @@ def minimise(
         then = _next(bundle, now, linear, order, factors)
         # By far the largest table: two of them at a time would decide how large a block fits into memory.
         del linear
-        if then is None or (then.gain <= tolerance * then.cost + 1e-15 * len(rays) and then.damping <= END_DAMPING):
+        if then is None or _ended(then, tolerance, len(rays)):
             return (now if then is None else then).state, iteration
         now = replace(then, damping=then.damping * then.ease if then.damping > LEAST_DAMPING else 0.0)
     if np.isfinite(huber) or now.gain <= NEGLIGIBLE:
         return now.state, most
     raise GeometryError(f"The bundle adjustment did not converge in {most} iterations; check its tie points and starting values.")
+
+
+def _ended(then: _Iterate, tolerance: float, rays: int) -> bool:
+    """Whether a step gained so little that it was the last."""
+    # An undamped step is as long as it should be: what it does not gain is not there.
+    if then.damping <= LEAST_DAMPING and then.gain <= NEGLIGIBLE:
+        return True
+    return then.gain <= tolerance * then.cost + 1e-15 * rays and then.damping <= END_DAMPING
 
 
 def _next(bundle: _Bundle, now: _Iterate, linear: Linear, order: Structure, factors: PriorFactors) -> _Iterate | None:
@@ -110,23 +128,34 @@ def _next(bundle: _Bundle, now: _Iterate, linear: Linear, order: Structure, fact
     """
     damping, growth, ease = now.damping, 2.0, now.ease
     while True:
-        trial = _moved(bundle.network, now.state, linear, order, factors, damping)
-        if trial is not None and ease == GENTLE:
-            trial = intersected(bundle.network, trial, bundle.rays, bundle.huber)
-        cost = np.inf if trial is None else _cost(bundle, trial)
+        step = _step(bundle.network, now.state, linear, order, factors, damping)
+        tried = None if step is None else _tried(bundle, now, step, ease == GENTLE)
         # At the minimum the cost scatters by its rounding: that is no failure.
-        if cost <= now.cost * (1.0 + 1e-12) or damping > LARGEST_DAMPING:
+        if (tried is not None and tried[1] <= now.cost * (1.0 + 1e-12)) or damping > LARGEST_DAMPING:
             break
         damping, growth, ease = max(damping, LEAST_DAMPING) * growth, 2.0 * growth, GENTLE
-    if trial is None:
+    if tried is None:
         raise GeometryError(UNDETERMINED)
     if damping > LARGEST_DAMPING:
         return None
-    if growth > 2.0:
-        # A failed step is the sign of a curved valley, most often that of a block that moves as a whole.
-        trial = fitted_whole(bundle.network, trial, bundle.huber)
-        cost = _cost(bundle, trial)
-    return _Iterate(trial, cost, damping, ease, now.cost - cost)
+    # Weak control (metres, or nearly on a line) determines the motion of the block so poorly that full steps overshoot and damped
+    # ones creep. Alone its seven unknowns are found in milliseconds, and the shape of the block needs no further step for it.
+    state = fitted_whole(bundle.network, tried[0], bundle.huber)
+    cost = tried[1] if state is tried[0] else _cost(bundle, state)
+    return _Iterate(state, cost, damping, ease, now.cost - cost)
+
+
+def _tried(bundle: _Bundle, now: _Iterate, step: BundleStep, again: bool) -> tuple[State, float]:
+    """The state to which a step leads, and its cost; `again`: after a failure, points are intersected anew."""
+    # The motion of the block first: the linear step may cost less at once, but leads along the curved valley.
+    for reached in (step.with_motion(now.state), step.linear(now.state)):
+        reached = held_in_front(bundle.network, now.state, reached, bundle.rays)
+        if again:
+            reached = intersected(bundle.network, reached, bundle.rays, bundle.huber)
+        cost = _cost(bundle, reached)
+        if cost <= now.cost:
+            break
+    return reached, cost
 
 
 def _cost(bundle: _Bundle, state: State) -> float:
@@ -137,8 +166,10 @@ def _cost(bundle: _Bundle, state: State) -> float:
     return huber_cost(size, bundle.huber) + prior_cost(bundle.network, state, bundle.huber)
 
 
-def _moved(network: Network, state: State, linear: Linear, order: Structure, factors: PriorFactors, damping: float) -> State | None:
-    """The state after one damped step; None where the normal equations are singular at this damping."""
+def _step(
+    network: Network, state: State, linear: Linear, order: Structure, factors: PriorFactors, damping: float
+) -> BundleStep | None:
+    """One damped step; None where the normal equations are singular at this damping."""
     normals = reduced_normals(linear, order.pattern, damping)
     # Marquardt's damping in units of the diagonal, that of the whole system: the reduced one is smaller by what the points explain.
     matrix, eliminated = normals.matrix, normals.diagonal - normals.matrix.diagonal()
@@ -149,16 +180,4 @@ def _moved(network: Network, state: State, linear: Linear, order: Structure, fac
         correction = inverse_of(network, state, order, matrix).times(right[:, None])[:, 0]
     except np.linalg.LinAlgError:
         return None
-    return _corrected(network, state, correction, point_corrections(linear, correction, damping))
-
-
-def _corrected(network: Network, state: State, correction: np.ndarray, points: np.ndarray) -> State:
-    """The state after corrections (n,) of the unknowns of the reduced system and (N, 3) of the points."""
-    photo = correction[: 6 * network.photos].reshape(-1, 6)
-    turned = np.array([rotation_of_vector(w) @ R for w, R in zip(photo[:, 3:], state.rotation, strict=True)])
-    interior = state.interior.copy()
-    interior[network.interior.free] += correction[6 * network.photos : 6 * network.photos + int(network.interior.free.sum())]
-    shift = state.shift + correction[network.shift_columns] if network.shift else state.shift
-    lever = state.lever + correction[network.lever_columns] if len(network.lever_columns) else state.lever
-    points[network.kept] = correction[network.kept_columns]
-    return State(turned, state.centre + photo[:, :3], state.point + points, interior, shift, lever)
+    return step_of(network, correction, point_corrections(linear, correction, damping))

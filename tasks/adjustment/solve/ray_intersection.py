@@ -19,6 +19,9 @@ from orthomill.tasks.adjustment.solve.normal_equations import point_corrections
 # same amount nearer at two thirds of it.
 UNSURE = 0.25
 """Standard error of a distance, in units of itself, beyond which a point is not determined."""
+NEARER, FARTHER = -3.0, 0.75
+"""Largest steps of a distance, in units of itself, that are taken in its inverse: to a quarter of the distance, and to four times
+it."""
 
 
 def usable_rays(network: Network, state: State, rays: Rays, used: np.ndarray) -> np.ndarray:
@@ -69,6 +72,31 @@ def intersecting(network: Network, state: State, rays: Rays, used: np.ndarray) -
     # What a person measured is a decision of theirs; it is tested later, not dropped silently.
     sure = (weakest * UNSURE**2 > 1.0) | network.pointed
     return used & sure[rays.point]
+
+
+def held_in_front(network: Network, before: State, after: State, rays: Rays) -> State:
+    """The state `after` a step in which no point has jumped past a camera or infinity: those that would have, take the step in the
+    inverse of their distance.
+
+    Rays that are nearly parallel determine the inverse of a distance; in the distance itself a linear step overshoots. One such
+    point among a hundred thousand would otherwise forbid the step to the whole block.
+    """
+    past = np.unique(rays.point[np.abs(residuals(after, rays, network.camera_of)).max(axis=1) >= BEHIND])
+    past = past[~np.isin(past, network.kept)]
+    if not len(past):
+        return after
+    own = rays.take(np.isin(rays.point, past))
+    count = np.bincount(own.point, minlength=len(after.point))[past, None]
+    first, then = (
+        np.stack([np.bincount(own.point, state.centre[own.photo, k])[past] for k in range(3)], axis=1) / count
+        for state in (before, after)
+    )
+    away = before.point[past] - first
+    step = after.point[past] - then - away
+    along = ((step * away).sum(axis=1) / np.maximum((away**2).sum(axis=1), 1e-24))[:, None]
+    point = after.point.copy()
+    point[past] = then + away / (1.0 - np.clip(along, NEARER, FARTHER)) + step - along * away
+    return replace(after, point=point)
 
 
 def intersected(network: Network, state: State, rays: Rays, huber: float) -> State:

@@ -14,11 +14,15 @@ from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import NO_DISTANCES, Network, Rays, State
 from orthomill.tasks.adjustment.model.surveyed_observations import Blunder, SurveyedKind
 from orthomill.tasks.adjustment.solve.normal_equations import point_corrections, point_precision_alone
+from orthomill.tasks.adjustment.testing.adjustment_result import Factors
 from orthomill.tasks.adjustment.testing.surveyed_blunders import usual_misfit, worst_of
 
 # Gauss-Newton on three unknowns per point, from a robust solution; each step squares the error.
 STEPS = 6
 """Steps of the intersection of the rays of a point."""
+CONTRADICTED = 2.0
+"""The usual misfit of a group that is larger, in stated standard errors, contradicts these: the median of four or more is not twice
+as large by chance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +45,15 @@ def gross_blunder(network: Network, state: State, rays: Rays, limit: float) -> B
     found = _beyond(SurveyedKind.POSITION, centres, prior_sizes(network, state).centre[centres], limit)
     found += _beyond(SurveyedKind.CONTROL, *_control_misfits(network, points), limit)
     return worst_of(network, found + _beyond(SurveyedKind.DISTANCE, *_distance_misfits(network, points), limit))
+
+
+def surveyed_factors(network: Network, state: State, rays: Rays, limit: float) -> Factors:
+    """How many times larger than stated the usual misfits of positions and surveyed points are, where that is no chance; the others
+    as stated."""
+    sizes = prior_sizes(network, state).centre[network.centre_weight.any(axis=1)]
+    misfits = _control_misfits(network, _intersections(network, state, rays, limit))[1]
+    position, control = (unit if (unit := usual_misfit(each)) > CONTRADICTED else 1.0 for each in (sizes, misfits))
+    return Factors(position=position, control=control)
 
 
 def lengths_of_rays(network: Network, state: State, rays: Rays, limit: float) -> tuple[np.ndarray, np.ndarray]:

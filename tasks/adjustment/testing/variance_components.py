@@ -44,6 +44,19 @@ def estimated_factors(result: Adjustment) -> tuple[Factors, tuple[Group, ...]]:
     return new, tuple(Group(*row) for row in zip(ObservationKind, counts, parts, factors, strict=True) if row[1])
 
 
+def image_factor_without(result: Adjustment, lost: np.ndarray) -> float:
+    """The factor of tie points as it would be without the rays `lost` (M,) bool, one of a point or all of them."""
+    ties = result.used & ~surveyed(result.network, result.rays)
+    square, redundancy = _image_share(result, ties & ~lost)
+    # A ray that goes takes along what it has bent the other rays of its point: its square in units of its own redundancy.
+    count = np.bincount(result.rays.point[ties & ~lost], minlength=len(result.state.point))
+    alone = ties & lost & (count[result.rays.point] > 0)
+    own, numbers = _image_share(result, alone)
+    square -= float((result.standardised[alone] ** 2).sum()) - own
+    redundancy -= 2.0 * alone.sum() - numbers
+    return result.factors.image * float(np.sqrt(square / redundancy)) if square > 0 and redundancy > 0 else result.factors.image
+
+
 def converged(new: Factors, old: Factors) -> bool:
     """Whether two sets of factors agree within 1 %."""
     # One per cent of a standard error decides no test, and the next round would change it by less.

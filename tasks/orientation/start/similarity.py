@@ -12,6 +12,9 @@ import numpy as np
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.geometry.rotation import nearest_rotation
 
+WIDENED = (1.0, 2.0, 4.0, 8.0, 16.0)
+"""Factors of the tolerances of known points, the first of which half of the points keep."""
+
 
 @dataclass(frozen=True, eq=False)
 class Similarity:
@@ -59,25 +62,31 @@ def consensus(
 ) -> np.ndarray:
     """(n,) residuals of all points from the similarity on which most of them agree, in units of their tolerances.
 
-    The tolerance is three standard errors plus a fiftieth of the extent of the model, because a free model bends. `trusted` points
-    (n,) bool (surveyed control) win over the others where three or more of them agree, because a whole set of positions may have a
-    common error. All points, the trusted ones, the others, and seeded triples are tried. Raises GeometryError.
+    The tolerance is three standard errors plus a fiftieth of the extent of the model, because a free model bends; twice as much,
+    four times ... where not even half of the points agree within it. `trusted` points (n,) bool (surveyed control) win over the
+    others where three or more of them agree, because a whole set of positions may have a common error. All points, the trusted
+    ones, the others, and seeded triples are tried. Raises GeometryError.
     """
     # Three points have a redundancy of two: too little to say which of them is wrong.
     if len(model) < 4:
         return np.zeros(len(model))
-    best, lowest = np.zeros(len(model)), np.inf
-    for own, bonus in _samples(trusted):
-        fit = fit_similarity(model[own], ground[own], sigma[own], vertical)
-        allowed = 3.0 * sigma + 0.02 * fit.scale * float(np.linalg.norm(np.ptp(model, axis=0)))
-        miss = np.linalg.norm(fit.apply(model) - ground, axis=1) / allowed
-        # Not all of the control must agree: single points may be misidentified or mistyped.
-        agreed = (miss[trusted] < 1.0).sum() >= max(3, 0.7 * trusted.sum())
-        # Truncated at 1, so that a point far off costs no more than one that is just outside; the bonus outweighs all points.
-        loss = float(np.minimum(miss, 1.0).sum()) - bonus - (len(model) if agreed else 0.0)
-        if loss < lowest:
-            best, lowest = miss, loss
+    fits = [(fit_similarity(model[own], ground[own], sigma[own], vertical), bonus) for own, bonus in _samples(trusted)]
+    extent = float(np.linalg.norm(np.ptp(model, axis=0)))
+    misses = [(np.linalg.norm(fit.apply(model) - ground, axis=1) / (3.0 * sigma + 0.02 * fit.scale * extent), b) for fit, b in fits]
+    # Standard errors may be stated far too small for all points: any three of them would then agree with nobody but themselves.
+    for factor in WIDENED:
+        best = min(((miss / factor, bonus) for miss, bonus in misses), key=lambda one: _loss(one[0], one[1], trusted))[0]
+        if (best < 1.0).mean() >= 0.5:
+            break
     return best
+
+
+def _loss(miss: np.ndarray, bonus: float, trusted: np.ndarray) -> float:
+    """What residuals (n,) in units of their tolerances speak against a similarity."""
+    # Not all of the control must agree: single points may be misidentified or mistyped.
+    agreed = (miss[trusted] < 1.0).sum() >= max(3, 0.7 * trusted.sum())
+    # Truncated at 1, so that a point far off costs no more than one that is just outside; the bonus outweighs all points.
+    return float(np.minimum(miss, 1.0).sum()) - bonus - (len(miss) if agreed else 0.0)
 
 
 def _samples(trusted: np.ndarray) -> Iterator[tuple[np.ndarray, float]]:

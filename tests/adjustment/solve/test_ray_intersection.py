@@ -3,11 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from small_network import moved, small_network
 
-from orthomill.tasks.adjustment.model.collinearity import residual_lengths
+from orthomill.tasks.adjustment.model.collinearity import BEHIND, residual_lengths
 from orthomill.tasks.adjustment.model.network import Rays
-from orthomill.tasks.adjustment.solve.ray_intersection import UNSURE, intersected, intersecting
+from orthomill.tasks.adjustment.solve.ray_intersection import UNSURE, held_in_front, intersected, intersecting
 
 
 def test_a_point_counts_while_its_distance_is_better_known_than_a_quarter():
@@ -39,3 +40,28 @@ def test_points_move_to_the_intersection_of_their_rays_and_none_gets_worse():
     assert then[own].sum() < 0.01 * first[own].sum()
     assert (there.point[network.pointed] == start.point[network.pointed]).all()
     assert (there.centre == start.centre).all()
+
+
+@pytest.mark.parametrize("depth", [-1e9, -150.0, 20.0])
+def test_a_point_that_jumps_past_a_camera_or_infinity_stays_in_front(depth):
+    network, state, rays = small_network(3)
+    network = replace(network, point_weight=np.zeros_like(network.point_weight))
+    away = state.point[7] - state.centre.mean(axis=0)
+    # A depth below 0 is that of a point which a step has taken past all cameras; 20 m is in front of them, and left alone.
+    jumped = replace(state, point=state.point.copy())
+    jumped.point[7] = state.centre.mean(axis=0) + away / np.linalg.norm(away) * depth
+    held = held_in_front(network, state, jumped, rays)
+    assert residual_lengths(network, held, rays).max() < BEHIND
+    assert (held.point[7] == jumped.point[7]).all() == (depth > 0)
+    assert (np.delete(held.point, 7, axis=0) == np.delete(state.point, 7, axis=0)).all()
+
+
+def test_a_step_past_infinity_goes_to_four_times_the_distance_at_most():
+    network, state, rays = small_network(5)
+    away = state.point[9] - state.centre.mean(axis=0)
+    beyond = replace(state, point=state.point.copy())
+    # All cameras jump ahead of the point, which steps 100 times its distance away: the rays see it from behind.
+    beyond.point[9] = state.point[9] + 100.0 * away
+    turned = replace(beyond, rotation=beyond.rotation * [[[1.0], [-1.0], [-1.0]]])
+    held = held_in_front(network, state, turned, rays.take(rays.point == 9))
+    assert held.point[9] == pytest.approx(state.centre.mean(axis=0) + 4.0 * away)

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_network import more_control, small_network
+from small_network import more_control, small_network, surveyed_noise
 
 from orthomill.tasks.adjustment.model.network import Distances
 from orthomill.tasks.adjustment.model.surveyed_observations import SurveyedKind
-from orthomill.tasks.adjustment.testing.gross_blunders import gross_blunder, lengths_of_rays
+from orthomill.tasks.adjustment.testing.gross_blunders import gross_blunder, lengths_of_rays, surveyed_factors
 
 ENDS = np.array([[4, 30], [5, 31], [6, 32], [7, 33]])
 
@@ -92,3 +92,14 @@ def test_lengths_between_points_whose_rays_do_not_intersect_are_unknown(block):
     xy[np.flatnonzero(rays.point == ENDS[2, 0])[:2]] += [[50.0, 0.0], [-50.0, 30.0]]
     length, sigma = lengths_of_rays(network, state, replace(rays, xy=xy), 6.0)
     assert list(np.isnan(length)) == [False, False, True, False] == list(np.isnan(sigma))
+
+
+def test_standard_errors_that_all_control_contradicts_are_enlarged_and_chance_is_not():
+    network, state, rays = small_network(6, photos=6, points=60, noise=0.3)
+    network = more_control(network, 12)
+    rng = np.random.default_rng(4)
+    for size, enlarged in ((1.0, False), (40.0, True)):
+        noisy = surveyed_noise(network, rng, control=size)
+        factors = surveyed_factors(noisy, state, rays, 6.0)
+        assert factors.position == factors.image == 1.0
+        assert (factors.control == pytest.approx(size, rel=0.5)) if enlarged else (factors.control == 1.0)

@@ -11,7 +11,13 @@ from orthomill.tasks.adjustment.model.network import Distances
 from orthomill.tasks.adjustment.solve.minimise import minimise
 from orthomill.tasks.adjustment.testing.adjustment_result import AS_STATED, Factors, ObservationKind
 from orthomill.tasks.adjustment.testing.solution_precision import precise_solution
-from orthomill.tasks.adjustment.testing.variance_components import _enlarged, converged, distance_variances, estimated_factors
+from orthomill.tasks.adjustment.testing.variance_components import (
+    _enlarged,
+    converged,
+    distance_variances,
+    estimated_factors,
+    image_factor_without,
+)
 
 ENDS = np.array([[20, 50], [21, 51], [22, 52]])
 
@@ -96,3 +102,19 @@ def test_variances_of_adjusted_distances_are_below_the_measured_ones():
     assert variance[2] * 1e8 == pytest.approx(1.0, rel=1e-2), "a very precise distance stays as precise"
     none = replace(network, distances=replace(network.distances, weight=np.zeros(3)))
     assert (distance_variances(solved(none, state, rays)) >= variance).all()
+
+
+def test_the_factor_without_a_wrong_ray_is_nearly_that_of_the_solution_without_it():
+    network, state, rays = block(3)
+    xy = rays.xy.copy()
+    xy[[120, 400]] += 9.0
+    wrong = replace(rays, xy=xy)
+    before = solved(network, state, wrong)
+    lost = np.isin(np.arange(len(rays)), [120, 400])
+    used, factors = ~lost, estimated_factors(before)[0]
+    state, _ = minimise(network, before.state, wrong.take(used))
+    after = estimated_factors(precise_solution(network, state, wrong, used, AS_STATED))[0]
+    assert factors.image > 1.1 * after.image
+    # A linear prediction: the blunders have bent the photographs as well, which the solution without them mends.
+    assert image_factor_without(before, lost) - after.image < 0.25 * (factors.image - after.image)
+    assert image_factor_without(before, ~used & ~lost) == pytest.approx(factors.image)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.geometry.rotation import rotation_matrix
-from orthomill.tasks.orientation.start.similarity import VerticalityConstraint, fit_similarity, turn_precision
+from orthomill.tasks.orientation.start.similarity import VerticalityConstraint, consensus, fit_similarity, turn_precision
 
 NO = VerticalityConstraint(np.array([0.0, 0.0, 1.0]), 0.0)
 
@@ -49,3 +49,15 @@ def test_turn_precision_tells_lines_from_areas():
 def test_one_point_is_refused():
     with pytest.raises(GeometryError, match="two or more"):
         fit_similarity(np.zeros((1, 3)), np.zeros((1, 3)), np.ones(1), NO)
+
+
+@pytest.mark.parametrize(("sigma", "off", "aside"), [(0.03, 0.02, 1), (0.03, 3.0, 1), (2.0, 2.0, 1)])
+def test_a_wrong_point_is_far_from_the_consensus_however_good_the_others_are(sigma, off, aside):
+    rng = np.random.default_rng(8)
+    model = rng.uniform(-1.0, 1.0, (9, 3)) * [20.0, 20.0, 2.0]
+    ground = model + off * rng.standard_normal((9, 3))
+    ground[3] += [60.0, 0.0, 0.0]
+    miss = consensus(model, ground, np.full(9, sigma), NO, np.ones(9, bool))
+    # Control of metres that is stated to centimetres agrees within metres: three points that fit by chance are no consensus.
+    assert list(np.flatnonzero(miss >= 5.0)) == [3] * aside
+    assert (np.delete(miss, 3) < 1.0).mean() >= 0.5

@@ -1,0 +1,63 @@
+"""A step of the adjustment, and the two ways in which it is taken.
+
+The normal equations give one correction for every unknown. Added to the unknowns it is the linear step. Most of a step is often a
+motion of the whole block, of which image measurements see nothing, while its linear form would change them: the step with its
+motion takes that part as the similarity transformation that it is, and only the rest as corrections of the unknowns. The linear
+step is better where control is more precise than the image measurements (a single photograph over surveyed points).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orthomill.tasks.adjustment.model.network import Network, State
+from orthomill.tasks.adjustment.solve.whole_block import motion_in
+from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
+
+
+@dataclass(frozen=True, eq=False)
+class BundleStep:
+    """Corrections of all unknowns: projection centres (P, 3) m, rotation vectors (P, 3) in the image systems, points (N, 3) m,
+    interior orientations (C, 8), shift and lever arm (3,) m."""
+
+    centre: np.ndarray
+    turn: np.ndarray
+    point: np.ndarray
+    interior: np.ndarray
+    shift: np.ndarray
+    lever: np.ndarray
+
+    def linear(self, state: State) -> State:
+        """The state with every unknown corrected by itself."""
+        turned = np.array([rotation_of_vector(w) @ R for w, R in zip(self.turn, state.rotation, strict=True)])
+        return State(
+            turned,
+            state.centre + self.centre,
+            state.point + self.point,
+            state.interior + self.interior,
+            state.shift + self.shift,
+            state.lever + self.lever,
+        )
+
+    def with_motion(self, state: State) -> State:
+        """The state corrected by what changes the shape of the block, then moved as a whole."""
+        whole = motion_in(state, self.centre, self.turn)
+        shape = replace(
+            self,
+            centre=self.centre - whole.linear(state.centre),
+            turn=self.turn + state.rotation @ whole.numbers[3:6],
+            point=self.point - whole.linear(state.point),
+        )
+        return whole.of(shape.linear(state), np.arange(len(state.point)))
+
+
+def step_of(network: Network, correction: np.ndarray, points: np.ndarray) -> BundleStep:
+    """The step from corrections (n,) of the unknowns of the reduced system and (N, 3) of the eliminated points."""
+    photo = correction[: 6 * network.photos].reshape(-1, 6)
+    interior, shift, lever = np.zeros_like(network.interior.value), np.zeros(3), np.zeros(3)
+    interior[network.interior.free] = correction[6 * network.photos : 6 * network.photos + int(network.interior.free.sum())]
+    # Without a column there is nothing to correct: the slices are empty then.
+    shift[: len(network.shift_columns)] = correction[network.shift_columns]
+    lever[: len(network.lever_columns)] = correction[network.lever_columns]
+    points[network.kept] = correction[network.kept_columns]
+    return BundleStep(photo[:, :3], photo[:, 3:], points, interior, shift, lever)
