@@ -35,6 +35,7 @@ class Client:
     """Remembers what is submitted; every job ends with the status and error that are planned for its item."""
 
     status = "running"
+    dashboard_link = "http://127.0.0.1:8787/secret/status"
 
     def __init__(self, **planned: tuple) -> None:
         self.planned, self.submitted, self.cancelled = planned, [], []
