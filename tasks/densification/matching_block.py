@@ -126,10 +126,11 @@ def match_pair_block(
     parallax = (nodes.parallax[inside] - block.offset).astype(np.float32)
     stacked = np.stack([parallax, nodes.sigma[inside], nodes.correlation[inside]], axis=-1)
     outcome = nodes.outcome[inside]
-    return MatchedBlock(stacked, outcome, _statistics(stacked, outcome, found.y_parallax))
+    return MatchedBlock(stacked, outcome, matching_statistics(stacked, outcome, found.y_parallax))
 
 
-def _statistics(nodes: np.ndarray, outcome: np.ndarray, y_parallax: float) -> MatchingStatistics:
+def matching_statistics(nodes: np.ndarray, outcome: np.ndarray, y_parallax: float) -> MatchingStatistics:
+    """The counts of a block; nodes (rows, cols, 3) and outcome (rows, cols) as in `MatchedBlock`, y_parallax in px or NaN."""
     return MatchingStatistics(
         outcomes=tuple(np.bincount(outcome.ravel(), minlength=len(Outcome)).tolist()),
         precision=tuple(np.histogram(nodes[..., 1], PRECISION_EDGES)[0].tolist()),

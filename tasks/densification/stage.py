@@ -2,7 +2,8 @@
 
 By default a volume of heights over all photographs is solved level by level, tile by tile; a block of a pair is matched as soon as
 its epipolar tiles and the volume under it are there, and a tile of the surface follows as soon as the blocks that may show it are
-matched. Vertical line locus finds the heights in blocks of cells and needs neither volume nor epipolar images.
+matched. Vertical line locus finds the heights in blocks of cells and needs neither volume nor epipolar images. The strategies of
+pairs need no volume: pyramids, region growing and the cascade match every pair by itself.
 """
 
 from collections.abc import Iterator
@@ -10,7 +11,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from orthomill.schemas.epipolar import PAIRS
+from orthomill.schemas.epipolar import PAIRS, EpipolarPair
 from orthomill.schemas.job import Export, Job, Reading
 from orthomill.schemas.orientation import BLOCK as BLOCK_TABLE
 from orthomill.schemas.photo import PHOTOS
@@ -31,6 +32,9 @@ from orthomill.tasks.densification.planning.surface_plan import CELLS, SurfacePl
 from orthomill.tasks.densification.points import PointThinning
 from orthomill.tasks.densification.report import line_report, report
 from orthomill.tasks.densification.spike_filter import SpikeFilter
+from orthomill.tasks.densification.strategies.pair_strategies import Cascade, CoarseToFine, Growing, PairStrategy
+from orthomill.tasks.densification.strategies.strategy_block import make_pair_surface
+from orthomill.tasks.densification.strategies.strategy_plan import strategy_plan
 from orthomill.tasks.densification.surface_grid import surface_of
 from orthomill.tasks.densification.surface_tile import SurfaceRules, make_surface
 from orthomill.tasks.densification.volume.levels import VolumeScene
@@ -56,7 +60,7 @@ class VerticalLineLocus(LineLocus):
     kind: Literal["vertical_line_locus"]
 
 
-Matching = Annotated[ObjectSpace | VerticalLineLocus, Field(discriminator="kind")]
+Matching = Annotated[ObjectSpace | VerticalLineLocus | CoarseToFine | Growing | Cascade, Field(discriminator="kind")]
 _Plan = Iterator[RasterSpec | Job | Export]
 
 
@@ -89,6 +93,8 @@ class DensificationStage(Stage):
         surface = view.table(SURFACE)
         if isinstance(self.matching, VerticalLineLocus):
             yield from self._lines(view, surface, self.matching)
+        elif isinstance(self.matching, PairStrategy):
+            yield from self._pairs_alone(view, surface, self.matching)
         else:
             yield from self._object_space(view, surface, self.matching)
 
@@ -105,9 +111,20 @@ class DensificationStage(Stage):
         volume = {"height": JUDGED_HEIGHT, "judgement": JUDGEMENT, "worth": WORTH}
         source = SurfaceSource(make_surface, volume, surface, scene.block.ground_mean, scene.levels[-1].step, matching.pairs.step)
         yield from self._tiles(view).jobs(source, pairs)
+        yield self._report_of_pairs(pairs)
+
+    def _pairs_alone(self, view: ProjectView, surface: Surface, matching: PairStrategy) -> _Plan:
+        """The pairs, each by a strategy of its own, and the surface from their nodes."""
+        pairs, ground = view.table(PAIRS).pairs, view.table(BLOCK_TABLE).ground_mean
+        for pair in pairs:
+            yield from strategy_plan(pair, matching, self.kind)
+        yield from self._tiles(view).jobs(SurfaceSource(make_pair_surface, {}, surface, ground, 0.0, matching.step), pairs)
+        yield self._report_of_pairs(pairs)
+
+    def _report_of_pairs(self, pairs: tuple[EpipolarPair, ...]) -> Job:
         statistics = tuple(matching_table(pair.name) for pair in pairs)
         reads: dict[str, Reading] = {"pairs": PAIRS, "surface": SURFACE, "matching": statistics, "cells": CELLS}
-        yield Job(self.kind, "report", report, reads, {"report": report_table(self.kind)})
+        return Job(self.kind, "report", report, reads, {"report": report_table(self.kind)})
 
     def _lines(self, view: ProjectView, surface: Surface, matching: VerticalLineLocus) -> _Plan:
         """Blocks of vertical lines, and the surface from them."""

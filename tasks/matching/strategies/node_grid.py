@@ -77,10 +77,12 @@ class PreparedPair:
     def of(cls, left: ImagePart, right: ImagePart, settings: LeastSquaresMatching) -> "PreparedPair":
         return cls(prepare(left.pixels, settings), prepare(right.pixels, settings), left.origin, right.origin, settings)
 
-    def match(self, points: np.ndarray, starts: np.ndarray, affine: np.ndarray | None = None, half: int | None = None) -> Matches:
+    def match(
+        self, points: np.ndarray, starts: np.ndarray, affine: np.ndarray | None = None, half: int | np.ndarray | None = None
+    ) -> Matches:
         """`match_points` with all positions in pixels of the photographs; points without a start (NaN) are NOT_TRIED.
 
-        half: half side of the windows, None for that of the settings.
+        half: half side of the windows, of all or of every one (N,), 0 where there is none; None for that of the settings.
         """
         # A half size of 0 is how `match_points` is told not to try a point.
         halves = np.where(np.isfinite(starts).all(axis=1), self.settings.half if half is None else half, 0)

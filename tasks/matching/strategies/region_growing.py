@@ -77,17 +77,21 @@ def halo(settings: RegionGrowing, step: int, pyramid: PyramidMatching | None = N
     return nodes * step + (window if pyramid is None else max(window, pyramid_halo(pyramid, step) + 2 * step))
 
 
-def grow(left: ImagePart, right: ImagePart, grid: NodeGrid, seeds: Seeds, settings: RegionGrowing) -> Matches:
+def grow(
+    left: ImagePart, right: ImagePart, grid: NodeGrid, seeds: Seeds, settings: RegionGrowing, half: np.ndarray | None = None
+) -> Matches:
     """Match the nodes of a grid that growth reaches: one row per node, row by row; positions in pixels of the photographs.
 
     For work in parts the grid must cover whole regions, `region_cover` of the nodes that are wanted. Nodes that are never reached
-    are NOT_TRIED; seeds outside the grid are ignored.
+    are NOT_TRIED; seeds outside the grid are ignored. half: (rows * cols,) half sides of the windows of the nodes, 0 for nodes that
+    have none; None for that of the settings.
     """
     pair = PreparedPair.of(left, right, settings.matching)
     points, queues = grid.points(), queues_for(_regions(grid, settings))
+    half = np.full(len(points), settings.matching.half) if half is None else half.astype(np.int64)
     found = pair.match(points, np.full_like(points, np.nan))
     _plant(queues, grid, seeds)
-    found = _grown(pair, points, queues, grid, found, settings)
+    found = _grown(pair, points, half, queues, grid, found, settings)
     # All nodes solved so far are entered again: a neighbour region may have grown up to the border since.
     for _ in range(settings.crossings if settings.region and len(points) else 0):
         solved = np.flatnonzero(found.converged)
@@ -101,7 +105,7 @@ def grow(left: ImagePart, right: ImagePart, grid: NodeGrid, seeds: Seeds, settin
             found.affine[solved].astype(np.float64),
             True,
         )
-        found = _grown(pair, points, queues, grid, found, settings)
+        found = _grown(pair, points, half, queues, grid, found, settings)
     return agreeing(found, grid, settings.min_neighbours, settings.neighbour_tolerance)
 
 
@@ -166,7 +170,13 @@ def _plant(queues: Queues, grid: NodeGrid, seeds: Seeds) -> None:
 
 
 def _grown(
-    pair: PreparedPair, points: np.ndarray, queues: Queues, grid: NodeGrid, found: Matches, settings: RegionGrowing
+    pair: PreparedPair,
+    points: np.ndarray,
+    half: np.ndarray,
+    queues: Queues,
+    grid: NodeGrid,
+    found: Matches,
+    settings: RegionGrowing,
 ) -> Matches:
     """Grow all regions until no node waits; `found` is filled in place."""
     active = np.arange(len(queues.first))
@@ -174,7 +184,7 @@ def _grown(
     # One node of every region per call: regions are independent, and the kernel is called with many points.
     while count := pop_each(queues, active, popped):
         active, nodes = active[:count], popped[:count].copy()
-        new = pair.match(points[nodes], queues.start[nodes], queues.affine[nodes])
+        new = pair.match(points[nodes], queues.start[nodes], queues.affine[nodes], half[nodes])
         for name, table in found.__dict__.items():
             table[nodes] = new.__dict__[name]
         solved = new.converged

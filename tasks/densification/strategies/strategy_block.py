@@ -1,0 +1,106 @@
+"""A block of a pair that is matched by a strategy: what it reads, its nodes, and what the surface makes of them."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from orthomill.schemas.epipolar import EpipolarPair
+from orthomill.schemas.outcome import Outcome
+from orthomill.schemas.raster import Window
+from orthomill.tasks.densification.completion import VolumeWindow
+from orthomill.tasks.densification.matching_block import MatchedBlock, matching_statistics
+from orthomill.tasks.densification.strategies.pair_strategies import PairStrategy
+from orthomill.tasks.densification.surface_tile import SurfaceCells, SurfaceRules, SurfaceTile, make_surface
+from orthomill.tasks.densification.volume.quality import Judgement
+from orthomill.tasks.matching.least_squares.matching import Matches
+from orthomill.tasks.matching.strategies.coarse_to_fine import SearchRange
+from orthomill.tasks.matching.strategies.node_grid import ImagePart, NodeGrid
+
+SIDE = 1024
+"""px along the side of a block: halos of pyramids and regions are several hundred pixels wide"""
+_ROWS = 2.0
+"""px of y-parallax that an orientation may leave"""
+
+
+@dataclass(frozen=True)
+class StrategyBlock:
+    """Nodes `nodes` (window of the grid of nodes) of a pair, and the strategy's halo and number of pyramid levels."""
+
+    pair: EpipolarPair
+    nodes: Window
+    step: int
+    halo: int
+    levels: int
+
+    @property
+    def offset(self) -> float:
+        """Left minus right column of a parallax of 0, px."""
+        return self.pair.left_col0 - self.pair.right_col0
+
+    @property
+    def search(self) -> SearchRange:
+        low, high = (p + self.offset for p in (self.pair.parallax_low, self.pair.parallax_high))
+        return SearchRange(-high, -low, -_ROWS, _ROWS)
+
+    @property
+    def left(self) -> Window:
+        """The window that is read of the left image."""
+        core = self.nodes.scaled(self.step)
+        return self._aligned(core.grown(self.halo)).clipped((self.pair.rows, self.pair.left_cols))
+
+    @property
+    def right(self) -> Window:
+        """The window that is read of the right image; empty where the whole search lies beyond it."""
+        left, search, spare = self.left, self.search, int(_ROWS) + 2**self.levels
+        first, last = (
+            left.col + int(np.floor(search.col_low)) - spare,
+            left.col + left.width + int(np.ceil(search.col_high)) + spare,
+        )
+        wide = Window(left.row - spare, first, left.height + 2 * spare, last - first)
+        return self._aligned(wide).clipped((self.pair.rows, self.pair.right_cols))
+
+    def _aligned(self, window: Window) -> Window:
+        """Wider to the left and upwards, so that its pixels of every level are those of the whole image."""
+        unit = 2**self.levels
+        row, col = window.row // unit * unit, window.col // unit * unit
+        return Window(row, col, window.row + window.height - row, window.col + window.width - col)
+
+    @property
+    def scratch(self) -> int:
+        """Working memory of `match_by_strategy`, bytes."""
+        # Both images in float32 with their smoothing and gradients, halved levels, and the tables of all nodes of left window.
+        pixels = self.left.height * self.left.width
+        return 40 * (pixels + self.right.height * self.right.width) + 400 * (pixels // self.step**2 + 1)
+
+
+def match_by_strategy(
+    block: StrategyBlock, strategy: PairStrategy, left: np.ndarray | None = None, right: np.ndarray | None = None
+) -> MatchedBlock:
+    """Match the nodes of a block; left, right: uint8 (rows, cols), the windows `block.left` and `block.right`, None where empty."""
+    nodes = np.full((*block.nodes.shape, 3), np.nan, np.float32)
+    outcome = np.full(block.nodes.shape, Outcome.OUTSIDE, np.uint8)
+    if left is None or right is None:
+        return MatchedBlock(nodes, outcome, matching_statistics(nodes, outcome, float("nan")))
+    grid = NodeGrid(block.nodes.row, block.nodes.col, *block.nodes.shape, block.step)
+    parts = ImagePart(left, block.left.col, block.left.row), ImagePart(right, block.right.col, block.right.row)
+    found = strategy.matches(*parts, grid, block.search)
+    outcome = found.outcome.reshape(grid.shape)
+    nodes[...] = _node_values(found, grid, block.offset).reshape(*grid.shape, 3)
+    off = found.row[found.converged] - found.reference[found.converged, 1]
+    return MatchedBlock(nodes, outcome, matching_statistics(nodes, outcome, float(np.median(off)) if len(off) else float("nan")))
+
+
+def _node_values(found: Matches, grid: NodeGrid, offset: float) -> np.ndarray:
+    """(N, 3) float32: parallax px, its standard error px, correlation; NaN without a match."""
+    parallax = grid.points()[:, 0] - found.col - offset
+    values = np.column_stack([parallax, np.sqrt(found.covariance[:, 0, 0]), found.correlation])
+    return np.where(found.converged[:, None], values, np.nan).astype(np.float32)
+
+
+def make_pair_surface(tile: SurfaceTile, rules: SurfaceRules, nodes: Iterator[np.ndarray]) -> SurfaceCells:
+    """The cells of a tile from the nodes of pairs alone: one array (rows, cols, 3) float32 per piece, in their order."""
+    # Without a volume nothing rivals a match that its strategy accepted, and what none of the pairs has is interpolated.
+    volume = VolumeWindow.unknown(tile.work.shape)
+    volume.judgement[..., Judgement.STANDING] = 100
+    return make_surface(tile, rules, volume.height, volume.judgement, volume.worth, nodes)

@@ -1,0 +1,98 @@
+"""The strategies of pairs through the stage: a rendered pair to a surface, without any volume."""
+
+import numpy as np
+import pytest
+from memory_runner import MemoryProject
+from scipy import ndimage
+from village_pair import CELL, block_of, normal_case, photos_of, render, village
+
+from orthomill.schemas.epipolar import PAIRS, EpipolarPairs, epipolar_raster
+from orthomill.schemas.orientation import BLOCK
+from orthomill.schemas.outcome import Outcome
+from orthomill.schemas.photo import PHOTOS
+from orthomill.schemas.raster import Window
+from orthomill.schemas.stage_report import report_table
+from orthomill.schemas.surface import HEIGHT, MEASURED, PRECISION, PROVENANCE, SURFACE
+from orthomill.tasks.densification.planning.pair_plan import nodes_raster, outcome_raster
+from orthomill.tasks.densification.stage import DensificationStage
+from orthomill.tasks.densification.strategies.pair_strategies import Cascade, CoarseToFine, Growing
+from orthomill.tasks.matching.strategies.coarse_to_fine import PyramidMatching
+from orthomill.tasks.matching.strategies.region_growing import RegionGrowing
+from orthomill.tasks.matching.windows.sizes import CombinedWindow, EntropyWindow, FixedWindow, FoerstnerWindow, StatisticalWindow
+
+LEVELS = PyramidMatching(levels=3)
+WAYS = {
+    "pyramid": CoarseToFine(kind="pyramid", pyramid=LEVELS),
+    "cascade": Cascade(kind="cascade", pyramid=LEVELS),
+    "region_growing": Growing(kind="region_growing", pyramid=LEVELS, growing=RegionGrowing(region=16)),
+    "one_region": Growing(kind="region_growing", pyramid=LEVELS, growing=RegionGrowing(region=0, seeds=6)),
+}
+WINDOWS = (
+    FixedWindow(window=13),
+    StatisticalWindow(kind="statistical", largest=25, min_deviation=8.0),
+    EntropyWindow(kind="entropy", min_entropy=3.5),
+    FoerstnerWindow(kind="foerstner", largest=25),
+    CombinedWindow(kind="combined"),
+)
+
+
+@pytest.fixture(scope="module")
+def seen():
+    scene, pair = village(420, 5, seed=4), normal_case(420)
+    return scene, render(scene, pair)
+
+
+def run(seen, matching, tile=128):
+    engine, pair = MemoryProject(tile), seen[1].pair
+    engine.tables[BLOCK.path], engine.tables[PHOTOS.path] = block_of(pair), photos_of(pair)
+    engine.tables[PAIRS.path] = EpipolarPairs(pairs=(pair,))
+    for side, image in (("left", seen[1].left), ("right", seen[1].right)):
+        engine.put(epipolar_raster(pair.name, side), image)
+    engine.run(DensificationStage(matching=matching))
+    return engine
+
+
+def errors(seen, engine):
+    """Height minus truth (rows, cols), and the cells of open ground."""
+    grid = engine.tables[SURFACE.path].grid
+    x, y = np.meshgrid(*grid.centres(Window(0, 0, *grid.shape)))
+    row, col = -y / CELL, x / CELL
+    truth = ndimage.map_coordinates(seen[0].height, [row, col], order=1, mode="nearest")
+    marked = ndimage.map_coordinates((seen[0].roof | seen[0].blank).astype(float), [row, col], order=0, mode="nearest") > 0
+    inside = (col > 60) & (col < 360) & (row > 60) & (row < 360)
+    return engine.rasters[HEIGHT] - truth, inside & ~ndimage.binary_dilation(marked, iterations=16)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_open_ground_is_measured_and_its_standard_errors_hold(seen, way):
+    engine = run(seen, WAYS[way])
+    error, ground = errors(seen, engine)
+    measured = ground & np.isin(engine.rasters[PROVENANCE], MEASURED)
+    assert measured.sum() > 0.85 * ground.sum()
+    assert 1.4826 * np.median(np.abs(error[measured])) < 0.2
+    assert (np.abs(error)[measured] < 3 * engine.rasters[PRECISION][measured]).mean() > 0.9
+    figures = {figure.name: figure.value for figure in engine.tables[report_table("densification").path].figures}
+    assert figures["nodes_matched"] == np.isfinite(engine.rasters[nodes_raster("a-b")][..., 0]).sum()
+
+
+@pytest.mark.parametrize("window", WINDOWS, ids=lambda window: window.kind)
+def test_every_way_to_size_a_window_gives_other_nodes_and_true_heights(seen, window):
+    grown, sized = (run(seen, WAYS["region_growing"].model_copy(update={"window": w})) for w in (None, window))
+    error, ground = errors(seen, sized)
+    measured = ground & np.isin(sized.rasters[PROVENANCE], MEASURED)
+    assert measured.sum() > 0.3 * ground.sum() and 1.4826 * np.median(np.abs(error[measured])) < 0.3
+    assert not np.array_equal(*(engine.rasters[nodes_raster("a-b")] for engine in (grown, sized)), equal_nan=True)
+
+
+def test_a_wider_step_makes_fewer_nodes(seen):
+    wide = run(seen, WAYS["pyramid"].model_copy(update={"step": 8})).rasters[outcome_raster("a-b")]
+    assert wide.shape[0] == -(-seen[1].pair.rows // 8) and (wide == Outcome.CONVERGED).mean() > 0.5
+
+
+def test_blocks_give_what_the_whole_pair_gives(seen, monkeypatch):
+    from orthomill.tasks.densification.strategies import strategy_plan
+
+    whole = run(seen, WAYS["region_growing"]).rasters[nodes_raster("a-b")]
+    monkeypatch.setattr(strategy_plan, "SIDE", 128)
+    blocks = run(seen, WAYS["region_growing"]).rasters[nodes_raster("a-b")]
+    assert np.array_equal(whole, blocks, equal_nan=True)
