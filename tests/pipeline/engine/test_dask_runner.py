@@ -76,7 +76,7 @@ def killed(item: str):
 
 def test_jobs_carry_their_keys_their_memory_and_what_they_wait_for(runner_of):
     runner = runner_of("one", "two")
-    (first, before, options), (second, waits_for, _) = runner._client.submitted
+    (first, before, options), (second, waits_for, _) = runner.client.submitted
     assert first[:4] == ("a", "one", 0, 0) and second[:4] == ("a", "two", 0, 0) and first[4] == second[4]
     assert before == () and [future.key for future in waits_for] == [first]
     assert options["resources"] == {MEMORY: 7} and options["pure"] is False
@@ -84,19 +84,19 @@ def test_jobs_carry_their_keys_their_memory_and_what_they_wait_for(runner_of):
 
 def test_two_runs_on_one_cluster_do_not_share_keys(runner_of):
     one, other = runner_of("one"), runner_of("one")
-    assert one._client.submitted[0][0] != other._client.submitted[0][0]
+    assert one.client.submitted[0][0] != other.client.submitted[0][0]
 
 
 def test_the_scheduler_holds_no_more_jobs_than_a_wave_and_gets_the_next_when_one_ends(runner_of, monkeypatch):
     monkeypatch.setattr(runner_module, "WAVE", 3)
     runner = runner_of(*"abcdefg")
-    assert [key[1] for key, _, _ in runner._client.submitted] == ["a", "b", "c"] and runner.busy
+    assert [key[1] for key, _, _ in runner.client.submitted] == ["a", "b", "c"] and runner.busy
     ended = []
     while runner.busy:
         ended.append(runner.next().key[1])
         assert len(runner._futures) <= 3
     assert ended == list("abcdefg")
-    waits = {key[1]: [before.key[1] for before in befores] for key, befores, _ in runner._client.submitted}
+    waits = {key[1]: [before.key[1] for before in befores] for key, befores, _ in runner.client.submitted}
     assert waits["d"] == ["c"], "c was still with the scheduler"
 
 
@@ -108,7 +108,7 @@ def test_jobs_behind_the_wave_are_blocked_by_a_failure_in_it(runner_of, monkeypa
         ("two", "blocked"),
         ("three", "blocked"),
     ]
-    assert not runner.busy and len(runner._client.submitted) == 1
+    assert not runner.busy and len(runner.client.submitted) == 1
 
 
 def test_waiting_for_a_job_can_be_stopped(runner_of, monkeypatch):
@@ -161,14 +161,14 @@ def test_a_result_that_dask_revokes_is_waited_for_again(runner_of):
 def test_closing_cancels_what_is_left_if_the_client_still_lives(runner_of):
     runner = runner_of("one", "two")
     runner.close()
-    assert len(runner._client.cancelled) == 2
+    assert len(runner.client.cancelled) == 2
     failing = runner_of("one")
-    failing._client.cancel = lambda *more, **options: (_ for _ in ()).throw(CommClosedError("gone"))
+    failing.client.cancel = lambda *more, **options: (_ for _ in ()).throw(CommClosedError("gone"))
     failing.close()
     lost = runner_of("one")
-    lost._client.status = "closed"
+    lost.client.status = "closed"
     lost.close()
-    assert lost._client.cancelled == []
+    assert lost.client.cancelled == []
 
 
 def test_a_report_is_kept_of_runs_on_dask_only(tmp_path):
