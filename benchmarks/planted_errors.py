@@ -68,7 +68,8 @@ def check(scene: Scene, heights: np.ndarray, stage: DsmCheckStage) -> CheckedCel
     whole = Window(0, 0, *heights.shape)
     windows = tuple(NodeWindow(p.name, *[_nodes_of(p.window, stage.step)] * 2) for p in chosen.pairs)
     factor = chosen.pixels_per_cell
-    grid = CorrectionNodes(stage.step, factor, stage.radius * stage.step, 2 * stage.matching.search.reach / factor)
+    move, side = 2 * stage.matching.search.reach / factor, (2 * stage.matching.least_squares.reach + 1) / factor
+    grid = CorrectionNodes(stage.step, factor, stage.radius * stage.step, move, side)
     rule = CorrectionRule(stage.apply, stage.significance, grid, block_size(heights.shape), chosen.pixel_height)
     return correct_tile(whole, windows, rule, heights, nodes)
 

@@ -3,15 +3,16 @@
 Strategy. Spikes are first removed from the nodes of all pairs near a tile (against the median of their neighbours). Then a plane is
 fitted in every cell to the corrections within a fixed radius, weighted by distance: a linear interpolation that also shows how well
 its points agree. Only **corrections** are interpolated and added; interpolating corrected heights would smooth the surface
-(methods/measured.md). The standard error contains that of the nodes and their scatter about the plane; it is not divided by the
-square root of their number, because the windows of neighbours overlap. Points are summed in the order of the whole raster, so that
-any tiling gives the same sums.
+(methods/measured.md). The windows of neighbours overlap, and so do their errors: a mean of nodes keeps what they have in common and
+averages the rest. Scatter about the plane beyond that is an error of the plane, and is added. Points are summed in the order of the
+whole raster, so that any tiling gives the same sums.
 
 The surface is changed only where the correction clearly exceeds its own standard error: below, noise would be added to a good
 surface. The share that is applied grows from 0 to 1 around the limit, so that no step arises.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -29,8 +30,9 @@ _LEAST_POINTS = 3.0
 """points that determine a plane"""
 _SPIKE = 3.0
 """standard errors by which a correction may differ from the median of its neighbours"""
-_W, _X, _Y, _XX, _XY, _YY, _Z, _XZ, _YZ, _ZZ, _VARIANCE, _POINTS = range(12)
-"""weighted sums per cell: x to the right and y down from the cell to a point (cells), z its dh, its variance; number of points"""
+_W, _X, _Y, _XX, _XY, _YY, _Z, _XZ, _YZ, _ZZ, _VARIANCE, _WW, _POINTS = range(13)
+"""weighted sums per cell: x to the right and y down from the cell to a point (cells), z its dh, its variance; sum of the squares of
+the weights, number of points"""
 
 
 @dataclass(frozen=True)
@@ -43,11 +45,31 @@ class CorrectionNodes:
     """cells: a correction is used up to that distance"""
     move: float
     """cells: greatest distance of a corrected point from its node"""
+    window: float
+    """cells: side of the windows that were matched at the nodes"""
 
     @property
     def halo(self) -> int:
         """Nodes around a tile on which its cells depend: reach of the fit, of the points, and of the median filter."""
         return int(np.ceil((self.radius + self.move) / self.step)) + 3
+
+    @cached_property
+    def common(self) -> float:
+        """The part of their errors that the nodes of a cell have in common: the share in which their windows overlap, the mean over
+        all pairs of nodes, weighted as they are in the fit."""
+        reach = int(np.ceil(self.radius / self.step)) + 1
+        places = self.step * np.arange(-reach, reach + 1)
+        at = np.stack(np.meshgrid(places, places), axis=-1).reshape(-1, 2)
+        overlap = np.prod(np.maximum(1.0 - np.abs(at[:, None] - at[None]) / self.window, 0.0), axis=-1)
+        np.fill_diagonal(overlap, 0.0)
+        shared, all_pairs = 0.0, 0.0
+        # The mean over the places that a cell can have between the nodes.
+        for row in range(self.step):
+            for col in range(self.step):
+                weight = np.maximum(1.0 - np.hypot(at[:, 0] - col, at[:, 1] - row) / self.radius, 0.0) ** 2
+                shared += float(weight @ overlap @ weight)
+                all_pairs += float(weight.sum() ** 2 - (weight**2).sum())
+        return shared / max(all_pairs, 1e-12)
 
 
 @dataclass(frozen=True)
@@ -112,23 +134,24 @@ def node_points(nodes: np.ndarray, first: tuple[int, int], grid: CorrectionNodes
     return points[near]
 
 
-def interpolate(points: np.ndarray, window: Window, radius: float) -> CorrectionMap:
-    """dh in the cells of `window` from points (N, 4) of `node_points`; NaN where fewer than three lie within `radius` cells."""
+def interpolate(points: np.ndarray, window: Window, grid: CorrectionNodes) -> CorrectionMap:
+    """dh in the cells of `window` from points (N, 4) of `node_points`; NaN where fewer than three lie within the radius."""
+    radius = grid.radius
     dh, sigma = np.full(window.shape, np.nan, np.float32), np.full(window.shape, np.nan, np.float32)
-    # In strips: the twelve float64 sums per cell would take 100 MB for a tile of 1024 cells.
+    # In strips: the thirteen float64 sums per cell would take 100 MB for a tile of 1024 cells.
     for top in range(0, window.height, _STRIP):
         height = min(_STRIP, window.height - top)
         low, high = window.row + top - radius, window.row + top + height - 1 + radius
         near = points[(points[:, 0] >= low) & (points[:, 0] <= high)]
         sums = np.zeros((height, window.width, _POINTS + 1))
         _accumulate(near, (window.row + top, window.col), radius, sums)
-        _solve(sums, radius, dh[top : top + height], sigma[top : top + height])
+        _solve(sums, radius, grid.common, dh[top : top + height], sigma[top : top + height])
     return CorrectionMap(dh, sigma)
 
 
 @njit(cache=True)
 def _accumulate(points, origin, radius, sums):
-    """Adds points (N, 4) to sums (rows, cols, 12) of the cells within `radius`."""
+    """Adds points (N, 4) to sums (rows, cols, 13) of the cells within `radius`."""
     for i in range(points.shape[0]):
         row, col, dh, sigma = points[i, 0] - origin[0], points[i, 1] - origin[1], points[i, 2], points[i, 3]
         for r in range(max(int(np.ceil(row - radius)), 0), min(int(np.floor(row + radius)) + 1, sums.shape[0])):
@@ -152,11 +175,12 @@ def _accumulate(points, origin, radius, sums):
                 s[_YZ] += w * y * dh
                 s[_ZZ] += w * dh * dh
                 s[_VARIANCE] += w * sigma * sigma
+                s[_WW] += w * w
                 s[_POINTS] += 1.0
 
 
 @njit(cache=True)
-def _solve(sums, radius, dh, sigma):
+def _solve(sums, radius, common, dh, sigma):
     """Value and standard error of the plane at the cell's centre, dh and sigma (rows, cols) m."""
     for r in range(sums.shape[0]):
         for c in range(sums.shape[1]):
@@ -172,7 +196,10 @@ def _solve(sums, radius, dh, sigma):
             a, b = (xz * yy - yz * xy) / determinant, (yz * xx - xz * xy) / determinant
             scatter = s[_ZZ] / w - z * z - a * xz - b * yz
             dh[r, c] = z - a * x - b * y
-            sigma[r, c] = np.sqrt(s[_VARIANCE] / w + max(scatter, 0.0))
+            # What the nodes do not share is averaged, and makes them scatter about the plane.
+            variance, alone = s[_VARIANCE] / w, (1.0 - common) * s[_WW] / (w * w)
+            unexplained = max(scatter - variance * (1.0 - common - alone), 0.0)
+            sigma[r, c] = np.sqrt(variance * (common + alone) + unexplained)
 
 
 def share_applied(correction: CorrectionMap, apply: Literal["all", "significant", "none"], significance: float) -> np.ndarray:

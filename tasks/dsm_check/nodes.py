@@ -41,8 +41,8 @@ class NodeMatching(Settings):
         LeastSquaresMatching(window=11, max_shift=3.0, min_correlation=0.7), "Least-squares matching from these start values."
     )
     least_sigma: float = setting(
-        0.1,
-        "Least standard error of a shift: the error of resampling, which the matching does not report.",
+        0.03,
+        "Error of a shift that the matching does not report: orthoimages are resampled, so that their noise is correlated.",
         "orthoimage pixels",
         gt=0,
     )

@@ -98,7 +98,8 @@ class DsmCheckStage(Stage):
     apply: Literal["all", "significant", "none"] = setting(
         "significant", "Which corrections are added to the surface; below their own standard error they would add noise."
     )
-    significance: float = setting(3.0, "A correction of this many of its standard errors is significant.", "sigma", ge=1, le=10)
+    # Of a million cells three or four standard errors are exceeded by thousands without any error of the surface.
+    significance: float = setting(5.0, "A correction of this many of its standard errors is significant.", "sigma", ge=1, le=10)
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         size = view.project.tile
@@ -258,7 +259,9 @@ class DsmCheckStage(Stage):
     def _answer_tile(self, plan: _Plan, tile: Tile, size: int) -> Job:
         # A corrected point lies off its node by the shift in either orthoimage, in the worst case by twice the reach of the search.
         factor = plan.pairs.pixels_per_cell
-        nodes = CorrectionNodes(self.step, factor, self.radius * self.step, 2 * self.matching.search.reach / factor)
+        side = self.matching.least_squares.reach * 2 + 1
+        move = 2 * self.matching.search.reach / factor
+        nodes = CorrectionNodes(self.step, factor, self.radius * self.step, move, side / factor)
         reads: list[Region] = []
         windows: list[NodeWindow] = []
         for pair in plan.pairs.pairs:

@@ -85,7 +85,7 @@ def correct_tile(
     estimated = np.isin(np.zeros(window.shape, np.uint8) if provenance is None else provenance, ESTIMATED)
     clean = [without_spikes(one) for one in nodes]
     points = [node_points(one, (pair.given.row, pair.given.col), rule.nodes) for one, pair in zip(clean, pairs, strict=True)]
-    found = interpolate(np.concatenate([np.empty((0, 4)), *points]), window, rule.nodes.radius)
+    found = interpolate(np.concatenate([np.empty((0, 4)), *points]), window, rule.nodes)
     correction = CorrectionMap(*(np.where(estimated, np.float32(np.nan), band) for band in (found.dh, found.sigma)))
     share = share_applied(correction, rule.apply, rule.significance)
     # own nodes only: those of the halo are counted by the tiles to which they belong

@@ -1,5 +1,6 @@
 """From nodes to cells: planes are reproduced, spikes leave, tiles agree bit for bit, noise is not added."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -18,7 +19,7 @@ from orthomill.tasks.dsm_check.correction_map import (
 from orthomill.tasks.dsm_check.nodes import BANDS, DH, OUTCOME, SIGMA
 from orthomill.tasks.dsm_check.statistics import added, count, summarised
 
-GRID = CorrectionNodes(step=4, pixels_per_cell=1, radius=8.0, move=20.0)
+GRID = CorrectionNodes(step=4, pixels_per_cell=1, radius=8.0, move=20.0, window=11.0)
 
 
 def nodes(dh, sigma=0.1):
@@ -39,7 +40,7 @@ def scattered(seed=0, rows=40, cols=50):
 def test_a_plane_is_reproduced():
     row, col = np.indices((30, 30))
     points = node_points(nodes(0.3 * col - 0.1 * row), (0, 0), GRID)
-    out = interpolate(points, Window(0, 0, 120, 120), GRID.radius)
+    out = interpolate(points, Window(0, 0, 120, 120), GRID)
     r, c = np.indices((120, 120))
     truth = 0.3 * (c - 2) / 4 - 0.1 * (r - 2) / 4
     inner = np.s_[8:-8, 8:-8]
@@ -50,7 +51,7 @@ def test_a_plane_is_reproduced():
 
 def test_far_cells_stay_unknown():
     points = np.array([[10.0, 10.0, 1.0, 0.1], [10.0, 14.0, 1.0, 0.1], [14.0, 10.0, 1.0, 0.1]])
-    out = interpolate(points, Window(0, 0, 40, 40), 8.0)
+    out = interpolate(points, Window(0, 0, 40, 40), GRID)
     assert np.isfinite(out.dh[11, 11]) and out.dh[11, 11] == pytest.approx(1.0)
     assert np.isnan(out.dh[30, 30]) and np.isnan(out.dh[10, 3])
 
@@ -58,7 +59,7 @@ def test_far_cells_stay_unknown():
 def test_against_a_plain_twin():
     """One cell by a weighted least-squares plane in numpy, with the same small ridge."""
     points = node_points(scattered(), (0, 0), GRID)
-    out = interpolate(points, Window(64, 64, 64, 64), 8.0)
+    out = interpolate(points, Window(64, 64, 64, 64), GRID)
     y, x = points[:, 0] - 90, points[:, 1] - 100
     w = np.clip(1 - np.hypot(x, y) / 8.0, 0, None) ** 2
     mx, my, mz = (np.average(v, weights=w) for v in (x, y, points[:, 2]))
@@ -68,15 +69,36 @@ def test_against_a_plain_twin():
     assert out.dh[90 - 64, 100 - 64] == pytest.approx(mz - slope @ (mx, my), abs=1e-5)
 
 
+@pytest.mark.parametrize(("step", "radius", "side"), [(4, 6.0, 11), (4, 12.0, 11), (8, 12.0, 11), (4, 6.0, 21), (4, 6.0, 3)])
+def test_standard_errors_hold_for_nodes_whose_windows_overlap(step, radius, side):
+    """Monte Carlo: the error of a node is the mean of white noise in its window, as that of a match is."""
+    grid = CorrectionNodes(step=step, pixels_per_cell=1, radius=radius, move=20.0, window=float(side))
+    rng, count = np.random.default_rng(side), 60
+    ratios = []
+    for _ in range(4):
+        noise = cv2.blur(rng.normal(0, side, (count * step, count * step)), (side, side))
+        made = nodes(0.1 * noise[step // 2 :: step, step // 2 :: step], 0.1)
+        out = interpolate(node_points(made, (0, 0), grid), Window(0, 0, count * step, count * step), grid)
+        ratios.append((out.dh / out.sigma)[32:-32, 32:-32])
+    ratio = np.abs(np.concatenate(ratios))
+    assert 0.62 < (ratio < 1).mean() < 0.78 and 0.93 < (ratio < 2).mean() < 0.985 and (ratio < 3).mean() > 0.99
+
+
+def test_scatter_beyond_the_errors_of_the_nodes_makes_the_plane_uncertain():
+    dh = np.where(np.indices((30, 30)).sum(axis=0) % 2, 1.0, -1.0)
+    out = interpolate(node_points(nodes(dh, 0.1), (0, 0), GRID), Window(40, 40, 40, 40), GRID)
+    assert np.median(out.sigma) > 0.8
+
+
 @pytest.mark.parametrize("size", [64, 128])
 def test_tiles_agree_with_the_whole(size):
     everything = scattered()
     shape = 160, 200
-    whole = interpolate(node_points(without_spikes(everything), (0, 0), GRID), Window(0, 0, *shape), GRID.radius)
+    whole = interpolate(node_points(without_spikes(everything), (0, 0), GRID), Window(0, 0, *shape), GRID)
     for tile in tiles_of(shape, size):
         w = tile.window
         near = Window(w.row // 4, w.col // 4, -(-w.height // 4), -(-w.width // 4)).grown(GRID.halo).clipped((40, 50))
-        part = interpolate(node_points(without_spikes(everything[near.slices]), (near.row, near.col), GRID), w, GRID.radius)
+        part = interpolate(node_points(without_spikes(everything[near.slices]), (near.row, near.col), GRID), w, GRID)
         inner = np.s_[:]
         np.testing.assert_array_equal(part.dh[inner], whole.dh[w.slices])
         np.testing.assert_array_equal(part.sigma[inner], whole.sigma[w.slices])

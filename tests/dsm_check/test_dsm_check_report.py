@@ -142,7 +142,7 @@ def test_blocks_hold_share_mean_and_sigma():
 def test_a_tile_without_nodes_leaves_the_surface_as_it_is():
     heights = take_surface(np.array([[1.0, np.inf], [np.nan, 4.0]]))
     assert np.array_equal(heights, np.array([[1.0, np.nan], [np.nan, 4.0]], np.float32), equal_nan=True)
-    rule = CorrectionRule("all", 3.0, CorrectionNodes(4, 1, 6.0, 20.0), 8, 2.0)
+    rule = CorrectionRule("all", 3.0, CorrectionNodes(4, 1, 6.0, 20.0, 11.0), 8, 2.0)
     cells = correct_tile(Window(0, 0, 2, 2), (), rule, heights)
     assert np.array_equal(cells.height, heights, equal_nan=True) and np.isnan(cells.dh).all()
     assert (cells.counts.heights, cells.counts.checked, cells.counts.changed) == (2, 0, 0)
@@ -153,7 +153,7 @@ def test_a_tile_counts_its_own_nodes_only():
     nodes[..., OUTCOME], nodes[..., DH], nodes[..., 3] = Outcome.CONVERGED, 0.5, 0.1
     window = NodeWindow("a-b", Window(10, 20, 8, 8), Window(12, 22, 4, 4))
     assert window.inner(nodes).shape == (4, 4, len(BANDS))
-    rule = CorrectionRule("all", 3.0, CorrectionNodes(4, 1, 6.0, 20.0), 8, 2.0)
+    rule = CorrectionRule("all", 3.0, CorrectionNodes(4, 1, 6.0, 20.0, 11.0), 8, 2.0)
     cells = correct_tile(Window(48, 88, 16, 16), (window,), rule, np.zeros((16, 16), np.float32), (nodes,))
     assert cells.counts.pairs[0].outcomes[Outcome.CONVERGED] == 16
     assert cells.height == pytest.approx(0.5, abs=1e-5) and cells.counts.changed == 256
@@ -163,7 +163,7 @@ def test_estimated_heights_are_judged_apart_and_stay_as_they_are():
     nodes = np.zeros((8, 8, len(BANDS)), np.float32)
     nodes[..., OUTCOME], nodes[..., DH], nodes[..., 3] = Outcome.CONVERGED, 0.5, 0.1
     window = NodeWindow("a-b", Window(10, 20, 8, 8), Window(12, 22, 4, 4))
-    rule = CorrectionRule("all", 3.0, CorrectionNodes(4, 1, 6.0, 20.0), 8, 2.0)
+    rule = CorrectionRule("all", 3.0, CorrectionNodes(4, 1, 6.0, 20.0, 11.0), 8, 2.0)
     codes = np.full((16, 16), Provenance.AGREED, np.uint8)
     codes[:, 8:] = Provenance.INTERPOLATED
     cells = correct_tile(Window(48, 88, 16, 16), (window,), rule, np.zeros((16, 16), np.float32), (nodes,), codes)

@@ -165,11 +165,11 @@ def test_table_4_20_the_deformation_is_a_trend():
 
 def test_corrections_are_interpolated_not_heights():
     """methods/measured.md: a smooth deformation of a rough surface is recovered from its corrections alone."""
-    grid = CorrectionNodes(step=4, pixels_per_cell=1, radius=6.0, move=20.0)
+    grid = CorrectionNodes(step=4, pixels_per_cell=1, radius=6.0, move=20.0, window=11.0)
     row, col = (v.ravel() for v in np.mgrid[2:120:4, 2:120:4])
     dh = 16.0 * np.sin(row / 60.0) * np.cos(col / 70.0)
     points = np.column_stack([row, col, dh, np.full(row.size, 0.05)]).astype(float)
     r, c = np.mgrid[:120, :120]
     truth = 16.0 * np.sin(r / 60.0) * np.cos(c / 70.0)
-    found = interpolate(points, Window(0, 0, 120, 120), grid.radius).dh
+    found = interpolate(points, Window(0, 0, 120, 120), grid).dh
     assert np.abs(found - truth)[8:-8, 8:-8].max() < 0.03
