@@ -8,7 +8,8 @@ from orthomill.schemas.orientation import Block, ExteriorOrientation, GroundResi
 from orthomill.schemas.stage_report import Figure
 from orthomill.tasks.geometry.survey_system import vertical_name
 from orthomill.tasks.orientation.reporting.block_answers import accuracy
-from orthomill.tasks.orientation.reporting.block_facts import Facts, coverage
+from orthomill.tasks.orientation.reporting.block_facts import Facts
+from orthomill.tasks.orientation.reporting.photographed_surface import coverage
 
 PLACES = {
     "control": "at the control points, which hold the block",
@@ -142,7 +143,10 @@ def _precision(facts: Facts) -> Iterator[Figure]:
 def _coverage(facts: Facts) -> Iterator[Figure]:
     by_two, by_three = coverage(facts)
     yield Figure(
-        name="covered_by_two", value=by_two, unit="%", sentence="Share of the photographed ground that two photographs or more see."
+        name="covered_by_two",
+        value=by_two,
+        unit="%",
+        sentence="Share of the photographed surface that two photographs or more see.",
     )
     yield Figure(name="covered_by_three", value=by_three, unit="%")
 

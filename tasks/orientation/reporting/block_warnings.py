@@ -17,9 +17,10 @@ from orthomill.schemas.observations import ControlPoint
 from orthomill.schemas.orientation import GroundResidual
 from orthomill.tasks.adjustment.testing.adjustment_result import ObservationKind
 from orthomill.tasks.orientation.interchange.foreign_block import MIRRORED
-from orthomill.tasks.orientation.reporting.block_facts import CELLS, Facts, coverage, filled_areas
+from orthomill.tasks.orientation.reporting.block_facts import CELLS, Facts, filled_areas
 from orthomill.tasks.orientation.reporting.control_sentences import control_sentence
 from orthomill.tasks.orientation.reporting.finding_sentences import finding_sentence
+from orthomill.tasks.orientation.reporting.photographed_surface import coverage
 
 ONE_SIDED = 0.2
 """Share of the block's frame that the frame of the control must cover"""
@@ -31,7 +32,7 @@ LEAST_MEASUREMENTS, LEAST_AREAS = 30, 5
 """Tie points of a photograph, and the areas of its frame with any, below which its orientation is poorly determined: six unknowns
 need points in opposite corners."""
 LEAST_OVERLAP = 60.0
-"""% of the photographed ground that two photographs must see: forward overlap of a common flight"""
+"""% of the photographed surface that two photographs must see: forward overlap of a common flight"""
 CHANGED = 0.06
 """A camera constant that changes by more of itself: twice what EXIF is usually wrong by"""
 COSTLY = (ConstantNominal, InteriorUndetermined, ImageErrorsCorrelated, ControlOnALine, MeasurementsRejected, TiePointsMisfit)
@@ -66,7 +67,12 @@ def block_losses(facts: Facts) -> Iterator[str]:
 
 def _control_warnings(facts: Facts) -> Iterator[str]:
     surveyed = [point for point in facts.control.points if point.role != "tie"]
-    if not surveyed:
+    if not surveyed and all(photo.position is None for photo in facts.photos.photos):
+        yield (
+            "There is no ground control, and no photograph has a position: the block has its own shape, but no place, direction or "
+            "scale on the ground. Measure at least five points on the ground, and keep some of them as check points."
+        )
+    elif not surveyed:
         yield (
             "There is no ground control: absolute position and height are as good as the positions of the photographs, and nothing "
             "independent checks them. Measure at least five points on the ground, and keep some of them as check points."
@@ -189,7 +195,7 @@ def _overlap_warnings(facts: Facts) -> Iterator[str]:
     by_two, _ = coverage(facts)
     if by_two < LEAST_OVERLAP:
         yield (
-            f"Weak overlap: only {by_two:.0f} % of the photographed ground is seen by two photographs or more, and the rest gets "
+            f"Weak overlap: only {by_two:.0f} % of the photographed surface is seen by two photographs or more, and the rest gets "
             "no heights. Take photographs with more overlap."
         )
 

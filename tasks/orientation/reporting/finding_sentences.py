@@ -185,15 +185,15 @@ def principal_point_moved(finding: PrincipalPointMoved) -> str:
 @finding_sentence.register
 def image_errors_correlated(finding: ImageErrorsCorrelated) -> str:
     whose = (
-        "mostly alike in all photographs, as where the distortion parameters cannot describe the lens"
+        "mostly alike in all photographs of a camera"
         if finding.camera_share >= MOSTLY_CAMERA
-        else "mostly different in each, as by a stabiliser that shifts the sensor, a slow shutter or uneven film"
+        else "mostly different in each photograph"
     )
     return (
         f"Correlated image errors: whole regions of a photograph are displaced together, by {finding.rms_px:.2f} px on average, "
         f"{whose}. The standard errors include them: that of {finding.parameter} of {finding.owner} is {finding.sigma:.2g}; with "
-        f"independent measurements it would be {finding.white_sigma:.2g}. Calibrate the camera, switch stabilisers off, add "
-        "photographs turned by 90 degrees."
+        f"independent measurements it would be {finding.white_sigma:.2g}. The residuals do not tell the cause; a calibration of "
+        "the camera, or photographs turned by 90 degrees, would reduce what it does to the block."
     )
 
 

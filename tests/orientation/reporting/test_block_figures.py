@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from orthomill.schemas.camera import Cameras
-from orthomill.tasks.orientation.reporting.block_facts import coverage, filled_areas
+from orthomill.tasks.geometry.rotation import rotation_matrix
+from orthomill.tasks.orientation.reporting.block_facts import filled_areas
 from orthomill.tasks.orientation.reporting.block_figures import block_figures, exterior_sigmas
+from orthomill.tasks.orientation.reporting.photographed_surface import coverage
 
 
 def values(facts):
@@ -124,3 +126,20 @@ def test_areas_with_points_are_counted(facts, share, areas):
 
 def test_a_camera_that_is_not_in_the_calibration_is_compared_with_itself(facts):
     assert values(replace(facts, before=Cameras(cameras={}, of_photo={})))["photos_oriented"] == 2
+
+
+@pytest.mark.parametrize("turn", [0.0, 90.0])
+def test_the_overlap_of_a_facade_is_that_of_the_same_block_over_a_field(facts, turn):
+    """The block turned about the X axis: a facade 100 m high, on a level plane of which nothing overlaps."""
+    R = rotation_matrix(np.radians(turn), 0.0, 0.0)
+    photos = tuple(
+        photo.model_copy(update={"centre": tuple(np.array(photo.centre) @ R), "omega_phi_kappa": (turn, 0.0, 0.0)})
+        for photo in facts.block.photos
+    )
+    x, y, z = R.T @ [facts.points.x, facts.points.y, facts.points.z]
+    upright = replace(facts, block=facts.block.model_copy(update={"photos": photos}), points=replace(facts.points, x=x, y=y, z=z))
+    assert coverage(upright)[0] == pytest.approx(100 * 80 / 120, abs=2.0)
+
+
+def test_a_block_without_points_has_no_known_surface(facts):
+    assert coverage(replace(facts, points=facts.points.take(np.zeros(40, bool)))) == (0.0, 0.0)

@@ -48,6 +48,14 @@ def test_missing_control_and_missing_checks_are_different_warnings(facts):
     assert "There are no check points" in found and "There is no ground control" not in found
 
 
+def test_positions_are_spoken_of_only_where_there_are_any(facts):
+    bare = with_control(facts, (), ())
+    assert "no photograph has a position" in told(bare) and "as good as the positions" not in told(bare)
+    first, second = facts.photos.photos
+    placed = facts.photos.model_copy(update={"photos": (first.model_copy(update={"position": (0.0, 0.0, 100.0)}), second)})
+    assert "as good as the positions" in told(replace(bare, photos=placed))
+
+
 def test_tie_points_that_a_person_measured_are_no_control(facts):
     ties = [point.model_copy(update={"role": "tie"}) for point in facts.control.points]
     assert "There is no ground control" in told(with_control(facts, ties, ()))
