@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from orthomill.pipeline.engine.freed_memory import give_back
 from orthomill.pipeline.export.exports import export
 from orthomill.pipeline.records.records import Fingerprint, Key, Record, Records
 from orthomill.pipeline.storage.image_files import read_header, read_pixels
@@ -88,6 +89,7 @@ def execute(work: JobOrder, *dependencies: object) -> Key:
         _put(records, _record(work, "failed", started, error=sentence, traceback=traceback.format_exc()))
         raise JobFailed(work.job.key, sentence) from None
     _put(records, _record(work, "done", started, births=left.births, files=left.files))
+    give_back()
     return work.job.key
 
 
