@@ -6,10 +6,11 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 CODE := orthomill schemas tasks pipeline tests benchmarks
 project ?= volos
+photos ?=
 options ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run plan status report export dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-vll docs clean clean-all
+.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-vll docs clean clean-all
 
 help: ## List all targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-18s %s\n", $$1, $$2}'
@@ -23,7 +24,8 @@ $(STAMP): requirements.lock pyproject.toml
 
 setup: $(STAMP) ## Install everything into .venv (done by the other targets when needed)
 
-run: $(STAMP) ## Run a project: make project=volos run (options="--until orientation")
+run: $(STAMP) ## Run a project: make project=volos run (options="--until orientation"; photos=FOLDER begins a new one)
+	@if [ -n "$(photos)" ] && [ ! -f "workflows/$(project).yaml" ]; then $(BIN)/orthomill init "$(project)" --photos "$(photos)"; fi
 	@$(BIN)/orthomill run $(project) $(options)
 
 plan: $(STAMP) ## Show jobs, bytes, peak memory and why each stage would run
@@ -37,6 +39,9 @@ report: $(STAMP) ## Write the report again from what is there
 
 export: $(STAMP) ## Write the products again
 	@$(BIN)/orthomill export $(project) $(options)
+
+watch: $(STAMP) ## Open the map of tiles of a run, while it goes on or afterwards
+	@$(BIN)/orthomill watch $(project)
 
 dashboard: $(STAMP) ## Print the address of the dashboard of a run that is going on
 	@$(BIN)/orthomill dashboard $(project)

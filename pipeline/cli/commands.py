@@ -21,6 +21,7 @@ from rich.table import Table as Lines
 
 from orthomill.pipeline.cli.calibrate import BoardOptions, calibration_workflow
 from orthomill.pipeline.cli.clean import clean_run
+from orthomill.pipeline.cli.demo import write_demo
 from orthomill.pipeline.cli.doctor import doctor as examine
 from orthomill.pipeline.cli.inspect_photo import GuardedPhoto, picture_path, write_map
 from orthomill.pipeline.cli.plan_lines import plan_lines, plan_notes
@@ -54,7 +55,6 @@ from orthomill.tasks.catalogue import STAGES, Method, share_of, sizing_of, windo
 app = typer.Typer(
     help="From overlapping photographs to a checked surface model and a blended true orthoimage.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
 inspect = typer.Typer(help="Look at a single photograph, without a project.", no_args_is_help=True)
@@ -146,6 +146,16 @@ def _run(loaded: LoadedWorkflow, options: Options, as_json: bool = False) -> Run
     else:
         tell(end, out, err)
     return end
+
+
+@app.command()
+def demo(workers: Workers = 0, memory: Memory = 1500, sequential: Sequential = False, debug: Debug = False) -> None:
+    """Run a small embedded project in the current folder: photographs are simulated, everything else is as with real ones."""
+    with plain_errors(debug):
+        path = write_demo(Path.cwd())
+        end = _run(_load(str(path)), Options(None, None, workers, memory * MIB, sequential))
+    if not end.facts.complete:
+        raise typer.Exit(1)
 
 
 @app.command()

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -14,7 +15,20 @@ from orthomill.schemas.errors import OrthomillError
 out = Console(highlight=False)
 err = Console(stderr=True, highlight=False)
 
-Name = Annotated[str, typer.Argument(help="Project name (workflows/<name>.yaml) or the path of a workflow file.")]
+
+def project_names(beginning: str) -> list[str]:
+    """Projects of the current folder, for the completion of the shell."""
+    return sorted(path.stem for path in Path("workflows").glob("*.yaml") if path.stem.startswith(beginning))
+
+
+Name = Annotated[
+    str,
+    typer.Argument(
+        help="Project name (workflows/<name>.yaml) or the path of a workflow file.",
+        autocompletion=project_names,
+        show_default=False,
+    ),
+]
 Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
 
 

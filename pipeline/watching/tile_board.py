@@ -5,6 +5,7 @@ photograph, of a pair, of a map. States are kept in flat arrays and changes in a
 much as has changed, and not as much as the run is large.
 """
 
+import heapq
 from array import array
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -136,7 +137,7 @@ class TileBoard:
     def slowest(self, most: int = 5) -> list[int]:
         """The tiles that took longest."""
         with self._lock:
-            return sorted(range(len(self.keys)), key=self._seconds.__getitem__, reverse=True)[:most] if self.keys else []
+            return heapq.nlargest(most, range(len(self.keys)), key=self._seconds.__getitem__)
 
     def since(self, tiles: int, changes: int, text: Callable[[Key], str] | None = None) -> dict[str, Any]:
         """What a page that knows so many tiles and changes does not know yet; flat lists, whose rows are named beside them.
