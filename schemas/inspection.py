@@ -40,3 +40,13 @@ class PhotoMap:
     """grey level -> what it means, in the order of the legend"""
     notes: tuple[str, ...] = ()
     """sentences about how the map was made"""
+
+
+@dataclass(frozen=True)
+class SurfacePoint:
+    """A point of the surface that a photograph shows: `place` X, Y, Z m, its 3 x 3 `covariance` m^2, and the other photographs that
+    see it."""
+
+    place: tuple[float, float, float]
+    covariance: tuple[tuple[float, float, float], ...]
+    photos: tuple[str, ...]

@@ -24,6 +24,7 @@ from orthomill.pipeline.cli.clean import clean_run
 from orthomill.pipeline.cli.demo import write_demo
 from orthomill.pipeline.cli.doctor import doctor as examine
 from orthomill.pipeline.cli.inspect_photo import GuardedPhoto, picture_path, write_map
+from orthomill.pipeline.cli.monoplot import monoplot_table, read_image_points
 from orthomill.pipeline.cli.plan_lines import plan_lines, plan_notes
 from orthomill.pipeline.cli.run_display import run_display
 from orthomill.pipeline.cli.run_end import RunEnd, run_end, tell, tell_as_json
@@ -44,13 +45,14 @@ from orthomill.pipeline.report.summary import summary_markdown
 from orthomill.pipeline.signing.signature import check_signature
 from orthomill.pipeline.signing.signature_lines import signature_lines
 from orthomill.pipeline.signing.statement import Signer
+from orthomill.pipeline.storage.table_files import write_whole
 from orthomill.pipeline.watching.live_map import MAP, tiles_address
 from orthomill.pipeline.workflow.settings_reference import write_settings_reference
 from orthomill.pipeline.workflow.starting_workflow import write_starting_workflow
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow, load_workflow, resolve_workflow
 from orthomill.schemas.errors import ResourceError, StoreError
 from orthomill.schemas.job import Export
-from orthomill.tasks.catalogue import STAGES, Method, share_of, sizing_of, window_size_map
+from orthomill.tasks.catalogue import STAGES, Method, points_on_surface, share_of, sizing_of, window_size_map
 
 app = typer.Typer(
     help="From overlapping photographs to a checked surface model and a blended true orthoimage.",
@@ -400,6 +402,29 @@ def inspect_window_size(
         path = picture_path(photo, f"window_size_{method}", output)
         found = window_size_map(GuardedPhoto(photo), sizing_of(method, largest, limit), share_of(assigned, limit))
         write_map(found, path, out, err)
+
+
+@app.command()
+def monoplot(
+    name: Name,
+    photo: Annotated[str, typer.Argument(help="A photograph of the block.")],
+    points: Annotated[Path, typer.Option(help="Text file: col and row of a point on a line, px, perhaps with a name before them.")],
+    sigma: Annotated[float, typer.Option(help="Standard error of an image coordinate, px.", min=0.0)] = 0.5,
+    output: Annotated[Path | None, typer.Option(help="The CSV to write; printed when left out.")] = None,
+    debug: Debug = False,
+) -> None:
+    """Points of one photograph on the surface: X, Y, Z, standard errors, covariances, and the photographs that see them."""
+    with plain_errors(debug):
+        table = monoplot_table(_load(name).run_folder, photo, read_image_points(points), sigma, points_on_surface)
+        for sentence in table.missed:
+            err.print(escape(sentence), soft_wrap=True)
+        if output is None:
+            typer.echo(table.csv, nl=False)
+        else:
+            write_whole(output, table.csv.encode())
+            out.print(f"{output}: {table.count} points", soft_wrap=True)
+    if table.missed:
+        raise typer.Exit(1)
 
 
 @app.command()
