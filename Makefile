@@ -10,7 +10,7 @@ photos ?=
 options ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-vll docs clean clean-all
+.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-vll chaos docs clean clean-all
 
 help: ## List all targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-18s %s\n", $$1, $$2}'
@@ -115,6 +115,9 @@ bench-orientation-simulated: $(STAMP) ## Orientation on simulated measurements: 
 
 bench-adjustment: $(STAMP) ## Growth of the adjustment up to 1000 photographs (options="against=CHECKOUT")
 	@$(BIN)/python -m benchmarks.orientation.adjustment_growth $(options)
+
+chaos: $(STAMP) ## Kill runs in every way, damage stores, compare bit for bit (options="--kills 100 --damages 200 --seed 0")
+	@$(BIN)/python -m benchmarks.chaos $(options)
 
 docs: $(STAMP) links ## Write the generated pages of docs/ and the documentation site to .cache/site
 	@$(BIN)/orthomill reference

@@ -144,6 +144,7 @@ PIPELINE_ROOMS = (
     "workflow",
     "export",
     "engine",
+    "forecast",
     "watching",
     "report",
     "cli",

@@ -37,6 +37,7 @@ from orthomill.pipeline.engine.run_facts import read_facts
 from orthomill.pipeline.engine.running import DASHBOARD, MIB, Options, check_stage_names, session_of, titles_of
 from orthomill.pipeline.engine.session import TIME_FORMAT, Session, key_text
 from orthomill.pipeline.export.exports import export as export_file
+from orthomill.pipeline.forecast.forecast import forecast
 from orthomill.pipeline.records.lock import is_running, only_run
 from orthomill.pipeline.records.records import Record, Records
 from orthomill.pipeline.records.verification import verify as verify_results
@@ -206,10 +207,11 @@ def plan(name: Name, from_stage: From = None, until: Until = None, debug: Debug 
     with plain_errors(debug):
         session = session_of(_load(name), from_stage, until)
         noticed = plan_ahead(session).remarks()
-        out.print(plan_lines(session))
+        expected = forecast(session)
+        out.print(plan_lines(session, expected))
         for sentence in noticed:
             out.print(f"note: {escape(sentence)}", soft_wrap=True)
-        for note in plan_notes(session):
+        for note in plan_notes(session, expected):
             out.print(escape(note), soft_wrap=True)
 
 

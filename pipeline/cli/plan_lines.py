@@ -1,69 +1,86 @@
-"""What `orthomill plan` prints: what is known of each stage, what is not known yet, and an estimate from the photographs alone."""
+"""What `orthomill plan` prints: what is planned of each stage, exactly, and what the rest will take, as a forecast."""
 
-from collections.abc import Iterator
+import os
+import shutil
+from collections.abc import Callable, Iterator
 
 from rich.table import Table as Lines
 
 from orthomill.pipeline.engine.running import MIB
 from orthomill.pipeline.engine.session import Session
-from orthomill.pipeline.storage.image_files import read_header
-from orthomill.schemas.errors import OrthomillError
+from orthomill.pipeline.forecast.forecast import Amount, Forecast, StageForecast
 from orthomill.schemas.stage_contract import Stage
 
 UNKNOWN = "?"
 
 
-def plan_lines(session: Session) -> Lines:
-    """One row for each stage of a planned session; a question mark means that it cannot be known yet."""
-    lines = Lines("stage", "jobs", "to run", "written", "peak memory", "why", box=None)
+def plan_lines(session: Session, expected: Forecast | None) -> Lines:
+    """One row for each stage of a planned session: ~ is a forecast, < its bound, numbers alone are exact, ? is not known yet."""
+    lines = Lines("stage", "jobs", "to run", "MB on disk", "peak MiB", "CPU time", "why", box=None)
     for stage in session.stages:
-        lines.add_row(stage.kind, *_row(session, stage))
+        lines.add_row(stage.kind, *_row(session, stage, expected.stages.get(stage.kind) if expected else None))
     return lines
 
 
-def _row(session: Session, stage: Stage) -> tuple[str, ...]:
+def _row(session: Session, stage: Stage, expected: StageForecast | None) -> tuple[str, ...]:
     pending = [planned for planned in session.pending if planned.job.stage == stage.kind]
     known = [planned for key, planned in session.graph.jobs.items() if key[0] == stage.kind]
     waiting = session.planner.waiting_for.get(stage.kind)
     reasons = sorted({session.reasons[planned.key] for planned in pending})
     why = "; ".join(reasons + ([f"the rest is planned when {waiting} exists"] if waiting else [])) or "unchanged"
+    if waiting:
+        return (*_foreseen(len(known), len(pending), expected), why)
     written, memory = sum(planned.output_bytes for planned in pending), max((planned.memory for planned in pending), default=0)
-    sizes = f"{written / MIB:.0f} MiB", f"{memory / MIB:.0f} MiB"
-    # The known jobs of a stage that waits are a lower bound; the sizes of a stage without any are unknown, not zero.
-    if not waiting:
-        return (str(len(known)), str(len(pending)), *sizes, why)
-    return (*(_at_least(len(part)) for part in (known, pending)), *(sizes if pending else (UNKNOWN, UNKNOWN)), why)
+    share = len(pending) / max(len(known), 1)
+    seconds = _shown(Amount(share * expected.seconds.about, share * expected.seconds.most), _time) if expected else UNKNOWN
+    # How good the forecast was can be seen beside what has become exact.
+    jobs = f"{len(known)} ({_shown(expected.jobs)})" if expected else str(len(known))
+    return jobs, str(len(pending)), f"<{written / 1e6:.0f}", f"<{memory / MIB:.0f}", seconds if pending else "0 s", why
+
+
+def _foreseen(known: int, pending: int, expected: StageForecast | None) -> tuple[str, ...]:
+    """The cells of a stage that is not planned completely: what is planned of it is a lower bound."""
+    if expected is None:
+        return _at_least(known), _at_least(pending), UNKNOWN, UNKNOWN, UNKNOWN
+    jobs = _shown(Amount(max(expected.jobs.about, known), max(expected.jobs.most, known)))
+    return jobs, jobs, _shown(expected.megabytes), _shown(expected.peak_mib), _shown(expected.seconds, _time)
 
 
 def _at_least(count: int) -> str:
     return f"{count} + {UNKNOWN}" if count else UNKNOWN
 
 
-def plan_notes(session: Session) -> Iterator[str]:
+def _shown(amount: Amount, text: Callable[[float], str] = "{:.0f}".format) -> str:
+    return f"~{text(amount.about)} <{text(amount.most)}"
+
+
+def _time(seconds: float) -> str:
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 100 * 60 else f"{seconds / 3600:.1f} h"
+
+
+def plan_notes(session: Session, expected: Forecast | None) -> Iterator[str]:
     """Sentences below the rows, where some stage cannot be planned completely yet."""
     waiting = [stage.kind for stage in session.stages if stage.kind in session.planner.waiting_for]
     if not waiting:
         return
     yield (
-        f"{len(waiting)} of {len(session.stages)} stages wait for results of earlier stages; what is not known yet is "
-        f"marked {UNKNOWN}. They are planned during the run; repeat this command then to see more."
+        f"{len(waiting)} of {len(session.stages)} stages wait for results of earlier stages. ~ is a forecast and < its bound; they "
+        "become exact during the run: repeat this command then."
     )
-    if estimate := _estimate(session):
-        yield estimate
+    if expected is None:
+        yield "The sizes of the photographs are not known yet, so that nothing can be foreseen."
+    else:
+        yield _totals(session, expected)
 
 
-def _estimate(session: Session) -> str:
-    """An estimate from the photographs alone; empty for simulated ones."""
-    source, tile = session.project.photographs, session.project.tile
-    if source.kind == "simulated":
-        return ""
-    try:
-        headers = [read_header(session.root / path) for path in session.list_images(source)]
-    except OrthomillError as error:
-        return str(error)
-    tiles = sum(-(-header.width // tile) * -(-header.height // tile) for header in headers)
-    pixels = sum(header.width * header.height for header in headers)
+def _totals(session: Session, expected: Forecast) -> str:
+    workers, free = os.cpu_count() or 1, shutil.disk_usage(session.root).free / 1e6
+    disk, seconds = expected.megabytes, expected.seconds
+    known = f"{expected.runs} complete runs in this folder" if expected.runs else "four blocks measured on another machine"
     return (
-        f"Estimate from the files alone: {len(headers)} photographs with {pixels / 1e6:.0f} million pixels are {tiles} tiles "
-        f"of {tile} px; a stage that processes every photograph once has about as many jobs."
+        f"As a whole {expected.megapixels:.0f} megapixels of photographs take about {disk.about:.0f} MB (at most {disk.most:.0f}; "
+        f"{free:.0f} are free) and {_time(seconds.about / workers)} (at most {_time(seconds.most / workers)}) on {workers} "
+        f"workers, by {known}; kernels are compiled once, for a minute or two. The memory of jobs is checked before they run."
     )

@@ -6,7 +6,7 @@ thousands it is busy with itself, on a loaded machine for so long that it loses 
 """
 
 import uuid
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -39,12 +39,14 @@ class DaskRunner:
         self._futures: dict[Key, Future] = {}
         """those that the scheduler holds"""
         self._ended: SimpleQueue[tuple[Key, Future]] = SimpleQueue()
+        self._started: Counter[Key] = Counter()
         self._unusable: set[Key] = set()
         self._blocked: deque[Key] = deque()
         self._session = uuid.uuid4().hex[:8]
         """Last part of every Dask key: a cluster may hold the same jobs of another run."""
 
     def submit(self, work: JobOrder, dependencies: tuple[Key, ...], memory: int) -> None:
+        self._unusable.discard(work.job.key)
         self._waiting.append((work, dependencies, memory))
         self._fill()
 
@@ -61,7 +63,9 @@ class DaskRunner:
     def _start(self, work: JobOrder, dependencies: tuple[Key, ...], memory: int) -> None:
         # Jobs that are done, in this run or before, have no future: their results are on disk.
         before = [self._futures[key] for key in dependencies if key in self._futures]
-        name = (*work.job.key, self._session)
+        # A job that is submitted again is another one to Dask, which may still hold the first.
+        self._started[work.job.key] += 1
+        name = (*work.job.key, f"{self._session}-{self._started[work.job.key]}")
         # pure=False: Dask must not take two jobs with equal arguments for one, since what counts is what they write.
         future = self.client.submit(execute, work, *before, key=name, retries=ATTEMPTS - 1, resources={MEMORY: memory}, pure=False)
         self._futures[work.job.key] = future

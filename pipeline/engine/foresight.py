@@ -5,11 +5,13 @@ say what they notice. The run does these jobs again, as any other: they take mil
 """
 
 from collections.abc import Iterator
+from math import prod
 from typing import Any
 
 from orthomill.pipeline.engine.execute import read_all, read_file, results_by_name
 from orthomill.pipeline.engine.graph import NoWriter, PlannedJob
 from orthomill.pipeline.engine.session import Session
+from orthomill.pipeline.storage.image_files import read_header
 from orthomill.schemas.errors import OrthomillError, WorkflowError, first_of
 from orthomill.schemas.job import Job, PhotoHeader, Raster, Region, Table, TextFile, regions_of
 from orthomill.schemas.stage_contract import NotYet, Stage
@@ -98,3 +100,20 @@ def plan_ahead(session: Session) -> Foresight:
             session.plan()
         foresight.look()
     return foresight
+
+
+def photograph_pixels(session: Session) -> int:
+    """Pixels of all photographs: from their headers, or from what simulates them; 0 while they are not known."""
+    try:
+        files = session.planner.image_files(session.project.photographs)
+        return sum(_pixels(session, path) for path in files)
+    except (NotYet, NoWriter, OrthomillError):
+        return 0
+
+
+def _pixels(session: Session, path: str) -> int:
+    shape = session.graph.exported_shape(path)
+    if shape is not None:
+        return prod(shape[:2])
+    header = read_header(session.root / path)
+    return header.width * header.height

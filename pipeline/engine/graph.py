@@ -108,6 +108,11 @@ class Graph:
         """Whether a planned export writes a file, given relative to the project's root."""
         return path in self._file_writers
 
+    def exported_shape(self, path: str) -> tuple[int, ...] | None:
+        """The shape of the first raster of a file that a planned export writes; None where there is no such export."""
+        job = self.jobs[self._file_writers[path]].job if path in self._file_writers else None
+        return self.specs[next(iter(job.rasters.values()))].shape if isinstance(job, Export) and job.rasters else None
+
     def exported_files(self, folder: str) -> tuple[str, ...]:
         """Files that planned exports write in a folder of the run, relative to the project's root, sorted."""
         prefix = f"{self.run_folder}/{folder}/"

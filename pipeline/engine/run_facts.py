@@ -32,6 +32,8 @@ class StageRun:
     """largest memory of a worker while one of its jobs ran, whichever run did it"""
     cpu_seconds: float = 0.0
     """processor time of its jobs added up, s, whichever run did them"""
+    written: int = 0
+    """bytes that its jobs left on the disk, whichever run did them"""
     reported: bool = True
     """whether its report, where there is one, describes its present results and not those of an earlier run"""
 
@@ -67,6 +69,10 @@ class RunFacts:
     """wall clock of this run, s"""
     earlier: tuple[float, ...] = ()
     """wall clock of each earlier run whose results still hold, from its first to its last job among them, s"""
+    pixels: int = 0
+    """of all photographs, 0 where they were not known when the run began"""
+    tile: int = 0
+    """side of a tile, px"""
     peak_bytes: int | None = None
     scheduler: str = ""
     """one phrase, e.g. "2 processes on this machine"."""

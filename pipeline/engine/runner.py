@@ -30,7 +30,7 @@ class Runner(Protocol):
     """address of its page; empty where there is none"""
 
     def submit(self, work: JobOrder, dependencies: tuple[Key, ...], memory: int) -> None:
-        """Accept a job; `dependencies` are keys of jobs submitted before."""
+        """Accept a job; `dependencies` are keys of jobs submitted before. One that has failed may be submitted again."""
 
     def next(self) -> Finished:
         """Wait for any job to end."""
@@ -55,6 +55,7 @@ class SequentialRunner:
         self._unusable: set[Key] = set()
 
     def submit(self, work: JobOrder, dependencies: tuple[Key, ...], memory: int) -> None:
+        self._unusable.discard(work.job.key)
         self._waiting.append((work, dependencies))
 
     @property

@@ -18,7 +18,7 @@ from typing import Protocol
 
 import psutil
 
-from orthomill.pipeline.engine.foresight import Foresight
+from orthomill.pipeline.engine.foresight import Foresight, photograph_pixels
 from orthomill.pipeline.engine.graph import PROCESS_BYTES
 from orthomill.pipeline.engine.interruption import only_where_asked
 from orthomill.pipeline.engine.run_facts import RunFacts, StageTitle, write_facts
@@ -162,6 +162,8 @@ def _begin(loaded: LoadedWorkflow, session: Session) -> RunFacts:
         crs=loaded.project.crs,
         version=version("orthomill"),
         started=now(),
+        pixels=photograph_pixels(session),
+        tile=session.project.tile,
         workflow=filled_in.read_text(),
         machine=_machine(),
     )

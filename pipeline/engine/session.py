@@ -86,6 +86,8 @@ class Session:
         self.store = Store(self.folder)
         self.records = Records(self.folder)
         self._announced = 0
+        self._rotten: set[Key] = set()
+        """skipped jobs whose results a reader found damaged, to be done again when all others have ended"""
         # Distinguishes the jobs of this run in the records: a worker that Dask asks twice can see that the job is done already.
         self._mark = uuid.uuid4().hex
         self.graph = Graph(self.root, relative)
@@ -152,7 +154,7 @@ class Session:
     def run(self, runner: Runner, watcher: Watcher) -> None:
         """Run all that has to run. Failures are gathered, not raised; ResourceError before anything is submitted."""
         self._plan_and_submit(runner, watcher)
-        while runner.busy:
+        while runner.busy or self._goes_again(runner):
             stop_if_asked()
             finished = runner.next()
             self._note(finished, watcher)
@@ -169,6 +171,9 @@ class Session:
             if key in self.skipped:
                 watcher.skipped(key)
         self._announced = len(self.graph.jobs)
+        self._submit(runner)
+
+    def _submit(self, runner: Runner) -> None:
         for planned in self.pending:
             stop_if_asked()
             # Rasters are created here and not by the workers: two workers that create the same one would race.
@@ -216,6 +221,22 @@ class Session:
             record = self.records.get(before) if before in self.skipped else None
             if record and self._defect(self.graph.jobs[before], record, thoroughly=True):
                 self.records.put(record.model_copy(update={"status": "damaged"}))
+                self._rotten.add(before)
+
+    def _goes_again(self, runner: Runner) -> bool:
+        """Whether results turned out to be damaged: their jobs run once more, and with them all that failed or was blocked."""
+        if not self._rotten:
+            return False
+        again = {*self._rotten, *self.failures, *self.blocked}
+        self.defects.update(dict.fromkeys(self._rotten, "result is damaged"))
+        self.reasons.update(dict.fromkeys(again, "result is damaged"))
+        self.skipped -= self._rotten
+        self.blocked.clear()
+        self.failures.clear()
+        self._rotten.clear()
+        self.pending = [planned for key, planned in self.graph.jobs.items() if key in again]
+        self._submit(runner)
+        return True
 
     def stage_runs(self) -> tuple[StageRun, ...]:
         """The state of every stage so far."""
@@ -233,6 +254,7 @@ class Session:
             seconds=sum(record.seconds for record in valid),
             peak_bytes=max((record.peak_bytes for record in valid), default=None),
             cpu_seconds=sum(record.cpu_seconds for record in valid),
+            written=sum(kept.size for record in valid for kept in record.files.values()),
             reported=self._reported(keys),
         )
 

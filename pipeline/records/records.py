@@ -4,7 +4,6 @@ A record is written after the job's results and removed before they are touched 
 leaves no record of unfinished work.
 """
 
-import zlib
 from pathlib import Path
 from typing import Literal
 
@@ -12,14 +11,12 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from orthomill.pipeline.storage.file_names import file_name
 from orthomill.pipeline.storage.kept_files import Defect, KeptFile
+from orthomill.pipeline.storage.sealed_json import seal, unsealed
 from orthomill.pipeline.storage.table_files import write_whole
 
 Key = tuple[str, str, int, int]
 DEFECTS = ("result is missing", "result is damaged")
 """The reasons to do again what an earlier run had done, and which nothing in the project has changed."""
-
-_SEAL = b',"seal":"'
-"""What stands before the last value of a record, the checksum of all before it: a changed digit is still a valid record."""
 
 
 class Fingerprint(BaseModel):
@@ -89,8 +86,7 @@ class Records:
         return record if record and record.key == key else None
 
     def put(self, record: Record) -> None:
-        text = record.model_dump_json().encode()
-        write_whole(self.path(record.key), text[:-1] + _SEAL + _checksum(text))
+        write_whole(self.path(record.key), seal(record.model_dump_json().encode()))
 
     def remove(self, key: Key) -> None:
         self.path(key).unlink(missing_ok=True)
@@ -109,18 +105,10 @@ class Records:
 def _read(path: Path) -> Record | None:
     """A record; None when there is none, when it is damaged, or when it is of another version: doing a job again is always safe."""
     try:
-        content = path.read_bytes()
-        start, seal, checksum = content.rpartition(_SEAL)
-        # Records of earlier versions have no seal.
-        text = start + b"}" if seal else content
-        return Record.model_validate_json(text) if not seal or checksum == _checksum(text) else None
+        text = unsealed(path.read_bytes())
+        return None if text is None else Record.model_validate_json(text)
     except (FileNotFoundError, ValidationError):
         return None
-
-
-def _checksum(text: bytes) -> bytes:
-    """The checksum of a record's text, with the end of the file."""
-    return b'%08x"}' % zlib.crc32(text)
 
 
 def reason_to_run(record: Record | None, fingerprint: Fingerprint, births: dict[str, str], defect: Defect | None) -> str | None:

@@ -15,6 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from pydantic_core import to_json
 
+from orthomill.pipeline.storage.sealed_json import seal, unsealed
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.job import Columns, Table
 
@@ -59,7 +60,7 @@ def write_table(path: Path, value: Any) -> None:
         pq.write_table(pa.table(arrays), sink, compression="zstd", use_dictionary=not only_bytes, write_page_checksum=True)
         write_whole(path, sink.getvalue().to_pybytes())
     else:
-        write_whole(path, to_json(value, indent=1, inf_nan_mode="constants"))
+        write_whole(path, seal(to_json(value, indent=1, inf_nan_mode="constants")))
 
 
 def _one_value(column: np.ndarray) -> pa.Array:
@@ -80,7 +81,10 @@ def read_table(path: Path, table: Table[Any]) -> Any:
         if issubclass(table.type, Columns):
             stored = pq.read_table(path, page_checksum_verification=True)
             return table.type(**{f.name: _numbers(stored[f.name]) for f in fields(table.type)})
-        return table.type.model_validate_json(path.read_bytes())
+        text = unsealed(path.read_bytes())
+        if text is None:
+            raise ValueError("wrong checksum")
+        return table.type.model_validate_json(text)
     except FileNotFoundError:
         raise StoreError(f"{path} does not exist; run the stage '{table.path.split('/')[0]}' first.") from None
     # KeyError: a column that this version has and the file has not. ValueError: columns of different lengths, or invalid ones

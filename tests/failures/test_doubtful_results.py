@@ -6,7 +6,8 @@ import pytest
 from PIL import Image
 from small_site import command, make_site, photographs, write_workflow
 
-from orthomill.schemas.stage_report import StageReport
+from orthomill.pipeline.storage.store import Store
+from orthomill.schemas.stage_report import report_table
 
 
 @pytest.fixture
@@ -29,7 +30,7 @@ def test_a_position_that_was_set_aside_is_told_last_and_strict_fails(site):
     said = command("run", "site", "--sequential")
     assert said.endswith("km from the other photographs and is not used; the photograph itself is. (report: Photographs)")
     assert "doubtful The GPS tag of" in command("run", "site", "--sequential", "--strict", code=3), "also when nothing was to do"
-    report = StageReport.model_validate_json((site / "runs/site/tables/photos/report.json").read_bytes())
+    report = Store(site / "runs" / "site").table(report_table("photos"))
     assert set(report.doubts) <= set(report.warnings), "what is told stands in the report"
 
 

@@ -38,19 +38,23 @@ def fresh(tmp_path, monkeypatch):
     return tmp_path / "fresh"
 
 
-def test_plan_shows_jobs_bytes_memory_and_reasons_and_writes_nothing(fresh):
+def test_plan_shows_jobs_bytes_memory_and_reasons_and_writes_nothing(fresh, monkeypatch):
     before = sorted(fresh.rglob("*"))
+    monkeypatch.setenv("COLUMNS", "200")
     said = command("plan", "site")
-    assert "not done yet; the rest is" in said and "peak memory" in said and "600 MiB" in said
-    assert "tie_points 10 + ? 10 + ? " in said and "2 of 4 stages wait for results of earlier stages" in said
-    assert "Estimate from the files alone: 3 photographs with 1 million pixels are 18 tiles of 256 px" in said
+    assert "not done yet; the rest is planned when the table tie_points/links.json exists" in said and "peak MiB" in said
+    # Headers tell all of the first two stages and the pairs of the third; ~ is a forecast, < its bound.
+    assert re.search(r"photos 14 \(~\d+ <\d+\) 14 <3 <613 ~0 s <0 s not done yet calibration 1 ", said)
+    assert re.search(r"tie_points ~\d+ <\d+ ~\d+ <\d+ ", said) and "2 of 4 stages wait for results of earlier stages" in said
+    assert re.search(r"As a whole 1 megapixels of photographs take about \d+ MB \(at most \d+; \d+ are free\) and", said)
+    assert " workers, by four blocks measured on another machine" in said
     assert sorted(fresh.rglob("*")) == before
 
 
 def test_plan_of_a_finished_run_says_unchanged_and_writes_nothing(done):
     before = {path: path.stat().st_mtime_ns for path in done.rglob("*")}
     said = command("plan", "site")
-    assert said.count("unchanged") == 4 and "not done yet" not in said and "?" not in said and "Estimate" not in said
+    assert said.count("unchanged") == 4 and "not done yet" not in said and "?" not in said and "As a whole" not in said
     assert {path: path.stat().st_mtime_ns for path in done.rglob("*")} == before
 
 

@@ -85,14 +85,20 @@ def test_a_lost_chunk_is_noticed_without_asking(project):
     assert session.defects == {("source", "tile", 2, 3): "result is missing"}
 
 
-def test_a_silently_damaged_chunk_stops_its_reader_and_is_made_again_by_the_next_run(finished, project):
-    """Neither size nor time betray it: the reader's checksum does, and the record of its writer is marked."""
-    damage(folder_of(project) / "rasters.zarr/source/numbers/c/2/3", "flipped", random.Random(1))
-    session = run_in(project, *STAGES, forced=frozenset({"smooth"}))
-    assert session.failures and all("source/numbers is damaged in" in sentence for sentence in session.failures.values())
-    again = run_in(project, *STAGES)
-    assert again.defects == {("source", "tile", 2, 3): "result is damaged"} and not again.failures
+@pytest.mark.parametrize(
+    ("name", "writer"),
+    [
+        ("rasters.zarr/source/numbers/c/2/3", ("source", "tile", 2, 3)),
+        ("rasters.zarr/smooth/numbers/c/1/1", ("smooth", "tile", 1, 1)),
+    ],
+)
+def test_silent_damage_that_a_reader_meets_is_made_again_in_the_same_run(finished, project, name, writer):
+    """Neither size nor time betray it: the reader's checksum does."""
+    damage(folder_of(project) / name, "flipped", random.Random(1))
+    session = run_in(project, *STAGES, forced=frozenset({"smooth", "sum"} if writer[0] == "source" else {"sum"}))
+    assert session.defects == {writer: "result is damaged"} and not session.failures and not session.blocked
     assert content_of(project) == content_of(finished)
+    assert not run_in(project, *STAGES).done
 
 
 def test_a_chunk_that_is_all_fill_value_has_no_file_and_is_not_missed(tmp_path):
