@@ -115,6 +115,8 @@ BLOWS: dict[str, Callable[[Run], None]] = {
     "power cut": hit_group,
 }
 GOES_ON = ("worker", "STOP/CONT")
+# A signal that comes while Python is still importing ends the process as the system does by default.
+ENDS = (0, 130, -signal.SIGKILL, -signal.SIGTERM, -signal.SIGINT)
 KINDS = (*BLOWS, "scheduler", "disk full")
 
 
@@ -173,7 +175,7 @@ def struck(root: Path, kind: str, seconds: float, chance: random.Random) -> bool
         return _ended(run, (0,))
     children = run.children()
     BLOWS[kind](run)
-    done = _ended(run, (0,) if kind in GOES_ON else (0, 130, -signal.SIGKILL))
+    done = _ended(run, (0,) if kind in GOES_ON else ENDS)
     _, alive = psutil.wait_procs(children, timeout=60)
     if alive:
         raise Broken(f"{kind}: left {alive}")

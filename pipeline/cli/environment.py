@@ -5,6 +5,7 @@ Nothing heavy is imported before the memory of the process is known to suffice: 
 
 import errno
 import resource
+import signal
 import sys
 
 START_BYTES = 1200 * 2**20
@@ -42,6 +43,8 @@ def main() -> None:
             f"{START_BYTES / 2**20:.0f} MiB to start; raise the limit with 'ulimit -v unlimited'.\n"
         )
         sys.exit(2)
+    # Ctrl-C while libraries are loaded, for seconds, ends the process without Python's traceback; the command listens afterwards.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     from orthomill.pipeline.cli.commands import main as run_command
 
     run_command()
