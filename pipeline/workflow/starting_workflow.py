@@ -1,8 +1,9 @@
-"""A commented starting workflow, made from the EXIF tags of the photographs.
+"""A commented starting workflow, made from the EXIF tags of the photographs and from what lies beside them.
 
-The headers of all photographs are read, no pixels. What the tags contain is filled in (CRS, cameras, positions); what they do not
-contain is left open with a comment that says what is needed, and the loader asks for it in one sentence. The stages are listed in
-order with their first settings commented out, so that a newcomer sees what can be changed.
+The headers of all photographs are read, no pixels. What the tags and the files beside the photographs contain is filled in (CRS,
+cameras, positions, control); what they do not contain is left open with a comment that says what is needed, and the loader asks for
+it in one sentence. Where nothing tells the CRS and nothing would need it, the block gets a system of its own. The stages are listed
+in order with their first settings commented out, so that a newcomer sees what can be changed.
 """
 
 import os
@@ -18,11 +19,12 @@ from pathlib import Path
 from orthomill.pipeline.storage.image_files import image_files, read_header, shown
 from orthomill.pipeline.workflow.camera_tags import camera_name, focal_mm, longitude_latitude, utm_zone
 from orthomill.pipeline.workflow.field_words import bounds, sentence, type_words, unit, variants
+from orthomill.pipeline.workflow.lying_beside import NOTHING, Beside, look_beside
 from orthomill.pipeline.workflow.workflow_checks import SIMULATION, kind_of
 from orthomill.pipeline.workflow.workflow_text import default_text, flow
 from orthomill.schemas.errors import PhotoError, StoreError, WorkflowError
 from orthomill.schemas.photo import Header
-from orthomill.schemas.project import PhotoFolder, Project
+from orthomill.schemas.project import ANY_CRS, PhotoFolder, Project
 from orthomill.schemas.stage_contract import Stage
 
 SETTINGS_SHOWN = 4
@@ -33,10 +35,11 @@ _NOT_AT_FIRST = frozenset({SIMULATION, "evaluation"})
 
 @dataclass(frozen=True)
 class Survey:
-    """What the headers of a folder of photographs contain."""
+    """What the headers of a folder of photographs contain, and what lies beside them."""
 
     folder: str
     headers: tuple[Header, ...]
+    beside: Beside = NOTHING
 
     @cached_property
     def cameras(self) -> Counter[str]:
@@ -61,6 +64,11 @@ class Survey:
         # The median ignores single photographs taken before the receiver had a fix, or elsewhere.
         longitudes, latitudes = zip(*self.places, strict=True)
         return utm_zone(statistics.median(longitudes), statistics.median(latitudes))
+
+    @property
+    def placeless(self) -> bool:
+        """Whether nothing is known of the place of the photographs: any system in metres will do."""
+        return not (self.places or self.beside.positions or self.beside.gcp_list)
 
     @property
     def without_focal(self) -> int:
@@ -95,7 +103,9 @@ def survey_photographs(photos: Path, root: Path) -> Survey:
             f"{files[0]} is the only photograph in {shown(photos)}; heights come from overlap, so at least two "
             "photographs of the same ground are needed."
         )
-    return Survey(folder, tuple(headers))
+    # The same way as `_inside`: a link inside of the project is no way out of it.
+    top = Path(os.path.abspath(root))
+    return Survey(folder, tuple(headers), look_beside(top / folder, top, {(h.width, h.height) for h in headers}))
 
 
 def _inside(photos: Path, root: Path) -> str:
@@ -157,7 +167,7 @@ def starting_text(name: str, survey: Survey, catalogue: tuple[type[Stage], ...],
         "",
         *_positions(survey),
         "",
-        *_control(),
+        *_control(survey),
         "",
         *_tile(),
         "",
@@ -187,15 +197,23 @@ def _crs(survey: Survey, crs: str | None) -> Iterator[str]:
     yield "# A projected coordinate reference system in metres. Heights may have their own after a '+', e.g. EPSG:2100+5773."
     if crs:
         yield f"crs: {flow(crs)}"
+    elif survey.beside.projected:
+        yield f"crs: {flow(survey.beside.projected)}  # that of {survey.beside.gcp_list}"
     elif survey.utm:
         yield f"crs: {flow(survey.utm)}  # the UTM zone of the GPS positions; a national grid is possible as well"
+    elif survey.placeless:
+        yield f"crs: {ANY_CRS}  # stands for a local system in metres: nothing tells where the photographs were taken"
     else:
-        yield "crs:  # to be filled in, e.g. EPSG:32634: the photographs have no GPS positions"
+        yield "crs:  # to be filled in, e.g. EPSG:32634: that of the positions or of the control"
 
 
 def _cameras(survey: Survey) -> Iterator[str]:
     yield "# Where the interior orientation comes from: exif, file, given or chessboards."
     yield "cameras:"
+    if survey.beside.camera:
+        yield "  kind: file  # an earlier calibration, found beside the photographs"
+        yield f"  path: {flow(survey.beside.camera)}"
+        return
     if survey.focal_lengths:
         yield "  kind: exif  # nominal values, refined by the block adjustment; a calibration from chessboards is better"
         return
@@ -211,6 +229,10 @@ def _cameras(survey: Survey) -> Iterator[str]:
 def _positions(survey: Survey) -> Iterator[str]:
     yield "# Where the photographs were taken: exif, file (a CSV file, e.g. from RTK) or none."
     yield "positions:"
+    if survey.beside.positions:
+        yield "  kind: file  # found beside the photographs; in the project's CRS"
+        yield f"  path: {flow(survey.beside.positions)}"
+        return
     if not survey.places:
         yield "  kind: none  # no photograph has GPS tags; without positions, control points must define the datum"
         return
@@ -220,9 +242,16 @@ def _positions(survey: Survey) -> Iterator[str]:
         yield f"  # {name}: {flow(field.default)}  # {sentence(field)} [{unit(field)}]"
 
 
-def _control() -> Iterator[str]:
+def _control(survey: Survey) -> Iterator[str]:
     yield "# Ground control and check points: none, or files as below (docs/guide.md describes their columns)."
     yield "control:"
+    if survey.beside.gcp_list:
+        yield f"  kind: gcp_list  # found beside the photographs; its system: {survey.beside.system}"
+        yield f"  path: {flow(survey.beside.gcp_list)}"
+        for name in ("sigma_plan", "sigma_height", "sigma_px"):
+            setting = variants(Project.model_fields["control"].annotation)["gcp_list"].model_fields[name]
+            yield f"  # {name}: {flow(setting.default)}  # {sentence(setting)} [{unit(setting)}]"
+        return
     yield "  kind: none"
     yield "  # kind: files"
     yield "  # points: control/points.csv"
@@ -247,11 +276,15 @@ def _stage(stage: type[Stage]) -> Iterator[str]:
 
 
 def _notes(name: str, survey: Survey, crs: str | None) -> Iterator[str]:
-    if not (crs or survey.utm):
-        yield "Fill in 'crs': no photograph has a GPS position."
-    if not survey.focal_lengths:
+    beside = survey.beside
+    for path, use in ((beside.gcp_list, "ground control"), (beside.positions, "positions"), (beside.camera, "camera")):
+        if path:
+            yield f"{path} lies beside the photographs and is used for the {use}."
+    if not (crs or survey.utm or beside.projected) and not survey.placeless:
+        yield "Fill in 'crs': neither the photographs nor the files beside them tell it."
+    if not survey.focal_lengths and not beside.camera:
         yield "Fill in 'cameras > c': no photograph has a focal length in its EXIF tags."
-    elif survey.without_focal:
+    elif survey.without_focal and not beside.camera:
         yield (
             f"{survey.without_focal} of {len(survey.headers)} photographs have no focal length; they are assigned the camera of "
             "the others of their size. Remove images that do not belong to the block."
@@ -259,8 +292,11 @@ def _notes(name: str, survey: Survey, crs: str | None) -> Iterator[str]:
     if survey.places and len(survey.places) < len(survey.headers):
         missing = len(survey.headers) - len(survey.places)
         yield f"{missing} of {len(survey.headers)} photographs have no GPS position; they are oriented through their overlap."
-    if not survey.places:
-        yield "No photograph has a GPS position: give control points or a positions file, or the block has no scale and no datum."
+    if survey.placeless:
+        yield (
+            "No photograph has a GPS position and no control was found: the block gets a local system, without scale and place on "
+            "the ground. Give control points or a positions file, and their CRS, if these matter."
+        )
     if len(survey.cameras) > 1:
         yield f"The photographs come from {len(survey.cameras)} cameras or image sizes; check that none is included by mistake."
     yield f"Then run: make project={name} run"

@@ -1,0 +1,86 @@
+"""`orthomill init` uses what lies beside the photographs, and says so."""
+
+import json
+
+import pytest
+from front_door import CATALOGUE, photograph
+
+from orthomill.pipeline.workflow.lying_beside import look_beside
+from orthomill.pipeline.workflow.starting_workflow import write_starting_workflow
+from orthomill.pipeline.workflow.workflow_file import load_workflow
+from orthomill.schemas.project import ANY_CRS
+
+LINE = "340607.768 548220.879 70.8 20 30 a.jpg\n"
+POSITIONS = "photo,x,y,z,sigma_x,sigma_y,sigma_z\na,1,2,3,0.1,0.1,0.1\n"
+CAMERA = {"name": "cam", "width": 64, "height": 48, "c": 60.0}
+
+
+@pytest.fixture
+def root(tmp_path):
+    for name in "ab":
+        photograph(tmp_path / "site" / "photos" / f"{name}.jpg", "Canon A3300", focal=5.0)
+    return tmp_path
+
+
+def started(root):
+    start = write_starting_workflow("site", root / "site" / "photos", root, CATALOGUE)
+    return load_workflow(start.path, CATALOGUE).project, " ".join(start.notes)
+
+
+@pytest.mark.parametrize("place", ["site/photos", "site"])
+@pytest.mark.parametrize(
+    ("system", "crs"),
+    [
+        ("EPSG:2180", "EPSG:2180"),
+        ("WGS84 UTM 34N", "EPSG:32634"),
+        ("wgs84 utm 34s", "EPSG:32734"),
+        ("+proj=utm +zone=11 +ellps=WGS84 +datum=WGS84 +units=m +no_defs\t", "EPSG:32611"),
+    ],
+)
+def test_a_gcp_list_gives_control_and_crs(root, place, system, crs):
+    (root / place / "gcp_list.txt").write_text(f"# control\n{system}\n{LINE}")
+    project, notes = started(root)
+    assert project.crs == crs and project.control.kind == "gcp_list"
+    assert project.control.path == f"{place}/gcp_list.txt" and "gcp_list.txt lies beside" in notes
+    assert "local system" not in notes and "Fill in 'crs'" not in notes
+
+
+@pytest.mark.parametrize("system", ["EPSG:4326", "EPSG:2263", "somewhere", "WGS84 UTM xN"])
+def test_a_list_in_degrees_feet_or_an_unknown_system_leaves_the_crs_open(root, system):
+    (root / "site" / "gcp_list.txt").write_text(f"{system}\n{LINE}")
+    start = write_starting_workflow("site", root / "site" / "photos", root, CATALOGUE)
+    assert "\ncrs:  # to be filled in" in start.path.read_text() and any("Fill in 'crs'" in note for note in start.notes)
+
+
+def test_positions_and_a_calibration_are_used(root):
+    (root / "site" / "rtk.csv").write_text(POSITIONS)
+    (root / "site" / "photos" / "camera.json").write_text(json.dumps(CAMERA))
+    (root / "site" / "gcp_list.txt").write_text(f"EPSG:2180\n{LINE}")
+    project, notes = started(root)
+    assert (project.positions.kind, project.positions.path) == ("file", "site/rtk.csv")
+    assert (project.cameras.kind, project.cameras.path) == ("file", "site/photos/camera.json")
+    assert "used for the positions" in notes and "used for the camera" in notes
+
+
+def test_photographs_of_which_nothing_is_known_get_a_local_system(root):
+    project, notes = started(root)
+    assert project.crs == ANY_CRS and project.control.kind == "none" and "local system" in notes
+
+
+def test_other_files_are_no_finds(root):
+    folder = root / "site" / "photos"
+    (folder / "gcp_list.txt").write_text("EPSG:2180")
+    (folder / "notes.csv").write_text("a,b\n1,2\n")
+    (folder / "empty.csv").write_text("")
+    (folder / "list.json").write_text("[1, 2]")
+    (folder / "broken.json").write_text("{")
+    (folder / "other.json").write_text(json.dumps(CAMERA | {"width": 4000}))
+    (folder / "latin.csv").write_bytes(b"photo,x\xff")
+    found = look_beside(folder, root, {(64, 48)})
+    assert found == type(found)()
+
+
+def test_nothing_outside_of_the_project_is_used(root):
+    (root / "gcp_list.txt").write_text(f"EPSG:2180\n{LINE}")
+    top = root / "site"
+    assert look_beside(top, top, set()).gcp_list is None
