@@ -14,9 +14,12 @@ from orthomill.schemas.photo import PHOTOS, photo_raster
 from orthomill.schemas.raster import Window
 from orthomill.schemas.stage_report import report_table
 from orthomill.schemas.surface import COUNT, HEIGHT, MEASURED, PRECISION, PROVENANCE, SURFACE, Provenance
+from orthomill.tasks.densification.line_locus.guide_heights import GuideFile
 from orthomill.tasks.densification.line_locus.locus_plan import LINE_NODES, LINE_OUTCOME, MARKERS
 from orthomill.tasks.densification.line_locus.node_markers import BLACK, WHITE
 from orthomill.tasks.densification.stage import DensificationStage, VerticalLineLocus
+from orthomill.tasks.densification.volume.terrain import terrain_grid
+from orthomill.tasks.densification.volume.volume_plan import TERRAIN
 from orthomill.tasks.imagery.pyramid import halved
 from orthomill.tasks.matching.line_locus.thresholds import FixedThreshold
 
@@ -35,8 +38,8 @@ def tie_points(height: np.ndarray) -> GroundPoints:
     return GroundPoints(np.arange(len(row)), CELL * col, -CELL * row, height[row, col], none, none, none, rays, none)
 
 
-def run(seen, matching=STAGE.matching, tile=128):
-    engine, pair = MemoryProject(tile), seen[1].pair
+def run(seen, matching=STAGE.matching, tile=128, files=None):
+    engine, pair = MemoryProject(tile, files=files or {}), seen[1].pair
     engine.tables[BLOCK.path], engine.tables[PHOTOS.path] = block_of(pair), photos_of(pair)
     engine.tables[GROUND_POINTS.path] = tie_points(seen[0].height)
     engine.tables[PAIRS.path] = EpipolarPairs(pairs=(pair,))
@@ -127,6 +130,21 @@ def test_every_way_to_search_finds_open_ground(seen, engine, changes):
     measured = ground & np.isin(other.rasters[PROVENANCE], MEASURED)
     assert measured.sum() > 0.8 * ground.sum() and robust(error[measured]) < 0.35
     assert not np.array_equal(other.rasters[HEIGHT], engine.rasters[HEIGHT], equal_nan=True)
+
+
+def test_lines_may_be_entered_on_an_existing_height_model(seen, engine):
+    """Posts 32 cells apart with 2 m of noise, and a narrow search."""
+    guide = GuideFile(kind="file", path="dem.tif")
+    changes = {"start": "terrain", "guide": guide, "side_points": 4}
+    grid = terrain_grid(engine.tables[SURFACE.path].grid)
+    x, y = np.meshgrid(*grid.centres(Window(0, 0, *grid.shape)))
+    heights = ndimage.map_coordinates(seen[0].height, [-y / CELL, x / CELL], order=1, mode="nearest")
+    noisy = (heights + np.random.default_rng(5).normal(0, 2.0, heights.shape)).astype(np.float32)
+    guided = run(seen, STAGE.matching.model_copy(update=changes), files={"dem.tif": (grid, noisy)})
+    assert np.array_equal(guided.rasters[TERRAIN], noisy)
+    error, ground = errors(seen, guided)
+    measured = ground & np.isin(guided.rasters[PROVENANCE], MEASURED)
+    assert measured.sum() > 0.9 * ground.sum() and robust(error[measured]) < 0.2
 
 
 def test_without_photographs_of_the_level_nothing_is_measured(seen):

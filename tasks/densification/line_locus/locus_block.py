@@ -10,15 +10,16 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, model_validator
 
 from orthomill.schemas.observations import GroundPoints
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.schemas.settings import setting
+from orthomill.schemas.settings import refuse_ignored, setting
 from orthomill.schemas.surface import Surface
+from orthomill.tasks.densification.line_locus.guide_heights import Guide, TiePointGuide
 from orthomill.tasks.densification.line_locus.node_markers import marked_picture
 from orthomill.tasks.densification.volume.photograph_choice import base_height, preferred, sight
 from orthomill.tasks.densification.volume.terrain import at_cells, places_around, terrain_grid
@@ -46,6 +47,13 @@ class LineLocus(HeightSearch):
     block: int = setting(
         64, "Nodes along the side of a block; each block is entered at a tie point of its own.", "cells", ge=8, le=4096
     )
+    guide: Guide = setting(TiePointGuide(), "What says how high the terrain lies on which lines are entered.")
+
+    @model_validator(mode="after")
+    def _guide_has_an_effect(self) -> "LineLocus":
+        if self.start == "neighbour":
+            refuse_ignored(self, ("guide",), "start: neighbour", "set start to terrain, or leave it out")
+        return self
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,18 +28,22 @@ def terrain_grid(grid: MapGrid, spacing: float = SPACING) -> MapGrid:
 
 def terrain(points: GroundPoints, block: Block, grid: MapGrid) -> np.ndarray:
     """Heights (rows, cols) float32, m, of the places `grid`; the block's mean height without any tie point around them."""
+    heights = known_terrain(points, grid)
+    return filled(heights) if np.isfinite(heights).any() else np.full(grid.shape, block.ground_mean, np.float32)
+
+
+def known_terrain(points: GroundPoints, grid: MapGrid) -> np.ndarray:
+    """Median heights (rows, cols) float32, m, of the tie points around the places `grid`; NaN where there are none."""
     col, row = grid.pixel(points.x, points.y)
     with np.errstate(invalid="ignore"):
         inside = (col >= -0.5) & (row >= -0.5) & (col < grid.cols - 0.5) & (row < grid.rows - 0.5) & np.isfinite(points.z)
-    if not inside.any():
-        return np.full(grid.shape, block.ground_mean, np.float32)
     place = np.rint(row[inside]).astype(np.int64) * grid.cols + np.rint(col[inside]).astype(np.int64)
     # Sorted by height around every place: the middle one is the median, which a single wrong point does not move.
     order = np.lexsort((points.z[inside], place))
     occupied, first, count = np.unique(place[order], return_index=True, return_counts=True)
     heights = np.full(grid.rows * grid.cols, np.nan, np.float32)
     heights[occupied] = points.z[inside][order][first + count // 2]
-    return filled(heights.reshape(grid.shape))
+    return heights.reshape(grid.shape)
 
 
 def places_around(window: Window, factor: int, shape: tuple[int, ...]) -> Window:

@@ -47,12 +47,17 @@ def volume_plan(scene: VolumeScene, sure: Sureness, stage: str, crs: str) -> Ite
 def terrain_plan(surface: MapGrid, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
     """The terrain of the whole block in one piece: gaps between tie points may be large."""
     grid = terrain_grid(surface)
-    # Axes of its own: rasters of one folder that share names of axes must have the same size.
-    axes = "terrain_y", "terrain_x"
-    yield map_raster(TERRAIN, grid, "float32", crs, SIDE, nodata=float("nan"), unit="m", axes=axes)
+    yield terrain_raster(grid, crs)
     whole = Raster(TERRAIN, Window(0, 0, *grid.shape))
     reads: dict[str, Region] = {"points": GROUND_POINTS, "block": BLOCK_TABLE}
     yield Job(stage, "terrain", terrain, reads, {"heights": whole}, {"grid": grid}, scratch=32 * grid.rows * grid.cols)
+
+
+def terrain_raster(grid: MapGrid, crs: str) -> RasterSpec:
+    """The raster of the terrain on its lattice `grid`."""
+    # Axes of its own: rasters of one folder that share names of axes must have the same size.
+    axes = "terrain_y", "terrain_x"
+    return map_raster(TERRAIN, grid, "float32", crs, SIDE, nodata=float("nan"), unit="m", axes=axes)
 
 
 def volume_specs(level: VolumeLevel, crs: str) -> tuple[RasterSpec, RasterSpec]:

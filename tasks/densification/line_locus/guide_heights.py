@@ -1,0 +1,70 @@
+"""The heights at which lines are entered, from an existing height model, and whether that model can belong to the block.
+
+Strategy: the model is compared with the tie points at the places of the terrain. A model elsewhere, in feet, or in another vertical
+datum is refused in one sentence, for it would send the search astray everywhere; a model with holes is not: the tie points close
+them.
+"""
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.observations import GroundPoints
+from orthomill.schemas.orientation import Block
+from orthomill.schemas.raster import MapGrid
+from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.densification.volume.terrain import known_terrain, terrain
+
+_FOOT = 0.3048
+_ALIKE = 0.1
+"""share of its departure in metres below which a model counts as one in feet: it fits ten times as well when it is converted"""
+_OFFSET, _SCATTERS = 5.0, 4.0
+"""m, and multiples of the scatter, by which a model must differ throughout to lie in another datum"""
+_FEWEST = 3
+"""places that tie points and model have in common, below which nothing can be judged"""
+
+
+class TiePointGuide(Settings):
+    """The tie points alone."""
+
+    kind: Literal["tie_points"] = "tie_points"
+
+
+class GuideFile(Settings):
+    """An existing height model in any CRS; tie points close its holes."""
+
+    kind: Literal["file"]
+    path: str = setting(..., "GeoTIFF with heights in metres, relative to the project's root.")
+
+
+Guide = Annotated[TiePointGuide | GuideFile, Field(discriminator="kind")]
+
+
+def guided_terrain(points: GroundPoints, block: Block, guide: np.ndarray, grid: MapGrid, path: str) -> np.ndarray:
+    """Heights (rows, cols) float32, m, of the places `grid`; guide: those of the model there, NaN where it has none.
+
+    Raises GeometryError for a model that does not cover the block, is in feet, or lies in another vertical datum.
+    """
+    if not np.isfinite(guide).any():
+        raise GeometryError(f"The height model {path} does not cover the block; check its CRS, or name another one.")
+    known = known_terrain(points, grid)
+    both = np.isfinite(known) & np.isfinite(guide)
+    if both.sum() >= _FEWEST:
+        _check(guide[both].astype(np.float64), known[both].astype(np.float64), path)
+    return np.where(np.isfinite(guide), guide, terrain(points, block, grid)).astype(np.float32)
+
+
+def _check(guide: np.ndarray, known: np.ndarray, path: str) -> None:
+    away, in_feet = guide - known, guide * _FOOT - known
+    if np.median(np.abs(in_feet)) < _ALIKE * np.median(np.abs(away)):
+        raise GeometryError(f"The heights of {path} are in feet; convert them to metres.")
+    offset = float(np.median(away))
+    scatter = 1.4826 * float(np.median(np.abs(away - offset)))
+    if abs(offset) > max(_OFFSET, _SCATTERS * scatter):
+        side = "above" if offset > 0 else "below"
+        raise GeometryError(
+            f"The height model {path} lies {abs(offset):.1f} m {side} the tie points throughout; it is in another vertical datum "
+            "(ellipsoidal and orthometric heights differ by tens of metres): convert one of them."
+        )
