@@ -10,7 +10,7 @@ photos ?=
 options ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-vll chaos docs clean clean-all
+.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-tile-map bench-remaining-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-vll chaos docs clean clean-all
 
 help: ## List all targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-18s %s\n", $$1, $$2}'
@@ -85,6 +85,12 @@ bench-orientation: $(STAMP) ## Orientation of real photographs, beside COLMAP wh
 
 bench-time: $(STAMP) ## Where the time goes, stage by stage (options="runs/volos ..." for runs that are finished)
 	@$(BIN)/python -m benchmarks.time_by_stage $(options)
+
+bench-tile-map: $(STAMP) ## What the map of a million tiles costs the scheduler and a browser (needs Playwright and a Chromium)
+	@$(BIN)/python -m benchmarks.tile_map $(options)
+
+bench-remaining-time: $(STAMP) ## Estimates of the remaining time beside what came, in finished runs (options="volos brighton")
+	@$(BIN)/python -m benchmarks.remaining_time $(options)
 
 bench-brighton: $(STAMP) ## The drone block by code, beside a peer, and disjoint strips (options="runs/brighton")
 	@$(BIN)/python -m benchmarks.brighton $(options)

@@ -4,6 +4,7 @@ It is made from the command line rather than read from a file; the run writes it
 that it can be run again.
 """
 
+import json
 import os
 import re
 from collections.abc import Sequence
@@ -12,7 +13,9 @@ from pathlib import Path
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
+from rich.table import Table as Lines
 
+from orthomill.pipeline.cli.terminal import out
 from orthomill.pipeline.storage.image_files import image_files, is_image_name, shown
 from orthomill.pipeline.workflow.workflow_checks import kind_of
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow
@@ -92,3 +95,19 @@ def _corners(text: str) -> tuple[int, int]:
     if not found:
         raise WorkflowError(f"--corners is '{text}'; write columns x rows of inner corners, such as 5x6.")
     return int(found[1]), int(found[2])
+
+
+def print_calibration(folder: Path) -> None:
+    """Print the parameters with their standard errors, if the run got that far."""
+    path = folder / "products" / "calibration.json"
+    if not path.exists():
+        return
+    record = json.loads(path.read_text())
+    lines = Lines("parameter", "value", "standard error", box=None)
+    for number, (name, value) in enumerate(zip(record["parameters"], record["values"], strict=True)):
+        sigma = record["covariance"][number][number] ** 0.5
+        if sigma > 0:  # 0: the parameter was not estimated
+            lines.add_row(name, f"{value:.7g}", f"{sigma:.2g}")
+    out.print(lines)
+    held_out = "" if record["held_out"] is None else f", held out {record['held_out']:.3f} px RMS"
+    out.print(f"sigma0 {record['sigma0']:.3f} px{held_out}, {record['redundancy']} redundant observations")

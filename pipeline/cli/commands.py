@@ -19,7 +19,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table as Lines
 
-from orthomill.pipeline.cli.calibrate import BoardOptions, calibration_workflow
+from orthomill.pipeline.cli.calibrate import BoardOptions, calibration_workflow, print_calibration
 from orthomill.pipeline.cli.clean import clean_run
 from orthomill.pipeline.cli.demo import write_demo
 from orthomill.pipeline.cli.doctor import doctor as examine
@@ -41,6 +41,7 @@ from orthomill.pipeline.forecast.forecast import forecast
 from orthomill.pipeline.records.lock import is_running, only_run
 from orthomill.pipeline.records.records import Record, Records
 from orthomill.pipeline.records.verification import verify as verify_results
+from orthomill.pipeline.report.paper import write_pdf
 from orthomill.pipeline.report.results import rewrite_results, run_with_report
 from orthomill.pipeline.report.summary import summary_markdown
 from orthomill.pipeline.signing.signature import check_signature
@@ -182,23 +183,7 @@ def calibrate(
         end = _run(loaded, Options(None, None, workers, memory * MIB, sequential))
     if not end.facts.complete:
         raise typer.Exit(1)
-    _print_calibration(loaded.run_folder)
-
-
-def _print_calibration(folder: Path) -> None:
-    """Print the parameters with their standard errors, if the run got that far."""
-    path = folder / "products" / "calibration.json"
-    if not path.exists():
-        return
-    record = json.loads(path.read_text())
-    lines = Lines("parameter", "value", "standard error", box=None)
-    for number, (name, value) in enumerate(zip(record["parameters"], record["values"], strict=True)):
-        sigma = record["covariance"][number][number] ** 0.5
-        if sigma > 0:  # 0: the parameter was not estimated
-            lines.add_row(name, f"{value:.7g}", f"{sigma:.2g}")
-    out.print(lines)
-    held_out = "" if record["held_out"] is None else f", held out {record['held_out']:.3f} px RMS"
-    out.print(f"sigma0 {record['sigma0']:.3f} px{held_out}, {record['redundancy']} redundant observations")
+    print_calibration(loaded.run_folder)
 
 
 @app.command()
@@ -258,10 +243,19 @@ def _dashboard_address(folder: Path) -> str:
 
 
 @app.command()
-def report(name: Name, debug: Debug = False) -> None:
+def report(
+    name: Name,
+    pdf: Annotated[
+        bool, typer.Option("--pdf", help="Print it to report.pdf (A4) as well, with a browser of this machine.")
+    ] = False,
+    debug: Debug = False,
+) -> None:
     """Write the report and the summary again from the stored results."""
     with plain_errors(debug):
-        out.print(str(rewrite_results(_load(name))), soft_wrap=True)
+        page = rewrite_results(_load(name))
+        out.print(str(page), soft_wrap=True)
+        if pdf:
+            out.print(str(write_pdf(page)), soft_wrap=True)
 
 
 @app.command()

@@ -1,0 +1,34 @@
+"""The report on paper: A4 by a browser of this machine, and a sentence where there is none."""
+
+import re
+import shutil
+
+import pytest
+
+from orthomill.pipeline.report.paper import BROWSERS, write_pdf
+from orthomill.schemas.errors import ResourceError
+
+
+def test_without_a_browser_it_is_a_sentence(tmp_path, monkeypatch):
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    with pytest.raises(ResourceError, match="no Chromium, Chrome or Edge"):
+        write_pdf(tmp_path / "report.html")
+
+
+def test_a_browser_that_prints_nothing_is_a_sentence(tmp_path, monkeypatch):
+    monkeypatch.setattr(shutil, "which", lambda name: shutil_true)
+    with pytest.raises(ResourceError, match="printed nothing"):
+        write_pdf(tmp_path / "report.html")
+
+
+shutil_true = shutil.which("true")
+
+
+def test_the_paper_is_a4(tmp_path):
+    if not any(shutil.which(name) for name in BROWSERS):
+        pytest.skip("There is no Chromium on this machine to print with.")
+    page = tmp_path / "report.html"
+    page.write_text("<!doctype html><style>@page { size: A4 }</style><p>one")
+    content = write_pdf(page).read_bytes()
+    width, height = (float(number) for number in re.search(rb"/MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", content).groups())
+    assert content.startswith(b"%PDF") and (round(width), round(height)) == (595, 842)
