@@ -67,6 +67,11 @@ def blocks(dh: np.ndarray, sigma: np.ndarray, size: int) -> np.ndarray:
     return np.stack([number / size**2, *(total / np.maximum(number, 1) for total in sums)], axis=-1).astype(np.float32)
 
 
+def is_judged(coarse: np.ndarray) -> np.ndarray:
+    """Which blocks (rows, cols) bool of a coarse raster (rows, cols, 3) have enough checked cells to speak for themselves."""
+    return np.asarray(coarse[..., CHECKED] > _JUDGED)
+
+
 def fitted_trend(coarse: np.ndarray, grid: MapGrid, size: int) -> tuple[Trend, np.ndarray]:
     """The plane through the blocks (rows, cols, 3), and its value (rows, cols) m in every block.
 
@@ -75,7 +80,7 @@ def fitted_trend(coarse: np.ndarray, grid: MapGrid, size: int) -> tuple[Trend, n
     rows, cols = np.indices(coarse.shape[:2])
     km = size * grid.cell / 1000
     design = np.stack([np.ones(rows.shape), (cols - cols.mean()) * km, (rows.mean() - rows) * km], axis=-1)
-    known = coarse[..., CHECKED] > _JUDGED
+    known = is_judged(coarse)
     plane = np.zeros(3)
     if known.sum() >= _LEAST_BLOCKS:
         plane = _robust_plane(design[known], coarse[known][:, MEAN].astype(np.float64))
@@ -108,7 +113,7 @@ def suspicious_areas(coarse: np.ndarray, trend: np.ndarray, grid: MapGrid, size:
     # from overlapping windows and are correlated.
     found = []
     deviation = coarse[..., MEAN] - trend
-    marked = (coarse[..., CHECKED] > _JUDGED) & (np.abs(deviation) > significance * coarse[..., SIGMA])
+    marked = is_judged(coarse) & (np.abs(deviation) > significance * coarse[..., SIGMA])
     # signs apart: a hollow next to a bump is two errors, and their volumes must not cancel
     for sign in (-1, 1):
         numbers, _ = label(marked & (np.sign(deviation) == sign), structure=np.ones((3, 3)))

@@ -28,6 +28,8 @@ _LEAST_NEIGHBOURS = 5
 """of the 24 around a node: the median of fewer is no majority, and an isolated correction cannot be checked"""
 _LEAST_POINTS = 3.0
 """points that determine a plane"""
+POWER = 1.645
+"""standard errors by which a correction exceeds its limit in 95 % of all cases, when its mean exceeds the limit by so many"""
 _SPIKE = 3.0
 """standard errors by which a correction may differ from the median of its neighbours"""
 _W, _X, _Y, _XX, _XY, _YY, _Z, _XZ, _YZ, _ZZ, _VARIANCE, _WW, _POINTS = range(13)
@@ -200,6 +202,15 @@ def _solve(sums, radius, common, dh, sigma):
             variance, alone = s[_VARIANCE] / w, (1.0 - common) * s[_WW] / (w * w)
             unexplained = max(scatter - variance * (1.0 - common - alone), 0.0)
             sigma[r, c] = np.sqrt(variance * (common + alone) + unexplained)
+
+
+def detectable_error(sigma: np.ndarray, significance: float) -> np.ndarray:
+    """(rows, cols) float32 m: the smallest error of the surface that the check finds with a probability of 95 %; NaN where it sees
+    nothing. For errors at least as wide as the windows that are matched: of narrower ones it sees a part.
+
+    Source: the smallest detectable error of Baarda 1968, with the correction of the cell as the only observation.
+    """
+    return (np.float32(significance + POWER) * sigma).astype(np.float32)
 
 
 def share_applied(correction: CorrectionMap, apply: Literal["all", "significant", "none"], significance: float) -> np.ndarray:

@@ -10,12 +10,15 @@ from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, Product, StageReport, Verdict
 from orthomill.schemas.surface import CORRECTED
-from orthomill.tasks.dsm_check.areas import SuspiciousArea, Trend, fitted_trend, suspicious_areas
+from orthomill.tasks.dsm_check.areas import SIGMA, SuspiciousArea, Trend, fitted_trend, is_judged, suspicious_areas
+from orthomill.tasks.dsm_check.correction_map import detectable_error
 from orthomill.tasks.dsm_check.coverage import CheckedPair, CheckedPairs
 from orthomill.tasks.dsm_check.statistics import Counts, PairCounts, Summary, TileCounts, added, bin_width, summarised
 
 DH = "dsm_check/dh"
 PRECISION = "dsm_check/precision"
+DETECTABLE = "dsm_check/detectable"
+"""float32 m: the smallest error that the check would have found, see `correction_map.detectable_error`"""
 _LISTED = 20
 """areas in the table"""
 _WARNED = 5
@@ -41,13 +44,19 @@ def report(tiles: tuple[TileCounts, ...], pairs: CheckedPairs, coarse: np.ndarra
     whole = summarised(total, pairs.pixel_height)
     trend, plane = fitted_trend(coarse, blocks.grid, blocks.size)
     areas = suspicious_areas(coarse, plane, blocks.grid, blocks.size, blocks.significance)
+    detectable = _detectable(coarse, blocks.significance)
     return StageReport(
-        verdict=_verdict(tiles, whole, pairs),
+        verdict=_verdict(tiles, whole, pairs, detectable),
         products=(
             Product(path="products/dsm_check.tif", purpose="What the photographs say against the surface, and the surface mended"),
         ),
         losses=(*_surface_warnings(tiles, trend, pairs), *_area_warnings(areas)),
-        figures=_figures(_cell_values(tiles, whole, pairs) | _estimate_values(tiles, pairs) | _place_values(trend, areas)),
+        figures=_figures(
+            _cell_values(tiles, whole, pairs)
+            | {"detectable": _known(detectable)}
+            | _estimate_values(tiles, pairs)
+            | _place_values(trend, areas)
+        ),
         grids=(_pairs_grid(tiles, pairs), _outcomes_grid(tiles, pairs), *_areas_grid(areas)),
         charts=(_histogram(total, pairs.pixel_height),) if whole.number else (),
         pictures=_pictures(pairs, whole),
@@ -70,6 +79,7 @@ _LABELS = {
     "dh_nmad": "Robust spread of the corrections",
     "dh_within_1_sigma": "Below one standard error",
     "dh_within_3_sigma": "Below three standard errors",
+    "detectable": "Smallest error that would be found",
     "estimates_dh_nmad": "Robust spread, estimated heights",
 }
 """what people call a figure whose name does not say it"""
@@ -80,6 +90,11 @@ _FIGURES = (
     ("dh_nmad", "m", "Robust spread of the corrections: agreement of surface and photographs, not the accuracy of the surface."),
     ("dh_within_1_sigma", "%", "Cells whose correction is below its own standard error (68 % if all errors are random)."),
     ("dh_within_3_sigma", "%", "Cells whose correction is below three of its standard errors."),
+    (
+        "detectable",
+        "m",
+        "Smallest error that would have been found with 95 %, in half of the checked blocks; narrower than a window: less.",
+    ),
     ("checked", "%", "Share of the measured cells that could be checked."),
     ("changed", "%", "Share of the measured cells that the check changed."),
     ("estimates", "%", "Share of the heights that are estimated: neither checked nor changed, and in no other figure here."),
@@ -237,11 +252,25 @@ def _pictures(pairs: CheckedPairs, whole: Summary) -> tuple[Picture, ...]:
         Picture(
             title="Precision of the check", raster=PRECISION, style="ramp", unit="m", caption="Standard error of the correction."
         ),
+        Picture(
+            title="Smallest error that the check would find",
+            raster=DETECTABLE,
+            style="ramp",
+            unit="m",
+            caption="With a probability of 95 %, where an error is at least as wide as the windows that are compared. "
+            "Empty: nothing would be found here.",
+        ),
         Picture(title="Surface after the check", raster=CORRECTED, style="hillshade", unit="m"),
     )
 
 
-def _verdict(tiles: tuple[TileCounts, ...], whole: Summary, pairs: CheckedPairs) -> Verdict:
+def _detectable(coarse: np.ndarray, significance: float) -> float:
+    """m: the smallest error that is found in half of the judged blocks (rows, cols, 3); NaN without any."""
+    judged = is_judged(coarse)
+    return float(np.median(detectable_error(coarse[judged][:, SIGMA], significance))) if judged.any() else math.nan
+
+
+def _verdict(tiles: tuple[TileCounts, ...], whole: Summary, pairs: CheckedPairs, detectable: float) -> Verdict:
     heights, checked = sum(tile.heights for tile in tiles), sum(tile.checked for tile in tiles)
     if not whole.number:
         return Verdict(level="fair", sentence="Nothing of the surface could be checked against the photographs.", weighs=True)
@@ -250,6 +279,8 @@ def _verdict(tiles: tuple[TileCounts, ...], whole: Summary, pairs: CheckedPairs)
         f"Photographs and surface agree to {whole.nmad:.2g} m (robust spread) where it could be checked, which is "
         f"{_share(checked, heights):.0f} % of the measured heights"
     )
+    if math.isfinite(detectable):
+        words += f"; there an error of {detectable:.2g} m would have been found"
     return Verdict(level="good" if agrees else "fair", sentence=f"{words}.", weighs=True)
 
 

@@ -33,7 +33,7 @@ from orthomill.tasks.dsm_check.coverage import (
 )
 from orthomill.tasks.dsm_check.height_correction import Correction, RayCorrection
 from orthomill.tasks.dsm_check.nodes import BANDS, NodeMatching, NodeTile, check_nodes
-from orthomill.tasks.dsm_check.report import DH, PRECISION, Blocks, report
+from orthomill.tasks.dsm_check.report import DETECTABLE, DH, PRECISION, Blocks, report
 from orthomill.tasks.dsm_check.statistics import TileCounts
 from orthomill.tasks.dsm_check.tile import CorrectionRule, NodeWindow, correct_tile, take_surface
 from orthomill.tasks.dsm_check.working_orthoimage import WorkingTile, ortho_tile
@@ -236,7 +236,7 @@ class DsmCheckStage(Stage):
         return _coarser(window, self.step)
 
     def _answer(self, view: ProjectView, plan: _Plan) -> Iterator[RasterSpec | Job | Export]:
-        for name in (DH, PRECISION, CORRECTED):
+        for name in (DH, PRECISION, DETECTABLE, CORRECTED):
             yield map_raster(name, plan.grid, "float32", view.project.crs, plan.tile, nodata=float("nan"), unit="m")
         size = block_size(plan.grid.shape)
         shape = tuple(-(-side // size) for side in plan.grid.shape)
@@ -254,7 +254,8 @@ class DsmCheckStage(Stage):
             {"blocks": Blocks(plan.grid, size, self.significance)},
             scratch=16 * coarse.bytes_of(coarse.full),
         )
-        yield Export(self.kind, "product", "products/dsm_check.tif", "cog", {"dh": DH, "height": CORRECTED, "sigma": PRECISION})
+        bands = {"dh": DH, "height": CORRECTED, "sigma": PRECISION, "detectable": DETECTABLE}
+        yield Export(self.kind, "product", "products/dsm_check.tif", "cog", bands)
 
     def _answer_tile(self, plan: _Plan, tile: Tile, size: int) -> Job:
         # A corrected point lies off its node by the shift in either orthoimage, in the worst case by twice the reach of the search.
@@ -313,6 +314,7 @@ def _checked_cells(tile: Tile, size: int) -> dict[str, Raster | Table]:
     return {
         "dh": Raster(DH, tile.window),
         "precision": Raster(PRECISION, tile.window),
+        "detectable": Raster(DETECTABLE, tile.window),
         "height": Raster(CORRECTED, tile.window),
         "coarse": Raster(COARSE, _coarser(tile.window, size)),
         "counts": _counts_table(tile),

@@ -16,6 +16,7 @@ from orthomill.tasks.dsm_check.correction_map import (
     CorrectionMap,
     CorrectionNodes,
     corrected_heights,
+    detectable_error,
     interpolate,
     node_points,
     share_applied,
@@ -53,11 +54,12 @@ class CorrectionRule:
 
 
 class CheckedCells(NamedTuple):
-    """A checked tile: dh, its standard error and the corrected height (rows, cols) float32 m, NaN where unknown; `areas.blocks`
-    (rows, cols, 3) float32; counts of cells and nodes."""
+    """A checked tile: dh, its standard error, the smallest error that would have been found and the corrected height (rows, cols)
+    float32 m, NaN where unknown; `areas.blocks` (rows, cols, 3) float32; counts of cells and nodes."""
 
     dh: np.ndarray
     precision: np.ndarray
+    detectable: np.ndarray
     height: np.ndarray
     coarse: np.ndarray
     counts: TileCounts
@@ -96,6 +98,7 @@ def correct_tile(
     return CheckedCells(
         dh=correction.dh,
         precision=correction.sigma,
+        detectable=detectable_error(correction.sigma, rule.significance),
         height=corrected_heights(heights, correction, share),
         coarse=blocks(correction.dh, correction.sigma, rule.block),
         counts=count_tile(heights, found, share, estimated, counted, rule.pixel_height),

@@ -11,6 +11,7 @@ from orthomill.tasks.dsm_check.correction_map import (
     CorrectionMap,
     CorrectionNodes,
     corrected_heights,
+    detectable_error,
     interpolate,
     node_points,
     share_applied,
@@ -82,6 +83,17 @@ def test_standard_errors_hold_for_nodes_whose_windows_overlap(step, radius, side
         ratios.append((out.dh / out.sigma)[32:-32, 32:-32])
     ratio = np.abs(np.concatenate(ratios))
     assert 0.62 < (ratio < 1).mean() < 0.78 and 0.93 < (ratio < 2).mean() < 0.985 and (ratio < 3).mean() > 0.99
+
+
+@pytest.mark.parametrize("significance", [3.0, 5.0])
+def test_the_smallest_detectable_error_is_found_in_95_percent(significance):
+    """Monte Carlo: an error of just that size under noise, half of the cells too high and half too low."""
+    rng = np.random.default_rng(8)
+    sigma = rng.uniform(0.02, 0.3, (300, 300)).astype(np.float32)
+    sign = np.where(rng.random(sigma.shape) < 0.5, 1.0, -1.0)
+    dh = sign * detectable_error(sigma, significance) + rng.normal(0, 1, sigma.shape) * sigma
+    assert (sign * dh > significance * sigma).mean() == pytest.approx(0.95, abs=0.005)
+    assert np.isnan(detectable_error(np.array([np.nan]), significance)).all()
 
 
 def test_scatter_beyond_the_errors_of_the_nodes_makes_the_plane_uncertain():

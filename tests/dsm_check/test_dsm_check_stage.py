@@ -167,7 +167,8 @@ def test_the_product():
     made = checked()
     exports = [thing for thing in DsmCheckStage(pairs=3).plan(made) if isinstance(thing, Export)]
     assert [e.path for e in exports] == ["products/dsm_check.tif"]
-    assert exports[0].rasters == {"dh": "dsm_check/dh", "height": CORRECTED, "sigma": "dsm_check/precision"}
+    bands = {"dh": "dsm_check/dh", "height": CORRECTED, "sigma": "dsm_check/precision", "detectable": "dsm_check/detectable"}
+    assert exports[0].rasters == bands
 
 
 def test_a_wall_hides_what_is_behind():
