@@ -7,6 +7,7 @@ from scipy import ndimage
 from village_pair import CELL, block_of, normal_case, photos_of, render, village
 
 from orthomill.schemas.epipolar import PAIRS, EpipolarPairs
+from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.observations import GROUND_POINTS, GroundPoints
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.outcome import Outcome
@@ -145,6 +146,22 @@ def test_lines_may_be_entered_on_an_existing_height_model(seen, engine):
     error, ground = errors(seen, guided)
     measured = ground & np.isin(guided.rasters[PROVENANCE], MEASURED)
     assert measured.sum() > 0.9 * ground.sum() and robust(error[measured]) < 0.2
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"step": 500.0}, r"first step of vertical line locus is 500.00 m, but the heights of the surface span only"),
+        (
+            {"window": 201, "level": 1},
+            r"Windows of 201 px do not fit into the photographs, whose shorter side is 166 px on pyramid",
+        ),
+    ],
+    ids=["step", "window"],
+)
+def test_a_search_that_cannot_find_anything_is_refused_in_words(seen, changes, says):
+    with pytest.raises(GeometryError, match=says):
+        run(seen, STAGE.matching.model_copy(update=changes))
 
 
 def test_without_photographs_of_the_level_nothing_is_measured(seen):

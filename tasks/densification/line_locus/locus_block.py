@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import BaseModel, ConfigDict, model_validator
 
+from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.observations import GroundPoints
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.outcome import Outcome
@@ -82,6 +83,23 @@ class LocusScene:
         """Height that a pixel of parallax stands for, m."""
         base = base_height(self.views, self.surface.grid, self.block.ground_mean, self.settings.photographs)
         return self.pixel / base
+
+
+def check_search(scene: LocusScene) -> None:
+    """Raise GeometryError for a first step that spans all heights at once, and for windows that no photograph can hold."""
+    settings, surface = scene.settings, scene.surface
+    step, relief = float(settings.spacings(scene.metres_per_pixel)[0]), surface.height_high - surface.height_low
+    if step > relief:
+        raise GeometryError(
+            f"The first step of vertical line locus is {step:.2f} m, but the heights of the surface span only {relief:.2f} m; set "
+            "a smaller step, or leave it to the photographs (step: auto)."
+        )
+    sizes = [min(view.camera.width, view.camera.height) // 2**settings.level for view in scene.views]
+    if sizes and settings.window >= max(sizes):
+        raise GeometryError(
+            f"Windows of {settings.window} px do not fit into the photographs, whose shorter side is {max(sizes)} px on pyramid "
+            f"level {settings.level}; set a smaller window or a finer level."
+        )
 
 
 @dataclass(frozen=True)

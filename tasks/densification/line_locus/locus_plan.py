@@ -13,6 +13,7 @@ from orthomill.tasks.densification.line_locus.locus_block import (
     LineStatistics,
     LocusBlock,
     LocusScene,
+    check_search,
     lines_scratch,
     locus_block,
     solve_lines,
@@ -35,7 +36,8 @@ LINES = Table("densification/lines.json", LineStatistics)
 
 
 def locus_plan(scene: LocusScene, stage: str, crs: str) -> Iterator[RasterSpec | Job | Export]:
-    """The blocks of nodes and their products."""
+    """The blocks of nodes and their products. Raises GeometryError for a search that cannot find anything."""
+    check_search(scene)
     grid, side = scene.surface.grid, scene.settings.block
     factor = marker_factor(grid.cell, scene.pixel)
     yield from _specs(grid, side, factor, crs)
