@@ -389,6 +389,9 @@ def inspect_window_size(
     method: Annotated[Method, typer.Option(help="How the size of the matching window is chosen.")] = Method.FOERSTNER,
     largest: Annotated[int, typer.Option("--max", help="Side of the largest window, px.", min=7, max=101)] = 35,
     limit: Annotated[float | None, typer.Option(help="Threshold of the method, instead of its default.")] = None,
+    second: Annotated[
+        float | None, typer.Option(help="Its second threshold: excess (statistical), gain (entropy) or roundness (foerstner).")
+    ] = None,
     assigned: Annotated[float | None, typer.Option(help="Find the threshold that assigns a window to this % of pixels.")] = None,
     output: Annotated[Path | None, typer.Option(help="The PNG to write; by default in the current folder.")] = None,
     debug: Debug = False,
@@ -396,7 +399,7 @@ def inspect_window_size(
     """Map the size of the matching window at every pixel: dark is small, light is large, white is none."""
     with plain_errors(debug):
         path = picture_path(photo, f"window_size_{method}", output)
-        found = window_size_map(GuardedPhoto(photo), sizing_of(method, largest, limit), share_of(assigned, limit))
+        found = window_size_map(GuardedPhoto(photo), sizing_of(method, largest, limit, second), share_of(assigned, limit))
         write_map(found, path, out, err)
 
 

@@ -59,13 +59,18 @@ _METHODS: dict[Method, type[StatisticalWindow] | type[EntropyWindow] | type[Foer
 }
 
 
-def sizing_of(method: Method, largest: int, limit: float | None = None) -> WindowSizing:
-    """The sizing of a method up to windows of `largest` px, with its defaults or with another `limit`.
+_SECOND = {StatisticalWindow: "min_excess", EntropyWindow: "min_gain", FoerstnerWindow: "min_roundness"}
+"""the second limit of each method; the first ones are those that a share can find (LIMITS)"""
+
+
+def sizing_of(method: Method, largest: int, limit: float | None = None, second: float | None = None) -> WindowSizing:
+    """The sizing of a method up to windows of `largest` px, with its defaults, with another `limit`, or with another `second` one:
+    the excess of the statistical method, the gain of the entropy, the roundness of Foerstner's.
 
     Raises WorkflowError for a limit that the method cannot have.
     """
     if method is Method.COMBINED:
-        if limit is not None:
+        if limit is not None or second is not None:
             raise WorkflowError("The combined method has two limits, so a single one cannot be given; give a share (assigned).")
         parts = CombinedWindow()
         return CombinedWindow(
@@ -73,13 +78,21 @@ def sizing_of(method: Method, largest: int, limit: float | None = None) -> Windo
             entropy=parts.entropy.model_copy(update={"largest": largest}),
         )
     kind = _METHODS[method]
-    # Validated again as a whole: `model_copy` would accept a limit out of bounds.
-    sizing = kind(largest=largest)
+    sizing: WindowSizing = kind(largest=largest)
+    # One after the other, so that the sentence names the one that is out of bounds.
+    for name, value in ((LIMITS[kind], limit), (_SECOND[kind], second)):
+        if value is not None:
+            sizing = _with_limit(sizing, method, name, value)
+    return sizing
+
+
+def _with_limit(sizing: WindowSizing, method: Method, name: str, value: float) -> WindowSizing:
     try:
-        return sizing if limit is None else kind.model_validate({**sizing.model_dump(), LIMITS[kind]: limit})
+        # Validated again as a whole: `model_copy` would accept a limit out of bounds.
+        return type(sizing).model_validate({**sizing.model_dump(), name: value})
     except ValidationError as error:
         reason = error.errors()[0]["msg"]
-        raise WorkflowError(f"{limit:g} cannot be the limit {LIMITS[kind]} of the {method} method: {reason}.") from error
+        raise WorkflowError(f"{value:g} cannot be the limit {name} of the {method} method: {reason}.") from error
 
 
 @dataclass(frozen=True)

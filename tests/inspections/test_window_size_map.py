@@ -125,6 +125,16 @@ def test_a_photograph_smaller_than_the_largest_window_is_refused():
         window_size_map(photograph(texture()), FoerstnerWindow(largest=79))
 
 
+def test_second_limits_are_those_of_the_method():
+    assert sizing_of(Method.STATISTICAL, 21, second=30.0) == StatisticalWindow(largest=21, min_excess=30.0)
+    assert sizing_of(Method.ENTROPY, 21, 4.5, 0.01) == EntropyWindow(largest=21, min_entropy=4.5, min_gain=0.01)
+    assert sizing_of(Method.FOERSTNER, 21, second=0.7) == FoerstnerWindow(largest=21, min_roundness=0.7)
+    with pytest.raises(WorkflowError, match=r"1\.5 cannot be the limit min_roundness of the foerstner method"):
+        sizing_of(Method.FOERSTNER, 21, second=1.5)
+    with pytest.raises(WorkflowError, match="combined method has two limits"):
+        sizing_of(Method.COMBINED, 21, second=0.5)
+
+
 def test_the_methods_are_sized_up_to_the_largest_and_take_a_limit():
     assert sizing_of(Method.STATISTICAL, 21, 30.0) == StatisticalWindow(largest=21, min_deviation=30.0)
     assert sizing_of(Method.ENTROPY, 21, 4.5) == EntropyWindow(largest=21, min_entropy=4.5)
