@@ -34,6 +34,7 @@ Y_PARALLAX_LIMIT = 0.5
 _DISPUTED_LIMIT = 0.05
 """share of heights on which pairs disagree that is worth a warning"""
 
+_ARE_ESTIMATES = "of the heights are estimates"
 _ESTIMATED_LIMIT = 0.1
 """share of heights that were not measured that is worth a warning"""
 
@@ -92,6 +93,7 @@ def report(
         verdict=_verdict(cells, surface),
         answers=tuple(_answers(cells, surface)),
         products=_PRODUCTS,
+        doubts=tuple(_doubts(cells)),
         losses=(*_surface_warnings(cells), *_matching_warnings(pairs, matching)),
         figures=tuple(
             Figure(
@@ -135,6 +137,7 @@ def line_report(surface: Surface, lines: LineStatistics, cells: SurfaceStatistic
         grids=(Grid(title="Outcomes of the nodes", columns=("outcome", "nodes"), rows=rows), _provenance_grid(cells)),
         charts=(_correlation_chart(lines), _precision_chart(surface, cells)),
         pictures=(*_pictures(), _marker_picture()),
+        doubts=tuple(_doubts(cells)),
         warnings=tuple(_surface_warnings(cells)),
     )
 
@@ -384,6 +387,13 @@ def _matching_warnings(pairs: EpipolarPairs, matching: tuple[MatchingStatistics,
             )
 
 
+def _doubts(cells: SurfaceStatistics) -> Iterator[str]:
+    """The warnings of a surface that is no measurement for the most part, or that its pairs contradict. A tenth of estimates is
+    what every block with trees has."""
+    measured = _known_cells(cells) > 2 * sum(cells.provenance[code] for code in ESTIMATED)
+    return (sentence for sentence in _surface_warnings(cells) if not (measured and _ARE_ESTIMATES in sentence))
+
+
 def _surface_warnings(cells: SurfaceStatistics) -> Iterator[str]:
     known, disputed = _known_cells(cells), cells.provenance[Provenance.DISPUTED]
     estimated = sum(cells.provenance[code] for code in ESTIMATED)
@@ -392,7 +402,7 @@ def _surface_warnings(cells: SurfaceStatistics) -> Iterator[str]:
         yield "The surface model is empty: no pair could be matched. Check the orientation and the heights of the block."
     elif estimated > _ESTIMATED_LIMIT * known:
         yield (
-            f"{100 * estimated / known:.0f} % of the heights are estimates, not measurements (water, wood, or ground that few "
+            f"{100 * estimated / known:.0f} % {_ARE_ESTIMATES}, not measurements (water, wood, or ground that few "
             "photographs see); the map of their origin shows where. More overlap, or photographs with more light and less wind, "
             "would measure more."
         )

@@ -50,7 +50,8 @@ def report(tiles: tuple[TileCounts, ...], pairs: CheckedPairs, coarse: np.ndarra
         products=(
             Product(path="products/dsm_check.tif", purpose="What the photographs say against the surface, and the surface mended"),
         ),
-        losses=(*_surface_warnings(tiles, trend, pairs), *_area_warnings(areas)),
+        doubts=tuple(_surface_warnings(tiles, trend, pairs)),
+        losses=tuple(_area_warnings(areas)),
         figures=_figures(
             _cell_values(tiles, whole, pairs)
             | {"detectable": _known(detectable)}

@@ -78,6 +78,8 @@ def evaluation_report(
         grids=tuple(chain.from_iterable(section.grids for section in sections)),
         charts=tuple(chain.from_iterable(section.charts for section in sections)),
         pictures=tuple(chain.from_iterable(section.pictures for section in sections)),
+        # A reference that contradicts the results, or their stated precision, is no mere remark.
+        doubts=tuple(chain.from_iterable(section.warnings for section in sections)),
         warnings=tuple(_warnings(sections, facts)),
     )
 

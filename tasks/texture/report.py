@@ -239,19 +239,23 @@ def _answers(totals: _Totals, facts: TextureFacts) -> Iterator[Answer]:
     )
 
 
-def _warnings(statistics: tuple[TileTexture, ...], totals: _Totals, radiometry: Radiometry) -> Iterator[str]:
+def _doubts(totals: _Totals) -> Iterator[str]:
+    """What speaks against the heights and the orientation that the orthoimage was made with."""
     if totals.seen[0] == totals.pixels:
         yield "The orthoimage is empty: no photo sees any ground that has a height. Check the surface model first."
-    if totals.hidden > _MOST_HIDDEN * totals.pixels:
-        yield (
-            f"{_share(totals.hidden, totals.pixels):.1f} % of the orthoimage is hidden by objects in front from every photo that "
-            "shows the place; it stays transparent. Photographs from more sides would fill it."
-        )
     if totals.values and totals.rejected > _MOST_REJECTED * totals.values:
         yield (
             f"{_share(totals.rejected, totals.values):.0f} % of all colours were rejected: heights or orientation may be wrong, "
             "or the photos differ in more than brightness. On the map of rejected colours, "
             "scattered ones are traffic and leaves, patches are wrong heights."
+        )
+
+
+def _other_warnings(statistics: tuple[TileTexture, ...], totals: _Totals, radiometry: Radiometry) -> Iterator[str]:
+    if totals.hidden > _MOST_HIDDEN * totals.pixels:
+        yield (
+            f"{_share(totals.hidden, totals.pixels):.1f} % of the orthoimage is hidden by objects in front from every photo that "
+            "shows the place; it stays transparent. Photographs from more sides would fill it."
         )
     yield from _balance_warnings(radiometry)
     idle = [photo.photo for photo in radiometry.photos if not any(tile.photo_seen.get(photo.photo) for tile in statistics)]
@@ -328,10 +332,11 @@ def texture_report(statistics: tuple[TileTexture, ...], radiometry: Radiometry, 
         verdict=_verdict(totals),
         answers=tuple(_answers(totals, facts)),
         products=_PRODUCTS,
-        losses=tuple(_warnings(statistics, totals, radiometry)),
+        doubts=tuple(_doubts(totals)),
+        losses=tuple(_other_warnings(statistics, totals, radiometry)),
         figures=_figures(totals, radiometry, facts),
         grids=(_photo_grid(statistics, radiometry),),
         charts=(chart,),
         pictures=_pictures(most),
-        warnings=tuple(_warnings(statistics, totals, radiometry)),
+        warnings=(*_doubts(totals), *_other_warnings(statistics, totals, radiometry)),
     )

@@ -67,7 +67,8 @@ def finish(
     strength = measure(points, photos)
     report = StageReport(
         verdict=_verdict(strength),
-        losses=tuple(_warnings(photos, strength, summaries)),
+        doubts=tuple(_doubts(photos, strength)),
+        losses=tuple(_other_warnings(photos, strength, summaries)),
         figures=(
             *_point_figures(points, strength),
             *_pair_figures(links, summaries),
@@ -77,7 +78,7 @@ def finish(
         ),
         grids=(_photo_grid(photos, strength), _pair_grid(summaries), _outcome_grid(summary)),
         charts=(_ray_chart(strength), _block_chart(photos, summaries)),
-        warnings=tuple(_warnings(photos, strength, summaries)),
+        warnings=(*_doubts(photos, strength), *_other_warnings(photos, strength, summaries)),
     )
     return TiePointResults(points, report)
 
@@ -244,7 +245,13 @@ def _verdict(strength: Strength) -> Verdict:
     return Verdict(level=level, sentence=f"{len(strength.rays)} tie points {connected}; {weakest}.")
 
 
-def _warnings(photos: Photos, strength: Strength, summaries: tuple[PairSummary, ...]) -> Iterator[str]:
+def _doubts(photos: Photos, strength: Strength) -> Iterator[str]:
+    """A block in parts has a common place only by positions and control, whatever the adjustment says."""
+    if _parts(strength) > 1:
+        yield _divided(photos, strength)
+
+
+def _other_warnings(photos: Photos, strength: Strength, summaries: tuple[PairSummary, ...]) -> Iterator[str]:
     repeated = [pair for pair in summaries if pair.alike]
     for pair in repeated:
         yield (
@@ -263,8 +270,6 @@ def _warnings(photos: Photos, strength: Strength, summaries: tuple[PairSummary, 
     uneven = [name for name, count, share in counted if count and share < _LEAST_COVERAGE]
     if uneven:
         yield f"Tie points cover less than a quarter of the frame of {some_of(uneven, most=10)}."
-    if _parts(strength) > 1:
-        yield _divided(photos, strength)
 
 
 def _divided(photos: Photos, strength: Strength) -> str:

@@ -110,11 +110,14 @@ def test_a_y_parallax_that_the_orientation_left_is_reported_for_its_pair():
 
 
 def test_disputed_and_empty_surfaces_are_reported():
-    assert "disagree on 25 %" in reported(surface=cells(0, 50, 10, 20, 0, 0, 0)).warnings[0]
-    assert "is empty" in reported(surface=EMPTY).warnings[0]
+    for surface, words in ((cells(0, 50, 10, 20, 0, 0, 0), "disagree on 25 %"), (EMPTY, "is empty")):
+        found = reported(surface=surface)
+        assert words in found.warnings[0] and found.warnings[0] in found.doubts
 
 
 def test_many_estimates_are_reported():
+    assert reported(surface=cells(0, 85, 0, 0, 10, 0, 5)).doubts == ()
+    assert "60 % of the heights are estimates" in reported(surface=cells(0, 40, 0, 0, 50, 0, 10)).doubts[0]
     assert "15 % of the heights are estimates" in reported(surface=cells(0, 85, 0, 0, 10, 0, 5)).warnings[0]
 
 

@@ -111,6 +111,7 @@ def test_a_surface_that_could_not_be_checked_says_so():
     dh[:, 60:] = np.nan
     found = reported(dh)
     assert "Only 38 % of the measured surface could be checked" in found.warnings[0]
+    assert found.doubts == (found.warnings[0],)
     nothing = reported(np.full(GRID.shape, np.nan))
     assert figures(nothing)["dh_mean"] is None and not nothing.charts
 

@@ -116,16 +116,18 @@ def test_a_good_orthoimage_gives_no_warning():
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "words", "doubtful"),
     [
-        ({"seen": (1000, 0, 0, 0), "heights": (1000, 0, 0, 0)}, "The orthoimage is empty"),
-        ({"hidden": 60}, "6.0 % of the orthoimage is hidden by objects in front from every photo"),
-        ({"rejected": 700}, "28 % of all colours were rejected"),
-        ({"photo_seen": {"a": 900}}, "No ground of the orthoimage is seen by: b."),
+        ({"seen": (1000, 0, 0, 0), "heights": (1000, 0, 0, 0)}, "The orthoimage is empty", True),
+        ({"hidden": 60}, "6.0 % of the orthoimage is hidden by objects in front from every photo", False),
+        ({"rejected": 700}, "28 % of all colours were rejected", True),
+        ({"photo_seen": {"a": 900}}, "No ground of the orthoimage is seen by: b.", False),
     ],
 )
-def test_weaknesses_of_the_image_are_reported(changes, words):
-    assert any(words in text for text in report(tile(**changes)).warnings)
+def test_weaknesses_of_the_image_are_reported(changes, words, doubtful):
+    found = report(tile(**changes))
+    assert any(words in text for text in found.warnings)
+    assert any(words in text for text in found.doubts) == doubtful
 
 
 @pytest.mark.parametrize(

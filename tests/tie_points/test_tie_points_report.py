@@ -131,6 +131,7 @@ def test_a_divided_block_is_reported_with_its_smaller_part():
     report = report_of(block((0, 1, 60), (1, 2, 60), (3, 4, 60), count=5), (summary("p0", "p1"),))
     assert values(report)["connected_parts"] == 2
     (warning,) = (text for text in report.warnings if "divided" in text)
+    assert report.doubts == (warning,)
     assert warning.endswith("2 parts without enough tie points between them. Not connected with the largest part: p3, p4.")
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.model.datum import (
     distance_residuals,
     position_residuals,
@@ -22,6 +23,10 @@ from orthomill.tasks.adjustment.model.datum import (
 from orthomill.tasks.adjustment.model.network import Network, State
 from orthomill.tasks.geometry.rotation_vector import rotation_of_vector, skew
 
+_IMPOSSIBLE = (
+    "Positions, control and photographs contradict each other so much that the block has no place: look for a position or control "
+    "point with a wrong coordinate, or for the wrong reference system."
+)
 # Central differences of 1e-5 have errors of 1e-10 both from curvature and from rounding: smaller steps would follow noise.
 STEPS, INCREMENT, NEGLIGIBLE = 20, 1e-5, 1e-10
 """Largest number of Gauss-Newton steps; increments and negligible steps in units of the block's size, radians and logarithms of the
@@ -105,7 +110,10 @@ def _best_motion(misfits: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         moves = INCREMENT * np.eye(7)
         J = np.stack([(misfits(motion + move) - misfits(motion - move)) / (2.0 * INCREMENT) for move in moves], axis=1)
         # The smallest motion: what no observation determines (the tilt about a line of positions) stays as it is.
-        step = np.linalg.lstsq(J, -now, rcond=1e-10)[0]
+        try:
+            step = np.linalg.lstsq(J, -now, rcond=1e-10)[0]
+        except np.linalg.LinAlgError:  # numbers so far apart that products of them overflow
+            raise GeometryError(_IMPOSSIBLE) from None
         there = misfits(motion + step)
         while there @ there > now @ now and np.abs(step).max() > NEGLIGIBLE:
             step *= 0.5
