@@ -24,6 +24,14 @@ class NoDatum(_Finding):
     scaled: bool
 
 
+class DatumGivenUp(_Finding):
+    """With positions and control the adjustment did not converge: they pull against the tie points, `worst` most of all."""
+
+    code: Literal["datum_given_up"] = "datum_given_up"
+    worst: tuple[str, ...]
+    """names of control points and photographs, the largest misfit first"""
+
+
 class PositionsCrowded(_Finding):
     """The positions lie closer together than their own standard errors."""
 
@@ -102,6 +110,13 @@ class InteriorFixed(_Finding):
     """The adjustment failed with free interior orientations, which were all fixed."""
 
     code: Literal["interior_fixed"] = "interior_fixed"
+    cameras: tuple[str, ...]
+
+
+class InteriorUnweighted(_Finding):
+    """Weighted interior orientations without standard errors, which therefore kept their values."""
+
+    code: Literal["interior_unweighted"] = "interior_unweighted"
     cameras: tuple[str, ...]
 
 
@@ -316,6 +331,7 @@ class BlockUnexamined(_Finding):
 
 BlockFinding = Annotated[
     NoDatum
+    | DatumGivenUp
     | PositionsCrowded
     | TiltUnobserved
     | ControlOnALine
@@ -325,6 +341,7 @@ BlockFinding = Annotated[
     | DistortionFolds
     | InteriorUndetermined
     | InteriorFixed
+    | InteriorUnweighted
     | ConstantContradicted
     | ConstantNominal
     | PrincipalPointMoved

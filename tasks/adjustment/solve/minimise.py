@@ -53,6 +53,10 @@ END_DAMPING = 1e-3
 """Damping up to which a small gain is the end."""
 
 
+class NotConverged(GeometryError):
+    """Observations that pull against each other so that no solution was reached."""
+
+
 @dataclass(frozen=True, eq=False)
 class _Bundle:
     """What is minimised: the residuals of the `rays` in the `network`, under Huber's weights with the limit `huber`."""
@@ -110,7 +114,7 @@ def minimise(
         now = replace(then, damping=then.damping * then.ease if then.damping > LEAST_DAMPING else 0.0)
     if np.isfinite(huber) or now.gain <= NEGLIGIBLE:
         return now.state, most
-    raise GeometryError(f"The bundle adjustment did not converge in {most} iterations; check its tie points and starting values.")
+    raise NotConverged(f"The bundle adjustment did not converge in {most} iterations; check its tie points and starting values.")
 
 
 def _ended(then: _Iterate, tolerance: float, rays: int) -> bool:

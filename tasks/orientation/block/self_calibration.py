@@ -10,9 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from orthomill.schemas.camera import Camera
 from orthomill.schemas.errors import GeometryError
-from orthomill.schemas.findings.block_findings import InteriorFixed, InteriorUndetermined
-from orthomill.tasks.adjustment.model.interior import given_sigmas
+from orthomill.schemas.findings.block_findings import InteriorFixed, InteriorUndetermined, InteriorUnweighted
+from orthomill.tasks.adjustment.model.interior import InteriorChoice, camera_covariance, given_sigmas
 from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import Network, Rays, State
 from orthomill.tasks.adjustment.solve.ray_intersection import sufficiently_observed
@@ -69,6 +70,14 @@ def determinable_without_control(network: Network, state: State, rays: Rays) -> 
     per_area = np.maximum(of_camera / np.maximum(photos, 1) / AREAS, 1.0)
     better = doubtful & (share * np.sqrt(per_area) * state.interior[:, 0] < given_sigmas(interior)[:, 0])
     return replace(network, interior=replace(interior, considered=interior.considered & ~better[:, None]))
+
+
+def unweighted(cameras: list[Camera], choice: InteriorChoice) -> tuple[InteriorUnweighted, ...]:
+    """That cameras shall be weighted of which no standard error is known, and which these are."""
+    if choice.kind != "weighted":
+        return ()
+    names = tuple(camera.name for camera in cameras if not camera_covariance(camera).any())
+    return (InteriorUnweighted(cameras=names),) if names else ()
 
 
 def all_fixed(network: Network, names: tuple[str, ...]) -> tuple[Network, InteriorFixed]:

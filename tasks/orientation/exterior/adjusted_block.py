@@ -6,7 +6,7 @@ together where positions or control place them in the project's system; the othe
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -21,11 +21,20 @@ from orthomill.schemas.settings import Settings
 from orthomill.tasks.adjustment.bundle import BlunderTest
 from orthomill.tasks.adjustment.model.interior import InteriorChoice, interior_prior
 from orthomill.tasks.adjustment.model.network import Rays
+from orthomill.tasks.adjustment.solve.minimise import NotConverged
 from orthomill.tasks.adjustment.solve.ray_intersection import sufficiently_observed
-from orthomill.tasks.orientation.block.assembly import BlockResults, Part, Problem, known_of, problem_of, starting_values
+from orthomill.tasks.orientation.block.assembly import (
+    BlockResults,
+    Part,
+    Problem,
+    known_of,
+    problem_of,
+    starting_values,
+    taking_part,
+)
 from orthomill.tasks.orientation.block.camera_constant import Tested, adjust_tested
 from orthomill.tasks.orientation.block.correlated_image_errors import including_correlation
-from orthomill.tasks.orientation.block.self_calibration import determinable_without_control, determined
+from orthomill.tasks.orientation.block.self_calibration import determinable_without_control, determined, unweighted
 from orthomill.tasks.orientation.folding import folding_cameras
 from orthomill.tasks.orientation.interchange.foreign_block import ForeignPose
 from orthomill.tasks.orientation.measurements import tie_rays
@@ -37,7 +46,7 @@ from orthomill.tasks.orientation.results.ground_results import ground_residuals
 from orthomill.tasks.orientation.sensor_frame import Sensors, Upright
 from orthomill.tasks.orientation.start.block_growth import Given, GrowthMaterial
 from orthomill.tasks.orientation.start.block_start import Blocks, BlockStart, start_blocks, start_with, without_photo
-from orthomill.tasks.orientation.start.georeference import Datum, choose_datum
+from orthomill.tasks.orientation.start.georeference import Datum, choose_datum, given_up
 from orthomill.tasks.orientation.start.up_direction import Looking
 from orthomill.tasks.orientation.start.weak_photograph import AWAY, away_from_its_position, set_aside, weakest
 
@@ -228,10 +237,19 @@ def _adjusted(have: _Input, parts: list[Part]) -> tuple[BlockResults, tuple[Unor
             rays = int((attempt.rays.photo == attempt.weak).sum())
             left_out += (Unoriented(photo=name, reason=set_aside(name, rays, attempt.why)),)
             parts = fewer
+        elif isinstance(attempt.outcome, NotConverged) and len(parts) == 1 and not attempt.datum.free:
+            # What was surveyed is the last thing to be doubted: without it there is a block, and a report that says why.
+            parts = [_without_datum(have, parts[0])]
         elif isinstance(attempt.outcome, GeometryError):
             raise attempt.outcome
         else:
             return _results(have, attempt, attempt.outcome), left_out
+
+
+def _without_datum(have: _Input, part: Part) -> Part:
+    names = tuple(have.material.names[i] for i in part.start.photos)
+    points = tuple(point.name for point in taking_part(have.control))
+    return replace(part, datum=given_up(part.model, part.known, part.datum, names, points))
 
 
 def _require_control_for_shift(choices: BlockChoices, parts: list[Part]) -> None:
@@ -277,7 +295,8 @@ def _attempt(have: _Input, parts: list[Part]) -> _Attempt:
 
 
 def _results(have: _Input, attempt: _Attempt, tested: Tested) -> BlockResults:
-    findings = (*folding_cameras(have.cameras), *attempt.findings, *tested.findings)
+    unknown = unweighted(have.material.cameras, have.choices.interior)
+    findings = (*folding_cameras(have.cameras), *unknown, *attempt.findings, *tested.findings)
     return BlockResults(have.cameras, attempt.problem, tested.result, attempt.datum, findings, tested.restart)
 
 

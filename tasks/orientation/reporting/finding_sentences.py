@@ -18,6 +18,7 @@ from orthomill.schemas.findings.block_findings import (
     ConstantNominal,
     ControlContradicted,
     ControlOnALine,
+    DatumGivenUp,
     DatumMisfit,
     DistanceContradicted,
     DistanceUnchecked,
@@ -26,6 +27,7 @@ from orthomill.schemas.findings.block_findings import (
     ImageErrorsCorrelated,
     InteriorFixed,
     InteriorUndetermined,
+    InteriorUnweighted,
     LargestReconstruction,
     LooksUpward,
     MeasurementsRejected,
@@ -144,6 +146,23 @@ def interior_fixed(finding: InteriorFixed) -> str:
     return (
         f"The interior orientation of {' and '.join(finding.cameras)} could not be adjusted: the block does not determine it. It "
         "was kept fixed; calibrate the camera, or add oblique photographs or control at different heights."
+    )
+
+
+@finding_sentence.register
+def datum_given_up(finding: DatumGivenUp) -> str:
+    return (
+        "With its positions and control the block could not be adjusted, because they pull against its tie points, most of all "
+        f"{', '.join(finding.worst)}: the block was adjusted without any of them. Compare their coordinates and measurements."
+    )
+
+
+@finding_sentence.register
+def interior_unweighted(finding: InteriorUnweighted) -> str:
+    return (
+        f"The interior orientation of {' and '.join(finding.cameras)} was given without standard errors, so there is nothing to "
+        "weight it with and it kept its values. Give its standard error (sigma_c) if the block shall improve it, or say that it is "
+        "held (interior: {kind: fixed})."
     )
 
 

@@ -14,6 +14,7 @@ from orthomill.schemas.findings.block_findings import (
     AxesExchanged,
     BlockFinding,
     ControlOnALine,
+    DatumGivenUp,
     DatumMisfit,
     LooksUpward,
     NoDatum,
@@ -42,6 +43,8 @@ UPWARD = 0.5
 FAR = 5.0
 """Known points whose residual from the consensus exceeds so many tolerances are set aside; nearer ones the blunder test
 examines."""
+WORST = 3
+"""Observations that are named where a block could not be adjusted with them."""
 ONE_SIDED = 0.1
 """Control lies on one line where its extent across is smaller than this share of its extent along."""
 MISFIT = 4.0
@@ -163,6 +166,21 @@ def choose_datum(
     if isinstance(looks_up, AxesExchanged):
         return replace(_free(model, known, None), findings=(looks_up,))
     return _placed_datum(known, points, fit, up, basis, vertical_sigma, looks_up)
+
+
+def given_up(model: State, known: Known, datum: Datum, photos: tuple[str, ...], points: tuple[str, ...]) -> Datum:
+    """The free datum of a block that could not be adjusted in `datum`, with a finding that names the observations that pull most;
+    `photos` (P,) and `points` (n,) are their names."""
+    control = np.linalg.norm(datum.similarity.apply(known.control_model) + datum.origin - known.control, axis=1)
+    position = np.linalg.norm(datum.similarity.apply(model.centre) + datum.origin - known.position, axis=1)
+    # In standard errors, as the adjustment weighs them; NaN where there is nothing to compare.
+    sizes = np.nan_to_num(
+        np.concatenate([control / known.control_sigma.max(axis=1), position / known.position_sigma.max(axis=1)]), posinf=0.0
+    )
+    names = (*points, *photos)
+    worst = tuple(names[i] for i in np.argsort(-sizes, kind="stable")[:WORST] if sizes[i] > 0)
+    free = _free(model, known, None)
+    return replace(free, findings=(*free.findings, DatumGivenUp(worst=worst)))
 
 
 def _placed_datum(

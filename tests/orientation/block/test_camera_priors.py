@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from small_network import INTERIOR_VALUES, more_control, small_network
 
-from orthomill.schemas.findings.block_findings import ConstantContradicted, InteriorFixed, InteriorUndetermined
+from orthomill.schemas.camera import Camera
+from orthomill.schemas.findings.block_findings import ConstantContradicted, InteriorFixed, InteriorUndetermined, InteriorUnweighted
 from orthomill.tasks.adjustment.bundle import BlunderTest, adjust
+from orthomill.tasks.adjustment.model.interior import FixedInterior, WeightedInterior
 from orthomill.tasks.orientation.block.camera_constant import FARTHEST, adjust_tested, doubtful_constants, with_free_constants
-from orthomill.tasks.orientation.block.self_calibration import all_fixed, determinable_without_control, determined
+from orthomill.tasks.orientation.block.self_calibration import all_fixed, determinable_without_control, determined, unweighted
 
 TEST = BlunderTest(limit=4.0)
 C = INTERIOR_VALUES[0]
@@ -138,3 +140,12 @@ def test_with_all_interior_orientations_fixed_nothing_of_them_is_unknown():
     fixed, finding = all_fixed(network, ("one", "two"))
     assert finding == InteriorFixed(cameras=("one", "two"))
     assert not fixed.interior.free.any() and not fixed.interior.weight.any() and (fixed.interior_columns < 0).all()
+
+
+@pytest.mark.parametrize(("kind", "sigma", "told"), [("weighted", None, True), ("weighted", 0.5, False), ("fixed", None, False)])
+def test_weights_that_nobody_gave_are_told(kind, sigma, told):
+    covariance = None if sigma is None else tuple(map(tuple, np.diag([sigma**2] + [0.0] * 7)))
+    given = Camera(name="given", width=4000, height=3000, c=3500.0, source="given", covariance=covariance)
+    nominal = given.model_copy(update={"name": "exif", "source": "exif", "covariance": None})
+    choice = FixedInterior(kind="fixed") if kind == "fixed" else WeightedInterior(kind="weighted")
+    assert unweighted([given, nominal], choice) == ((InteriorUnweighted(cameras=("given",)),) if told else ())

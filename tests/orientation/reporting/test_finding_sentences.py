@@ -30,6 +30,8 @@ SPOKEN = [
     (f.InteriorUndetermined(camera="cam", share=0.07), ["c, x0, y0 of cam", "only to 7 %", "kept their values", "calibration"]),
     (f.InteriorUndetermined(camera="cam", share=None), ["not at all"]),
     (f.InteriorFixed(cameras=("one", "two")), ["of one and two", "kept fixed", "oblique"]),
+    (f.DatumGivenUp(worst=("gcp04", "IMG_7")), ["gcp04, IMG_7", "without any of them"]),
+    (f.InteriorUnweighted(cameras=("one", "two")), ["of one and two", "without standard errors", "sigma_c"]),
     (
         f.ConstantContradicted(camera="cam", given_px=800.0, adjusted_px=1597.4, sigma_px=0.456, fixed=False),
         ["800 px were given", "1597 px (standard error 0.46 px) fit", "which was used"],
