@@ -58,8 +58,8 @@ test-fast: $(STAMP) ## Run the tests that take seconds
 test-slow: $(STAMP) ## Run the tests that take minutes
 	@$(BIN)/python -m pytest -m slow
 
-fuzz: $(STAMP) ## Give every reader of files thousands of broken ones (options=5000: cases for each)
-	@ORTHOMILL_FUZZ=$(or $(options),3000) $(BIN)/python -m pytest tests/failures/test_fuzzed_files.py
+fuzz: $(STAMP) ## Give every reader of files, and the command, thousands of broken ones (options=5000: cases for each)
+	@ORTHOMILL_FUZZ=$(or $(options),3000) $(BIN)/python -m pytest tests/failures/test_fuzzed_files.py tests/failures/test_fuzzed_commands.py
 
 lint: $(STAMP) types ## Check style, format and types
 	@$(BIN)/ruff check $(CODE)
