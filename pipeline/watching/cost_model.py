@@ -18,6 +18,8 @@ from orthomill.schemas.stage_report import report_table
 
 PARALLEL = 0.9
 """Part of the time in which a worker has something to do: stages end one job after another, and some jobs stand alone"""
+MOSTLY = 0.8
+"""Share of a stage's jobs whose cost must be measured before it tells what the others cost"""
 MEASURED_ERROR, USUAL_ERROR = 0.15, 0.5
 """Relative uncertainty of a remainder that rests on measured costs, and on usual shares: the largest seen when recorded runs were
 replayed (benchmarks/remaining_time.py)"""
@@ -136,8 +138,9 @@ class CostModel:
     def _worth(self, stages: Mapping[str, "_StageCost"]) -> float | None:
         """Seconds of work for a unit of the usual shares; None before anything is measured."""
         begun = [kind for kind, stage in stages.items() if stage.done and kind not in self._unchanged]
-        # Before any stage is known as a whole, what is known of those that have begun is better than nothing.
-        known = [kind for kind in begun if stages[kind].known] or [kind for kind in begun if stages[kind].left]
+        # Before any stage is known as a whole, one of which most kinds of jobs are measured stands for it.
+        mostly = [kind for kind in begun if stages[kind].left and stages[kind].measured >= MOSTLY]
+        known = [kind for kind in begun if stages[kind].known] or mostly
         usual = sum(self.usual[kind] for kind in known)
         return sum(stages[kind].whole for kind in known) / usual if usual > 0 else None
 
@@ -146,13 +149,17 @@ class CostModel:
         unmeasured = [cost for cost in families if cost.left and cost.mean is None]
         done = sum(cost.usual for cost in families)
         left = sum(cost.left * (cost.mean or 0.0) for cost in families)
-        return _StageCost(done, left, known=bool(families) and kind in self._closed and not unmeasured)
+        planned = sum(cost.planned for cost in families)
+        measured = 1.0 - sum(cost.left for cost in unmeasured) / planned if planned else 0.0
+        return _StageCost(done, left, measured, known=bool(families) and kind in self._closed and not unmeasured)
 
 
 @dataclass(frozen=True)
 class _StageCost:
     done: float
     left: float
+    measured: float
+    """share of its planned jobs whose kind is measured"""
     known: bool
     """whether all its jobs are planned, and the cost of all of their kinds is measured"""
 

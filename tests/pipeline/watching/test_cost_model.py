@@ -1,7 +1,7 @@
 """The remaining time: jobs count by their kind, compiling counts once, and unplanned stages by their usual share."""
 
 import pytest
-from toy_stages import SourceStage, run_in
+from toy_stages import SmoothStage, SourceStage, run_in
 
 from orthomill.pipeline.engine.runner import Finished
 from orthomill.pipeline.watching.cost_model import MEASURED_ERROR, PARALLEL, USUAL_ERROR, CostModel, FamilyCost
@@ -61,3 +61,16 @@ def test_jobs_that_failed_or_are_unchanged_leave_nothing_behind(tmp_path):
         model.skipped(key)
     model.finished(Finished(keys[0], "failed"), 0.0)
     assert model.remaining() is None or model.remaining().left == 0.0
+
+
+def test_one_cheap_kind_of_job_does_not_speak_for_a_stage(tmp_path):
+    session = run_in(tmp_path, SourceStage(rows=64, cols=64), SmoothStage(), tile=16)
+    model = CostModel({"source": 1.0, "smooth": 1.0}, 1)
+    for planned in session.graph.jobs.values():
+        model.planned(planned)
+    smoothed = [key for key in session.graph.jobs if key[0] == "smooth"]
+    model.finished(Finished(("source", "size", 0, 0), "done"), 0.01)
+    assert model.remaining() is None, "the sixteen tiles of the source are not measured"
+    for key in smoothed[:5]:
+        model.finished(Finished(key, "done"), 2.0)
+    assert model.remaining().left > 20.0
