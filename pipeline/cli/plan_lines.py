@@ -16,7 +16,10 @@ UNKNOWN = "?"
 
 def plan_lines(session: Session, expected: Forecast | None) -> Lines:
     """One row for each stage of a planned session: ~ is a forecast, < its bound, numbers alone are exact, ? is not known yet."""
-    lines = Lines("stage", "jobs", "to run", "MB on disk", "peak MiB", "CPU time", "why", box=None)
+    # One space between columns: with everything that is to be said a row still fits 80 characters.
+    lines = Lines(
+        "stage", "jobs to run", "MB on disk", "peak MiB", "CPU time", "why", box=None, pad_edge=False, padding=(0, 1, 0, 0)
+    )
     for stage in session.stages:
         lines.add_row(stage.kind, *_row(session, stage, expected.stages.get(stage.kind) if expected else None))
     return lines
@@ -27,23 +30,25 @@ def _row(session: Session, stage: Stage, expected: StageForecast | None) -> tupl
     known = [planned for key, planned in session.graph.jobs.items() if key[0] == stage.kind]
     waiting = session.planner.waiting_for.get(stage.kind)
     reasons = sorted({session.reasons[planned.key] for planned in pending})
-    why = "; ".join(reasons + ([f"the rest is planned when {waiting} exists"] if waiting else [])) or "unchanged"
+    why = "; ".join(reasons) or ("waits" if waiting else "unchanged")
     if waiting:
-        return (*_foreseen(len(known), len(pending), expected), why)
+        return (*_foreseen(len(pending), expected), why)
     written, memory = sum(planned.output_bytes for planned in pending), max((planned.memory for planned in pending), default=0)
     share = len(pending) / max(len(known), 1)
     seconds = _shown(Amount(share * expected.seconds.about, share * expected.seconds.most), _time) if expected else UNKNOWN
-    # How good the forecast was can be seen beside what has become exact.
-    jobs = f"{len(known)} ({_shown(expected.jobs)})" if expected else str(len(known))
-    return jobs, str(len(pending)), f"<{written / 1e6:.0f}", f"<{memory / MIB:.0f}", seconds if pending else "0 s", why
+    jobs = f"{len(pending)} of {len(known)}"
+    if len(pending) == len(known):
+        # How good the forecast was can be seen beside what has become exact.
+        jobs = f"{len(known)} (~{expected.jobs.about:.0f})" if expected else str(len(known))
+    return jobs, f"<{written / 1e6:.0f}", f"<{memory / MIB:.0f}", seconds if pending else "0 s", why
 
 
-def _foreseen(known: int, pending: int, expected: StageForecast | None) -> tuple[str, ...]:
+def _foreseen(pending: int, expected: StageForecast | None) -> tuple[str, ...]:
     """The cells of a stage that is not planned completely: what is planned of it is a lower bound."""
     if expected is None:
-        return _at_least(known), _at_least(pending), UNKNOWN, UNKNOWN, UNKNOWN
-    jobs = _shown(Amount(max(expected.jobs.about, known), max(expected.jobs.most, known)))
-    return jobs, jobs, _shown(expected.megabytes), _shown(expected.peak_mib), _shown(expected.seconds, _time)
+        return _at_least(pending), UNKNOWN, UNKNOWN, UNKNOWN
+    jobs = f"~{max(expected.jobs.about, pending):.0f}"
+    return jobs, _shown(expected.megabytes), _shown(expected.peak_mib), _shown(expected.seconds, _time)
 
 
 def _at_least(count: int) -> str:

@@ -24,6 +24,7 @@ MISFIT = {"photo": "a", "misfit_px": 41.5, "lies_on": "P2"}
 VECTOR = (0.25, -0.5, 3.0)
 BLOCK_VALUES = {
     "no_datum": {"scaled": True},
+    "datum_given_up": {"worst": ("P1", "a")},
     "positions_crowded": {},
     "tilt_unobserved": {"tilt_sigma_deg": None, "basis": "attitude", "sigma_deg": 1.5},
     "control_on_a_line": {},
@@ -33,6 +34,7 @@ BLOCK_VALUES = {
     "distortion_folds": {"camera": "n", "reach_px": 2100.0, "corner_px": 2500.0, "k1": -0.31, "c": 3500.0},
     "interior_undetermined": {"camera": "n", "share": None},
     "interior_fixed": {"cameras": ("n", "z")},
+    "interior_unweighted": {"cameras": ("n",)},
     "constant_contradicted": {"camera": "n", "given_px": 3500.0, "adjusted_px": 3610.0, "sigma_px": 2.0, "fixed": False},
     "constant_nominal": {"camera": "n", "c": 3500.0, "share": 0.03},
     "principal_point_moved": {"camera": "n", "moved_px": 90.0},
