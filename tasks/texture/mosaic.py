@@ -171,6 +171,7 @@ def _showing(painted: np.ndarray, extent: TileExtent, photos: list[BalancedPhoto
 
 def _scene(
     painted: np.ndarray,
+    draped: np.ndarray,
     measured: np.ndarray,
     extent: TileExtent,
     photos: list[BalancedPhotograph],
@@ -187,7 +188,8 @@ def _scene(
     ground = sharp.ground if sharp else ground
     targets, core = _targets(ground, extent.dsm), extent.window
     inner = core.within(rim).slices
-    seen = (lines_of_sight(model, certain, photos[k].view, targets, rules.tolerance) for k in showing)
+    guessed = _at_pixels(draped, extent.heights, rim, extent.divisor)
+    seen = (lines_of_sight(model, certain, photos[k].view, targets, guessed, rules.tolerance) for k in showing)
     if sharp:
         seen = (_at_walls(sight, sharp, k) for sight, k in zip(seen, showing, strict=True))
     factors = tuple(_factor(sight, ground.z, rules, extent.divisor)[inner] for sight in seen)
@@ -212,10 +214,10 @@ def _factor(sight: np.ndarray, z: np.ndarray, rules: TextureRules, divisor: int)
     return np.where(sight == LineOfSight.FREE, np.maximum(widened, np.float32(RESERVED_WORTH)), worth)
 
 
-def _to_ortho(cells: np.ndarray, extent: TileExtent, window: Window) -> np.ndarray:
-    """Values of the DSM cells `extent.core` at the ortho pixels `window`."""
-    rows = np.arange(window.row, window.row + window.height) // extent.divisor - extent.core.row
-    cols = np.arange(window.col, window.col + window.width) // extent.divisor - extent.core.col
+def _at_pixels(cells: np.ndarray, place: Window, window: Window, divisor: int) -> np.ndarray:
+    """Values of the DSM cells `place` at the ortho pixels `window`."""
+    rows = np.arange(window.row, window.row + window.height) // divisor - place.row
+    cols = np.arange(window.col, window.col + window.width) // divisor - place.col
     return cells[np.ix_(rows, cols)]
 
 
@@ -318,9 +320,11 @@ def texture_tile(
     numbers = _showing(painted, extent, around)
     showing = [around[k] for k in numbers]
     views = [photo.view for photo in showing]
-    scene = _scene(painted, np.isin(provenance, MEASURED) & np.isfinite(heights), extent, around, numbers, rules)
+    known = np.isfinite(heights)
+    scene = _scene(painted, ~known, np.isin(provenance, MEASURED) & known, extent, around, numbers, rules)
     core = extent.core.within(extent.heights).slices
-    sources = _to_ortho(height_sources(heights[core], painted[core], provenance[core]), extent, extent.window)
+    sources = height_sources(heights[core], painted[core], provenance[core])
+    sources = _at_pixels(sources, extent.core, extent.window, extent.divisor)
     height, width = extent.window.shape
     coverage, rejected = np.zeros((height, width), np.uint8), np.zeros((height, width), np.uint8)
     ortho, tally = np.zeros((height, width, 4), np.uint8), _Tally(np.zeros(len(views)), np.zeros(len(views)), np.zeros(3, np.int64))

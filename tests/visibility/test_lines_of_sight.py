@@ -17,12 +17,12 @@ CAMERA = replace(view("a"), centre=np.array([20.0, 60.0, 40.0]))
 ROW = int(DSM.pixel(20.0, 60.0)[1])
 
 
-def seen(z: np.ndarray, measured: np.ndarray) -> np.ndarray:
+def seen(z: np.ndarray, measured: np.ndarray, guessed: np.ndarray | None = None) -> np.ndarray:
     """LineOfSight of all cell centres of a model of which `measured` (bool) says what is no estimate."""
     targets = Targets(INDEX, INDEX, z, np.zeros_like(z))
     model = HeightModel(z, DSM, WHOLE)
     certain = HeightModel(np.where(measured, z, np.float32(np.nan)), DSM, WHOLE)
-    return lines_of_sight(model, certain, CAMERA, targets, 0.2)
+    return lines_of_sight(model, certain, CAMERA, targets, np.zeros(z.shape, bool) if guessed is None else guessed, 0.2)
 
 
 def wall(col: int = 60) -> np.ndarray:
@@ -50,6 +50,15 @@ def test_an_estimate_is_hidden_by_what_is_measured():
     z, measured = wall(), np.ones((120, 120), bool)
     measured[:, 62:] = False
     assert (seen(z, measured)[ROW, 64:70] == LineOfSight.HIDDEN).all()
+
+
+def test_a_guessed_height_is_hidden_by_nothing_for_certain():
+    """Draped ground behind a wood may lie as high as its crowns: a photograph that shows the place serves where no other does."""
+    measured, guessed = np.ones((120, 120), bool), np.zeros((120, 120), bool)
+    guessed[:, 66:] = True
+    found = seen(wall(), measured, guessed)[ROW]
+    assert (found[64:66] == LineOfSight.HIDDEN).all() and (found[66:70] == LineOfSight.BEHIND_ESTIMATE).all()
+    assert found[110] == LineOfSight.FREE
 
 
 @settings(max_examples=15, deadline=None)
