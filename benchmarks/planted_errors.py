@@ -27,7 +27,6 @@ from orthomill.schemas.photo import photo_raster
 from orthomill.schemas.raster import Window
 from orthomill.schemas.surface import HEIGHT, SURFACE, Surface
 from orthomill.tasks.dsm_check.areas import block_size
-from orthomill.tasks.dsm_check.correction_map import CorrectionNodes
 from orthomill.tasks.dsm_check.coverage import CheckedPair, CheckedPairs, choose_checked_pairs
 from orthomill.tasks.dsm_check.nodes import NodeTile, check_nodes
 from orthomill.tasks.dsm_check.stage import DsmCheckStage
@@ -68,10 +67,8 @@ def check(scene: Scene, heights: np.ndarray, stage: DsmCheckStage) -> CheckedCel
     nodes = tuple(_nodes(scene, heights, stage, chosen, pair) for pair in chosen.pairs)
     whole = Window(0, 0, *heights.shape)
     windows = tuple(NodeWindow(p.name, *[_nodes_of(p.window, stage.step)] * 2) for p in chosen.pairs)
-    factor = chosen.pixels_per_cell
-    move, side = 2 * stage.matching.search.reach / factor, (2 * stage.matching.least_squares.reach + 1) / factor
-    grid = CorrectionNodes(stage.step, factor, stage.radius * stage.step, move, side)
-    rule = CorrectionRule(stage.apply, stage.significance, grid, block_size(heights.shape), chosen.pixel_height)
+    nodes_of_cells, size = stage.correction_nodes(chosen.pixels_per_cell), block_size(heights.shape)
+    rule = CorrectionRule(stage.apply, stage.significance, nodes_of_cells, size, chosen.pixel_height)
     return correct_tile(whole, windows, rule, heights, nodes)
 
 

@@ -18,12 +18,12 @@ from tornado.httpserver import HTTPServer
 from tornado.ioloop import IOLoop
 from tornado.web import Application
 
+from orthomill.pipeline.report.paper import FLAGS
 from orthomill.pipeline.watching.live_map import page_template
 from orthomill.pipeline.watching.tile_board import Panel, TileBoard, TileState
 from orthomill.pipeline.watching.tile_routes import tile_routes
 
 PORT, PANELS, SECONDS, UPDATES = 8999, 4, 20.0, 10
-FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
 FACTS = {"project": "benchmark", "share": 0.5, "left": 100, "error": 10, "elapsed": 5, "peak": 1, "limit": 2, "free": 3}
 
 
@@ -69,7 +69,7 @@ def main() -> None:
     print(f"{len(board.keys)} tiles, {(psutil.Process().memory_info().rss - memory) / 2**20:.0f} MiB with their keys")
     Thread(target=serve, args=(board,), daemon=True).start()
     with sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
+        browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=list(FLAGS))
         page = browser.new_page(viewport={"width": 1366, "height": 900}, bypass_csp=True)
         begun = time.perf_counter()
         page.goto(f"http://127.0.0.1:{PORT}/tiles")

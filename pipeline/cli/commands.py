@@ -28,7 +28,7 @@ from orthomill.pipeline.cli.monoplot import monoplot_table, read_image_points
 from orthomill.pipeline.cli.plan_lines import plan_lines, plan_notes
 from orthomill.pipeline.cli.run_display import run_display
 from orthomill.pipeline.cli.run_end import RunEnd, run_end, tell, tell_as_json
-from orthomill.pipeline.cli.sign import Person, sign_project, signed_page, signing_lines
+from orthomill.pipeline.cli.sign import Person, sign_project, signing_lines
 from orthomill.pipeline.cli.terminal import Debug, Name, err, out, plain_errors
 from orthomill.pipeline.cli.verification_lines import verification_lines
 from orthomill.pipeline.engine.foresight import plan_ahead
@@ -41,6 +41,7 @@ from orthomill.pipeline.forecast.forecast import forecast
 from orthomill.pipeline.records.lock import is_running, only_run
 from orthomill.pipeline.records.records import Record, Records
 from orthomill.pipeline.records.verification import verify as verify_results
+from orthomill.pipeline.report.first_page import FirstPage
 from orthomill.pipeline.report.paper import write_pdf
 from orthomill.pipeline.report.results import rewrite_results, run_with_report
 from orthomill.pipeline.report.summary import summary_markdown
@@ -332,12 +333,14 @@ def sign(
     """Sign the figures and products of a finished run; `orthomill verify` tells whether they still belong together."""
     with plain_errors(debug):
         loaded = _load(name)
-        for line in signing_lines(signed_page(loaded)[0]):
-            out.print(escape(line), soft_wrap=True)
         question = f"Do you, {signer}, {role}, sign these figures and the products they are about?"
-        person = Person(
-            agrees=lambda: yes or typer.confirm(question), passphrase=lambda: str(typer.prompt("Passphrase", hide_input=True))
-        )
+
+        def agrees(page: FirstPage) -> bool:
+            for line in signing_lines(page):
+                out.print(escape(line), soft_wrap=True)
+            return yes or typer.confirm(question)
+
+        person = Person(agrees, passphrase=lambda: str(typer.prompt("Passphrase", hide_input=True)))
         path = sign_project(loaded, Signer(name=signer, role=role, remarks=remarks), key, person)
         out.print(f"signed: {path}" if path else "not signed", soft_wrap=True)
     if path is None:

@@ -23,13 +23,13 @@ from orthomill.schemas.errors import ResourceError, StoreError
 
 @dataclass(frozen=True)
 class Person:
-    """What the terminal asks a person: whether the figures shown are signed, and the passphrase of the key."""
+    """What the terminal asks a person: whether the figures, which it shows, are signed, and the passphrase of the key."""
 
-    agrees: Callable[[], bool]
+    agrees: Callable[[FirstPage], bool]
     passphrase: Callable[[], str]
 
 
-def signed_page(loaded: LoadedWorkflow) -> tuple[FirstPage, RunFacts]:
+def _page(loaded: LoadedWorkflow) -> tuple[FirstPage, RunFacts]:
     """The first page of the report of a finished run. Raises StoreError before the first run and while jobs are missing."""
     folder, project = loaded.run_folder, loaded.project.project
     facts = read_facts(folder)
@@ -57,10 +57,10 @@ def sign_project(loaded: LoadedWorkflow, signer: Signer, key: Path | None, perso
     if not signer.name.strip() or not signer.role.strip():
         raise ResourceError("A signature needs the name and the role of the person: --name 'A. Surveyor' --role 'head of survey'.")
     folder = loaded.run_folder
-    page, facts = signed_page(loaded)
+    page, facts = _page(loaded)
     with only_run(folder):
         _refuse_damaged(folder, loaded.project.project)
-        if not person.agrees():
+        if not person.agrees(page):
             return None
         statement = Statement(
             project=loaded.project.project,

@@ -21,8 +21,8 @@ FLAGS = (
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
-    "--no-pdf-header-footer",
 )
+"""for a browser that only shows pages of ours"""
 PATIENCE = 180
 """seconds, on a loaded machine"""
 
@@ -39,7 +39,8 @@ def write_pdf(page: Path) -> Path:
     target.unlink(missing_ok=True)
     # A profile of its own: a browser that is open already would take the order and print nothing.
     with tempfile.TemporaryDirectory(prefix="orthomill-print-") as profile:
-        order = [browser, *FLAGS, f"--user-data-dir={profile}", f"--print-to-pdf={target.resolve()}", page.resolve().as_uri()]
+        printing = "--no-pdf-header-footer", f"--user-data-dir={profile}", f"--print-to-pdf={target.resolve()}"
+        order = [browser, *FLAGS, *printing, page.resolve().as_uri()]
         try:
             done = subprocess.run(order, capture_output=True, timeout=PATIENCE, check=False)
         except (OSError, subprocess.TimeoutExpired) as error:

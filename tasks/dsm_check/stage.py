@@ -257,12 +257,15 @@ class DsmCheckStage(Stage):
         bands = {"dh": DH, "height": CORRECTED, "sigma": PRECISION, "detectable": DETECTABLE}
         yield Export(self.kind, "product", "products/dsm_check.tif", "cog", bands)
 
-    def _answer_tile(self, plan: _Plan, tile: Tile, size: int) -> Job:
+    def correction_nodes(self, pixels_per_cell: int) -> CorrectionNodes:
+        """The grid of nodes on orthoimages of so many pixels along a cell, and how far they reach."""
         # A corrected point lies off its node by the shift in either orthoimage, in the worst case by twice the reach of the search.
-        factor = plan.pairs.pixels_per_cell
-        side = self.matching.least_squares.reach * 2 + 1
-        move = 2 * self.matching.search.reach / factor
-        nodes = CorrectionNodes(self.step, factor, self.radius * self.step, move, side / factor)
+        move = 2 * self.matching.search.reach / pixels_per_cell
+        side = (2 * self.matching.least_squares.reach + 1) / pixels_per_cell
+        return CorrectionNodes(self.step, pixels_per_cell, self.radius * self.step, move, side)
+
+    def _answer_tile(self, plan: _Plan, tile: Tile, size: int) -> Job:
+        nodes = self.correction_nodes(plan.pairs.pixels_per_cell)
         reads: list[Region] = []
         windows: list[NodeWindow] = []
         for pair in plan.pairs.pairs:

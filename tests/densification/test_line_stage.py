@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from memory_runner import MemoryProject
 from scipy import ndimage
-from village_pair import CELL, block_of, normal_case, photos_of, render, village
+from village_pair import CELL, block_of, height_errors, normal_case, photos_of, render, village
 
 from orthomill.schemas.epipolar import PAIRS, EpipolarPairs
 from orthomill.schemas.errors import GeometryError
@@ -58,13 +58,7 @@ def engine(seen):
 
 def errors(seen, engine):
     """Height minus truth (rows, cols), and the cells of open ground."""
-    grid = engine.tables[SURFACE.path].grid
-    x, y = np.meshgrid(*grid.centres(Window(0, 0, *grid.shape)))
-    row, col = -y / CELL, x / CELL
-    truth = ndimage.map_coordinates(seen[0].height, [row, col], order=1, mode="nearest")
-    marked = ndimage.map_coordinates((seen[0].roof | seen[0].blank).astype(float), [row, col], order=0, mode="nearest") > 0
-    inside = (col > 60) & (col < 360) & (row > 60) & (row < 360)
-    return engine.rasters[HEIGHT] - truth, inside & ~ndimage.binary_dilation(marked, iterations=14)
+    return height_errors(seen[0], engine.tables[SURFACE.path].grid, engine.rasters[HEIGHT], 14)
 
 
 def robust(values: np.ndarray) -> float:

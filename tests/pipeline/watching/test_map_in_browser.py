@@ -9,20 +9,11 @@ from toy_stages import MEMORY, SmoothStage, SourceStage, SumStage, run_in, sessi
 
 from orthomill.pipeline.engine.dask_cluster import local_client
 from orthomill.pipeline.engine.dask_runner import DaskRunner
+from orthomill.pipeline.report.paper import FLAGS
 from orthomill.pipeline.watching.cost_model import CostModel
 from orthomill.pipeline.watching.live_map import MAP, live_map
 from orthomill.pipeline.watching.run_watch import Watchers
 
-FLAGS = [
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 COUNTS = "() => Array.from(document.querySelectorAll('#key span')).map(span => span.textContent).join(', ')"
 
@@ -33,7 +24,7 @@ def browser():
     if CHROMIUM is None:
         pytest.skip("There is no Chromium on this machine to look at the map with.")
     with playwright.sync_playwright() as driver:
-        found = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        found = driver.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
         yield found
         found.close()
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from numba import njit
+from scipy import ndimage
 
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.epipolar import EpipolarPair
@@ -270,3 +271,14 @@ def stack_of(*pairs: HeightCells, reference: float = 0.0, tolerance: float = np.
 
 def all_nodes(pair: EpipolarPair) -> Window:
     return Window(0, 0, *nodes_shape(pair, STEP))
+
+
+def height_errors(scene: Scene, grid: MapGrid, heights: np.ndarray, around: int) -> tuple[np.ndarray, np.ndarray]:
+    """Heights (rows, cols) of a surface minus the truth, m, and bool: its cells of open ground, `around` cells or more from roofs
+    and places without texture."""
+    x, y = np.meshgrid(*grid.centres(Window(0, 0, *grid.shape)))
+    row, col = -y / CELL, x / CELL
+    truth = ndimage.map_coordinates(scene.height, [row, col], order=1, mode="nearest")
+    marked = ndimage.map_coordinates((scene.roof | scene.blank).astype(float), [row, col], order=0, mode="nearest") > 0
+    inside = (col > 60) & (col < 360) & (row > 60) & (row < 360)
+    return heights - truth, inside & ~ndimage.binary_dilation(marked, iterations=around)
