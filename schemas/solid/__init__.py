@@ -1,0 +1,1 @@
+"""Surfaces that are no height models, and what they are projected onto."""
