@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orthomill.schemas.camera import Camera
-from orthomill.schemas.solid.mesh import TriangleMesh
 from orthomill.schemas.raster import Window
+from orthomill.schemas.solid.mesh import TriangleMesh
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.geometry.view import View
 from orthomill.tasks.visibility.scanline import (
