@@ -5,9 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orthomill.schemas.job import Table
 from orthomill.tasks.geometry.view import View
-from orthomill.tasks.texture.radiometric_balance import Radiometry, corrected
-from orthomill.tasks.texture.sampling import Ground, PhotoPixelsAt, Sampled, sample_photo
+from orthomill.tasks.imagery.photograph_colours import PhotoPixelsAt
+from orthomill.tasks.imagery.radiometric_balance import Radiometry, corrected
+from orthomill.tasks.texture.sampling import Ground, Sampled, sample_photo
+
+RADIOMETRY = Table("texture/radiometry.json", Radiometry)
 
 
 @dataclass(frozen=True)

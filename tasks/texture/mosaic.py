@@ -17,14 +17,15 @@ from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import MEASURED
 from orthomill.tasks.geometry.footprint import photo_window
 from orthomill.tasks.geometry.view import View, block_view
+from orthomill.tasks.imagery.blending import Blend, Blended, blend
+from orthomill.tasks.imagery.photograph_colours import PhotoPixelsAt
+from orthomill.tasks.imagery.radiometric_balance import Radiometry, Samples, balanced, seen_twice
 from orthomill.tasks.texture.balanced_photograph import BalancedPhotograph, most_bands
-from orthomill.tasks.texture.blending import Blend, Blended, blend
 from orthomill.tasks.texture.draping import HALO, HeightSource, drape, far_from_heights, height_sources
 from orthomill.tasks.texture.edges.sharpened_ground import AROUND, SharpenedGround, sharpened
 from orthomill.tasks.texture.edges.sharpened_ground import HALO as WALL_HALO
 from orthomill.tasks.texture.extent import TileExtent
-from orthomill.tasks.texture.radiometric_balance import Radiometry, Samples, balance_block
-from orthomill.tasks.texture.sampling import Ground, PhotoPixelsAt, ground_of, sample_photo, shown
+from orthomill.tasks.texture.sampling import Ground, ground_of, sample_photo, shown
 from orthomill.tasks.visibility.height_model import HeightModel, Targets, bridge_holes, visible_targets, widening_factor
 from orthomill.tasks.visibility.lines_of_sight import LineOfSight, lines_of_sight
 
@@ -36,7 +37,6 @@ LAST_WORTH = 1e-6
 """Weight factor behind an estimated height: such a colour is used only where estimates stand in front of every photo."""
 
 # 16 bits are stretched so that the brightest thousandth of the samples keeps a margin below white: specular points may saturate.
-_BRIGHTEST, _BRIGHT_MARGIN = 0.999, 1.05
 
 
 @dataclass(frozen=True)
@@ -365,32 +365,9 @@ def sample_tile(
         mask = sampled.worth > 0
         grey = np.broadcast_to(sampled.colour[mask], (int(mask.sum()), 3))
         rows.append((number[mask], np.full(len(grey), block.names.index(view.name)), sampled.r2[mask], *grey.T))
-    return _seen_twice(rows)
-
-
-def _seen_twice(rows: list[tuple[np.ndarray, ...]]) -> Samples:
-    """The samples of points that two photos or more see, sorted by point, then photo. rows: columns of one photo each."""
-    columns = [np.concatenate(column) for column in zip(*rows, strict=True)] if rows else [np.zeros(0)] * 6
-    point, photo = columns[0].astype(np.int64), columns[1].astype(np.int32)
-    r2, first, second, third = (column.astype(np.float32) for column in columns[2:])
-    samples = Samples(point, photo, r2, first, second, third)
-    if not len(samples):
-        return samples
-    _, group, counts = np.unique(point, return_inverse=True, return_counts=True)
-    order = np.lexsort((photo, point))
-    return samples.take(order[counts[group][order] >= 2])
+    return seen_twice(rows)
 
 
 def balance(samples: tuple[Samples, ...], block: Block, deep: bool, method: str, vignetting: bool) -> Radiometry:
-    """The radiometry of the block from the samples of all tiles.
-
-    `deep`: the photos have 16 bits; 0 to 255 then corresponds to 0 to a little above the brightest thousandth of the samples.
-    `method` "none" leaves the photos' grey values as stored (the stretch remains).
-    """
-    merged = Samples(**{name: np.concatenate([getattr(part, name) for part in samples]) for name in Samples.__dataclass_fields__})
-    white = 255.0
-    if deep:
-        white = float(min(_BRIGHT_MARGIN * np.quantile(merged.grey, _BRIGHTEST), 65535.0)) if len(merged) else 65535.0
-    # Without any sample the balance is the identity, with the right range.
-    identity = balance_block(block.names, merged.take(np.zeros(len(merged), bool)), white, vignetting)
-    return identity if method == "none" else balance_block(block.names, merged, white, vignetting)
+    """The radiometry of the block from the samples of all tiles: see `balanced`."""
+    return balanced(samples, block.names, deep, method, vignetting)

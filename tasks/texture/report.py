@@ -9,9 +9,9 @@ import numpy as np
 
 from orthomill.schemas.stage_report import Answer, Chart, Figure, Grid, Picture, Product, StageReport, Topic, Verdict
 from orthomill.schemas.surface import ORTHO
+from orthomill.tasks.imagery.radiometric_balance import PhotoRadiometry, Radiometry
 from orthomill.tasks.texture.draping import HEIGHT_SOURCE_CODES, HeightSource
 from orthomill.tasks.texture.mosaic import TileTexture
-from orthomill.tasks.texture.radiometric_balance import PhotoRadiometry, Radiometry
 
 COVERAGE = "texture/coverage"
 """uint8: number of photographs that see the pixel; 0 also where there is no height"""

@@ -17,13 +17,14 @@ from orthomill.schemas.stage_report import report_table
 from orthomill.schemas.surface import CORRECTED, COUNT, HEIGHT, ORTHO, PRECISION, PROVENANCE, SURFACE, Surface, points_table
 from orthomill.tasks.geometry.photograph_part import PhotoSource, photo_level
 from orthomill.tasks.geometry.view import block_view
+from orthomill.tasks.imagery.blending import Blend, CentreName, Rejection
 from orthomill.tasks.imagery.pull_push import filled
-from orthomill.tasks.texture.blending import Blend, CentreName, Rejection
+from orthomill.tasks.imagery.radiometric_balance import Samples
+from orthomill.tasks.texture.balanced_photograph import RADIOMETRY
 from orthomill.tasks.texture.draping import BLOCK as GROUND_BLOCK
 from orthomill.tasks.texture.draping import block_grid, block_heights, blocks_of
 from orthomill.tasks.texture.extent import TileExtent, ground_pixels, ortho_grid, tile_extent
 from orthomill.tasks.texture.mosaic import TextureRules, TileTexture, balance, sample_tile, texture_tile
-from orthomill.tasks.texture.radiometric_balance import RADIOMETRY, Samples
 from orthomill.tasks.texture.relief import RELIEF, ReliefMap, relief_table, tile_relief, whole_relief
 from orthomill.tasks.texture.report import COVERAGE, HEIGHT_SOURCE, REJECTED, TextureFacts, texture_report
 

@@ -2,9 +2,9 @@
 
 import pytest
 
+from orthomill.tasks.imagery.radiometric_balance import PhotoRadiometry, Radiometry
 from orthomill.tasks.texture.draping import HeightSource
 from orthomill.tasks.texture.mosaic import TileTexture
-from orthomill.tasks.texture.radiometric_balance import PhotoRadiometry, Radiometry
 from orthomill.tasks.texture.report import COVERAGE_COLOURS, TextureFacts, coverage_classes, texture_report
 
 FACTS = TextureFacts(cell=0.5, dsm_cell=1.0, ground_pixel=0.48123, heights="densification/height")

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
-from orthomill.schemas.job import Columns, Table
+from orthomill.schemas.job import Columns
 
 TERMS = 4
 """gain, gain v1, gain v2, offset"""
@@ -32,6 +32,7 @@ _DATUM_WEIGHT = 1e3  # per observation: the two datum equations hold to a thousa
 _CONVERGED = 1e-5  # largest change of a parameter: of a gain, or of an offset in grey levels
 _SATURATED = 0.012  # share of the range, three grey levels of 8 bits, next to black and white
 _MAD_TO_SIGMA = 1.4826
+_BRIGHTEST, _BRIGHT_MARGIN = 0.999, 1.05
 
 
 @dataclass(frozen=True)
@@ -86,9 +87,6 @@ class Radiometry(BaseModel):
     def of(self, name: str) -> PhotoRadiometry:
         """The correction of one photograph."""
         return next(photo for photo in self.photos if photo.photo == name)
-
-
-RADIOMETRY = Table("texture/radiometry.json", Radiometry)
 
 
 def corrected(grey: np.ndarray, r2: np.ndarray, photo: PhotoRadiometry) -> np.ndarray:
@@ -276,3 +274,31 @@ def balance_block(names: tuple[str, ...], samples: Samples, white: float, vignet
         difference_after=float(differences.mean()),
         difference_median_after=float(np.median(differences)),
     )
+
+
+def seen_twice(rows: list[tuple[np.ndarray, ...]]) -> Samples:
+    """The samples of points that two photos or more see, sorted by point, then photo. rows: columns of one photo each."""
+    columns = [np.concatenate(column) for column in zip(*rows, strict=True)] if rows else [np.zeros(0)] * 6
+    point, photo = columns[0].astype(np.int64), columns[1].astype(np.int32)
+    r2, first, second, third = (column.astype(np.float32) for column in columns[2:])
+    samples = Samples(point, photo, r2, first, second, third)
+    if not len(samples):
+        return samples
+    _, group, counts = np.unique(point, return_inverse=True, return_counts=True)
+    order = np.lexsort((photo, point))
+    return samples.take(order[counts[group][order] >= 2])
+
+
+def balanced(samples: tuple[Samples, ...], names: tuple[str, ...], deep: bool, method: str, vignetting: bool) -> Radiometry:
+    """The radiometry of the photographs `names` from the samples of all tiles.
+
+    `deep`: the photos have 16 bits; 0 to 255 then corresponds to 0 to a little above the brightest thousandth of the samples.
+    `method` "none" leaves the photos' grey values as stored (the stretch remains).
+    """
+    merged = Samples(**{name: np.concatenate([getattr(part, name) for part in samples]) for name in Samples.__dataclass_fields__})
+    white = 255.0
+    if deep:
+        white = float(min(_BRIGHT_MARGIN * np.quantile(merged.grey, _BRIGHTEST), 65535.0)) if len(merged) else 65535.0
+    # Without any sample the balance is the identity, with the right range.
+    identity = balance_block(names, merged.take(np.zeros(len(merged), bool)), white, vignetting)
+    return identity if method == "none" else balance_block(names, merged, white, vignetting)

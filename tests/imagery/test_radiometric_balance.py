@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orthomill.tasks.texture.mosaic import balance
-from orthomill.tasks.texture.radiometric_balance import (
+from orthomill.tasks.imagery.radiometric_balance import (
     PhotoRadiometry,
     Radiometry,
     Samples,
@@ -14,6 +13,7 @@ from orthomill.tasks.texture.radiometric_balance import (
     corrected,
     pair_differences,
 )
+from orthomill.tasks.texture.mosaic import balance
 
 NAMES = ("a", "b", "c")
 GAIN, OFFSET = np.array([1.06, 1.0, 0.94]), np.array([4.0, 0.0, -4.0])
