@@ -85,9 +85,8 @@ class CameraFromChessboards(Settings):
 
     kind: Literal["chessboards"]
     photographs: Photographs = setting(..., "Photographs of the chessboards, taken with the same camera and focus.")
-    # With two even or two odd counts a board looks the same turned by 180 degrees, and its corners cannot be numbered uniquely.
     corners: tuple[int, int] = setting(
-        ..., "Inner corners of a board: columns, rows. One must be even and one odd, so that the board has a unique origin."
+        ..., "Inner corners of a board: columns, rows. One even and one odd number give a first corner; other boards serve, too."
     )
     # Scales the boards and cameras of the calibration only: the interior orientation in pixels does not depend on it while the
     # boards are exact.

@@ -33,8 +33,8 @@ from orthomill.tasks.calibration.board_tables import (
 )
 from orthomill.tasks.calibration.cameras.camera_exchange import FORMATS
 from orthomill.tasks.calibration.chessboards import Model, from_chessboards, index_board_photos
-from orthomill.tasks.calibration.detection.board_detection import symmetric
 from orthomill.tasks.calibration.detection.board_photographs import complete_corners, overview_level, photo_corners
+from orthomill.tasks.calibration.detection.board_turns import symmetric
 from orthomill.tasks.calibration.known_cameras import KnownCameras, as_given, from_exif, from_file
 from orthomill.tasks.calibration.reporting.drawing import draw_boards
 from orthomill.tasks.calibration.solving.arranging import arrange
@@ -236,11 +236,14 @@ def _model(parameters: tuple[str, ...]) -> Model:
 
 
 def _check_board(source: CameraFromChessboards) -> None:
-    """A board must have an unambiguous origin and enough corners. Raises WorkflowError."""
+    """A board must have enough corners, and where they are uncertain a first one. Raises WorkflowError."""
     columns, rows = source.corners
     # Fewer than three rows of corners leave no inner corner whose four neighbours could confirm the lattice.
-    if symmetric(source.corners) or min(columns, rows) < 3:
+    if min(columns, rows) < 3:
+        raise WorkflowError(f"The chessboard has {columns} x {rows} inner corners; both numbers must be at least 3.")
+    if symmetric(source.corners) and (source.sigma_in_plane or source.sigma_height):
         raise WorkflowError(
-            f"The chessboard has {columns} x {rows} inner corners; one of the two numbers must be even and the other odd, and "
-            "both at least 3: a board that looks the same after half a turn has no first corner, and its images are ambiguous."
+            f"A chessboard with {columns} x {rows} inner corners looks the same after half a turn: which of its corners is which "
+            "cannot be seen, so that sigma_in_plane and sigma_height have no meaning; remove them, or use a board with one even "
+            "and one odd number of inner corners."
         )

@@ -6,6 +6,7 @@ import numpy as np
 
 from orthomill.tasks.calibration.board_tables import Arranged, Corners, PhotoSearch
 from orthomill.tasks.calibration.detection.board_detection import COARSE_SIDE, FoundBoards, find_boards, grey_image, pyramid
+from orthomill.tasks.calibration.detection.board_turns import coloured
 from orthomill.tasks.calibration.detection.cut_boards import CutBoards, find_cut_boards
 from orthomill.tasks.calibration.detection.saddles import contrast, edge_blur, refined, signs, spacings
 from orthomill.tasks.imagery.pyramid import full_to_level, level_shape
@@ -119,7 +120,7 @@ def near_predictions(image: np.ndarray, grid: np.ndarray) -> tuple[np.ndarray, n
     across, down = spacings(grid)
     # Comparisons with NaN are False but warn; a place far outside is outside everywhere.
     start = np.where(np.isfinite(grid), grid, -1e6)
-    expected = contrast(image, grid, across, down) * signs(*grid.shape[:2])
+    expected = contrast(image, grid, across, down)
     spacing = np.sqrt(np.abs(across[..., 0] * down[..., 1] - across[..., 1] * down[..., 0]))
     points = np.full_like(grid, np.nan)
     for row, column in np.argwhere(np.isfinite(expected) & np.isfinite(spacing)):
@@ -128,6 +129,8 @@ def near_predictions(image: np.ndarray, grid: np.ndarray) -> tuple[np.ndarray, n
         patch = start[row, column] + np.array([[[0.0, 0.0], [half, 0.0]], [[0.0, half], [half, half]]])
         points[row, column] = refined(image, patch)[0, 0]
     pattern = contrast(image, points, across, down) * signs(*grid.shape[:2])
+    if not coloured((grid.shape[1], grid.shape[0])):
+        pattern = pattern * np.sign(np.nansum(pattern))
     strength = np.nanmedian(np.where(pattern > 0, pattern, np.nan)) if (pattern > 0).any() else np.inf
     with np.errstate(invalid="ignore"):
         near = np.linalg.norm(points - grid, axis=2) < _NEAR * spacing

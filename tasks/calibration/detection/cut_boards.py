@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthomill.tasks.calibration.detection.board_detection import paint_over, regular, through_levels
+from orthomill.tasks.calibration.detection.board_turns import coloured, corner_orders
 from orthomill.tasks.calibration.detection.lattices import lattices
 from orthomill.tasks.calibration.detection.saddles import contrast, refined, signs, spacings
 from orthomill.tasks.imagery.pyramid import full_to_level
@@ -113,14 +114,15 @@ def _parts(image: np.ndarray, grid: np.ndarray, ends: list[bool], corners: tuple
     # Mirrored grids are flipped first: a printed board has one handedness, and four turns are then all there is to try.
     if across[0] * down[1] - across[1] * down[0] > 0:
         grid, ends = grid[::-1], [ends[2], ends[1], ends[0], ends[3]]
-    for turn in range(4):
+    # Turns that change nothing would only repeat the same part.
+    for turn in range(4 // len(corner_orders(corners))):
         own = np.rot90(grid, turn)
         before, right, behind, left = ends[turn:] + ends[:turn]
         pattern = contrast(image, own, *spacings(own))
         for row in _offsets(own.shape[0], rows, before, behind):
             for column in _offsets(own.shape[1], columns, left, right):
                 colour = signs(rows, columns)[row : row + own.shape[0], column : column + own.shape[1]]
-                if np.nansum(pattern * colour) > 0:
+                if np.nansum(pattern * colour) > 0 or not coloured(corners):
                     part = np.full((rows, columns, 2), np.nan)
                     part[row : row + own.shape[0], column : column + own.shape[1]] = own
                     out.append(part)

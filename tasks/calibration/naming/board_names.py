@@ -5,7 +5,8 @@ of a photo to one board of the map already fixes the projection, including its r
 added, the projection is fitted again, and so on outwards. Distortion and the error of extrapolation are thus absorbed step by step.
 Every pair of a photo's board and a map's board is tried; the trial that names most boards wins, and among equals the one that fits
 best. The assignment is one-to-one by construction, needs no principal axes (which are exchanged when they are nearly equally long),
-cannot be rotated by 180 degrees or mirrored, and tolerates missing boards. Boards that the map lacks are added from photos that
+cannot be rotated by 180 degrees or mirrored, and tolerates missing boards. Boards without a first corner (board_turns.py) are tried
+in every order of their corners, and joined in the one that fits. Boards that the map lacks are added from photos that
 name at least two others; then all photos are named again with the complete map.
 
 `board_views.py` derives projections and places from boards, on a plane or anywhere in space.
@@ -17,6 +18,7 @@ Source: Kawka 2021, S2 and S4, where boards are matched by principal axes (metho
 """
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -37,10 +39,12 @@ _AMBIGUOUS = 2.0
 
 @dataclass(frozen=True, eq=False)
 class NamedPhoto:
-    """`names` (B,): the number in the map of every board found, -1 for none. `projection` (3, 4) from the map to the photo
-    (board_views.py), None when nothing could be named. `certain`: False when a single board was named, for it could be any."""
+    """`names` (B,): the number in the map of every board found, -1 for none; `turns` (B,): the order in which its corners are
+    counted (board_turns.py). `projection` (3, 4) from the map to the photo (board_views.py), None when nothing could be named.
+    `certain`: False when a single board was named, for it could be any."""
 
     names: np.ndarray
+    turns: np.ndarray
     projection: np.ndarray | None
     certain: bool
 
@@ -53,9 +57,11 @@ class Naming:
     photos: tuple[NamedPhoto, ...]
 
 
-def plane_views(found: list[np.ndarray], local: np.ndarray) -> list[BoardViews]:
-    """found: per photo (B, N, 2) px from the image centre, y up, NaN for corners that are not known; local: (N, 2) m."""
-    return [PlaneViews(xy, local) for xy in found]
+def plane_views(found: list[np.ndarray], local: np.ndarray, orders: np.ndarray | None = None) -> list[BoardViews]:
+    """found: per photo (B, N, 2) px from the image centre, y up, NaN for corners that are not known; local: (N, 2) m; orders:
+    (T, N) of board_turns.py, by default the one in which the corners were found."""
+    orders = np.arange(len(local))[None] if orders is None else orders
+    return [PlaneViews(xy, local, orders) for xy in found]
 
 
 def name_boards(views: list[BoardViews], local: np.ndarray, boards: int, fit: float = LOOSE) -> Naming:
@@ -73,7 +79,8 @@ def name_boards(views: list[BoardViews], local: np.ndarray, boards: int, fit: fl
         places = _extended(places, _named(views[photo], places, local, fit), views[photo])
     photos = [_named(own, places, local, fit) for own in views]
     places, photos = _most_frequent(places, photos, boards)
-    return _averaged(places, photos, views, local)
+    turned = [own.turned(photo.turns) for own, photo in zip(views, photos, strict=True)]
+    return _averaged(places, photos, turned, local)
 
 
 def _map_of(views: BoardViews, local: np.ndarray) -> np.ndarray:
@@ -92,21 +99,21 @@ def _map_of(views: BoardViews, local: np.ndarray) -> np.ndarray:
 def _named(views: BoardViews, places: np.ndarray, local: np.ndarray, fit: float) -> NamedPhoto:
     """The best of all trials; of an ambiguous photo only its most central board, which may be any."""
     xy = views.xy
-    best, score, second = NamedPhoto(np.full(len(xy), -1), None, False), (0, -np.inf), -np.inf
+    best, score, second = NamedPhoto(np.full(len(xy), -1), np.zeros(len(xy), int), None, False), (0, -np.inf), -np.inf
     points = on_map(places, local)
     size = np.array([np.linalg.norm(np.nanmax(board, axis=0) - np.nanmin(board, axis=0)) for board in xy])
-    for board in range(len(xy)):
-        for name in range(len(places)):
-            names, projection, misfit = _grown((board, name), views, points, size)
-            trial = (int((names >= 0).sum()), -misfit)
-            if not misfit < fit or trial[0] < score[0] or np.array_equal(names, best.names):
-                continue
-            if trial > score:
-                # The former best is a rival only if it names as many boards.
-                second = score[1] if trial[0] == score[0] else -np.inf
-                best, score = NamedPhoto(names, projection, trial[0] > 1 or len(places) == 1), trial
-            else:
-                second = max(second, trial[1])
+    for start in product(range(len(xy)), range(len(places)), range(len(views.orders))):
+        names, turns, projection, misfit = _grown(start, views, points, size)
+        trial = (int((names >= 0).sum()), -misfit)
+        same = np.array_equal(names, best.names) and np.array_equal(turns, best.turns)
+        if not misfit < fit or trial[0] < score[0] or same:
+            continue
+        if trial > score:
+            # The former best is a rival only if it names as many boards.
+            second = score[1] if trial[0] == score[0] else -np.inf
+            best, score = NamedPhoto(names, turns, projection, trial[0] > 1 or len(places) == 1), trial
+        else:
+            second = max(second, trial[1])
     # Scores are negative misfits: the rival is ambiguous when its misfit is less than _AMBIGUOUS times the best one.
     ambiguous = score[0] > 1 and second > _AMBIGUOUS * score[1]
     return _most_central(best, xy) if ambiguous else best
@@ -117,24 +124,29 @@ def _most_central(photo: NamedPhoto, xy: np.ndarray) -> NamedPhoto:
     ways, and a homography absorbs the difference."""
     named = np.flatnonzero(photo.names >= 0)
     board = named[np.linalg.norm(np.nanmean(xy[named], axis=1), axis=1).argmin()]
-    return NamedPhoto(np.where(np.arange(len(xy)) == board, photo.names, -1), photo.projection, False)
+    return replace(photo, names=np.where(np.arange(len(xy)) == board, photo.names, -1), certain=False)
 
 
-def _grown(start: tuple[int, int], views: BoardViews, points: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Names (B,), projection and mean misfit (in sizes of a board) that follow from one pair of photo board and map board."""
-    names = np.full(len(views.xy), -1)
-    names[start[0]] = start[1]
+def _grown(
+    start: tuple[int, int, int], views: BoardViews, points: np.ndarray, size: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Names (B,), turns (B,), projection and mean misfit (in sizes of a board) that follow from one pair of photo board and map
+    board, and the order of its corners."""
+    names, turns = np.full(len(views.xy), -1), np.zeros(len(views.xy), int)
+    names[start[0]], turns[start[0]] = start[1:]
     while True:
         known = np.flatnonzero(names >= 0)
-        projection = views.projection(known, points[names[known]])
-        off = _misfits(views.xy, imaged(projection, points)) / size[:, None]
-        own = off[known, names[known]]
+        projection = views.turned(turns).projection(known, points[names[known]])
+        seen = imaged(projection, points)
+        each = np.array([_misfits(views.xy[:, order], seen) for order in views.orders]) / size[:, None]
+        own = each[turns[known], known, names[known]]
+        turn, off = each.argmin(axis=0), each.min(axis=0)
         # A board has one name and a name one board: rows and columns that are taken are out of the search.
         off[known], off[:, names[known]] = np.inf, np.inf
         board, name = np.unravel_index(off.argmin(), off.shape)
         if off[board, name] > _NEAR:
-            return names, projection, float(own.mean())
-        names[board] = name
+            return names, turns, projection, float(own.mean())
+        names[board], turns[board] = name, turn[board, name]
 
 
 def _misfits(xy: np.ndarray, computed: np.ndarray) -> np.ndarray:
@@ -151,15 +163,17 @@ def _extended(places: np.ndarray, named: NamedPhoto, views: BoardViews) -> np.nd
     # A single known board leaves its identity open, and with it the place of every board next to it.
     if named.projection is None or (named.names >= 0).sum() < 2:
         return places
-    projection = named.projection
+    projection, own = named.projection, views.turned(named.turns)
     unknown = np.flatnonzero(named.names < 0).tolist()
-    return np.concatenate([places, *(views.place(projection, board)[None] for board in unknown)])
+    return np.concatenate([places, *(own.place(projection, board)[None] for board in unknown)])
 
 
 def _most_frequent(places: np.ndarray, photos: list[NamedPhoto], boards: int) -> tuple[np.ndarray, list[NamedPhoto]]:
     """Only the `boards` that most photos show (anything else is a false detection), the most central one first."""
-    times = np.array([sum(name in photo.names for photo in photos) for name in range(len(places))])
-    kept = np.argsort(-times, kind="stable")[: boards or len(places)]
+    # A photo with a single name could show any board: it says nothing about any but the first.
+    certain = [photo for photo in photos if photo.certain]
+    times = np.array([sum(name in photo.names for photo in certain or photos) for name in range(len(places))])
+    kept = np.argsort(-times, kind="stable")[: (boards or len(places)) if certain else 1]
     kept = kept[times[kept] > 0]
     middle = places[kept, :3, 3].mean(axis=0)
     order = kept[np.argsort(np.linalg.norm(places[kept, :3, 3] - middle, axis=1), kind="stable")]
@@ -173,8 +187,8 @@ def _renumbered(photo: NamedPhoto, number: np.ndarray) -> NamedPhoto:
     """The photo with new numbers; a single board becomes board 0, as all boards are equal."""
     names = number[photo.names]
     if not photo.certain:
-        names = np.where(names >= 0, 0, -1)
-    return NamedPhoto(names, photo.projection, photo.certain)
+        names = np.where(photo.names >= 0, 0, -1)
+    return replace(photo, names=names)
 
 
 def _averaged(places: np.ndarray, photos: list[NamedPhoto], views: list[BoardViews], local: np.ndarray) -> Naming:

@@ -11,11 +11,12 @@ the camera. A place is a (4, 4) rigid motion from a board's own system into the 
 Source: Kawka 2021, S3, S5 and S6 (methods/calibration.md); Kabsch 1976 for the poses.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
+from orthomill.tasks.calibration.detection.board_turns import in_order
 from orthomill.tasks.calibration.detection.homographies import applied, homography, refined_together, rigid_motion
 from orthomill.tasks.geometry.rotation import nearest_rotation
 
@@ -25,6 +26,15 @@ class BoardViews(Protocol):
 
     @property
     def xy(self) -> np.ndarray: ...
+
+    @property
+    def orders(self) -> np.ndarray:
+        """(T, N): the orders in which the corners of a board may be counted (board_turns.py)."""
+        ...
+
+    def turned(self, turns: np.ndarray) -> "BoardViews":
+        """The same boards with their corners counted in the orders `turns` (B,)."""
+        ...
 
     def projection(self, boards: np.ndarray, points: np.ndarray) -> np.ndarray:
         """(3, 4) from the photo's `boards` (n,), whose corners in the map are `points` (n, N, 3)."""
@@ -70,6 +80,11 @@ class PlaneViews:
 
     xy: np.ndarray
     local: np.ndarray
+    orders: np.ndarray
+
+    def turned(self, turns: np.ndarray) -> "PlaneViews":
+        """The corners in other orders."""
+        return replace(self, xy=in_order(self.xy, turns, self.orders))
 
     def projection(self, boards: np.ndarray, points: np.ndarray) -> np.ndarray:
         """By a homography, with the sign that puts the boards in front of the camera."""
@@ -106,6 +121,12 @@ class SpaceViews:
     local: np.ndarray
     poses: np.ndarray
     c: float
+    orders: np.ndarray
+
+    def turned(self, turns: np.ndarray) -> "SpaceViews":
+        """The corners in other orders, and the poses of boards whose own axes have turned with them."""
+        own = np.array([in_plane(rigid_motion(self.local, self.local[order])) for order in self.orders])
+        return replace(self, xy=in_order(self.xy, turns, self.orders), poses=self.poses @ own[turns])
 
     def projection(self, boards: np.ndarray, points: np.ndarray) -> np.ndarray:
         """By the rigid motion that takes the points of the map onto those of the poses."""

@@ -11,6 +11,7 @@ from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment
 from orthomill.tasks.adjustment.boards.board_network import BoardCorners
 from orthomill.tasks.adjustment.boards.board_projection import projected
 from orthomill.tasks.calibration.board_tables import Arranged, ArrangedPhoto, BoardPhotos, Corners, PhotoSearch, Prediction
+from orthomill.tasks.calibration.detection.board_turns import in_order
 from orthomill.tasks.calibration.naming.board_names import NO_BOARDS, STRICT, Naming, name_boards, plane_views
 from orthomill.tasks.calibration.naming.board_views import BoardViews, SpaceViews
 from orthomill.tasks.calibration.solving.initial_constant import ConstantEstimate
@@ -106,8 +107,8 @@ def _with_distortion_of(
     """The boards on their plane, named and adjusted with the interior orientation of single boards; None where that fails."""
     ideal = [undistorted(xy, alone.state.interior, target) for xy in found]
     try:
-        naming = name_boards(plane_views(ideal, target.local), target.local, target.boards)
-        restart = restart_of(found, naming, target.local, alone.state.interior)
+        naming = name_boards(plane_views(ideal, target.local, target.orders), target.local, target.boards)
+        restart = restart_of(_counted(found, naming, target), naming, target.local, alone.state.interior)
         result = solve(target, restart.states, restart.corners, MODELS[0])
     except GeometryError:
         return None
@@ -119,14 +120,14 @@ def _with_distortion_of(
 def _on_plane(found: list[np.ndarray], target: CalibrationTarget) -> Arrangement:
     """Boards named twice: in measured image coordinates, and in undistorted ones once a first calibration knows the distortion. A
     wide lens bends the plane of the boards so much that a homography does not extend from one board to the next."""
-    naming = name_boards(plane_views(found, target.local), target.local, target.boards)
-    start = start_of(found, naming, target.local, target.size)
+    naming = name_boards(plane_views(found, target.local, target.orders), target.local, target.boards)
+    start = start_of(_counted(found, naming, target), naming, target.local, target.size)
     result = solve(target, start.states, start.corners, MODELS[0])
     ideal = [undistorted(xy, result.state.interior, target) for xy in found]
-    again = name_boards(plane_views(ideal, target.local), target.local, target.boards, STRICT)
+    again = name_boards(plane_views(ideal, target.local, target.orders), target.local, target.boards, STRICT)
     if _named(again) < _ENOUGH * _named(naming):
         return Arrangement(naming, start, result, start.constant, result.iterations)
-    restart = restart_of(found, again, target.local, result.state.interior)
+    restart = restart_of(_counted(found, again, target), again, target.local, result.state.interior)
     second = solve(target, restart.states, restart.corners, MODELS[0])
     return Arrangement(again, restart, second, start.constant, result.iterations)
 
@@ -153,17 +154,22 @@ def _in_space(found: list[np.ndarray], target: CalibrationTarget) -> Arrangement
     poses[:, :3, :3] = single.state.rotation
     poses[:, :3, 3] = -np.einsum("pij,pj->pi", single.state.rotation, single.state.centre)
     views: list[BoardViews] = [
-        SpaceViews(undistorted(xy, interior, target), target.local, poses[photo_of == photo], float(interior[0]))
+        SpaceViews(undistorted(xy, interior, target), target.local, poses[photo_of == photo], float(interior[0]), target.orders)
         for photo, xy in enumerate(found)
     ]
     named = name_boards(views, target.local, target.boards)
-    restart = restart_of(found, named, target.local, interior)
+    restart = restart_of(_counted(found, named, target), named, target.local, interior)
     result = solve(target, restart.states, restart.corners, MODELS[0])
     c1, c2 = (
         np.array([_median(values[photo_of == photo]) for photo in range(len(found))])
         for values in (start.constant.c1, start.constant.c2)
     )
     return Arrangement(named, restart, result, replace(start.constant, c1=c1, c2=c2), single.iterations)
+
+
+def _counted(found: list[np.ndarray], naming: Naming, target: CalibrationTarget) -> list[np.ndarray]:
+    """The boards of all photographs with their corners in the order in which they were named."""
+    return [in_order(boards, photo.turns, target.orders) for boards, photo in zip(found, naming.photos, strict=True)]
 
 
 def _median(values: np.ndarray) -> float:

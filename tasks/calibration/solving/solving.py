@@ -8,6 +8,7 @@ from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment, adjust, minimise
 from orthomill.tasks.adjustment.boards.board_network import Arrangement, BoardCorners, BoardNetwork, BoardState
 from orthomill.tasks.adjustment.boards.board_projection import residuals
+from orthomill.tasks.calibration.detection.board_turns import corner_orders
 
 # Two photos of a plane give four equations for c, x0 and y0, and nothing to check them with.
 FEWEST_PHOTOS = 3
@@ -36,6 +37,11 @@ class CalibrationTarget:
         """(N, 2) m: corners of a board, row by row; its first corner is the origin."""
         col, row = np.meshgrid(np.arange(self.corners[0]), np.arange(self.corners[1]))
         return self.square * np.column_stack([col.ravel(), row.ravel()]).astype(np.float64)
+
+    @property
+    def orders(self) -> np.ndarray:
+        """(T, N): the orders in which the corners of a board may be counted."""
+        return corner_orders(self.corners)
 
     def network(self, photos: int, boards: int, free: tuple[str, ...]) -> BoardNetwork:
         """The network of exact boards."""

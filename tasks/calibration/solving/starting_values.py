@@ -36,7 +36,8 @@ class StartingValues:
 
 
 def start_of(found: list[np.ndarray], naming: Naming, local: np.ndarray, size: tuple[int, int]) -> StartingValues:
-    """found: per photo (B, N, 2) px from the image centre, y up; local: (N, 2) m; size: width, height of the photos."""
+    """found: per photo (B, N, 2) px from the image centre, y up, counted as `naming` turns them; local: (N, 2) m; size: width,
+    height of the photos."""
     used = _used(naming)
     homographies = [_projection(naming, photo)[:, [0, 1, 3]] for photo in used]
     pairs = np.full((len(found), 2), np.nan)

@@ -7,7 +7,7 @@ from benchmarks.calibration.board_setups import floor_corners
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.raster import Window
 from orthomill.tasks.calibration.board_tables import Arranged, ArrangedPhoto, Prediction
-from orthomill.tasks.calibration.detection.board_detection import COARSE_SIDE, Refusal, _refusal, find_boards, pyramid, symmetric
+from orthomill.tasks.calibration.detection.board_detection import COARSE_SIDE, Refusal, _refusal, find_boards, pyramid, regular
 from orthomill.tasks.calibration.detection.board_photographs import complete_corners, near_predictions, photo_corners
 from orthomill.tasks.calibration.detection.saddles import edge_blur
 from orthomill.tasks.geometry.rotation import rotation_matrix
@@ -101,6 +101,16 @@ def test_nothing_is_found_where_nothing_is():
     assert not good.any()
 
 
-@pytest.mark.parametrize(("corners", "same"), [((9, 6), False), ((7, 5), True), ((8, 6), True), ((6, 6), True), ((5, 6), False)])
-def test_boards_that_look_the_same_after_half_a_turn_are_known(corners, same):
-    assert symmetric(corners) is same
+def barrel(strength: float) -> np.ndarray:
+    """(6, 8, 2) px: a board of 8 x 6 corners off the centre, its radius shortened to r / (1 + strength r^2)."""
+    col, row = np.meshgrid(np.arange(8) - 1.5, np.arange(6) - 2.5)
+    grid = np.stack([col, row], axis=-1) / 4.5
+    return 400.0 * grid / (1.0 + strength * (grid**2).sum(axis=-1, keepdims=True))
+
+
+def test_spacings_may_change_steadily_but_not_suddenly():
+    step = np.linalg.norm(np.diff(barrel(0.3), axis=1), axis=2)
+    assert (step[:, :-1] / step[:, 1:]).max() > 1.4 and regular(barrel(0.3)), "a strong barrel"
+    jumped = barrel(0.2)
+    jumped[:, 4:, 0] += 40.0
+    assert regular(barrel(0.2)) and not regular(jumped), "a row of squares is missing"

@@ -91,12 +91,12 @@ def test_the_places_of_the_boards_are_the_true_ones_relative_to_the_first():
 
 
 def test_the_boards_that_most_photos_show_are_kept():
-    photos = [NamedPhoto(np.array(names), None, True) for names in ([0, 1, 2], [2, 0, 1], [2, 0, 3])]
+    photos = [NamedPhoto(np.array(names), np.zeros(3, int), None, True) for names in ([0, 1, 2], [2, 0, 1], [2, 0, 3])]
     places = np.array([in_plane(np.array([0.0, x, 0.0])) for x in (0.0, 1.0, 3.0, 9.0)])
     kept, named = _most_frequent(places, photos, 3)
     assert kept[:, 0, 3].tolist() == [1.0, 0.0, 3.0], "the most central one first"
     assert [photo.names.tolist() for photo in named] == [[1, 0, 2], [2, 1, 0], [2, 1, -1]]
-    alone = _most_frequent(places, [NamedPhoto(np.array([3]), None, False)], 0)
+    alone = _most_frequent(places, [NamedPhoto(np.array([3]), np.zeros(1, int), None, False)], 0)
     assert alone[1][0].names.tolist() == [0] and len(alone[0]) == 1
 
 
@@ -119,7 +119,8 @@ def both_kinds() -> tuple[PlaneViews, SpaceViews]:
     R = rotation_matrix(0.3, 0.1, 0.5)
     exterior = np.vstack([np.column_stack([R, -R @ (1.6 * R[2])]), [0.0, 0.0, 0.0, 1.0]])
     xy = photographed(0.3, 0.1, 0.5, list(range(5)))
-    return PlaneViews(xy, LOCAL), SpaceViews(xy, LOCAL, exterior @ PLACES, C)
+    orders = np.arange(12)[None]
+    return PlaneViews(xy, LOCAL, orders), SpaceViews(xy, LOCAL, exterior @ PLACES, C, orders)
 
 
 def test_both_kinds_of_views_image_the_map_alike():

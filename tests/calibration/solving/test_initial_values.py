@@ -204,7 +204,7 @@ def test_observations_are_sorted_by_board_corner_and_photo_without_unknown_corne
 
 
 def naming(*projections: np.ndarray | None) -> Naming:
-    photos = tuple(NamedPhoto(np.array([0 if P is not None else -1]), P, True) for P in projections)
+    photos = tuple(NamedPhoto(np.array([0 if P is not None else -1]), np.zeros(1, int), P, True) for P in projections)
     return Naming(np.eye(4)[None], photos)
 
 

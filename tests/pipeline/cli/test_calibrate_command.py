@@ -57,7 +57,7 @@ def test_a_camera_comes_out_with_its_precision_files_and_report(folder, monkeypa
 @pytest.mark.parametrize(
     ("more", "part"),
     [
-        (("--corners", "7x5"), "half a turn"),
+        (("--corners", "7x2"), "at least 3"),
         (("--corners", "many"), "columns x rows"),
         (("--corners", "6x5", "--arrangement", "heap"), "--arrangement"),
         (("--corners", "6x5", "--parameters", "x0"), "must hold c"),
