@@ -112,3 +112,29 @@ class ImageResiduals(Columns):
 
 
 IMAGE_RESIDUALS = Table("orientation/image_residuals.parquet", ImageResiduals)
+
+
+@dataclass(frozen=True)
+class RegisteredPoints(Columns):
+    """Targets of scans in the project's system, from their joint registration."""
+
+    name: np.ndarray
+    role: np.ndarray
+    """str: control or check, where they were surveyed, else tie"""
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    """float64, m"""
+    sigma_x: np.ndarray
+    sigma_y: np.ndarray
+    sigma_z: np.ndarray
+    """float64, m: that of the registration included"""
+    cov_xy: np.ndarray
+    cov_xz: np.ndarray
+    cov_yz: np.ndarray
+    """float64, m^2"""
+    scans: np.ndarray
+    """int16: scans that measured it"""
+
+
+REGISTERED_POINTS = Table("registration/points.parquet", RegisteredPoints)

@@ -170,6 +170,17 @@ class ControlFromGcpList(Settings):
     absent: Literal["skip", "refuse"] = setting("skip", ABSENT)
 
 
+class ControlFromScans(Settings):
+    """Targets of scans that the stage `registration` has put into the project's system, with the precision that they have there."""
+
+    kind: Literal["scans"]
+    measurements: str = setting(
+        ..., "CSV with the columns name, photo, col, row, sigma (pixels) of the targets in the photographs."
+    )
+    check: tuple[str, ...] = setting((), "Names of the targets that are check points and do not take part in the block adjustment.")
+    absent: Literal["skip", "refuse"] = setting("skip", ABSENT)
+
+
 class NoControl(Settings):
     """No ground control."""
 
@@ -182,7 +193,9 @@ class SimulatedControl(Settings):
     kind: Literal["simulated"]
 
 
-ControlSource = Annotated[ControlFromFiles | ControlFromGcpList | NoControl | SimulatedControl, Field(discriminator="kind")]
+ControlSource = Annotated[
+    ControlFromFiles | ControlFromGcpList | ControlFromScans | NoControl | SimulatedControl, Field(discriminator="kind")
+]
 
 
 class Project(Settings):

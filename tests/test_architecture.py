@@ -11,7 +11,18 @@ ROOT = Path(__file__).parent.parent
 SHARED = ("geometry", "adjustment", "matching", "visibility", "imagery")
 CONVENTION = {"__init__.py", "stage.py", "report.py"}  # one of each in every stage
 CROWD = 16
-STAGES = ("photos", "calibration", "tie_points", "orientation", "epipolar", "densification", "dsm_check", "texture", "evaluation")
+STAGES = (
+    "photos",
+    "calibration",
+    "registration",
+    "tie_points",
+    "orientation",
+    "epipolar",
+    "densification",
+    "dsm_check",
+    "texture",
+    "evaluation",
+)
 FORBIDDEN_NAMES = {"utils", "util", "helpers", "helper", "common", "base", "misc", "tools"}
 
 

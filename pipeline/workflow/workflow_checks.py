@@ -26,6 +26,7 @@ from orthomill.schemas.project import PhotoFolder, PhotoList, Project
 from orthomill.schemas.stage_contract import Stage
 
 SIMULATION = "simulation"
+REGISTRATION = "registration"
 _MAP_FIELDS = frozenset({"dsm", "ortho"})
 _FILE_FIELDS = frozenset({"path", "paths", "points", "measurements", "distances"}) | _MAP_FIELDS
 _MAP_SUFFIXES = (".tif", ".tiff")
@@ -83,6 +84,15 @@ def check_simulation(project: Project, kinds: Kinds, catalogue: tuple[type[Stage
     for name in ("photographs", "positions", "control"):
         if getattr(project, name).kind == "simulated":
             mistakes.add((name,), f"is simulated, but no stage '{SIMULATION}' is in this workflow; add '- {SIMULATION}' first.")
+
+
+def check_registration(project: Project, kinds: Kinds, mistakes: Mistakes) -> None:
+    """Control from scans needs the stage that registers them."""
+    if project.control.kind == "scans" and REGISTRATION not in kinds.names:
+        mistakes.add(
+            ("control",),
+            f"comes from scans, but no stage '{REGISTRATION}' is in this workflow; add '- kind: {REGISTRATION}' with them.",
+        )
 
 
 def check_crs(crs: str, photographs: PhotoFolder | PhotoList | Any, root: Path, mistakes: Mistakes) -> None:

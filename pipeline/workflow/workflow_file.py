@@ -17,7 +17,15 @@ from pydantic import Field, TypeAdapter, ValidationError
 from orthomill.pipeline.storage.image_files import image_files, shown
 from orthomill.pipeline.storage.table_files import write_whole
 from orthomill.pipeline.workflow.mistakes import Mistakes, nearest, stage_kind
-from orthomill.pipeline.workflow.workflow_checks import Kinds, check_crs, check_files, check_simulation, check_stages, kind_of
+from orthomill.pipeline.workflow.workflow_checks import (
+    Kinds,
+    check_crs,
+    check_files,
+    check_registration,
+    check_simulation,
+    check_stages,
+    kind_of,
+)
 from orthomill.pipeline.workflow.workflow_text import workflow_text
 from orthomill.pipeline.workflow.yaml_lines import SIZE_LIMIT, Document, YamlError, read_yaml
 from orthomill.schemas.errors import WorkflowError
@@ -105,6 +113,7 @@ def load_workflow(path: Path, catalogue: tuple[type[Stage], ...]) -> LoadedWorkf
     stages = _stages(document, catalogue, mistakes, root)
     check_stages(kinds, catalogue, mistakes)
     check_simulation(project, kinds, catalogue, mistakes)
+    check_registration(project, kinds, mistakes)
     # Raised only here, after all checks: a user who corrects one mistake at a time runs the command as often.
     mistakes.raise_if_any()
     return LoadedWorkflow(project, stages, Path(path), root, text)

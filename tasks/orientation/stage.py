@@ -7,7 +7,7 @@ from pydantic import model_validator
 
 from orthomill.schemas.camera import CAMERAS
 from orthomill.schemas.job import Export, Job, Raster, Region, Table, TextFile
-from orthomill.schemas.observations import CONTROL, GROUND_POINTS, IMAGE_RESIDUALS, TIE_POINTS, Control
+from orthomill.schemas.observations import CONTROL, GROUND_POINTS, IMAGE_RESIDUALS, REGISTERED_POINTS, TIE_POINTS, Control
 from orthomill.schemas.orientation import BLOCK, BLOCK_PRECISION, GROUND_RESIDUALS, RELATIVE, SEPARATE_BLOCKS
 from orthomill.schemas.photo import PHOTOS
 from orthomill.schemas.raster import RasterSpec, Window
@@ -16,7 +16,7 @@ from orthomill.schemas.stage_contract import ProjectView, Stage
 from orthomill.schemas.stage_report import report_table
 from orthomill.tasks.adjustment.model.interior import InteriorChoice, WeightedInterior
 from orthomill.tasks.orientation.control.control_files import no_control
-from orthomill.tasks.orientation.control.control_system import control_from_files, control_from_list
+from orthomill.tasks.orientation.control.control_system import control_from_files, control_from_list, control_from_scans
 from orthomill.tasks.orientation.exterior.adjusted_block import BlockChoices, orient_block
 from orthomill.tasks.orientation.exterior.fixed_block import orient_fixed
 from orthomill.tasks.orientation.exterior.sources import Adjusted, ExteriorSource, ForeignSource
@@ -218,6 +218,9 @@ class OrientationStage(Stage):
         if source.kind == "gcp_list":
             listed: Reads = {"photos": PHOTOS, "text": TextFile(source.path)}
             return _control_job(control_from_list, listed, {"source": source, "crs": view.project.crs})
+        if source.kind == "scans":
+            scanned: Reads = {"photos": PHOTOS, "registered": REGISTERED_POINTS, "measurements": TextFile(source.measurements)}
+            return _control_job(control_from_scans, scanned, {"source": source, "crs": view.project.crs})
         if source.kind == "simulated":
             points, measurements = map(view.run_file, _SIMULATED)
             return _control_job(control_from_files, _control_texts(points, measurements), {"own": None, "crs": view.project.crs})

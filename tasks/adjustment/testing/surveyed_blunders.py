@@ -52,7 +52,7 @@ def is_outlier(rest: Adjustment, first: Network, blunder: Blunder, limit: float)
     usual misfit of the observations of its kind that took part."""
     square, numbers = _square_of_prediction(rest, first, blunder)
     _, others, dof = _misfits(rest, blunder.kind)
-    return bool(square > _largest_square(limit, numbers) * usual_misfit(np.sqrt(others[dof > 0])) ** 2)
+    return bool(square > largest_square(limit, numbers) * usual_misfit(np.sqrt(others[dof > 0])) ** 2)
 
 
 def worst_of(network: Network, found: list[Blunder]) -> Blunder | None:
@@ -77,7 +77,7 @@ def with_reinstated(network: Network, result: Adjustment, blunders: tuple[Blunde
     were rejected while something else, a camera constant, was still wrong."""
     for blunder in blunders:
         square, numbers = _square_of_prediction(result, first, blunder)
-        if square < _largest_square(limit, numbers):
+        if square < largest_square(limit, numbers):
             network = with_weight(network, blunder, weights_of(first, blunder.kind)[blunder.number])
     return network
 
@@ -117,7 +117,7 @@ def usual_misfit(size: np.ndarray) -> float:
 def _beyond(kind: SurveyedKind, misfits: Misfits, limit: float, by_group: bool) -> list[Blunder]:
     number, square, dof = misfits
     size = np.sqrt(square)
-    beyond = np.sqrt(_largest_square(limit, np.maximum(dof, 1)))
+    beyond = np.sqrt(largest_square(limit, np.maximum(dof, 1)))
     unit = usual_misfit(size[dof > 0]) if by_group else 1.0
     far = (dof > 0) & (size > beyond * unit)
     return [Blunder(kind, int(i), float(s / unit)) for i, s in zip(number[far], size[far], strict=True)]
@@ -133,7 +133,9 @@ def _control_misfits(result: Adjustment) -> Misfits:
     network = result.network
     seen = np.bincount(result.rays.point[result.used], minlength=len(network.point)) > 0
     number = np.flatnonzero(network.point_weight.any(axis=1) & seen)
-    rows = [_square(network.point_weight[i], network.point[i] - result.state.point[i], result.point_covariance[i]) for i in number]
+    rows = [
+        misfit_square(network.point_weight[i], network.point[i] - result.state.point[i], result.point_covariance[i]) for i in number
+    ]
     return _table(number, rows)
 
 
@@ -141,7 +143,7 @@ def _position_misfits(result: Adjustment) -> Misfits:
     network, residual = result.network, position_residuals(result.network, result.state)
     number = np.flatnonzero(network.centre_weight.any(axis=1))
     covariance = position_covariances(result, number)
-    rows = [_square(network.centre_weight[i], residual[i], own) for i, own in zip(number, covariance, strict=True)]
+    rows = [misfit_square(network.centre_weight[i], residual[i], own) for i, own in zip(number, covariance, strict=True)]
     return _table(number, rows)
 
 
@@ -158,7 +160,7 @@ def _table(number: np.ndarray, rows: list[tuple[float, int]]) -> Misfits:
     return Misfits(number, table[:, 0], table[:, 1].astype(int))
 
 
-def _square(weight: np.ndarray, residual: np.ndarray, covariance: np.ndarray) -> tuple[float, int]:
+def misfit_square(weight: np.ndarray, residual: np.ndarray, covariance: np.ndarray) -> tuple[float, int]:
     """v' Q_vv^-1 v over the testable combinations of coordinates, and their number."""
     root = np.sqrt(weight)
     # Q_vv of weighted residuals is I - P^1/2 Q P^1/2; its eigenvalues are the redundancy numbers of its eigenvectors. A coordinate
@@ -179,7 +181,7 @@ def _pointing_is_worse(result: Adjustment, blunder: Blunder) -> bool:
     return float((result.standardised[own] ** 2).sum(axis=1).max()) - 2.0 > blunder.misfit**2 - 3.0
 
 
-def _largest_square(limit: float, dof: int | np.ndarray) -> np.ndarray:
+def largest_square(limit: float, dof: int | np.ndarray) -> np.ndarray:
     """The quantile of chi-squared with `dof` degrees of freedom that is exceeded as rarely as a normal deviate exceeds
     +-`limit`."""
     # Two functions of scipy.special, because importing scipy.stats takes longer than planning a project.

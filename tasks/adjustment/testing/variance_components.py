@@ -29,7 +29,7 @@ def estimated_factors(result: Adjustment) -> tuple[Factors, tuple[Group, ...]]:
     # The residuals refer to the weights of the last solution, which contain the old factor: the new one multiplies it.
     image = old.image * float(np.sqrt(square / redundancy)) if redundancy > 0 else old.image
     shares = (_image_share(result, pointings), _position_share(result), _control_share(result), _distance_share(result))
-    rest = [_enlarged(f, *share) for f, share in zip((old.pointing, old.position, old.control, old.distance), shares, strict=True)]
+    rest = [enlarged(f, *share) for f, share in zip((old.pointing, old.position, old.control, old.distance), shares, strict=True)]
     # Simulated exact observations have residuals of rounding only; a factor of 0 would be an infinite weight.
     new = Factors(max(image, 1e-6), *rest)
     counts = (
@@ -111,7 +111,7 @@ def distance_variances(result: Adjustment) -> np.ndarray:
     return np.einsum("di,dij,dj->d", J, result.cofactor.blocks.pieces(columns), J)
 
 
-def _enlarged(old: float, square: float, redundancy: float) -> float:
+def enlarged(old: float, square: float, redundancy: float) -> float:
     """The new factor of a surveyed group: above 1 only where its redundancy is sufficient and the contradiction is no chance."""
     if redundancy < LEAST_REDUNDANCY_OF_GROUP:
         return old

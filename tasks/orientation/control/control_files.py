@@ -36,6 +36,20 @@ def read_control(photos: Photos, points: str, measurements: str, distances: str 
         mistakes.append(
             "The control points file holds no points; fill it in, or say that there is no ground control (control: {kind: none})."
         )
+    return _measured(known, photos, (measurements, distances), absent, mistakes)
+
+
+def control_at(known: dict[str, ControlPoint], photos: Photos, measurements: str, absent: Rule) -> Control:
+    """Control of `known` points, those that the CSV text `measurements` names. Raises WorkflowError as `read_control` does."""
+    named = {row["name"] for _, row in _rows(measurements, MEASUREMENT_COLUMNS, "control measurements", [])}
+    return _measured({name: point for name, point in known.items() if name in named}, photos, (measurements, None), absent, [])
+
+
+def _measured(
+    known: dict[str, ControlPoint], photos: Photos, texts: tuple[str, str | None], absent: Rule, mistakes: list[str]
+) -> Control:
+    """The points with the measurements and distances of the CSV `texts`; raises WorkflowError with all `mistakes`."""
+    measurements, distances = texts
     skipped = Skipped(absent)
     measured = _measurements(measurements, known, photos, skipped, mistakes)
     points_of = {name: point.model_copy(update={"measurements": measured[name]}) for name, point in known.items()}

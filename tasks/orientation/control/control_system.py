@@ -7,12 +7,12 @@ then define the datum.
 import numpy as np
 
 from orthomill.schemas.findings.control_findings import ControlElsewhere, HeightsNotTransformed
-from orthomill.schemas.observations import Control
+from orthomill.schemas.observations import Control, ControlPoint, RegisteredPoints
 from orthomill.schemas.photo import Photos
-from orthomill.schemas.project import ControlFromGcpList
+from orthomill.schemas.project import ControlFromGcpList, ControlFromScans
 from orthomill.tasks.geometry.survey_system import fitting_system, survey_crs, transform_surveyed
 from orthomill.tasks.orientation.control.absent_photographs import Rule
-from orthomill.tasks.orientation.control.control_files import in_photographs, read_control
+from orthomill.tasks.orientation.control.control_files import control_at, in_photographs, read_control
 from orthomill.tasks.orientation.control.gcp_list import read_gcp_list
 
 _FAR = 10.0
@@ -27,6 +27,21 @@ def control_from_files(
     """Control from CSV texts in the project's system `crs`; `own`: the system of the texts (None: the same); `absent`: whether
     measurements in photographs that the project does not have are skipped. Raises WorkflowError."""
     return _in_project(read_control(photos, points, measurements, distances, absent), photos, own or crs, crs)
+
+
+def control_from_scans(
+    photos: Photos, registered: RegisteredPoints, measurements: str, source: ControlFromScans, crs: str
+) -> Control:
+    """Control from targets of registered scans, which are in the project's system `crs` already. Raises WorkflowError."""
+    known = {}
+    for i, name in enumerate(registered.name.tolist()):
+        # Of the covariance of a target the block takes the standard errors of its coordinates; their correlation, mostly that of
+        # the tilt of a scan, stays below a half where scans stand round an object.
+        x, y, z = (float(values[i]) for values in (registered.x, registered.y, registered.z))
+        sx, sy, sz = (float(values[i]) for values in (registered.sigma_x, registered.sigma_y, registered.sigma_z))
+        role = "check" if name in source.check else "control"
+        known[name] = ControlPoint(name=name, role=role, xyz=(x, y, z), sigma=(sx, sy, sz), measurements={})
+    return _in_project(control_at(known, photos, measurements, source.absent), photos, crs, crs)
 
 
 def control_from_list(photos: Photos, text: str, source: ControlFromGcpList, crs: str) -> Control:

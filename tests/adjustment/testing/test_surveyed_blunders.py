@@ -14,9 +14,9 @@ from orthomill.tasks.adjustment.testing.adjustment_result import AS_STATED
 from orthomill.tasks.adjustment.testing.solution_precision import precise_solution
 from orthomill.tasks.adjustment.testing.surveyed_blunders import (
     CLEAR,
-    _largest_square,
     _misfits,
     is_outlier,
+    largest_square,
     surveyed_blunder,
     usual_misfit,
     with_reinstated,
@@ -41,11 +41,11 @@ def good():
 @pytest.mark.parametrize("limit", [2.0, 3.29, 4.0])
 @pytest.mark.parametrize("dof", [1, 2, 3])
 def test_the_limit_of_the_square_is_exceeded_as_rarely_as_the_normal_one(limit, dof):
-    assert chi2.sf(_largest_square(limit, dof), dof) == pytest.approx(2 * norm.sf(limit))
+    assert chi2.sf(largest_square(limit, dof), dof) == pytest.approx(2 * norm.sf(limit))
 
 
 def test_one_number_has_the_limit_itself():
-    assert float(_largest_square(3.0, 1)) == pytest.approx(9.0)
+    assert float(largest_square(3.0, 1)) == pytest.approx(9.0)
 
 
 def test_misfits_of_control_are_the_quadratic_forms_of_dense_algebra(good):

@@ -12,9 +12,9 @@ from orthomill.tasks.adjustment.solve.minimise import minimise
 from orthomill.tasks.adjustment.testing.adjustment_result import AS_STATED, Factors, ObservationKind
 from orthomill.tasks.adjustment.testing.solution_precision import precise_solution
 from orthomill.tasks.adjustment.testing.variance_components import (
-    _enlarged,
     converged,
     distance_variances,
+    enlarged,
     estimated_factors,
     image_factor_without,
 )
@@ -78,13 +78,13 @@ def test_factors_multiply_those_of_the_last_solution():
     [(40.0, 10.0, 2.0), (10.0, 10.0, 1.0), (20.0, 10.0, 1.0), (2.0, 10.0, 1.0), (900.0, 2.9, 1.0)],
 )
 def test_surveyed_groups_are_enlarged_only_beyond_chance(square, redundancy, expected):
-    assert _enlarged(1.0, square, redundancy) == pytest.approx(expected)
+    assert enlarged(1.0, square, redundancy) == pytest.approx(expected)
 
 
 def test_an_enlarged_group_may_shrink_again_but_not_below_its_statement():
-    assert _enlarged(4.0, 2.5, 10.0) == pytest.approx(2.0)
-    assert _enlarged(4.0, 0.1, 10.0) == 1.0
-    assert _enlarged(4.0, 0.1, 2.0) == 4.0, "without redundancy nothing is known"
+    assert enlarged(4.0, 2.5, 10.0) == pytest.approx(2.0)
+    assert enlarged(4.0, 0.1, 10.0) == 1.0
+    assert enlarged(4.0, 0.1, 2.0) == 4.0, "without redundancy nothing is known"
 
 
 @pytest.mark.parametrize(("change", "expected"), [(1.0, True), (1.009, True), (1.02, False), (0.98, False)])

@@ -1,0 +1,1 @@
+"""Joint registration of scans: rotation and translation of each, from control and the points that they share."""
