@@ -10,7 +10,7 @@ photos ?=
 options ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-tile-map bench-remaining-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-registration bench-vll chaos docs clean clean-all
+.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-tile-map bench-remaining-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-registration bench-published-bundles bench-vll chaos docs clean clean-all
 
 help: ## List all targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-18s %s\n", $$1, $$2}'
@@ -115,6 +115,9 @@ bench-orthoimage: $(STAMP) ## The orthoimage of a run beside orthority (options=
 
 bench-camera-constants: $(STAMP) ## Camera constants that real blocks find, with their standard errors, beside references
 	@$(BIN)/python -m benchmarks.orientation.camera_constants
+
+bench-published-bundles: $(STAMP) ## Self-calibration on the geometry of three published applications
+	@$(BIN)/python -m benchmarks.orientation.published_bundles
 
 bench-registration: $(STAMP) ## Joint registration of simulated scans: precision that is true
 	@$(BIN)/python -m benchmarks.orientation.scan_registration
