@@ -3,7 +3,8 @@
 By default a volume of heights over all photographs is solved level by level, tile by tile; a block of a pair is matched as soon as
 its epipolar tiles and the volume under it are there, and a tile of the surface follows as soon as the blocks that may show it are
 matched. Vertical line locus finds the heights in blocks of cells and needs neither volume nor epipolar images. The strategies of
-pairs need no volume: pyramids, region growing and the cascade match every pair by itself.
+pairs need no volume: pyramids, region growing and the cascade match every pair by itself, guided densification all of them near
+one height model that grows from level to level.
 """
 
 from collections.abc import Iterator
@@ -24,6 +25,9 @@ from orthomill.tasks.densification.completion import Completion
 from orthomill.tasks.densification.filling import EstimateGaps, Filling
 from orthomill.tasks.densification.fusion import Fusion
 from orthomill.tasks.densification.gridding import Gridding
+from orthomill.tasks.densification.guided.guided_matching import Guided
+from orthomill.tasks.densification.guided.guided_plan import GuidedPlan, level_table
+from orthomill.tasks.densification.guided.guided_report import guided_report
 from orthomill.tasks.densification.line_locus.locus_block import LineLocus, LocusScene
 from orthomill.tasks.densification.line_locus.locus_plan import LINE_NODES, LINE_OUTCOME, LINE_PHOTOGRAPHS, LINES, locus_plan
 from orthomill.tasks.densification.line_locus.locus_surface import make_line_surface
@@ -60,7 +64,7 @@ class VerticalLineLocus(LineLocus):
     kind: Literal["vertical_line_locus"]
 
 
-Matching = Annotated[ObjectSpace | VerticalLineLocus | CoarseToFine | Growing | Cascade, Field(discriminator="kind")]
+Matching = Annotated[ObjectSpace | VerticalLineLocus | Guided | CoarseToFine | Growing | Cascade, Field(discriminator="kind")]
 _Plan = Iterator[RasterSpec | Job | Export]
 
 
@@ -93,6 +97,8 @@ class DensificationStage(Stage):
         surface = view.table(SURFACE)
         if isinstance(self.matching, VerticalLineLocus):
             yield from self._lines(view, surface, self.matching)
+        elif isinstance(self.matching, Guided):
+            yield from self._guided(view, surface, self.matching)
         elif isinstance(self.matching, PairStrategy):
             yield from self._pairs_alone(view, surface, self.matching)
         else:
@@ -121,10 +127,16 @@ class DensificationStage(Stage):
         yield from self._tiles(view).jobs(SurfaceSource(make_pair_surface, {}, surface, ground, 0.0, matching.step), pairs)
         yield self._report_of_pairs(pairs)
 
+    def _guided(self, view: ProjectView, surface: Surface, matching: Guided) -> _Plan:
+        """The levels of points, every pixel of the pairs, and the surface from these."""
+        pairs, ground = view.table(PAIRS).pairs, view.table(BLOCK_TABLE).ground_mean
+        yield from GuidedPlan(self.kind, view.project.crs, surface, pairs, matching).jobs()
+        yield from self._tiles(view).jobs(SurfaceSource(make_pair_surface, {}, surface, ground, 0.0, matching.pixels.step), pairs)
+        reads = {**_read_of_pairs(pairs), "levels": tuple(level_table(level.number) for level in matching.levels)}
+        yield Job(self.kind, "report", guided_report, reads, {"report": report_table(self.kind)}, {"settings": matching})
+
     def _report_of_pairs(self, pairs: tuple[EpipolarPair, ...]) -> Job:
-        statistics = tuple(matching_table(pair.name) for pair in pairs)
-        reads: dict[str, Reading] = {"pairs": PAIRS, "surface": SURFACE, "matching": statistics, "cells": CELLS}
-        return Job(self.kind, "report", report, reads, {"report": report_table(self.kind)})
+        return Job(self.kind, "report", report, _read_of_pairs(pairs), {"report": report_table(self.kind)})
 
     def _lines(self, view: ProjectView, surface: Surface, matching: VerticalLineLocus) -> _Plan:
         """Blocks of vertical lines, and the surface from them."""
@@ -137,3 +149,9 @@ class DensificationStage(Stage):
         yield from self._tiles(view).jobs(source, view.table(PAIRS).pairs)
         reads: dict[str, Reading] = {"surface": SURFACE, "lines": LINES, "cells": CELLS}
         yield Job(self.kind, "report", line_report, reads, {"report": report_table(self.kind)})
+
+
+def _read_of_pairs(pairs: tuple[EpipolarPair, ...]) -> dict[str, Reading]:
+    """What the report of surfaces from pairs reads."""
+    statistics = tuple(matching_table(pair.name) for pair in pairs)
+    return {"pairs": PAIRS, "surface": SURFACE, "matching": statistics, "cells": CELLS}

@@ -47,7 +47,7 @@ def first_points(view: View, pixels: np.ndarray, surface: SurfaceHeights) -> np.
     directions = view.rays(np.asarray(pixels, np.float64).reshape(-1, 2))
     out = np.full((len(directions), 3), np.nan)
     corner = np.array([grid.west, grid.north, grid.cell])
-    _follow(np.asarray(view.centre, np.float64), directions, surface.heights, corner, low, high, out)
+    follow_rays(np.asarray(view.centre, np.float64), directions, surface.heights, corner, low, high, out)
     return out
 
 
@@ -66,7 +66,12 @@ def _height(heights, corner, x, y):
 
 
 @njit(cache=True)
-def _follow(centre, directions, heights, corner, low, high, out):
+def follow_rays(centre, directions, heights, corner, low, high, out):
+    """Fill out (N, 3) with the first points of `heights` on rays from `centre` along unit `directions` (N, 3).
+
+    Where a ray hits nothing the row stays as it is. corner: west and north of the outer corner of the first cell, and its side, m;
+    low, high: bounds of the heights, m.
+    """
     for n in range(directions.shape[0]):
         dx, dy, dz = directions[n, 0], directions[n, 1], directions[n, 2]
         # NaN compares as False: a pixel without a ray hits nothing either.

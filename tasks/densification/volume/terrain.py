@@ -34,15 +34,20 @@ def terrain(points: GroundPoints, block: Block, grid: MapGrid) -> np.ndarray:
 
 def known_terrain(points: GroundPoints, grid: MapGrid) -> np.ndarray:
     """Median heights (rows, cols) float32, m, of the tie points around the places `grid`; NaN where there are none."""
-    col, row = grid.pixel(points.x, points.y)
+    return median_heights(points.x, points.y, points.z, grid)
+
+
+def median_heights(x: np.ndarray, y: np.ndarray, z: np.ndarray, grid: MapGrid) -> np.ndarray:
+    """Median heights (rows, cols) float32, m, of the points x, y, z (N,) in the cells of `grid`; NaN where there are none."""
+    col, row = grid.pixel(x, y)
     with np.errstate(invalid="ignore"):
-        inside = (col >= -0.5) & (row >= -0.5) & (col < grid.cols - 0.5) & (row < grid.rows - 0.5) & np.isfinite(points.z)
+        inside = (col >= -0.5) & (row >= -0.5) & (col < grid.cols - 0.5) & (row < grid.rows - 0.5) & np.isfinite(z)
     place = np.rint(row[inside]).astype(np.int64) * grid.cols + np.rint(col[inside]).astype(np.int64)
     # Sorted by height around every place: the middle one is the median, which a single wrong point does not move.
-    order = np.lexsort((points.z[inside], place))
+    order = np.lexsort((z[inside], place))
     occupied, first, count = np.unique(place[order], return_index=True, return_counts=True)
     heights = np.full(grid.rows * grid.cols, np.nan, np.float32)
-    heights[occupied] = points.z[inside][order][first + count // 2]
+    heights[occupied] = z[inside][order][first + count // 2]
     return heights.reshape(grid.shape)
 
 

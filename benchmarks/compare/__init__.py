@@ -1,0 +1,1 @@
+"""Every method of densification on the same crops of finished runs."""
