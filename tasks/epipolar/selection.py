@@ -134,7 +134,8 @@ def _refused(views: list[View], found: list[Candidate], kept: list[Candidate], c
     def surplus(c: Candidate) -> str:
         return full if max(count[c.first], count[c.second]) >= choice.per_photo else covered
 
-    return [(_name(views, c), why_not(c, choice) or surplus(c)) for c in found if c not in kept]
+    taken = set(kept)
+    return [(_name(views, c), why_not(c, choice) or surplus(c)) for c in found if c not in taken]
 
 
 def candidates(views: list[View], z: float) -> list[Candidate]:
@@ -239,10 +240,10 @@ def best_pairs(useful: list[Candidate], centres: np.ndarray, places: list[Places
         if chosen.most(c) < (choice.per_photo + 1) // 2:
             chosen.add(c)
     for c in wide:
-        if c not in chosen.pairs and chosen.most(c) < choice.per_photo and chosen.needed(c, choice.per_place):
+        if c not in chosen and chosen.most(c) < choice.per_photo and chosen.needed(c, choice.per_place):
             chosen.add(c)
     for c in wide:
-        if c not in chosen.pairs and not (chosen.of_photo[c.first] and chosen.of_photo[c.second]):
+        if c not in chosen and not (chosen.of_photo[c.first] and chosen.of_photo[c.second]):
             chosen.add(c)
     return chosen.pairs
 
@@ -252,8 +253,12 @@ class ChosenPairs:
 
     def __init__(self, places: list[Places]) -> None:
         self.pairs: list[Candidate] = []
+        self._known: set[Candidate] = set()
         self.of_photo: Counter[int] = Counter()
         self._places, self._over = places, Counter[tuple[int, int]]()
+
+    def __contains__(self, c: Candidate) -> bool:
+        return c in self._known
 
     def _ground(self, c: Candidate) -> Places:
         return self._places[c.first] & self._places[c.second]
@@ -261,6 +266,7 @@ class ChosenPairs:
     def add(self, c: Candidate) -> None:
         """Take a pair."""
         self.pairs.append(c)
+        self._known.add(c)
         self.of_photo.update((c.first, c.second))
         self._over.update(self._ground(c))
 

@@ -82,6 +82,16 @@ class MatchedPair(NamedTuple):
     summary: PairSummary
 
 
+class MatchCounts(BaseModel):
+    """What all pairs have found together."""
+
+    model_config = ConfigDict(frozen=True)
+
+    matches: int
+    features: int
+    """that take part in a match"""
+
+
 @dataclass(frozen=True)
 class Observations(Columns):
     """Features of one photograph that belong to tracks; sorted by track."""

@@ -17,7 +17,7 @@ from pydantic import Field, model_validator
 
 from orthomill.schemas.camera import CAMERAS
 from orthomill.schemas.errors import GeometryError
-from orthomill.schemas.job import Export, Job, Raster, Region, Table
+from orthomill.schemas.job import Export, Job, Raster, Region, Stream, Table
 from orthomill.schemas.observations import TIE_POINTS
 from orthomill.schemas.photo import PHOTOS, Photo, Photos, photo_raster
 from orthomill.schemas.raster import RasterSpec, Tile, Window
@@ -33,6 +33,7 @@ from orthomill.tasks.tie_points.match_records import (
     DESCRIPTOR,
     Features,
     Links,
+    MatchCounts,
     Observations,
     PairMatches,
     PairSummary,
@@ -46,8 +47,9 @@ from orthomill.tasks.tie_points.patches import Strip, strip_patches
 from orthomill.tasks.tie_points.refinement import PatchRules, refine_pair
 from orthomill.tasks.tie_points.report import finish
 from orthomill.tasks.tie_points.tie_point_assembly import Weighting
-from orthomill.tasks.tie_points.tracks import build_tracks, observation_key
+from orthomill.tasks.tie_points.tracks import build_tracks, count_matches, observation_key, track_scratch
 
+MATCH_COUNTS = Table("tie_points/match_counts.json", MatchCounts)
 LINKS = Table("tie_points/links.json", Links)
 CANDIDATES = Table("tie_points/candidates.json", Candidates)
 VOCABULARY = Table("tie_points/appearance/vocabulary.parquet", Values)
@@ -161,7 +163,8 @@ class TiePointsStage(Stage):
         else:
             pairs = candidate_pairs(photos, neighbourhood)
         yield from (self._pair_job(photos.photos[left], photos.photos[right]) for left, right in pairs)
-        yield self._track_job(photos, pairs)
+        yield self._count_job(photos, pairs)
+        yield self._track_job(photos, pairs, view.table(MATCH_COUNTS))
         links = view.table(LINKS)
         for photo in photos.photos:
             yield from self._patch_jobs(photo, tile)
@@ -274,7 +277,14 @@ class TiePointsStage(Stage):
             scratch=16 * sum(height * width for height, width in shapes) + 80 * search.correlation.search**2,
         )
 
-    def _track_job(self, photos: Photos, pairs: tuple[tuple[int, int], ...]) -> Job:
+    def _count_job(self, photos: Photos, pairs: tuple[tuple[int, int], ...]) -> Job:
+        matches = Stream(tuple(_pair_tables(photos.names[left], photos.names[right])[0] for left, right in pairs))
+        scratch = 4 * self.max_features * (len(photos.names) + 16)
+        return Job(
+            self.kind, "counts", count_matches, {"matches": matches}, {"counts": MATCH_COUNTS}, {"pairs": pairs}, scratch=scratch
+        )
+
+    def _track_job(self, photos: Photos, pairs: tuple[tuple[int, int], ...], counts: MatchCounts) -> Job:
         names = photos.names
         observations = {observation_key(number): _observations(name) for number, name in enumerate(names)}
         return Job(
@@ -282,13 +292,13 @@ class TiePointsStage(Stage):
             item="tracks",
             function=build_tracks,
             reads={
-                "features": tuple(_features(name)[0] for name in names),
+                "features": Stream(tuple(_features(name)[0] for name in names)),
                 "matches": tuple(_pair_tables(names[left], names[right])[0] for left, right in pairs),
                 "summaries": tuple(_pair_tables(names[left], names[right])[1] for left, right in pairs),
             },
             writes={"links": LINKS, **observations},
             params={"pairs": pairs, "sizes": tuple((photo.width, photo.height) for photo in photos.photos)},
-            scratch=300 * self.max_features * len(names),
+            scratch=track_scratch(counts),
         )
 
     def _rules(self, photo: Photo, tile: int) -> PatchRules:

@@ -2,9 +2,11 @@
 
 Features at the same place of a photograph (SIFT may assign two directions to a point) count as one. A track is a connected
 component of the matches; one that meets a photograph in two places contains a false match and is dropped. The reference of a track
-is the photograph that shows it nearest to its centre: there distortion and obliqueness are smallest.
+is the photograph that shows it nearest to its centre: there distortion and obliqueness are smallest. The features of the
+photographs stream by and only those that were matched stay, so that memory follows the matches, which are counted beforehand.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +14,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from orthomill.schemas.errors import GeometryError
-from orthomill.tasks.tie_points.match_records import Features, Links, Observations, PairMatches, PairSummary
+from orthomill.tasks.tie_points.match_records import Features, Links, MatchCounts, Observations, PairMatches, PairSummary
 
 
 def observation_key(photo: int) -> str:
@@ -20,8 +22,25 @@ def observation_key(photo: int) -> str:
     return f"observations_{photo}"
 
 
+def count_matches(matches: Iterator[PairMatches], pairs: tuple[tuple[int, int], ...]) -> MatchCounts:
+    """How much `build_tracks` will join; matches: one per pair of photograph numbers."""
+    total, matched = 0, dict[int, np.ndarray]()
+    for found, pair in zip(matches, pairs, strict=True):
+        total += len(found)
+        for photo, numbers in zip(pair, (found.left, found.right), strict=True):
+            matched[photo] = np.union1d(matched.get(photo, np.zeros(0, np.int32)), numbers)
+    return MatchCounts(matches=total, features=sum(map(len, matched.values())))
+
+
+def track_scratch(counts: MatchCounts) -> int:
+    """Working memory of `build_tracks`, bytes."""
+    # A place with its photograph, pixels, labels and the keys by which they are sorted; a match in two tables, as an edge of the
+    # graph, and as SciPy turns that graph over.
+    return 200 * counts.features + 40 * counts.matches
+
+
 def build_tracks(
-    features: tuple[Features, ...],
+    features: Iterator[Features],
     matches: tuple[PairMatches, ...],
     pairs: tuple[tuple[int, int], ...],
     sizes: tuple[tuple[int, int], ...],
@@ -29,17 +48,18 @@ def build_tracks(
 ) -> dict[str, Links | Observations]:
     """`links` between photographs, and the observations of every photograph under its `observation_key`.
 
-    matches, summaries: one per pair of photograph numbers; sizes: (width, height) of the photographs. Raises GeometryError without
-    usable matches.
+    features: one table per photograph; matches, summaries: one per pair of photograph numbers; sizes: (width, height) of the
+    photographs. Raises GeometryError without usable matches.
     """
     matches = _without_duplicates(matches, pairs, summaries)
     if not any(len(found) for found in matches):
         raise GeometryError(
-            f"None of the {len(pairs)} pairs of the {len(features)} photographs shows common ground: too few points agree in any "
+            f"None of the {len(pairs)} pairs of the {len(sizes)} photographs shows common ground: too few points agree in any "
             "of them. Photographs of a block must overlap by half or more and show more than a repetitive pattern."
         )
-    nodes = _nodes(features)
-    node, track, conflicts = _tracks(nodes, matches, pairs)
+    places = list(map(_places, features, _matched(matches, pairs, len(sizes))))
+    nodes = _nodes(places)
+    node, track, conflicts = _tracks(nodes, _edges(places, nodes.starts, matches, pairs))
     if not len(track):
         raise GeometryError(
             f"All {conflicts} tracks of tie points are contradictory: each meets a photograph in two places, so the photographs "
@@ -48,9 +68,9 @@ def build_tracks(
     photo = nodes.photo[node]
     reference = _references(nodes, node, track, np.array(sizes, dtype=float))
     found: dict[str, Links | Observations] = {"links": _links(photo, track, reference, conflicts)}
-    for number, own in enumerate(features):
+    for number, own in enumerate(places):
         here = photo == number
-        found[observation_key(number)] = _observations(own, nodes.feature[node[here]], track[here], reference)
+        found[observation_key(number)] = _observations(own.first, node[here] - nodes.starts[number], track[here], reference)
     return found
 
 
@@ -64,44 +84,71 @@ def _without_duplicates(
     return tuple(found.take(nothing) if repeated & set(pair) else found for found, pair in zip(matches, pairs, strict=True))
 
 
-@dataclass(frozen=True)
-class _Nodes:
-    """Places of all photographs. of_feature: number of the place of every feature, the photographs in sequence."""
+@dataclass(frozen=True, eq=False)
+class _Places:
+    """Where a photograph has matched features. matched: their numbers, ascending; place: of each of them the number of its place;
+    first: the first feature of every place."""
 
-    of_feature: np.ndarray
+    matched: np.ndarray
+    place: np.ndarray
+    first: Features
+
+
+@dataclass(frozen=True, eq=False)
+class _Nodes:
+    """The places of all photographs in sequence: photograph, and position (N, 2) px."""
+
     starts: np.ndarray
-    """number of the first feature of every photograph"""
+    """number of the first place of every photograph"""
     photo: np.ndarray
-    feature: np.ndarray
-    """per place: photograph, and the first feature there by its number in the photograph"""
     pixels: np.ndarray
 
 
-def _nodes(features: tuple[Features, ...]) -> _Nodes:
-    counts = np.array([len(table) for table in features])
-    starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
-    photo = np.repeat(np.arange(len(features)), counts)
-    pixels = np.column_stack([np.concatenate([getattr(table, name) for table in features]) for name in ("col", "row")])
+def _matched(matches: tuple[PairMatches, ...], pairs: tuple[tuple[int, int], ...], photos: int) -> list[np.ndarray]:
+    """The numbers of the features of every photograph that some pair has matched, ascending."""
+    found: list[list[np.ndarray]] = [[np.zeros(0, np.int32)] for _ in range(photos)]
+    for match, (left, right) in zip(matches, pairs, strict=True):
+        found[left].append(match.left)
+        found[right].append(match.right)
+    return [np.unique(np.concatenate(numbers)) for numbers in found]
+
+
+def _places(features: Features, matched: np.ndarray) -> _Places:
     # Equal coordinates, not nearly equal ones: SIFT repeats a point with another direction at exactly the same position.
-    _, first, of_feature = np.unique(np.column_stack([photo, pixels]), axis=0, return_index=True, return_inverse=True)
-    return _Nodes(of_feature.ravel(), starts, photo[first], first - starts[photo[first]], pixels[first])
+    pixels = np.column_stack([features.col[matched], features.row[matched]])
+    _, first, place = np.unique(pixels, axis=0, return_index=True, return_inverse=True)
+    return _Places(matched, place.ravel().astype(np.int32), features.take(matched[first]))
 
 
-def _tracks(
-    nodes: _Nodes, matches: tuple[PairMatches, ...], pairs: tuple[tuple[int, int], ...]
-) -> tuple[np.ndarray, np.ndarray, int]:
+def _nodes(places: list[_Places]) -> _Nodes:
+    counts = [len(own.first) for own in places]
+    pixels = np.column_stack([np.concatenate([getattr(own.first, name) for own in places]) for name in ("col", "row")])
+    starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    return _Nodes(starts, np.repeat(np.arange(len(places), dtype=np.int32), counts), pixels)
+
+
+def _edges(
+    places: list[_Places], starts: np.ndarray, matches: tuple[PairMatches, ...], pairs: tuple[tuple[int, int], ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Both ends (N,) int32 of every match, by the number of the node."""
+
+    def ends(photo: int, numbers: np.ndarray) -> np.ndarray:
+        own = places[photo]
+        return (starts[photo] + own.place[np.searchsorted(own.matched, numbers)]).astype(np.int32)
+
+    found = [(ends(left, match.left), ends(right, match.right)) for match, (left, right) in zip(matches, pairs, strict=True)]
+    left, right = (np.concatenate([pair[side] for pair in found]) for side in (0, 1))
+    return left, right
+
+
+def _tracks(nodes: _Nodes, edges: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray, int]:
     """Places that belong to tracks and the tracks' numbers, sorted by track, then photograph; and the number of dropped tracks."""
-    left, right = (
-        np.concatenate(
-            [nodes.of_feature[nodes.starts[pair[side]] + getattr(found, name)] for found, pair in zip(matches, pairs, strict=True)]
-        )
-        for side, name in enumerate(("left", "right"))
-    )
     count = len(nodes.photo)
-    _, label = connected_components(coo_array((np.ones(len(left)), (left, right)), shape=(count, count)), directed=False)
+    _, label = connected_components(coo_array((np.ones(len(edges[0]), bool), edges), shape=(count, count)), directed=False)
     members = np.bincount(label)
     # A component with more places than photographs meets one of them twice. Which of its matches is false cannot be known.
-    distinct = np.bincount(np.unique(np.column_stack([label, nodes.photo]), axis=0)[:, 0], minlength=len(members))
+    photos = len(nodes.starts)
+    distinct = np.bincount(np.unique(label * np.int64(photos) + nodes.photo) // photos, minlength=len(members))
     good = (members >= 2) & (distinct == members)
     node = np.flatnonzero(good[label])
     track = np.unique(label[node], return_inverse=True)[1].ravel()

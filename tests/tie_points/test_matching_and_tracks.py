@@ -1,5 +1,6 @@
 """Pairs, matches and tracks on inputs small enough to know the answer."""
 
+import tracemalloc
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,7 +21,7 @@ from orthomill.tasks.tie_points.refinement import start_affine
 from orthomill.tasks.tie_points.report import distribution_index, measure, shared_points
 from orthomill.tasks.tie_points.stage import TiePointsStage
 from orthomill.tasks.tie_points.tie_point_assembly import Weighting, assemble, with_measured_floor
-from orthomill.tasks.tie_points.tracks import build_tracks, observation_key
+from orthomill.tasks.tie_points.tracks import build_tracks, count_matches, observation_key, track_scratch
 
 
 def photos(count: int, position=lambda number: None) -> Photos:
@@ -129,7 +130,7 @@ def test_a_placed_photograph_needs_no_search_by_appearance():
 def test_tracks_run_over_photographs_and_contradictions_are_dropped():
     tables = (features((10, 10), (50, 40), (90, 70)), features((12, 10), (52, 40), (52, 44)), features((14, 10), (54, 40)))
     found = (matches((0, 0), (1, 1)), matches((1, 1)), matches((0, 0), (2, 1)))
-    result = build_tracks(tables, found, ((0, 1), (0, 2), (1, 2)), ((100, 80),) * 3)
+    result = build_tracks(iter(tables), found, ((0, 1), (0, 2), (1, 2)), ((100, 80),) * 3)
     assert result["links"].conflicts == 1 and result["links"].tracks == 1
     for number in range(3):
         own = result[observation_key(number)]
@@ -141,14 +142,30 @@ def test_tracks_run_over_photographs_and_contradictions_are_dropped():
 def test_two_directions_at_one_place_are_one_point():
     tables = (features((10, 10), (10, 10)), features((12, 10)), features((14, 10)))
     found = (matches((0, 0)), matches((1, 0)))
-    result = build_tracks(tables, found, ((0, 1), (0, 2)), ((100, 80),) * 3)
+    result = build_tracks(iter(tables), found, ((0, 1), (0, 2)), ((100, 80),) * 3)
     assert result["links"].tracks == 1 and result["links"].conflicts == 0
     assert [len(result[observation_key(number)]) for number in range(3)] == [1, 1, 1]
 
 
+@pytest.mark.parametrize("per_pair", [200, 2000])
+def test_memory_of_tracks_is_what_their_count_declares(per_pair):
+    rng, count, many = np.random.default_rng(3), 30, 4000
+    tables = [features(*rng.uniform(0, 4000, (many, 2))) for _ in range(count)]
+    pairs = tuple((left, left + step) for step in (1, 2, 3) for left in range(count - step))
+    # Mostly the same feature numbers everywhere, as true tracks have, so that components of all lengths arise.
+    found = tuple(matches(*[(k, k) for k in rng.choice(many, per_pair, replace=False)]) for _ in pairs)
+    counts = count_matches(iter(found), pairs)
+    assert counts.matches == per_pair * len(pairs) and counts.features <= 2 * counts.matches
+    tracemalloc.start()
+    build_tracks(iter(tables), found, pairs, ((4000, 4000),) * count)
+    used = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert 0.5 * track_scratch(counts) < used < track_scratch(counts)
+
+
 def test_no_common_ground_is_one_sentence():
     with pytest.raises(GeometryError, match="None of the 1 pairs of the 2 photographs shows common ground"):
-        build_tracks((features((1, 1)), features((1, 1))), (matches(),), ((0, 1),), ((100, 80),) * 2)
+        build_tracks(iter((features((1, 1)), features((1, 1)))), (matches(),), ((0, 1),), ((100, 80),) * 2)
 
 
 def test_a_single_photograph_is_named():
@@ -245,5 +262,5 @@ def test_a_repeated_photograph_is_not_used_in_tracks():
     same = PairMatches(np.arange(20, dtype=np.int32), np.arange(20, dtype=np.int32))
     pairs = ((0, 1), (0, 2), (1, 2))
     summaries = tuple(PairSummary(left=str(i), right=str(j), tentative=20, inliers=20, alike=(i, j) == (0, 1)) for i, j in pairs)
-    tracks = build_tracks(tables, (same, same, same), pairs, ((100, 100),) * 3, summaries)
+    tracks = build_tracks(iter(tables), (same, same, same), pairs, ((100, 100),) * 3, summaries)
     assert [len(tracks[observation_key(number)]) for number in range(3)] == [20, 0, 20]

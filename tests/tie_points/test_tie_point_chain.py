@@ -49,7 +49,7 @@ def matched(found):
 @pytest.fixture(scope="module")
 def tracked(found, matched):
     tables = tuple(one.features for one in found)
-    return build_tracks(tables, tuple(pair.matches for pair in matched), PAIRS, ((CAMERA.width, CAMERA.height),) * 3)
+    return build_tracks(iter(tables), tuple(pair.matches for pair in matched), PAIRS, ((CAMERA.width, CAMERA.height),) * 3)
 
 
 @pytest.fixture(scope="module")

@@ -13,9 +13,9 @@ from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
 from orthomill.tasks.tie_points.appearance import Candidates
 from orthomill.tasks.tie_points.correlation_search import CorrelationSearch, correlate_pair, tile_interest_points
 from orthomill.tasks.tie_points.features import tile_features
-from orthomill.tasks.tie_points.match_records import Links
+from orthomill.tasks.tie_points.match_records import Links, MatchCounts
 from orthomill.tasks.tie_points.pair_matching import match_pair
-from orthomill.tasks.tie_points.stage import CANDIDATES, LINKS, FeatureSearch, TiePointsStage
+from orthomill.tasks.tie_points.stage import CANDIDATES, LINKS, MATCH_COUNTS, FeatureSearch, TiePointsStage
 
 
 def photos(count: int, **changes) -> Photos:
@@ -55,7 +55,8 @@ def of(jobs: list[Job], word: str) -> list[Job]:
 
 def whole(stage: TiePointsStage, shown: Photos | None = None) -> list[Job]:
     """All jobs of three photographs, of which the first two are linked."""
-    return planned(stage, shown or photos(3), (LINKS, Links(pairs=((0, 1),), tracks=50, conflicts=0)))
+    counts, links = MatchCounts(matches=90, features=150), Links(pairs=((0, 1),), tracks=50, conflicts=0)
+    return planned(stage, shown or photos(3), (MATCH_COUNTS, counts), (LINKS, links))
 
 
 SEARCHES = [FeatureSearch(kind="features"), CorrelationSearch(kind="correlation")]
@@ -78,13 +79,22 @@ def test_jobs_by_appearance_fit_their_functions():
     assert [job.item for job in of(more, "matches")] == ["p0+p1 matches", "p4+p9 matches"]
 
 
-def test_planning_pauses_at_the_tracks_and_repeats_itself():
+def test_planning_pauses_at_counts_and_tracks_and_repeats_itself():
     first = planned(TiePointsStage(), photos(3))
+    second = planned(TiePointsStage(), photos(3), (MATCH_COUNTS, MatchCounts(matches=90, features=150)))
     again = whole(TiePointsStage())
-    assert [job.key for job in again[: len(first)]] == [job.key for job in first]
-    assert first[-1].item == "tracks" and not of(first, "patches")
+    assert [job.key for job in again[: len(second)]] == [job.key for job in second]
+    assert [job.key for job in second[: len(first)]] == [job.key for job in first]
+    assert first[-1].item == "counts" and second[-1].item == "tracks" and not of(second, "patches")
     assert [job.item for job in of(again, "refinement")] == ["p0+p1 refinement"]
     assert again[-1].item == "tie points"
+
+
+def test_memory_for_tracks_follows_what_was_matched():
+    few, many = (
+        planned(TiePointsStage(), photos(3), (MATCH_COUNTS, MatchCounts(matches=n, features=2 * n)))[-1] for n in (1000, 100000)
+    )
+    assert many.scratch == 100 * few.scratch
 
 
 @pytest.mark.parametrize(("side", "level", "matching_level"), [(4000, 0, 0), (2000, 1, 0), (1999, 2, 1), (1000, 2, 1), (500, 3, 2)])

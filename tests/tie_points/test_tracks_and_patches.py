@@ -44,9 +44,9 @@ def test_tracks_are_the_components_that_meet_every_photograph_once(drawn, seed):
     good = {frozenset(one) for one in merged if len({photo for photo, _ in one}) == len(one)}
     if not good:
         with pytest.raises(GeometryError, match=f"All {len(merged)} tracks of tie points are contradictory"):
-            build_tracks(tables, matches, PAIRS, ((1000, 1000),) * 3)
+            build_tracks(iter(tables), matches, PAIRS, ((1000, 1000),) * 3)
         return
-    found = build_tracks(tables, matches, PAIRS, ((1000, 1000),) * 3)
+    found = build_tracks(iter(tables), matches, PAIRS, ((1000, 1000),) * 3)
     tracks: dict[int, set[tuple[int, int]]] = {}
     for photo in range(3):
         own = found[observation_key(photo)]
@@ -61,7 +61,7 @@ def test_the_reference_is_the_photograph_with_the_most_central_point():
     one = np.ones(1, np.float32)
     tables = tuple(Features(np.array([col]), np.array([300.0]), one, 0 * one, one) for col in (100.0, 390.0, 700.0))
     same = PairMatches(np.zeros(1, np.int32), np.zeros(1, np.int32))
-    found = build_tracks(tables, (same,) * 3, PAIRS, ((800, 600),) * 3)
+    found = build_tracks(iter(tables), (same,) * 3, PAIRS, ((800, 600),) * 3)
     assert {int(found[observation_key(number)].reference[0]) for number in range(3)} == {1}
     assert found["links"].pairs == ((0, 1), (1, 2))
 
