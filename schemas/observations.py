@@ -25,6 +25,16 @@ class TiePoints(Columns):
     """float32: standard error of a coordinate, px"""
 
 
+class TiePointCounts(BaseModel):
+    """How much there is to adjust."""
+
+    model_config = ConfigDict(frozen=True)
+
+    points: int
+    rays: int
+    """image measurements of tie points"""
+
+
 @dataclass(frozen=True)
 class GroundPoints(Columns):
     """Tie points on the ground, from the block adjustment."""
@@ -83,6 +93,7 @@ class Control(BaseModel):
     """what could not be used, and about the reference system; the report puts them into words"""
 
 
+TIE_POINT_COUNTS = Table("tie_points/counts.json", TiePointCounts)
 TIE_POINTS = Table("tie_points/tie_points.parquet", TiePoints)
 GROUND_POINTS = Table("orientation/points.parquet", GroundPoints)
 CONTROL = Table("orientation/control.json", Control)

@@ -130,6 +130,16 @@ def _cluster(workers: int, memory: int, port: int, secret: str) -> SpecCluster:
     )
 
 
+def allow_memory(client: Client, memory: int) -> None:
+    """From now on a worker of this machine is ended only where it uses more than `memory` bytes."""
+    client.run(_allow_memory, memory, nanny=True)
+
+
+def _allow_memory(memory: int, dask_worker: Nanny) -> None:
+    # Dask passes the nanny to a parameter of this name.
+    dask_worker.memory_manager.memory_limit = memory
+
+
 @contextmanager
 def _open(client: Client, where: str, advice: str) -> Iterator[Client]:
     """A client, whose end never hides the reason for which the run ends. Raises ResourceError when its scheduler is lost."""

@@ -1,8 +1,9 @@
 """Runs jobs on Dask: worker processes of this machine, or any existing cluster. One of the three files that import Dask.
 
 Dask's keys are the jobs' own keys, so that its dashboard groups progress by stage. Memory is a resource of each worker: the
-scheduler assigns no more jobs to a worker than its memory allows. It holds a limited number of jobs at a time: with tens of
-thousands it is busy with itself, on a loaded machine for so long that it loses its workers.
+scheduler assigns no more jobs to a worker than its memory allows. A job that needs more than a worker's share, but no more than
+all workers of this machine have together, waits until nothing else runs, and runs alone. The scheduler holds a limited number of
+jobs at a time: with tens of thousands it is busy with itself, on a loaded machine for so long that it loses its workers.
 """
 
 import uuid
@@ -15,7 +16,7 @@ from queue import Empty, SimpleQueue
 from distributed import Client, Future, KilledWorker, performance_report
 from distributed.comm import CommClosedError
 
-from orthomill.pipeline.engine.dask_cluster import LOST, MEMORY
+from orthomill.pipeline.engine.dask_cluster import LOST, MEMORY, allow_memory
 from orthomill.pipeline.engine.execute import JobFailed, JobOrder, execute
 from orthomill.pipeline.engine.interruption import stop_if_asked
 from orthomill.pipeline.engine.runner import ATTEMPTS, Finished
@@ -30,8 +31,9 @@ PATIENCE = 0.5
 class DaskRunner:
     """Submits jobs to a Dask client as futures that depend on each other."""
 
-    def __init__(self, client: Client, memory_limit: int, description: str) -> None:
+    def __init__(self, client: Client, memory_limit: int, description: str, room: int = 0) -> None:
         self.memory_limit = memory_limit
+        self.room = max(memory_limit, room)
         self.description = description
         self.dashboard = client.dashboard_link
         self.client = client
@@ -40,6 +42,8 @@ class DaskRunner:
         """those that the scheduler holds"""
         self._ended: SimpleQueue[tuple[Key, Future]] = SimpleQueue()
         self._started: Counter[Key] = Counter()
+        self._alone: Key | None = None
+        """the job that has all memory for itself"""
         self._unusable: set[Key] = set()
         self._blocked: deque[Key] = deque()
         self._session = uuid.uuid4().hex[:8]
@@ -52,13 +56,20 @@ class DaskRunner:
 
     def _fill(self) -> None:
         """Hand over waiting jobs, in their order, until the scheduler has enough."""
-        while self._waiting and len(self._futures) < WAVE:
-            work, dependencies, memory = self._waiting.popleft()
+        while self._waiting and len(self._futures) < WAVE and self._alone is None:
+            work, dependencies, memory = self._waiting[0]
+            large = memory > self.memory_limit
+            if large and self._futures:
+                return
+            self._waiting.popleft()
             if self._unusable.intersection(dependencies):
                 self._unusable.add(work.job.key)
                 self._blocked.append(work.job.key)
-            else:
-                self._start(work, dependencies, memory)
+                continue
+            if large:
+                self._alone = work.job.key
+                allow_memory(self.client, self.room)
+            self._start(work, dependencies, min(memory, self.memory_limit))
 
     def _start(self, work: JobOrder, dependencies: tuple[Key, ...], memory: int) -> None:
         # Jobs that are done, in this run or before, have no future: their results are on disk.
@@ -90,6 +101,9 @@ class DaskRunner:
             self._unusable.add(key)
         # Nobody needs the result any more, which is a key; the scheduler forgets the job when those that wait for it are done.
         del self._futures[key]
+        if key == self._alone:
+            self._alone = None
+            allow_memory(self.client, self.memory_limit)
         self._fill()
         return finished
 

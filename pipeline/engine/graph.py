@@ -254,12 +254,12 @@ def _check_allowed(stage: str, name: str, readers: tuple[str, ...] | None) -> No
         raise GraphError(f"The stage {stage} may not read {name}; only {', '.join(readers)} may.")
 
 
-def check_memory(planned: PlannedJob, limit: int) -> None:
-    """Raises ResourceError when a job cannot fit a worker of `limit` bytes."""
-    if planned.memory > limit:
+def check_memory(planned: PlannedJob, room: int) -> None:
+    """Raises ResourceError when a job needs more than `room` bytes, all that there is for a job that runs alone."""
+    if planned.memory > room:
         way_out = f"with --memory or {planned.job.way_out}" if isinstance(planned.job, Job) else "with --memory"
         raise ResourceError(
             f"The job {'/'.join(map(str, planned.key))} needs {planned.memory / 2**20:.0f} MiB, of which every worker takes "
-            f"{PROCESS_BYTES / 2**20:.0f} MiB for itself, but a worker may use {limit / 2**20:.0f} MiB; give workers more memory "
-            f"{way_out}."
+            f"{PROCESS_BYTES / 2**20:.0f} MiB for itself, but a job that runs alone may use {room / 2**20:.0f} MiB; give "
+            f"workers more memory {way_out}."
         )

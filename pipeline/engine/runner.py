@@ -25,6 +25,8 @@ class Runner(Protocol):
 
     memory_limit: int
     """bytes that one worker may use"""
+    room: int
+    """bytes that a job may use that runs alone"""
     description: str
     dashboard: str
     """address of its page; empty where there is none"""
@@ -49,8 +51,9 @@ class SequentialRunner:
     description = "one job after another in this process"
     dashboard = ""
 
-    def __init__(self, memory_limit: int) -> None:
+    def __init__(self, memory_limit: int, room: int = 0) -> None:
         self.memory_limit = memory_limit
+        self.room = max(memory_limit, room)
         self._waiting: deque[tuple[JobOrder, tuple[Key, ...]]] = deque()
         self._unusable: set[Key] = set()
 

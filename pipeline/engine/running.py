@@ -64,6 +64,12 @@ class Options:
     def processes(self) -> int:
         return self.workers or os.cpu_count() or 1
 
+    @property
+    def room(self) -> int:
+        """Bytes that a job may use that runs alone: what all workers of this machine have together."""
+        # Of a cluster nobody here knows how much more than its share a worker could take from its machine.
+        return self.memory if self.scheduler else self.memory * self.processes
+
 
 class ResultWriter(Protocol):
     """Writes summary and report of a run; `stages` are all stages of the workflow, in its order."""
@@ -205,7 +211,7 @@ def _facts_survive(session: Session, facts: RunFacts) -> Iterator[None]:
 def _run(session: Session, options: Options, watch: Watch, announce: Callable[[str], None]) -> str:
     """Run all pending jobs; returns the description of the runner."""
     # Checked before workers start: starting them takes seconds, and the refusal needs none of them.
-    session.check_resources(options.memory)
+    session.check_resources(options.room)
     with _runner(session.folder, options, announce) as runner, watch(session, runner, options.processes) as watcher:
         if runner.dashboard:
             announce(f"dashboard: {runner.dashboard}")
@@ -219,7 +225,7 @@ def _runner(folder: Path, options: Options, announce: Callable[[str], None]) -> 
 
 @contextmanager
 def _sequential(options: Options) -> Iterator[Runner]:
-    yield SequentialRunner(options.memory)
+    yield SequentialRunner(options.memory, options.room)
 
 
 @contextmanager
@@ -239,7 +245,7 @@ def _on_dask(folder: Path, options: Options, announce: Callable[[str], None]) ->
     address = folder / DASHBOARD
     # An exception in the middle of Dask's connections would end in its tracebacks: the runner asks for requests to stop.
     with only_where_asked(), client_of as client:
-        runner = DaskRunner(client, options.memory, place)
+        runner = DaskRunner(client, options.memory, place, options.room)
         _write_for_the_user_only(address, runner.dashboard)
         try:
             with kept_report(runner, folder / "dask_report.html"):

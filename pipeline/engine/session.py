@@ -164,7 +164,7 @@ class Session:
 
     def _plan_and_submit(self, runner: Runner, watcher: Watcher) -> None:
         self.plan()
-        self.check_resources(runner.memory_limit)
+        self.check_resources(runner.room)
         # Jobs are announced once, though planning is repeated: the graph keeps them in the order in which they were added.
         for key in list(self.graph.jobs)[self._announced :]:
             watcher.planned(self.graph.jobs[key])
@@ -189,10 +189,11 @@ class Session:
             if isinstance(region, Raster) and not self.store.holds(self.graph.specs[region.name]):
                 self.store.create(self.graph.specs[region.name])
 
-    def check_resources(self, memory_limit: int) -> None:
-        """Raises ResourceError when a pending job needs more memory than a worker has, or all of them more disk than is free."""
+    def check_resources(self, room: int) -> None:
+        """Raises ResourceError when a pending job needs more than `room` bytes, all that a job has which runs alone, or all of them
+        more disk than is free."""
         for planned in self.pending:
-            check_memory(planned, memory_limit)
+            check_memory(planned, room)
         self.folder.mkdir(parents=True, exist_ok=True)
         needed = sum(planned.output_bytes for planned in self.pending) // COMPRESSION
         free = shutil.disk_usage(self.folder).free

@@ -7,7 +7,15 @@ from pydantic import model_validator
 
 from orthomill.schemas.camera import CAMERAS
 from orthomill.schemas.job import Export, Job, Raster, Region, Table, TextFile
-from orthomill.schemas.observations import CONTROL, GROUND_POINTS, IMAGE_RESIDUALS, REGISTERED_POINTS, TIE_POINTS, Control
+from orthomill.schemas.observations import (
+    CONTROL,
+    GROUND_POINTS,
+    IMAGE_RESIDUALS,
+    REGISTERED_POINTS,
+    TIE_POINT_COUNTS,
+    TIE_POINTS,
+    Control,
+)
 from orthomill.schemas.orientation import BLOCK, BLOCK_PRECISION, GROUND_RESIDUALS, RELATIVE, SEPARATE_BLOCKS
 from orthomill.schemas.photo import PHOTOS
 from orthomill.schemas.raster import RasterSpec, Window
@@ -30,7 +38,10 @@ from orthomill.tasks.orientation.results.products import PRODUCTS, block_product
 from orthomill.tasks.orientation.start.up_direction import Looking
 
 Reads = dict[str, Region | tuple[Region, ...]]
-SCRATCH = 256 * 2**20
+_AT_LEAST = 32 * 2**20
+"""bytes of working memory of a block of a few photographs"""
+_PER_RAY, _PER_RELATED = 1000, 100
+"""bytes per image measurement of the adjustment and of the pairs (measured with blocks of 20 thousand to 2 million)"""
 _SIMULATED = ("photographs/control.csv", "photographs/measurements.csv")
 BLOCK_TABLES: dict[str, Raster | Table] = {
     "block": BLOCK,
@@ -159,6 +170,7 @@ class OrientationStage(Stage):
         )
 
     def _adjusted_jobs(self, view: ProjectView) -> Iterator[Job]:
+        rays = view.table(TIE_POINT_COUNTS).rays
         yield Job(
             "orientation",
             "pairs",
@@ -166,7 +178,7 @@ class OrientationStage(Stage):
             reads={"photos": PHOTOS, "cameras": CAMERAS, "tie_points": TIE_POINTS},
             writes={"relative": RELATIVE},
             params={"least": self.least_matches},
-            scratch=SCRATCH,
+            scratch=_AT_LEAST + _PER_RELATED * rays,
         )
         choices = BlockChoices(
             interior=self.interior,
@@ -190,7 +202,8 @@ class OrientationStage(Stage):
             reads=reads,
             writes=BLOCK_TABLES | {"separate": SEPARATE_BLOCKS},
             params=params,
-            scratch=SCRATCH,
+            scratch=_AT_LEAST + _PER_RAY * rays,
+            way_out="find fewer tie points ('max_features' of tie_points)",
         )
 
     def _fixed_jobs(self, view: ProjectView, source: ForeignSource) -> Iterator[Job]:
@@ -198,9 +211,10 @@ class OrientationStage(Stage):
         yield Job("orientation", "pairs", no_pairs, reads={}, writes={"relative": RELATIVE})
         texts = tuple(TextFile(path) for path in source.files)
         reads: Reads = {"photos": PHOTOS, "cameras": CAMERAS, "control": CONTROL, "texts": texts}
+        rays = 0
         # Without tie points the block is taken unexamined, and the report says so.
         if view.has_stage("tie_points"):
-            reads["tie_points"] = TIE_POINTS
+            reads["tie_points"], rays = TIE_POINTS, view.table(TIE_POINT_COUNTS).rays
         yield Job(
             "orientation",
             "block",
@@ -208,7 +222,7 @@ class OrientationStage(Stage):
             reads=reads,
             writes=dict(BLOCK_TABLES),
             params={"crs": view.project.crs, "source": source},
-            scratch=SCRATCH,
+            scratch=_AT_LEAST + _PER_RAY * rays,
         )
 
     def _control(self, view: ProjectView) -> Job:

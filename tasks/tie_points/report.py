@@ -10,7 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from orthomill.schemas.errors import some_of
-from orthomill.schemas.observations import TiePoints
+from orthomill.schemas.observations import TiePointCounts, TiePoints
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.stage_report import Chart, Figure, Grid, StageReport, Verdict
@@ -49,6 +49,7 @@ class TiePointResults(NamedTuple):
     """The tie points of all photographs, and the stage's report."""
 
     tie_points: TiePoints
+    counts: TiePointCounts
     report: StageReport
 
 
@@ -80,7 +81,8 @@ def finish(
         charts=(_ray_chart(strength), _block_chart(photos, summaries)),
         warnings=(*_doubts(photos, strength), *_other_warnings(photos, strength, summaries)),
     )
-    return TiePointResults(points, report)
+    counts = TiePointCounts(points=int(points.track.max(initial=-1)) + 1, rays=len(points))
+    return TiePointResults(points, counts, report)
 
 
 def measure(points: TiePoints, photos: Photos) -> Strength:

@@ -18,7 +18,7 @@ from pydantic import Field, model_validator
 from orthomill.schemas.camera import CAMERAS
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.job import Export, Job, Raster, Region, Stream, Table
-from orthomill.schemas.observations import TIE_POINTS
+from orthomill.schemas.observations import TIE_POINT_COUNTS, TIE_POINTS
 from orthomill.schemas.photo import PHOTOS, Photo, Photos, photo_raster
 from orthomill.schemas.raster import RasterSpec, Tile, Window
 from orthomill.schemas.settings import Settings, refuse_ignored, setting
@@ -362,7 +362,7 @@ class TiePointsStage(Stage):
                 "refined": tuple(_refined_tables(names[left], names[right])[0] for left, right in links.pairs),
                 "scatters": tuple(_refined_tables(names[left], names[right])[1] for left, right in links.pairs),
             },
-            writes={"tie_points": TIE_POINTS, "report": report_table(self.kind)},
+            writes={"tie_points": TIE_POINTS, "counts": TIE_POINT_COUNTS, "report": report_table(self.kind)},
             params={"weighting": Weighting(self.sigma_floor, self.sigma_unrefined * coarsest, self.unrefined)},
             scratch=700 * links.tracks,
         )

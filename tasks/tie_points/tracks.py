@@ -85,7 +85,7 @@ def _without_duplicates(
 
 
 @dataclass(frozen=True, eq=False)
-class _Places:
+class _MatchedPlaces:
     """Where a photograph has matched features. matched: their numbers, ascending; place: of each of them the number of its place;
     first: the first feature of every place."""
 
@@ -113,14 +113,14 @@ def _matched(matches: tuple[PairMatches, ...], pairs: tuple[tuple[int, int], ...
     return [np.unique(np.concatenate(numbers)) for numbers in found]
 
 
-def _places(features: Features, matched: np.ndarray) -> _Places:
+def _places(features: Features, matched: np.ndarray) -> _MatchedPlaces:
     # Equal coordinates, not nearly equal ones: SIFT repeats a point with another direction at exactly the same position.
     pixels = np.column_stack([features.col[matched], features.row[matched]])
     _, first, place = np.unique(pixels, axis=0, return_index=True, return_inverse=True)
-    return _Places(matched, place.ravel().astype(np.int32), features.take(matched[first]))
+    return _MatchedPlaces(matched, place.ravel().astype(np.int32), features.take(matched[first]))
 
 
-def _nodes(places: list[_Places]) -> _Nodes:
+def _nodes(places: list[_MatchedPlaces]) -> _Nodes:
     counts = [len(own.first) for own in places]
     pixels = np.column_stack([np.concatenate([getattr(own.first, name) for own in places]) for name in ("col", "row")])
     starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
@@ -128,7 +128,7 @@ def _nodes(places: list[_Places]) -> _Nodes:
 
 
 def _edges(
-    places: list[_Places], starts: np.ndarray, matches: tuple[PairMatches, ...], pairs: tuple[tuple[int, int], ...]
+    places: list[_MatchedPlaces], starts: np.ndarray, matches: tuple[PairMatches, ...], pairs: tuple[tuple[int, int], ...]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Both ends (N,) int32 of every match, by the number of the node."""
 

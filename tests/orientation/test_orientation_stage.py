@@ -7,6 +7,7 @@ from pydantic import ValidationError
 
 from orthomill.pipeline.engine.job_signature import misfit
 from orthomill.schemas.job import Export, Job, Table, TextFile
+from orthomill.schemas.observations import TIE_POINT_COUNTS, TiePointCounts
 from orthomill.schemas.project import ControlFromFiles, NoControl, SimulatedControl
 from orthomill.tasks.orientation.exterior.fixed_block import orient_fixed
 from orthomill.tasks.orientation.exterior.started_block import orient_from
@@ -15,8 +16,13 @@ from orthomill.tasks.orientation.stage import OrientationStage
 FILES = ControlFromFiles(kind="files", points="in/points.csv", measurements="in/measured.csv")
 
 
+KNOWN = {TIE_POINT_COUNTS: TiePointCounts(points=500, rays=2000)}
+"""what the stage knows of the tie points when it plans"""
+
+
 def planned(control, **settings):
-    view = SimpleNamespace(project=SimpleNamespace(crs="EPSG:2100", control=control), run_file=lambda path: f"runs/volos/{path}")
+    project = SimpleNamespace(crs="EPSG:2100", control=control)
+    view = SimpleNamespace(project=project, run_file=lambda path: f"runs/volos/{path}", table=KNOWN.get)
     return list(OrientationStage(**settings).plan(view))
 
 
@@ -55,7 +61,7 @@ def test_every_table_has_one_writer_and_every_read_a_source():
 @pytest.mark.parametrize("has_tie_points", [True, False])
 def test_a_foreign_orientation_needs_no_tie_points(has_tie_points):
     project = SimpleNamespace(crs="EPSG:2100", control=NoControl(kind="none"))
-    view = SimpleNamespace(project=project, has_stage=lambda kind: has_tie_points)
+    view = SimpleNamespace(project=project, has_stage=lambda kind: has_tie_points, table=KNOWN.get)
     exterior = {"kind": "colmap", "cameras_path": "c.txt", "images_path": "i.txt"}
     block = next(item for item in OrientationStage(exterior=exterior).plan(view) if item.item == "block")
     assert [region.path for region in block.reads["texts"]] == ["c.txt", "i.txt"]
@@ -124,7 +130,7 @@ def test_every_setting_reaches_the_adjustment():
 @pytest.mark.parametrize("control", [NoControl(kind="none"), FILES, SimulatedControl(kind="simulated")], ids=lambda c: c.kind)
 def test_every_job_fits_its_function(settings, control):
     project = SimpleNamespace(crs="EPSG:2100", control=control)
-    view = SimpleNamespace(project=project, run_file=lambda path: path, has_stage=lambda kind: True)
+    view = SimpleNamespace(project=project, run_file=lambda path: path, has_stage=lambda kind: True, table=KNOWN.get)
     jobs = [item for item in OrientationStage(**settings).plan(view) if isinstance(item, Job)]
     assert {job.item for job in jobs} == {"control", "pairs", "block", "report", "products", "overlap"}
     assert [sentence for job in jobs if (sentence := misfit(job))] == []
@@ -132,6 +138,18 @@ def test_every_job_fits_its_function(settings, control):
 
 def test_a_fixed_block_writes_no_separate_blocks():
     project = SimpleNamespace(crs="EPSG:2100", control=NoControl(kind="none"))
-    view = SimpleNamespace(project=project, has_stage=lambda kind: True)
+    view = SimpleNamespace(project=project, has_stage=lambda kind: True, table=KNOWN.get)
     block = next(item for item in OrientationStage(exterior=FIXED).plan(view) if item.item == "block")
     assert "separate" not in block.writes and block.function is orient_fixed
+
+
+@pytest.mark.parametrize("item", ["pairs", "block"])
+def test_memory_of_the_adjustment_follows_the_measurements(item):
+    def scratch(rays: int) -> int:
+        counts = TiePointCounts(points=rays, rays=rays)
+        project = SimpleNamespace(crs="EPSG:2100", control=NoControl(kind="none"))
+        view = SimpleNamespace(project=project, table=lambda table: counts)
+        return next(job.scratch for job in OrientationStage().plan(view) if isinstance(job, Job) and job.item == item)
+
+    few, many, more = map(scratch, (0, 10**5, 2 * 10**5))
+    assert few > 0 and more - many == many - few >= 10 * 10**5

@@ -70,15 +70,16 @@ def test_figures_of_two_photographs():
 
 
 def test_the_measured_scatter_enters_every_standard_error():
-    points, _ = results(100)
+    points = results(100).tie_points
     reference, other = points.sigma[points.photo == 0], points.sigma[points.photo == 1]
     assert np.allclose(reference, 0.2) and np.allclose(other, np.hypot(0.2, 0.04))
-    without, _ = results(100, scatters=())
+    without = results(100, scatters=()).tie_points
     assert np.allclose(without.sigma[without.photo == 0], 0.03)
 
 
 def test_unrefined_observations_are_kept_when_asked_for():
-    points, report = results(100, failed=10, unmatched="keep")
+    points, counts, report = results(100, failed=10, unmatched="keep")
+    assert (counts.points, counts.rays) == (100, len(points))
     assert values(report)["tie_points"] == 100
     wide = points.sigma[(points.photo == 1) & (points.track < 10)]
     assert np.allclose(wide, 0.7)
