@@ -17,6 +17,7 @@ from orthomill.tasks.densification.filling import EstimateGaps, MeasuredOnly, fi
 from orthomill.tasks.densification.fusion import FusedCells, Fusion, fuse
 from orthomill.tasks.densification.gridding import Gridding, TargetCells, grid_nodes
 from orthomill.tasks.densification.ground_intersection import NodesOnGround, nodes_on_ground
+from orthomill.tasks.densification.height_stack import REACH as STACK_REACH
 from orthomill.tasks.densification.height_stack import SLOTS, HeightStack
 from orthomill.tasks.densification.points import PointCollector, PointThinning
 from orthomill.tasks.densification.spike_filter import SpikeFilter, spikes
@@ -42,7 +43,7 @@ class SurfaceRules:
     def halo(self) -> int:
         """Cells around a tile that influence it."""
         # One cell more than filters, surroundings and filling look at: gridding takes cell centres on the edge of a triangle.
-        return self.spikes.halo + max(REACH + self.fill.reach, CODE_REACH) + 1
+        return STACK_REACH + self.spikes.halo + max(REACH + self.fill.reach, CODE_REACH) + 1
 
 
 class SurfaceStatistics(BaseModel):
@@ -177,8 +178,7 @@ def _accepted(ground: NodesOnGround, tile: SurfaceTile, stack: HeightStack) -> n
     )
     inside &= (row >= 0) & (col >= 0) & (row < tile.work.height) & (col < tile.work.width)
     row, col = np.where(inside, row, 0), np.where(inside, col, 0)
-    # Without a reference nothing contradicts the node; NaN fails the comparison.
-    return inside & ~(np.abs(ground.z - stack.reference[row, col]) > stack.tolerance[row, col])
+    return inside & stack.near(row, col, ground.z)
 
 
 def _inner(tile: SurfaceTile) -> tuple[slice, slice]:

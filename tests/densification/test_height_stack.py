@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from village_pair import stack_of
 
 from orthomill.tasks.densification.gridding import HeightCells
-from orthomill.tasks.densification.height_stack import SLOTS
+from orthomill.tasks.densification.height_stack import SLOTS, HeightStack
 
 
 def cell_of(height: float, sigma: float = 0.1) -> HeightCells:
@@ -24,6 +24,25 @@ def test_only_heights_near_the_reference_enter():
 
 def test_without_a_reference_every_height_enters():
     assert kept(stack_of(cell_of(-40.0), cell_of(7.0), reference=np.nan, tolerance=1.0)) == [-40.0, 7.0]
+
+
+def test_a_single_wrong_reference_does_not_keep_a_right_height_out():
+    reference = np.full((9, 9), 10.0)
+    reference[4, 4], reference[:, 7:] = 14.0, 20.0
+    stack = HeightStack.over(reference, np.full((9, 9), 1.0, np.float32))
+    stack.add(HeightCells(np.full((9, 9), 10.5), np.full((9, 9), 0.1, np.float32)))
+    assert np.isfinite(stack.height[0, :, :6]).all(), "the references around the wrong one tell"
+    assert np.isnan(stack.height[0, :, 7:]).all(), "on the roof, even at its edge, they are the roof's"
+    row, col = np.indices((9, 9))
+    assert np.array_equal(stack.near(row, col, np.full((9, 9), 10.5)), np.isfinite(stack.height[0]))
+
+
+def test_near_unknown_references_only_the_own_one_counts():
+    reference = np.full((9, 9), 10.0)
+    reference[4, 4], reference[3, 3] = 14.0, np.nan
+    stack = HeightStack.over(reference, np.full((9, 9), 1.0, np.float32))
+    stack.add(HeightCells(np.full((9, 9), 10.5), np.full((9, 9), 0.1, np.float32)))
+    assert np.isnan(stack.height[0, 4, 4]) and np.isfinite(stack.height[0, 3, 3])
 
 
 def test_pairs_without_a_height_take_no_slot():

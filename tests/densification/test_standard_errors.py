@@ -55,6 +55,21 @@ def test_a_height_of_the_volume_is_known_to_a_share_of_its_step():
     assert (level > 0).all() and (level < STEP / 2).all()
 
 
+@pytest.mark.parametrize("scatter", [0.1, 3.0])
+def test_a_height_of_the_volume_is_as_doubtful_as_the_volume_beside_the_pairs_around(scatter):
+    shape = 60, 60
+    height = np.full(shape, 10.0, np.float32)
+    precision = np.full(shape, 0.05, np.float32)
+    height[30, 30], precision[30, 30] = 10.0, np.nan
+    off = scatter * np.where(np.indices(shape).sum(0) % 2, 1, -1).astype(np.float32)
+    judgement = np.full((*shape, len(Judgement)), 100, np.uint8)
+    volume = VolumeWindow(height + off, judgement, np.zeros(shape, np.uint8))
+    cells = FusedCells(height, precision, np.ones(shape, np.uint8), np.full(shape, Provenance.AGREED, np.uint8))
+    found = relative_precision(cells, volume, STEP)
+    assert found[30, 30] == pytest.approx(max(scatter, 0.45 * STEP), rel=0.01)
+    assert found[0, 0] == pytest.approx(SHARE * 0.05), "what pairs measured is not"
+
+
 def coded(provenance: np.ndarray) -> FusedCells:
     shape = provenance.shape
     return FusedCells(np.zeros(shape, np.float32), np.full(shape, 0.1, np.float32), np.zeros(shape, np.uint8), provenance)

@@ -10,6 +10,7 @@ from orthomill.tasks.densification.completion import Completion, VolumeWindow
 from orthomill.tasks.densification.filling import EstimateGaps, MeasuredOnly
 from orthomill.tasks.densification.fusion import Fusion
 from orthomill.tasks.densification.gridding import Gridding
+from orthomill.tasks.densification.height_stack import REACH as STACK_REACH
 from orthomill.tasks.densification.points import PointThinning
 from orthomill.tasks.densification.spike_filter import SpikeFilter
 from orthomill.tasks.densification.standard_errors import CODE_REACH, REACH, SHARE
@@ -153,7 +154,7 @@ def test_statistics_of_tiles_add_up():
 
 def test_the_halo_covers_every_filter():
     rules = rules_of(SpikeFilter(radius=3.0, rounds=2, far_radius=5.0))
-    assert rules.halo == 3 * 2 + 5 + CODE_REACH + 1
+    assert rules.halo == STACK_REACH + 3 * 2 + 5 + CODE_REACH + 1
     wide = rules_of(fill=EstimateGaps(max_gap=2 * CODE_REACH))
     assert wide.halo - RULES.halo == REACH + CODE_REACH
 
