@@ -31,6 +31,15 @@ TRUTH_VISIBILITY = "truth/visibility"
 vehicles, poles and wires are ignored, crowns hide whatever is behind them). `(mask >> i) & 1`."""
 
 
+# The front of a solid scene: on a plane grid with x along the facade and y upwards, in metres of the scene and not of the project.
+TRUTH_FRONT_ORTHO = "truth/front/ortho"
+"""uint8 (rows, cols, 3): the true orthoimage of a facade, without people and leaves, before any camera's exposure and noise."""
+TRUTH_FRONT_DEPTH = "truth/front/depth"
+"""float32 m (rows, cols): distance of what is seen from the plane of the facade, towards the viewer; NaN where nothing is."""
+TRUTH_FRONT_VISIBILITY = "truth/front/visible"
+"""uint32 (rows, cols): bit i is set where photo i of TRUTH_BLOCK truly sees the place; people and leaves are ignored."""
+
+
 class Material(IntEnum):
     """Material of the surface as seen from above."""
 
@@ -106,6 +115,7 @@ class MeasurementRows(Columns):
 
 
 TRUTH_GRID = Table("truth/grid.json", MapGrid, TRUTH_READERS)
+TRUTH_FRONT_GRID = Table("truth/front_grid.json", MapGrid, TRUTH_READERS)
 TRUTH_BLOCK = Table("truth/block.json", Block, TRUTH_READERS)
 """True orientations and camera (source "truth"); sigma0_px 0; photos in the order of the visibility bits; ground_low and
 ground_high are the lowest and highest of the bare ground and everything on it."""

@@ -40,6 +40,8 @@ from orthomill.tasks.simulation.jobs import (
     sight_window,
     survey_block,
 )
+from orthomill.tasks.simulation.portal.portal_jobs import PortalSite, plan_portal
+from orthomill.tasks.simulation.portal.portal_scene import SceneChoice, TownScene
 from orthomill.tasks.simulation.scene.settlement import scene_of
 from orthomill.tasks.simulation.surveying import SurveySettings, lattice, search_window
 
@@ -48,13 +50,35 @@ _SURVEY: dict[str, Table] = {"positions": POSITIONS_TABLE, "control": CONTROL_TA
 _SCENE = {"surface": TRUTH_SURFACE, "material": TRUTH_MATERIAL, "building": TRUTH_BUILDING, "ortho": TRUTH_ORTHO}
 
 
+OF_THE_FLIGHT = (
+    "pixel_um",
+    "frame_mm",
+    "c_mm",
+    "scale",
+    "base_m",
+    "side_overlap",
+    "strips",
+    "photos_per_strip",
+    "scene_cell",
+    "buildings",
+    "board_photos",
+    "boards",
+    "gnss_sigma",
+    "control",
+    "check",
+)
+"""Settings that only the flight over the town reads."""
+
+
 class SimulationStage(Stage):
-    """A flight over a simulated town near Volos, photographs of chessboards by the same camera, and a survey, with known truth."""
+    """A flight over a simulated town near Volos with photographs of chessboards by the same camera, or the entrance of a church,
+    and a survey, with known truth."""
 
     title: ClassVar[str] = "Simulated photographs"
     usual_cost: ClassVar[float] = 70.0
 
     kind: Literal["simulation"] = "simulation"
+    scene: SceneChoice = setting(TownScene(), "What is photographed.")
     seed: int = setting(2009, "Everything random follows from this number.", ge=0, le=10**6)
     pixel_um: float = setting(
         96.0, "Side of a pixel of the photographs; the scene does not depend on it.", "micrometres", ge=5, le=400
@@ -90,6 +114,11 @@ class SimulationStage(Stage):
     @model_validator(mode="after")
     def _has_an_effect(self) -> "SimulationStage":
         """Raises ValueError for settings that others leave without effect."""
+        if self.scene.kind == "portal":
+            refuse_ignored(
+                self, OF_THE_FLIGHT, "scene: {kind: portal}", "its seven photographs and targets are given: remove the line"
+            )
+            return self
         if self.board_photos == 0:
             refuse_ignored(self, ("boards",), "board_photos: 0", "no chessboards are simulated: remove the line")
         if self.control + self.check == 0:
@@ -99,6 +128,10 @@ class SimulationStage(Stage):
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         """The truth, the photographs, the boards and the survey; nothing depends on a table that has to exist first."""
+        if self.scene.kind == "portal":
+            portal = PortalSite(self.seed, self.scene, self.noise_sigma, self.control_sigma, self.image_sigma)
+            yield from plan_portal(portal, view.project.crs, view.project.tile)
+            return
         site, crs, tile = self._site(), view.project.crs, view.project.tile
         yield Job("simulation", "truth", describe, {}, {"grid": TRUTH_GRID, "block": TRUTH_BLOCK}, {"site": site, "crs": crs})
         yield from self._plan_scene(site, crs, tile)

@@ -2,10 +2,8 @@
 
 Camera: that of Table 1 (methods/texture_blending.md, A3), 2592 x 1944 px. Its polynomial is taken as what is added to the ideal
 radius to give the observed one: the sign that makes k1 < 0 the barrel distortion that cameras of its kind have. Photographs are
-taken from the ground, 5 to 8 m away, two of them upright; the facade is turned in plan, so that no axis of the system is along it.
+taken from the ground, 6 to 8 m away, two of them upright; the facade is turned in plan, so that no axis of the system is along it.
 """
-
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,6 +11,7 @@ from orthomill.schemas.camera import Camera
 from orthomill.schemas.orientation import Block, ExteriorOrientation
 from orthomill.tasks.geometry.rotation import angles
 from orthomill.tasks.geometry.view import View, view_of
+from orthomill.tasks.simulation.flight import FlightExposure
 
 ORIGIN = np.array([120.0, 240.0, 70.0])
 """m: the middle of the threshold in the surveyor's local system"""
@@ -22,24 +21,15 @@ FULL = (2592, 1944)
 _C, _X0, _Y0, _K1, _K2 = 2573.94, 10.27, 7.35, -2.98e-8, 4.90e-15
 _STATIONS = (
     # position (m along the facade, in front of it, above the ground), point looked at, roll in degrees
-    ((-3.6, 5.6, 1.65), (0.5, 0.0, 2.75), 1.1),
-    ((-1.9, 6.9, 1.70), (0.2, 0.0, 2.70), -0.8),
-    ((0.1, 7.6, 1.62), (0.0, 0.0, 2.65), 0.6),
-    ((2.0, 6.8, 1.72), (-0.2, 0.0, 2.70), 1.5),
-    ((3.8, 5.4, 1.66), (-0.5, 0.0, 2.75), -1.3),
-    ((-1.0, 6.0, 2.45), (0.1, 0.0, 2.60), 90.7),
-    ((1.3, 5.7, 2.30), (-0.1, 0.0, 2.60), -89.2),
+    ((-3.4, 6.5, 1.65), (0.5, 0.0, 2.75), 1.1),
+    ((-1.9, 7.6, 1.70), (0.2, 0.0, 2.70), -0.8),
+    ((0.1, 8.1, 1.62), (0.0, 0.0, 2.65), 0.6),
+    ((2.0, 7.5, 1.72), (-0.2, 0.0, 2.70), 1.5),
+    ((3.6, 6.3, 1.66), (-0.5, 0.0, 2.75), -1.3),
+    ((-1.0, 7.0, 2.45), (0.1, 0.0, 2.60), 90.7),
+    ((1.3, 6.8, 2.30), (-0.1, 0.0, 2.60), -89.2),
 )
 _EXPOSURES = 6  # stream of random numbers; 1 to 5 belong to the flight and its survey
-
-
-@dataclass(frozen=True)
-class PortalExposure:
-    """How a photograph renders light: offset + gain (1 - vignetting (r / r_corner)^2) light, by band."""
-
-    gain: tuple[float, float, float]
-    offset: float
-    vignetting: float
 
 
 def turn() -> np.ndarray:
@@ -104,13 +94,13 @@ def portal_views(reduction: float = 1.0) -> tuple[View, ...]:
     return tuple(view_of(orientation, camera) for orientation in portal_orientations())
 
 
-def portal_exposure(seed: int, number: int) -> PortalExposure:
+def portal_exposure(seed: int, number: int) -> FlightExposure:
     """Brightness of photograph `number`, counted from 0."""
     generator = np.random.default_rng([seed, _EXPOSURES, number])
     gain = generator.uniform(0.82, 1.14) * (1.0 + generator.uniform(-0.03, 0.03, 3))
     red, green, blue = gain.round(4).tolist()
     offset, vignetting = round(float(generator.uniform(-4.0, 8.0)), 2), round(float(generator.uniform(0.06, 0.2)), 3)
-    return PortalExposure((red, green, blue), offset, vignetting)
+    return FlightExposure(number, (red, green, blue), offset, vignetting)
 
 
 def portal_block(crs: str, reduction: float = 1.0) -> Block:
