@@ -10,14 +10,14 @@ one height model that grows from level to level.
 from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from orthomill.schemas.epipolar import PAIRS, EpipolarPair
 from orthomill.schemas.job import Export, Job, Reading
 from orthomill.schemas.orientation import BLOCK as BLOCK_TABLE
 from orthomill.schemas.photo import PHOTOS
 from orthomill.schemas.raster import RasterSpec
-from orthomill.schemas.settings import Settings, setting
+from orthomill.schemas.settings import Settings, refuse_ignored, setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
 from orthomill.schemas.stage_report import report_table
 from orthomill.schemas.surface import SURFACE, Surface
@@ -41,6 +41,7 @@ from orthomill.tasks.densification.strategies.strategy_block import make_pair_su
 from orthomill.tasks.densification.strategies.strategy_plan import strategy_plan
 from orthomill.tasks.densification.surface_grid import surface_of
 from orthomill.tasks.densification.surface_tile import SurfaceRules, make_surface
+from orthomill.tasks.densification.volume.guide_heights import Guide, TiePointGuide
 from orthomill.tasks.densification.volume.levels import VolumeScene
 from orthomill.tasks.densification.volume.sureness import Sureness
 from orthomill.tasks.densification.volume.volume_plan import JUDGED_HEIGHT, JUDGEMENT, WORTH, volume_plan
@@ -56,6 +57,16 @@ class ObjectSpace(Settings):
     volume: HeightVolume = setting(HeightVolume(), "The volume of heights over all photographs.")
     sure: Sureness = setting(Sureness(), "When a height of the volume counts as measured.")
     pairs: DenseMatching = setting(DenseMatching(), "Dense matching of a pair.")
+    guide: Guide = setting(TiePointGuide(), "What bounds the heights that are looked for; with tie points, the range of the block.")
+    reach: Literal["auto"] | Annotated[float, Field(gt=0)] = setting(
+        "auto", "How far from an existing model they are looked for; auto is twice as far as tie points lie from it.", "m"
+    )
+
+    @model_validator(mode="after")
+    def _reach_has_an_effect(self) -> "ObjectSpace":
+        if isinstance(self.guide, TiePointGuide):
+            refuse_ignored(self, ("reach",), "guide: {kind: tie_points}", "name a file, or leave it out")
+        return self
 
 
 class VerticalLineLocus(LineLocus):
@@ -110,7 +121,8 @@ class DensificationStage(Stage):
     def _object_space(self, view: ProjectView, surface: Surface, matching: ObjectSpace) -> _Plan:
         """The volume, the pairs near it, and the surface from both."""
         pairs = view.table(PAIRS).pairs
-        scene = VolumeScene(view.table(BLOCK_TABLE), view.table(PHOTOS), surface, matching.volume)
+        reach = None if matching.reach == "auto" else float(matching.reach)
+        scene = VolumeScene(view.table(BLOCK_TABLE), view.table(PHOTOS), surface, matching.volume, matching.guide, reach)
         yield from volume_plan(scene, matching.sure, self.kind, view.project.crs)
         for pair in pairs:
             yield from pair_plan(pair, surface, matching.pairs, self.kind)

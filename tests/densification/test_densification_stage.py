@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from memory_runner import MemoryProject
 from scipy import ndimage
-from village_pair import CELL, block_of, normal_case, photos_of, render, village
+from village_pair import CELL, block_of, height_errors, normal_case, photos_of, render, village
 
 from orthomill.schemas.epipolar import PAIRS, EpipolarPairs, epipolar_raster
 from orthomill.schemas.observations import GROUND_POINTS, GroundPoints
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS, photo_raster
-from orthomill.schemas.raster import Window
+from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.stage_report import report_table
 from orthomill.schemas.surface import (
     COUNT,
@@ -26,10 +26,15 @@ from orthomill.schemas.surface import (
 from orthomill.tasks.densification.filling import MeasuredOnly
 from orthomill.tasks.densification.planning.pair_plan import nodes_raster, outcome_raster
 from orthomill.tasks.densification.stage import DensificationStage, ObjectSpace
+from orthomill.tasks.densification.surface_grid import surface_of
+from orthomill.tasks.densification.volume import volume_tile
+from orthomill.tasks.densification.volume.guide_heights import GuideFile
 from orthomill.tasks.densification.volume.sureness import Sureness
+from orthomill.tasks.densification.volume.terrain import terrain_grid
 from orthomill.tasks.geometry.view import block_view
 from orthomill.tasks.imagery.pyramid import halved
 from orthomill.tasks.matching.dense.blocks import DenseMatching
+from orthomill.tasks.matching.volume.height_volume import optimised
 
 STAGE = DensificationStage(matching=ObjectSpace(pairs=DenseMatching(step=4)))
 
@@ -47,8 +52,8 @@ def tie_points(height: np.ndarray) -> GroundPoints:
     return GroundPoints(np.arange(len(row)), CELL * col, -CELL * row, height[row, col], none, none, none, rays, none)
 
 
-def run(seen, stage=STAGE, tile=192, blank=False):
-    engine, pair = MemoryProject(tile), seen[1].pair
+def run(seen, stage=STAGE, tile=192, blank=False, files=None):
+    engine, pair = MemoryProject(tile, files=files or {}), seen[1].pair
     engine.tables[BLOCK.path], engine.tables[PHOTOS.path] = block_of(pair), photos_of(pair)
     engine.tables[GROUND_POINTS.path] = tie_points(seen[0].height)
     engine.tables[PAIRS.path] = EpipolarPairs(pairs=(pair,))
@@ -148,3 +153,37 @@ def test_blank_photographs_give_estimates_and_the_report_says_so(seen):
     # Along the border of a photograph some heights leave it, which sets the others apart.
     assert np.isin(empty.rasters[PROVENANCE], MEASURED).mean() < 0.01
     assert any("estimates" in warning for warning in empty.tables[report_table("densification").path].warnings)
+
+
+def coarse_model(seen) -> tuple[MapGrid, np.ndarray]:
+    """Posts 32 cells apart with 1 m of noise."""
+    grid = terrain_grid(surface_of(block_of(seen[1].pair), EpipolarPairs(pairs=(seen[1].pair,)), None).grid)
+    x, y = np.meshgrid(*grid.centres(Window(0, 0, *grid.shape)))
+    truth = ndimage.map_coordinates(seen[0].height, [-y / CELL, x / CELL], order=1, mode="nearest")
+    return grid, (truth + np.random.default_rng(3).normal(0, 1.0, truth.shape)).astype(np.float32)
+
+
+@pytest.mark.parametrize("reach", ["auto", 8.0])
+def test_an_existing_model_bounds_the_heights_that_are_looked_for(seen, engine, reach, monkeypatch):
+    """8 m are less than some towers rise: their roofs are lost, the ground is not."""
+    counts: list[np.ndarray] = []
+
+    def counted(images, pixels, choice, candidates, settings):
+        counts.append(candidates.count)
+        return optimised(images, pixels, choice, candidates, settings)
+
+    monkeypatch.setattr(volume_tile, "optimised", counted)
+    guide = {"guide": GuideFile(kind="file", path="dem.tif"), "reach": reach}
+    stage = DensificationStage(matching=STAGE.matching.model_copy(update=guide))
+    guided = run(seen, stage, files={"dem.tif": coarse_model(seen)})
+    bounded = counts[0][counts[0] > 0].mean()
+    counts.clear()
+    run(seen)
+    assert bounded < (0.8 if reach == "auto" else 0.5) * counts[0][counts[0] > 0].mean()
+    measured = []
+    for each in (engine, guided):
+        error, ground = height_errors(seen[0], each.tables[SURFACE.path].grid, each.rasters[HEIGHT], 16)
+        good = ground & np.isin(each.rasters[PROVENANCE], MEASURED)
+        measured.append(good.sum())
+        assert 1.4826 * np.median(np.abs(error[good])) < 0.1
+    assert measured[1] > 0.97 * measured[0]

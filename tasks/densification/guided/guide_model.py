@@ -17,7 +17,7 @@ from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import Surface
 from orthomill.tasks.densification.guided.point_block import GuidedPoints, GuidedStatistics
-from orthomill.tasks.densification.line_locus.guide_heights import guided_terrain
+from orthomill.tasks.densification.volume.guide_heights import guided_terrain
 from orthomill.tasks.densification.volume.terrain import median_heights, terrain
 from orthomill.tasks.matching.guided.outlier_detector import OutlierDetector, without_spikes
 

@@ -12,7 +12,7 @@ from pydantic import Field, field_validator
 
 from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.settings import Settings, setting
-from orthomill.tasks.densification.line_locus.guide_heights import GuideFile, TiePointGuide
+from orthomill.tasks.densification.volume.guide_heights import GuideFile, TiePointGuide
 from orthomill.tasks.matching.guided.band_correlation import BandCorrelation
 from orthomill.tasks.matching.guided.column_interval import ColumnInterval
 from orthomill.tasks.matching.guided.outlier_detector import OutlierDetector

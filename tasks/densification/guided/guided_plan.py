@@ -33,10 +33,10 @@ from orthomill.tasks.densification.guided.point_block import (
     match_guided_points,
     sum_guided,
 )
-from orthomill.tasks.densification.line_locus.guide_heights import GuideFile
 from orthomill.tasks.densification.planning.pair_plan import block_writes, counts_job, node_specs
 from orthomill.tasks.densification.strategies.strategy_block import SIDE, StrategyBlock
 from orthomill.tasks.densification.surface_grid import ground_pixel
+from orthomill.tasks.densification.volume.guide_heights import GuideFile
 from orthomill.tasks.geometry.epipolar_window import box_corners, map_window, node_window, nodes_shape
 
 POSTS_PER_SQUARE = 8

@@ -20,8 +20,8 @@ from orthomill.schemas.photo import Photos
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.settings import refuse_ignored, setting
 from orthomill.schemas.surface import Surface
-from orthomill.tasks.densification.line_locus.guide_heights import Guide, TiePointGuide
 from orthomill.tasks.densification.line_locus.node_markers import marked_picture
+from orthomill.tasks.densification.volume.guide_heights import Guide, TiePointGuide
 from orthomill.tasks.densification.volume.photograph_choice import base_height, preferred, sight
 from orthomill.tasks.densification.volume.terrain import at_cells, places_around, terrain_grid
 from orthomill.tasks.geometry.footprint import photo_window

@@ -2,13 +2,12 @@
 
 from collections.abc import Iterator
 
-from orthomill.schemas.job import Export, Job, MapFile, Raster, Reading, Table
+from orthomill.schemas.job import Export, Job, Raster, Reading, Table
 from orthomill.schemas.observations import GROUND_POINTS
 from orthomill.schemas.orientation import BLOCK as BLOCK_TABLE
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.photo import photo_raster
-from orthomill.schemas.raster import MapGrid, RasterSpec, Window, map_raster, tiles_of
-from orthomill.tasks.densification.line_locus.guide_heights import GuideFile, guided_terrain
+from orthomill.schemas.raster import MapGrid, RasterSpec, map_raster, tiles_of
 from orthomill.tasks.densification.line_locus.locus_block import (
     LineStatistics,
     LocusBlock,
@@ -21,8 +20,7 @@ from orthomill.tasks.densification.line_locus.locus_block import (
     terrain_window,
 )
 from orthomill.tasks.densification.line_locus.node_markers import marker_factor
-from orthomill.tasks.densification.volume.terrain import terrain_grid
-from orthomill.tasks.densification.volume.volume_plan import TERRAIN, terrain_plan, terrain_raster
+from orthomill.tasks.densification.volume.volume_plan import TERRAIN, guided_terrain_plan
 
 LINE_NODES = "densification/lines/nodes"
 """(rows, cols, 4) float32: height m and its standard error m, NaN unless accepted; correlation, and its limit"""
@@ -42,7 +40,7 @@ def locus_plan(scene: LocusScene, stage: str, crs: str) -> Iterator[RasterSpec |
     factor = marker_factor(grid.cell, scene.pixel)
     yield from _specs(grid, side, factor, crs)
     if scene.settings.start == "terrain":
-        yield from _terrain(scene, stage, crs)
+        yield from guided_terrain_plan(scene.settings.guide, grid, stage, crs)
     tables = []
     for tile in tiles_of(grid.shape, side):
         tables.append(Table(f"densification/lines/{tile.row}-{tile.col}.json", LineStatistics))
@@ -50,20 +48,6 @@ def locus_plan(scene: LocusScene, stage: str, crs: str) -> Iterator[RasterSpec |
     yield Job(stage, "line-counts", sum_lines, {"parts": tuple(tables)}, {"sum": LINES})
     yield Export(stage, "nodes", "products/line_locus.xyz", "xyz", rasters={"nodes": LINE_NODES})
     yield Export(stage, "markers", "products/line_locus_nodes.tif", "cog", rasters={"nodes": MARKERS})
-
-
-def _terrain(scene: LocusScene, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
-    """The heights at which lines are entered: of the tie points, or of an existing model with them."""
-    guide, grid = scene.settings.guide, terrain_grid(scene.surface.grid)
-    if not isinstance(guide, GuideFile):
-        yield from terrain_plan(scene.surface.grid, stage, crs)
-        return
-    whole = Window(0, 0, *grid.shape)
-    yield terrain_raster(grid, crs)
-    reads: dict[str, Reading] = {"points": GROUND_POINTS, "block": BLOCK_TABLE, "guide": MapFile(guide.path, crs, grid, whole)}
-    params = {"grid": grid, "path": guide.path}
-    scratch = 40 * grid.rows * grid.cols
-    yield Job(stage, "terrain", guided_terrain, reads, {"heights": Raster(TERRAIN, whole)}, params, scratch=scratch)
 
 
 def _specs(grid: MapGrid, side: int, factor: int, crs: str) -> Iterator[RasterSpec]:

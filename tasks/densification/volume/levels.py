@@ -5,7 +5,7 @@ parallax in its own cells. The coarsest level is the first whose heights span th
 heights are absolute (heights are multiples of the step), so that neighbouring tiles agree.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +14,7 @@ from orthomill.schemas.orientation import Block
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import Surface
+from orthomill.tasks.densification.volume.guide_heights import Guide, GuideFile, TiePointGuide
 from orthomill.tasks.densification.volume.photograph_choice import base_height
 from orthomill.tasks.geometry.footprint import ground_bounds
 from orthomill.tasks.geometry.view import View, block_view
@@ -58,6 +59,14 @@ class VolumeScene:
     photos: Photos
     surface: Surface
     settings: HeightVolume
+    guide: Guide = field(default_factory=TiePointGuide)
+    reach: float | None = None
+    """how far the surface may lie from an existing model, m; None: as far as the tie points say"""
+
+    @property
+    def guided(self) -> bool:
+        """Whether an existing model bounds the heights."""
+        return isinstance(self.guide, GuideFile)
 
     @cached_property
     def views(self) -> tuple[View, ...]:

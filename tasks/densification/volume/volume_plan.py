@@ -1,12 +1,23 @@
 """The rasters and jobs of the height volume: level by level, then what the finest heights are worth."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
-from orthomill.schemas.job import Job, Raster, Region
+import numpy as np
+
+from orthomill.schemas.job import Job, MapFile, Raster, Region, Table
 from orthomill.schemas.observations import GROUND_POINTS
 from orthomill.schemas.orientation import BLOCK as BLOCK_TABLE
 from orthomill.schemas.photo import photo_raster
 from orthomill.schemas.raster import MapGrid, RasterSpec, Window, map_raster, tiles_of
+from orthomill.tasks.densification.volume.guide_heights import (
+    Guide,
+    GuideFile,
+    GuideReach,
+    equal_reach,
+    guide_reach,
+    guided_terrain,
+)
 from orthomill.tasks.densification.volume.levels import SIDE, VolumeLevel, VolumeScene
 from orthomill.tasks.densification.volume.quality import Band, Judgement
 from orthomill.tasks.densification.volume.sureness import JudgedTile, Sureness, judged
@@ -25,7 +36,8 @@ def volume_quality(level: int) -> str:
 
 
 TERRAIN = "densification/terrain"
-"""float32 m, heights of a lattice of places from the tie points"""
+"""float32 m, heights of a lattice of places from the tie points, or from an existing model"""
+GUIDE_REACH = Table("densification/guide_reach.json", GuideReach)
 JUDGED_HEIGHT = "densification/volume/height"
 """float32 m, NaN where fewer than two photographs show the cell"""
 JUDGEMENT = "densification/volume/judgement"
@@ -36,7 +48,9 @@ WORTH = "densification/volume/worth"
 
 def volume_plan(scene: VolumeScene, sure: Sureness, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
     """The rasters and jobs of all levels, the coarsest first; level 0 and what is judged have the cells of the surface."""
-    yield from terrain_plan(scene.surface.grid, stage, crs)
+    yield from guided_terrain_plan(scene.guide, scene.surface.grid, stage, crs)
+    if scene.guided:
+        yield _reach(scene.surface.grid, scene.reach, stage)
     for level in scene.levels:
         yield from volume_specs(level, crs)
         for tile in volume_tiles(level, scene):
@@ -44,20 +58,30 @@ def volume_plan(scene: VolumeScene, sure: Sureness, stage: str, crs: str) -> Ite
     yield from _judged(scene.surface.grid, sure, stage, crs)
 
 
-def terrain_plan(surface: MapGrid, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
-    """The terrain of the whole block in one piece: gaps between tie points may be large."""
+def guided_terrain_plan(guide: Guide, surface: MapGrid, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
+    """The terrain of the whole block in one piece, for gaps between tie points may be large: from these, or from an existing
+    model with them."""
     grid = terrain_grid(surface)
-    yield terrain_raster(grid, crs)
-    whole = Raster(TERRAIN, Window(0, 0, *grid.shape))
-    reads: dict[str, Region] = {"points": GROUND_POINTS, "block": BLOCK_TABLE}
-    yield Job(stage, "terrain", terrain, reads, {"heights": whole}, {"grid": grid}, scratch=32 * grid.rows * grid.cols)
-
-
-def terrain_raster(grid: MapGrid, crs: str) -> RasterSpec:
-    """The raster of the terrain on its lattice `grid`."""
     # Axes of its own: rasters of one folder that share names of axes must have the same size.
     axes = "terrain_y", "terrain_x"
-    return map_raster(TERRAIN, grid, "float32", crs, SIDE, nodata=float("nan"), unit="m", axes=axes)
+    yield map_raster(TERRAIN, grid, "float32", crs, SIDE, nodata=float("nan"), unit="m", axes=axes)
+    whole = Window(0, 0, *grid.shape)
+    reads: dict[str, Region] = {"points": GROUND_POINTS, "block": BLOCK_TABLE}
+    params: dict[str, Any] = {"grid": grid}
+    function: Callable[..., np.ndarray] = terrain
+    if isinstance(guide, GuideFile):
+        function, reads["guide"], params["path"] = guided_terrain, MapFile(guide.path, crs, grid, whole), guide.path
+    scratch = 40 * grid.rows * grid.cols
+    yield Job(stage, "terrain", function, reads, {"heights": Raster(TERRAIN, whole)}, params, scratch=scratch)
+
+
+def _reach(surface: MapGrid, given: float | None, stage: str) -> Job:
+    """How far from an existing model heights are looked for."""
+    if given is not None:
+        return Job(stage, "reach", equal_reach, {}, {"reach": GUIDE_REACH}, {"metres": given})
+    grid = terrain_grid(surface)
+    reads: dict[str, Region] = {"points": GROUND_POINTS, "guide": Raster(TERRAIN, Window(0, 0, *grid.shape))}
+    return Job(stage, "reach", guide_reach, reads, {"reach": GUIDE_REACH}, {"grid": grid})
 
 
 def volume_specs(level: VolumeLevel, crs: str) -> tuple[RasterSpec, RasterSpec]:
@@ -70,6 +94,8 @@ def volume_specs(level: VolumeLevel, crs: str) -> tuple[RasterSpec, RasterSpec]:
 
 def _job(tile: VolumeTile, scene: VolumeScene, stage: str) -> Job:
     reads: dict[str, Region | tuple[Region, ...]] = {"block": BLOCK_TABLE}
+    if scene.guided:
+        reads["reach"] = GUIDE_REACH
     if tile.photos:
         reads["photos"] = tuple(Raster(photo_raster(part.name, part.level), part.window) for part in tile.photos)
         reads["terrain"] = Raster(TERRAIN, tile.places)

@@ -12,6 +12,7 @@ import numpy as np
 
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import Tile, Window, tiles_of
+from orthomill.tasks.densification.volume.guide_heights import GuideReach
 from orthomill.tasks.densification.volume.levels import HALO, SIDE, VolumeLevel, VolumeScene, coarser_window, level_grid
 from orthomill.tasks.densification.volume.photograph_choice import PLACE, places, preferred, sight
 from orthomill.tasks.densification.volume.quality import Band, quality_bands
@@ -21,7 +22,7 @@ from orthomill.tasks.geometry.photograph_part import PhotoPart, level_window, ph
 from orthomill.tasks.geometry.view import View, block_view
 from orthomill.tasks.imagery.pyramid import level_shape
 from orthomill.tasks.imagery.radiometry import grey
-from orthomill.tasks.matching.volume.candidates import CellRanges, all_planes, narrowed
+from orthomill.tasks.matching.volume.candidates import CellRanges, all_planes, bounded, narrowed
 from orthomill.tasks.matching.volume.height_volume import Choice, HeightVolume, OptimisedCells, optimised, scratch_bytes
 from orthomill.tasks.matching.volume.rectified_photograph import (
     CellFrame,
@@ -118,13 +119,17 @@ def solve_volume(
     photos: tuple[np.ndarray, ...] = (),
     terrain: np.ndarray | None = None,
     coarser: np.ndarray | None = None,
+    reach: GuideReach | None = None,
 ) -> SolvedVolume:
     """The heights of a tile. photos: pixels (rows, cols, bands) of `tile.photos`; terrain: heights (rows, cols) of `tile.places`;
-    coarser: heights (rows, cols) of `tile.coarser`."""
+    coarser: heights (rows, cols) of `tile.coarser`; reach: how far from the terrain heights can lie, None: anywhere."""
     if terrain is None or len(photos) < 2:
         return _nothing(tile.window.shape)
     views = [block_view(block, part.name) for part in tile.photos]
-    candidates = _candidates(tile, settings, coarser).only(_shown_twice(tile, views, terrain))
+    candidates = _candidates(tile, settings, coarser)
+    if reach is not None:
+        candidates = _near_guide(candidates, tile, terrain, reach)
+    candidates = candidates.only(_shown_twice(tile, views, terrain))
     if candidates.offset[-1] == 0:
         return _nothing(tile.window.shape)
     candidates, planes = candidates.trimmed()
@@ -179,6 +184,17 @@ def _candidates(tile: VolumeTile, settings: HeightVolume, coarser: np.ndarray | 
         return all_planes(np.ones(tile.work.shape, bool), tile.level.count)
     planes = coarser / tile.level.step - tile.level.first
     return narrowed(planes, _coarser_cells(tile, 1), tile.level.count, settings.ranges)
+
+
+def _near_guide(candidates: CellRanges, tile: VolumeTile, terrain: np.ndarray, reach: GuideReach) -> CellRanges:
+    """The candidates that lie within reach of the guide."""
+    level = tile.level
+    heights = at_cells(terrain, tile.places, tile.work, 2**level.number).astype(np.float64)
+    first = np.floor((heights - reach.below) / level.step) - level.first
+    last = np.ceil((heights + reach.above) / level.step) - level.first
+    # An infinite reach bounds nothing.
+    first, last = (np.clip(planes, -1, level.count).astype(np.int64) for planes in (first, last))
+    return bounded(candidates, first, last)
 
 
 def _coarser_cells(tile: VolumeTile, spacing: int) -> tuple[np.ndarray, np.ndarray]:

@@ -84,6 +84,19 @@ def narrowed(coarser: np.ndarray, cells: tuple[np.ndarray, np.ndarray], planes: 
     return packed(np.clip(start, 0, np.maximum(planes - count, 0)), np.minimum(count, planes))
 
 
+def bounded(candidates: CellRanges, first: np.ndarray, last: np.ndarray) -> CellRanges:
+    """The same candidates without those below plane `first` and above plane `last` (rows, cols) of their cells.
+
+    A cell whose candidates all lie beyond them keeps what it has: what bounds it is wrong there.
+    """
+    low, count = candidates.low.astype(np.int64), candidates.count
+    lower, upper = np.maximum(low, first), np.minimum(low + count - 1, last)
+    some = upper >= lower
+    wanted = np.minimum(-(-(upper - lower + 1) // UNIT) * UNIT, count)
+    start = np.clip((lower + upper + 1 - wanted) // 2, low, low + count - wanted)
+    return packed(np.where(some, start, low), np.where(some, wanted, count))
+
+
 def _cap(wanted: np.ndarray, rules: Ranges) -> int:
     """The greatest count of a cell with which the tile keeps to its budget."""
     budget = rules.mean * wanted.size

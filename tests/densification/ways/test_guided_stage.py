@@ -18,9 +18,9 @@ from orthomill.schemas.stage_report import report_table
 from orthomill.schemas.surface import HEIGHT, MEASURED, PRECISION, PROVENANCE, SURFACE
 from orthomill.tasks.densification.guided.guided_matching import Guided, LevelsGuide, PixelPass
 from orthomill.tasks.densification.guided.guided_plan import guide_raster
-from orthomill.tasks.densification.line_locus.guide_heights import GuideFile
 from orthomill.tasks.densification.planning.pair_plan import nodes_raster, outcome_raster
 from orthomill.tasks.densification.stage import DensificationStage
+from orthomill.tasks.densification.volume.guide_heights import GuideFile
 from orthomill.tasks.matching.guided.band_correlation import BandCorrelation
 from orthomill.tasks.matching.guided.column_interval import ColumnInterval
 from orthomill.tasks.matching.guided.outlier_detector import OutlierDetector

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter
 from textured_plane import photograph, texture, views
 
-from orthomill.tasks.matching.volume.candidates import all_planes
+from orthomill.tasks.matching.volume.candidates import all_planes, bounded
 from orthomill.tasks.matching.volume.costs import Choice
 from orthomill.tasks.matching.volume.height_volume import HeightVolume, optimised, scratch_bytes
 from orthomill.tasks.matching.volume.rectified_photograph import (
@@ -150,3 +150,18 @@ def test_memory_is_counted_for_everything():
     assert scratch_bytes(2000, 100, 500, HeightVolume()) == least + 3000
     assert scratch_bytes(1000, 200, 500, HeightVolume()) > least and scratch_bytes(1000, 100, 900, HeightVolume()) > least
     assert scratch_bytes(1000, 100, 500, HeightVolume(window=5)) < least
+
+
+@given(st.integers(0, 10**6))
+def test_bounded_candidates_keep_all_between_the_bounds_and_drop_what_they_can(seed):
+    rng = np.random.default_rng(seed)
+    whole = all_planes(rng.random((4, 5)) < 0.8, 96)
+    first, last = np.sort(rng.integers(-10, 110, (2, 4, 5)), axis=0)
+    part = bounded(whole, first, last)
+    before, after = whole.count, part.count
+    assert (after % 16 == 0).all() and (after <= before).all() and (part.low + after <= 96).all()
+    lower, upper = np.maximum(first, 0), np.minimum(last, 95)
+    meets = (upper >= lower) & (before > 0)
+    assert (part.low <= lower)[meets].all() and (part.low + after > upper)[meets].all()
+    assert (after < upper - lower + 1 + 16)[meets].all()
+    assert (after == before)[~meets].all()

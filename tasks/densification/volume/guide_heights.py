@@ -1,4 +1,4 @@
-"""The heights at which lines are entered, from an existing height model, and whether that model can belong to the block.
+"""Heights near which the surface lies, from an existing height model, and whether that model can belong to the block.
 
 Strategy: the model is compared with the tie points at the places of the terrain. A model elsewhere, in feet, or in another vertical
 datum is refused in one sentence, for it would send the search astray everywhere; a model with holes is not: the tie points close
@@ -8,7 +8,8 @@ them.
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import BaseModel, ConfigDict, Field
+from scipy.ndimage import map_coordinates
 
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.observations import GroundPoints
@@ -22,6 +23,7 @@ _ALIKE = 0.1
 """share of its departure in metres below which a model counts as one in feet: it fits ten times as well when it is converted"""
 _OFFSET, _SCATTERS = 5.0, 4.0
 """m, and multiples of the scatter, by which a model must differ throughout to lie in another datum"""
+_FEW, _SPARE = 0.005, 2.0
 _FEWEST = 3
 """places that tie points and model have in common, below which nothing can be judged"""
 
@@ -54,6 +56,36 @@ def guided_terrain(points: GroundPoints, block: Block, guide: np.ndarray, grid: 
     if both.sum() >= _FEWEST:
         _check(guide[both].astype(np.float64), known[both].astype(np.float64), path)
     return np.where(np.isfinite(guide), guide, terrain(points, block, grid)).astype(np.float32)
+
+
+class GuideReach(BaseModel):
+    """How far the surface may lie below and above the guide, m."""
+
+    model_config = ConfigDict(frozen=True)
+
+    below: float
+    above: float
+
+
+def equal_reach(metres: float) -> GuideReach:
+    """The same reach to both sides."""
+    return GuideReach(below=metres, above=metres)
+
+
+def guide_reach(points: GroundPoints, guide: np.ndarray, grid: MapGrid) -> GuideReach:
+    """The reach that the tie points ask for: they stand on roofs and in gullies that a coarse model does not have.
+
+    guide (rows, cols): its heights at the places `grid`. Twice as far as all but a few of the points depart from it, for the
+    highest roof or mast carries no tie point; the few may be wrong.
+    """
+    col, row = grid.pixel(points.x, points.y)
+    inside = (col >= 0) & (row >= 0) & (col <= grid.cols - 1) & (row <= grid.rows - 1) & np.isfinite(points.z)
+    away = points.z[inside] - map_coordinates(guide.astype(np.float64), [row[inside], col[inside]], order=1)
+    away = away[np.isfinite(away)]
+    if not len(away):
+        return GuideReach(below=np.inf, above=np.inf)
+    low, high = np.quantile(away, [_FEW, 1.0 - _FEW])
+    return GuideReach(below=max(-_SPARE * float(low), 0.0), above=max(_SPARE * float(high), 0.0))
 
 
 def _check(guide: np.ndarray, known: np.ndarray, path: str) -> None:

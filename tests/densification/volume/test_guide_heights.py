@@ -8,12 +8,28 @@ from village_pair import block_of, normal_case
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.observations import GroundPoints
 from orthomill.schemas.raster import MapGrid
-from orthomill.tasks.densification.line_locus.guide_heights import GuideFile, TiePointGuide, guided_terrain
 from orthomill.tasks.densification.line_locus.locus_block import LineLocus
+from orthomill.tasks.densification.volume.guide_heights import GuideFile, TiePointGuide, equal_reach, guide_reach, guided_terrain
 
 GRID = MapGrid(west=0.0, north=0.0, cell=20.0, rows=8, cols=9)
 BLOCK = block_of(normal_case(420))
 GROUND = np.add.outer(np.arange(8) * 2.0, np.arange(9) * 3.0).astype(np.float32) + 500.0
+
+
+def test_reach_is_twice_as_far_as_tie_points_lie_from_the_model():
+    """Roofs of 12 m that the model does not have; a wrong point among hundreds decides nothing."""
+    rng = np.random.default_rng(4)
+    x, y = rng.uniform(15, 150, (2, 2000))
+    col, row = GRID.pixel(x, -y)
+    truth = 500.0 + 2.0 * row + 3.0 * col
+    z = truth + np.where(np.arange(2000) % 10 == 0, 12.0, 0.0) + rng.normal(0, 0.5, 2000)
+    z[0] = 900.0
+    none = np.zeros(2000, np.float32)
+    cloud = GroundPoints(np.arange(2000), x, -y, z, none, none, none, np.full(2000, 2, np.int16), none)
+    found = guide_reach(cloud, GROUND, GRID)
+    assert found.above == pytest.approx(2 * 12.8, abs=1.0) and found.below == pytest.approx(2 * 1.3, abs=0.5)
+    assert guide_reach(cloud.take(np.zeros(2000, bool)), GROUND, GRID).above == np.inf
+    assert equal_reach(5.0).below == equal_reach(5.0).above == 5.0
 
 
 def points(noise: float = 0.3) -> GroundPoints:
