@@ -83,7 +83,17 @@ class MapHeader:
     crs: str
 
 
-FileRegion = PhotoPixels | PhotoHeader | TextFile | MapFile | MapHeader
+@dataclass(frozen=True)
+class MeshFile:
+    """A mesh or a point cloud; arrives as an `orthomill.schemas.solid.mesh.TriangleMesh`, in the file's own units and system.
+
+    A point cloud has no triangles.
+    """
+
+    path: str
+
+
+FileRegion = PhotoPixels | PhotoHeader | TextFile | MapFile | MapHeader | MeshFile
 """What is read from a file outside the store: one of the user's, or one that a job exports."""
 Region = Raster | Table | FileRegion
 
@@ -138,7 +148,7 @@ class Job:
 class Export:
     """A file written from whole rasters, block by block; the path is relative to the run's folder.
 
-    `format`: "cog" (GeoTIFF with overviews), "tiff" (plain tiled TIFF, no georeference), "laz" (the rows of `tables`, or
+    `format`: "cog" (GeoTIFF with overviews), "tiff" (plain tiled TIFF, no georeference), "png", "laz" (the rows of `tables`, or
     the cells of the raster "z", as points with the colours of "rgb" and attributes), "json" or "csv" (the one table of `tables`),
     "text", "xyz" (X, Y and the first band of the one raster as text, a line for every cell with a value).
     """

@@ -10,6 +10,7 @@ from orthomill.tasks.inspections.image_points import points_on_surface
 from orthomill.tasks.inspections.window_size import Method, share_of, sizing_of, window_size_map
 from orthomill.tasks.orientation.stage import OrientationStage
 from orthomill.tasks.photos.stage import PhotosStage
+from orthomill.tasks.projection.stage import ProjectionStage
 from orthomill.tasks.registration.stage import RegistrationStage
 from orthomill.tasks.simulation.stage import SimulationStage
 from orthomill.tasks.texture.stage import TextureStage
@@ -28,5 +29,6 @@ STAGES: tuple[type[Stage], ...] = (
     DensificationStage,
     DsmCheckStage,
     TextureStage,
+    ProjectionStage,
     EvaluationStage,
 )

@@ -21,6 +21,7 @@ STAGES = (
     "densification",
     "dsm_check",
     "texture",
+    "projection",
     "evaluation",
 )
 FORBIDDEN_NAMES = {"utils", "util", "helpers", "helper", "common", "base", "misc", "tools"}

@@ -15,6 +15,7 @@ from orthomill.pipeline.records.records import Fingerprint, Key, Record, Records
 from orthomill.pipeline.storage.image_files import read_header, read_pixels
 from orthomill.pipeline.storage.kept_files import KeptFile, keep
 from orthomill.pipeline.storage.map_files import read_map, read_map_grid
+from orthomill.pipeline.storage.mesh_files import read_mesh
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import OrthomillError, StoreError
 from orthomill.schemas.job import (
@@ -23,6 +24,7 @@ from orthomill.schemas.job import (
     Job,
     MapFile,
     MapHeader,
+    MeshFile,
     PhotoHeader,
     PhotoPixels,
     Raster,
@@ -170,6 +172,8 @@ def read_file(root: Path, region: FileRegion) -> Any:
         return read_map_grid(root / region.path, region.crs)
     if isinstance(region, MapFile):
         return read_map(root / region.path, region)
+    if isinstance(region, MeshFile):
+        return read_mesh(root / region.path)
     return _read_text(root / region.path)
 
 

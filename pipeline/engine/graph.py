@@ -17,17 +17,16 @@ from orthomill.pipeline.storage.store import aligned
 from orthomill.schemas.errors import OrthomillError, ResourceError, WorkflowError
 from orthomill.schemas.job import (
     Export,
+    FileRegion,
     Job,
     MapFile,
-    MapHeader,
-    PhotoHeader,
+    MeshFile,
     PhotoPixels,
     Raster,
     Reading,
     Region,
     Stream,
     Table,
-    TextFile,
     regions_of,
 )
 from orthomill.schemas.raster import RasterSpec, Window
@@ -152,6 +151,10 @@ class Graph:
             return 3 * region.window.height * region.window.width
         if isinstance(region, MapFile):
             return 4 * region.bands * region.window.height * region.window.width
+        if isinstance(region, MeshFile):
+            # The text or the arrays of the file, and the arrays made from them.
+            file = self.root / region.path
+            return 3 * file.stat().st_size if file.exists() else 0
         return 0
 
     def _planned_export(self, export: Export) -> PlannedJob:
@@ -205,7 +208,7 @@ class Graph:
             return [self._table_writers[region.path]], ""
         return self._file_writer(region)
 
-    def _file_writer(self, region: PhotoPixels | PhotoHeader | TextFile | MapFile | MapHeader) -> tuple[list[Key], str]:
+    def _file_writer(self, region: FileRegion) -> tuple[list[Key], str]:
         # A file in the run's folder that an export writes depends on that export, and is not looked at before it exists.
         if region.path in self._file_writers:
             return [self._file_writers[region.path]], ""

@@ -15,11 +15,12 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from orthomill.schemas.job import Job, MapHeader, PhotoHeader, Reading, Region, Stream, Table, TextFile, regions_of
+from orthomill.schemas.job import Job, MapHeader, MeshFile, PhotoHeader, Reading, Region, Stream, Table, TextFile, regions_of
 from orthomill.schemas.photo import Header
 from orthomill.schemas.raster import MapGrid
+from orthomill.schemas.solid.mesh import TriangleMesh
 
-_HELD = {TextFile: str, PhotoHeader: Header, MapHeader: MapGrid}
+_HELD = {TextFile: str, PhotoHeader: Header, MapHeader: MapGrid, MeshFile: TriangleMesh}
 
 
 @dataclass(frozen=True)

@@ -211,6 +211,18 @@ def _write_tiff(export: Export, store: ReadableStore, path: Path) -> None:
         _write_tiled(stack, store, temporary, {"compress": "deflate", "zlevel": 1, "predictor": predictor})
 
 
+def _write_png(export: Export, store: ReadableStore, path: Path) -> None:
+    stack = stack_of(export, store)
+    if not stack.is_picture:
+        raise StoreError(f"{export.path} is a picture, which needs one raster of 3 or 4 bands; export it as a GeoTIFF.")
+    with _gdal(), _renamed_when_whole(path) as temporary:
+        plain = temporary.with_suffix(".plain.tif")
+        _write_tiled(stack, store, plain, dict(_PASSING))
+        rasterio.shutil.copy(plain, temporary, driver="PNG", zlevel=6)
+        # GDAL puts what it knows of the bands beside the picture.
+        temporary.with_name(f"{temporary.name}.aux.xml").unlink(missing_ok=True)
+
+
 def _write_tiled(stack: Stack, store: ReadableStore, path: Path, profile: dict) -> None:
     """A tiled GeoTIFF, one chunk of the store at a time."""
     # Blocks divide the chunks, so that each block is compressed once; a block must be a multiple of 16.
@@ -312,6 +324,7 @@ def _cells(values: np.ndarray) -> list[Any]:
 WRITERS: dict[str, Callable[[Export, ReadableStore, Path], None]] = {
     "cog": _write_cog,
     "tiff": _write_tiff,
+    "png": _write_png,
     "laz": _write_laz,
     "json": _write_json,
     "csv": _write_csv,

@@ -200,6 +200,21 @@ def _prefer_heavier(values, weight, two_limit, keep):
 
 
 @njit(cache=True)
+def _drop_broken(values, photo, broken, i, j, two_limit, keep):
+    """Drops the one of two values (2, bands) that differ by more than `two_limit` whose photo alone sees the place at a break of
+    the depth; returns how many are left (M9)."""
+    bands = values.shape[1]
+    apart = 0.0
+    for band in range(bands):
+        apart += abs(values[0, band] - values[1, band]) / bands
+    first, second = broken[photo[0], i, j], broken[photo[1], i, j]
+    if apart <= two_limit or first == second:
+        return 2
+    keep[0 if first else 1] = False
+    return 1
+
+
+@njit(cache=True)
 def _keep_best(weight, count, left, best, keep):
     """Drops the lightest of the kept values until `best` are left; returns how many are left (M13)."""
     while left > best:
@@ -235,7 +250,7 @@ def _average(values, weight, count, keep, colour):
 
 
 @njit(cache=True)
-def _blend_pixel(colours, weights, i, j, greatest, rules, images, values, work):
+def _blend_pixel(colours, weights, broken, i, j, greatest, rules, images, values, work):
     """Blends one pixel by all the rules; `greatest`: its greatest weight."""
     photos, _, _, bands = colours.shape
     keep, weight, photo, count = work.keep, work.weight, work.photo, 0
@@ -249,7 +264,10 @@ def _blend_pixel(colours, weights, i, j, greatest, rules, images, values, work):
             count += 1
     left = _reject(values, count, rules, work)
     if count == 2 and rules.two_limit > 0.0:
-        left = _prefer_heavier(values, weight, rules.two_limit, keep)
+        if broken.shape[0]:
+            left = _drop_broken(values, photo, broken, i, j, rules.two_limit, keep)
+        else:
+            left = _prefer_heavier(values, weight, rules.two_limit, keep)
     # Counted before the best are chosen: those left out there are no errors.
     images.rejected[i, j] = count - left
     if rules.best > 0:
@@ -305,7 +323,7 @@ def _average_row(colours, weights, i, power, bands, row, seen):
 
 
 @njit(cache=True)
-def _blend(colours, weights, rules, images, row, values, work):
+def _blend(colours, weights, broken, rules, images, row, values, work):
     photos, rows, cols, bands = colours.shape
     # About a median, a value is at most twice as far in every band as the farthest one is from the mean.
     agreed = rules.least**2 * (bands if rules.centre == Centre.MEAN else 0.25)
@@ -321,7 +339,7 @@ def _blend(colours, weights, rules, images, row, values, work):
                 continue
             alike = rules.centre == Centre.NONE or count < 3 or row.farthest[j] <= agreed
             if not alike or (count == 2 and rules.two_limit > 0.0) or 0 < rules.best < count or rules.power > 2 or count > MOST:
-                _blend_pixel(colours, weights, i, j, row.greatest[j], rules, images, values, work)
+                _blend_pixel(colours, weights, broken, i, j, row.greatest[j], rules, images, values, work)
                 row.total[j] = 0.0
                 continue
             images.used[i, j] = count
@@ -338,10 +356,12 @@ def _blend(colours, weights, rules, images, row, values, work):
             images.share[p] += share
 
 
-def blend(colours: np.ndarray, weights: np.ndarray, how: Blend) -> Blended:
+def blend(colours: np.ndarray, weights: np.ndarray, how: Blend, broken: np.ndarray | None = None) -> Blended:
     """Blends `colours` (photos, rows, cols, bands) with `weights` (photos, rows, cols), 0 where a photo does not see the pixel.
 
-    Pixels without any weight are 0 with `used` 0. Source: g = sum(e^p g) / sum(e^p), M12.
+    Of two colours that disagree the heavier one is used; with `broken` (photos, rows, cols) bool, where a photo sees the pixel next
+    to a break of its depth, the one that does not (and both where that tells nothing). Pixels without any weight are 0 with
+    `used` 0. Source: g = sum(e^p g) / sum(e^p), M12.
     """
     photos, rows, cols, bands = colours.shape
     result = Blended(
@@ -361,5 +381,6 @@ def blend(colours: np.ndarray, weights: np.ndarray, how: Blend) -> Blended:
     lines = [np.empty((cols, bands) if wide else cols, np.float32) for wide in (False, False, False, True, True, False, False)]
     work = _Work(np.empty(MOST, np.bool_), *(np.empty(MOST, kind) for kind in (float, float, float, float, np.int64)))
     pixels = np.ascontiguousarray(colours, np.float32), np.ascontiguousarray(weights, np.float32)
-    _blend(*pixels, rules, images, _Row(*lines), np.empty((MOST, bands)), work)
+    breaks = np.zeros((0, 0, 0), np.bool_) if broken is None else np.ascontiguousarray(broken, np.bool_)
+    _blend(*pixels, breaks, rules, images, _Row(*lines), np.empty((MOST, bands)), work)
     return result

@@ -17,7 +17,19 @@ from orthomill.schemas.stage_report import report_table
 from orthomill.schemas.surface import CORRECTED, COUNT, HEIGHT, ORTHO, PRECISION, PROVENANCE, SURFACE, Surface, points_table
 from orthomill.tasks.geometry.photograph_part import PhotoSource, photo_level
 from orthomill.tasks.geometry.view import block_view
-from orthomill.tasks.imagery.blending import Blend, CentreName, Rejection
+from orthomill.tasks.imagery.blending import Blend
+from orthomill.tasks.imagery.colour_settings import (
+    AboutMean,
+    AverageTwo,
+    Balance,
+    BlockBalance,
+    ByArea,
+    PreferHeavier,
+    Rejections,
+    Weights,
+    power_of,
+    rejection_of,
+)
 from orthomill.tasks.imagery.pull_push import filled
 from orthomill.tasks.imagery.radiometric_balance import Samples
 from orthomill.tasks.texture.balanced_photograph import RADIOMETRY
@@ -53,50 +65,6 @@ class DrapeHoles(Settings):
     )
 
 
-class ByArea(Settings):
-    """Weights are the area of the surface element in each photo."""
-
-    kind: Literal["area"] = "area"
-
-
-class BySquaredArea(Settings):
-    """Weights are the squared area, which favours photos of larger scale more strongly."""
-
-    kind: Literal["area_squared"]
-
-
-class KeepAllColours(Settings):
-    """No colour is rejected."""
-
-    kind: Literal["none"]
-
-
-class AboutMean(Settings):
-    """Colours farther than k standard deviations from the mean are rejected where three photos or more see the ground."""
-
-    kind: Literal["mean"] = "mean"
-    k: float = setting(1.0, "Tolerated deviation of a colour, in standard deviations.", gt=0)
-    least: float = setting(
-        12.0, "Deviations up to this are never rejected, so that noise continues to be averaged.", "grey levels", ge=0
-    )
-
-
-class AboutMedian(Settings):
-    """As `mean`, about the median of each channel."""
-
-    kind: Literal["median"]
-    k: float = setting(1.0, "Tolerated deviation of a colour, in standard deviations about the median.", gt=0)
-    least: float = setting(12.0, "Deviations up to this are never rejected.", "grey levels", ge=0)
-
-
-class AboutMedianRobust(Settings):
-    """About the median, with the median distance instead of the standard deviation: tolerates several bad colours among many."""
-
-    kind: Literal["robust"]
-    k: float = setting(3.0, "Tolerated deviation of a colour, in robust standard deviations.", gt=0)
-    least: float = setting(12.0, "Deviations up to this are never rejected.", "grey levels", ge=0)
-
-
 class KeepEdges(Settings):
     """Every pixel lies on the surface model, whose cells blur walls."""
 
@@ -109,41 +77,9 @@ class SharpenEdges(Settings):
     kind: Literal["sharpen"] = "sharpen"
 
 
-class AverageTwo(Settings):
-    """Two colours are averaged, however different they are."""
-
-    kind: Literal["average"] = "average"
-
-
-class PreferHeavier(Settings):
-    """Of two colours that disagree only the one of greater weight is used."""
-
-    kind: Literal["prefer"]
-    limit: float = setting(40.0, "Mean difference over the channels beyond which two colours disagree.", "grey levels", gt=0)
-
-
-class NoBalance(Settings):
-    """The photos keep their grey values."""
-
-    kind: Literal["none"]
-
-
-class BlockBalance(Settings):
-    """Gain and offset per photo and channel, adjusted over the whole block from the ground that photos share."""
-
-    kind: Literal["block"] = "block"
-    vignetting: bool = setting(True, "Also estimate a radial falloff (r^2 and r^4) per photo and channel.")
-    spacing: int = setting(24, "Distance between samples; larger where the block is large.", "px", ge=4, le=1024)
-
-
 Holes = Annotated[LeaveHoles | DrapeHoles, Field(discriminator="kind")]
 Edges = Annotated[KeepEdges | SharpenEdges, Field(discriminator="kind")]
-Weights = Annotated[ByArea | BySquaredArea, Field(discriminator="kind")]
-Rejections = Annotated[KeepAllColours | AboutMean | AboutMedian | AboutMedianRobust, Field(discriminator="kind")]
 TwoColours = Annotated[AverageTwo | PreferHeavier, Field(discriminator="kind")]
-Balance = Annotated[NoBalance | BlockBalance, Field(discriminator="kind")]
-
-_CENTRE: dict[str, CentreName] = {"mean": "mean", "median": "median", "robust": "deviation"}
 
 
 class TextureStage(Stage):
@@ -237,10 +173,6 @@ class TextureStage(Stage):
 
     def _rules(self, surface: Surface) -> TextureRules:
         cell = surface.grid.cell
-        rejection = self.rejection
-        colours = (
-            Rejection("none") if rejection.kind == "none" else Rejection(_CENTRE[rejection.kind], rejection.k, rejection.least)
-        )
         two = self.two_colours.limit if self.two_colours.kind == "prefer" else 0.0
         return TextureRules(
             # Between two cells the interpolated surface may exceed the true one by half a cell on a slope of one.
@@ -251,7 +183,7 @@ class TextureStage(Stage):
             widening_ramp=self.occlusion_ramp,
             feather=self.feather,
             sharpen=self.edges.kind == "sharpen",
-            blend=Blend(colours, 2 if self.weights.kind == "area_squared" else 1, self.best, two),
+            blend=Blend(rejection_of(self.rejection), power_of(self.weights), self.best, two),
         )
 
     def _reach(self, cell: float) -> float:

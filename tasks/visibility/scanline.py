@@ -85,6 +85,14 @@ def add_triangles(
     fill(projected, *arrays, corner, raster.nearness, raster.triangle)
 
 
+def add_projected(raster: NearestTriangles, corners: np.ndarray, numbers: np.ndarray) -> None:
+    """Fills into `raster` triangles (T, 3, 3) whose corners are (col, row, nearness) already."""
+    triangles = np.arange(3 * len(corners), dtype=np.int32).reshape(-1, 3)
+    corner = raster.window.row, raster.window.col
+    flat = np.ascontiguousarray(corners, np.float64).reshape(-1, 3)
+    _fill_parallel(flat, triangles, np.ascontiguousarray(numbers, np.int32), corner, raster.nearness, raster.triangle)
+
+
 def nearest_triangles(projection: Projection, vertices: np.ndarray, triangles: np.ndarray, window: Window) -> NearestTriangles:
     """The raster of a whole mesh: see `add_triangles`; the numbers are those of the rows of `triangles`."""
     raster = empty_raster(window)

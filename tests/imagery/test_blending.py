@@ -166,3 +166,13 @@ def test_the_difference_is_the_mean_distance_from_the_blend():
 def test_shares_are_those_of_the_weights():
     result = one_pixel([100, 110, 130], [1, 1, 2])
     assert result.share.tolist() == [0.25, 0.25, 0.5]
+
+
+def test_of_two_that_disagree_the_one_at_a_break_of_its_depth_goes():
+    colours = np.array([[[[100.0], [100.0], [100.0], [100.0]]], [[[200.0], [200.0], [200.0], [110.0]]]])
+    weights = np.array([[[3.0, 3.0, 3.0, 3.0]], [[1.0, 1.0, 1.0, 1.0]]])
+    broken = np.array([[[True, False, True, True]], [[False, False, True, False]]])
+    found = blend(colours, weights, Blend(Rejection("none"), two_limit=20.0), broken)
+    # The heavier one is at the break; none is; both are; they agree.
+    assert found.colour[0, :, 0].tolist() == [200.0, 125.0, 125.0, 102.5]
+    assert found.rejected[0].tolist() == [1, 0, 0, 0]

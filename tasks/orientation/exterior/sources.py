@@ -12,6 +12,7 @@ from orthomill.schemas.settings import Settings, setting
 from orthomill.tasks.orientation.interchange.angles_csv import read_angles
 from orthomill.tasks.orientation.interchange.colmap import read_colmap
 from orthomill.tasks.orientation.interchange.foreign_block import ForeignBlock
+from orthomill.tasks.orientation.interchange.matrices_json import read_matrices
 from orthomill.tasks.orientation.interchange.opensfm import read_opensfm
 
 _PLACED = "project: its coordinates are those of the project; positions: it is fitted to the positions of its photographs."
@@ -107,7 +108,30 @@ class FromOpensfm(Settings):
         return self.path
 
 
-ForeignSource = FromAngles | FromColmap | FromOpensfm
+class FromMatrices(Settings):
+    """A JSON file of matrices: photograph -> K (px), R_world_to_camera, t (x_camera = R X + t) or centre, width, height."""
+
+    kind: Literal["matrices"]
+    path: str = setting(..., "The JSON file; photographs are without distortion unless it states k1, k2, k3, p1, p2.")
+    placed: Literal["project", "positions"] = setting("project", _PLACED)
+    use: Literal["fixed", "start"] = setting("fixed", _USE)
+    ground: tuple[float, float] | None = setting(None, _GROUND, "m")
+
+    @model_validator(mode="after")
+    def _everything_is_read(self) -> Self:
+        _refuse_unread(self.use, self.ground)
+        return self
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        return (self.path,)
+
+    @property
+    def described(self) -> str:
+        return self.path
+
+
+ForeignSource = FromAngles | FromColmap | FromOpensfm | FromMatrices
 ExteriorSource = Annotated[Adjusted | ForeignSource, Field(discriminator="kind")]
 
 
@@ -116,6 +140,8 @@ def read_foreign(texts: tuple[str, ...], source: ForeignSource, crs: str) -> For
     # Only OpenSfM needs the CRS: its world is geographic, the others are metric already.
     if source.kind == "csv":
         return read_angles(*texts)
+    if source.kind == "matrices":
+        return read_matrices(*texts)
     if source.kind == "colmap":
         return read_colmap(*texts)
     return read_opensfm(texts[0], crs, *texts[1:])

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from orthomill.pipeline.engine.job_signature import misfit
-from orthomill.schemas.job import Export, Job, MapFile, MapHeader, Raster, Reading, Stream, Table
-from orthomill.schemas.raster import MapGrid, RasterSpec
+from orthomill.schemas.job import Export, Job, MapFile, MapHeader, MeshFile, PhotoPixels, Raster, Reading, Stream, Table
+from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.stage_contract import NotYet, Stage
 
 
@@ -22,7 +22,8 @@ class MemoryProject:
     tables: dict[str, Any] = field(default_factory=dict)
     written: dict[str, np.ndarray] = field(default_factory=dict)
     keys: set = field(default_factory=set)
-    files: dict[str, tuple[MapGrid, np.ndarray]] = field(default_factory=dict)
+    files: dict[str, Any] = field(default_factory=dict)
+    """what files hold: of maps their grid and values, of meshes the mesh, of images their pixels"""
     exports: dict[tuple, Export] = field(default_factory=dict)
 
     @property
@@ -36,6 +37,9 @@ class MemoryProject:
 
     def raster(self, name):
         return self.specs[name]
+
+    def image_files(self, source):
+        return tuple(path for path in sorted(self.files) if path.startswith(f"{source.path}/"))
 
     def has_stage(self, kind):
         return False
@@ -87,6 +91,10 @@ class MemoryProject:
             return self.files[region.path][0]
         if isinstance(region, MapFile):
             return self.files[region.path][1][region.window.slices]
+        if isinstance(region, MeshFile):
+            return self.files[region.path]
+        if isinstance(region, PhotoPixels):
+            return self.files[region.path][region.window.slices]
         array = self.rasters[region.name]
         assert region.window == region.window.clipped(array.shape) and not region.window.empty, region
         assert self.written[region.name][region.window.slices].all(), f"read before it was written: {region}"

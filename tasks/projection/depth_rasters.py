@@ -1,0 +1,186 @@
+"""Depth and triangle of every pixel of a photograph and of an output, block by block of the mesh, and which blocks they show.
+
+Blocks pass one after the other: a job holds two of them and its own rasters, however large the mesh is.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from pydantic import BaseModel, ConfigDict
+
+from orthomill.schemas.orientation import Block
+from orthomill.schemas.raster import Window
+from orthomill.schemas.solid.census import MeshCensus, MeshTriangles, MeshVertices
+from orthomill.schemas.solid.frames import AnyFrame, Vector
+from orthomill.tasks.geometry.view import View, block_view
+from orthomill.tasks.projection.sections import AnySection, cut
+from orthomill.tasks.visibility.output_frame import ORIGIN, moved, scan_frame, shown_points, window_pixels
+from orthomill.tasks.visibility.scanline import NOTHING, add_triangles, central_projection, empty_raster
+from orthomill.tasks.visibility.triangle_blocks import PER_BLOCK, as_blocks, block_bounds, block_count
+
+CELL = 128
+"""side of the squares of a photograph for which the blocks that they show are listed, px"""
+
+
+class BlockBox(BaseModel):
+    """The box about a block of triangles, m relative to the mesh's origin."""
+
+    model_config = ConfigDict(frozen=True)
+
+    low: Vector
+    high: Vector
+
+    @property
+    def corners(self) -> np.ndarray:
+        """(8, 3)"""
+        x, y, z = np.meshgrid(*zip(self.low, self.high, strict=True), indexing="ij")
+        return np.column_stack([x.ravel(), y.ravel(), z.ravel()])
+
+
+class MeshBlocks(BaseModel):
+    """The boxes of all blocks of a mesh."""
+
+    model_config = ConfigDict(frozen=True)
+
+    boxes: tuple[BlockBox, ...]
+
+
+class BlocksOfMesh(NamedTuple):
+    """The mesh as a raster of blocks, and their boxes."""
+
+    corners: np.ndarray
+    boxes: MeshBlocks
+
+
+def cut_into_blocks(vertices: MeshVertices, triangles: MeshTriangles) -> BlocksOfMesh:
+    """The mended mesh, block by block."""
+    points = np.column_stack([vertices.x, vertices.y, vertices.z]).astype(np.float32)
+    raster = as_blocks(points[np.column_stack([triangles.a, triangles.b, triangles.c])])
+    boxes = tuple(BlockBox(low=tuple(low), high=tuple(high)) for low, high in block_bounds(raster).tolist())
+    return BlocksOfMesh(raster, MeshBlocks(boxes=boxes))
+
+
+class PhotoDepth(BaseModel):
+    """What a photograph shows of the mesh: pixels of fronts and of backs, and by square the blocks in sight."""
+
+    model_config = ConfigDict(frozen=True)
+
+    pixels: int
+    fronts: int
+    backs: int
+    cells: tuple[tuple[int, ...], ...]
+    """blocks by square, rows of squares first"""
+    cells_across: int
+
+    def blocks_in(self, window: Window) -> frozenset[int]:
+        """Blocks that a window of the raster shows."""
+        part = window.reduced(CELL).clipped((len(self.cells) // self.cells_across, self.cells_across))
+        rows, cols = range(part.row, part.row + part.height), range(part.col, part.col + part.width)
+        return frozenset(number for r in rows for c in cols for number in self.cells[r * self.cells_across + c])
+
+
+class PhotoRasters(NamedTuple):
+    """Rasters of a photograph without its distortion, at its ideal window, and what they show."""
+
+    nearness: np.ndarray
+    triangle: np.ndarray
+    seen: PhotoDepth
+
+
+def photograph_depth(
+    blocks: Iterator[np.ndarray], block: Block, census: MeshCensus, numbers: tuple[int, ...], name: str, window: Window
+) -> PhotoRasters:
+    """Depth and triangle of the photograph `name`; `window` as from `ideal_window`, `blocks` those of `numbers`."""
+    view = moved(block_view(block, name), np.array(census.origin))
+    projection, raster = central_projection(view, ORIGIN), empty_raster(window)
+    front = np.zeros(block_count(census.triangles) * PER_BLOCK, np.bool_)
+    every = np.arange(3 * PER_BLOCK, dtype=np.int32).reshape(-1, 3)
+    for number, part in zip(numbers, blocks, strict=True):
+        own = np.arange(number * PER_BLOCK, (number + 1) * PER_BLOCK, dtype=np.int32)
+        add_triangles(raster, projection, part.reshape(-1, 3), every, own)
+        front[own] = _faces(part.reshape(-1, 3, 3).astype(np.float64), view)
+    return PhotoRasters(raster.nearness, raster.triangle, _seen_blocks(raster.triangle, front))
+
+
+def _faces(corners: np.ndarray, view: View) -> np.ndarray:
+    """bool (T,): triangles that turn their front to the view."""
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return np.einsum("ni,ni->n", normal, view.centre - corners[:, 0]) > 0
+
+
+def _seen_blocks(triangle: np.ndarray, front: np.ndarray) -> PhotoDepth:
+    down, across = -(-triangle.shape[0] // CELL), -(-triangle.shape[1] // CELL)
+    marks = np.zeros((down * across, len(front) // PER_BLOCK), np.bool_)
+    fronts, backs = _mark(triangle, front, across, marks)
+    cells = tuple(tuple(map(int, np.flatnonzero(row))) for row in marks)
+    return PhotoDepth(pixels=triangle.size, fronts=int(fronts), backs=int(backs), cells=cells, cells_across=across)
+
+
+@njit(cache=True)
+def _mark(triangle, front, across, marks):
+    """Marks the blocks (cells, blocks) that each square shows; returns the numbers of pixels of fronts and of backs."""
+    fronts = backs = 0
+    for r in range(triangle.shape[0]):
+        for c in range(triangle.shape[1]):
+            number = triangle[r, c]
+            if number >= 0:
+                marks[r // CELL * across + c // CELL, number // PER_BLOCK] = True
+                if front[number]:
+                    fronts += 1
+                else:
+                    backs += 1
+    return fronts, backs
+
+
+class TileSurface(BaseModel):
+    """What a tile of an output shows of the mesh."""
+
+    model_config = ConfigDict(frozen=True)
+
+    covered: int
+    """pixels"""
+    blocks: tuple[int, ...] = ()
+    low: Vector = (0.0, 0.0, 0.0)
+    high: Vector = (0.0, 0.0, 0.0)
+    """box about the points in it, m relative to the mesh's origin"""
+
+    @property
+    def box(self) -> BlockBox:
+        return BlockBox(low=self.low, high=self.high)
+
+
+class OutputRasters(NamedTuple):
+    """Depth and triangle of a tile of an output, and what it shows."""
+
+    nearness: np.ndarray
+    triangle: np.ndarray
+    surface: TileSurface
+
+
+def output_depth(
+    blocks: Iterator[np.ndarray], census: MeshCensus, numbers: tuple[int, ...], frame: AnyFrame, section: AnySection, window: Window
+) -> OutputRasters:
+    """Depth and triangle of the pixels `window` of a frame after the section; `blocks` are those of `numbers`."""
+    origin = np.array(census.origin)
+    parts = zip(numbers, blocks, strict=True)
+    raster = scan_frame(frame, window, (_after(section, number, part, origin) for number, part in parts), origin)
+    shown = raster.triangle.ravel() != NOTHING
+    # In products and pictures what has no surface has no depth.
+    nearness = np.where(raster.triangle == NOTHING, np.float32(np.nan), raster.nearness)
+    if not shown.any():
+        return OutputRasters(nearness, raster.triangle, TileSurface(covered=0))
+    points = shown_points(frame, window_pixels(window)[shown], raster.nearness.ravel()[shown], origin)
+    low, high = points.min(axis=0).tolist(), points.max(axis=0).tolist()
+    seen = np.unique(raster.triangle.ravel()[shown] // PER_BLOCK)
+    surface = TileSurface(covered=int(shown.sum()), blocks=tuple(map(int, seen)), low=tuple(low), high=tuple(high))
+    return OutputRasters(nearness, raster.triangle, surface)
+
+
+def _after(section: AnySection, number: int, block: np.ndarray, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What the section leaves of a block, and the numbers of its triangles."""
+    corners = block.reshape(-1, 3, 3)
+    known = np.isfinite(corners[:, 0, 0])
+    own = np.arange(number * PER_BLOCK, (number + 1) * PER_BLOCK, dtype=np.int32)
+    return cut(section, corners[known], own[known], origin)

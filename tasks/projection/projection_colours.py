@@ -1,0 +1,289 @@
+"""The colours of a tile of an output: from every photograph that sees a pixel, by the rules that hold for any surface.
+
+The weight of a colour is the area of the surface element in the photograph: c^2 (n d) / w^3 for the unit normal n, the way d to the
+projection centre and the depth w along the axis; the element itself is the same for all photographs. It is made soft towards the
+border of the photograph, and almost nothing next to the limit of what is hidden (`sight_rasters.py`).
+
+Source: Petsa et al. 2007 (methods/texture_blending.md, M6, M7, M8, M9, M12, M13).
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from orthomill.schemas.job import Table
+from orthomill.schemas.orientation import Block
+from orthomill.schemas.raster import Window
+from orthomill.schemas.solid.census import MeshCensus
+from orthomill.tasks.geometry.view import View, block_view
+from orthomill.tasks.imagery.blending import Blend, Blended, Rejection, blend
+from orthomill.tasks.imagery.photograph_colours import PhotoPixelsAt, colours_at
+from orthomill.tasks.imagery.radiometric_balance import Radiometry, Samples, balanced, corrected, seen_twice
+from orthomill.tasks.projection.facing import MeshFacing
+from orthomill.tasks.projection.output_tile import OutputTile
+from orthomill.tasks.projection.sight_rasters import TilePoints, tile_points
+from orthomill.tasks.visibility.mesh_sight import MeshSight
+from orthomill.tasks.visibility.output_frame import moved
+from orthomill.tasks.visibility.triangle_blocks import TrianglesAtHand
+
+PROJECTION_RADIOMETRY = Table("projection/radiometry.json", Radiometry)
+ZONE_WORTH = 0.005
+"""Factor on the weight next to the limit of what is hidden: below the share from which a colour is used beside others"""
+_LEAST_WORTH = 1e-12
+_NEAREST = Blend(Rejection("none"), best=1)
+"""What programs with one photograph per face do"""
+
+
+@dataclass(frozen=True)
+class ColourRules:
+    """`feather`: width of the soft border, a part of the photograph's shorter side; `blend`: how colours are combined; of
+    two that disagree the one at a break of its depth goes if `breaks`."""
+
+    feather: float
+    blend: Blend
+    breaks: bool
+
+
+class ProjectionTile(BaseModel):
+    """Sums over the pixels of a tile of an output."""
+
+    model_config = ConfigDict(frozen=True)
+
+    pixels: int
+    surface: int
+    """pixels with surface"""
+    seen: tuple[int, int, int, int]
+    """pixels with surface that no, one, two or more photographs see"""
+    coloured: int
+    rejected: int
+    values: int
+    zone: int
+    """values next to the limit of what is hidden"""
+    difference_sum: float
+    difference_count: int
+    shares: dict[str, float]
+    """photograph -> its part in the colours, px"""
+    sights: dict[str, tuple[int, ...]]
+    """photograph -> pixels by code of MeshSight"""
+
+
+class ColouredTile(NamedTuple):
+    """`ortho` uint8 (rows, cols, 4); `coverage` uint8 (rows, cols): photographs that see the surface, 255 without surface;
+    `rejected` uint8 (rows, cols)."""
+
+    ortho: np.ndarray
+    coverage: np.ndarray
+    rejected: np.ndarray
+    statistics: ProjectionTile
+
+
+NO_SURFACE = 255
+"""in the coverage"""
+
+
+@dataclass(frozen=True, eq=False)
+class _Sampled:
+    """Colours (N, bands), weights (N,) and squared distances from the middle (N,) of the points at `at` (N,) in one photograph."""
+
+    at: np.ndarray
+    colour: np.ndarray
+    worth: np.ndarray
+    r2: np.ndarray
+
+
+def _sample(view: View, part: PhotoPixelsAt, surface: TilePoints, chosen: np.ndarray, facing: float, feather: float) -> _Sampled:
+    """What a photograph shows of the `chosen` (N,) points of a tile."""
+    points, normals = surface.points[chosen], surface.normals[chosen] * facing
+    pixels = view.project(points)
+    camera = view.camera
+    colour, known = colours_at(part, (camera.height, camera.width), pixels)
+    offset = view.centre - points
+    depth = offset @ view.rotation[2]
+    area = camera.c**2 * np.einsum("ni,ni->n", normals, offset) / depth**3
+    border = np.clip((view.within(pixels) + 0.5) / max(feather * min(camera.width, camera.height), 1e-9), 0.0, 1.0)
+    worth = np.maximum(area * border**2 * (3.0 - 2.0 * border), _LEAST_WORTH) * known
+    half = 0.5 * np.array([camera.width - 1.0, camera.height - 1.0])
+    r2 = ((pixels - half) ** 2).sum(axis=1) / (half**2).sum()
+    return _Sampled(surface.at[chosen], colour, worth.astype(np.float32), r2.astype(np.float32))
+
+
+def _of_tile(surface: TilePoints, values: np.ndarray) -> np.ndarray:
+    """Those of `values` (rows, cols) at the points of a tile."""
+    return values.ravel()[surface.at]
+
+
+def _in_zone(view: View, surface: TilePoints, chosen: np.ndarray, zone: np.ndarray, window: Window) -> np.ndarray:
+    """bool (N,): chosen points whose pixel lies in the zone of a photograph, which is at hand for `window`."""
+    places = np.floor(view.project(surface.points[chosen]) + 0.5).astype(int) - (window.col, window.row)
+    places = np.clip(places, 0, (window.width - 1, window.height - 1))
+    return zone[places[:, 1], places[:, 0]] > 0
+
+
+@dataclass(frozen=True, eq=False)
+class _TileColours:
+    """Colours (photographs, rows, cols, bands), weights and breaks (photographs, rows, cols) of a tile, and values in zones."""
+
+    colours: np.ndarray
+    weights: np.ndarray
+    breaks: np.ndarray
+    zone: int
+
+
+def tile_colours(
+    surface: TilePoints,
+    sight: np.ndarray,
+    photos: tuple[np.ndarray, ...],
+    zones: tuple[np.ndarray, ...],
+    views: list[View],
+    tile: OutputTile,
+    radiometry: Radiometry,
+    facing: float,
+    feather: float,
+) -> _TileColours:
+    """The colours of a tile in every photograph of its parts, whose `views` are given, in the radiometry of the block."""
+    shape, parts = sight.shape[:2], tile.parts
+    bands = max((pixels.shape[2] for pixels in photos), default=1)
+    colours = np.zeros((len(parts), shape[0] * shape[1], bands), np.float32)
+    weights = np.zeros((len(parts), shape[0] * shape[1]), np.float32)
+    breaks = np.zeros((len(parts), *shape), bool)
+    windows, in_zones = {part.name: (zone, part.window) for zone, part in zip(zones, tile.zones, strict=True)}, 0
+    for k, (view, pixels, part) in enumerate(zip(views, photos, parts, strict=True)):
+        code = sight[..., tile.names.index(part.name)]
+        breaks[k] = code == MeshSight.AT_BREAK
+        chosen = _of_tile(surface, code) >= MeshSight.AT_BREAK
+        if not chosen.any():
+            continue
+        sampled = _sample(view, PhotoPixelsAt(pixels, part.window, part.level), surface, chosen, facing, feather)
+        worth = sampled.worth
+        if part.name in windows:
+            inside = _in_zone(view, surface, chosen, *windows[part.name])
+            worth, in_zones = np.where(inside, ZONE_WORTH * worth, worth), in_zones + int(inside.sum())
+        # Corrected before blending: rejection compares colours, and a gain of some per cent would look like a gross error.
+        colours[k, sampled.at] = corrected(sampled.colour, sampled.r2, radiometry.of(part.name)) * (255.0 / radiometry.white)
+        weights[k, sampled.at] = worth
+    return _TileColours(colours.reshape(len(parts), *shape, bands), weights.reshape(len(parts), *shape), breaks, in_zones)
+
+
+def colour_tile(
+    triangle: np.ndarray,
+    sight: np.ndarray,
+    blocks: tuple[np.ndarray, ...],
+    photos: tuple[np.ndarray, ...],
+    zones: tuple[np.ndarray, ...],
+    block: Block,
+    census: MeshCensus,
+    facing: MeshFacing,
+    radiometry: Radiometry,
+    tile: OutputTile,
+    rules: ColourRules,
+) -> ColouredTile:
+    """One tile of an output: see the module. photos: pixels at `tile.parts`; zones: of the photographs at `tile.zones`."""
+    origin = np.array(census.origin)
+    surface = tile_points(triangle, TrianglesAtHand.of(tile.blocks, blocks), tile.frame, tile.window, origin)
+    views = [moved(block_view(block, part.name), origin) for part in tile.parts]
+    found = tile_colours(surface, sight, photos, zones, views, tile, radiometry, facing.sign, rules.feather)
+    blended = blend(found.colours, found.weights, rules.blend, found.breaks if rules.breaks else None)
+    seen = (sight >= MeshSight.AT_BREAK).sum(axis=2).astype(np.uint8)
+    coverage = np.where(triangle >= 0, np.minimum(seen, NO_SURFACE - 1), NO_SURFACE).astype(np.uint8)
+    return ColouredTile(
+        rgba(blended), coverage, blended.rejected, _statistics(triangle, coverage, sight, blended, found.zone, tile)
+    )
+
+
+def rgba(blended: Blended) -> np.ndarray:
+    """uint8 (rows, cols, 4), transparent black without colour."""
+    out = np.zeros((*blended.used.shape, 4), np.uint8)
+    out[..., :3] = np.clip(np.floor(blended.colour + 0.5), 0, 255)
+    out[..., 3] = 255
+    out[blended.used == 0] = 0
+    return out
+
+
+def _statistics(
+    triangle: np.ndarray, coverage: np.ndarray, sight: np.ndarray, blended: Blended, zone: int, tile: OutputTile
+) -> ProjectionTile:
+    known = triangle >= 0
+    none, one, two, more = np.bincount(np.minimum(coverage[known], 3), minlength=4).tolist()
+    return ProjectionTile(
+        pixels=triangle.size,
+        surface=int(known.sum()),
+        seen=(none, one, two, more),
+        coloured=int((blended.used > 0).sum()),
+        rejected=int(blended.rejected.sum(dtype=np.int64)),
+        values=int(blended.seen.sum(dtype=np.int64)),
+        zone=zone,
+        difference_sum=float(np.nansum(blended.difference, dtype=np.float64)),
+        difference_count=int(np.isfinite(blended.difference).sum()),
+        shares={part.name: float(share) for part, share in zip(tile.parts, blended.share, strict=True)},
+        sights={
+            name: tuple(np.bincount(sight[..., k].ravel(), minlength=len(MeshSight)).tolist()) for k, name in enumerate(tile.names)
+        },
+    )
+
+
+def sample_surface(
+    triangle: np.ndarray,
+    sight: np.ndarray,
+    blocks: tuple[np.ndarray, ...],
+    photos: tuple[np.ndarray, ...],
+    block: Block,
+    census: MeshCensus,
+    facing: MeshFacing,
+    tile: OutputTile,
+    spacing: int,
+    first: int,
+) -> Samples:
+    """Grey values of every `spacing`-th pixel of a tile in all photographs that see it, for the radiometric balance.
+
+    Points are numbered from `first` on through the whole output; only those that two photographs or more see.
+    """
+    window, frame = tile.window, tile.frame
+    rows, cols = np.arange(window.height) + window.row, np.arange(window.width) + window.col
+    chosen = (rows % spacing == 0)[:, None] & (cols % spacing == 0)
+    origin = np.array(census.origin)
+    surface = tile_points(triangle, TrianglesAtHand.of(tile.blocks, blocks), frame, window, origin, chosen)
+    number = (first + rows[:, None] * frame.cols + cols).ravel()
+    columns = []
+    for pixels, part in zip(photos, tile.parts, strict=True):
+        view = moved(block_view(block, part.name), origin)
+        seen = _of_tile(surface, sight[..., tile.names.index(part.name)]) == MeshSight.SEEN
+        sampled = _sample(view, PhotoPixelsAt(pixels, part.window, part.level), surface, seen, facing.sign, 0.0)
+        known = sampled.worth > 0
+        grey = np.broadcast_to(sampled.colour[known], (int(known.sum()), 3))
+        columns.append((number[sampled.at[known]], np.full(len(grey), block.names.index(part.name)), sampled.r2[known], *grey.T))
+    return seen_twice(columns)
+
+
+def balance_surface(samples: tuple[Samples, ...], block: Block, deep: bool, method: str, vignetting: bool) -> Radiometry:
+    """The radiometry of the photographs from the samples of all tiles of all outputs."""
+    return balanced(samples, block.names, deep, method, vignetting)
+
+
+class LeftOutTile(NamedTuple):
+    """A tile of a photograph, from the others: blended, and from the nearest one only; uint8 (rows, cols, 4)."""
+
+    blended: np.ndarray
+    nearest: np.ndarray
+
+
+def left_out_tile(
+    triangle: np.ndarray,
+    sight: np.ndarray,
+    blocks: tuple[np.ndarray, ...],
+    photos: tuple[np.ndarray, ...],
+    block: Block,
+    census: MeshCensus,
+    facing: MeshFacing,
+    radiometry: Radiometry,
+    tile: OutputTile,
+    rules: ColourRules,
+) -> LeftOutTile:
+    """What the photograph of `frame` shows, from the others: as `colour_tile`, and as programs with one photograph per face do."""
+    origin = np.array(census.origin)
+    surface = tile_points(triangle, TrianglesAtHand.of(tile.blocks, blocks), tile.frame, tile.window, origin)
+    views = [moved(block_view(block, part.name), origin) for part in tile.parts]
+    found = tile_colours(surface, sight, photos, (), views, tile, radiometry, facing.sign, rules.feather)
+    whole = blend(found.colours, found.weights, rules.blend, found.breaks if rules.breaks else None)
+    return LeftOutTile(rgba(whole), rgba(blend(found.colours, found.weights, _NEAREST)))

@@ -1,0 +1,31 @@
+"""Which surface is projected."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from orthomill.schemas.settings import Settings, setting
+
+
+class MeshSurface(Settings):
+    """A triangle mesh or a point cloud of any program or scanner, in the system in which the photographs are oriented."""
+
+    kind: Literal["mesh"]
+    path: str = setting(..., "PLY, STL, OBJ, GLB, OFF or text; a point cloud (LAZ, PLY, XYZ) is triangulated in its best plane.")
+    unit: Literal["m", "cm", "mm", "ft"] = setting("m", "Unit of its coordinates.")
+    shift: tuple[float, float, float] = setting(
+        (0.0, 0.0, 0.0), "Added to its coordinates, where the file holds them relative to an origin.", "m"
+    )
+    faces: Literal["auto", "outwards", "inwards"] = setting(
+        "auto",
+        "Which way its triangles face. auto: the way in which the photographs see more of their fronts; backs are never coloured.",
+    )
+
+
+class HeightModelSurface(Settings):
+    """The surface model of this project, as triangles between its cells."""
+
+    kind: Literal["height_model"] = "height_model"
+
+
+SurfaceSource = Annotated[MeshSurface | HeightModelSurface, Field(discriminator="kind")]

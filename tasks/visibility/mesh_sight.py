@@ -1,0 +1,181 @@
+"""How photographs see points of a mesh: exactly at their image points, among the triangles that are drawn around them.
+
+Strategy. The depth raster of a photograph, without its lens distortion, tells the triangles at the four pixels around the image of
+a point. Each of them, apart from the point's own, is met by the ray from the projection centre or not: one that is met nearer than
+the point hides it. Rounding the image point to a pixel would hide points of fine meshes behind their own neighbours.
+
+Where none of the four is the point's own triangle and none is met (triangles smaller than a pixel), the point is hidden if it lies
+behind all four pixels. A back face is never seen.
+
+Source: Petsa et al. 2007 (methods/texture_blending.md, M5; the depth break of M9).
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numba import njit
+
+from orthomill.tasks.geometry.view import View
+from orthomill.tasks.visibility.output_frame import ORIGIN
+from orthomill.tasks.visibility.scanline import NearestTriangles, central_projection
+from orthomill.tasks.visibility.triangle_blocks import PER_BLOCK, TrianglesAtHand
+
+
+class MeshSight(IntEnum):
+    """How a photograph sees a place; uint8 in rasters. From AT_BREAK on it sees it."""
+
+    NOWHERE = 0
+    """there is no surface"""
+    OUTSIDE = 1
+    MASKED = 2
+    AWAY = 3
+    """the surface shows its back"""
+    HIDDEN = 4
+    AT_BREAK = 5
+    """seen next to a break of the depth in the photograph"""
+    SEEN = 6
+
+
+SIGHT_CODES: tuple[tuple[int, str, str], ...] = (
+    (MeshSight.NOWHERE, "#000000", "no surface"),
+    (MeshSight.OUTSIDE, "#4d4d4d", "outside of the photograph"),
+    (MeshSight.MASKED, "#8c510a", "masked in the photograph"),
+    (MeshSight.AWAY, "#762a83", "facing away"),
+    (MeshSight.HIDDEN, "#d7191c", "hidden"),
+    (MeshSight.AT_BREAK, "#fdae61", "seen at a break of the depth"),
+    (MeshSight.SEEN, "#1a9641", "seen"),
+)
+"""(code, colour, meaning) for pictures"""
+
+
+@dataclass(frozen=True)
+class SightTolerance:
+    """In pixels of the photograph on the surface: `depth` that a ray may dip into another triangle, `rough` where no triangle is
+    met exactly, `break_` from which neighbouring depths differ so much that one hides the other."""
+
+    depth: float = 1.0
+    rough: float = 3.0
+    break_: float = 20.0
+
+
+def sights(
+    view: View,
+    points: np.ndarray,
+    own: np.ndarray,
+    raster: NearestTriangles,
+    at_hand: TrianglesAtHand,
+    tolerance: SightTolerance,
+    facing: float = 1.0,
+) -> np.ndarray:
+    """Codes (N,) uint8 of MeshSight of points (N, 3) on the triangles `own` (N,), NOTHING for none.
+
+    view and points relative to the mesh's origin; `raster` of the photograph without distortion around the images of the points;
+    `facing`: -1 for a mesh whose triangles face inwards.
+    """
+    out = np.zeros(len(points), np.uint8)
+    if not len(points):
+        return out
+    pixels = view.project(points)
+    inside = view.contains(pixels, -0.5) & _within_field(view, points)
+    placed = np.where(inside, own, -1).astype(np.int32)
+    corner = raster.window.row, raster.window.col
+    limits = np.array([tolerance.depth, tolerance.rough, tolerance.break_]) / view.camera.c
+    matrix, centre = central_projection(view, ORIGIN).matrix, np.asarray(view.centre, np.float64)
+    arrays = np.ascontiguousarray(points, np.float64), placed, np.ascontiguousarray(matrix), centre
+    rasters = np.ascontiguousarray(raster.nearness), np.ascontiguousarray(raster.triangle), corner
+    _see(*arrays, *rasters, at_hand.places, at_hand.corners, limits, float(facing), out)
+    out[(own >= 0) & ~inside] = MeshSight.OUTSIDE
+    return out
+
+
+def _within_field(view: View, points: np.ndarray) -> np.ndarray:
+    """bool (N,): in front of the camera and not so far aside that the distortion folds back into the photograph."""
+    offset = points - view.centre
+    depth = -(offset @ view.rotation[2])
+    right, bottom = view.camera.width - 1.0, view.camera.height - 1.0
+    corners = view.rays(np.array([[0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]]))
+    least = float((-(corners @ view.rotation[2])).min())
+    return depth > 0.98 * least * np.linalg.norm(offset, axis=1)
+
+
+@njit(cache=True, inline="always")
+def _corner(corners, at, k):
+    return np.float64(corners[at, k, 0]), np.float64(corners[at, k, 1]), np.float64(corners[at, k, 2])
+
+
+@njit(cache=True)
+def _met(corners, at, centre, dx, dy, dz):
+    """Share of the way from the centre along (dx, dy, dz) at which a triangle is met; -1 without (Moeller, Trumbore 1997)."""
+    ax, ay, az = _corner(corners, at, 0)
+    bx, by, bz = _corner(corners, at, 1)
+    cx, cy, cz = _corner(corners, at, 2)
+    ux, uy, uz = bx - ax, by - ay, bz - az
+    vx, vy, vz = cx - ax, cy - ay, cz - az
+    px, py, pz = dy * vz - dz * vy, dz * vx - dx * vz, dx * vy - dy * vx
+    det = ux * px + uy * py + uz * pz
+    if not abs(det) > 0.0:
+        return -1.0
+    tx, ty, tz = centre[0] - ax, centre[1] - ay, centre[2] - az
+    u = (tx * px + ty * py + tz * pz) / det
+    qx, qy, qz = ty * uz - tz * uy, tz * ux - tx * uz, tx * uy - ty * ux
+    v = (dx * qx + dy * qy + dz * qz) / det
+    if u < 0.0 or v < 0.0 or u + v > 1.0:
+        return -1.0
+    return (vx * qx + vy * qy + vz * qz) / det
+
+
+@njit(cache=True)
+def _see(points, own, m, centre, nearness, triangle, corner, places, corners, limits, facing, out):
+    height, width = nearness.shape
+    for i in range(points.shape[0]):
+        if own[i] < 0:
+            continue
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        at = places[own[i] // PER_BLOCK] + own[i] % PER_BLOCK
+        ax, ay, az = _corner(corners, at, 0)
+        bx, by, bz = _corner(corners, at, 1)
+        cx, cy, cz = _corner(corners, at, 2)
+        nx, ny, nz = (
+            (by - ay) * (cz - az) - (bz - az) * (cy - ay),
+            (bz - az) * (cx - ax) - (bx - ax) * (cz - az),
+            (bx - ax) * (cy - ay) - (by - ay) * (cx - ax),
+        )
+        dx, dy, dz = x - centre[0], y - centre[1], z - centre[2]
+        if facing * (nx * dx + ny * dy + nz * dz) >= 0.0:
+            out[i] = MeshSight.AWAY
+            continue
+        depth = m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3]
+        col = (m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3]) / depth
+        row = (m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3]) / depth
+        c0, r0 = int(np.floor(col)) - corner[1], int(np.floor(row)) - corner[0]
+        hidden, own_shown, met, behind = False, False, False, True
+        # Outside of the raster nothing is drawn: such places are beyond the rim of the photograph.
+        for r in range(max(r0, 0), min(r0 + 2, height)):
+            for c in range(max(c0, 0), min(c0 + 2, width)):
+                other = triangle[r, c]
+                if other < 0 or depth * nearness[r, c] <= 1.0 + limits[1]:
+                    behind = False
+                if other < 0:
+                    continue
+                if other == own[i]:
+                    own_shown = True
+                    continue
+                if other // PER_BLOCK >= places.size or places[other // PER_BLOCK] < 0:
+                    continue
+                share = _met(corners, places[other // PER_BLOCK] + other % PER_BLOCK, centre, dx, dy, dz)
+                if share > 0.0:
+                    met = True
+                    if share < 1.0 - limits[0]:
+                        hidden = True
+        if hidden or (behind and not own_shown and not met):
+            out[i] = MeshSight.HIDDEN
+            continue
+        nearest, farthest = 0.0, np.inf
+        for r in range(max(r0 - 1, 0), min(r0 + 3, height)):
+            for c in range(max(c0 - 1, 0), min(c0 + 3, width)):
+                near = max(nearness[r, c], np.float32(0.0))
+                nearest, farthest = max(nearest, near), min(farthest, near)
+        # 1 / near - 1 / far over the depth: differences of the order of a pixel are counted in pixels at this depth.
+        at_break = farthest <= 0.0 or 1.0 / farthest - 1.0 / nearest > limits[2] * depth
+        out[i] = MeshSight.AT_BREAK if at_break else MeshSight.SEEN

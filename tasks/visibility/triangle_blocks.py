@@ -1,0 +1,84 @@
+"""A mesh cut into blocks of neighbouring triangles, so that a job reads those that it needs and not the whole mesh.
+
+Triangles are ordered along a curve through space (Morton's), and each 16384 of them are a block: 128 x 128 pixels of a raster with
+nine bands, the corners of a triangle. A triangle's number is its place in that order, so it also tells its block. Corners
+are float32 relative to an origin near the mesh: 0.03 mm over a kilometre; at a common edge triangles have the same bits.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+SIDE = 128
+PER_BLOCK = SIDE * SIDE
+"""triangles of a block"""
+_CELLS = 2**20  # along an axis of the curve
+
+
+def spatial_order(centres: np.ndarray) -> np.ndarray:
+    """The order (T,) of points (T, 3) along Morton's curve through the cube that holds them; equal places keep their order."""
+    low = centres.min(axis=0)
+    size = float((centres.max(axis=0) - low).max()) or 1.0
+    cells = np.minimum((centres - low) * (_CELLS / size), _CELLS - 1).astype(np.uint64)
+    code = np.zeros(len(centres), np.uint64)
+    for axis in range(3):
+        code |= _spread(cells[:, axis]) << np.uint64(axis)
+    return np.argsort(code, kind="stable")
+
+
+def _spread(values: np.ndarray) -> np.ndarray:
+    """The 21 low bits of uint64 values, each followed by two zeros."""
+    out = values
+    for shift, mask in ((32, 0x1F00000000FFFF), (16, 0x1F0000FF0000FF), (8, 0x100F00F00F00F00F), (4, 0x10C30C30C30C30C3)):
+        out = (out | out << np.uint64(shift)) & np.uint64(mask)
+    return (out | out << np.uint64(2)) & np.uint64(0x1249249249249249)
+
+
+def block_count(triangles: int) -> int:
+    """Blocks of a mesh of so many triangles."""
+    return -(-triangles // PER_BLOCK)
+
+
+def as_blocks(corners: np.ndarray) -> np.ndarray:
+    """The raster (SIDE * blocks, SIDE, 9) float32 of ordered triangles (T, 3, 3); NaN after the last one."""
+    out = np.full((block_count(len(corners)) * PER_BLOCK, 9), np.nan, np.float32)
+    out[: len(corners)] = corners.reshape(-1, 9)
+    return out.reshape(-1, SIDE, 9)
+
+
+def block_bounds(raster: np.ndarray) -> np.ndarray:
+    """(blocks, 2, 3): lowest and highest corner of each block of a raster."""
+    corners = raster.reshape(-1, PER_BLOCK * 3, 3)
+    return np.stack([np.nanmin(corners, axis=1), np.nanmax(corners, axis=1)], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class TrianglesAtHand:
+    """Some blocks of a mesh: `numbers` (B,) of the blocks, ascending, `corners` (B * PER_BLOCK, 3, 3) float32."""
+
+    numbers: np.ndarray
+    corners: np.ndarray
+
+    @staticmethod
+    def of(numbers: tuple[int, ...], blocks: tuple[np.ndarray, ...]) -> "TrianglesAtHand":
+        """From the block numbers and their rasters (SIDE, SIDE, 9)."""
+        empty = np.zeros((0, 9), np.float32)
+        corners = np.concatenate([empty, *(block.reshape(-1, 9) for block in blocks)]).reshape(-1, 3, 3)
+        return TrianglesAtHand(np.array(numbers, np.int64), corners)
+
+    @property
+    def places(self) -> np.ndarray:
+        """int32: for every block number up to the greatest one the place of its first triangle in `corners`, -1 where absent."""
+        out = np.full(int(self.numbers.max(initial=-1)) + 2, -1, np.int32)
+        out[self.numbers] = np.arange(len(self.numbers)) * PER_BLOCK
+        return out
+
+    @property
+    def triangles(self) -> np.ndarray:
+        """Numbers (N,) int32 in the whole mesh of the triangles at hand, in the order of `corners`."""
+        return (self.numbers[:, None] * PER_BLOCK + np.arange(PER_BLOCK)).ravel().astype(np.int32)
+
+    def corners_of(self, triangles: np.ndarray) -> np.ndarray:
+        """(N, 3, 3) float64 corners of triangles (N,) that are at hand."""
+        triangles = np.asarray(triangles, np.int64)
+        return self.corners[self.places[triangles // PER_BLOCK] + triangles % PER_BLOCK].astype(np.float64)

@@ -1,0 +1,199 @@
+"""The whole stage in memory on a wall with a box in front of it, whose colours and shadows are known."""
+
+import numpy as np
+import pytest
+
+from orthomill.schemas.camera import Camera
+from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.solid.mesh import TriangleMesh
+from orthomill.tasks.geometry.view import View, block_view
+from orthomill.tasks.projection.projection_frames import looking_at
+from orthomill.tasks.projection.stage import ProjectionStage
+from orthomill.tasks.visibility.mesh_sight import MeshSight
+from tests.support.engine.memory_runner import MemoryProject
+from tests.support.solid import wall_and_box as scene
+
+FRONT = {
+    "kind": "plane",
+    "name": "front",
+    "plane": {"kind": "normal", "point": (0.0, 0.0, 1.5), "normal": (0.0, -1.0, 0.0)},
+    "pixel": 0.025,
+    "size": (4.0, 3.0),
+}
+
+
+def stage(**more) -> ProjectionStage:
+    given = {"surface": {"kind": "mesh", "path": "mesh.ply"}, "outputs": [FRONT], "balance": {"kind": "none"}, **more}
+    return ProjectionStage.model_validate(given)
+
+
+def front_truth() -> tuple[np.ndarray, np.ndarray]:
+    """Points (rows, cols, 3) that the front shows, and their colours."""
+    x, z = np.meshgrid(-2 + (np.arange(160) + 0.5) * 0.025, 3 - (np.arange(120) + 0.5) * 0.025)
+    start = np.column_stack([x.ravel(), np.full(x.size, -50.0), z.ravel()])
+    points, box, _ = scene.traced(start, np.tile([0.0, 1.0, 0.0], (x.size, 1)))
+    return points.reshape(120, 160, 3), scene.colour(points, box).reshape(120, 160, 3)
+
+
+@pytest.fixture(scope="module")
+def plain() -> MemoryProject:
+    project = scene.project_of(MemoryProject)
+    project.run(stage())
+    return project
+
+
+def test_front_has_the_colours_of_the_wall_and_of_the_box(plain):
+    ortho, (_, truth) = plain.rasters["projection/front/ortho"], front_truth()
+    known = ortho[..., 3] > 0
+    error = np.abs(ortho[..., :3] - truth).mean(axis=2)[known]
+    assert known.mean() > 0.97
+    assert np.percentile(error, 95) < 3.0
+
+
+def test_coverage_is_what_rays_to_every_photograph_tell(plain):
+    points, _ = front_truth()
+    views = [block_view(scene.block(), name) for name in scene.NAMES]
+    expected = sum(scene.sees(view, points.reshape(-1, 3)).astype(int) for view in views).reshape(120, 160)
+    assert np.mean(plain.rasters["projection/front/coverage"] == expected) > 0.995
+
+
+def test_depth_is_the_distance_from_the_plane(plain):
+    points, _ = front_truth()
+    np.testing.assert_allclose(plain.rasters["projection/front/nearness"], -points[..., 1], atol=1e-6)
+
+
+def test_a_photograph_left_out_is_made_again_and_blending_is_no_worse_than_the_nearest(plain):
+    for number, name in enumerate(scene.NAMES):
+        result = plain.tables[f"projection/left_out_{number}.json"]
+        assert result.photo == name and result.covered > 0.35
+        assert result.blended.psnr > 27 and result.blended.ssim > 0.95
+        assert result.blended.gradient > 0.9
+        assert result.blended.psnr > result.nearest.psnr - 0.5
+
+
+def test_tiles_of_any_size_give_the_same_picture(plain):
+    other = scene.project_of(MemoryProject, tile=64)
+    other.run(stage(leave_one_out={"kind": "none"}))
+    for layer in ("ortho", "coverage", "sight", "triangle", "rejected"):
+        assert np.array_equal(other.rasters[f"projection/front/{layer}"], plain.rasters[f"projection/front/{layer}"]), layer
+    assert "projection/left_out_0/blended" not in other.rasters
+
+
+def of(outputs=None, **more) -> dict[str, np.ndarray]:
+    """The rasters of a run with other settings."""
+    project = scene.project_of(MemoryProject)
+    project.run(stage(leave_one_out={"kind": "none"}, outputs=outputs or [FRONT], **more))
+    return project.rasters
+
+
+def test_photographs_switched_off_contribute_nothing():
+    rasters = of(without=("b", "[cd]"))
+    assert rasters["projection/front/sight"].shape == (120, 160, 1)
+    assert rasters["projection/front/coverage"][rasters["projection/front/triangle"] >= 0].max() == 1
+
+
+def test_a_pattern_that_matches_no_photograph_is_refused():
+    with pytest.raises(WorkflowError, match="names x, but no oriented photograph"):
+        of(without=("x",))
+    with pytest.raises(WorkflowError, match="leaves none of the 4"):
+        of(without=("*",))
+
+
+def test_masked_pixels_are_not_used():
+    project = scene.project_of(MemoryProject)
+    mask = np.full((180, 240, 1), 255, np.uint8)
+    mask[:, :120] = 0
+    project.files["masks/b.png"] = mask
+    project.run(stage(leave_one_out={"kind": "none"}, masks={"kind": "folder", "path": "masks"}))
+    sight = project.rasters["projection/front/sight"]
+    view, (points, _) = block_view(scene.block(), "b"), front_truth()
+    pixels = view.project(points.reshape(-1, 3)).reshape(120, 160, 2)
+    masked = sight[..., 1] == MeshSight.MASKED
+    assert masked.any() and pixels[masked][:, 0].max() < 120 and not (sight[..., [0, 2, 3]] == MeshSight.MASKED).any()
+    seen = sight[..., 1] >= MeshSight.AT_BREAK
+    assert pixels[seen][:, 0].min() >= 119.5
+
+
+@pytest.mark.parametrize(
+    "section",
+    [
+        {"kind": "plane", "point": (0.0, -0.4, 0.0), "normal": (0.0, -2.0, 0.0)},
+        {"kind": "box", "low": (-0.5, -1.2, -0.1), "high": (0.5, -0.5, 2.2), "keep": "outside"},
+        {"kind": "prism", "polygon": ((-0.5, -1.2), (0.5, -1.2), (0.5, -0.5), (-0.5, -0.5)), "keep": "outside"},
+        {"kind": "prism", "polygon": ((-3, 1), (3, 1), (3, -0.4), (-3, -0.4)), "keep": "inside"},
+    ],
+    ids=lambda section: section["kind"],
+)
+def test_a_section_shows_the_wall_behind_the_box_coloured_by_those_that_see_it(section):
+    rasters = of([{**FRONT, "section": section}])
+    points, _ = front_truth()
+    wall = np.stack([points[..., 0], np.zeros((120, 160)), points[..., 2]], axis=2).reshape(-1, 3)
+    seen = sum(scene.sees(block_view(scene.block(), name), wall).astype(int) for name in scene.NAMES).reshape(120, 160)
+    truth = scene.colour(wall, np.zeros(len(wall), bool)).reshape(120, 160, 3)
+    ortho = rasters["projection/front/ortho"]
+    np.testing.assert_allclose(rasters["projection/front/nearness"], 0.0, atol=1e-6)
+    assert np.mean(rasters["projection/front/coverage"] == seen) > 0.995
+    assert np.percentile(np.abs(ortho[..., :3] - truth).mean(axis=2)[ortho[..., 3] > 0], 95) < 3.0
+
+
+def test_a_view_with_distortion_is_what_the_camera_there_would_see():
+    output = {"kind": "photograph", "name": "again", "photo": "b", "itself": True, "distortion": "kept"}
+    ortho = of([output])["projection/again/ortho"]
+    own = scene.photograph(block_view(scene.block(), "b"))
+    known = (ortho[..., 3] > 0) & (own.max(axis=2) > 0)
+    assert known.mean() > 0.4
+    assert np.percentile(np.abs(ortho[..., :3].astype(float) - own).mean(axis=2)[known], 95) < 4.0
+
+
+def test_a_photograph_without_itself_and_without_distortion():
+    output = {"kind": "photograph", "name": "again", "photo": "b", "itself": False, "distortion": "removed"}
+    rasters = of([output])
+    assert rasters["projection/again/sight"].shape == (180, 240, 3)
+    ideal = scene.CAMERA.model_copy(update={"k1": 0.0, "k2": 0.0})
+    own = scene.photograph(block_view(scene.block(camera=ideal), "b"))
+    ortho = rasters["projection/again/ortho"]
+    known = (ortho[..., 3] > 0) & (own.max(axis=2) > 0)
+    assert np.percentile(np.abs(ortho[..., :3].astype(float) - own).mean(axis=2)[known], 90) < 4.0
+
+
+def test_a_perspective_view_looks_at_its_target():
+    output = {"kind": "perspective", "name": "view", "position": (1.0, -4.0, 2.0), "target": (0.0, 0.0, 1.4)}
+    ortho = of([{**output, "width": 200, "height": 150, "c": 160.0, "k1": -0.04, "k2": 0.01}])["projection/view/ortho"]
+    camera = Camera(name="view", width=200, height=150, c=160.0, k1=-0.04, k2=0.01)
+    turn = looking_at(np.array([1.0, -4.0, 2.0]), np.array([0.0, 0.0, 1.4]))
+    own = scene.photograph(View("view", camera, turn, np.array([1.0, -4.0, 2.0])))
+    known = (ortho[..., 3] > 0) & (own.max(axis=2) > 0)
+    assert known.mean() > 0.3
+    assert np.percentile(np.abs(ortho[..., :3].astype(float) - own).mean(axis=2)[known], 95) < 4.0
+
+
+def test_the_map_shows_the_top_of_the_box_and_no_wall():
+    rasters = of([{"kind": "map", "name": "plan", "pixel": 0.05}])
+    heights = rasters["projection/plan/nearness"]
+    assert np.nanmax(heights) - np.nanmin(heights) < 3.01
+    assert rasters["projection/plan/sight"].max() <= MeshSight.SEEN
+
+
+def test_inward_faces_are_turned_and_a_way_that_is_set_is_kept():
+    project = scene.project_of(MemoryProject)
+    mesh = project.files["mesh.ply"]
+    project.files["mesh.ply"] = TriangleMesh(mesh.vertices, mesh.triangles[:, ::-1].copy())
+    project.run(stage(leave_one_out={"kind": "none"}))
+    assert project.tables["projection/facing.json"].turned
+    assert project.rasters["projection/front/ortho"][..., 3].mean() > 240
+    kept = of(surface={"kind": "mesh", "path": "mesh.ply", "faces": "inwards"})
+    assert not kept["projection/front/ortho"].any()
+
+
+def test_sight_settings_reach_the_test():
+    assert (of(sight={"break_at": 1e-3})["projection/front/sight"] == MeshSight.SEEN).sum() == 0
+    everything = of(sight={"depth": 1e4, "rough": 1e4})["projection/front/sight"]
+    assert not (everything == MeshSight.HIDDEN).any()
+
+
+def test_widening_keeps_clear_of_the_limits():
+    near = of(widening={"kind": "limits", "window": 1, "speck": 0, "dilation": 6.0})
+    assert sum(int(values.any()) for name, values in near.items() if "/limits/" in name) == 4
+    speckless = of(widening={"kind": "limits", "speck": 10_000, "dilation": 6.0})
+    assert not any(values.any() for name, values in speckless.items() if "/limits/" in name)
+    assert not any("/limits/" in name for name in of(widening={"kind": "none"}))
