@@ -50,3 +50,32 @@ class SurfacePoint:
     place: tuple[float, float, float]
     covariance: tuple[tuple[float, float, float], ...]
     photos: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class PairUnknown:
+    """An unknown of a relative orientation, from the tie points of the pair alone and from the adjusted block."""
+
+    form: str
+    name: str
+    unit: str
+    """of values and standard errors; empty for a ratio"""
+    # Two photographs of a fixed block have no covariance, and a pair of six matches no redundancy.
+    of_points: float
+    sigma_of_points: float | None
+    of_block: float
+    sigma_of_block: float | None
+
+
+@dataclass(frozen=True)
+class PairForms:
+    """The relative orientation of a pair in its classical forms."""
+
+    left: str
+    right: str
+    quarter_turns: tuple[int, int]
+    """by which the image systems of both were turned, counter-clockwise, so that the base lies along x"""
+    matches: int
+    kept: int
+    sigma0_px: float
+    unknowns: tuple[PairUnknown, ...]

@@ -1,4 +1,4 @@
-"""The explicit list of stages, in the order in which they stand in a workflow; and what can be done with a single photograph."""
+"""The explicit list of stages, in the order in which they stand in a workflow; and what can be done with one photograph or two."""
 
 from orthomill.schemas.stage_contract import Stage
 from orthomill.tasks.calibration.stage import CalibrationStage
@@ -8,6 +8,7 @@ from orthomill.tasks.epipolar.stage import EpipolarStage
 from orthomill.tasks.evaluation.stage import EvaluationStage
 from orthomill.tasks.inspections.image_points import points_on_surface
 from orthomill.tasks.inspections.window_size import Method, share_of, sizing_of, window_size_map
+from orthomill.tasks.orientation.relative.classical_forms import classical_forms
 from orthomill.tasks.orientation.stage import OrientationStage
 from orthomill.tasks.photos.stage import PhotosStage
 from orthomill.tasks.projection.stage import ProjectionStage
@@ -16,7 +17,7 @@ from orthomill.tasks.simulation.stage import SimulationStage
 from orthomill.tasks.texture.stage import TextureStage
 from orthomill.tasks.tie_points.stage import TiePointsStage
 
-__all__ = ["STAGES", "Method", "points_on_surface", "share_of", "sizing_of", "window_size_map"]
+__all__ = ["STAGES", "Method", "classical_forms", "points_on_surface", "share_of", "sizing_of", "window_size_map"]
 
 STAGES: tuple[type[Stage], ...] = (
     SimulationStage,

@@ -24,8 +24,9 @@ from orthomill.pipeline.cli.clean import clean_run
 from orthomill.pipeline.cli.demo import write_demo
 from orthomill.pipeline.cli.doctor import doctor as examine
 from orthomill.pipeline.cli.inspect_photo import GuardedPhoto, picture_path, write_map
-from orthomill.pipeline.cli.monoplot import monoplot_table, read_image_points
+from orthomill.pipeline.cli.lookups.lookup_commands import lookups
 from orthomill.pipeline.cli.plan_lines import plan_lines, plan_notes
+from orthomill.pipeline.cli.projects import load_project
 from orthomill.pipeline.cli.run_display import run_display
 from orthomill.pipeline.cli.run_end import RunEnd, run_end, tell, tell_as_json
 from orthomill.pipeline.cli.sign import Person, sign_project, signing_lines
@@ -48,14 +49,13 @@ from orthomill.pipeline.report.summary import summary_markdown
 from orthomill.pipeline.signing.signature import check_signature
 from orthomill.pipeline.signing.signature_lines import signature_lines
 from orthomill.pipeline.signing.statement import Signer
-from orthomill.pipeline.storage.table_files import write_whole
 from orthomill.pipeline.watching.live_map import MAP, tiles_address
 from orthomill.pipeline.workflow.settings_reference import write_settings_reference
 from orthomill.pipeline.workflow.starting_workflow import write_starting_workflow
-from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow, load_workflow, resolve_workflow
+from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow
 from orthomill.schemas.errors import ResourceError, StoreError
 from orthomill.schemas.job import Export
-from orthomill.tasks.catalogue import STAGES, Method, points_on_surface, share_of, sizing_of, window_size_map
+from orthomill.tasks.catalogue import STAGES, Method, share_of, sizing_of, window_size_map
 
 app = typer.Typer(
     help="From overlapping photographs to a checked surface model and a blended true orthoimage.",
@@ -64,6 +64,7 @@ app = typer.Typer(
 )
 inspect = typer.Typer(help="Look at a single photograph, without a project.", no_args_is_help=True)
 app.add_typer(inspect, name="inspect")
+app.add_typer(lookups)
 From = Annotated[str | None, typer.Option("--from", help="Run this stage and all later ones again, changed or not.")]
 Until = Annotated[str | None, typer.Option(help="Stop after this stage.")]
 Sequential = Annotated[bool, typer.Option("--sequential", help="One job after another in this process, without Dask.")]
@@ -89,10 +90,6 @@ def main_options(
     """From overlapping photographs to a checked surface model and a blended true orthoimage."""
 
 
-def _load(name: str) -> LoadedWorkflow:
-    return load_workflow(resolve_workflow(name, Path.cwd()), STAGES)
-
-
 @app.command()
 def run(
     name: Name,
@@ -112,7 +109,7 @@ def run(
 ) -> None:
     """Run a workflow; continues where an earlier run stopped."""
     with plain_errors(debug):
-        loaded, tls = _load(name), _tls_files(scheduler, (tls_ca, tls_cert, tls_key))
+        loaded, tls = load_project(name), _tls_files(scheduler, (tls_ca, tls_cert, tls_key))
         end = _run(loaded, Options(from_stage, until, workers, memory * MIB, sequential, scheduler, port, tls), as_json)
     if not end.facts.complete:
         raise typer.Exit(1)
@@ -158,7 +155,7 @@ def demo(workers: Workers = 0, memory: Memory = 1500, sequential: Sequential = F
     """Run a small embedded project in the current folder: photographs are simulated, everything else is as with real ones."""
     with plain_errors(debug):
         path = write_demo(Path.cwd())
-        end = _run(_load(str(path)), Options(None, None, workers, memory * MIB, sequential))
+        end = _run(load_project(str(path)), Options(None, None, workers, memory * MIB, sequential))
     if not end.facts.complete:
         raise typer.Exit(1)
 
@@ -191,7 +188,7 @@ def calibrate(
 def plan(name: Name, from_stage: From = None, until: Until = None, debug: Debug = False) -> None:
     """Show what a run would do: jobs, bytes, peak memory, and why each stage would run. Writes nothing."""
     with plain_errors(debug):
-        session = session_of(_load(name), from_stage, until)
+        session = session_of(load_project(name), from_stage, until)
         noticed = plan_ahead(session).remarks()
         expected = forecast(session)
         out.print(plan_lines(session, expected))
@@ -205,7 +202,7 @@ def plan(name: Name, from_stage: From = None, until: Until = None, debug: Debug 
 def status(name: Name, debug: Debug = False) -> None:
     """Show what is done, what failed and why, also while a run is in progress."""
     with plain_errors(debug):
-        loaded = _load(name)
+        loaded = load_project(name)
         folder = loaded.run_folder
         begun = _begun(folder)
         now = ("this run",) if begun else ()
@@ -253,7 +250,7 @@ def report(
 ) -> None:
     """Write the report and the summary again from the stored results."""
     with plain_errors(debug):
-        page = rewrite_results(_load(name))
+        page = rewrite_results(load_project(name))
         out.print(str(page), soft_wrap=True)
         if pdf:
             out.print(str(write_pdf(page)), soft_wrap=True)
@@ -268,7 +265,7 @@ def export(
 ) -> None:
     """Write products again, or any raster of the store as a GeoTIFF."""
     with plain_errors(debug):
-        session = session_of(_load(name))
+        session = session_of(load_project(name))
         chosen = _exports(session, raster, path)
         with only_run(session.folder):
             for job in chosen:
@@ -299,7 +296,7 @@ def clean(
 ) -> None:
     """Remove a project's results; its photographs and workflow stay."""
     with plain_errors(debug):
-        loaded, stages = _load(name), tuple(stage or ())
+        loaded, stages = load_project(name), tuple(stage or ())
         check_stage_names(loaded, stages)
         clean_run(loaded.run_folder, stages)
         out.print(f"removed from {loaded.run_folder}: {', '.join(stages) or 'everything'}", soft_wrap=True)
@@ -309,7 +306,7 @@ def clean(
 def verify(name: Name, debug: Debug = False) -> None:
     """Check every stored result against its checksum; what is damaged is computed again by the next run."""
     with plain_errors(debug):
-        folder = _load(name).run_folder
+        folder = load_project(name).run_folder
         if not folder.is_dir():
             raise StoreError(f"{folder.name} has no results yet; run it first: orthomill run {name}")
         found = verify_results(folder)
@@ -332,7 +329,7 @@ def sign(
 ) -> None:
     """Sign the figures and products of a finished run; `orthomill verify` tells whether they still belong together."""
     with plain_errors(debug):
-        loaded = _load(name)
+        loaded = load_project(name)
         question = f"Do you, {signer}, {role}, sign these figures and the products they are about?"
 
         def agrees(page: FirstPage) -> bool:
@@ -351,7 +348,7 @@ def sign(
 def dashboard(name: Name, debug: Debug = False) -> None:
     """Print the address of the dashboard of a run in progress."""
     with plain_errors(debug):
-        folder = _load(name).run_folder
+        folder = load_project(name).run_folder
         none = f"{folder.name} is running without Dask, so there is no dashboard; see: orthomill status {name}"
         idle = f"{folder.name} is not running; start it with: orthomill run {name}"
         out.print(_dashboard_address(folder) or (none if is_running(folder) else idle), soft_wrap=True)
@@ -361,7 +358,7 @@ def dashboard(name: Name, debug: Debug = False) -> None:
 def watch(name: Name, debug: Debug = False) -> None:
     """Show the map of tiles in a browser: live while the project runs, as it ended afterwards."""
     with plain_errors(debug):
-        folder = _load(name).run_folder
+        folder = load_project(name).run_folder
         live = _dashboard_address(folder)
         kept = folder / MAP
         if not live and not kept.exists():
@@ -407,29 +404,6 @@ def inspect_window_size(
 
 
 @app.command()
-def monoplot(
-    name: Name,
-    photo: Annotated[str, typer.Argument(help="A photograph of the block.")],
-    points: Annotated[Path, typer.Option(help="Text file: col and row of a point on a line, px, perhaps with a name before them.")],
-    sigma: Annotated[float, typer.Option(help="Standard error of an image coordinate, px.", min=0.0)] = 0.5,
-    output: Annotated[Path | None, typer.Option(help="The CSV to write; printed when left out.")] = None,
-    debug: Debug = False,
-) -> None:
-    """Points of one photograph on the surface: X, Y, Z, standard errors, covariances, and the photographs that see them."""
-    with plain_errors(debug):
-        table = monoplot_table(_load(name).run_folder, photo, read_image_points(points), sigma, points_on_surface)
-        for sentence in table.missed:
-            err.print(escape(sentence), soft_wrap=True)
-        if output is None:
-            typer.echo(table.csv, nl=False)
-        else:
-            write_whole(output, table.csv.encode())
-            out.print(f"{output}: {table.count} points", soft_wrap=True)
-    if table.missed:
-        raise typer.Exit(1)
-
-
-@app.command()
 def doctor() -> None:
     """Examine this machine: versions, cores, memory, free disk, what is missing."""
     rows = examine(Path.cwd())
@@ -455,7 +429,7 @@ def figures(
 ) -> None:
     """Write the page of all names in summary.json from a finished run."""
     with plain_errors(debug):
-        loaded = _load(name)
+        loaded = load_project(name)
         summary = json.loads((loaded.root / "runs" / loaded.project.project / "summary.json").read_text())
         path.write_text(summary_markdown(summary))
 

@@ -8,7 +8,7 @@ import pytest
 from small_site import command, make_site
 from village_pair import block_of, normal_case
 
-from orthomill.pipeline.cli.monoplot import monoplot_table, read_image_points
+from orthomill.pipeline.cli.lookups.monoplot import monoplot_table, read_image_points
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import StoreError, WorkflowError
 from orthomill.schemas.orientation import BLOCK
