@@ -3,9 +3,10 @@
 The stages part is typed by the catalogue of stages; the pipeline combines the two.
 """
 
-from typing import Annotated, Literal
+import math
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from orthomill.schemas.settings import Settings, setting
 
@@ -198,6 +199,71 @@ ControlSource = Annotated[
 ]
 
 
+Point = tuple[float, float, float]
+
+
+class FacadeFound(Settings):
+    """The upright plane, to a whole degree, near which most of the tie points lie."""
+
+    kind: Literal["facade"] = "facade"
+
+
+class FittedPlane(Settings):
+    """The plane near which most of the tie points lie, upright or not."""
+
+    kind: Literal["fit"]
+
+
+class PlaneOfPoints(Settings):
+    """The plane through three points."""
+
+    kind: Literal["points"]
+    points: tuple[Point, Point, Point] = setting(..., "X, Y, Z of the points.", "m")
+
+    @model_validator(mode="after")
+    def _is_no_line(self) -> Self:
+        (ax, ay, az), (bx, by, bz), (cx, cy, cz) = self.points
+        u, v = (bx - ax, by - ay, bz - az), (cx - ax, cy - ay, cz - az)
+        across = (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
+        if math.hypot(*across) <= 1e-6 * math.hypot(*u) * math.hypot(*v):
+            raise ValueError("the three points of the plane are on one line; give three that form a triangle")
+        return self
+
+
+class PlaneAcross(Settings):
+    """The plane through a point, across a direction."""
+
+    kind: Literal["normal"]
+    point: Point = setting(..., "A point of the plane.", "m")
+    normal: Point = setting(..., "The direction across it, of any length; its front is where most photographs stand.")
+
+    @model_validator(mode="after")
+    def _has_a_direction(self) -> Self:
+        if not any(self.normal):
+            raise ValueError("the normal of the plane is (0, 0, 0); give the direction towards the viewer")
+        return self
+
+
+PlaneChoice = Annotated[FacadeFound | FittedPlane | PlaneOfPoints | PlaneAcross, Field(discriminator="kind")]
+
+
+class MapSurface(Settings):
+    """The surface stands on the map: a height for every cell."""
+
+    kind: Literal["map"] = "map"
+
+
+class PlaneSurface(Settings):
+    """The surface stands on a plane in space, a facade or a wall: a distance before it for every cell. All stages after the
+    orientation work in the system of that plane: x to the right, y upwards, heights towards the photographs."""
+
+    kind: Literal["plane"]
+    plane: PlaneChoice = setting(FacadeFound(), "Where the plane is.")
+
+
+SurfaceGround = Annotated[MapSurface | PlaneSurface, Field(discriminator="kind")]
+
+
 class Project(Settings):
     """Everything in a workflow file except its stages."""
 
@@ -208,5 +274,6 @@ class Project(Settings):
     cameras: CameraSource = setting(CameraFromExif(kind="exif"), "Where the interior orientation comes from.")
     positions: Positions = setting(PositionsFromExif(kind="exif"), "Where the positions of the photographs come from.")
     control: ControlSource = setting(NoControl(kind="none"), "Ground control and check points.")
+    grid: SurfaceGround = setting(MapSurface(), "What the surface stands on: the map, or a plane such as a facade.")
     # Multiples of 64: pyramid levels and the blocks of exported GeoTIFFs divide a tile without a rest.
     tile: int = setting(512, "Side of a tile: the unit of work, of storage and of memory.", "px", ge=128, le=8192, multiple_of=64)

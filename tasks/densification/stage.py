@@ -116,14 +116,14 @@ class DensificationStage(Stage):
             yield from self._object_space(view, surface, self.matching)
 
     def _tiles(self, view: ProjectView) -> SurfacePlan:
-        return SurfacePlan(self.kind, view.project.crs, view.project.tile, self.rules)
+        return SurfacePlan(self.kind, view.table(BLOCK_TABLE).crs, view.project.tile, self.rules)
 
     def _object_space(self, view: ProjectView, surface: Surface, matching: ObjectSpace) -> _Plan:
         """The volume, the pairs near it, and the surface from both."""
         pairs = view.table(PAIRS).pairs
         reach = None if matching.reach == "auto" else float(matching.reach)
         scene = VolumeScene(view.table(BLOCK_TABLE), view.table(PHOTOS), surface, matching.volume, matching.guide, reach)
-        yield from volume_plan(scene, matching.sure, self.kind, view.project.crs)
+        yield from volume_plan(scene, matching.sure, self.kind, view.table(BLOCK_TABLE).crs)
         for pair in pairs:
             yield from pair_plan(pair, surface, matching.pairs, self.kind)
         volume = {"height": JUDGED_HEIGHT, "judgement": JUDGEMENT, "worth": WORTH}
@@ -142,7 +142,7 @@ class DensificationStage(Stage):
     def _guided(self, view: ProjectView, surface: Surface, matching: Guided) -> _Plan:
         """The levels of points, every pixel of the pairs, and the surface from these."""
         pairs, ground = view.table(PAIRS).pairs, view.table(BLOCK_TABLE).ground_mean
-        yield from GuidedPlan(self.kind, view.project.crs, surface, pairs, matching).jobs()
+        yield from GuidedPlan(self.kind, view.table(BLOCK_TABLE).crs, surface, pairs, matching).jobs()
         yield from self._tiles(view).jobs(SurfaceSource(make_pair_surface, {}, surface, ground, 0.0, matching.pixels.step), pairs)
         reads = {**_read_of_pairs(pairs), "levels": tuple(level_table(level.number) for level in matching.levels)}
         yield Job(self.kind, "report", guided_report, reads, {"report": report_table(self.kind)}, {"settings": matching})
@@ -153,7 +153,7 @@ class DensificationStage(Stage):
     def _lines(self, view: ProjectView, surface: Surface, matching: VerticalLineLocus) -> _Plan:
         """Blocks of vertical lines, and the surface from them."""
         scene = LocusScene(view.table(BLOCK_TABLE), view.table(PHOTOS), surface, matching)
-        yield from locus_plan(scene, self.kind, view.project.crs)
+        yield from locus_plan(scene, self.kind, view.table(BLOCK_TABLE).crs)
         lines = {"nodes": LINE_NODES, "photographs": LINE_PHOTOGRAPHS, "outcome": LINE_OUTCOME}
         source = SurfaceSource(
             make_line_surface, lines, surface, scene.block.ground_mean, scene.metres_per_pixel, 1, reads_nodes=False

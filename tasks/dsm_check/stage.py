@@ -132,7 +132,7 @@ class DsmCheckStage(Stage):
 
     def _input(self, view: ProjectView, grid: MapGrid, size: int) -> Iterator[RasterSpec | Job]:
         """The jobs that fill the raster under test, whatever its source."""
-        yield map_raster(INPUT, grid, "float32", view.project.crs, size, nodata=float("nan"), unit="m")
+        yield map_raster(INPUT, grid, "float32", view.table(BLOCK).crs, size, nodata=float("nan"), unit="m")
         for tile in tiles_of(grid.shape, size):
             yield Job(
                 self.kind,
@@ -161,7 +161,7 @@ class DsmCheckStage(Stage):
         )
         for side, photo in (("left", pair.left), ("right", pair.right)):
             name = ortho_raster(pair.name, side)
-            yield map_raster(name, own, "uint8", view.project.crs, plan.tile * factor, nodata=0, unit="grey")
+            yield map_raster(name, own, "uint8", view.table(BLOCK).crs, plan.tile * factor, nodata=0, unit="grey")
             for tile in tiles_of(pair.window.shape, plan.tile):
                 yield self._orthoimage(plan, pair, side, photo, tile)
 
@@ -237,7 +237,7 @@ class DsmCheckStage(Stage):
 
     def _answer(self, view: ProjectView, plan: _Plan) -> Iterator[RasterSpec | Job | Export]:
         for name in (DH, PRECISION, DETECTABLE, CORRECTED):
-            yield map_raster(name, plan.grid, "float32", view.project.crs, plan.tile, nodata=float("nan"), unit="m")
+            yield map_raster(name, plan.grid, "float32", view.table(BLOCK).crs, plan.tile, nodata=float("nan"), unit="m")
         size = block_size(plan.grid.shape)
         shape = tuple(-(-side // size) for side in plan.grid.shape)
         coarse = RasterSpec(name=COARSE, shape=(*shape, 3), dtype="float32", chunk=plan.tile // size)

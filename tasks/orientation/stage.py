@@ -15,9 +15,11 @@ from orthomill.schemas.observations import (
     TIE_POINT_COUNTS,
     TIE_POINTS,
     Control,
+    GroundPoints,
 )
-from orthomill.schemas.orientation import BLOCK, BLOCK_PRECISION, GROUND_RESIDUALS, RELATIVE, SEPARATE_BLOCKS
+from orthomill.schemas.orientation import BLOCK, BLOCK_PRECISION, GROUND_RESIDUALS, RELATIVE, SEPARATE_BLOCKS, Block
 from orthomill.schemas.photo import PHOTOS
+from orthomill.schemas.project import PlaneSurface
 from orthomill.schemas.raster import RasterSpec, Window
 from orthomill.schemas.settings import refuse_ignored, setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
@@ -29,6 +31,7 @@ from orthomill.tasks.orientation.exterior.adjusted_block import BlockChoices, or
 from orthomill.tasks.orientation.exterior.fixed_block import orient_fixed
 from orthomill.tasks.orientation.exterior.sources import Adjusted, ExteriorSource, ForeignSource
 from orthomill.tasks.orientation.exterior.started_block import orient_from
+from orthomill.tasks.orientation.plane.block_on_plane import PLANE, SURVEY_BLOCK, SURVEY_POINTS, block_on_plane
 from orthomill.tasks.orientation.relative.pairs import no_pairs, relate_pairs
 from orthomill.tasks.orientation.report import report
 from orthomill.tasks.orientation.reporting.control_sentences import control_sentence
@@ -43,7 +46,8 @@ _AT_LEAST = 32 * 2**20
 _PER_RAY, _PER_RELATED = 1000, 100
 """bytes per image measurement of the adjustment and of the pairs (measured with blocks of 20 thousand to 2 million)"""
 _SIMULATED = ("photographs/control.csv", "photographs/measurements.csv")
-BLOCK_TABLES: dict[str, Raster | Table] = {
+Tables = dict[str, Raster | Table]
+BLOCK_TABLES: Tables = {
     "block": BLOCK,
     "points": GROUND_POINTS,
     "image_residuals": IMAGE_RESIDUALS,
@@ -126,16 +130,21 @@ class OrientationStage(Stage):
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         yield self._control(view)
-        fixed = self._fixed_source
-        yield from self._fixed_jobs(view, fixed) if fixed else self._adjusted_jobs(view)
+        fixed, grid = self._fixed_source, view.project.grid
+        tables = BLOCK_TABLES if grid.kind == "map" else BLOCK_TABLES | {"block": SURVEY_BLOCK, "points": SURVEY_POINTS}
+        block = SURVEY_BLOCK if grid.kind == "plane" else BLOCK
+        points = SURVEY_POINTS if grid.kind == "plane" else GROUND_POINTS
+        yield from self._fixed_jobs(view, fixed, tables) if fixed else self._adjusted_jobs(view, tables)
+        if grid.kind == "plane":
+            yield from _plane_jobs(grid)
         yield RasterSpec(name=OVERLAP, shape=(SIDE, SIDE), dtype="uint8", chunk=SIDE)
-        yield from self._report_jobs()
-        yield Export("orientation", "cameras", "products/cameras.json", "json", tables=(BLOCK,))
+        yield from self._report_jobs(block, points)
+        yield Export("orientation", "cameras", "products/cameras.json", "json", tables=(block,))
         for name, path in PRODUCTS.items():
             yield Export("orientation", name, f"products/{path}", "text", tables=(product_table(name),))
 
-    def _report_jobs(self) -> Iterator[Job]:
-        """What is made from the block, however it was oriented."""
+    def _report_jobs(self, block: Table[Block], points: Table[GroundPoints]) -> Iterator[Job]:
+        """What is made from the block in the project's system, however it was oriented."""
         yield Job(
             "orientation",
             "report",
@@ -145,8 +154,8 @@ class OrientationStage(Stage):
                 "cameras": CAMERAS,
                 "control": CONTROL,
                 "relative": RELATIVE,
-                "block": BLOCK,
-                "points": GROUND_POINTS,
+                "block": block,
+                "points": points,
                 "image_residuals": IMAGE_RESIDUALS,
                 "ground_residuals": GROUND_RESIDUALS,
                 "precision": BLOCK_PRECISION,
@@ -157,19 +166,19 @@ class OrientationStage(Stage):
             "orientation",
             "products",
             block_products,
-            reads={"photos": PHOTOS, "block": BLOCK, "points": GROUND_POINTS},
+            reads={"photos": PHOTOS, "block": block, "points": points},
             writes={name: product_table(name) for name in PRODUCTS},
         )
         yield Job(
             "orientation",
             "overlap",
             overlap_map,
-            reads={"block": BLOCK},
+            reads={"block": block},
             writes={"map": Raster(OVERLAP, Window(0, 0, SIDE, SIDE))},
             scratch=64 * SIDE * SIDE,
         )
 
-    def _adjusted_jobs(self, view: ProjectView) -> Iterator[Job]:
+    def _adjusted_jobs(self, view: ProjectView, tables: Tables) -> Iterator[Job]:
         rays = view.table(TIE_POINT_COUNTS).rays
         yield Job(
             "orientation",
@@ -200,13 +209,13 @@ class OrientationStage(Stage):
             "block",
             function,
             reads=reads,
-            writes=BLOCK_TABLES | {"separate": SEPARATE_BLOCKS},
+            writes=tables | {"separate": SEPARATE_BLOCKS},
             params=params,
             scratch=_AT_LEAST + _PER_RAY * rays,
             way_out="find fewer tie points ('max_features' of tie_points)",
         )
 
-    def _fixed_jobs(self, view: ProjectView, source: ForeignSource) -> Iterator[Job]:
+    def _fixed_jobs(self, view: ProjectView, source: ForeignSource, tables: Tables) -> Iterator[Job]:
         """The block of another program; tie points examine it, where the workflow has them."""
         yield Job("orientation", "pairs", no_pairs, reads={}, writes={"relative": RELATIVE})
         texts = tuple(TextFile(path) for path in source.files)
@@ -220,7 +229,7 @@ class OrientationStage(Stage):
             "block",
             orient_fixed,
             reads=reads,
-            writes=dict(BLOCK_TABLES),
+            writes=tables,
             params={"crs": view.project.crs, "source": source},
             scratch=_AT_LEAST + _PER_RAY * rays,
         )
@@ -243,6 +252,19 @@ class OrientationStage(Stage):
         if source.distances:
             reads["distances"] = TextFile(source.distances)
         return _control_job(control_from_files, reads, {"own": source.crs, "crs": view.project.crs, "absent": source.absent})
+
+
+def _plane_jobs(grid: PlaneSurface) -> Iterator[Job | Export]:
+    """The block in the system of a plane, for the stages after this one."""
+    yield Job(
+        "orientation",
+        "plane",
+        block_on_plane,
+        reads={"block": SURVEY_BLOCK, "points": SURVEY_POINTS},
+        writes={"block": BLOCK, "points": GROUND_POINTS, "plane": PLANE},
+        params={"choice": grid.plane},
+    )
+    yield Export("orientation", "plane_json", "products/plane.json", "json", tables=(PLANE,))
 
 
 def _control_texts(points: str, measurements: str) -> Reads:

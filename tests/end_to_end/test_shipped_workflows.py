@@ -22,6 +22,8 @@ def root(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in WORKFLOWS.glob("*.yaml")))
 def test_a_shipped_workflow_can_be_planned(root, name):
+    if name == "wall" and not any(WORKFLOWS.glob("photographs/wall/*.jpg")):
+        pytest.skip("the photographs of the wall state no licence and are not shipped; see workflows/photographs/wall/README.md")
     said = command("plan", name)
     assert "not done yet" in said and "orientation" in said
     assert [path.name for path in root.iterdir()] == ["workflows"]

@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from orthomill.pipeline.engine.job_signature import misfit
 from orthomill.schemas.job import Export, Job, Table, TextFile
 from orthomill.schemas.observations import TIE_POINT_COUNTS, TiePointCounts
-from orthomill.schemas.project import ControlFromFiles, NoControl, SimulatedControl
+from orthomill.schemas.project import ControlFromFiles, MapSurface, NoControl, SimulatedControl
 from orthomill.tasks.orientation.exterior.fixed_block import orient_fixed
 from orthomill.tasks.orientation.exterior.started_block import orient_from
 from orthomill.tasks.orientation.stage import OrientationStage
@@ -21,7 +21,7 @@ KNOWN = {TIE_POINT_COUNTS: TiePointCounts(points=500, rays=2000)}
 
 
 def planned(control, **settings):
-    project = SimpleNamespace(crs="EPSG:2100", control=control)
+    project = SimpleNamespace(crs="EPSG:2100", grid=MapSurface(), control=control)
     view = SimpleNamespace(project=project, run_file=lambda path: f"runs/volos/{path}", table=KNOWN.get)
     return list(OrientationStage(**settings).plan(view))
 
@@ -60,7 +60,7 @@ def test_every_table_has_one_writer_and_every_read_a_source():
 
 @pytest.mark.parametrize("has_tie_points", [True, False])
 def test_a_foreign_orientation_needs_no_tie_points(has_tie_points):
-    project = SimpleNamespace(crs="EPSG:2100", control=NoControl(kind="none"))
+    project = SimpleNamespace(crs="EPSG:2100", grid=MapSurface(), control=NoControl(kind="none"))
     view = SimpleNamespace(project=project, has_stage=lambda kind: has_tie_points, table=KNOWN.get)
     exterior = {"kind": "colmap", "cameras_path": "c.txt", "images_path": "i.txt"}
     block = next(item for item in OrientationStage(exterior=exterior).plan(view) if item.item == "block")
@@ -129,7 +129,7 @@ def test_every_setting_reaches_the_adjustment():
 )
 @pytest.mark.parametrize("control", [NoControl(kind="none"), FILES, SimulatedControl(kind="simulated")], ids=lambda c: c.kind)
 def test_every_job_fits_its_function(settings, control):
-    project = SimpleNamespace(crs="EPSG:2100", control=control)
+    project = SimpleNamespace(crs="EPSG:2100", grid=MapSurface(), control=control)
     view = SimpleNamespace(project=project, run_file=lambda path: path, has_stage=lambda kind: True, table=KNOWN.get)
     jobs = [item for item in OrientationStage(**settings).plan(view) if isinstance(item, Job)]
     assert {job.item for job in jobs} == {"control", "pairs", "block", "report", "products", "overlap"}
@@ -137,7 +137,7 @@ def test_every_job_fits_its_function(settings, control):
 
 
 def test_a_fixed_block_writes_no_separate_blocks():
-    project = SimpleNamespace(crs="EPSG:2100", control=NoControl(kind="none"))
+    project = SimpleNamespace(crs="EPSG:2100", grid=MapSurface(), control=NoControl(kind="none"))
     view = SimpleNamespace(project=project, has_stage=lambda kind: True, table=KNOWN.get)
     block = next(item for item in OrientationStage(exterior=FIXED).plan(view) if item.item == "block")
     assert "separate" not in block.writes and block.function is orient_fixed
@@ -147,7 +147,7 @@ def test_a_fixed_block_writes_no_separate_blocks():
 def test_memory_of_the_adjustment_follows_the_measurements(item):
     def scratch(rays: int) -> int:
         counts = TiePointCounts(points=rays, rays=rays)
-        project = SimpleNamespace(crs="EPSG:2100", control=NoControl(kind="none"))
+        project = SimpleNamespace(crs="EPSG:2100", grid=MapSurface(), control=NoControl(kind="none"))
         view = SimpleNamespace(project=project, table=lambda table: counts)
         return next(job.scratch for job in OrientationStage().plan(view) if isinstance(job, Job) and job.item == item)
 

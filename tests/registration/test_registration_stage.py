@@ -10,7 +10,7 @@ from orthomill.pipeline.workflow.workflow_file import load_workflow
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.job import Export, Job, TextFile
 from orthomill.schemas.photo import Photo, Photos
-from orthomill.schemas.project import ControlFromScans
+from orthomill.schemas.project import ControlFromScans, MapSurface
 from orthomill.tasks.catalogue import STAGES
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.orientation.control.control_system import control_from_scans
@@ -132,7 +132,7 @@ def test_the_photographs_take_their_control_from_the_scans(done):
 
 def test_a_block_with_control_from_scans_waits_for_their_registration():
     control = ControlFromScans(kind="scans", measurements="m.csv")
-    view = SimpleNamespace(project=SimpleNamespace(crs="EPSG:2100", control=control))
+    view = SimpleNamespace(project=SimpleNamespace(crs="EPSG:2100", grid=MapSurface(), control=control))
     job = next(iter(OrientationStage().plan(view)))
     assert {"registration/points.parquet", "m.csv"} <= {region.path for region in job.reads.values()}
 
