@@ -66,9 +66,10 @@ class Options:
 
     @property
     def room(self) -> int:
-        """Bytes that a job may use that runs alone: what all workers of this machine have together."""
+        """Bytes that a job may use that runs alone: what all workers of this machine have, less what the idle ones keep."""
         # Of a cluster nobody here knows how much more than its share a worker could take from its machine.
-        return self.memory if self.scheduler else self.memory * self.processes
+        others = 0 if self.scheduler else self.processes - 1
+        return self.memory + others * max(self.memory - PROCESS_BYTES, 0)
 
 
 class ResultWriter(Protocol):

@@ -85,6 +85,11 @@ class StartingWorkflow:
     notes: tuple[str, ...]
 
 
+def _asks(stage: type[Stage]) -> bool:
+    """Whether a stage has a setting without a default: what the photographs cannot answer is added by whoever wants it."""
+    return any(field.is_required() for field in stage.model_fields.values())
+
+
 def survey_photographs(photos: Path, root: Path) -> Survey:
     """Read the headers of all photographs of a folder. Raises WorkflowError, or PhotoError naming every unusable file."""
     folder = _inside(photos, root)
@@ -154,7 +159,7 @@ def _check_name(name: str) -> None:
 def starting_text(name: str, survey: Survey, catalogue: tuple[type[Stage], ...], crs: str | None = None) -> str:
     """The text of a starting workflow."""
     # What is unknown is written as an empty setting: the loader then names the line, and no placeholder can be run by mistake.
-    stages = [stage for stage in catalogue if kind_of(stage) not in _NOT_AT_FIRST]
+    stages = [stage for stage in catalogue if kind_of(stage) not in _NOT_AT_FIRST and not _asks(stage)]
     lines = [
         *_head(name, survey),
         *_crs(survey, crs),
