@@ -127,6 +127,8 @@ class RasterSpec(BaseModel):
     """Stages that may read it; None for all. Truth is for `evaluation` only."""
     axes: tuple[str, str] = ("y", "x")
     """Names of the map axes, rows first. Map rasters of one group share them; one on another grid needs names of its own."""
+    tags: dict[str, str] = {}
+    """What else belongs to its georeference, by name, as text in exported files: the plane in space that its coordinates lie on."""
 
     def same(self, other: "RasterSpec") -> bool:
         """Whether both describe the same raster."""

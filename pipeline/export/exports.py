@@ -199,6 +199,15 @@ def _write_cog(export: Export, store: ReadableStore, path: Path) -> None:
             bigtiff="if_safer",
             statistics="no" if stack.is_picture else "yes",
         )
+    if stack.first.crs is None and stack.first.transform is not None:
+        write_whole(path.with_suffix(".tfw"), world_file(stack.first.transform).encode())
+
+
+def world_file(transform: tuple[float, float, float, float, float, float]) -> str:
+    """The six lines of a world file, for programs that read no coordinates of a GeoTIFF without a reference system."""
+    a, b, c, d, e, f = transform
+    # Of the centre of the upper left pixel, where the transform has its corner.
+    return "".join(f"{value:.12g}\n" for value in (a, d, b, e, c + 0.5 * (a + b), f + 0.5 * (d + e)))
 
 
 def _write_tiff(export: Export, store: ReadableStore, path: Path) -> None:
@@ -244,6 +253,7 @@ def _write_tiled(stack: Stack, store: ReadableStore, path: Path, profile: dict) 
     with rasterio.open(path, "w", **profile) as target:
         # Descriptions first: GDAL writes the directory before the pixels then, and need not append it again.
         _describe(target, stack)
+        target.update_tags(**stack.first.tags)
         for window in stack.windows():
             place = rasterio.windows.Window(window.col, window.row, window.width, window.height)
             target.write(stack.read(store, window), window=place)

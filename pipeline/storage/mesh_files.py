@@ -73,6 +73,8 @@ def _read_cloud(path: Path) -> TriangleMesh:
 def _read_text(path: Path) -> TriangleMesh:
     text = path.read_text(encoding="utf-8-sig").replace(",", " ").replace(";", " ")
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith(("#", "//"))]
+    if not lines:
+        raise ValueError("it is empty")
     count = _vertex_count(lines)
     first = 1 if lines and len(lines[0].split()) == 2 else 0
     vertices = np.loadtxt(lines[first : first + count], ndmin=2)

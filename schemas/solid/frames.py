@@ -44,9 +44,18 @@ class FlatFrame(_FrameShape):
 
     @property
     def grid(self) -> MapGrid:
-        """The map grid, or that of the plane with its corner at (0, 0)."""
-        west, north = self.corner[:2] if self.level else (0.0, 0.0)
+        """The map grid, or that of the plane with its lower left corner at (0, 0)."""
+        west, north = self.corner[:2] if self.level else (0.0, self.rows * self.pixel)
         return MapGrid(west=west, north=north, cell=self.pixel, rows=self.rows, cols=self.cols)
+
+    @property
+    def tags(self) -> dict[str, str]:
+        """The plane, for files: a place (x, y) of the picture is origin + x right + y up, in the project's system, m."""
+        low = self.rows * self.pixel
+        origin = (c - low * u for c, u in zip(self.corner, self.up, strict=True))
+        named = {"ORIGIN": tuple(origin), "RIGHT": self.right, "UP": self.up, "NORMAL": self.normal}
+        vectors = {f"PLANE_{name}": " ".join(f"{v:.12g}" for v in values) for name, values in named.items()}
+        return {**vectors, "PIXEL_M": f"{self.pixel:.9g}", "PAPER_SCALE_AT_0.1_MM": f"1:{self.pixel / 0.0001:.6g}"}
 
 
 class CylinderFrame(_FrameShape):

@@ -18,7 +18,7 @@ from orthomill.schemas.solid.mesh import TriangleMesh
 from orthomill.tasks.projection.best_plane import best_plane
 from orthomill.tasks.visibility.triangle_blocks import spatial_order
 
-METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048}
+METRES = {"auto": 1.0, "m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048}
 """metres of a unit of the file"""
 LONGEST_EDGE = 8.0
 """median edges of a triangulated point cloud up to which a triangle is surface and no gap"""

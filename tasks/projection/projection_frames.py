@@ -34,7 +34,9 @@ LEAST_PROBES = 20_000
 """points that stand for the surface of a mesh of fewer triangles"""
 _TRIM = 0.3
 """per cent of the seen surface on either side that an extent leaves out: single triangles far from the object"""
-_UNITS = {1000.0: "mm", 100.0: "cm", 1 / 0.3048: "ft"}
+_UNITS = {1000.0: "mm", 100.0: "cm"}
+_FITTING, _LEAST_SIZE = 0.2, 50.0
+"""part of the surface that photographs show where it has the right unit, and its least size in their pixels"""
 _UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -61,14 +63,20 @@ def output_frames(
     block: Block,
     outputs: tuple[AnyOutput, ...],
     taking_part: tuple[str, ...],
+    unit: str = "auto",
 ) -> OutputFrames:
     """The frames of `outputs`; `taking_part`: names of the photographs. Raises GeometryError for what would be empty."""
-    seen = seen_surface(vertices, triangles, census, tuple(block_view(block, name) for name in taking_part))
+    seen = seen_surface(vertices, triangles, census, tuple(block_view(block, name) for name in taking_part), unit)
     return OutputFrames(frames=tuple(checked(frame_of(output, seen, block)) for output in outputs))
 
 
-def seen_surface(vertices: MeshVertices, triangles: MeshTriangles, census: MeshCensus, views: tuple[View, ...]) -> SeenSurface:
-    """What of a mesh lies in the frames of photographs; hidden or not. Raises GeometryError when nothing does."""
+def seen_surface(
+    vertices: MeshVertices, triangles: MeshTriangles, census: MeshCensus, views: tuple[View, ...], unit: str = "auto"
+) -> SeenSurface:
+    """What of a mesh lies in the frames of photographs; hidden or not; `unit` "auto": metres, examined.
+
+    Raises GeometryError when nothing does.
+    """
     if not views:
         raise GeometryError("No photograph is oriented or all are left out; the surface cannot be coloured.")
     step = -(-census.triangles // PROBES)
@@ -78,16 +86,37 @@ def seen_surface(vertices: MeshVertices, triangles: MeshTriangles, census: MeshC
     normals = np.repeat(
         np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), len(middles) // len(corners), axis=0
     )
-    shown = np.zeros(len(middles), bool)
-    sizes = []
+    shown, sizes = shown_by(views, middles)
+    fitting = "" if unit != "auto" else fitting_unit(views, middles, float(shown.mean()))
+    if not shown.any() or fitting:
+        raise GeometryError(_why_unseen(census, views, float(shown.mean()), fitting))
+    return SeenSurface(middles[shown], normals[shown], views, float(np.median(sizes)))
+
+
+def shown_by(views: tuple[View, ...], points: np.ndarray) -> tuple[np.ndarray, list[float]]:
+    """bool (N,): points that lie in some photograph, hidden or not; and of each photograph the median side of a pixel there, m."""
+    shown, sizes = np.zeros(len(points), bool), []
     for view in views:
-        inside = view.contains(view.project(middles))
+        inside = view.contains(view.project(points))
         shown |= inside
         if inside.any():
-            sizes.append(float(np.median(np.linalg.norm(middles[inside] - view.centre, axis=1))) / view.camera.c)
-    if not sizes:
-        raise GeometryError(_why_unseen(census, views))
-    return SeenSurface(middles[shown], normals[shown], views, float(np.median(sizes)))
+            sizes.append(float(np.median(np.linalg.norm(points[inside] - view.centre, axis=1))) / view.camera.c)
+    return shown, sizes
+
+
+def fitting_unit(views: tuple[View, ...], points: np.ndarray, share: float) -> str:
+    """The unit in which the photographs would show much more of points (N, 3) than the `share` that they show in metres, or "".
+
+    A surface a thousand times too large surrounds the photographs, which then show little of it, from inside.
+    """
+    some = points[:: max(len(points) // 5000, 1)]
+    size, shares = float(np.linalg.norm(np.ptp(some, axis=0))), {"": 0.0}
+    for factor, unit in _UNITS.items():
+        shown, sizes = shown_by(views, some / factor)
+        # Anything fits into a photograph if it is only small enough.
+        shares[unit] = float(shown.mean()) if sizes and size / factor > _LEAST_SIZE * float(np.median(sizes)) else 0.0
+    best = max(shares, key=lambda unit: shares[unit])
+    return best if shares[best] > max(_FITTING, 3.0 * share) else ""
 
 
 def spread_over(corners: np.ndarray, side: int) -> np.ndarray:
@@ -101,22 +130,21 @@ def spread_over(corners: np.ndarray, side: int) -> np.ndarray:
     return np.einsum("nk,tki->tni", shares, corners).reshape(-1, 3)
 
 
-def _why_unseen(census: MeshCensus, views: tuple[View, ...]) -> str:
-    """Why no photograph shows any of the mesh, in a sentence."""
+def _why_unseen(census: MeshCensus, views: tuple[View, ...], share: float, fitting: str) -> str:
+    """Why the photographs show nothing of the mesh, or so little, in a sentence."""
     centre = np.mean([view.centre for view in views], axis=0)
     distance = float(np.linalg.norm(census.middle - centre))
     spread = float(np.linalg.norm(np.ptp([view.centre for view in views], axis=0)))
+    part = f"{100 * share:.0f} % of the surface is" if share else "None of the surface is"
     text = (
-        f"None of the {len(views)} photographs shows any of the surface: its middle lies {distance:.4g} m from the middle of the "
-        f"photographs, which are {spread:.4g} m apart, and it is {census.size:.4g} m large."
+        f"{part} in the frame of any of the {len(views)} photographs: its middle lies {distance:.4g} m from theirs, which are "
+        f"{spread:.4g} m apart, and it is {census.size:.4g} m large."
     )
-    for factor, unit in _UNITS.items():
-        moved = census.middle / factor
-        if spread > 0 and np.linalg.norm(moved - centre) < 10 * spread and 0.01 < census.size / factor / spread < 100:
-            return f"{text} In {unit} it would fit: set `unit: {unit}`."
+    if fitting:
+        return f"{text} In {fitting} it would fit: set `unit: {fitting}` (or `unit: m`, if it is right)."
     facing = np.mean([-(view.rotation[2] @ (census.middle - view.centre)) > 0 for view in views])
     if distance < 5 * max(spread, census.size) and facing < 0.5:
-        return f"{text} All photographs look away from it: the rotations of the orientation are of another convention."
+        return f"{text} The photographs look away from it: the rotations of the orientation are of another convention."
     return f"{text} The two are in different systems: give the `shift` of the mesh, or orient the photographs in its system."
 
 

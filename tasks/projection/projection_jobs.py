@@ -177,7 +177,7 @@ class FrameJobs:
         if isinstance(frame, FlatFrame):
             # Coordinates on a plane are metres from its lower left corner, in no system of the earth.
             spec = map_raster(name, frame.grid, dtype, self.basis.crs, tile, nodata=nodata, unit=unit, bands=bands)
-            return spec if frame.level else spec.model_copy(update={"crs": None})
+            return spec if frame.level else spec.model_copy(update={"crs": None, "tags": frame.tags})
         shape = (*frame.shape, bands) if bands else frame.shape
         return RasterSpec(name=name, shape=shape, dtype=dtype, chunk=tile, nodata=nodata, unit=unit)
 

@@ -200,7 +200,7 @@ class ProjectionStage(Stage):
 
     def _framing(self, names: tuple[str, ...]) -> Job:
         reads: dict[str, Reading] = {"vertices": VERTICES, "triangles": TRIANGLES, "census": CENSUS, "block": BLOCK}
-        params = {"outputs": self.outputs, "taking_part": names}
+        params = {"outputs": self.outputs, "taking_part": names, "unit": self.surface.unit}
         return Job("projection", "frames", output_frames, reads, {"frames": FRAMES}, params, scratch=256 * 2**20)
 
     def _facing(self, names: tuple[str, ...]) -> Job:

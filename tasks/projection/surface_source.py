@@ -12,7 +12,9 @@ class MeshSurface(Settings):
 
     kind: Literal["mesh"]
     path: str = setting(..., "PLY, STL, OBJ, GLB, OFF or text; a point cloud (LAZ, PLY, XYZ) is triangulated in its best plane.")
-    unit: Literal["m", "cm", "mm", "ft"] = setting("m", "Unit of its coordinates.")
+    unit: Literal["auto", "m", "cm", "mm", "ft"] = setting(
+        "auto", "Unit of its coordinates. auto: metres, and refused where the photographs show that it is another one."
+    )
     shift: tuple[float, float, float] = setting(
         (0.0, 0.0, 0.0), "Added to its coordinates, where the file holds them relative to an origin.", "m"
     )
