@@ -1,6 +1,6 @@
 """The check of a surface against photographs without a project: where it disagrees with them, and by how much."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,20 +10,17 @@ import xarray as xr
 from pyproj import CRS
 
 from orthomill.pipeline.storage.store import Store
-from orthomill.schemas.epipolar import PAIRS
 from orthomill.schemas.errors import WorkflowError
-from orthomill.schemas.job import Export, Job, Table
+from orthomill.schemas.job import Table
 from orthomill.schemas.observations import IMAGE_RESIDUALS, ImageResiduals
 from orthomill.schemas.orientation import BLOCK, Block
-from orthomill.schemas.photo import PHOTOS
 from orthomill.schemas.project import Project
-from orthomill.schemas.raster import MapGrid, RasterSpec, map_raster
-from orthomill.schemas.stage_contract import ProjectView
+from orthomill.schemas.raster import MapGrid, map_raster
 from orthomill.schemas.stage_report import StageReport, report_table
 from orthomill.schemas.surface import CORRECTED, HEIGHT, PROVENANCE, SURFACE, Provenance
-from orthomill.tasks.dsm_check.coverage import foreign_surface
 from orthomill.tasks.dsm_check.report import DH, PRECISION
 from orthomill.tasks.dsm_check.stage import DsmCheckStage, SurfaceFile
+from orthomill.tasks.dsm_check.surfaces.foreign_grid import surface_on
 from orthomill.tasks.epipolar.stage import EpipolarStage
 from orthomill.tasks.photos.stage import PhotosStage
 from orthomill.temporary_run import GivenResults, Progress, photo_list, temporary_run
@@ -45,14 +42,6 @@ class SurfaceCheck:
     corrected surface (m)"""
     report: StageReport
     """figures, charts, maps and warnings as in the report of a project"""
-
-
-class _PairsAlone(EpipolarStage):
-    """Which pairs see the surface, without their epipolar images, which the check does not need."""
-
-    def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
-        yield self.pairs_job()
-        yield from self.grey_ranges(view, view.table(PHOTOS), view.table(PAIRS).pairs)
 
 
 def check(
@@ -77,7 +66,7 @@ def check(
         given = _given(surface, block)
     else:
         stage = stage.model_copy(update={"surface": SurfaceFile(kind="file", path=str(Path(surface).resolve()))})
-    with temporary_run(project, (PhotosStage(), given, _PairsAlone(), stage), progress) as store:
+    with temporary_run(project, (PhotosStage(), given, EpipolarStage(images="none"), stage), progress) as store:
         return SurfaceCheck(_result(store), store.table(report_table("dsm_check")))
 
 
@@ -95,7 +84,7 @@ def _given(surface: xr.DataArray, block: Block) -> GivenResults:
     codes = map_raster(PROVENANCE, grid, "uint8", block.crs, _TILE)
     # Nothing is known of how the heights were found; every one of them is to be judged.
     judged = np.where(np.isfinite(heights), np.uint8(Provenance.ONE_PAIR), np.uint8(Provenance.EMPTY))
-    tables: dict[Table[Any], Any] = {BLOCK: block, IMAGE_RESIDUALS: _NO_RESIDUALS, SURFACE: foreign_surface(grid, block)}
+    tables: dict[Table[Any], Any] = {BLOCK: block, IMAGE_RESIDUALS: _NO_RESIDUALS, SURFACE: surface_on(grid, block)}
     return GivenResults.of(tables, {spec: heights, codes: judged})
 
 

@@ -93,7 +93,32 @@ class MeshFile:
     path: str
 
 
-FileRegion = PhotoPixels | PhotoHeader | TextFile | MapFile | MapHeader | MeshFile
+@dataclass(frozen=True)
+class HeightFile:
+    """A window of a surface of the user, a GeoTIFF or a point cloud (LAS, LAZ), on `grid` in `crs`.
+
+    Arrives as float32 (height, width): metres, in the vertical system of `crs` where both name one; NaN where the file has none.
+    """
+
+    path: str
+    crs: str
+    grid: MapGrid
+    window: Window
+    system: str | None = None
+    """reference system of a file that names none"""
+
+
+@dataclass(frozen=True)
+class HeightHeader:
+    """The extent of such a file; arrives as an `orthomill.schemas.raster.MapGrid` of its bounds in `crs`, in cells as wide as its
+    own or as the usual distance of its points."""
+
+    path: str
+    crs: str
+    system: str | None = None
+
+
+FileRegion = PhotoPixels | PhotoHeader | TextFile | MapFile | MapHeader | HeightFile | HeightHeader | MeshFile
 """What is read from a file outside the store: one of the user's, or one that a job exports."""
 Region = Raster | Table | FileRegion
 

@@ -28,6 +28,17 @@ ORTHO = "texture/ortho"
 """uint8 (rows, cols, 4): red, green, blue, alpha (0 where no photograph sees the ground)"""
 
 
+ROUND_CELLS = tuple(m * 10.0**e for e in range(-3, 3) for m in (1.0, 2.0, 2.5, 5.0))
+"""cell sizes that are chosen automatically, m"""
+GROUND_PIXELS = 1.5
+"""cell size that is aimed at, in ground pixels"""
+
+
+def round_cell_size(ground_pixel: float) -> float:
+    """The round cell size (m) nearest to 1.5 ground pixels, by ratio."""
+    return min(ROUND_CELLS, key=lambda cell: abs(np.log(cell / (GROUND_PIXELS * ground_pixel))))
+
+
 class Provenance(IntEnum):
     """Where the height of a cell comes from; uint8 in rasters."""
 
@@ -55,6 +66,35 @@ PROVENANCE_CODES: tuple[tuple[int, str, str], ...] = (
     (Provenance.INTERPOLATED, "#d7191c", "estimated: interpolated between its neighbours"),
     (Provenance.VOLUME, "#a6d96a", "measured by all photographs together, in no single pair"),
     (Provenance.INCOHERENT, "#f46d43", "estimated: the photographs together prefer it, but its neighbours contradict it"),
+)
+"""(code, colour, meaning) for pictures and tables"""
+
+
+class CheckCode(IntEnum):
+    """What the check says of a cell; uint8 in rasters."""
+
+    # Part of the product dsm_check.tif, as Provenance is of dsm_provenance.tif: the numbers never change.
+    EMPTY = 0
+    AGREES = 1
+    CORRECTED = 2
+    WRONG = 3
+    DISPUTED = 4
+    NOT_JUDGED = 5
+    ESTIMATE = 6
+    BEYOND_REACH = 7
+    FILLED = 8
+
+
+CHECK_CODES: tuple[tuple[int, str, str], ...] = (
+    (CheckCode.EMPTY, "#000000", "empty: no height"),
+    (CheckCode.AGREES, "#1a9641", "agrees with the photographs"),
+    (CheckCode.CORRECTED, "#2c7bb6", "wrong, and corrected"),
+    (CheckCode.WRONG, "#d7191c", "wrong, and left as it is"),
+    (CheckCode.DISPUTED, "#fdae61", "the pairs of photographs disagree"),
+    (CheckCode.NOT_JUDGED, "#bdbdbd", "not judged: hidden, without texture, or seen by one photograph"),
+    (CheckCode.ESTIMATE, "#737373", "an estimated height: not judged"),
+    (CheckCode.BEYOND_REACH, "#7b3294", "probably a large error, found in coarse orthoimages only: left as it is"),
+    (CheckCode.FILLED, "#80cdc1", "a hole, filled by matching of the photographs"),
 )
 """(code, colour, meaning) for pictures and tables"""
 

@@ -8,8 +8,6 @@ import gc
 import json
 import sys
 import webbrowser
-from collections.abc import Iterator
-from datetime import datetime
 from importlib.metadata import version
 from io import TextIOWrapper
 from pathlib import Path
@@ -19,7 +17,9 @@ import typer
 from rich.markup import escape
 from rich.table import Table as Lines
 
+from orthomill.pipeline.cli import check_surface as checking
 from orthomill.pipeline.cli.calibrate import BoardOptions, calibration_workflow, print_calibration
+from orthomill.pipeline.cli.check_surface import BlockOf, CheckedFile, CrsOf, Fill, PhotosOf, ProjectOf, RemoveShift, SystemOf
 from orthomill.pipeline.cli.clean import clean_run
 from orthomill.pipeline.cli.demo import write_demo
 from orthomill.pipeline.cli.doctor import doctor as examine
@@ -31,16 +31,15 @@ from orthomill.pipeline.cli.run_display import run_display
 from orthomill.pipeline.cli.run_end import RunEnd, run_end, tell, tell_as_json
 from orthomill.pipeline.cli.sign import Person, sign_project, signing_lines
 from orthomill.pipeline.cli.terminal import Debug, Name, err, out, plain_errors
-from orthomill.pipeline.cli.verification_lines import verification_lines
+from orthomill.pipeline.cli.verification_lines import begun_at, dashboard_address, status_row, verification_lines
 from orthomill.pipeline.engine.foresight import plan_ahead
 from orthomill.pipeline.engine.interruption import listen
-from orthomill.pipeline.engine.run_facts import read_facts
-from orthomill.pipeline.engine.running import DASHBOARD, MIB, Options, check_stage_names, session_of, titles_of
-from orthomill.pipeline.engine.session import TIME_FORMAT, Session, key_text
+from orthomill.pipeline.engine.running import MIB, Options, check_stage_names, session_of, titles_of
+from orthomill.pipeline.engine.session import Session
 from orthomill.pipeline.export.exports import export as export_file
 from orthomill.pipeline.forecast.forecast import forecast
 from orthomill.pipeline.records.lock import is_running, only_run
-from orthomill.pipeline.records.records import Record, Records
+from orthomill.pipeline.records.records import Records
 from orthomill.pipeline.records.verification import verify as verify_results
 from orthomill.pipeline.report.first_page import FirstPage
 from orthomill.pipeline.report.paper import write_pdf
@@ -185,6 +184,31 @@ def calibrate(
 
 
 @app.command()
+def check(
+    surface: CheckedFile,
+    photos: PhotosOf = None,
+    block: BlockOf = None,
+    project: ProjectOf = None,
+    crs: CrsOf = None,
+    system: SystemOf = None,
+    remove_shift: RemoveShift = False,
+    fill: Fill = False,
+    name: Annotated[str | None, typer.Option(help="Results go to runs/<name>.")] = None,
+    workers: Workers = 0,
+    memory: Memory = 1500,
+    sequential: Sequential = False,
+    debug: Debug = False,
+) -> None:
+    """Check a surface of any origin against photographs: where is it wrong, by how much, and what would have been found."""
+    with plain_errors(debug):
+        given = checking.CheckOptions(photos, project, block, crs, system, remove_shift, fill)
+        loaded = checking.check_workflow(name or checking.check_name(surface), surface, given, Path.cwd(), STAGES)
+        end = _run(loaded, Options(None, None, workers, memory * MIB, sequential))
+    if not end.facts.complete:
+        raise typer.Exit(1)
+
+
+@app.command()
 def plan(name: Name, from_stage: From = None, until: Until = None, debug: Debug = False) -> None:
     """Show what a run would do: jobs, bytes, peak memory, and why each stage would run. Writes nothing."""
     with plain_errors(debug):
@@ -204,40 +228,15 @@ def status(name: Name, debug: Debug = False) -> None:
     with plain_errors(debug):
         loaded = load_project(name)
         folder = loaded.run_folder
-        begun = _begun(folder)
+        begun = begun_at(folder)
         now = ("this run",) if begun else ()
         lines = Lines("stage", "done", *now, "failed", "seconds", "peak memory", "last error", box=None)
         for stage in loaded.stages:
-            lines.add_row(stage.kind, *_status_row(Records(folder).of_stage(stage.kind), begun))
+            lines.add_row(stage.kind, *status_row(Records(folder).of_stage(stage.kind), begun))
         out.print(lines)
-        address = _dashboard_address(folder)
+        address = dashboard_address(folder)
         running = f"running now; dashboard: {address}" if address else "running now"
         out.print(running if is_running(folder) else "not running", soft_wrap=True)
-
-
-def _begun(folder: Path) -> float | None:
-    """When the run in progress began, s since 1970; None when there is none."""
-    facts = read_facts(folder) if is_running(folder) else None
-    return datetime.strptime(facts.started, TIME_FORMAT).timestamp() if facts else None
-
-
-def _status_row(records: tuple[Record, ...], begun: float | None) -> Iterator[str]:
-    """The cells of a stage; with the jobs begun since `begun`, where a run is in progress."""
-    failed = [record for record in records if record.status == "failed"]
-    yield str(sum(record.status == "done" for record in records))
-    if begun:
-        yield str(sum(record.started >= begun for record in records))
-    yield str(len(failed))
-    yield f"{sum(record.seconds for record in records):.1f}"
-    yield f"{max((record.peak_bytes for record in records), default=0) / MIB:.0f} MiB"
-    yield escape(f"{key_text(failed[-1].key)}: {failed[-1].error}") if failed else ""
-
-
-def _dashboard_address(folder: Path) -> str:
-    """The address that a run on Dask keeps while it is in progress; empty where there is none."""
-    # The file alone proves nothing: a killed run leaves it behind, but the operating system frees its lock.
-    path = folder / DASHBOARD
-    return path.read_text() if is_running(folder) and path.exists() else ""
 
 
 @app.command()
@@ -351,7 +350,7 @@ def dashboard(name: Name, debug: Debug = False) -> None:
         folder = load_project(name).run_folder
         none = f"{folder.name} is running without Dask, so there is no dashboard; see: orthomill status {name}"
         idle = f"{folder.name} is not running; start it with: orthomill run {name}"
-        out.print(_dashboard_address(folder) or (none if is_running(folder) else idle), soft_wrap=True)
+        out.print(dashboard_address(folder) or (none if is_running(folder) else idle), soft_wrap=True)
 
 
 @app.command()
@@ -359,7 +358,7 @@ def watch(name: Name, debug: Debug = False) -> None:
     """Show the map of tiles in a browser: live while the project runs, as it ended afterwards."""
     with plain_errors(debug):
         folder = load_project(name).run_folder
-        live = _dashboard_address(folder)
+        live = dashboard_address(folder)
         kept = folder / MAP
         if not live and not kept.exists():
             raise StoreError(f"{folder.name} has no map of tiles yet; run it first: orthomill run {name}")

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from orthomill.pipeline.engine.freed_memory import give_back
 from orthomill.pipeline.export.exports import export
 from orthomill.pipeline.records.records import Fingerprint, Key, Record, Records
+from orthomill.pipeline.storage.height_files import read_height_grid, read_heights
 from orthomill.pipeline.storage.image_files import read_header, read_pixels
 from orthomill.pipeline.storage.kept_files import KeptFile, keep
 from orthomill.pipeline.storage.map_files import read_map, read_map_grid
@@ -21,6 +22,8 @@ from orthomill.schemas.errors import OrthomillError, StoreError
 from orthomill.schemas.job import (
     Export,
     FileRegion,
+    HeightFile,
+    HeightHeader,
     Job,
     MapFile,
     MapHeader,
@@ -174,6 +177,10 @@ def read_file(root: Path, region: FileRegion) -> Any:
         return read_map(root / region.path, region)
     if isinstance(region, MeshFile):
         return read_mesh(root / region.path)
+    if isinstance(region, HeightHeader):
+        return read_height_grid(root / region.path, region)
+    if isinstance(region, HeightFile):
+        return read_heights(root / region.path, region)
     return _read_text(root / region.path)
 
 

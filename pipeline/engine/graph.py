@@ -18,6 +18,7 @@ from orthomill.schemas.errors import OrthomillError, ResourceError, WorkflowErro
 from orthomill.schemas.job import (
     Export,
     FileRegion,
+    HeightFile,
     Job,
     MapFile,
     MeshFile,
@@ -151,6 +152,9 @@ class Graph:
             return 3 * region.window.height * region.window.width
         if isinstance(region, MapFile):
             return 4 * region.bands * region.window.height * region.window.width
+        if isinstance(region, HeightFile):
+            # A point cloud holds some points for every cell while they are sorted.
+            return 64 * region.window.height * region.window.width
         if isinstance(region, MeshFile):
             # The text or the arrays of the file, and the arrays made from them.
             file = self.root / region.path

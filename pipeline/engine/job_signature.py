@@ -15,12 +15,24 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from orthomill.schemas.job import Job, MapHeader, MeshFile, PhotoHeader, Reading, Region, Stream, Table, TextFile, regions_of
+from orthomill.schemas.job import (
+    HeightHeader,
+    Job,
+    MapHeader,
+    MeshFile,
+    PhotoHeader,
+    Reading,
+    Region,
+    Stream,
+    Table,
+    TextFile,
+    regions_of,
+)
 from orthomill.schemas.photo import Header
 from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.solid.mesh import TriangleMesh
 
-_HELD = {TextFile: str, PhotoHeader: Header, MapHeader: MapGrid, MeshFile: TriangleMesh}
+_HELD = {TextFile: str, PhotoHeader: Header, MapHeader: MapGrid, HeightHeader: MapGrid, MeshFile: TriangleMesh}
 
 
 @dataclass(frozen=True)

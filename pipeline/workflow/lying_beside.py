@@ -5,6 +5,7 @@ the GCP list by its usual name as well, because many texts hold six numbers to a
 """
 
 import json
+import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,7 +39,10 @@ NOTHING = Beside()
 def look_beside(folder: Path, root: Path, sizes: set[tuple[int, int]]) -> Beside:
     """What lies in the `folder` of the photographs or above it, but inside of the `root`; cameras only of one of these `sizes`
     (width, height) px. Files that cannot be read are no finds."""
-    places = [place for place in (folder, folder.parent) if place.is_relative_to(root)]
+    folder = Path(os.path.normpath(folder))
+    # Photographs outside of the project come with what lies beside them.
+    outside = not folder.is_relative_to(root)
+    places = [place for place in (folder, folder.parent) if outside or place.is_relative_to(root)]
     gcp_list = _first(places, "*.txt", root, lambda text, path: path.name.lower() == GCP_LIST and len(text.splitlines()) > 1)
     system = _system_line((root / gcp_list).read_text("utf-8-sig")) if gcp_list else None
     return Beside(
@@ -54,7 +58,7 @@ def _first(places: list[Path], pattern: str, root: Path, fits: Callable[[str, Pa
     """The first file, by place and name, that `fits`."""
     for path in (path for place in places for path in sorted(place.glob(pattern))):
         if any(fits(text, path) for text in _text(path)):
-            return path.relative_to(root).as_posix()
+            return Path(os.path.relpath(path, root)).as_posix()
     return None
 
 

@@ -92,7 +92,13 @@ def _asks(stage: type[Stage]) -> bool:
 
 def survey_photographs(photos: Path, root: Path) -> Survey:
     """Read the headers of all photographs of a folder. Raises WorkflowError, or PhotoError naming every unusable file."""
-    folder = _inside(photos, root)
+    return survey_folder(_inside(photos, root), root)
+
+
+def survey_folder(folder: str, root: Path) -> Survey:
+    """Read the headers of all photographs of a folder, which may lie outside of the root. Raises WorkflowError, or PhotoError
+    naming every unusable file."""
+    photos = Path(folder)
     files = image_files(root, PhotoFolder(kind="folder", path=folder))
     headers, problems = [], []
     # All files are read before anything is refused: a card with twenty damaged files is reported once, not twenty times.

@@ -6,12 +6,7 @@ from orthomill.schemas.epipolar import EpipolarPair, EpipolarPairs
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid
-from orthomill.schemas.surface import Surface
-
-ROUND_CELLS = tuple(m * 10.0**e for e in range(-3, 3) for m in (1.0, 2.0, 2.5, 5.0))
-"""cell sizes that are chosen automatically, m"""
-GROUND_PIXELS = 1.5
-"""cell size that is aimed at, in ground pixels"""
+from orthomill.schemas.surface import Surface, round_cell_size
 
 
 def surface_of(block: Block, pairs: EpipolarPairs, cell: float | None) -> Surface:
@@ -40,11 +35,6 @@ def surface_of(block: Block, pairs: EpipolarPairs, cell: float | None) -> Surfac
 def ground_pixel(pair: EpipolarPair) -> float:
     """Side of a pixel of the epipolar images on the mean ground, m."""
     return pair.base / ((pair.parallax_low + pair.parallax_high) / 2)
-
-
-def round_cell_size(ground_pixel: float) -> float:
-    """The round cell size (m) nearest to 1.5 ground pixels, by ratio."""
-    return min(ROUND_CELLS, key=lambda cell: abs(np.log(cell / (GROUND_PIXELS * ground_pixel))))
 
 
 def height_bounds(pairs: EpipolarPairs) -> tuple[float, float]:

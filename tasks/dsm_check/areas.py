@@ -13,7 +13,7 @@ from scipy.ndimage import find_objects, label
 
 from orthomill.schemas.raster import MapGrid
 
-CHECKED, MEAN, SIGMA = range(3)
+CHECKED, MEAN, SIGMA, EAST, NORTH = range(5)
 """bands of the coarse raster"""
 _JUDGED = 0.3
 """share of a block that must have been checked: the mean of fewer cells is that of their edges and trees"""
@@ -21,7 +21,7 @@ _LEAST_BLOCKS = 30
 """blocks that a plane needs; below, a few buildings would tilt it"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SuspiciousArea:
     """A connected area whose surface is too high or too low."""
 
@@ -34,6 +34,8 @@ class SuspiciousArea:
     """m, mean correction: negative where the surface is too high"""
     extreme: float
     """m, of the worst block"""
+    blocks: np.ndarray
+    """(N, 2) row and column of its blocks"""
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,25 @@ def blocks(dh: np.ndarray, sigma: np.ndarray, size: int) -> np.ndarray:
     return np.stack([number / size**2, *(total / np.maximum(number, 1) for total in sums)], axis=-1).astype(np.float32)
 
 
+def slopes(heights: np.ndarray, dh: np.ndarray, size: int, cell: float) -> np.ndarray:
+    """(rows, cols, 2) float32: slopes to the east and to the north of heights (m) in blocks, from their cells with a correction."""
+    # Half against half, within the block: a gradient at its border would read cells of the next tile.
+    known = np.where(np.isfinite(dh), heights, np.nan).astype(np.float64)
+    rows, cols = -(-dh.shape[0] // size), -(-dh.shape[1] // size)
+    padding = (0, rows * size - dh.shape[0]), (0, cols * size - dh.shape[1])
+    folded = np.pad(known, padding, constant_values=np.nan).reshape(rows, size, cols, size)
+    half, length = size // 2, size / 2 * cell
+    east = _mean(folded[..., half:]) - _mean(folded[..., :half])
+    north = _mean(folded[:, :half]) - _mean(folded[:, half:])
+    return np.nan_to_num(np.stack([east, north], axis=-1) / length).astype(np.float32)
+
+
+def _mean(folded: np.ndarray) -> np.ndarray:
+    """Means (rows, cols) over the second and the fourth axis of known values; NaN without any."""
+    number = np.isfinite(folded).sum(axis=(1, 3))
+    return np.where(number > 0, np.nan_to_num(folded).sum(axis=(1, 3)) / np.maximum(number, 1), np.nan)
+
+
 def is_judged(coarse: np.ndarray) -> np.ndarray:
     """Which blocks (rows, cols) bool of a coarse raster (rows, cols, 3) have enough checked cells to speak for themselves."""
     return np.asarray(coarse[..., CHECKED] > _JUDGED)
@@ -75,7 +96,7 @@ def is_judged(coarse: np.ndarray) -> np.ndarray:
 def fitted_trend(coarse: np.ndarray, grid: MapGrid, size: int) -> tuple[Trend, np.ndarray]:
     """The plane through the blocks (rows, cols, 3), and its value (rows, cols) m in every block.
 
-    Iterated least squares with Huber weights; a constant where fewer than 30 blocks were checked.
+    Iterated least squares with robust weights; a constant where fewer than 30 blocks were checked.
     """
     rows, cols = np.indices(coarse.shape[:2])
     km = size * grid.cell / 1000
@@ -92,15 +113,19 @@ def fitted_trend(coarse: np.ndarray, grid: MapGrid, size: int) -> tuple[Trend, n
 
 
 def _robust_plane(design: np.ndarray, dh: np.ndarray) -> np.ndarray:
-    """Coefficients (3,) of dh (N,) over design (N, 3), by iterated least squares with Huber weights."""
+    """Coefficients (3,) of dh (N,) over design (N, 3), by iterated least squares with Huber's weights and then Tukey's.
+
+    Source: Tukey's biweight, Beaton & Tukey 1974, with the usual constant 4.685.
+    """
     # Starts from the median: a start by plain least squares follows a large area and may not leave it again.
     plane = np.array([np.median(dh), 0.0, 0.0])
-    for _ in range(20):
+    for turn in range(30):
         residual = np.abs(dh - design @ plane)
-        # 1.5 sigma with sigma from the median deviation: Huber's constant for 95 % efficiency under the normal law is 1.345
-        limit = 1.5 * max(1.4826 * np.median(residual), 1e-6)
-        weight = np.minimum(1.0, limit / np.maximum(residual, 1e-12))[:, None]
-        plane = np.linalg.lstsq(design * np.sqrt(weight), dh * np.sqrt(weight[:, 0]), rcond=None)[0]
+        scale = max(1.4826 * float(np.median(residual)), 1e-6)
+        # Huber's weights never vanish: a bump of 25 m would still tilt the plane. Tukey's do, but need a good start.
+        huber = np.minimum(1.0, 1.5 * scale / np.maximum(residual, 1e-12))
+        weight = huber if turn < 10 else np.maximum(1.0 - (residual / (4.685 * scale)) ** 2, 0.0) ** 2
+        plane = np.linalg.lstsq(design * np.sqrt(weight)[:, None], dh * np.sqrt(weight), rcond=None)[0]
     return plane
 
 
@@ -135,4 +160,5 @@ def _area(dh: np.ndarray, weights: np.ndarray, place: tuple[np.ndarray, np.ndarr
         area=float(weights.sum() * side**2),
         dh=float(np.average(dh, weights=weights)),
         extreme=float(dh[np.argmax(np.abs(dh))]),
+        blocks=np.column_stack(place),
     )

@@ -59,33 +59,24 @@ CHECKED_SURFACE = Table("dsm_check/surface.json", Surface)
 CHECKED_PAIRS = Table("dsm_check/pairs.json", CheckedPairs)
 
 
-def measured_surface(surface: Surface) -> Surface:
-    """The surface under test where the project's own surface is checked: the same."""
-    return surface
-
-
-def foreign_surface(grid: MapGrid, block: Block, surface: Surface | None = None) -> Surface:
-    """The surface under test where a file is checked: on its own grid, or on that of the project's surface if there is one.
-
-    Its heights may exceed those of the tie points by a seventh of the flying height; higher and lower ones are not checked.
-    """
-    # The header of a file does not contain its heights, and reading all of them would delay every other job.
-    flying = float(np.mean([photo.centre[2] for photo in block.photos])) - block.ground_mean
-    low, high = block.ground_low - abs(flying) / 7, block.ground_high + abs(flying) / 7
-    return Surface(grid=surface.grid if surface else grid, height_low=low, height_high=high)
-
-
 def choose_checked_pairs(
-    pairs: EpipolarPairs, block: Block, surface: Surface, tile: int, count: int | None, pixels_per_cell: int | None
+    pairs: EpipolarPairs,
+    block: Block,
+    surface: Surface,
+    tile: int,
+    count: int | None,
+    pixels_per_cell: int | None,
+    per_place: int = 1,
 ) -> CheckedPairs:
-    """The pairs that cover the surface once (at most `count`), with their windows on the grid in whole tiles.
+    """The pairs that cover every place `per_place` times, if there are as many (at most `count` pairs), with their windows on the
+    grid in whole tiles.
 
     Raises GeometryError when no pair shows the surface.
     """
     grid = surface.grid
     polygons = [seen_ground(pair, block, surface) for pair in pairs.pairs]
     # Steeper pairs measure heights better: the greedy choice weighs ground gained by base over height.
-    order = best_cover([rasterised(p, grid) for p in polygons], [p.base_height for p in pairs.pairs], count)
+    order = best_cover([rasterised(p, grid) for p in polygons], [p.base_height for p in pairs.pairs], count, per_place)
     if not order:
         raise GeometryError(
             "No pair of photographs shows the surface model: it is of another place or in another reference system. Check its CRS."
@@ -141,22 +132,25 @@ def _turn(polygon: np.ndarray) -> float:
     return float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
 
 
-def best_cover(covers: list[np.ndarray], weights: list[float], count: int | None) -> list[tuple[int, float]]:
-    """Numbers of the pairs that cover the most ground, best first, with the share of all places that each adds.
+def best_cover(covers: list[np.ndarray], weights: list[float], count: int | None, per_place: int = 1) -> list[tuple[int, float]]:
+    """Numbers of the pairs that cover the most ground `per_place` times, best first, with the share of all places that each is the
+    first to cover.
 
     Stops at `count`, or when no pair adds more than half a percent of what can be covered.
     """
-    left = np.any(covers, axis=0)
-    enough = _NEGLIGIBLE * left.sum()
+    wanted = np.any(covers, axis=0) * per_place
+    enough = _NEGLIGIBLE * (wanted > 0).sum()
     chosen: list[tuple[int, float]] = []
     # Greedy: the exact smallest cover is NP-hard, and one pair more than necessary is no loss.
     while len(chosen) < (count or len(covers)):
-        gains = [(cover & left).sum() for cover in covers]
-        best = int(np.argmax([gain * min(weight, _STEEP) for gain, weight in zip(gains, weights, strict=True)]))
-        if gains[best] <= enough:
+        open_pairs = [k for k in range(len(covers)) if k not in {number for number, _ in chosen}]
+        # What nobody covers yet counts more than all second looks: fewer pairs than asked for still cover everything once.
+        gains = {k: ((covers[k] & (wanted > 0)) * np.where(wanted == per_place, per_place, 1)).sum() for k in open_pairs}
+        best = max(open_pairs, key=lambda k: (gains[k] * min(weights[k], _STEEP), -k), default=-1)
+        if best < 0 or gains[best] <= enough:
             break
-        chosen.append((best, float(gains[best] / left.size)))
-        left &= ~covers[best]
+        chosen.append((best, float((covers[best] & (wanted == per_place)).sum() / wanted.size)))
+        wanted -= covers[best] & (wanted > 0)
     return chosen
 
 

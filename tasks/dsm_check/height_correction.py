@@ -7,7 +7,8 @@ same holds for A'' and the right one. Two constructions find the point where bot
 - plan: the published construction. The lines from the nadirs through A' and A'' intersect in plan, similar triangles give two
   heights, and their mean is taken. It is singular on the line through both nadirs and at the nadirs, so points with a flat or
   sharp angle, and points near a nadir, are refused.
-No iteration is needed: both are exact for errors of any size.
+Both are exact for errors of any size, as far as both places show the same point and are found. Norvelle's refinement, which they
+replace, is here to be compared: dx H / B, where the point is thought to be, and orthoimages again.
 
 Source: Skarlatos, PhD thesis, sections 3.4.2 and 3.4.3 (methods/matching_and_dsm_check.md, 1.7); methods/measured.md.
 """
@@ -43,7 +44,15 @@ class PlanCorrection(Settings):
     )
 
 
-Correction = Annotated[RayCorrection | PlanCorrection, Field(discriminator="kind")]
+class NorvelleCorrection(Settings):
+    """The iterative refinement that the others replace: dh = dx H / B at the place itself, then orthoimages again."""
+
+    kind: Literal["norvelle"] = "norvelle"
+    rounds: int = setting(4, "How often orthoimages are made and compared; every cell is corrected in each.", ge=1, le=12)
+    parallax: float = setting(0.5, "Greatest shift across the base; beyond it the match is wrong.", "orthoimage pixels", gt=0)
+
+
+Correction = Annotated[RayCorrection | PlanCorrection | NorvelleCorrection, Field(discriminator="kind")]
 
 
 @dataclass(frozen=True)
@@ -66,15 +75,15 @@ class CorrectedPoints:
     """(N,) bool: passed the geometric test"""
 
 
-def correct(
-    left: np.ndarray, right: np.ndarray, centres: Centres, correction: RayCorrection | PlanCorrection, pixel: float
-) -> CorrectedPoints:
+def correct(left: np.ndarray, right: np.ndarray, centres: Centres, correction: Correction, pixel: float) -> CorrectedPoints:
     """True points from homologous orthoimage points.
 
     left, right: (N, 3) m, places in either orthoimage with the height of the model there. pixel: of the orthoimages, m.
     """
     if correction.kind == "plan":
         return plan_intersection(left, right, centres, correction)
+    if correction.kind == "norvelle":
+        return norvelle(left, right, centres, correction.parallax * pixel)
     return ray_intersection(left, right, centres, correction.parallax * pixel)
 
 
@@ -108,6 +117,19 @@ def plan_intersection(left: np.ndarray, right: np.ndarray, centres: Centres, set
         off = np.minimum(_off_nadir(left, centres.left), _off_nadir(right, centres.right))
         accepted = (angle >= settings.angle_low) & (angle <= settings.angle_high) & (off >= settings.nadir)
     return CorrectedPoints(np.column_stack([plan, (from_left + from_right) / 2]), np.abs(from_left - from_right), accepted)
+
+
+def norvelle(left: np.ndarray, right: np.ndarray, centres: Centres, limit: float = np.inf) -> CorrectedPoints:
+    """Norvelle's correction: the distance of the two places along the base times height over base, at the left place; refused where
+    they lie more than `limit` m apart across it."""
+    base = (centres.right - centres.left)[:2]
+    length = float(np.linalg.norm(base))
+    moved, along = (right - left)[:, :2], base / length
+    depth = (centres.left[2] + centres.right[2]) / 2 - left[:, 2]
+    # A point above the model is seen beyond its place by either photograph: the right place then lies towards the left nadir.
+    height = left[:, 2] - moved @ along * depth / length
+    gap = np.abs(moved @ np.array([-along[1], along[0]]))
+    return CorrectedPoints(np.column_stack([left[:, :2], height]), gap, gap <= limit)
 
 
 def nadir_angle(plan: np.ndarray, centres: Centres) -> np.ndarray:

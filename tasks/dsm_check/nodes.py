@@ -19,7 +19,7 @@ from orthomill.schemas.orientation import ExteriorOrientation
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.settings import Settings, setting
-from orthomill.tasks.dsm_check.height_correction import Centres, PlanCorrection, RayCorrection, correct
+from orthomill.tasks.dsm_check.height_correction import Centres, Correction, correct
 from orthomill.tasks.dsm_check.search import OrthoPair, ShiftSearch, distance_back, ortho_pair, shifts
 from orthomill.tasks.dsm_check.working_orthoimage import height_at
 from orthomill.tasks.matching.least_squares.matching import Matches, match_points
@@ -96,12 +96,7 @@ def node_offset(step: int, pixels_per_cell: int) -> float:
 
 
 def check_nodes(
-    tile: NodeTile,
-    matching: NodeMatching,
-    correction: RayCorrection | PlanCorrection,
-    left: np.ndarray,
-    right: np.ndarray,
-    heights: np.ndarray,
+    tile: NodeTile, matching: NodeMatching, correction: Correction, left: np.ndarray, right: np.ndarray, heights: np.ndarray
 ) -> np.ndarray:
     """Corrections at the nodes of a tile: (rows, cols, len(BANDS)) float32, NaN where there is none; the band `outcome`
     gives the reason.
@@ -216,12 +211,7 @@ def _match(images: OrthoPair, points: np.ndarray, direction: np.ndarray, matchin
 
 
 def _correct(
-    tile: NodeTile,
-    matching: NodeMatching,
-    correction: RayCorrection | PlanCorrection,
-    found: _MatchedNodes,
-    heights: np.ndarray,
-    out: _NodeValues,
+    tile: NodeTile, matching: NodeMatching, correction: Correction, found: _MatchedNodes, heights: np.ndarray, out: _NodeValues
 ) -> None:
     """Fills dh, place and sigma of the nodes that pass every test; the outcome of the others becomes INCONSISTENT."""
     at, matches, search = found.pixels[found.tried], found.matches, matching.search

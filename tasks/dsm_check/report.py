@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,15 +11,35 @@ from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, Product, StageReport, Verdict
 from orthomill.schemas.surface import CORRECTED
+from orthomill.tasks.dsm_check.area_map import AreaMap, AreaRule, area_map
 from orthomill.tasks.dsm_check.areas import SIGMA, SuspiciousArea, Trend, fitted_trend, is_judged, suspicious_areas
 from orthomill.tasks.dsm_check.correction_map import detectable_error
 from orthomill.tasks.dsm_check.coverage import CheckedPair, CheckedPairs
+from orthomill.tasks.dsm_check.report_rounds import (
+    CODE,
+    beyond_warning,
+    code_picture,
+    relief_grid,
+    rounds_grid,
+    shift_values,
+    shift_warnings,
+    whole_shift,
+)
+from orthomill.tasks.dsm_check.rounds.round_state import RoundState
 from orthomill.tasks.dsm_check.statistics import Counts, PairCounts, Summary, TileCounts, added, bin_width, summarised
+from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceShift, surface_shift
+
+__all__ = ["CODE", "DETECTABLE", "DH", "LAST_ROUND", "PRECISION", "TEST", "Blocks", "report"]
 
 DH = "dsm_check/dh"
 PRECISION = "dsm_check/precision"
+TEST = "dsm_check/test"
+"""float32: dh in units of its standard error"""
+LAST_ROUND = "dsm_check/rounds/{}/last"
+"""uint8: the round that changed a cell last, 0 for none"""
 DETECTABLE = "dsm_check/detectable"
 """float32 m: the smallest error that the check would have found, see `correction_map.detectable_error`"""
+_CORRECTED_PRODUCT = (Product(path="products/dsm_corrected.tif", purpose="The surface, corrected by the photographs", main=True),)
 _LISTED = 20
 """areas in the table"""
 _WARNED = 5
@@ -36,32 +57,94 @@ class Blocks:
     size: int
     """cells along a side"""
     significance: float
+    crs: str
 
 
-def report(tiles: tuple[TileCounts, ...], pairs: CheckedPairs, coarse: np.ndarray, blocks: Blocks) -> StageReport:
-    """Figures, tables, histogram, maps and warnings from the counts of all tiles and the coarse raster (rows, cols, 3)."""
+class Reported(NamedTuple):
+    """The report, and the suspicious areas on a map."""
+
+    report: StageReport
+    areas: AreaMap
+
+
+def report(
+    tiles: tuple[TileCounts, ...],
+    pairs: CheckedPairs,
+    coarse: np.ndarray,
+    blocks: Blocks,
+    rounds: tuple[RoundState, ...] = (),
+    shift: SurfaceShift | None = None,
+    raised: float = 0.0,
+    keeps: bool = True,
+    last_round: int = 1,
+) -> Reported:
+    """Figures, tables, histogram, maps and warnings from the counts of all tiles and the coarse raster (rows, cols, 5).
+
+    rounds: what each did. shift: of a surface from a file, which was raised by so many m before the check; keeps: whether the
+    corrected surface keeps it.
+    """
     total = added([tile.dh for tile in tiles])
     whole = summarised(total, pairs.pixel_height)
     trend, plane = fitted_trend(coarse, blocks.grid, blocks.size)
     areas = suspicious_areas(coarse, plane, blocks.grid, blocks.size, blocks.significance)
+    of_file = None if shift is None else _final_shift(coarse, shift, raised)
+    told = (*_surface_warnings(tiles, trend, pairs, of_file is None), *_shift_warnings(of_file, keeps))
+    losses = (*_area_warnings(areas, trend), *beyond_warning(tiles, blocks.grid.cell))
     detectable = _detectable(coarse, blocks.significance)
-    return StageReport(
+    found = StageReport(
         verdict=_verdict(tiles, whole, pairs, detectable),
         products=(
             Product(path="products/dsm_check.tif", purpose="What the photographs say against the surface, and the surface mended"),
+            Product(path="products/dsm_check_areas.geojson", purpose="Areas where photographs and surface disagree"),
+            *(_CORRECTED_PRODUCT if of_file else ()),
         ),
-        doubts=tuple(_surface_warnings(tiles, trend, pairs)),
-        losses=tuple(_area_warnings(areas)),
+        doubts=told,
+        losses=losses,
         figures=_figures(
             _cell_values(tiles, whole, pairs)
             | {"detectable": _known(detectable)}
             | _estimate_values(tiles, pairs)
             | _place_values(trend, areas)
+            | shift_values(of_file)
+            | {"rounds": max(len(rounds), 1), "beyond_reach": _share(sum(t.beyond for t in tiles), sum(t.heights for t in tiles))}
         ),
-        grids=(_pairs_grid(tiles, pairs), _outcomes_grid(tiles, pairs), *_areas_grid(areas)),
+        grids=(
+            _pairs_grid(tiles, pairs),
+            _outcomes_grid(tiles, pairs),
+            *_areas_grid(areas),
+            *rounds_grid(rounds),
+            *relief_grid(tiles),
+        ),
         charts=(_histogram(total, pairs.pixel_height),) if whole.number else (),
-        pictures=_pictures(pairs, whole),
-        warnings=(*_surface_warnings(tiles, trend, pairs), *_area_warnings(areas)),
+        pictures=(*_pictures(pairs, whole), code_picture(), *_round_picture(rounds, last_round)),
+        warnings=(*told, *losses),
+    )
+    return Reported(found, area_map(areas, AreaRule(blocks.grid, blocks.size, blocks.crs)))
+
+
+def _final_shift(coarse: np.ndarray, shift: SurfaceShift, raised: float) -> SurfaceShift:
+    """The shift of a surface from a file, as the whole check knows it; that of the first look where the check judged too little."""
+    last = surface_shift(coarse)
+    return whole_shift(last, raised) if last.blocks else whole_shift(shift, raised + shift.up)
+
+
+def _shift_warnings(shift: SurfaceShift | None, keeps: bool) -> tuple[str, ...]:
+    return () if shift is None else tuple(shift_warnings(shift, not keeps))
+
+
+def _round_picture(rounds: tuple[RoundState, ...], last: int) -> tuple[Picture, ...]:
+    """Where the rounds converged."""
+    if len(rounds) < 2:
+        return ()
+    return (
+        Picture(
+            title="Round of the last correction",
+            raster=LAST_ROUND.format(last),
+            style="ramp",
+            low=0,
+            high=float(last),
+            caption="0: never corrected. Where the last round still corrected, the check has not come to an end.",
+        ),
     )
 
 
@@ -102,6 +185,13 @@ _FIGURES = (
     ("estimates_compared", "%", "Share of the estimated cells in which the photographs could be compared nevertheless."),
     ("estimates_dh_nmad", "m", "Robust spread of their corrections; an estimate that agrees is no measurement yet."),
     ("pairs", "", "Pairs of orthoimages that were compared."),
+    ("rounds", "", "Rounds of the check: each later one looks again where the one before corrected."),
+    ("beyond_reach", "%", "Share of the measured cells with a large error that only coarse orthoimages saw: left as they are."),
+    ("shift_up", "m", "How far the surface from a file as a whole lies above the photographs."),
+    ("shift_up_sigma", "m", "Its standard error."),
+    ("shift_east", "m", "How far it lies too far east."),
+    ("shift_north", "m", "How far it lies too far north."),
+    ("shift_plan_sigma", "m", "Standard error of both; slopes in all directions make it small."),
     ("pixel_height", "m", "Height error that shifts the two orthoimages by one pixel, on average."),
     ("suspicious_areas", "", "Connected areas where the surface deviates significantly from its own trend, too high or too low."),
     ("suspicious_area", "m2", "Their total area."),
@@ -214,7 +304,11 @@ def _areas_grid(areas: list[SuspiciousArea]) -> tuple[Grid, ...]:
         (round(a.x, 1), round(a.y, 1), round(a.area, 1), round(a.dh, 2), round(a.extreme, 2), _side(a.dh)) for a in areas[:_LISTED]
     )
     columns = ("X (m)", "Y (m)", "area (m2)", "mean correction (m)", "largest (m)", "surface is")
-    note = f"The {len(rows)} largest of {len(areas)} by volume, relative to the trend of the whole surface: inspect them first."
+    note = (
+        f"The {len(rows)} largest of {len(areas)} by volume: inspect them first. Corrections are relative to the trend, a plane "
+        f"through "
+        "the corrections of the whole surface that large areas do not move; products/dsm_check_areas.geojson has their outlines."
+    )
     return (Grid(title="Suspicious areas", columns=columns, rows=rows, note=note),)
 
 
@@ -285,7 +379,7 @@ def _verdict(tiles: tuple[TileCounts, ...], whole: Summary, pairs: CheckedPairs,
     return Verdict(level="good" if agrees else "fair", sentence=f"{words}.", weighs=True)
 
 
-def _surface_warnings(tiles: tuple[TileCounts, ...], trend: Trend, pairs: CheckedPairs) -> Iterator[str]:
+def _surface_warnings(tiles: tuple[TileCounts, ...], trend: Trend, pairs: CheckedPairs, own: bool) -> Iterator[str]:
     heights, checked = sum(tile.heights for tile in tiles), sum(tile.checked for tile in tiles)
     # with less than half of the surface checked the figures above do not speak for the whole
     if checked < 0.5 * heights:
@@ -293,7 +387,8 @@ def _surface_warnings(tiles: tuple[TileCounts, ...], trend: Trend, pairs: Checke
             f"Only {_share(checked, heights):.0f} % of the measured surface could be checked; the rest lies outside the pairs of "
             "photographs, has too little texture, or is hidden in one of them."
         )
-    if abs(trend.middle) > _SHIFT_LIMIT * pairs.pixel_height:
+    # The shift of a surface from a file has a sentence of its own, with its standard error.
+    if own and abs(trend.middle) > _SHIFT_LIMIT * pairs.pixel_height:
         yield f"The surface as a whole is {_side(trend.middle)} by about {abs(trend.middle):.2f} m relative to the photographs."
     if trend.range > _TILT_LIMIT * pairs.pixel_height:
         yield (
@@ -302,7 +397,7 @@ def _surface_warnings(tiles: tuple[TileCounts, ...], trend: Trend, pairs: Checke
         )
 
 
-def _area_warnings(areas: list[SuspiciousArea]) -> Iterator[str]:
+def _area_warnings(areas: list[SuspiciousArea], trend: Trend) -> Iterator[str]:
     if not areas:
         return
     named = "; ".join(
@@ -310,7 +405,10 @@ def _area_warnings(areas: list[SuspiciousArea]) -> Iterator[str]:
         for area in areas[:_WARNED]
     )
     more = f"; {len(areas) - _WARNED} more areas are in the table" if len(areas) > _WARNED else ""
-    yield f"Photographs and surface disagree locally: the surface is {named}{more}."
+    # To the centimetre: a trend of a millimetre is none.
+    flat = abs(trend.middle) < 0.005 and trend.range < 0.01
+    relative = "" if flat else f", relative to the trend of all corrections ({trend.middle:+.2f} m in the middle)"
+    yield f"Photographs and surface disagree locally{relative}: the surface is {named}{more}."
 
 
 def _side(dh: float) -> str:

@@ -1,82 +1,71 @@
-"""The check of the surface without reference data, tile by tile.
+"""The check of the surface without reference data, tile by tile, in one pass or in several.
 
 First the pairs that check it are selected. Every pair and tile gets two orthoimages made with the surface under test, then the
 nodes at which they are compared. A tile of the result needs the nodes around it of every pair that shows it; the report is made of
 the coarse blocks and counts of all tiles.
+
+A surface from a file goes farther: it is placed by the tie points, coarse orthoimages find its shift and its large errors, and the
+places that were corrected are checked again until nothing is asked for any more. The engine needs no loop for that: a pass asks for
+the table of the one before.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Annotated, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
-from pydantic import Field
-
-from orthomill.schemas.epipolar import PAIRS, grey_table
-from orthomill.schemas.job import Export, Job, MapFile, MapHeader, Raster, Region, Table
-from orthomill.schemas.orientation import BLOCK, Block
-from orthomill.schemas.photo import PHOTOS, Photos, photo_raster
+from orthomill.schemas.epipolar import PAIRS
+from orthomill.schemas.job import Export, HeightFile, HeightHeader, Job, Raster, Table
+from orthomill.schemas.observations import GROUND_POINTS
+from orthomill.schemas.orientation import BLOCK
+from orthomill.schemas.photo import PHOTOS
 from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, Window, map_raster, tiles_of
 from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
 from orthomill.schemas.stage_report import report_table
-from orthomill.schemas.surface import CORRECTED, HEIGHT, PROVENANCE, SURFACE, Surface
+from orthomill.schemas.surface import CORRECTED, HEIGHT, PROVENANCE, SURFACE, CheckCode, Surface
+from orthomill.tasks.dsm_check.area_map import AREA_MAP
 from orthomill.tasks.dsm_check.areas import block_size
 from orthomill.tasks.dsm_check.correction_map import CorrectionNodes
-from orthomill.tasks.dsm_check.coverage import (
-    CHECKED_PAIRS,
-    CHECKED_SURFACE,
-    CheckedPair,
-    CheckedPairs,
-    choose_checked_pairs,
-    foreign_surface,
-    measured_surface,
-)
+from orthomill.tasks.dsm_check.coverage import CHECKED_PAIRS, CHECKED_SURFACE, choose_checked_pairs
 from orthomill.tasks.dsm_check.height_correction import Correction, RayCorrection
-from orthomill.tasks.dsm_check.nodes import BANDS, NodeMatching, NodeTile, check_nodes
-from orthomill.tasks.dsm_check.report import DETECTABLE, DH, PRECISION, Blocks, report
-from orthomill.tasks.dsm_check.statistics import TileCounts
-from orthomill.tasks.dsm_check.tile import CorrectionRule, NodeWindow, correct_tile, take_surface
-from orthomill.tasks.dsm_check.working_orthoimage import WorkingTile, ortho_tile
-from orthomill.tasks.geometry.footprint import photo_window
-from orthomill.tasks.geometry.view import block_view
+from orthomill.tasks.dsm_check.nodes import NodeMatching
+from orthomill.tasks.dsm_check.report import CODE, DETECTABLE, DH, PRECISION, TEST, Blocks, report
+from orthomill.tasks.dsm_check.rounds.round_plan import (
+    CheckScene,
+    Comparing,
+    Reads,
+    coarser,
+    correction_nodes,
+    node_raster,
+    ortho_raster,
+)
+from orthomill.tasks.dsm_check.rounds.round_state import state_table
+from orthomill.tasks.dsm_check.rounds.several_passes import FILLED, Passes, counts_table, moved
+from orthomill.tasks.dsm_check.surfaces.checked_surface import CheckedSurface, DensifiedSurface, SurfaceFile
+from orthomill.tasks.dsm_check.surfaces.foreign_grid import foreign_surface, measured_surface
+from orthomill.tasks.dsm_check.surfaces.placing import PLACED, place, places
+from orthomill.tasks.dsm_check.surfaces.surface_shift import SHIFT, SurfaceShift
+from orthomill.tasks.dsm_check.surfaces.taken_surface import take_file
+from orthomill.tasks.dsm_check.tile import correct_tile, take_surface
+
+__all__ = ["DsmCheckStage", "SurfaceFile", "node_raster", "ortho_raster"]
 
 INPUT = "dsm_check/input"
 """float32 m: the surface under test, whatever its source"""
 COARSE = "dsm_check/coarse"
-"""float32 (rows, cols, 3): share checked, mean correction and mean sigma (m) in blocks of cells"""
+"""float32 (rows, cols, 5): `areas.blocks` and `areas.slopes` in blocks of cells"""
+_PLACING_LEVEL = 3
+"""halvings of the orthoimages in which the shift of a surface from a file is found"""
+_PLACING_CELLS = 128
+"""cells along the shorter side that tell a shift to centimetres"""
+_FILE_ROUNDS, _FILE_LEVELS = 4, 3
 
 
-class DensifiedSurface(Settings):
-    """The surface that this project measured."""
+class CloserLook(Settings):
+    """How places are compared that an earlier round corrected: smaller windows, nodes closer together."""
 
-    kind: Literal["densification"] = "densification"
-
-
-class SurfaceFile(Settings):
-    """A surface model from a file; it is resampled to the grid of the project's own surface if there is one."""
-
-    kind: Literal["file"]
-    path: str = setting(..., "GeoTIFF with heights, relative to the project's root.")
-
-
-Reads = dict[str, Region | tuple[Region, ...]]
-
-CheckedSurface = Annotated[DensifiedSurface | SurfaceFile, Field(discriminator="kind")]
-
-
-@dataclass(frozen=True)
-class _Plan:
-    """The tables that planning needs."""
-
-    block: Block
-    photos: Photos
-    surface: Surface
-    pairs: CheckedPairs
-    tile: int
-
-    @property
-    def grid(self) -> MapGrid:
-        return self.surface.grid
+    window: int = setting(7, "Side of the least-squares window.", "orthoimage pixels", ge=5, le=31)
+    search_window: int = setting(7, "Side of the correlation window on orthoimages of half the size.", "px", ge=5, le=31)
+    step: Literal[2, 4, 8] = setting(2, "Distance of the nodes.", "cells")
 
 
 class DsmCheckStage(Stage):
@@ -87,7 +76,8 @@ class DsmCheckStage(Stage):
 
     kind: Literal["dsm_check"] = "dsm_check"
     surface: CheckedSurface = setting(DensifiedSurface(), "The surface that is checked.")
-    pairs: int | None = setting(None, "Pairs that check the surface; null: as many as cover it once.", ge=1)
+    pairs: int | None = setting(None, "Pairs that check the surface, at most; null: as many as `pairs_per_place` needs.", ge=1)
+    pairs_per_place: int = setting(1, "Pairs that check every place, if as many see it: one sees what another hides.", ge=1, le=12)
     pixels_per_cell: int | None = setting(
         None, "Pixels of orthoimage along a cell, 1 or 2; null: 2 where cells are coarser than the photographs.", ge=1, le=2
     )
@@ -100,9 +90,24 @@ class DsmCheckStage(Stage):
     )
     # Of a million cells three or four standard errors are exceeded by thousands without any error of the surface.
     significance: float = setting(5.0, "A correction of this many of its standard errors is significant.", "sigma", ge=1, le=10)
+    levels: int | None = setting(
+        None,
+        "How often the orthoimages are halved, at most, to find errors beyond the reach of the search; null: 3 times for a surface "
+        "from a file, never for the one that this project measured.",
+        ge=0,
+        le=5,
+    )
+    rounds: int | None = setting(
+        None,
+        "How often the surface is checked, at most: again where it was corrected, until nothing more is asked for; null: 4 "
+        "times for a "
+        "surface from a file, once for the one that this project measured.",
+        ge=1,
+        le=12,
+    )
+    closer: CloserLook = setting(CloserLook(), "How later rounds compare the orthoimages.")
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
-        size = view.project.tile
         yield self._surface(view)
         yield Job(
             self.kind,
@@ -110,228 +115,214 @@ class DsmCheckStage(Stage):
             choose_checked_pairs,
             {"pairs": PAIRS, "block": BLOCK, "surface": CHECKED_SURFACE},
             {"checked": CHECKED_PAIRS},
-            {"tile": size, "count": self.pairs, "pixels_per_cell": self.pixels_per_cell},
+            {
+                "tile": view.project.tile,
+                "count": self.pairs,
+                "pixels_per_cell": self.pixels_per_cell,
+                "per_place": self.pairs_per_place,
+            },
         )
         # The grid of a file is known only after its header was read: planning continues when that job is done.
         surface = view.table(CHECKED_SURFACE)
-        yield from self._input(view, surface.grid, size)
-        plan = _Plan(view.table(BLOCK), view.table(PHOTOS), surface, view.table(CHECKED_PAIRS), size)
-        for pair in plan.pairs.pairs:
-            yield from self._orthoimages(view, plan, pair)
-            yield from self._nodes(plan, pair)
-        yield from self._answer(view, plan)
+        if isinstance(self.surface, SurfaceFile):
+            passes = self._passes(view, surface)
+            yield from self._placed(view, passes, self.surface)
+            yield from self._file(view, passes, self.surface)
+        else:
+            yield from self._own(view, surface.grid)
+            passes = self._passes(view, surface)
+        if self._once:
+            yield from self._one_pass(passes)
+        else:
+            yield from self._several(view, passes)
+        yield from self._exports()
+
+    @property
+    def _once(self) -> bool:
+        """Whether one pass over the surface is the whole check."""
+        return self._rounds == 1 and self._levels == 0 and not isinstance(self.surface, SurfaceFile)
+
+    @property
+    def _rounds(self) -> int:
+        if self.correction.kind == "norvelle":
+            return self.correction.rounds
+        return self.rounds or (_FILE_ROUNDS if isinstance(self.surface, SurfaceFile) else 1)
+
+    @property
+    def _levels(self) -> int:
+        return self.levels if self.levels is not None else (_FILE_LEVELS if isinstance(self.surface, SurfaceFile) else 0)
+
+    def _passes(self, view: ProjectView, surface: Surface) -> Passes:
+        least_squares = self.matching.least_squares.model_copy(update={"window": self.closer.window})
+        search = self.matching.search.model_copy(update={"window": self.closer.search_window})
+        nearer = self.matching.model_copy(update={"least_squares": least_squares, "search": search})
+        norvelle = self.correction.kind == "norvelle"
+        return Passes(
+            CheckScene(view.table(BLOCK), view.table(PHOTOS), view.table(BLOCK).crs),
+            surface,
+            view.table(CHECKED_PAIRS),
+            view.project.tile,
+            Comparing(self.matching, self.correction, self.step, self.radius * self.step),
+            Comparing(nearer, self.correction, self.closer.step, self.radius * self.closer.step),
+            "all" if norvelle else self.apply,
+            self.significance,
+            self.pairs,
+            self.pairs_per_place,
+            everywhere=norvelle,
+            measured=not isinstance(self.surface, SurfaceFile),
+        )
+
+    # --- the surface
 
     def _surface(self, view: ProjectView) -> Job:
         writes: dict[str, Raster | Table] = {"surface": CHECKED_SURFACE}
-        if self.surface.kind == "densification":
+        if not isinstance(self.surface, SurfaceFile):
             return Job(self.kind, "surface", measured_surface, {"surface": SURFACE}, writes)
-        reads: Reads = {"grid": MapHeader(self.surface.path, view.project.crs), "block": BLOCK}
+        header = HeightHeader(self.surface.path, view.project.crs, self.surface.system)
+        reads: Reads = {"extent": header, "block": BLOCK, "pairs": PAIRS}
         if view.has_stage("densification"):
             reads["surface"] = SURFACE
         return Job(self.kind, "surface", foreign_surface, reads, writes)
 
-    def _input(self, view: ProjectView, grid: MapGrid, size: int) -> Iterator[RasterSpec | Job]:
-        """The jobs that fill the raster under test, whatever its source."""
+    def _own(self, view: ProjectView, grid: MapGrid) -> Iterator[RasterSpec | Job]:
+        """The surface that the project measured."""
+        size = view.project.tile
         yield map_raster(INPUT, grid, "float32", view.table(BLOCK).crs, size, nodata=float("nan"), unit="m")
         for tile in tiles_of(grid.shape, size):
+            reads: Reads = {"heights": Raster(HEIGHT, tile.window)}
+            writes = {"input": Raster(INPUT, tile.window)}
+            yield Job(self.kind, "input", take_surface, reads, writes, row=tile.row, col=tile.col)
+
+    def _placed(self, view: ProjectView, passes: Passes, source: SurfaceFile) -> Iterator[RasterSpec | Job]:
+        """Where a surface from a file lies to the photographs."""
+        coarse = places(passes.surface.grid)
+        given = HeightFile(source.path, view.project.crs, coarse, Window(0, 0, *coarse.shape), source.system)
+        reads: Reads = {"heights": given, "block": BLOCK}
+        if view.has_stage("orientation"):
+            reads["points"] = GROUND_POINTS
+        yield Job(self.kind, "place", place, reads, {"placed": PLACED}, {"grid": coarse, "path": source.path})
+        level = passes.lowest(_PLACING_LEVEL, _PLACING_CELLS)
+        for one in sorted({level, *range(1, passes.lowest(self._levels) + 1)}):
+            yield passes.level_pairs(one)
+        yield from passes.placing(view, source, level, view.table(PLACED).up)
+
+    def _file(self, view: ProjectView, passes: Passes, source: SurfaceFile) -> Iterator[RasterSpec | Job]:
+        """The surface from a file, in the height system of the photographs."""
+        grid, shift = passes.surface.grid, view.table(SHIFT)
+        taken = _moved_grid(grid, shift) if source.shift == "remove" and shift.in_plan else grid
+        yield passes.raster(INPUT)
+        yield passes.raster(FILLED, "uint8")
+        fill = source.holes == "fill" and view.has_stage("densification")
+        for tile in tiles_of(grid.shape, view.project.tile):
+            reads: Reads = {"heights": HeightFile(source.path, view.project.crs, taken, tile.window, source.system)}
+            if fill:
+                reads |= {"matched": Raster(HEIGHT, tile.window), "provenance": Raster(PROVENANCE, tile.window)}
+            writes: dict[str, Raster | Table] = {"input": Raster(INPUT, tile.window), "filled": Raster(FILLED, tile.window)}
+            params: dict[str, Any] = {"up": self._up(view)}
+            yield Job(self.kind, "input", take_file, reads, writes, params, row=tile.row, col=tile.col)
+
+    def _up(self, view: ProjectView) -> float:
+        """What is added to the heights of a file before it is checked, m."""
+        # To the millimetre: the surface that is given back must not show the digits of an estimate.
+        return round(view.table(PLACED).up - view.table(SHIFT).up, 3)
+
+    # --- the passes
+
+    def _one_pass(self, passes: Passes) -> Iterator[RasterSpec | Job]:
+        one, rule = passes.main(INPUT), passes.rule()
+        yield from one.jobs()
+        yield from self._answer_rasters(passes)
+        for tile in passes.tiles():
+            windows, near = one.near(tile.window)
+            reads: Reads = {"heights": Raster(INPUT, tile.window), "nodes": near, **passes.codes(tile.window)}
             yield Job(
                 self.kind,
-                "input",
-                take_surface,
-                {"heights": self._source(view, grid, tile.window)},
-                {"input": Raster(INPUT, tile.window)},
+                "answer",
+                correct_tile,
+                reads,
+                _answer(tile, rule.block),
+                {"window": tile.window, "pairs": windows, "rule": rule},
                 row=tile.row,
                 col=tile.col,
+                scratch=tile.window.width * 64 * 96 + tile.window.height * tile.window.width * 64,
             )
+        yield self._report(passes, {}, {})
 
-    def _source(self, view: ProjectView, grid: MapGrid, window: Window) -> Region:
-        if self.surface.kind == "densification":
-            return Raster(HEIGHT, window)
-        return MapFile(self.surface.path, view.project.crs, grid, window)
-
-    def _orthoimages(self, view: ProjectView, plan: _Plan, pair: CheckedPair) -> Iterator[RasterSpec | Job]:
-        factor, window, grid = plan.pairs.pixels_per_cell, pair.window, plan.grid
-        # a raster per pair on the window of the pair: whole-surface rasters for every pair would be mostly empty
-        own = MapGrid(
-            west=grid.west + window.col * grid.cell,
-            north=grid.north - window.row * grid.cell,
-            cell=grid.cell / factor,
-            rows=window.height * factor,
-            cols=window.width * factor,
-        )
-        for side, photo in (("left", pair.left), ("right", pair.right)):
-            name = ortho_raster(pair.name, side)
-            yield map_raster(name, own, "uint8", view.table(BLOCK).crs, plan.tile * factor, nodata=0, unit="grey")
-            for tile in tiles_of(pair.window.shape, plan.tile):
-                yield self._orthoimage(plan, pair, side, photo, tile)
-
-    def _orthoimage(self, plan: _Plan, pair: CheckedPair, side: str, photo: str, tile: Tile) -> Job:
-        window = _shifted(tile.window, pair.window.row, pair.window.col)
-        # one cell more: the bilinear heights of the outermost pixels use the neighbouring cells
-        heights = window.grown(1).clipped(plan.grid.shape)
-        seen = photo_window(block_view(plan.block, photo), plan.grid, window, plan.surface.height_low, plan.surface.height_high)
-        reads: Reads = {"heights": Raster(INPUT, heights)}
-        if not seen.empty:
-            reads["pixels"] = Raster(photo_raster(photo), seen)
-            # 16-bit photographs get the stretch that their epipolar images have, so both stages match the same grey values
-            if plan.photos[photo].dtype != "uint8":
-                reads["stretch"] = grey_table(photo)
-        factor = plan.pairs.pixels_per_cell
-        what = WorkingTile(plan.block.of(photo), plan.block.camera_of(photo), plan.grid, window, heights, factor, seen)
-        return Job(
-            self.kind,
-            f"ortho-{pair.name}-{side}",
-            ortho_tile,
-            reads,
-            {"ortho": Raster(ortho_raster(pair.name, side), tile.window.scaled(factor))},
-            {"tile": what},
-            row=tile.row,
-            col=tile.col,
-            scratch=seen.height * seen.width * 24,
-        )
-
-    def _nodes(self, plan: _Plan, pair: CheckedPair) -> Iterator[RasterSpec | Job]:
-        shape = tuple(-(-side // self.step) for side in pair.window.shape)
-        yield RasterSpec(
-            name=node_raster(pair.name),
-            shape=(*shape, len(BANDS)),
-            dtype="float32",
-            chunk=plan.tile // self.step,
-            nodata=float("nan"),
-        )
-        for tile in tiles_of(pair.window.shape, plan.tile):
-            yield self._node_tile(plan, pair, tile)
-
-    def _node_tile(self, plan: _Plan, pair: CheckedPair, tile: Tile) -> Job:
-        factor = plan.pairs.pixels_per_cell
-        # an even number of cells, so that pixels of half size are the same in every tile
-        seen = tile.window.grown(-(-self.matching.halo // (2 * factor)) * 2).clipped(pair.window.shape)
-        what = NodeTile(
-            plan.block.of(pair.left),
-            plan.block.of(pair.right),
-            plan.grid,
-            _shifted(tile.window, pair.window.row, pair.window.col),
-            _shifted(seen, pair.window.row, pair.window.col),
-            factor,
-            self.step,
-        )
-        reads: Reads = {
-            "left": Raster(ortho_raster(pair.name, "left"), seen.scaled(factor)),
-            "right": Raster(ortho_raster(pair.name, "right"), seen.scaled(factor)),
-            "heights": Raster(INPUT, what.seen),
-        }
-        return Job(
-            self.kind,
-            f"nodes-{pair.name}",
-            check_nodes,
-            reads,
-            {"nodes": Raster(node_raster(pair.name), self._of_nodes(tile.window))},
-            {"tile": what, "matching": self.matching, "correction": self.correction},
-            row=tile.row,
-            col=tile.col,
-            scratch=seen.height * seen.width * (8 + 45 * factor**2),
-        )
-
-    def _of_nodes(self, window: Window) -> Window:
-        return _coarser(window, self.step)
-
-    def _answer(self, view: ProjectView, plan: _Plan) -> Iterator[RasterSpec | Job | Export]:
-        for name in (DH, PRECISION, DETECTABLE, CORRECTED):
-            yield map_raster(name, plan.grid, "float32", view.table(BLOCK).crs, plan.tile, nodata=float("nan"), unit="m")
-        size = block_size(plan.grid.shape)
-        shape = tuple(-(-side // size) for side in plan.grid.shape)
-        coarse = RasterSpec(name=COARSE, shape=(*shape, 3), dtype="float32", chunk=plan.tile // size)
-        yield coarse
-        tiles = list(tiles_of(plan.grid.shape, plan.tile))
-        for tile in tiles:
-            yield self._answer_tile(plan, tile, size)
-        yield Job(
-            self.kind,
-            "report",
-            report,
-            {"tiles": tuple(_counts_table(t) for t in tiles), "pairs": CHECKED_PAIRS, "coarse": Raster(COARSE, coarse.full)},
-            {"report": report_table(self.kind)},
-            {"blocks": Blocks(plan.grid, size, self.significance)},
-            scratch=16 * coarse.bytes_of(coarse.full),
-        )
-        bands = {"dh": DH, "height": CORRECTED, "sigma": PRECISION, "detectable": DETECTABLE}
-        yield Export(self.kind, "product", "products/dsm_check.tif", "cog", bands)
+    def _several(self, view: ProjectView, passes: Passes) -> Iterator[RasterSpec | Job]:
+        entering = INPUT
+        levels = passes.lowest(self._levels)
+        if not isinstance(self.surface, SurfaceFile):
+            yield from (passes.level_pairs(level) for level in range(1, levels + 1))
+        for level in range(levels, 0, -1):
+            yield from passes.from_coarse(view, level, entering)
+            entering = moved(level)
+        yield from passes.first(entering)
+        number = 1
+        while number < self._rounds and view.table(state_table(number)).judged:
+            yield from passes.later(number + 1, view.table(state_table(number)))
+            number += 1
+        yield from self._answer_rasters(passes)
+        reads: Reads = {"rounds": tuple(state_table(k) for k in range(1, number + 1))}
+        params: dict[str, Any] = {"last_round": number}
+        back = 0.0
+        if isinstance(self.surface, SurfaceFile):
+            keeps = self.surface.shift == "keep"
+            back = -self._up(view) if keeps else 0.0
+            reads["shift"] = SHIFT
+            params |= {"raised": self._up(view), "keeps": keeps}
+        for tile in passes.tiles():
+            yield passes.finish(tile, number, entering, _answer(tile, block_size(passes.surface.grid.shape)), back)
+        yield self._report(passes, reads, params)
 
     def correction_nodes(self, pixels_per_cell: int) -> CorrectionNodes:
         """The grid of nodes on orthoimages of so many pixels along a cell, and how far they reach."""
-        # A corrected point lies off its node by the shift in either orthoimage, in the worst case by twice the reach of the search.
-        move = 2 * self.matching.search.reach / pixels_per_cell
-        side = (2 * self.matching.least_squares.reach + 1) / pixels_per_cell
-        return CorrectionNodes(self.step, pixels_per_cell, self.radius * self.step, move, side)
+        return correction_nodes(Comparing(self.matching, self.correction, self.step, self.radius * self.step), pixels_per_cell)
 
-    def _answer_tile(self, plan: _Plan, tile: Tile, size: int) -> Job:
-        nodes = self.correction_nodes(plan.pairs.pixels_per_cell)
-        reads: list[Region] = []
-        windows: list[NodeWindow] = []
-        for pair in plan.pairs.pairs:
-            window, read = self._nodes_near(plan, pair, tile.window, nodes.halo)
-            # a pair that does not reach the tile is left out: an empty window is no region that could be read
-            if not window.given.empty:
-                windows.append(window)
-                reads.append(read)
-        rule = CorrectionRule(self.apply, self.significance, nodes, size, plan.pairs.pixel_height)
+    # --- the answer
+
+    def _answer_rasters(self, passes: Passes) -> Iterator[RasterSpec]:
+        for name in (DH, PRECISION, TEST, DETECTABLE, CORRECTED):
+            yield passes.raster(name) if name != TEST else passes.raster(name).model_copy(update={"unit": "sigma"})
+        grid, size = passes.surface.grid, block_size(passes.surface.grid.shape)
+        yield map_raster(CODE, grid, "uint8", passes.scene.crs, passes.tile, nodata=CheckCode.EMPTY)
+        shape = tuple(-(-side // size) for side in grid.shape)
+        yield RasterSpec(name=COARSE, shape=(*shape, 5), dtype="float32", chunk=passes.tile // size)
+
+    def _report(self, passes: Passes, reads: Reads, params: dict[str, Any]) -> Job:
+        grid, size = passes.surface.grid, block_size(passes.surface.grid.shape)
+        shape = tuple(-(-side // size) for side in grid.shape)
+        what = Blocks(grid, size, self.significance, passes.scene.crs)
+        tiles = tuple(counts_table(tile, "counts") for tile in passes.tiles())
+        coarse = Raster(COARSE, Window(0, 0, *shape))
+        writes: dict[str, Raster | Table] = {"report": report_table(self.kind), "areas": AREA_MAP}
         return Job(
             self.kind,
-            "answer",
-            correct_tile,
-            {"heights": Raster(INPUT, tile.window), "nodes": tuple(reads), **self._codes(tile.window)},
-            _checked_cells(tile, size),
-            {"window": tile.window, "pairs": tuple(windows), "rule": rule},
-            row=tile.row,
-            col=tile.col,
-            scratch=tile.window.width * 64 * 96 + tile.window.height * tile.window.width * 64,
+            "report",
+            report,
+            {"tiles": tiles, "pairs": CHECKED_PAIRS, "coarse": coarse, **reads},
+            writes,
+            {"blocks": what, **params},
+            scratch=400 * shape[0] * shape[1],
         )
 
-    def _codes(self, window: Window) -> Reads:
-        """Where the heights under test come from; nothing is known of those of a file."""
-        return {"provenance": Raster(PROVENANCE, window)} if self.surface.kind == "densification" else {}
-
-    def _nodes_near(self, plan: _Plan, pair: CheckedPair, window: Window, halo: int) -> tuple[NodeWindow, Raster]:
-        """The nodes of a pair in and around a tile: counted over the whole surface, and as a region of the pair's raster."""
-        box = self._of_nodes(pair.window)
-        own = self._of_nodes(window)
-        inside = _shifted(own, -box.row, -box.col)
-        given = inside.grown(halo).clipped(box.shape)
-        own = inside.clipped(box.shape)
-        name = NodeWindow(pair.name, _shifted(given, box.row, box.col), _shifted(own, box.row, box.col))
-        return name, Raster(node_raster(pair.name), given)
+    def _exports(self) -> Iterator[Export]:
+        bands = {"dh": DH, "height": CORRECTED, "sigma": PRECISION, "detectable": DETECTABLE, "test": TEST, "code": CODE}
+        yield Export(self.kind, "product", "products/dsm_check.tif", "cog", bands)
+        if isinstance(self.surface, SurfaceFile):
+            yield Export(self.kind, "corrected", "products/dsm_corrected.tif", "cog", {"height": CORRECTED})
+        yield Export(self.kind, "areas", "products/dsm_check_areas.geojson", "json", tables=(AREA_MAP,))
 
 
-def ortho_raster(pair: str, side: str) -> str:
-    """uint8 (rows, cols) grey, 0 without data; one or two pixels along a cell of the pair's window."""
-    return f"dsm_check/ortho/{pair}/{side}"
-
-
-def node_raster(pair: str) -> str:
-    """float32 (rows, cols, bands): see `nodes.BANDS`."""
-    return f"dsm_check/nodes/{pair}"
-
-
-def _checked_cells(tile: Tile, size: int) -> dict[str, Raster | Table]:
-    """What a tile writes; size: cells along a coarse block."""
+def _answer(tile: Tile, size: int) -> dict[str, Raster | Table]:
+    """What a tile of the answer writes; size: cells along a coarse block."""
+    names = {"dh": DH, "precision": PRECISION, "test": TEST, "detectable": DETECTABLE, "height": CORRECTED, "code": CODE}
     return {
-        "dh": Raster(DH, tile.window),
-        "precision": Raster(PRECISION, tile.window),
-        "detectable": Raster(DETECTABLE, tile.window),
-        "height": Raster(CORRECTED, tile.window),
-        "coarse": Raster(COARSE, _coarser(tile.window, size)),
-        "counts": _counts_table(tile),
+        **{name: Raster(raster, tile.window) for name, raster in names.items()},
+        "coarse": Raster(COARSE, coarser(tile.window, size)),
+        "counts": counts_table(tile, "counts"),
     }
 
 
-def _counts_table(tile: Tile) -> Table[TileCounts]:
-    return Table(f"dsm_check/counts/{tile.row}-{tile.col}.json", TileCounts)
-
-
-def _coarser(window: Window, size: int) -> Window:
-    """The blocks of `size` cells of a window that begins at a multiple of `size`."""
-    return Window(window.row // size, window.col // size, -(-window.height // size), -(-window.width // size))
-
-
-def _shifted(window: Window, row: int, col: int) -> Window:
-    return Window(window.row + row, window.col + col, window.height, window.width)
+def _moved_grid(grid: MapGrid, shift: SurfaceShift) -> MapGrid:
+    """Where the file has what belongs on `grid`."""
+    return grid.model_copy(update={"west": grid.west + (shift.east or 0.0), "north": grid.north + (shift.north or 0.0)})

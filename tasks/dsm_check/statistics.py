@@ -62,6 +62,18 @@ class TileCounts(BaseModel):
     """cells with an estimated height; they are never changed"""
     dh_estimates: Counts = Counts()
     """what the comparison says where heights are estimated"""
+    beyond: int = 0
+    """cells with a large error that only coarse orthoimages saw"""
+    relief: tuple[tuple[int, int], ...] = ()
+    """(measured cells, checked ones) by class of `RELIEF`"""
+
+
+RELIEF = ("level or gently sloping", "steep", "steps: walls, crowns, edges")
+"""classes of the surface by the slope across four cells"""
+_SLOPES = (0.5, 1.5)
+"""limits of the classes"""
+_ACROSS = 4
+"""cells; every tile begins at a multiple"""
 
 
 @dataclass(frozen=True)
@@ -118,8 +130,9 @@ def count_tile(
     estimated: np.ndarray,
     pairs: tuple[PairCounts, ...],
     pixel_height: float,
+    cell: float = 1.0,
 ) -> TileCounts:
-    """Counts of one tile; arrays are (rows, cols); estimated: bool, cells whose height is no measurement."""
+    """Counts of one tile; cell: m; arrays are (rows, cols); estimated: bool, cells whose height is no measurement."""
     # corrections reach beyond the surface; where it has no height there is nothing to check
     known, guessed = (np.isfinite(heights) & cells for cells in (~estimated, estimated))
     dh, of_estimates = (np.where(cells, correction.dh, np.nan) for cells in (known, guessed))
@@ -131,7 +144,21 @@ def count_tile(
         pairs=pairs,
         estimates=int(guessed.sum()),
         dh_estimates=count(of_estimates, correction.sigma, pixel_height),
+        relief=_by_relief(heights, known, np.isfinite(dh), cell),
     )
+
+
+def _by_relief(heights: np.ndarray, known: np.ndarray, checked: np.ndarray, cell: float) -> tuple[tuple[int, int], ...]:
+    """Known and checked cells by class of `RELIEF`."""
+    rows, cols = (-(-side // _ACROSS) for side in heights.shape)
+    padding = (0, rows * _ACROSS - heights.shape[0]), (0, cols * _ACROSS - heights.shape[1])
+    folded = np.pad(heights, padding, constant_values=np.nan).reshape(rows, _ACROSS, cols, _ACROSS)
+    empty = np.isnan(folded)
+    rise = np.where(empty, -np.inf, folded).max(axis=(1, 3)) - np.where(empty, np.inf, folded).min(axis=(1, 3))
+    classes = np.digitize(rise / (_ACROSS * cell), _SLOPES)
+    of_cells = np.repeat(np.repeat(classes, _ACROSS, 0), _ACROSS, 1)[: heights.shape[0], : heights.shape[1]]
+    counts = (np.bincount(of_cells[cells], minlength=len(RELIEF)) for cells in (known, known & checked))
+    return tuple((int(total), int(part)) for total, part in zip(*counts, strict=True))
 
 
 def added(parts: list[Counts]) -> Counts:

@@ -1,7 +1,8 @@
-"""One tile of the result: from the nodes of all pairs to correction, precision, corrected surface, coarse blocks and counts.
+"""One tile of the result: from the nodes of all pairs to correction, precision, corrected surface, codes, coarse blocks and counts.
 
-Strategy. Only heights that were measured can be confirmed or corrected. Where a height is an estimate, two orthoimages made with it
-agree or disagree by chance within the small reach of the search: its corrections are counted apart and appear nowhere else.
+Strategy. Every pair gives a map of its own, then they are joined. Only heights that were measured can be confirmed or corrected.
+Where a height is an estimate, two orthoimages made with it agree or disagree by chance within the small reach of the search: its
+corrections are counted apart and appear nowhere else.
 """
 
 from dataclasses import dataclass
@@ -10,8 +11,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from orthomill.schemas.raster import Window
-from orthomill.schemas.surface import ESTIMATED
-from orthomill.tasks.dsm_check.areas import blocks
+from orthomill.schemas.surface import ESTIMATED, CheckCode
+from orthomill.tasks.dsm_check.areas import blocks, slopes
 from orthomill.tasks.dsm_check.correction_map import (
     CorrectionMap,
     CorrectionNodes,
@@ -22,6 +23,7 @@ from orthomill.tasks.dsm_check.correction_map import (
     share_applied,
     without_spikes,
 )
+from orthomill.tasks.dsm_check.joint_correction import joint
 from orthomill.tasks.dsm_check.nodes import node_offset
 from orthomill.tasks.dsm_check.statistics import TileCounts, count_pair, count_tile
 
@@ -51,18 +53,33 @@ class CorrectionRule:
     """cells along a block of the coarse raster"""
     pixel_height: float
     """m: height error that one pixel of shift stands for"""
+    cell: float = 1.0
+    """m, of the surface"""
 
 
 class CheckedCells(NamedTuple):
-    """A checked tile: dh, its standard error, the smallest error that would have been found and the corrected height (rows, cols)
-    float32 m, NaN where unknown; `areas.blocks` (rows, cols, 3) float32; counts of cells and nodes."""
+    """A checked tile: dh, its standard error, dh in standard errors, the smallest error that would have been found and the
+    corrected height (rows, cols) float32 m, NaN where unknown; uint8 codes of `CheckCode`; `areas.blocks` and `areas.slopes`
+    (rows, cols, 5) float32; counts of cells and nodes."""
 
     dh: np.ndarray
     precision: np.ndarray
+    test: np.ndarray
     detectable: np.ndarray
     height: np.ndarray
+    code: np.ndarray
     coarse: np.ndarray
     counts: TileCounts
+
+
+@dataclass(frozen=True)
+class JointNodes:
+    """What the nodes of all pairs say of a tile: the correction of every cell, cells whose pairs disagree (rows, cols) bool, and
+    the nodes of every pair without spikes."""
+
+    found: CorrectionMap
+    disputed: np.ndarray
+    clean: tuple[np.ndarray, ...]
 
 
 def take_surface(heights: np.ndarray) -> np.ndarray:
@@ -85,24 +102,63 @@ def correct_tile(
     uint8 (window.shape) codes of the heights; None where all count as measured.
     """
     estimated = np.isin(np.zeros(window.shape, np.uint8) if provenance is None else provenance, ESTIMATED)
-    clean = [without_spikes(one) for one in nodes]
-    points = [node_points(one, (pair.given.row, pair.given.col), rule.nodes) for one, pair in zip(clean, pairs, strict=True)]
-    found = interpolate(np.concatenate([np.empty((0, 4)), *points]), window, rule.nodes)
-    correction = CorrectionMap(*(np.where(estimated, np.float32(np.nan), band) for band in (found.dh, found.sigma)))
+    says = joint_nodes(window, pairs, rule.nodes, nodes)
+    correction = CorrectionMap(*(np.where(estimated, np.float32(np.nan), band) for band in (says.found.dh, says.found.sigma)))
     share = share_applied(correction, rule.apply, rule.significance)
     # own nodes only: those of the halo are counted by the tiles to which they belong
     counted = tuple(
         count_pair(pair.pair, pair.inner(one)[_of_nodes(~estimated, pair, window, rule.nodes)], rule.pixel_height)
-        for one, pair in zip(clean, pairs, strict=True)
+        for one, pair in zip(says.clean, pairs, strict=True)
     )
+    bands = blocks(correction.dh, correction.sigma, rule.block), slopes(heights, correction.dh, rule.block, rule.cell)
     return CheckedCells(
         dh=correction.dh,
         precision=correction.sigma,
+        test=(correction.dh / correction.sigma).astype(np.float32),
         detectable=detectable_error(correction.sigma, rule.significance),
         height=corrected_heights(heights, correction, share),
-        coarse=blocks(correction.dh, correction.sigma, rule.block),
-        counts=count_tile(heights, found, share, estimated, counted, rule.pixel_height),
+        code=cell_codes(heights, correction, share, rule.significance, Conditions(estimated, says.disputed)),
+        coarse=np.concatenate(bands, axis=-1),
+        counts=count_tile(heights, says.found, share, estimated, counted, rule.pixel_height, rule.cell),
     )
+
+
+def joint_nodes(window: Window, pairs: tuple[NodeWindow, ...], grid: CorrectionNodes, nodes: tuple[np.ndarray, ...]) -> JointNodes:
+    """What all pairs together say of the cells of `window`; nodes: one array (rows, cols, bands) for each of `pairs`."""
+    clean = tuple(without_spikes(one) for one in nodes)
+    points = [node_points(one, (pair.given.row, pair.given.col), grid) for one, pair in zip(clean, pairs, strict=True)]
+    found, disputed = joint([interpolate(of_pair, window, grid) for of_pair in points], window.shape)
+    return JointNodes(found, disputed, clean)
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What else is known of the cells of a tile, (rows, cols) bool: their height is an estimate; their pairs disagree."""
+
+    estimated: np.ndarray
+    disputed: np.ndarray
+
+
+def cell_codes(
+    heights: np.ndarray, correction: CorrectionMap, share: np.ndarray, significance: float, conditions: Conditions
+) -> np.ndarray:
+    """uint8 (rows, cols) `CheckCode` of the cells of a tile."""
+    with np.errstate(invalid="ignore"):
+        wrong = np.abs(correction.dh) > significance * correction.sigma
+    # The later condition wins: what is not judged cannot be wrong, what has no height cannot be judged.
+    cases = (
+        (np.isfinite(correction.dh), CheckCode.AGREES),
+        (wrong, CheckCode.WRONG),
+        (wrong & (share > 0), CheckCode.CORRECTED),
+        (conditions.disputed, CheckCode.DISPUTED),
+        (np.isnan(correction.dh), CheckCode.NOT_JUDGED),
+        (conditions.estimated, CheckCode.ESTIMATE),
+        (np.isnan(heights), CheckCode.EMPTY),
+    )
+    codes = np.zeros(heights.shape, np.uint8)
+    for cells, code in cases:
+        codes[cells] = code
+    return codes
 
 
 def _of_nodes(cells: np.ndarray, pair: NodeWindow, window: Window, nodes: CorrectionNodes) -> np.ndarray:

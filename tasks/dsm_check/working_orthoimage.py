@@ -38,7 +38,8 @@ class WorkingTile:
     """the cells whose heights are given: the window and its neighbouring cells"""
     pixels_per_cell: int
     photo: Window
-    """the window of the photograph"""
+    """the window of the photograph, at its pyramid level"""
+    level: int = 0
 
 
 def ortho_tile(
@@ -68,7 +69,7 @@ class _Stretch(NamedTuple):
 
 class _TileFrame(NamedTuple):
     """First row and column of the tile and of its heights in the surface, and of the pixels in the photograph; pixels along a cell;
-    upper left corner and cell of the surface's grid, m."""
+    upper left corner and cell of the surface's grid, m; pixels of the photograph along one of its pyramid level."""
 
     row: int
     col: int
@@ -80,12 +81,13 @@ class _TileFrame(NamedTuple):
     west: float
     north: float
     cell: float
+    shrunk: float
 
 
 def _frame(tile: WorkingTile) -> _TileFrame:
     own, given, photo, grid = tile.window, tile.heights, tile.photo, tile.grid
     first = own.row, own.col, given.row, given.col, photo.row, photo.col
-    return _TileFrame(*first, tile.pixels_per_cell, grid.west, grid.north, grid.cell)
+    return _TileFrame(*first, tile.pixels_per_cell, grid.west, grid.north, grid.cell, float(2**tile.level))
 
 
 @njit(cache=True, inline="always")
@@ -117,7 +119,9 @@ def _resample(heights, image, stretch, view, frame, out):
             col, row, _ = project_point(view, frame.west + (cell_col + 0.5) * frame.cell, y, z)
             if not (0.0 <= col <= view.width - 1.0 and 0.0 <= row <= view.height - 1.0):
                 continue
-            row, col = row - frame.photo_row, col - frame.photo_col
+            # pixel p of a level lies at 2 p + 0.5 of the one below (imagery/pyramid.py)
+            row = (row - (frame.shrunk - 1.0) / 2.0) / frame.shrunk - frame.photo_row
+            col = (col - (frame.shrunk - 1.0) / 2.0) / frame.shrunk - frame.photo_col
             # heights beyond the bounds of the surface project outside the window that was read; they stay without data
             if row < -0.5 or col < -0.5 or row > image.shape[0] - 0.5 or col > image.shape[1] - 0.5:
                 continue

@@ -45,8 +45,12 @@ class EpipolarStage(Stage):
     )
     interpolation: Literal["bicubic", "bilinear"] = setting("bicubic", "How photographs are resampled.")
 
+    images: Literal["all", "none"] = setting(
+        "all", "Whether the images are made, or pairs chosen only: the check of a surface from a file needs no more."
+    )
+
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
-        yield self.pairs_job()
+        yield self._pairs_job()
         yield Job(
             self.kind,
             "report",
@@ -56,18 +60,18 @@ class EpipolarStage(Stage):
         )
         # The pairs decide which rasters exist, so the rest can only be planned once their job has run.
         pairs, block, photos = view.table(PAIRS), view.table(BLOCK), view.table(PHOTOS)
-        yield from self.grey_ranges(view, photos, pairs.pairs)
-        for pair in pairs.pairs:
+        yield from self._grey_ranges(view, photos, pairs.pairs)
+        for pair in pairs.pairs if self.images == "all" else ():
             for side in SIDES:
                 yield from self._image(pair, side, block, photos, view.project.tile)
 
-    def pairs_job(self) -> Job:
+    def _pairs_job(self) -> Job:
         """The choice of pairs, from the block and what its tie points say of the rows."""
         params = {"choice": self.pairs, "height_margin": self.height_margin, "height_room": self.height_room}
         reads: dict[str, Reading] = {"block": BLOCK, "measured": IMAGE_RESIDUALS, "photos": PHOTOS}
         return Job(self.kind, "pairs", measured_pairs, reads, {"pairs": PAIRS}, params)
 
-    def grey_ranges(self, view: ProjectView, photos: Photos, pairs: tuple[EpipolarPair, ...]) -> Iterator[Job]:
+    def _grey_ranges(self, view: ProjectView, photos: Photos, pairs: tuple[EpipolarPair, ...]) -> Iterator[Job]:
         """One stretch for each 16-bit photograph, from its coarsest level."""
         # 8-bit photographs keep their grey values: a stretch would only add rounding.
         for name in sorted({name for pair in pairs for name in (pair.left, pair.right)}):

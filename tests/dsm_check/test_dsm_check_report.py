@@ -14,15 +14,14 @@ from orthomill.tasks.dsm_check.coverage import (
     CheckedPairs,
     best_cover,
     choose_checked_pairs,
-    foreign_surface,
     ground_pixel,
-    measured_surface,
     rasterised,
     seen_ground,
 )
 from orthomill.tasks.dsm_check.nodes import BANDS, DH, OUTCOME
 from orthomill.tasks.dsm_check.report import Blocks, report
 from orthomill.tasks.dsm_check.statistics import PairCounts, TileCounts, count, count_pair, count_tile
+from orthomill.tasks.dsm_check.surfaces.foreign_grid import measured_surface, surface_on
 from orthomill.tasks.dsm_check.tile import CorrectionRule, NodeWindow, correct_tile, take_surface
 from orthomill.tasks.epipolar.selection import PairChoice, choose_pairs
 
@@ -51,7 +50,7 @@ def reported(dh: np.ndarray):
     """The report of a surface (rows, cols) of corrections, in two tiles."""
     coarse = blocks(dh, np.full(dh.shape, 0.2), 8)
     tiles = tuple(tile_counts(part) for part in np.array_split(dh, 2))
-    return report(tiles, PAIRS, coarse, Blocks(GRID, 8, 3.0))
+    return report(tiles, PAIRS, coarse, Blocks(GRID, 8, 3.0, "EPSG:2100")).report
 
 
 def figures(found) -> dict:
@@ -175,7 +174,7 @@ def test_estimated_heights_are_judged_apart_and_stay_as_they_are():
     assert (counts.estimates, counts.dh_estimates.number) == (128, 128)
     assert counts.pairs[0].outcomes[Outcome.CONVERGED] == counts.pairs[0].dh.number == 8
     assert cells.coarse[0, 0, CHECKED] == 1.0 and cells.coarse[0, 1, CHECKED] == 0.0
-    found = figures(report((counts,), PAIRS, cells.coarse, Blocks(GRID, 8, 3.0)))
+    found = figures(report((counts,), PAIRS, cells.coarse, Blocks(GRID, 8, 3.0, "EPSG:2100")).report)
     assert found["checked"] == found["changed"] == 100.0 and found["estimates"] == 50.0
     assert found["estimates_compared"] == 100.0 and found["estimates_dh_nmad"] == pytest.approx(0.0, abs=0.02)
 
@@ -219,10 +218,10 @@ def test_ground_pixel_is_flying_height_over_camera_constant():
 
 
 def test_a_foreign_surface_may_leave_the_tie_points_by_a_seventh_of_the_flying_height():
-    own = foreign_surface(GRID, block())
+    own = surface_on(GRID, block())
     assert own.grid == GRID and own.height_high - block().ground_high == pytest.approx(FLYING / 7, rel=0.01)
     assert block().ground_low - own.height_low == pytest.approx(FLYING / 7, rel=0.01)
-    assert foreign_surface(GRID, block(), TINY).grid == TINY.grid and measured_surface(TINY) is TINY
+    assert measured_surface(TINY) is TINY
 
 
 def test_the_common_ground_lies_in_both_photographs():

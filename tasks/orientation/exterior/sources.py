@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from orthomill.schemas.settings import Settings, setting
 from orthomill.tasks.orientation.interchange.angles_csv import read_angles
+from orthomill.tasks.orientation.interchange.cameras_json import read_block
 from orthomill.tasks.orientation.interchange.colmap import read_colmap
 from orthomill.tasks.orientation.interchange.foreign_block import ForeignBlock
 from orthomill.tasks.orientation.interchange.matrices_json import read_matrices
@@ -131,7 +132,30 @@ class FromMatrices(Settings):
         return self.path
 
 
-ForeignSource = FromAngles | FromColmap | FromOpensfm | FromMatrices
+class FromBlock(Settings):
+    """The cameras.json of another project of orthomill: orientation, cameras and the heights of the ground."""
+
+    kind: Literal["orthomill"]
+    path: str = setting(..., "The file products/cameras.json.")
+    placed: Literal["project", "positions"] = setting("project", _PLACED)
+    use: Literal["fixed", "start"] = setting("fixed", _USE)
+    ground: tuple[float, float] | None = setting(None, _GROUND, "m")
+
+    @model_validator(mode="after")
+    def _everything_is_read(self) -> Self:
+        _refuse_unread(self.use, self.ground)
+        return self
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        return (self.path,)
+
+    @property
+    def described(self) -> str:
+        return self.path
+
+
+ForeignSource = FromAngles | FromColmap | FromOpensfm | FromMatrices | FromBlock
 ExteriorSource = Annotated[Adjusted | ForeignSource, Field(discriminator="kind")]
 
 
@@ -144,4 +168,6 @@ def read_foreign(texts: tuple[str, ...], source: ForeignSource, crs: str) -> For
         return read_matrices(*texts)
     if source.kind == "colmap":
         return read_colmap(*texts)
+    if source.kind == "orthomill":
+        return read_block(texts[0], crs)
     return read_opensfm(texts[0], crs, *texts[1:])

@@ -43,6 +43,8 @@ class ForeignBlock:
     points: np.ndarray
     error_px: float | None = None
     findings: tuple[BlockFinding, ...] = ()
+    upright: bool = False
+    """whether poses and cameras are those of the upright photographs already"""
 
 
 def photo_name(word: str) -> str:
@@ -62,8 +64,9 @@ def upright_block(block: ForeignBlock, photos: Photos) -> ForeignBlock:
             f"None of the {len(photos.photos)} photographs of the project ({', '.join(photos.names[:3])}, ...) is in the block to "
             f"be read, which has {', '.join(list(block.poses)[:3])}, ...; photographs are joined by their file names."
         )
-    poses = {name: _turned_pose(block.poses[name], photo, "to upright") for name, photo in known.items()}
-    cameras = {name: _upright_camera(block.cameras[name], photo) for name, photo in known.items() if name in block.cameras}
+    stored = {n: photo.model_copy(update={"exif_orientation": 1}) if block.upright else photo for n, photo in known.items()}
+    poses = {name: _turned_pose(block.poses[name], photo, "to upright") for name, photo in stored.items()}
+    cameras = {name: _upright_camera(block.cameras[name], photo) for name, photo in stored.items() if name in block.cameras}
     return ForeignBlock(poses, cameras, block.points, block.error_px, (*block.findings, *_left_out(block, known)))
 
 

@@ -5,9 +5,23 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import map_coordinates
 
 from orthomill.pipeline.engine.job_signature import misfit
-from orthomill.schemas.job import Export, Job, MapFile, MapHeader, MeshFile, PhotoPixels, Raster, Reading, Stream, Table
+from orthomill.schemas.job import (
+    Export,
+    HeightFile,
+    HeightHeader,
+    Job,
+    MapFile,
+    MapHeader,
+    MeshFile,
+    PhotoPixels,
+    Raster,
+    Reading,
+    Stream,
+    Table,
+)
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.stage_contract import NotYet, Stage
 
@@ -87,8 +101,10 @@ class MemoryProject:
     def _read(self, region: Raster | Table):
         if isinstance(region, Table):
             return self.tables[region.path]
-        if isinstance(region, MapHeader):
+        if isinstance(region, MapHeader | HeightHeader):
             return self.files[region.path][0]
+        if isinstance(region, HeightFile):
+            return self._heights(region)
         if isinstance(region, MapFile):
             return self.files[region.path][1][region.window.slices]
         if isinstance(region, MeshFile):
@@ -99,6 +115,14 @@ class MemoryProject:
         assert region.window == region.window.clipped(array.shape) and not region.window.empty, region
         assert self.written[region.name][region.window.slices].all(), f"read before it was written: {region}"
         return array[region.window.slices].copy()
+
+    def _heights(self, region: HeightFile) -> np.ndarray:
+        """Bilinear heights of a file at the centres of the region's cells; NaN outside."""
+        grid, values = self.files[region.path]
+        x, y = np.meshgrid(*region.grid.centres(region.window))
+        col, row = grid.pixel(x, y)
+        # Rounded, so that cells that coincide are taken as they are.
+        return map_coordinates(values, [row.round(9), col.round(9)], order=1, cval=np.nan).astype(np.float32)
 
     def _write(self, region: Raster | Table, value) -> None:
         if isinstance(region, Table):

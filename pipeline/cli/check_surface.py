@@ -1,0 +1,222 @@
+"""`orthomill check`: the workflow of a surface from a file against photographs, made from the command line.
+
+The photographs are those of a folder or of a finished project. A block of cameras may be given; without one the photographs are
+oriented first, with what `orthomill init` would use: their EXIF tags and what lies beside them. The run writes the workflow next to
+its results like any other, so that it can be run again. What lies outside of the current folder is linked into it.
+"""
+
+import hashlib
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+import yaml
+from pydantic import ValidationError
+
+from orthomill.pipeline.storage.height_files import check_height_file, plan_crs_of
+from orthomill.pipeline.storage.image_files import shown
+from orthomill.pipeline.storage.table_files import write_whole
+from orthomill.pipeline.workflow.mistakes import Mistakes
+from orthomill.pipeline.workflow.starting_workflow import Survey, starting_text, survey_folder
+from orthomill.pipeline.workflow.workflow_checks import check_crs, kind_of
+from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow, load_workflow
+from orthomill.pipeline.workflow.workflow_text import workflow_text
+from orthomill.pipeline.workflow.yaml_lines import read_yaml
+from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.orientation import Block
+from orthomill.schemas.project import Project
+from orthomill.schemas.stage_contract import Stage
+
+CheckedFile = Annotated[Path, typer.Argument(metavar="SURFACE", help="A GeoTIFF, LAS or LAZ file of any program.")]
+PhotosOf = Annotated[Path | None, typer.Option("--photos", help="Folder with photographs of the same ground.")]
+BlockOf = Annotated[
+    Path | None,
+    typer.Option(
+        "--block", help="Their orientation: cameras.json, OpenSfM's reconstruction.json, a CSV of angles, COLMAP's folder of texts."
+    ),
+]
+ProjectOf = Annotated[str | None, typer.Option("--project", help="A finished project: its photographs and their orientation.")]
+CrsOf = Annotated[str | None, typer.Option("--crs", help="Projected CRS of the answer; by default that of block or surface.")]
+SystemOf = Annotated[str | None, typer.Option("--system", help="Reference system of a surface whose file names none.")]
+RemoveShift = Annotated[bool, typer.Option("--remove-shift", help="Take a shift of the whole surface out.")]
+Fill = Annotated[bool, typer.Option("--fill", help="Fill holes of the surface by matching of the photographs.")]
+_HEAD = "# Written by orthomill check, which writes it anew every time it is called."
+_LINKS = "linked"
+"""folder for links to files outside of the project's folder"""
+_ORIENTING = ("photos", "calibration", "tie_points", "orientation", "epipolar", "dsm_check")
+"""the stages of a check, in their order"""
+
+
+@dataclass(frozen=True)
+class CheckOptions:
+    """What the command line says: the photographs or a finished project, a block, reference systems, and what to do."""
+
+    photos: Path | None = None
+    project: str | None = None
+    block: Path | None = None
+    crs: str | None = None
+    system: str | None = None
+    remove_shift: bool = False
+    fill: bool = False
+
+
+def check_workflow(
+    name: str, surface: Path, options: CheckOptions, root: Path, catalogue: tuple[type[Stage], ...]
+) -> LoadedWorkflow:
+    """The workflow of a check with results in runs/<name> below `root`. Raises WorkflowError with one sentence."""
+    if not surface.is_file():
+        raise WorkflowError(f"There is no surface {shown(surface)}; give a GeoTIFF, LAS or LAZ file.")
+    check_height_file(surface)
+    if (options.photos is None) == (options.project is None):
+        raise WorkflowError("Give the photographs with --photos FOLDER, or a finished project with --project NAME, one of the two.")
+    source = _of_project(options, root, catalogue) if options.project else _of_photos(name, surface, options, root, catalogue)
+    given = {**source, "project": name}
+    try:
+        project = Project.model_validate(given)
+        stages = tuple(_stages(surface, options, root, catalogue))
+    except ValidationError as error:
+        raise WorkflowError("; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors()) + ".") from error
+    path = _written(name, root, workflow_text(project, stages))
+    return LoadedWorkflow(project, stages, path, root, path.read_text(encoding="utf-8"))
+
+
+def _written(name: str, root: Path, text: str) -> Path:
+    """workflows/<name>.yaml with the text. Raises WorkflowError rather than overwrite what this command has not written."""
+    path = root / "workflows" / f"{name}.yaml"
+    if path.exists() and not path.read_text(encoding="utf-8").startswith(_HEAD):
+        raise WorkflowError(f"{shown(path)} exists already and is not overwritten; choose another name with --name.")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(path, f"{_HEAD}\n\n{text}".encode())
+    return path
+
+
+def check_name(surface: Path) -> str:
+    """The project's name where none is given: that of the surface, as a possible name."""
+    stem = re.sub(r"[^a-z0-9_-]+", "-", surface.stem.lower()).strip("-_")
+    return f"check-{stem}" if stem else "check"
+
+
+def _of_project(options: CheckOptions, root: Path, catalogue: tuple[type[Stage], ...]) -> dict[str, Any]:
+    """The project part of a finished run, whose photographs are files."""
+    folder = root / "runs" / str(options.project)
+    if not (folder / "workflow.yaml").is_file() or not _cameras_of(options, root).is_file():
+        raise WorkflowError(f"runs/{options.project} holds no oriented photographs; run it first: orthomill run {options.project}")
+    done = load_workflow(folder / "workflow.yaml", catalogue).project
+    photographs: dict[str, Any] = done.photographs.model_dump()
+    if done.photographs.kind == "simulated":
+        photographs = {"kind": "folder", "path": f"runs/{options.project}/photographs", "pattern": "*.tif"}
+    cameras = {"kind": "exif"} if done.cameras.kind == "chessboards" else done.cameras.model_dump()
+    return {"crs": done.crs, "photographs": photographs, "cameras": cameras, "positions": {"kind": "none"}, "tile": done.tile}
+
+
+def _cameras_of(options: CheckOptions, root: Path) -> Path:
+    return options.block or root / "runs" / str(options.project) / "products" / "cameras.json"
+
+
+def _of_photos(name: str, surface: Path, options: CheckOptions, root: Path, catalogue: tuple[type[Stage], ...]) -> dict[str, Any]:
+    """The project part that `orthomill init` would write for a folder of photographs."""
+    assert options.photos is not None
+    survey = survey_folder(_relative(options.photos, root), root)
+    crs = options.crs or _crs_of_block(options.block) or survey.beside.projected or plan_crs_of(surface) or survey.utm
+    if crs is None:
+        raise WorkflowError(f"Neither {shown(surface)} nor the photographs name a projected system in metres; name one with --crs.")
+    check_crs_option(crs)
+    text = starting_text(name, survey, catalogue, crs)
+    project = {key: value for key, value in yaml.safe_load(text).items() if key != "stages"}
+    if options.block is not None:
+        # The cameras and the control of the block are in the block.
+        project |= {"control": {"kind": "none"}} | _any_camera(survey, options.block)
+    elif not survey.focal_lengths and not survey.beside.camera:
+        raise WorkflowError(
+            "No photograph has a focal length in its EXIF tags, so they cannot be oriented without more; give a block with "
+            "--block, or "
+            f"begin with: orthomill init {name} --photos {shown(options.photos)}"
+        )
+    return project
+
+
+def _any_camera(survey: Survey, block: Path) -> dict[str, Any]:
+    """A camera for photographs without tags: the block brings its own, but every photograph needs one before it is read."""
+    if survey.focal_lengths or survey.beside.camera or block.suffix == ".csv":
+        return {}
+    first = survey.headers[0]
+    return {"cameras": {"kind": "given", "c": float(max(first.width, first.height))}}
+
+
+def check_crs_option(crs: str) -> None:
+    """Raises WorkflowError for a system that no project can have."""
+    mistakes = Mistakes("--crs", read_yaml("crs: x\n"))
+    check_crs(crs, None, Path(), mistakes)
+    mistakes.raise_if_any()
+
+
+def _crs_of_block(block: Path | None) -> str | None:
+    if block is None or block.suffix != ".json" or not block.is_file():
+        return None
+    try:
+        return Block.model_validate_json(block.read_text(encoding="utf-8")).crs
+    except (ValidationError, UnicodeDecodeError):
+        return None
+
+
+def _stages(surface: Path, options: CheckOptions, root: Path, catalogue: tuple[type[Stage], ...]) -> Iterator[Stage]:
+    known = {kind_of(stage): stage for stage in catalogue}
+    oriented = options.block is not None or options.project is not None
+    settings: dict[str, dict[str, Any]] = {
+        "dsm_check": {
+            "surface": {
+                "kind": "file",
+                "path": _relative(surface, root),
+                "system": options.system,
+                "shift": "remove" if options.remove_shift else "keep",
+                "holes": "fill" if options.fill else "keep",
+            },
+            "pairs_per_place": 3,
+        }
+    }
+    if oriented:
+        settings["orientation"] = {"exterior": _exterior(_cameras_of(options, root), root)}
+    if not options.fill:
+        settings["epipolar"] = {"images": "none"}
+    kinds = [kind for kind in _ORIENTING if not (oriented and kind == "tie_points" and not _examines(options, root))]
+    if options.fill:
+        kinds.insert(kinds.index("dsm_check"), "densification")
+    for kind in kinds:
+        yield known[kind].model_validate(settings.get(kind, {}))
+
+
+def _examines(options: CheckOptions, root: Path) -> bool:
+    """Whether tie points are needed: for a block of which the heights of the ground are not known."""
+    return _crs_of_block(_cameras_of(options, root)) is None
+
+
+def _exterior(block: Path, root: Path) -> dict[str, Any]:
+    """The orientation stage's source for a block, by what the file is."""
+    if not block.exists():
+        raise WorkflowError(
+            f"There is no block {shown(block)}; give cameras.json, reconstruction.json, a CSV file or COLMAP's folder."
+        )
+    path = _relative(block, root)
+    if block.is_dir():
+        files = {key: f"{path}/{name}.txt" for key, name in (("cameras_path", "cameras"), ("images_path", "images"))}
+        return {"kind": "colmap", **files}
+    if block.suffix.lower() in (".csv", ".txt"):
+        return {"kind": "csv", "path": path}
+    return {"kind": "orthomill" if _crs_of_block(block) is not None else "opensfm", "path": path}
+
+
+def _relative(path: Path, root: Path) -> str:
+    """The path relative to the root, by a link where it lies outside: a project names only what is inside."""
+    top, full = Path(os.path.abspath(root)), Path(os.path.abspath(path))
+    if full.is_relative_to(top):
+        return full.relative_to(top).as_posix()
+    # The whole path in its name: surfaces of two folders are often called alike.
+    link = top / _LINKS / f"{hashlib.sha256(str(full).encode()).hexdigest()[:8]}-{full.name}"
+    link.parent.mkdir(exist_ok=True)
+    if not link.is_symlink():
+        link.symlink_to(full)
+    return link.relative_to(top).as_posix()

@@ -1,0 +1,109 @@
+"""What turns the values of a height file into metres in the vertical system of a project.
+
+Strategy: units come from the vertical axis of the file's reference system, or from the unit of its band. Where both file and
+project name a vertical system, PROJ transforms between them; it is asked at a lattice of places only, because geoid and ellipsoid
+change slowly. Where only one of them is named nothing can be known, and heights are taken as they are: the check finds a constant
+shift.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from pyproj import CRS, Transformer
+from pyproj.exceptions import CRSError, ProjError
+from pyproj.transformer import TransformerGroup
+
+from orthomill.schemas.errors import WorkflowError
+
+FEET = {"ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "us-ft": 1200 / 3937, "us survey foot": 1200 / 3937, "ftus": 1200 / 3937}
+"""names of units of bands -> m"""
+_LATTICE = 5
+"""places along a side of a window"""
+
+
+@dataclass(frozen=True)
+class HeightSystem:
+    """The reference system of a file, its vertical part (None: unknown), and the length of its unit of height, m."""
+
+    whole: CRS
+    vertical: CRS | None
+    unit: float
+
+    @property
+    def plan(self) -> CRS:
+        return horizontal(self.whole)
+
+
+def height_system(crs: CRS, unit: str = "") -> HeightSystem:
+    """The system of a file; `unit`: what its band says of its values."""
+    vertical = _vertical(crs)
+    axis = vertical.axis_info[-1].unit_conversion_factor if vertical is not None and vertical.axis_info else None
+    return HeightSystem(crs, vertical, FEET.get(unit.strip().lower(), axis or 1.0))
+
+
+def horizontal(crs: CRS) -> CRS:
+    """The plan part of a system."""
+    return crs.sub_crs_list[0] if crs.is_compound else crs.to_2d()
+
+
+def _vertical(crs: CRS) -> CRS | None:
+    if crs.is_compound:
+        return crs.sub_crs_list[1]
+    # Ellipsoidal heights are no system of their own: they belong to the three-dimensional one.
+    return crs if len(crs.axis_info) == 3 else None
+
+
+def named(text: str, where: str) -> CRS:
+    """The system that a user names. Raises WorkflowError."""
+    try:
+        return CRS.from_user_input(text)
+    except CRSError:
+        raise WorkflowError(
+            f"{where} is to be in '{text}', which PROJ does not know; look up its code at https://epsg.io."
+        ) from None
+
+
+def in_metres(values: np.ndarray, x: np.ndarray, y: np.ndarray, system: HeightSystem, crs: str, where: str) -> np.ndarray:
+    """Values (rows, cols) of a file at the columns `x` and the rows `y` (m in `crs`) as heights of `crs`, float32 m.
+
+    Raises WorkflowError where the transformation needs a grid that this machine does not have.
+    """
+    target = CRS.from_user_input(crs)
+    if system.vertical is None or _vertical(target) is None or system.vertical == _vertical(target):
+        return (values * np.float32(system.unit)).astype(np.float32) if system.unit != 1.0 else values
+    # The offset at the places of a lattice, bilinear between them.
+    u, v = (np.linspace(a[0], a[-1], min(_LATTICE, len(a))) for a in (x, y))
+    at_x, at_y = np.meshgrid(u, v)
+    zero = vertical_shift(at_x.ravel(), at_y.ravel(), system, target, where).reshape(at_x.shape)
+    offset = _between(zero, u, v, x, y)
+    return (values * system.unit + offset).astype(np.float32)
+
+
+def vertical_shift(x: np.ndarray, y: np.ndarray, system: HeightSystem, target: CRS, where: str) -> np.ndarray:
+    """What is to be added (N,) m to heights of a file at places (N,) of the target's plan system, once they are in metres."""
+    group = TransformerGroup(system.whole, target, always_xy=True)
+    if not group.transformers or not group.best_available:
+        grids = [grid.short_name for operation in group.unavailable_operations for grid in operation.grids if not grid.available]
+        missing = f" the grid {grids[0]} (projsync --file {grids[0]})" if grids else " a grid that PROJ does not name"
+        raise WorkflowError(
+            f"The heights of {where} are in {system.vertical.name if system.vertical else system.whole.name}, those of the "
+            f"project in "
+            f"{target.name}, and their transformation needs{missing}; get it, or leave the height part out of 'crs': a constant "
+            f"shift "
+            "is then found from the photographs."
+        )
+    try:
+        east, north = Transformer.from_crs(horizontal(target), system.plan, always_xy=True).transform(x, y)
+        _, _, z = group.transformers[0].transform(east, north, np.zeros(len(x)))
+    except ProjError as error:
+        raise WorkflowError(
+            f"The heights of {where} cannot be transformed ({error}); convert them to the project's system."
+        ) from error
+    return np.asarray(z)
+
+
+def _between(values: np.ndarray, u: np.ndarray, v: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Bilinear values (len(y), len(x)) of a lattice (len(v), len(u)); rows may run south."""
+    along = np.array([np.interp(x, u, row) for row in values])
+    order = np.argsort(v)
+    return np.array([np.interp(y, v[order], column[order]) for column in along.T]).T

@@ -1,0 +1,71 @@
+"""The answer after several passes: what the photographs say against the surface as it was given, and the surface mended.
+
+What a coarse pass moved and no pass at full resolution judged is taken back, and coded: probably a large error, beyond what can be
+told.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from orthomill.schemas.raster import Window
+from orthomill.schemas.surface import ESTIMATED, CheckCode
+from orthomill.tasks.dsm_check.areas import blocks, slopes
+from orthomill.tasks.dsm_check.correction_map import CorrectionMap, detectable_error
+from orthomill.tasks.dsm_check.statistics import TileCounts, count_tile
+from orthomill.tasks.dsm_check.tile import CheckedCells, Conditions, CorrectionRule, cell_codes
+
+_MOVED = 1e-3
+"""m: a coarse pass moves by much more, and rounding by less"""
+
+
+@dataclass(frozen=True)
+class Finish:
+    """`back`: what is added to the corrected heights, m, so that a surface keeps its own height system."""
+
+    rule: CorrectionRule
+    back: float
+
+
+def finish(
+    window: Window,
+    how: Finish,
+    given: np.ndarray,
+    entering: np.ndarray,
+    height: np.ndarray,
+    residual: np.ndarray,
+    precision: np.ndarray,
+    disputed: np.ndarray,
+    counts: TileCounts,
+    provenance: np.ndarray | None = None,
+    filled: np.ndarray | None = None,
+) -> CheckedCells:
+    """The checked cells of `window`, all arrays (window.shape): heights as given, before the first pass at full resolution and
+    after the last (m); what is still asked for and its standard error (m); disputed (uint8); where the photographs filled holes
+    (uint8)."""
+    rule = how.rule
+    estimated = np.isin(np.zeros(window.shape, np.uint8) if provenance is None else provenance, ESTIMATED)
+    known = np.isfinite(residual) & ~estimated
+    with np.errstate(invalid="ignore"):
+        unconfirmed = ~known & (np.abs(entering - given) > _MOVED)
+    after = np.where(known, height, given)
+    total = np.where(known, after - given + residual, np.float32(np.nan)).astype(np.float32)
+    correction = CorrectionMap(total, np.where(known, precision, np.float32(np.nan)).astype(np.float32))
+    share = (known & (np.abs(np.nan_to_num(after - given)) > 0)).astype(np.float32)
+    # Several passes may have changed a cell by less than the limit of one.
+    code = cell_codes(given, correction, share, rule.significance, Conditions(estimated, disputed > 0))
+    code[unconfirmed] = CheckCode.BEYOND_REACH
+    if filled is not None:
+        code[filled > 0] = CheckCode.FILLED
+    found = count_tile(given, correction, share, estimated, counts.pairs, rule.pixel_height, rule.cell)
+    coarse = blocks(total, correction.sigma, rule.block), slopes(given, total, rule.block, rule.cell)
+    return CheckedCells(
+        dh=total,
+        precision=correction.sigma,
+        test=(total / correction.sigma).astype(np.float32),
+        detectable=detectable_error(correction.sigma, rule.significance),
+        height=(after + np.float32(how.back)).astype(np.float32),
+        code=code,
+        coarse=np.concatenate(coarse, axis=-1),
+        counts=found.model_copy(update={"beyond": int(unconfirmed.sum())}),
+    )

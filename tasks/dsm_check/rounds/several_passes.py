@@ -1,0 +1,349 @@
+"""The plan of a check in several passes: coarse levels, the full resolution, and again where something was corrected.
+
+Every pass leaves a raster of heights for the next one. A pass over the whole surface uses the tiles of the project; a later one,
+which looks at a few places, small ones.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from orthomill.schemas.epipolar import PAIRS
+from orthomill.schemas.job import HeightFile, Job, Raster, Table
+from orthomill.schemas.orientation import BLOCK
+from orthomill.schemas.raster import RasterSpec, Tile, Window, map_raster, tiles_of
+from orthomill.schemas.stage_contract import ProjectView
+from orthomill.schemas.surface import PROVENANCE, Surface
+from orthomill.tasks.dsm_check.areas import block_size
+from orthomill.tasks.dsm_check.coverage import CHECKED_SURFACE, CheckedPairs
+from orthomill.tasks.dsm_check.rounds.coarse_levels import (
+    PAIRED,
+    Proposal,
+    choose_level_pairs,
+    judge_coarse,
+    level_surface,
+    move_surface,
+    raised,
+    reduced_heights,
+)
+from orthomill.tasks.dsm_check.rounds.finish import Finish, finish
+from orthomill.tasks.dsm_check.rounds.round_plan import KIND, CheckRound, CheckScene, Comparing, Reads, coarser, node_halo
+from orthomill.tasks.dsm_check.rounds.round_state import (
+    LookAgain,
+    MergeRule,
+    RoundCounts,
+    RoundState,
+    judge,
+    judge_again,
+    least_change,
+    look_again,
+    merge,
+    precise_enough,
+    state_table,
+)
+from orthomill.tasks.dsm_check.statistics import TileCounts
+from orthomill.tasks.dsm_check.surfaces.checked_surface import SurfaceFile
+from orthomill.tasks.dsm_check.surfaces.surface_shift import SHIFT, surface_shift
+from orthomill.tasks.dsm_check.tile import CorrectionRule
+
+NAN = float("nan")
+_FEWEST_CELLS = 48
+"""along the shorter side of the coarsest level: fewer hold no windows to be compared"""
+_SMALL = (256, 128, 64)
+"""sides of the tiles of a later pass, cells; the first that divides the tiles of the project"""
+
+Plan = Iterator[RasterSpec | Job]
+
+
+@dataclass(frozen=True)
+class Passes:
+    """What all passes share."""
+
+    scene: CheckScene
+    surface: Surface
+    pairs: CheckedPairs
+    tile: int
+    how: Comparing
+    closer: Comparing
+    """how later passes compare"""
+    apply: Literal["all", "significant", "none"]
+    significance: float
+    count: int | None
+    per_place: int
+    everywhere: bool
+    """whether later passes judge every cell again"""
+    measured: bool
+    """whether the project measured the surface, and knows where its heights come from"""
+
+    def rule(self) -> CorrectionRule:
+        """How corrections at full resolution become a surface."""
+        grid, main = self.surface.grid, self.main("")
+        return CorrectionRule(self.apply, self.significance, main.nodes, block_size(grid.shape), self.pairs.pixel_height, grid.cell)
+
+    def main(self, heights: str) -> CheckRound:
+        """The pass at full resolution."""
+        return CheckRound(KIND, self.scene, self.surface, self.pairs, heights, self.tile, self.how)
+
+    def tiles(self) -> Iterator[Tile]:
+        return tiles_of(self.surface.grid.shape, self.tile)
+
+    def codes(self, window: Window) -> Reads:
+        """Where the heights under test come from; nothing is known of those of a file."""
+        return {"provenance": Raster(PROVENANCE, window)} if self.measured else {}
+
+    def raster(self, name: str, dtype: str = "float32") -> RasterSpec:
+        """A raster on the grid of the surface."""
+        nodata = NAN if dtype == "float32" else 0
+        return map_raster(name, self.surface.grid, dtype, self.scene.crs, self.tile, nodata=nodata, unit="m" if nodata else "")
+
+    # --- coarse levels
+
+    def lowest(self, levels: int, fewest: int = _FEWEST_CELLS) -> int:
+        """How often the orthoimages can be halved: `levels` times at most, and to `fewest` cells along the shorter side."""
+        side, level = min(self.surface.grid.shape), 0
+        while level < levels and side >> (level + 1) >= fewest:
+            level += 1
+        return level
+
+    def pairs_of(self, level: int) -> Table[CheckedPairs]:
+        return Table(f"dsm_check/pairs/{level}.json", CheckedPairs)
+
+    def level_pairs(self, level: int) -> Job:
+        """The pairs of a level, on its grid."""
+        params = {"level": level, "tile": self.tile, "count": self.count, "per_place": self.per_place}
+        reads: Reads = {"pairs": PAIRS, "block": BLOCK, "surface": CHECKED_SURFACE}
+        return Job(KIND, f"pairs-{level}", choose_level_pairs, reads, {"checked": self.pairs_of(level)}, params)
+
+    def placing(self, view: ProjectView, source: SurfaceFile, level: int, up: float) -> Plan:
+        """The shift of a surface from a file, raised by `up` m, from one pass at a coarse level."""
+        prefix = "dsm_check/placing"
+        coarse = level_surface(self.surface, level)
+        yield map_raster(f"{prefix}/height", coarse.grid, "float32", self.scene.crs, self.tile, nodata=NAN, unit="m")
+        for tile in tiles_of(coarse.grid.shape, self.tile):
+            given = HeightFile(source.path, self.scene.crs, coarse.grid, tile.window, source.system)
+            out: dict[str, Raster | Table] = {"height": Raster(f"{prefix}/height", tile.window)}
+            yield Job(KIND, "placing-height", raised, {"heights": given}, out, {"up": up}, tile.row, tile.col, _scratch(tile))
+        yield from self._coarse(view, prefix, level, f"{prefix}/height")
+        rows, cols = (-(-side // PAIRED) for side in coarse.grid.shape)
+        whole = Raster(f"{prefix}/coarse", Window(0, 0, rows, cols))
+        yield Job(KIND, "shift", surface_shift, {"coarse": whole}, {"shift": SHIFT})
+
+    def from_coarse(self, view: ProjectView, level: int, heights: str) -> Plan:
+        """One level: the surface reduced, checked and moved; the result is `moved(level)`."""
+        prefix, side = f"dsm_check/level-{level}", 2**level
+        coarse = level_surface(self.surface, level)
+        yield map_raster(f"{prefix}/height", coarse.grid, "float32", self.scene.crs, self.tile, nodata=NAN, unit="m")
+        for tile in tiles_of(coarse.grid.shape, self.tile):
+            fine = Raster(heights, tile.window.scaled(side).clipped(self.surface.grid.shape))
+            out: dict[str, Raster | Table] = {"height": Raster(f"{prefix}/height", tile.window)}
+            what, scratch = f"level-{level}-height", 40 * tile.window.height * tile.window.width * side**2
+            yield Job(KIND, what, reduced_heights, {"heights": fine}, out, {"level": level}, tile.row, tile.col, scratch)
+        yield from self._coarse(view, prefix, level, f"{prefix}/height")
+        pixel_height = view.table(self.pairs_of(level)).pixel_height
+        rule = Proposal.of(level, self.significance, self.how.matching.search.reach, pixel_height)
+        yield self.raster(moved(level))
+        for tile in self.tiles():
+            given = tile.window.reduced(side).grown(1).clipped(coarse.grid.shape)
+            says = {"dh": Raster(f"{prefix}/dh", given), "sigma": Raster(f"{prefix}/precision", given)}
+            reads: Reads = {"heights": Raster(heights, tile.window), **says}
+            out = {"heights": Raster(moved(level), tile.window)}
+            params = {"window": tile.window, "given": given, "rule": rule}
+            yield Job(KIND, f"level-{level}-move", move_surface, reads, out, params, tile.row, tile.col, _scratch(tile))
+
+    def _coarse(self, view: ProjectView, prefix: str, level: int, heights: str) -> Plan:
+        """One pass at a coarse level: dh, precision and coarse below `prefix`."""
+        coarse, pairs = level_surface(self.surface, level), view.table(self.pairs_of(level))
+        one = CheckRound(prefix, self.scene, coarse, pairs, heights, self.tile, self.how, coarse=True)
+        yield from one.jobs()
+        for name in ("dh", "precision"):
+            yield map_raster(f"{prefix}/{name}", coarse.grid, "float32", self.scene.crs, self.tile, nodata=NAN, unit="m")
+        rows, cols = (-(-side // PAIRED) for side in coarse.grid.shape)
+        yield RasterSpec(name=f"{prefix}/coarse", shape=(rows, cols, 5), dtype="float32", chunk=self.tile // PAIRED)
+        for tile in tiles_of(coarse.grid.shape, self.tile):
+            windows, near = one.near(tile.window)
+            reads: Reads = {"heights": Raster(heights, tile.window), "nodes": near}
+            writes: dict[str, Raster | Table] = {n: Raster(f"{prefix}/{n}", tile.window) for n in ("dh", "precision")}
+            writes["coarse"] = Raster(f"{prefix}/coarse", coarser(tile.window, PAIRED))
+            params = {"window": tile.window, "pairs": windows, "grid": one.nodes, "cell": coarse.grid.cell}
+            yield Job(KIND, f"{one.item}judge", judge_coarse, reads, writes, params, tile.row, tile.col, _scratch(tile))
+
+    # --- full resolution
+
+    def first(self, heights: str) -> Plan:
+        """The first pass over the whole surface."""
+        one, rule = self.main(heights), self.rule()
+        yield from one.jobs()
+        yield from self._state_rasters(1, disputed=True)
+        for tile in self.tiles():
+            windows, near = one.near(tile.window)
+            reads: Reads = {"heights": Raster(heights, tile.window), "nodes": near, **self.codes(tile.window)}
+            writes: dict[str, Raster | Table] = {
+                **self._state(1, tile),
+                "disputed": Raster(of_round(1, "disputed"), tile.window),
+                "counts": counts_table(tile),
+            }
+            params = {"window": tile.window, "pairs": windows, "rule": rule}
+            yield Job(KIND, "judge", judge, reads, writes, params, tile.row, tile.col, _scratch(tile))
+        yield self._look_again(1)
+
+    def later(self, number: int, state: RoundState) -> Plan:
+        """A later pass over the tiles that `state` names."""
+        small = self.tile if self.everywhere else self._small()
+        before = number - 1
+        prefix = f"dsm_check/rounds/{number}"
+        again = CheckRound(
+            prefix, self.scene, self.surface, self.pairs, of_round(before, "height"), small, self._how(), again=state
+        )
+        yield from again.jobs()
+        for name in ("dh", "sigma"):
+            yield replace_chunk(self.raster(f"{prefix}/{name}"), small)
+        block, judged = block_size(self.surface.grid.shape), set(state.judged)
+        for tile in tiles_of(self.surface.grid.shape, small):
+            if (tile.row, tile.col) in judged:
+                windows, near = again.near(tile.window)
+                active = Raster(of_round(before, "active"), coarser(tile.window, block))
+                out: dict[str, Raster | Table] = {
+                    "dh": Raster(f"{prefix}/dh", tile.window),
+                    "precision": Raster(f"{prefix}/sigma", tile.window),
+                }
+                params = {"window": tile.window, "pairs": windows, "grid": again.nodes, "block": block}
+                what = f"{again.item}judge"
+                yield Job(
+                    KIND, what, judge_again, {"active": active, "nodes": near}, out, params, tile.row, tile.col, _scratch(tile)
+                )
+        yield from self._state_rasters(number)
+        for tile in self.tiles():
+            yield self._merge(number, tile, small, judged)
+        yield self._look_again(number)
+
+    def _merge(self, number: int, tile: Tile, small: int, judged: set[tuple[int, int]]) -> Job:
+        inside = [t for t in tiles_of(self.surface.grid.shape, small) if (t.row, t.col) in judged and _holds(tile, t)]
+        parts = tuple(t.window for t in inside)
+        prefix, before = f"dsm_check/rounds/{number}", number - 1
+        reads: Reads = {
+            **{
+                argument: Raster(of_round(before, name), tile.window)
+                for argument, name in (
+                    ("heights", "height"),
+                    ("residual", "residual"),
+                    ("precision", "precision"),
+                    ("last", "last"),
+                )
+            },
+            **self.codes(tile.window),
+        }
+        if parts:
+            reads["dh"] = tuple(Raster(f"{prefix}/dh", part) for part in parts)
+            reads["sigma"] = tuple(Raster(f"{prefix}/sigma", part) for part in parts)
+        pixel, size = self.pairs.pixel_height, block_size(self.surface.grid.shape)
+        rule = MergeRule(self.apply, self.significance, size, number, least_change(pixel), precise_enough(pixel))
+        params = {"window": tile.window, "parts": parts, "rule": rule}
+        return Job(
+            KIND, f"rounds/{number}-merge", merge, reads, self._state(number, tile), params, tile.row, tile.col, _scratch(tile)
+        )
+
+    def _how(self) -> Comparing:
+        return self.how if self.everywhere else self.closer
+
+    def _small(self) -> int:
+        return next(side for side in _SMALL if self.tile % side == 0)
+
+    def _state_rasters(self, number: int, disputed: bool = False) -> Iterator[RasterSpec]:
+        for name in ("height", "residual", "precision"):
+            yield self.raster(of_round(number, name))
+        yield self.raster(of_round(number, "last"), "uint8")
+        if disputed:
+            yield self.raster(of_round(number, "disputed"), "uint8")
+        size, shape = self._blocks()
+        yield RasterSpec(name=of_round(number, "asks"), shape=shape, dtype="uint16", chunk=self.tile // size)
+        yield RasterSpec(name=of_round(number, "active"), shape=shape, dtype="uint8", chunk=max(shape))
+
+    def _blocks(self) -> tuple[int, tuple[int, int]]:
+        """Side of a block in cells, and (rows, cols) of blocks."""
+        size = block_size(self.surface.grid.shape)
+        rows, cols = self.surface.grid.shape
+        return size, (-(-rows // size), -(-cols // size))
+
+    def _state(self, number: int, tile: Tile) -> dict[str, Raster | Table]:
+        names = ("height", "residual", "precision", "last")
+        return {
+            **{name: Raster(of_round(number, name), tile.window) for name in names},
+            "asks": Raster(of_round(number, "asks"), coarser(tile.window, self._blocks()[0])),
+            "changes": _changes(number, tile),
+        }
+
+    def _look_again(self, number: int) -> Job:
+        size, shape = self._blocks()
+        small = self.tile if self.everywhere else self._small()
+        how = self._how()
+        factor = self.pairs.pixels_per_cell
+        again = CheckRound(KIND, self.scene, self.surface, self.pairs, "", small, how)
+        # Around a change are judged the cells whose nodes have a window on it.
+        around = int(again.nodes.window / 2 + again.nodes.radius) + 2
+        where = LookAgain(
+            size, small, self.surface.grid.shape, around, again.nodes.halo * how.step, node_halo(how, factor) + 1, self.everywhere
+        )
+        reads: Reads = {
+            "asks": Raster(of_round(number, "asks"), Window(0, 0, *shape)),
+            "counts": tuple(_changes(number, tile) for tile in self.tiles()),
+        }
+        writes: dict[str, Raster | Table] = {
+            "active": Raster(of_round(number, "active"), Window(0, 0, *shape)),
+            "state": state_table(number),
+        }
+        return Job(KIND, f"rounds/{number}-state", look_again, reads, writes, {"where": where}, scratch=64 * shape[0] * shape[1])
+
+    # --- the end
+
+    def finish(self, tile: Tile, number: int, entering: str, writes: dict[str, Raster | Table], back: float) -> Job:
+        """The answer in a tile after pass `number`; `entering`: the surface before the first pass at full resolution."""
+        reads: Reads = {
+            "given": Raster("dsm_check/input", tile.window),
+            "entering": Raster(entering, tile.window),
+            **{name: Raster(of_round(number, name), tile.window) for name in ("height", "residual", "precision")},
+            "disputed": Raster(of_round(1, "disputed"), tile.window),
+            "counts": counts_table(tile),
+            **self.codes(tile.window),
+        }
+        if not self.measured:
+            reads["filled"] = Raster(FILLED, tile.window)
+        params = {"window": tile.window, "how": Finish(self.rule(), back)}
+        return Job(KIND, "answer", finish, reads, writes, params, tile.row, tile.col, _scratch(tile))
+
+
+FILLED = "dsm_check/filled"
+"""uint8, 1 where the photographs filled a hole of a surface from a file"""
+
+
+def moved(level: int) -> str:
+    """float32 m: the surface after the check at a coarse level"""
+    return f"dsm_check/level-{level}/surface"
+
+
+def of_round(number: int, name: str) -> str:
+    """A raster after pass `number` at full resolution."""
+    return f"dsm_check/rounds/{number}/{name}"
+
+
+def counts_table(tile: Tile, name: str = "judged") -> Table[TileCounts]:
+    """Counts of a tile after the first pass, or of the answer."""
+    return Table(f"dsm_check/{name}/{tile.row}-{tile.col}.json", TileCounts)
+
+
+def replace_chunk(spec: RasterSpec, chunk: int) -> RasterSpec:
+    """The raster in other chunks."""
+    return spec.model_copy(update={"chunk": chunk})
+
+
+def _changes(number: int, tile: Tile) -> Table[RoundCounts]:
+    return Table(f"dsm_check/rounds/{number}/{tile.row}-{tile.col}.json", RoundCounts)
+
+
+def _holds(tile: Tile, other: Tile) -> bool:
+    window, part = tile.window, other.window
+    inside_rows = window.row <= part.row < window.row + window.height
+    return inside_rows and window.col <= part.col < window.col + window.width
+
+
+def _scratch(tile: Tile) -> int:
+    return tile.window.width * 64 * 96 + tile.window.height * tile.window.width * 64

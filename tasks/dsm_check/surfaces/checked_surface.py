@@ -1,0 +1,33 @@
+"""Which surface is checked, and what happens to its place."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from orthomill.schemas.settings import Settings, setting
+
+
+class DensifiedSurface(Settings):
+    """The surface that this project measured."""
+
+    kind: Literal["densification"] = "densification"
+
+
+class SurfaceFile(Settings):
+    """A surface from a file, of any program, in any projected or geographic system and cell size: GeoTIFF, LAS or LAZ."""
+
+    kind: Literal["file"]
+    path: str = setting(..., "GeoTIFF, LAS or LAZ with heights, relative to the project's root.")
+    system: str | None = setting(None, "Reference system of a file that names none, e.g. EPSG:2100+5773.")
+    shift: Literal["keep", "remove"] = setting(
+        "keep",
+        "A shift of the whole surface, in height and plan, is found and reported in any case; whether the corrected surface "
+        "keeps it. "
+        "Errors are told relative to the shift in height.",
+    )
+    holes: Literal["keep", "fill"] = setting(
+        "keep", "Whether holes are filled with what the stage densification, where the workflow has it, measured there."
+    )
+
+
+CheckedSurface = Annotated[DensifiedSurface | SurfaceFile, Field(discriminator="kind")]

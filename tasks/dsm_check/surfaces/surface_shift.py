@@ -1,0 +1,110 @@
+"""How a surface as a whole is shifted against the photographs, in height and in plan, with standard errors.
+
+Strategy. A surface that is shifted by s in plan and by z in height differs from the photographs by dh = s . grad - z (Nuth & Kaab
+2011): blocks of cells with slopes in all directions tell the shift in plan, all of them that in height. Iterated least squares with
+Huber weights, with a tilt as two more unknowns. Errors of neighbouring blocks are alike, so that the standard errors come from the
+scatter of groups of blocks and not of single ones.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from orthomill.schemas.job import Table
+from orthomill.tasks.dsm_check.areas import CHECKED, EAST, MEAN, NORTH, SIGMA
+
+_LEAST_BLOCKS = 60
+"""blocks of which a shift in plan can be told"""
+_GROUP = 8
+"""blocks along a side of a group whose errors may be alike"""
+_WHOLE = 0.95
+"""share of a block that must have been judged"""
+_STEEPEST = 1.0
+"""slope beyond which a block holds a wall, and no slope of the ground"""
+
+
+class SurfaceShift(BaseModel):
+    """Surface minus photographs (m): how far it lies too far east and north, and too high; None where that cannot be told."""
+
+    model_config = ConfigDict(frozen=True)
+
+    up: float
+    up_sigma: float
+    east: float | None = None
+    north: float | None = None
+    plan_sigma: tuple[float, float] | None = None
+    blocks: int = 0
+
+    @property
+    def in_plan(self) -> bool:
+        """Whether it is shifted in plan beyond doubt."""
+        if self.east is None or self.north is None or self.plan_sigma is None:
+            return False
+        return bool(np.hypot(self.east / self.plan_sigma[0], self.north / self.plan_sigma[1]) > _CERTAIN)
+
+
+_CERTAIN = 4.0
+"""standard errors"""
+SHIFT = Table("dsm_check/shift.json", SurfaceShift)
+NO_SHIFT = SurfaceShift(up=0.0, up_sigma=0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    values: np.ndarray
+    covariance: np.ndarray
+
+
+def surface_shift(coarse: np.ndarray) -> SurfaceShift:
+    """The shift that the blocks (rows, cols, 5) of a check ask for."""
+    # Blocks that were judged in part lie at borders, where windows reach ground that is not corrected.
+    known = (coarse[..., CHECKED] > _WHOLE) & (np.hypot(coarse[..., EAST], coarse[..., NORTH]) < _STEEPEST)
+    if not known.any():
+        return NO_SHIFT
+    dh = coarse[known][:, MEAN].astype(np.float64)
+    rows, cols = np.nonzero(known)
+    precise = _weights(coarse[known][:, SIGMA].astype(np.float64))
+    groups = np.unique(rows // _GROUP * coarse.shape[1] + cols // _GROUP, return_inverse=True)[1].ravel()
+    if known.sum() < _LEAST_BLOCKS:
+        alone = _robust(np.ones((len(dh), 1)), dh, precise, groups)
+        return SurfaceShift(up=-float(alone.values[0]), up_sigma=float(np.sqrt(alone.covariance[0, 0])), blocks=len(dh))
+    slopes = coarse[known][:, [EAST, NORTH]].astype(np.float64)
+    place = np.column_stack([2 * cols / coarse.shape[1] - 1, 1 - 2 * rows / coarse.shape[0]])
+    # Centred: the constant is then the shift in the middle of the blocks, and does not depend on the other unknowns.
+    others = np.column_stack([slopes, place])
+    fit = _robust(np.column_stack([np.ones(len(dh)), others - others.mean(axis=0)]), dh, precise, groups)
+    up = -(fit.values[0] - fit.values[1:3] @ slopes.mean(axis=0))
+    turn = np.concatenate([[1.0], -slopes.mean(axis=0), [0.0, 0.0]])
+    sigma = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+    return SurfaceShift(
+        up=float(up),
+        up_sigma=float(np.sqrt(turn @ fit.covariance @ turn)),
+        east=float(fit.values[1]),
+        north=float(fit.values[2]),
+        plan_sigma=(float(sigma[1]), float(sigma[2])),
+        blocks=len(dh),
+    )
+
+
+def _weights(sigma: np.ndarray) -> np.ndarray:
+    """Weights (N,) of blocks: blocks better than most are no better than they, for orientation and camera err as well."""
+    return np.minimum(1.0, (np.median(sigma) / np.maximum(sigma, 1e-9)) ** 2)
+
+
+def _robust(design: np.ndarray, dh: np.ndarray, precise: np.ndarray, groups: np.ndarray) -> _Fit:
+    """Huber's estimate of dh (N,) with weights `precise` over design (N, k), and the covariance from the scatter of groups (N,)."""
+    values = np.zeros(design.shape[1])
+    values[0] = np.median(dh)
+    for _ in range(20):
+        size = np.abs(dh - design @ values) * np.sqrt(precise)
+        limit = 1.5 * max(1.4826 * float(np.median(size)), 1e-6)
+        weight = precise * np.minimum(1.0, limit / np.maximum(size, 1e-12))
+        values = np.linalg.lstsq(design * np.sqrt(weight)[:, None], dh * np.sqrt(weight), rcond=None)[0]
+    # Huber & Ronchetti 2009, 7.6: only observations within the limit say how the estimate follows them.
+    inverse = np.linalg.pinv((design * (precise * (size <= limit))[:, None]).T @ design)
+    sums = np.zeros((groups.max() + 1, design.shape[1]))
+    np.add.at(sums, groups, design * (weight * (dh - design @ values))[:, None])
+    count = len(sums)
+    # Few groups underestimate their own scatter.
+    return _Fit(values, inverse @ (sums.T @ sums) @ inverse * count / max(count - design.shape[1], 1))

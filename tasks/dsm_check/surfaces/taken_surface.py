@@ -1,0 +1,31 @@
+"""The surface from a file as it is checked: brought to the heights of the photographs, and its holes filled where that was asked
+for.
+
+Checked in the height system of the photographs, it is given back in its own: only differences are of interest here, and a shift of
+forty metres would hide all others.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from orthomill.schemas.surface import MEASURED
+from orthomill.tasks.dsm_check.tile import take_surface
+
+
+class TakenSurface(NamedTuple):
+    """Heights (rows, cols) float32 m, NaN without any; uint8 1 where the photographs filled a hole."""
+
+    input: np.ndarray
+    filled: np.ndarray
+
+
+def take_file(
+    heights: np.ndarray, up: float, matched: np.ndarray | None = None, provenance: np.ndarray | None = None
+) -> TakenSurface:
+    """Heights (rows, cols) m of a file, raised by `up`; its holes take `matched` heights of the project that were measured."""
+    own = take_surface(heights + np.float32(up))
+    if matched is None or provenance is None:
+        return TakenSurface(own, np.zeros(own.shape, np.uint8))
+    filled = np.isnan(own) & np.isfinite(matched) & np.isin(provenance, MEASURED)
+    return TakenSurface(np.where(filled, matched, own).astype(np.float32), filled.astype(np.uint8))

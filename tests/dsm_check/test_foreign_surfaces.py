@@ -1,0 +1,157 @@
+"""A surface from elsewhere: its grid, its place, its shift, and the sentences for those that cannot be right."""
+
+import numpy as np
+import pytest
+from checked_ground import GRID, ground, project
+from memory_runner import MemoryProject
+from tiny_block import EAST, FLYING, HEIGHT, NORTH, block, surface
+
+from orthomill.schemas.epipolar import EpipolarPairs
+from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.observations import GroundPoints
+from orthomill.schemas.raster import MapGrid
+from orthomill.schemas.stage_report import report_table
+from orthomill.schemas.surface import CORRECTED, SURFACE, Provenance
+from orthomill.schemas.surface import HEIGHT as MEASURED_HEIGHT
+from orthomill.tasks.dsm_check.area_map import AreaRule, area_map, outlines
+from orthomill.tasks.dsm_check.areas import SuspiciousArea
+from orthomill.tasks.dsm_check.stage import DsmCheckStage, SurfaceFile
+from orthomill.tasks.dsm_check.surfaces.foreign_grid import foreign_surface
+from orthomill.tasks.dsm_check.surfaces.placing import place, places
+from orthomill.tasks.dsm_check.surfaces.surface_shift import surface_shift
+from orthomill.tasks.dsm_check.surfaces.taken_surface import take_file
+from orthomill.tasks.epipolar.selection import PairChoice, choose_pairs
+
+PAIRS = choose_pairs(block(), PairChoice(), 0.08)
+
+
+def extent(cell: float, west: float = EAST - 5000, side: float = 10_000.0) -> MapGrid:
+    rows = round(side / cell)
+    return MapGrid(west=west, north=NORTH + 5000, cell=cell, rows=rows, cols=rows)
+
+
+@pytest.mark.parametrize(("cell", "expected"), [(0.6, 0.6), (0.02, 1.0), (30.0, 1.0)])
+def test_cells_that_suit_the_photographs_are_kept_and_a_country_is_cut(cell, expected):
+    grid = foreign_surface(extent(cell), block(), PAIRS).grid
+    assert grid.cell == pytest.approx(expected)
+    assert 100 < grid.rows * grid.cell < 800 and 100 < grid.cols * grid.cell < 800
+    assert grid.west < EAST - 100 and grid.north > NORTH + 80
+
+
+def test_a_surface_elsewhere_is_told_with_its_distance():
+    with pytest.raises(GeometryError, match=r"elsewhere.* is 4\d\.\d km from that of the photographs"):
+        foreign_surface(extent(1.0, EAST + 40_000), block(), PAIRS)
+    with pytest.raises(GeometryError, match="No two photographs see common ground"):
+        foreign_surface(extent(1.0), block(), EpipolarPairs(pairs=()))
+
+
+def tie_points(shift: float = 0.0) -> GroundPoints:
+    random = np.random.default_rng(1)
+    x, y = EAST + random.uniform(-80, 80, 60), NORTH + random.uniform(-60, 60, 60)
+    none = np.zeros(60, np.float32)
+    return GroundPoints(np.arange(60), x, y, surface(x, y) + shift, none, none, none, none.astype(np.int16), none)
+
+
+def heights_on(grid: MapGrid) -> np.ndarray:
+    x, y = np.meshgrid(grid.west + (np.arange(grid.cols) + 0.5) * grid.cell, grid.north - (np.arange(grid.rows) + 0.5) * grid.cell)
+    return surface(x, y).astype(np.float32)
+
+
+def test_a_surface_is_placed_by_the_tie_points():
+    coarse = places(GRID)
+    assert max(coarse.shape) <= 256
+    found = place(heights_on(coarse) + 37.5, block(), coarse, "a.tif", tie_points())
+    assert found.up == pytest.approx(-37.5, abs=0.1) and found.points == 60
+
+
+def test_without_tie_points_only_what_cannot_be_right_is_moved():
+    coarse = places(GRID)
+    assert place(heights_on(coarse) + 3, block(), coarse, "a.tif").up == 0.0
+    assert place(heights_on(coarse) + 60, block(), coarse, "a.tif").up == pytest.approx(-60, abs=3)
+
+
+def test_feet_and_empty_surfaces_are_refused_in_one_sentence():
+    coarse = places(GRID)
+    for points in (tie_points(), None):
+        with pytest.raises(GeometryError, match=r"a\.tif are in feet"):
+            place(heights_on(coarse) / np.float32(0.3048), block(), coarse, "a.tif", points)
+    with pytest.raises(GeometryError, match="has no height where the photographs are"):
+        place(np.full(coarse.shape, np.nan, np.float32), block(), coarse, "a.tif")
+
+
+def blocks_of(east: float, north: float, up: float, noise: float = 0.02) -> np.ndarray:
+    """Blocks of a surface shifted by so much: dh = s . grad - z."""
+    random = np.random.default_rng(5)
+    out = np.zeros((40, 50, 5), np.float32)
+    slope = random.normal(0, 0.15, (40, 50, 2))
+    out[..., 0], out[..., 2], out[..., 3:] = 1.0, 0.05, slope
+    out[..., 1] = slope @ (east, north) - up + random.normal(0, noise, (40, 50))
+    out[5:10, 5:12, 1] += 8.0  # a house that is missing
+    return out
+
+
+def test_a_shift_in_height_and_plan_comes_out_within_its_standard_error():
+    found = surface_shift(blocks_of(0.8, -0.5, 1.25))
+    assert abs(found.up - 1.25) < 4 * found.up_sigma < 0.02
+    for value, true, sigma in zip((found.east, found.north), (0.8, -0.5), found.plan_sigma, strict=True):
+        assert abs(value - true) < 4 * sigma < 0.1
+    assert found.in_plan and not surface_shift(blocks_of(0.0, 0.0, 0.5)).in_plan
+    assert surface_shift(blocks_of(1, 1, 1) * 0).blocks == 0
+
+
+def test_few_blocks_tell_the_height_alone():
+    found = surface_shift(blocks_of(0.8, -0.5, 1.25)[20:25, 20:25])
+    assert found.east is None and not found.in_plan and abs(found.up - 1.25) < 1.0
+
+
+def test_holes_take_what_the_photographs_measured_and_nothing_else():
+    heights = np.array([[1.0, np.nan, np.nan, np.inf]], np.float32)
+    matched = np.array([[9.0, 9.0, 9.0, 9.0]], np.float32)
+    codes = np.array([[Provenance.AGREED, Provenance.AGREED, Provenance.INTERPOLATED, Provenance.ONE_PAIR]], np.uint8)
+    taken = take_file(heights, 0.5, matched, codes)
+    np.testing.assert_array_equal(taken.input, np.array([[1.5, 9.0, np.nan, 9.0]], np.float32))
+    np.testing.assert_array_equal(taken.filled, [[0, 1, 0, 1]])
+    assert not take_file(heights, 0.0).filled.any()
+
+
+def checked_file(planted, **choices) -> MemoryProject:
+    made = project(256, planted, hole=False)
+    heights = made.rasters.pop(MEASURED_HEIGHT)
+    del made.tables[SURFACE.path]
+    made.files = {"other.tif": (GRID, heights)}
+    made.run(DsmCheckStage(surface=SurfaceFile(kind="file", path="other.tif", **choices), rounds=1, levels=0, pairs=3))
+    return made
+
+
+@pytest.mark.slow
+def test_a_surface_in_another_height_system_keeps_it_and_its_shift_is_told():
+    made = checked_file(lambda x, y: 0 * x + 33.0)
+    report = made.tables[report_table("dsm_check").path]
+    figures = {figure.name: figure.value for figure in report.figures}
+    assert figures["shift_up"] == pytest.approx(33.0, abs=0.03) and abs(figures["dh_median"]) < 0.03
+    assert any("m above the photographs" in warning and "another height system" in warning for warning in report.warnings)
+    x, y = ground()
+    kept = made.rasters[CORRECTED] - surface(x, y)
+    assert np.median(kept) == pytest.approx(33.0, abs=0.03)
+    assert figures["suspicious_areas"] == 0
+
+
+def test_a_shift_is_taken_out_when_that_is_asked_for():
+    made = checked_file(lambda x, y: 0 * x + 2.0, shift="remove")
+    x, y = ground()
+    assert abs(np.median(made.rasters[CORRECTED] - surface(x, y))) < 0.06
+
+
+def test_areas_are_polygons_on_the_earth():
+    blocks = np.argwhere(np.array([[1, 1, 1, 0], [1, 0, 1, 0], [1, 1, 1, 1]]))
+    (rings,) = outlines(blocks)
+    assert len(rings) == 2 and (rings[0][0] == rings[0][-1]).all()
+    area = SuspiciousArea(x=EAST, y=NORTH, area=1.0, dh=-2.0, extreme=-3.0, blocks=blocks)
+    (feature,) = area_map([area], AreaRule(GRID, 8, "EPSG:2100")).features
+    longitude, latitude = np.array(feature.geometry.coordinates[0][0]).T
+    assert ((longitude > 20) & (longitude < 28)).all() and ((latitude > 34) & (latitude < 42)).all()
+    assert feature.properties["surface"] == "too high" and FLYING > HEIGHT
+
+
+def test_blocks_that_touch_at_a_corner_are_two_outlines():
+    assert len(outlines(np.array([[0, 0], [1, 1]]))) == 2
