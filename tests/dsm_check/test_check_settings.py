@@ -14,7 +14,8 @@ from orthomill.tasks.dsm_check.nodes import CORRELATION, DH, EAST, OUTCOME, SIGM
 from orthomill.tasks.dsm_check.search import ShiftSearch
 from orthomill.tasks.dsm_check.stage import DsmCheckStage
 from orthomill.tasks.dsm_check.tile import CorrectionRule
-from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
+from orthomill.tasks.matching.least_squares.model import Ellipse, LeastSquaresMatching, Square
+from orthomill.tasks.matching.windows.sizes import EntropyWindow, FoerstnerWindow, StatisticalWindow
 
 CAMERA = Camera(name="c", width=1000, height=1000, c=800.0)
 GRID = MapGrid(west=0.0, north=160.0, cell=1.0, rows=160, cols=160)
@@ -111,6 +112,20 @@ def test_least_squares_settings_reach_the_matching():
     )
     assert found(lenient).mean() > 0.3 and found(strict).mean() < 0.02
     assert (strict[..., OUTCOME] == Outcome.LOW_CORRELATION).mean() > 0.3
+
+
+@pytest.mark.parametrize(
+    "window",
+    [StatisticalWindow(largest=21), EntropyWindow(largest=21), FoerstnerWindow(largest=21)],
+    ids=lambda window: window.kind,
+)
+@pytest.mark.parametrize("shape", [Square(), Ellipse()], ids=lambda shape: shape.kind)
+def test_windows_chosen_node_by_node_find_the_same_shift(window, shape):
+    matching = LeastSquaresMatching(window=window, shape=shape, max_shift=3.0, min_correlation=0.7)
+    nodes = checked(moved(picture(), 2.0), least_squares=matching)
+    assert found(nodes).mean() > 0.25
+    assert np.median(nodes[found(nodes), DH]) == pytest.approx(HEIGHT * 2.0 / (2.0 - BASE), abs=0.06)
+    assert not np.array_equal(nodes, checked(moved(picture(), 2.0)), equal_nan=True)
 
 
 @pytest.mark.parametrize(("hidden", "occluded"), [(1.5, True), (60.0, False)])

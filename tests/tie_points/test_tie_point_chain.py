@@ -7,6 +7,7 @@ from textured_plane import CAMERA, NAMES, cameras, photograph, texture, true_par
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import Window, tiles_of
 from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
+from orthomill.tasks.matching.windows.sizes import CombinedWindow, EntropyWindow, FoerstnerWindow
 from orthomill.tasks.tie_points.features import CELL, Detection, photo_features, tile_features
 from orthomill.tasks.tie_points.match_records import DESCRIPTOR, FeatureTables
 from orthomill.tasks.tie_points.pair_matching import PairRules, epipolar_agreement, epipolar_scatter, match_pair
@@ -54,14 +55,18 @@ def tracked(found, matched):
 
 @pytest.fixture(scope="module")
 def refined(photos, tracked):
+    return refined_by(photos, tracked, RULES)
+
+
+def refined_by(photos, tracked, rules):
     observations = [tracked[observation_key(number)] for number in range(3)]
     patches = []
     for pixels, own in zip(photos, observations, strict=True):
-        strips = [Strip(0, SHAPE, row, min(128, SHAPE[0] - row), RULES.half) for row in range(0, SHAPE[0], 128)]
+        strips = [Strip(0, SHAPE, row, min(128, SHAPE[0] - row), rules.half) for row in range(0, SHAPE[0], 128)]
         patches.append(tuple(strip_patches(pixels[strip.window.slices], pixels[::2, ::2], own, strip) for strip in strips))
     results = [
         refine_pair(
-            (observations[i], observations[j]), patches[i], patches[j], cameras(), (i, j), (NAMES[i], NAMES[j]), (RULES, RULES)
+            (observations[i], observations[j]), patches[i], patches[j], cameras(), (i, j), (NAMES[i], NAMES[j]), (rules, rules)
         )
         for i, j in tracked["links"].pairs
     ]
@@ -118,6 +123,26 @@ def test_nominal_cameras_are_checked_without_their_constant():
 
 
 def test_refined_points_are_many_times_better_than_detected_ones(tracked, refined):
+    before, after, sigma = errors_of(tracked, refined)
+    scatter = [1.4826 * np.median(np.abs(errors)) for errors in (before, after)]
+    assert scatter[1] < 0.06 and scatter[1] < scatter[0] / 3
+    assert 0.5 < scatter[1] / np.median(sigma) < 2.5, "formal standard errors mean what they say"
+
+
+@pytest.mark.parametrize(
+    "window", [EntropyWindow(min_entropy=4.0), FoerstnerWindow(min_weight=3000.0), CombinedWindow()], ids=lambda window: window.kind
+)
+def test_windows_chosen_point_by_point_refine_as_well(photos, tracked, refined, window):
+    """Points without a window have no match, and the outcome says why."""
+    sized = refined_by(photos, tracked, PatchRules(0, 128, RULES.matching.model_copy(update={"window": window})))
+    before, after, _ = errors_of(tracked, sized)
+    assert len(after) > 100 and 1.4826 * np.median(np.abs(after)) < 1.4826 * np.median(np.abs(before)) / 2
+    outcomes, fixed = (np.concatenate([table.outcome for table in tables]) for tables in (sized, refined))
+    assert not np.array_equal(outcomes, fixed) and Outcome.NOT_TRIED not in outcomes
+
+
+def errors_of(tracked, refined):
+    """Detected and refined places (N, 2) minus the true ones, px, and the standard errors of the refined ones."""
     observations = [tracked[observation_key(number)] for number in range(3)]
     before, after, sigma = [], [], []
     for table in refined:
@@ -131,9 +156,7 @@ def test_refined_points_are_many_times_better_than_detected_ones(tracked, refine
             before.append(np.array([other.col[at], other.row[at]]) - truth)
             after.append(np.array([table.col[row], table.row[row]]) - truth)
             sigma.append(table.sigma[row])
-    scatter = [1.4826 * np.median(np.abs(errors)) for errors in (before, after)]
-    assert scatter[1] < 0.06 and scatter[1] < scatter[0] / 3
-    assert 0.5 < scatter[1] / np.median(sigma) < 2.5, "formal standard errors mean what they say"
+    return np.array(before), np.array(after), np.array(sigma)
 
 
 def test_the_result_is_sorted_complete_and_repeatable(tracked, refined):

@@ -19,7 +19,6 @@ from orthomill.tasks.matching.strategies.match_tables import moved, taken
 from orthomill.tasks.matching.strategies.node_grid import ImagePart, NodeGrid
 from orthomill.tasks.matching.strategies.region_growing import RegionGrowing, found_seeds, grow, region_cover
 from orthomill.tasks.matching.strategies.region_growing import halo as growing_halo
-from orthomill.tasks.matching.windows.sizes import WindowSizing, grey_levels, window_sizes
 
 
 class PairStrategy(Settings):
@@ -72,9 +71,6 @@ class Growing(PairStrategy):
 
     kind: Literal["region_growing"]
     growing: RegionGrowing = setting(RegionGrowing(), "How regions grow.")
-    window: WindowSizing | None = setting(
-        None, "The window of every node, chosen from the left image; without it that of `matching` for all."
-    )
 
     @property
     def whole(self) -> bool:
@@ -86,10 +82,7 @@ class Growing(PairStrategy):
     def matches(self, left: ImagePart, right: ImagePart, grid: NodeGrid, search: SearchRange) -> Matches:
         cover = region_cover(grid, self.growing)
         seeds = found_seeds(left, right, cover, search, self.growing, self.pyramid)
-        half = None
-        if self.window is not None:
-            half = window_sizes(grey_levels(left.pixels, left.pixels > 0), cover.points() - left.origin, self.window).half
-        found = grow(left, right, cover, seeds, self.growing, half)
+        found = grow(left, right, cover, seeds, self.growing)
         inner = np.zeros(cover.shape, bool)
         inner[grid.row - cover.row :, grid.col - cover.col :][: grid.rows, : grid.cols] = True
         return taken(found, inner.ravel())

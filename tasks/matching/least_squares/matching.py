@@ -31,6 +31,7 @@ from orthomill.tasks.matching.least_squares.model import (
 )
 from orthomill.tasks.matching.least_squares.result_columns import Attempts, Found
 from orthomill.tasks.matching.smoothing import smoothed, with_gaps
+from orthomill.tasks.matching.windows.sizes import WindowSizes, grey_levels, window_sizes
 
 _FARTHEST = 1e9
 """Coordinates beyond this are not those of a pixel, and would overflow the integers of the kernels."""
@@ -123,8 +124,8 @@ def match_points(
     left, right: (H, W) of uint8, uint16 or float32, of any two sizes, 0 or NaN is no data; or images from `prepare`.
     points, starts: (N, 2) (col, row) in px, left positions and where to start in the right image. affine: (N, 4) start values as
     in `Matches.affine`, None for identity. half: (N,) half sides of the windows, 0 where a point has none and is not tried; None
-    for `settings.window` everywhere. reference: the place in the left window whose match is returned, the point itself or the
-    centroid of the squared gradients, where the window is determined best (`Matches.reference` holds it).
+    for `settings.window`, a size or a way to choose it. reference: the place in the left window whose match is returned, the point
+    itself or the centroid of the squared gradients, where the window is determined best (`Matches.reference` holds it).
 
     Never raises on the contents of images or points: every point gets its outcome. ValueError when tables differ in length or an
     image is not two-dimensional.
@@ -137,8 +138,9 @@ def match_points(
     points, starts = (np.array(table, dtype=np.float64).reshape(-1, 2) for table in (points, starts))
     count = len(points)
     affine = np.tile([1.0, 0.0, 0.0, 1.0], (count, 1)) if affine is None else np.array(affine, dtype=np.float64).reshape(-1, 4)
+    chosen = chosen_windows(left, points, settings) if half is None else None
     # Clipped, for the result holds half sides in uint8 and scratch grows with the square of the largest.
-    half = np.full(count, settings.half) if half is None else np.clip(np.asarray(half, dtype=np.int64).reshape(-1), 0, MOST_HALF)
+    half = np.clip(np.asarray(half if chosen is None else chosen.half, dtype=np.int64).reshape(-1), 0, MOST_HALF)
     _check_shapes((left, right), count, (starts, affine, half))
     attempts = Attempts(points, starts, affine, half)
     found = _before(attempts)
@@ -146,7 +148,18 @@ def match_points(
     kernel = match_forward if isinstance(settings.formulation, Forward) else match_inverse
     kernel(left, right, attempts, reach, rules_of(settings, centroid=reference == "centroid"), found)
     _refuse_overflow(found.values, found.outcome)
+    if chosen is not None:
+        # Why a point has no window says more than that it was not tried.
+        found.outcome[half == 0] = chosen.outcome[half == 0]
     return _matches(found, half)
+
+
+def chosen_windows(left: np.ndarray, points: np.ndarray, settings: LeastSquaresMatching) -> WindowSizes:
+    """The windows of points (N, 2) of a prepared left image (H, W)."""
+    if isinstance(settings.window, int):
+        same = np.full(len(points), settings.half, np.uint8)
+        return WindowSizes(same, np.full(len(points), Outcome.NOT_TRIED, np.uint8))
+    return window_sizes(grey_levels(left), points, settings.window)
 
 
 @njit(cache=True)

@@ -12,6 +12,7 @@ from typing import Annotated, Literal, NamedTuple
 from pydantic import Field, model_validator
 
 from orthomill.schemas.settings import Settings, refuse_ignored, setting
+from orthomill.tasks.matching.windows.sizes import ChosenWindow
 
 MOST_HALF = 60
 """Half side of the largest window, px."""
@@ -72,7 +73,11 @@ Shape = Annotated[Square | Ellipse, Field(discriminator="kind")]
 class LeastSquaresMatching(Settings):
     """How points are matched by least squares."""
 
-    window: int = setting(21, "Side of the window; an even number is taken as the next odd one.", "px", ge=5, le=2 * MOST_HALF + 1)
+    window: Annotated[int, Field(ge=5, le=2 * MOST_HALF + 1)] | ChosenWindow = setting(
+        21,
+        "Side of the window, an even one is taken as the next odd one; or how it is chosen from the left image, point by point.",
+        "px",
+    )
     shape: Shape = setting(Square(), "Shape of the window.")
     formulation: Formulation = setting(InverseCompositional(), "Where the gradients come from.")
     geometry: Literal["shift", "affine"] = setting("affine", "Geometric unknowns: two shifts, or six parameters of an affine.")
@@ -101,12 +106,14 @@ class LeastSquaresMatching(Settings):
 
     @property
     def half(self) -> int:
-        return self.window // 2
+        """Half side of the window, or of the largest one that may be chosen."""
+        return self.window // 2 if isinstance(self.window, int) else self.window.halves[-1]
 
     @property
     def reach(self) -> int:
         """Pixels to either side of its centre that a window of this size and shape can cover."""
-        return reach_of_window(self.half, self.shape)
+        # One more to choose it: gradients of its border reach beyond it.
+        return reach_of_window(self.half, self.shape) + (0 if isinstance(self.window, int) else 1)
 
 
 def reach_of_window(half: int, shape: Square | Ellipse) -> int:

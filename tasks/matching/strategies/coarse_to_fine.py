@@ -118,7 +118,8 @@ def halo(settings: PyramidMatching, step: int) -> int:
     for level in range(1, settings.levels + 1):
         reach += (_RING + 1) * settings.coarse_step * 2**level
     # 2 px: cubic interpolation and the gradient of the outermost pixel.
-    window = settings.wide_window // 2 + 2 + reach_of(max(settings.coarse.smoothing, settings.fine.smoothing))
+    widest = max(settings.wide_window // 2, settings.coarse.reach, settings.fine.reach)
+    window = widest + 2 + reach_of(max(settings.coarse.smoothing, settings.fine.smoothing))
     return reach + window * 2**settings.levels
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from orthomill.schemas.outcome import Outcome
-from orthomill.tasks.matching.least_squares.matching import Matches, PreparedImage, match_points, prepare
+from orthomill.tasks.matching.least_squares.matching import Matches, PreparedImage, chosen_windows, match_points, prepare
 from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
 from orthomill.tasks.matching.strategies.match_tables import moved, rejected
 
@@ -85,7 +85,9 @@ class PreparedPair:
         half: half side of the windows, of all or of every one (N,), 0 where there is none; None for that of the settings.
         """
         # A half size of 0 is how `match_points` is told not to try a point.
-        halves = np.where(np.isfinite(starts).all(axis=1), self.settings.half if half is None else half, 0)
+        if half is None:
+            half = chosen_windows(self.left.grey, points - self.left_origin, self.settings).half
+        halves = np.where(np.isfinite(starts).all(axis=1), half, 0)
         found = match_points(
             self.left, self.right, points - self.left_origin, starts - self.right_origin, self.settings, affine, halves
         )

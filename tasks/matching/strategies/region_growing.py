@@ -21,7 +21,7 @@ import numpy as np
 from pydantic import model_validator
 
 from orthomill.schemas.settings import Settings, refuse_ignored, setting
-from orthomill.tasks.matching.least_squares.matching import Matches
+from orthomill.tasks.matching.least_squares.matching import Matches, chosen_windows
 from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
 from orthomill.tasks.matching.smoothing import reach_of
 from orthomill.tasks.matching.strategies.coarse_to_fine import PyramidMatching, SearchRange, coarse_field
@@ -77,18 +77,15 @@ def halo(settings: RegionGrowing, step: int, pyramid: PyramidMatching | None = N
     return nodes * step + (window if pyramid is None else max(window, pyramid_halo(pyramid, step) + 2 * step))
 
 
-def grow(
-    left: ImagePart, right: ImagePart, grid: NodeGrid, seeds: Seeds, settings: RegionGrowing, half: np.ndarray | None = None
-) -> Matches:
+def grow(left: ImagePart, right: ImagePart, grid: NodeGrid, seeds: Seeds, settings: RegionGrowing) -> Matches:
     """Match the nodes of a grid that growth reaches: one row per node, row by row; positions in pixels of the photographs.
 
     For work in parts the grid must cover whole regions, `region_cover` of the nodes that are wanted. Nodes that are never reached
-    are NOT_TRIED; seeds outside the grid are ignored. half: (rows * cols,) half sides of the windows of the nodes, 0 for nodes that
-    have none; None for that of the settings.
+    are NOT_TRIED; seeds outside the grid are ignored.
     """
     pair = PreparedPair.of(left, right, settings.matching)
     points, queues = grid.points(), queues_for(_regions(grid, settings))
-    half = np.full(len(points), settings.matching.half) if half is None else half.astype(np.int64)
+    half = chosen_windows(pair.left.grey, points - pair.left_origin, settings.matching).half.astype(np.int64)
     found = pair.match(points, np.full_like(points, np.nan))
     _plant(queues, grid, seeds)
     found = _grown(pair, points, half, queues, grid, found, settings)

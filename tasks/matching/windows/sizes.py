@@ -115,6 +115,8 @@ class CombinedWindow(Settings):
 LimitedWindow = StatisticalWindow | EntropyWindow | FoerstnerWindow
 SingleWindow = FixedWindow | LimitedWindow
 WindowSizing = Annotated[SingleWindow | CombinedWindow, Field(discriminator="kind")]
+ChosenWindow = Annotated[LimitedWindow | CombinedWindow, Field(discriminator="kind")]
+"""The ways that choose a size point by point."""
 
 
 @dataclass(frozen=True)

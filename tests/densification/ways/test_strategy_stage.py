@@ -14,9 +14,10 @@ from orthomill.schemas.surface import HEIGHT, MEASURED, PRECISION, PROVENANCE, S
 from orthomill.tasks.densification.planning.pair_plan import nodes_raster, outcome_raster
 from orthomill.tasks.densification.stage import DensificationStage
 from orthomill.tasks.densification.strategies.pair_strategies import Cascade, CoarseToFine, Growing
+from orthomill.tasks.matching.least_squares.model import Ellipse, LeastSquaresMatching, Square
 from orthomill.tasks.matching.strategies.coarse_to_fine import PyramidMatching
 from orthomill.tasks.matching.strategies.region_growing import RegionGrowing
-from orthomill.tasks.matching.windows.sizes import CombinedWindow, EntropyWindow, FixedWindow, FoerstnerWindow, StatisticalWindow
+from orthomill.tasks.matching.windows.sizes import CombinedWindow, EntropyWindow, FoerstnerWindow, StatisticalWindow
 
 LEVELS = PyramidMatching(levels=3)
 WAYS = {
@@ -26,7 +27,6 @@ WAYS = {
     "one_region": Growing(kind="region_growing", pyramid=LEVELS, growing=RegionGrowing(region=0, seeds=6)),
 }
 WINDOWS = (
-    FixedWindow(window=13),
     StatisticalWindow(kind="statistical", largest=25, min_deviation=8.0),
     EntropyWindow(kind="entropy", min_entropy=3.5),
     FoerstnerWindow(kind="foerstner", largest=25),
@@ -67,9 +67,34 @@ def test_open_ground_is_measured_and_its_standard_errors_hold(seen, way):
     assert figures["nodes_matched"] == np.isfinite(engine.rasters[nodes_raster("a-b")][..., 0]).sum()
 
 
+def grown_with(window, shape=None) -> Growing:
+    matching = LeastSquaresMatching(window=window, smoothing=0.6, max_shift=2.0, shape=shape or Square())
+    return WAYS["region_growing"].model_copy(update={"growing": RegionGrowing(region=16, matching=matching)})
+
+
+@pytest.mark.parametrize("axis", ["along", "across"])
+def test_an_ellipse_of_a_chosen_size_finds_the_same_ground(seen, axis):
+    square, ellipse = (run(seen, grown_with(WINDOWS[2], shape)) for shape in (None, Ellipse(major_axis=axis)))
+    error, ground = errors(seen, ellipse)
+    measured = ground & np.isin(ellipse.rasters[PROVENANCE], MEASURED)
+    assert measured.sum() > 0.3 * ground.sum() and 1.4826 * np.median(np.abs(error[measured])) < 0.3
+    assert not np.array_equal(*(engine.rasters[nodes_raster("a-b")] for engine in (square, ellipse)), equal_nan=True)
+
+
+@pytest.mark.parametrize("way", ["pyramid", "cascade"])
+def test_the_other_strategies_choose_windows_as_well(seen, way):
+    changes = {"pyramid": ("pyramid", "fine"), "cascade": ("cascade", "sharpen")}[way]
+    part = getattr(WAYS[way], changes[0])
+    matching = getattr(part, changes[1]).model_copy(update={"window": WINDOWS[2]})
+    sized = run(seen, WAYS[way].model_copy(update={changes[0]: part.model_copy(update={changes[1]: matching})}))
+    error, ground = errors(seen, sized)
+    measured = ground & np.isin(sized.rasters[PROVENANCE], MEASURED)
+    assert measured.sum() > 0.3 * ground.sum() and 1.4826 * np.median(np.abs(error[measured])) < 0.3
+
+
 @pytest.mark.parametrize("window", WINDOWS, ids=lambda window: window.kind)
 def test_every_way_to_size_a_window_gives_other_nodes_and_true_heights(seen, window):
-    grown, sized = (run(seen, WAYS["region_growing"].model_copy(update={"window": w})) for w in (None, window))
+    grown, sized = (run(seen, grown_with(w)) for w in (21, window))
     error, ground = errors(seen, sized)
     measured = ground & np.isin(sized.rasters[PROVENANCE], MEASURED)
     assert measured.sum() > 0.3 * ground.sum() and 1.4826 * np.median(np.abs(error[measured])) < 0.3
