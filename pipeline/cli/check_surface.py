@@ -62,6 +62,8 @@ class CheckOptions:
     system: str | None = None
     remove_shift: bool = False
     fill: bool = False
+    sigma: float = 0.0
+    """m, of the heights of the surface"""
 
 
 def check_workflow(
@@ -98,6 +100,21 @@ def check_name(surface: Path) -> str:
     """The project's name where none is given: that of the surface, as a possible name."""
     stem = re.sub(r"[^a-z0-9_-]+", "-", surface.stem.lower()).strip("-_")
     return f"check-{stem}" if stem else "check"
+
+
+def change_workflow(
+    before: str, after: str, name: str | None, sigma: float, root: Path, catalogue: tuple[type[Stage], ...]
+) -> LoadedWorkflow:
+    """The workflow that asks whether the ground has changed: the surface of an earlier epoch, a file or a finished project,
+    against the photographs of a later project. Raises WorkflowError with one sentence."""
+    surface = Path(before)
+    if not surface.is_file():
+        surface = root / "runs" / before / "products" / "dsm.tif"
+        if not surface.is_file():
+            raise WorkflowError(
+                f"There is neither a surface {before} nor a finished project of that name; run it first, or name a file."
+            )
+    return check_workflow(name or f"change-{after}", surface, CheckOptions(project=after, sigma=sigma), root, catalogue)
 
 
 def _of_project(options: CheckOptions, root: Path, catalogue: tuple[type[Stage], ...]) -> dict[str, Any]:
@@ -174,6 +191,7 @@ def _stages(surface: Path, options: CheckOptions, root: Path, catalogue: tuple[t
                 "system": options.system,
                 "shift": "remove" if options.remove_shift else "keep",
                 "holes": "fill" if options.fill else "keep",
+                "sigma": options.sigma,
             },
             "pairs_per_place": 3,
         }

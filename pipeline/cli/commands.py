@@ -209,6 +209,25 @@ def check(
 
 
 @app.command()
+def change(
+    before: Annotated[str, typer.Argument(help="The earlier epoch: a finished project, or a surface file.")],
+    after: Annotated[str, typer.Argument(help="The later epoch: a finished project.")],
+    sigma: Annotated[float, typer.Option(help="Standard error of the earlier heights, m.", min=0.0)] = 0.0,
+    name: Annotated[str | None, typer.Option(help="Results go to runs/<name>.")] = None,
+    workers: Workers = 0,
+    memory: Memory = 1500,
+    sequential: Sequential = False,
+    debug: Debug = False,
+) -> None:
+    """Where has the ground changed between two epochs, and is it significant? The earlier surface against the later photographs."""
+    with plain_errors(debug):
+        loaded = checking.change_workflow(before, after, name, sigma, Path.cwd(), STAGES)
+        end = _run(loaded, Options(None, None, workers, memory * MIB, sequential))
+    if not end.facts.complete:
+        raise typer.Exit(1)
+
+
+@app.command()
 def plan(name: Name, from_stage: From = None, until: Until = None, debug: Debug = False) -> None:
     """Show what a run would do: jobs, bytes, peak memory, and why each stage would run. Writes nothing."""
     with plain_errors(debug):

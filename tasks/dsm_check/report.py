@@ -23,6 +23,7 @@ from orthomill.tasks.dsm_check.report_rounds import (
     rounds_grid,
     shift_values,
     shift_warnings,
+    tolerance_values,
     whole_shift,
 )
 from orthomill.tasks.dsm_check.rounds.round_state import RoundState
@@ -58,6 +59,8 @@ class Blocks:
     """cells along a side"""
     significance: float
     crs: str
+    tolerance: float | None = None
+    """m: the error that the survey allows"""
 
 
 class Reported(NamedTuple):
@@ -106,6 +109,7 @@ def report(
             | _estimate_values(tiles, pairs)
             | _place_values(trend, areas)
             | shift_values(of_file)
+            | tolerance_values(coarse, blocks.significance, blocks.tolerance)
             | {"rounds": max(len(rounds), 1), "beyond_reach": _share(sum(t.beyond for t in tiles), sum(t.heights for t in tiles))}
         ),
         grids=(
@@ -187,6 +191,16 @@ _FIGURES = (
     ("pairs", "", "Pairs of orthoimages that were compared."),
     ("rounds", "", "Rounds of the check: each later one looks again where the one before corrected."),
     ("beyond_reach", "%", "Share of the measured cells with a large error that only coarse orthoimages saw: left as they are."),
+    ("proved", "%", "Share of the judged ground whose heights keep the tolerance: an error of its size would have been found."),
+    ("broken", "%", "Share of the judged ground whose heights break the tolerance beyond doubt."),
+    ("untold", "%", "Share of the judged ground of which the check cannot tell: it is not precise enough there."),
+    (
+        "vertical_class",
+        "cm",
+        "Vertical class (ASPRS 2023) of the corrections as they are, RMSE in whole centimetres; from the check alone, without "
+        "check "
+        "points: errors that surface and photographs share are not in it.",
+    ),
     ("shift_up", "m", "How far the surface from a file as a whole lies above the photographs."),
     ("shift_up_sigma", "m", "Its standard error."),
     ("shift_east", "m", "How far it lies too far east."),

@@ -1,9 +1,14 @@
 """What the report says of a check in several rounds, of the shift of a surface from a file, and of the share that was judged."""
 
+import math
 from collections.abc import Iterator
+
+import numpy as np
 
 from orthomill.schemas.stage_report import Grid, Picture
 from orthomill.schemas.surface import CHECK_CODES
+from orthomill.tasks.dsm_check.areas import CHECKED, MEAN, SIGMA, is_judged
+from orthomill.tasks.dsm_check.correction_map import POWER
 from orthomill.tasks.dsm_check.rounds.round_state import RoundState
 from orthomill.tasks.dsm_check.statistics import RELIEF, TileCounts
 from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceShift
@@ -58,6 +63,23 @@ def shift_warnings(shift: SurfaceShift, removed: bool) -> Iterator[str]:
             f"{abs(shift.north):.2f} m too "
             f"far {'north' if shift.north > 0 else 'south'} (standard error {max(shift.plan_sigma):.2f} m); {done}."
         )
+
+
+def tolerance_values(coarse: np.ndarray, significance: float, tolerance: float | None) -> Values:
+    """Shares of the judged ground that keep a tolerance (m), break it, or cannot be told, and the vertical class in cm, from the
+    blocks (rows, cols, 5) of the check."""
+    known = coarse[is_judged(coarse)].astype(np.float64)
+    weight = known[:, CHECKED].sum()
+    rms = float(np.sqrt((known[:, CHECKED] * known[:, MEAN] ** 2).sum() / weight)) if weight else None
+    values: Values = {"vertical_class": None if rms is None else max(1, math.ceil(100 * rms))}
+    if tolerance is None or not weight:
+        return values | dict.fromkeys(("proved", "broken", "untold"))
+    size, sigma = np.abs(known[:, MEAN]), known[:, SIGMA]
+    # Proved: what was found, and what the test might have missed beside it, are together within the tolerance.
+    proved = size + POWER * sigma <= tolerance
+    broken = size - significance * sigma > tolerance
+    shares = [round(100 * float(known[cells, CHECKED].sum() / weight), 1) for cells in (proved, broken, ~proved & ~broken)]
+    return values | dict(zip(("proved", "broken", "untold"), shares, strict=True))
 
 
 def rounds_grid(rounds: tuple[RoundState, ...]) -> tuple[Grid, ...]:

@@ -29,6 +29,7 @@ from orthomill.tasks.dsm_check.coverage import CHECKED_PAIRS, CHECKED_SURFACE, c
 from orthomill.tasks.dsm_check.height_correction import Correction, RayCorrection
 from orthomill.tasks.dsm_check.nodes import NodeMatching
 from orthomill.tasks.dsm_check.report import CODE, DETECTABLE, DH, PRECISION, TEST, Blocks, report
+from orthomill.tasks.dsm_check.rounds.finish import Finish
 from orthomill.tasks.dsm_check.rounds.round_plan import (
     CheckScene,
     Comparing,
@@ -104,6 +105,13 @@ class DsmCheckStage(Stage):
         "surface from a file, once for the one that this project measured.",
         ge=1,
         le=12,
+    )
+    tolerance: float | None = setting(
+        None,
+        "Greatest error of a height that the survey allows; the report then tells which share of the surface is proved to keep it, "
+        "breaks it, or cannot be told.",
+        "m",
+        gt=0,
     )
     closer: CloserLook = setting(CloserLook(), "How later rounds compare the orthoimages.")
 
@@ -264,14 +272,16 @@ class DsmCheckStage(Stage):
         yield from self._answer_rasters(passes)
         reads: Reads = {"rounds": tuple(state_table(k) for k in range(1, number + 1))}
         params: dict[str, Any] = {"last_round": number}
-        back = 0.0
+        back, own = 0.0, 0.0
         if isinstance(self.surface, SurfaceFile):
             keeps = self.surface.shift == "keep"
-            back = -self._up(view) if keeps else 0.0
+            back, own = -self._up(view) if keeps else 0.0, self.surface.sigma
             reads["shift"] = SHIFT
             params |= {"raised": self._up(view), "keeps": keeps}
         for tile in passes.tiles():
-            yield passes.finish(tile, number, entering, _answer(tile, block_size(passes.surface.grid.shape)), back)
+            yield passes.finish(
+                tile, number, entering, _answer(tile, block_size(passes.surface.grid.shape)), Finish(passes.rule(), back, own)
+            )
         yield self._report(passes, reads, params)
 
     def correction_nodes(self, pixels_per_cell: int) -> CorrectionNodes:
@@ -291,7 +301,7 @@ class DsmCheckStage(Stage):
     def _report(self, passes: Passes, reads: Reads, params: dict[str, Any]) -> Job:
         grid, size = passes.surface.grid, block_size(passes.surface.grid.shape)
         shape = tuple(-(-side // size) for side in grid.shape)
-        what = Blocks(grid, size, self.significance, passes.scene.crs)
+        what = Blocks(grid, size, self.significance, passes.scene.crs, self.tolerance)
         tiles = tuple(counts_table(tile, "counts") for tile in passes.tiles())
         coarse = Raster(COARSE, Window(0, 0, *shape))
         writes: dict[str, Raster | Table] = {"report": report_table(self.kind), "areas": AREA_MAP}

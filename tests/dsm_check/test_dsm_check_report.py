@@ -20,6 +20,8 @@ from orthomill.tasks.dsm_check.coverage import (
 )
 from orthomill.tasks.dsm_check.nodes import BANDS, DH, OUTCOME
 from orthomill.tasks.dsm_check.report import Blocks, report
+from orthomill.tasks.dsm_check.report_rounds import tolerance_values
+from orthomill.tasks.dsm_check.stage import DsmCheckStage
 from orthomill.tasks.dsm_check.statistics import PairCounts, TileCounts, count, count_pair, count_tile
 from orthomill.tasks.dsm_check.surfaces.foreign_grid import measured_surface, surface_on
 from orthomill.tasks.dsm_check.tile import CorrectionRule, NodeWindow, correct_tile, take_surface
@@ -244,3 +246,24 @@ def test_steep_pairs_are_preferred_up_to_a_limit():
     same = [np.ones((4, 4), bool)] * 3
     assert best_cover(same, [0.2, 0.5, 0.3], 1)[0][0] == 1
     assert best_cover(same, [0.7, 0.9, 0.3], 1)[0][0] == 0, "beyond 0.6 they count alike, and the first is taken"
+
+
+def test_a_tolerance_is_proved_broken_or_cannot_be_told():
+    coarse = np.zeros((1, 4, 5), np.float32)
+    coarse[..., CHECKED] = 1.0
+    coarse[0, :, MEAN] = (0.05, 0.9, 0.2, 0.0)
+    coarse[0, :, SIGMA] = (0.02, 0.05, 0.05, 0.5)
+    values = tolerance_values(coarse, 5.0, 0.3)
+    assert (values["proved"], values["broken"], values["untold"]) == (50.0, 25.0, 25.0)
+    assert values["vertical_class"] == 47
+    assert tolerance_values(coarse, 5.0, None)["proved"] is None and tolerance_values(coarse * 0, 5.0, 0.3)["proved"] is None
+
+
+def test_the_tolerance_of_the_stage_reaches_the_report():
+    assert DsmCheckStage(tolerance=0.25).tolerance == 0.25
+    made = report((tile_counts(noisy()),), PAIRS, blocks_of_noise(), Blocks(GRID, 8, 3.0, "EPSG:2100", 5.0)).report
+    assert figures(made)["proved"] == 100.0
+
+
+def blocks_of_noise() -> np.ndarray:
+    return np.concatenate([blocks(noisy(), np.full(GRID.shape, 0.2), 8), np.zeros((16, 20, 2), np.float32)], axis=-1)

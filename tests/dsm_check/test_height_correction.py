@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from orthomill.tasks.dsm_check.height_correction import (
     Centres,
+    NorvelleCorrection,
     PlanCorrection,
     RayCorrection,
     correct,
@@ -118,3 +119,27 @@ def test_unknown_heights_stay_unknown():
 def test_nadir_angle():
     centres = Centres(np.array([0.0, 0, 10]), np.array([2.0, 0, 10]))
     assert nadir_angle(np.array([[1.0, 1.0], [1.0, 0.0], [5.0, 0.0]]), centres) == pytest.approx([90, 180, 0])
+
+
+@pytest.mark.parametrize("size", [0.1, 1.0, 10.0, 41.0])
+def test_norvelle_needs_rounds_where_the_rays_need_one(size):
+    """Without noise: one pass of the rays is exact, a pass of dx H / B leaves a share of the error, however small it was."""
+
+    def model(x, y):
+        return true_surface(x, y) + size / 41.0 * (deformed(x, y) - true_surface(x, y))
+
+    truth, left, right = homologous(model)
+    found = correct(left, right, CENTRES, NorvelleCorrection(parallax=1e9), 1.0)
+    error = found.points[:, 2] - true_surface(found.points[:, 0], found.points[:, 1])
+    before = model(found.points[:, 0], found.points[:, 1]) - true_surface(found.points[:, 0], found.points[:, 1])
+    left_over = np.sqrt((error**2).mean()) / np.sqrt((before**2).mean())
+    assert 0.02 < left_over < 0.3
+    assert np.abs(ray_intersection(left, right, CENTRES, 0.1).points - truth).max() < 1e-6
+
+
+def test_a_shift_across_the_base_is_no_height_for_norvelle():
+    at = np.array([[10500.0, 10000.0, 100.0]])
+    moved = at + np.array([0.0, 0.3, 0.0])
+    found = correct(at, moved, CENTRES, NorvelleCorrection(parallax=1.0), 0.25)
+    assert not found.accepted[0] and correct(at, moved, CENTRES, NorvelleCorrection(parallax=2.0), 0.25).accepted[0]
+    assert found.points[0, 2] == pytest.approx(100.0)

@@ -21,10 +21,12 @@ _MOVED = 1e-3
 
 @dataclass(frozen=True)
 class Finish:
-    """`back`: what is added to the corrected heights, m, so that a surface keeps its own height system."""
+    """`back`: what is added to the corrected heights, m, so that a surface keeps its own height system; `own`: standard error of
+    its heights (m), which a difference must exceed together with that of the check."""
 
     rule: CorrectionRule
     back: float
+    own: float = 0.0
 
 
 def finish(
@@ -50,7 +52,8 @@ def finish(
         unconfirmed = ~known & (np.abs(entering - given) > _MOVED)
     after = np.where(known, height, given)
     total = np.where(known, after - given + residual, np.float32(np.nan)).astype(np.float32)
-    correction = CorrectionMap(total, np.where(known, precision, np.float32(np.nan)).astype(np.float32))
+    sigma = np.hypot(np.where(known, precision, np.nan), how.own).astype(np.float32)
+    correction = CorrectionMap(total, sigma)
     share = (known & (np.abs(np.nan_to_num(after - given)) > 0)).astype(np.float32)
     # Several passes may have changed a cell by less than the limit of one.
     code = cell_codes(given, correction, share, rule.significance, Conditions(estimated, disputed > 0))

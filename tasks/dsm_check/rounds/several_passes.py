@@ -295,7 +295,7 @@ class Passes:
 
     # --- the end
 
-    def finish(self, tile: Tile, number: int, entering: str, writes: dict[str, Raster | Table], back: float) -> Job:
+    def finish(self, tile: Tile, number: int, entering: str, writes: dict[str, Raster | Table], how: Finish) -> Job:
         """The answer in a tile after pass `number`; `entering`: the surface before the first pass at full resolution."""
         reads: Reads = {
             "given": Raster("dsm_check/input", tile.window),
@@ -307,7 +307,7 @@ class Passes:
         }
         if not self.measured:
             reads["filled"] = Raster(FILLED, tile.window)
-        params = {"window": tile.window, "how": Finish(self.rule(), back)}
+        params = {"window": tile.window, "how": how}
         return Job(KIND, "answer", finish, reads, writes, params, tile.row, tile.col, _scratch(tile))
 
 

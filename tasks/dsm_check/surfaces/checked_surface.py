@@ -19,6 +19,12 @@ class SurfaceFile(Settings):
     kind: Literal["file"]
     path: str = setting(..., "GeoTIFF, LAS or LAZ with heights, relative to the project's root.")
     system: str | None = setting(None, "Reference system of a file that names none, e.g. EPSG:2100+5773.")
+    sigma: float = setting(
+        0.0,
+        "Standard error of its heights; 0 asks whether they are right, that of an earlier survey whether the ground has changed.",
+        "m",
+        ge=0,
+    )
     shift: Literal["keep", "remove"] = setting(
         "keep",
         "A shift of the whole surface, in height and plan, is found and reported in any case; whether the corrected surface "

@@ -4,12 +4,14 @@ import json
 
 import numpy as np
 import pytest
+from tiny_block import block
 
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.tasks.geometry.topocentric import Reference, Topocentric
 from orthomill.tasks.orientation.interchange.angles_csv import read_angles
+from orthomill.tasks.orientation.interchange.cameras_json import read_block
 from orthomill.tasks.orientation.interchange.colmap import read_colmap, write_colmap
 from orthomill.tasks.orientation.interchange.foreign_block import ForeignBlock, ForeignPose, photo_name, upright_block
 from orthomill.tasks.orientation.interchange.opensfm import read_opensfm
@@ -145,3 +147,16 @@ def test_cameras_are_scaled_to_the_photographs_and_other_shapes_refused():
 def test_photographs_that_the_project_does_not_have_are_reported():
     (found,) = upright_block(foreign("a", "y", "z"), photos("a")).findings
     assert found.code == "photos_unknown" and found.photos == ("y", "z")
+
+
+def test_cameras_json_of_another_project_gives_the_same_block():
+    found = read_block(block().model_dump_json(), "EPSG:2100")
+    assert found.upright and set(found.poses) == set(block().names)
+    np.testing.assert_allclose(found.poses["a1"].centre, block().of("a1").centre)
+    assert found.poses["a1"].sigma[0] == pytest.approx(0.02)
+    low, high = found.points[:, 2].min(), found.points[:, 2].max()
+    assert (low, high) == pytest.approx((block().ground_low, block().ground_high))
+    with pytest.raises(WorkflowError, match="same reference system"):
+        read_block(block().model_dump_json(), "EPSG:32634")
+    with pytest.raises(WorkflowError, match=r"no cameras\.json"):
+        read_block("{}", "EPSG:2100")
