@@ -1,11 +1,11 @@
 """Norvelle's iterative refinement beside the deterministic correction: the same errors, the same noise, pass by pass.
 
-    python -m benchmarks.norvelle_rounds
+    python -m benchmarks.checking.norvelle_rounds
 
 Strategy. The published pair (Skarlatos, table 4.3) and its deformation (4.19), scaled to +-0.1 to +-41 m. What matching would find
-is computed: where either orthoimage, made with the wrong surface, shows a true point, with noise of that position. After every pass of
-Norvelle's formula the error of the surface is interpolated anew between the corrected nodes, and orthoimages are "made" again; the
-rays need one pass.
+is computed: where either orthoimage, made with the wrong surface, shows a true point, with noise of that position. After every pass
+of Norvelle's formula the error of the surface is interpolated anew between the corrected nodes, and orthoimages are "made" again;
+the rays need one pass.
 
 Source: methods/matching_and_dsm_check.md, 1.6, 1.7, 4.4.1 and checks 22, 23.
 """
@@ -95,7 +95,7 @@ def write_page() -> None:
     lines = [
         "# The deterministic correction and Norvelle's refinement",
         "",
-        f"`python -m benchmarks.norvelle_rounds`; {machine()}.",
+        f"`python -m benchmarks.checking.norvelle_rounds`; {machine()}.",
         "",
         f"Published pair and deformation (4.19); a match errs by {NOISE} px of {PIXEL} m along either axis. Published: 0.036 m "
         f"and 95 % of "
