@@ -63,13 +63,14 @@ from orthomill.tasks.projection.projection_jobs import (
 from orthomill.tasks.projection.report import OutputFacts, projection_report
 from orthomill.tasks.projection.sections import NoSection
 from orthomill.tasks.projection.sight_rasters import WideningRules
-from orthomill.tasks.projection.surface_source import MeshSurface
+from orthomill.tasks.projection.surface_source import ProjectedMesh
 from orthomill.tasks.visibility.mesh_sight import SightTolerance
 from orthomill.tasks.visibility.triangle_blocks import SIDE, block_count
 
 VERTICES = Table("projection/vertices.parquet", MeshVertices)
 TRIANGLES = Table("projection/triangles.parquet", MeshTriangles)
 FRAMES = Table("projection/frames.json", OutputFrames)
+_SCAN = "photographs/scan.ply"  # what the stage `simulation` writes
 SAMPLES_AT_MOST = 60_000
 """Samples of all outputs for the radiometric balance."""
 _SPACING_OF_RANGE = 64  # px between samples that serve for the range of 16 bits only
@@ -120,7 +121,7 @@ class ProjectionStage(Stage):
     usual_cost: ClassVar[float] = 45.0
 
     kind: Literal["projection"] = "projection"
-    surface: MeshSurface = setting(..., "The surface.")
+    surface: ProjectedMesh = setting(..., "The surface.")
     outputs: tuple[Output, ...] = setting((MapOutput(),), "What it is projected onto.", min_length=1)
     without: tuple[str, ...] = setting((), "Shell patterns of names of photographs that take no part.")
     masks: Masks = setting(NoMasks(), "Parts of the photographs that are not used.")
@@ -148,7 +149,7 @@ class ProjectionStage(Stage):
         """The mesh in blocks, depth rasters, sight, limits and balance, then the tiles of the outputs and the proof."""
         block, photos = view.table(BLOCK), view.table(PHOTOS)
         names = taking_part(block.names, self.without)
-        yield self._mending()
+        yield self._mending(view)
         census = view.table(CENSUS)
         yield from self._cutting(census)
         yield self._framing(names)
@@ -171,13 +172,14 @@ class ProjectionStage(Stage):
             yield from self._proof(colour)
         yield from self._results(coloured, len(outputs), basis)
 
-    def _mending(self) -> Job:
+    def _mending(self, view: ProjectView) -> Job:
         surface = self.surface
+        path = view.run_file(_SCAN) if surface.kind == "simulated" else surface.path
         return Job(
             "projection",
             "mesh",
             mend_mesh,
-            {"mesh": MeshFile(surface.path)},
+            {"mesh": MeshFile(path)},
             {"vertices": VERTICES, "triangles": TRIANGLES, "census": CENSUS},
             {"unit": surface.unit, "shift": surface.shift},
             scratch=512 * 2**20,

@@ -6,13 +6,15 @@ from pydantic import Field
 
 from orthomill.schemas.settings import Settings, setting
 
+Unit = Literal["auto", "m", "cm", "mm", "ft"]
+
 
 class MeshSurface(Settings):
     """A triangle mesh or a point cloud of any program or scanner, in the system in which the photographs are oriented."""
 
     kind: Literal["mesh"]
     path: str = setting(..., "PLY, STL, OBJ, GLB, OFF or text; a point cloud (LAZ, PLY, XYZ) is triangulated in its best plane.")
-    unit: Literal["auto", "m", "cm", "mm", "ft"] = setting(
+    unit: Unit = setting(
         "auto", "Unit of its coordinates. auto: metres, and refused where the photographs show that it is another one."
     )
     shift: tuple[float, float, float] = setting(
@@ -24,10 +26,32 @@ class MeshSurface(Settings):
     )
 
 
+class SimulatedMesh(Settings):
+    """The scanned mesh of a simulated scene (`simulation: scene: {kind: portal}`)."""
+
+    kind: Literal["simulated"]
+
+    @property
+    def unit(self) -> Unit:
+        """Of its coordinates."""
+        return "m"
+
+    @property
+    def shift(self) -> tuple[float, float, float]:
+        """Added to its coordinates, m."""
+        return 0.0, 0.0, 0.0
+
+    @property
+    def faces(self) -> Literal["auto"]:
+        """Which way its triangles face."""
+        return "auto"
+
+
 class HeightModelSurface(Settings):
     """The surface model of this project, as triangles between its cells."""
 
     kind: Literal["height_model"] = "height_model"
 
 
+ProjectedMesh = Annotated[MeshSurface | SimulatedMesh, Field(discriminator="kind")]
 SurfaceSource = Annotated[MeshSurface | HeightModelSurface, Field(discriminator="kind")]

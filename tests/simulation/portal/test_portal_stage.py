@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from orthomill.pipeline.storage.mesh_files import read_mesh
 from orthomill.schemas.job import Export, Job
 from orthomill.schemas.raster import RasterSpec, Window
+from orthomill.tasks.projection.stage import ProjectionStage
 from orthomill.tasks.simulation.portal.portal_jobs import (
     PortalSite,
     describe_portal,
     front_of_portal,
     photograph_of_portal,
     portal_report,
+    portal_scan,
     portal_survey,
 )
 from orthomill.tasks.simulation.portal.portal_scene import PortalScene
@@ -56,3 +59,11 @@ def test_jobs_give_photographs_truth_and_survey():
     assert truth.grid.shape == (120, 120) and len(truth.block.photos) == 7
     told = portal_report(*portal_survey(SITE), SITE)
     assert {figure.name: figure.value for figure in told.figures}["photos"] == 7
+
+
+def test_the_scan_is_what_a_projection_reads(tmp_path):
+    surface = ProjectionStage(surface={"kind": "simulated"}).surface
+    assert (surface.unit, surface.shift, surface.faces) == ("m", (0.0, 0.0, 0.0), "auto")
+    (tmp_path / "scan.ply").write_text(portal_scan(SITE).text)
+    mesh = read_mesh(tmp_path / "scan.ply")
+    assert len(mesh.triangles) > 1000 and np.abs(mesh.vertices.mean(axis=0) - (120, 240, 72.5)).max() < 2.0
