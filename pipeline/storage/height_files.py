@@ -1,5 +1,6 @@
 """Reads windows of surfaces that the user provides, as heights in metres on the project's grid: GeoTIFF, LAS and LAZ."""
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -52,7 +53,12 @@ def plan_crs_of(path: Path) -> str | None:
     if not crs.is_projected or any(axis.unit_conversion_factor != 1.0 for axis in crs.axis_info):
         return None
     code = crs.to_epsg(min_confidence=70)
-    return f"EPSG:{code}" if code else str(crs.to_proj4())
+    if code:
+        return f"EPSG:{code}"
+    # What a PROJ string loses against WKT is the name; it is the shorter text of the two in a workflow.
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        return str(crs.to_proj4())
 
 
 def _read_band(path: Path, region: HeightFile) -> tuple[np.ndarray, HeightSystem]:
