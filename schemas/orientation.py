@@ -1,8 +1,8 @@
 """The exterior orientation of photographs and the result of the block adjustment."""
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, field_validator
 
-from orthomill.schemas.camera import Camera
+from orthomill.schemas.camera import Camera, padded
 from orthomill.schemas.findings.block_findings import BlockFinding
 from orthomill.schemas.job import Table
 
@@ -25,8 +25,14 @@ class ExteriorOrientation(BaseModel):
     """root mean square of its image residuals"""
     # Over flat ground c and the flying height compensate each other: propagating them as independent would count one error twice.
     with_interior: dict[str, tuple[tuple[float, ...], ...]] = {}
-    """camera -> 6 x 8: covariance with the interior orientation of the camera (order of INTERIOR, px); for cameras that were
+    """camera -> 6 x 17: covariance with the interior orientation of the camera (order of INTERIOR, px); for cameras that were
     adjusted in the block"""
+
+    @field_validator("with_interior")
+    @classmethod
+    def _all_parameters(cls, value: dict[str, tuple[tuple[float, ...], ...]]) -> dict[str, tuple[tuple[float, ...], ...]]:
+        """Blocks of earlier versions have columns for the first eight interior parameters only."""
+        return {camera: padded(rows) for camera, rows in value.items()}
 
 
 class Unoriented(BaseModel):
@@ -48,6 +54,12 @@ class JointCovariance(BaseModel):
     second: str
     covariance: tuple[tuple[float, ...], ...]
     """photographs: 6 x 6, rows X, Y, Z, omega, phi, kappa of the first, columns those of the second; m and radians"""
+
+    @field_validator("covariance")
+    @classmethod
+    def _all_parameters(cls, value: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
+        """As of `ExteriorOrientation`; between photographs it has six columns and stays as it is."""
+        return padded(value)
 
 
 class Block(BaseModel):
@@ -74,7 +86,7 @@ class Block(BaseModel):
     joint: tuple[JointCovariance, ...] = ()
     """of all pairs of photographs that share tie points"""
     joint_cameras: tuple[JointCovariance, ...] = ()
-    """of all pairs of adjusted cameras: 8 x 8 in the order of INTERIOR"""
+    """of all pairs of adjusted cameras: 17 x 17 in the order of INTERIOR"""
     groups: tuple[tuple[str, ...], ...] = ()
     """photographs that tie points connect, the largest group first; only positions and control connect several groups"""
 

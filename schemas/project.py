@@ -8,6 +8,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from orthomill.schemas.camera import INTERIOR, LensKind, lens_parameters
 from orthomill.schemas.settings import Settings, setting
 
 ANY_CRS = "EPSG:3857"
@@ -70,15 +71,33 @@ class CameraGiven(Settings):
     c: float = setting(..., "Camera constant.", "px", gt=0)
     x0: float = setting(0.0, "Principal point, right of the image centre.", "px")
     y0: float = setting(0.0, "Principal point, above the image centre.", "px")
-    k1: float = setting(0.0, "Radial distortion, second order; radius in units of c, as in OpenCV.")
+    lens: LensKind = setting("brown", "Model of the lens that the coefficients belong to; with OpenCV's numbers.")
+    k1: float = setting(0.0, "Radial distortion, second order; radius in units of c, as in OpenCV (fisheye: of the angle).")
     k2: float = setting(0.0, "Radial distortion, fourth order.")
     k3: float = setting(0.0, "Radial distortion, sixth order.")
     p1: float = setting(0.0, "Tangential distortion.")
     p2: float = setting(0.0, "Tangential distortion.")
+    k4: float = setting(0.0, "Rational: second order of the denominator; fisheye: eighth order.")
+    k5: float = setting(0.0, "Rational: fourth order of the denominator.")
+    k6: float = setting(0.0, "Rational: sixth order of the denominator.")
+    s1: float = setting(0.0, "Thin prism, second order, along x.")
+    s2: float = setting(0.0, "Thin prism, fourth order, along x.")
+    s3: float = setting(0.0, "Thin prism, second order, along y.")
+    s4: float = setting(0.0, "Thin prism, fourth order, along y.")
+    affinity: float = setting(0.0, "fx / fy - 1: c is the camera constant along y, c (1 + affinity) that along x.", gt=-0.9, lt=9.0)
+    skew: float = setting(0.0, "Shear of x by y, in units of c; 0 for perpendicular axes.")
     pixel_um: float | None = setting(None, "Side of a pixel on the sensor or scan.", "micrometres", gt=0)
     # 0 stores no covariance at all, because a variance of zero would claim an error-free camera constant.
     sigma_c: float = setting(0.0, "Standard error of the camera constant; 0 when not known.", "px", ge=0)
     serves: str = setting("*", SERVES)
+
+    @model_validator(mode="after")
+    def _coefficients_of_the_lens(self) -> "CameraGiven":
+        """A coefficient that the lens lacks would be passed over without a word."""
+        own = lens_parameters(self.lens)
+        if strange := [name for name in INTERIOR if name not in own and getattr(self, name)]:
+            raise ValueError(f"a lens of kind {self.lens} has no {', '.join(strange)}; it has {', '.join(own)}")
+        return self
 
 
 class CameraFromChessboards(Settings):

@@ -28,7 +28,8 @@ from orthomill.tasks.calibration.reporting.advice import geometry, geometry_advi
 from orthomill.tasks.calibration.reporting.advice_sentences import advice_sentence
 from orthomill.tasks.calibration.solving.arranging import arrangement_of
 from orthomill.tasks.calibration.solving.calibration_precision import correlations
-from orthomill.tasks.calibration.solving.model_choice import MODELS, held_out
+from orthomill.tasks.calibration.solving.lens_models import MODELS
+from orthomill.tasks.calibration.solving.model_choice import held_out
 from orthomill.tasks.calibration.solving.solving import CalibrationTarget, solve
 from orthomill.tasks.simulation.boards.board_rendering import BoardFilm, photograph_floor
 from orthomill.tasks.simulation.boards.board_scene import BoardType
@@ -190,12 +191,12 @@ def real_row(name: str, files: list[str]) -> Iterator[str]:
     found = [own for own in boards if len(own)]
     target = CalibrationTarget(images[0].shape[::-1], (9, 6), 0.03, 1)
     xy = [target.centred(own.reshape(-1, 54, 2)) for own in found]
-    free = (*MODELS[3], "affinity")  # as many as OpenCV has, which gives x and y constants of their own
+    free = (*MODELS[3].free, "affinity")  # as many as OpenCV has, which gives x and y constants of their own
     start = time.process_time()
     known = arrangement_of(xy, target)
     result = solve(target, (known.result.state,), known.start.corners, free)
     seconds = time.process_time() - start
-    check = held_out(result, target, free)
+    check = held_out(result, target)
     start = time.process_time()
     points = [own.reshape(-1, 2).astype(np.float32) for own in found]
     solid = np.column_stack([target.local, np.zeros(54)]).astype(np.float32)

@@ -15,7 +15,8 @@ from orthomill.schemas.camera import Camera
 from orthomill.schemas.raster import Window
 from orthomill.tasks.calibration.detection.board_detection import COARSE_SIDE, find_boards, pyramid
 from orthomill.tasks.calibration.solving.arranging import arrangement_of
-from orthomill.tasks.calibration.solving.model_choice import MODELS, compare
+from orthomill.tasks.calibration.solving.lens_models import MODELS
+from orthomill.tasks.calibration.solving.model_choice import compare
 from orthomill.tasks.calibration.solving.solving import CalibrationTarget, solve
 from orthomill.tasks.simulation.boards.board_rendering import BoardFilm, photograph_floor
 
@@ -33,9 +34,9 @@ def large_photos(found: list[np.ndarray], target: CalibrationTarget) -> str:
     start = time.process_time()
     known = arrangement_of(found, target)
     named = time.process_time()
-    solve(target, known.start.states, known.start.corners, MODELS[1])
+    solve(target, known.start.states, known.start.corners, MODELS[1].free)
     bundle = time.process_time()
-    compare(solve(target, (known.result.state,), known.start.corners, MODELS[-1]), target)
+    compare(known.result, known.start.corners, target, MODELS)
     judged = time.process_time()
     return (
         f"{camera.width} x {camera.height} pixels, five boards: {', '.join(f'{n} boards in {s:.1f} s' for s, n in spent)} of CPU "

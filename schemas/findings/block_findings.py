@@ -274,18 +274,6 @@ class BlockSeparate(_Finding):
     photos: tuple[str, ...]
 
 
-class CameraConstantsAveraged(_Finding):
-    """A camera of another program has one camera constant for each axis; their mean was taken."""
-
-    code: Literal["camera_constants_averaged"] = "camera_constants_averaged"
-    camera: str
-    x_px: float
-    y_px: float
-    # At the border, because the error of one common constant grows with the distance from the principal point.
-    error_px: float
-    """error at the border of the frame"""
-
-
 class LargestReconstruction(_Finding):
     """Of several reconstructions in a file the largest was read."""
 
@@ -356,7 +344,6 @@ BlockFinding = Annotated[
     | CheckMeasurementsApart
     | GroupsUnconnected
     | BlockSeparate
-    | CameraConstantsAveraged
     | LargestReconstruction
     | PhotosUnknown
     | BlockElsewhere

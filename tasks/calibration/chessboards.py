@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthomill.schemas.camera import INTERIOR, Camera, Cameras
+from orthomill.schemas.camera import LENSES, Camera, Cameras, LensKind
 from orthomill.schemas.errors import PhotoError
 from orthomill.schemas.photo import Header, Photos
 from orthomill.schemas.stage_report import StageReport
@@ -34,15 +34,18 @@ from orthomill.tasks.calibration.reporting.calibration_results import Calibratio
 from orthomill.tasks.calibration.solving.arranging import arrangement_of, found_boards
 from orthomill.tasks.calibration.solving.calibration_precision import board_precision, photo_precision
 from orthomill.tasks.calibration.solving.initial_constant import ConstantEstimate
-from orthomill.tasks.calibration.solving.model_choice import MODELS, HeldOut, choice, compare
-from orthomill.tasks.calibration.solving.solving import CalibrationTarget, solve
+from orthomill.tasks.calibration.solving.lens_models import LensModel, model_of, with_affinity
+from orthomill.tasks.calibration.solving.model_choice import EQUAL, HeldOut, Judged, choice, compare
+from orthomill.tasks.calibration.solving.solving import CalibrationTarget
 
 
 @dataclass(frozen=True)
 class Model:
-    """The interior parameters to estimate; None: those that held-out photographs support."""
+    """The interior parameters to estimate; None: those that held-out photographs support. `lens`: the kind of lens; None: the one
+    that they support (Brown's for stated parameters)."""
 
     free: tuple[str, ...] | None
+    lens: LensKind | None = None
 
 
 class CalibratedBoards(NamedTuple):
@@ -52,7 +55,7 @@ class CalibratedBoards(NamedTuple):
     result: BoardAdjustment
     constant: ConstantEstimate
     photos: np.ndarray
-    checks: dict[tuple[str, ...], HeldOut | None]
+    checks: dict[LensModel, HeldOut | None]
 
 
 class CalibrationProducts(NamedTuple):
@@ -93,18 +96,22 @@ def calibrate(
     # Computed again as in the job that named the boards: it takes seconds, and saves a table with the whole state of an adjustment.
     known = arrangement_of(found_boards(corners, target), target)
     measured = _with_completed(known.start.corners, arranged, completed, known.start.photo, target)
-    # The largest model first: what it rejects is wrong by any model, and all models are compared on the same corners.
-    first = solve(target, (known.result.state,), measured, model.free or MODELS[-1])
-    checks = compare(first, target)
-    free = model.free or choice(checks)
-    result = first if free == first.network.free else solve(target, (first.state.with_interior(**_fixed(free)),), measured, free)
+    judged = compare(known.result, measured, target, model_of(model.lens, model.free or ()))
+    chosen = choice({name: one.check for name, one in judged.items()})
+    if model.free is None:
+        # Square pixels are the rule, so that the model is chosen for them; only then are others tried.
+        judged |= compare(judged[chosen].result, measured, target, (with_affinity(chosen),))
+        chosen = _more(judged, chosen)
+    result, checks = judged[chosen].result, {name: one.check for name, one in judged.items()}
     used = known.start.photo
     return CalibratedBoards(result, replace(known.constant, c1=known.constant.c1[used], c2=known.constant.c2[used]), used, checks)
 
 
-def _fixed(free: tuple[str, ...]) -> dict[str, float]:
-    """Zero for all parameters that are not estimated: c always is."""
-    return {name: 0.0 for name in PARAMETERS[1:] if name not in free}
+def _more(judged: dict[LensModel, Judged], chosen: LensModel) -> LensModel:
+    """The model with an affinity where held-out photographs support it."""
+    wider = with_affinity(chosen)
+    both = judged[chosen].check, judged[wider].check if wider in judged else None
+    return wider if both[0] and both[1] and both[1].figure < EQUAL * both[0].figure else chosen
 
 
 def _with_completed(
@@ -147,7 +154,7 @@ def from_chessboards(
         cameras=cameras,
         report=chessboards_report(report, results),
         camera=camera,
-        calibration=calibration_record(result, camera, names, checks[result.network.free], target),
+        calibration=calibration_record(result, camera, names, checks[LensModel(result.state.lens, result.network.free)], target),
         residuals=residual_table(result, names, target),
         **{name: TextPage(text=known.text(camera)) for name, known in FORMATS.items()},
     )
@@ -165,17 +172,12 @@ def _served(photos: Photos | None, serves: str, camera: Camera) -> tuple[Cameras
 
 def camera_of(result: BoardAdjustment, name: str, size: tuple[int, int]) -> Camera:
     """The camera of an adjustment, with the covariance of INTERIOR; size: width, height, px."""
-    numbers = dict(zip(PARAMETERS, result.state.interior.tolist(), strict=True))
-    covariance = result.interior_covariance[: len(INTERIOR), : len(INTERIOR)]
-    return Camera(
-        name=name,
-        width=size[0],
-        height=size[1],
-        source="chessboards",
-        sigma0=result.sigma0,
-        covariance=tuple(map(tuple, covariance.tolist())),
-        **numbers,
+    covariance = tuple(map(tuple, result.interior_covariance.tolist()))
+    lens, c = LENSES[result.state.lens](), float(result.state.interior[0])
+    camera = Camera(
+        name=name, width=size[0], height=size[1], c=c, lens=lens, source="chessboards", sigma0=result.sigma0, covariance=covariance
     )
+    return camera.with_interior(result.state.interior)
 
 
 def calibration_record(

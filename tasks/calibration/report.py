@@ -14,6 +14,14 @@ from orthomill.tasks.calibration.cameras.untagged_photographs import GUESS_SHARE
 from orthomill.tasks.geometry.camera_change import sensor_name
 from orthomill.tasks.geometry.distortion import image_to_pixel
 
+LENS_NAMES = {
+    "brown": "Brown's lens",
+    "rational": "rational lens",
+    "thin_prism": "rational lens with thin prism",
+    "fisheye": "fisheye (Kannala and Brandt)",
+    "division": "division model",
+}
+"""The lens models as a reader knows them."""
 _UNITS = {"c": "px", "x0": "px", "y0": "px"}
 _SOURCES = {
     "exif": "nominal, from EXIF",
@@ -114,15 +122,16 @@ def _camera_grids(cameras: Cameras) -> tuple[Grid, ...]:
 
 def _camera_grid(camera: Camera, photographs: int) -> Grid:
     rows: list[tuple[float | int | str | None, ...]] = [
-        (name, *_with_sigma(getattr(camera, name), _sigma(camera, name)), _UNITS.get(name, "")) for name in INTERIOR
+        (name, *_with_sigma(camera.value(name), _sigma(camera, name)), _UNITS.get(name, "")) for name in camera.parameters
     ]
-    rows.append(("k1, calibration literature", *_with_sigma(camera.k1 / camera.c**2, _per_c2(camera)), "px^-2"))
+    if camera.lens.kind == "brown":
+        rows.append(("k1, calibration literature", *_with_sigma(camera.value("k1") / camera.c**2, _per_c2(camera)), "px^-2"))
     if camera.pixel_um:
         rows.append(("c", f"{camera.c * camera.pixel_um / 1000:.6g}", "", "mm"))
     serves = f", {photographs} photographs" if photographs else ""
     note = (
-        f"{camera.width} x {camera.height} px, {_SOURCES[camera.source]}{serves}. Radius in units of c, numbers as in OpenCV; "
-        "x right, y up, from the image centre."
+        f"{camera.width} x {camera.height} px, {_SOURCES[camera.source]}{serves}; {LENS_NAMES[camera.lens.kind]}. Radius in units "
+        "of c, numbers as in OpenCV; x right, y up, from the image centre."
     )
     return Grid(
         title=f"Camera {camera.name}", columns=("parameter", "value", "standard error", "unit"), rows=tuple(rows), note=note
@@ -163,7 +172,8 @@ def _distortion_chart(cameras: tuple[Camera, ...]) -> Chart:
 
 def _radial(camera: Camera, radius: np.ndarray) -> np.ndarray:
     """Radial distortion (n,) px at ideal radii (n,) px from the principal point, without its tangential part."""
-    centred = camera.model_copy(update={"x0": 0.0, "y0": 0.0, "p1": 0.0, "p2": 0.0})
+    only = {name: 0.0 for name in ("x0", "y0", "p1", "p2", "affinity", "skew", "s1", "s2", "s3", "s4") if camera.value(name)}
+    centred = camera.changed(**only)
     pixels = image_to_pixel(centred, np.column_stack([radius, np.zeros_like(radius)]))
     return pixels[:, 0] - (camera.width - 1) / 2 - radius
 

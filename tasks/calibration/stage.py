@@ -6,9 +6,9 @@ the sensor that is calibrated. Without the stage `photos` the calibration is run
 """
 
 from collections.abc import Callable, Iterator
-from typing import Any, ClassVar, Literal, get_args
+from typing import Any, ClassVar, Literal
 
-from orthomill.schemas.camera import CAMERAS
+from orthomill.schemas.camera import CAMERAS, LensKind, lens_parameters
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.job import Export, Job, PhotoHeader, PhotoPixels, Raster, Region, Table, TextFile
 from orthomill.schemas.photo import PHOTOS
@@ -41,7 +41,8 @@ from orthomill.tasks.calibration.solving.arranging import arrange
 from orthomill.tasks.calibration.solving.solving import CalibrationTarget
 from orthomill.tasks.imagery.pyramid import level_shape
 
-Parameter = Literal["c", "x0", "y0", "k1", "k2", "k3", "p1", "p2", "affinity", "skew"]
+Parameter = Literal["c", "x0", "y0", "k1", "k2", "k3", "p1", "p2", "affinity", "skew", "k4", "k5", "k6", "s1", "s2", "s3", "s4"]
+LensChoice = Literal["automatic", "brown", "rational", "thin_prism", "fisheye", "division"]
 
 _SEARCH_MEMORY = 160 * 2**20
 """bytes of working memory of the board detection on reduced images, measured"""
@@ -55,8 +56,12 @@ class CalibrationStage(Stage):
     kind: Literal["calibration"] = "calibration"
     parameters: tuple[Parameter, ...] = setting(
         (),
-        "Interior parameters to estimate from chessboards, the others being zero; empty: c, x0, y0, k1, k2, and those of k3, p1, "
-        "p2 that held-out photographs support.",
+        "Interior parameters to estimate from chessboards, the others being zero; empty: those that held-out photographs support.",
+    )
+    model: LensChoice = setting(
+        "automatic",
+        "Model of the lens that is calibrated from chessboards; automatic: the one that fits all corners of held-out photographs "
+        "best (Brown's where it is as good as any, and for stated parameters).",
     )
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
@@ -76,9 +81,10 @@ class CalibrationStage(Stage):
 
     def _refuse_parameters(self, kind: str) -> None:
         """Raises WorkflowError for parameters that nothing would estimate."""
-        if self.parameters:
+        if self.parameters or self.model != "automatic":
+            what = f"parameters ({', '.join(self.parameters)})" if self.parameters else f"model ({self.model})"
             raise WorkflowError(
-                f"The calibration's parameters ({', '.join(self.parameters)}) have no effect with cameras of kind: {kind}, as only "
+                f"The calibration's {what} have no effect with cameras of kind: {kind}, as only "
                 "photographs of chessboards estimate them; remove the setting, or calibrate with cameras of kind: chessboards."
             )
 
@@ -97,7 +103,7 @@ class CalibrationStage(Stage):
     def _chessboard_jobs(self, view: ProjectView, source: CameraFromChessboards) -> Iterator[RasterSpec | Job]:
         _check_board(source)
         # Checked before any photograph is searched: a wrong setting must not cost minutes first.
-        model = _model(self.parameters)
+        model = _model(self.parameters, self.model)
         yield self._index(view.image_files(source.photographs, simulated_folder="chessboards"))
         boards = view.table(BOARD_PHOTOS)
         yield from self._searches(boards, source)
@@ -228,11 +234,18 @@ def _target(boards: BoardPhotos, source: CameraFromChessboards) -> CalibrationTa
     )
 
 
-def _model(parameters: tuple[str, ...]) -> Model:
-    """The parameters in their order. Raises WorkflowError without c."""
+def _model(parameters: tuple[str, ...], lens: LensChoice = "automatic") -> Model:
+    """The parameters in their order. Raises WorkflowError without c, and for parameters that the lens lacks."""
     if parameters and "c" not in parameters:
         raise WorkflowError("The calibration's parameters must hold c; without it nothing is calibrated.")
-    return Model(tuple(name for name in get_args(Parameter) if name in parameters) or None)
+    kind: LensKind | None = None if lens == "automatic" else lens
+    own = lens_parameters(kind or "brown")
+    if strange := [name for name in parameters if name not in own]:
+        raise WorkflowError(
+            f"The calibration's parameters {', '.join(strange)} are none of a lens of the model {kind or 'brown'}, which has "
+            f"{', '.join(own)}; name the model that has them (model)."
+        )
+    return Model(tuple(name for name in own if name in parameters) or None, kind)
 
 
 def _check_board(source: CameraFromChessboards) -> None:

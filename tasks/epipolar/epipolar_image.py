@@ -95,7 +95,7 @@ def _resample(image, source, n, origin, bicubic, out):
             # a ray away from the camera would come out mirrored through the projection centre
             if w >= 0.0:
                 continue
-            xd, yd = distort_point(-u / w, -v / w, n.k1, n.k2, n.k3, n.p1, n.p2)
+            xd, yd = distort_point(-u / w, -v / w, n)
             col, row = n.photo_col0 + n.photo_c * xd, n.photo_row0 - n.photo_c * yd
             # the frame of the photograph, not of the window read: outside, the distortion polynomial is extrapolated and may
             # fold pixels back into the image

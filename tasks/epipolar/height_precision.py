@@ -12,6 +12,7 @@ from functools import partial
 
 import numpy as np
 
+from orthomill.schemas.camera import INTERIOR
 from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.orientation import Block, ExteriorOrientation
 from orthomill.tasks.epipolar.row_precision import border_points, by_interior, joint_covariance
@@ -46,17 +47,18 @@ def height_sigmas(pair: EpipolarPair, block: Block) -> tuple[float, ...]:
 def _derivatives(
     block: Block, photos: tuple[ExteriorOrientation, ...], cameras: tuple[str, ...], ground: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives of 4 pixel coordinates by the ground point (N, 4, 3) and by the unknowns of joint_covariance (N, 4, 12 + 8 k)."""
+    """Derivatives of 4 pixel coordinates by the ground point (N, 4, 3) and by the unknowns of joint_covariance (N, 4, 12 + 17
+    k)."""
     by_point = np.zeros((len(ground), 4, 3))
-    by_orientation = np.zeros((len(ground), 4, 12 + 8 * len(cameras)))
+    by_orientation = np.zeros((len(ground), 4, 12 + len(INTERIOR) * len(cameras)))
     for k, photo in enumerate(photos):
         rows, view = slice(2 * k, 2 * k + 2), block_view(block, photo.photo)
         by_point[:, rows] = _by_point(view, ground)
         # Moving the camera by +d images a point like moving the point by -d.
         by_orientation[:, rows, 6 * k : 6 * k + 3] = -by_point[:, rows]
         by_orientation[:, rows, 6 * k + 3 : 6 * k + 6] = _by_angles(view, photo, ground)
-        own = 12 + 8 * cameras.index(block.of_photo[photo.photo])
-        by_orientation[:, rows, own : own + 8] = by_interior(view, partial(View.project, points=ground))
+        own = 12 + len(INTERIOR) * cameras.index(block.of_photo[photo.photo])
+        by_orientation[:, rows, own : own + len(INTERIOR)] = by_interior(view, partial(View.project, points=ground))
     return by_point, by_orientation
 
 

@@ -67,7 +67,8 @@ def row_sigmas(pair: EpipolarPair, block: Block, left: np.ndarray) -> np.ndarray
     photos, parallax = (block.of(pair.left), block.of(pair.right)), (pair.parallax_low + pair.parallax_high) / 2
     right = left - (parallax, 0.0)
     cameras = tuple(dict.fromkeys(block.of_photo[photo.photo] for photo in photos))
-    partials = np.zeros((len(left), 12 + 8 * len(cameras)))
+    size = len(INTERIOR)
+    partials = np.zeros((len(left), 12 + size * len(cameras)))
     sides: tuple[tuple[Side, ExteriorOrientation, np.ndarray, int, float], ...] = (
         ("left", photos[0], left, 0, -1.0),
         ("right", photos[1], right, 6, 1.0),
@@ -75,9 +76,9 @@ def row_sigmas(pair: EpipolarPair, block: Block, left: np.ndarray) -> np.ndarray
     for side, photo, xy, first, sign in sides:
         partials[:, first : first + 6] = sign * row_change(pair, photo, xy, parallax)
         # added, not assigned: with one camera for both photographs its errors largely cancel in the y-parallax
-        own = 12 + 8 * cameras.index(block.of_photo[photo.photo])
+        own = 12 + size * cameras.index(block.of_photo[photo.photo])
         view = view_of(photo, block.camera_of(photo.photo))
-        partials[:, own : own + 8] += sign * interior_row_change(pair, side, view, xy)
+        partials[:, own : own + size] += sign * interior_row_change(pair, side, view, xy)
     variance = np.einsum("ni,ij,nj->n", partials, joint_covariance(block, photos, cameras), partials)
     return np.sqrt(np.maximum(variance, 0.0))
 
@@ -88,7 +89,7 @@ def row_change(pair: EpipolarPair, photo: ExteriorOrientation, xy: np.ndarray, p
 
 
 def interior_row_change(pair: EpipolarPair, side: Side, view: View, xy: np.ndarray) -> np.ndarray:
-    """(N, 8): change of the epipolar y of image points xy (N, 2) by the interior parameters (order of INTERIOR): the same ray is
+    """(N, 17): change of the epipolar y of image points xy (N, 2) by the interior parameters (order of INTERIOR): the same ray is
     imaged by the camera with and without the change."""
     epipolar = epipolar_view(pair, side, view)
     along = np.column_stack([xy, np.full(len(xy), -pair.c)]) @ np.array(pair.rotation) + view.centre
@@ -96,32 +97,37 @@ def interior_row_change(pair: EpipolarPair, side: Side, view: View, xy: np.ndarr
 
 
 def by_interior(view: View, measured: Callable[[View], np.ndarray]) -> np.ndarray:
-    """(..., 8): central differences of what is `measured` (...) with a view by its interior parameters (order of INTERIOR)."""
+    """(..., 17): central differences of what is `measured` (...) with a view by its interior parameters (order of INTERIOR)."""
     parts = []
     for k, name in enumerate(INTERIOR):
         # c, x0, y0 in px; the distortion coefficients are pure numbers a thousand times smaller
-        step, value = (0.01 if k < 3 else 1e-6), getattr(view.camera, name)
-        more, less = (replace(view, camera=view.camera.model_copy(update={name: value + move})) for move in (step, -step))
+        if name not in view.camera.parameters:
+            parts.append(np.zeros_like(measured(view)))
+            continue
+        step, value = (0.01 if k < 3 else 1e-6), view.camera.value(name)
+        more, less = (replace(view, camera=view.camera.changed(**{name: value + move})) for move in (step, -step))
         parts.append((measured(more) - measured(less)) / (2 * step))
     return np.stack(parts, axis=-1)
 
 
 def joint_covariance(block: Block, photos: tuple[ExteriorOrientation, ...], cameras: tuple[str, ...]) -> np.ndarray:
-    """(M, M), M = 12 + 8 per camera: both exterior orientations, then the interior orientation of each different camera."""
-    size = 12 + 8 * len(cameras)
+    """(M, M), M = 12 + 17 per camera: both exterior orientations, then the interior orientation of each different camera."""
+    own = len(INTERIOR)
+    size = 12 + own * len(cameras)
     total = np.zeros((size, size))
     for i, photo in enumerate(photos):
         total[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] = photo.covariance
         for k, camera in enumerate(cameras):
             if camera in photo.with_interior:
-                _put(total, 6 * i, 12 + 8 * k, np.array(photo.with_interior[camera]))
+                _put(total, 6 * i, 12 + own * k, np.array(photo.with_interior[camera]))
     _put(total, 0, 6, _joint(block.joint, photos[0].photo, photos[1].photo, 6))
     for k, camera in enumerate(cameras):
         known = block.cameras[camera]
         if known.source == "block" and known.covariance is not None:
-            total[12 + 8 * k : 20 + 8 * k, 12 + 8 * k : 20 + 8 * k] = known.covariance
+            at = slice(12 + own * k, 12 + own * (k + 1))
+            total[at, at] = known.covariance
     if len(cameras) == 2:
-        _put(total, 12, 20, _joint(block.joint_cameras, *cameras, 8))
+        _put(total, 12, 12 + own, _joint(block.joint_cameras, *cameras, own))
     return total
 
 

@@ -6,7 +6,8 @@ moves its principal point and its tangential distortion along with the pixels.
 
 import numpy as np
 
-from orthomill.schemas.camera import Camera
+from orthomill.schemas.camera import INTERIOR, Camera
+from orthomill.schemas.errors import PhotoError
 from orthomill.schemas.photo import Photo
 
 TURN: dict[int, tuple[tuple[int, int], tuple[int, int]]] = {
@@ -56,7 +57,7 @@ def scaled(camera: Camera, size: tuple[int, int]) -> Camera:
     if size == (camera.width, camera.height):
         return camera
     # The distortion coefficients refer to a radius in units of c and do not change with the size of a pixel.
-    change = np.diag([factor, factor, factor, 1, 1, 1, 1, 1])
+    change = np.diag([*[factor] * 3, *[1.0] * (len(INTERIOR) - 3)])
     pixel_um = None if camera.pixel_um is None else camera.pixel_um / factor
     lengths = {name: factor * getattr(camera, name) for name in ("c", "x0", "y0")}
     return camera.model_copy(
@@ -67,25 +68,45 @@ def scaled(camera: Camera, size: tuple[int, int]) -> Camera:
 def turned(camera: Camera, orientation: int) -> Camera:
     """The camera of photographs rotated or mirrored upright by an EXIF flag, with its covariance.
 
-    The tangential distortion is 2 (q x) x + r^2 q with q = (p2, -p1): q is a vector and rotates with the principal point.
+    The tangential distortion is 2 (q x) x + r^2 q with q = (p2, -p1): q is a vector and rotates with the principal point, and so do
+    the terms of a thin prism. Raises PhotoError for a quarter turn of skew axes, which would turn the photograph itself.
     """
     if orientation == 1:
         return camera
-    change = interior_turn(orientation)
-    _, x0, y0, _, _, _, p1, p2 = (change @ camera.interior).tolist()
+    if camera.skew and orientation >= 5:
+        raise PhotoError(
+            f"The camera {camera.name} has axes that are not perpendicular (skew {camera.skew:g}), and photographs turned by a "
+            "quarter; give it without the skew, or turn the photographs' pixels."
+        )
+    change = interior_turn(orientation, camera.affinity)
+    values = dict(zip(INTERIOR, (change @ camera.interior).tolist(), strict=True))
+    if orientation >= 5:
+        # Columns and rows exchange their constants: the change is that of small corrections, these are the values.
+        values |= {"c": camera.c * (1.0 + camera.affinity), "affinity": -camera.affinity / (1.0 + camera.affinity)}
     size = (camera.height, camera.width) if orientation >= 5 else (camera.width, camera.height)
-    return camera.model_copy(
-        update={"x0": x0, "y0": y0, "p1": p1, "p2": p2, "width": size[0], "height": size[1], "covariance": _carried(camera, change)}
-    )
+    own = camera.with_interior(np.array([values[name] for name in INTERIOR]))
+    return own.model_copy(update={"width": size[0], "height": size[1], "covariance": _carried(camera, change)})
 
 
-def interior_turn(orientation: int) -> np.ndarray:
-    """(8, 8): from the interior orientation (order of INTERIOR) of the file to that of the upright photograph."""
-    turn, change = np.array(TURN[orientation], dtype=float), np.eye(8)
+def interior_turn(orientation: int, affinity: float = 0.0) -> np.ndarray:
+    """(17, 17): from small changes of the interior orientation (order of INTERIOR) of the file to those of the upright photograph;
+    `affinity` is that of the camera."""
+    turn, change = np.array(TURN[orientation], dtype=float), np.eye(len(INTERIOR))
+    at = {name: k for k, name in enumerate(INTERIOR)}
     change[1:3, 1:3] = turn
     # (p1, p2) is stored, but the vector that rotates is q = (p2, -p1) = swap (p1, p2).
     swap = np.array([[0.0, 1.0], [-1.0, 0.0]])
-    change[6:8, 6:8] = swap.T @ turn @ swap
+    tangential = [at["p1"], at["p2"]]
+    change[np.ix_(tangential, tangential)] = swap.T @ turn @ swap
+    # s3 and s4 belong to a y that points down.
+    down = np.diag([1.0, -1.0])
+    for terms in (("s1", "s3"), ("s2", "s4")):
+        own = [at[name] for name in terms]
+        change[np.ix_(own, own)] = down @ turn @ down
+    change[at["skew"], at["skew"]] = np.linalg.det(turn)
+    if orientation >= 5:
+        wide, c = 1.0 + affinity, at["c"]
+        change[c, c], change[at["affinity"], at["affinity"]] = wide, -1.0 / wide**2
     return change
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.raster import Window
-from orthomill.tasks.geometry.distortion import image_to_pixel, pixel_to_image
+from orthomill.tasks.geometry.distortion import image_to_pixel, lens_of, pixel_to_image
 from orthomill.tasks.geometry.view import View
 
 Side = Literal["left", "right"]
@@ -228,6 +228,17 @@ class EpipolarNumbers(NamedTuple):
     k3: float
     p1: float
     p2: float
+    affinity: float
+    skew: float
+    k4: float
+    k5: float
+    k6: float
+    s1: float
+    s2: float
+    s3: float
+    s4: float
+    model: float
+    """the lens, as in `LensNumbers`"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,7 +298,7 @@ class EpipolarView:
     def numbers(self) -> EpipolarNumbers:
         """The mapping as kernels take it."""
         photo = self.view.numbers
-        lens = photo.k1, photo.k2, photo.k3, photo.p1, photo.p2
+        lens = lens_of(self.view.camera)
         values = (*self.turn.ravel(), self.c, self.col0, self.row0, photo.c, photo.col0, photo.row0, *lens)
         return EpipolarNumbers._make(map(float, values))
 

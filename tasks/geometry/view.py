@@ -41,6 +41,17 @@ class ViewNumbers(NamedTuple):
     k3: float
     p1: float
     p2: float
+    affinity: float
+    skew: float
+    k4: float
+    k5: float
+    k6: float
+    s1: float
+    s2: float
+    s3: float
+    s4: float
+    model: float
+    """the lens, as in `LensNumbers`"""
     width: float
     height: float
     """size of the photograph, px"""
@@ -106,7 +117,7 @@ def project_point(n, x, y, z):
     # Without this test a point behind the camera projects into the photograph, mirrored through the projection centre.
     if w >= 0.0:
         return np.nan, np.nan, -w
-    xd, yd = distort_point(-u / w, -v / w, n.k1, n.k2, n.k3, n.p1, n.p2)
+    xd, yd = distort_point(-u / w, -v / w, n)
     return n.col0 + n.c * xd, n.row0 - n.c * yd, -w
 
 

@@ -7,19 +7,34 @@ constant have this effect, and calibrations whose boards never reached the corne
 
 import numpy as np
 
-from orthomill.schemas.camera import Camera, Cameras
+from orthomill.schemas.camera import BrownLens, Camera, Cameras
 from orthomill.schemas.findings.block_findings import DistortionFolds
+from orthomill.tasks.geometry.distortion import distorted, lens_of
 
 
 def reach(camera: Camera) -> float:
     """The largest observed radius, px from the principal point, that the radial distortion can produce; inf without a limit."""
+    if not isinstance(camera.lens, BrownLens):
+        return _wide_reach(camera)
+    lens = camera.lens
     # The observed radius r (1 + k1 r^2 + k2 r^4 + k3 r^6) is largest where its derivative, a cubic in r^2, has its first root.
-    roots = np.roots([7.0 * camera.k3, 5.0 * camera.k2, 3.0 * camera.k1, 1.0])
+    roots = np.roots([7.0 * lens.k3, 5.0 * lens.k2, 3.0 * lens.k1, 1.0])
     square = roots[(np.abs(roots.imag) < 1e-12) & (roots.real > 0)].real
     if not len(square):
         return float("inf")
     r2 = float(square.min())
-    return camera.c * float(np.sqrt(r2)) * (1.0 + r2 * (camera.k1 + r2 * (camera.k2 + r2 * camera.k3)))
+    return camera.c * float(np.sqrt(r2)) * (1.0 + r2 * (lens.k1 + r2 * (lens.k2 + r2 * lens.k3)))
+
+
+def _wide_reach(camera: Camera) -> float:
+    """`reach` of a lens that is no polynomial, by steps of a twentieth of a degree; that of a fisheye ends at 90 degrees."""
+    lens = lens_of(camera)._replace(p1=0.0, p2=0.0, affinity=0.0, skew=0.0, s1=0.0, s2=0.0, s3=0.0, s4=0.0)
+    ideal = np.tan(np.radians(np.arange(0.0, 89.95, 0.05)))
+    observed = distorted(np.column_stack([ideal, np.zeros_like(ideal)]), lens)[:, 0]
+    falls = np.flatnonzero(~(np.diff(observed) > 0))
+    if not len(falls):
+        return camera.c * float(observed[-1]) if camera.lens.kind == "fisheye" else float("inf")
+    return camera.c * float(observed[falls[0]])
 
 
 def folding_cameras(cameras: Cameras) -> tuple[DistortionFolds, ...]:
@@ -28,7 +43,7 @@ def folding_cameras(cameras: Cameras) -> tuple[DistortionFolds, ...]:
     for name, camera in sorted(cameras.cameras.items()):
         limit, far = reach(camera), _farthest(camera)
         if limit < far:
-            found.append(DistortionFolds(camera=name, reach_px=limit, corner_px=far, k1=camera.k1, c=camera.c))
+            found.append(DistortionFolds(camera=name, reach_px=limit, corner_px=far, k1=camera.value("k1"), c=camera.c))
     return tuple(found)
 
 

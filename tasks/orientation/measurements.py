@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from orthomill.schemas.camera import INTERIOR, Camera, Cameras
+from orthomill.schemas.camera import Camera, Cameras
 from orthomill.schemas.observations import ControlPoint, TiePoints
 from orthomill.schemas.photo import Photos
 from orthomill.tasks.adjustment.model.network import Rays
@@ -44,8 +44,8 @@ def ground_rays(points: list[ControlPoint], photos: dict[str, int], cameras: Cam
 
 
 def with_interior(camera: Camera, values: np.ndarray) -> Camera:
-    """The camera with other interior parameters (8,)."""
-    return camera.model_copy(update=dict(zip(INTERIOR, map(float, values), strict=True)))
+    """The camera with other interior parameters (17,)."""
+    return camera.with_interior(values)
 
 
 def ideal(camera: Camera, xy: np.ndarray) -> np.ndarray:

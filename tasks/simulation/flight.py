@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orthomill.schemas.camera import Camera
+from orthomill.schemas.camera import BrownLens, Camera
 from orthomill.schemas.orientation import Block, ExteriorOrientation
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.geometry.footprint import ground_bounds
@@ -80,11 +80,7 @@ def camera_of(flight: FlightSettings) -> Camera:
         c=flight.c_mm * in_pixels,
         x0=0.42 * offset,
         y0=-0.31 * offset,
-        k1=-0.0155,
-        k2=0.0042,
-        k3=0.0,
-        p1=1.8e-4,
-        p2=-1.3e-4,
+        lens=BrownLens(k1=-0.0155, k2=0.0042, p1=1.8e-4, p2=-1.3e-4),
         pixel_um=flight.pixel_um,
         source="truth",
     )

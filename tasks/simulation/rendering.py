@@ -236,7 +236,7 @@ def _sight(n, frame, row, col):
     x = (frame.col + col - n.col0) / n.c
     y = (n.row0 - (frame.row + row)) / n.c
     # Undistorted once per pixel: the distortion hardly differs between its four rays.
-    return undistort_point(x, y, n.k1, n.k2, n.k3, n.p1, n.p2)
+    return undistort_point(x, y, n)
 
 
 @njit(cache=True, inline="always")

@@ -114,7 +114,7 @@ def _place_row(n, cells, limits, i, line, worth, r2):
         inverse = 1.0 / depth
         u = (n.r11 * dx + n.r12 * dy + n.r13 * dz) * inverse
         v = (n.r21 * dx + n.r22 * dy + n.r23 * dz) * inverse
-        xd, yd = distort_point(u, v, n.k1, n.k2, n.k3, n.p1, n.p2)
+        xd, yd = distort_point(u, v, n)
         col, row = n.col0 + n.c * xd, n.row0 - n.c * yd
         off_col, off_row = col - half_width, row - half_height
         border = min(half_width - abs(off_col), half_height - abs(off_row))
@@ -148,7 +148,8 @@ def _widest(view: View) -> float:
     """Squared tangent of the angle to the photo's farthest corner, with a margin."""
     right, bottom = view.camera.width - 1.0, view.camera.height - 1.0
     corners = pixel_to_image(view.camera, np.array([[0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]])) / view.camera.c
-    return _FIELD_MARGIN * float((corners**2).sum(axis=1).max())
+    # The corners of a fisheye's frame may lie beyond its field of view.
+    return _FIELD_MARGIN * float(np.nan_to_num((corners**2).sum(axis=1), nan=np.inf).max())
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from orthomill.schemas.job import Export, Job, PhotoHeader, Raster, Table
 from orthomill.schemas.project import CameraFromChessboards, CameraFromExif, CameraFromFile, CameraGiven
 from orthomill.schemas.raster import RasterSpec
 from orthomill.tasks.calibration.board_tables import ARRANGED, BOARD_PHOTOS, Arranged, ArrangedPhoto, BoardPhotos, Prediction
+from orthomill.tasks.calibration.chessboards import Model
 from orthomill.tasks.calibration.stage import CalibrationStage, _model
 
 BOARDS = BoardPhotos(paths=("boards/a.jpg", "boards/b.jpg"), size=(2400, 1600))
@@ -161,3 +162,14 @@ def test_boards_without_a_first_corner_are_refused_only_where_their_corners_are_
     assert job(planned(boards(corners=(8, 6))), "chessboards")
     with pytest.raises(WorkflowError, match=r"8 x 6 inner corners looks the same after half a turn.*remove them"):
         planned(boards(corners=(8, 6), sigma_height=0.001))
+
+
+def test_the_lens_of_a_calibration_is_chosen_or_stated():
+    assert job(planned(boards()), "cameras").params["model"].lens is None
+    assert job(planned(boards(), model="fisheye"), "cameras").params["model"] == Model(None, "fisheye")
+    stated = job(planned(boards(), model="rational", parameters=("k4", "c", "k1")), "cameras").params["model"]
+    assert stated == Model(("c", "k1", "k4"), "rational")
+    with pytest.raises(WorkflowError, match=r"parameters k4 are none of a lens of the model brown, which has c.*name the model"):
+        planned(boards(), parameters=("c", "k4"))
+    with pytest.raises(WorkflowError, match=r"model \(division\) have no effect"):
+        planned(CameraFromExif(kind="exif"), model="division")

@@ -6,8 +6,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
-from orthomill.schemas.camera import INTERIOR, Camera, Cameras
+from orthomill.schemas.camera import INTERIOR, BrownLens, Camera, Cameras, FisheyeLens
 from orthomill.schemas.errors import PhotoError, WorkflowError
 from orthomill.schemas.photo import Header, Photo, Photos
 from orthomill.schemas.project import CameraFromChessboards, CameraGiven
@@ -69,12 +70,12 @@ def test_a_turned_camera_images_every_direction_at_the_turned_pixel(orientation)
 
 def test_a_turned_covariance_moves_with_its_parameters():
     own = np.array(turned(CAMERA, 6).covariance)
-    assert np.diag(own) == pytest.approx([4.0, 2.0, 1.0, 1e-6, 1e-6, 0.0, 5e-8, 3e-8])
+    assert np.diag(own) == pytest.approx([4.0, 2.0, 1.0, 1e-6, 1e-6, 0.0, 5e-8, 3e-8, *[0.0] * 9])
 
 
 def test_a_reduced_photograph_has_a_reduced_camera():
     half = scaled(CAMERA, (400, 300))
-    assert (half.c, half.x0, half.y0, half.k1, half.pixel_um) == (350, 4.5, -3.0, -0.1, 8.0)
+    assert (half.c, half.x0, half.y0, half.lens.k1, half.pixel_um) == (350, 4.5, -3.0, -0.1, 8.0)
     assert np.array(half.covariance)[0, 0] == pytest.approx(1.0)
     direction = np.array([[0.2, -0.1]])
     full, small = image_to_pixel(CAMERA, 700 * direction), image_to_pixel(half, 350 * direction)
@@ -118,7 +119,7 @@ def test_a_photograph_of_another_size_without_tags_gets_a_guess_that_says_so():
 
 def test_given_cameras_keep_their_numbers_and_sigma():
     cameras = as_given(photos(photo()), CameraGiven(kind="given", c=900, x0=3, k1=0.01, sigma_c=5)).cameras
-    assert cameras.of("a").interior == (900, 3, 0, 0.01, 0, 0, 0, 0)
+    assert cameras.of("a").interior == (900, 3, 0, 0.01, *[0] * 13)
     assert cameras.of("a").covariance[0][0] == 25
     assert as_given(photos(photo()), CameraGiven(kind="given", c=900)).cameras.of("a").covariance is None
 
@@ -161,9 +162,9 @@ def test_files_hold_one_camera_or_those_of_an_earlier_run():
         (json.dumps(CAMERA.model_dump() | {"x0": math.nan}), "not a number"),
         (CAMERA.model_copy(update={"c": 4.7}).model_dump_json(), "in pixels and not in millimetres"),
         (CAMERA.model_copy(update={"x0": 9e4}).model_dump_json(), "outside of the photograph"),
-        (CAMERA.model_copy(update={"k1": 1e300}).model_dump_json(), "times the radius in the corners"),
+        (CAMERA.changed(k1=1e300).model_dump_json(), "times the radius in the corners"),
         (CAMERA.model_copy(update={"pixel_um": -3.0}).model_dump_json(), "pixels of -3 micrometres"),
-        (CAMERA.model_copy(update={"covariance": ((1.0, 2.0),)}).model_dump_json(), "not 8 x 8"),
+        (CAMERA.model_copy(update={"covariance": ((1.0, 2.0),)}).model_dump_json(), "not 17 x 17"),
         (CAMERA.model_copy(update={"covariance": ((-1.0,) * 8,) * 8}).model_dump_json(), "negative variances"),
         ("[" * 100_000, "cannot be read as JSON"),
         ('{"width": ' + "9" * 5000 + "}", "cannot be read as JSON"),
@@ -189,7 +190,8 @@ def test_boards_with_too_few_corners_are_refused_before_anything_runs(corners):
 
 
 def test_interior_order_is_the_one_of_every_covariance():
-    assert INTERIOR == ("c", "x0", "y0", "k1", "k2", "k3", "p1", "p2")
+    assert INTERIOR[:8] == ("c", "x0", "y0", "k1", "k2", "k3", "p1", "p2"), "that of earlier versions"
+    assert INTERIOR[8:] == ("affinity", "skew", "k4", "k5", "k6", "s1", "s2", "s3", "s4")
 
 
 def test_the_camera_of_turned_photographs_in_a_file_is_that_of_their_sensor():
@@ -197,3 +199,33 @@ def test_the_camera_of_turned_photographs_in_a_file_is_that_of_their_sensor():
     text = Cameras(cameras={upright.name: upright}, of_photo={}).model_dump_json()
     found = cameras_from_file(text, "cameras.json", Photos(photos=(photo(camera="body"),)))
     assert np.allclose(found["body"].interior, CAMERA.interior) and found["body"].width == CAMERA.width
+
+
+def test_a_given_camera_may_have_any_lens_and_pixels_that_are_not_square():
+    given = CameraGiven(kind="given", c=900, lens="fisheye", k1=0.02, k4=0.001, affinity=0.002, skew=-0.001)
+    own = as_given(photos(photo()), given).cameras.of("a")
+    assert own.lens == FisheyeLens(k1=0.02, k4=0.001) and (own.affinity, own.skew) == (0.002, -0.001)
+    rational = CameraGiven(kind="given", c=900, lens="thin_prism", k5=0.1, k6=0.2, s1=1e-3, s2=2e-3, s3=3e-3, s4=4e-3)
+    assert as_given(photos(photo()), rational).cameras.of("a").interior[11:] == (0.1, 0.2, 1e-3, 2e-3, 3e-3, 4e-3)
+
+
+def test_a_coefficient_that_the_lens_lacks_is_refused_with_those_that_it_has():
+    with pytest.raises(ValidationError, match="a lens of kind fisheye has no p1; it has c, x0, y0, k1, k2, k3, affinity, skew, k4"):
+        CameraGiven(kind="given", c=900, lens="fisheye", p1=0.001)
+    with pytest.raises(PhotoError, match="skew"):
+        turned(CAMERA.changed(skew=0.01), 6)
+
+
+def test_camera_files_of_earlier_versions_are_brown_lenses():
+    text = '{"name": "old", "width": 800, "height": 600, "c": 700.0, "k1": -0.1, "p2": 0.001, "covariance": %s}'
+    old = Camera.model_validate_json(text % [[float(i == j) for j in range(8)] for i in range(8)])
+    assert old.lens == BrownLens(k1=-0.1, p2=0.001)
+    assert np.array(old.covariance).shape == (17, 17) and np.diag(old.covariance).tolist() == [1.0] * 8 + [0.0] * 9
+    assert Camera.model_validate_json(old.model_dump_json()) == old
+
+
+def test_a_quarter_turn_exchanges_the_constants_of_both_axes():
+    upright = turned(CAMERA.changed(affinity=0.25), 6)
+    assert upright.c == pytest.approx(1.25 * CAMERA.c) and upright.c * (1.0 + upright.affinity) == pytest.approx(CAMERA.c)
+    again = turned(upright, 8)
+    assert again.interior == pytest.approx(CAMERA.changed(affinity=0.25).interior)

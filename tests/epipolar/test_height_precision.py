@@ -95,7 +95,7 @@ def test_the_joint_covariance_is_symmetric_and_holds_every_part():
     pair = pair_of(known)
     photos = known.of(pair.left), known.of(pair.right)
     total = joint_covariance(known, photos, ("tiny",))
-    assert total.shape == (20, 20) and np.array_equal(total, total.T)
+    assert total.shape == (29, 29) and np.array_equal(total, total.T)
     assert np.array_equal(np.diag(total)[:6], [0.01, 0.02, 0.03, 1e-9, 2e-9, 3e-9])
     assert np.allclose(total[:6, 6:12], 0.5 * total[:6, :6]) and not total[12:].any()
 
@@ -112,7 +112,7 @@ def test_the_joint_covariance_turns_with_the_order_of_the_photographs():
 @pytest.mark.parametrize(("source", "counts"), [("block", True), ("calibration", False)])
 def test_an_interior_orientation_counts_where_the_block_adjusted_it(source, counts):
     known = block()
-    camera = known.cameras["tiny"].model_copy(update={"source": source, "covariance": covariance(*([1.0] * 8))})
+    camera = known.cameras["tiny"].model_copy(update={"source": source, "covariance": covariance(*([1.0] * 17))})
     known = known.model_copy(update={"cameras": {"tiny": camera}})
     total = joint_covariance(known, (known.of("a1"), known.of("a2")), ("tiny",))
     assert (np.diag(total)[12:] == float(counts)).all()

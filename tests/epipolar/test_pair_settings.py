@@ -31,7 +31,7 @@ from orthomill.tasks.geometry.view import View, block_view
 
 
 def level_view(name="v", x=0.0, y=0.0, z=500.0, omega=0.0) -> View:
-    camera = block().cameras["tiny"].model_copy(update={"x0": 0.0, "y0": 0.0, "k1": 0.0, "k2": 0.0, "p1": 0.0, "p2": 0.0})
+    camera = block().cameras["tiny"].changed(x0=0.0, y0=0.0, k1=0.0, k2=0.0, p1=0.0, p2=0.0)
     return View(name, camera, rotation_matrix(np.radians(omega), 0.0, 0.0), np.array([x, y, z]))
 
 

@@ -31,7 +31,7 @@ SHOWN = {
 """What the EXIF standard says is done to an array of pixels to show it upright."""
 
 CAMERA = Camera(name="cam", width=60, height=40, c=55.0, x0=2.0, y0=-3.0, k1=-0.1, k2=0.03, k3=0.002, p1=4e-3, p2=-2e-3)
-COVARIANCE = tuple(map(tuple, (np.diag(np.arange(1.0, 9.0)) + 0.1 * np.ones((8, 8))).tolist()))
+COVARIANCE = tuple(map(tuple, (np.diag(np.arange(1.0, 18.0)) + 0.1 * np.ones((17, 17))).tolist()))
 
 
 def photo(flag=1, as_taken=False, size=(40, 60)):
@@ -76,7 +76,7 @@ def test_quarter_turns_undo_each_other(flag, back):
     again = turned(turned(CAMERA, flag), back)
     assert again.interior == pytest.approx(CAMERA.interior)
     assert (again.width, again.height) == (60, 40)
-    np.testing.assert_allclose(interior_turn(back) @ interior_turn(flag), np.eye(8), atol=1e-15)
+    np.testing.assert_allclose(interior_turn(back) @ interior_turn(flag), np.eye(17), atol=1e-15)
 
 
 @pytest.mark.parametrize("flag", range(2, 9))
@@ -106,7 +106,7 @@ def test_a_reduced_photograph_shows_a_ray_where_its_pixels_were_averaged():
 def test_scaling_carries_pixel_size_and_covariance():
     own = CAMERA.model_copy(update={"covariance": COVARIANCE, "pixel_um": 4.0})
     small = scaled(own, (15, 10))
-    assert small.pixel_um == pytest.approx(16.0) and (small.c, small.k1) == (55.0 / 4, -0.1)
+    assert small.pixel_um == pytest.approx(16.0) and (small.c, small.lens.k1) == (55.0 / 4, -0.1)
     covariance = np.array(small.covariance)
     assert covariance[0, 0] == pytest.approx(COVARIANCE[0][0] / 16)
     assert covariance[0, 3] == pytest.approx(COVARIANCE[0][3] / 4)

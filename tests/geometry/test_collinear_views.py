@@ -12,7 +12,7 @@ from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.geometry.view import View, project_point, view_of
 
 IDEAL = Camera(name="ideal", width=2001, height=1501, c=1500.0)
-REAL = IDEAL.model_copy(update={"x0": 8.0, "y0": -5.0, "k1": -0.08, "k2": 0.03, "p1": 3e-4, "p2": -2e-4})
+REAL = IDEAL.changed(x0=8.0, y0=-5.0, k1=-0.08, k2=0.03, p1=3e-4, p2=-2e-4)
 ATTITUDE = st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5), st.floats(-3.1, 3.1))
 CENTRE = np.array([4.1e5, 4.3e6, 900.0])
 SETTINGS = settings(deadline=None, max_examples=40)

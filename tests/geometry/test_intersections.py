@@ -109,7 +109,7 @@ def test_the_more_accurate_ray_draws_the_point_to_itself():
 
 
 def test_residuals_are_computed_minus_observed_in_columns_and_rows():
-    ideal = CAMERA.model_copy(update={"k1": 0.0, "p1": 0.0})
+    ideal = CAMERA.changed(k1=0.0, p1=0.0)
     views, points = [View(v.name, ideal, v.rotation, v.centre) for v in strip(3)], ground(1)
     own = measured(views, points)
     off = own.pixels + np.array([[0, 0], [0, 0], [0, 1e-3]])

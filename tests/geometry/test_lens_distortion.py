@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orthomill.schemas.camera import Camera
-from orthomill.tasks.geometry.distortion import BrownLens, image_to_pixel, lens_of, pixel_to_image
+from orthomill.tasks.geometry.distortion import LENS as NAMES
+from orthomill.tasks.geometry.distortion import image_to_pixel, lens_of, pixel_to_image
 
 LENS = st.fixed_dictionaries(
     {
@@ -28,7 +29,7 @@ def camera(**lens):
 def matrices(own):
     """OpenCV's camera matrix and coefficients, by docs/conventions.md."""
     K = np.array([[own.c, 0, (own.width - 1) / 2 + own.x0], [0, own.c, (own.height - 1) / 2 - own.y0], [0, 0, 1]])
-    return K, np.array([own.k1, own.k2, own.p1, own.p2, own.k3])
+    return K, np.array([own.lens.k1, own.lens.k2, own.lens.p1, own.lens.p2, own.lens.k3])
 
 
 def pixels(count=60):
@@ -98,4 +99,6 @@ def test_beyond_the_fold_no_ideal_point_is_made_up():
 
 
 def test_the_lens_names_its_coefficients():
-    assert lens_of(camera(k1=0.1, k2=0.2, k3=0.3, p1=0.4, p2=0.5)) == BrownLens(k1=0.1, k2=0.2, k3=0.3, p1=0.4, p2=0.5)
+    own = lens_of(camera(k1=0.1, k2=0.2, k3=0.3, p1=0.4, p2=0.5, affinity=0.01, skew=0.02))
+    assert own._fields == (*NAMES, "model")
+    assert own[:7] == (0.1, 0.2, 0.3, 0.4, 0.5, 0.01, 0.02) and own[7:] == (0.0,) * 8

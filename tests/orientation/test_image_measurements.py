@@ -66,7 +66,7 @@ def test_rays_of_surveyed_points_skip_photographs_outside_of_the_block():
 
 def test_interior_parameters_replace_those_of_a_camera():
     values = np.arange(1.0, 9.0)
-    assert with_interior(CAMERA, values).interior == tuple(values) and with_interior(CAMERA, values).width == 401
+    assert with_interior(CAMERA, values).interior == (*values, *[0.0] * 9) and with_interior(CAMERA, values).width == 401
 
 
 @settings(deadline=None, max_examples=40)
@@ -105,7 +105,7 @@ def test_the_reach_is_the_largest_observed_radius_before_the_fold(k1, k2, k3):
 
 def test_cameras_whose_corners_fold_are_found_with_their_numbers():
     folding = Camera(name="wide", width=4000, height=3000, c=2000.0, k1=-0.3)
-    fine = folding.model_copy(update={"name": "fine", "k1": -0.05})
+    fine = folding.model_copy(update={"name": "fine"}).changed(k1=-0.05)
     cameras = Cameras(cameras={"wide": folding, "fine": fine}, of_photo={})
     (found,) = folding_cameras(cameras)
     assert (found.camera, found.k1, found.c) == ("wide", -0.3, 2000.0)

@@ -18,8 +18,8 @@ from orthomill.schemas.errors import OrthomillError, PhotoError, StoreError, Wor
 from orthomill.schemas.raster import Window
 from orthomill.tasks.simulation.boards.board_rendering import BoardFilm, photograph_floor
 
-BOARD_CAMERA = SIX_BOARDS.camera.model_copy(
-    update={"width": 720, "height": 480, "c": 610.0, "x0": 3.0, "y0": -2.0, "k1": -0.1, "k2": 0.03}
+BOARD_CAMERA = SIX_BOARDS.camera.model_copy(update={"width": 720, "height": 480}).changed(
+    c=610.0, x0=3.0, y0=-2.0, k1=-0.1, k2=0.03
 )
 BOARDS = replace(SIX_BOARDS, camera=BOARD_CAMERA, boards=3, photos=5, share=0.7, seed=3)
 

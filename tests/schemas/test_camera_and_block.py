@@ -35,8 +35,8 @@ def camera(name: str = "nikon", **more) -> Camera:
 @given(values=st.tuples(POSITIVE, *[FINITE] * 7))
 def test_interior_parameters_come_in_their_fixed_order(values):
     """Covariances and kernels count on this order."""
-    said = Camera(name="a", width=4, height=3, **dict(zip(INTERIOR, values, strict=True)))
-    assert said.interior == values
+    said = Camera(name="a", width=4, height=3, **dict(zip(INTERIOR[:8], values, strict=True)))
+    assert said.interior == (*values, *[0.0] * 9)
     assert Camera.model_validate_json(said.model_dump_json()) == said
 
 
@@ -48,9 +48,9 @@ def test_a_camera_that_cannot_be_is_refused(wrong):
 
 def test_cameras_are_found_by_photograph():
     cameras = Cameras(cameras={"n": camera("n"), "z": camera("z", k1=0.5)}, of_photo={"a": "n", "b": "z"})
-    assert cameras.of("b").k1 == 0.5 and cameras.of("a").name == "n"
+    assert cameras.of("b").lens.k1 == 0.5 and cameras.of("a").name == "n"
     changed = cameras.with_k1({"n": -0.1})
-    assert changed.of("a").k1 == -0.1 and changed.of("b") == cameras.of("b") and cameras.of("a").k1 == 0.0
+    assert changed.of("a").lens.k1 == -0.1 and changed.of("b") == cameras.of("b") and cameras.of("a").lens.k1 == 0.0
     assert changed.of_photo == cameras.of_photo
 
 
@@ -170,10 +170,10 @@ def test_parallax_gives_the_point_as_the_docstring_says(base, c, depth, x):
 
 
 def test_a_new_k1_keeps_everything_else_of_a_camera():
-    covariance = tuple(tuple(float(i == j) for j in range(8)) for i in range(8))
+    covariance = tuple(tuple(float(i == j) for j in range(17)) for i in range(17))
     cameras = Cameras(cameras={"n": camera("n", k2=0.2, covariance=covariance, sigma0=0.4)}, of_photo={"a": "n"})
     changed = cameras.with_k1({"n": -0.1}).of("a")
-    assert changed.model_copy(update={"k1": 0.0}) == cameras.of("a") and changed.covariance == covariance
+    assert changed.changed(k1=0.0) == cameras.of("a") and changed.covariance == covariance
     assert cameras.with_k1({}) == cameras
 
 

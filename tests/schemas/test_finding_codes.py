@@ -63,7 +63,6 @@ BLOCK_VALUES = {
     "check_measurements_apart": {"point": "P1", "measured": 5, "apart": (MISFIT, MISFIT | {"lies_on": None})},
     "groups_unconnected": {"groups": (("a", "b", "c"), ("d", "e"))},
     "block_separate": {"photos": ("d", "e")},
-    "camera_constants_averaged": {"camera": "n", "x_px": 3500.0, "y_px": 3502.0, "error_px": 0.6},
     "largest_reconstruction": {"count": 3, "photos": 40},
     "photos_unknown": {"photos": ("z",)},
     "block_elsewhere": {"source": "block.json", "offset": VECTOR},

@@ -55,7 +55,7 @@ def test_full_size_has_the_same_flight_and_camera():
     fine = replace(FULL, pixel_um=15.0)
     assert camera_of(fine).width == 15333 and orientations(fine) == orientations(FULL)
     assert camera_of(fine).x0 * 15.0 == pytest.approx(camera_of(FULL).x0 * 96.0)
-    assert camera_of(fine).k1 == camera_of(FULL).k1
+    assert camera_of(fine).lens == camera_of(FULL).lens
 
 
 def test_the_true_block_gives_the_true_views():

@@ -124,7 +124,7 @@ def test_the_worth_is_independent_of_the_pyramid_level():
 
 def test_worth_is_the_square_of_the_scale_for_vertical_rays():
     """Below the centre the area of a cell is (c / depth)^2 cell^2 in pixels."""
-    vertical = replace(PHOTO, rotation=np.eye(3), camera=PHOTO.camera.model_copy(update={"k1": 0.0, "k2": 0.0}))
+    vertical = replace(PHOTO, rotation=np.eye(3), camera=PHOTO.camera.changed(k1=0.0, k2=0.0))
     for height in (0.0, 50.0):
         found = sampled(flat(height), photo=vertical).worth
         depth = PHOTO.centre[2] - height

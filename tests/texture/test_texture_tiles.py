@@ -107,7 +107,7 @@ def test_bicubic_reproduces_a_ramp():
 @pytest.mark.parametrize(("dx", "dy"), [(0.0, 0.0), (0.4, 0.0), (-0.3, 0.5)])
 def test_worth_is_the_projected_area_of_the_surface_element(dx, dy):
     photo = view("a")
-    plain = replace(photo, camera=photo.camera.model_copy(update={"k1": 0.0, "k2": 0.0}))
+    plain = replace(photo, camera=photo.camera.changed(k1=0.0, k2=0.0))
     grid, shape = MapGrid(west=50.0, north=60.0, cell=0.2, rows=3, cols=3), (3, 3)
     z = np.full(shape, 5.0, np.float32)
     ground = Ground(grid, Window(0, 0, 3, 3), z, np.full(shape, dx, np.float32), np.full(shape, dy, np.float32))

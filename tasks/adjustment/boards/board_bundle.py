@@ -70,7 +70,7 @@ class BoardAdjustment:
 
     @property
     def interior_covariance(self) -> np.ndarray:
-        """(10, 10) in the order of PARAMETERS; zero rows for fixed parameters."""
+        """(17, 17) in the order of PARAMETERS; zero rows for fixed parameters."""
         columns = self.network.interior_columns
         known = np.flatnonzero(columns >= 0)
         out = np.zeros((len(PARAMETERS), len(PARAMETERS)))
@@ -239,6 +239,7 @@ def _corrected(network: BoardNetwork, state: BoardState, correction: np.ndarray,
         shift=state.shift + board[:, :3],
         local=local,
         interior=state.interior + padded[network.interior_columns],
+        lens=state.lens,
     )
 
 

@@ -12,11 +12,11 @@ from typing import Literal
 
 import numpy as np
 
-from orthomill.schemas.camera import INTERIOR
+from orthomill.schemas.camera import INTERIOR, LensKind
+from orthomill.tasks.geometry.distortion import LensNumbers, lens_numbers
 
-# Affinity and skew are those of the pixels: only a calibration with boards estimates them, no block does.
-PARAMETERS = (*INTERIOR, "affinity", "skew")
-"""Order of the interior parameters here: x = x0 + c ((1 + affinity) xd + skew yd), y = y0 + c yd."""
+PARAMETERS = INTERIOR
+"""Order of the interior parameters: x = x0 + c ((1 + affinity) xd + skew yd), y = y0 + c yd."""
 Arrangement = Literal["plane", "space", "fixed"]
 _BOARD_COLUMNS: dict[str, tuple[int, ...]] = {"plane": (0, 1, 5), "space": (0, 1, 2, 3, 4, 5), "fixed": ()}
 """The unknowns of a board among three shifts and three rotations."""
@@ -42,7 +42,8 @@ class BoardCorners:
 @dataclass(frozen=True, eq=False)
 class BoardState:
     """Values of the unknowns: photos `rotation` (P, 3, 3) and `centre` (P, 3); boards `turn` (K, 3, 3) and `shift` (K, 3) into the
-    system of board 0; `local` (K, N, 3) corners on their boards, m; `interior` (10,) in the order of PARAMETERS."""
+    system of board 0; `local` (K, N, 3) corners on their boards, m; `interior` (17,) in the order of PARAMETERS, those of a `lens`
+    of this kind (schemas/camera.py)."""
 
     rotation: np.ndarray
     centre: np.ndarray
@@ -50,6 +51,12 @@ class BoardState:
     shift: np.ndarray
     local: np.ndarray
     interior: np.ndarray
+    lens: LensKind = "brown"
+
+    @property
+    def numbers(self) -> LensNumbers:
+        """The lens as kernels take it."""
+        return lens_numbers(self.interior, self.lens)
 
     @property
     def points(self) -> np.ndarray:
@@ -109,7 +116,7 @@ class BoardNetwork:
 
     @property
     def interior_columns(self) -> np.ndarray:
-        """(10,): columns in the order of PARAMETERS; -1 for fixed parameters."""
+        """(17,): columns in the order of PARAMETERS; -1 for fixed parameters."""
         columns = np.full(len(PARAMETERS), -1)
         chosen = [name in self.free for name in PARAMETERS]
         columns[chosen] = self.unknowns - len(self.free) + np.arange(len(self.free))
@@ -123,7 +130,7 @@ class BoardNetwork:
         return np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
 
     def columns_of(self, corners: BoardCorners) -> tuple[np.ndarray, np.ndarray]:
-        """`row` (M,) and `columns` (P K, 22): corner i depends on columns[row[i]]: six of its photo, six of its board, the
+        """`row` (M,) and `columns` (P K, 29): corner i depends on columns[row[i]]: six of its photo, six of its board, the
         interior."""
         photo, board = np.divmod(np.arange(self.photos * self.boards), self.boards)
         interior = np.broadcast_to(self.interior_columns, (len(photo), len(PARAMETERS)))

@@ -115,7 +115,7 @@ def _prior(network: Network, state: State, factors: PriorFactors) -> Iterator[tu
     yield _verticality(network, state)
     yield (
         network.interior_columns,
-        np.broadcast_to(np.eye(8), (len(network.interior.value), 8, 8)),
+        np.broadcast_to(np.eye(network.interior.value.shape[1]), network.interior.weight.shape),
         network.interior.weight,
         network.interior.value - state.interior,
     )

@@ -1,15 +1,16 @@
 """The interior orientation in an adjustment: fixed, weighted by its covariance, or free, as the workflow chooses."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 from pydantic import Field
 
-from orthomill.schemas.camera import INTERIOR, Camera
+from orthomill.schemas.camera import INTERIOR, Camera, lens_parameters, padded
 from orthomill.schemas.settings import Settings, setting
 from orthomill.tasks.adjustment.model.network import Interior
+from orthomill.tasks.geometry.distortion import LENS_CODES
 
-Parameter = Literal["c", "x0", "y0", "k1", "k2", "k3", "p1", "p2"]
+Parameter = Literal["c", "x0", "y0", "k1", "k2", "k3", "p1", "p2", "affinity", "skew", "k4", "k5", "k6", "s1", "s2", "s3", "s4"]
 
 NOMINAL_SIGMA = {"c": 0.03, "x0": 0.01, "y0": 0.01, "k1": 0.1, "k2": 0.1, "k3": 0.0, "p1": 0.003, "p2": 0.003}
 """Standard errors of a camera that is known from EXIF only: c in units of c, x0 and y0 in units of the width, the others as
@@ -28,9 +29,7 @@ class WeightedInterior(Settings):
 
     kind: Literal["weighted"]
     parameters: tuple[Parameter, ...] = setting(
-        ("c", "x0", "y0", "k1", "k2", "k3", "p1", "p2"),
-        "Interior parameters to be adjusted, of those that the calibration knows.",
-        min_length=1,
+        get_args(Parameter), "Interior parameters to be adjusted, of those that the calibration knows.", min_length=1
     )
 
 
@@ -45,14 +44,14 @@ InteriorChoice = Annotated[FixedInterior | WeightedInterior | FreeInterior, Fiel
 
 
 def camera_covariance(camera: Camera) -> np.ndarray:
-    """(8, 8) in the order of INTERIOR: that of the camera, the nominal one for a camera from EXIF, else zero (fixed)."""
+    """(17, 17) in the order of INTERIOR: that of the camera, the nominal one for a camera from EXIF, else zero (fixed)."""
     if camera.covariance is not None:
-        return np.array(camera.covariance)
+        return np.array(padded(camera.covariance))
     # A camera without covariance that is not nominal was given by a person as it is: that is a decision, not an estimate.
     if camera.source != "exif":
-        return np.zeros((8, 8))
+        return np.zeros((len(INTERIOR), len(INTERIOR)))
     unit = {"c": camera.c, "x0": float(camera.width), "y0": float(camera.width)}
-    return np.diag([(NOMINAL_SIGMA[name] * unit.get(name, 1.0)) ** 2 for name in INTERIOR])
+    return np.diag([(NOMINAL_SIGMA.get(name, 0.0) * unit.get(name, 1.0)) ** 2 for name in INTERIOR])
 
 
 def interior_prior(cameras: list[Camera], choice: InteriorChoice, fix_nominal: bool = False) -> Interior:
@@ -63,11 +62,14 @@ def interior_prior(cameras: list[Camera], choice: InteriorChoice, fix_nominal: b
     with far too small formal standard errors.
     """
     value = np.array([camera.interior for camera in cameras])
-    free, weight = np.zeros(value.shape, bool), np.zeros((len(cameras), 8, 8))
+    lens = np.array([LENS_CODES[camera.lens.kind] for camera in cameras])
+    free, weight = np.zeros(value.shape, bool), np.zeros((*value.shape, value.shape[1]))
     considered = np.zeros(value.shape, bool)
     named = np.isin(INTERIOR, () if choice.kind == "fixed" else choice.parameters)
     if choice.kind != "weighted":
-        return Interior(value, weight, free | named, considered)
+        # What a lens has no parameter for cannot be estimated: its derivatives are zero.
+        own = np.array([np.isin(INTERIOR, lens_parameters(camera.lens.kind)) for camera in cameras])
+        return Interior(value, weight, named & own, considered, lens)
     for i, camera in enumerate(cameras):
         covariance = camera_covariance(camera)
         # A zero variance says that the calibration did not estimate the parameter: there is nothing to weight it with.
@@ -77,7 +79,7 @@ def interior_prior(cameras: list[Camera], choice: InteriorChoice, fix_nominal: b
         # uncertainty stays.
         weight[i][chosen] = _inverse(covariance[chosen])
         considered[i, :3] = free[i, :3] & (fix_nominal and camera.source == "exif")
-    return Interior(value, weight, free, considered)
+    return Interior(value, weight, free, considered, lens)
 
 
 def given_sigmas(interior: Interior, parameters: tuple[int, ...] = (0,)) -> np.ndarray:

@@ -42,11 +42,11 @@ def linearised(
     """The observations linearised at `state`; `factor` (M,) and `point_factor` (N,) are robust factors of the weights of rays and
     of surveyed points."""
     row, columns = ray_columns(network, rays)
-    jg, jp = derivatives(state, rays, network.camera_of)
+    jg, jp = derivatives(state, rays, network.camera_of, network.estimated)
     point_weight = network.point_weight * np.broadcast_to(point_factor, len(network.point))[:, None]
     if len(network.kept):
         # A kept point is an unknown of the reduced system: its derivatives move there, and nothing is left to eliminate.
-        kept = columns[row, 14] >= 0
+        kept = columns[row, jg.shape[2]] >= 0
         jg = np.concatenate([jg, np.where(kept[:, None, None], jp, 0.0)], axis=2)
         jp[kept] = 0.0
         point_weight[network.kept] = 0.0

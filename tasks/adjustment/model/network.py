@@ -39,8 +39,9 @@ class Rays:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Values of the unknowns: `rotation` (P, 3, 3), `centre` (P, 3), `point` (N, 3), `interior` (C, 8) in the order of INTERIOR,
-    `shift` (3,) m, `lever` (3,) m from the projection centre to the antenna in the image system (x right, y up, z backwards)."""
+    """Values of the unknowns: `rotation` (P, 3, 3), `centre` (P, 3), `point` (N, 3), `interior` (C, k) the first k of INTERIOR,
+    `shift` (3,) m, `lever` (3,) m from the projection centre to the antenna in the image system (x right, y up, z backwards);
+    `lens` (C,) the codes of the lens models (geometry/distortion.py), Brown's for all by default."""
 
     rotation: np.ndarray
     centre: np.ndarray
@@ -48,6 +49,7 @@ class State:
     interior: np.ndarray
     shift: np.ndarray
     lever: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    lens: np.ndarray | None = None
 
     def with_lever(self, lever: np.ndarray) -> "State":
         """The state with another lever arm (3,)."""
@@ -79,15 +81,16 @@ NO_DISTANCES = Distances(np.zeros((0, 2), np.int64), np.zeros(0), np.zeros(0))
 
 @dataclass(frozen=True, eq=False)
 class Interior:
-    """Prior knowledge of the cameras: `value` (C, 8), `weight` (C, 8, 8) inverse covariance, `free` (C, 8) the parameters that are
-    unknowns. Those of them that are `considered` (C, 8) keep their value, because the block cannot determine them reliably, but
-    their covariance propagates into that of all others (Schmidt 1966).
+    """Prior knowledge of the cameras: `value` (C, k), `weight` (C, k, k) inverse covariance, `free` (C, k) the parameters that are
+    unknowns, `lens` (C,) as in `State`. Those of them that are `considered` (C, k) keep their value, because the block cannot
+    determine them reliably, but their covariance propagates into that of all others (Schmidt 1966).
     """
 
     value: np.ndarray
     weight: np.ndarray
     free: np.ndarray
     considered: np.ndarray
+    lens: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,8 +144,13 @@ class Network:
         return len(self.camera_of)
 
     @property
+    def estimated(self) -> np.ndarray:
+        """The numbers in INTERIOR of the parameters that are unknowns of some camera."""
+        return np.flatnonzero(self.interior.free.any(axis=0))
+
+    @property
     def interior_columns(self) -> np.ndarray:
-        """(C, 8): the column of every interior parameter among the unknowns, -1 where it is fixed."""
+        """(C, k): the column of every interior parameter among the unknowns, -1 where it is fixed."""
         columns = np.full(self.interior.free.shape, -1, np.int64)
         columns[self.interior.free] = 6 * self.photos + np.arange(self.interior.free.sum())
         return columns
@@ -220,12 +228,13 @@ class Network:
 
 
 def ray_columns(network: Network, rays: Rays) -> tuple[np.ndarray, np.ndarray]:
-    """`row` (M,) and `columns` (T, 14), or (T, 17) with kept points: ray i depends on the unknowns columns[row[i]], six of its
-    photograph, eight of its camera, three of its point where that is kept (-1: fixed, or eliminated)."""
+    """`row` (M,) and `columns` (T, 6 + k), or (T, 9 + k) with kept points: ray i depends on the unknowns columns[row[i]], six of
+    its photograph, those of its camera that are estimated for any camera, three of its point where that is kept (-1: fixed, or
+    eliminated)."""
     # int32 because a block has tens of millions of rays and one such index for each.
     photo = rays.photo.astype(np.int32, copy=False)
     exterior = np.arange(6 * network.photos).reshape(-1, 6)
-    columns = np.hstack([exterior, network.interior_columns[network.camera_of]])
+    columns = np.hstack([exterior, network.interior_columns[network.camera_of][:, network.estimated]])
     if not len(network.kept):
         return photo, columns
     # Rays of kept points have rows of their own; all others share that of their photograph.

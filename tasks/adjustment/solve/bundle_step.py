@@ -37,6 +37,7 @@ class BundleStep:
             state.interior + self.interior,
             state.shift + self.shift,
             state.lever + self.lever,
+            state.lens,
         )
 
     def with_motion(self, state: State) -> State:

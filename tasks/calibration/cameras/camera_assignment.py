@@ -27,14 +27,6 @@ def cameras_for(photos: Photos, sources: Mapping[str, Camera]) -> Cameras:
             f"photographs: {names}; take them out of the workflow, give the camera that took them, or say which photographs this "
             "one serves (serves)."
         )
-    # The collinearity equations of all later stages have eight interior parameters; leaving these two out silently would bend the
-    # block.
-    sheared = sorted({camera.name for camera in sources.values() if camera.affinity or camera.skew})
-    if sheared:
-        raise PhotoError(
-            f"The camera {sheared[0]} has an affinity or a skew, which the stages after the calibration do not support; calibrate "
-            "without these two parameters for a project with photographs."
-        )
     first = {upright_name(photo): photo for photo in reversed(photos.photos)}
     cameras = {name: fitted(sources[photo.camera], photo) for name, photo in sorted(first.items())}
     return Cameras(cameras=cameras, of_photo={photo.name: upright_name(photo) for photo in photos.photos})

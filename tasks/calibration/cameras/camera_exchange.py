@@ -25,23 +25,49 @@ def _skew_px(camera: Camera) -> float:
     return 0.0 - camera.c * camera.skew
 
 
+def _constants(camera: Camera) -> tuple[float, float]:
+    """Camera constants along x and y, px."""
+    return camera.c * (1 + camera.affinity), camera.c
+
+
+def _values(camera: Camera, names: str) -> list[float]:
+    """Interior parameters by their names, separated by spaces; 0 for what the lens lacks."""
+    return [camera.value(name) for name in names.split()]
+
+
+def _unknown_there(camera: Camera, program: str) -> str:
+    return f"{program} has no model of the kind {camera.lens.kind}: calibrate with the model brown, rational or fisheye for it"
+
+
+_OPENCV_ORDER = {
+    "brown": "k1 k2 p1 p2 k3",
+    "rational": "k1 k2 p1 p2 k3 k4 k5 k6",
+    "thin_prism": "k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4",
+    "fisheye": "k1 k2 k3 k4",
+}
+
+
 def opencv_yaml(camera: Camera) -> str:
-    """For cv2.FileStorage: camera_matrix and distortion_coefficients (k1 k2 p1 p2 k3), with standard errors where known."""
-    col, row = _centre(camera)
-    matrix = [camera.c * (1 + camera.affinity), _skew_px(camera), col, 0.0, camera.c, row, 0.0, 0.0, 1.0]
-    lens = [camera.k1, camera.k2, camera.p1, camera.p2, camera.k3]
+    """For cv2.FileStorage: camera_matrix and distortion_coefficients in OpenCV's order (those of a fisheye are for cv2.fisheye),
+    with standard errors where known."""
+    if camera.lens.kind not in _OPENCV_ORDER:
+        return f"%YAML:1.0\n---\n# {_unknown_there(camera, 'OpenCV')}\n"
+    (fx, fy), (col, row), order = _constants(camera), _centre(camera), _OPENCV_ORDER[camera.lens.kind]
+    lens = _values(camera, order)
     lines = [
         "%YAML:1.0",
         "---",
         f"image_width: {camera.width}",
         f"image_height: {camera.height}",
-        *_matrix("camera_matrix", matrix, 3),
-        *_matrix("distortion_coefficients", lens, 5),
+        f"distortion_model: {camera.lens.kind}",
+        *_matrix("camera_matrix", [fx, _skew_px(camera), col, 0.0, fy, row, 0.0, 0.0, 1.0], 3),
+        *_matrix("distortion_coefficients", lens, len(lens)),
     ]
     if camera.covariance is not None:
         sigma = dict(zip(INTERIOR, np.sqrt(np.diag(np.array(camera.covariance))).tolist(), strict=True))
-        order = ("c", "x0", "y0", "k1", "k2", "p1", "p2", "k3")
-        lines += ["# standard errors of c, x0, y0, k1, k2, p1, p2, k3", *_matrix("standard_errors", [sigma[n] for n in order], 8)]
+        names = ["c", "x0", "y0", *order.split()]
+        lines.append(f"# standard errors of {', '.join(names)}")
+        lines += _matrix("standard_errors", [sigma[name] for name in names], len(names))
     return "\n".join(lines) + "\n"
 
 
@@ -57,62 +83,62 @@ def _matrix(name: str, values: list[float], columns: int) -> list[str]:
 
 
 def colmap_cameras(camera: Camera) -> str:
-    """cameras.txt: OPENCV (fx fy cx cy k1 k2 p1 p2), or FULL_OPENCV where k3 is not zero. COLMAP has no parameter for skew."""
+    """cameras.txt: OPENCV (fx fy cx cy k1 k2 p1 p2), FULL_OPENCV for more coefficients, OPENCV_FISHEYE. COLMAP has no parameter for
+    skew."""
+    head = "# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
+    models = {"rational": ("FULL_OPENCV", "k1 k2 p1 p2 k3 k4 k5 k6"), "fisheye": ("OPENCV_FISHEYE", "k1 k2 k3 k4")}
+    # k4, k5 and k6 of the rational model stay zero, which makes its denominator 1.
+    models["brown"] = models["rational"] if camera.value("k3") else ("OPENCV", "k1 k2 p1 p2")
+    if camera.lens.kind not in models:
+        return f"{head}# {_unknown_there(camera, 'COLMAP')}\n"
     col, row = _centre(camera)
+    model, names = models[camera.lens.kind]
     # COLMAP's origin is the corner of the upper-left pixel, hence + 0.5.
-    numbers = [camera.c * (1 + camera.affinity), camera.c, col + 0.5, row + 0.5, camera.k1, camera.k2, camera.p1, camera.p2]
-    model = "OPENCV"
-    if camera.k3:
-        # k4, k5 and k6 of the rational model stay zero, which makes its denominator 1.
-        model, numbers = "FULL_OPENCV", [*numbers, camera.k3, 0.0, 0.0, 0.0]
+    numbers = [*_constants(camera), col + 0.5, row + 0.5, *_values(camera, names)]
     values = " ".join(repr(float(number)) for number in numbers)
-    return f"# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n1 {model} {camera.width} {camera.height} {values}\n"
+    return f"{head}1 {model} {camera.width} {camera.height} {values}\n"
 
 
 def opensfm_camera(camera: Camera) -> str:
-    """camera_models.json with the projection `brown`: lengths in units of the longer side."""
+    """camera_models.json with the projection `brown` or `fisheye_opencv`: lengths in units of the longer side."""
+    models = {"brown": ("brown", "k1 k2 k3 p1 p2"), "fisheye": ("fisheye_opencv", "k1 k2 k3 k4")}
+    if camera.lens.kind not in models:
+        return json.dumps({"note": _unknown_there(camera, "OpenSfM")}, indent=2) + "\n"
     longer = max(camera.width, camera.height)
-    return (
-        json.dumps(
-            {
-                camera.name: {
-                    "projection_type": "brown",
-                    "width": camera.width,
-                    "height": camera.height,
-                    "focal_x": camera.c * (1 + camera.affinity) / longer,
-                    "focal_y": camera.c / longer,
-                    "c_x": camera.x0 / longer,
-                    "c_y": -camera.y0 / longer,
-                    "k1": camera.k1,
-                    "k2": camera.k2,
-                    "k3": camera.k3,
-                    "p1": camera.p1,
-                    "p2": camera.p2,
-                }
-            },
-            indent=2,
-        )
-        + "\n"
-    )
+    (fx, fy), (projection, names) = _constants(camera), models[camera.lens.kind]
+    values = {
+        "projection_type": projection,
+        "width": camera.width,
+        "height": camera.height,
+        "focal_x": fx / longer,
+        "focal_y": fy / longer,
+        "c_x": camera.x0 / longer,
+        "c_y": -camera.y0 / longer,
+        **dict(zip(names.split(), _values(camera, names), strict=True)),
+    }
+    return json.dumps({camera.name: values}, indent=2) + "\n"
 
 
 def agisoft_xml(camera: Camera) -> str:
     """Agisoft Metashape's calibration XML: f, cx and cy from the image centre, b1 and b2 in px."""
+    models = {"brown": ("frame", "k1 k2 k3"), "fisheye": ("fisheye", "k1 k2 k3 k4")}
+    head = '<?xml version="1.0" encoding="UTF-8"?>\n'
+    if camera.lens.kind not in models:
+        return f"{head}<!-- {_unknown_there(camera, 'Metashape')} -->\n<calibration/>\n"
+    projection, names = models[camera.lens.kind]
     numbers = {
         "f": camera.c,
         "cx": camera.x0,
         "cy": -camera.y0,
         "b1": camera.c * camera.affinity,
         "b2": _skew_px(camera),
-        "k1": camera.k1,
-        "k2": camera.k2,
-        "k3": camera.k3,
-        "p1": camera.p2,
-        "p2": camera.p1,
+        **dict(zip(names.split(), _values(camera, names), strict=True)),
+        "p1": camera.value("p2"),
+        "p2": camera.value("p1"),
     }
     body = "\n".join(f"  <{name}>{value!r}</{name}>" for name, value in numbers.items())
     return (
-        f'<?xml version="1.0" encoding="UTF-8"?>\n<calibration>\n  <projection>frame</projection>\n  <width>{camera.width}</width>'
+        f"{head}<calibration>\n  <projection>{projection}</projection>\n  <width>{camera.width}</width>"
         f"\n  <height>{camera.height}</height>\n{body}\n</calibration>\n"
     )
 

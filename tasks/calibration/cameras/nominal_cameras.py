@@ -8,7 +8,7 @@ import json
 import numpy as np
 from pydantic import ValidationError
 
-from orthomill.schemas.camera import INTERIOR, Camera, Cameras
+from orthomill.schemas.camera import INTERIOR, LENSES, Camera, Cameras, lens_parameters
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.schemas.project import CameraGiven
@@ -51,11 +51,20 @@ def camera_given(given: CameraGiven, photos: Photos) -> dict[str, Camera]:
     """The camera typed into the workflow, by name of `Photo.camera`: its pixels are those of the first photograph, and it serves
     all."""
     width, height = sensor_size(photos.photos[0])
-    numbers = {name: getattr(given, name) for name in INTERIOR}
     covariance = _diagonal({"c": given.sigma_c}) if given.sigma_c else None
     camera = Camera(
-        name="given", width=width, height=height, pixel_um=given.pixel_um, covariance=covariance, source="given", **numbers
+        name="given",
+        width=width,
+        height=height,
+        c=given.c,
+        lens=LENSES[given.lens](),
+        pixel_um=given.pixel_um,
+        covariance=covariance,
+        source="given",
     )
+    camera = camera.changed(**{name: getattr(given, name) for name in lens_parameters(given.lens)})
+    if mistake := camera_mistake(camera):
+        raise WorkflowError(f"The camera given in the workflow {mistake}.")
     return dict.fromkeys((photo.camera for photo in photos.photos), camera)
 
 

@@ -7,14 +7,18 @@ Such a camera fails much later, in the matching, where its photographs seem to h
 import numpy as np
 
 from orthomill.schemas.camera import INTERIOR, Camera
+from orthomill.tasks.geometry.distortion import lens_of, radial_factor
 
 _LEAST_C, _MOST_C = 0.05, 1000.0
 """Camera constant as a share of the longer side: a field of view of 169 degrees, and one of 3 minutes of arc."""
 
+# Anamorphic lenses squeeze by up to 2; nothing beyond that is a camera.
+_MOST_AFFINITY = 1.0
+
 
 def camera_mistake(camera: Camera) -> str | None:
     """What is impossible about a camera, as the end of a sentence; None when nothing is."""
-    numbers = [*camera.interior, camera.affinity, camera.skew, camera.sigma0 or 0.0, camera.pixel_um or 1.0]
+    numbers = [*camera.interior, camera.sigma0 or 0.0, camera.pixel_um or 1.0]
     if not np.isfinite(numbers).all():
         return "holds a value that is not a number"
     longer = max(camera.width, camera.height)
@@ -27,6 +31,8 @@ def camera_mistake(camera: Camera) -> str | None:
         return f"has its principal point ({camera.x0:g}, {camera.y0:g}) px from the centre, outside of the photograph"
     if (share := _distortion(camera)) > 1.0:
         return f"has a distortion of {share:.3g} times the radius in the corners; coefficients refer to radii in units of c"
+    if abs(camera.affinity) > _MOST_AFFINITY or abs(camera.skew) > _MOST_AFFINITY:
+        return f"has an affinity of {camera.affinity:g} and a skew of {camera.skew:g}; pixels are square within {_MOST_AFFINITY:g}"
     if (camera.pixel_um or 1.0) <= 0:
         return f"has pixels of {camera.pixel_um:g} micrometres"
     return _covariance_mistake(camera)
@@ -35,9 +41,11 @@ def camera_mistake(camera: Camera) -> str | None:
 def _distortion(camera: Camera) -> float:
     """Distortion in the corners as a share of the radius."""
     r = np.hypot(camera.width, camera.height) / 2 / camera.c
-    with np.errstate(over="ignore"):
-        radial = camera.k1 * r**2 + camera.k2 * r**4 + camera.k3 * r**6
-        return float(abs(radial) + 3 * r * np.hypot(camera.p1, camera.p2))
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        radial = radial_factor.py_func(r**2, lens_of(camera))[0] - 1.0
+        tangential = 3 * r * np.hypot(camera.value("p1"), camera.value("p2"))
+    # A division by zero within the frame is no lens either.
+    return float(np.nan_to_num(abs(radial) + tangential, nan=np.inf))
 
 
 def _covariance_mistake(camera: Camera) -> str | None:

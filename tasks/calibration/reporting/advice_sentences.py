@@ -81,6 +81,27 @@ def _large_sigma0(advice: Advice) -> str:
     )
 
 
+def _rejected_outside(advice: Advice) -> str:
+    return (
+        f"{100 * advice.value:.0f} % of the outermost corners were rejected, far more than elsewhere: the model does not follow "
+        "the lens there. Do not sign this calibration; use model: automatic, or a model for wide lenses (rational, fisheye)."
+    )
+
+
+def _rejected_together(advice: Advice) -> str:
+    return (
+        f"Rejected corners lie together on the boards in {some_of(advice.names)}: the board was bent or moved there, or the model "
+        "does not follow the lens; look at the pictures of these photographs."
+    )
+
+
+def _all_worse(advice: Advice) -> str:
+    return (
+        f"All corners of held-out photographs fit to {advice.value:.2g} px, those that were kept to {advice.values[0]:.2g} px: the "
+        "rejected ones hide an error; the standard errors hold for the others only."
+    )
+
+
 def _uneven_boards(advice: Advice) -> str:
     return (
         f"The residuals of board {', '.join(advice.names)} are more than {advice.value:g} times those of the others: it is "
@@ -130,6 +151,9 @@ _SENTENCES: dict[Weakness, Callable[[Advice], str]] = {
     Weakness.MANY_REJECTED: _many_rejected,
     Weakness.LARGE_SIGMA0: _large_sigma0,
     Weakness.UNEVEN_BOARDS: _uneven_boards,
+    Weakness.REJECTED_OUTSIDE: _rejected_outside,
+    Weakness.REJECTED_TOGETHER: _rejected_together,
+    Weakness.ALL_WORSE: _all_worse,
     Weakness.BLURRED: _blurred,
     Weakness.OVEREXPOSED: _overexposed,
     Weakness.LARGER_BOARDS: _larger_boards,

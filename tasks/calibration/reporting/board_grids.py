@@ -4,11 +4,13 @@ import numpy as np
 
 from orthomill.schemas.stage_report import Grid
 from orthomill.tasks.adjustment.boards.board_network import PARAMETERS
+from orthomill.tasks.calibration.report import LENS_NAMES
 from orthomill.tasks.calibration.reporting.board_figures import rounded
 from orthomill.tasks.calibration.reporting.calibration_results import CalibrationResults
 from orthomill.tasks.calibration.solving.calibration_precision import board_precision, photo_precision
+from orthomill.tasks.calibration.solving.model_choice import HeldOut
 
-_POWER = {"k1": 2, "k2": 4, "k3": 6, "p1": 1, "p2": 1}
+_POWER = {"k1": 2, "k2": 4, "k3": 6, "p1": 1, "p2": 1, "k4": 2, "k5": 4, "k6": 6, "s1": 1, "s2": 3, "s3": 1, "s4": 3}
 """Powers of c by which coefficients in units of c are divided to get those in powers of pixels."""
 Row = tuple[float | int | str | None, ...]
 
@@ -26,9 +28,10 @@ def parameter_grid(results: CalibrationResults) -> Grid:
 
 def _parameter_row(results: CalibrationResults, number: int, name: str) -> Row:
     result, check = results.result, results.check
-    per = result.state.interior[0] ** _POWER.get(name, 0)
-    # Affinity and skew have no unit.
-    unit = "px" if name in ("c", "x0", "y0") else f"px^-{_POWER[name]}" if name in _POWER else ""
+    # The coefficients of a fisheye belong to angles; affinity and skew have no unit either.
+    power = 0 if result.state.lens == "fisheye" else _POWER.get(name, 0)
+    per = result.state.interior[0] ** power
+    unit = "px" if name in ("c", "x0", "y0") else f"px^-{power}" if power else ""
     halves = rounded(check.difference[number] / per, 3) if check else None
     sigma = np.sqrt(result.interior_covariance[number, number])
     return name, rounded(result.state.interior[number] / per, 7), rounded(sigma / per, 3), halves, unit
@@ -37,15 +40,20 @@ def _parameter_row(results: CalibrationResults, number: int, name: str) -> Row:
 def model_grid(results: CalibrationResults) -> Grid:
     """Every model with the residuals of held-out photographs."""
     rows = tuple(
-        (", ".join(model), rounded(check.rms if check else None, 4), "used" if model == results.result.network.free else "")
+        (LENS_NAMES[model.lens], ", ".join(model.free), *_held_out(check), "used" if model == results.model else "")
         for model, check in results.checks.items()
     )
     return Grid(
         title="Distortion models by held-out photographs",
-        columns=("parameters", "held-out RMS (px)", ""),
+        columns=("lens", "parameters", "held-out RMS (px)", "of all corners (px)", "compared (px)", ""),
         rows=rows,
-        note="The largest model is used that fits held-out photographs as well as the best, within 0.2 %.",
+        note="Compared by all corners but those that every model rejects. The largest of Brown's models is used that is as good "
+        "as the best of all, within 0.2 %, else the smallest of the others that is.",
     )
+
+
+def _held_out(check: HeldOut | None) -> Row:
+    return (None,) * 3 if check is None else tuple(rounded(value, 4) for value in (check.rms, check.rms_all, check.figure))
 
 
 def exterior_grid(results: CalibrationResults) -> Grid:

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from orthomill.schemas.stage_report import Picture, Product, StageReport
+from orthomill.schemas.stage_report import Picture, Product, StageReport, Verdict
 from orthomill.tasks.calibration.board_tables import drawing_raster
-from orthomill.tasks.calibration.reporting.advice import geometry, geometry_advice, result_advice, search_advice
+from orthomill.tasks.calibration.reporting.advice import Advice, geometry, geometry_advice, result_advice, search_advice
 from orthomill.tasks.calibration.reporting.advice_sentences import advice_sentence
 from orthomill.tasks.calibration.reporting.board_charts import board_charts
 from orthomill.tasks.calibration.reporting.board_figures import board_figures
@@ -12,6 +12,7 @@ from orthomill.tasks.calibration.reporting.board_grids import board_grid, exteri
 from orthomill.tasks.calibration.reporting.calibration_results import CalibrationResults
 from orthomill.tasks.calibration.reporting.drawing import RESIDUAL_LENGTH, usual_length
 from orthomill.tasks.calibration.reporting.left_out import unused
+from orthomill.tasks.calibration.reporting.model_failure import fails, failure_advice
 
 PRODUCTS = (
     Product(path="products/camera.json", purpose="The calibrated camera, to be used in other projects"),
@@ -32,17 +33,29 @@ def chessboards_report(plain: StageReport, results: CalibrationResults) -> Stage
     advice = [
         *geometry_advice(results.result, shape),
         *result_advice(results.result, results.check, results.target),
+        *failure_advice(results.result, results.check, results.photos),
         *search_advice(results.searches),
     ]
     own = (model_grid(results), exterior_grid(results), board_grid(results), photo_grid(results), *unused(results))
     return StageReport(
-        verdict=plain.verdict,
+        verdict=_verdict(plain.verdict, advice),
         products=PRODUCTS,
         figures=(*plain.figures, *board_figures(results, shape)),
         grids=(parameter_grid(results), *plain.grids, *own),
         charts=(*plain.charts, *board_charts(results)),
         pictures=_pictures(results),
         warnings=(*map(advice_sentence, advice), *plain.warnings),
+    )
+
+
+def _verdict(plain: Verdict | None, advice: list[Advice]) -> Verdict | None:
+    """That of the cameras, unless the adjustment contradicts the lens or the boards."""
+    if not fails(advice):
+        return plain
+    return Verdict(
+        level="poor",
+        sentence="The calibration does not follow the lens or the boards: do not use it before the first warnings are dealt with.",
+        weighs=True,
     )
 
 

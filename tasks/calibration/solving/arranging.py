@@ -5,20 +5,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orthomill.schemas.camera import INTERIOR, Camera
+from orthomill.schemas.camera import LensKind
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment
 from orthomill.tasks.adjustment.boards.board_network import BoardCorners
-from orthomill.tasks.adjustment.boards.board_projection import projected
+from orthomill.tasks.adjustment.boards.board_projection import ideal_points, projected
 from orthomill.tasks.calibration.board_tables import Arranged, ArrangedPhoto, BoardPhotos, Corners, PhotoSearch, Prediction
 from orthomill.tasks.calibration.detection.board_turns import in_order
 from orthomill.tasks.calibration.naming.board_names import NO_BOARDS, STRICT, Naming, name_boards, plane_views
 from orthomill.tasks.calibration.naming.board_views import BoardViews, SpaceViews
 from orthomill.tasks.calibration.solving.initial_constant import ConstantEstimate
-from orthomill.tasks.calibration.solving.model_choice import MODELS
+from orthomill.tasks.calibration.solving.lens_models import MODELS
 from orthomill.tasks.calibration.solving.solving import FEWEST_PHOTOS, CalibrationTarget, solve, too_few
 from orthomill.tasks.calibration.solving.starting_values import StartingValues, restart_of, start_of
-from orthomill.tasks.geometry.distortion import pixel_to_image
+from orthomill.tasks.geometry.distortion import lens_numbers
+from orthomill.tasks.geometry.distortion import undistorted as lens_undistorted
 
 _ENOUGH = 0.7
 """Share of the boards named first that must keep a name once distortion is known; otherwise the distortion is wrong."""
@@ -28,7 +29,7 @@ _FEWEST_CORNERS = 4
 """A cut board is searched for when at least so many of its corners are inside the frame."""
 # Radial polynomials fitted inside the measured radius soon turn around outside it, and fold far corners back into the frame.
 _BEYOND = 1.25
-"""How far out predictions extrapolate distortion, in units of the largest ideal radius that was measured."""
+"""How far out predictions extrapolate distortion, in units of the largest angle to the axis that was measured."""
 _BORDER = 2
 """px: corners nearer to the border of the frame are not predicted, as the squares around them are cut."""
 
@@ -105,11 +106,11 @@ def _with_distortion_of(
     alone: BoardAdjustment, start: StartingValues, found: list[np.ndarray], target: CalibrationTarget
 ) -> Arrangement | None:
     """The boards on their plane, named and adjusted with the interior orientation of single boards; None where that fails."""
-    ideal = [undistorted(xy, alone.state.interior, target) for xy in found]
+    ideal = [undistorted(xy, alone.state.interior, alone.state.lens) for xy in found]
     try:
         naming = name_boards(plane_views(ideal, target.local, target.orders), target.local, target.boards)
         restart = restart_of(_counted(found, naming, target), naming, target.local, alone.state.interior)
-        result = solve(target, restart.states, restart.corners, MODELS[0])
+        result = solve(target, restart.states, restart.corners, MODELS[0].free)
     except GeometryError:
         return None
     # The constants belong to images of boards here, not to photographs.
@@ -122,13 +123,13 @@ def _on_plane(found: list[np.ndarray], target: CalibrationTarget) -> Arrangement
     wide lens bends the plane of the boards so much that a homography does not extend from one board to the next."""
     naming = name_boards(plane_views(found, target.local, target.orders), target.local, target.boards)
     start = start_of(_counted(found, naming, target), naming, target.local, target.size)
-    result = solve(target, start.states, start.corners, MODELS[0])
-    ideal = [undistorted(xy, result.state.interior, target) for xy in found]
+    result = solve(target, start.states, start.corners, MODELS[0].free)
+    ideal = [undistorted(xy, result.state.interior, result.state.lens) for xy in found]
     again = name_boards(plane_views(ideal, target.local, target.orders), target.local, target.boards, STRICT)
     if _named(again) < _ENOUGH * _named(naming):
         return Arrangement(naming, start, result, start.constant, result.iterations)
     restart = restart_of(_counted(found, again, target), again, target.local, result.state.interior)
-    second = solve(target, restart.states, restart.corners, MODELS[0])
+    second = solve(target, restart.states, restart.corners, MODELS[0].free)
     return Arrangement(again, restart, second, start.constant, result.iterations)
 
 
@@ -139,7 +140,7 @@ def _one_by_one(found: list[np.ndarray], target: CalibrationTarget) -> tuple[Sta
         raise GeometryError(NO_BOARDS)
     naming = name_boards(plane_views(alone, target.local), target.local, 1)
     start = start_of(alone, naming, target.local, target.size)
-    return start, solve(replace(target, boards=1), start.states, start.corners, MODELS[0])
+    return start, solve(replace(target, boards=1), start.states, start.corners, MODELS[0].free)
 
 
 def _in_space(found: list[np.ndarray], target: CalibrationTarget) -> Arrangement:
@@ -154,12 +155,14 @@ def _in_space(found: list[np.ndarray], target: CalibrationTarget) -> Arrangement
     poses[:, :3, :3] = single.state.rotation
     poses[:, :3, 3] = -np.einsum("pij,pj->pi", single.state.rotation, single.state.centre)
     views: list[BoardViews] = [
-        SpaceViews(undistorted(xy, interior, target), target.local, poses[photo_of == photo], float(interior[0]), target.orders)
+        SpaceViews(
+            undistorted(xy, interior, single.state.lens), target.local, poses[photo_of == photo], float(interior[0]), target.orders
+        )
         for photo, xy in enumerate(found)
     ]
     named = name_boards(views, target.local, target.boards)
     restart = restart_of(_counted(found, named, target), named, target.local, interior)
-    result = solve(target, restart.states, restart.corners, MODELS[0])
+    result = solve(target, restart.states, restart.corners, MODELS[0].free)
     c1, c2 = (
         np.array([_median(values[photo_of == photo]) for photo in range(len(found))])
         for values in (start.constant.c1, start.constant.c2)
@@ -180,14 +183,11 @@ def _named(naming: Naming) -> int:
     return sum(int((photo.names >= 0).sum()) for photo in naming.photos)
 
 
-def undistorted(xy: np.ndarray, interior: np.ndarray, target: CalibrationTarget) -> np.ndarray:
+def undistorted(xy: np.ndarray, interior: np.ndarray, lens: LensKind = "brown") -> np.ndarray:
     """Image coordinates (..., 2) px from the image centre, corrected for principal point and distortion; NaN stays NaN."""
-    # Affinity and skew are not estimated before the boards are identified, so that the first eight parameters are all.
-    numbers = dict(zip(INTERIOR, interior[: len(INTERIOR)].tolist(), strict=True))
-    camera = Camera(name="boards", width=target.size[0], height=target.size[1], **numbers)
     known = np.isfinite(xy).all(axis=-1)
     out = np.full_like(xy, np.nan)
-    out[known] = pixel_to_image(camera, target.pixels(xy[known]))
+    out[known] = interior[0] * lens_undistorted((xy[known] - interior[1:3]) / interior[0], lens_numbers(interior, lens))
     return out
 
 
@@ -254,7 +254,7 @@ def _board_in_photo(result: BoardAdjustment, photo: int, board: int) -> np.ndarr
     """(N, 2) px from the image centre; NaN behind the camera and where it would extrapolate the distortion too far."""
     count = len(result.network.local)
     asked = BoardCorners(np.full(count, photo), np.full(count, board), np.arange(count), np.zeros((count, 2)))
-    ideal = result.state.with_interior(x0=0.0, y0=0.0, **dict.fromkeys(("k1", "k2", "k3", "p1", "p2"), 0.0))
-    reach = _BEYOND * np.nanmax(np.linalg.norm(projected(ideal, result.corners), axis=1))
-    known = np.linalg.norm(projected(ideal, asked), axis=1) <= reach
+    # Angles to the axis, not their tangents, which for a wide lens grow without limit.
+    measured, wanted = (np.arctan(np.linalg.norm(ideal_points(result.state, own), axis=1)) for own in (result.corners, asked))
+    known = wanted <= _BEYOND * np.nanmax(measured)
     return np.where(known[:, None], projected(result.state, asked), np.nan)

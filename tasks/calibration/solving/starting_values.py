@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orthomill.tasks.adjustment.boards.board_network import BoardCorners, BoardState
+from orthomill.tasks.adjustment.boards.board_network import PARAMETERS, BoardCorners, BoardState
 from orthomill.tasks.calibration.naming.board_names import Naming
 from orthomill.tasks.calibration.solving.initial_constant import ConstantEstimate, constant_from_conic, constants, estimate
 from orthomill.tasks.calibration.solving.initial_pose import pose_of_projection
@@ -49,7 +49,7 @@ def start_of(found: list[np.ndarray], naming: Naming, local: np.ndarray, size: t
 
 
 def restart_of(found: list[np.ndarray], naming: Naming, local: np.ndarray, interior: np.ndarray) -> StartingValues:
-    """The start from interior parameters (10,) that are known already; `naming` is from image coordinates free of distortion."""
+    """The start from interior parameters (17,) that are known already; `naming` is from image coordinates free of distortion."""
     used = _used(naming)
     state = _state(naming, used, local, float(interior[0]))
     known = estimate(np.empty(0), np.empty(0))
@@ -89,7 +89,7 @@ def corners_of(found: list[np.ndarray], names: list[np.ndarray]) -> BoardCorners
 def _state(naming: Naming, used: np.ndarray, local: np.ndarray, c: float) -> BoardState:
     poses = [pose_of_projection(_projection(naming, photo), c) for photo in used]
     flat = np.column_stack([local, np.zeros(len(local))])
-    interior = np.zeros(10)
+    interior = np.zeros(len(PARAMETERS))
     interior[0] = c
     return BoardState(
         np.array([R for R, _ in poses]),

@@ -54,9 +54,10 @@ def _frame(view: View, area: NodeArea, plane: float, pitch: float, half: int) ->
 
 def _on_plane(pixels: PhotographPixels, view: View, plane: float, frame: PlaneFrame) -> GreyImage:
     x, y, z = map(float, view.centre)
-    numbers = ViewNumbers(
+    # A rectified image has no lens.
+    numbers = ViewNumbers._make((
         1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, x, y, z,
         (z - plane) / frame.pitch, (x - frame.x) / frame.pitch, (frame.y - y) / frame.pitch,
-        0.0, 0.0, 0.0, 0.0, 0.0, float(frame.cols), float(frame.rows),
-    )  # fmt: skip
+        *([0.0] * 15), float(frame.cols), float(frame.rows),
+    ))  # fmt: skip
     return GreyImage(on_plane(pixels, view, frame, plane), numbers)

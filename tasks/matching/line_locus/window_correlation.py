@@ -39,7 +39,7 @@ class GreyImage:
 
 class GreyImages(NamedTuple):
     """Several images as kernels take them: all pixels in one row (float32), `frames` (N, 3) int64 (first pixel, rows, cols), and
-    `numbers` (N, 25) float64, the view and then scale, col and row."""
+    `numbers` (N, 35) float64, the view and then scale, col and row."""
 
     pixels: np.ndarray
     frames: np.ndarray
@@ -52,7 +52,7 @@ class GreyImages(NamedTuple):
         numbers = [(*image.numbers, image.scale, image.col, image.row) for image in images]
         pixels = np.concatenate([np.empty(0, np.float32), *(image.grey.ravel() for image in images)])
         return cls(
-            pixels.astype(np.float32, copy=False), np.array(frames, np.int64).reshape(-1, 3), np.array(numbers).reshape(-1, 25)
+            pixels.astype(np.float32, copy=False), np.array(frames, np.int64).reshape(-1, 3), np.array(numbers).reshape(-1, 35)
         )
 
 
@@ -72,7 +72,8 @@ class WindowBuffers(NamedTuple):
 def _view(row):
     return ViewNumbers(
         row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9], row[10], row[11], row[12], row[13],
-        row[14], row[15], row[16], row[17], row[18], row[19], row[20], row[21],
+        row[14], row[15], row[16], row[17], row[18], row[19], row[20], row[21], row[22], row[23], row[24], row[25], row[26],
+        row[27], row[28], row[29], row[30], row[31],
     )  # fmt: skip
 
 
@@ -82,7 +83,7 @@ def image_place(images, k, x, y, z):
     row = images.numbers[k]
     c, r, _ = project_point(_view(row), x, y, z)
     # Pixel p of a level has its centre at (p + 0.5) / scale - 0.5 of the full photograph.
-    return (c + 0.5) * row[22] - 0.5 - row[23], (r + 0.5) * row[22] - 0.5 - row[24]
+    return (c + 0.5) * row[32] - 0.5 - row[33], (r + 0.5) * row[32] - 0.5 - row[34]
 
 
 @njit(cache=True, error_model="numpy")

@@ -7,9 +7,8 @@ Source: COLMAP's documentation, "Output format" and camera models.
 
 import numpy as np
 
-from orthomill.schemas.camera import Camera
+from orthomill.schemas.camera import LENSES, Camera, lens_parameters
 from orthomill.schemas.errors import WorkflowError
-from orthomill.schemas.findings.block_findings import CameraConstantsAveraged
 from orthomill.tasks.geometry.rotation_quaternion import quaternion, rotation_of_quaternion
 from orthomill.tasks.orientation.interchange.foreign_block import Y_DOWN, ForeignBlock, ForeignPose, photo_name
 
@@ -20,22 +19,22 @@ _LENS = {
     "RADIAL": ("f", "cx", "cy", "k1", "k2"),
     "OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"),
     "FULL_OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
+    "OPENCV_FISHEYE": ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4"),
 }
-"""Camera models that Brown's distortion can express, and the order of their parameters."""
+"""Camera models that can be read and written, and the order of their parameters."""
 _ORIGIN = "# Coordinates are those of the reference system less the origin:"
 
 
 def read_colmap(cameras: str, images: str, points: str = "") -> ForeignBlock:
     """The texts of cameras.txt, images.txt and (where there is one) points3D.txt as a block. Raises WorkflowError."""
-    findings: list[CameraConstantsAveraged] = []
-    known = dict(_camera(line, findings) for line in _lines(cameras))
+    known = dict(_camera(line) for line in _lines(cameras))
     origin = _origin(images)
     poses, of_photo = _poses(images, known, origin)
     rows = [line.split() for line in _lines(points)]
     # COLMAP writes an error of -1 for points without one.
     errors = [float(row[7]) for row in rows if float(row[7]) >= 0.0]
     xyz = np.array([row[1:4] for row in rows], float).reshape(-1, 3) + origin
-    return ForeignBlock(poses, of_photo, xyz, float(np.mean(errors)) if errors else None, tuple(dict.fromkeys(findings)))
+    return ForeignBlock(poses, of_photo, xyz, float(np.mean(errors)) if errors else None)
 
 
 def _poses(images: str, known: dict[str, Camera], origin: np.ndarray) -> tuple[dict[str, ForeignPose], dict[str, Camera]]:
@@ -73,33 +72,28 @@ def _origin(text: str) -> np.ndarray:
     return np.array(line.removeprefix(_ORIGIN).split()[:3], float) if line else np.zeros(3)
 
 
-def _camera(line: str, findings: list[CameraConstantsAveraged]) -> tuple[str, Camera]:
+def _camera(line: str) -> tuple[str, Camera]:
     """CAMERA_ID and camera of a line of cameras.txt."""
     number, model, width, height, *numbers = line.split()
     value = _parameters(number, model, numbers)
     fx, fy = value.get("f", value.get("fx", 0.0)), value.get("f", value.get("fy", 0.0))
-    if abs(fx / fy - 1.0) > 1e-6:
-        # Half of the difference of the constants, at half of the longer side of the frame.
-        off = 0.5 * abs(fx - fy) / max(fx, fy) * 0.5 * max(float(width), float(height))
-        findings.append(CameraConstantsAveraged(camera=number, x_px=fx, y_px=fy, error_px=off))
     # The image centre is half the size there, because the centre of the upper left pixel is (0.5, 0.5).
     place = {"x0": value["cx"] - int(width) / 2, "y0": int(height) / 2 - value["cy"]}
-    lens = {name: value.get(name, 0.0) for name in ("k1", "k2", "k3", "p1", "p2")}
-    name, size = f"camera {number}", {"width": int(width), "height": int(height)}
-    return number, Camera(name=name, c=0.5 * (fx + fy), source="file", **size, **place, **lens)
+    kind = "fisheye" if model == "OPENCV_FISHEYE" else "rational" if any(value.get(k) for k in ("k4", "k5", "k6")) else "brown"
+    camera = Camera(
+        name=f"camera {number}", width=int(width), height=int(height), c=fy, lens=LENSES[kind](), source="file", **place
+    )
+    lens = {name: value.get(name, 0.0) for name in lens_parameters(kind) if name[0] in "kp"}
+    return number, camera.changed(affinity=fx / fy - 1.0, **lens)
 
 
 def _parameters(number: str, model: str, numbers: list[str]) -> dict[str, float]:
-    """The parameters of a camera by name. Raises WorkflowError where Brown's distortion cannot express them."""
+    """The parameters of a camera by name. Raises WorkflowError for a model that is not known here."""
     if model not in _LENS or len(numbers) != len(_LENS[model]):
         raise WorkflowError(
-            f"cameras.txt has a camera of the model {model}, whose lens Brown's distortion cannot express; models that can be read "
-            f"are {', '.join(_LENS)}."
+            f"Camera {number} of cameras.txt is of the model {model}; models that can be read are {', '.join(_LENS)}."
         )
     value = dict(zip(_LENS[model], map(float, numbers), strict=True))
-    # The rational model with its denominator at zero is Brown's; COLMAP writes it for cameras from OpenCV.
-    if any(abs(value.get(name, 0.0)) > 1e-12 for name in ("k4", "k5", "k6")):
-        raise WorkflowError(f"Camera {number} of cameras.txt has k4, k5 or k6, which Brown's distortion does not include.")
     return value
 
 
@@ -125,6 +119,8 @@ def write_colmap(block: ForeignBlock, files: dict[str, str], origin: np.ndarray,
 def _camera_line(number: int, camera: Camera) -> str:
     # The centre of the upper left pixel is (0.5, 0.5) there: the image centre is half the size.
     cx, cy = camera.x0 + camera.width / 2, camera.height / 2 - camera.y0
-    lens = (camera.k1, camera.k2, camera.p1, camera.p2, camera.k3, 0.0, 0.0, 0.0)
-    numbers = " ".join(repr(float(v)) for v in (camera.c, camera.c, cx, cy, *lens))
-    return f"{number} FULL_OPENCV {camera.width} {camera.height} {numbers}\n"
+    model, kinds = ("OPENCV_FISHEYE", ("fisheye",)) if camera.lens.kind == "fisheye" else ("FULL_OPENCV", ("brown", "rational"))
+    if camera.lens.kind not in kinds:
+        return f"# {number}: COLMAP has no lens of the kind {camera.lens.kind} of the camera {camera.name}\n"
+    values = (camera.c * (1.0 + camera.affinity), camera.c, cx, cy, *map(camera.value, _LENS[model][4:]))
+    return f"{number} {model} {camera.width} {camera.height} {' '.join(repr(float(v)) for v in values)}\n"

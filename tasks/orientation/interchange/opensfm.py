@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from orthomill.schemas.camera import Camera
+from orthomill.schemas.camera import LENSES, Camera
 from orthomill.schemas.errors import WorkflowError
-from orthomill.schemas.findings.block_findings import BlockFinding, CameraConstantsAveraged, LargestReconstruction
+from orthomill.schemas.findings.block_findings import BlockFinding, LargestReconstruction
 from orthomill.tasks.geometry.rotation_vector import rotation_of_vector, vector_of_rotation
 from orthomill.tasks.geometry.topocentric import Reference, Topocentric, reference_of
 from orthomill.tasks.orientation.interchange.foreign_block import Y_DOWN, ForeignBlock, ForeignPose, photo_name
@@ -23,6 +23,7 @@ _MODELS = {
     "simple_radial": ("focal_x", "focal_y", ("k1",)),
     "radial": ("focal_x", "focal_y", ("k1", "k2")),
     "brown": ("focal_x", "focal_y", ("k1", "k2", "k3", "p1", "p2")),
+    "fisheye_opencv": ("focal_x", "focal_y", ("k1", "k2", "k3", "k4")),
 }
 
 
@@ -36,7 +37,7 @@ def read_opensfm(text: str, crs: str, reference: str | None = None) -> ForeignBl
         cameras = {name: _camera(name, values) for name, values in part["cameras"].items()}
         place = json.loads(reference) if reference else part.get("reference_lla")
         poses = {photo_name(name): _pose(shot) for name, shot in part["shots"].items()}
-        of_photo = {photo_name(name): cameras[shot["camera"]][0] for name, shot in part["shots"].items()}
+        of_photo = {photo_name(name): cameras[shot["camera"]] for name, shot in part["shots"].items()}
         points = np.array([point["coordinates"] for point in part.get("points", {}).values()], float).reshape(-1, 3)
     except (json.JSONDecodeError, KeyError, TypeError, ValueError) as error:
         # Any of these errors means another kind of JSON; the message says which key or type was missing.
@@ -48,7 +49,7 @@ def read_opensfm(text: str, crs: str, reference: str | None = None) -> ForeignBl
         raise WorkflowError(
             "The reconstruction holds no reference point (reference_lla); name OpenSfM's reference_lla.json as well."
         )
-    findings: list[BlockFinding] = [finding for _, finding in cameras.values() if finding]
+    findings: list[BlockFinding] = []
     if len(parts) > 1:
         findings.append(LargestReconstruction(count=len(parts), photos=len(part["shots"])))
     return _on_map(ForeignBlock(poses, of_photo, points, None, tuple(findings)), _reference(place), crs)
@@ -64,8 +65,7 @@ def _pose(shot: dict[str, Any]) -> ForeignPose:
     return ForeignPose(Y_DOWN @ rotation, -rotation.T @ np.array(shot["translation"], float))
 
 
-def _camera(name: str, values: dict[str, Any]) -> tuple[Camera, CameraConstantsAveraged | None]:
-    """The camera, and what it loses on the way."""
+def _camera(name: str, values: dict[str, Any]) -> Camera:
     kind = values["projection_type"]
     if kind not in _MODELS:
         raise WorkflowError(f"The camera {name} is {kind}; cameras that can be read are {', '.join(_MODELS)}.")
@@ -76,16 +76,13 @@ def _camera(name: str, values: dict[str, Any]) -> tuple[Camera, CameraConstantsA
         name=name,
         width=values["width"],
         height=values["height"],
-        c=0.5 * (x + y) * longer,
+        c=y * longer,
+        lens=LENSES["fisheye" if kind == "fisheye_opencv" else "brown"](),
         source="file",
         x0=values.get("c_x", 0.0) * longer,
         y0=-values.get("c_y", 0.0) * longer,
-        **{k: values.get(k, 0.0) for k in lens},
     )
-    # Half of the difference of the constants, at half of the longer side.
-    off = 0.25 * abs(x - y) * longer / max(x, y)
-    lost = CameraConstantsAveraged(camera=name, x_px=x * longer, y_px=y * longer, error_px=off)
-    return camera, lost if off > 0.01 else None
+    return camera.changed(affinity=x / y - 1.0, **{k: values.get(k, 0.0) for k in lens})
 
 
 def _on_map(block: ForeignBlock, reference: Reference, crs: str) -> ForeignBlock:
@@ -137,17 +134,17 @@ def _shot(pose: ForeignPose, camera: str, frame: Topocentric) -> dict[str, Any]:
 
 def _camera_values(camera: Camera) -> dict[str, Any]:
     longer = max(camera.width, camera.height)
+    projection = {"brown": "brown", "fisheye": "fisheye_opencv"}.get(camera.lens.kind)
+    if projection is None:
+        # Coefficients of one model in another would be a camera that looks right and is not.
+        return {"projection_type": "unknown", "width": camera.width, "height": camera.height, "lens": camera.lens.model_dump()}
     return {
-        "projection_type": "brown",
+        "projection_type": projection,
         "width": camera.width,
         "height": camera.height,
-        "focal_x": camera.c / longer,
+        "focal_x": camera.c * (1.0 + camera.affinity) / longer,
         "focal_y": camera.c / longer,
         "c_x": camera.x0 / longer,
         "c_y": -camera.y0 / longer,
-        "k1": camera.k1,
-        "k2": camera.k2,
-        "p1": camera.p1,
-        "p2": camera.p2,
-        "k3": camera.k3,
+        **{name: camera.value(name) for name in _MODELS[projection][2]},
     }

@@ -48,7 +48,7 @@ def start_distortion(cameras: Cameras, found: list[RelativeOrientation], relate:
         strongest = sorted(own, key=lambda pair: -pair.matches)[:_MOST_PAIRS]
         names = [(pair.left, pair.right) for pair in strongest]
         corner = 0.5 * float(np.hypot(camera.width, camera.height))
-        tried = [k1 for k1 in _TRIED if corner <= _ROOM * reach(camera.model_copy(update={"k1": k1}))]
+        tried = [k1 for k1 in _TRIED if corner <= _ROOM * reach(camera.changed(k1=k1))]
         fits = {k1: _kept(relate(cameras.with_k1({name: k1}), names)) for k1 in tried}
         best = max(fits, key=fits.__getitem__, default=0.0)
         if best and fits[best] > _GAIN * _explained(strongest):

@@ -23,9 +23,10 @@ def _cameras(facts: Facts) -> Grid:
         rows += [
             (name, parameter, before.interior[i], camera.interior[i], sigma[i], camera.interior[i] - before.interior[i])
             for i, parameter in enumerate(INTERIOR)
+            if parameter in camera.parameters
         ]
         # The unit of the calibration literature, in which k1 can be compared with published values.
-        k1, sigma_k1 = (before.k1 / before.c**2, camera.k1 / camera.c**2), sigma[K1]
+        k1, sigma_k1 = (before.value("k1") / before.c**2, camera.value("k1") / camera.c**2), sigma[K1]
         rows.append((name, "k1 in px^-2", *k1, sigma_k1 / camera.c**2 if sigma_k1 else None, None))
     return Grid(
         title="Cameras",

@@ -12,7 +12,6 @@ from orthomill.schemas.findings.block_findings import (
     BlockFinding,
     BlockSeparate,
     BlockUnexamined,
-    CameraConstantsAveraged,
     CheckMeasurementsApart,
     ConstantContradicted,
     ConstantNominal,
@@ -325,14 +324,6 @@ def block_separate(finding: BlockSeparate) -> str:
         f"{', '.join(finding.photos)} form a separate group which neither tie points nor positions or control connect to the "
         "block; it is kept as a free block of its own and takes no part in later stages. Run its photographs as a project of their "
         "own, or give positions or control that place it."
-    )
-
-
-@finding_sentence.register
-def camera_constants_averaged(finding: CameraConstantsAveraged) -> str:
-    return (
-        f"The camera {finding.camera} of the block that was read has two camera constants, {finding.x_px:.2f} and "
-        f"{finding.y_px:.2f} px; their mean is taken, which is {finding.error_px:.1f} px wrong at the border of the frame."
     )
 
 

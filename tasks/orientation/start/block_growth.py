@@ -77,6 +77,7 @@ class BlockGrowth:
             np.zeros((material.points, 3)),
             material.interior.value.copy(),
             np.zeros(3),
+            lens=material.interior.lens,
         )
         self.placed = np.zeros(photos, bool)
         self.known = np.zeros(material.points, bool)

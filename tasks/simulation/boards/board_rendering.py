@@ -138,7 +138,7 @@ def _floor_at(x, y, floor):
 @njit(cache=True, inline="always")
 def _ray_at(view, x, y):
     """Undistorted image coordinates in units of c, and the downward component of their ray (with 1 along the optical axis)."""
-    x, y = undistort_point(x, y, view.k1, view.k2, view.k3, view.p1, view.p2)
+    x, y = undistort_point(x, y, view)
     return x, y, -(view.r13 * x + view.r23 * y - view.r33)
 
 

@@ -74,7 +74,7 @@ def test_corners_behind_the_camera_have_the_residual_behind():
 def test_covariances_are_reported_by_parameter(calibration):
     covariance = calibration.interior_covariance
     free = np.isin(PARAMETERS, FREE)
-    assert covariance.shape == (10, 10) and (np.diag(covariance)[free] > 0).all()
+    assert covariance.shape == (17, 17) and (np.diag(covariance)[free] > 0).all()
     assert not covariance[~free].any() and not covariance[:, ~free].any()
     correlation = calibration.correlation
     assert np.diag(correlation) == pytest.approx(np.ones(len(correlation))) and np.abs(correlation).max() <= 1 + 1e-9

@@ -22,14 +22,14 @@ FIXED, WEIGHTED, FREE = FixedInterior(kind="fixed"), WeightedInterior(kind="weig
 def calibrated(known=("c", "x0", "y0", "k1")):
     """A calibrated camera whose `known` parameters are correlated."""
     rng = np.random.default_rng(4)
-    half = rng.standard_normal((8, 8))
+    half = rng.standard_normal((17, 17))
     chosen = np.isin(INTERIOR, known)
-    sigma = np.where(chosen, [0.5, 0.3, 0.3, 1e-4, 1e-4, 1e-4, 1e-6, 1e-6], 0.0)
-    correlation = half @ half.T + 4 * np.eye(8)
+    sigma = np.where(chosen, [0.5, 0.3, 0.3, 1e-4, 1e-4, 1e-4, 1e-6, 1e-6, *[1e-4] * 9], 0.0)
+    correlation = half @ half.T + 4 * np.eye(17)
     scale = sigma / np.sqrt(np.diag(correlation))
     covariance = correlation * scale[:, None] * scale
     rows = tuple(tuple(float(v) for v in row) for row in covariance)
-    return EXIF.model_copy(update={"name": "calibrated", "covariance": rows, "source": "chessboards", "k1": -0.05})
+    return EXIF.model_copy(update={"name": "calibrated", "covariance": rows, "source": "chessboards"}).changed(k1=-0.05)
 
 
 def test_fixed_cameras_have_no_unknowns():
@@ -46,7 +46,7 @@ def test_free_cameras_have_the_named_unknowns_without_weight():
 
 def test_the_default_of_free_cameras_leaves_out_what_a_block_cannot_separate():
     free = interior_prior([EXIF], FREE).free[0]
-    assert dict(zip(INTERIOR, free, strict=True)) == dict.fromkeys(INTERIOR, True) | {"k3": False, "p1": False, "p2": False}
+    assert dict(zip(INTERIOR, free, strict=True)) == {name: name in ("c", "x0", "y0", "k1", "k2") for name in INTERIOR}
 
 
 def test_weighted_cameras_have_the_inverse_covariance_of_what_is_known():

@@ -55,12 +55,12 @@ def test_rays_depend_on_their_photograph_camera_and_kept_point(choice):
     for i in range(0, len(rays), 17):
         own = columns[row[i]]
         assert (own[:6] == 6 * rays.photo[i] + np.arange(6)).all()
-        assert (own[6:14] == network.interior_columns[0]).all()
+        assert (own[6 : 6 + len(network.estimated)] == network.interior_columns[0][network.estimated]).all()
         where = np.flatnonzero(network.kept == rays.point[i])
         if len(network.kept):
-            assert (own[14:] == (network.kept_columns[where[0]] if len(where) else -1)).all()
+            assert (own[6 + len(network.estimated) :] == (network.kept_columns[where[0]] if len(where) else -1)).all()
         else:
-            assert len(own) == 14
+            assert len(own) == 6 + len(network.estimated)
 
 
 def test_prior_information_connects_photographs_with_the_shift_and_ends_of_distances():

@@ -14,9 +14,7 @@ from orthomill.tasks.geometry.view import View
 from orthomill.tasks.simulation.boards.board_rendering import BoardFilm, photograph_floor
 from orthomill.tasks.simulation.boards.board_scene import BoardType
 
-CAMERA = SIX_BOARDS.camera.model_copy(
-    update={"width": 900, "height": 600, "c": 760.0, "x0": 2.0, "y0": 1.0, "k1": -0.1, "k2": 0.03}
-)
+CAMERA = SIX_BOARDS.camera.model_copy(update={"width": 900, "height": 600}).changed(c=760.0, x0=2.0, y0=1.0, k1=-0.1, k2=0.03)
 SETUP = replace(SIX_BOARDS, camera=CAMERA, boards=1, photos=8, board=BoardType((9, 6), 0.03, 0.03), seed=5, back=1.3)
 
 

@@ -91,7 +91,7 @@ def test_published_setups_are_calibrated(setup):
 
 
 def test_a_wide_lens_is_calibrated_from_homographies_that_know_nothing_of_it():
-    camera = SIX_BOARDS.camera.model_copy(update={"c": 2100.0, "k1": -0.26, "k2": 0.08, "k3": 0.0})
+    camera = SIX_BOARDS.camera.changed(c=2100.0, k1=-0.26, k2=0.08, k3=0.0)
     target, found, order = corners(replace(SIX_BOARDS, camera=camera), 0.3)
     known = arrangement_of(found, target)
     assert one_renumbering(known.naming.photos, order)

@@ -20,7 +20,7 @@ from orthomill.tasks.calibration.reporting.advice import (
 )
 from orthomill.tasks.calibration.reporting.advice_sentences import advice_sentence
 from orthomill.tasks.calibration.solving.arranging import arrangement_of
-from orthomill.tasks.calibration.solving.model_choice import MODELS, HeldOut, held_out
+from orthomill.tasks.calibration.solving.model_choice import HeldOut, held_out
 
 GOOD = PhotoGeometry(tilt_median=25.0, tilt_largest=35.0, turned=90.0, directions=4, coverage=0.9)
 
@@ -115,7 +115,7 @@ def test_a_calibration_without_a_check_says_so():
 
 def test_held_out_photographs_that_fit_worse_and_halves_that_differ_are_reported():
     target, result = easy_calibration()
-    fine = held_out(result, target, MODELS[3])
+    fine = held_out(result, target)
     assert fine is not None and result_advice(result, fine, target) == []
     worse = result_advice(result, replace(fine, rms=2.0 * result.rms), target)
     assert codes(worse) == [Weakness.HELD_OUT_WORSE] and worse[0].value == pytest.approx(2.0)

@@ -15,7 +15,8 @@ from orthomill.tasks.calibration.reporting.board_grids import board_grid, exteri
 from orthomill.tasks.calibration.reporting.board_report import _pictures, chessboards_report
 from orthomill.tasks.calibration.reporting.calibration_results import CalibrationResults
 from orthomill.tasks.calibration.reporting.drawing import draw_boards, usual_length
-from orthomill.tasks.calibration.solving.model_choice import MODELS, held_out
+from orthomill.tasks.calibration.solving.lens_models import MODELS
+from orthomill.tasks.calibration.solving.model_choice import held_out
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +24,7 @@ def results() -> CalibrationResults:
     target, result = easy_calibration()
     photos, _, searches = easy_tables()
     constant = easy_arrangement()[1].constant
-    checks = {**dict.fromkeys(MODELS), MODELS[3]: held_out(result, target, MODELS[3])}
+    checks = {**dict.fromkeys(MODELS), MODELS[3]: held_out(result, target)}
     return CalibrationResults(result, target, list(photos.names), constant, checks, searches, everything_named(photos, 3))
 
 
@@ -83,7 +84,7 @@ def test_numbers_are_rounded_to_significant_digits(value, expected):
 def test_parameters_are_printed_in_powers_of_pixels(results):
     grid, state = parameter_grid(results), results.result.state
     rows = {row[0]: row for row in grid.rows}
-    assert list(rows) == list(MODELS[3])
+    assert list(rows) == list(MODELS[3].free)
     c = state.interior[0]
     assert rows["c"][1] == pytest.approx(c, rel=1e-6) and rows["c"][4] == "px"
     assert rows["k1"][1] == pytest.approx(state.interior[3] / c**2, rel=1e-6) and rows["k1"][4] == "px^-2"
@@ -94,7 +95,7 @@ def test_parameters_are_printed_in_powers_of_pixels(results):
 
 def test_the_model_in_use_is_marked(results):
     grid = model_grid(results)
-    assert [row[2] for row in grid.rows] == ["", "", "", "used"] and [row[1] is None for row in grid.rows] == [
+    assert [row[-1] for row in grid.rows] == ["", "", "", "used"] and [row[2] is None for row in grid.rows] == [
         True,
         True,
         True,

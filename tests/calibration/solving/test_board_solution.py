@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.calibration.solving.calibration_precision import board_precision, correlations, photo_precision
-from orthomill.tasks.calibration.solving.model_choice import MODELS, HeldOut, choice, compare, held_out
+from orthomill.tasks.calibration.solving.lens_models import MODELS
+from orthomill.tasks.calibration.solving.model_choice import HeldOut, held_out
 from orthomill.tasks.calibration.solving.solving import CalibrationTarget, resected, solve, too_few, with_uncertain_boards
 from orthomill.tasks.geometry.rotation import rotation_matrix
 
@@ -30,9 +31,9 @@ def test_corners_of_a_board_start_at_its_first_corner():
 
 
 def test_the_network_of_a_target_counts_its_unknowns():
-    network = replace(TARGET, arrangement="space").network(5, 3, MODELS[0])
+    network = replace(TARGET, arrangement="space").network(5, 3, MODELS[0].free)
     assert network.unknowns == 6 * 5 + 6 * 2 + 5 and network.local.shape == (12, 3)
-    assert TARGET.network(5, 3, MODELS[0]).unknowns == 6 * 5 + 3 * 2 + 5
+    assert TARGET.network(5, 3, MODELS[0].free).unknowns == 6 * 5 + 3 * 2 + 5
 
 
 @pytest.mark.parametrize(
@@ -45,17 +46,17 @@ def test_too_few_photographs_are_counted_in_the_message(photos, words):
 def test_no_initial_state_is_too_few_photographs():
     _, known = easy_arrangement()
     with pytest.raises(GeometryError, match="Only 0 photographs"):
-        solve(TARGET, (), known.start.corners.take(np.empty(0, dtype=int)), MODELS[0])
+        solve(TARGET, (), known.start.corners.take(np.empty(0, dtype=int)), MODELS[0].free)
 
 
 def test_a_poor_start_is_followed_by_the_next_one():
     target, known = easy_arrangement()
     good = known.start.states[0]
     blind = replace(good, centre=good.centre * [1.0, 1.0, -1.0])
-    result = solve(target, (blind, good), known.start.corners, MODELS[0])
+    result = solve(target, (blind, good), known.start.corners, MODELS[0].free)
     assert result.state.interior == pytest.approx(known.result.state.interior, rel=1e-4, abs=1e-2)
     with pytest.raises(GeometryError):
-        solve(target, (blind,), known.start.corners, MODELS[0])
+        solve(target, (blind,), known.start.corners, MODELS[0].free)
 
 
 def test_boards_without_standard_errors_are_exact():
@@ -87,7 +88,7 @@ def test_sigma0_is_the_noise_and_the_truth_is_within_four_standard_errors():
     _, result = easy_calibration()
     sigma = np.sqrt(np.diag(result.interior_covariance))[:8]
     assert result.sigma0 == pytest.approx(0.3, rel=0.1)
-    assert (np.abs(result.state.interior[:8] - EASY.camera.interior) < 4.0 * sigma).all()
+    assert (np.abs(result.state.interior[:8] - EASY.camera.interior[:8]) < 4.0 * sigma).all()
 
 
 def test_precision_of_a_photo_is_that_of_its_angles():
@@ -111,7 +112,7 @@ def test_correlations_of_the_interior_with_itself_are_one_on_the_diagonal():
     _, result = easy_calibration()
     table = correlations(result)
     own = table.typical[:, [table.columns.index(name) for name in table.rows]]
-    assert table.rows == MODELS[3] and np.diag(own) == pytest.approx(np.ones(8)) and own == pytest.approx(own.T)
+    assert table.rows == MODELS[3].free and np.diag(own) == pytest.approx(np.ones(8)) and own == pytest.approx(own.T)
 
 
 def test_one_board_alone_has_no_correlations_with_boards():
@@ -120,33 +121,25 @@ def test_one_board_alone_has_no_correlations_with_boards():
     state = replace(
         known.result.state, turn=known.result.state.turn[:1], shift=known.result.state.shift[:1], local=known.result.state.local[:1]
     )
-    result = solve(replace(target, boards=1), (state,), corners, MODELS[0])
-    assert correlations(result).columns == ("X0", "Y0", "Z0", "omega", "phi", "kappa", *MODELS[0])
+    result = solve(replace(target, boards=1), (state,), corners, MODELS[0].free)
+    assert correlations(result).columns == ("X0", "Y0", "Z0", "omega", "phi", "kappa", *MODELS[0].free)
 
 
 def test_halves_differ_by_chance_only():
     target, result = easy_calibration()
-    check = held_out(result, target, MODELS[3])
+    check = held_out(result, target)
     assert check is not None and (check.sigma[:8] > 0).all() and (check.sigma[8:] == 0).all()
     assert (np.abs(check.difference[:8]) < 4.0 * check.sigma[:8]).all() and (check.difference[8:] == 0).all()
     assert check.rms == pytest.approx(0.3 * np.sqrt(2), rel=0.1) and check.rms_all >= 0.99 * check.rms
 
 
 def test_parameters_that_are_not_estimated_stay_zero_in_both_halves():
-    target, result = easy_calibration()
-    check = held_out(result, target, MODELS[0])
+    target, known = easy_arrangement()
+    check = held_out(known.result, target)
     assert check is not None and (check.difference[5:] == 0).all() and check.sigma[5:].max() == 0.0
 
 
 def test_the_worst_parameter_is_named_in_its_standard_errors():
-    difference, sigma = np.zeros(10), np.zeros(10)
+    difference, sigma = np.zeros(17), np.zeros(17)
     difference[[0, 2, 9]], sigma[[0, 2]] = [3.0, -8.0, 100.0], [1.0, 2.0]
     assert HeldOut(1.0, 1.0, difference, sigma).worst == ("y0", 4.0), "without a standard error nothing was estimated"
-
-
-def test_a_model_of_ones_own_is_compared_with_the_published_ones(monkeypatch):
-    target, result = easy_calibration()
-    own = replace(result, network=replace(result.network, free=("c", "k1")))
-    monkeypatch.setattr("orthomill.tasks.calibration.solving.model_choice.held_out", lambda result, target, free: None)
-    assert list(compare(own, target)) == [*MODELS, ("c", "k1")] and list(compare(result, target)) == list(MODELS)
-    assert choice(compare(own, target)) == MODELS[0]

@@ -218,7 +218,7 @@ def test_the_start_uses_the_constant_of_the_homographies_first():
     found = [imaged(projections[0]), np.empty((0, 12, 2)), imaged(projections[1]), imaged(projections[2])]
     start = start_of(found, naming(projections[0], None, *projections[1:]), LOCAL, (4000, 3000))
     assert start.photo.tolist() == [0, 2, 3] and len(start.corners) == 36
-    assert start.states[0].interior.tolist() == pytest.approx([C, *[0.0] * 9])
+    assert start.states[0].interior.tolist() == pytest.approx([C, *[0.0] * 16])
     assert np.isnan(start.constant.c1[1]) and start.constant.c == pytest.approx(C)
     others = [state.interior[0] for state in start.states[2:]]
     assert others == [3200.0, 5200.0, 2000.0, 8800.0], "from wide to tele, in units of the longer side"
@@ -231,7 +231,7 @@ def test_an_absurd_constant_is_not_tried():
 
 
 def test_a_restart_keeps_the_interior_orientation():
-    interior = np.array([C, 3.0, -2.0, -0.1, 0.02, 0.0, 0.0, 0.0, 0.0, 0.0])
+    interior = np.array([C, 3.0, -2.0, -0.1, 0.02, *[0.0] * 12])
     start = restart_of([imaged(projection(0.4, 0.2))], naming(projection(0.4, 0.2)), LOCAL, interior)
     (state,) = start.states
     assert np.array_equal(state.interior, interior) and state.interior is not interior

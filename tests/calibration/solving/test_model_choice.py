@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from orthomill.tasks.calibration.solving.model_choice import MODELS, HeldOut, choice
+from orthomill.tasks.calibration.solving.lens_models import MODELS
+from orthomill.tasks.calibration.solving.model_choice import HeldOut, choice
 
 
 def judged(*rms: float | None):

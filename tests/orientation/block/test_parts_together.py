@@ -24,8 +24,8 @@ def material(seen):
     """Photographs a to e, 10 m apart, and points on the ground below; `seen`: point -> numbers of photographs."""
     point, photo = (np.array(v, np.int32) for v in zip(*((p, i) for p, own in seen.items() for i in own), strict=True))
     rays = Rays(point, photo, np.zeros((len(point), 2)), np.full(len(point), 0.5))
-    free = np.zeros((1, 8), bool)
-    interior = Interior(np.array([CAMERA.interior]), np.zeros((1, 8, 8)), free, free)
+    free = np.zeros((1, 17), bool)
+    interior = Interior(np.array([CAMERA.interior]), np.zeros((1, 17, 17)), free, free)
     return GrowthMaterial(tuple("abcde"), ("cam",), [CAMERA], np.zeros(5, np.int64), interior, rays, max(seen) + 1, ())
 
 

@@ -6,7 +6,7 @@ from simulated_block import DRONE, block_of, looking
 
 from orthomill.tasks.geometry.view import View
 
-NOMINAL = DRONE.model_copy(update={"c": 1.04 * DRONE.c, "k1": 0.0})
+NOMINAL = DRONE.changed(c=1.04 * DRONE.c, k1=0.0)
 
 
 def around(rng, aim, spread, height, photos=12):

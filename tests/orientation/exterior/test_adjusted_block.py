@@ -133,7 +133,7 @@ def test_self_calibration_with_control_recovers_the_camera():
     camera, truth = result.cameras["cam"], block.views[0].camera
     sigma = np.sqrt(np.diag(np.array(camera.covariance)))
     assert abs(camera.c - truth.c) < 4 * sigma[0] and sigma[0] < 5
-    assert camera.k2 == block.cameras.cameras["cam"].k2
+    assert camera.lens.k2 == block.cameras.cameras["cam"].lens.k2
 
 
 def two_groups_and_a_lone_photograph(gnss):

@@ -54,12 +54,11 @@ def test_points_of_a_reconstruction_are_on_the_map():
     np.testing.assert_allclose(block.points, expected)
 
 
-def test_two_camera_constants_are_averaged_and_reported():
+def test_two_camera_constants_are_an_affinity():
     text = json.dumps([reconstruction(reference_lla=PLACE)]).replace('"focal_y": 0.8', '"focal_y": 0.82')
     block = read_opensfm(text, CRS)
-    (found,) = block.findings
-    assert block.cameras["a"].c == pytest.approx(0.81 * 640)
-    assert (found.x_px, found.y_px) == pytest.approx((512.0, 524.8)) and found.error_px == pytest.approx(0.25 * 0.02 * 640 / 0.82)
+    camera = block.cameras["a"]
+    assert camera.c == pytest.approx(0.82 * 640) and camera.c * (1.0 + camera.affinity) == pytest.approx(0.8 * 640)
 
 
 def test_standard_errors_of_angles_are_read_in_degrees_or_not_at_all():
@@ -97,12 +96,7 @@ def test_colmap_coordinates_come_back_through_their_origin():
 @pytest.mark.parametrize(
     ("cameras", "images", "sentence"),
     [
-        ("1 PINHOLE 640 480 500 500 320\n", "", "PINHOLE, whose lens Brown's distortion cannot express"),
-        (
-            "1 FULL_OPENCV 640 480 500 500 320 240 0 0 0 0 0 0.1 0 0\n",
-            "",
-            "k4, k5 or k6, which Brown's distortion does not include",
-        ),
+        ("1 PINHOLE 640 480 500 500 320\n", "", "is of the model PINHOLE; models that can be read"),
         ("1 SIMPLE_PINHOLE 640 480 500 320 240\n", "1 1 0 0 0 0 0 0 7 a\n", r"not an image of COLMAP's text model"),
         ("1 SIMPLE_PINHOLE 640 480 500 320 240\n", "1 1 0 0 0 0 0\n", r"must hold IMAGE_ID, QW QX QY QZ"),
     ],

@@ -8,7 +8,7 @@ import pytest
 from orienting import orient, sentences
 from simulated_block import TRUE_CAMERA, two_strips
 
-from orthomill.schemas.camera import Camera
+from orthomill.schemas.camera import BrownLens, Camera, FisheyeLens, RationalLens
 from orthomill.schemas.errors import GeometryError, WorkflowError
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.tasks.geometry.rotation import angles, rotation_matrix
@@ -231,14 +231,28 @@ def test_a_wrong_table_of_angles_is_told(text, sentence):
 
 
 def test_lenses_that_cannot_be_carried_over_are_refused():
-    with pytest.raises(WorkflowError, match="OPENCV_FISHEYE, whose lens"):
-        read_colmap("1 OPENCV_FISHEYE 640 480 1 1 1 1 0 0 0 0\n", "")
+    with pytest.raises(WorkflowError, match="of the model FOV; models that can be read are"):
+        read_colmap("1 FOV 640 480 1 1 1 1 0\n", "")
     with pytest.raises(WorkflowError, match="fisheye"):
         read_opensfm('[{"cameras": {"v": {"projection_type": "fisheye", "width": 1, "height": 1}}, "shots": {}}]', CRS)
     with pytest.raises(WorkflowError, match=r"not a reconstruction\.json"):
         read_opensfm('{"type": "FeatureCollection"}', CRS)
-    (lost,) = read_colmap("1 PINHOLE 640 480 500 501 320 240\n", "1 1 0 0 0 0 0 0 1 a\n").findings
-    assert (lost.camera, lost.x_px, lost.y_px) == ("1", 500.0, 501.0)
+
+
+@pytest.mark.parametrize(
+    ("line", "lens"),
+    [
+        ("1 PINHOLE 640 480 500 501 320 240", BrownLens()),
+        (
+            "1 FULL_OPENCV 640 480 500 501 320 240 0.1 0.2 0.01 0.02 0 0.3 0 0.4",
+            RationalLens(k1=0.1, k2=0.2, p1=0.01, p2=0.02, k4=0.3, k6=0.4),
+        ),
+        ("1 OPENCV_FISHEYE 640 480 500 501 320 240 0.1 0.2 0.3 0.4", FisheyeLens(k1=0.1, k2=0.2, k3=0.3, k4=0.4)),
+    ],
+)
+def test_lenses_of_colmap_are_read(line, lens):
+    camera = read_colmap(line + "\n", "1 1 0 0 0 0 0 0 1 a\n").cameras["a"]
+    assert camera.lens == lens and camera.c == 501.0 and camera.c * (1.0 + camera.affinity) == pytest.approx(500.0)
 
 
 def test_a_block_of_other_photographs_is_told(volos_like):

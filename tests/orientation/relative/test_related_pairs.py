@@ -117,7 +117,7 @@ def test_matches_on_one_line_are_named():
 
 def test_a_lens_that_cannot_be_inverted_is_named():
     block = two_views(((407020, 4357000, 180), (0, 0, 90)))
-    folding = block.cameras.cameras["cam"].model_copy(update={"k1": -400.0, "source": "given"})
+    folding = block.cameras.cameras["cam"].model_copy(update={"source": "given"}).changed(k1=-400.0)
     cameras = block.cameras.model_copy(update={"cameras": {"cam": folding}})
     assert "distortion of the camera cannot be undone" in only_pair(replace(block, cameras=cameras)).outcome
 

@@ -22,7 +22,7 @@ def relating(kept_by_k1, asked=None):
     """A way of relating pairs that keeps so many of 100 matches with each k1."""
 
     def relate(own, pairs):
-        k1 = own.cameras["wide"].k1
+        k1 = own.cameras["wide"].lens.k1
         if asked is not None:
             asked.append(k1)
         kept = kept_by_k1(k1)
@@ -34,7 +34,7 @@ def relating(kept_by_k1, asked=None):
 def test_the_distortion_with_which_most_matches_fit_is_the_start():
     relate = relating(lambda k1: round(95 - 300 * abs(k1 + 0.14)))
     found = start_distortion(cameras(), relate(cameras(), list(PAIRS)), relate)
-    assert found.k1 == {"wide": -0.15} and found.cameras.of("b").k1 == -0.15
+    assert found.k1 == {"wide": -0.15} and found.cameras.of("b").lens.k1 == -0.15
 
 
 def test_nothing_is_tried_where_matches_fit():

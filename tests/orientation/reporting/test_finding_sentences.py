@@ -85,10 +85,6 @@ SPOKEN = [
     ),
     (f.GroupsUnconnected(groups=(("a", "b", "c"), ("d", "e"), ("g", "h"))), ["3 groups", "Apart from the largest: d, e; g, h."]),
     (f.BlockSeparate(photos=("d", "e")), ["d, e form a separate group", "free block of its own"]),
-    (
-        f.CameraConstantsAveraged(camera="v2", x_px=500.0, y_px=501.0, error_px=0.16),
-        ["camera v2", "two camera constants, 500.00 and 501.00 px", "0.2 px wrong"],
-    ),
     (f.LargestReconstruction(count=3, photos=17), ["3 reconstructions", "of 17 photographs"]),
     (f.PhotosUnknown(photos=tuple("abcdefghij")), ["10 photographs", "a, b, c, d, e, f, g, h and 2 more"]),
     (f.BlockElsewhere(source="ori.csv", offset=(0.1, -0.2, 43.0)), ["ori.csv", "+0.1, -0.2, +43.0 m", "height system"]),

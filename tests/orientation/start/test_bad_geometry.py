@@ -201,7 +201,7 @@ def oblique(factor, seed=1):
         xyz = (407000 + 20 * place + rng.normal(0, 0.5), 4357000 + 25 * strip + rng.normal(0, 0.5), 180 + rng.normal(0, 0.5))
         tilt = np.array([30, 0, 0]) if strip == 0 else np.array([-30, 0, 180])
         views.append(view(f"o{i}", DRONE, xyz, tilt + rng.normal(0, 1.5, 3)))
-    nominal = DRONE.model_copy(update={"c": factor * DRONE.c, "k1": 0.0})
+    nominal = DRONE.changed(c=factor * DRONE.c, k1=0.0)
     return simulate(views, nominal, seed, gnss=3.0, control=0, check=0, tracks=900)
 
 
@@ -243,7 +243,7 @@ def test_a_photograph_with_few_tie_points_in_a_corner_is_set_aside_and_the_rest_
     for i in range(10):
         xyz = np.array((407000 + 20 * (i % 5), 4357000 + 25 * (i // 5), 180)) + rng.normal(0, 0.5, 3)
         views.append(view(f"o{i}", DRONE, xyz, rng.normal(0, 1.5, 3)))
-    block = simulate(views, DRONE.model_copy(update={"k1": 0.0}), 1, gnss=3.0, control=0, check=0, tracks=900)
+    block = simulate(views, DRONE.changed(k1=0.0), 1, gnss=3.0, control=0, check=0, tracks=900)
     ties = block.tie_points
     own = np.flatnonzero(ties.photo == 9)
     lost = own[np.argsort(ties.col[own] + ties.row[own])[8:]]
@@ -255,7 +255,7 @@ def test_a_photograph_with_few_tie_points_in_a_corner_is_set_aside_and_the_rest_
 
 
 def folded(block, k1):
-    camera = block.cameras.cameras["cam"].model_copy(update={"k1": k1, "source": "given"})
+    camera = block.cameras.cameras["cam"].model_copy(update={"source": "given"}).changed(k1=k1)
     return replace(block, cameras=block.cameras.model_copy(update={"cameras": {"cam": camera}}))
 
 

@@ -13,9 +13,7 @@ from orthomill.pipeline.cli.commands import app
 from orthomill.schemas.raster import Window
 from orthomill.tasks.simulation.boards.board_rendering import BoardFilm, photograph_floor
 
-CAMERA = SIX_BOARDS.camera.model_copy(
-    update={"width": 720, "height": 480, "c": 610.0, "x0": 3.0, "y0": -2.0, "k1": -0.1, "k2": 0.03}
-)
+CAMERA = SIX_BOARDS.camera.model_copy(update={"width": 720, "height": 480}).changed(c=610.0, x0=3.0, y0=-2.0, k1=-0.1, k2=0.03)
 SETUP = replace(SIX_BOARDS, camera=CAMERA, boards=3, photos=6, share=0.7, seed=3)
 
 

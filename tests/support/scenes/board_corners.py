@@ -10,10 +10,10 @@ from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment
 from orthomill.tasks.calibration.board_tables import Arranged, ArrangedPhoto, BoardPhotos, Corners, PhotoSearch
 from orthomill.tasks.calibration.detection.board_photographs import corners_of_boards
 from orthomill.tasks.calibration.solving.arranging import Arrangement, arrangement_of
-from orthomill.tasks.calibration.solving.model_choice import MODELS
+from orthomill.tasks.calibration.solving.lens_models import MODELS
 from orthomill.tasks.calibration.solving.solving import CalibrationTarget, solve
 
-LENS = SIX_BOARDS.camera.model_copy(update={"p1": 0.002, "p2": -0.001})
+LENS = SIX_BOARDS.camera.changed(p1=0.002, p2=-0.001)
 EASY = replace(SIX_BOARDS, boards=3, photos=8, camera=LENS)
 """Three boards in eight photographs of a lens with tangential distortion."""
 
@@ -42,7 +42,7 @@ def easy_arrangement() -> tuple[CalibrationTarget, Arrangement]:
 def easy_calibration() -> tuple[CalibrationTarget, BoardAdjustment]:
     """EASY, adjusted with all eight parameters."""
     target, known = easy_arrangement()
-    return target, solve(target, (known.result.state,), known.start.corners, MODELS[3])
+    return target, solve(target, (known.result.state,), known.start.corners, MODELS[3].free)
 
 
 @lru_cache(maxsize=1)

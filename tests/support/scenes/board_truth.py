@@ -10,7 +10,7 @@ from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
 
 LOCAL = np.array([[0.05 * i, 0.05 * j, 0.0] for j in range(4) for i in range(5)])
-INTERIOR = np.array([900.0, 4.0, -3.0, -0.1, 0.05, -0.02, 0.001, -0.0008, 0.002, -0.001])
+INTERIOR = np.array([900.0, 4.0, -3.0, -0.1, 0.05, -0.02, 0.001, -0.0008, 0.002, -0.001, *[0.0] * 7])
 FREE = ("c", "x0", "y0", "k1", "k2")
 
 

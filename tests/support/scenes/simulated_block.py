@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orthomill.schemas.camera import INTERIOR, Camera, Cameras
+from orthomill.schemas.camera import Camera, Cameras, padded
 from orthomill.schemas.observations import Control, ControlPoint, TiePoints
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.tasks.geometry.camera_change import QUARTER_TURNS, turned, upright_name
@@ -32,11 +32,10 @@ SIGMA_INTERIOR = np.array([0.5, 0.4, 0.4, 4e-4, 8e-4, 0.0, 2e-5, 2e-5])
 
 def calibrated(truth: Camera, rng: np.random.Generator, sigma: np.ndarray = SIGMA_INTERIOR) -> Camera:
     """The camera as a calibration with these standard errors would report it."""
-    values = np.array(truth.interior) + sigma * rng.standard_normal(8)
-    covariance = tuple(tuple(float(v) for v in row) for row in np.diag(sigma**2))
-    return truth.model_copy(
-        update=dict(zip(INTERIOR, map(float, values), strict=True)) | {"covariance": covariance, "source": "chessboards"}
-    )
+    values = np.array(truth.interior)
+    values[: len(sigma)] += sigma * rng.standard_normal(len(sigma))
+    covariance = padded(tuple(tuple(float(v) for v in row) for row in np.diag(sigma**2)))
+    return truth.with_interior(values).model_copy(update={"covariance": covariance, "source": "chessboards"})
 
 
 def surface(x, y, height):
@@ -147,7 +146,7 @@ def one_strip(seed=0, photos=8, **options):
         )
         for i in range(photos)
     ]
-    nominal = DRONE.model_copy(update={"c": 1165.0, "k1": 0.0})
+    nominal = DRONE.changed(c=1165.0, k1=0.0)
     return simulate(views, nominal, seed, **({"gnss": 3.0, "control": 0, "check": 0} | options))
 
 

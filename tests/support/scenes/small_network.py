@@ -91,7 +91,7 @@ def prior_alone(network, state):
 
 def dense(network, state, rays):
     """The whole design matrix, plain NumPy: unknowns of the reduced system first, then the points."""
-    (row, columns), (jg, jp) = ray_columns(network, rays), derivatives(state, rays, network.camera_of)
+    (row, columns), (jg, jp) = ray_columns(network, rays), derivatives(state, rays, network.camera_of, network.estimated)
     n, N = network.unknowns, len(state.point)
     A = np.zeros((len(rays), 2, n + 3 * N))
     for i in range(len(rays)):
