@@ -35,7 +35,7 @@ from orthomill.tasks.calibration.solving.arranging import arrangement_of, found_
 from orthomill.tasks.calibration.solving.calibration_precision import board_precision, photo_precision
 from orthomill.tasks.calibration.solving.initial_constant import ConstantEstimate
 from orthomill.tasks.calibration.solving.lens_models import LensModel, model_of, with_affinity
-from orthomill.tasks.calibration.solving.model_choice import EQUAL, HeldOut, Judged, choice, compare
+from orthomill.tasks.calibration.solving.model_choice import EQUAL, HeldOut, choice, compare
 from orthomill.tasks.calibration.solving.solving import CalibrationTarget
 
 
@@ -96,22 +96,24 @@ def calibrate(
     # Computed again as in the job that named the boards: it takes seconds, and saves a table with the whole state of an adjustment.
     known = arrangement_of(found_boards(corners, target), target)
     measured = _with_completed(known.start.corners, arranged, completed, known.start.photo, target)
-    judged = compare(known.result, measured, target, model_of(model.lens, model.free or ()))
+    models = model_of(model.lens, model.free or ())
+    if model.free is None:
+        # With the affinity free: pixels that are not square must not decide about the lens.
+        models = tuple(map(with_affinity, models))
+    judged = compare(known.result, measured, target, models)
     chosen = choice({name: one.check for name, one in judged.items()})
     if model.free is None:
-        # Square pixels are the rule, so that the model is chosen for them; only then are others tried.
-        judged |= compare(judged[chosen].result, measured, target, (with_affinity(chosen),))
-        chosen = _more(judged, chosen)
+        square = with_affinity(chosen, False)
+        judged |= compare(judged[chosen].result, measured, target, (square,))
+        chosen = square if _as_good(judged[square].check, judged[chosen].check) else chosen
     result, checks = judged[chosen].result, {name: one.check for name, one in judged.items()}
     used = known.start.photo
     return CalibratedBoards(result, replace(known.constant, c1=known.constant.c1[used], c2=known.constant.c2[used]), used, checks)
 
 
-def _more(judged: dict[LensModel, Judged], chosen: LensModel) -> LensModel:
-    """The model with an affinity where held-out photographs support it."""
-    wider = with_affinity(chosen)
-    both = judged[chosen].check, judged[wider].check if wider in judged else None
-    return wider if both[0] and both[1] and both[1].figure < EQUAL * both[0].figure else chosen
+def _as_good(simple: HeldOut | None, other: HeldOut | None) -> bool:
+    """Whether held-out photographs do not need what the simpler model lacks."""
+    return simple is None or other is None or simple.figure <= other.figure / EQUAL
 
 
 def _with_completed(

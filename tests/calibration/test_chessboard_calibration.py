@@ -20,7 +20,7 @@ from orthomill.tasks.calibration.chessboards import (
     index_board_photos,
     residual_table,
 )
-from orthomill.tasks.calibration.solving.lens_models import MODELS
+from orthomill.tasks.calibration.solving.lens_models import MODELS, with_affinity
 
 FIVE = Model(MODELS[0].free)
 
@@ -64,7 +64,7 @@ def test_parameters_that_are_not_asked_for_are_zero_and_fixed(calibrated):
 
 def test_without_a_stated_model_the_held_out_photographs_choose(monkeypatch):
     photos, corners, _ = easy_tables()
-    monkeypatch.setattr(chessboards, "choice", lambda checks: MODELS[1])
+    monkeypatch.setattr(chessboards, "choice", lambda checks: with_affinity(MODELS[1]))
     target = easy_arrangement()[0]
     result = chessboards.calibrate(everything_named(photos, 3), corners, (), target, Model(None)).result
     assert (

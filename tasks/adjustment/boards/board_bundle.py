@@ -28,6 +28,8 @@ from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
 # Rounding of the sums of some thousand observations; boards seen from one direction stay below it.
 _SINGULAR = 1e-13
 """Least eigenvalue of the normal matrix with unit diagonal, in units of the largest, below which it is singular."""
+_ROUNDING = 1e-15
+"""Least eigenvalue that rounding leaves of a zero, in the same units."""
 # A step that gains s0^2 / 100 moves no unknown by more than a tenth of its standard error; the next one is quadratically smaller.
 _NEGLIGIBLE = 1e-2
 """Gain, in units of sigma0 squared, at which the adjustment has converged."""
@@ -54,7 +56,7 @@ class BoardAdjustment:
     """The adjusted calibration. `used` (M,) marks the corners that took part; `residual` (M, 2) px, observed minus computed, is
     that of all; `standardised` (M, 2) is NaN for corners that took no part. `covariance` (n, n) of the unknowns in the order of
     the network's columns, sigma0 included; `sigma0` px; `iterations` of the robust and the first plain solution; `rounds` of
-    rejection after that."""
+    rejection after that; `correlated`: the factor in the covariance for corners that err together, 1 for independent ones."""
 
     network: BoardNetwork
     state: BoardState
@@ -67,6 +69,11 @@ class BoardAdjustment:
     redundancy: int
     iterations: int
     rounds: int = 0
+    correlated: float = 1.0
+
+    def with_correlated_corners(self, factor: float) -> "BoardAdjustment":
+        """With standard errors `factor` times as large, as corners of one photograph err together."""
+        return replace(self, covariance=factor**2 * self.covariance, correlated=factor)
 
     @property
     def interior_covariance(self) -> np.ndarray:
@@ -276,7 +283,7 @@ def _tested(network: BoardNetwork, state: BoardState, corners: BoardCorners, use
     taken = corners.take(used)
     linear = _linearised(network, state, taken)
     pattern = _pattern(network, linear)
-    cofactor = _inverse(reduced_normals(linear, pattern).matrix.dense())
+    cofactor = _inverse(reduced_normals(linear, pattern).matrix.dense(), _geometry_columns(network))
     _, adjusted = point_precision(linear, BlockMatrix.of(pattern, cofactor))
     redundancy = 2 * len(taken) - network.unknowns
     if redundancy <= 0:
@@ -290,14 +297,26 @@ def _tested(network: BoardNetwork, state: BoardState, corners: BoardCorners, use
     )
 
 
-def _inverse(normal: np.ndarray) -> np.ndarray:
-    """Inverse of the normal matrix. Raises GeometryError where it is singular within rounding."""
+def _geometry_columns(network: BoardNetwork) -> np.ndarray:
+    """(n,) bool: the unknowns that the geometry of the photographs has to determine. The coefficients of a radial curve replace
+    each other (those of a quotient of polynomials to the twelfth digit) without any harm to the curve."""
+    radial = [PARAMETERS.index(name) for name in ("k2", "k3", "k4", "k5", "k6")]
+    own = network.interior_columns[radial]
+    out = np.ones(network.unknowns, bool)
+    out[own[own >= 0]] = False
+    return out
+
+
+def _inverse(normal: np.ndarray, judged: np.ndarray) -> np.ndarray:
+    """Inverse of the normal matrix. Raises GeometryError where it is singular within rounding for the unknowns `judged` (n,)."""
     # By its eigenvalues, because a Cholesky factor of a nearly singular matrix exists and gives huge, arbitrary standard errors.
     scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
     scaled = normal * scale[:, None] * scale
     if not np.isfinite(scaled).all():
         raise GeometryError(_UNDETERMINED)
-    values, vectors = np.linalg.eigh(scaled)
-    if values[0] < _SINGULAR * values[-1]:
+    least = np.linalg.eigvalsh(scaled[np.ix_(judged, judged)])
+    if least[0] < _SINGULAR * least[-1]:
         raise GeometryError(_UNDETERMINED)
+    values, vectors = np.linalg.eigh(scaled)
+    values = np.maximum(values, _ROUNDING * values[-1])
     return (vectors / values) @ vectors.T * scale[:, None] * scale

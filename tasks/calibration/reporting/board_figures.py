@@ -43,6 +43,11 @@ def _adjustment(results: CalibrationResults) -> tuple[Figure, ...]:
     return (
         _px("sigma0_px", round(result.sigma0, 4), "Standard error of a corner coordinate.", headline=True),
         _px("rms_px", round(result.rms, 4), "Root mean square length of the residual vectors."),
+        Figure(
+            name="correlated_corners",
+            value=round(result.correlated, 2),
+            sentence="Factor in all standard errors, because the corners of one photograph err together (1: independently).",
+        ),
         Figure(name="redundancy", value=result.redundancy, sentence="Observations minus unknowns."),
         Figure(name="iterations", value=result.iterations, sentence="Of the adjustment, before corners were rejected one by one."),
         Figure(name="rejection_rounds", value=result.rounds, sentence="Adjustments after that, each without the rejected corners."),

@@ -51,9 +51,9 @@ def model_of(lens: LensKind | None, free: tuple[str, ...]) -> tuple[LensModel, .
     return tuple(model for model in (*MODELS, *WIDE_MODELS) if lens in (None, model.lens))
 
 
-def with_affinity(model: LensModel) -> LensModel:
-    """The model for pixels that need not be square."""
-    names = {*model.free, "affinity"}
+def with_affinity(model: LensModel, free: bool = True) -> LensModel:
+    """The model for pixels that need not be square, or (not `free`) that are."""
+    names = {*model.free, "affinity"} if free else {*model.free} - {"affinity"}
     return LensModel(model.lens, tuple(name for name in PARAMETERS if name in names))
 
 

@@ -15,7 +15,7 @@ from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment, adjust
 from orthomill.tasks.adjustment.boards.board_network import PARAMETERS, BoardCorners, BoardState
 from orthomill.tasks.calibration.solving.lens_models import MODELS, LensModel, in_model
-from orthomill.tasks.calibration.solving.solving import FEWEST_PHOTOS, CalibrationTarget, resected, solve
+from orthomill.tasks.calibration.solving.solving import FEWEST_PHOTOS, CalibrationTarget, honest, resected, solve
 
 # Held-out residuals of a model and of the same with a needless parameter differ by chance in about the third digit, as both use the
 # same photographs; a parameter that matters shows in the second.
@@ -87,7 +87,7 @@ def half_of(result: BoardAdjustment, target: CalibrationTarget, photos: np.ndarr
     shown = np.unique(np.append(corners.board, 0))
     renumbered = BoardCorners(corners.photo, np.searchsorted(shown, corners.board), corners.corner, corners.xy)
     start = replace(state, turn=state.turn[shown], shift=state.shift[shown], local=state.local[shown])
-    half = adjust(target.network(len(photos), len(shown), result.network.free), start, renumbered)
+    half = honest(adjust(target.network(len(photos), len(shown), result.network.free), start, renumbered))
     turn, shift = state.turn.copy(), state.shift.copy()
     turn[shown], shift[shown] = half.state.turn, half.state.shift
     return replace(half, state=replace(half.state, turn=turn, shift=shift, local=state.local), corners=corners)

@@ -9,6 +9,7 @@ from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment, adju
 from orthomill.tasks.adjustment.boards.board_network import Arrangement, BoardCorners, BoardNetwork, BoardState
 from orthomill.tasks.adjustment.boards.board_projection import residuals
 from orthomill.tasks.calibration.detection.board_turns import corner_orders
+from orthomill.tasks.calibration.solving.correlated_corners import correlation_factor
 
 # Two photos of a plane give four equations for c, x0 and y0, and nothing to check them with.
 FEWEST_PHOTOS = 3
@@ -96,7 +97,12 @@ def solve(
             break
     if best is None:
         raise failure or too_few(photos)
-    return with_uncertain_boards(target, best)
+    return honest(with_uncertain_boards(target, best))
+
+
+def honest(result: BoardAdjustment) -> BoardAdjustment:
+    """The adjustment with standard errors for corners that err together within a photograph."""
+    return result.with_correlated_corners(correlation_factor(result))
 
 
 def with_uncertain_boards(target: CalibrationTarget, result: BoardAdjustment) -> BoardAdjustment:

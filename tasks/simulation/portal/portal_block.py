@@ -7,7 +7,7 @@ taken from the ground, 6 to 8 m away, two of them upright; the facade is turned 
 
 import numpy as np
 
-from orthomill.schemas.camera import Camera
+from orthomill.schemas.camera import BrownLens, Camera
 from orthomill.schemas.orientation import Block, ExteriorOrientation
 from orthomill.tasks.geometry.rotation import angles
 from orthomill.tasks.geometry.view import View, view_of
@@ -60,8 +60,7 @@ def portal_camera(reduction: float = 1.0) -> Camera:
         c=_C * scale,
         x0=_X0 * scale,
         y0=_Y0 * scale,
-        k1=_K1 * _C**2,
-        k2=_K2 * _C**4,
+        lens=BrownLens(k1=_K1 * _C**2, k2=_K2 * _C**4),
         pixel_um=2.7 / scale,
         source="truth",
     )

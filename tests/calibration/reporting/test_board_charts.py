@@ -46,6 +46,7 @@ def test_the_figures_have_their_promised_names(results):
         "corners_rejected",
         "sigma0_px",
         "rms_px",
+        "correlated_corners",
         "redundancy",
         "iterations",
         "rejection_rounds",
