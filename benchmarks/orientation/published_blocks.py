@@ -119,8 +119,9 @@ def adjusted(block: PublishedBlock, seed: int) -> tuple[Adjustment, State]:
 
 
 def _self_calibration(interior: np.ndarray) -> Interior:
-    free = np.isin(np.arange(8), FREE)[None]
-    return Interior(interior, np.zeros((1, 8, 8)), free, np.zeros_like(free))
+    size = interior.shape[1]
+    free = np.isin(np.arange(size), FREE)[None]
+    return Interior(interior, np.zeros((1, size, size)), free, np.zeros_like(free))
 
 
 def _nearby(truth: State, generator: np.random.Generator) -> State:

@@ -125,7 +125,7 @@ def resected(wall: Wall, seed: int = 0) -> Adjustment:
     )
     held = np.zeros((1, len(INTERIOR)), bool)
     known, nothing = np.full_like(wall.points, 1.0 / POINT_SIGMA**2), np.zeros((photos, 3))
-    fixed = Interior(interior, np.zeros((1, 8, 8)), held, held)
+    fixed = Interior(interior, np.zeros((1, len(INTERIOR), len(INTERIOR))), held, held)
     return adjust(Network(np.zeros(photos, np.int64), fixed, nothing, nothing, wall.points, known, np.zeros(photos)), rough, rays)
 
 

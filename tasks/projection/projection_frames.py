@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orthomill.schemas.camera import Camera
+from orthomill.schemas.camera import BrownLens, Camera
 from orthomill.schemas.errors import GeometryError, some_of
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.solid.census import MeshCensus, MeshTriangles, MeshVertices
@@ -324,7 +324,9 @@ def _perspective(output: PerspectiveOutput) -> ViewFrame:
     if np.array_equal(position, target):
         raise GeometryError(f"The view '{output.name}' looks at its own position; give another `target`.")
     omega, phi, kappa = np.degrees(angles(looking_at(position, target)))
-    camera = Camera(name=output.name, width=output.width, height=output.height, c=output.c, k1=output.k1, k2=output.k2)
+    camera = Camera(
+        name=output.name, width=output.width, height=output.height, c=output.c, lens=BrownLens(k1=output.k1, k2=output.k2)
+    )
     return ViewFrame(
         name=output.name,
         rows=output.height,
