@@ -10,7 +10,7 @@ photos ?=
 options ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-tile-map bench-remaining-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-registration bench-published-bundles bench-vll chaos docs clean clean-all
+.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-tile-map bench-remaining-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-registration bench-published-bundles bench-vll bench-guided compare chaos docs clean clean-all
 
 help: ## List all targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-18s %s\n", $$1, $$2}'
@@ -103,6 +103,12 @@ bench-window-sizes: $(STAMP) ## Measure what choosing a matching window costs
 
 bench-matching-speed: $(STAMP) ## Measure the points per second of least-squares matching
 	@$(BIN)/python -m benchmarks matching_speed
+
+compare: $(STAMP) ## All ways to heights side by side: docs/compare.md (options="runs/volos runs/brighton")
+	@$(BIN)/python -m benchmarks.compare.compare_methods $(options)
+
+bench-guided: $(STAMP) ## Guided densification beside its published figures (options=runs/volos)
+	@$(BIN)/python -m benchmarks.compare.guided_study $(options)
 
 bench-vll: $(STAMP) ## Vertical line locus beside its published study
 	@$(BIN)/python -m benchmarks.vll.line_locus_study

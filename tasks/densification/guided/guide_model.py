@@ -17,7 +17,7 @@ from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import Surface
 from orthomill.tasks.densification.guided.point_block import GuidedPoints, GuidedStatistics
-from orthomill.tasks.densification.volume.guide_heights import guided_terrain
+from orthomill.tasks.densification.volume.guide_heights import guide_reach, guided_terrain
 from orthomill.tasks.densification.volume.terrain import median_heights, terrain
 from orthomill.tasks.matching.guided.outlier_detector import OutlierDetector, without_spikes
 
@@ -51,12 +51,14 @@ def tie_point_guide(points: GroundPoints, block: Block, grid: MapGrid, surface: 
 
 
 def file_guide(points: GroundPoints, block: Block, guide: np.ndarray, grid: MapGrid, path: str, surface: Surface) -> np.ndarray:
-    """The posts of an existing model, `guide` (rows, cols) its heights there; tie points close its holes.
+    """The posts of an existing model, `guide` (rows, cols) its heights there; tie points close its holes, and say how far from it
+    heights may lie.
 
     Raises GeometryError for a model that cannot belong to the block.
     """
     heights = guided_terrain(points, block, guide, grid, path)
-    return bands(heights, heights, heights, np.isfinite(guide), surface)
+    reach = guide_reach(points, heights, grid)
+    return bands(heights, heights - reach.below, heights + reach.above, np.isfinite(guide), surface)
 
 
 def no_guide(grid: MapGrid, block: Block, surface: Surface) -> np.ndarray:

@@ -322,6 +322,16 @@ def test_the_checkerboard_has_the_smallest_windows_by_the_statistical_rule_and_n
     assert not window_sizes(image, points, EntropyWindow()).assigned.any()
 
 
+@pytest.mark.parametrize("roundness", [0.0, 0.75, 0.9])
+def test_no_limit_spreads_the_foerstner_windows_of_a_checkerboard(roundness):
+    """Published is a wide spread of sizes in nearly equal numbers; a regular pattern has two or three, at any limit."""
+    image = grey_levels(rotated_checkerboard())
+    points = np.argwhere(np.ones((200, 200), bool))[::23, ::-1] + 20
+    for weight in (500.0, 2e4, 5e4, 1e5, 1.5e5, 2e5, 3e5, 5e5):
+        half = window_sizes(image, points, FoerstnerWindow(min_weight=weight, min_roundness=roundness)).half
+        assert (np.bincount(half) > 0.01 * len(half)).sum() <= 3
+
+
 def test_one_outlying_pixel_shrinks_the_statistical_window_only():
     rng = np.random.default_rng(4)
     image = rng.integers(100, 108, (61, 61)).astype(np.uint8)

@@ -1,0 +1,214 @@
+"""All ways to heights on the same ground: `make compare options="runs/volos runs/brighton"` writes docs/compare.md and pictures.
+
+Parts of finished runs are densified anew by every method, with the orientation, tie points, pairs and range of heights of the run.
+The simulated town has a truth; on the real shore the heights on which two or more pairs of the default agree stand for it.
+"""
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.ndimage import map_coordinates
+
+from benchmarks.compare.method_figures import draw
+from benchmarks.compare.replayed_crop import Crop, Replay
+from benchmarks.measured_run import ROOT, machine
+from orthomill.schemas.job import Table
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.surface import HEIGHT, MEASURED, PROVENANCE, RELATIVE_PRECISION, SURFACE, Provenance
+from orthomill.schemas.truth import TRUTH_MATERIAL, TRUTH_SURFACE, TRUTH_VISIBILITY
+from orthomill.tasks.densification.stage import DensificationStage
+from orthomill.tasks.evaluation.classes import PlaceClass, place_classes
+from orthomill.tasks.imagery.pull_push import filled
+
+_RIM = 40
+"""cells along the border of a part that are not judged: methods that look around lack their surroundings there"""
+_DEM = "coarse_dem.tif"
+_POSTS, _NOISE = 30.0, 2.0
+"""m: of the coarse height model that guides some of the methods"""
+_GUIDE = {"kind": "file", "path": _DEM}
+_LEAST = {"smoothing": 0.6, "max_shift": 2.0}
+
+
+def _growing(window: Any, **shape: Any) -> dict[str, Any]:
+    return {"kind": "region_growing", "growing": {"matching": {"window": window, **_LEAST, **shape}}}
+
+
+METHODS: dict[str, dict[str, Any]] = {
+    "object space (default)": {"kind": "object_space"},
+    "object space, coarse model as guide": {"kind": "object_space", "guide": _GUIDE},
+    "vertical line locus": {"kind": "vertical_line_locus"},
+    "vertical line locus, 9 px, 6 photographs": {"kind": "vertical_line_locus", "window": 9, "photographs": 6},
+    "guided densification": {"kind": "guided"},
+    "guided, coarse model as guide": {"kind": "guided", "guide": _GUIDE},
+    "guided, whole line at the first level": {"kind": "guided", "guide": {"kind": "levels"}},
+    "pyramid": {"kind": "pyramid"},
+    "cascade": {"kind": "cascade"},
+    "region growing, 21 px": _growing(21),
+    "region growing, statistical window": _growing({"kind": "statistical"}),
+    "region growing, entropy window": _growing({"kind": "entropy"}),
+    "region growing, Foerstner window": _growing({"kind": "foerstner"}),
+    "region growing, combined window": _growing({"kind": "combined"}),
+    "region growing, ellipse along": _growing(21, shape={"kind": "ellipse", "major_axis": "along"}),
+    "region growing, ellipse across": _growing(21, shape={"kind": "ellipse", "major_axis": "across"}),
+}
+"""what it is called, and its settings; every one runs as the stage runs it"""
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """What is known of the cells of a part (rows, cols): heights m, NaN where unknown; classes; whether two photographs see it."""
+
+    height: np.ndarray
+    classes: np.ndarray
+    seen: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A part of a run, what is known of it, and the departure that counts as gross, m."""
+
+    name: str
+    crop: Crop
+    known: Known
+    gross: float
+
+
+@dataclass(frozen=True, eq=False)
+class MethodResult:
+    """What a method made of a scene: rows of the table, and what the figure shows."""
+
+    row: str
+    panel: tuple[str, np.ndarray, np.ndarray, float, float]
+
+
+def town(run: Path) -> Scene:
+    """The centre of the simulated town."""
+    crop = Crop.of(run, (0.5, 0.5), 220.0)
+    grid, store = crop.surface.grid, crop.store
+    truth = store.table(Table("truth/grid.json", MapGrid))
+    col, row = truth.pixel(*np.meshgrid(*grid.centres(Window(0, 0, *grid.shape))))
+    part = Window(int(row.min()) - 2, int(col.min()) - 2, int(np.ptp(row)) + 6, int(np.ptp(col)) + 6).clipped(truth.shape)
+    at = np.rint(row - part.row).astype(int), np.rint(col - part.col).astype(int)
+    heights = map_coordinates(store.read(TRUTH_SURFACE, part), [row - part.row, col - part.col], order=1)
+    seen = np.bitwise_count(store.read(TRUTH_VISIBILITY, part))[at] >= 2
+    return Scene("simulated town", crop, Known(heights, place_classes(store.read(TRUTH_MATERIAL, part)[at]), seen), 1.0)
+
+
+def shore(run: Path) -> Scene:
+    """Open ground of the real drone block, which has no truth."""
+    crop = Crop.of(run, (0.5, 0.42), 11.0)
+    heights, codes = (crop.store.read(name, crop.window) for name in (HEIGHT, PROVENANCE))
+    agreed = codes == Provenance.AGREED
+    classes = np.where(agreed, PlaceClass.CLEAR_GROUND, PlaceClass.UNKNOWN)
+    return Scene("real shore", crop, Known(np.where(agreed, heights, np.nan), classes, np.isfinite(heights)), 0.25)
+
+
+def coarse_model(crop: Crop) -> tuple[MapGrid, np.ndarray]:
+    """The heights of a run at posts `_POSTS` m apart, or as many cells as a part of such a model holds, with noise.
+
+    On a small block both are reduced alike, to a ninth of its width at most.
+    """
+    grid = crop.store.table(SURFACE).grid
+    scale = min(1.0, grid.cols * grid.cell / 9 / _POSTS)
+    every = max(1, round(_POSTS * scale / grid.cell))
+    heights = crop.store.read(HEIGHT, Window(0, 0, *grid.shape))[every // 2 :: every, every // 2 :: every]
+    noise = np.random.default_rng(1).normal(0, _NOISE * scale, heights.shape)
+    posts = MapGrid(west=grid.west, north=grid.north, cell=grid.cell * every, rows=heights.shape[0], cols=heights.shape[1])
+    return posts, (filled(heights) + noise).astype(np.float32)
+
+
+def judged(method: str, settings: dict[str, Any], scene: Scene) -> MethodResult:
+    """A method on a scene."""
+    replay = Replay(scene.crop, files={_DEM: coarse_model(scene.crop)})
+    replay.run(DensificationStage.model_validate({"kind": "densification", "matching": settings}))
+    inner = slice(_RIM, -_RIM), slice(_RIM, -_RIM)
+    heights, sigma, code = (replay.rasters[name][inner] for name in (HEIGHT, RELATIVE_PRECISION, PROVENANCE))
+    known = Known(*(values[inner] for values in (scene.known.height, scene.known.classes, scene.known.seen)))
+    measured = np.isin(code, MEASURED) & np.isfinite(known.height)
+    departure = np.where(measured, heights - known.height, np.nan)
+    open_ground = measured & (known.classes == PlaceClass.CLEAR_GROUND)
+    # The datum of the block is common to all methods, and none of them can change it.
+    departure = departure - np.nanmedian(departure[open_ground]) if open_ground.any() else departure
+    seconds = sum(replay.seconds.values())
+    row = " | ".join([method, *_figures(departure, sigma, known, measured, scene.gross), f"{seconds:.1f}"])
+    cell = scene.crop.surface.grid.cell
+    return MethodResult(f"| {row} |", (scene.name, heights, departure, cell, scene.gross))
+
+
+def _figures(departure: np.ndarray, sigma: np.ndarray, known: Known, measured: np.ndarray, gross: float) -> list[str]:
+    wanted = known.seen & np.isfinite(known.height)
+    found = [f"{100 * (measured & wanted).sum() / max(wanted.sum(), 1):.1f}"]
+    clear, roof = (known.classes == PlaceClass.CLEAR_GROUND), np.isin(known.classes, _ROOFS)
+    found.append(_robust(departure[clear & measured]))
+    for place in (clear, known.classes == PlaceClass.BUILDING_MARGIN, roof):
+        found.append(_share(np.abs(departure[place & measured]) > gross))
+    ratio = np.abs(departure[clear & measured] / sigma[clear & measured])
+    return [*found, _share(ratio < 2), _share(ratio > 4)]
+
+
+_ROOFS = (PlaceClass.ROOF_INTERIOR, PlaceClass.ROOF_EDGE)
+
+
+def _robust(values: np.ndarray) -> str:
+    return f"{1.4826 * np.median(np.abs(values - np.median(values))):.3f}" if len(values) > 50 else "-"
+
+
+def _share(hits: np.ndarray) -> str:
+    return f"{100 * hits.mean():.2f}" if len(hits) > 50 else "-"
+
+
+def page(scenes: tuple[Scene, ...], pictures: Path, progress: Callable[[str], object] = print) -> str:
+    """The page; writes its pictures."""
+    rows: dict[str, list[str]] = {scene.name: [] for scene in scenes}
+    figures = []
+    for method, settings in METHODS.items():
+        found = [judged(method, settings, scene) for scene in scenes]
+        for scene, result in zip(scenes, found, strict=True):
+            rows[scene.name].append(result.row)
+            progress(f"{scene.name} {result.row}")
+        name = method.replace(" (default)", "").replace(",", "").replace(" ", "_")
+        draw(pictures / f"{name}.png", method, [result.panel for result in found])
+        figures += [f"![{method}](pictures/compare/{name}.png)", ""]
+    lines = [_HEAD.format(machine=machine())]
+    for scene in scenes:
+        lines += [f"## {scene.name.capitalize()}", "", _columns(scene.gross), "| --- " * 9 + "|", *rows[scene.name], ""]
+    return "\n".join([*lines, "## Figures", "", _CAPTION, "", *figures])
+
+
+def _columns(gross: float) -> str:
+    beyond = f"beyond {gross:g} m"
+    named = ("measured, %", "NMAD open, m", f"{beyond} open, %", f"{beyond} beside buildings, %", f"{beyond} roofs, %")
+    return "| " + " | ".join(["method", *named, "within 2 sigma, %", "beyond 4 sigma, %", "CPU-s"]) + " |"
+
+
+_HEAD = """# The methods side by side
+
+Every way to heights that `densification: matching` knows, as the stage runs it with its defaults, on the same ground. Made by
+`make compare options="runs/volos runs/brighton"` from finished runs of the two projects; {machine}.
+
+*Measured*: cells with a measured height, of those that two photographs see. *Open*: bare ground more than three cells from
+buildings and trees. *Beside buildings*: ground within three cells of one. Sigma is the standard error among neighbours, on open
+ground. CPU time is that of all jobs, the surface included, in one process; compiled kernels are read from the cache in it.
+
+The simulated town has a truth. The real shore has none: there the heights on which two or more pairs of the default method
+agree stand for it, and only these cells are counted, so that the row of the default says how well it repeats itself, and those
+of the others how far they are from it. A *coarse model* has posts 30 m apart and 2 m of noise, on the shore both reduced to the
+size of the block.
+"""
+_CAPTION = "Above: the heights of a method, shaded. Below: measured heights minus what is known; dark where nothing was measured."
+
+
+def main(runs: list[str]) -> None:
+    """Write the page from the finished runs of volos and brighton."""
+    volos, brighton = (Path(run) for run in (runs or ["runs/volos", "runs/brighton"]))
+    docs = ROOT / "docs"
+    text = page((town(volos), shore(brighton)), docs / "pictures" / "compare")
+    (docs / "compare.md").write_text(text)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
