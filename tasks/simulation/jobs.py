@@ -233,7 +233,7 @@ def _orientation_grid(flight: FlightSettings) -> Grid:
 def _camera_grid(flight: FlightSettings) -> Grid:
     camera = camera_of(flight)
     names = ("c (px)", "x0 (px)", "y0 (px)", "k1", "k2", "k3", "p1", "p2")
-    rows = tuple(zip(names, camera.interior, strict=True))
+    rows = tuple(zip(names, camera.interior[: len(names)], strict=True))
     return Grid(title="True interior orientation", columns=("parameter", "value"), rows=rows)
 
 
