@@ -44,7 +44,7 @@ from orthomill.tasks.dsm_check.rounds.several_passes import FILLED, Passes, coun
 from orthomill.tasks.dsm_check.surfaces.checked_surface import CheckedSurface, DensifiedSurface, SurfaceFile
 from orthomill.tasks.dsm_check.surfaces.foreign_grid import foreign_surface, measured_surface
 from orthomill.tasks.dsm_check.surfaces.placing import PLACED, place, places
-from orthomill.tasks.dsm_check.surfaces.surface_shift import SHIFT, SurfaceShift
+from orthomill.tasks.dsm_check.surfaces.surface_shift import ROUGH_SHIFT, SHIFT, SurfaceShift, no_shift
 from orthomill.tasks.dsm_check.surfaces.taken_surface import take_file
 from orthomill.tasks.dsm_check.tile import correct_tile, take_surface
 
@@ -54,8 +54,8 @@ INPUT = "dsm_check/input"
 """float32 m: the surface under test, whatever its source"""
 COARSE = "dsm_check/coarse"
 """float32 (rows, cols, 5): `areas.blocks` and `areas.slopes` in blocks of cells"""
-_PLACING_LEVEL = 3
-"""halvings of the orthoimages in which the shift of a surface from a file is found"""
+_PLACING_LEVELS = 3, 1
+"""halvings of the orthoimages in which the shift of a surface from a file is found: first those that reach far"""
 _PLACING_CELLS = 128
 """cells along the shorter side that tell a shift to centimetres"""
 _FILE_ROUNDS, _FILE_LEVELS = 4, 3
@@ -209,10 +209,14 @@ class DsmCheckStage(Stage):
         if view.has_stage("orientation"):
             reads["points"] = GROUND_POINTS
         yield Job(self.kind, "place", place, reads, {"placed": PLACED}, {"grid": coarse, "path": source.path})
-        level = passes.lowest(_PLACING_LEVEL, _PLACING_CELLS)
-        for one in sorted({level, *range(1, passes.lowest(self._levels) + 1)}):
+        rough, fine = (passes.lowest(level, _PLACING_CELLS) for level in _PLACING_LEVELS)
+        for one in sorted({rough, fine, *range(1, passes.lowest(self._levels) + 1)}):
             yield passes.level_pairs(one)
-        yield from passes.placing(view, source, level, view.table(PLACED).up)
+        if rough > fine:
+            yield from passes.placing(view, source, rough, view.table(PLACED).up, ROUGH_SHIFT)
+        else:
+            yield Job(self.kind, "no-rough-shift", no_shift, {}, {"shift": ROUGH_SHIFT})
+        yield from passes.placing(view, source, fine, self._roughly_up(view), SHIFT)
 
     def _file(self, view: ProjectView, passes: Passes, source: SurfaceFile) -> Iterator[RasterSpec | Job]:
         """The surface from a file, in the height system of the photographs."""
@@ -232,7 +236,11 @@ class DsmCheckStage(Stage):
     def _up(self, view: ProjectView) -> float:
         """What is added to the heights of a file before it is checked, m."""
         # To the millimetre: the surface that is given back must not show the digits of an estimate.
-        return round(view.table(PLACED).up - view.table(SHIFT).up, 3)
+        return round(self._roughly_up(view) - view.table(SHIFT).up, 3)
+
+    def _roughly_up(self, view: ProjectView) -> float:
+        """What is added before the finer of the two looks at the shift, m."""
+        return round(view.table(PLACED).up - view.table(ROUGH_SHIFT).up, 3)
 
     # --- the passes
 

@@ -43,7 +43,7 @@ from orthomill.tasks.dsm_check.rounds.round_state import (
 )
 from orthomill.tasks.dsm_check.statistics import TileCounts
 from orthomill.tasks.dsm_check.surfaces.checked_surface import SurfaceFile
-from orthomill.tasks.dsm_check.surfaces.surface_shift import SHIFT, surface_shift
+from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceShift, surface_shift
 from orthomill.tasks.dsm_check.tile import CorrectionRule
 
 NAN = float("nan")
@@ -114,19 +114,21 @@ class Passes:
         reads: Reads = {"pairs": PAIRS, "block": BLOCK, "surface": CHECKED_SURFACE}
         return Job(KIND, f"pairs-{level}", choose_level_pairs, reads, {"checked": self.pairs_of(level)}, params)
 
-    def placing(self, view: ProjectView, source: SurfaceFile, level: int, up: float) -> Plan:
+    def placing(self, view: ProjectView, source: SurfaceFile, level: int, up: float, found: Table[SurfaceShift]) -> Plan:
         """The shift of a surface from a file, raised by `up` m, from one pass at a coarse level."""
-        prefix = "dsm_check/placing"
+        prefix = f"dsm_check/placing-{level}"
         coarse = level_surface(self.surface, level)
         yield map_raster(f"{prefix}/height", coarse.grid, "float32", self.scene.crs, self.tile, nodata=NAN, unit="m")
         for tile in tiles_of(coarse.grid.shape, self.tile):
             given = HeightFile(source.path, self.scene.crs, coarse.grid, tile.window, source.system)
             out: dict[str, Raster | Table] = {"height": Raster(f"{prefix}/height", tile.window)}
-            yield Job(KIND, "placing-height", raised, {"heights": given}, out, {"up": up}, tile.row, tile.col, _scratch(tile))
+            yield Job(
+                KIND, f"placing-{level}-height", raised, {"heights": given}, out, {"up": up}, tile.row, tile.col, _scratch(tile)
+            )
         yield from self._coarse(view, prefix, level, f"{prefix}/height")
         rows, cols = (-(-side // PAIRED) for side in coarse.grid.shape)
         whole = Raster(f"{prefix}/coarse", Window(0, 0, rows, cols))
-        yield Job(KIND, "shift", surface_shift, {"coarse": whole}, {"shift": SHIFT})
+        yield Job(KIND, f"placing-{level}-shift", surface_shift, {"coarse": whole}, {"shift": found})
 
     def from_coarse(self, view: ProjectView, level: int, heights: str) -> Plan:
         """One level: the surface reduced, checked and moved; the result is `moved(level)`."""

@@ -46,8 +46,16 @@ class SurfaceShift(BaseModel):
 
 _CERTAIN = 4.0
 """standard errors"""
+ROUGH_SHIFT = Table("dsm_check/rough_shift.json", SurfaceShift)
+"""from the coarsest orthoimages, which reach far"""
 SHIFT = Table("dsm_check/shift.json", SurfaceShift)
+"""what remains of it, from finer ones"""
 NO_SHIFT = SurfaceShift(up=0.0, up_sigma=0.0)
+
+
+def no_shift() -> SurfaceShift:
+    """Where a surface has too few cells for two looks."""
+    return NO_SHIFT
 
 
 @dataclass(frozen=True, eq=False)
