@@ -10,7 +10,7 @@ photos ?=
 options ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-tile-map bench-remaining-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-registration bench-published-bundles bench-vll bench-guided compare chaos docs clean clean-all
+.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-tile-map bench-remaining-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-registration bench-published-bundles bench-vll bench-guided compare chaos docs clean clean-all bench-texture
 
 help: ## List all targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-18s %s\n", $$1, $$2}'
@@ -118,6 +118,9 @@ bench-calibration: $(STAMP) ## Measure the calibration beside OpenCV: many seeds
 
 bench-orthoimage: $(STAMP) ## The orthoimage of a run beside orthority (options="runs/volos PYTHON")
 	@$(BIN)/python -m benchmarks.orthoimage_peers $(options)
+
+bench-texture: $(STAMP) ## Solid surfaces: kernels beside ray casting, remedies of occlusion limits
+	@$(BIN)/python -m benchmarks.texture.texture_acceptance
 
 bench-camera-constants: $(STAMP) ## Camera constants that real blocks find, with their standard errors, beside references
 	@$(BIN)/python -m benchmarks.orientation.camera_constants

@@ -15,7 +15,7 @@ from orthomill.schemas.raster import Window
 from orthomill.schemas.solid.census import MeshCensus, MeshTriangles, MeshVertices
 from orthomill.schemas.solid.frames import AnyFrame, Vector
 from orthomill.tasks.geometry.view import View, block_view
-from orthomill.tasks.projection.sections import AnySection, cut
+from orthomill.tasks.projection.lines.sections import AnySection, cut
 from orthomill.tasks.visibility.output_frame import ORIGIN, moved, scan_frame, shown_points, window_pixels
 from orthomill.tasks.visibility.scanline import NOTHING, add_triangles, central_projection, empty_raster
 from orthomill.tasks.visibility.triangle_blocks import PER_BLOCK, as_blocks, block_bounds, block_count

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from orthomill.schemas.settings import Settings, setting
-from orthomill.tasks.projection.sections import NoSection, Point, Section
+from orthomill.tasks.projection.lines.sections import NoSection, Point, Section
 
 Pixel = Annotated[float, Field(gt=0)] | Literal["auto"]
 _NAME = "Name of its files and of its chapter in the report."

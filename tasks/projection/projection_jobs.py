@@ -23,6 +23,7 @@ from orthomill.tasks.imagery.pyramid import level_shape
 from orthomill.tasks.imagery.radiometric_balance import Samples
 from orthomill.tasks.projection.depth_rasters import MeshBlocks, PhotoDepth, TileSurface, output_depth, photograph_depth
 from orthomill.tasks.projection.facing import MeshFacing
+from orthomill.tasks.projection.lines.sections import AnySection
 from orthomill.tasks.projection.output_tile import (
     OutputTile,
     blocks_of_photograph,
@@ -39,7 +40,6 @@ from orthomill.tasks.projection.projection_colours import (
     left_out_tile,
     sample_surface,
 )
-from orthomill.tasks.projection.sections import AnySection
 from orthomill.tasks.projection.sight_rasters import HiddenEdges, WideningRules, edge_tile, limit_zone, sight_tile
 from orthomill.tasks.visibility.mesh_sight import SightTolerance
 from orthomill.tasks.visibility.output_frame import ideal_window, moved

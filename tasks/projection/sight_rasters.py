@@ -115,7 +115,7 @@ class WideningRules:
     """Side of the window that opens what is hidden (px of the output), area of specks that are removed (px), and by how far the
     edges are dilated (px of the photograph)."""
 
-    window: int = 3
+    window: int = 2
     speck: int = 12
     dilation: float = 3.0
 

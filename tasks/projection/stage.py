@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from orthomill.schemas.job import Export, Job, MeshFile, Raster, Reading, Table
+from orthomill.schemas.job import Export, Job, MeshFile, Raster, Reading, Stream, Table
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS, photo_raster
 from orthomill.schemas.project import PhotoFolder
@@ -41,6 +41,8 @@ from orthomill.tasks.projection.chosen_photographs import (
 from orthomill.tasks.projection.depth_rasters import cut_into_blocks
 from orthomill.tasks.projection.facing import mesh_facing
 from orthomill.tasks.projection.leave_one_out import LeftOutPhotograph, compare_left_out
+from orthomill.tasks.projection.lines.section_line import LineText, SectionLine, draw_section
+from orthomill.tasks.projection.lines.sections import NoSection
 from orthomill.tasks.projection.mesh_mending import mend_mesh
 from orthomill.tasks.projection.outputs import MapOutput, Output
 from orthomill.tasks.projection.projection_colours import PROJECTION_RADIOMETRY, ColourRules, balance_surface
@@ -53,6 +55,7 @@ from orthomill.tasks.projection.projection_jobs import (
     ColourJobs,
     FrameJobs,
     ProjectionBasis,
+    block_window,
     depth_table,
     output_layer,
     photograph_jobs,
@@ -61,7 +64,6 @@ from orthomill.tasks.projection.projection_jobs import (
     surface_table,
 )
 from orthomill.tasks.projection.report import OutputFacts, projection_report
-from orthomill.tasks.projection.sections import NoSection
 from orthomill.tasks.projection.sight_rasters import WideningRules
 from orthomill.tasks.projection.surface_source import ProjectedMesh
 from orthomill.tasks.visibility.mesh_sight import SightTolerance
@@ -94,7 +96,7 @@ class WidenLimits(Settings):
 
     kind: Literal["limits"] = "limits"
     window: int = setting(
-        3, "Side of the window that opens what is hidden: specks smaller than it have no limits.", "px", ge=1, le=31
+        2, "Side of the window that opens what is hidden: specks smaller than it have no limits.", "px", ge=1, le=31
     )
     speck: int = setting(12, "Hidden specks of fewer pixels of the output are ignored.", "px", ge=0, le=10_000)
     dilation: float = setting(
@@ -135,6 +137,7 @@ class ProjectionStage(Stage):
     feather: float = setting(
         0.15, "Width of the border of a photo in which its weight rises from 0, as a share of its shorter side.", ge=0, le=0.5
     )
+    section_lines: tuple[SectionLine, ...] = setting((), "Planes whose lines of intersection with the surface are drawn.")
     leave_one_out: LeavingOut = setting(LeaveOneOut(), "Whether the photos are made again from each other, as a proof.")
 
     @model_validator(mode="after")
@@ -171,6 +174,17 @@ class ProjectionStage(Stage):
         for colour in coloured[len(outputs) :]:
             yield from self._proof(colour)
         yield from self._results(coloured, len(outputs), basis)
+        yield from self._lines(basis)
+
+    def _lines(self, basis: ProjectionBasis) -> Iterator[Job | Export]:
+        """The section lines as DXF and GeoJSON."""
+        every = Stream(tuple(Raster(CORNERS, block_window(k)) for k in range(len(basis.blocks.boxes))))
+        for line in self.section_lines:
+            tables = {kind: Table(f"projection/lines/{line.name}-{kind}.json", LineText) for kind in ("dxf", "geojson")}
+            reads: dict[str, Reading] = {"blocks": every, "census": CENSUS}
+            yield Job("projection", f"line-{line.name}", draw_section, reads, dict(tables), {"line": line}, scratch=256 * 2**20)
+            for kind, table in tables.items():
+                yield Export("projection", f"{line.name}-{kind}", f"products/{line.name}.{kind}", "text", tables=(table,))
 
     def _mending(self, view: ProjectView) -> Job:
         surface = self.surface

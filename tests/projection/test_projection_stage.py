@@ -197,3 +197,34 @@ def test_widening_keeps_clear_of_the_limits():
     speckless = of(widening={"kind": "limits", "speck": 10_000, "dilation": 6.0})
     assert not any(values.any() for name, values in speckless.items() if "/limits/" in name)
     assert not any("/limits/" in name for name in of(widening={"kind": "none"}))
+
+
+def test_section_lines_are_exported_in_two_formats():
+    project = scene.project_of(MemoryProject)
+    lines = [{"name": "upright", "point": (0.0, 0.0, 0.0), "normal": (1.0, 0.0, 0.0)}]
+    project.run(stage(leave_one_out={"kind": "none"}, section_lines=lines))
+    assert {export.path for export in project.exports.values()} >= {"products/upright.dxf", "products/upright.geojson"}
+    assert "POLYLINE" in project.tables["projection/lines/upright-dxf.json"].text
+
+
+def test_the_report_counts_every_pixel_and_names_the_share_of_each_photograph(plain):
+    report = plain.tables["projection/report.json"]
+    figures = {figure.name: figure.value for figure in report.figures}
+    seen = [figures[f"front_seen_by_{count}"] for count in ("no", "one", "two", "three_or_more")]
+    assert sum(seen) == pytest.approx(100.0, abs=0.05)
+    assert figures["triangles"] == 24 * 24 * 2 + 12
+    table = next(grid for grid in report.grids if grid.title == "Photographs in 'front'")
+    assert sum(row[1] for row in table.rows) == pytest.approx(100.0, abs=0.1)
+    assert next(p for p in report.pictures if "Coverage" in p.title).classes[:4] == (
+        (0, "#d7191c", "seen by no photograph"),
+        (1, "#1a9641", "seen by one"),
+        (2, "#2b5fd9", "seen by two"),
+        (3, "#9a9a9a", "seen by three or more"),
+    )
+
+
+def test_a_section_that_removes_everything_is_told():
+    project = scene.project_of(MemoryProject)
+    nothing = {"kind": "box", "low": (-9, -9, -9), "high": (9, 9, 9), "keep": "outside"}
+    project.run(stage(outputs=[{**FRONT, "section": nothing}], leave_one_out={"kind": "none"}))
+    assert any("'front' shows no surface" in warning for warning in project.tables["projection/report.json"].warnings)

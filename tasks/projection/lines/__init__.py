@@ -1,0 +1,1 @@
+"""Lines in which planes meet a solid surface."""

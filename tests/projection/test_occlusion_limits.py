@@ -1,0 +1,65 @@
+"""The published widening of occlusions step by step, and the lines of sections."""
+
+import json
+
+import numpy as np
+import pytest
+
+from orthomill.tasks.projection.depth_rasters import cut_into_blocks
+from orthomill.tasks.projection.lines.section_line import SectionLine, draw_section
+from orthomill.tasks.projection.mesh_mending import mend_mesh
+from orthomill.tasks.projection.sight_rasters import HiddenEdges, WideningRules, hidden_edges, limit_zone, opened_by
+from tests.support.solid import wall_and_box as scene
+
+
+def picture(*boxes: tuple[int, int, int, int]) -> np.ndarray:
+    """(40, 40) bool with rectangles (row, col, height, width)."""
+    out = np.zeros((40, 40), bool)
+    for row, col, height, width in boxes:
+        out[row : row + height, col : col + width] = True
+    return out
+
+
+@pytest.mark.parametrize("side", [1, 2, 3, 4, 5])
+def test_opening_removes_what_is_smaller_than_its_window_and_keeps_the_rest_in_place(side):
+    hidden = picture((3, 3, side - 1, side - 1), (20, 20, side, side), (10, 10, 8, 6)) if side > 1 else picture((10, 10, 8, 6))
+    expected = picture((20, 20, side, side), (10, 10, 8, 6)) if side > 1 else hidden
+    assert np.array_equal(opened_by(hidden.astype(np.uint8), side) > 0, expected)
+
+
+def test_edges_run_along_the_limit_on_both_sides_and_specks_have_none():
+    edges = hidden_edges(picture((10, 10, 8, 6), (30, 30, 3, 3)), WideningRules(window=2, speck=12))
+    inside, around = picture((11, 11, 6, 4)), picture((9, 9, 10, 8))
+    assert not edges[inside].any() and not edges[~around].any()
+    assert edges[picture((10, 10, 1, 6))].all() and edges[picture((9, 10, 1, 6))].all()
+    # Nine hidden pixels are fewer than twelve, and so no holes grow from them; where specks are kept they do.
+    assert hidden_edges(picture((30, 30, 3, 3)), WideningRules(window=2, speck=0)).any()
+
+
+def test_the_zone_reaches_as_far_as_it_is_dilated():
+    edges = HiddenEdges(np.array([0, 1], np.int16), np.array([20.2, 5.0], np.float32), np.array([10.4, 5.0], np.float32))
+    zone = limit_zone(iter([edges]), 0, (30, 40), 3.0)
+    row, col = np.indices((30, 40))
+    assert np.array_equal(zone > 0, np.hypot(row - 10, col - 20) <= 3.0)
+    assert not limit_zone(iter([edges]), 2, (30, 40), 3.0).any()
+
+
+def test_a_section_line_is_the_outline_of_the_box_and_a_line_on_the_wall():
+    mended = mend_mesh(scene.mesh(), "m", (100.0, 200.0, 0.0))
+    raster = cut_into_blocks(mended.vertices, mended.triangles).corners
+    line = SectionLine(name="plan", point=(0.0, 0.0, 1.03), normal=(0.0, 0.0, 2.0))
+    drawn = draw_section(iter([raster]), mended.census, line)
+    lines = [np.array(one) for one in json.loads(drawn.geojson.text)["features"][0]["geometry"]["coordinates"]]
+    assert len(lines) == 2
+    wall, box = sorted(lines, key=lambda one: len(one), reverse=True)
+    assert np.allclose(np.vstack(lines)[:, 2], 1.03, atol=1e-5)
+    length = np.linalg.norm(np.diff(wall, axis=0), axis=1).sum()
+    outline = np.linalg.norm(np.diff(box, axis=0), axis=1).sum()
+    assert length == pytest.approx(4.0, abs=1e-4) and outline == pytest.approx(2.0, abs=1e-4)
+    assert np.array_equal(box[0], box[-1]) and np.allclose(wall[:, 1], 200.0, atol=1e-5)
+    assert drawn.dxf.text.count("POLYLINE") == 2 and drawn.dxf.text.rstrip().endswith("EOF")
+
+
+def test_a_section_line_needs_a_direction():
+    with pytest.raises(ValueError, match="direction across the plane"):
+        SectionLine(point=(0, 0, 0), normal=(0, 0, 0))
