@@ -151,7 +151,7 @@ class Camera(BaseModel):
     def parameters(self) -> tuple[str, ...]:
         """The interior parameters that the lens has, in the order of INTERIOR; affinity and skew only where they are not 0 or were
         estimated."""
-        variance = np.zeros(len(INTERIOR)) if self.covariance is None else np.diag(np.array(self.covariance))
+        variance = np.zeros(len(INTERIOR)) if self.covariance is None else np.diag(np.array(padded(self.covariance)))
         square = {name for name in ("affinity", "skew") if not getattr(self, name) and not variance[INTERIOR.index(name)] > 0}
         return tuple(name for name in lens_parameters(self.lens.kind) if name not in square)
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orthomill.schemas.camera import INTERIOR
+from orthomill.schemas.camera import INTERIOR, padded
 from orthomill.schemas.orientation import Block
 from orthomill.tasks.geometry.rotation import angles, rotation_matrix
 from orthomill.tasks.geometry.view import block_view
@@ -63,7 +63,7 @@ def photo_differences(block: Block, truth: Block) -> tuple[PhotoDifference, ...]
 
 
 def interior_differences(block: Block, truth: Block) -> tuple[InteriorDifference, ...]:
-    """Eight rows per camera; cameras correspond by the photographs they took."""
+    """A row for each parameter that the lens has; cameras correspond by the photographs they took."""
     # by photographs, not by name: a block may name its cameras after EXIF, the truth after the simulation
     rows: list[InteriorDifference] = []
     seen: set[str] = set()
@@ -73,9 +73,9 @@ def interior_differences(block: Block, truth: Block) -> tuple[InteriorDifference
             continue
         seen.add(key)
         mine, true = block.cameras[key], truth.camera_of(name)
-        sigma = _sigmas(mine.covariance, len(INTERIOR))
+        sigma = _sigmas(padded(mine.covariance) if mine.covariance else None, len(INTERIOR))
         values = zip(INTERIOR, mine.interior, true.interior, sigma, strict=True)
-        rows += [InteriorDifference(key, *value) for value in values]
+        rows += [InteriorDifference(key, *value) for value in values if value[0] in mine.parameters]
     return tuple(rows)
 
 
