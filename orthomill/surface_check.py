@@ -85,7 +85,7 @@ def _given(surface: xr.DataArray, block: Block) -> GivenResults:
     # Nothing is known of how the heights were found; every one of them is to be judged.
     judged = np.where(np.isfinite(heights), np.uint8(Provenance.ONE_PAIR), np.uint8(Provenance.EMPTY))
     tables: dict[Table[Any], Any] = {BLOCK: block, IMAGE_RESIDUALS: _NO_RESIDUALS, SURFACE: surface_on(grid, block)}
-    return GivenResults.of(tables, {spec: heights, codes: judged})
+    return GivenResults.of(tables, [(spec, heights), (codes, judged)])
 
 
 def _grid(surface: xr.DataArray, block: Block) -> MapGrid:

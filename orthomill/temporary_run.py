@@ -36,18 +36,18 @@ class GivenResults(Stage):
     title: ClassVar[str] = "Given results"
     kind: Literal["given"] = "given"
     _tables: dict[Table[Any], Any] = PrivateAttr(default_factory=dict)
-    _rasters: dict[RasterSpec, np.ndarray] = PrivateAttr(default_factory=dict)
+    _rasters: list[tuple[RasterSpec, np.ndarray]] = PrivateAttr(default_factory=list)
 
     @classmethod
-    def of(cls, tables: Mapping[Table[Any], Any], rasters: Mapping[RasterSpec, np.ndarray] | None = None) -> "GivenResults":
+    def of(cls, tables: Mapping[Table[Any], Any], rasters: Sequence[tuple[RasterSpec, np.ndarray]] = ()) -> "GivenResults":
         stage = cls()
-        stage._tables, stage._rasters = dict(tables), dict(rasters or {})
+        stage._tables, stage._rasters = dict(tables), list(rasters)
         return stage
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         for table, value in self._tables.items():
             yield Job(self.kind, table.path, _handed_over, {}, {"value": table}, {"value": value})
-        for spec, values in self._rasters.items():
+        for spec, values in self._rasters:
             yield spec
             for tile in tiles_of(spec.shape, spec.chunk):
                 window = Raster(spec.name, tile.window)

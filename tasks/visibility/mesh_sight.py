@@ -37,18 +37,6 @@ class MeshSight(IntEnum):
     SEEN = 6
 
 
-SIGHT_CODES: tuple[tuple[int, str, str], ...] = (
-    (MeshSight.NOWHERE, "#000000", "no surface"),
-    (MeshSight.OUTSIDE, "#4d4d4d", "outside of the photograph"),
-    (MeshSight.MASKED, "#8c510a", "masked in the photograph"),
-    (MeshSight.AWAY, "#762a83", "facing away"),
-    (MeshSight.HIDDEN, "#d7191c", "hidden"),
-    (MeshSight.AT_BREAK, "#fdae61", "seen at a break of the depth"),
-    (MeshSight.SEEN, "#1a9641", "seen"),
-)
-"""(code, colour, meaning) for pictures"""
-
-
 @dataclass(frozen=True)
 class SightTolerance:
     """In pixels of the photograph on the surface: `depth` that a ray may dip into another triangle, `rough` where no triangle is

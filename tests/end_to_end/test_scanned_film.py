@@ -69,7 +69,7 @@ def blocks(tmp_path_factory):
     (root / "measured.csv").write_text("\n".join(measured) + "\n")
     (root / "positions.csv").write_text("\n".join(positions) + "\n")
     (root / "marks.csv").write_text("mark,x,y\n" + "".join(f"{name},{x},{y}\n" for name, (x, y) in MARKS.items()))
-    lens = {name: getattr(tiny_block.camera(), name) for name in ("k1", "k2", "p1", "p2")}
+    lens = {name: getattr(tiny_block.camera().lens, name) for name in ("k1", "k2", "p1", "p2")}
     c, x0, y0 = tiny_block.camera().interior[:3]
     plain = oriented(root, "plain", {"kind": "given", "c": c, "x0": x0, "y0": y0, **lens}, "photos", "plain")
     coordinates = {

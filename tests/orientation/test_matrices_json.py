@@ -36,7 +36,7 @@ def test_a_centre_serves_as_well_as_a_translation_and_a_lens_is_read():
     del given["t"]
     block = read_matrices(json.dumps({"a.jpg": given}))
     np.testing.assert_allclose(block.poses["a"].centre, [1.0, 2.0, 9.0], atol=1e-9)
-    assert block.cameras["a"].k1 == -0.1
+    assert block.cameras["a"].lens.k1 == -0.1
 
 
 def test_the_object_lies_where_the_viewing_axes_meet():

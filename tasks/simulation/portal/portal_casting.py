@@ -12,8 +12,6 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from orthomill.schemas.raster import Window
-
 NO_TRIANGLE = -1
 _NEAR = 0.05
 """m before the projection centre: triangles that reach behind it may be anywhere in the picture"""
@@ -191,8 +189,3 @@ def open_sky(vertices: np.ndarray, triangles: np.ndarray, normals: np.ndarray) -
         seen[seen] = lit_all(shade, facets.corner, facets.along, facets.above, places[seen])
         total += np.where(seen, facing, 0.0)
     return total / 24.0
-
-
-def picture_window(pixels: Window) -> tuple[float, float, float, float]:
-    """(left, upper, right, lower) of a window of pixels, px."""
-    return pixels.col - 0.5, pixels.row - 0.5, pixels.col + pixels.width - 0.5, pixels.row + pixels.height - 0.5

@@ -197,7 +197,7 @@ def portal_report(control: ControlRows, measurements: MeasurementRows, site: Por
             Grid(
                 title="True interior orientation",
                 columns=("parameter", "value"),
-                rows=tuple(zip(names, camera.interior, strict=True)),
+                rows=tuple(zip(names, camera.interior[: len(names)], strict=True)),
             ),
         ),
         pictures=(

@@ -31,7 +31,8 @@ def camera(x: float) -> ViewNumbers:
     half = (SIDE - 1) / 2
     # The base is far wider than the images: their frames are moved so that all of them show the ground about X = 0.
     col0 = half + x * C / 800.0
-    return ViewNumbers._make(map(float, (1, 0, 0, 0, 1, 0, 0, 0, 1, x, 0, FLYING, C, col0, half, 0, 0, 0, 0, 0, SIDE, SIDE)))
+    no_lens = (0,) * (len(ViewNumbers._fields) - 17)
+    return ViewNumbers._make(map(float, (1, 0, 0, 0, 1, 0, 0, 0, 1, x, 0, FLYING, C, col0, half, *no_lens, SIDE, SIDE)))
 
 
 def texture(seed: int = 1, smoothing: float = 1.5) -> np.ndarray:

@@ -127,7 +127,7 @@ def test_a_camera_that_is_not_nominal_is_left_as_it_is():
 def test_a_nominal_constant_becomes_unknown_where_the_block_knows_it_better(sigma, unknown):
     network, state, rays = small_network(1, points=60)
     network = with_given(network, C, sigma)
-    considered = np.zeros((1, 17), bool)
+    considered = np.zeros_like(network.interior.free)
     considered[0, :3] = True
     network = replace(network, interior=replace(network.interior, considered=considered & network.interior.free))
     found = determinable_without_control(network, state, rays).interior
