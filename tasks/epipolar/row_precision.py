@@ -16,6 +16,7 @@ import numpy as np
 
 from orthomill.schemas.camera import INTERIOR
 from orthomill.schemas.epipolar import EpipolarPair
+from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.orientation import Block, ExteriorOrientation, JointCovariance
 from orthomill.tasks.geometry.normal_case import Side, common_polygon, epipolar_view, frame_polygon, row_partials
 from orthomill.tasks.geometry.rotation import rotation_derivatives, rotation_matrix
@@ -34,10 +35,13 @@ def row_sigma(pair: EpipolarPair, block: Block) -> float:
 
 
 def common_points(pair: EpipolarPair, block: Block) -> np.ndarray:
-    """(N, 2): corners of the common ground and a regular grid on it, epipolar x and y of the left image, px."""
+    """(N, 2): corners of the common ground and a regular grid on it, epipolar x and y of the left image, px. Raises GeometryError
+    for a pair that shares none at the mean parallax."""
     # The whole area, not the corners alone: there lens and attitude are extrapolated beyond the tie points, and one corner would
     # speak for a pair that is ten times better everywhere else.
     corners = common_corners(pair, block)
+    if not len(corners):
+        raise GeometryError("they show no common ground at its mean height")
     columns = np.linspace(corners.min(axis=0), corners.max(axis=0), _GRID)
     grid = np.stack(np.meshgrid(*columns.T), axis=-1).reshape(-1, 2)
     edges, spokes = np.roll(corners, -1, axis=0) - corners, grid[:, None] - corners

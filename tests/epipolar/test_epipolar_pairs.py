@@ -10,6 +10,7 @@ from tiny_block import block, photos, tie_points
 
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.orientation import JointCovariance
+from orthomill.tasks.epipolar import row_precision
 from orthomill.tasks.epipolar.parallax import common_measurements, row_residuals, summary, with_measured_rows
 from orthomill.tasks.epipolar.report import report
 from orthomill.tasks.epipolar.row_precision import common_points, row_change, row_sigma, row_sigmas
@@ -74,6 +75,17 @@ def test_a_photograph_that_shows_the_horizon_is_named_and_the_others_are_paired(
     pairs = choose_pairs(one.model_copy(update={"photos": (first, *one.photos[1:])}), PairChoice(), 0.08)
     assert "horizon" in dict(pairs.not_used)[first.photo]
     assert len(pairs.pairs) >= 4 and all(first.photo not in (p.left, p.right) for p in pairs.pairs)
+
+
+def test_a_pair_without_common_ground_at_its_mean_height_is_listed_with_the_reason(monkeypatch):
+    """Photographs of an object from all sides overlap on the level plane under it, but not where their pair looks."""
+    first = choose_pairs(block(), PairChoice(), 0.08).pairs[0].name
+    corners = row_precision.common_corners
+    nowhere = np.zeros((0, 2))
+    monkeypatch.setattr(row_precision, "common_corners", lambda pair, one: nowhere if pair.name == first else corners(pair, one))
+    pairs = choose_pairs(block(), PairChoice(), 0.08)
+    assert dict(pairs.not_used)[first] == "they show no common ground at its mean height"
+    assert pairs.pairs and first not in {pair.name for pair in pairs.pairs}
 
 
 def test_rows_are_predicted_for_ground_that_both_photographs_show():

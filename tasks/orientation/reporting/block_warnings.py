@@ -11,6 +11,7 @@ from orthomill.schemas.findings.block_findings import (
     ImageErrorsCorrelated,
     InteriorUndetermined,
     MeasurementsRejected,
+    NoDatum,
     TiePointsMisfit,
 )
 from orthomill.schemas.observations import ControlPoint
@@ -72,12 +73,13 @@ def _control_warnings(facts: Facts) -> Iterator[str]:
             "There is no ground control, and no photograph has a position: the block has its own shape, but no place, direction or "
             "scale on the ground. Measure at least five points on the ground, and keep some of them as check points."
         )
-    elif not surveyed:
+    # Of a block without datum the positions were not used, and a finding of its own says so.
+    elif not surveyed and not any(isinstance(finding, NoDatum) for finding in facts.precision.findings):
         yield (
             "There is no ground control: absolute position and height are as good as the positions of the photographs, and nothing "
             "independent checks them. Measure at least five points on the ground, and keep some of them as check points."
         )
-    elif all(point.role != "check" for point in surveyed):
+    elif surveyed and all(point.role != "check" for point in surveyed):
         yield "There are no check points, so nothing independent confirms the block; turn some control points into check points."
     # A free block has no coordinates to compare: one sentence instead of one for every point.
     if surveyed and not facts.ground.points:

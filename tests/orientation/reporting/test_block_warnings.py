@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from orthomill.schemas.findings.block_findings import ControlContradicted, DistanceUnchecked
+from orthomill.schemas.findings.block_findings import ControlContradicted, DistanceUnchecked, NoDatum
 from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import GroundResiduals, ObservationGroup, ParameterCorrelation, Unoriented
 from orthomill.schemas.photo import Photos
@@ -180,3 +180,10 @@ def test_files_for_other_programs_warn_of_scans_and_mirrors(facts):
     assert "The photographs are scans" in told(replace(facts, photos=Photos(photos=(scan, second))))
     mirrored = second.model_copy(update={"exif_orientation": 4})
     assert "EXIF mirrors b" in told(replace(facts, photos=Photos(photos=(first, mirrored))))
+
+
+def test_a_block_without_datum_is_not_called_as_good_as_its_positions(facts):
+    bare = with_control(facts, (), ())
+    assert "as good as the positions" in told(bare)
+    free = replace(bare, precision=bare.precision.model_copy(update={"findings": (NoDatum(scaled=False),)}))
+    assert "as good as the positions" not in told(free)
