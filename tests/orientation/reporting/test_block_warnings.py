@@ -183,7 +183,8 @@ def test_files_for_other_programs_warn_of_scans_and_mirrors(facts):
 
 
 def test_a_block_without_datum_is_not_called_as_good_as_its_positions(facts):
-    bare = with_control(facts, (), ())
+    placed = tuple(photo.model_copy(update={"position": (1.0, 2.0, 300.0)}) for photo in facts.photos.photos)
+    bare = replace(with_control(facts, (), ()), photos=Photos(photos=placed))
     assert "as good as the positions" in told(bare)
     free = replace(bare, precision=bare.precision.model_copy(update={"findings": (NoDatum(scaled=False),)}))
     assert "as good as the positions" not in told(free)
