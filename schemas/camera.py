@@ -23,44 +23,44 @@ class _LensModel(BaseModel):
     # Closed, because camera files are also written by hand: a misspelt k1 must not pass as a lens without distortion.
     model_config = ConfigDict(frozen=True, extra="forbid")
 
+    # First in every file: a reader wants to know the model before its coefficients.
+    kind: str
 
-class BrownLens(_LensModel):
+
+class _Polynomial(_LensModel):
+    """What Brown's model and all that extend it have."""
+
+    k1: float = 0.0
+    k2: float = 0.0
+    k3: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+
+
+class _Quotient(_Polynomial):
+    """The denominator of rational models."""
+
+    k4: float = 0.0
+    k5: float = 0.0
+    k6: float = 0.0
+
+
+class BrownLens(_Polynomial):
     """Polynomial in the radius, and decentring: most lenses."""
 
     kind: Literal["brown"] = "brown"
-    k1: float = 0.0
-    k2: float = 0.0
-    k3: float = 0.0
-    p1: float = 0.0
-    p2: float = 0.0
 
 
-class RationalLens(_LensModel):
+class RationalLens(_Quotient):
     """Quotient of two polynomials (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6), and decentring: wide lenses."""
 
     kind: Literal["rational"] = "rational"
-    k1: float = 0.0
-    k2: float = 0.0
-    k3: float = 0.0
-    p1: float = 0.0
-    p2: float = 0.0
-    k4: float = 0.0
-    k5: float = 0.0
-    k6: float = 0.0
 
 
-class ThinPrismLens(_LensModel):
+class ThinPrismLens(_Quotient):
     """The rational model with the terms of a tilted element, s1 r^2 + s2 r^4 along x and s3 r^2 + s4 r^4 along y (downwards)."""
 
     kind: Literal["thin_prism"] = "thin_prism"
-    k1: float = 0.0
-    k2: float = 0.0
-    k3: float = 0.0
-    p1: float = 0.0
-    p2: float = 0.0
-    k4: float = 0.0
-    k5: float = 0.0
-    k6: float = 0.0
     s1: float = 0.0
     s2: float = 0.0
     s3: float = 0.0
@@ -84,11 +84,10 @@ class DivisionLens(_LensModel):
     k1: float = 0.0
 
 
-Lens = Annotated[BrownLens | RationalLens | ThinPrismLens | FisheyeLens | DivisionLens, Field(discriminator="kind")]
+_AnyLens = BrownLens | RationalLens | ThinPrismLens | FisheyeLens | DivisionLens
+Lens = Annotated[_AnyLens, Field(discriminator="kind")]
 LensKind = Literal["brown", "rational", "thin_prism", "fisheye", "division"]
-LENSES: dict[str, type[_LensModel]] = {
-    model.model_fields["kind"].default: model for model in get_args(get_args(Lens)[0]) if issubclass(model, _LensModel)
-}
+LENSES: dict[str, type[_AnyLens]] = {model.model_fields["kind"].default: model for model in get_args(_AnyLens)}
 """The lens models by their kind."""
 
 

@@ -3,6 +3,7 @@
 from pydantic import BaseModel, ConfigDict, field_validator
 
 from orthomill.schemas.camera import Camera, padded
+from orthomill.schemas.errors import PhotoError
 from orthomill.schemas.findings.block_findings import BlockFinding
 from orthomill.schemas.job import Table
 
@@ -101,6 +102,12 @@ class Block(BaseModel):
 
     def of(self, name: str) -> ExteriorOrientation:
         return next(photo for photo in self.photos if photo.photo == name)
+
+    def check_holds(self, name: str) -> None:
+        """Raises PhotoError for a photograph that is not in the block."""
+        if name not in self.names:
+            more = " ..." if len(self.names) > 8 else ""
+            raise PhotoError(f"{name} is not in the block; it holds {', '.join(self.names[:8])}{more}.")
 
     def camera_of(self, name: str) -> Camera:
         return self.cameras[self.of_photo[name]]

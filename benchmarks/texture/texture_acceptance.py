@@ -17,9 +17,10 @@ from orthomill.schemas.raster import Window
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.geometry.view import View, block_view
 from orthomill.tasks.projection.stage import ProjectionStage
-from orthomill.tasks.visibility.scanline import central_projection, nearest_triangles
+from orthomill.tasks.visibility.scanline import central_projection
 from tests.support.engine.memory_runner import MemoryProject
 from tests.support.solid import wall_and_box as scene
+from tests.support.solid.whole_mesh import nearest_triangles
 
 RESULTS = Path(__file__).parents[1] / "results" / "texture_acceptance.md"
 POSITIONS = tuple(

@@ -110,8 +110,6 @@ def run(
     with plain_errors(debug):
         loaded, tls = load_project(name), _tls_files(scheduler, (tls_ca, tls_cert, tls_key))
         end = _run(loaded, Options(from_stage, until, workers, memory * MIB, sequential, scheduler, port, tls), as_json)
-    if not end.facts.complete:
-        raise typer.Exit(1)
     if end.doubts and strict:
         raise typer.Exit(3)
 
@@ -130,7 +128,7 @@ def _tls_files(scheduler: str | None, files: tuple[Path | None, ...]) -> tuple[P
 
 
 def _run(loaded: LoadedWorkflow, options: Options, as_json: bool = False) -> RunEnd:
-    """Run with progress lines, and tell how it ended."""
+    """Run with progress lines, and tell how it ended. Ends the command where the project is not complete."""
 
     def announce(line: str) -> None:
         print(json.dumps({"event": "note", "text": line}), flush=True) if as_json else out.print(escape(line), soft_wrap=True)
@@ -146,6 +144,8 @@ def _run(loaded: LoadedWorkflow, options: Options, as_json: bool = False) -> Run
         print(tell_as_json(end), flush=True)
     else:
         tell(end, out, err)
+    if not end.facts.complete:
+        raise typer.Exit(1)
     return end
 
 
@@ -154,9 +154,7 @@ def demo(workers: Workers = 0, memory: Memory = 1500, sequential: Sequential = F
     """Run a small embedded project in the current folder: photographs are simulated, everything else is as with real ones."""
     with plain_errors(debug):
         path = write_demo(Path.cwd())
-        end = _run(load_project(str(path)), Options(None, None, workers, memory * MIB, sequential))
-    if not end.facts.complete:
-        raise typer.Exit(1)
+        _run(load_project(str(path)), Options(None, None, workers, memory * MIB, sequential))
 
 
 @app.command()
@@ -177,9 +175,7 @@ def calibrate(
     with plain_errors(debug):
         boards_used = BoardOptions(corners, square, boards, arrangement, parameters)
         loaded = calibration_workflow(name, photos, boards_used, Path.cwd(), STAGES)
-        end = _run(loaded, Options(None, None, workers, memory * MIB, sequential))
-    if not end.facts.complete:
-        raise typer.Exit(1)
+        _run(loaded, Options(None, None, workers, memory * MIB, sequential))
     print_calibration(loaded.run_folder)
 
 
@@ -203,9 +199,7 @@ def check(
     with plain_errors(debug):
         given = checking.CheckOptions(photos, project, block, crs, system, remove_shift, fill)
         loaded = checking.check_workflow(name or checking.check_name(surface), surface, given, Path.cwd(), STAGES)
-        end = _run(loaded, Options(None, None, workers, memory * MIB, sequential))
-    if not end.facts.complete:
-        raise typer.Exit(1)
+        _run(loaded, Options(None, None, workers, memory * MIB, sequential))
 
 
 @app.command()
@@ -222,9 +216,7 @@ def change(
     """Where has the ground changed between two epochs, and is it significant? The earlier surface against the later photographs."""
     with plain_errors(debug):
         loaded = checking.change_workflow(before, after, name, sigma, Path.cwd(), STAGES)
-        end = _run(loaded, Options(None, None, workers, memory * MIB, sequential))
-    if not end.facts.complete:
-        raise typer.Exit(1)
+        _run(loaded, Options(None, None, workers, memory * MIB, sequential))
 
 
 @app.command()

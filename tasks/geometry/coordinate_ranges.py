@@ -6,12 +6,24 @@ adjustment, where nobody knows any more which line it came from.
 
 import math
 
+import numpy as np
+
 FARTHEST = 1e8
 """m; twice the circumference of the Earth: coordinates of every projection, with zones in front, are smaller"""
 LOWEST, HIGHEST = -12_000.0, 100_000.0
 """m; heights of a camera: the deepest place of the sea, and where space begins"""
 SMALLEST, LARGEST = 1e-6, 1e6
 """a standard error: weights are squares of its reciprocal, and their ratios must remain within the digits of a number"""
+
+
+_FOOT = 0.3048
+_ALIKE = 0.1
+"""share of its departure in metres below which a surface counts as one in feet: it fits ten times as well when it is converted"""
+
+
+def in_feet(heights: np.ndarray, known: np.ndarray) -> bool:
+    """Whether heights (N,) fit what is known of them (N,), m, far better when they are taken for feet."""
+    return float(np.median(np.abs(heights * _FOOT - known))) < _ALIKE * float(np.median(np.abs(heights - known)))
 
 
 def coordinate_mistake(value: float) -> str | None:

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from orthomill.schemas.errors import PhotoError
 from orthomill.schemas.inspection import SurfacePoint
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid
@@ -26,10 +25,7 @@ def points_on_surface(
     heights, sigmas: (rows, cols) m of the whole `grid`; pixel_sigma: standard error of an image coordinate, px. Raises PhotoError
     for a photograph that is not in the block.
     """
-    if photo not in block.names:
-        raise PhotoError(
-            f"{photo} is not in the block; it holds {', '.join(block.names[:8])}{' ...' if len(block.names) > 8 else ''}."
-        )
+    block.check_holds(photo)
     surface, view, orientation = SurfaceHeights(heights, grid), block_view(block, photo), block.of(photo)
     inside = view.contains(pixels)
     found = np.where(inside[:, None], first_points(view, pixels, surface), np.nan)

@@ -130,6 +130,15 @@ class _TileColours:
     breaks: np.ndarray
     zone: int
 
+    def blended(self, rules: ColourRules) -> Blended:
+        """The colours as one."""
+        return blend(self.colours, self.weights, rules.blend, self.breaks if rules.breaks else None)
+
+
+def _views(block: Block, tile: OutputTile, origin: np.ndarray) -> list[View]:
+    """The photographs of a tile's parts, relative to the mesh's origin."""
+    return [moved(block_view(block, part.name), origin) for part in tile.parts]
+
 
 def tile_colours(
     surface: TilePoints,
@@ -182,9 +191,8 @@ def colour_tile(
     """One tile of an output: see the module. photos: pixels at `tile.parts`; zones: of the photographs at `tile.zones`."""
     origin = np.array(census.origin)
     surface = tile_points(triangle, TrianglesAtHand.of(tile.blocks, blocks), tile.frame, tile.window, origin)
-    views = [moved(block_view(block, part.name), origin) for part in tile.parts]
-    found = tile_colours(surface, sight, photos, zones, views, tile, radiometry, facing.sign, rules.feather)
-    blended = blend(found.colours, found.weights, rules.blend, found.breaks if rules.breaks else None)
+    found = tile_colours(surface, sight, photos, zones, _views(block, tile, origin), tile, radiometry, facing.sign, rules.feather)
+    blended = found.blended(rules)
     seen = (sight >= MeshSight.AT_BREAK).sum(axis=2).astype(np.uint8)
     coverage = np.where(triangle >= 0, np.minimum(seen, NO_SURFACE - 1), NO_SURFACE).astype(np.uint8)
     return ColouredTile(
@@ -283,7 +291,6 @@ def left_out_tile(
     """What the photograph of `frame` shows, from the others: as `colour_tile`, and as programs with one photograph per face do."""
     origin = np.array(census.origin)
     surface = tile_points(triangle, TrianglesAtHand.of(tile.blocks, blocks), tile.frame, tile.window, origin)
-    views = [moved(block_view(block, part.name), origin) for part in tile.parts]
-    found = tile_colours(surface, sight, photos, (), views, tile, radiometry, facing.sign, rules.feather)
-    whole = blend(found.colours, found.weights, rules.blend, found.breaks if rules.breaks else None)
+    found = tile_colours(surface, sight, photos, (), _views(block, tile, origin), tile, radiometry, facing.sign, rules.feather)
+    whole = found.blended(rules)
     return LeftOutTile(rgba(whole), rgba(blend(found.colours, found.weights, _NEAREST)))

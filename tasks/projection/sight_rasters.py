@@ -8,6 +8,7 @@ specks smaller than a number of pixels are removed before, by their connected co
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -42,7 +43,8 @@ class TilePoints:
         """bool (N,): points whose back the viewer sees."""
         return facing * np.einsum("ni,ni->n", self.normals, self.along) >= 0
 
-    @property
+    # Cached: every photograph of a tile asks for them.
+    @cached_property
     def normals(self) -> np.ndarray:
         """Unit normals (N, 3)."""
         normal = np.cross(self.corners[:, 1] - self.corners[:, 0], self.corners[:, 2] - self.corners[:, 0])
@@ -87,6 +89,8 @@ def sight_tile(
     surface = tile_points(triangle, at_hand, tile.frame, tile.window, origin)
     out = np.full((triangle.size, len(tile.names)), MeshSight.NOWHERE, np.uint8)
     out[surface.at] = MeshSight.OUTSIDE
+    # A back shows nothing: what is painted on the front of it belongs to the other side.
+    backs = surface.backs(facing.sign)
     veils = {part.name: (mask, part.window) for mask, part in zip(masks, tile.zones, strict=True)}
     for part, near, own in zip(tile.parts, nearness, drawn, strict=True):
         view = moved(block_view(block, part.name), origin)
@@ -94,8 +98,7 @@ def sight_tile(
         codes = sights(view, surface.points, surface.triangle, raster, at_hand, tolerance, facing.sign)
         if part.name in veils:
             codes[_covered(view.project(surface.points), *veils[part.name])] = MeshSight.MASKED
-        # A back shows nothing: what is painted on the front of it belongs to the other side.
-        codes[surface.backs(facing.sign)] = MeshSight.AWAY
+        codes[backs] = MeshSight.AWAY
         out[surface.at, tile.names.index(part.name)] = codes
     return out.reshape(*triangle.shape, len(tile.names))
 

@@ -152,8 +152,11 @@ def scene_grid(settings: SceneSettings, cell: float) -> MapGrid:
 
 def true_block(flight: FlightSettings, scene: Scene, crs: str) -> Block:
     """All true orientations and the camera as a block."""
-    camera, photos = camera_of(flight), orientations(flight)
-    low, high = height_bounds(scene, scene_bounds(scene.settings))
+    return block_of_truth(crs, camera_of(flight), orientations(flight), height_bounds(scene, scene_bounds(scene.settings)))
+
+
+def block_of_truth(crs: str, camera: Camera, photos: tuple[ExteriorOrientation, ...], heights: tuple[float, float]) -> Block:
+    """True orientations and the camera of all of them as a block; heights: the lowest and the highest of the ground, m."""
     return Block(
         crs=crs,
         cameras={camera.name: camera},
@@ -163,8 +166,8 @@ def true_block(flight: FlightSettings, scene: Scene, crs: str) -> Block:
         sigma0_px=0.0,
         redundancy=0,
         iterations=0,
-        ground_low=low,
-        ground_high=high,
+        ground_low=heights[0],
+        ground_high=heights[1],
     )
 
 

@@ -6,7 +6,7 @@ is the photograph that shows it nearest to its centre: there distortion and obli
 photographs stream by and only those that were matched stay, so that memory follows the matches, which are counted beforehand.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,12 +24,11 @@ def observation_key(photo: int) -> str:
 
 def count_matches(matches: Iterator[PairMatches], pairs: tuple[tuple[int, int], ...]) -> MatchCounts:
     """How much `build_tracks` will join; matches: one per pair of photograph numbers."""
-    total, matched = 0, dict[int, np.ndarray]()
-    for found, pair in zip(matches, pairs, strict=True):
-        total += len(found)
-        for photo, numbers in zip(pair, (found.left, found.right), strict=True):
-            matched[photo] = np.union1d(matched.get(photo, np.zeros(0, np.int32)), numbers)
-    return MatchCounts(matches=total, features=sum(map(len, matched.values())))
+    ends, matched = 0, dict[int, np.ndarray]()
+    for photo, numbers in _ends(matches, pairs):
+        ends += len(numbers)
+        matched[photo] = np.union1d(matched.get(photo, np.zeros(0, np.int32)), numbers)
+    return MatchCounts(matches=ends // 2, features=sum(map(len, matched.values())))
 
 
 def track_scratch(counts: MatchCounts) -> int:
@@ -104,12 +103,18 @@ class _Nodes:
     pixels: np.ndarray
 
 
+def _ends(matches: Iterable[PairMatches], pairs: tuple[tuple[int, int], ...]) -> Iterator[tuple[int, np.ndarray]]:
+    """Photograph and numbers of its features, for either side of the matches of every pair."""
+    for found, (left, right) in zip(matches, pairs, strict=True):
+        yield left, found.left
+        yield right, found.right
+
+
 def _matched(matches: tuple[PairMatches, ...], pairs: tuple[tuple[int, int], ...], photos: int) -> list[np.ndarray]:
     """The numbers of the features of every photograph that some pair has matched, ascending."""
     found: list[list[np.ndarray]] = [[np.zeros(0, np.int32)] for _ in range(photos)]
-    for match, (left, right) in zip(matches, pairs, strict=True):
-        found[left].append(match.left)
-        found[right].append(match.right)
+    for photo, own in _ends(matches, pairs):
+        found[photo].append(own)
     return [np.unique(np.concatenate(numbers)) for numbers in found]
 
 

@@ -93,13 +93,6 @@ def add_projected(raster: NearestTriangles, corners: np.ndarray, numbers: np.nda
     _fill_parallel(flat, triangles, np.ascontiguousarray(numbers, np.int32), corner, raster.nearness, raster.triangle)
 
 
-def nearest_triangles(projection: Projection, vertices: np.ndarray, triangles: np.ndarray, window: Window) -> NearestTriangles:
-    """The raster of a whole mesh: see `add_triangles`; the numbers are those of the rows of `triangles`."""
-    raster = empty_raster(window)
-    add_triangles(raster, projection, vertices, triangles, np.arange(len(triangles), dtype=np.int32))
-    return raster
-
-
 @njit(cache=True, nogil=True)
 def _project(points, m, out):
     # No matrix product of a library: its rounding depends on the number of points.

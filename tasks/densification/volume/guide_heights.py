@@ -17,10 +17,8 @@ from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.settings import Settings, setting
 from orthomill.tasks.densification.volume.terrain import known_terrain, terrain
+from orthomill.tasks.geometry.coordinate_ranges import in_feet
 
-_FOOT = 0.3048
-_ALIKE = 0.1
-"""share of its departure in metres below which a model counts as one in feet: it fits ten times as well when it is converted"""
 _OFFSET, _SCATTERS = 5.0, 4.0
 """m, and multiples of the scatter, by which a model must differ throughout to lie in another datum"""
 _FEW, _SPARE = 0.005, 2.0
@@ -89,8 +87,8 @@ def guide_reach(points: GroundPoints, guide: np.ndarray, grid: MapGrid) -> Guide
 
 
 def _check(guide: np.ndarray, known: np.ndarray, path: str) -> None:
-    away, in_feet = guide - known, guide * _FOOT - known
-    if np.median(np.abs(in_feet)) < _ALIKE * np.median(np.abs(away)):
+    away = guide - known
+    if in_feet(guide, known):
         raise GeometryError(f"The heights of {path} are in feet; convert them to metres.")
     offset = float(np.median(away))
     scatter = 1.4826 * float(np.median(np.abs(away - offset)))

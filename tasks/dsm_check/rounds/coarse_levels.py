@@ -18,6 +18,7 @@ from orthomill.tasks.dsm_check.areas import blocks, slopes
 from orthomill.tasks.dsm_check.correction_map import CorrectionMap, CorrectionNodes
 from orthomill.tasks.dsm_check.coverage import CheckedPairs, choose_checked_pairs
 from orthomill.tasks.dsm_check.tile import NodeWindow, joint_nodes, take_surface
+from orthomill.tasks.imagery.resampling import between
 
 _REACHED = 0.5
 """share of the reach of the finer search within which it finds an error by itself, whatever the ground around it does"""
@@ -109,15 +110,6 @@ def move_surface(
     steps = np.where(good, np.nan_to_num(dh), 0.0)
     row = (window.row + np.arange(window.height) + 0.5) / side - 0.5 - given.row
     col = (window.col + np.arange(window.width) + 0.5) / side - 0.5 - given.col
-    return (heights + _bilinear(steps, row, col)).astype(np.float32)
-
-
-def _bilinear(values: np.ndarray, row: np.ndarray, col: np.ndarray) -> np.ndarray:
-    """Values (rows, cols) at all rows and columns; constant beyond their centres."""
-    r, c = np.clip(row, 0, values.shape[0] - 1), np.clip(col, 0, values.shape[1] - 1)
-    r0, c0 = np.floor(r).astype(int), np.floor(c).astype(int)
-    r1, c1 = np.minimum(r0 + 1, values.shape[0] - 1), np.minimum(c0 + 1, values.shape[1] - 1)
-    fr, fc = (r - r0)[:, None], (c - c0)[None, :]
-    top = values[np.ix_(r0, c0)] * (1 - fc) + values[np.ix_(r0, c1)] * fc
-    bottom = values[np.ix_(r1, c0)] * (1 - fc) + values[np.ix_(r1, c1)] * fc
-    return np.asarray(top * (1 - fr) + bottom * fr)
+    # Constant beyond the centres of the outermost cells.
+    row, col = (np.clip(at, 0, size - 1) for at, size in zip((row, col), steps.shape, strict=True))
+    return heights + between(steps, row, col)

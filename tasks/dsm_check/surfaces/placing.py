@@ -13,10 +13,8 @@ from orthomill.schemas.job import Table
 from orthomill.schemas.observations import GroundPoints
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid
+from orthomill.tasks.geometry.coordinate_ranges import in_feet
 
-_FOOT = 0.3048
-_ALIKE = 0.1
-"""share of its departure in metres below which a surface counts as one in feet: it fits ten times as well when it is converted"""
 _FEWEST = 10
 """tie points on the surface, below which the range of the ground is used"""
 _PLACES = 256
@@ -55,9 +53,8 @@ def place(heights: np.ndarray, block: Block, grid: MapGrid, path: str, points: G
     at, ties = _under(points, heights, grid) if points is not None else (known, np.zeros(0))
     if len(ties) < _FEWEST:
         return Placed(up=_into_range(known, block, path))
-    away = at - ties
-    _refuse_feet(float(np.median(np.abs(away))), float(np.median(np.abs(at * _FOOT - ties))), path)
-    return Placed(up=-round(float(np.median(away)), 3), points=len(ties))
+    _refuse_feet(at, ties, path)
+    return Placed(up=-round(float(np.median(at - ties)), 3), points=len(ties))
 
 
 def _under(points: GroundPoints, heights: np.ndarray, grid: MapGrid) -> tuple[np.ndarray, np.ndarray]:
@@ -77,12 +74,12 @@ def _into_range(known: np.ndarray, block: Block, path: str) -> float:
     low, high = block.ground_low - room, block.ground_high + room
     if low <= middle <= high:
         return 0.0
-    _refuse_feet(abs(middle - block.ground_mean), abs(middle * _FOOT - block.ground_mean), path)
+    _refuse_feet(np.array([middle]), np.array([block.ground_mean]), path)
     return round(block.ground_mean - middle, 3)
 
 
-def _refuse_feet(metres: float, feet: float, path: str) -> None:
-    if feet < _ALIKE * metres:
+def _refuse_feet(heights: np.ndarray, ground: np.ndarray, path: str) -> None:
+    if in_feet(heights, ground):
         raise GeometryError(
             f"The heights of {path} are in feet; convert them to metres, or name a system whose heights are in feet."
         )

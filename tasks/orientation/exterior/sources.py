@@ -27,29 +27,30 @@ class Adjusted(Settings):
     kind: Literal["adjusted"]
 
 
-def _refuse_unread(use: str, ground: tuple[float, float] | None, points_path: str | None = None) -> None:
-    """Raises ValueError for settings that starting values have no use for: the adjustment finds the ground itself."""
-    for name, value in (("ground", ground), ("points_path", points_path)):
-        if use == "start" and value is not None:
-            raise ValueError(
-                f"{name} is set, but has no effect with `use: start`, where the adjustment determines the height of the ground; "
-                f"leave {name} out, or set `use: fixed`"
-            )
+class _Foreign(Settings):
+    """What is said of every file of another program."""
 
-
-class FromAngles(Settings):
-    """A table of X, Y, Z, omega, phi, kappa in metres and degrees; the cameras are those of the calibration."""
-
-    kind: Literal["csv"]
-    path: str = setting(..., "CSV with the columns photo, x, y, z, omega, phi, kappa (and sigma_x to sigma_kappa where known).")
+    kind: str
     placed: Literal["project", "positions"] = setting("project", _PLACED)
     use: Literal["fixed", "start"] = setting("fixed", _USE)
     ground: tuple[float, float] | None = setting(None, _GROUND, "m")
 
     @model_validator(mode="after")
     def _everything_is_read(self) -> Self:
-        _refuse_unread(self.use, self.ground)
+        """Raises ValueError for settings that starting values have no use for: the adjustment finds the ground itself."""
+        for name in ("ground", "points_path"):
+            if self.use == "start" and getattr(self, name, None) is not None:
+                raise ValueError(
+                    f"{name} is set, but has no effect with `use: start`, where the adjustment determines the height of the "
+                    f"ground; leave {name} out, or set `use: fixed`"
+                )
         return self
+
+
+class _ForeignFile(_Foreign):
+    """A single file, which each kind describes."""
+
+    path: str
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -60,7 +61,14 @@ class FromAngles(Settings):
         return self.path
 
 
-class FromColmap(Settings):
+class FromAngles(_ForeignFile):
+    """A table of X, Y, Z, omega, phi, kappa in metres and degrees; the cameras are those of the calibration."""
+
+    kind: Literal["csv"]
+    path: str = setting(..., "CSV with the columns photo, x, y, z, omega, phi, kappa (and sigma_x to sigma_kappa where known).")
+
+
+class FromColmap(_Foreign):
     """COLMAP's text model."""
 
     kind: Literal["colmap"]
@@ -68,13 +76,6 @@ class FromColmap(Settings):
     images_path: str = setting(..., "COLMAP's images.txt.")
     points_path: str | None = setting(None, "COLMAP's points3D.txt: gives the height of the ground where there are no tie points.")
     placed: Literal["project", "positions"] = setting("positions", _PLACED)
-    use: Literal["fixed", "start"] = setting("fixed", _USE)
-    ground: tuple[float, float] | None = setting(None, _GROUND, "m")
-
-    @model_validator(mode="after")
-    def _everything_is_read(self) -> Self:
-        _refuse_unread(self.use, self.ground, self.points_path)
-        return self
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -85,74 +86,30 @@ class FromColmap(Settings):
         return self.images_path
 
 
-class FromOpensfm(Settings):
+class FromOpensfm(_ForeignFile):
     """The reconstruction.json of OpenSfM, OpenDroneMap or WebODM."""
 
     kind: Literal["opensfm"]
     path: str = setting(..., "The file opensfm/reconstruction.json.")
     reference_path: str | None = setting(None, "OpenSfM's reference_lla.json, where the reconstruction does not contain it.")
-    placed: Literal["project", "positions"] = setting("project", _PLACED)
-    use: Literal["fixed", "start"] = setting("fixed", _USE)
-    ground: tuple[float, float] | None = setting(None, _GROUND, "m")
-
-    @model_validator(mode="after")
-    def _everything_is_read(self) -> Self:
-        _refuse_unread(self.use, self.ground)
-        return self
 
     @property
     def files(self) -> tuple[str, ...]:
         return (self.path, *((self.reference_path,) if self.reference_path else ()))
 
-    @property
-    def described(self) -> str:
-        return self.path
 
-
-class FromMatrices(Settings):
+class FromMatrices(_ForeignFile):
     """A JSON file of matrices: photograph -> K (px), R_world_to_camera, t (x_camera = R X + t) or centre, width, height."""
 
     kind: Literal["matrices"]
     path: str = setting(..., "The JSON file; photographs are without distortion unless it states k1, k2, k3, p1, p2.")
-    placed: Literal["project", "positions"] = setting("project", _PLACED)
-    use: Literal["fixed", "start"] = setting("fixed", _USE)
-    ground: tuple[float, float] | None = setting(None, _GROUND, "m")
-
-    @model_validator(mode="after")
-    def _everything_is_read(self) -> Self:
-        _refuse_unread(self.use, self.ground)
-        return self
-
-    @property
-    def files(self) -> tuple[str, ...]:
-        return (self.path,)
-
-    @property
-    def described(self) -> str:
-        return self.path
 
 
-class FromBlock(Settings):
+class FromBlock(_ForeignFile):
     """The cameras.json of another project of orthomill: orientation, cameras and the heights of the ground."""
 
     kind: Literal["orthomill"]
     path: str = setting(..., "The file products/cameras.json.")
-    placed: Literal["project", "positions"] = setting("project", _PLACED)
-    use: Literal["fixed", "start"] = setting("fixed", _USE)
-    ground: tuple[float, float] | None = setting(None, _GROUND, "m")
-
-    @model_validator(mode="after")
-    def _everything_is_read(self) -> Self:
-        _refuse_unread(self.use, self.ground)
-        return self
-
-    @property
-    def files(self) -> tuple[str, ...]:
-        return (self.path,)
-
-    @property
-    def described(self) -> str:
-        return self.path
 
 
 ForeignSource = FromAngles | FromColmap | FromOpensfm | FromMatrices | FromBlock

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthomill.schemas.camera import Cameras
-from orthomill.schemas.errors import GeometryError, PhotoError
+from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.inspection import PairForms, PairUnknown
 from orthomill.schemas.observations import TiePoints
 from orthomill.schemas.orientation import Block
@@ -62,8 +62,7 @@ def classical_forms(block: Block, photos: Photos, tie_points: TiePoints, left: s
     or with too few tie points.
     """
     for name in (left, right):
-        if name not in block.names:
-            raise PhotoError(f"{name} is not in the block; it holds {', '.join(block.names[:8])}{_more(block.names)}.")
+        block.check_holds(name)
     pair = _turned(block, left, right)
     observations = _observations(block, photos, tie_points, (left, right), pair)
     found = orient_dependent(observations, *pair.constants)
@@ -73,10 +72,6 @@ def classical_forms(block: Block, photos: Photos, tie_points: TiePoints, left: s
     return PairForms(
         left, right, pair.turns, len(found.kept), int(found.kept.sum()), float(found.solution.sigma0), (*dependent, *rotations)
     )
-
-
-def _more(names: tuple[str, ...]) -> str:
-    return " ..." if len(names) > 8 else ""
 
 
 def _turned(block: Block, left: str, right: str) -> _Pair:
@@ -95,7 +90,7 @@ def _turned(block: Block, left: str, right: str) -> _Pair:
     # Turning an image system about its axis adds to kappa alone: the covariance of the angles stays as it is.
     for k, turn in ((5, first), (11, second)):
         exterior[k] += turn * np.pi / 2
-    constants = block.cameras[block.of_photo[left]].c, block.cameras[block.of_photo[right]].c
+    constants = block.camera_of(left).c, block.camera_of(right).c
     return _Pair((first, second), exterior, _joint_covariance(block, left, right), constants)
 
 

@@ -11,7 +11,7 @@ from orthomill.schemas.camera import BrownLens, Camera
 from orthomill.schemas.orientation import Block, ExteriorOrientation
 from orthomill.tasks.geometry.rotation import angles
 from orthomill.tasks.geometry.view import View, view_of
-from orthomill.tasks.simulation.flight import FlightExposure
+from orthomill.tasks.simulation.flight import FlightExposure, block_of_truth
 
 ORIGIN = np.array([120.0, 240.0, 70.0])
 """m: the middle of the threshold in the surveyor's local system"""
@@ -104,16 +104,5 @@ def portal_exposure(seed: int, number: int) -> FlightExposure:
 
 def portal_block(crs: str, reduction: float = 1.0) -> Block:
     """All true orientations and the camera as a block."""
-    camera, photos = portal_camera(reduction), portal_orientations()
-    return Block(
-        crs=crs,
-        cameras={camera.name: camera},
-        of_photo={photo.photo: camera.name for photo in photos},
-        photos=photos,
-        datum="The true values of the simulation.",
-        sigma0_px=0.0,
-        redundancy=0,
-        iterations=0,
-        ground_low=float(ORIGIN[2]),
-        ground_high=float(ORIGIN[2] + 8.0),
-    )
+    heights = float(ORIGIN[2]), float(ORIGIN[2] + 8.0)
+    return block_of_truth(crs, portal_camera(reduction), portal_orientations(), heights)
