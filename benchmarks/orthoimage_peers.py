@@ -201,7 +201,7 @@ def _mean_shift(store: Store, ortho: np.ndarray, place: Window, corner: tuple[in
     colours = store.read(TRUTH_ORTHO, source).astype(np.float32)
     material, seen = store.read(TRUTH_MATERIAL, source), np.bitwise_count(store.read(TRUTH_VISIBILITY, source)).astype(np.uint8)
     painted = fitted(ortho, fit_grey((grey_sums(ortho, colours),)))
-    scene = OrthoScene(Window(0, 0, *place.shape), painted, colours, ortho[..., 3] > 0, material, seen)
+    scene = OrthoScene(Window(0, 0, *place.shape), painted, colours, ortho[..., 3] > 0, material, seen, np.ones(seen.shape, bool))
     found = shifts(scene, Window(0, 0, *place.shape), place_classes(material))
     known = np.isfinite(found.dx) & (found.seen > 0)
     return f"{found.dx[known].mean():+.3f} | {found.dy[known].mean():+.3f} | {int(known.sum())}"

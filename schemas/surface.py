@@ -26,6 +26,8 @@ CORRECTED = "dsm_check/height"
 """float32 m, the height after the check"""
 ORTHO = "texture/ortho"
 """uint8 (rows, cols, 4): red, green, blue, alpha (0 where no photograph sees the ground)"""
+HEIGHT_SOURCE = "texture/height_source"
+"""uint8 code of HeightSource, of every pixel of the orthoimage"""
 
 
 ROUND_CELLS = tuple(m * 10.0**e for e in range(-3, 3) for m in (1.0, 2.0, 2.5, 5.0))
@@ -56,6 +58,25 @@ MEASURED = (Provenance.ONE_PAIR, Provenance.AGREED, Provenance.DISPUTED, Provena
 """codes of heights that photographs measured"""
 ESTIMATED = (Provenance.INTERPOLATED, Provenance.INCOHERENT)
 """codes of heights that are a guess, with a standard error of metres; never shown or counted as measured"""
+
+
+class HeightSource(IntEnum):
+    """Where the height of an ortho pixel comes from; uint8 in HEIGHT_SOURCE."""
+
+    # The numbers are those of the product ortho_height_source.tif, so they never change.
+    NONE = 0
+    MEASURED = 1
+    DRAPED = 2
+    ESTIMATED = 3
+
+
+HEIGHT_SOURCE_CODES: tuple[tuple[int, str, str], ...] = (
+    (HeightSource.NONE, "#000000", "no height, no texture"),
+    (HeightSource.MEASURED, "#9a9a9a", "measured"),
+    (HeightSource.DRAPED, "#d7191c", "draped: interpolated for the texture only"),
+    (HeightSource.ESTIMATED, "#fdae61", "estimated by the surface model"),
+)
+"""(code, colour, meaning) for pictures"""
 
 
 PROVENANCE_CODES: tuple[tuple[int, str, str], ...] = (

@@ -10,6 +10,7 @@ import hashlib
 import os
 import re
 import shutil
+import sys
 import time
 from pathlib import Path
 
@@ -59,7 +60,7 @@ def kernel_folder(root: Path) -> Path:
 def use_kernel_cache(root: Path, kept: Path) -> None:
     """Let numba cache its kernels in a folder of `kept`, and remove folders of sources that changed long ago.
 
-    To be called before numba is imported. Does nothing where the user has chosen a folder, or where `kept` cannot be written.
+    To be called before kernels are defined. Does nothing where the user has chosen a folder, or where `kept` cannot be written.
     """
     if os.environ.get(_VARIABLE):
         return
@@ -69,6 +70,9 @@ def use_kernel_cache(root: Path, kept: Path) -> None:
     except OSError:
         return
     os.environ[_VARIABLE] = str(folder)
+    if numba := sys.modules.get("numba"):
+        # It has read its environment, and would keep kernels beside their sources, where outdated ones are not noticed.
+        numba.config.CACHE_DIR = str(folder)
     with contextlib.suppress(OSError):  # another process may be tidying up as well
         for other in kept.iterdir():
             if other != folder and time.time() - other.stat().st_mtime > _KEPT_DAYS * 86400:

@@ -3,6 +3,7 @@
 import os
 import time
 
+import numba
 import pytest
 
 from orthomill.tasks.kernel_cache import sources_digest, use_kernel_cache
@@ -11,6 +12,7 @@ from orthomill.tasks.kernel_cache import sources_digest, use_kernel_cache
 @pytest.fixture
 def sources(tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", "")
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
     folder = tmp_path / "sources"
     (folder / "tasks" / "room").mkdir(parents=True)
     (folder / "schemas").mkdir()
@@ -33,6 +35,11 @@ def test_a_change_in_what_kernels_are_made_of_gives_another_folder(sources, tmp_
     monkeypatch.setenv("NUMBA_CACHE_DIR", "")
     use_kernel_cache(sources, tmp_path / "kept")
     assert os.environ["NUMBA_CACHE_DIR"] != before
+
+
+def test_numba_that_was_imported_before_uses_the_folder_too(sources, tmp_path):
+    use_kernel_cache(sources, tmp_path / "kept")
+    assert numba.config.CACHE_DIR == os.environ["NUMBA_CACHE_DIR"] != ""
 
 
 def test_a_module_that_no_kernel_uses_does_not_count(sources):

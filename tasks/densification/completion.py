@@ -29,10 +29,9 @@ class VolumeWindow(NamedTuple):
     judgement: np.ndarray
     worth: np.ndarray
 
-    @property
-    def sure(self) -> np.ndarray:
-        """(rows, cols) bool: measured."""
-        return self.worth == Worth.SURE
+    def sure(self, matched: np.ndarray) -> np.ndarray:
+        """(rows, cols) bool: measured; matched (rows, cols) bool: where a pair has a height near it."""
+        return (self.worth == Worth.SURE) | ((self.worth == Worth.BLURRED) & matched)
 
     @property
     def stray(self) -> np.ndarray:
@@ -61,8 +60,9 @@ def completed(cells: FusedCells, volume: VolumeWindow) -> FusedCells:
 
     Where the volume is not sure, what pairs found near it is an estimate as well: they started from there.
     """
-    added = np.isnan(cells.height) & np.isfinite(volume.height)
-    unsure = np.isfinite(volume.height) & ~volume.sure
+    matched = np.isfinite(cells.height)
+    added = ~matched & np.isfinite(volume.height)
+    unsure = np.isfinite(volume.height) & ~volume.sure(matched)
     code = np.where(added, np.uint8(Provenance.VOLUME), cells.provenance)
     return FusedCells(
         np.where(added, volume.height, cells.height),

@@ -102,6 +102,8 @@ class Shifts(Columns):
     """uint8: code of PlaceClass, 0 not known; VEHICLE or WATER where the matching window contains some"""
     seen: np.ndarray
     """uint8: photographs that truly show the node; 255 not known"""
+    measured: np.ndarray
+    """bool: all heights in the matching window are measured"""
     datum_dx: np.ndarray
     datum_dy: np.ndarray
     """float32 px: what the adjusted orientations alone shift; NaN where the true ones are not known"""
@@ -174,7 +176,7 @@ class OrthoScene:
 
     `window` in the ortho grid; `colour` (rows, cols, 3) fitted ortho colours; `truth` likewise, NaN where unknown; `covered` (rows,
     cols) bool: the orthoimage has a colour; `material` codes; `seen` uint8 number of photographs that truly show the pixel, 255
-    where unknown.
+    where unknown; `measured` (rows, cols) bool: the height that the orthoimage rests on is measured.
     """
 
     window: Window
@@ -183,6 +185,7 @@ class OrthoScene:
     covered: np.ndarray
     material: np.ndarray
     seen: np.ndarray
+    measured: np.ndarray
 
     @cached_property
     def has_truth(self) -> np.ndarray:
@@ -220,7 +223,7 @@ def shifts(scene: OrthoScene, core: Window, place: np.ndarray) -> Shifts:
     row, col = (a.ravel() for a in np.meshgrid(rows, cols, indexing="ij"))
     r, c = row - scene.window.row, col - scene.window.col
     if not len(r):
-        types = (np.int32, np.int32, np.float32, np.float32, np.uint8, np.uint8, np.float32, np.float32)
+        types = (np.int32, np.int32, np.float32, np.float32, np.uint8, np.uint8, bool, np.float32, np.float32)
         return Shifts(*(np.zeros(0, t) for t in types))
     grey, truth = (np.where(scene.judged, np.maximum(x, 1.0), np.nan).astype(np.float32) for x in (scene.grey, scene.true_grey))
     points = np.column_stack([c, r]).astype(np.float64)
@@ -233,6 +236,7 @@ def shifts(scene: OrthoScene, core: Window, place: np.ndarray) -> Shifts:
         (found.row - r).astype(np.float32),
         _moving_near(scene.material, place)[r, c],
         scene.seen[r, c],
+        ndimage.minimum_filter(scene.measured, MATCHING.window, mode="nearest")[r, c],
         *np.full((2, len(r)), np.nan, np.float32),
     )
 

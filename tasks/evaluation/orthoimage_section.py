@@ -21,6 +21,11 @@ _FIGURES = (
     ("ortho_shift_q95_px", "px", "95 % of the shifts are below this."),
     ("ortho_shift_above_half_px_share", "%", "Nodes that are shifted by more than 0.5 px."),
     (
+        "ortho_shift_measured_above_half_px_share",
+        "%",
+        "Nodes that are shifted by more than 0.5 px of those around which all heights are measured.",
+    ),
+    (
         "ortho_shift_nodes",
         "",
         "Nodes at which the shift was measured, where two photographs or more show the ground and no car or water is near.",
@@ -101,6 +106,7 @@ def _values(summary: OrthoSummary) -> dict[str, float | int | None]:
         "ortho_shift_median_px": shift["median"],
         "ortho_shift_q95_px": shift["q95"],
         "ortho_shift_above_half_px_share": shift["share_above_half"],
+        "ortho_shift_measured_above_half_px_share": shift["measured_share_above_half"],
         "ortho_shift_nodes": None if matched is None else round(matched),
         "ortho_shift_mean_col_px": shift["mean_dx"],
         "ortho_shift_mean_row_px": shift["mean_dy"],

@@ -14,7 +14,7 @@ from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, map_raster, tile
 from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
 from orthomill.schemas.stage_report import report_table
-from orthomill.schemas.surface import CORRECTED, HEIGHT, ORTHO, PRECISION, PROVENANCE, RELATIVE_PRECISION, SURFACE
+from orthomill.schemas.surface import CORRECTED, HEIGHT, HEIGHT_SOURCE, ORTHO, PRECISION, PROVENANCE, RELATIVE_PRECISION, SURFACE
 from orthomill.schemas.truth import (
     TRUTH_BLOCK,
     TRUTH_BUILDING,
@@ -232,7 +232,7 @@ def _sums_job(judged: _Judged, t: Tile, table: Table[GreySums]) -> Job:
 def _ortho_job(judged: _Judged, t: Tile, writes: dict[str, Raster | Table]) -> Job:
     # the halo: windows of the matching and the way to the nearest roof reach beyond the tile
     window = t.window.grown(HALO).clipped(judged.grid.shape)
-    reads: Reads = {"ortho": Raster(ORTHO, window), "fit": FIT}
+    reads: Reads = {"ortho": Raster(ORTHO, window), "height_source": Raster(HEIGHT_SOURCE, window), "fit": FIT}
     if isinstance(judged.reference, str):
         reads["reference"] = MapFile(judged.reference, judged.crs, judged.grid, window, bands=3)
         params = {"where": OrthoPlace(judged.grid, t.window, window)}

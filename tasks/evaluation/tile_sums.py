@@ -250,6 +250,7 @@ def _shift_numbers(shifts: Shifts) -> dict[str, float | None]:
     chosen = {
         "": visible,
         "open_ground_": visible & np.isin(shifts.place, (PlaceClass.CLEAR_GROUND, PlaceClass.TREE_MARGIN)),
+        "measured_": visible & shifts.measured,
         "roof_": visible & np.isin(shifts.place, (PlaceClass.ROOF_INTERIOR, PlaceClass.ROOF_EDGE)),
     }
     for name, mask in chosen.items():

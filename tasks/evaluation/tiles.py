@@ -8,7 +8,7 @@ from scipy import ndimage
 
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.schemas.surface import MEASURED
+from orthomill.schemas.surface import MEASURED, HeightSource
 from orthomill.schemas.truth import Material
 from orthomill.tasks.evaluation.accuracy import HeightHistogram, HeightSums, JudgedCells, height_sums, histogram
 from orthomill.tasks.evaluation.classes import PlaceClass, place_classes, strata
@@ -211,6 +211,7 @@ def ortho_against_truth(
     material: np.ndarray,
     visibility: np.ndarray,
     surface: np.ndarray,
+    height_source: np.ndarray,
     block: Block,
     adjusted: Block,
     fit: GreyFit,
@@ -218,8 +219,8 @@ def ortho_against_truth(
 ) -> OrthoComparison:
     """Compares the pixels `where.core` of the orthoimage with the truth.
 
-    ortho (rows, cols, 4) at `where.window`; the truth rasters at the source window of `where.source`; `block` is the true one,
-    `adjusted` that of the orthoimage.
+    ortho (rows, cols, 4) and height_source (codes) at `where.window`; the truth rasters at the source window of `where.source`;
+    `block` is the true one, `adjusted` that of the orthoimage.
     """
     place = where.source
     # the fit first: brightness is free in a block, and every later comparison is of grey values
@@ -230,14 +231,18 @@ def ortho_against_truth(
         ortho[..., 3] > 0,
         codes_on(material, place),
         _photo_count(visibility, place),
+        height_source == HeightSource.MEASURED,
     )
     height = heights_on(surface, place)
     found = _finish(scene, where, _hidden_photos(scene, height, block, where.grid))
     return found._replace(shifts=with_datum(found.shifts, scene, where.grid, height, (adjusted, block)))
 
 
-def ortho_against_file(ortho: np.ndarray, reference: np.ndarray, fit: GreyFit, where: OrthoPlace) -> OrthoComparison:
+def ortho_against_file(
+    ortho: np.ndarray, reference: np.ndarray, height_source: np.ndarray, fit: GreyFit, where: OrthoPlace
+) -> OrthoComparison:
     """As `ortho_against_truth`, with a reference (rows, cols, 3) on the same pixels, without materials and visibility."""
     nothing = np.zeros(ortho.shape[:2], np.uint8)
-    scene = OrthoScene(where.window, fitted(ortho, fit), reference, ortho[..., 3] > 0, nothing, nothing + UNKNOWN_COUNT)
+    measured, coloured = height_source == HeightSource.MEASURED, ortho[..., 3] > 0
+    scene = OrthoScene(where.window, fitted(ortho, fit), reference, coloured, nothing, nothing + UNKNOWN_COUNT, measured)
     return _finish(scene, where, np.full(ortho.shape[:2], -1))

@@ -5,33 +5,12 @@ holes, so that every hole is closed however large it is; a tile with `HALO` cell
 Blocks are counted from the corner of the model's grid, never from that of a tile.
 """
 
-from enum import IntEnum
-
 import cv2
 import numpy as np
 
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.schemas.surface import ESTIMATED
+from orthomill.schemas.surface import ESTIMATED, HeightSource
 from orthomill.tasks.imagery.pull_push import halved, pushed
-
-
-class HeightSource(IntEnum):
-    """Where the height of an ortho pixel comes from; uint8 in `texture/height_source`."""
-
-    # The numbers are those of the product ortho_height_source.tif, so they never change.
-    NONE = 0
-    MEASURED = 1
-    DRAPED = 2
-    ESTIMATED = 3
-
-
-HEIGHT_SOURCE_CODES: tuple[tuple[int, str, str], ...] = (
-    (HeightSource.NONE, "#000000", "no height, no texture"),
-    (HeightSource.MEASURED, "#9a9a9a", "measured"),
-    (HeightSource.DRAPED, "#d7191c", "draped: interpolated for the texture only"),
-    (HeightSource.ESTIMATED, "#fdae61", "estimated by the surface model"),
-)
-"""(code, colour, meaning) for pictures"""
 
 LEVELS = 4
 BLOCK = 2**LEVELS

@@ -8,17 +8,14 @@ from typing import Literal
 import numpy as np
 
 from orthomill.schemas.stage_report import Answer, Chart, Figure, Grid, Picture, Product, StageReport, Topic, Verdict
-from orthomill.schemas.surface import ORTHO
+from orthomill.schemas.surface import HEIGHT_SOURCE, HEIGHT_SOURCE_CODES, ORTHO, HeightSource
 from orthomill.tasks.imagery.radiometric_balance import PhotoRadiometry, Radiometry
-from orthomill.tasks.texture.draping import HEIGHT_SOURCE_CODES, HeightSource
 from orthomill.tasks.texture.mosaic import TileTexture
 
 COVERAGE = "texture/coverage"
 """uint8: number of photographs that see the pixel; 0 also where there is no height"""
 REJECTED = "texture/rejected"
 """uint8: number of colours rejected at the pixel"""
-HEIGHT_SOURCE = "texture/height_source"
-"""uint8 code of HeightSource"""
 
 COVERAGE_COLOURS = ("#d7191c", "#1a9641", "#2b5fd9", "#9a9a9a")
 """Red 0, green 1, blue 2, grey 3 or more photos (Petsa et al. 2007, fig. 22)."""

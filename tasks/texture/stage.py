@@ -14,7 +14,18 @@ from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, Window, map_rast
 from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
 from orthomill.schemas.stage_report import report_table
-from orthomill.schemas.surface import CORRECTED, COUNT, HEIGHT, ORTHO, PRECISION, PROVENANCE, SURFACE, Surface, points_table
+from orthomill.schemas.surface import (
+    CORRECTED,
+    COUNT,
+    HEIGHT,
+    HEIGHT_SOURCE,
+    ORTHO,
+    PRECISION,
+    PROVENANCE,
+    SURFACE,
+    Surface,
+    points_table,
+)
 from orthomill.tasks.geometry.photograph_part import PhotoSource, photo_level
 from orthomill.tasks.geometry.view import block_view
 from orthomill.tasks.imagery.blending import Blend
@@ -38,7 +49,7 @@ from orthomill.tasks.texture.draping import block_grid, block_heights, blocks_of
 from orthomill.tasks.texture.extent import TileExtent, ground_pixels, ortho_grid, tile_extent
 from orthomill.tasks.texture.mosaic import TextureRules, TileTexture, balance, sample_tile, texture_tile
 from orthomill.tasks.texture.relief import RELIEF, ReliefMap, relief_table, tile_relief, whole_relief
-from orthomill.tasks.texture.report import COVERAGE, HEIGHT_SOURCE, REJECTED, TextureFacts, texture_report
+from orthomill.tasks.texture.report import COVERAGE, REJECTED, TextureFacts, texture_report
 
 BLOCK_HEIGHTS, GROUND = "texture/block_heights", "texture/ground"
 """float32 m: mean heights of blocks of 16 x 16 cells of the surface model, NaN in holes; the same with every hole closed"""

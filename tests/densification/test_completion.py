@@ -39,6 +39,11 @@ def test_what_pairs_find_where_the_volume_is_not_sure_is_an_estimate():
     assert found.height[0].tolist() == [5.0, 5.0] and found.count[0].tolist() == [1, 1]
 
 
+def test_a_pair_decides_where_only_the_rivals_of_the_volume_are_too_far_away():
+    found = completed(cells_of(5.0, np.nan), volume_of((5.2, 5.2), (Worth.BLURRED, Worth.BLURRED)))
+    assert found.provenance[0].tolist() == [Provenance.ONE_PAIR, Provenance.INCOHERENT]
+
+
 WHOLE = Window(0, 0, *LEVEL_GRID.shape)
 UNEVEN = (0.1, 0.2, 0.3, 0.2, 0.1, 0.2, 0.4, 0.2, 0.1)
 

@@ -30,11 +30,20 @@ def texture(seed: int = 1) -> np.ndarray:
     return (120 + 30 * noise / noise.std() * np.array([1.0, 0.9, 0.7])).astype(np.float32)
 
 
-def scene(colour, truth, material=None, seen=3) -> OrthoScene:
+def scene(colour, truth, material=None, seen=3, measured=None) -> OrthoScene:
     material = np.full(SHAPE, Material.OPEN_GROUND, np.uint8) if material is None else material
-    return OrthoScene(
-        WHOLE, colour.astype(np.float32), truth.astype(np.float32), np.ones(SHAPE, bool), material, np.full(SHAPE, seen, np.uint8)
-    )
+    everywhere, photographs = np.ones(SHAPE, bool), np.full(SHAPE, seen, np.uint8)
+    measured = everywhere if measured is None else measured
+    colour, truth = (values.astype(np.float32) for values in (colour, truth))
+    return OrthoScene(WHOLE, colour, truth, everywhere, material, photographs, measured)
+
+
+def test_a_shift_beside_an_estimated_height_is_not_one_of_measured_ground():
+    truth, measured = texture(), np.ones(SHAPE, bool)
+    measured[100, 76] = False
+    found = shifts(scene(truth, truth, measured=measured), WHOLE, np.ones(SHAPE, np.uint8))
+    beside = np.maximum(np.abs(found.row - 100), np.abs(found.col - 76)) <= 12
+    assert beside.any() and (found.measured == ~beside).all()
 
 
 def rgba(colour) -> np.ndarray:

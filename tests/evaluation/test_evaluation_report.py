@@ -48,7 +48,7 @@ DATUM = {"datum_mean_dx": -0.17, "datum_mean_dy": 0.02, "own_median": 0.05, "own
 
 def shift(**changes) -> dict[str, float | None]:
     names = ("median", "q95", "share_above_half", "nodes_matched")
-    values = {f"{head}{name}": 0.1 for head in ("", "open_ground_", "roof_") for name in names}
+    values = {f"{head}{name}": 0.1 for head in ("", "open_ground_", "roof_", "measured_") for name in names}
     return {**values, "nodes": 100.0, "matched": 80.0, "mean_dx": 0.01, "mean_dy": -0.02, **DATUM, **changes}
 
 

@@ -191,12 +191,13 @@ def test_the_published_fgdc_factor():
     assert found.fgdc95 == pytest.approx(3.96, abs=0.005)
 
 
-def shifts(dx, dy, place=PlaceClass.CLEAR_GROUND, seen=3, datum=np.nan) -> Shifts:
+def shifts(dx, dy, place=PlaceClass.CLEAR_GROUND, seen=3, datum=np.nan, measured=True) -> Shifts:
     n = len(dx)
     code, photos = np.full(n, place, np.uint8), np.full(n, seen, np.uint8)
     number = np.arange(n, dtype=np.int32)
+    dx, dy = np.asarray(dx, np.float32), np.asarray(dy, np.float32)
     of_datum = np.full((2, n), datum, np.float32)
-    return Shifts(number, number, np.asarray(dx, np.float32), np.asarray(dy, np.float32), code, photos, *of_datum)
+    return Shifts(number, number, dx, dy, code, photos, np.full(n, measured), *of_datum)
 
 
 def test_shifts_are_summed_by_place():
@@ -209,6 +210,11 @@ def test_shifts_are_summed_by_place():
     assert found.shift["open_ground_median"] == pytest.approx(0.75) and found.shift["roof_median"] == pytest.approx(0.2)
     assert found.shift["share_above_half"] == 25.0, "0.5 itself is not above a half"
     assert found.shift["mean_dx"] == pytest.approx(-0.075, abs=1e-4) and found.shift["mean_dy"] == pytest.approx(0.4, abs=1e-4)
+
+
+def test_shifts_on_measured_ground_are_told_apart():
+    parts = shifts([0.7, 0.1], [0.0, 0.0]), shifts([3.0], [0.0], measured=False)
+    assert summarise_ortho((OrthoCounts(),), parts, GreyFit()).shift["measured_share_above_half"] == 50.0
 
 
 def test_cars_and_water_are_no_measure_of_the_shift():

@@ -6,7 +6,7 @@ from box_scene import block as box_block
 from scipy.ndimage import gaussian_filter
 
 from orthomill.schemas.raster import MapGrid, RasterSpec, Window, tiles_of
-from orthomill.schemas.surface import MEASURED, Provenance
+from orthomill.schemas.surface import MEASURED, HeightSource, Provenance
 from orthomill.schemas.truth import Material
 from orthomill.tasks.evaluation.accuracy import HeightSums, merged_histogram, merged_sums
 from orthomill.tasks.evaluation.classes import HALO as CLASS_HALO
@@ -165,7 +165,16 @@ def judged_ortho(core=WHOLE, ortho=None, adjusted=None):
     where = OrthoTruthPlace(GRID, core, window, place)
     colours = texture()[readable(place).slices]
     return ortho_against_truth(
-        ortho[window.slices], colours, material, visibility, surface, box_block(), adjusted or box_block(), GreyFit(), where
+        ortho[window.slices],
+        colours,
+        material,
+        visibility,
+        surface,
+        np.full(window.shape, HeightSource.MEASURED, np.uint8),
+        box_block(),
+        adjusted or box_block(),
+        GreyFit(),
+        where,
     )
 
 
@@ -213,7 +222,8 @@ def test_tiles_of_the_orthoimage_add_up_to_the_whole(size):
 def test_an_orthoimage_against_a_file_knows_nothing_of_visibility():
     reference = texture().astype(np.float32)
     reference[:, :10] = np.nan
-    found = ortho_against_file(rgba(texture()), reference, GreyFit(), OrthoPlace(GRID, WHOLE, WHOLE))
+    sources = np.full(GRID.shape, HeightSource.MEASURED, np.uint8)
+    found = ortho_against_file(rgba(texture()), reference, sources, GreyFit(), OrthoPlace(GRID, WHOLE, WHOLE))
     assert found.counts.difference_count == 60 * 70 and found.counts.visible == found.counts.hidden == 0
     assert np.isnan(found.shifts.datum_dx).all()
     assert (found.shifts.seen == 255).all() and (found.shifts.place == PlaceClass.UNKNOWN).all()

@@ -1,10 +1,11 @@
 """What the heights of the finest level are worth, and calmer ones where they stand alone far and wide.
 
 Strategy. A height counts as measured where those around go along with it, it beats its rivals as clearly as is usual here, none of
-them lies far away, and two photographs or more see all of its surroundings. The others are estimates. In a wood or on water, where
-every leaf and wave has a height of its own that no neighbour shares, estimates are calmed: medians of squares, medians of those,
-interpolated; a rough guess would hide ground from photographs that no other rough guess reveals. How far they depart from the
-terrain of the tie points is believed as far as their scatter supports it, and upwards only: crowns stand out from it.
+them lies far away, and two photographs or more see all of its surroundings. Where only the rivals are too far away (grass, in which
+the next heights fit nearly as well), a pair that matched there decides among them. The others are estimates. In a wood or on
+water, where every leaf and wave has a height of its own that no neighbour shares, estimates are calmed: medians of squares, medians
+of those, interpolated; a rough guess would hide ground from photographs that no other rough guess reveals. How far they depart from
+the terrain of the tie points is believed as far as their scatter supports it, and upwards only: crowns stand out from it.
 """
 
 from dataclasses import dataclass
@@ -33,13 +34,13 @@ class Sureness(Settings):
         1.6, "How far from it heights may lie, on average, that fit nearly as well.", "heights", ge=0.0, le=15.0
     )
 
-    def sure(self, judged: np.ndarray) -> np.ndarray:
-        """(rows, cols) bool from a judgement (rows, cols, 3)."""
-        return (
-            (judged[..., Judgement.COHERENCE] >= 100 * self.coherence)
-            & (judged[..., Judgement.STANDING] >= 100 * self.standing)
-            & (judged[..., Judgement.SPREAD] <= SPREAD_UNIT * self.spread)
-        )
+    def coherent(self, judged: np.ndarray) -> np.ndarray:
+        """(rows, cols) bool from a judgement (rows, cols, 3): the surroundings go along, and its rivals are beaten."""
+        return (judged[..., Judgement.COHERENCE] >= 100 * self.coherence) & (judged[..., Judgement.STANDING] >= 100 * self.standing)
+
+    def sharp(self, judged: np.ndarray) -> np.ndarray:
+        """(rows, cols) bool from a judgement (rows, cols, 3): its rivals are near."""
+        return judged[..., Judgement.SPREAD] <= SPREAD_UNIT * self.spread
 
 
 class Worth(IntEnum):
@@ -48,6 +49,8 @@ class Worth(IntEnum):
     SURE = 0
     UNSURE = 1
     CALMED = 2
+    BLURRED = 3
+    """sure but for rivals that fit nearly as well: measured where a pair decides among them"""
 
 
 class JudgedVolume(NamedTuple):
@@ -94,9 +97,13 @@ def judged(tile: JudgedTile, settings: Sureness, height: np.ndarray, quality: np
     inner = tile.window.within(tile.around).slices
     known, judgements = np.isfinite(height), judgement(quality)
     enclosed = _enclosed(known)
-    sure = settings.sure(judgements) & enclosed
-    alone = known & ~sure & _alone(quality, known)
-    worth = np.where(sure, np.uint8(Worth.SURE), np.where(alone, np.uint8(Worth.CALMED), np.uint8(Worth.UNSURE)))
+    coherent, sharp = settings.coherent(judgements) & enclosed, settings.sharp(judgements)
+    alone = known & ~(coherent & sharp) & _alone(quality, known)
+    worth = np.select(
+        [coherent & sharp, alone, coherent],
+        [np.uint8(Worth.SURE), np.uint8(Worth.CALMED), np.uint8(Worth.BLURRED)],
+        np.uint8(Worth.UNSURE),
+    )
     calmer = _bordered(height, enclosed)
     # Most tiles of open ground have nothing to calm, and medians cost more than all the rest.
     if alone[inner].any():
