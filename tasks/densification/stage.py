@@ -39,7 +39,7 @@ from orthomill.tasks.densification.spike_filter import SpikeFilter
 from orthomill.tasks.densification.strategies.pair_strategies import Cascade, CoarseToFine, Growing, PairStrategy
 from orthomill.tasks.densification.strategies.strategy_block import make_pair_surface
 from orthomill.tasks.densification.strategies.strategy_plan import strategy_plan
-from orthomill.tasks.densification.surface_grid import surface_of
+from orthomill.tasks.densification.surface_grid import surface_of, window_cells
 from orthomill.tasks.densification.surface_tile import SurfaceRules, make_surface
 from orthomill.tasks.densification.volume.guide_heights import Guide, TiePointGuide
 from orthomill.tasks.densification.volume.levels import VolumeScene
@@ -136,14 +136,17 @@ class DensificationStage(Stage):
         pairs, ground = view.table(PAIRS).pairs, view.table(BLOCK_TABLE).ground_mean
         for pair in pairs:
             yield from strategy_plan(pair, matching, self.kind)
-        yield from self._tiles(view).jobs(SurfaceSource(make_pair_surface, {}, surface, ground, 0.0, matching.step), pairs)
+        window = window_cells(matching.window, pairs, surface)
+        yield from self._tiles(view).jobs(SurfaceSource(make_pair_surface, {}, surface, ground, 0.0, matching.step, window), pairs)
         yield self._report_of_pairs(pairs)
 
     def _guided(self, view: ProjectView, surface: Surface, matching: Guided) -> _Plan:
         """The levels of points, every pixel of the pairs, and the surface from these."""
         pairs, ground = view.table(PAIRS).pairs, view.table(BLOCK_TABLE).ground_mean
         yield from GuidedPlan(self.kind, view.table(BLOCK_TABLE).crs, surface, pairs, matching).jobs()
-        yield from self._tiles(view).jobs(SurfaceSource(make_pair_surface, {}, surface, ground, 0.0, matching.pixels.step), pairs)
+        window = window_cells(matching.pixels.correlation.template, pairs, surface)
+        source = SurfaceSource(make_pair_surface, {}, surface, ground, 0.0, matching.pixels.step, window)
+        yield from self._tiles(view).jobs(source, pairs)
         reads = {**_read_of_pairs(pairs), "levels": tuple(level_table(level.number) for level in matching.levels)}
         yield Job(self.kind, "report", guided_report, reads, {"report": report_table(self.kind)}, {"settings": matching})
 
@@ -156,7 +159,14 @@ class DensificationStage(Stage):
         yield from locus_plan(scene, self.kind, view.table(BLOCK_TABLE).crs)
         lines = {"nodes": LINE_NODES, "photographs": LINE_PHOTOGRAPHS, "outcome": LINE_OUTCOME}
         source = SurfaceSource(
-            make_line_surface, lines, surface, scene.block.ground_mean, scene.metres_per_pixel, 1, reads_nodes=False
+            make_line_surface,
+            lines,
+            surface,
+            scene.block.ground_mean,
+            scene.metres_per_pixel,
+            1,
+            scene.window_cells,
+            reads_nodes=False,
         )
         yield from self._tiles(view).jobs(source, view.table(PAIRS).pairs)
         reads: dict[str, Reading] = {"surface": SURFACE, "lines": LINES, "cells": CELLS}

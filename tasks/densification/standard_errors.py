@@ -39,6 +39,8 @@ _MOST = 1.0
 """no height is farther from the truth than the heights around differ"""
 _EDGE, _WINDOW = 0.03, 5
 """share of the height differences within half a window of matching, cells, by which it bends"""
+_GONE = 0.4
+"""share of the cells around without a height, from which on slopes explain nothing: windows fail where they see two surfaces"""
 _RISE = 2.2
 """m per m of distance that what was not measured may rise"""
 _FARTHEST, _TALLEST = 64, 10.0
@@ -59,6 +61,23 @@ def relative_precision(cells: FusedCells, volume: VolumeWindow, step: float) -> 
     roughness, edge = _ROUGHNESS * height_range(cells.height, 1), _EDGE * height_range(cells.height, _WINDOW)
     sigma = np.sqrt(matching**2 + roughness**2 + doubt**2 + edge**2)
     return np.where(np.isfinite(cells.height), sigma, np.nan).astype(np.float32)
+
+
+def window_doubt(height: np.ndarray, window: int) -> np.ndarray:
+    """Standard errors (rows, cols) float32, m, that windows which know no walls leave: a height may be that of anything within a
+    window of it, so that it is one of those around, all alike likely. heights (rows, cols) m, NaN where nothing was measured;
+    window: its side in cells.
+
+    What the even slope of the ground explains is no doubt, unless much around was not found.
+    """
+    reach = min(window, REACH - 1)
+    known, around = np.isfinite(height), box_sums(np.ones(height.shape, bool), reach)
+    gone = np.minimum((1.0 - box_sums(known, reach) / around) / _GONE, 1.0)
+    # Beside a wall the calmest cells within the window tell the slope of the ground; their neighbours are one cell away.
+    calmest = ndimage.minimum_filter(np.where(known, height_range(height, 1), np.inf), 2 * reach + 1, mode="nearest")
+    slope = np.where(known, 2 * reach * calmest, 0.0)
+    beyond = np.maximum(height_range(height, reach) - (1.0 - gone) * slope, 0.0)
+    return (beyond / np.float32(np.sqrt(12.0))).astype(np.float32)
 
 
 def _beside(cells: FusedCells, volume: VolumeWindow, step: float) -> np.ndarray:

@@ -37,6 +37,11 @@ def ground_pixel(pair: EpipolarPair) -> float:
     return pair.base / ((pair.parallax_low + pair.parallax_high) / 2)
 
 
+def window_cells(side: int, pairs: tuple[EpipolarPair, ...], surface: Surface) -> float:
+    """Side of windows of so many pixels of the epipolar images, in cells of the surface: of the median pair."""
+    return side * float(np.median([ground_pixel(pair) for pair in pairs])) / surface.grid.cell if pairs else 0.0
+
+
 def height_bounds(pairs: EpipolarPairs) -> tuple[float, float]:
     """Lowest and highest height (m) that the parallax ranges of the pairs allow in the middle of their left images."""
     # The corners suffice: between them the height of a plane of constant parallax is linear.

@@ -21,7 +21,7 @@ from orthomill.tasks.densification.height_stack import REACH as STACK_REACH
 from orthomill.tasks.densification.height_stack import SLOTS, HeightStack
 from orthomill.tasks.densification.points import PointCollector, PointThinning
 from orthomill.tasks.densification.spike_filter import SpikeFilter, spikes
-from orthomill.tasks.densification.standard_errors import CODE_REACH, REACH, relative_precision, with_distance
+from orthomill.tasks.densification.standard_errors import CODE_REACH, REACH, relative_precision, window_doubt, with_distance
 from orthomill.tasks.densification.surface_grid import ground_pixel
 
 CLASSES = 20
@@ -89,6 +89,8 @@ class SurfaceTile:
     """mean height of the ground, m"""
     step: float
     """between the heights of the volume, m"""
+    window_cells: int = 0
+    """cells along the side of windows that know no walls; 0: windows keep to one surface"""
 
 
 class SurfaceCells(NamedTuple):
@@ -155,6 +157,8 @@ def finished_cells(
     """
     grid = tile.surface.grid
     relative = relative_precision(measured, volume, tile.step)
+    if tile.window_cells:
+        relative = np.hypot(relative, window_doubt(measured.height, tile.window_cells))
     rated = FusedCells(measured.height, relative, measured.count, measured.provenance)
     whole = fill(rated, volume.stray & (rated.provenance == Provenance.INCOHERENT), rules.fill)
     cells = _cropped(with_distance(whole, grid.cell), tile)

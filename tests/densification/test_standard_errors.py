@@ -6,7 +6,7 @@ import pytest
 from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.fusion import FusedCells
-from orthomill.tasks.densification.standard_errors import SHARE, height_range, relative_precision, with_distance
+from orthomill.tasks.densification.standard_errors import SHARE, height_range, relative_precision, window_doubt, with_distance
 from orthomill.tasks.densification.volume.quality import Judgement
 
 SHAPE = (9, 15)
@@ -48,6 +48,23 @@ def test_windows_that_reach_over_an_edge_bend():
     cells = FusedCells(height, np.full(height.shape, 0.1, np.float32), *(np.ones(height.shape, np.uint8) for _ in range(2)))
     found = relative_precision(cells, volume, STEP)[4]
     assert found[15] > 2 * found[14] and found[14] == pytest.approx(SHARE * 0.1)
+
+
+def test_within_a_window_of_a_wall_a_height_may_be_that_of_roof_or_ground():
+    """Uniform between 10 and 16 m: a standard error of 6 / sqrt(12)."""
+    found = window_doubt(np.pad(wall(), 8, mode="edge"), 3)[12]
+    assert found[[12, 14, 15, 17]] == pytest.approx(6.0 / np.sqrt(12.0)) and (found[[2, 11, 18, 24]] == 0).all()
+
+
+def test_an_even_slope_is_no_doubt_until_much_of_it_is_not_found():
+    slope = (0.5 * np.add.outer(np.arange(30), np.arange(30))).astype(np.float32)
+    inner = slice(5, -5), slice(5, -5)
+    assert (window_doubt(slope, 4)[inner] == 0).all()
+    holes = np.where(np.indices(slope.shape).sum(axis=0) % 2, np.float32(np.nan), slope)
+    found = window_doubt(holes, 4)[inner]
+    # The farthest corners of the window: eight cells in both directions.
+    assert found[np.isfinite(holes[inner])] == pytest.approx(0.5 * 16 / np.sqrt(12.0))
+    assert (found[np.isnan(holes[inner])] == 0).all()
 
 
 def test_a_height_of_the_volume_is_known_to_a_share_of_its_step():

@@ -64,25 +64,39 @@ class LocusScene:
     block: Block
     photos: Photos
     surface: Surface
-    settings: LineLocus
+    asked: LineLocus
+
+    @cached_property
+    def settings(self) -> LineLocus:
+        """What was asked for, with windows of a known size."""
+        return self.asked.sized(self.base)
 
     @cached_property
     def views(self) -> tuple[View, ...]:
         """The oriented photographs that are there on the pyramid level, in the order of the block."""
         views = (block_view(self.block, name) for name in self.block.names)
-        return tuple(view for view in views if self.photos[view.name].levels > self.settings.level)
+        return tuple(view for view in views if self.photos[view.name].levels > self.asked.level)
 
     @cached_property
     def pixel(self) -> float:
         """Ground pixel of the level at the mean height of the ground, m: the median of the photographs."""
         above = [max(view.centre[2] - self.block.ground_mean, 1e-6) / view.camera.c for view in self.views]
-        return float(np.median(above)) * 2**self.settings.level if above else self.surface.grid.cell
+        return float(np.median(above)) * 2**self.asked.level if above else self.surface.grid.cell
 
     @cached_property
+    def base(self) -> float:
+        """Widest base over height of the photographs that are compared."""
+        return base_height(self.views, self.surface.grid, self.block.ground_mean, self.asked.photographs)
+
+    @property
     def metres_per_pixel(self) -> float:
         """Height that a pixel of parallax stands for, m."""
-        base = base_height(self.views, self.surface.grid, self.block.ground_mean, self.settings.photographs)
-        return self.pixel / base
+        return self.pixel / self.base
+
+    @property
+    def window_cells(self) -> float:
+        """Side of a window in cells of the surface."""
+        return (2 * self.settings.half + 1) * self.pixel / self.surface.grid.cell
 
 
 def check_search(scene: LocusScene) -> None:

@@ -48,6 +48,8 @@ class SurfaceSource:
     """between the heights that were compared, m"""
     node_step: int
     """px between the nodes of the pairs"""
+    window_cells: float = 0.0
+    """cells along the side of windows that know no walls; 0: windows keep to one surface"""
     reads_nodes: bool = True
     """whether it reads the nodes of the pairs as well, as the argument `nodes`"""
 
@@ -97,11 +99,15 @@ class SurfacePlan:
                 "statistics": table,
                 "points": points_table(tile.row, tile.col),
             },
-            {"tile": SurfaceTile(source.surface, tile.window, work, pieces, source.ground, source.step), "rules": self.rules},
+            {"tile": _surface_tile(source, tile, work, pieces), "rules": self.rules},
             row=tile.row,
             col=tile.col,
             scratch=surface_scratch(pieces, work) + points_bytes(tile.window, 2 * len(pieces), self.rules.points),
         )
+
+
+def _surface_tile(source: SurfaceSource, tile: Tile, work: Window, pieces: tuple[PairPiece, ...]) -> SurfaceTile:
+    return SurfaceTile(source.surface, tile.window, work, pieces, source.ground, source.step, int(source.window_cells))
 
 
 def _pieces(source: SurfaceSource, pairs: tuple[EpipolarPair, ...], around: Window) -> tuple[PairPiece, ...]:

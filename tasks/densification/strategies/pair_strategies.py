@@ -32,6 +32,11 @@ class PairStrategy(Settings):
         """Whether a pair is matched in one piece."""
         return False
 
+    @property
+    def window(self) -> int:
+        """Side of the windows in which the heights are measured in the end, or of the largest of them, px."""
+        raise NotImplementedError
+
     def halo(self) -> int:
         """Pixels around its nodes that a part of the left image needs to give what the whole gives."""
         return pyramid_halo(self.pyramid, self.step)
@@ -46,6 +51,10 @@ class CoarseToFine(PairStrategy):
 
     kind: Literal["pyramid"]
 
+    @property
+    def window(self) -> int:
+        return 2 * self.pyramid.fine.half + 1
+
     def matches(self, left: ImagePart, right: ImagePart, grid: NodeGrid, search: SearchRange) -> Matches:
         return match_pyramid(left, right, grid, search, self.pyramid)
 
@@ -55,6 +64,10 @@ class Cascade(PairStrategy):
 
     kind: Literal["cascade"]
     cascade: CascadeMatching = setting(CascadeMatching(), "The three steps.")
+
+    @property
+    def window(self) -> int:
+        return 2 * self.cascade.measure.half + 1
 
     def matches(self, left: ImagePart, right: ImagePart, grid: NodeGrid, search: SearchRange) -> Matches:
         points = grid.points()
@@ -71,6 +84,10 @@ class Growing(PairStrategy):
 
     kind: Literal["region_growing"]
     growing: RegionGrowing = setting(RegionGrowing(), "How regions grow.")
+
+    @property
+    def window(self) -> int:
+        return 2 * self.growing.matching.half + 1
 
     @property
     def whole(self) -> bool:

@@ -6,7 +6,7 @@ Source: Tumska, Procyk, Janczak (methods/vertical_line_locus.md V1).
 """
 
 from math import floor, log2
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -18,6 +18,9 @@ STEP_PIXELS = 1.5
 """parallax between the first heights when nothing else is asked: a peak of the correlation is some three pixels wide"""
 ACCURACY_PIXELS = 0.1
 """parallax below which steps are fine enough when nothing else is asked"""
+SLOPE, _SMALLEST, _LARGEST = 0.3, 3, 12
+"""rise of the ground over which windows of an automatic size may reach: at their edges it is then seen one pixel of parallax away
+from level ground, where correlation ends; and half sizes between which they stay"""
 
 Auto = Literal["auto"] | Annotated[float, Field(gt=0)]
 
@@ -25,8 +28,11 @@ Auto = Literal["auto"] | Annotated[float, Field(gt=0)]
 class HeightSearch(Settings):
     """How the height of a node is sought on its vertical line, and when it counts as found."""
 
-    window: int = setting(
-        11, "Side of the windows that are compared; an even number is taken as the next odd one.", "px", ge=5, le=201
+    window: Literal["auto"] | Annotated[int, Field(ge=5, le=201)] = setting(
+        "auto",
+        "Side of the windows that are compared; an even number is taken as the next odd one; auto is as large as ground rising 3 "
+        "in 10 allows, 9 px at a base of 0.8 times the height.",
+        "px",
     )
     alignment: Literal["ground", "image"] = setting(
         "ground",
@@ -37,7 +43,12 @@ class HeightSearch(Settings):
         "bilinear", "Grey values between pixels, or those of the nearest pixels."
     )
     level: int = setting(0, "Pyramid level of the photographs; each halves them.", ge=0, le=8)
-    photographs: int = setting(4, "Photographs that are compared at a node, at most.", ge=2, le=16)
+    photographs: int = setting(
+        3,
+        "Photographs that are compared at a node, at most; all of them must be alike, so that more are more precise and find less.",
+        ge=2,
+        le=16,
+    )
     step: Auto = setting("auto", "First distance between the heights of a line; auto is 1.5 px of parallax.", "m")
     side_points: int = setting(5, "Heights on either side of the start, in every round.", ge=1, le=100)
     accuracy: Auto = setting("auto", "The steps are halved until they are below this; auto is 0.1 px of parallax.", "m")
@@ -69,8 +80,17 @@ class HeightSearch(Settings):
             )
         return self
 
+    def sized(self, base: float) -> Self:
+        """The same search with windows of a known size; base: widest base over height of the photographs that are compared."""
+        if self.window != "auto":
+            return self
+        half = min(max(floor(1.0 / (SLOPE * base)), _SMALLEST), _LARGEST)
+        return self.model_copy(update={"window": 2 * half + 1})
+
     @property
     def half(self) -> int:
+        """Half the side of the windows, whose size must be known (`sized`)."""
+        assert self.window != "auto"
         return self.window // 2
 
     @property

@@ -62,7 +62,7 @@ def found(images, *, start=103.0, nodes=21, low=50.0, high=150.0, first=None, **
     begin = np.full((nodes, nodes), np.nan)
     first = first or (nodes // 2, nodes // 2)
     begin[first] = start
-    search = HeightSearch(**asked)
+    search = HeightSearch(**{"window": 11, **asked})
     lines = NodeLines(at, at[::-1].copy(), begin, low, high)
     return found_heights(GreyImages.of(images), lines, visits(nodes, nodes, first, search.order), search, PER_PIXEL)
 
@@ -142,6 +142,14 @@ def test_rounds_end_with_the_first_spacing_below_the_accuracy():
     spacings = HeightSearch(step=8.0, accuracy=1.0).spacings(1.0)
     assert np.array_equal(spacings, [8.0, 4.0, 2.0, 1.0, 0.5])
     assert HeightSearch().spacings(2.0)[0] == 3.0 and HeightSearch().spacings(2.0)[-1] < 0.2
+
+
+def test_windows_are_as_large_as_sloping_ground_allows():
+    """At the edge of a window ground that rises 3 in 10 lies a pixel of parallax away from level ground."""
+    sides = [2 * HeightSearch().sized(base).half + 1 for base in (0.1, 0.345, 0.6, 0.8, 1.3, 2.0)]
+    assert sides == [25, 19, 11, 9, 7, 7]
+    assert all(side // 2 * 0.3 * base <= 1.0 for side, base in zip(sides[1:4], (0.345, 0.6, 0.8), strict=True))
+    assert HeightSearch(window=85).sized(0.8).half == 42
 
 
 def test_a_step_below_the_accuracy_is_refused_in_words():
