@@ -175,7 +175,8 @@ class Export:
 
     `format`: "cog" (GeoTIFF with overviews), "tiff" (plain tiled TIFF, no georeference), "png", "laz" (the rows of `tables`, or
     the cells of the raster "z", as points with the colours of "rgb" and attributes), "json" or "csv" (the one table of `tables`),
-    "text", "xyz" (X, Y and the first band of the one raster as text, a line for every cell with a value).
+    "text", "bytes" (the content of the one table of `tables`, a `FileBytes`), "xyz" (X, Y and the first band of the one raster as
+    text, a line for every cell with a value).
     """
 
     stage: str
@@ -206,3 +207,16 @@ class Columns:
     def take(self, index: np.ndarray) -> Any:
         """The rows at `index` (numbers or a mask)."""
         return type(self)(**{f.name: getattr(self, f.name)[index] for f in fields(self)})
+
+
+@dataclass(frozen=True)
+class FileBytes(Columns):
+    """A whole file that a job made, for formats that only its stage knows."""
+
+    content: np.ndarray
+    """uint8"""
+
+    @staticmethod
+    def of(data: bytes) -> "FileBytes":
+        """From bytes."""
+        return FileBytes(np.frombuffer(data, np.uint8))

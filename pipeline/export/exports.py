@@ -29,7 +29,7 @@ from orthomill.pipeline.export.point_cloud import write_points
 from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.pipeline.storage.table_files import write_whole
 from orthomill.schemas.errors import ResourceError, StoreError
-from orthomill.schemas.job import Columns, Export
+from orthomill.schemas.job import Columns, Export, FileBytes
 from orthomill.schemas.raster import RasterSpec, Window, tiles_of
 
 GDAL_CACHE = 64 * 2**20
@@ -306,6 +306,10 @@ def _write_text(export: Export, store: ReadableStore, path: Path) -> None:
     write_whole(path, text.encode())
 
 
+def _write_bytes(export: Export, store: ReadableStore, path: Path) -> None:
+    write_whole(path, _the_table(export, store, FileBytes).content.tobytes())
+
+
 def _the_table(export: Export, store: ReadableStore, kind: type[T]) -> T:
     """The one table of an export. Raises StoreError when there is not exactly one, or when it is not of the kind `kind`."""
     if len(export.tables) != 1:
@@ -339,5 +343,6 @@ WRITERS: dict[str, Callable[[Export, ReadableStore, Path], None]] = {
     "json": _write_json,
     "csv": _write_csv,
     "text": _write_text,
+    "bytes": _write_bytes,
     "xyz": _write_xyz,
 }

@@ -99,3 +99,5 @@ class OutputFrames(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     frames: tuple[OutputFrame, ...]
+    pixel: float
+    """median side of a pixel of the photographs on the surface, m"""

@@ -80,3 +80,17 @@ def reference_of(crs: str, point: np.ndarray) -> Reference:
     to_map = Transformer.from_crs(CRS.from_epsg(4326), ground_crs(crs), always_xy=True)
     ((lon, lat),) = degrees_of(to_map, point[None, :2])
     return Reference(float(lat), float(lon), float(point[2]))
+
+
+def geocentric_matrix(crs: str, point: np.ndarray) -> np.ndarray:
+    """(4, 4): from metres about a point (3,) of the map, along its axes, to geocentric coordinates (EPSG:4978).
+
+    The scale of the map is left out; heights are taken as ellipsoidal.
+    """
+    to_earth = Transformer.from_crs(ground_crs(crs).to_3d(), CRS.from_epsg(4978), always_xy=True)
+    steps = np.vstack([np.zeros(3), _STEP * np.eye(3), -_STEP * np.eye(3)]) + point
+    earth = np.column_stack(to_earth.transform(*steps.T))
+    left, _, right = np.linalg.svd((earth[1:4] - earth[4:7]).T / (2.0 * _STEP))
+    out = np.eye(4)
+    out[:3, :3], out[:3, 3] = left @ right, earth[0]
+    return out

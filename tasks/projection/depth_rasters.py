@@ -18,7 +18,7 @@ from orthomill.tasks.geometry.view import View, block_view
 from orthomill.tasks.projection.lines.sections import AnySection, cut
 from orthomill.tasks.visibility.output_frame import ORIGIN, moved, scan_frame, shown_points, window_pixels
 from orthomill.tasks.visibility.scanline import NOTHING, add_triangles, central_projection, empty_raster
-from orthomill.tasks.visibility.triangle_blocks import PER_BLOCK, as_blocks, block_bounds, block_count
+from orthomill.tasks.visibility.triangle_blocks import PER_BLOCK, as_blocks, block_areas, block_bounds, block_count
 
 CELL = 128
 """side of the squares of a photograph for which the blocks that they show are listed, px"""
@@ -45,6 +45,8 @@ class MeshBlocks(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     boxes: tuple[BlockBox, ...]
+    areas: tuple[float, ...]
+    """of the triangles of each block, m2"""
 
 
 class BlocksOfMesh(NamedTuple):
@@ -59,7 +61,7 @@ def cut_into_blocks(vertices: MeshVertices, triangles: MeshTriangles) -> BlocksO
     points = np.column_stack([vertices.x, vertices.y, vertices.z]).astype(np.float32)
     raster = as_blocks(points[np.column_stack([triangles.a, triangles.b, triangles.c])])
     boxes = tuple(BlockBox(low=tuple(low), high=tuple(high)) for low, high in block_bounds(raster).tolist())
-    return BlocksOfMesh(raster, MeshBlocks(boxes=boxes))
+    return BlocksOfMesh(raster, MeshBlocks(boxes=boxes, areas=tuple(block_areas(raster).tolist())))
 
 
 class PhotoDepth(BaseModel):
@@ -145,6 +147,8 @@ class TileSurface(BaseModel):
     low: Vector = (0.0, 0.0, 0.0)
     high: Vector = (0.0, 0.0, 0.0)
     """box about the points in it, m relative to the mesh's origin"""
+    near: tuple[float, float] = (0.0, 0.0)
+    """lowest and highest nearness"""
 
     @property
     def box(self) -> BlockBox:
@@ -157,6 +161,25 @@ class OutputRasters(NamedTuple):
     nearness: np.ndarray
     triangle: np.ndarray
     surface: TileSurface
+
+
+def depth_picture(nearness: np.ndarray, central: bool, near: tuple[float, float] | None = None) -> np.ndarray:
+    """uint8 (rows, cols, 4): depth as grey, 255 at the nearest place and 0 at the farthest; transparent without surface (M4).
+
+    `near`: lowest and highest nearness of the whole raster, of which this may be a tile; `central`: nearness is an inverse depth.
+    """
+    shown = np.isfinite(nearness) & ((nearness > 0) | (not central))
+    out = np.zeros((*nearness.shape, 4), np.uint8)
+    if not shown.any():
+        return out
+    low, high = near or (nearness[shown].min(), nearness[shown].max())
+    depth, far, close = (nearness[shown].astype(np.float64), float(low), float(high))
+    if central:
+        depth, far, close = -1.0 / depth, -1.0 / far, -1.0 / close
+    grey = np.rint(255.0 * (depth - far) / max(close - far, 1e-12))
+    out[shown, :3] = np.clip(grey, 0, 255)[:, None].astype(np.uint8)
+    out[shown, 3] = 255
+    return out
 
 
 def output_depth(
@@ -174,7 +197,8 @@ def output_depth(
     points = shown_points(frame, window_pixels(window)[shown], raster.nearness.ravel()[shown], origin)
     low, high = points.min(axis=0).tolist(), points.max(axis=0).tolist()
     seen = np.unique(raster.triangle.ravel()[shown] // PER_BLOCK)
-    surface = TileSurface(covered=int(shown.sum()), blocks=tuple(map(int, seen)), low=tuple(low), high=tuple(high))
+    near = float(np.nanmin(nearness)), float(np.nanmax(nearness))
+    surface = TileSurface(covered=int(shown.sum()), blocks=tuple(map(int, seen)), low=tuple(low), high=tuple(high), near=near)
     return OutputRasters(nearness, raster.triangle, surface)
 
 

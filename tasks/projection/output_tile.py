@@ -6,6 +6,7 @@ blocks of the mesh are drawn there. So a job reads what its tile needs, whatever
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -15,6 +16,22 @@ from orthomill.tasks.geometry.photograph_part import PhotoPart, PhotoSource, lev
 from orthomill.tasks.geometry.view import View
 from orthomill.tasks.projection.depth_rasters import BlockBox, TileSurface
 from orthomill.tasks.visibility.output_frame import frame_view, ideal_window, moved, plane_projection
+
+
+class PhotographsAtHand(Protocol):
+    """Which photographs may take part in a job, and which parts of them it holds."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All that may take part."""
+
+    @property
+    def parts(self) -> tuple[PhotoPart, ...]:
+        """Windows of them, in the order of the arrays."""
+
+    @property
+    def zones(self) -> tuple[PhotoPart, ...]:
+        """Windows of their limit zones, or of masks where those are read."""
 
 
 @dataclass(frozen=True)

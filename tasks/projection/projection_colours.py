@@ -22,7 +22,7 @@ from orthomill.tasks.imagery.blending import Blend, Blended, Rejection, blend
 from orthomill.tasks.imagery.photograph_colours import PhotoPixelsAt, colours_at
 from orthomill.tasks.imagery.radiometric_balance import Radiometry, Samples, balanced, corrected, seen_twice
 from orthomill.tasks.projection.facing import MeshFacing
-from orthomill.tasks.projection.output_tile import OutputTile
+from orthomill.tasks.projection.output_tile import OutputTile, PhotographsAtHand
 from orthomill.tasks.projection.sight_rasters import TilePoints, tile_points
 from orthomill.tasks.visibility.mesh_sight import MeshSight
 from orthomill.tasks.visibility.output_frame import moved
@@ -122,7 +122,7 @@ def _in_zone(view: View, surface: TilePoints, chosen: np.ndarray, zone: np.ndarr
 
 
 @dataclass(frozen=True, eq=False)
-class _TileColours:
+class TileColours:
     """Colours (photographs, rows, cols, bands), weights and breaks (photographs, rows, cols) of a tile, and values in zones."""
 
     colours: np.ndarray
@@ -135,7 +135,7 @@ class _TileColours:
         return blend(self.colours, self.weights, rules.blend, self.breaks if rules.breaks else None)
 
 
-def _views(block: Block, tile: OutputTile, origin: np.ndarray) -> list[View]:
+def part_views(block: Block, tile: PhotographsAtHand, origin: np.ndarray) -> list[View]:
     """The photographs of a tile's parts, relative to the mesh's origin."""
     return [moved(block_view(block, part.name), origin) for part in tile.parts]
 
@@ -146,11 +146,11 @@ def tile_colours(
     photos: tuple[np.ndarray, ...],
     zones: tuple[np.ndarray, ...],
     views: list[View],
-    tile: OutputTile,
+    tile: PhotographsAtHand,
     radiometry: Radiometry,
     facing: float,
     feather: float,
-) -> _TileColours:
+) -> TileColours:
     """The colours of a tile in every photograph of its parts, whose `views` are given, in the radiometry of the block."""
     shape, parts = sight.shape[:2], tile.parts
     bands = max((pixels.shape[2] for pixels in photos), default=1)
@@ -172,7 +172,7 @@ def tile_colours(
         # Corrected before blending: rejection compares colours, and a gain of some per cent would look like a gross error.
         colours[k, sampled.at] = corrected(sampled.colour, sampled.r2, radiometry.of(part.name)) * (255.0 / radiometry.white)
         weights[k, sampled.at] = worth
-    return _TileColours(colours.reshape(len(parts), *shape, bands), weights.reshape(len(parts), *shape), breaks, in_zones)
+    return TileColours(colours.reshape(len(parts), *shape, bands), weights.reshape(len(parts), *shape), breaks, in_zones)
 
 
 def colour_tile(
@@ -191,7 +191,9 @@ def colour_tile(
     """One tile of an output: see the module. photos: pixels at `tile.parts`; zones: of the photographs at `tile.zones`."""
     origin = np.array(census.origin)
     surface = tile_points(triangle, TrianglesAtHand.of(tile.blocks, blocks), tile.frame, tile.window, origin)
-    found = tile_colours(surface, sight, photos, zones, _views(block, tile, origin), tile, radiometry, facing.sign, rules.feather)
+    found = tile_colours(
+        surface, sight, photos, zones, part_views(block, tile, origin), tile, radiometry, facing.sign, rules.feather
+    )
     blended = found.blended(rules)
     seen = (sight >= MeshSight.AT_BREAK).sum(axis=2).astype(np.uint8)
     coverage = np.where(triangle >= 0, np.minimum(seen, NO_SURFACE - 1), NO_SURFACE).astype(np.uint8)
@@ -291,6 +293,6 @@ def left_out_tile(
     """What the photograph of `frame` shows, from the others: as `colour_tile`, and as programs with one photograph per face do."""
     origin = np.array(census.origin)
     surface = tile_points(triangle, TrianglesAtHand.of(tile.blocks, blocks), tile.frame, tile.window, origin)
-    found = tile_colours(surface, sight, photos, (), _views(block, tile, origin), tile, radiometry, facing.sign, rules.feather)
+    found = tile_colours(surface, sight, photos, (), part_views(block, tile, origin), tile, radiometry, facing.sign, rules.feather)
     whole = found.blended(rules)
     return LeftOutTile(rgba(whole), rgba(blend(found.colours, found.weights, _NEAREST)))

@@ -67,7 +67,7 @@ def output_frames(
 ) -> OutputFrames:
     """The frames of `outputs`; `taking_part`: names of the photographs. Raises GeometryError for what would be empty."""
     seen = seen_surface(vertices, triangles, census, tuple(block_view(block, name) for name in taking_part), unit)
-    return OutputFrames(frames=tuple(checked(frame_of(output, seen, block)) for output in outputs))
+    return OutputFrames(frames=tuple(checked(frame_of(output, seen, block)) for output in outputs), pixel=seen.pixel)
 
 
 def seen_surface(

@@ -11,7 +11,7 @@ from math import nan, prod
 
 import numpy as np
 
-from orthomill.schemas.job import Job, PhotoPixels, Raster, Reading, Stream, Table
+from orthomill.schemas.job import Export, Job, PhotoPixels, Raster, Reading, Stream, Table
 from orthomill.schemas.orientation import BLOCK, Block
 from orthomill.schemas.photo import Photos, photo_raster
 from orthomill.schemas.raster import RasterSpec, Tile, Window, map_raster, tiles_of
@@ -21,7 +21,14 @@ from orthomill.tasks.geometry.photograph_part import PhotoPart, PhotoSource, pho
 from orthomill.tasks.geometry.view import View, block_view
 from orthomill.tasks.imagery.pyramid import level_shape
 from orthomill.tasks.imagery.radiometric_balance import Samples
-from orthomill.tasks.projection.depth_rasters import MeshBlocks, PhotoDepth, TileSurface, output_depth, photograph_depth
+from orthomill.tasks.projection.depth_rasters import (
+    MeshBlocks,
+    PhotoDepth,
+    TileSurface,
+    depth_picture,
+    output_depth,
+    photograph_depth,
+)
 from orthomill.tasks.projection.facing import MeshFacing
 from orthomill.tasks.projection.lines.sections import AnySection
 from orthomill.tasks.projection.output_tile import (
@@ -150,6 +157,17 @@ def photograph_jobs(basis: ProjectionBasis) -> Iterator[RasterSpec | Job]:
         )
 
 
+def photograph_picture(basis: ProjectionBasis, name: str) -> Iterator[RasterSpec | Job | Export]:
+    """The depth of a photograph as a picture, without its distortion."""
+    shape, layer = basis.ideal[name].shape, photograph_layer(name, "picture")
+    whole = Window(0, 0, *shape)
+    yield RasterSpec(name=layer, shape=(*shape, 4), dtype="uint8", chunk=max(shape))
+    reads: dict[str, Reading] = {"nearness": Raster(photograph_layer(name, "nearness"), whole)}
+    writes = {"picture": Raster(layer, whole)}
+    yield Job("projection", f"picture-{name}", depth_picture, reads, writes, {"central": True}, scratch=40 * prod(shape))
+    yield Export("projection", f"depth-png-{name}", f"products/depth/{name}.png", "png", {"rgba": layer})
+
+
 @dataclass(frozen=True, eq=False)
 class FrameJobs:
     """The jobs of one output."""
@@ -257,6 +275,21 @@ class ColourJobs:
     def pairs(self) -> Iterator[tuple[Tile, TileSurface]]:
         """Tiles and what they show."""
         return zip(self.frame.tiles, self.surfaces, strict=True)
+
+    def depth_pictures(self) -> Iterator[RasterSpec | Job | Export]:
+        """The depth of the output as a picture, in one range of grey for all tiles."""
+        name, covered = self.frame.name, [surface for surface in self.surfaces if surface.covered]
+        near = min((s.near[0] for s in covered), default=0.0), max((s.near[1] for s in covered), default=0.0)
+        params = {"central": isinstance(self.frame.frame, ViewFrame), "near": near}
+        yield self.frame.raster("picture", "uint8", bands=4)
+        for tile in self.frame.tiles:
+            reads: dict[str, Reading] = {"nearness": Raster(output_layer(name, "nearness"), tile.window)}
+            writes: dict[str, Raster | Table] = {"picture": Raster(output_layer(name, "picture"), tile.window)}
+            scratch = 40 * prod(tile.window.shape)
+            yield self.frame._job("picture", tile, depth_picture, reads, writes, params, scratch=scratch)
+        yield Export(
+            "projection", f"{name}-depth-png", f"products/depth/{name}.png", "png", {"rgba": output_layer(name, "picture")}
+        )
 
     def sight(self, tolerance: SightTolerance) -> Iterator[RasterSpec | Job]:
         """How every photograph sees every pixel."""

@@ -12,6 +12,8 @@ from orthomill.schemas.stage_report import Answer, Figure, Grid, Picture, Produc
 from orthomill.tasks.imagery.radiometric_balance import Radiometry
 from orthomill.tasks.projection.facing import MeshFacing
 from orthomill.tasks.projection.leave_one_out import LeftOutPhotograph
+from orthomill.tasks.projection.model.model_colours import TileFacts
+from orthomill.tasks.projection.model.model_words import model_products, texture_figures
 from orthomill.tasks.projection.projection_colours import NO_SURFACE, ProjectionTile
 from orthomill.tasks.visibility.mesh_sight import MeshSight
 
@@ -23,6 +25,8 @@ COVERAGE_CLASSES: tuple[tuple[int, str, str], ...] = (
     (NO_SURFACE, "#ffffff", "no surface"),
 )
 """Red 0, green 1, blue 2, grey 3 or more photographs (Petsa et al. 2007, Fig. 22)."""
+PICTURED = 6
+"""photographs whose depths the report shows"""
 _FILLED, _SHARP, _BACKS, _UNLIKE = 0.9, 0.9, 0.2, 1.5
 """Part of the surface that a good output colours; gradient energy of a sharp blend; part of backs that is worth a warning; a
 photograph whose difference is so many times the median disagrees with the block"""
@@ -74,10 +78,14 @@ def projection_report(
     radiometry: Radiometry,
     statistics: tuple[ProjectionTile, ...],
     left_out: tuple[LeftOutPhotograph, ...],
+    textures: tuple[TileFacts, ...],
     outputs: tuple[OutputFacts, ...],
     proofs: tuple[str, ...],
+    pictured: tuple[str, ...],
+    whole_model: bool,
 ) -> StageReport:
-    """The report of the stage. statistics: tiles of all outputs, in their order; proofs: rasters of `left_out`."""
+    """The report of the stage. statistics: tiles of all outputs, in their order; textures: of the model's tiles, if there is one;
+    proofs: rasters of `left_out`; pictured: photographs whose depths are shown; whole_model: whether one GLB holds all tiles."""
     totals, start = [], 0
     for facts in outputs:
         totals.append(_OutputTotals(facts, statistics[start : start + facts.tiles]))
@@ -86,10 +94,10 @@ def projection_report(
     return StageReport(
         verdict=_verdict(totals, compared),
         answers=(Answer(topic=Topic.ORTHOIMAGE, text="; ".join(map(_described, totals)) + "."),),
-        products=tuple(_products(totals)),
-        figures=tuple(_figures(census, totals, radiometry, compared)),
+        products=(*_products(totals), *(model_products(whole_model) if textures else ())),
+        figures=(*_figures(census, totals, radiometry, compared), *(texture_figures(textures) if textures else ())),
         grids=tuple(_grids(totals, facing, left_out)),
-        pictures=tuple(_pictures(totals, left_out, proofs)),
+        pictures=(*_pictures(totals, left_out, proofs), *_depths(pictured)),
         warnings=tuple(_warnings(census, facing, totals, compared)),
     )
 
@@ -255,6 +263,16 @@ def _pictures(totals: list[_OutputTotals], left_out: tuple[LeftOutPhotograph, ..
             low=0.0,
             high=60.0,
             unit="grey levels",
+        )
+
+
+def _depths(pictured: tuple[str, ...]) -> Iterator[Picture]:
+    for name in pictured:
+        yield Picture(
+            title=f"Depth of {name}",
+            raster=f"projection/photographs/{name}/picture",
+            style="rgb",
+            caption="Distance of the surface, near is bright; all of them are in products/depth.",
         )
 
 

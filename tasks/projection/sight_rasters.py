@@ -6,7 +6,7 @@ dilated there by what the mesh and the orientation are worth. Colours from that 
 specks smaller than a number of pixels are removed before, by their connected components, so that noise makes no holes.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,7 +20,7 @@ from orthomill.schemas.solid.census import MeshCensus
 from orthomill.schemas.solid.frames import AnyFrame
 from orthomill.tasks.geometry.view import block_view
 from orthomill.tasks.projection.facing import MeshFacing
-from orthomill.tasks.projection.output_tile import OutputTile
+from orthomill.tasks.projection.output_tile import OutputTile, PhotographsAtHand
 from orthomill.tasks.visibility.mesh_sight import MeshSight, SightTolerance, sights
 from orthomill.tasks.visibility.output_frame import moved, pixel_rays, points_on, window_pixels
 from orthomill.tasks.visibility.scanline import NOTHING, NearestTriangles
@@ -87,20 +87,36 @@ def sight_tile(
     """
     origin, at_hand = np.array(census.origin), TrianglesAtHand.of(tile.blocks, blocks)
     surface = tile_points(triangle, at_hand, tile.frame, tile.window, origin)
-    out = np.full((triangle.size, len(tile.names)), MeshSight.NOWHERE, np.uint8)
-    out[surface.at] = MeshSight.OUTSIDE
+    rasters = [NearestTriangles(part.window, *pair) for part, *pair in zip(tile.parts, nearness, drawn, strict=True)]
+    codes = point_sights(surface, rasters, block, origin, facing.sign, at_hand, tile, tolerance, masks)
     # A back shows nothing: what is painted on the front of it belongs to the other side.
-    backs = surface.backs(facing.sign)
-    veils = {part.name: (mask, part.window) for mask, part in zip(masks, tile.zones, strict=True)}
-    for part, near, own in zip(tile.parts, nearness, drawn, strict=True):
+    codes[surface.backs(facing.sign)] = MeshSight.AWAY
+    out = np.full((triangle.size, len(tile.names)), MeshSight.NOWHERE, np.uint8)
+    out[surface.at] = codes
+    return out.reshape(*triangle.shape, len(tile.names))
+
+
+def point_sights(
+    surface: TilePoints,
+    rasters: Sequence[NearestTriangles],
+    block: Block,
+    origin: np.ndarray,
+    facing: float,
+    at_hand: TrianglesAtHand,
+    photographs: PhotographsAtHand,
+    tolerance: SightTolerance,
+    masks: tuple[np.ndarray, ...],
+) -> np.ndarray:
+    """Codes (N, photographs) uint8 of MeshSight of the points of a surface; `rasters` of the parts, masks of the zones."""
+    out = np.full((len(surface.at), len(photographs.names)), MeshSight.OUTSIDE, np.uint8)
+    veils = {part.name: (mask, part.window) for mask, part in zip(masks, photographs.zones, strict=True)}
+    for part, raster in zip(photographs.parts, rasters, strict=True):
         view = moved(block_view(block, part.name), origin)
-        raster = NearestTriangles(part.window, near, own)
-        codes = sights(view, surface.points, surface.triangle, raster, at_hand, tolerance, facing.sign)
+        codes = sights(view, surface.points, surface.triangle, raster, at_hand, tolerance, facing)
         if part.name in veils:
             codes[_covered(view.project(surface.points), *veils[part.name])] = MeshSight.MASKED
-        codes[backs] = MeshSight.AWAY
-        out[surface.at, tile.names.index(part.name)] = codes
-    return out.reshape(*triangle.shape, len(tile.names))
+        out[:, photographs.names.index(part.name)] = codes
+    return out
 
 
 def _covered(pixels: np.ndarray, mask: np.ndarray, window: Window) -> np.ndarray:

@@ -38,12 +38,13 @@ from orthomill.tasks.projection.chosen_photographs import (
     masks_of,
     taking_part,
 )
-from orthomill.tasks.projection.depth_rasters import cut_into_blocks
+from orthomill.tasks.projection.depth_rasters import PhotoDepth, cut_into_blocks
 from orthomill.tasks.projection.facing import mesh_facing
 from orthomill.tasks.projection.leave_one_out import LeftOutPhotograph, compare_left_out
 from orthomill.tasks.projection.lines.section_line import LineText, SectionLine, draw_section
 from orthomill.tasks.projection.lines.sections import NoSection
 from orthomill.tasks.projection.mesh_mending import mend_mesh
+from orthomill.tasks.projection.model.model_jobs import Model, ModelJobs, TexturedModel
 from orthomill.tasks.projection.outputs import MapOutput, Output
 from orthomill.tasks.projection.projection_colours import PROJECTION_RADIOMETRY, ColourRules, balance_surface
 from orthomill.tasks.projection.projection_frames import left_out_frame, output_frames
@@ -59,11 +60,12 @@ from orthomill.tasks.projection.projection_jobs import (
     depth_table,
     output_layer,
     photograph_jobs,
+    photograph_picture,
     samples_table,
     statistics_table,
     surface_table,
 )
-from orthomill.tasks.projection.report import OutputFacts, projection_report
+from orthomill.tasks.projection.report import PICTURED, OutputFacts, projection_report
 from orthomill.tasks.projection.sight_rasters import WideningRules
 from orthomill.tasks.projection.surface_source import ProjectedMesh
 from orthomill.tasks.visibility.mesh_sight import SightTolerance
@@ -138,6 +140,8 @@ class ProjectionStage(Stage):
         0.15, "Width of the border of a photo in which its weight rises from 0, as a share of its shorter side.", ge=0, le=0.5
     )
     section_lines: tuple[SectionLine, ...] = setting((), "Planes whose lines of intersection with the surface are drawn.")
+    model: Model = setting(TexturedModel(), "The coloured mesh to take away.")
+    depth_pictures: bool = setting(True, "Whether the depths of photos and outputs are also saved as pictures.")
     leave_one_out: LeavingOut = setting(LeaveOneOut(), "Whether the photos are made again from each other, as a proof.")
 
     @model_validator(mode="after")
@@ -173,7 +177,15 @@ class ProjectionStage(Stage):
             yield from self._output(colour)
         for colour in coloured[len(outputs) :]:
             yield from self._proof(colour)
-        yield from self._results(coloured, len(outputs), basis)
+        if self.depth_pictures:
+            for name in names:
+                yield from photograph_picture(basis, name)
+            for colour in coloured[: len(outputs)]:
+                yield from colour.depth_pictures()
+        model = self._model(view, basis, seen, masks)
+        if model:
+            yield from model.jobs(self._tolerance, self._rules())
+        yield from self._results(coloured, len(outputs), basis, model)
         yield from self._lines(basis)
 
     def _lines(self, basis: ProjectionBasis) -> Iterator[Job | Export]:
@@ -230,6 +242,18 @@ class ProjectionStage(Stage):
                 levels = basis.photos[name].levels
                 yield left_out_frame(basis.block, name, basis.names.index(name), self.leave_one_out.pixels, levels)
 
+    def _model(
+        self, view: ProjectView, basis: ProjectionBasis, seen: dict[str, PhotoDepth], masks: dict[str, str]
+    ) -> ModelJobs | None:
+        if self.model.kind == "none":
+            return None
+        texel = view.table(FRAMES).pixel if self.model.texel == "auto" else self.model.texel
+        return ModelJobs(basis, seen, masks, texel, self.model.side, view.project.project)
+
+    @property
+    def _tolerance(self) -> SightTolerance:
+        return SightTolerance(self.sight.depth, self.sight.rough, self.sight.break_at)
+
     def _masks(self, view: ProjectView, basis: ProjectionBasis) -> dict[str, str]:
         if self.masks.kind == "none":
             return {}
@@ -237,11 +261,10 @@ class ProjectionStage(Stage):
 
     def _sampled(self, view: ProjectView, outputs: list[ColourJobs], basis: ProjectionBasis) -> Iterator[RasterSpec | Job]:
         """MeshSight of all outputs, samples and the balance."""
-        tolerance = SightTolerance(self.sight.depth, self.sight.rough, self.sight.break_at)
         first = 0
         for colour in outputs:
             frame = colour.frame.frame
-            yield from colour.sight(tolerance)
+            yield from colour.sight(self._tolerance)
             yield from colour.samples(self._spacing(frame.rows * frame.cols * len(outputs)), first)
             first += frame.rows * frame.cols
         tables = tuple(samples_table(colour.frame.name, tile) for colour in outputs for tile in colour.frame.tiles)
@@ -274,7 +297,7 @@ class ProjectionStage(Stage):
 
     def _proof(self, colour: ColourJobs) -> Iterator[RasterSpec | Job]:
         """A photograph made again from the others, and compared with itself."""
-        yield from colour.sight(SightTolerance(self.sight.depth, self.sight.rough, self.sight.break_at))
+        yield from colour.sight(self._tolerance)
         yield from colour.left_out(self._rules())
         frame = colour.frame.frame
         (name,) = frame.without
@@ -298,7 +321,9 @@ class ProjectionStage(Stage):
             scratch=120 * frame.rows * frame.cols,
         )
 
-    def _results(self, coloured: list[ColourJobs], outputs: int, basis: ProjectionBasis) -> Iterator[Job | Export]:
+    def _results(
+        self, coloured: list[ColourJobs], outputs: int, basis: ProjectionBasis, model: ModelJobs | None
+    ) -> Iterator[Job | Export]:
         """The report and the products."""
         made, proofs = coloured[:outputs], coloured[outputs:]
         reads: dict[str, Reading] = {
@@ -307,11 +332,14 @@ class ProjectionStage(Stage):
             "radiometry": PROJECTION_RADIOMETRY,
             "statistics": tuple(statistics_table(colour.frame.name, tile) for colour in made for tile in colour.frame.tiles),
             "left_out": tuple(left_out_table(colour.frame.name) for colour in proofs),
+            "textures": model.facts() if model else (),
         }
         facts = tuple(OutputFacts(colour.frame.frame, len(colour.frame.tiles), colour.pixel) for colour in made)
         proven = tuple(colour.frame.name for colour in proofs)
         writes = {"report": report_table("projection")}
-        yield Job("projection", "report", projection_report, reads, writes, {"outputs": facts, "proofs": proven})
+        pictured = basis.names[:PICTURED] if self.depth_pictures else ()
+        params = {"outputs": facts, "proofs": proven, "pictured": pictured, "whole_model": bool(model and model.is_whole)}
+        yield Job("projection", "report", projection_report, reads, writes, params)
         for colour in made:
             frame = colour.frame.frame
             rasters = {"rgba": output_layer(frame.name, "ortho")}

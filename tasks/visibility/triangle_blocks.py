@@ -52,6 +52,14 @@ def block_bounds(raster: np.ndarray) -> np.ndarray:
     return np.stack([np.nanmin(corners, axis=1), np.nanmax(corners, axis=1)], axis=1)
 
 
+def block_areas(raster: np.ndarray) -> np.ndarray:
+    """(blocks,) m2: the area of the triangles of each block of a raster."""
+    # Block by block: differences of all corners would take twice the memory of the mesh.
+    parts = raster.reshape(-1, PER_BLOCK, 3, 3)
+    normals = (np.cross(one[:, 1] - one[:, 0], one[:, 2] - one[:, 0]) for one in parts)
+    return np.array([0.5 * np.nansum(np.linalg.norm(normal, axis=1)) for normal in normals])
+
+
 @dataclass(frozen=True, eq=False)
 class TrianglesAtHand:
     """Some blocks of a mesh: `numbers` (B,) of the blocks, ascending, `corners` (B * PER_BLOCK, 3, 3) float32."""

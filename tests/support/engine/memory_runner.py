@@ -42,7 +42,7 @@ class MemoryProject:
 
     @property
     def project(self):
-        return SimpleNamespace(tile=self.tile, crs="EPSG:2100")
+        return SimpleNamespace(tile=self.tile, crs="EPSG:2100", project="memory")
 
     def table(self, table):
         if table.path not in self.tables:
