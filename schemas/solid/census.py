@@ -49,6 +49,10 @@ class MeshCensus(BaseModel):
     bodies: int = 1
     open_edges: int = 0
     """edges of one triangle only: borders of the surface and of its holes"""
+    turned_edges: int = 0
+    """edges between two triangles that face opposite ways"""
+    system: str = ""
+    """reference system of the file, where it is not that of the project"""
     median_edge: float
     origin: tuple[float, float, float]
     low: tuple[float, float, float]

@@ -88,3 +88,25 @@ def _unit(crs: CRS) -> str:
 
 def _in_metres(crs: CRS) -> bool:
     return bool(crs.axis_info) and all(abs(axis.unit_conversion_factor - 1.0) < 1e-9 for axis in crs.axis_info[:2])
+
+
+def in_system(points: np.ndarray, metres: float, system: str, project: str) -> np.ndarray:
+    """Points (N, 3) of a reference `system` in that of the project, m. Heights above a map keep their value, in `metres` a unit;
+    those of a system of three dimensions (geocentric, ellipsoidal) become ellipsoidal heights.
+
+    Raises WorkflowError for a system that is not known, or has no values there.
+    """
+    try:
+        own = CRS.from_user_input(system)
+    except CRSError as error:
+        raise WorkflowError(f"The reference system '{system}' of the surface is unknown to PROJ; give one as EPSG:2100.") from error
+    known = np.isfinite(points).all(axis=1)
+    out = np.full(points.shape, np.nan)
+    solid = own.is_geocentric or len(own.axis_info) == 3
+    ground = ground_crs(project)
+    transformer = Transformer.from_crs(own, ground.to_3d() if solid else ground, always_xy=True)
+    x, y, *z = transformer.transform(*points[known, : 3 if solid else 2].T)
+    out[known] = np.column_stack([x, y, z[0] if solid else points[known, 2] * metres])
+    if not np.isfinite(out[known]).all():
+        raise WorkflowError(f"The coordinates of the surface have no place in the project's system {project}: is it in {system}?")
+    return out

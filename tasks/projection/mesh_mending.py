@@ -13,9 +13,12 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay, QhullError
 
 from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.solid.census import MeshCensus, MeshTriangles, MeshVertices
 from orthomill.schemas.solid.mesh import TriangleMesh
+from orthomill.tasks.geometry.reference_system import in_system
 from orthomill.tasks.projection.best_plane import best_plane
+from orthomill.tasks.visibility.height_triangles import height_triangles
 from orthomill.tasks.visibility.triangle_blocks import spatial_order
 
 METRES = {"auto": 1.0, "m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048}
@@ -35,12 +38,30 @@ class MendedMesh(NamedTuple):
     census: MeshCensus
 
 
-def mend_mesh(mesh: TriangleMesh, unit: str, shift: tuple[float, float, float]) -> MendedMesh:
+def mend_heights(heights: np.ndarray, grid: MapGrid, every: int) -> MendedMesh:
+    """A height model (rows, cols) m on `grid` as a mesh, with every `every`-th of its rows and columns. Raises GeometryError."""
+    # The middle of every group of cells, so that the mesh is not shifted.
+    first = every // 2
+    west, north = grid.west + (first + 0.5 - 0.5 * every) * grid.cell, grid.north - (first + 0.5 - 0.5 * every) * grid.cell
+    part = heights[first::every, first::every]
+    thin = MapGrid(west=west, north=north, cell=grid.cell * every, rows=part.shape[0], cols=part.shape[1])
+    mesh = height_triangles(part, thin)
+    if not len(mesh.triangles):
+        raise GeometryError("The surface model has no three heights beside each other; nothing can be projected.")
+    return mend_mesh(mesh, "m", (0.0, 0.0, 0.0))
+
+
+def mend_mesh(
+    mesh: TriangleMesh, unit: str, shift: tuple[float, float, float], y_up: bool = False, systems: tuple[str, str] = ("", "")
+) -> MendedMesh:
     """The usable part of a mesh in metres of the project's system: `shift` (m) is added to its coordinates after the unit.
 
-    Raises GeometryError when nothing is left, or when its coordinates were rounded more coarsely than its shape.
+    `y_up`: the file has Y upwards and Z to the south; `systems`: reference systems of the file ("": that of the project) and of the
+    project. Raises GeometryError when nothing is left, or when its coordinates were rounded more coarsely than its shape.
     """
-    points = (mesh.vertices + mesh.origin) * METRES[unit] + shift
+    stored = mesh.vertices + mesh.origin
+    stored = np.column_stack([stored[:, 0], -stored[:, 2], stored[:, 1]]) if y_up else stored
+    points = (stored * METRES[unit] if not systems[0] else in_system(stored, METRES[unit], *systems)) + shift
     finite = np.asarray(np.isfinite(points).all(axis=1))
     if not finite.any():
         raise GeometryError("The mesh has no vertex with finite coordinates; export it again.")
@@ -61,11 +82,11 @@ def mend_mesh(mesh: TriangleMesh, unit: str, shift: tuple[float, float, float]) 
             f"finite, {int(flat.sum())} have no area; export it again."
         )
     edge = _median_edge(points, kept)
-    _refuse_rounded(mesh.vertices, edge / METRES[unit])
+    _refuse_rounded(mesh.vertices, _median_edge(mesh.vertices, kept))
     kept = kept[spatial_order(points[kept].mean(axis=1))]
     used, numbers = np.unique(kept, return_inverse=True)
     points, kept = points[used], numbers.reshape(-1, 3).astype(np.int32)
-    bodies, borders = _topology(points, kept)
+    bodies, borders, turned = _topology(points, kept)
     colours = np.zeros((len(used), 3), np.uint8) if mesh.colours is None else mesh.colours[used]
     census = MeshCensus(
         vertices=len(points),
@@ -77,6 +98,8 @@ def mend_mesh(mesh: TriangleMesh, unit: str, shift: tuple[float, float, float]) 
         triangulated=cloud,
         bodies=bodies,
         open_edges=borders,
+        turned_edges=turned,
+        system=systems[0],
         median_edge=edge,
         origin=_three(origin),
         low=_three(points.min(axis=0) + origin),
@@ -139,16 +162,19 @@ def _refuse_rounded(vertices: np.ndarray, edge: float) -> None:
         )
 
 
-def _topology(points: np.ndarray, triangles: np.ndarray) -> tuple[int, int]:
-    """Number of separate bodies, and of edges with one triangle."""
+def _topology(points: np.ndarray, triangles: np.ndarray) -> tuple[int, int, int]:
+    """Number of separate bodies, of edges with one triangle, and of edges between two that face opposite ways."""
     _, merged = np.unique(_place_codes(points), return_inverse=True)
     corners = merged[triangles]
     count = int(corners.max()) + 1
-    edges = np.sort(np.vstack([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]]), axis=1).astype(np.int64)
+    ways = np.vstack([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]]).astype(np.int64)
+    edges = np.sort(ways, axis=1)
     graph = coo_matrix((np.ones(len(edges), np.int8), edges.T), shape=(count, count))
     bodies, _ = connected_components(graph, directed=False)
-    _, times = np.unique(edges[:, 0] * count + edges[:, 1], return_counts=True)
-    return int(bodies), int((times == 1).sum())
+    _, number, times = np.unique(edges[:, 0] * count + edges[:, 1], return_inverse=True, return_counts=True)
+    # Two triangles that face the same way run along their edge in opposite directions.
+    upwards = np.bincount(number, ways[:, 0] < ways[:, 1], len(times))
+    return int(bodies), int((times == 1).sum()), int(((times == 2) & (upwards != 1)).sum())
 
 
 def triangulated(points: np.ndarray, finite: np.ndarray) -> np.ndarray:

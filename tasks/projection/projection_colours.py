@@ -59,6 +59,8 @@ class ProjectionTile(BaseModel):
     coloured: int
     rejected: int
     values: int
+    backs: int
+    """pixels that show a back of the surface"""
     zone: int
     """values next to the limit of what is hidden"""
     difference_sum: float
@@ -197,9 +199,9 @@ def colour_tile(
     blended = found.blended(rules)
     seen = (sight >= MeshSight.AT_BREAK).sum(axis=2).astype(np.uint8)
     coverage = np.where(triangle >= 0, np.minimum(seen, NO_SURFACE - 1), NO_SURFACE).astype(np.uint8)
-    return ColouredTile(
-        rgba(blended), coverage, blended.rejected, _statistics(triangle, coverage, sight, blended, found.zone, tile)
-    )
+    counts = _statistics(triangle, coverage, sight, blended, tile)
+    counts = counts.model_copy(update={"zone": found.zone, "backs": int(surface.backs(facing.sign).sum())})
+    return ColouredTile(rgba(blended), coverage, blended.rejected, counts)
 
 
 def rgba(blended: Blended) -> np.ndarray:
@@ -212,7 +214,7 @@ def rgba(blended: Blended) -> np.ndarray:
 
 
 def _statistics(
-    triangle: np.ndarray, coverage: np.ndarray, sight: np.ndarray, blended: Blended, zone: int, tile: OutputTile
+    triangle: np.ndarray, coverage: np.ndarray, sight: np.ndarray, blended: Blended, tile: OutputTile
 ) -> ProjectionTile:
     known = triangle >= 0
     none, one, two, more = np.bincount(np.minimum(coverage[known], 3), minlength=4).tolist()
@@ -223,7 +225,8 @@ def _statistics(
         coloured=int((blended.used > 0).sum()),
         rejected=int(blended.rejected.sum(dtype=np.int64)),
         values=int(blended.seen.sum(dtype=np.int64)),
-        zone=zone,
+        backs=0,
+        zone=0,
         difference_sum=float(np.nansum(blended.difference, dtype=np.float64)),
         difference_count=int(np.isfinite(blended.difference).sum()),
         shares={part.name: float(share) for part, share in zip(tile.parts, blended.share, strict=True)},

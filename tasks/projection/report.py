@@ -27,9 +27,10 @@ COVERAGE_CLASSES: tuple[tuple[int, str, str], ...] = (
 """Red 0, green 1, blue 2, grey 3 or more photographs (Petsa et al. 2007, Fig. 22)."""
 PICTURED = 6
 """photographs whose depths the report shows"""
-_FILLED, _SHARP, _BACKS, _UNLIKE = 0.9, 0.9, 0.2, 1.5
+_FILLED, _SHARP, _BACKS, _UNLIKE, _BEHIND, _FEW = 0.9, 0.9, 0.2, 1.5, 0.5, 4
 """Part of the surface that a good output colours; gradient energy of a sharp blend; part of backs that is worth a warning; a
-photograph whose difference is so many times the median disagrees with the block"""
+photograph whose difference is so many times the median disagrees with the block; part of an output that shows backs; triangles
+that are too few for a surface"""
 
 
 @dataclass(frozen=True)
@@ -135,6 +136,12 @@ def _figures(
     census: MeshCensus, totals: list[_OutputTotals], radiometry: Radiometry, compared: tuple[LeftOutPhotograph, ...]
 ) -> Iterator[Figure]:
     yield Figure(name="triangles", value=census.triangles, sentence="Triangles of the mesh that are used.", headline=True)
+    yield Figure(
+        name="surface_system",
+        value=census.system or "that of the project",
+        sentence="Reference system of the surface's file; metres and the project's system from here on.",
+        detail=True,
+    )
     yield Figure(name="bodies", value=census.bodies, sentence="Separate bodies of the mesh.")
     for name, sentence in (
         ("not_finite", "Triangles left out because a coordinate is not finite."),
@@ -266,6 +273,23 @@ def _pictures(totals: list[_OutputTotals], left_out: tuple[LeftOutPhotograph, ..
         )
 
 
+def _mesh_warnings(census: MeshCensus) -> Iterator[str]:
+    """What the mesh is, where it is not what one expects."""
+    if census.triangles < _FEW:
+        count = "one triangle" if census.triangles == 1 else f"{census.triangles} triangles"
+        yield f"The surface has {count} only, {census.size:.4g} m large: is it the right file?"
+    if census.triangulated:
+        yield (
+            f"The file of the surface has no triangles: its {census.vertices} points were joined in the plane that fits them best, "
+            "with one depth at each place. Overhangs need a mesh."
+        )
+    if census.turned_edges:
+        yield (
+            f"{census.turned_edges} edges of the mesh lie between triangles that face opposite ways: parts of it are inside out "
+            "and stay without colour. Let the program that made it orient its faces."
+        )
+
+
 def _depths(pictured: tuple[str, ...]) -> Iterator[Picture]:
     for name in pictured:
         yield Picture(
@@ -287,6 +311,7 @@ def _warnings(
             f"{', '.join(backs[:6])} look at the backs of triangles: the mesh has holes there, and nothing behind them is "
             "coloured. Close the holes, or leave these photographs out where they disturb."
         )
+    yield from _mesh_warnings(census)
     mended = census.not_finite + census.degenerate + census.duplicate
     if mended:
         yield (
@@ -299,6 +324,12 @@ def _warnings(
                 f"'{total.name}' shows no surface: its plane, view or section leaves nothing; move it, or look at the coordinates "
                 f"of the mesh ({', '.join(f'{value:.6g}' for value in census.low)} to "
                 f"{', '.join(f'{value:.6g}' for value in census.high)})."
+            )
+        elif total.sum("backs") > _BEHIND * total.sum("surface"):
+            part = 100 * total.sum("backs") / total.sum("surface")
+            yield (
+                f"{part:.0f} % of the surface in '{total.name}' shows its back, which nothing is painted on: it is seen from "
+                "inside or from behind. Move the position or turn the plane round."
             )
         elif total.coloured < 0.5:
             part = 100 * total.coloured

@@ -16,6 +16,7 @@ from orthomill.schemas.solid.census import MeshCensus, MeshTriangles, MeshVertic
 from orthomill.schemas.solid.frames import FlatFrame, OutputFrames, ViewFrame
 from orthomill.schemas.stage_contract import ProjectView, Stage
 from orthomill.schemas.stage_report import report_table
+from orthomill.schemas.surface import CORRECTED, HEIGHT, SURFACE
 from orthomill.tasks.imagery.blending import Blend
 from orthomill.tasks.imagery.colour_settings import (
     AboutMean,
@@ -43,7 +44,7 @@ from orthomill.tasks.projection.facing import mesh_facing
 from orthomill.tasks.projection.leave_one_out import LeftOutPhotograph, compare_left_out
 from orthomill.tasks.projection.lines.section_line import LineText, SectionLine, draw_section
 from orthomill.tasks.projection.lines.sections import NoSection
-from orthomill.tasks.projection.mesh_mending import mend_mesh
+from orthomill.tasks.projection.mesh_mending import mend_heights, mend_mesh
 from orthomill.tasks.projection.model.model_jobs import Model, ModelJobs, TexturedModel
 from orthomill.tasks.projection.outputs import MapOutput, Output
 from orthomill.tasks.projection.projection_colours import PROJECTION_RADIOMETRY, ColourRules, balance_surface
@@ -67,7 +68,7 @@ from orthomill.tasks.projection.projection_jobs import (
 )
 from orthomill.tasks.projection.report import PICTURED, OutputFacts, projection_report
 from orthomill.tasks.projection.sight_rasters import WideningRules
-from orthomill.tasks.projection.surface_source import ProjectedMesh
+from orthomill.tasks.projection.surface_source import HeightModelSurface, SolidSurface
 from orthomill.tasks.visibility.mesh_sight import SightTolerance
 from orthomill.tasks.visibility.triangle_blocks import SIDE, block_count
 
@@ -125,7 +126,7 @@ class ProjectionStage(Stage):
     usual_cost: ClassVar[float] = 45.0
 
     kind: Literal["projection"] = "projection"
-    surface: ProjectedMesh = setting(..., "The surface.")
+    surface: SolidSurface = setting(..., "The surface.")
     outputs: tuple[Output, ...] = setting((MapOutput(),), "What it is projected onto.", min_length=1)
     without: tuple[str, ...] = setting((), "Shell patterns of names of photographs that take no part.")
     masks: Masks = setting(NoMasks(), "Parts of the photographs that are not used.")
@@ -200,6 +201,8 @@ class ProjectionStage(Stage):
 
     def _mending(self, view: ProjectView) -> Job:
         surface = self.surface
+        if isinstance(surface, HeightModelSurface):
+            return self._height_mesh(view, surface.every)
         path = view.run_file(_SCAN) if surface.kind == "simulated" else surface.path
         return Job(
             "projection",
@@ -207,9 +210,24 @@ class ProjectionStage(Stage):
             mend_mesh,
             {"mesh": MeshFile(path)},
             {"vertices": VERTICES, "triangles": TRIANGLES, "census": CENSUS},
-            {"unit": surface.unit, "shift": surface.shift},
+            {"unit": surface.unit, "shift": surface.shift, "y_up": surface.y_up, "systems": (surface.crs, view.project.crs)},
             scratch=512 * 2**20,
             way_out="decimate the mesh",
+        )
+
+    def _height_mesh(self, view: ProjectView, every: int) -> Job:
+        """The surface model of the project as a mesh."""
+        heights = CORRECTED if view.has_stage("dsm_check") else HEIGHT
+        grid = view.table(SURFACE).grid
+        return Job(
+            "projection",
+            "mesh",
+            mend_heights,
+            {"heights": Raster(view.raster(heights).name, Window(0, 0, *grid.shape))},
+            {"vertices": VERTICES, "triangles": TRIANGLES, "census": CENSUS},
+            {"grid": grid, "every": every},
+            scratch=700 * grid.rows * grid.cols // every**2,
+            way_out="set a larger 'every' of the surface",
         )
 
     def _cutting(self, census: MeshCensus) -> Iterator[RasterSpec | Job]:

@@ -1,6 +1,6 @@
 """Which surface is projected."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -17,6 +17,10 @@ class MeshSurface(Settings):
     unit: Unit = setting(
         "auto", "Unit of its coordinates. auto: metres, and refused where the photographs show that it is another one."
     )
+    crs: str = setting("", "Reference system of its coordinates, as EPSG:2100; empty: that of the project.")
+    up: Literal["auto", "z", "y"] = setting(
+        "auto", "Which of its axes points upwards. auto: y in a GLB, as glTF says, otherwise z."
+    )
     shift: tuple[float, float, float] = setting(
         (0.0, 0.0, 0.0), "Added to its coordinates, where the file holds them relative to an origin.", "m"
     )
@@ -24,6 +28,11 @@ class MeshSurface(Settings):
         "auto",
         "Which way its triangles face. auto: the way in which the photographs see more of their fronts; backs are never coloured.",
     )
+
+    @property
+    def y_up(self) -> bool:
+        """Whether Y points upwards in the file."""
+        return self.up == "y" or (self.up == "auto" and self.path.lower().endswith(".glb"))
 
 
 class SimulatedMesh(Settings):
@@ -46,12 +55,18 @@ class SimulatedMesh(Settings):
         """Which way its triangles face."""
         return "auto"
 
+    crs: ClassVar[str] = ""
+    y_up: ClassVar[bool] = False
+
 
 class HeightModelSurface(Settings):
-    """The surface model of this project, as triangles between its cells."""
+    """The surface model of this project (`densification`, after its check if there is one), as triangles between its cells."""
 
-    kind: Literal["height_model"] = "height_model"
+    kind: Literal["height_model"]
+    every: int = setting(1, "Every so manieth cell in both directions becomes a corner of triangles.", ge=1, le=64)
+
+    unit: ClassVar[Unit] = "m"
+    faces: ClassVar[Literal["outwards"]] = "outwards"
 
 
-ProjectedMesh = Annotated[MeshSurface | SimulatedMesh, Field(discriminator="kind")]
-SurfaceSource = Annotated[MeshSurface | HeightModelSurface, Field(discriminator="kind")]
+SolidSurface = Annotated[MeshSurface | SimulatedMesh | HeightModelSurface, Field(discriminator="kind")]

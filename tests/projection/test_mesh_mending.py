@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.errors import GeometryError, WorkflowError
+from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.solid.mesh import TriangleMesh
-from orthomill.tasks.projection.mesh_mending import MendedMesh, mend_mesh
+from orthomill.tasks.projection.mesh_mending import MendedMesh, mend_heights, mend_mesh
 from orthomill.tasks.visibility.triangle_blocks import PER_BLOCK, TrianglesAtHand, as_blocks, block_bounds, spatial_order
 
 NO_SHIFT = (0.0, 0.0, 0.0)
@@ -90,3 +91,65 @@ def test_blocks_hold_every_triangle_once_and_near_each_other():
     numbers = np.array([5, 2 * PER_BLOCK + 3])
     np.testing.assert_allclose(at_hand.corners_of(numbers), corners[numbers], atol=1e-6)
     assert at_hand.places.tolist() == [0, -1, PER_BLOCK, -1]
+
+
+def test_a_file_with_y_upwards_is_stood_up():
+    mesh = TriangleMesh(np.array([[0.0, 0, 0], [1, 0, 0], [0, 2, -3]]), np.array([[0, 1, 2]], np.int32))
+    mended = mend_mesh(mesh, "m", NO_SHIFT, y_up=True)
+    found = corners_of(mended)[0]
+    np.testing.assert_allclose(found[np.lexsort(found.T[::-1])], [[0, 0, 0], [0, 3, 2], [1, 0, 0]], atol=1e-12)
+
+
+@pytest.mark.parametrize("system", ["EPSG:4326", "EPSG:4979", "EPSG:4978", "EPSG:32634"])
+def test_a_mesh_of_another_system_comes_into_that_of_the_project(system):
+    from pyproj import CRS, Transformer
+
+    ground = square().vertices * 30 + [476000.0, 4204000.0, 55.0]
+    project, solid = CRS("EPSG:2100"), system in ("EPSG:4979", "EPSG:4978")
+    there = Transformer.from_crs(project.to_3d() if solid else project, CRS(system), always_xy=True)
+    x, y, *z = there.transform(*ground[:, : 3 if solid else 2].T)
+    stored = np.column_stack([x, y, z[0] if solid else ground[:, 2]])
+    mended = mend_mesh(TriangleMesh(stored, square().triangles), "m", NO_SHIFT, systems=(system, "EPSG:2100"))
+    assert mended.census.system == system
+    found = np.sort(corners_of(mended).reshape(-1, 3), axis=0)
+    np.testing.assert_allclose(found, np.sort(ground[square().triangles].reshape(-1, 3), axis=0), atol=2e-3)
+
+
+def test_a_system_that_is_unknown_or_elsewhere_is_a_sentence():
+    with pytest.raises(WorkflowError, match="'EPSG:99' of the surface is unknown to PROJ"):
+        mend_mesh(square(), "m", NO_SHIFT, systems=("EPSG:99", "EPSG:2100"))
+    with pytest.raises(WorkflowError, match="no place in the project's system EPSG:2100: is it in EPSG:4326"):
+        mend_mesh(square((476000.0, 4204000.0, 0.0)), "m", NO_SHIFT, systems=("EPSG:4326", "EPSG:2100"))
+
+
+def test_triangles_that_face_opposite_ways_are_counted():
+    upside = TriangleMesh(square().vertices, np.array([[0, 1, 2], [0, 3, 2]], np.int32))
+    assert mend_mesh(upside, "m", NO_SHIFT).census.turned_edges == 1
+    assert mend_mesh(square(), "m", NO_SHIFT).census.turned_edges == 0
+
+
+GRID = MapGrid(west=476000.0, north=4204000.0, cell=0.5, rows=6, cols=8)
+
+
+def test_a_height_model_becomes_triangles_that_face_upwards_around_its_holes():
+    heights = np.add.outer(np.arange(6.0), 0.5 * np.arange(8.0))
+    heights[2, 3] = np.nan
+    mended = mend_heights(heights, GRID, 1)
+    corners = corners_of(mended)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    # 35 squares; each of the four about the hole keeps the triangle that does not touch it.
+    assert len(corners) == 2 * 31 + 4 and (normal[:, 2] > 0).all()
+    x, y, z = corners.reshape(-1, 3).T
+    np.testing.assert_allclose(z, (4203999.75 - y) / 0.5 + 0.5 * (x - 476000.25) / 0.5, atol=1e-6)
+
+
+def test_every_second_cell_of_a_height_model_stays_in_its_place():
+    heights = np.tile(0.25 * (np.arange(8.0) + 0.5), (6, 1))
+    x, _, z = corners_of(mend_heights(heights, GRID, 2)).reshape(-1, 3).T
+    assert len(x) == 3 * 2 * 2 * 3
+    np.testing.assert_allclose(z, 0.25 * (x - 476000.0) / 0.5, atol=1e-6)
+
+
+def test_a_height_model_of_holes_is_a_sentence():
+    with pytest.raises(GeometryError, match="no three heights beside each other"):
+        mend_heights(np.full((6, 8), np.nan), GRID, 1)

@@ -5,7 +5,9 @@ import pytest
 
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.raster import MapGrid, RasterSpec
 from orthomill.schemas.solid.mesh import TriangleMesh
+from orthomill.schemas.surface import HEIGHT, SURFACE, Surface
 from orthomill.tasks.geometry.view import View, block_view
 from orthomill.tasks.projection.projection_frames import looking_at
 from orthomill.tasks.projection.stage import ProjectionStage
@@ -23,7 +25,8 @@ FRONT = {
 
 
 def stage(**more) -> ProjectionStage:
-    given = {"surface": {"kind": "mesh", "path": "mesh.ply"}, "outputs": [FRONT], "balance": {"kind": "none"}, **more}
+    given = {"surface": {"kind": "mesh", "path": "mesh.ply"}, "outputs": [FRONT], "balance": {"kind": "none"}}
+    given |= {"model": {"kind": "none"}, "depth_pictures": False, **more}
     return ProjectionStage.model_validate(given)
 
 
@@ -228,3 +231,60 @@ def test_a_section_that_removes_everything_is_told():
     nothing = {"kind": "box", "low": (-9, -9, -9), "high": (9, 9, 9), "keep": "outside"}
     project.run(stage(outputs=[{**FRONT, "section": nothing}], leave_one_out={"kind": "none"}))
     assert any("'front' shows no surface" in warning for warning in project.tables["projection/report.json"].warnings)
+
+
+def warnings_of(surface: TriangleMesh, **more) -> tuple[str, ...]:
+    project = scene.project_of(MemoryProject, surface=surface)
+    project.run(stage(leave_one_out={"kind": "none"}, **more))
+    return project.tables["projection/report.json"].warnings
+
+
+def test_a_view_from_inside_a_wall_is_told():
+    inside = tuple(map(float, 0.5 * (scene.LOW + scene.HIGH)))
+    view = {"kind": "perspective", "name": "inside", "position": inside, "target": (0.2, -0.75, 1.5)}
+    told = warnings_of(scene.mesh(), outputs=[{**view, "width": 64, "height": 48, "c": 50}])
+    assert any("'inside' shows its back" in one and "Move the position" in one for one in told)
+
+
+def test_a_mesh_of_one_triangle_is_projected_and_asked_about():
+    single = TriangleMesh(np.array([[-2.0, 0, 0], [2, 0, 0], [0, 0, 3]]), np.array([[0, 1, 2]], np.int32))
+    assert any("The surface has one triangle only, 5 m large: is it the right file?" in one for one in warnings_of(single))
+
+
+def test_points_without_triangles_and_parts_inside_out_are_told():
+    mesh = scene.mesh()
+    wall = TriangleMesh(mesh.vertices[: 25 * 25], np.zeros((0, 3), np.int32))
+    assert any("has no triangles: its 625 points were joined" in one for one in warnings_of(wall))
+    triangles = mesh.triangles.copy()
+    triangles[100:300] = triangles[100:300, ::-1]
+    told = warnings_of(TriangleMesh(mesh.vertices, triangles))
+    assert any("face opposite ways: parts of it are inside out" in one for one in told)
+
+
+def test_a_glb_stands_up_and_a_system_and_an_axis_that_are_set_reach_the_mesh():
+    mesh = scene.mesh()
+    lying = TriangleMesh(mesh.vertices @ np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), mesh.triangles)
+    for path, more in (("mesh.glb", {}), ("mesh.ply", {"up": "y"}), ("mesh.ply", {"up": "y", "crs": "EPSG:2100"})):
+        project = scene.project_of(MemoryProject)
+        project.files[path] = lying
+        project.run(stage(surface={"kind": "mesh", "path": path, **more}, leave_one_out={"kind": "none"}))
+        census = project.tables["projection/census.json"]
+        np.testing.assert_allclose(census.high, mesh.bounds[1], atol=1e-6)
+        assert census.system == more.get("crs", "")
+
+
+def test_the_height_model_of_the_project_goes_through_the_same_jobs():
+    grid = MapGrid(west=-2.0, north=-0.2, cell=0.1, rows=10, cols=40)
+    heights = np.full(grid.shape, 1.0, np.float32) + 0.1 * np.arange(40, dtype=np.float32)
+    project = scene.project_of(MemoryProject)
+    project.tables[SURFACE.path] = Surface(grid=grid, height_low=0.0, height_high=3.0)
+    project.put(HEIGHT, heights)
+    project.specs[HEIGHT] = RasterSpec(name=HEIGHT, shape=grid.shape, dtype="float32", chunk=128)
+    given = {"surface": {"kind": "height_model", "every": 1}, "outputs": [{"kind": "map", "pixel": 0.1}]}
+    project.run(stage(**given, leave_one_out={"kind": "none"}))
+    found = project.rasters["projection/map/nearness"]
+    frame = project.tables["projection/frames.json"].frames[0]
+    x = frame.corner[0] + (np.arange(frame.cols) + 0.5) * frame.pixel
+    level, known = frame.corner[2], np.isfinite(found)
+    assert known.any()
+    np.testing.assert_allclose((found + level)[known], np.tile(1.0 + (x - grid.west - 0.05), (frame.rows, 1))[known], atol=1e-5)
