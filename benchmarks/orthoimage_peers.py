@@ -30,10 +30,11 @@ from orthomill.schemas.surface import CORRECTED, HEIGHT, ORTHO, PROVENANCE, SURF
 from orthomill.schemas.truth import TRUTH_BLOCK, TRUTH_GRID, TRUTH_MATERIAL, TRUTH_ORTHO, TRUTH_SURFACE, TRUTH_VISIBILITY
 from orthomill.tasks.evaluation.classes import place_classes
 from orthomill.tasks.evaluation.orthoimage_accuracy import OrthoScene, fit_grey, fitted, grey_sums, shifts
+from orthomill.tasks.imagery.colour_settings import Balance, BlockBalance, NoBalance
 from orthomill.tasks.imagery.pull_push import filled
 from orthomill.tasks.texture.draping import block_heights, drape
 from orthomill.tasks.texture.report import COVERAGE
-from orthomill.tasks.texture.stage import Balance, BlockBalance, NoBalance, TextureStage
+from orthomill.tasks.texture.stage import TextureStage
 
 TILE = 512
 WORKER = Path(__file__).with_name("orthority_worker.py")
@@ -157,7 +158,7 @@ def _peer_photo(store: Store, block: Block, name: str, folder: Path) -> dict[str
     spec = store.spec(photo_raster(name))
     _write(folder / f"{name}.tif", store.read(spec.name, spec.full))
     camera, orientation = block.camera_of(name), block.of(name)
-    lens = {key: getattr(camera, key) for key in ("c", "x0", "y0", "k1", "k2", "k3", "p1", "p2")}
+    lens = {key: camera.value(key) for key in ("c", "x0", "y0", "k1", "k2", "k3", "p1", "p2")}
     place = {"centre": orientation.centre, "omega_phi_kappa": orientation.omega_phi_kappa}
     return {"name": name, "file": str(folder / f"{name}.tif"), "size": (camera.width, camera.height), **lens, **place}
 

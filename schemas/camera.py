@@ -144,7 +144,8 @@ class Camera(BaseModel):
     @property
     def interior(self) -> tuple[float, ...]:
         """The interior parameters in the order of INTERIOR; 0 for those that the lens lacks."""
-        return tuple(getattr(self, name) if name in _OWN else getattr(self.lens, name, 0.0) for name in INTERIOR)
+        own = vars(self) | vars(self.lens)
+        return tuple(own.get(name, 0.0) for name in INTERIOR)
 
     @property
     def parameters(self) -> tuple[str, ...]:

@@ -22,6 +22,7 @@ from distributed.comm import CommClosedError
 from distributed.security import Security
 
 from orthomill.pipeline.engine.dashboard_guard import Guard, new_secret
+from orthomill.pipeline.engine.interruption import stop_if_asked
 from orthomill.schemas.errors import ResourceError
 
 MEMORY = "orthomill_memory"
@@ -105,8 +106,11 @@ def local_client(workers: int, memory: int, port: int) -> Iterator[Client]:
             with _ctrl_c_blocked():
                 cluster = _cluster(workers, memory, port, secret)
         except (RuntimeError, OSError, TimeoutError) as error:
+            # Who asks for a stop while processes start may be heard as their failure.
+            stop_if_asked()
+            reason = f"{error} {error.__cause__!r}" if error.__cause__ else str(error)
             raise ResourceError(
-                f"The {workers} worker processes could not be started ({error}); check memory and installation with "
+                f"The {workers} worker processes could not be started ({reason}); check memory and installation with "
                 "'orthomill doctor', or run with --sequential, which needs none."
             ) from error
         try:

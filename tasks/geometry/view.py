@@ -4,6 +4,7 @@ Source: Karfis 2009, section 3.3; x = x0 - c (r11 dX + r12 dY + r13 dZ) / (r31 d
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -98,7 +99,16 @@ class View:
         far = np.array([self.camera.width - 1, self.camera.height - 1])
         return np.nan_to_num(np.minimum(pixels, far - pixels).min(axis=1), nan=-np.inf)
 
-    @property
+    @cached_property
+    def field(self) -> float:
+        """Squared tangent of the angle between the axis and the ray of the photograph's farthest corner; infinite where a corner
+        has none."""
+        right, bottom = self.camera.width - 1.0, self.camera.height - 1.0
+        corners = pixel_to_image(self.camera, np.array([[0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]])) / self.camera.c
+        # The corners of a fisheye's frame may lie beyond its field of view.
+        return float(np.nan_to_num((corners**2).sum(axis=1), nan=np.inf).max())
+
+    @cached_property
     def numbers(self) -> ViewNumbers:
         """The view as kernels take it."""
         camera = self.camera

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.tasks.geometry.distortion import distort_point, pixel_to_image
+from orthomill.tasks.geometry.distortion import distort_point
 from orthomill.tasks.geometry.view import View, project_point
 from orthomill.tasks.imagery.photograph_colours import PhotoPixelsAt, PlaceLine, border_colours, inner_colours, part_pixels
 from orthomill.tasks.visibility.height_model import WALL
@@ -144,14 +144,6 @@ def _sample(part, n, cells, limits, out):
             border_colours(part.pixels, part.last, part.origin, line, worth, colour)
 
 
-def _widest(view: View) -> float:
-    """Squared tangent of the angle to the photo's farthest corner, with a margin."""
-    right, bottom = view.camera.width - 1.0, view.camera.height - 1.0
-    corners = pixel_to_image(view.camera, np.array([[0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]])) / view.camera.c
-    # The corners of a fisheye's frame may lie beyond its field of view.
-    return _FIELD_MARGIN * float(np.nan_to_num((corners**2).sum(axis=1), nan=np.inf).max())
-
-
 @dataclass(frozen=True)
 class Sampled:
     """The samples of one photograph on the ground.
@@ -175,7 +167,7 @@ def _cells(ground: Ground, factor: np.ndarray) -> _Cells:
 def shown(view: View, ground: Ground, chosen: np.ndarray) -> np.ndarray:
     """bool (rows, cols): the `chosen` (0 or 1) pixels whose ground lies in the frame of the photograph, hidden or not."""
     out = np.zeros(ground.z.shape, np.bool_)
-    _show(view.numbers, _cells(ground, chosen), _widest(view), out)
+    _show(view.numbers, _cells(ground, chosen), _FIELD_MARGIN * view.field, out)
     return out
 
 
@@ -186,7 +178,8 @@ def sample_photo(view: View, photo: PhotoPixelsAt, ground: Ground, factor: np.nd
     worth, r2 = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
     if photo.pixels.size:
         part = part_pixels(photo, (view.camera.height, view.camera.width))
-        _sample(part, view.numbers, _cells(ground, factor), _Limits(_widest(view), float(feather)), _Samples(colour, worth, r2))
+        limits = _Limits(_FIELD_MARGIN * view.field, float(feather))
+        _sample(part, view.numbers, _cells(ground, factor), limits, _Samples(colour, worth, r2))
     return Sampled(colour, worth, r2)
 
 

@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 import time
+from threading import Event
 
 import pytest
 from distributed.security import Security
@@ -72,6 +73,18 @@ def test_workers_that_do_not_start_are_one_sentence(tmp_path, monkeypatch):
     monkeypatch.setattr("orthomill.pipeline.engine.dask_cluster.SpecCluster", broken)
     said = command("run", "site", "--workers", "2", code=2)
     assert "The 2 worker processes could not be started (Nanny failed to start.)" in said
+
+
+def test_a_stop_while_workers_start_is_not_their_failure(tmp_path, monkeypatch):
+    def stopped(**settings):
+        monkeypatch.setattr("orthomill.pipeline.engine.interruption._STOP_REQUESTED", asked)
+        raise RuntimeError("Nanny failed to start.") from TimeoutError()
+
+    asked = Event()
+    asked.set()
+    monkeypatch.chdir(make_site(tmp_path))
+    monkeypatch.setattr("orthomill.pipeline.engine.dask_cluster.SpecCluster", stopped)
+    assert "Finished jobs are kept" in command("run", "site", "--workers", "2", code=130)
 
 
 def test_a_scheduler_that_does_not_answer_is_named(tmp_path, monkeypatch):
