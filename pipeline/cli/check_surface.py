@@ -126,7 +126,10 @@ def _of_project(options: CheckOptions, root: Path, catalogue: tuple[type[Stage],
     photographs: dict[str, Any] = done.photographs.model_dump()
     if done.photographs.kind == "simulated":
         photographs = {"kind": "folder", "path": f"runs/{options.project}/photographs", "pattern": "*.tif"}
-    cameras = {"kind": "exif"} if done.cameras.kind == "chessboards" else done.cameras.model_dump()
+    cameras: dict[str, Any] = done.cameras.model_dump()
+    if done.cameras.kind == "chessboards":
+        # The boards need not be measured again, and photographs without tags have no other camera.
+        cameras = {"kind": "file", "path": f"runs/{options.project}/products/camera.json", "serves": done.cameras.serves}
     return {"crs": done.crs, "photographs": photographs, "cameras": cameras, "positions": {"kind": "none"}, "tile": done.tile}
 
 

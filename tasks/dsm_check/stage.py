@@ -4,9 +4,9 @@ First the pairs that check it are selected. Every pair and tile gets two orthoim
 nodes at which they are compared. A tile of the result needs the nodes around it of every pair that shows it; the report is made of
 the coarse blocks and counts of all tiles.
 
-A surface from a file goes farther: it is placed by the tie points, coarse orthoimages find its shift and its large errors, and the
-places that were corrected are checked again until nothing is asked for any more. The engine needs no loop for that: a pass asks for
-the table of the one before.
+A surface from a file goes farther: it is placed by the tie points, coarse orthoimages find its shift and make a second surface,
+beside which its large and narrow errors show, and the places that were corrected are checked again until nothing is asked for any
+more. The engine needs no loop for that: a pass asks for the table of the one before.
 """
 
 from collections.abc import Iterator
@@ -40,7 +40,7 @@ from orthomill.tasks.dsm_check.rounds.round_plan import (
     ortho_raster,
 )
 from orthomill.tasks.dsm_check.rounds.round_state import state_table
-from orthomill.tasks.dsm_check.rounds.several_passes import FILLED, Passes, counts_table, moved
+from orthomill.tasks.dsm_check.rounds.several_passes import FILLED, Passes, counts_table
 from orthomill.tasks.dsm_check.surfaces.checked_surface import CheckedSurface, DensifiedSurface, SurfaceFile
 from orthomill.tasks.dsm_check.surfaces.foreign_grid import foreign_surface, measured_surface
 from orthomill.tasks.dsm_check.surfaces.placing import PLACED, place, places
@@ -93,8 +93,8 @@ class DsmCheckStage(Stage):
     significance: float = setting(5.0, "A correction of this many of its standard errors is significant.", "sigma", ge=1, le=10)
     levels: int | None = setting(
         None,
-        "How often the orthoimages are halved, at most, to find errors beyond the reach of the search; null: 3 times for a surface "
-        "from a file, never for the one that this project measured.",
+        "How often the orthoimages are halved, at most, for a second surface that shows large, steep and narrow errors; null: 3 "
+        "times for a surface from a file, never for the one that this project measured.",
         ge=0,
         le=5,
     )
@@ -265,14 +265,12 @@ class DsmCheckStage(Stage):
         yield self._report(passes, {}, {})
 
     def _several(self, view: ProjectView, passes: Passes) -> Iterator[RasterSpec | Job]:
-        entering = INPUT
         levels = passes.lowest(self._levels)
-        if not isinstance(self.surface, SurfaceFile):
-            yield from (passes.level_pairs(level) for level in range(1, levels + 1))
-        for level in range(levels, 0, -1):
-            yield from passes.from_coarse(view, level, entering)
-            entering = moved(level)
-        yield from passes.first(entering)
+        if levels:
+            if not isinstance(self.surface, SurfaceFile):
+                yield from (passes.level_pairs(level) for level in range(1, levels + 1))
+            yield from passes.second_surface(view, levels)
+        yield from passes.first(twice=levels > 0)
         number = 1
         while number < self._rounds and view.table(state_table(number)).judged:
             yield from passes.later(number + 1, view.table(state_table(number)))
@@ -288,7 +286,7 @@ class DsmCheckStage(Stage):
             params |= {"raised": self._up(view), "keeps": keeps}
         for tile in passes.tiles():
             yield passes.finish(
-                tile, number, entering, _answer(tile, block_size(passes.surface.grid.shape)), Finish(passes.rule(), back, own)
+                tile, number, levels > 0, _answer(tile, block_size(passes.surface.grid.shape)), Finish(passes.rule(), back, own)
             )
         yield self._report(passes, reads, params)
 

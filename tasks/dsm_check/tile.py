@@ -101,8 +101,19 @@ def correct_tile(
     heights: (window.shape) m, of the surface under test. nodes: one array (rows, cols, bands) for each of `pairs`. provenance:
     uint8 (window.shape) codes of the heights; None where all count as measured.
     """
+    return answered(window, pairs, rule, heights, joint_nodes(window, pairs, rule.nodes, nodes), provenance)
+
+
+def answered(
+    window: Window,
+    pairs: tuple[NodeWindow, ...],
+    rule: CorrectionRule,
+    heights: np.ndarray,
+    says: JointNodes,
+    provenance: np.ndarray | None = None,
+) -> CheckedCells:
+    """The checked cells of `window` from what all pairs say; other arguments as in `correct_tile`."""
     estimated = np.isin(np.zeros(window.shape, np.uint8) if provenance is None else provenance, ESTIMATED)
-    says = joint_nodes(window, pairs, rule.nodes, nodes)
     correction = CorrectionMap(*(np.where(estimated, np.float32(np.nan), band) for band in (says.found.dh, says.found.sigma)))
     share = share_applied(correction, rule.apply, rule.significance)
     # own nodes only: those of the halo are counted by the tiles to which they belong

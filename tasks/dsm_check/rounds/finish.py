@@ -1,7 +1,7 @@
 """The answer after several passes: what the photographs say against the surface as it was given, and the surface mended.
 
-What a coarse pass moved and no pass at full resolution judged is taken back, and coded: probably a large error, beyond what can be
-told.
+Where a height is far from the second surface and no pass at full resolution judged it, it is coded: probably a large error, beyond
+what can be told.
 """
 
 from dataclasses import dataclass
@@ -14,9 +14,6 @@ from orthomill.tasks.dsm_check.areas import blocks, slopes
 from orthomill.tasks.dsm_check.correction_map import CorrectionMap, detectable_error
 from orthomill.tasks.dsm_check.statistics import TileCounts, count_tile
 from orthomill.tasks.dsm_check.tile import CheckedCells, Conditions, CorrectionRule, cell_codes
-
-_MOVED = 1e-3
-"""m: a coarse pass moves by much more, and rounding by less"""
 
 
 @dataclass(frozen=True)
@@ -33,7 +30,6 @@ def finish(
     window: Window,
     how: Finish,
     given: np.ndarray,
-    entering: np.ndarray,
     height: np.ndarray,
     residual: np.ndarray,
     precision: np.ndarray,
@@ -41,15 +37,14 @@ def finish(
     counts: TileCounts,
     provenance: np.ndarray | None = None,
     filled: np.ndarray | None = None,
+    far: np.ndarray | None = None,
 ) -> CheckedCells:
-    """The checked cells of `window`, all arrays (window.shape): heights as given, before the first pass at full resolution and
-    after the last (m); what is still asked for and its standard error (m); disputed (uint8); where the photographs filled holes
-    (uint8)."""
+    """The checked cells of `window`, all arrays (window.shape): heights as given and after the last pass (m); what is still asked
+    for and its standard error (m); disputed, where the photographs filled holes, and far from the second surface (uint8)."""
     rule = how.rule
     estimated = np.isin(np.zeros(window.shape, np.uint8) if provenance is None else provenance, ESTIMATED)
     known = np.isfinite(residual) & ~estimated
-    with np.errstate(invalid="ignore"):
-        unconfirmed = ~known & (np.abs(entering - given) > _MOVED)
+    unconfirmed = ~known & np.isfinite(given) & (far > 0) if far is not None else np.zeros(window.shape, np.bool_)
     after = np.where(known, height, given)
     total = np.where(known, after - given + residual, np.float32(np.nan)).astype(np.float32)
     sigma = np.hypot(np.where(known, precision, np.nan), how.own).astype(np.float32)

@@ -18,8 +18,9 @@ from orthomill.schemas.raster import Window, tiles_of
 from orthomill.schemas.surface import ESTIMATED, CheckCode
 from orthomill.tasks.dsm_check.correction_map import CorrectionMap, CorrectionNodes, corrected_heights, share_applied
 from orthomill.tasks.dsm_check.nodes import OUTCOME
+from orthomill.tasks.dsm_check.rounds.second_look import Look, better_of
 from orthomill.tasks.dsm_check.statistics import TileCounts
-from orthomill.tasks.dsm_check.tile import CorrectionRule, NodeWindow, correct_tile, joint_nodes
+from orthomill.tasks.dsm_check.tile import CorrectionRule, JointNodes, NodeWindow, answered, joint_nodes
 
 
 class RoundCounts(BaseModel):
@@ -263,9 +264,17 @@ def judge(
     heights: np.ndarray,
     nodes: tuple[np.ndarray, ...] = (),
     provenance: np.ndarray | None = None,
+    second: np.ndarray | None = None,
+    second_nodes: tuple[np.ndarray, ...] = (),
+    wide: Window | None = None,
 ) -> FirstJudged:
-    """The first pass over a tile of the surface; arguments as in `correct_tile`."""
-    cells = correct_tile(window, pairs, rule, heights, nodes, provenance)
+    """The first pass over a tile of the surface, and over the second one where there is one; arguments as in `correct_tile`. With a
+    second surface, it and the heights are given in `wide`, two cells more to every side."""
+    if second is None or wide is None:
+        says = joint_nodes(window, pairs, rule.nodes, nodes)
+    else:
+        says, heights = _two_looks(window, wide, pairs, rule, (heights, second), (nodes, second_nodes))
+    cells = answered(window, pairs, rule, heights, says, provenance)
     change = np.nan_to_num(cells.height - heights)
     # What two photographs see and windows of this size do not understand may be a narrow error: it is looked at more closely.
     failed = _failed(window, pairs, rule.nodes.step, nodes) & np.isnan(cells.dh) & np.isfinite(heights)
@@ -279,3 +288,19 @@ def judge(
         changes=round_counts(np.isfinite(cells.dh), change),
         counts=cells.counts,
     )
+
+
+def _two_looks(
+    window: Window,
+    wide: Window,
+    pairs: tuple[NodeWindow, ...],
+    rule: CorrectionRule,
+    heights: tuple[np.ndarray, np.ndarray],
+    nodes: tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]],
+) -> tuple[JointNodes, np.ndarray]:
+    """What both surfaces say of `window`, and its heights; heights and nodes: of the surface under test and of the second one."""
+    looks = [Look(h, joint_nodes(wide, pairs, rule.nodes, n), n) for h, n in zip(heights, nodes, strict=True)]
+    found, disputed = better_of(looks[0], looks[1], wide, pairs, rule.nodes, rule.significance)
+    inside = window.within(wide).slices
+    own = CorrectionMap(found.dh[inside], found.sigma[inside])
+    return JointNodes(own, disputed[inside], looks[0].says.clean), heights[0][inside]

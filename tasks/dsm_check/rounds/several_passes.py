@@ -6,7 +6,7 @@ which looks at a few places, small ones.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from orthomill.schemas.epipolar import PAIRS
 from orthomill.schemas.job import HeightFile, Job, Raster, Table
@@ -16,18 +16,32 @@ from orthomill.schemas.stage_contract import ProjectView
 from orthomill.schemas.surface import PROVENANCE, Surface
 from orthomill.tasks.dsm_check.areas import block_size
 from orthomill.tasks.dsm_check.coverage import CHECKED_SURFACE, CheckedPairs
+from orthomill.tasks.dsm_check.rounds.carried import carry
 from orthomill.tasks.dsm_check.rounds.coarse_levels import (
+    FINER_HALO,
     PAIRED,
-    Proposal,
+    START_HALO,
+    START_SIDE,
+    Far,
     choose_level_pairs,
+    finer_surface,
+    finest_surface,
     judge_coarse,
     level_surface,
-    move_surface,
     raised,
-    reduced_heights,
+    start_surface,
 )
 from orthomill.tasks.dsm_check.rounds.finish import Finish, finish
-from orthomill.tasks.dsm_check.rounds.round_plan import KIND, CheckRound, CheckScene, Comparing, Reads, coarser, node_halo
+from orthomill.tasks.dsm_check.rounds.round_plan import (
+    KIND,
+    CheckRound,
+    CheckScene,
+    Comparing,
+    Reads,
+    coarser,
+    correction_nodes,
+    node_halo,
+)
 from orthomill.tasks.dsm_check.rounds.round_state import (
     LookAgain,
     MergeRule,
@@ -130,27 +144,57 @@ class Passes:
         whole = Raster(f"{prefix}/coarse", Window(0, 0, rows, cols))
         yield Job(KIND, f"placing-{level}-shift", surface_shift, {"coarse": whole}, {"shift": found})
 
-    def from_coarse(self, view: ProjectView, level: int, heights: str) -> Plan:
-        """One level: the surface reduced, checked and moved; the result is `moved(level)`."""
-        prefix, side = f"dsm_check/level-{level}", 2**level
-        coarse = level_surface(self.surface, level)
-        yield map_raster(f"{prefix}/height", coarse.grid, "float32", self.scene.crs, self.tile, nodata=NAN, unit="m")
+    def second_surface(self, view: ProjectView, top: int) -> Plan:
+        """The second surface, from level `top` to the first; the result is `SECOND`."""
+        yield from self._start(top)
+        for level in range(top, 0, -1):
+            yield from self._coarse(view, f"dsm_check/level-{level}", level, f"dsm_check/level-{level}/height")
+            yield from self._finer(level) if level > 1 else self._finest(view)
+
+    def _start(self, level: int) -> Plan:
+        coarse, side = level_surface(self.surface, level), 2**level
+        yield self._level_heights(level)
         for tile in tiles_of(coarse.grid.shape, self.tile):
-            fine = Raster(heights, tile.window.scaled(side).clipped(self.surface.grid.shape))
-            out: dict[str, Raster | Table] = {"height": Raster(f"{prefix}/height", tile.window)}
-            what, scratch = f"level-{level}-height", 40 * tile.window.height * tile.window.width * side**2
-            yield Job(KIND, what, reduced_heights, {"heights": fine}, out, {"level": level}, tile.row, tile.col, scratch)
-        yield from self._coarse(view, prefix, level, f"{prefix}/height")
-        pixel_height = view.table(self.pairs_of(level)).pixel_height
-        rule = Proposal.of(level, self.significance, self.how.matching.search.reach, pixel_height)
-        yield self.raster(moved(level))
+            given = tile.window.grown(START_HALO).clipped(coarse.grid.shape)
+            fine = Raster("dsm_check/input", given.scaled(side).clipped(self.surface.grid.shape))
+            out: dict[str, Raster | Table] = {"height": Raster(f"dsm_check/level-{level}/height", tile.window)}
+            params = {"window": tile.window, "given": given, "level": level}
+            scratch = 40 * given.height * given.width * (side**2 + START_SIDE**2)
+            yield Job(KIND, f"level-{level}-start", start_surface, {"heights": fine}, out, params, tile.row, tile.col, scratch)
+
+    def _finer(self, level: int) -> Plan:
+        finer = level_surface(self.surface, level - 1)
+        yield self._level_heights(level - 1)
+        for tile in tiles_of(finer.grid.shape, self.tile):
+            given, reads = self._from_level(level, tile.window)
+            out: dict[str, Raster | Table] = {"heights": Raster(f"dsm_check/level-{level - 1}/height", tile.window)}
+            params = {"window": tile.window, "given": given}
+            what = f"level-{level}-finer"
+            yield Job(KIND, what, finer_surface, reads, out, params, tile.row, tile.col, _scratch(tile))
+
+    def _finest(self, view: ProjectView) -> Plan:
+        pixel_height = view.table(self.pairs_of(1)).pixel_height
+        rule = Far.of(self.significance, self.how.matching.search.reach, pixel_height)
+        yield self.raster(SECOND)
+        yield self.raster(FAR, "uint8")
         for tile in self.tiles():
-            given = tile.window.reduced(side).grown(1).clipped(coarse.grid.shape)
-            says = {"dh": Raster(f"{prefix}/dh", given), "sigma": Raster(f"{prefix}/precision", given)}
-            reads: Reads = {"heights": Raster(heights, tile.window), **says}
-            out = {"heights": Raster(moved(level), tile.window)}
+            given, reads = self._from_level(1, tile.window)
+            reads |= {"sigma": Raster("dsm_check/level-1/precision", given), "under_test": Raster("dsm_check/input", tile.window)}
+            out: dict[str, Raster | Table] = {"second": Raster(SECOND, tile.window), "far": Raster(FAR, tile.window)}
             params = {"window": tile.window, "given": given, "rule": rule}
-            yield Job(KIND, f"level-{level}-move", move_surface, reads, out, params, tile.row, tile.col, _scratch(tile))
+            yield Job(KIND, "level-1-finest", finest_surface, reads, out, params, tile.row, tile.col, _scratch(tile))
+
+    def _level_heights(self, level: int) -> RasterSpec:
+        grid = level_surface(self.surface, level).grid
+        return map_raster(f"dsm_check/level-{level}/height", grid, "float32", self.scene.crs, self.tile, nodata=NAN, unit="m")
+
+    def _from_level(self, level: int, window: Window) -> tuple[Window, Reads]:
+        """The cells of a level that a finer window needs, and what is known there."""
+        given = window.reduced(2).grown(FINER_HALO).clipped(level_surface(self.surface, level).grid.shape)
+        return given, {
+            "heights": Raster(f"dsm_check/level-{level}/height", given),
+            "dh": Raster(f"dsm_check/level-{level}/dh", given),
+        }
 
     def _coarse(self, view: ProjectView, prefix: str, level: int, heights: str) -> Plan:
         """One pass at a coarse level: dh, precision and coarse below `prefix`."""
@@ -171,30 +215,41 @@ class Passes:
 
     # --- full resolution
 
-    def first(self, heights: str) -> Plan:
-        """The first pass over the whole surface."""
-        one, rule = self.main(heights), self.rule()
+    def first(self, twice: bool) -> Plan:
+        """The first pass over the whole surface, and over the second one."""
+        one, other, rule = self.main("dsm_check/input"), self._second_pass(), self.rule()
         yield from one.jobs()
+        if twice:
+            yield from other.jobs()
         yield from self._state_rasters(1, disputed=True)
         for tile in self.tiles():
             windows, near = one.near(tile.window)
-            reads: Reads = {"heights": Raster(heights, tile.window), "nodes": near, **self.codes(tile.window)}
+            params: dict[str, Any] = {"window": tile.window, "pairs": windows, "rule": rule}
+            reads: Reads = {"heights": Raster("dsm_check/input", tile.window), "nodes": near, **self.codes(tile.window)}
+            if twice:
+                wide = tile.window.grown(2).clipped(self.surface.grid.shape)
+                reads |= {"heights": Raster("dsm_check/input", wide), "second": Raster(SECOND, wide)}
+                reads["second_nodes"] = other.near(tile.window)[1]
+                params["wide"] = wide
             writes: dict[str, Raster | Table] = {
                 **self._state(1, tile),
                 "disputed": Raster(of_round(1, "disputed"), tile.window),
                 "counts": counts_table(tile),
             }
-            params = {"window": tile.window, "pairs": windows, "rule": rule}
             yield Job(KIND, "judge", judge, reads, writes, params, tile.row, tile.col, _scratch(tile))
         yield self._look_again(1)
+
+    def _second_pass(self) -> CheckRound:
+        return CheckRound("dsm_check/second", self.scene, self.surface, self.pairs, SECOND, self.tile, self.how)
 
     def later(self, number: int, state: RoundState) -> Plan:
         """A later pass over the tiles that `state` names."""
         small = self.tile if self.everywhere else self._small()
         before = number - 1
         prefix = f"dsm_check/rounds/{number}"
+        yield from self._carried(before)
         again = CheckRound(
-            prefix, self.scene, self.surface, self.pairs, of_round(before, "height"), small, self._how(), again=state
+            prefix, self.scene, self.surface, self.pairs, of_round(before, "carried"), small, self._how(), again=state
         )
         yield from again.jobs()
         for name in ("dh", "sigma"):
@@ -218,6 +273,27 @@ class Passes:
             yield self._merge(number, tile, small, judged)
         yield self._look_again(number)
 
+    def _carried(self, number: int) -> Plan:
+        """The heights with which the pass after `number` begins."""
+        name = of_round(number, "carried")
+        yield self.raster(name)
+        for tile in self.tiles():
+            wide = tile.window.grown(self._around).clipped(self.surface.grid.shape)
+            reads: Reads = {
+                "heights": Raster(of_round(number, "height"), wide),
+                "given": Raster("dsm_check/input", wide),
+                "residual": Raster(of_round(number, "residual"), wide),
+            }
+            params = {"window": tile.window, "wide": wide, "reach": self._around}
+            out: dict[str, Raster | Table] = {"heights": Raster(name, tile.window)}
+            yield Job(KIND, f"rounds/{number}-carry", carry, reads, out, params, tile.row, tile.col, _scratch(tile))
+
+    @property
+    def _around(self) -> int:
+        """Cells around a change that have a node with a window on it."""
+        nodes = correction_nodes(self._how(), self.pairs.pixels_per_cell)
+        return int(nodes.window / 2 + nodes.radius) + 2
+
     def _merge(self, number: int, tile: Tile, small: int, judged: set[tuple[int, int]]) -> Job:
         inside = [t for t in tiles_of(self.surface.grid.shape, small) if (t.row, t.col) in judged and _holds(tile, t)]
         parts = tuple(t.window for t in inside)
@@ -226,7 +302,7 @@ class Passes:
             **{
                 argument: Raster(of_round(before, name), tile.window)
                 for argument, name in (
-                    ("heights", "height"),
+                    ("heights", "carried"),
                     ("residual", "residual"),
                     ("precision", "precision"),
                     ("last", "last"),
@@ -280,10 +356,14 @@ class Passes:
         how = self._how()
         factor = self.pairs.pixels_per_cell
         again = CheckRound(KIND, self.scene, self.surface, self.pairs, "", small, how)
-        # Around a change are judged the cells whose nodes have a window on it.
-        around = int(again.nodes.window / 2 + again.nodes.radius) + 2
         where = LookAgain(
-            size, small, self.surface.grid.shape, around, again.nodes.halo * how.step, node_halo(how, factor) + 1, self.everywhere
+            size,
+            small,
+            self.surface.grid.shape,
+            self._around,
+            again.nodes.halo * how.step,
+            node_halo(how, factor) + 1,
+            self.everywhere,
         )
         reads: Reads = {
             "asks": Raster(of_round(number, "asks"), Window(0, 0, *shape)),
@@ -297,16 +377,17 @@ class Passes:
 
     # --- the end
 
-    def finish(self, tile: Tile, number: int, entering: str, writes: dict[str, Raster | Table], how: Finish) -> Job:
-        """The answer in a tile after pass `number`; `entering`: the surface before the first pass at full resolution."""
+    def finish(self, tile: Tile, number: int, twice: bool, writes: dict[str, Raster | Table], how: Finish) -> Job:
+        """The answer in a tile after pass `number`; twice: whether there is a second surface."""
         reads: Reads = {
             "given": Raster("dsm_check/input", tile.window),
-            "entering": Raster(entering, tile.window),
             **{name: Raster(of_round(number, name), tile.window) for name in ("height", "residual", "precision")},
             "disputed": Raster(of_round(1, "disputed"), tile.window),
             "counts": counts_table(tile),
             **self.codes(tile.window),
         }
+        if twice:
+            reads["far"] = Raster(FAR, tile.window)
         if not self.measured:
             reads["filled"] = Raster(FILLED, tile.window)
         params = {"window": tile.window, "how": how}
@@ -317,9 +398,8 @@ FILLED = "dsm_check/filled"
 """uint8, 1 where the photographs filled a hole of a surface from a file"""
 
 
-def moved(level: int) -> str:
-    """float32 m: the surface after the check at a coarse level"""
-    return f"dsm_check/level-{level}/surface"
+SECOND, FAR = "dsm_check/second_surface", "dsm_check/far"
+"""float32 m: the second surface; uint8, 1 where the given one is far from it"""
 
 
 def of_round(number: int, name: str) -> str:

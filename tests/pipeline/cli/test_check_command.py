@@ -1,5 +1,6 @@
 """`orthomill check` and `orthomill change`: the workflow that they make, and their refusals."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +48,16 @@ def test_a_block_takes_the_place_of_the_orientation(root):
     assert stages[3].exterior.kind == "csv" and {"tie_points", "densification"} <= {stage.kind for stage in stages}
     surface = stages[-1].surface
     assert (surface.shift, surface.holes, surface.sigma) == ("remove", "fill", 0.2)
+
+
+def test_a_project_calibrated_with_chessboards_lends_its_camera(root):
+    folder = root / "runs" / "town"
+    (folder / "products").mkdir(parents=True)
+    (folder / "products" / "cameras.json").write_text("{}")
+    shutil.copy(PHOTOS.parents[1] / "volos_small.yaml", folder / "workflow.yaml")
+    made = check_workflow("one", root.parent / "Old Model.tif", CheckOptions(project="town"), root, STAGES).project
+    assert made.cameras.model_dump() == {"kind": "file", "path": "runs/town/products/camera.json", "serves": "*"}
+    assert made.photographs.path == "runs/town/photographs"
 
 
 def test_a_workflow_of_somebody_else_is_not_overwritten(root):
