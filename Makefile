@@ -87,10 +87,10 @@ bench-time: $(STAMP) ## Where the time goes, stage by stage (options="runs/volos
 	@$(BIN)/python -m benchmarks.time_by_stage $(options)
 
 bench-tile-map: $(STAMP) ## What the map of a million tiles costs the scheduler and a browser (needs Playwright and a Chromium)
-	@$(BIN)/python -m benchmarks.tile_map $(options)
+	@$(BIN)/python -m benchmarks.watching.tile_map $(options)
 
-bench-remaining-time: $(STAMP) ## Estimates of the remaining time beside what came, in finished runs (options="volos brighton")
-	@$(BIN)/python -m benchmarks.remaining_time $(options)
+bench-remaining-time: $(STAMP) ## Estimates of the remaining time beside what came, in recorded runs
+	@$(BIN)/python -m benchmarks.watching.remaining_time $(options)
 
 bench-brighton: $(STAMP) ## The drone block by code, beside a peer, and disjoint strips (options="runs/brighton")
 	@$(BIN)/python -m benchmarks.brighton $(options)

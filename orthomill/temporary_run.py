@@ -16,6 +16,7 @@ from pydantic import ConfigDict, PrivateAttr
 from orthomill.pipeline.engine.graph import PlannedJob
 from orthomill.pipeline.engine.runner import Finished, SequentialRunner
 from orthomill.pipeline.engine.session import Session
+from orthomill.pipeline.records.records import Record
 from orthomill.pipeline.storage.image_files import is_image_name
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import OrthomillError, PhotoError
@@ -70,7 +71,7 @@ class _Watcher:
     def skipped(self, key: tuple[str, str, int, int]) -> None:
         """Nothing was there before."""
 
-    def finished(self, finished: Finished, seconds: float) -> None:
+    def finished(self, finished: Finished, record: Record | None) -> None:
         kind = finished.key[0]
         self._ended[kind] = self._ended.get(kind, 0) + 1
         if self._progress:

@@ -53,9 +53,6 @@ class Stage(Settings):
     title: ClassVar[str]
     """The subject of the stage as a noun phrase, for reports and progress lines."""
 
-    usual_cost: ClassVar[float] = 1.0
-    """Its usual share of the work of a run, in units that all stages share: an estimate until its jobs are measured."""
-
     kind: str
 
     def remarks(self, view: ProjectView) -> Iterator[str]:

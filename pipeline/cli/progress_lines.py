@@ -15,7 +15,7 @@ from rich.table import Table as Lines
 
 from orthomill.pipeline.engine.graph import PlannedJob
 from orthomill.pipeline.engine.runner import Finished
-from orthomill.pipeline.records.records import Key
+from orthomill.pipeline.records.records import Key, Record
 from orthomill.pipeline.watching.cost_model import CostModel, Remaining
 
 STEPS = 20
@@ -74,7 +74,7 @@ class ProgressLines:
         """A job is unchanged since an earlier run."""
         self.counts[key[0]].skipped += 1
 
-    def finished(self, finished: Finished, seconds: float) -> None:
+    def finished(self, finished: Finished, record: Record | None) -> None:
         """A job has ended."""
         count = self.counts[finished.key[0]]
         if finished.status == "done":

@@ -1,13 +1,17 @@
-"""The progress of a run as one context: costs are counted once, and map and terminal tell the same."""
+"""The progress of a run as one context: costs are counted once, map and terminal tell the same, and the next run knows them."""
 
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 from rich.console import Console
 
 from orthomill.pipeline.cli.progress_lines import ProgressLines
+from orthomill.pipeline.engine.foresight import photograph_pixels
 from orthomill.pipeline.engine.runner import Runner
 from orthomill.pipeline.engine.session import Session, Watcher
+from orthomill.pipeline.forecast.known_costs import RunCosts, expectations, write_costs
 from orthomill.pipeline.watching.cost_model import CostModel
 from orthomill.pipeline.watching.live_map import live_map
 from orthomill.pipeline.watching.run_watch import Watchers
@@ -19,7 +23,20 @@ def run_display(
 ) -> Iterator[Watcher]:
     """The map of tiles and the lines of the terminal for one run."""
     titles = {stage.kind: stage.title for stage in session.stages}
+    megapixels, tile = photograph_pixels(session) / 1e6, session.project.tile
+    known = expectations(session.folder, megapixels, tile)
     # One job after another is one worker, however many were asked for.
-    model = CostModel({stage.kind: stage.usual_cost for stage in session.stages}, workers if runner.dashboard else 1)
-    with live_map(session, runner, model, announce) as tiles, ProgressLines(titles, model, console, as_json) as lines:
-        yield Watchers((model, tiles, lines))
+    model = CostModel(tuple(titles), workers if runner.dashboard else 1, known, cold=not kernels_are_cached())
+    try:
+        with live_map(session, runner, model, announce) as tiles, ProgressLines(titles, model, console, as_json) as lines:
+            yield Watchers((model, tiles, lines))
+    finally:
+        # Nothing could be reduced to the pixels of another run without those of this one.
+        if megapixels:
+            write_costs(session.folder, RunCosts(megapixels, tile, model.costs()))
+
+
+def kernels_are_cached() -> bool:
+    """Whether any compiled kernel waits in the cache."""
+    folder = os.environ.get("NUMBA_CACHE_DIR")
+    return folder is not None and next(Path(folder).rglob("*.nbc"), None) is not None

@@ -39,7 +39,7 @@ class Watcher(Protocol):
 
     def planned(self, planned: PlannedJob) -> None: ...
     def skipped(self, key: Key) -> None: ...
-    def finished(self, finished: Finished, seconds: float) -> None: ...
+    def finished(self, finished: Finished, record: Record | None) -> None: ...
 
 
 class Unwatched:
@@ -51,7 +51,7 @@ class Unwatched:
     def skipped(self, key: Key) -> None:
         """Nothing is shown."""
 
-    def finished(self, finished: Finished, seconds: float) -> None:
+    def finished(self, finished: Finished, record: Record | None) -> None:
         """Nothing is shown."""
 
 
@@ -204,17 +204,15 @@ class Session:
             )
 
     def _note(self, finished: Finished, watcher: Watcher) -> None:
-        seconds = 0.0
         if finished.status == "done":
             self.done.add(finished.key)
-            record = self.records.get(finished.key)
-            seconds = record.seconds if record else 0.0
         elif finished.status == "failed":
             self.failures[finished.key] = finished.sentence
             self._suspect_inputs(finished.key)
         else:
             self.blocked.add(finished.key)
-        watcher.finished(finished, seconds)
+        # What was never tried may have a record of an earlier run.
+        watcher.finished(finished, self.records.get(finished.key) if finished.status != "blocked" else None)
 
     def _suspect_inputs(self, key: Key) -> None:
         """After a failure: what an earlier run left for the job may have been damaged without a trace but its content."""

@@ -14,7 +14,7 @@ from typing import Any
 from orthomill.pipeline.engine.graph import PlannedJob
 from orthomill.pipeline.engine.runner import Finished, Runner
 from orthomill.pipeline.engine.session import Session, key_text
-from orthomill.pipeline.records.records import Key
+from orthomill.pipeline.records.records import Key, Record
 from orthomill.pipeline.storage.table_files import write_whole
 from orthomill.pipeline.watching.cost_model import CostModel
 from orthomill.pipeline.watching.tile_board import TileBoard, TileState
@@ -50,14 +50,13 @@ class LiveMap:
         record = self._session.records.get(key)
         self.board.ended(key, TileState.UNCHANGED, record.seconds if record else 0.0, record.peak_bytes / MIB if record else 0.0)
 
-    def finished(self, finished: Finished, seconds: float) -> None:
+    def finished(self, finished: Finished, record: Record | None) -> None:
         """A job has ended."""
-        record = self._session.records.get(finished.key) if finished.status != "blocked" else None
         peak = record.peak_bytes if record else 0
         self._peak = max(self._peak, peak)
         if finished.sentence:
             self._errors[finished.key] = finished.sentence
-        self.board.ended(finished.key, STATES[finished.status], record.seconds if record else seconds, peak / MIB)
+        self.board.ended(finished.key, STATES[finished.status], record.seconds if record else 0.0, peak / MIB)
 
     def changes(self, tiles: int, changes: int) -> dict[str, Any]:
         """What has changed, and how far the run is."""

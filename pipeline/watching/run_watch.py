@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from orthomill.pipeline.engine.graph import PlannedJob
 from orthomill.pipeline.engine.runner import Finished
 from orthomill.pipeline.engine.session import Watcher
-from orthomill.pipeline.records.records import Key
+from orthomill.pipeline.records.records import Key, Record
 
 
 class Watchers:
@@ -24,7 +24,7 @@ class Watchers:
         for watcher in self._watchers:
             watcher.skipped(key)
 
-    def finished(self, finished: Finished, seconds: float) -> None:
+    def finished(self, finished: Finished, record: Record | None) -> None:
         """A job has ended."""
         for watcher in self._watchers:
-            watcher.finished(finished, seconds)
+            watcher.finished(finished, record)

@@ -52,7 +52,6 @@ class CalibrationStage(Stage):
     """Determines the interior orientation from the source that the project names."""
 
     title: ClassVar[str] = "Interior orientation"
-    usual_cost: ClassVar[float] = 15.0
     kind: Literal["calibration"] = "calibration"
     parameters: tuple[Parameter, ...] = setting(
         (),

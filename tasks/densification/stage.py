@@ -83,7 +83,6 @@ class DensificationStage(Stage):
     """A surface model with a precision for every height, from matching of the photographs."""
 
     title: ClassVar[str] = "Dense matching and surface model"
-    usual_cost: ClassVar[float] = 95.0
 
     kind: Literal["densification"] = "densification"
     cell: Literal["auto"] | Annotated[float, Field(gt=0)] = setting(

@@ -73,7 +73,6 @@ class DsmCheckStage(Stage):
     """Two orthoimages made with the surface must agree; where they do not, their shift gives the error of the height."""
 
     title: ClassVar[str] = "Surface model check"
-    usual_cost: ClassVar[float] = 22.0
 
     kind: Literal["dsm_check"] = "dsm_check"
     surface: CheckedSurface = setting(DensifiedSurface(), "The surface that is checked.")

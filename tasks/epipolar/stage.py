@@ -33,7 +33,6 @@ class EpipolarStage(Stage):
     """Normal-case images of the useful pairs: axes parallel, base along x, homologous points on one row, distortion removed."""
 
     title: ClassVar[str] = "Epipolar images"
-    usual_cost: ClassVar[float] = 9.0
 
     kind: Literal["epipolar"] = "epipolar"
     pairs: PairChoice = setting(PairChoice(), "Which pairs of photographs are used.")

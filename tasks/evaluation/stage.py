@@ -94,7 +94,6 @@ class EvaluationStage(Stage):
     """Surface model, orthoimage and orientation against truth or a reference: figures, maps, and shares within n sigma."""
 
     title: ClassVar[str] = "Accuracy evaluation"
-    usual_cost: ClassVar[float] = 15.0
 
     kind: Literal["evaluation"] = "evaluation"
     reference: Annotated[TruthReference | FileReference | NoReference, Field(discriminator="kind")] = setting(

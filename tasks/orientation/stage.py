@@ -71,7 +71,6 @@ class OrientationStage(Stage):
     """Relative orientation of pairs, then a bundle adjustment with control, GNSS positions and check points."""
 
     title: ClassVar[str] = "Relative and block orientation"
-    usual_cost: ClassVar[float] = 8.0
     kind: Literal["orientation"] = "orientation"
     exterior: ExteriorSource = setting(
         Adjusted(kind="adjusted"),

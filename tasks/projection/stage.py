@@ -123,7 +123,6 @@ class ProjectionStage(Stage):
     """Projects a triangle mesh onto maps, walls, cylinders and views, each pixel coloured from all photos that really see it."""
 
     title: ClassVar[str] = "Projections of the surface"
-    usual_cost: ClassVar[float] = 45.0
 
     kind: Literal["projection"] = "projection"
     surface: SolidSurface = setting(..., "The surface.")

@@ -17,7 +17,6 @@ class RegistrationStage(Stage):
     """Joint registration of scans: a rotation and a translation of each, from control and the targets that they share."""
 
     title: ClassVar[str] = "Registration of scans"
-    usual_cost: ClassVar[float] = 0.1
     kind: Literal["registration"] = "registration"
     paths: tuple[str, ...] = setting(
         ...,

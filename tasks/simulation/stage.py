@@ -75,7 +75,6 @@ class SimulationStage(Stage):
     and a survey, with known truth."""
 
     title: ClassVar[str] = "Simulated photographs"
-    usual_cost: ClassVar[float] = 70.0
 
     kind: Literal["simulation"] = "simulation"
     scene: SceneChoice = setting(TownScene(), "What is photographed.")

@@ -97,7 +97,6 @@ class TextureStage(Stage):
     """Colours every ground cell from all photos that actually see it: a true orthoimage."""
 
     title: ClassVar[str] = "True orthoimage"
-    usual_cost: ClassVar[float] = 45.0
 
     kind: Literal["texture"] = "texture"
     cell: Annotated[float, Field(gt=0)] | Literal["auto"] = setting(

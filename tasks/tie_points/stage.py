@@ -93,7 +93,6 @@ class TiePointsStage(Stage):
     """Finds points that two or more photographs show and refines their measurements."""
 
     title: ClassVar[str] = "Tie points"
-    usual_cost: ClassVar[float] = 20.0
     kind: Literal["tie_points"] = "tie_points"
     search: Search = setting(
         FeatureSearch(kind="features"),

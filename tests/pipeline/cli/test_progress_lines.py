@@ -10,14 +10,25 @@ from toy_stages import SourceStage, run_in
 from orthomill.pipeline.cli import progress_lines
 from orthomill.pipeline.cli.progress_lines import ProgressLines, StageCount, about, state_text
 from orthomill.pipeline.engine.runner import Finished
+from orthomill.pipeline.forecast.known_costs import Expectations, Expected
+from orthomill.pipeline.records.records import Fingerprint, Record
 from orthomill.pipeline.watching.cost_model import CostModel, Remaining
 from orthomill.pipeline.watching.run_watch import Watchers
 
 
 def lines(as_json=False):
-    model = CostModel({"source": 1.0, "later": 1.0}, 1)
+    model = CostModel(("source", "later"), 1, Expectations({("later", "work"): Expected(10.0, 1.0)}, here=False))
     console = Console(file=io.StringIO())
     return model, ProgressLines({"source": "Source", "later": "Later"}, model, console, as_json)
+
+
+def record_of(key):
+    """A job that took a second of processor time."""
+    stage, item, row, col = key
+    digests = Fingerprint(settings="", code="", inputs="")
+    return Record(
+        stage=stage, item=item, row=row, col=col, status="done", fingerprint=digests, reason="", cpu_seconds=1.0, worker="1"
+    )
 
 
 def whole_run(root, as_json=False):
@@ -28,7 +39,7 @@ def whole_run(root, as_json=False):
     for planned in jobs.values():
         watchers.planned(planned)
     for key in jobs:
-        watchers.finished(Finished(key, "done"), 1.0)
+        watchers.finished(Finished(key, "done"), record_of(key))
     return shown
 
 

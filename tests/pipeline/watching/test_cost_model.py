@@ -1,76 +1,170 @@
-"""The remaining time: jobs count by their kind, compiling counts once, and unplanned stages by their usual share."""
+"""The remaining time: jobs count by their kind, compiling counts once, and what is not planned yet counts as other runs took it."""
 
 import pytest
-from toy_stages import SmoothStage, SourceStage, run_in
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from orthomill.pipeline.engine.runner import Finished
-from orthomill.pipeline.watching.cost_model import MEASURED_ERROR, PARALLEL, USUAL_ERROR, CostModel, FamilyCost
+from benchmarks.watching.recorded_run import Ended, Planned, RunLog, read_log, write_log
+from benchmarks.watching.remaining_time import FROM, LAST, RUNS, estimates, first_and_second
+from orthomill.pipeline.forecast.known_costs import Expectations, Expected
+from orthomill.pipeline.watching.cost_model import (
+    EXPECTED_ERROR,
+    MEASURED_ERROR,
+    PARALLEL,
+    SETTLING,
+    STILL,
+    WEIGHT,
+    CostModel,
+    FamilyCost,
+)
+
+TILES, LATER = ("source", "tile"), ("later", "work")
 
 
-def planned_model(root, usual, workers=1):
-    """The sixteen tiles of the source, planned, and a model of them."""
-    session = run_in(root, SourceStage(rows=64, cols=64), tile=16)
-    model = CostModel(usual, workers)
-    tiles = [planned for planned in session.graph.jobs.values() if planned.job.item == "tile"]
-    for planned in tiles:
-        model.planned(planned)
-    return [planned.key for planned in tiles], model
+class Clock:
+    """A clock that stands still unless it is told to go on."""
+
+    now = 0.0
+
+    def __call__(self):
+        return self.now
 
 
-def test_nothing_is_said_before_anything_is_measured(tmp_path):
-    assert planned_model(tmp_path, {"source": 1.0})[1].remaining() is None
+def model_of(expected=None, workers=1, here=False, clock=None, cold=False, tiles=16):
+    """A model of a source of sixteen tiles, planned, and of a later stage, which is not."""
+    model = CostModel(("source", "later"), workers, Expectations(expected or {}, here), cold, clock or Clock())
+    for number in range(tiles):
+        model.count(TILES, closes=number + 1 == tiles)
+    return model
 
 
-def test_the_first_job_of_a_worker_does_not_spoil_the_mean():
+def test_nothing_is_said_before_anything_is_measured():
+    assert model_of({LATER: Expected(3.0, 1.0)}).remaining() is None
+
+
+def test_the_first_job_of_every_worker_does_not_spoil_the_mean():
     cost = FamilyCost(planned=100)
-    for seconds in (90.0, 91.0, 1.0, 1.0, 1.0):
-        cost.add(seconds, workers=2)
-    assert cost.mean == pytest.approx(1.0) and cost.usual == pytest.approx(5.0)
+    for seconds, worker in ((90.0, "a"), (1.0, "a"), (91.0, "b"), (1.0, "b"), (1.0, "a")):
+        cost.add(seconds, worker)
+    assert cost.mean == pytest.approx(1.0) and cost.spent == pytest.approx(184.0)
 
 
 def test_no_mean_is_told_while_every_job_may_have_compiled():
     cost = FamilyCost(planned=100)
-    cost.add(90.0, workers=2)
-    cost.add(91.0, workers=2)
+    cost.add(90.0, "a")
+    cost.add(91.0, "b")
     assert cost.mean is None
 
 
-def test_stages_that_are_not_planned_count_with_their_usual_share(tmp_path):
-    keys, model = planned_model(tmp_path, {"source": 1.0, "later": 3.0})
-    assert len(keys) == 16
-    model.finished(Finished(keys[0], "done"), 50.0)
-    for key in keys[1:4]:
-        model.finished(Finished(key, "done"), 2.0)
+def test_what_is_not_planned_counts_as_expected():
+    model = model_of({TILES: Expected(16.0, 2.0), LATER: Expected(10.0, 3.0)})
+    for _ in range(4):
+        model.took(TILES, 2.0, "a")
     left = model.remaining()
-    # The first one compiled: the source costs 16 times 2 s, and the later stage three times as much.
-    assert left.done == pytest.approx(8.0) and left.by_share == pytest.approx(96.0) and left.left == pytest.approx(24.0 + 96.0)
-    assert left.seconds == pytest.approx(120.0) and left.share == pytest.approx(8.0 / 128.0)
-    assert left.error == pytest.approx(MEASURED_ERROR * 24.0 + USUAL_ERROR * 96.0)
+    assert left.done == pytest.approx(8.0) and left.left == pytest.approx(12 * 2.0 + 30.0)
+    assert left.expected == pytest.approx(30.0 + 24.0 * WEIGHT / (WEIGHT + 3))
+    # No second has passed on this clock: a worker gives what one of an idle machine gives, and the work that was told.
+    pace = (8.0 + PARALLEL * SETTLING) / SETTLING
+    assert left.seconds == pytest.approx(54.0 / pace)
+    assert left.error == pytest.approx((MEASURED_ERROR * (54.0 - left.expected) + EXPECTED_ERROR * left.expected) / pace)
 
 
-def test_the_work_is_divided_among_the_workers(tmp_path):
-    keys, model = planned_model(tmp_path, {"source": 1.0}, workers=4)
-    for key in keys[:8]:
-        model.finished(Finished(key, "done"), 2.0)
-    assert model.remaining().seconds == pytest.approx(8 * 2.0 / (PARALLEL * 4))
+def test_a_machine_twice_as_slow_as_expected_is_expected_to_stay_so():
+    far, near = (model_of({TILES: Expected(16.0, 1.0), LATER: Expected(10.0, 3.0)}, here=here) for here in (False, True))
+    for model in (far, near):
+        for _ in range(16):
+            model.took(TILES, 2.0, "a")
+    assert 30.0 < near.remaining().left < far.remaining().left < 60.0, "and less so where the machine is known"
 
 
-def test_jobs_that_failed_or_are_unchanged_leave_nothing_behind(tmp_path):
-    keys, model = planned_model(tmp_path, {"source": 1.0})
-    for key in keys[1:]:
-        model.skipped(key)
-    model.finished(Finished(keys[0], "failed"), 0.0)
-    assert model.remaining() is None or model.remaining().left == 0.0
+def test_a_stage_that_is_planned_to_its_end_expects_nothing_more():
+    model = model_of({("source", "other"): Expected(10.0, 3.0)})
+    for _ in range(16):
+        model.took(TILES, 1.0, "a")
+    assert model.remaining().left == 0.0
 
 
-def test_one_cheap_kind_of_job_does_not_speak_for_a_stage(tmp_path):
-    session = run_in(tmp_path, SourceStage(rows=64, cols=64), SmoothStage(), tile=16)
-    model = CostModel({"source": 1.0, "smooth": 1.0}, 1)
-    for planned in session.graph.jobs.values():
-        model.planned(planned)
-    smoothed = [key for key in session.graph.jobs if key[0] == "smooth"]
-    model.finished(Finished(("source", "size", 0, 0), "done"), 0.01)
-    assert model.remaining() is None, "the sixteen tiles of the source are not measured"
-    for key in smoothed[:5]:
-        model.finished(Finished(key, "done"), 2.0)
-    assert model.remaining().left > 20.0
+def test_compiling_is_expected_of_functions_to_come_where_no_kernel_was_cached():
+    expected = {TILES: Expected(16.0, 1.0, compiling=10.0), LATER: Expected(10.0, 1.0, compiling=20.0)}
+    cold, warm = model_of(expected, cold=True), model_of(expected)
+    for model, first in ((cold, 11.0), (warm, 1.0)):
+        model.took(TILES, first, "a")
+        for _ in range(15):
+            model.took(TILES, 1.0, "a")
+    assert warm.remaining().left == pytest.approx(10.0) and cold.remaining().left == pytest.approx(10.0 + 20.0)
+
+
+def test_the_pace_of_a_machine_that_others_use_is_measured():
+    clock = Clock()
+    model = model_of(clock=clock, tiles=200)
+    for _ in range(100):
+        clock.now += 4.0
+        model.took(TILES, 1.0, "a")
+    assert model.remaining().seconds == pytest.approx(100 * 4.0, rel=0.15)
+
+
+def test_a_job_that_runs_for_long_counts_before_it_ends():
+    clock = Clock()
+    model = model_of(clock=clock)
+    for _ in range(4):
+        clock.now += 1.0
+        model.took(TILES, 1.0, "a")
+    said = [model.remaining().seconds for clock.now in (4.0, 6.0, 9.0)]
+    assert said == sorted(said, reverse=True) and said[-1] > STILL * said[0]
+
+
+def test_jobs_that_failed_tell_nothing_and_leave_nothing_behind():
+    model = model_of(tiles=3)
+    model.took(TILES, 2.0, "a")
+    model.took(TILES, None, "")
+    model.took(TILES, 2.0, "a")
+    assert model.remaining().left == 0.0 and model.remaining().done == pytest.approx(4.0)
+
+
+def test_what_is_kept_for_the_next_run_is_without_compiling_and_of_whole_functions():
+    model = model_of({LATER: Expected(1.0, 1.0, compiling=20.0)}, cold=True, tiles=4)
+    model.count(LATER)
+    model.count(("later", "more"))
+    for seconds in (9.0, 1.0, 1.0, 1.0):
+        model.took(TILES, seconds, "a")
+    model.took(LATER, 21.0, "a")
+    kept = model.costs()
+    assert kept["source"]["tile"].seconds == pytest.approx(4.0)
+    assert kept["later"]["work"].seconds == pytest.approx(2.1), "a tenth at least"
+    assert "more" not in kept["later"], "it has not been done"
+
+
+@settings(deadline=None, max_examples=50)
+@given(seconds=st.lists(st.floats(0.01, 50.0), min_size=1, max_size=30), workers=st.integers(1, 4))
+def test_the_remaining_time_is_never_negative_and_ends_at_none(seconds, workers):
+    clock, model = Clock(), CostModel(("source",), workers, Expectations({}, here=False))
+    for number in range(len(seconds)):
+        model.count(TILES, closes=number + 1 == len(seconds))
+    for number, one in enumerate(seconds):
+        clock.now += one
+        model.took(TILES, one, str(number % workers))
+        assert model.remaining().seconds >= 0.0
+    assert model.remaining().left == 0.0 and model.remaining().share == 1.0
+
+
+def test_a_log_is_read_as_it_was_written(tmp_path):
+    log = RunLog(34.5, (Planned(TILES, 2), Ended(TILES, "0", 1.5, 1.51), Planned(LATER, 1), Ended(LATER, "1", 0.5, 2.0)))
+    write_log(tmp_path / "log", log)
+    assert read_log(tmp_path / "log") == log and log.whole == 2.0
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted"),
+    [
+        ("brighton, first", 30.0),
+        ("brighton, after brighton_cold", 30.0),
+        ("volos, after volos_cold", 30.0),
+        ("volos_second, after volos", 30.0),
+    ],
+)
+def test_recorded_runs_are_estimated_within_thirty_per_cent_from_the_first_minute_on(name, wanted):
+    names = sorted({"volos", "brighton", *name.split(", ")[0].split(), *name.split()[2:]})
+    logs = {one: read_log(RUNS / f"{one}.json.gz") for one in names}
+    log, known = next((log, known) for judged, log, known in first_and_second(logs) if judged == name)
+    judged = [one for one in estimates(log, known) if one.time >= FROM and one.left >= LAST]
+    assert judged and all(abs(one.off) <= wanted for one in judged)

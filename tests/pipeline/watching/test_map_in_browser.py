@@ -9,11 +9,13 @@ from toy_stages import MEMORY, SmoothStage, SourceStage, SumStage, run_in, sessi
 
 from orthomill.pipeline.engine.dask_cluster import local_client
 from orthomill.pipeline.engine.dask_runner import DaskRunner
+from orthomill.pipeline.forecast.known_costs import Expectations
 from orthomill.pipeline.report.paper import FLAGS
 from orthomill.pipeline.watching.cost_model import CostModel
 from orthomill.pipeline.watching.live_map import MAP, live_map
 from orthomill.pipeline.watching.run_watch import Watchers
 
+NOTHING = Expectations({}, here=False)
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 COUNTS = "() => Array.from(document.querySelectorAll('#key span')).map(span => span.textContent).join(', ')"
 
@@ -34,7 +36,7 @@ def watched_run(root, *stages):
     """The address of the map of a run that goes on beside; its scheduler lives until the end of the context."""
     session, told = session_in(root, *stages, tile=16), []
     with local_client(2, MEMORY, 8900) as client:
-        runner, model = DaskRunner(client, MEMORY, "here"), CostModel({stage.kind: 1.0 for stage in session.stages}, 2)
+        runner, model = DaskRunner(client, MEMORY, "here"), CostModel(("source", "smooth", "sum"), 2, NOTHING)
         with live_map(session, runner, model, told.append) as tiles:
             run = Thread(target=session.run, args=(runner, Watchers((model, tiles))), daemon=True)
             run.start()

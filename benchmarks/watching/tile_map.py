@@ -1,6 +1,6 @@
 """What the map of tiles costs the scheduler and a browser: many tiles, of which some end ten times a second.
 
-    python -m benchmarks.tile_map [TILES] [TILES THAT END IN A SECOND]
+    python -m benchmarks.watching.tile_map [TILES] [TILES THAT END IN A SECOND]
 
 The board and its routes run in this process, as they run in that of the scheduler; a headless Chromium shows the page.
 """

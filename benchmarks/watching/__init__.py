@@ -1,0 +1,1 @@
+"""What watching a run costs, and how well it foretells."""

@@ -1,0 +1,171 @@
+"""A finished run as a log of its jobs on a clock of its own, so that it can be replayed without its data.
+
+    python -m benchmarks.watching.recorded_run PROJECT LOG     (a project with a finished run, or the path of its workflow)
+
+The clock shows what an idle machine's would: jobs begin in the order of the records, when their inputs are there and one of WORKERS
+is free, and last as long as the processor worked for them. Who else used the machine at that time does not matter.
+"""
+
+import gzip
+import heapq
+import json
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from orthomill.pipeline.engine.foresight import photograph_pixels
+from orthomill.pipeline.engine.running import session_of
+from orthomill.pipeline.engine.session import Session
+from orthomill.pipeline.forecast.known_costs import Family
+from orthomill.pipeline.records.records import Key, Record, Records
+from orthomill.pipeline.workflow.workflow_file import load_workflow, resolve_workflow
+from orthomill.schemas.job import Export
+from orthomill.tasks.catalogue import STAGES
+
+WORKERS = 2
+OVERHEAD = 0.01
+"""seconds between two jobs of a worker"""
+
+
+@dataclass(frozen=True)
+class Planned:
+    """So many jobs of a family have been planned, one after another."""
+
+    family: Family
+    jobs: int
+
+
+@dataclass(frozen=True)
+class Ended:
+    """A job of a family has ended at `time`, s after the beginning, after so many seconds of processor time."""
+
+    family: Family
+    worker: str
+    seconds: float
+    time: float
+
+
+@dataclass(frozen=True)
+class RunLog:
+    """A run: pixels of its photographs in millions, and what happened, in that order."""
+
+    megapixels: float
+    events: tuple[Planned | Ended, ...]
+
+    @property
+    def whole(self) -> float:
+        """Seconds that the run took."""
+        return max(event.time for event in self.events if isinstance(event, Ended))
+
+
+def read_log(path: Path) -> RunLog:
+    """A log as `write_log` left it."""
+    held = json.loads(gzip.decompress(path.read_bytes()))
+    families = [(stage, function) for stage, function in held["families"]]
+    return RunLog(held["megapixels"], tuple(_event(families, *row) for row in held["events"]))
+
+
+def _event(families: list[Family], kind: str, family: int, *rest: float) -> Planned | Ended:
+    if kind == "p":
+        return Planned(families[family], int(rest[0]))
+    worker, seconds, time = rest
+    return Ended(families[family], str(worker), seconds, time)
+
+
+def write_log(path: Path, log: RunLog) -> None:
+    """Rows: p, family, jobs; e, family, worker, seconds of processor time, time."""
+    families = sorted({event.family for event in log.events})
+    workers = sorted({event.worker for event in log.events if isinstance(event, Ended)})
+    rows: list[list[object]] = []
+    for event in log.events:
+        if isinstance(event, Planned):
+            rows.append(["p", families.index(event.family), event.jobs])
+        else:
+            rows.append(["e", families.index(event.family), workers.index(event.worker), event.seconds, event.time])
+    held = {"megapixels": round(log.megapixels, 2), "families": families, "events": rows}
+    # Without the time of day in its header, the same run is the same file.
+    path.write_bytes(gzip.compress(json.dumps(held, separators=(",", ":")).encode(), mtime=0))
+
+
+class _Replayed(Session):
+    """A session that plans as the recorded run did, when the tables that its stages wait for were done."""
+
+    def is_valid(self, key: Key) -> bool:
+        return key in self.done
+
+
+class _Recorder:
+    """Walks through the records of a run in the order in which its jobs began."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._free, self._ends = [0.0] * WORKERS, dict[Key, float]()
+        self._running: list[tuple[float, int, Record]] = []
+        self._seen = 0
+        records = [record for stage in session.stages for record in Records(session.folder).of_stage(stage.kind)]
+        self._records = sorted((one for one in records if one.status == "done"), key=lambda record: record.started)
+
+    def events(self) -> Iterator[Planned | Ended]:
+        """Everything that happened."""
+        yield from self._plan()
+        while self._records or self._running:
+            record = next((record for record in self._records if record.key in self._session.graph.jobs), None)
+            if record is not None:
+                self._records.remove(record)
+                self._begin(record)
+            elif not self._running:
+                raise SystemExit(
+                    f"{len(self._records)} records are of jobs that this version does not plan: {self._records[0].key}"
+                )
+            while self._running and (record is None or self._running[0][0] <= min(self._free)):
+                yield from self._end()
+                record = record or next((one for one in self._records if one.key in self._session.graph.jobs), None)
+
+    def _begin(self, record: Record) -> None:
+        before = self._session.graph.jobs[record.key].dependencies
+        worker = self._free.index(min(self._free))
+        begun = max([self._free[worker], *(self._ends.get(key, 0.0) for key in before)])
+        self._free[worker] = self._ends[record.key] = begun + record.cpu_seconds + OVERHEAD
+        heapq.heappush(self._running, (self._free[worker], len(self._ends), record))
+
+    def _end(self) -> Iterator[Planned | Ended]:
+        time, _, record = heapq.heappop(self._running)
+        yield Ended(self._family(record.key), record.worker, round(record.cpu_seconds, 3), round(time, 2))
+        self._session.done.add(record.key)
+        yield from self._plan()
+
+    def _plan(self) -> Iterator[Planned]:
+        self._session.planner.advance()
+        new = list(self._session.graph.jobs)[self._seen :]
+        self._seen += len(new)
+        for key in new:
+            yield Planned(self._family(key), 1)
+
+    def _family(self, key: Key) -> Family:
+        job = self._session.graph.jobs[key].job
+        return job.stage, f"export {job.format}" if isinstance(job, Export) else job.function.__name__
+
+
+def recorded(workflow: Path) -> RunLog:
+    """The log of the finished run of a project."""
+    session = session_of(load_workflow(workflow, STAGES))
+    session.__class__ = _Replayed
+    found: list[Planned | Ended] = []
+    for event in _Recorder(session).events():
+        if isinstance(event, Planned) and found and isinstance(found[-1], Planned) and found[-1].family == event.family:
+            found[-1] = Planned(event.family, found[-1].jobs + event.jobs)
+        else:
+            found.append(event)
+    return RunLog(photograph_pixels(session) / 1e6, tuple(found))
+
+
+def main() -> None:
+    """Record one run."""
+    log = recorded(resolve_workflow(sys.argv[1], Path.cwd()))
+    write_log(Path(sys.argv[2]), log)
+    print(f"{len(log.events)} events, {log.whole:.0f} s, {log.megapixels:.1f} megapixels")
+
+
+if __name__ == "__main__":
+    main()
