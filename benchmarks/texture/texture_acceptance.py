@@ -133,7 +133,8 @@ def remedy_rows() -> list[str]:
     for label, remedy in REMEDIES.items():
         project = scene.project_of(MemoryProject, NAMES, disturbed(block), pictures)
         given = {"surface": {"kind": "mesh", "path": "mesh.ply"}, "outputs": [FRONT], "balance": {"kind": "none"}}
-        project.run(ProjectionStage.model_validate({**given, **remedy, "leave_one_out": {"kind": "none"}}))
+        given |= {"leave_one_out": {"kind": "none"}, "model": {"kind": "none"}, "masks": {"kind": "none"}, "depth_pictures": False}
+        project.run(ProjectionStage.model_validate({**given, **remedy}))
         ortho = project.rasters["projection/front/ortho"]
         known = (ortho[..., 3] > 0) & band & (seen.sum(axis=0) >= 2)
         error = ortho[..., :3].astype(float) - truth

@@ -79,9 +79,16 @@ class BlockBalance(Settings):
     spacing: int = setting(24, "Distance between samples; larger where the block is large.", "px", ge=4, le=1024)
 
 
+class HistogramBalance(Settings):
+    """The histograms of the photos are made alike on the ground that they share, channel by channel (Petsa et al. 2007)."""
+
+    kind: Literal["histogram"]
+    spacing: int = setting(24, "Distance between samples; larger where the block is large.", "px", ge=4, le=1024)
+
+
 Weights = Annotated[ByArea | BySquaredArea, Field(discriminator="kind")]
 Rejections = Annotated[KeepAllColours | AboutMean | AboutMedian | AboutMedianRobust, Field(discriminator="kind")]
-Balance = Annotated[NoBalance | BlockBalance, Field(discriminator="kind")]
+Balance = Annotated[NoBalance | BlockBalance | HistogramBalance, Field(discriminator="kind")]
 
 _CENTRE: dict[str, CentreName] = {"mean": "mean", "median": "median", "robust": "deviation"}
 

@@ -32,7 +32,6 @@ _DATUM_WEIGHT = 1e3  # per observation: the two datum equations hold to a thousa
 _CONVERGED = 1e-5  # largest change of a parameter: of a gain, or of an offset in grey levels
 _SATURATED = 0.012  # share of the range, three grey levels of 8 bits, next to black and white
 _MAD_TO_SIGMA = 1.4826
-_BRIGHTEST, _BRIGHT_MARGIN = 0.999, 1.05
 
 
 @dataclass(frozen=True)
@@ -56,8 +55,20 @@ class Samples(Columns):
         return np.column_stack([self.first, self.second, self.third]).astype(np.float64)
 
 
+class GreyCurve(BaseModel):
+    """Grey values that become others: linear between those given, at the same distance beyond them."""
+
+    model_config = ConfigDict(frozen=True)
+
+    start: tuple[float, ...]
+    end: tuple[float, ...]
+
+
 class PhotoRadiometry(BaseModel):
-    """Correction of the grey values of one photograph to those of the block: (g - offset) / (gain (1 + v1 r^2 + v2 r^4))."""
+    """Correction of the grey values of one photograph to those of the block.
+
+    (g - offset) / (gain (1 + v1 r^2 + v2 r^4)), or a curve for each channel.
+    """
 
     model_config = ConfigDict(frozen=True)
 
@@ -66,6 +77,7 @@ class PhotoRadiometry(BaseModel):
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     v1: tuple[float, float, float] = (0.0, 0.0, 0.0)
     v2: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    curves: tuple[GreyCurve, ...] = ()
     samples: int = 0
 
 
@@ -93,9 +105,19 @@ def corrected(grey: np.ndarray, r2: np.ndarray, photo: PhotoRadiometry) -> np.nd
     """Grey values (..., bands) of a photo at `r2` (...) corrected to the block's radiometry; bands 1 or 3. float32."""
     # float32 throughout: every pixel of every photograph passes here, and 24 bits are ample for grey values.
     out = np.ascontiguousarray(grey, np.float32).reshape(-1, grey.shape[-1]).copy()
+    if photo.curves:
+        for band in range(out.shape[1]):
+            out[:, band] = _along(out[:, band], photo.curves[band])
+        return out.reshape(grey.shape)
     terms = np.array([photo.gain, photo.offset, photo.v1, photo.v2], np.float32)
     _correct(out, np.ascontiguousarray(r2, np.float32).ravel(), terms)
     return out.reshape(grey.shape)
+
+
+def _along(grey: np.ndarray, curve: GreyCurve) -> np.ndarray:
+    """Grey values (N,) after a curve."""
+    inside = np.clip(grey, curve.start[0], curve.start[-1])
+    return np.asarray(np.interp(inside, curve.start, curve.end) + (grey - inside), np.float32)
 
 
 @njit(cache=True, error_model="numpy")
@@ -204,7 +226,7 @@ def _solve_channel(channel: _Channel, vignetting: bool) -> np.ndarray:
     return x.reshape(-1, TERMS)
 
 
-def _usable(samples: Samples, black: float, white: float) -> Samples:
+def usable_samples(samples: Samples, black: float, white: float) -> Samples:
     """Samples that are not saturated, at points that two photos or more still see."""
     grey = samples.grey
     # A clipped grey value is no linear function of the ground's brightness.
@@ -254,7 +276,7 @@ def balance_block(names: tuple[str, ...], samples: Samples, white: float, vignet
     `names` in the order of `Samples.photo`; `white` is the greatest grey value of the photos' dtype (255 or the stretch of 16
     bits). Without shared ground every photo keeps gain 1 and offset 0.
     """
-    samples = _usable(samples, 0.0, white)
+    samples = usable_samples(samples, 0.0, white)
     if not len(samples):
         return Radiometry(photos=tuple(PhotoRadiometry(photo=name) for name in names), white=white)
     # Solved in grey levels of 8 bits, in which the prior and the thresholds are stated; offsets are scaled back.
@@ -287,18 +309,3 @@ def seen_twice(rows: list[tuple[np.ndarray, ...]]) -> Samples:
     _, group, counts = np.unique(point, return_inverse=True, return_counts=True)
     order = np.lexsort((photo, point))
     return samples.take(order[counts[group][order] >= 2])
-
-
-def balanced(samples: tuple[Samples, ...], names: tuple[str, ...], deep: bool, method: str, vignetting: bool) -> Radiometry:
-    """The radiometry of the photographs `names` from the samples of all tiles.
-
-    `deep`: the photos have 16 bits; 0 to 255 then corresponds to 0 to a little above the brightest thousandth of the samples.
-    `method` "none" leaves the photos' grey values as stored (the stretch remains).
-    """
-    merged = Samples(**{name: np.concatenate([getattr(part, name) for part in samples]) for name in Samples.__dataclass_fields__})
-    white = 255.0
-    if deep:
-        white = float(min(_BRIGHT_MARGIN * np.quantile(merged.grey, _BRIGHTEST), 65535.0)) if len(merged) else 65535.0
-    # Without any sample the balance is the identity, with the right range.
-    identity = balance_block(names, merged.take(np.zeros(len(merged), bool)), white, vignetting)
-    return identity if method == "none" else balance_block(names, merged, white, vignetting)

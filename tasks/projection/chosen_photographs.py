@@ -1,6 +1,7 @@
 """Which photographs colour the surface, where their masks lie, and which of them are left out to prove the block."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import PurePosixPath
 from typing import Annotated, Literal
@@ -8,14 +9,16 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from orthomill.schemas.errors import WorkflowError, some_of
+from orthomill.schemas.job import PhotoPixels, Raster
 from orthomill.schemas.photo import Photos
+from orthomill.schemas.raster import Window
 from orthomill.schemas.settings import Settings, setting
 
 
 class NoMasks(Settings):
     """All pixels of the photographs may be used."""
 
-    kind: Literal["none"] = "none"
+    kind: Literal["none"]
 
 
 class MaskFolder(Settings):
@@ -23,6 +26,24 @@ class MaskFolder(Settings):
 
     kind: Literal["folder"]
     path: str = setting(..., "Folder with the masks; a photograph without one is used whole.")
+
+
+class BorderMasks(Settings):
+    """Black borders of the photographs, found: beside an undistorted, scanned or rotated picture."""
+
+    kind: Literal["borders"] = "borders"
+
+
+@dataclass(frozen=True)
+class PhotographMask:
+    """Where the mask of a photograph is: an image `file`, or a `raster`."""
+
+    file: str = ""
+    raster: str = ""
+
+    def region(self, window: Window) -> PhotoPixels | Raster:
+        """What a job reads of it."""
+        return PhotoPixels(self.file, window) if self.file else Raster(self.raster, window)
 
 
 class NoLeaveOneOut(Settings):
@@ -39,7 +60,7 @@ class LeaveOneOut(Settings):
     pixels: int = setting(500_000, "Most pixels of a picture: the level of the photograph's pyramid follows.", "px", ge=10_000)
 
 
-Masks = Annotated[NoMasks | MaskFolder, Field(discriminator="kind")]
+Masks = Annotated[NoMasks | MaskFolder | BorderMasks, Field(discriminator="kind")]
 LeavingOut = Annotated[NoLeaveOneOut | LeaveOneOut, Field(discriminator="kind")]
 
 
@@ -57,7 +78,7 @@ def taking_part(names: Sequence[str], without: Sequence[str]) -> tuple[str, ...]
     return left
 
 
-def masks_of(files: Sequence[str], photos: Photos, names: Sequence[str]) -> dict[str, str]:
+def masks_of(files: Sequence[str], photos: Photos, names: Sequence[str]) -> dict[str, PhotographMask]:
     """photograph -> its mask among `files`. Raises WorkflowError for masks of photographs that are rotated by their EXIF flag."""
     found = {PurePosixPath(file).stem: file for file in files}
     masks = {name: found[name] for name in names if name in found}
@@ -67,7 +88,7 @@ def masks_of(files: Sequence[str], photos: Photos, names: Sequence[str]) -> dict
             f"The masks of {some_of(rotated)} cannot be used: these photographs are rotated by an EXIF flag. Rotate the files "
             "themselves, or leave the photographs out (`without`)."
         )
-    return masks
+    return {name: PhotographMask(file=file) for name, file in masks.items()}
 
 
 def left_out_names(names: Sequence[str], most: int) -> tuple[str, ...]:

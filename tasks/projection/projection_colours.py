@@ -18,9 +18,10 @@ from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import Window
 from orthomill.schemas.solid.census import MeshCensus
 from orthomill.tasks.geometry.view import View, block_view
-from orthomill.tasks.imagery.blending import Blend, Blended, Rejection, blend
+from orthomill.tasks.imagery.balancing import balanced
+from orthomill.tasks.imagery.blending import RESERVE, Blend, Blended, Rejection, blend
 from orthomill.tasks.imagery.photograph_colours import PhotoPixelsAt, colours_at
-from orthomill.tasks.imagery.radiometric_balance import Radiometry, Samples, balanced, corrected, seen_twice
+from orthomill.tasks.imagery.radiometric_balance import Radiometry, Samples, corrected, seen_twice
 from orthomill.tasks.projection.facing import MeshFacing
 from orthomill.tasks.projection.output_tile import OutputTile, PhotographsAtHand
 from orthomill.tasks.projection.sight_rasters import TilePoints, tile_points
@@ -32,6 +33,8 @@ PROJECTION_RADIOMETRY = Table("projection/radiometry.json", Radiometry)
 ZONE_WORTH = 0.005
 """Factor on the weight next to the limit of what is hidden: below the share from which a colour is used beside others"""
 _LEAST_WORTH = 1e-12
+COARSE, FINE = 1 / 9, 1 / 4
+"""Shares of the greatest area: pixels three times as large as the finest ones do not colour, those twice as large do."""
 _NEAREST = Blend(Rejection("none"), best=1)
 """What programs with one photograph per face do"""
 
@@ -44,6 +47,8 @@ class ColourRules:
     feather: float
     blend: Blend
     breaks: bool
+    finest: bool = False
+    """photographs with much larger pixels than the finest one fade out"""
 
 
 class ProjectionTile(BaseModel):
@@ -134,7 +139,19 @@ class TileColours:
 
     def blended(self, rules: ColourRules) -> Blended:
         """The colours as one."""
-        return blend(self.colours, self.weights, rules.blend, self.breaks if rules.breaks else None)
+        weights = fading(self.weights) if rules.finest else self.weights
+        return blend(self.colours, weights, rules.blend, self.breaks if rules.breaks else None)
+
+
+def fading(weights: np.ndarray) -> np.ndarray:
+    """Weights (photographs, rows, cols) of which those below FINE of the greatest fade out towards COARSE.
+
+    They stay just above the share from which a colour is used at all: their vote on gross errors counts, their blur does not.
+    """
+    share = weights / np.maximum(weights.max(axis=0, initial=0.0), np.float32(_LEAST_WORTH))
+    factor = np.clip((share - COARSE) / (FINE - COARSE), 0.0, 1.0)
+    least = np.where(share > RESERVE, 1.01 * RESERVE / np.maximum(share, RESERVE), 1.0)
+    return (weights * np.maximum(factor, np.minimum(least, 1.0))).astype(np.float32)
 
 
 def part_views(block: Block, tile: PhotographsAtHand, origin: np.ndarray) -> list[View]:

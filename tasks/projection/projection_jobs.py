@@ -11,7 +11,7 @@ from math import nan, prod
 
 import numpy as np
 
-from orthomill.schemas.job import Export, Job, PhotoPixels, Raster, Reading, Stream, Table
+from orthomill.schemas.job import Export, Job, Raster, Reading, Stream, Table
 from orthomill.schemas.orientation import BLOCK, Block
 from orthomill.schemas.photo import Photos, photo_raster
 from orthomill.schemas.raster import RasterSpec, Tile, Window, map_raster, tiles_of
@@ -21,6 +21,8 @@ from orthomill.tasks.geometry.photograph_part import PhotoPart, PhotoSource, pho
 from orthomill.tasks.geometry.view import View, block_view
 from orthomill.tasks.imagery.pyramid import level_shape
 from orthomill.tasks.imagery.radiometric_balance import Samples
+from orthomill.tasks.projection.border_masks import BorderFacts, border_mask
+from orthomill.tasks.projection.chosen_photographs import PhotographMask
 from orthomill.tasks.projection.depth_rasters import (
     MeshBlocks,
     PhotoDepth,
@@ -157,6 +159,28 @@ def photograph_jobs(basis: ProjectionBasis) -> Iterator[RasterSpec | Job]:
         )
 
 
+def border_layer(name: str) -> str:
+    """The mask of a photograph's black border."""
+    return f"projection/photographs/{name}/border"
+
+
+def border_table(name: str) -> Table[BorderFacts]:
+    """How much of a photograph is black border."""
+    return Table(f"projection/borders/{name}.json", BorderFacts)
+
+
+def border_jobs(basis: ProjectionBasis) -> Iterator[RasterSpec | Job]:
+    """The black borders of all photographs."""
+    for name in basis.names:
+        photo = basis.photos[name]
+        whole = Window(0, 0, photo.height, photo.width)
+        spec = RasterSpec(name=border_layer(name), shape=(*whole.shape, 1), dtype="uint8", chunk=basis.tile)
+        yield spec
+        reads: dict[str, Reading] = {"pixels": Raster(photo_raster(name, 0), whole)}
+        writes: dict[str, Raster | Table] = {"mask": Raster(border_layer(name), whole), "facts": border_table(name)}
+        yield Job("projection", f"border-{name}", border_mask, reads, writes, scratch=24 * prod(whole.shape))
+
+
 def photograph_picture(basis: ProjectionBasis, name: str) -> Iterator[RasterSpec | Job | Export]:
     """The depth of a photograph as a picture, without its distortion."""
     shape, layer = basis.ideal[name].shape, photograph_layer(name, "picture")
@@ -229,8 +253,8 @@ class ColourJobs:
     frame: FrameJobs
     surfaces: tuple[TileSurface, ...]
     seen: dict[str, PhotoDepth]
-    masks: dict[str, str]
-    """photograph -> file of its mask"""
+    masks: dict[str, PhotographMask]
+    """by photograph"""
 
     @property
     def basis(self) -> ProjectionBasis:
@@ -315,7 +339,7 @@ class ColourJobs:
                 "facing": FACING,
             }
             if masked:
-                reads["masks"] = tuple(PhotoPixels(self.masks[part.name], part.window) for part in masked)
+                reads["masks"] = tuple(self.masks[part.name].region(part.window) for part in masked)
             numbered = OutputTile(own.frame, own.window, numbers, own.names, parts, masked)
             yield self.frame._job(
                 "sight",

@@ -31,10 +31,11 @@ from orthomill.tasks.imagery.colour_settings import (
 )
 from orthomill.tasks.imagery.pyramid import level_shape
 from orthomill.tasks.projection.chosen_photographs import (
+    BorderMasks,
     LeaveOneOut,
     LeavingOut,
     Masks,
-    NoMasks,
+    PhotographMask,
     left_out_names,
     masks_of,
     taking_part,
@@ -58,6 +59,9 @@ from orthomill.tasks.projection.projection_jobs import (
     FrameJobs,
     ProjectionBasis,
     block_window,
+    border_jobs,
+    border_layer,
+    border_table,
     depth_table,
     output_layer,
     photograph_jobs,
@@ -128,13 +132,17 @@ class ProjectionStage(Stage):
     surface: SolidSurface = setting(..., "The surface.")
     outputs: tuple[Output, ...] = setting((MapOutput(),), "What it is projected onto.", min_length=1)
     without: tuple[str, ...] = setting((), "Shell patterns of names of photographs that take no part.")
-    masks: Masks = setting(NoMasks(), "Parts of the photographs that are not used.")
+    masks: Masks = setting(BorderMasks(), "Parts of the photographs that are not used.")
     sight: SightSettings = setting(SightSettings(), "How exactly the visibility is tested.")
     weights: Weights = setting(ByArea(), "Weight of a photo's colour (Petsa et al. 2007).")
     rejection: Rejections = setting(AboutMean(), "Which colours are rejected as gross errors.")
     two_colours: TwoValues = setting(PreferUnbroken(), "What happens where exactly two photos see the surface and disagree.")
     widening: Widening = setting(WidenLimits(), "What happens next to the limits of what is hidden.")
-    best: int = setting(0, "Number of photos of the greatest weight that are blended; 0 for all.", ge=0, le=64)
+    best: Annotated[int, Field(ge=0, le=64)] | Literal["auto"] = setting(
+        "auto",
+        "Number of photos of the greatest weight that are blended; 0 for all. auto: those whose pixels on the surface are not much "
+        "larger than the finest ones; the others fade out and only help to find gross errors.",
+    )
     balance: Balance = setting(BlockBalance(), "How the photos are adjusted to one brightness.")
     feather: float = setting(
         0.15, "Width of the border of a photo in which its weight rises from 0, as a share of its shorter side.", ge=0, le=0.5
@@ -163,6 +171,8 @@ class ProjectionStage(Stage):
         frames, blocks = view.table(FRAMES).frames, view.table(BLOCKS)
         basis = ProjectionBasis(block, photos, names, census, blocks, view.project.tile, block.crs)
         yield from photograph_jobs(basis)
+        if self.masks.kind == "borders":
+            yield from border_jobs(basis)
         yield self._facing(names)
         sections = {output.name: output.section for output in self.outputs}
         outputs = [FrameJobs(basis, frame, sections[frame.name]) for frame in frames]
@@ -260,7 +270,7 @@ class ProjectionStage(Stage):
                 yield left_out_frame(basis.block, name, basis.names.index(name), self.leave_one_out.pixels, levels)
 
     def _model(
-        self, view: ProjectView, basis: ProjectionBasis, seen: dict[str, PhotoDepth], masks: dict[str, str]
+        self, view: ProjectView, basis: ProjectionBasis, seen: dict[str, PhotoDepth], masks: dict[str, PhotographMask]
     ) -> ModelJobs | None:
         if self.model.kind == "none":
             return None
@@ -271,9 +281,12 @@ class ProjectionStage(Stage):
     def _tolerance(self) -> SightTolerance:
         return SightTolerance(self.sight.depth, self.sight.rough, self.sight.break_at)
 
-    def _masks(self, view: ProjectView, basis: ProjectionBasis) -> dict[str, str]:
+    def _masks(self, view: ProjectView, basis: ProjectionBasis) -> dict[str, PhotographMask]:
         if self.masks.kind == "none":
             return {}
+        if self.masks.kind == "borders":
+            shares = {name: view.table(border_table(name)).share for name in basis.names}
+            return {name: PhotographMask(raster=border_layer(name)) for name, share in shares.items() if share > 0}
         return masks_of(view.image_files(PhotoFolder(kind="folder", path=self.masks.path)), basis.photos, basis.names)
 
     def _sampled(self, view: ProjectView, outputs: list[ColourJobs], basis: ProjectionBasis) -> Iterator[RasterSpec | Job]:
@@ -299,13 +312,15 @@ class ProjectionStage(Stage):
 
     def _spacing(self, pixels: int) -> int:
         """px between samples: that of the setting, or as many as keep to SAMPLES_AT_MOST."""
-        wanted = self.balance.spacing if self.balance.kind == "block" else _SPACING_OF_RANGE
+        wanted = self.balance.spacing if self.balance.kind != "none" else _SPACING_OF_RANGE
         return max(wanted, ceil(sqrt(pixels / SAMPLES_AT_MOST)))
 
     def _rules(self) -> ColourRules:
         breaks = self.two_colours.kind == "depth_break"
         limit = self.two_colours.limit if self.two_colours.kind == "depth_break" else 0.0
-        return ColourRules(self.feather, Blend(rejection_of(self.rejection), power_of(self.weights), self.best, limit), breaks)
+        best = 0 if self.best == "auto" else self.best
+        blended = Blend(rejection_of(self.rejection), power_of(self.weights), best, limit)
+        return ColourRules(self.feather, blended, breaks, self.best == "auto")
 
     def _output(self, colour: ColourJobs) -> Iterator[RasterSpec | Job]:
         if self.widening.kind == "limits":

@@ -17,9 +17,10 @@ from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import MEASURED, HeightSource
 from orthomill.tasks.geometry.footprint import photo_window
 from orthomill.tasks.geometry.view import View, block_view
+from orthomill.tasks.imagery.balancing import balanced
 from orthomill.tasks.imagery.blending import Blend, Blended, blend
 from orthomill.tasks.imagery.photograph_colours import PhotoPixelsAt
-from orthomill.tasks.imagery.radiometric_balance import Radiometry, Samples, balanced, seen_twice
+from orthomill.tasks.imagery.radiometric_balance import Radiometry, Samples, seen_twice
 from orthomill.tasks.texture.balanced_photograph import BalancedPhotograph, most_bands
 from orthomill.tasks.texture.draping import HALO, drape, far_from_heights, height_sources
 from orthomill.tasks.texture.edges.sharpened_ground import AROUND, SharpenedGround, sharpened

@@ -204,7 +204,7 @@ class TextureStage(Stage):
 
     def _spacing(self, ortho: MapGrid) -> int:
         """px between samples: that of the setting, or as many as keep to SAMPLES_AT_MOST."""
-        wanted = self.balance.spacing if self.balance.kind == "block" else _SPACING_OF_RANGE
+        wanted = self.balance.spacing if self.balance.kind != "none" else _SPACING_OF_RANGE
         # The unknown brightness of every sample is eliminated, but time and memory still grow with their number.
         return max(wanted, ceil(sqrt(ortho.rows * ortho.cols / SAMPLES_AT_MOST)))
 

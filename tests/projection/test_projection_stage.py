@@ -9,6 +9,8 @@ from orthomill.schemas.raster import MapGrid, RasterSpec
 from orthomill.schemas.solid.mesh import TriangleMesh
 from orthomill.schemas.surface import HEIGHT, SURFACE, Surface
 from orthomill.tasks.geometry.view import View, block_view
+from orthomill.tasks.imagery.blending import RESERVE
+from orthomill.tasks.projection.projection_colours import fading
 from orthomill.tasks.projection.projection_frames import looking_at
 from orthomill.tasks.projection.stage import ProjectionStage
 from orthomill.tasks.visibility.mesh_sight import MeshSight
@@ -26,7 +28,8 @@ FRONT = {
 
 def stage(**more) -> ProjectionStage:
     given = {"surface": {"kind": "mesh", "path": "mesh.ply"}, "outputs": [FRONT], "balance": {"kind": "none"}}
-    given |= {"model": {"kind": "none"}, "depth_pictures": False, **more}
+    # Beside the wall its photographs are black, which is no border here: what is seen is compared with what rays tell.
+    given |= {"model": {"kind": "none"}, "depth_pictures": False, "masks": {"kind": "none"}, **more}
     return ProjectionStage.model_validate(given)
 
 
@@ -288,3 +291,38 @@ def test_the_height_model_of_the_project_goes_through_the_same_jobs():
     level, known = frame.corner[2], np.isfinite(found)
     assert known.any()
     np.testing.assert_allclose((found + level)[known], np.tile(1.0 + (x - grid.west - 0.05), (frame.rows, 1))[known], atol=1e-5)
+
+
+def test_photographs_with_much_larger_pixels_fade_out_and_still_vote():
+    # Pixels of the same size, 1.9, 2.5 and 10 times as large.
+    weights = np.array([1.0, 1 / 1.9**2, 1 / 2.5**2, 1 / 100.0], np.float32).reshape(-1, 1, 1)
+    faded = fading(weights).ravel()
+    assert faded[0] == 1.0 and faded[1] == weights[1, 0, 0]
+    assert RESERVE < faded[2] < weights[2, 0, 0] and faded[3] == weights[3, 0, 0]
+    assert RESERVE < fading(np.array([1.0, 1 / 3.5**2], np.float32).reshape(-1, 1, 1))[1, 0, 0] < 0.011
+    assert not fading(np.zeros((2, 1, 1), np.float32)).any()
+
+
+@pytest.mark.parametrize("kind", ["block", "histogram"])
+def test_a_darker_photograph_is_balanced(kind):
+    pictures = {name: scene.photograph(block_view(scene.block(), name)) for name in scene.NAMES}
+    pictures["b"] = (0.7 * pictures["b"]).astype(np.uint8)
+    project = scene.project_of(MemoryProject, pictures=pictures)
+    project.run(stage(balance={"kind": kind, "spacing": 4}, leave_one_out={"kind": "none"}))
+    radiometry = project.tables["projection/radiometry.json"]
+    assert radiometry.difference_after < 0.35 * radiometry.difference_before
+
+
+def test_the_best_photographs_are_chosen_by_number_or_by_scale():
+    poses = list(scene.POSITIONS)
+    poses[3] = tuple(4.0 * value for value in poses[3])
+    block = scene.block(tuple(poses))
+    shares = {}
+    for best in (0, 1, "auto"):
+        project = scene.project_of(MemoryProject, blocked=block)
+        project.run(stage(best=best, leave_one_out={"kind": "none"}))
+        report = project.tables["projection/report.json"]
+        table = next(grid for grid in report.grids if grid.title == "Photographs in 'front'")
+        shares[best] = {row[0]: row[1] for row in table.rows}
+    assert shares[0]["d"] > 2 * shares["auto"]["d"] and shares["auto"]["a"] > 10
+    assert shares[1]["d"] < 3

@@ -9,13 +9,14 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from orthomill.schemas.job import Export, FileBytes, Job, PhotoPixels, Raster, Reading, Stream, Table
+from orthomill.schemas.job import Export, FileBytes, Job, Raster, Reading, Stream, Table
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import photo_raster
 from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.solid.census import MeshTriangles, MeshVertices
 from orthomill.tasks.geometry.photograph_part import PhotoPart, PhotoSource, photo_level
 from orthomill.tasks.imagery.pyramid import level_shape
+from orthomill.tasks.projection.chosen_photographs import PhotographMask
 from orthomill.tasks.projection.depth_rasters import BlockBox, PhotoDepth, TileSurface
 from orthomill.tasks.projection.model.model_colours import (
     TOGETHER,
@@ -87,11 +88,11 @@ def tile_path(level: int, number: int) -> str:
 
 @dataclass(frozen=True, eq=False)
 class ModelJobs:
-    """`texel` m as wanted, `side` at most; `seen`: what photographs show; `masks`: photograph -> file."""
+    """`texel` m as wanted, `side` at most; `seen`: what photographs show; `masks`: by photograph."""
 
     basis: ProjectionBasis
     seen: dict[str, PhotoDepth]
-    masks: dict[str, str]
+    masks: dict[str, PhotographMask]
     texel: float
     side: int
     project: str
@@ -150,7 +151,7 @@ class ModelJobs:
             "radiometry": PROJECTION_RADIOMETRY,
         }
         if masked:
-            reads["masks"] = tuple(PhotoPixels(self.masks[part.name], part.window) for part in masked)
+            reads["masks"] = tuple(self.masks[part.name].region(part.window) for part in masked)
         side = self._side(number)
         tile = TexturedBlock(
             number=number,

@@ -36,7 +36,12 @@ FRONT = {
 
 def run(surface: TriangleMesh | None = None, **more) -> MemoryProject:
     project = scene.project_of(MemoryProject, surface=surface)
-    given = {"surface": {"kind": "mesh", "path": "mesh.ply"}, "outputs": [FRONT], "balance": {"kind": "none"}}
+    given = {
+        "surface": {"kind": "mesh", "path": "mesh.ply"},
+        "outputs": [FRONT],
+        "balance": {"kind": "none"},
+        "masks": {"kind": "none"},
+    }
     project.run(ProjectionStage.model_validate({**given, "leave_one_out": {"kind": "none"}, **more}))
     return project
 
