@@ -10,7 +10,7 @@ photos ?=
 options ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-tile-map bench-remaining-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-registration bench-published-bundles bench-vll bench-guided compare chaos docs clean clean-all bench-texture
+.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-tile-map bench-remaining-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-registration bench-published-bundles bench-vll bench-guided bench-guide compare chaos docs clean clean-all bench-texture
 
 help: ## List all targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-18s %s\n", $$1, $$2}'
@@ -109,6 +109,9 @@ compare: $(STAMP) ## All ways to heights side by side: docs/compare.md (options=
 
 bench-guided: $(STAMP) ## Guided densification beside its published figures (options=runs/volos)
 	@$(BIN)/python -m benchmarks.compare.guided_study $(options)
+
+bench-guide: $(STAMP) ## What an existing height model brings to every way to heights (options=runs/brighton)
+	@$(BIN)/python -m benchmarks.compare.guide_study $(options)
 
 bench-vll: $(STAMP) ## Vertical line locus beside its published study
 	@$(BIN)/python -m benchmarks.vll.line_locus_study

@@ -42,6 +42,13 @@ _FOERSTNER = {f"F{n + 1}": FoerstnerWindow(min_roundness=(0.5, 0.675, 0.75)[n //
 CALIBRATED: dict[str, WindowSizing] = {**_ENTROPY, **_FOERSTNER, "F10": CombinedWindow()}
 
 
+CIRCULAR = (
+    "The limits of the rows E and F are found from the printed shares, so that these rows are circular and confirm nothing; the",
+    "published limits belong to another texture. Only the rows S are measured with the printed limits.",
+)
+"""what the shares of table 4.7 are worth"""
+
+
 @dataclass(frozen=True)
 class Setting:
     """One line of a table: a recipe, and where the windows come from (None: the recipe's own size)."""
@@ -200,6 +207,8 @@ def window_page(experiment: Experiment) -> list[str]:
         farthest(fixed, p.SQUARES),
         "",
         "### Table 4.7: windows assigned",
+        "",
+        *CIRCULAR,
         "",
         "| method | assigned % |",
         "| --- | --- |",

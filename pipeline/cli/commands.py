@@ -403,13 +403,21 @@ def inspect_window_size(
         float | None, typer.Option(help="Its second threshold: excess (statistical), gain (entropy) or roundness (foerstner).")
     ] = None,
     assigned: Annotated[float | None, typer.Option(help="Find the threshold that assigns a window to this % of pixels.")] = None,
+    given: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", help="Any setting of a workflow's window, e.g. min_stalled=2.5, or entropy.min_gain=0.01 (combined)."
+        ),
+    ] = None,
     output: Annotated[Path | None, typer.Option(help="The PNG to write; by default in the current folder.")] = None,
     debug: Debug = False,
 ) -> None:
     """Map the size of the matching window at every pixel: dark is small, light is large, white is none."""
     with plain_errors(debug):
         path = picture_path(photo, f"window_size_{method}", output)
-        found = window_size_map(GuardedPhoto(photo), sizing_of(method, largest, limit, second), share_of(assigned, limit))
+        found = window_size_map(
+            GuardedPhoto(photo), sizing_of(method, largest, limit, second, given or ()), share_of(assigned, limit)
+        )
         write_map(found, path, out, err)
 
 

@@ -36,12 +36,13 @@ from orthomill.tasks.densification.planning.surface_plan import CELLS, SurfacePl
 from orthomill.tasks.densification.points import PointThinning
 from orthomill.tasks.densification.report import line_report, report
 from orthomill.tasks.densification.spike_filter import SpikeFilter
+from orthomill.tasks.densification.strategies.near_model import model_plan
 from orthomill.tasks.densification.strategies.pair_strategies import Cascade, CoarseToFine, Growing, PairStrategy
 from orthomill.tasks.densification.strategies.strategy_block import make_pair_surface
 from orthomill.tasks.densification.strategies.strategy_plan import strategy_plan
 from orthomill.tasks.densification.surface_grid import surface_of, window_cells
 from orthomill.tasks.densification.surface_tile import SurfaceRules, make_surface
-from orthomill.tasks.densification.volume.guide_heights import Guide, TiePointGuide
+from orthomill.tasks.densification.volume.guide_heights import Guide, GuideFile, TiePointGuide
 from orthomill.tasks.densification.volume.levels import VolumeScene
 from orthomill.tasks.densification.volume.sureness import Sureness
 from orthomill.tasks.densification.volume.volume_plan import JUDGED_HEIGHT, JUDGEMENT, WORTH, volume_plan
@@ -133,8 +134,10 @@ class DensificationStage(Stage):
     def _pairs_alone(self, view: ProjectView, surface: Surface, matching: PairStrategy) -> _Plan:
         """The pairs, each by a strategy of its own, and the surface from their nodes."""
         pairs, ground = view.table(PAIRS).pairs, view.table(BLOCK_TABLE).ground_mean
+        if isinstance(matching.guide, GuideFile):
+            yield from model_plan(matching.guide, surface, self.kind, view.table(BLOCK_TABLE).crs)
         for pair in pairs:
-            yield from strategy_plan(pair, matching, self.kind)
+            yield from strategy_plan(pair, matching, surface, self.kind)
         window = window_cells(matching.window, pairs, surface)
         yield from self._tiles(view).jobs(SurfaceSource(make_pair_surface, {}, surface, ground, 0.0, matching.step, window), pairs)
         yield self._report_of_pairs(pairs)

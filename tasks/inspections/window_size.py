@@ -8,9 +8,10 @@ Source: methods/matching_windows.md 2.2 (row 8); Skarlatos.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
@@ -63,12 +64,22 @@ _SECOND = {StatisticalWindow: "min_excess", EntropyWindow: "min_gain", Foerstner
 """the second limit of each method; the first ones are those that a share can find (LIMITS)"""
 
 
-def sizing_of(method: Method, largest: int, limit: float | None = None, second: float | None = None) -> WindowSizing:
+def sizing_of(
+    method: Method, largest: int, limit: float | None = None, second: float | None = None, given: Sequence[str] = ()
+) -> WindowSizing:
     """The sizing of a method up to windows of `largest` px, with its defaults, with another `limit`, or with another `second` one:
     the excess of the statistical method, the gain of the entropy, the roundness of Foerstner's.
 
-    Raises WorkflowError for a limit that the method cannot have.
+    given: any other settings of a workflow's `window`, as `min_stalled=2.5`; `entropy.min_gain=0.01` for a part of the combined
+    method. Raises WorkflowError for a limit or a setting that the method cannot have.
     """
+    sizing = _limited(method, largest, limit, second)
+    for words in given:
+        sizing = _with_setting(sizing, method, words)
+    return sizing
+
+
+def _limited(method: Method, largest: int, limit: float | None, second: float | None) -> WindowSizing:
     if method is Method.COMBINED:
         if limit is not None or second is not None:
             raise WorkflowError("The combined method has two limits, so a single one cannot be given; give a share (assigned).")
@@ -93,6 +104,33 @@ def _with_limit(sizing: WindowSizing, method: Method, name: str, value: float) -
     except ValidationError as error:
         reason = error.errors()[0]["msg"]
         raise WorkflowError(f"{value:g} cannot be the limit {name} of the {method} method: {reason}.") from error
+
+
+def _with_setting(sizing: WindowSizing, method: Method, words: str) -> WindowSizing:
+    """The sizing with a setting `name=value`, or `part.name=value`."""
+    name, equals, value = words.partition("=")
+    *parts, last = name.strip().split(".")
+    whole: dict[str, Any] = sizing.model_dump()
+    inner = whole
+    for part in parts:
+        below = inner.get(part)
+        inner = below if isinstance(below, dict) else {}
+    if not equals or last not in inner or isinstance(inner[last], dict) or last == "kind":
+        names = ", ".join(_setting_names(sizing))
+        raise WorkflowError(f"{words} is no setting of the {method} method; write name=value, with a name of: {names}.")
+    inner[last] = value.strip()
+    try:
+        return type(sizing).model_validate(whole)
+    except ValidationError as error:
+        raise WorkflowError(f"{words} is not possible with the {method} method: {error.errors()[0]['msg']}.") from error
+
+
+def _setting_names(sizing: WindowSizing) -> Iterator[str]:
+    for name, value in sizing.model_dump().items():
+        if isinstance(value, dict):
+            yield from (f"{name}.{inner}" for inner in value if inner != "kind")
+        elif name != "kind":
+            yield name
 
 
 @dataclass(frozen=True)

@@ -143,6 +143,31 @@ def test_the_methods_are_sized_up_to_the_largest_and_take_a_limit():
     assert isinstance(combined, CombinedWindow) and combined.halves[-1] == 10
 
 
+def test_every_setting_of_a_window_in_a_workflow_can_be_given():
+    entropy = sizing_of(Method.ENTROPY, 21, given=("smallest=9", "min_gain=0.02", "min_stalled = 2.5"))
+    assert entropy == EntropyWindow(smallest=9, largest=21, min_gain=0.02, min_stalled=2.5)
+    combined = sizing_of(Method.COMBINED, 35, given=("foerstner.min_roundness=0.7", "entropy.largest=25"))
+    assert combined.foerstner.min_roundness == 0.7 and combined.entropy.largest == 25
+    assert combined.foerstner.largest == 35 and combined.entropy.min_entropy == CombinedWindow().entropy.min_entropy
+    for method in (Method.STATISTICAL, Method.ENTROPY, Method.FOERSTNER):
+        plain = sizing_of(method, 35)
+        names = set(type(plain).model_fields) - {"kind"}
+        known = {**plain.model_dump(), "min_gain": 0.1}
+        assert all(sizing_of(method, 35, given=("min_gain=0.1",) * ("min_gain" in names) + (f"{n}={known[n]}",)) for n in names)
+
+
+@pytest.mark.parametrize("words", ["min_gain", "kind=entropy", "largest.min_gain=2", "min_weight=300", "foerstner.min_weight=3"])
+def test_a_setting_that_the_method_does_not_have_is_refused_with_those_that_it_has(words):
+    with pytest.raises(WorkflowError, match=rf"{words} is no setting of the entropy method; .* smallest, largest, min_entropy"):
+        sizing_of(Method.ENTROPY, 21, given=(words,))
+
+
+@pytest.mark.parametrize("words", ["smallest=99", "min_entropy=7", "min_entropy=much", "min_stalled=2"])
+def test_a_value_that_cannot_be_is_refused(words):
+    with pytest.raises(WorkflowError, match=rf"{words} is not possible with the entropy method: "):
+        sizing_of(Method.ENTROPY, 21, given=(words,))
+
+
 def test_limits_that_a_method_cannot_have_are_refused():
     with pytest.raises(WorkflowError, match="two limits, so a single one cannot be given"):
         sizing_of(Method.COMBINED, 21, 4.0)

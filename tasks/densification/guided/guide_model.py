@@ -17,7 +17,7 @@ from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import Surface
 from orthomill.tasks.densification.guided.point_block import GuidedPoints, GuidedStatistics
-from orthomill.tasks.densification.volume.guide_heights import guide_reach, guided_terrain
+from orthomill.tasks.densification.volume.guide_posts import bands
 from orthomill.tasks.densification.volume.terrain import median_heights, terrain
 from orthomill.tasks.matching.guided.outlier_detector import OutlierDetector, without_spikes
 
@@ -27,20 +27,6 @@ HALO_RADII = 4
 """radii of the circle of neighbours around a square"""
 
 
-def post_grid(surface: MapGrid, spacing: float) -> MapGrid:
-    """The posts: cells of a whole number of cells of the surface near `spacing` m, with one more all around it."""
-    cells = max(1, round(spacing / surface.cell))
-    post = surface.cell * cells
-    rows, cols = -(-surface.rows // cells) + 2, -(-surface.cols // cells) + 2
-    return MapGrid(west=surface.west - post, north=surface.north + post, cell=post, rows=rows, cols=cols)
-
-
-def bands(middle: np.ndarray, low: np.ndarray, high: np.ndarray, count: np.ndarray, surface: Surface) -> np.ndarray:
-    """(rows, cols, 4) float32 of posts, their heights within the bounds of the surface."""
-    heights = (np.clip(values, surface.height_low, surface.height_high) for values in (middle, low, high))
-    return np.stack([*heights, count], axis=-1).astype(np.float32)
-
-
 def tie_point_guide(points: GroundPoints, block: Block, grid: MapGrid, surface: Surface) -> np.ndarray:
     """The posts (rows, cols, 4) of the tie points."""
     inside = np.isfinite(points.z)
@@ -48,17 +34,6 @@ def tie_point_guide(points: GroundPoints, block: Block, grid: MapGrid, surface: 
     low, high, count = _extremes(cloud, grid, Window(0, 0, *grid.shape))
     closed = terrain(points, block, grid).astype(np.float64)
     return bands(closed, np.where(count > 0, low, closed), np.where(count > 0, high, closed), count, surface)
-
-
-def file_guide(points: GroundPoints, block: Block, guide: np.ndarray, grid: MapGrid, path: str, surface: Surface) -> np.ndarray:
-    """The posts of an existing model, `guide` (rows, cols) its heights there; tie points close its holes, and say how far from it
-    heights may lie.
-
-    Raises GeometryError for a model that cannot belong to the block.
-    """
-    heights = guided_terrain(points, block, guide, grid, path)
-    reach = guide_reach(points, heights, grid)
-    return bands(heights, heights - reach.below, heights + reach.above, np.isfinite(guide), surface)
 
 
 def no_guide(grid: MapGrid, block: Block, surface: Surface) -> np.ndarray:

@@ -18,10 +18,8 @@ from orthomill.tasks.densification.guided.guide_model import (
     HALO_RADII,
     SQUARE_POSTS,
     GuideTile,
-    file_guide,
     level_guide,
     no_guide,
-    post_grid,
     tie_point_guide,
 )
 from orthomill.tasks.densification.guided.guided_matching import Guided, GuidedLevel, LevelsGuide
@@ -37,6 +35,7 @@ from orthomill.tasks.densification.planning.pair_plan import block_writes, count
 from orthomill.tasks.densification.strategies.strategy_block import SIDE, StrategyBlock
 from orthomill.tasks.densification.surface_grid import ground_pixel
 from orthomill.tasks.densification.volume.guide_heights import GuideFile
+from orthomill.tasks.densification.volume.guide_posts import file_guide, post_grid
 from orthomill.tasks.geometry.epipolar_window import box_corners, map_window, node_window, nodes_shape
 
 POSTS_PER_SQUARE = 8

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.densification.volume.guide_heights import Guide, TiePointGuide
 from orthomill.tasks.matching.least_squares.matching import Matches
 from orthomill.tasks.matching.strategies.cascade import CascadeMatching, match_cascade
 from orthomill.tasks.matching.strategies.coarse_to_fine import PyramidMatching, SearchRange, coarse_field, match_pyramid
@@ -26,6 +27,9 @@ class PairStrategy(Settings):
 
     step: int = setting(4, "Distance of the nodes of a pair.", "px", ge=1, le=64)
     pyramid: PyramidMatching = setting(PyramidMatching(), "The coarser levels, on which nothing need be known.")
+    guide: Guide = setting(
+        TiePointGuide(), "What bounds the search on the coarsest level; with tie points, the range of parallaxes of the pair."
+    )
 
     @property
     def whole(self) -> bool:

@@ -10,9 +10,11 @@ from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import Window
 from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.matching_block import MatchedBlock, matching_statistics
+from orthomill.tasks.densification.strategies.near_model import ModelArea, NearModel
 from orthomill.tasks.densification.strategies.pair_strategies import PairStrategy
 from orthomill.tasks.densification.surface_tile import SurfaceCells, SurfaceRules, SurfaceTile, make_surface
 from orthomill.tasks.densification.volume.quality import Judgement
+from orthomill.tasks.matching.guided.column_interval import GuidePosts
 from orthomill.tasks.matching.least_squares.matching import Matches
 from orthomill.tasks.matching.strategies.coarse_to_fine import SearchRange
 from orthomill.tasks.matching.strategies.node_grid import ImagePart, NodeGrid
@@ -32,6 +34,8 @@ class StrategyBlock:
     step: int
     halo: int
     levels: int
+    model: ModelArea | None = None
+    """posts of an existing model over it, where one bounds the search"""
 
     @property
     def offset(self) -> float:
@@ -42,6 +46,14 @@ class StrategyBlock:
     def search(self) -> SearchRange:
         low, high = (p + self.offset for p in (self.pair.parallax_low, self.pair.parallax_high))
         return SearchRange(-high, -low, -_ROWS, _ROWS)
+
+    def near(self, posts: np.ndarray | None) -> SearchRange:
+        """The range of the search: that of the pair, or near the posts (rows, cols, 4) of a model."""
+        search = self.search
+        if self.model is None or posts is None:
+            return search
+        known = GuidePosts.of(self.model.grid, self.model.window, posts)
+        return NearModel(search.col_low, search.col_high, search.row_low, search.row_high, self.pair, known)
 
     @property
     def left(self) -> Window:
@@ -75,16 +87,21 @@ class StrategyBlock:
 
 
 def match_by_strategy(
-    block: StrategyBlock, strategy: PairStrategy, left: np.ndarray | None = None, right: np.ndarray | None = None
+    block: StrategyBlock,
+    strategy: PairStrategy,
+    left: np.ndarray | None = None,
+    right: np.ndarray | None = None,
+    posts: np.ndarray | None = None,
 ) -> MatchedBlock:
-    """Match the nodes of a block; left, right: uint8 (rows, cols), the windows `block.left` and `block.right`, None where empty."""
+    """Match the nodes of a block; left, right: uint8 (rows, cols), the windows `block.left` and `block.right`, None where empty;
+    posts (rows, cols, 4): those of a model that bounds the search."""
     nodes = np.full((*block.nodes.shape, 3), np.nan, np.float32)
     outcome = np.full(block.nodes.shape, Outcome.OUTSIDE, np.uint8)
     if left is None or right is None:
         return MatchedBlock(nodes, outcome, matching_statistics(nodes, outcome, float("nan")))
     grid = NodeGrid(block.nodes.row, block.nodes.col, *block.nodes.shape, block.step)
     parts = ImagePart(left, block.left.col, block.left.row), ImagePart(right, block.right.col, block.right.row)
-    found = strategy.matches(*parts, grid, block.search)
+    found = strategy.matches(*parts, grid, block.near(posts))
     outcome = found.outcome.reshape(grid.shape)
     nodes[...] = _node_values(found, grid, block.offset).reshape(*grid.shape, 3)
     off = found.row[found.converged] - found.reference[found.converged, 1]

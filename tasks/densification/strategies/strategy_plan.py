@@ -1,33 +1,41 @@
 """The rasters and jobs of a pair that is matched by a strategy."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from orthomill.schemas.epipolar import EpipolarPair, epipolar_raster
 from orthomill.schemas.job import Job, Raster, Reading
 from orthomill.schemas.raster import RasterSpec, Tile, tiles_of
+from orthomill.schemas.surface import Surface
 from orthomill.tasks.densification.planning.pair_plan import block_writes, counts_job, node_specs
+from orthomill.tasks.densification.strategies.near_model import MODEL, model_area
 from orthomill.tasks.densification.strategies.pair_strategies import PairStrategy
 from orthomill.tasks.densification.strategies.strategy_block import SIDE, StrategyBlock, match_by_strategy
+from orthomill.tasks.densification.volume.guide_heights import GuideFile
 from orthomill.tasks.geometry.epipolar_window import nodes_shape
 
 
-def strategy_plan(pair: EpipolarPair, strategy: PairStrategy, stage: str) -> Iterator[RasterSpec | Job]:
+def strategy_plan(pair: EpipolarPair, strategy: PairStrategy, surface: Surface, stage: str) -> Iterator[RasterSpec | Job]:
     """The blocks of a pair, or the whole pair as one block."""
     shape = nodes_shape(pair, strategy.step)
     chunk = max(shape) if strategy.whole else max(SIDE // strategy.step, 1)
     yield from node_specs(pair, strategy.step, chunk)
     tiles = list(tiles_of(shape, chunk))
     for tile in tiles:
-        yield _block_job(pair, strategy, tile, stage)
+        yield _block_job(pair, strategy, tile, surface, stage)
     yield counts_job(stage, pair, tiles)
 
 
-def _block_job(pair: EpipolarPair, strategy: PairStrategy, tile: Tile, stage: str) -> Job:
+def _block_job(pair: EpipolarPair, strategy: PairStrategy, tile: Tile, surface: Surface, stage: str) -> Job:
     block = StrategyBlock(pair, tile.window, strategy.step, strategy.halo(), strategy.pyramid.levels)
+    if isinstance(strategy.guide, GuideFile):
+        block = replace(block, model=model_area(pair, block.left, surface))
     reads: dict[str, Reading] = {}
     for side, window in (("left", block.left), ("right", block.right)):
         if not window.empty:
             reads[side] = Raster(epipolar_raster(pair.name, side), window)
+    if block.model is not None and not block.model.window.empty:
+        reads["posts"] = Raster(MODEL, block.model.window)
     return Job(
         stage,
         pair.name,

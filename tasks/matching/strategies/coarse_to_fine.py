@@ -17,6 +17,7 @@ whose windows keep to one surface; growing from seeds (region_growing.py) is for
 Source: methods/matching_windows.md 2.8.1 (T5); measured.md, dense surface.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,6 +74,11 @@ class SearchRange:
     col_high: float
     row_low: float = 0.0
     row_high: float = 0.0
+
+    def starts(self, points: np.ndarray, spacing: float) -> Iterator[np.ndarray]:
+        """Offsets, px of the photographs, of left points (N, 2) to their starts, at most `spacing` px apart, that cover the range:
+        (2,) for all points, or (N, 2), NaN where one has no more."""
+        yield from self.offsets(spacing)
 
     def offsets(self, spacing: float) -> np.ndarray:
         """(K, 2) offsets at most `spacing` px apart that cover the range."""
@@ -158,7 +164,9 @@ def _matched_level(
     wide = grid.grown(_RING)
     points = wide.points()
     if level == settings.levels:
-        starts, affine = _best_starts(pair, points, search.offsets(settings.start_spacing * 2**level) / 2**level)
+        scale = float(2**level)
+        found = search.starts((points + 0.5) * scale - 0.5, settings.start_spacing * scale)
+        starts, affine = _best_starts(pair, points, (offset / scale for offset in found))
     else:
         coarser = _field(halved_part(left), halved_part(right), _covering(points, settings), search, settings, level + 1)
         starts, affine = coarser.below(points)
@@ -198,8 +206,9 @@ def _solved(pair: PreparedPair, grid: NodeGrid, starts: np.ndarray, affine: np.n
     return agreeing(merged(first, taken(second, better), again), grid, *rule)
 
 
-def _best_starts(pair: PreparedPair, points: np.ndarray, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of the starts (K, 2) around every point the solution of highest correlation: positions (N, 2), affines (N, 4), or NaN."""
+def _best_starts(pair: PreparedPair, points: np.ndarray, offsets: Iterator[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Of the starts about every point (`SearchRange.starts`) the solution of highest correlation: positions (N, 2),
+    affines (N, 4), or NaN."""
     best, best_affine = np.full((len(points), 2), np.nan), np.tile([1.0, 0.0, 0.0, 1.0], (len(points), 1))
     # The correlation decides, not sigma: a wrong place with strong texture can have a small standard error.
     likeness = np.full(len(points), -np.inf)

@@ -3,17 +3,24 @@
 import numpy as np
 import pytest
 from memory_runner import MemoryProject
-from village_pair import block_of, height_errors, normal_case, photos_of, render, village
+from scipy import ndimage
+from village_pair import CELL, block_of, height_errors, normal_case, photos_of, render, village
 
 from orthomill.schemas.epipolar import PAIRS, EpipolarPairs, epipolar_raster
+from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.observations import GROUND_POINTS, GroundPoints
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.photo import PHOTOS
+from orthomill.schemas.raster import Window
 from orthomill.schemas.stage_report import report_table
 from orthomill.schemas.surface import HEIGHT, MEASURED, PRECISION, PROVENANCE, SURFACE
 from orthomill.tasks.densification.planning.pair_plan import nodes_raster, outcome_raster
 from orthomill.tasks.densification.stage import DensificationStage
+from orthomill.tasks.densification.strategies.near_model import MODEL, NearModel, model_area
 from orthomill.tasks.densification.strategies.pair_strategies import Cascade, CoarseToFine, Growing
+from orthomill.tasks.densification.volume.guide_heights import GuideFile
+from orthomill.tasks.matching.guided.column_interval import GuidePosts
 from orthomill.tasks.matching.least_squares.model import Ellipse, LeastSquaresMatching, Square
 from orthomill.tasks.matching.strategies.coarse_to_fine import PyramidMatching
 from orthomill.tasks.matching.strategies.region_growing import RegionGrowing
@@ -34,14 +41,21 @@ WINDOWS = (
 )
 
 
+def tie_points(height: np.ndarray) -> GroundPoints:
+    row, col = (values.ravel() for values in np.meshgrid(*(np.arange(10, size, 31) for size in height.shape), indexing="ij"))
+    none, rays = np.zeros(len(row), np.float32), np.full(len(row), 2, np.int16)
+    return GroundPoints(np.arange(len(row)), CELL * col, -CELL * row, height[row, col], none, none, none, rays, none)
+
+
 @pytest.fixture(scope="module")
 def seen():
     scene, pair = village(420, 5, seed=4), normal_case(420)
     return scene, render(scene, pair)
 
 
-def run(seen, matching, tile=128):
-    engine, pair = MemoryProject(tile), seen[1].pair
+def run(seen, matching, tile=128, files=None):
+    engine, pair = MemoryProject(tile, files=files or {}), seen[1].pair
+    engine.tables[GROUND_POINTS.path] = tie_points(seen[0].height)
     engine.tables[BLOCK.path], engine.tables[PHOTOS.path] = block_of(pair), photos_of(pair)
     engine.tables[PAIRS.path] = EpipolarPairs(pairs=(pair,))
     for side, image in (("left", seen[1].left), ("right", seen[1].right)):
@@ -113,3 +127,50 @@ def test_blocks_give_what_the_whole_pair_gives(seen, monkeypatch):
     monkeypatch.setattr(strategy_plan, "SIDE", 128)
     blocks = run(seen, WAYS["region_growing"]).rasters[nodes_raster("a-b")]
     assert np.array_equal(whole, blocks, equal_nan=True)
+
+
+@pytest.fixture(scope="module")
+def guided(seen):
+    """The pyramid with a single coarse level near posts 16 cells apart with 2 m of noise, with the model that it was given."""
+    scene, pair = seen[0], seen[1].pair
+    surface = run(seen, WAYS["pyramid"]).tables[SURFACE.path]
+    area = model_area(pair, Window(0, 0, pair.rows, pair.left_cols), surface)
+    grid = area.grid
+    x, y = np.meshgrid(*grid.centres(Window(0, 0, *grid.shape)))
+    heights = ndimage.map_coordinates(scene.height, [-y / CELL, x / CELL], order=1, mode="nearest")
+    noisy = (heights + np.random.default_rng(5).normal(0, 2.0, heights.shape)).astype(np.float32)
+    way = CoarseToFine(kind="pyramid", pyramid=PyramidMatching(levels=1), guide=GuideFile(kind="file", path="dem.tif"))
+    engine = run(seen, way, files={"dem.tif": (grid, noisy)})
+    return engine, area
+
+
+def test_an_existing_model_bounds_the_search_of_a_pair(seen, guided):
+    error, ground = errors(seen, guided[0])
+    measured = ground & np.isin(guided[0].rasters[PROVENANCE], MEASURED)
+    assert measured.sum() > 0.9 * ground.sum() and 1.4826 * np.median(np.abs(error[measured])) < 0.2
+
+
+def test_near_a_model_starts_are_fewer_and_lie_about_the_true_place(seen, guided):
+    engine, area = guided
+    pair, parallax = seen[1].pair, seen[1].parallax
+    col, row = (values.ravel() for values in np.meshgrid(np.arange(40, 300, 20), np.arange(40, 300, 20)))
+    points = np.column_stack([col, row]).astype(float)
+    offset = pair.left_col0 - pair.right_col0
+    whole = -(pair.parallax_high + offset), -(pair.parallax_low + offset)
+    near = NearModel(*whole, -2.0, 2.0, pair, GuidePosts.of(area.grid, area.window, engine.rasters[MODEL][area.window.slices]))
+    low, high = near.columns(points)
+    truth = -(parallax[row, col] + offset)
+    known = np.isfinite(low) & np.isfinite(truth)
+    assert known.mean() > 0.9 and ((low <= truth + 1) & (truth <= high + 1))[known].mean() > 0.95
+    starts = list(near.starts(points, 3.0))
+    count = sum(np.isfinite(start[:, 0]) for start in starts)[known]
+    assert count.mean() < 0.7 * len(near.offsets(3.0))
+    nearest = np.nanmin([np.abs(start[:, 0] - np.clip(truth, low, high)) for start in starts], axis=0)
+    assert nearest[known].max() <= 1.5 + 1e-6
+
+
+def test_a_model_that_cannot_belong_to_the_block_is_refused(seen, guided):
+    grid = guided[1].grid
+    way = CoarseToFine(kind="pyramid", pyramid=LEVELS, guide=GuideFile(kind="file", path="dem.tif"))
+    with pytest.raises(GeometryError, match="does not cover the block"):
+        run(seen, way, files={"dem.tif": (grid, np.full(grid.shape, np.nan, np.float32))})

@@ -40,7 +40,15 @@ def texture(seed: int = 1, smoothing: float = 1.5) -> np.ndarray:
     return 120.0 + 20.0 * grey / grey.std()
 
 
-def image(x: float, slope: float = 0.0, gain: float = 1.0, noise: float = 1.0, seed: int = 1) -> GreyImage:
+def stacks() -> np.ndarray:
+    """The same heap every 5 pixels of a photograph."""
+    y, x = np.mgrid[:800, :800] * 0.2 / (5.0 * GROUND_PIXEL)
+    return 120.0 + 40.0 * np.cos(2 * np.pi * x) * np.cos(2 * np.pi * y)
+
+
+def image(
+    x: float, slope: float = 0.0, gain: float = 1.0, noise: float = 1.0, seed: int = 1, cover: np.ndarray | None = None
+) -> GreyImage:
     """The ground 100 m + slope X, with a texture, from (x, 0, 900)."""
     numbers = camera(x)
     col, row = np.meshgrid(np.arange(SIDE), np.arange(SIDE))
@@ -48,7 +56,9 @@ def image(x: float, slope: float = 0.0, gain: float = 1.0, noise: float = 1.0, s
     # X = x + right (900 - Z), Z = 100 + slope X.
     depth = (FLYING - 100.0 - slope * x) / (1.0 + slope * right)
     ground_x, ground_y = x + right * depth, -down * depth
-    grey = ndimage.map_coordinates(texture(), [400 - ground_y / 0.2, 400 + ground_x / 0.2], order=3, mode="nearest")
+    grey = ndimage.map_coordinates(
+        texture() if cover is None else cover, [400 - ground_y / 0.2, 400 + ground_x / 0.2], order=3, mode="nearest"
+    )
     grey = 120.0 + gain * (grey - 120.0) + np.random.default_rng(seed + 7).normal(0, noise, grey.shape)
     return GreyImage(grey.astype(np.float32), numbers)
 
@@ -175,6 +185,16 @@ def test_a_start_too_far_is_found_with_more_points_only():
 def test_heights_beyond_the_bounds_are_not_tried():
     result = found(pair(), low=101.0, high=105.0)
     assert np.nanmin(result.height) > 101.0 - PER_PIXEL
+
+
+def test_a_pattern_that_repeats_gives_wrong_heights_with_high_correlations():
+    """B-09: what repeats every 5 px is as alike 8.5 m higher; the accepted heights are wrong, and on a single texture none is."""
+    asked = {"window": 25, "start": 106.0, "threshold": {"kind": "t_test", "error_probability": 0.001}}
+    repeated = found([image(-BASE / 2, cover=stacks()), image(BASE / 2, seed=2, cover=stacks())], **asked)
+    single = found(pair(), **asked)
+    wrong = [(np.abs(result.height - 100.0) > 2.0)[result.outcome == Outcome.CONVERGED] for result in (repeated, single)]
+    assert wrong[0].sum() > 0.9 * repeated.height.size and not wrong[1].any()
+    assert np.median(repeated.height) == pytest.approx(100.0 + 5 * PER_PIXEL, abs=0.5) and np.median(repeated.correlation) > 0.9
 
 
 def test_what_a_rejected_node_hands_on():

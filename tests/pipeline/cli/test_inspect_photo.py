@@ -95,6 +95,15 @@ def test_a_limit_is_obeyed(folder):
     assert (cv2.imread("photo_window_size_entropy.png", -1) < 255).mean() < low
 
 
+def test_settings_of_a_workflow_are_obeyed(folder):
+    """On the sky the entropy stalls, and a gain asked for accepts it."""
+    words = "photo.png", "--method", "entropy", "--set", "min_gain=0.5", "--set", "min_stalled=0"
+    inspect(*words, "--output", "stalled.png")
+    inspect("photo.png", "--method", "entropy")
+    stalled, plain = (cv2.imread(name, -1) < 255 for name in ("stalled.png", "photo_window_size_entropy.png"))
+    assert stalled[plain].all() and stalled.sum() > plain.sum()
+
+
 @pytest.mark.parametrize(
     "words, sentence",
     [
@@ -108,6 +117,7 @@ def test_a_limit_is_obeyed(folder):
         (("photo.png", "--method", "combined", "--limit", "3"), "two limits"),
         (("photo.png", "--method", "entropy", "--limit", "9"), "less than or equal to 6"),
         (("photo.png", "--method", "entropy", "--limit", "nan"), "finite number"),
+        (("photo.png", "--set", "min_gain=2"), "min_gain=2 is no setting of the foerstner method"),
         (("small.png",), "too few for windows of 35 x 35 px"),
         (("text.jpg",), "not a JPEG"),
         (("broken.jpg",), "truncated"),

@@ -1,0 +1,121 @@
+"""What an existing height model brings to every way to heights: `make bench-guide options="runs/brighton"`.
+
+The centre of a real shore, and a rendered mountain. The model has posts 30 m apart with 2 m of noise (on the shore both are reduced
+to the size of the block). Every way runs without it and with it, on the same ground; CPU time is that of matching, without the
+surface. With its usual levels a way comes from coarse to fine and is as narrow already; with one coarse level it searches where
+buildings and crests are still seen, and there the model saves what the levels would have.
+"""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.compare.compare_methods import Scene, coarse_model, shore
+from benchmarks.compare.mountain_scene import mountain
+from benchmarks.compare.replayed_crop import Replay
+from benchmarks.measured_run import machine, write_result
+from orthomill.schemas.epipolar import PAIRS
+from orthomill.schemas.observations import GROUND_POINTS
+from orthomill.schemas.raster import MapGrid
+from orthomill.schemas.surface import HEIGHT, MEASURED, PROVENANCE
+from orthomill.tasks.densification.stage import DensificationStage
+from orthomill.tasks.densification.volume.guide_heights import guide_reach
+from orthomill.tasks.evaluation.classes import PlaceClass
+
+_DEM = "model.tif"
+_GUIDE = {"guide": {"kind": "file", "path": _DEM}}
+_RIM = 40
+_ONE = {"pyramid": {"levels": 1}}
+WAYS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
+    "object space (default)": ({"kind": "object_space"}, _GUIDE),
+    "vertical line locus": ({"kind": "vertical_line_locus"}, {"start": "terrain", **_GUIDE}),
+    "guided": ({"kind": "guided", "guide": {"kind": "levels"}}, _GUIDE),
+    "pyramid": ({"kind": "pyramid"}, _GUIDE),
+    "pyramid, one coarse level": ({"kind": "pyramid", **_ONE}, _GUIDE),
+    "cascade, one coarse level": ({"kind": "cascade", **_ONE}, _GUIDE),
+    "region growing, one coarse level": ({"kind": "region_growing", **_ONE}, _GUIDE),
+}
+"""name, settings without a model, and what is added with it"""
+_AFTER = ("surface", "cells", "report", "grid", "line-counts")
+"""jobs that are not matching"""
+
+
+def matched(scene: Scene, settings: dict[str, Any], model: tuple[MapGrid, np.ndarray]) -> tuple[float, float, float]:
+    """CPU seconds of matching, cells measured, %, and of these beyond the gross departure, %."""
+    replay = Replay(scene.crop, files={_DEM: model})
+    replay.run(DensificationStage.model_validate({"kind": "densification", "matching": settings}))
+    inner = slice(_RIM, -_RIM), slice(_RIM, -_RIM)
+    wanted = (scene.known.classes == PlaceClass.CLEAR_GROUND)[inner]
+    measured = wanted & np.isin(replay.rasters[PROVENANCE][inner], MEASURED)
+    error = (replay.rasters[HEIGHT] - scene.known.height)[inner][measured]
+    error = error - np.median(error) if len(error) else error
+    gross = 100 * (np.abs(error) > scene.gross).mean() if len(error) else np.nan
+    seconds = sum(value for item, value in replay.seconds.items() if not item.startswith(_AFTER))
+    return seconds, 100 * measured.sum() / max(wanted.sum(), 1), gross
+
+
+def ranges(scene: Scene, model: tuple[MapGrid, np.ndarray]) -> tuple[float, float]:
+    """Parallaxes that are searched without and with the model, px: median of the pairs."""
+    grid, heights = model
+    reach = guide_reach(scene.crop.store.table(GROUND_POINTS), heights, grid)
+    whole, near = [], []
+    for pair in scene.crop.store.table(PAIRS).pairs:
+        middle = (pair.parallax_low + pair.parallax_high) / 2
+        whole.append(pair.parallax_high - pair.parallax_low)
+        # dp = p^2 dz / (B c)
+        near.append((reach.below + reach.above) * middle**2 / (pair.base * pair.c))
+    return float(np.median(whole)), float(np.median(near))
+
+
+def rows(scene: Scene, model: tuple[MapGrid, np.ndarray], repeats: int) -> list[str]:
+    """The table of a scene; each way runs `repeats` times, and the least time counts."""
+    lines = []
+    for name, (plain, added) in WAYS.items():
+        both = []
+        for settings in (plain, {**plain, **added}):
+            runs = [matched(scene, settings, model) for _ in range(repeats)]
+            both.append((min(run[0] for run in runs), *runs[0][1:]))
+        (seconds, found, gross), (faster, more, fewer) = both
+        cells = f"{seconds:.1f} / {faster:.1f} | {seconds / faster:.1f} | {found:.1f} / {more:.1f} | {gross:.2f} / {fewer:.2f}"
+        lines.append(f"| {name} | {cells} |")
+        print(scene.name, lines[-1], flush=True)
+    return lines
+
+
+def section(scene: Scene, model: tuple[MapGrid, np.ndarray], repeats: int) -> list[str]:
+    """A scene: how wide the search is, and the table."""
+    whole, near = ranges(scene, model)
+    return [
+        f"## {scene.name.capitalize()}",
+        "",
+        f"Range of the search: {whole:.0f} px of parallax without the model, {near:.0f} px with it, {whole / near:.1f} times less.",
+        "",
+        f"| without / with the model | matching, CPU-s | times faster | measured, % | beyond {scene.gross:g} m, % |",
+        "| --- " * 5 + "|",
+        *rows(scene, model, repeats),
+        "",
+    ]
+
+
+def exact_model(scene: Scene) -> tuple[MapGrid, np.ndarray]:
+    """Posts 30 m apart of the known heights around, with 2 m of noise."""
+    grid, every = scene.crop.surface.grid, round(30.0 / scene.crop.surface.grid.cell)
+    heights = scene.known.height[every // 2 :: every, every // 2 :: every]
+    posts = MapGrid(west=grid.west, north=grid.north, cell=grid.cell * every, rows=heights.shape[0], cols=heights.shape[1])
+    return posts, (heights + np.random.default_rng(1).normal(0, 2.0, heights.shape)).astype(np.float32)
+
+
+def main(run: Path) -> None:
+    """Both scenes; on the shore everything runs twice, so that no kernel is compiled in the time that counts."""
+    real = shore(run)
+    lines = ["# An existing height model as guide", "", f"`make bench-guide`; {machine()}.", ""]
+    lines += [(__doc__ or "").split("\n\n")[1].replace("\n", " "), "", *section(real, coarse_model(real.crop), 2)]
+    with mountain() as scene:
+        lines += section(scene, exact_model(scene), 1)
+    write_result("guide_model", "\n".join(lines))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "runs/brighton"))
