@@ -178,6 +178,9 @@ class ControlFromGcpList(Settings):
 
     kind: Literal["gcp_list"]
     path: str = setting(..., "The file gcp_list.txt.")
+    crs: str | None = setting(
+        None, "Reference system of the points, e.g. EPSG:4326, where the first line of the file names one that PROJ does not know."
+    )
     # The defaults are those of targets surveyed with RTK GNSS and measured by hand on the screen.
     sigma_plan: float = setting(0.03, "Standard error of the points in X and Y.", "m", gt=0)
     sigma_height: float = setting(0.05, "Standard error of the points in Z.", "m", gt=0)

@@ -23,11 +23,13 @@ LARGEST = 1_000_000
 @dataclass(frozen=True)
 class Beside:
     """Files found beside the photographs, relative to the project's root (None: none): the GCP list with the `system` that its
-    first line names and whether that is `projected` in metres, the CSV file of the positions, the camera file."""
+    first line names, that system where it is `projected` in metres, and whether PROJ does not know it; the CSV file of the
+    positions; the camera file."""
 
     gcp_list: str | None = None
     system: str | None = None
     projected: str | None = None
+    unknown_system: bool = False
     positions: str | None = None
     camera: str | None = None
 
@@ -45,10 +47,12 @@ def look_beside(folder: Path, root: Path, sizes: set[tuple[int, int]]) -> Beside
     places = [place for place in (folder, folder.parent) if outside or place.is_relative_to(root)]
     gcp_list = _first(places, "*.txt", root, lambda text, path: path.name.lower() == GCP_LIST and len(text.splitlines()) > 1)
     system = _system_line((root / gcp_list).read_text("utf-8-sig")) if gcp_list else None
+    crs = _crs(system) if system else None
     return Beside(
         gcp_list,
         system,
-        _projected(system) if system else None,
+        _projected(crs) if crs else None,
+        gcp_list is not None and crs is None,
         _first(places, "*.csv", root, lambda text, _: _header(text) >= POSITION_COLUMNS),
         _first(places, "*.json", root, lambda text, _: _is_camera(text, sizes)),
     )
@@ -91,18 +95,22 @@ def _system_line(text: str) -> str:
     return lines[0] if lines else ""
 
 
-def _projected(system: str) -> str | None:
-    """The system as a project names it; None where it is unknown, geographic or not in metres."""
+def _crs(system: str) -> CRS | None:
+    """The system of a GCP list; None where it is unknown."""
     words = system.upper().split()
     # OpenDroneMap's own way to name a UTM zone, as "WGS84 UTM 16N".
     if len(words) == 3 and words[:2] == ["WGS84", "UTM"]:
         system = f"+proj=utm +zone={words[2][:-1]} +datum=WGS84{' +south' * (words[2][-1] == 'S')}"
     try:
-        crs = CRS.from_user_input(system)
+        return CRS.from_user_input(system)
     except CRSError:
         return None
+
+
+def _projected(crs: CRS) -> str | None:
+    """The system as a project names it; None where it is geographic or not in metres."""
     if not crs.is_projected or crs.axis_info[0].unit_conversion_factor != 1.0:
         return None
     # PROJ strings lack what an authority's code tells; 70 % is PROJ's own limit for a plausible match.
     code = crs.to_epsg(min_confidence=70)
-    return f"EPSG:{code}" if code else system
+    return f"EPSG:{code}" if code else crs.srs

@@ -214,6 +214,8 @@ def _crs(survey: Survey, crs: str | None) -> Iterator[str]:
         yield f"crs: {flow(survey.utm)}  # the UTM zone of the GPS positions; a national grid is possible as well"
     elif survey.placeless:
         yield f"crs: {ANY_CRS}  # stands for a local system in metres: nothing tells where the photographs were taken"
+    elif survey.beside.unknown_system:
+        yield f"crs:  # to be filled in, e.g. EPSG:32634: what {survey.beside.gcp_list} calls '{survey.beside.system}', or another"
     else:
         yield "crs:  # to be filled in, e.g. EPSG:32634: that of the positions or of the control"
 
@@ -259,6 +261,8 @@ def _control(survey: Survey) -> Iterator[str]:
     if survey.beside.gcp_list:
         yield f"  kind: gcp_list  # found beside the photographs; its system: {survey.beside.system}"
         yield f"  path: {flow(survey.beside.gcp_list)}"
+        if survey.beside.unknown_system:
+            yield f"  crs:  # to be filled in, e.g. EPSG:32634: '{survey.beside.system}' is not known to PROJ"
         for name in ("sigma_plan", "sigma_height", "sigma_px"):
             setting = variants(Project.model_fields["control"].annotation)["gcp_list"].model_fields[name]
             yield f"  # {name}: {flow(setting.default)}  # {sentence(setting)} [{unit(setting)}]"
@@ -291,6 +295,8 @@ def _notes(name: str, survey: Survey, crs: str | None) -> Iterator[str]:
     for path, use in ((beside.gcp_list, "ground control"), (beside.positions, "positions"), (beside.camera, "camera")):
         if path:
             yield f"{path} lies beside the photographs and is used for the {use}."
+    if beside.unknown_system:
+        yield f"Fill in 'control > crs': PROJ does not know the system '{beside.system}' that {beside.gcp_list} names."
     if not (crs or survey.utm or beside.projected) and not survey.placeless:
         yield "Fill in 'crs': neither the photographs nor the files beside them tell it."
     if not survey.focal_lengths and not beside.camera:

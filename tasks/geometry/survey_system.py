@@ -27,8 +27,8 @@ def survey_crs(text: str) -> CRS:
         except CRSError:
             continue
     raise WorkflowError(
-        f"The reference system '{text}' of the control points is not known to PROJ; name it like EPSG:32634, EPSG:4326, "
-        "EPSG:2100+5773 or as a PROJ string."
+        f"The reference system '{text}' of the control points is not known to PROJ; name it in the workflow (control > crs) or in "
+        "their file like EPSG:32634, EPSG:4326, EPSG:2100+5773 or as a PROJ string."
     )
 
 

@@ -91,7 +91,7 @@ def test_spellings_of_a_system(text, code):
 
 @pytest.mark.parametrize("text", ["WGS84 UTM N", "WGS84 UTM 34X", "Greece"])
 def test_an_unknown_system_is_told_with_examples(text):
-    with pytest.raises(WorkflowError, match=f"'{text}' of the control points is not known to PROJ; name it like EPSG:32634"):
+    with pytest.raises(WorkflowError, match=f"'{text}' of the control points is not known to PROJ; name it in the workflow"):
         survey_crs(text)
 
 

@@ -48,7 +48,7 @@ def read_gcp_list(photos: Photos, text: str, source: ControlFromGcpList) -> GcpL
         raise WorkflowError(first_of(mistakes) or "The GCP list names a reference system, but no point.")
     finding, lost = skipped.finding(known), skipped.lost(known)
     points = tuple(point for name, point in known.items() if name not in lost)
-    return GcpList(lines[0][1], Control(points=points, findings=(finding,) if finding else ()))
+    return GcpList(source.crs or lines[0][1], Control(points=points, findings=(finding,) if finding else ()))
 
 
 def _add(

@@ -55,6 +55,12 @@ def test_a_gcp_list_is_read_whole():
     assert [point.role for point in points.values()] == ["control", "check", "control"]
 
 
+def test_the_workflow_names_the_system_that_the_list_calls_by_a_strange_name():
+    strange = GCP.replace("EPSG:2100", "HGRS")
+    assert read_gcp_list(photos(), strange, LIST).crs == "HGRS"
+    assert read_gcp_list(photos(), strange, LIST.model_copy(update={"crs": "EPSG:2100"})).crs == "EPSG:2100"
+
+
 def test_pixels_counted_from_the_corner_move_by_half_a_pixel():
     found = read_gcp_list(photos(), GCP, LIST.model_copy(update={"origin": "corner"}))
     assert found.control.points[0].measurements["a"] == (10.0, 20.0, 1.0)

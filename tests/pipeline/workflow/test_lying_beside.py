@@ -52,6 +52,13 @@ def test_a_list_in_degrees_feet_or_an_unknown_system_leaves_the_crs_open(root, s
     assert "\ncrs:  # to be filled in" in start.path.read_text() and any("Fill in 'crs'" in note for note in start.notes)
 
 
+def test_a_system_that_proj_does_not_know_is_asked_for(root):
+    (root / "site" / "gcp_list.txt").write_text(f"PUWG1992\n{LINE}")
+    start = write_starting_workflow("site", root / "site" / "photos", root, CATALOGUE)
+    assert "\n  crs:  # to be filled in, e.g. EPSG:32634: 'PUWG1992' is not known to PROJ" in start.path.read_text()
+    assert "Fill in 'control > crs': PROJ does not know the system 'PUWG1992' that site/gcp_list.txt names." in start.notes
+
+
 def test_positions_and_a_calibration_are_used(root):
     (root / "site" / "rtk.csv").write_text(POSITIONS)
     (root / "site" / "photos" / "camera.json").write_text(json.dumps(CAMERA))
