@@ -120,6 +120,8 @@ class Store:
             if not self.has(name):
                 raise StoreError(f"There is no raster {name} in {self.rasters}; run the stage '{name.split('/')[0]}' first.")
             if not self.is_sound(name):
+                if inside := [other for other in self.names() if other.startswith(f"{name}/")]:
+                    raise StoreError(f"{name} is no raster but holds several, such as {', '.join(inside[:3])}.")
                 raise StoreError(f"The metadata of the raster {name} are damaged; run again, and it is computed again.")
             self._arrays[name] = zarr.open_array(self.rasters, path=path_of(name).as_posix(), mode="r+")
         return self._arrays[name]

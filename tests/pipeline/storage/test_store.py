@@ -64,6 +64,8 @@ def test_reading_outside_or_what_is_not_there_is_refused(store):
         store.read("a/b", Window(90, 0, 20, 10))
     with pytest.raises(StoreError, match="run the stage 'texture' first"):
         store.read("texture/ortho", Window(0, 0, 1, 1))
+    with pytest.raises(StoreError, match="a is no raster but holds several, such as a/b"):
+        store.spec("a")
 
 
 def test_another_specification_makes_another_raster(store):
