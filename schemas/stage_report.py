@@ -4,12 +4,16 @@ It is declarative: the pipeline draws it without knowing what it means. Every fi
 `<stage>.<name>`; names are stable and documented.
 """
 
+import math
 from enum import StrEnum
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.job import Table
+
+Accuracy = Literal["plan", "height"]
+"""what of a product a class of accuracy is about"""
 
 
 class _ReportPart(BaseModel):
@@ -60,6 +64,28 @@ class Product(_ReportPart):
     purpose: str
     main: bool = False
     """One of the few that nearly everybody wants; the others are for other programs and closer analysis."""
+    classed: tuple[Accuracy, ...] = ()
+    """Of what in it a class of accuracy can be stated."""
+
+
+class Evidence(_ReportPart):
+    """What a stage knows of the accuracy of products: root mean square error in plan (radial) or in height, m, and its source."""
+
+    of: Accuracy
+    rmse: float
+    source: str
+    """as it follows a class: `from 30 check points`"""
+    products: tuple[str, ...] = ()
+    """Paths of the products that it is about; empty: all that have a class of this kind."""
+
+
+def class_of(rmse: float) -> int:
+    """Accuracy class of a root mean square error (m): the least whole number of centimetres that it does not exceed.
+
+    Source: ASPRS Positional Accuracy Standards for Digital Geospatial Data, edition 2 (2023).
+    """
+    # Rounded first: 0.29 m is 28.999... cm in binary, and must not become 29 by luck alone.
+    return max(1, math.ceil(round(100 * rmse, 6)))
 
 
 class Figure(_ReportPart):
@@ -128,6 +154,8 @@ class StageReport(_ReportPart):
     verdict: Verdict | None = None
     answers: tuple[Answer, ...] = ()
     products: tuple[Product, ...] = ()
+    evidence: tuple[Evidence, ...] = ()
+    """Of its own products and those of other stages."""
     aside: bool = False
     """Of a simulation, or of a comparison with a known truth: told after what a real survey would have."""
     figures: tuple[Figure, ...] = ()

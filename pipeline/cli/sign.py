@@ -46,6 +46,7 @@ def signing_lines(page: FirstPage) -> Iterator[str]:
     yield page.headline
     yield from (f"warning: {caution.sentence}" for caution in page.cautions)
     yield from (f"{question}: {answer}" for question, answer in page.answers)
+    yield from page.classes
 
 
 def sign_project(loaded: LoadedWorkflow, signer: Signer, key: Path | None, person: Person) -> Path | None:
@@ -70,6 +71,7 @@ def sign_project(loaded: LoadedWorkflow, signer: Signer, key: Path | None, perso
             verdict=page.headline,
             answers=dict(page.answers),
             warnings=tuple(caution.sentence for caution in page.cautions),
+            classes=page.classes,
             files={path: digest_of(folder / path) for path in signed_paths(folder)},
         )
         path = keep(sign(statement, _key(key, person)), folder)

@@ -11,6 +11,7 @@ from typing import Literal
 
 from orthomill.pipeline.engine.run_facts import RunFacts, StageTitle
 from orthomill.pipeline.report import numbers
+from orthomill.pipeline.signing.product_classes import product_classes
 from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.schemas.stage_report import Product, StageReport, Topic, report_table
 
@@ -78,6 +79,8 @@ class FirstPage:
     answers: tuple[tuple[str, str], ...]
     """(question, answer)"""
     products: tuple[ProductFile, ...]
+    classes: tuple[str, ...] = ()
+    """accuracy class of every product, one sentence for each source"""
 
 
 def first_page(reports: Reports, stages: tuple[StageTitle, ...], run: RunFacts, folder: Path) -> FirstPage:
@@ -92,6 +95,7 @@ def first_page(reports: Reports, stages: tuple[StageTitle, ...], run: RunFacts, 
         cautions,
         tuple(_answers(reports, stages, run)),
         tuple(_products(reports, stages, folder)),
+        tuple(product_classes(reports, folder)),
     )
 
 

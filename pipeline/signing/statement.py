@@ -7,8 +7,8 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict
 
-FORMAT = 1
-"""version of the statement"""
+FORMAT = 2
+"""version of the statement; 1 said nothing of classes"""
 PRODUCTS = "products"
 OTHERS = ("summary.json", "workflow.yaml")
 """files of a run that are signed beside the products"""
@@ -54,12 +54,15 @@ class Statement(BaseModel):
     """figures that were looked at: the answers of the report's first page, by question"""
     warnings: tuple[str, ...]
     """what the report warned of, the gravest first"""
+    classes: tuple[str, ...] = ()
+    """accuracy class of every product, from check points and from checks without reference, apart"""
     files: dict[str, SignedFile]
     """by path in the run's folder"""
 
     def canonical(self) -> bytes:
         """The bytes that are signed: the same for the same content, whatever writes it."""
-        return json.dumps(self.model_dump(), sort_keys=True, separators=(",", ":"), ensure_ascii=False).encode()
+        known = self.model_dump(exclude={"classes"} if self.format < FORMAT else set())
+        return json.dumps(known, sort_keys=True, separators=(",", ":"), ensure_ascii=False).encode()
 
 
 def signed_paths(folder: Path) -> Iterator[str]:

@@ -76,7 +76,9 @@ _LABELS = {
 }
 """what people call a figure whose name does not say it"""
 _PRODUCTS = (
-    Product(path="products/dsm.tif", purpose="Surface model: heights with their standard errors", main=True),
+    Product(
+        path="products/dsm.tif", purpose="Surface model: heights with their standard errors", main=True, classed=("plan", "height")
+    ),
     Product(path="products/dsm_provenance.tif", purpose="Where each height comes from: measured or estimated"),
 )
 _MOST_ESTIMATED = 0.5

@@ -18,6 +18,7 @@ from orthomill.tasks.dsm_check.coverage import CheckedPair, CheckedPairs
 from orthomill.tasks.dsm_check.report_rounds import (
     CODE,
     beyond_warning,
+    check_evidence,
     code_picture,
     relief_grid,
     rounds_grid,
@@ -101,6 +102,7 @@ def report(
             Product(path="products/dsm_check_areas.geojson", purpose="Areas where photographs and surface disagree"),
             *(_CORRECTED_PRODUCT if of_file else ()),
         ),
+        evidence=() if of_file else check_evidence(coarse, "products/dsm.tif"),
         doubts=told,
         losses=losses,
         figures=_figures(

@@ -1,11 +1,10 @@
 """What the report says of a check in several rounds, of the shift of a surface from a file, and of the share that was judged."""
 
-import math
 from collections.abc import Iterator
 
 import numpy as np
 
-from orthomill.schemas.stage_report import Grid, Picture
+from orthomill.schemas.stage_report import Evidence, Grid, Picture, class_of
 from orthomill.schemas.surface import CHECK_CODES
 from orthomill.tasks.dsm_check.areas import CHECKED, MEAN, SIGMA, is_judged
 from orthomill.tasks.dsm_check.correction_map import POWER
@@ -65,13 +64,26 @@ def shift_warnings(shift: SurfaceShift, removed: bool) -> Iterator[str]:
         )
 
 
+def corrections_rms(coarse: np.ndarray) -> float | None:
+    """Root mean square (m) of the corrections of the blocks (rows, cols, 5); None where nothing was judged."""
+    known = coarse[is_judged(coarse)].astype(np.float64)
+    weight = known[:, CHECKED].sum()
+    return float(np.sqrt((known[:, CHECKED] * known[:, MEAN] ** 2).sum() / weight)) if weight else None
+
+
+def check_evidence(coarse: np.ndarray, product: str) -> tuple[Evidence, ...]:
+    """What the check says of the heights of the surface under test, a product of the project."""
+    rms = corrections_rms(coarse)
+    source = "by the check without reference data, in which errors that surface and photographs share are not seen"
+    return () if rms is None else (Evidence(of="height", rmse=rms, source=source, products=(product,)),)
+
+
 def tolerance_values(coarse: np.ndarray, significance: float, tolerance: float | None) -> Values:
     """Shares of the judged ground that keep a tolerance (m), break it, or cannot be told, and the vertical class in cm, from the
     blocks (rows, cols, 5) of the check."""
-    known = coarse[is_judged(coarse)].astype(np.float64)
+    known, rms = coarse[is_judged(coarse)].astype(np.float64), corrections_rms(coarse)
     weight = known[:, CHECKED].sum()
-    rms = float(np.sqrt((known[:, CHECKED] * known[:, MEAN] ** 2).sum() / weight)) if weight else None
-    values: Values = {"vertical_class": None if rms is None else max(1, math.ceil(100 * rms))}
+    values: Values = {"vertical_class": None if rms is None else class_of(rms)}
     if tolerance is None or not weight:
         return values | dict.fromkeys(("proved", "broken", "untold"))
     size, sigma = np.abs(known[:, MEAN]), known[:, SIGMA]

@@ -6,7 +6,7 @@ from orthomill.schemas.orientation import Block, BlockPrecision, GroundResiduals
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.stage_report import StageReport
 from orthomill.tasks.orientation.reporting.adjustment_tables import adjustment_grids, ground_grids
-from orthomill.tasks.orientation.reporting.block_answers import PRODUCTS, block_answers, block_verdict
+from orthomill.tasks.orientation.reporting.block_answers import PRODUCTS, block_answers, block_evidence, block_verdict
 from orthomill.tasks.orientation.reporting.block_charts import block_charts
 from orthomill.tasks.orientation.reporting.block_doubts import block_doubts
 from orthomill.tasks.orientation.reporting.block_facts import Facts
@@ -41,6 +41,7 @@ def report(
         verdict=block_verdict(facts, doubts),
         answers=tuple(block_answers(facts)),
         products=PRODUCTS,
+        evidence=tuple(block_evidence(facts)),
         figures=block_figures(facts),
         grids=tuple(grid for grid in grids if grid.rows),
         charts=tuple(block_charts(facts)),

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from orthomill.schemas.stage_report import Answer, Chart, Figure, Grid, Picture, Product, StageReport, Topic, Verdict
+from orthomill.schemas.stage_report import Accuracy, Answer, Chart, Figure, Grid, Picture, Product, StageReport, Topic, Verdict
 from orthomill.schemas.surface import HEIGHT_SOURCE, HEIGHT_SOURCE_CODES, ORTHO, HeightSource
 from orthomill.tasks.imagery.radiometric_balance import PhotoRadiometry, Radiometry
 from orthomill.tasks.texture.mosaic import TileTexture
@@ -29,11 +29,17 @@ _PHOTO_COLUMNS = (
     "falloff at the corner",
     "samples",
 )
+_BOTH: tuple[Accuracy, ...] = ("plan", "height")
 _PRODUCTS = (
-    Product(path="products/ortho.tif", purpose="Orthoimage, true to the surface, for any GIS", main=True),
-    Product(path="products/points.laz", purpose="Point cloud in colour: every matched point", main=True),
-    Product(path="products/points", purpose="Point cloud in colour: every matched point, one file for each tile", main=True),
-    Product(path="products/dsm_cells.laz", purpose="The surface model as a point cloud in colour", main=True),
+    Product(path="products/ortho.tif", purpose="Orthoimage, true to the surface, for any GIS", main=True, classed=("plan",)),
+    Product(path="products/points.laz", purpose="Point cloud in colour: every matched point", main=True, classed=_BOTH),
+    Product(
+        path="products/points",
+        purpose="Point cloud in colour: every matched point, one file for each tile",
+        main=True,
+        classed=_BOTH,
+    ),
+    Product(path="products/dsm_cells.laz", purpose="The surface model as a point cloud in colour", main=True, classed=_BOTH),
     Product(path="products/ortho_height_source.tif", purpose="Where the orthoimage rests on measured, estimated or draped heights"),
 )
 _FILLED = 0.99

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthomill.schemas.orientation import GroundResidual
-from orthomill.schemas.stage_report import Answer, Product, Topic, Verdict
+from orthomill.schemas.stage_report import Answer, Evidence, Product, Topic, Verdict
 from orthomill.tasks.geometry.survey_system import vertical_name
 from orthomill.tasks.orientation.reporting.block_facts import Facts
 
@@ -80,6 +80,15 @@ def block_answers(facts: Facts) -> Iterator[Answer]:
         plan, height = sigmas
         yield Answer(topic=Topic.PRECISION, text=f"{length(plan)} in plan, {length(height)} in height (standard error of a point)")
     yield Answer(topic=Topic.REFERENCE, text=f"heights: {vertical_name(facts.block.crs) or 'as in the input, system not stated'}")
+
+
+def block_evidence(facts: Facts) -> Iterator[Evidence]:
+    """What check points say of everything that rests on the block."""
+    if found := accuracy(facts.ground.of_role("check")):
+        formal = "" if found.points >= FORMAL else f"; a formal statement needs {FORMAL}"
+        source = f"from {_points(found.points)}{formal}"
+        yield Evidence(of="plan", rmse=found.plan, source=source)
+        yield Evidence(of="height", rmse=found.height, source=source)
 
 
 def _checked(value: float, points: int) -> str:

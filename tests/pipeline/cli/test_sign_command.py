@@ -7,7 +7,9 @@ from small_site import command, copy_of_finished_site, make_site
 from typer.testing import CliRunner
 
 from orthomill.pipeline.cli.commands import app
+from orthomill.pipeline.cli.sign import signing_lines
 from orthomill.pipeline.engine.run_facts import read_facts, write_facts
+from orthomill.pipeline.report.first_page import FirstPage
 from orthomill.pipeline.signing.signature import SIGNATURE
 
 WHO = ("--name", "A. Surveyor", "--role", "licensed")
@@ -36,6 +38,13 @@ def test_figures_are_shown_asked_for_and_signed(done, tmp_path):
     assert "are whole" in said and "the signature of A. Surveyor, licensed" in said and "holds" in said
     page = (done / "report.html").read_text()
     assert "Signed by <b>A. Surveyor</b>, licensed" in page and "weak in the north" in page
+
+
+def test_the_classes_of_all_products_are_looked_at():
+    page = FirstPage(
+        "good", "Good: nothing puts the results in doubt.", (), (), (("Area of the surface", "1 ha"),), (), ("dsm: 5 cm",)
+    )
+    assert list(signing_lines(page)) == ["Good: nothing puts the results in doubt.", "Area of the surface: 1 ha", "dsm: 5 cm"]
 
 
 def test_whoever_declines_signs_nothing(done):

@@ -11,11 +11,13 @@ from cryptography.hazmat.primitives.serialization import BestAvailableEncryption
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from orthomill.pipeline.signing.product_classes import product_classes
 from orthomill.pipeline.signing.signature import SIGNATURE, check_signature, keep, read_signature, sign
 from orthomill.pipeline.signing.signature_lines import SHOWN, signature_lines
 from orthomill.pipeline.signing.signing_key import default_key_path, fingerprint, new_key, public_bytes, read_key
 from orthomill.pipeline.signing.statement import Signer, Statement, digest_of, signed_paths
 from orthomill.schemas.errors import ResourceError, StoreError
+from orthomill.schemas.stage_report import Evidence, Product, StageReport, class_of
 
 KEY = Ed25519PrivateKey.from_private_bytes(bytes(range(32)))
 
@@ -178,3 +180,43 @@ def test_the_key_of_a_person_is_among_the_settings(monkeypatch, tmp_path):
     assert default_key_path() == tmp_path / "orthomill" / "signing_key.pem"
     monkeypatch.delenv("XDG_CONFIG_HOME")
     assert default_key_path().parts[-3:] == (".config", "orthomill", "signing_key.pem")
+
+
+def test_every_product_has_its_classes_by_source(folder):
+    reports = {
+        "orientation": StageReport(
+            evidence=(
+                Evidence(of="plan", rmse=0.281, source="from 8 check points"),
+                Evidence(of="height", rmse=0.29, source="from 8 check points"),
+            )
+        ),
+        "densification": StageReport(
+            products=(
+                Product(path="products/dsm.tif", purpose="heights", classed=("plan", "height")),
+                Product(path="products/none.tif", purpose="was not made", classed=("height",)),
+            )
+        ),
+        "dsm_check": StageReport(
+            products=(Product(path="products/points", purpose="points", classed=("height",)),),
+            evidence=(Evidence(of="height", rmse=0.031, source="by the check", products=("products/dsm.tif",)),),
+        ),
+    }
+    assert list(product_classes(reports, folder)) == [
+        "products/dsm.tif: 29-cm horizontal class (ASPRS 2023) from 8 check points",
+        "products/dsm.tif: 29-cm vertical class (ASPRS 2023) from 8 check points",
+        "products/dsm.tif: 4-cm vertical class (ASPRS 2023) by the check",
+        "products/points: 29-cm vertical class (ASPRS 2023) from 8 check points",
+    ]
+    alone = {"densification": reports["densification"]}
+    assert all("nothing independent tells its accuracy" in line for line in product_classes(alone, folder))
+
+
+def test_a_statement_of_an_earlier_version_is_still_genuine(folder):
+    old = statement(folder, format=1)
+    assert b"classes" not in old.canonical() and sign(old, KEY).is_genuine
+    assert not sign(statement(folder), KEY).model_copy(update={"statement": statement(folder, classes=("x",))}).is_genuine
+
+
+@pytest.mark.parametrize(("rmse", "centimetres"), [(0.29, 29), (0.2901, 30), (0.0004, 1), (1.0, 100)])
+def test_a_class_is_the_least_whole_centimetre_that_is_kept(rmse, centimetres):
+    assert class_of(rmse) == centimetres
