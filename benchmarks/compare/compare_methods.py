@@ -33,6 +33,10 @@ _GUIDE = {"kind": "file", "path": _DEM}
 _LEAST = {"smoothing": 0.6, "max_shift": 2.0}
 
 
+_PUBLISHED = {"window": 25, "photographs": 2, "threshold": {"kind": "t_test"}}
+"""of vertical line locus: the smallest published window, its pair of photographs and its threshold"""
+
+
 def _growing(window: Any, **shape: Any) -> dict[str, Any]:
     return {"kind": "region_growing", "growing": {"matching": {"window": window, **_LEAST, **shape}}}
 
@@ -41,11 +45,12 @@ METHODS: dict[str, dict[str, Any]] = {
     "object space (default)": {"kind": "object_space"},
     "object space, coarse model as guide": {"kind": "object_space", "guide": _GUIDE},
     "vertical line locus": {"kind": "vertical_line_locus"},
-    "vertical line locus, 9 px, 6 photographs": {"kind": "vertical_line_locus", "window": 9, "photographs": 6},
+    "vertical line locus, 25 px, 2 photographs, t test": {"kind": "vertical_line_locus", **_PUBLISHED},
     "guided densification": {"kind": "guided"},
     "guided, coarse model as guide": {"kind": "guided", "guide": _GUIDE},
     "guided, whole line at the first level": {"kind": "guided", "guide": {"kind": "levels"}},
     "pyramid": {"kind": "pyramid"},
+    "pyramid, one coarse level, coarse model as guide": {"kind": "pyramid", "pyramid": {"levels": 1}, "guide": _GUIDE},
     "cascade": {"kind": "cascade"},
     "region growing, 21 px": _growing(21),
     "region growing, statistical window": _growing({"kind": "statistical"}),

@@ -48,11 +48,11 @@ def _tables(pair: LocusPair, x: np.ndarray, y: np.ndarray) -> dict:
     return {BLOCK: pair.block, PHOTOS: photos, GROUND_POINTS: points, IMAGE_RESIDUALS: ImageResiduals(*empty)}
 
 
-def _rasters(pair: LocusPair) -> dict[RasterSpec, np.ndarray]:
-    found = {}
+def _rasters(pair: LocusPair) -> list[tuple[RasterSpec, np.ndarray]]:
+    found: list[tuple[RasterSpec, np.ndarray]] = []
     for name, image in zip(("left", "right"), pair.images, strict=True):
         pixels = image[..., None]
         for level in range(_LEVELS):
-            found[RasterSpec(name=photo_raster(name, level), shape=pixels.shape, dtype="uint8", chunk=_TILE)] = pixels
+            found.append((RasterSpec(name=photo_raster(name, level), shape=pixels.shape, dtype="uint8", chunk=_TILE), pixels))
             pixels = halved(pixels)
     return found

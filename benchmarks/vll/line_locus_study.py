@@ -197,6 +197,29 @@ def speed(pair: LocusPair) -> str:
     )
 
 
+CHECKS = {
+    "B-01": "test_correlation_thresholds.py: the four values to 1e-4, t(R_c) critical, 0 for many pixels",
+    "B-02": "test_vertical_lines.py: gain and offset, flat windows",
+    "B-03": "test_vertical_lines.py: halving to the first spacing below the accuracy, which is still evaluated",
+    "B-04": "test_vertical_lines.py: 85 x 85 on 4 degrees",
+    "B-05": "test_published_study.py: 5959 nodes, 252 checks",
+    "B-06": "tables 1 and 2 above",
+    "B-07": "table 2 above",
+    "B-08": "table 2 above, last row; far below the published ratio: the direct run finds its way on all three covers",
+    "B-09": "test_vertical_lines.py: a pattern that repeats in the search; cover 2 above, parted by parcels, is no worse than 1",
+    "B-10": "test_line_stage.py: file, map and report",
+    "B-11": "tables and histograms above; test_published_study.py: their counts are those of the grid",
+    "B-12": "test_vertical_lines.py: what is handed on, r and its absolute value, an inverted photograph",
+}
+"""the acceptance checks of the method page, and where each is"""
+
+
+def checks() -> list[str]:
+    """The acceptance checks as a table."""
+    rows = (f"| {number} | {where} |" for number, where in CHECKS.items())
+    return ["## Acceptance checks", "", "| check | where |", "| --- | --- |", *rows]
+
+
 def page() -> str:
     """The whole study."""
     pairs = [located_pair(cover) for cover in range(3)]
@@ -216,7 +239,7 @@ def page() -> str:
     ]
     for cover in range(3):
         lines += beside(pairs[cover], cover, runs[85, cover])
-    return "\n".join([*lines, "", "## Cost", "", speed(pairs[0]), ""])
+    return "\n".join([*lines, "", "## Cost", "", speed(pairs[0]), "", *checks(), ""])
 
 
 if __name__ == "__main__":
