@@ -19,6 +19,7 @@ from pydantic import ValidationError
 
 from orthomill.pipeline.storage.height_files import check_height_file, plan_crs_of
 from orthomill.pipeline.storage.image_files import shown
+from orthomill.pipeline.storage.mesh_files import MESH_SUFFIXES
 from orthomill.pipeline.storage.table_files import write_whole
 from orthomill.pipeline.workflow.mistakes import Mistakes
 from orthomill.pipeline.workflow.starting_workflow import Survey, starting_text, survey_folder
@@ -72,6 +73,12 @@ def check_workflow(
     """The workflow of a check with results in runs/<name> below `root`. Raises WorkflowError with one sentence."""
     if not surface.is_file():
         raise WorkflowError(f"There is no surface {shown(surface)}; give a GeoTIFF, LAS or LAZ file.")
+    if surface.suffix.lower() in MESH_SUFFIXES:
+        raise WorkflowError(
+            f"{shown(surface)} is a mesh, which may have several heights at one place, and names no reference system: the check "
+            "compares one height of every place. Make a GeoTIFF of its upper side (CloudCompare: Rasterize), or look at it with "
+            "the stage projection, which makes each photograph again from the others and tells which disagree."
+        )
     check_height_file(surface)
     if (options.photos is None) == (options.project is None):
         raise WorkflowError("Give the photographs with --photos FOLDER, or a finished project with --project NAME, one of the two.")

@@ -141,7 +141,8 @@ def _precision(facts: Facts) -> Iterator[Figure]:
 
 
 def _coverage(facts: Facts) -> Iterator[Figure]:
-    by_two, by_three = coverage(facts)
+    # Without tie points the surface is not known, on which overlap is counted.
+    by_two, by_three = coverage(facts) if len(facts.points) else (None, None)
     yield Figure(
         name="covered_by_two",
         value=by_two,

@@ -68,7 +68,12 @@ def block_losses(facts: Facts) -> Iterator[str]:
 
 def _control_warnings(facts: Facts) -> Iterator[str]:
     surveyed = [point for point in facts.control.points if point.role != "tie"]
-    if not surveyed and all(photo.position is None for photo in facts.photos.photos):
+    if not surveyed and not len(facts.image):
+        yield (
+            "The orientation was taken as it is from another source, and nothing here checks it: what rests on it is as good as "
+            "that source."
+        )
+    elif not surveyed and all(photo.position is None for photo in facts.photos.photos):
         yield (
             "There is no ground control, and no photograph has a position: the block has its own shape, but no place, direction or "
             "scale on the ground. Measure at least five points on the ground, and keep some of them as check points."
@@ -194,8 +199,9 @@ def _photo_warnings(facts: Facts) -> Iterator[str]:
 
 
 def _overlap_warnings(facts: Facts) -> Iterator[str]:
+    # Without tie points the surface is not known, on which overlap is counted.
     by_two, _ = coverage(facts)
-    if by_two < LEAST_OVERLAP:
+    if len(facts.points) and by_two < LEAST_OVERLAP:
         yield (
             f"Weak overlap: only {by_two:.0f} % of the photographed surface is seen by two photographs or more, and the rest gets "
             "no heights. Take photographs with more overlap."

@@ -10,6 +10,7 @@ from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import GroundResiduals, ObservationGroup, ParameterCorrelation, Unoriented
 from orthomill.schemas.photo import Photos
 from orthomill.tasks.adjustment.testing.adjustment_result import ObservationKind
+from orthomill.tasks.orientation.reporting.block_figures import block_figures
 from orthomill.tasks.orientation.reporting.block_warnings import block_warnings
 
 
@@ -147,6 +148,14 @@ def test_a_photograph_with_few_measurements_or_an_empty_frame_is_weakly_tied(fac
 
 def test_a_block_without_tie_points_has_no_weakly_tied_photographs(facts):
     assert "Weakly tied" not in told(replace(facts, image=facts.image.take(np.zeros(len(facts.image), bool))))
+
+
+def test_a_block_that_is_taken_as_given_has_a_place_and_no_known_overlap(facts):
+    nothing = facts.image.take(np.zeros(len(facts.image), bool)), facts.points.take(np.zeros(len(facts.points), bool))
+    given = with_control(replace(facts, image=nothing[0], points=nothing[1]), (), ())
+    assert "as good as that source" in told(given)
+    assert "Weak overlap" not in told(given) and "no place" not in told(given)
+    assert {figure.value for figure in block_figures(given) if figure.name.startswith("covered_by")} == {None}
 
 
 def test_photographs_that_hardly_overlap_are_told_with_their_overlap(facts, with_block):

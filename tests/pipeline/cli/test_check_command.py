@@ -83,6 +83,12 @@ def test_refusals_are_one_sentence(root, monkeypatch, arguments, part):
     assert answer.exit_code == 2 and part in " ".join(answer.output.split())
 
 
+def test_a_mesh_is_refused_with_the_way_to_a_height_model(root):
+    (root / "wall.ply").write_text("ply\n")
+    with pytest.raises(WorkflowError, match=r"wall\.ply is a mesh.*upper side"):
+        check_workflow("one", root / "wall.ply", CheckOptions(photos=PHOTOS), root, STAGES)
+
+
 def test_change_needs_an_earlier_epoch(root):
     with pytest.raises(WorkflowError, match="neither a surface"):
         change_workflow("before", "after", None, 0.0, root, STAGES)
