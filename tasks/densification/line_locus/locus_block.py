@@ -21,7 +21,7 @@ from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.settings import refuse_ignored, setting
 from orthomill.schemas.surface import Surface
 from orthomill.tasks.densification.line_locus.node_markers import marked_picture
-from orthomill.tasks.densification.volume.guide_heights import Guide, TiePointGuide
+from orthomill.tasks.densification.volume.guide_heights import Guide, GuideReach, TiePointGuide
 from orthomill.tasks.densification.volume.photograph_choice import base_height, preferred, sight
 from orthomill.tasks.densification.volume.terrain import at_cells, places_around, terrain_grid
 from orthomill.tasks.geometry.footprint import photo_window
@@ -196,10 +196,12 @@ def solve_lines(
     photos: tuple[np.ndarray, ...] = (),
     points: GroundPoints | None = None,
     terrain: np.ndarray | None = None,
+    reach: GuideReach | None = None,
     factor: int = 1,
 ) -> SolvedLines:
     """The heights of a block. photos: pixels (rows, cols, bands) of `block.photos`; points: the tie points, for lines that are
     entered at the height of the node before; terrain: heights (rows, cols) of the places around the block, for those entered on it;
+    reach: how far from an existing model heights may lie, which the first round then covers;
     factor: pixels of the picture of markers along the side of a cell."""
     views = [block_view(orientation, part.name) for part in block.photos]
     parts = [
@@ -214,7 +216,8 @@ def solve_lines(
     x, y = block.surface.grid.centres(block.window)
     lines = NodeLines(x, y, start, block.surface.height_low, block.surface.height_high)
     order = visits(*block.window.shape, first, settings.order)
-    found = found_heights(GreyImages.of(images), lines, order, settings, block.metres_per_pixel)
+    beside = None if reach is None else settings.first_points(max(reach.below, reach.above), block.metres_per_pixel)
+    found = found_heights(GreyImages.of(images), lines, order, settings, block.metres_per_pixel, beside)
     markers = marked_picture(images, lines, block.surface.grid.cell, found, factor)
     accepted = found.outcome == Outcome.CONVERGED
     height, sigma = (np.where(accepted, values, np.float32(np.nan)) for values in (found.height, found.sigma))

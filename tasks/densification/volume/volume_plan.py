@@ -50,7 +50,7 @@ def volume_plan(scene: VolumeScene, sure: Sureness, stage: str, crs: str) -> Ite
     """The rasters and jobs of all levels, the coarsest first; level 0 and what is judged have the cells of the surface."""
     yield from guided_terrain_plan(scene.guide, scene.surface.grid, stage, crs)
     if scene.guided:
-        yield _reach(scene.surface.grid, scene.reach, stage)
+        yield reach_job(scene.surface.grid, scene.reach, stage)
     for level in scene.levels:
         yield from volume_specs(level, crs)
         for tile in volume_tiles(level, scene):
@@ -75,7 +75,7 @@ def guided_terrain_plan(guide: Guide, surface: MapGrid, stage: str, crs: str) ->
     yield Job(stage, "terrain", function, reads, {"heights": Raster(TERRAIN, whole)}, params, scratch=scratch)
 
 
-def _reach(surface: MapGrid, given: float | None, stage: str) -> Job:
+def reach_job(surface: MapGrid, given: float | None, stage: str) -> Job:
     """How far from an existing model heights are looked for."""
     if given is not None:
         return Job(stage, "reach", equal_reach, {}, {"reach": GUIDE_REACH}, {"metres": given})

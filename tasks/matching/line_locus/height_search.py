@@ -5,7 +5,7 @@ Every choice that the publication leaves open is a setting.
 Source: Tumska, Procyk, Janczak (methods/vertical_line_locus.md V1).
 """
 
-from math import floor, log2
+from math import ceil, floor, log2
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -21,6 +21,9 @@ ACCURACY_PIXELS = 0.1
 SLOPE, _SMALLEST, _LARGEST = 0.3, 3, 12
 """rise of the ground over which windows of an automatic size may reach: at their edges it is then seen one pixel of parallax away
 from level ground, where correlation ends; and half sizes between which they stay"""
+
+_MOST = 100
+"""heights on either side of the start"""
 
 Auto = Literal["auto"] | Annotated[float, Field(gt=0)]
 
@@ -50,7 +53,9 @@ class HeightSearch(Settings):
         le=16,
     )
     step: Auto = setting("auto", "First distance between the heights of a line; auto is 1.5 px of parallax.", "m")
-    side_points: int = setting(5, "Heights on either side of the start, in every round.", ge=1, le=100)
+    side_points: int = setting(
+        5, "Heights on either side of the start, in every round; the first one has more near an existing model.", ge=1, le=_MOST
+    )
     accuracy: Auto = setting("auto", "The steps are halved until they are below this; auto is 0.1 px of parallax.", "m")
     fit: Literal["parabola", "none"] = setting(
         "parabola", "The top of a parabola through the last correlations, or the best height itself (as published)."
@@ -86,6 +91,12 @@ class HeightSearch(Settings):
             return self
         half = min(max(floor(1.0 / (SLOPE * base)), _SMALLEST), _LARGEST)
         return self.model_copy(update={"window": 2 * half + 1})
+
+    def first_points(self, reach: float, metres_per_pixel: float) -> int:
+        """Heights on either side of the start in a first round that covers `reach` m, a hundred at most."""
+        first = float(self.spacings(metres_per_pixel)[0])
+        wanted = _MOST if reach > _MOST * first else ceil(reach / first)
+        return max(self.side_points, wanted)
 
     @property
     def half(self) -> int:

@@ -70,6 +70,7 @@ class _SearchRules(NamedTuple):
     half: int
     bilinear: bool
     photographs: int
+    first_points: int
     side_points: int
     rounds: int
     finest: float
@@ -83,12 +84,18 @@ class _SearchRules(NamedTuple):
 
 
 def found_heights(
-    images: GreyImages, lines: NodeLines, order: Visits, settings: HeightSearch, metres_per_pixel: float
+    images: GreyImages,
+    lines: NodeLines,
+    order: Visits,
+    settings: HeightSearch,
+    metres_per_pixel: float,
+    first_points: int | None = None,
 ) -> FoundHeights:
     """The heights of a block of nodes.
 
     images: the best photographs first; of those that show a node at its start the first ones are compared. metres_per_pixel: height
-    that one pixel of parallax stands for.
+    that one pixel of parallax stands for. first_points: heights on either side of the start in the first round, those of the
+    settings if None.
     """
     out = FoundHeights.empty(lines.start.shape)
     spacings = settings.spacings(metres_per_pixel)
@@ -96,6 +103,7 @@ def found_heights(
         settings.half,
         settings.interpolation == "bilinear",
         settings.photographs,
+        settings.side_points if first_points is None else first_points,
         settings.side_points,
         len(spacings),
         float(spacings[-1]),
@@ -114,7 +122,7 @@ def found_heights(
 def _search(images, lines, order, rules, worths, trials, scratch, out):
     cols = lines.start.shape[1]
     passed = lines.start.copy()
-    tried = np.empty((2 * rules.side_points + 1) * rules.rounds, np.int64)
+    tried = np.empty(2 * rules.first_points + 1 + (2 * rules.side_points + 1) * rules.rounds, np.int64)
     values = np.empty(tried.size)
     chosen = np.empty(rules.photographs, np.int64)
     for n in range(order.node.size):
@@ -169,7 +177,8 @@ def _best_height(images, used, x, y, start, lines, rules, scratch, tried, values
     for turn in range(rules.rounds):
         stride, centre = 2 ** (rules.rounds - 1 - turn), best
         # From the middle outwards, so that of equal correlations the one nearest to the start is kept.
-        for p in range(2 * rules.side_points + 1):
+        points = rules.first_points if turn == 0 else rules.side_points
+        for p in range(2 * points + 1):
             at = centre + stride * ((p + 1) // 2) * (1 if p % 2 else -1)
             z = start + at * rules.finest
             if z < lines.low or z > lines.high:
@@ -201,7 +210,7 @@ def _worth(images, used, x, y, z, rules, scratch):
         along += correlated_pixels(scratch.one, side, False) / used.size
         across += correlated_pixels(scratch.one, side, True) / used.size
     # Texture that changes slowly makes neighbouring heights the same trial.
-    span = 2 * rules.side_points * rules.finest * 2 ** (rules.rounds - 1) / rules.per_pixel
+    span = 2 * rules.first_points * rules.finest * 2 ** (rules.rounds - 1) / rules.per_pixel
     return side * side / (along * across), 1.0 + span / max(along, across)
 
 

@@ -67,14 +67,14 @@ def pair(**changes) -> list[GreyImage]:
     return [image(-BASE / 2), image(BASE / 2, seed=2, **changes)]
 
 
-def found(images, *, start=103.0, nodes=21, low=50.0, high=150.0, first=None, **asked):
+def found(images, *, start=103.0, nodes=21, low=50.0, high=150.0, first=None, first_points=None, **asked):
     at = np.linspace(-20, 20, nodes)
     begin = np.full((nodes, nodes), np.nan)
     first = first or (nodes // 2, nodes // 2)
     begin[first] = start
     search = HeightSearch(**{"window": 11, **asked})
     lines = NodeLines(at, at[::-1].copy(), begin, low, high)
-    return found_heights(GreyImages.of(images), lines, visits(nodes, nodes, first, search.order), search, PER_PIXEL)
+    return found_heights(GreyImages.of(images), lines, visits(nodes, nodes, first, search.order), search, PER_PIXEL, first_points)
 
 
 def test_level_ground_is_found_to_a_tenth_of_a_pixel():
@@ -160,6 +160,14 @@ def test_windows_are_as_large_as_sloping_ground_allows():
     assert sides == [25, 19, 11, 9, 7, 7]
     assert all(side // 2 * 0.3 * base <= 1.0 for side, base in zip(sides[1:4], (0.345, 0.6, 0.8), strict=True))
     assert HeightSearch(window=85).sized(0.8).half == 42
+
+
+def test_the_first_round_covers_what_a_model_may_be_off():
+    search = HeightSearch(step=2.0, accuracy=0.5)
+    near = {"start": 130.0, "window": 25, "side_points": 3, "threshold": {"kind": "fixed", "value": 0.8}}
+    wide = found(pair(), first_points=14, **near)
+    assert (wide.outcome == Outcome.CONVERGED).all() and not (found(pair(), **near).outcome == Outcome.CONVERGED).any()
+    assert [search.first_points(reach, 1.0) for reach in (3.0, 10.0, 10.1, 90.0, np.inf)] == [5, 5, 6, 45, 100]
 
 
 def test_a_step_below_the_accuracy_is_refused_in_words():
