@@ -14,6 +14,8 @@ from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.settings import Settings
 
 T = TypeVar("T")
+Outline = tuple[tuple[float, float], ...]
+"""corners (x, y) on the map, m"""
 
 
 # Not an OrthomillError: a handler of errors for users must not intercept this signal to the engine.
@@ -58,6 +60,10 @@ class Stage(Settings):
     def remarks(self, view: ProjectView) -> Iterator[str]:
         """What the user should know of the project's files before anything runs, in sentences; from tables that depend on nothing
         but headers and texts. The report has them as well."""
+        return iter(())
+
+    def outlines(self, view: ProjectView) -> Iterator[tuple[str, Outline]]:
+        """What the photographs show of the ground, by name, for whoever draws a map; of stages that know it. Raises NotYet."""
         return iter(())
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:

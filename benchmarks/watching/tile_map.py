@@ -38,18 +38,34 @@ def full_board(count: int) -> TileBoard:
     return board
 
 
+class BoardAlone:
+    """Answers for a board without a run."""
+
+    def __init__(self, board: TileBoard) -> None:
+        self._board = board
+
+    def changes(self, tiles: int, changes: int) -> dict[str, object]:
+        """What has changed, and figures that stand still."""
+        board, slowest = self._board, [[tile, str(tile)] for tile in self._board.slowest()]
+        answer = board.since(tiles, changes) | {"titles": board.titles, "outlined": 0}
+        return answer | {"total": FACTS | {"counts": board.counts(), "slowest": slowest}}
+
+    def outlines(self) -> list[object]:
+        """No photograph."""
+        return []
+
+    def tile(self, tile: int) -> None:
+        """No job behind it."""
+
+    def picture(self, tile: int) -> None:
+        """No result behind it."""
+
+
 def serve(board: TileBoard) -> None:
     """Answer pages as the scheduler does."""
 
-    def changes(tiles: int, changes: int) -> dict[str, object]:
-        slowest = [[tile, str(tile)] for tile in board.slowest()]
-        return board.since(tiles, changes) | {
-            "titles": board.titles,
-            "total": FACTS | {"counts": board.counts(), "slowest": slowest},
-        }
-
     asyncio.set_event_loop(asyncio.new_event_loop())
-    routes = tile_routes(page_template().replace('"KEPT"', '""'), changes, lambda tile: None, lambda tile: None)
+    routes = tile_routes(page_template().replace('"KEPT"', '""'), BoardAlone(board))
     HTTPServer(Application(routes)).listen(PORT, "127.0.0.1")
     IOLoop.current().start()
 
@@ -76,6 +92,7 @@ def main() -> None:
         page.wait_for_function(f"tiles >= {len(board.keys)}", timeout=300_000)
         print(f"first load: {time.perf_counter() - begun:.1f} s")
         page.wait_for_timeout(3000)
+        page.evaluate("() => { globalThis.answered = 0; const known = apply; apply = answer => { answered++; known(answer); }; }")
         own, other, begun = time.process_time(), browser_seconds(), time.perf_counter()
         while time.perf_counter() - begun < SECONDS:
             for _ in range(ends // UPDATES):
@@ -86,6 +103,7 @@ def main() -> None:
         passed = time.perf_counter() - begun
         print(f"scheduler's side: {100 * (time.process_time() - own) / passed:.1f} % of a core")
         print(f"browser, all processes: {100 * (browser_seconds() - other) / passed:.1f} % of a core")
+        print(f"answers that the page drew: {page.evaluate('answered') / passed:.1f} a second")
         browser.close()
     os._exit(0)  # the server's thread has no end of its own
 

@@ -34,7 +34,7 @@ from orthomill.pipeline.cli.terminal import Debug, Name, err, out, plain_errors
 from orthomill.pipeline.cli.verification_lines import begun_at, dashboard_address, status_row, verification_lines
 from orthomill.pipeline.engine.foresight import plan_ahead
 from orthomill.pipeline.engine.interruption import listen
-from orthomill.pipeline.engine.running import MIB, Options, check_stage_names, session_of, titles_of
+from orthomill.pipeline.engine.running import MIB, TILES, Options, check_stage_names, session_of, titles_of
 from orthomill.pipeline.engine.session import Session
 from orthomill.pipeline.export.exports import export as export_file
 from orthomill.pipeline.forecast.forecast import forecast
@@ -48,7 +48,7 @@ from orthomill.pipeline.report.summary import summary_markdown
 from orthomill.pipeline.signing.signature import check_signature
 from orthomill.pipeline.signing.signature_lines import signature_lines
 from orthomill.pipeline.signing.statement import Signer
-from orthomill.pipeline.watching.live_map import MAP, tiles_address
+from orthomill.pipeline.watching.live_map import MAP
 from orthomill.pipeline.workflow.settings_reference import write_settings_reference
 from orthomill.pipeline.workflow.starting_workflow import write_starting_workflow
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow
@@ -369,11 +369,11 @@ def watch(name: Name, debug: Debug = False) -> None:
     """Show the map of tiles in a browser: live while the project runs, as it ended afterwards."""
     with plain_errors(debug):
         folder = load_project(name).run_folder
-        live = dashboard_address(folder)
+        live = dashboard_address(folder, TILES)
         kept = folder / MAP
         if not live and not kept.exists():
             raise StoreError(f"{folder.name} has no map of tiles yet; run it first: orthomill run {name}")
-        address = tiles_address(live) if live else kept.resolve().as_uri()
+        address = live or kept.resolve().as_uri()
         out.print(address, soft_wrap=True)
         webbrowser.open(address)
 

@@ -50,8 +50,8 @@ def status_row(records: tuple[Record, ...], begun: float | None) -> Iterator[str
     yield escape(f"{key_text(failed[-1].key)}: {failed[-1].error}") if failed else ""
 
 
-def dashboard_address(folder: Path) -> str:
+def dashboard_address(folder: Path, held_by: str = DASHBOARD) -> str:
     """The address that a run on Dask keeps while it is in progress; empty where there is none."""
     # The file alone proves nothing: a killed run leaves it behind, but the operating system frees its lock.
-    path = folder / DASHBOARD
+    path = folder / held_by
     return path.read_text() if is_running(folder) and path.exists() else ""

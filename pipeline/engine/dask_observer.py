@@ -1,16 +1,25 @@
 """Tells who watches a run which jobs have a worker, and serves pages on the dashboard's port. One of the three files with Dask.
 
-The scheduler must live in this process, as that of a cluster of this machine does: what observes it is not sent anywhere. Pages
-stand behind the secret of the dashboard, because they belong to the same application.
+A scheduler that lives in this process, as that of a cluster of this machine does, tells of every transition, and its dashboard has
+the pages, behind its secret and in its menu. The scheduler of another process is asked: nothing of orthomill is sent to it. Which
+attempt of a job runs on the same worker again is then not known.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from threading import Event, Thread
 from typing import Any, Protocol
 
 from distributed import Client, Scheduler
+from distributed.dashboard.scheduler import template_variables
 from distributed.diagnostics.plugin import SchedulerPlugin
 from tornado.web import RequestHandler
 
+from orthomill.pipeline.engine.dask_cluster import LOST
 from orthomill.pipeline.records.records import Key
+
+ASKED = 1.0
+"""seconds after which a scheduler elsewhere is asked again what its workers do"""
 
 Route = tuple[str, type[RequestHandler], dict[str, Any]]
 """(pattern of the path, handler, arguments of its `initialize`)"""
@@ -42,8 +51,8 @@ class _Transitions(SchedulerPlugin):
             self._observer.started(key[:4], worker)
 
 
-def observe(client: Client, observer: Observer, routes: list[Route]) -> bool:
-    """Attach an observer and pages to the scheduler; False where it is of another process."""
+def observe(client: Client, observer: Observer, routes: list[Route], page: str) -> bool:
+    """Attach an observer and pages to the scheduler, `page` first in its menu; False where it is of another process."""
     cluster = client.cluster
     scheduler = getattr(cluster, "scheduler", None)
     if cluster is None or not isinstance(scheduler, Scheduler):
@@ -52,7 +61,35 @@ def observe(client: Client, observer: Observer, routes: list[Route]) -> bool:
     async def attach() -> None:
         scheduler.add_plugin(_Transitions(scheduler, observer))
         scheduler.http_application.add_handlers(".*$", routes)
+        menu = template_variables(scheduler)["pages"]
+        # The graph of tasks draws every job at once; with a hundred thousand the workers would wait for the picture.
+        menu[:] = [page, *(name for name in menu if name not in (page, "graph"))]
 
     # In the thread of the scheduler: neither its plugins nor its routes may be changed while it uses them.
     cluster.sync(attach)
     return True
+
+
+@contextmanager
+def asking(client: Client, observer: Observer) -> Iterator[None]:
+    """Inside, an observer is told what the workers of a scheduler elsewhere have got."""
+    ended = Event()
+    thread = Thread(target=_ask, args=(client, observer, ended), name="what workers do", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join(5)
+
+
+def _ask(client: Client, observer: Observer, ended: Event) -> None:
+    told: dict[Any, str] = {}
+    while not ended.wait(ASKED):
+        # When the scheduler is lost, the run ends with a sentence; the map has nothing to add to it.
+        with suppress(*LOST):
+            for worker, keys in client.processing().items():
+                for key in keys:
+                    if isinstance(key, tuple) and len(key) == 5 and told.get(key) != worker:
+                        told[key] = worker
+                        observer.started(key[:4], worker)

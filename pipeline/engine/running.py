@@ -39,6 +39,8 @@ LIBRARIES_BYTES = 3000 * MIB
 """Address space of a process with all libraries, kernels and threads, measured; most of it is never filled with anything."""
 DASHBOARD = "jobs/dashboard.txt"
 """Holds the address of the dashboard while a run on Dask is in progress."""
+TILES = "jobs/tiles.txt"
+"""Holds the address of the map of tiles while one is served."""
 
 UNENCRYPTED = (
     "warning: the connection to {} is not encrypted, and whoever reaches that scheduler can run code as you; use certificates "
@@ -162,8 +164,9 @@ def _begin(loaded: LoadedWorkflow, session: Session) -> RunFacts:
     """Write the workflow as run, and return what is known before any job has run."""
     filled_in = session.folder / "workflow.yaml"
     write_workflow(loaded, filled_in)
-    # The address that a killed run left behind would point to a dead dashboard.
-    (session.folder / DASHBOARD).unlink(missing_ok=True)
+    # The addresses that a killed run left behind would point to a dead dashboard.
+    for address in (DASHBOARD, TILES):
+        (session.folder / address).unlink(missing_ok=True)
     return RunFacts(
         project=loaded.project.project,
         crs=loaded.project.crs,
@@ -247,7 +250,7 @@ def _on_dask(folder: Path, options: Options, announce: Callable[[str], None]) ->
     # An exception in the middle of Dask's connections would end in its tracebacks: the runner asks for requests to stop.
     with only_where_asked(), client_of as client:
         runner = DaskRunner(client, options.memory, place, options.room)
-        _write_for_the_user_only(address, runner.dashboard)
+        write_for_the_user_only(address, runner.dashboard)
         try:
             with kept_report(runner, folder / "dask_report.html"):
                 yield runner
@@ -256,7 +259,7 @@ def _on_dask(folder: Path, options: Options, announce: Callable[[str], None]) ->
             address.unlink(missing_ok=True)
 
 
-def _write_for_the_user_only(path: Path, text: str) -> None:
+def write_for_the_user_only(path: Path, text: str) -> None:
     """A file that others cannot read: whoever knows the address of the dashboard may look at it."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.unlink(missing_ok=True)

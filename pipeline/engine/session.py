@@ -7,13 +7,13 @@ import shutil
 import time
 import uuid
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
 from orthomill.pipeline.engine.execute import JobOrder
-from orthomill.pipeline.engine.graph import Graph, PlannedJob, check_memory
+from orthomill.pipeline.engine.graph import Graph, NoWriter, PlannedJob, check_memory
 from orthomill.pipeline.engine.interruption import stop_if_asked
 from orthomill.pipeline.engine.planner import Planner
 from orthomill.pipeline.engine.run_facts import Failure, StageRun
@@ -24,7 +24,7 @@ from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import ResourceError
 from orthomill.schemas.job import Export, Raster, Table
 from orthomill.schemas.project import PhotoFiles, Project
-from orthomill.schemas.stage_contract import Stage
+from orthomill.schemas.stage_contract import NotYet, Outline, Stage
 from orthomill.schemas.stage_report import report_table
 
 TIME_FORMAT = "%Y-%m-%dT%H:%M:%S%z"
@@ -150,6 +150,12 @@ class Session:
             return False
         tables = {f"the table {region.path}" for region in job.writes.values() if isinstance(region, Table)}
         return bool(tables.intersection(self.planner.waiting_for.values()))
+
+    def outlines(self) -> Iterator[tuple[str, Outline]]:
+        """What the photographs show of the ground, as far as it is known."""
+        for stage in self.stages:
+            with suppress(NotYet, NoWriter):
+                yield from stage.outlines(self.planner)
 
     def run(self, runner: Runner, watcher: Watcher) -> None:
         """Run all that has to run. Failures are gathered, not raised; ResourceError before anything is submitted."""

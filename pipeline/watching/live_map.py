@@ -7,12 +7,13 @@ import shutil
 import time
 import uuid
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
 from orthomill.pipeline.engine.graph import PlannedJob
 from orthomill.pipeline.engine.runner import Finished, Runner
+from orthomill.pipeline.engine.running import TILES, write_for_the_user_only
 from orthomill.pipeline.engine.session import Session, key_text
 from orthomill.pipeline.records.records import Key, Record
 from orthomill.pipeline.storage.table_files import write_whole
@@ -21,11 +22,14 @@ from orthomill.pipeline.watching.tile_board import TileBoard, TileState
 from orthomill.pipeline.watching.tile_places import TilePlaces
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.job import Export, Raster, regions_of
+from orthomill.schemas.stage_contract import Outline
 
 MAP = "tiles.html"
 """The page that is kept, in the folder of the run"""
 MIB = 2**20
 STATES = {"done": TileState.DONE, "failed": TileState.FAILED, "blocked": TileState.BLOCKED}
+SAME = 0.5
+"""seconds for which the total is not reckoned again"""
 MOST_INPUTS = 12
 """inputs of a tile that its panel lists"""
 
@@ -38,12 +42,18 @@ class LiveMap:
         self._session, self._model, self._limit = session, model, memory_limit
         self._places = TilePlaces(session.graph.specs)
         self._errors: dict[Key, str] = {}
+        self._outlines: list[tuple[str, Outline]] = []
+        """what the photographs show of the ground; known when the first tiles on the ground are planned"""
         self._begun = time.monotonic()
         self._peak = 0
+        self._told: tuple[float, dict[str, Any]] | None = None
 
     def planned(self, planned: PlannedJob) -> None:
         """A job is on the map from now on."""
-        self.board.add(planned.key, *self._places.place(planned))
+        panel, column, row = self._places.place(planned)
+        self.board.add(planned.key, panel, column, row)
+        if panel.ground and not self._outlines:
+            self._outlines = list(self._session.outlines())
 
     def skipped(self, key: Key) -> None:
         """Unchanged since an earlier run: Dask never hears of it."""
@@ -60,7 +70,22 @@ class LiveMap:
 
     def changes(self, tiles: int, changes: int) -> dict[str, Any]:
         """What has changed, and how far the run is."""
-        return self.board.since(tiles, changes) | {"titles": self.board.titles, "total": self._total()}
+        return self.board.since(tiles, changes) | {
+            "titles": self.board.titles,
+            "total": self._total_now(),
+            "outlined": len(self._outlines),
+        }
+
+    def outlines(self) -> list[tuple[str, Outline]]:
+        """What every photograph shows of the ground: its name, and corners (x, y)."""
+        return self._outlines
+
+    def _total_now(self) -> dict[str, Any]:
+        # Pages ask ten times a second; nobody reads ten remaining times a second.
+        now = time.monotonic()
+        if self._told is None or now - self._told[0] > SAME:
+            self._told = now, self._total()
+        return self._told[1] | {"counts": self.board.counts()}
 
     def _total(self) -> dict[str, Any]:
         left = self._model.remaining()
@@ -127,7 +152,7 @@ class LiveMap:
             state = self.board.since(state["tiles"], state["changes"], text=key_text)
             parts.append(state)
         errors = {key_text(key): sentence for key, sentence in self._errors.items()}
-        whole = {"parts": parts, "titles": self.board.titles, "total": self._total(), "errors": errors}
+        whole = {"parts": parts, "titles": self.board.titles, "total": self._total(), "errors": errors, "outlines": self._outlines}
         data = base64.b64encode(gzip.compress(json.dumps(whole, separators=(",", ":")).encode(), 6)).decode()
         return page_template().replace('"KEPT"', f'"{data}"')
 
@@ -140,24 +165,29 @@ def page_template() -> str:
 @contextmanager
 def live_map(session: Session, runner: Runner, model: CostModel, announce: Callable[[str], None]) -> Iterator[LiveMap]:
     """The map of a run: on the dashboard's port where it runs on Dask of this machine, and always kept at the end."""
-    found = LiveMap(session, model, runner.memory_limit)
-    if runner.dashboard and _served(found, runner):
-        announce(f"map of tiles: {tiles_address(runner.dashboard)}")
-    try:
-        yield found
-    finally:
-        write_whole(session.folder / MAP, found.kept_page().encode())
+    found, held = LiveMap(session, model, runner.memory_limit), session.folder / TILES
+    with ExitStack() as stack:
+        if address := _served(found, runner, stack):
+            write_for_the_user_only(held, address)
+            announce(f"map of tiles: {address}")
+        try:
+            yield found
+        finally:
+            held.unlink(missing_ok=True)
+            write_whole(session.folder / MAP, found.kept_page().encode())
 
 
-def _served(found: LiveMap, runner: Runner) -> bool:
-    from orthomill.pipeline.engine.dask_observer import observe
+def _served(found: LiveMap, runner: Runner, stack: ExitStack) -> str:
+    """The address of the map; empty for a run without Dask, which has no second process that could answer meanwhile."""
+    from orthomill.pipeline.engine.dask_observer import asking, observe
     from orthomill.pipeline.engine.dask_runner import DaskRunner
+    from orthomill.pipeline.watching.map_server import served
     from orthomill.pipeline.watching.tile_routes import tile_routes
 
-    routes = tile_routes(page_template().replace('"KEPT"', '""'), found.changes, found.tile, found.picture)
-    return isinstance(runner, DaskRunner) and observe(runner.client, found.board, routes)
-
-
-def tiles_address(dashboard: str) -> str:
-    """The address of the map beside that of the dashboard."""
-    return f"{dashboard.removesuffix('status')}tiles"
+    if not isinstance(runner, DaskRunner):
+        return ""
+    routes = tile_routes(page_template().replace('"KEPT"', '""'), found)
+    if observe(runner.client, found.board, routes, "tiles"):
+        return f"{runner.dashboard.removesuffix('status')}tiles"
+    stack.enter_context(asking(runner.client, found.board))
+    return stack.enter_context(served(routes))

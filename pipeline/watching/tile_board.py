@@ -15,6 +15,8 @@ from typing import Any
 
 from orthomill.pipeline.records.records import Key
 
+SLOWEST = 5
+"""tiles that are named as the slowest"""
 MOST = 200_000
 """Tiles and changes in one answer; a page asks again at once where there are more."""
 
@@ -41,6 +43,8 @@ class Panel:
     stage: str
     name: str
     ground: tuple[float, float, float, float] | None = None
+    across: tuple[float, float] | None = None
+    """tiles that the ground is wide and high; the last ones may be parts"""
 
 
 class TileBoard:
@@ -58,6 +62,9 @@ class TileBoard:
         self._workers: dict[str, int] = {}
         self._queues: dict[int, dict[int, None]] = {}
         """what every worker has got, in that order; a worker has one thread"""
+        self._counts = [0] * len(TileState)
+        self._slowest: list[tuple[float, int]] = []
+        """heap of those that took longest: a million tiles are not looked through for every answer"""
         self._log = array("i")
         self._lock = Lock()
 
@@ -69,6 +76,7 @@ class TileBoard:
             self.keys.append(key)
             self._place.extend((number, column, row))
             self._state.append(TileState.WAITING)
+            self._counts[TileState.WAITING] += 1
             self._attempt.append(0)
             self._worker.append(-1)
             self._seconds.append(0.0)
@@ -109,6 +117,9 @@ class TileBoard:
         with self._lock:
             tile = self._number[key]
             self._seconds[tile], self._memory[tile] = seconds, mebibytes
+            # A tile may end twice, where its result was found damaged.
+            others = [one for one in self._slowest if one[1] != tile]
+            self._slowest = heapq.nlargest(SLOWEST, [*others, (seconds, tile)])
             self._set(tile, state)
             self._leave(tile)
 
@@ -126,18 +137,20 @@ class TileBoard:
             self._set(first, TileState.RUNNING)
 
     def _set(self, tile: int, state: TileState) -> None:
+        self._counts[self._state[tile]] -= 1
+        self._counts[state] += 1
         self._state[tile] = state
         self._log.append(tile)
 
     def counts(self) -> list[int]:
         """Tiles by state."""
         with self._lock:
-            return [self._state.count(state) for state in TileState]
+            return list(self._counts)
 
-    def slowest(self, most: int = 5) -> list[int]:
+    def slowest(self) -> list[int]:
         """The tiles that took longest."""
         with self._lock:
-            return heapq.nlargest(most, range(len(self.keys)), key=self._seconds.__getitem__)
+            return [tile for _, tile in self._slowest]
 
     def since(self, tiles: int, changes: int, text: Callable[[Key], str] | None = None) -> dict[str, Any]:
         """What a page that knows so many tiles and changes does not know yet; flat lists, whose rows are named beside them.
@@ -158,7 +171,7 @@ class TileBoard:
                 "tiles": upto,
                 "changes": newest if upto == len(self.keys) else changes,
                 "more": upto < len(self.keys) or newest < len(self._log),
-                "panels": [[panel.stage, panel.name, panel.ground] for panel in self._panels],
+                "panels": [[panel.stage, panel.name, panel.ground, panel.across] for panel in self._panels],
                 "places": self._place[3 * tiles : 3 * upto].tolist(),
                 "changed": flat,
                 "workers": list(self._workers),

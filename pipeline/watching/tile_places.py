@@ -28,7 +28,9 @@ class TilePlaces:
         if region is None or (spec := self._specs[region.name]).full == region.window:
             number = self._singles[job.stage] = self._singles.get(job.stage, -1) + 1
             return Panel(job.stage, SINGLE), number % PER_ROW, number // PER_ROW
-        panel = Panel(job.stage, region.name.removeprefix(f"{job.stage}/"), _ground(spec))
+        ground = _ground(spec)
+        across = (spec.shape[1] / spec.chunk, spec.shape[0] / spec.chunk) if ground else None
+        panel = Panel(job.stage, region.name.removeprefix(f"{job.stage}/"), ground, across)
         return panel, region.window.col // spec.chunk, region.window.row // spec.chunk
 
 

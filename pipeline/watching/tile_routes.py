@@ -3,12 +3,24 @@
 import gzip
 import json
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 from tornado.ioloop import IOLoop
 from tornado.web import HTTPError, RequestHandler
 
 Changes = Callable[[int, int], dict[str, Any]]
+Outlines = Callable[[], list[Any]]
+
+
+class Answers(Protocol):
+    """Whoever knows the map."""
+
+    def changes(self, tiles: int, changes: int) -> dict[str, Any]: ...
+    def outlines(self) -> list[Any]: ...
+    def tile(self, tile: int) -> dict[str, Any] | None: ...
+    def picture(self, tile: int) -> bytes | None: ...
+
+
 POLICY = "default-src 'none'; connect-src 'self'; img-src 'self' data: blob:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 """The page loads nothing from elsewhere."""
 SMALL = 1000
@@ -30,6 +42,14 @@ class _Changes(RequestHandler):
 
     def get(self) -> None:
         _answer(self, self._changes(_number(self, "tiles"), _number(self, "changes")))
+
+
+class _Outlines(RequestHandler):
+    def initialize(self, outlines: Outlines) -> None:
+        self._outlines = outlines
+
+    def get(self) -> None:
+        _answer(self, {"outlines": self._outlines()})
 
 
 class _Tile(RequestHandler):
@@ -72,13 +92,12 @@ def _answer(handler: RequestHandler, value: dict[str, Any]) -> None:
     handler.write(content)
 
 
-def tile_routes(
-    page: str, changes: Changes, tile: Callable[[int], dict[str, Any] | None], picture: Callable[[int], bytes | None]
-) -> list[tuple[str, type[RequestHandler], dict[str, Any]]]:
-    """Routes for an application of tornado; the paths end in /tiles, /tiles.json, /tile.json and /tile.png."""
+def tile_routes(page: str, answers: Answers) -> list[tuple[str, type[RequestHandler], dict[str, Any]]]:
+    """Routes for an application of tornado; the paths end in /tiles, /tiles.json, /outlines.json, /tile.json and /tile.png."""
     return [
         (r".*/tiles", _Page, {"page": page}),
-        (r".*/tiles\.json", _Changes, {"changes": changes}),
-        (r".*/tile\.json", _Tile, {"tile": tile}),
-        (r".*/tile\.png", _Picture, {"picture": picture}),
+        (r".*/tiles\.json", _Changes, {"changes": answers.changes}),
+        (r".*/outlines\.json", _Outlines, {"outlines": answers.outlines}),
+        (r".*/tile\.json", _Tile, {"tile": answers.tile}),
+        (r".*/tile\.png", _Picture, {"picture": answers.picture}),
     ]

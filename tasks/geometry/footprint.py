@@ -1,5 +1,5 @@
 """The window of a photograph that shows a window of the map, and the ground that a photograph shows: planning declares regions with
-them, so they may be too large but not too small."""
+them, so they may be too large but not too small. And its outline on the ground, for a map."""
 
 import numpy as np
 
@@ -46,3 +46,12 @@ def ground_bounds(view: View, low: float, high: float) -> tuple[float, float, fl
     west, south = np.nanmin(ground[:, :2], axis=0)
     east, north = np.nanmax(ground[:, :2], axis=0)
     return float(west), float(south), float(east), float(north)
+
+
+def ground_outline(view: View, height: float) -> tuple[tuple[float, float], ...]:
+    """The four corners (x, y) in m of what a photograph shows at a height; empty for a view that reaches the horizon."""
+    right, low = view.camera.width - 1.0, view.camera.height - 1.0
+    ground = view.at_height(np.array([[0.0, 0.0], [right, 0.0], [right, low], [0.0, low]]), height)
+    if not np.isfinite(ground).all():
+        return ()
+    return tuple((round(float(x), 3), round(float(y), 3)) for x, y, _ in ground)

@@ -22,9 +22,11 @@ from orthomill.schemas.photo import PHOTOS
 from orthomill.schemas.project import PlaneSurface
 from orthomill.schemas.raster import RasterSpec, Window
 from orthomill.schemas.settings import refuse_ignored, setting
-from orthomill.schemas.stage_contract import ProjectView, Stage
+from orthomill.schemas.stage_contract import Outline, ProjectView, Stage
 from orthomill.schemas.stage_report import report_table
 from orthomill.tasks.adjustment.model.interior import InteriorChoice, WeightedInterior
+from orthomill.tasks.geometry.footprint import ground_outline
+from orthomill.tasks.geometry.view import block_view
 from orthomill.tasks.orientation.control.control_files import no_control
 from orthomill.tasks.orientation.control.control_system import control_from_files, control_from_list, control_from_scans
 from orthomill.tasks.orientation.exterior.adjusted_block import BlockChoices, orient_block
@@ -126,6 +128,13 @@ class OrientationStage(Stage):
     def remarks(self, view: ProjectView) -> Iterator[str]:
         """What is noticed about the control."""
         return map(control_sentence, view.table(CONTROL).findings)
+
+    def outlines(self, view: ProjectView) -> Iterator[tuple[str, Outline]]:
+        """Where the corners of every photograph lie at the mean height of the ground."""
+        block = view.table(BLOCK)
+        for name in block.names:
+            if outline := ground_outline(block_view(block, name), block.ground_mean):
+                yield name, outline
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         yield self._control(view)

@@ -9,7 +9,7 @@ from tiny_block import EAST, FLYING, HEIGHT, NORTH, views
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.geometry.epipolar_window import box_corners, left_pixels, node_window, nodes_shape
-from orthomill.tasks.geometry.footprint import ground_bounds, photo_window
+from orthomill.tasks.geometry.footprint import ground_bounds, ground_outline, photo_window
 from orthomill.tasks.geometry.normal_case import HeightRange, epipolar_view, in_order, normal_case
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.geometry.view import View
@@ -119,3 +119,16 @@ def test_an_incomplete_last_step_has_a_node(pair_and_left):
     pair, _ = pair_and_left
     odd = pair.model_copy(update={"rows": 21, "left_cols": 20})
     assert nodes_shape(odd, 5) == (5, 4) and nodes_shape(odd, 1) == (21, 20)
+
+
+def test_the_outline_of_a_vertical_photograph_is_its_frame_on_the_ground():
+    view = View("v", IDEAL, np.eye(3), np.array([EAST, NORTH, HEIGHT + 700.0]))
+    outline = np.array(ground_outline(view, HEIGHT))
+    # A ground pixel of a metre: from the middle of the first pixel to that of the last.
+    assert np.ptp(outline, axis=0) == pytest.approx([479.0, 459.0], abs=0.01)
+    assert outline.mean(axis=0) == pytest.approx([EAST, NORTH], abs=1.0)
+
+
+def test_a_view_above_the_horizon_has_no_outline():
+    view = View("v", IDEAL, rotation_matrix(1.5, 0.0, 0.0), np.array([EAST, NORTH, HEIGHT + 700.0]))
+    assert ground_outline(view, HEIGHT) == ()

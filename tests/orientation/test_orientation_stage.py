@@ -3,6 +3,7 @@
 from types import SimpleNamespace
 
 import pytest
+from box_scene import block
 from pydantic import ValidationError
 
 from orthomill.pipeline.engine.job_signature import misfit
@@ -153,3 +154,9 @@ def test_memory_of_the_adjustment_follows_the_measurements(item):
 
     few, many, more = map(scratch, (0, 10**5, 2 * 10**5))
     assert few > 0 and more - many == many - few >= 10 * 10**5
+
+
+def test_the_outlines_are_those_of_the_photographs_of_the_block():
+    outlines = dict(OrientationStage().outlines(SimpleNamespace(table=lambda table: block("ab"))))
+    assert set(outlines) == {"a", "b"} and all(len(corners) == 4 for corners in outlines.values())
+    assert outlines["a"] != outlines["b"]
