@@ -62,6 +62,8 @@ class Blocks:
     crs: str
     tolerance: float | None = None
     """m: the error that the survey allows"""
+    wide: float | None = None
+    """m: width from which on an error is seen whole: that of two windows"""
 
 
 class Reported(NamedTuple):
@@ -96,7 +98,7 @@ def report(
     losses = (*_area_warnings(areas, trend), *beyond_warning(tiles, blocks.grid.cell))
     detectable = _detectable(coarse, blocks.significance)
     found = StageReport(
-        verdict=_verdict(tiles, whole, pairs, detectable),
+        verdict=_verdict(tiles, whole, pairs, detectable, blocks.wide),
         products=(
             Product(path="products/dsm_check.tif", purpose="What the photographs say against the surface, and the surface mended"),
             Product(path="products/dsm_check_areas.geojson", purpose="Areas where photographs and surface disagree"),
@@ -107,7 +109,7 @@ def report(
         losses=losses,
         figures=_figures(
             _cell_values(tiles, whole, pairs)
-            | {"detectable": _known(detectable)}
+            | {"detectable": _known(detectable), "detectable_width": blocks.wide}
             | _estimate_values(tiles, pairs)
             | _place_values(trend, areas)
             | shift_values(of_file)
@@ -183,8 +185,9 @@ _FIGURES = (
     (
         "detectable",
         "m",
-        "Smallest error that would have been found with 95 %, in half of the checked blocks; narrower than a window: less.",
+        "Smallest error that would have been found with 95 %, in half of the checked blocks; of narrower ones only a part is seen.",
     ),
+    ("detectable_width", "m", "Width from which on that holds: two windows of the matching."),
     ("checked", "%", "Share of the measured cells that could be checked."),
     ("changed", "%", "Share of the measured cells that the check changed."),
     ("estimates", "%", "Share of the heights that are estimated: neither checked nor changed, and in no other figure here."),
@@ -381,7 +384,7 @@ def _detectable(coarse: np.ndarray, significance: float) -> float:
     return float(np.median(detectable_error(coarse[judged][:, SIGMA], significance))) if judged.any() else math.nan
 
 
-def _verdict(tiles: tuple[TileCounts, ...], whole: Summary, pairs: CheckedPairs, detectable: float) -> Verdict:
+def _verdict(tiles: tuple[TileCounts, ...], whole: Summary, pairs: CheckedPairs, detectable: float, wide: float | None) -> Verdict:
     heights, checked = sum(tile.heights for tile in tiles), sum(tile.checked for tile in tiles)
     if not whole.number:
         return Verdict(level="fair", sentence="Nothing of the surface could be checked against the photographs.", weighs=True)
@@ -391,7 +394,8 @@ def _verdict(tiles: tuple[TileCounts, ...], whole: Summary, pairs: CheckedPairs,
         f"{_share(checked, heights):.0f} % of the measured heights"
     )
     if math.isfinite(detectable):
-        words += f"; there an error of {detectable:.2g} m would have been found"
+        width = f", {wide:.2g} m wide or more," if wide else ""
+        words += f"; there an error of {detectable:.2g} m{width} would have been found"
     return Verdict(level="good" if agrees else "fair", sentence=f"{words}.", weighs=True)
 
 

@@ -306,7 +306,8 @@ class DsmCheckStage(Stage):
     def _report(self, passes: Passes, reads: Reads, params: dict[str, Any]) -> Job:
         grid, size = passes.surface.grid, block_size(passes.surface.grid.shape)
         shape = tuple(-(-side // size) for side in grid.shape)
-        what = Blocks(grid, size, self.significance, passes.scene.crs, self.tolerance)
+        wide = 2 * passes.main("").nodes.window * grid.cell
+        what = Blocks(grid, size, self.significance, passes.scene.crs, self.tolerance, wide)
         tiles = tuple(counts_table(tile, "counts") for tile in passes.tiles())
         coarse = Raster(COARSE, Window(0, 0, *shape))
         writes: dict[str, Raster | Table] = {"report": report_table(self.kind), "areas": AREA_MAP}

@@ -91,6 +91,10 @@ def test_the_report_says_it_in_words():
     assert any("tilted" in sentence for sentence in report.warnings)
     near = [s for s in report.warnings if f"X {EAST + 50:.0f}"[:7] in s and "too high" in s]
     assert near or any("too high" in s for s in report.warnings)
+    assert (
+        figures["detectable_width"] == pytest.approx(2 * 11 * GRID.cell)
+        and "m, 13 m wide or more, would" in report.verdict.sentence
+    )
     (evidence,) = report.evidence
     assert evidence.products == ("products/dsm.tif",) and evidence.of == "height" and 0.5 < evidence.rmse < 1.5
     assert figures["vertical_class"] == class_of(evidence.rmse)
