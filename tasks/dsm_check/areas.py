@@ -17,6 +17,8 @@ CHECKED, MEAN, SIGMA, EAST, NORTH = range(5)
 """bands of the coarse raster"""
 _JUDGED = 0.3
 """share of a block that must have been checked: the mean of fewer cells is that of their edges and trees"""
+_FINEST = 1e-3
+"""m: standard errors below it weigh no more"""
 _LEAST_BLOCKS = 30
 """blocks that a plane needs; below, a few buildings would tilt it"""
 
@@ -59,14 +61,18 @@ def block_size(shape: tuple[int, int], cells: int = 8, most: int = 1024) -> int:
 
 
 def blocks(dh: np.ndarray, sigma: np.ndarray, size: int) -> np.ndarray:
-    """(rows, cols, 3) float32 of a tile (rows, cols) m: share of checked cells, their mean dh and mean sigma (0 without any)."""
+    """(rows, cols, 3) float32 of a tile (rows, cols) m: share of checked cells, their dh and their sigma, both means weighted by
+    precision (0 without any)."""
     rows, cols = -(-dh.shape[0] // size), -(-dh.shape[1] // size)
     # sums of float64, not means of means: blocks at the border of the surface hold fewer cells
     padding = (0, rows * size - dh.shape[0]), (0, cols * size - dh.shape[1])
     folded, spread = (np.pad(a, padding, constant_values=np.nan).reshape(rows, size, cols, size) for a in (dh, sigma))
-    number = np.isfinite(folded).sum(axis=(1, 3))
-    sums = [np.nan_to_num(a).astype(np.float64).sum(axis=(1, 3)) for a in (folded, spread)]
-    return np.stack([number / size**2, *(total / np.maximum(number, 1) for total in sums)], axis=-1).astype(np.float32)
+    known = np.isfinite(folded)
+    # At the walls of a wrong house a correction is known to metres only, and would hide how certain the others are.
+    weight = np.where(known, np.maximum(np.nan_to_num(spread, nan=1.0).astype(np.float64), _FINEST) ** -2, 0.0)
+    whole = np.maximum(weight.sum(axis=(1, 3)), 1e-12)
+    means = [(weight * np.nan_to_num(a)).sum(axis=(1, 3)) / whole for a in (folded, spread)]
+    return np.stack([known.sum(axis=(1, 3)) / size**2, *means], axis=-1).astype(np.float32)
 
 
 def slopes(heights: np.ndarray, dh: np.ndarray, size: int, cell: float) -> np.ndarray:

@@ -267,3 +267,11 @@ def test_the_tolerance_of_the_stage_reaches_the_report():
 
 def blocks_of_noise() -> np.ndarray:
     return np.concatenate([blocks(noisy(), np.full(GRID.shape, 0.2), 8), np.zeros((16, 20, 2), np.float32)], axis=-1)
+
+
+def test_uncertain_cells_of_a_block_do_not_hide_what_the_others_say():
+    """The walls of a wrong house: known to metres only."""
+    dh, sigma = np.full((8, 8), -5.0, np.float32), np.full((8, 8), 0.1, np.float32)
+    dh[:, :3], sigma[:, :3] = -2.0, 2.0
+    ((share, mean, error),) = blocks(dh, sigma, 8)[0]
+    assert share == 1.0 and mean == pytest.approx(-5.0, abs=0.02) and error == pytest.approx(0.1, abs=0.01)
