@@ -202,9 +202,11 @@ ground. CPU time is that of all jobs, the surface included, in one process; comp
 The simulated town has a truth. The real shore has none: there the heights on which two or more pairs of the default method
 agree stand for it, and only these cells are counted, so that the row of the default says how well it repeats itself, and those
 of the others how far they are from it. A *coarse model* has posts 30 m apart and 2 m of noise, on the shore both reduced to the
-size of the block.
+size of the block; it is searched only as far from it as tie points lie (`make bench-guide` tells what that saves).
+Windows that know no walls have wide standard errors beside them, and most of these methods are too careful on open ground.
 """
-_CAPTION = "Above: the heights of a method, shaded. Below: measured heights minus what is known; dark where nothing was measured."
+_CAPTION = """Above: the heights of a method, shaded, estimates included. Below: measured heights minus what is known; dark
+where nothing was measured, or nothing is known."""
 
 
 def main(runs: list[str]) -> None:

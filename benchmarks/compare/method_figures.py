@@ -20,13 +20,15 @@ def draw(path: Path, title: str, panels: list[tuple[str, np.ndarray, np.ndarray,
         upper.set_title(scene, fontsize=9)
         shown = lower.imshow(departures, cmap="RdBu", vmin=-limit, vmax=limit)
         lower.set_facecolor("#404040")
-        bar = figure.colorbar(shown, ax=lower, orientation="horizontal", fraction=0.05, pad=0.03)
+        ticks = [-limit, -limit / 2, 0.0, limit / 2, limit]
+        bar = figure.colorbar(shown, ax=lower, orientation="horizontal", fraction=0.05, pad=0.03, ticks=ticks)
         bar.ax.tick_params(labelsize=7)
+        bar.set_label("measured minus known, m", fontsize=7)
         for axis in (upper, lower):
             axis.set_xticks([])
             axis.set_yticks([])
     figure.suptitle(title, fontsize=10)
     figure.tight_layout()
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=60)
+    figure.savefig(path, dpi=75)
     plt.close(figure)
