@@ -428,7 +428,10 @@ def _area_warnings(areas: list[SuspiciousArea], trend: Trend) -> Iterator[str]:
     # To the centimetre: a trend of a millimetre is none.
     flat = abs(trend.middle) < 0.005 and trend.range < 0.01
     relative = "" if flat else f", relative to the trend of all corrections ({trend.middle:+.2f} m in the middle)"
-    yield f"Photographs and surface disagree locally{relative}: the surface is {named}{more}."
+    yield (
+        f"Photographs and surface disagree locally{relative}: the surface is {named}{more}. Look there in the photographs: "
+        "dsm_check_areas.geojson has the outlines, dsm_check.tif the corrected heights."
+    )
 
 
 def _side(dh: float) -> str:

@@ -94,13 +94,23 @@ def projection_report(
     compared = tuple(one for one in left_out if one.blended is not None)
     return StageReport(
         verdict=_verdict(totals, compared),
-        answers=(Answer(topic=Topic.ORTHOIMAGE, text="; ".join(map(_described, totals)) + "."),),
+        answers=tuple(_answers(census, totals)),
         products=(*_products(totals), *(model_products(whole_model) if textures else ())),
         figures=(*_figures(census, totals, radiometry, compared), *(texture_figures(textures) if textures else ())),
         grids=tuple(_grids(totals, facing, left_out)),
         pictures=(*_pictures(totals, left_out, proofs), *_depths(pictured)),
         warnings=tuple(_warnings(census, facing, totals, compared)),
     )
+
+
+def _answers(census: MeshCensus, totals: list[_OutputTotals]) -> Iterator[Answer]:
+    pixels = sorted({frame.pixel for total in totals if not isinstance(frame := total.facts.frame, ViewFrame)})
+    if pixels:
+        sides = " and ".join(f"{1000 * pixel:g} mm" for pixel in pixels)
+        yield Answer(topic=Topic.GROUND_PIXEL, text=f"{sides} on the surface")
+    yield Answer(topic=Topic.AREA, text=f"{census.size:.3g} m across, {census.triangles} triangles")
+    yield Answer(topic=Topic.HEIGHTS, text="of the surface that was given; not measured from the photographs")
+    yield Answer(topic=Topic.ORTHOIMAGE, text="; ".join(map(_described, totals)) + ".")
 
 
 def _described(total: _OutputTotals) -> str:
@@ -123,12 +133,14 @@ def _median(values: list[float]) -> float | None:
     return float(np.median(values)) if values else None
 
 
+def _called(total: _OutputTotals) -> str:
+    return f"{'True orthoimage' if isinstance(total.facts.frame, FlatFrame) else 'Picture'} '{total.name}'"
+
+
 def _products(totals: list[_OutputTotals]) -> Iterator[Product]:
     for total in totals:
-        plane = isinstance(total.facts.frame, FlatFrame)
-        purpose = "True orthoimage" if plane else "Picture"
-        path = f"products/{total.name}.{'tif' if plane else 'png'}"
-        yield Product(path=path, purpose=f"{purpose} '{total.name}' of the surface", main=True)
+        path = f"products/{total.name}.{'tif' if isinstance(total.facts.frame, FlatFrame) else 'png'}"
+        yield Product(path=path, purpose=f"{_called(total)} of the surface", main=True)
     yield Product(path="products/projections.json", purpose="Where the planes, cylinders and views of the outputs lie")
 
 
@@ -250,9 +262,11 @@ def _left_out_row(one: LeftOutPhotograph) -> tuple[float | str | None, ...]:
 
 
 def _pictures(totals: list[_OutputTotals], left_out: tuple[LeftOutPhotograph, ...], proofs: tuple[str, ...]) -> Iterator[Picture]:
+    # What can be measured in comes first; pictures lead only where there is nothing else.
+    flat = [total for total in totals if isinstance(total.facts.frame, FlatFrame)]
     for total in totals:
         place = f"projection/{total.name}"
-        yield Picture(title=f"'{total.name}'", raster=f"{place}/ortho", style="rgb", first_page=True)
+        yield Picture(title=_called(total), raster=f"{place}/ortho", style="rgb", first_page=total in (flat or totals))
         yield Picture(
             title=f"Coverage of '{total.name}'",
             raster=f"{place}/coverage",

@@ -271,7 +271,10 @@ def _other_warnings(photos: Photos, strength: Strength, summaries: tuple[PairSum
         yield f"Fewer than {_WEAK} tie points in {some_of(weak, most=10)}: expect a poorly determined or failing orientation there."
     uneven = [name for name, count, share in counted if count and share < _LEAST_COVERAGE]
     if uneven:
-        yield f"Tie points cover less than a quarter of the frame of {some_of(uneven, most=10)}."
+        yield (
+            f"Tie points cover less than a quarter of the frame of {some_of(uneven, most=10)}: nothing holds the rest of it. More "
+            "overlap on its empty side would; water and leaves give none."
+        )
 
 
 def _divided(photos: Photos, strength: Strength) -> str:

@@ -7,6 +7,7 @@ from orthomill.schemas.camera import Camera
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.raster import MapGrid, RasterSpec
 from orthomill.schemas.solid.mesh import TriangleMesh
+from orthomill.schemas.stage_report import Topic
 from orthomill.schemas.surface import HEIGHT, SURFACE, Surface
 from orthomill.tasks.geometry.view import View, block_view
 from orthomill.tasks.imagery.blending import RESERVE
@@ -219,6 +220,10 @@ def test_the_report_counts_every_pixel_and_names_the_share_of_each_photograph(pl
     seen = [figures[f"front_seen_by_{count}"] for count in ("no", "one", "two", "three_or_more")]
     assert sum(seen) == pytest.approx(100.0, abs=0.05)
     assert figures["triangles"] == 24 * 24 * 2 + 12
+    answers = {answer.topic: answer.text for answer in report.answers}
+    assert answers[Topic.GROUND_PIXEL].endswith("mm on the surface") and "triangles" in answers[Topic.AREA]
+    assert "not measured from the photographs" in answers[Topic.HEIGHTS]
+    assert [picture.title for picture in report.pictures if picture.first_page] == ["True orthoimage 'front'"]
     table = next(grid for grid in report.grids if grid.title == "Photographs in 'front'")
     assert sum(row[1] for row in table.rows) == pytest.approx(100.0, abs=0.1)
     assert next(p for p in report.pictures if "Coverage" in p.title).classes[:4] == (

@@ -211,4 +211,4 @@ def _reason(material: GrowthMaterial, growth: BlockGrowth, photo: int) -> str:
             return f"{name} shares too few tie points with any other photograph; its overlap is too small."
         other = best.right if best.left == name else best.left
         return f"{name} could not be oriented to any other photograph (best: {other}): {best.outcome}"
-    return f"{name} did not join the block: {growth.attempts.get(photo, 'its resection failed')}."
+    return f"{name} did not join the block: {growth.attempts.get(photo, 'its resection failed')}. More overlap would tie it."
