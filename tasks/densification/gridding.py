@@ -6,6 +6,7 @@ to the cells within half a node distance, but only to cells that no triangle cov
 wins, because a surface model holds what is visible from above. All coordinates refer to the whole grid, so tiles agree with it.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -130,10 +131,10 @@ def _triangulate(nodes, limits, cells, joined):
 
 
 @njit(cache=True)
-def _cover(nodes, limits, joined, alone):
-    """Gives the height of every node at a discontinuity to the cells around it."""
+def _cover(nodes, limits, joined, rows, alone):
+    """Gives the height of every node at a discontinuity, of those in the range `rows`, to the cells around it."""
     last_row, last_col = alone.first_row + alone.height.shape[0] - 1, alone.first_col + alone.height.shape[1] - 1
-    for i in range(joined.shape[0]):
+    for i in range(rows[0], rows[1]):
         for j in range(joined.shape[1]):
             if joined[i, j] >= _ALL_TRIANGLES or not (limits.low <= nodes.z[i, j] <= limits.high):
                 continue
@@ -145,15 +146,17 @@ def _cover(nodes, limits, joined, alone):
 
 
 @njit(cache=True)
-def _rasterise(nodes, limits, cells):
+def _add(nodes, limits, rows, cells, alone):
+    """Adds the nodes of the range `rows`; those in the rows beside it, where there are some, complete their triangles."""
     joined = np.zeros(nodes.parallax.shape, np.uint8)
     _triangulate(nodes, limits, cells, joined)
-    # Kept apart until the end: a node on a roof edge must not overwrite the ground that triangles measured beside it.
-    shape = cells.height.shape
-    alone = _CellArrays(cells.first_row, cells.first_col, np.full(shape, np.nan), np.full(shape, np.float32(np.nan)))
-    _cover(nodes, limits, joined, alone)
-    for r in range(shape[0]):
-        for c in range(shape[1]):
+    _cover(nodes, limits, joined, rows, alone)
+
+
+@njit(cache=True)
+def _complete(cells, alone):
+    for r in range(cells.height.shape[0]):
+        for c in range(cells.height.shape[1]):
             if np.isnan(cells.height[r, c]):
                 cells.height[r, c], cells.sigma[r, c] = alone.height[r, c], alone.sigma[r, c]
 
@@ -170,27 +173,43 @@ class TargetCells:
 def grid_nodes(nodes: NodesOnGround, node_distance: float, target: TargetCells, settings: Gridding) -> HeightCells:
     """Heights of the target's cells from the nodes of one pair; node_distance: of nodes on the ground, m."""
     window, cell = target.window, target.grid.cell
-    found = HeightCells(np.full(window.shape, np.nan), np.full(window.shape, np.nan, np.float32))
+    cells, alone = _empty_cells(window), _empty_cells(window)
     # At least half a cell: nodes finer than the cells would otherwise miss every cell centre at a discontinuity.
     reach = max(settings.node_reach * node_distance / cell, 0.5)
-    _rasterise(
-        _NodeArrays(*target.grid.pixel(nodes.x, nodes.y), nodes.z, nodes.sigma, nodes.parallax),
-        _GriddingLimits(np.float32(settings.max_jump), reach, *target.heights),
-        _CellArrays(window.row, window.col, found.height, found.sigma),
-    )
-    return found
+    arrays = _NodeArrays(*target.grid.pixel(nodes.x, nodes.y), nodes.z, nodes.sigma, nodes.parallax)
+    limits = _GriddingLimits(np.float32(settings.max_jump), reach, *target.heights)
+    _add(arrays, limits, (0, len(nodes.z)), cells, alone)
+    _complete(cells, alone)
+    return HeightCells(cells.height, cells.sigma)
 
 
-def rasterised(
-    col: np.ndarray, row: np.ndarray, value: np.ndarray, shape: tuple[int, int], max_jump: float, reach: float
-) -> np.ndarray:
-    """The greatest of the values (rows, cols) that fall on every pixel of an image of `shape`, float32, NaN where there is none.
+def _empty_cells(window: Window) -> _CellArrays:
+    return _CellArrays(window.row, window.col, np.full(window.shape, np.nan), np.full(window.shape, np.nan, np.float32))
 
-    col, row: where the values lie in the image, px. Neighbours whose values differ by more than `max_jump` are not connected; each
-    covers the pixels within `reach` px of it.
+
+class Strip(NamedTuple):
+    """Rows of values (rows, cols) that lie at col, row (px) of an image, with the rows above and below them, where there are some,
+    which belong to other strips; `own`: the first row of the strip itself, and the one behind its last."""
+
+    col: np.ndarray
+    row: np.ndarray
+    value: np.ndarray
+    own: tuple[int, int]
+
+
+def rasterised(strips: Iterable[Strip], shape: tuple[int, int], max_jump: float, reach: float) -> np.ndarray:
+    """The greatest of the values that fall on every pixel of an image of `shape`, float32, NaN where there is none.
+
+    Neighbours whose values differ by more than `max_jump` are not connected; each covers the pixels within `reach` px of it. How
+    the values are cut in strips makes no difference.
     """
-    cells = _CellArrays(0, 0, np.full(shape, np.nan), np.full(shape, np.float32(np.nan)))
-    unused = np.zeros(value.shape, np.float32)
-    nodes = _NodeArrays(col, row, value, unused, value.astype(np.float32))
-    _rasterise(nodes, _GriddingLimits(np.float32(max_jump), reach, -np.inf, np.inf), cells)
+    # Kept apart until the end: a value at a break must not overwrite what triangles say beside it.
+    cells, alone = (_empty_cells(Window(0, 0, *shape)) for _ in range(2))
+    limits = _GriddingLimits(np.float32(max_jump), reach, -np.inf, np.inf)
+    for strip in strips:
+        nodes = _NodeArrays(
+            strip.col, strip.row, strip.value, np.zeros(strip.value.shape, np.float32), strip.value.astype(np.float32)
+        )
+        _add(nodes, limits, strip.own, cells, alone)
+    _complete(cells, alone)
     return cells.height.astype(np.float32)

@@ -10,7 +10,7 @@ from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import Surface
-from orthomill.tasks.densification.start_parallaxes import start_parallaxes
+from orthomill.tasks.densification.start_parallaxes import STRIP, start_parallaxes
 from orthomill.tasks.geometry.epipolar_window import map_window
 from orthomill.tasks.matching.dense.blocks import (
     BLOCK,
@@ -87,8 +87,9 @@ class PairBlock:
 
     def scratch(self, matching: DenseMatching) -> int:
         """Working memory of `match_pair_block`, bytes."""
-        # Per cell three float64 places with their copies in pixels of the left image.
-        return scratch_bytes(self.parallaxes, matching) + 64 * self.cells.height * self.cells.width
+        # Per cell of a strip, and of a row beside it, three float64 places with their copies in pixels of the left image.
+        cells = min(self.cells.height * self.cells.width, STRIP + 3 * self.cells.width)
+        return scratch_bytes(self.parallaxes, matching) + 64 * cells
 
 
 class MatchedBlock(NamedTuple):

@@ -5,17 +5,22 @@ surface span triangles; at a break every cell covers the pixels around it. Where
 greatest parallax is in front and hides the others.
 """
 
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
 from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.tasks.densification.gridding import rasterised
+from orthomill.tasks.densification.gridding import Strip, rasterised
 from orthomill.tasks.geometry.epipolar_window import map_window
 from orthomill.tasks.matching.dense.node_surfaces import StartSurface
 
 FACTOR = 2
 """pixels of the left image per start parallax: cells of the volume are wider than a pixel"""
+STRIP = 2**20
+"""cells that are projected at a time"""
 _CROPS = 2
 """times that the window of cells is cropped to the heights in it"""
 _BESIDE = 8
@@ -58,6 +63,42 @@ def _cropped(pair: EpipolarPair, heights: np.ndarray, grid: MapGrid, cells: Wind
     return heights, cells
 
 
+class _CellsInImage(NamedTuple):
+    """Cells of a window of the map, and the pose of the image that shows some of them."""
+
+    heights: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    pose: tuple[np.ndarray, np.ndarray, float]
+    base: float
+    cell: float
+    first: tuple[float, float]
+    """principal column and row in the reduced image"""
+    shape: tuple[int, int]
+
+    def strips(self) -> Iterator[Strip]:
+        """One after the other: towards the horizon a block shows millions of cells."""
+        step = max(STRIP // max(self.heights.shape[1], 1), 1)
+        return (self._strip(row, min(row + step, len(self.y))) for row in range(0, len(self.y), step))
+
+    def _strip(self, begin: int, end: int) -> Strip:
+        """The rows from `begin` to `end`, with one above and one below."""
+        top, bottom = max(begin - 1, 0), min(end + 1, len(self.y))
+        heights = self.heights[top:bottom]
+        places = np.full((3, *heights.shape), np.nan)
+        _projected(heights, self.x, self.y[top:bottom], self.pose, self.base, self.cell, self.first, self.shape, places)
+        return Strip(*places, (begin - top, end - top))
+
+
+def _mean(strips: Iterable[Strip]) -> float:
+    """The mean of the known values; NaN without any."""
+    total, count = 0.0, 0
+    for strip in strips:
+        own = strip.value[slice(*strip.own)]
+        total, count = total + float(np.nansum(own)), count + int(np.isfinite(own).sum())
+    return total / count if count else np.nan
+
+
 def start_parallaxes(pair: EpipolarPair, heights: np.ndarray, grid: MapGrid, cells: Window, left: Window) -> StartSurface:
     """Parallaxes x_left - x_right of the pixels `left` of the left epipolar image, on a grid reduced by `FACTOR`.
 
@@ -65,13 +106,12 @@ def start_parallaxes(pair: EpipolarPair, heights: np.ndarray, grid: MapGrid, cel
     FACTOR and may leave the image.
     """
     heights, cells = _cropped(pair, heights, grid, cells, left)
-    places, shape = np.full((3, *heights.shape), np.nan), (left.height // FACTOR, left.width // FACTOR)
     # The centre of reduced pixel k lies at FACTOR k + (FACTOR - 1) / 2 of the image.
     half = (FACTOR - 1) / 2
     first = (pair.left_col0 - left.col - half) / FACTOR, (pair.row0 - left.row - half) / FACTOR
-    pose = np.array(pair.rotation), np.array(pair.left_centre), pair.c
-    _projected(heights, *grid.centres(cells), pose, pair.base, grid.cell, first, shape, places)
-    col, row, parallax = places
+    pose, shape = (np.array(pair.rotation), np.array(pair.left_centre), pair.c), (left.height // FACTOR, left.width // FACTOR)
+    places = _CellsInImage(heights, *grid.centres(cells), pose, pair.base, grid.cell, first, shape)
+    parallax = _mean(places.strips())
     # Half the distance of cells as seen in the image, and half a pixel at least, so that cells at a break leave no gaps.
-    distance = grid.cell * float(np.nanmean(parallax)) / pair.base / FACTOR if np.isfinite(parallax).any() else 1.0
-    return StartSurface(rasterised(col, row, parallax, shape, _SAME_SURFACE, max(0.5 * distance, 0.5)), FACTOR)
+    distance = grid.cell * parallax / pair.base / FACTOR if np.isfinite(parallax) else 1.0
+    return StartSurface(rasterised(places.strips(), shape, _SAME_SURFACE, max(0.5 * distance, 0.5)), FACTOR)

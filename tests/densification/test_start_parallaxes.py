@@ -63,6 +63,15 @@ def test_cells_that_the_pixels_cannot_show_change_nothing():
     assert np.isfinite(whole).all()
 
 
+@pytest.mark.parametrize("cells", [1, 1000, 7000])
+def test_strips_make_no_difference(monkeypatch, cells):
+    x, y = np.meshgrid(*FINE.centres(Window(0, 0, *FINE.shape)))
+    heights = 6.0 + 4.0 * np.sin(x / 9.0) * np.cos(y / 7.0) + 12.0 * (np.hypot(x - 60, y + 55) < 8)
+    whole = started(heights)
+    monkeypatch.setattr("orthomill.tasks.densification.start_parallaxes.STRIP", cells)
+    np.testing.assert_array_equal(started(heights), whole)
+
+
 def test_unknown_heights_stay_unknown():
     assert np.isnan(started(np.full(FINE.shape, np.nan))).all()
 
