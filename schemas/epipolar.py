@@ -61,6 +61,8 @@ class EpipolarPairs(BaseModel):
     pairs: tuple[EpipolarPair, ...]
     not_used: tuple[tuple[str, str], ...] = ()
     """(pair, reason)"""
+    heights: tuple[float, float] | None = None
+    """lowest and highest height that the pairs are to cover, m; None: all that their parallaxes allow"""
 
 
 class GreyRange(BaseModel):

@@ -43,10 +43,12 @@ def window_cells(side: int, pairs: tuple[EpipolarPair, ...], surface: Surface) -
 
 
 def height_bounds(pairs: EpipolarPairs) -> tuple[float, float]:
-    """Lowest and highest height (m) that the parallax ranges of the pairs allow in the middle of their left images."""
+    """Lowest and highest height (m) that the parallax ranges of the pairs allow, of those that the pairs are to cover."""
     # The corners suffice: between them the height of a plane of constant parallax is linear.
     corners = [_frame_points(pair, p)[:, 2] for pair in pairs.pairs for p in (pair.parallax_low, pair.parallax_high)]
-    return float(np.min(corners)), float(np.max(corners))
+    # The range of a tilted pair, which covers near and far ground, allows heights at its corners that the block nowhere has.
+    low, high = pairs.heights or (-np.inf, np.inf)
+    return float(max(np.min(corners), low)), float(min(np.max(corners), high))
 
 
 def pair_bounds(pair: EpipolarPair, low: float, high: float) -> tuple[float, float, float, float]:

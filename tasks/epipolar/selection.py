@@ -116,7 +116,8 @@ def choose_pairs(block: Block, choice: PairChoice, height_margin: float, height_
     if not pairs:
         raise GeometryError(_no_pair(block, found, refused))
     # In order of name: the order of the photographs in the block must not decide the order of jobs and fusion.
-    return EpipolarPairs(pairs=tuple(sorted(pairs, key=lambda p: p.name)), not_used=tuple(sorted(refused)))
+    ordered = tuple(sorted(pairs, key=lambda p: p.name))
+    return EpipolarPairs(pairs=ordered, not_used=tuple(sorted(refused)), heights=(heights.low, heights.high))
 
 
 def _horizons(views: list[View], z: float) -> list[tuple[str, str]]:

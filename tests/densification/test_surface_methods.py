@@ -233,6 +233,11 @@ def test_the_grid_holds_what_the_pair_sees():
     assert height_bounds(EpipolarPairs(pairs=(PAIR,))) == (surface.height_low, surface.height_high)
 
 
+def test_parallaxes_of_tilted_pairs_widen_the_heights_no_farther_than_the_block_asks_for():
+    low, high = height_bounds(EpipolarPairs(pairs=(PAIR,)))
+    assert height_bounds(EpipolarPairs(pairs=(PAIR,), heights=(low + 5.0, high + 5.0))) == (low + 5.0, high)
+
+
 @pytest.mark.parametrize(("pixel", "cell"), [(0.65, 1.0), (0.02, 0.025), (0.031, 0.05), (0.1, 0.2), (1.5, 2.5)])
 def test_cells_have_round_sizes(pixel, cell):
     assert round_cell_size(pixel) == pytest.approx(cell)
