@@ -11,6 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from benchmarks.texture.portal_truth import portal_rows
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import Window
@@ -156,6 +157,13 @@ def main() -> None:
         "| --- | --- | --- |",
     ]
     lines += [*kernel_rows(), *remedy_rows()]
+    lines += [
+        "",
+        "The portal, on seeds on which nothing was chosen, beside its truth where two photographs or more see it (`python -m "
+        "benchmarks.texture.portal_truth runs/portal` for a finished run at full size):",
+        "",
+        *portal_rows(),
+    ]
     RESULTS.write_text("\n".join(lines) + "\n")
     print(RESULTS.read_text())
 

@@ -5,6 +5,7 @@ What is mended is counted. Holes are left: nothing is invented. A point cloud is
 longer than usual span gaps and are left out.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,8 @@ METRES = {"auto": 1.0, "m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048}
 """metres of a unit of the file"""
 LONGEST_EDGE = 8.0
 """median edges of a triangulated point cloud up to which a triangle is surface and no gap"""
+_TOGETHER, _ENOUGH = 2**18, 1_000_000
+"""triangles that are looked at at a time; those that tell the usual length of an edge"""
 _FLAT = 1e-12  # height over longest edge, squared: rounding alone gives a triangle as much
 _COARSE = 0.05
 """share of the median edge from which the rounding of stored coordinates deforms the surface"""
@@ -72,7 +75,7 @@ def mend_mesh(
     cloud = not len(mesh.triangles)
     triangles = triangulated(points, finite) if cloud else mesh.triangles
     known = np.asarray(finite[triangles].all(axis=1))
-    flat = known & ~has_a_plane(points, triangles)
+    flat = known & ~in_parts(points, triangles, has_a_plane)
     left = triangles[known & ~flat]
     twice = repeated(points, left)
     kept = left[~twice]
@@ -83,9 +86,11 @@ def mend_mesh(
         )
     edge = _median_edge(points, kept)
     _refuse_rounded(mesh.vertices, _median_edge(mesh.vertices, kept))
-    kept = kept[spatial_order(points[kept].mean(axis=1))]
-    used, numbers = np.unique(kept, return_inverse=True)
-    points, kept = points[used], numbers.reshape(-1, 3).astype(np.int32)
+    kept = kept[spatial_order(in_parts(points, kept, _middles))]
+    needed = np.zeros(len(points), bool)
+    needed[kept.ravel()] = True
+    used = np.flatnonzero(needed)
+    points, kept = points[used], (np.cumsum(needed, dtype=np.int32) - 1)[kept]
     bodies, borders, turned = _topology(points, kept)
     colours = np.zeros((len(used), 3), np.uint8) if mesh.colours is None else mesh.colours[used]
     census = MeshCensus(
@@ -113,6 +118,16 @@ def _three(values: np.ndarray) -> tuple[float, float, float]:
     return x, y, z
 
 
+def in_parts(points: np.ndarray, triangles: np.ndarray, of: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
+    """What a function of points and triangles gives for all triangles, some at a time: corners in float64 take 72 bytes each."""
+    parts = [of(points, triangles[k : k + _TOGETHER]) for k in range(0, len(triangles), _TOGETHER)]
+    return np.concatenate(parts) if parts else of(points, triangles)
+
+
+def _middles(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    return np.asarray(points[triangles].mean(axis=1))
+
+
 def has_a_plane(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """bool (T,): triangles whose three corners are not on a line."""
     a, b, c = (points[triangles[:, k]] for k in range(3))
@@ -133,7 +148,8 @@ def _place_codes(points: np.ndarray) -> np.ndarray:
 
 def repeated(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """bool (T,): triangles between the same three places as an earlier one, whichever way they face."""
-    codes = np.sort(_place_codes(points)[triangles], axis=1)
+    codes = _place_codes(points)[triangles]
+    codes.sort(axis=1)
     code = np.zeros(len(codes), np.uint64)
     for column in codes.T:
         code = (code ^ column) * np.uint64(0xBF58476D1CE4E5B9)
@@ -145,7 +161,8 @@ def repeated(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def _median_edge(points: np.ndarray, triangles: np.ndarray) -> float:
-    return float(np.median(np.linalg.norm(points[triangles[:, 0]] - points[triangles[:, 1]], axis=1)))
+    some = triangles[:: -(-len(triangles) // _ENOUGH)]
+    return float(np.median(np.linalg.norm(points[some[:, 0]] - points[some[:, 1]], axis=1)))
 
 
 def _refuse_rounded(vertices: np.ndarray, edge: float) -> None:
@@ -165,16 +182,26 @@ def _refuse_rounded(vertices: np.ndarray, edge: float) -> None:
 def _topology(points: np.ndarray, triangles: np.ndarray) -> tuple[int, int, int]:
     """Number of separate bodies, of edges with one triangle, and of edges between two that face opposite ways."""
     _, merged = np.unique(_place_codes(points), return_inverse=True)
-    corners = merged[triangles]
+    corners = merged.astype(np.int32)[triangles]
     count = int(corners.max()) + 1
-    ways = np.vstack([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]]).astype(np.int64)
-    edges = np.sort(ways, axis=1)
-    graph = coo_matrix((np.ones(len(edges), np.int8), edges.T), shape=(count, count))
+    # Two edges of each triangle join its corners.
+    ends = np.concatenate([corners[:, 0], corners[:, 1]]), np.concatenate([corners[:, 1], corners[:, 2]])
+    graph = coo_matrix((np.ones(len(ends[0]), np.int8), ends), shape=(count, count))
     bodies, _ = connected_components(graph, directed=False)
-    _, number, times = np.unique(edges[:, 0] * count + edges[:, 1], return_inverse=True, return_counts=True)
+    # The ends of an edge and the way in which it is run along, as one number: the whole list is sorted in place.
+    code = np.empty((3, len(corners)), np.int64)
+    for k in range(3):
+        here, there = corners[:, k].astype(np.int64), corners[:, (k + 1) % 3]
+        code[k] = 2 * (np.minimum(here, there) * count + np.maximum(here, there)) + (here < there)
+    flat = code.ravel()
+    flat.sort()
+    upwards = (flat & 1).astype(np.int8)
+    flat >>= 1
+    first = np.flatnonzero(np.concatenate([[True], flat[1:] != flat[:-1]]))
+    times = np.diff(first, append=len(flat))
     # Two triangles that face the same way run along their edge in opposite directions.
-    upwards = np.bincount(number, ways[:, 0] < ways[:, 1], len(times))
-    return int(bodies), int((times == 1).sum()), int(((times == 2) & (upwards != 1)).sum())
+    ways = np.add.reduceat(upwards, first)
+    return int(bodies), int((times == 1).sum()), int(((times == 2) & (ways != 1)).sum())
 
 
 def triangulated(points: np.ndarray, finite: np.ndarray) -> np.ndarray:

@@ -331,3 +331,28 @@ def test_the_best_photographs_are_chosen_by_number_or_by_scale():
         shares[best] = {row[0]: row[1] for row in table.rows}
     assert shares[0]["d"] > 2 * shares["auto"]["d"] and shares["auto"]["a"] > 10
     assert shares[1]["d"] < 3
+
+
+def test_of_two_photographs_only_the_one_without_anything_before_the_place_shows_it():
+    # The published figure: one ray meets the box first, the other one the wall.
+    blocked, free = (-0.05, -5.0, 1.0), (2.4, -4.6, 1.6)
+    project = scene.project_of(MemoryProject, ("a", "b"), scene.block((blocked, free)))
+    project.run(
+        stage(
+            leave_one_out={"kind": "none"},
+            outputs=[{**FRONT, "section": {"kind": "plane", "point": (0, -0.4, 0), "normal": (0, -1, 0)}}],
+        )
+    )
+    # On the wall, behind the middle of the box.
+    row, col = round((3.0 - 1.0) / 0.025), round(2.0 / 0.025)
+    assert project.rasters["projection/front/sight"][row, col].tolist()[0] == MeshSight.HIDDEN
+    assert project.rasters["projection/front/sight"][row, col].tolist()[1] >= MeshSight.AT_BREAK
+    assert project.rasters["projection/front/coverage"][row, col] == 1
+
+
+def test_settings_that_were_written_and_read_again_give_the_same_picture(plain):
+    written = stage().model_dump(mode="json")
+    project = scene.project_of(MemoryProject)
+    project.run(ProjectionStage.model_validate(written))
+    assert ProjectionStage.model_validate(written) == stage()
+    assert np.array_equal(project.rasters["projection/front/ortho"], plain.rasters["projection/front/ortho"])

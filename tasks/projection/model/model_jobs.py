@@ -37,8 +37,8 @@ _TOGETHER = 4  # nodes below one
 _PACKED = 2.2  # side of a texture over that of its triangles, laid out as a square: charts are no rectangles
 _WHOLE = 32
 """blocks up to which all tiles also make one GLB: programs read it whole"""
-_PAGE_BLOCKS = 16
-"""blocks of the level that the page shows: a quarter of a million triangles"""
+_PAGE_BLOCKS = 32
+"""blocks of the level that the page shows: half a million triangles"""
 
 
 class NoModel(Settings):
