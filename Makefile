@@ -10,7 +10,7 @@ photos ?=
 options ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-tile-map bench-remaining-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-registration bench-published-bundles bench-vll bench-guided bench-guide compare chaos docs clean clean-all bench-texture
+.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-tile-map bench-map-cost bench-remaining-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-registration bench-published-bundles bench-vll bench-guided bench-guide compare chaos docs clean clean-all bench-texture
 
 help: ## List all targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-18s %s\n", $$1, $$2}'
@@ -88,6 +88,9 @@ bench-time: $(STAMP) ## Where the time goes, stage by stage (options="runs/volos
 
 bench-tile-map: $(STAMP) ## What the map of a million tiles costs the scheduler and a browser (needs Playwright and a Chromium)
 	@$(BIN)/python -m benchmarks.watching.tile_map $(options)
+
+bench-map-cost: $(STAMP) ## What the map of tiles costs a finished run: make project=volos bench-map-cost
+	@$(BIN)/python -m benchmarks.watching.map_cost $(project)
 
 bench-remaining-time: $(STAMP) ## Estimates of the remaining time beside what came, in recorded runs
 	@$(BIN)/python -m benchmarks.watching.remaining_time $(options)

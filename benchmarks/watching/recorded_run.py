@@ -88,10 +88,11 @@ def write_log(path: Path, log: RunLog) -> None:
     path.write_bytes(gzip.compress(json.dumps(held, separators=(",", ":")).encode(), mtime=0))
 
 
-class _Replayed(Session):
+class Replayed(Session):
     """A session that plans as the recorded run did, when the tables that its stages wait for were done."""
 
     def is_valid(self, key: Key) -> bool:
+        """Whether the job had ended at this time of the replay."""
         return key in self.done
 
 
@@ -150,7 +151,7 @@ class _Recorder:
 def recorded(workflow: Path) -> RunLog:
     """The log of the finished run of a project."""
     session = session_of(load_workflow(workflow, STAGES))
-    session.__class__ = _Replayed
+    session.__class__ = Replayed
     found: list[Planned | Ended] = []
     for event in _Recorder(session).events():
         if isinstance(event, Planned) and found and isinstance(found[-1], Planned) and found[-1].family == event.family:
