@@ -187,7 +187,7 @@ def _empty_cells(window: Window) -> _CellArrays:
     return _CellArrays(window.row, window.col, np.full(window.shape, np.nan), np.full(window.shape, np.nan, np.float32))
 
 
-class Strip(NamedTuple):
+class ValueRows(NamedTuple):
     """Rows of values (rows, cols) that lie at col, row (px) of an image, with the rows above and below them, where there are some,
     which belong to other strips; `own`: the first row of the strip itself, and the one behind its last."""
 
@@ -197,7 +197,7 @@ class Strip(NamedTuple):
     own: tuple[int, int]
 
 
-def rasterised(strips: Iterable[Strip], shape: tuple[int, int], max_jump: float, reach: float) -> np.ndarray:
+def rasterised(strips: Iterable[ValueRows], shape: tuple[int, int], max_jump: float, reach: float) -> np.ndarray:
     """The greatest of the values that fall on every pixel of an image of `shape`, float32, NaN where there is none.
 
     Neighbours whose values differ by more than `max_jump` are not connected; each covers the pixels within `reach` px of it. How

@@ -13,7 +13,7 @@ from numba import njit
 
 from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.tasks.densification.gridding import Strip, rasterised
+from orthomill.tasks.densification.gridding import ValueRows, rasterised
 from orthomill.tasks.geometry.epipolar_window import map_window
 from orthomill.tasks.matching.dense.node_surfaces import StartSurface
 
@@ -76,21 +76,21 @@ class _CellsInImage(NamedTuple):
     """principal column and row in the reduced image"""
     shape: tuple[int, int]
 
-    def strips(self) -> Iterator[Strip]:
+    def strips(self) -> Iterator[ValueRows]:
         """One after the other: towards the horizon a block shows millions of cells."""
         step = max(STRIP // max(self.heights.shape[1], 1), 1)
         return (self._strip(row, min(row + step, len(self.y))) for row in range(0, len(self.y), step))
 
-    def _strip(self, begin: int, end: int) -> Strip:
+    def _strip(self, begin: int, end: int) -> ValueRows:
         """The rows from `begin` to `end`, with one above and one below."""
         top, bottom = max(begin - 1, 0), min(end + 1, len(self.y))
         heights = self.heights[top:bottom]
         places = np.full((3, *heights.shape), np.nan)
         _projected(heights, self.x, self.y[top:bottom], self.pose, self.base, self.cell, self.first, self.shape, places)
-        return Strip(*places, (begin - top, end - top))
+        return ValueRows(*places, (begin - top, end - top))
 
 
-def _mean(strips: Iterable[Strip]) -> float:
+def _mean(strips: Iterable[ValueRows]) -> float:
     """The mean of the known values; NaN without any."""
     total, count = 0.0, 0
     for strip in strips:
