@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from checked_ground import GRID, ground, project
 from memory_runner import MemoryProject
+from scipy.ndimage import binary_dilation
 from tiny_block import EAST, FLYING, HEIGHT, NORTH, block, surface
 
 from orthomill.schemas.epipolar import EpipolarPairs
@@ -11,7 +12,7 @@ from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.observations import GroundPoints
 from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.stage_report import report_table
-from orthomill.schemas.surface import CORRECTED, SURFACE, Provenance
+from orthomill.schemas.surface import CORRECTED, SURFACE, CheckCode, Provenance
 from orthomill.schemas.surface import HEIGHT as MEASURED_HEIGHT
 from orthomill.tasks.dsm_check.area_map import AreaRule, area_map, outlines
 from orthomill.tasks.dsm_check.areas import SuspiciousArea
@@ -140,6 +141,23 @@ def test_a_shift_is_taken_out_when_that_is_asked_for():
     made = checked_file(lambda x, y: 0 * x + 2.0, shift="remove")
     x, y = ground()
     assert abs(np.median(made.rasters[CORRECTED] - surface(x, y))) < 0.06
+
+
+@pytest.mark.slow
+def test_holes_of_a_file_are_filled_by_matching_in_the_height_system_of_the_file():
+    made = project(256, lambda x, y: 0 * x, hole=False)
+    x, y = ground()
+    heights = (surface(x, y) + 7.0).astype(np.float32)
+    heights[100:130, 240:280] = np.nan
+    made.files = {"other.tif": (GRID, heights)}
+    made.has_stage = lambda kind: kind == "densification"
+    source = SurfaceFile(kind="file", path="other.tif", holes="fill")
+    made.run(DsmCheckStage(surface=source, rounds=1, levels=0, pairs=3))
+    codes, hole = made.rasters["dsm_check/code"], np.isnan(heights)
+    assert (codes[hole] == CheckCode.FILLED).all()
+    # Between cells a height beside a hole is none.
+    assert not (codes[~binary_dilation(hole, np.ones((3, 3)))] == CheckCode.FILLED).any()
+    assert np.abs(made.rasters[CORRECTED] - surface(x, y) - 7.0)[hole].max() < 0.1
 
 
 def test_areas_are_polygons_on_the_earth():
