@@ -110,10 +110,9 @@ class CostModel:
         self._families: dict[Family, FamilyCost] = {}
         self._family_of: dict[Key, Family] = {}
         self._closed: set[str] = set()
-        self._begun = clock()
         self._heard: dict[str, float] = {}
         """when a worker ended its last job"""
-        self._pace = _Pace(self._begun)
+        self._pace = _Pace(clock())
 
     def planned(self, planned: PlannedJob) -> None:
         """A job has been planned."""
@@ -191,7 +190,8 @@ class CostModel:
     def _under_way(self) -> float:
         """Seconds that workers have spent on jobs that have not ended: compiling takes as long as all jobs of a function."""
         now, last = self._clock(), sorted(self._heard.values())[-self._workers :]
-        silent = sum(now - heard for heard in last) + (self._workers - len(last)) * (now - self._begun)
+        # A worker that has not ended any job yet may still be loading its libraries.
+        silent = sum(now - heard for heard in last)
         waiting = sum(cost.left for cost in self._families.values())
         return PARALLEL * silent * min(waiting / self._workers, 1.0)
 
