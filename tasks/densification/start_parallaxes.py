@@ -87,7 +87,7 @@ class _CellsInImage(NamedTuple):
         heights = self.heights[top:bottom]
         places = np.full((3, *heights.shape), np.nan)
         _projected(heights, self.x, self.y[top:bottom], self.pose, self.base, self.cell, self.first, self.shape, places)
-        return ValueRows(*places, (begin - top, end - top))
+        return ValueRows(places[0], places[1], places[2], (begin - top, end - top))
 
 
 def _mean(strips: Iterable[ValueRows]) -> float:
