@@ -8,6 +8,7 @@ import gc
 import json
 import sys
 import webbrowser
+from collections import ChainMap
 from importlib.metadata import version
 from io import TextIOWrapper
 from pathlib import Path
@@ -441,15 +442,16 @@ def reference(path: Annotated[Path, typer.Argument(help="Where to write the page
 
 @app.command(hidden=True)
 def figures(
-    name: Name,
-    path: Annotated[Path, typer.Argument(help="Where to write the page.")] = Path("docs/summary.md"),
+    names: Annotated[list[str], typer.Argument(help="Finished projects that together have all stages.")],
+    path: Annotated[Path, typer.Option(help="Where to write the page.")] = Path("docs/summary.md"),
     debug: Debug = False,
 ) -> None:
-    """Write the page of all names in summary.json from a finished run."""
+    """Write the page of all names in summary.json from finished runs."""
     with plain_errors(debug):
-        loaded = load_project(name)
-        summary = json.loads((loaded.root / "runs" / loaded.project.project / "summary.json").read_text())
-        path.write_text(summary_markdown(summary))
+        loaded = map(load_project, names)
+        files = [one.root / "runs" / one.project.project / "summary.json" for one in loaded]
+        # The first has the last word on what several have.
+        path.write_text(summary_markdown(dict(ChainMap(*(json.loads(file.read_text()) for file in files)))))
 
 
 def main() -> None:

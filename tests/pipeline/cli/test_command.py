@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 
 import pytest
 import rasterio
@@ -63,6 +64,17 @@ def test_plan_says_what_a_changed_setting_or_from_would_run(done):
     write_workflow(done, stages=["photos", "calibration", "tie_points", {"kind": "orientation", "least_matches": 20}])
     said = command("plan", "site")
     assert "settings changed" in said and said.count("unchanged") == 3
+
+
+def test_the_page_of_figures_names_those_of_all_given_projects(done):
+    other = done / "runs" / "other"
+    other.mkdir()
+    (other / "summary.json").write_text('{"projection.outputs": {"value": 1, "unit": "", "sentence": "Pictures."}}')
+    (done / "workflows" / "other.yaml").write_text((done / "workflows" / "site.yaml").read_text().replace(": site", ": other", 1))
+    command("figures", "site", "other", "--path", "figures.md")
+    text = (done / "figures.md").read_text()
+    assert "| `projection.outputs` |  | Pictures. |" in text and "| `photos." in text
+    shutil.rmtree(other)
 
 
 def test_a_second_run_does_nothing(done, jobs):
