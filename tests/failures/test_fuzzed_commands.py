@@ -6,12 +6,17 @@
 import json
 import os
 import random
+import shutil
+import time
 
+import numpy as np
 import pytest
 from small_site import WORKFLOW, app, make_site, photographs, write_workflow
 from typer.testing import CliRunner
 
 CASES = int(os.environ.get("ORTHOMILL_FUZZ", "40"))
+HANGS = 120.0
+"""s; a run of the three photographs takes two on an idle machine"""
 NUMBERS = ("nan", "inf", "-1", "0", "1e300", "1e-300", "4e9", "", " ", "1,5", "٣", "9" * 400, '"', "576000", "5188000.5")
 POSITIONS = "photo,x,y,z,sigma_x,sigma_y,sigma_z\n"
 POINTS = "name,role,x,y,z,sigma_x,sigma_y,sigma_z\n"
@@ -81,3 +86,50 @@ def test_whatever_files_hold_plan_answers_and_writes_nothing(site, monkeypatch, 
         assert "unexpected" not in result.output and "Traceback" not in result.output, (seed, result.output)
         assert state_of(site) == before, seed
         photo.write_bytes(originals[photo])
+
+
+def plausible_table(chance: random.Random, header: str, name: str, near: tuple[float, float, float]) -> str:
+    """Positions of three photographs as people have them, one of them spoiled: far away, upside down, without height, twice."""
+    rows = []
+    for number in range(3):
+        x, y, z = (value + chance.uniform(-20, 20) for value in near)
+        rows.append([f"{name}{number}", x, y, z, 2.0, 2.0, 4.0])
+    row = chance.choice(rows)
+    row[chance.randrange(1, 4)] = chance.choice((0.0, 1e4, -1e4, 4e9, near[0], float("nan"), 1e-12))
+    if chance.random() < 0.3:
+        row[chance.randrange(4, 7)] = chance.choice((0.0, -1.0, 1e9, 1e-9))
+    if chance.random() < 0.2:
+        rows.append(list(row))
+    return header + "\n".join(",".join(map(str, row)) for row in rows)
+
+
+@pytest.mark.parametrize("seed", range(max(CASES // 10, 4)))
+def test_whatever_files_hold_run_answers_and_what_it_makes_has_numbers(site, monkeypatch, seed):
+    monkeypatch.chdir(site)
+    originals, chance = {photo: photo.read_bytes() for photo in photographs(site)}, random.Random(10_000 + seed)
+    spoil(site, chance)
+    if chance.random() < 0.6:
+        names = [photo.stem for photo in originals]
+        text = plausible_table(chance, POSITIONS, "p", (576_700.0, 5_188_100.0, 300.0))
+        for number, name in enumerate(names):
+            text = text.replace(f"p{number},", f"{name},")
+        (site / "positions.csv").write_text(text)
+        write_workflow(site, positions={"kind": "file", "path": "positions.csv"})
+    photo = chance.choice(list(originals))
+    if chance.random() < 0.5:
+        photo.write_bytes(spoiled(chance, originals[photo]))
+    before, started = state_of(site), time.monotonic()
+    result = CliRunner().invoke(app, ["run", WORKFLOW["project"], "--sequential"])
+    photo.write_bytes(originals[photo])
+    assert result.exit_code in (0, 1, 2), (seed, result.output, result.exception)
+    assert result.exception is None or isinstance(result.exception, SystemExit), (seed, result.exception)
+    assert "unexpected" not in result.output and "Traceback" not in result.output, (seed, result.output)
+    outside = {path: when for path, when in state_of(site).items() if "runs" not in path.parts and path != photo}
+    assert outside == {path: when for path, when in before.items() if "runs" not in path.parts and path != photo}, seed
+    assert time.monotonic() - started < HANGS, seed
+    block = site / "runs" / WORKFLOW["project"] / "tables" / "orientation" / "block.json"
+    if result.exit_code == 0 and block.exists():
+        found = json.loads(block.read_text())
+        numbers = [value for one in found["photos"] for value in (*one["centre"], *one["omega_phi_kappa"])]
+        assert np.isfinite(numbers).all() and np.isfinite(found["sigma0_px"]), (seed, result.output)
+    shutil.rmtree(site / "runs", ignore_errors=True)
