@@ -1,6 +1,6 @@
 """How well the remaining time is estimated: recorded runs are replayed, and every estimate is compared with what came.
 
-    python -m benchmarks.watching.remaining_time                      the runs recorded in benchmarks/watching/runs
+    python -m benchmarks.watching.remaining_time                      the runs recorded in benchmarks/watching/recordings
     python -m benchmarks.watching.remaining_time LOG ...              every estimate of other recorded runs
     python -m benchmarks.watching.remaining_time --release            writes pipeline/forecast/costs.json from the recorded runs
 
@@ -27,7 +27,7 @@ from orthomill.pipeline.forecast.known_costs import (
 )
 from orthomill.pipeline.watching.cost_model import CostModel, Remaining
 
-RUNS = Path(__file__).parent / "runs"
+RUNS = Path(__file__).parent / "recordings"
 FROM, STEP, LAST = 60.0, 5.0, 10.0
 """seconds after the beginning and between estimates; in the last seconds a single job decides, and nobody plans by them"""
 WITHIN = 30.0

@@ -11,7 +11,7 @@ import psutil
 import pytest
 
 from orthomill.pipeline.engine.dask_cluster import local_client
-from orthomill.pipeline.engine.running import _write_for_the_user_only
+from orthomill.pipeline.engine.running import write_for_the_user_only
 
 NOBODY = 65534
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(os.getuid() != 0, reason="only the administrator can become another user")]
@@ -57,7 +57,7 @@ def test_another_user_gets_in_nowhere(tmp_path):
         dashboard = int(re.search(r":(\d+)/", client.dashboard_link)[1])
         listening = ports(psutil.Process().children(recursive=True)) | {scheduler}
         address = tmp_path / "dashboard.txt"
-        _write_for_the_user_only(address, client.dashboard_link)
+        write_for_the_user_only(address, client.dashboard_link)
         tmp_path.chmod(0o755)
 
         def check() -> None:

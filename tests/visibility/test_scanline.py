@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from whole_mesh import nearest_triangles
 
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.raster import Window
@@ -12,6 +11,7 @@ from orthomill.schemas.solid.mesh import TriangleMesh
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.geometry.view import View
 from orthomill.tasks.visibility.scanline import NOTHING, Projection, add_triangles, central_projection, empty_raster
+from tests.support.solid.whole_mesh import nearest_triangles
 
 DOWN = Projection(np.array([[1.0, 0, 0, 0], [0, -1.0, 0, 0], [0, 0, 1.0, 0]]), central=False)
 """From above: columns are X, rows are -Y, the higher the nearer."""
