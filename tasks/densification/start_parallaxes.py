@@ -111,7 +111,9 @@ def start_parallaxes(pair: EpipolarPair, heights: np.ndarray, grid: MapGrid, cel
     first = (pair.left_col0 - left.col - half) / FACTOR, (pair.row0 - left.row - half) / FACTOR
     pose, shape = (np.array(pair.rotation), np.array(pair.left_centre), pair.c), (left.height // FACTOR, left.width // FACTOR)
     places = _CellsInImage(heights, *grid.centres(cells), pose, pair.base, grid.cell, first, shape)
-    parallax = _mean(places.strips())
+    # Most blocks are one strip, which is projected once; those that look to the horizon must not be held whole.
+    kept = list(places.strips()) if heights.size <= STRIP else None
+    parallax = _mean(kept or places.strips())
     # Half the distance of cells as seen in the image, and half a pixel at least, so that cells at a break leave no gaps.
     distance = grid.cell * parallax / pair.base / FACTOR if np.isfinite(parallax) else 1.0
-    return StartSurface(rasterised(places.strips(), shape, _SAME_SURFACE, max(0.5 * distance, 0.5)), FACTOR)
+    return StartSurface(rasterised(kept or places.strips(), shape, _SAME_SURFACE, max(0.5 * distance, 0.5)), FACTOR)
