@@ -6,6 +6,7 @@ surface.
 """
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,10 @@ from benchmarks.compare.mountain_scene import mountain
 from benchmarks.compare.replayed_crop import Replay
 from benchmarks.measured_run import machine, write_result
 from orthomill.schemas.epipolar import PAIRS
-from orthomill.schemas.observations import GROUND_POINTS
 from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.surface import HEIGHT, MEASURED, PROVENANCE
 from orthomill.tasks.densification.stage import DensificationStage
-from orthomill.tasks.densification.volume.guide_heights import guide_reach
+from orthomill.tasks.densification.volume.volume_plan import GUIDE_REACH
 from orthomill.tasks.evaluation.classes import PlaceClass
 
 _DEM = "model.tif"
@@ -40,8 +40,20 @@ _AFTER = ("surface", "cells", "report", "grid", "line-counts")
 """jobs that are not matching"""
 
 
-def matched(scene: Scene, settings: dict[str, Any], model: tuple[MapGrid, np.ndarray]) -> tuple[float, float, float]:
-    """CPU seconds of matching, cells measured, %, and of these beyond the gross departure, %."""
+@dataclass(frozen=True, eq=False)
+class Matched:
+    """A way on a scene: CPU seconds of matching, cells measured, % of those wanted, of these beyond the gross departure, %, and the
+    greatest departure, m."""
+
+    seconds: float
+    found: float
+    gross: float
+    most: float
+    replay: Replay
+
+
+def matched(scene: Scene, settings: dict[str, Any], model: tuple[MapGrid, np.ndarray]) -> Matched:
+    """A way on a scene that may have a model beside it."""
     replay = Replay(scene.crop, files={_DEM: model})
     replay.run(DensificationStage.model_validate({"kind": "densification", "matching": settings}))
     inner = slice(_RIM, -_RIM), slice(_RIM, -_RIM)
@@ -49,47 +61,55 @@ def matched(scene: Scene, settings: dict[str, Any], model: tuple[MapGrid, np.nda
     measured = wanted & np.isin(replay.rasters[PROVENANCE][inner], MEASURED)
     error = (replay.rasters[HEIGHT] - scene.known.height)[inner][measured]
     error = error - np.median(error) if len(error) else error
-    gross = 100 * (np.abs(error) > scene.gross).mean() if len(error) else np.nan
-    seconds = sum(value for item, value in replay.seconds.items() if not item.startswith(_AFTER))
-    return seconds, 100 * measured.sum() / max(wanted.sum(), 1), gross
+    gross = 100 * float((np.abs(error) > scene.gross).mean()) if len(error) else float("nan")
+    found = 100 * float(measured.sum()) / max(int(wanted.sum()), 1)
+    return Matched(matching_seconds(replay), found, gross, float(np.abs(error).max(initial=0.0)), replay)
 
 
-def ranges(scene: Scene, model: tuple[MapGrid, np.ndarray]) -> tuple[float, float]:
-    """Parallaxes that are searched without and with the model, px: median of the pairs."""
-    grid, heights = model
-    reach = guide_reach(scene.crop.store.table(GROUND_POINTS), heights, grid)
+def matching_seconds(replay: Replay) -> float:
+    """CPU time without the surface."""
+    return sum(value for item, value in replay.seconds.items() if not item.startswith(_AFTER))
+
+
+def ranges(scene: Scene, guided: Replay) -> tuple[float, float]:
+    """Parallaxes that are searched without and with the model, px: median of the pairs, mean of the places of the scene."""
+    away = float(guided.rasters[GUIDE_REACH].sum(axis=-1).mean())
     whole, near = [], []
     for pair in scene.crop.store.table(PAIRS).pairs:
         middle = (pair.parallax_low + pair.parallax_high) / 2
         whole.append(pair.parallax_high - pair.parallax_low)
         # dp = p^2 dz / (B c)
-        near.append((reach.below + reach.above) * middle**2 / (pair.base * pair.c))
+        near.append(away * middle**2 / (pair.base * pair.c))
     return float(np.median(whole)), float(np.median(near))
 
 
-def rows(scene: Scene, model: tuple[MapGrid, np.ndarray]) -> list[str]:
-    """The table of a scene."""
-    lines = []
-    for name, (plain, added) in WAYS.items():
-        both = [matched(scene, settings, model) for settings in (plain, {**plain, **added})]
-        (seconds, found, gross), (faster, more, fewer) = both
-        cells = f"{seconds:.1f} / {faster:.1f} | {seconds / faster:.1f} | {found:.1f} / {more:.1f} | {gross:.2f} / {fewer:.2f}"
-        lines.append(f"| {name} | {cells} |")
-        print(scene.name, lines[-1], flush=True)
-    return lines
+def coarse_share(plain: Replay) -> float:
+    """Share of the matching time of the default that its coarse levels take, %: the most that a model can save it."""
+    coarse = sum(value for item, value in plain.seconds.items() if item.startswith("volume ") and item != "volume 0")
+    return 100 * coarse / matching_seconds(plain)
 
 
 def section(scene: Scene, model: tuple[MapGrid, np.ndarray]) -> list[str]:
     """A scene: how wide the search is, and the table."""
-    whole, near = ranges(scene, model)
+    lines, default = [], None
+    for name, (settings, added) in WAYS.items():
+        plain, guided = (matched(scene, asked, model) for asked in (settings, {**settings, **added}))
+        default = default or (plain.replay, guided.replay)
+        times = f"{plain.seconds:.1f} / {guided.seconds:.1f} | {plain.seconds / guided.seconds:.1f}"
+        found, gross = f"{plain.found:.1f} / {guided.found:.1f}", f"{plain.gross:.2f} / {guided.gross:.2f}"
+        lines.append(f"| {name} | {times} | {found} | {gross} | {plain.most:.2f} / {guided.most:.2f} |")
+        print(scene.name, lines[-1], flush=True)
+    assert default is not None
+    whole, near = ranges(scene, default[1])
     return [
         f"## {scene.name.capitalize()}",
         "",
-        f"Range of the search: {whole:.0f} px of parallax without the model, {near:.0f} px with it, {whole / near:.1f} times less.",
+        f"Range of the search: {whole:.0f} px of parallax without the model, {near:.0f} px with it on the mean, {whole / near:.1f} "
+        f"times less. The coarse levels of the default take {coarse_share(default[0]):.0f} % of its matching time.",
         "",
-        f"| without / with the model | matching, CPU-s | times faster | measured, % | beyond {scene.gross:g} m, % |",
-        "| --- " * 5 + "|",
-        *rows(scene, model),
+        f"| without / with the model | matching, CPU-s | times faster | measured, % | beyond {scene.gross:g} m, % | greatest, m |",
+        "| --- " * 6 + "|",
+        *lines,
         "",
     ]
 

@@ -21,7 +21,7 @@ from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.settings import refuse_ignored, setting
 from orthomill.schemas.surface import Surface
 from orthomill.tasks.densification.line_locus.node_markers import marked_picture
-from orthomill.tasks.densification.volume.guide_heights import Guide, GuideReach, TiePointGuide
+from orthomill.tasks.densification.volume.guide_heights import Guide, TiePointGuide
 from orthomill.tasks.densification.volume.photograph_choice import base_height, preferred, sight
 from orthomill.tasks.densification.volume.terrain import at_cells, places_around, terrain_grid
 from orthomill.tasks.geometry.footprint import photo_window
@@ -38,6 +38,9 @@ from orthomill.tasks.matching.volume.rectified_photograph import PhotographPixel
 
 CORRELATION_CLASSES = 20
 """classes of the absolute value of a correlation, from 0 to 1"""
+_TYPICAL = 0.25
+"""share of the reach within which four of five heights lie: a first round that covers all of it has so many heights that some
+window is alike by chance, and the threshold then rejects twice as many nodes"""
 _SAMPLES = 5
 """places along each side of a block at which photographs are compared"""
 
@@ -196,12 +199,12 @@ def solve_lines(
     photos: tuple[np.ndarray, ...] = (),
     points: GroundPoints | None = None,
     terrain: np.ndarray | None = None,
-    reach: GuideReach | None = None,
+    reach: np.ndarray | None = None,
     factor: int = 1,
 ) -> SolvedLines:
     """The heights of a block. photos: pixels (rows, cols, bands) of `block.photos`; points: the tie points, for lines that are
     entered at the height of the node before; terrain: heights (rows, cols) of the places around the block, for those entered on it;
-    reach: how far from an existing model heights may lie, which the first round then covers;
+    reach (rows, cols, 2): how far from an existing model heights may lie there; the first round covers what is usual of it;
     factor: pixels of the picture of markers along the side of a cell."""
     views = [block_view(orientation, part.name) for part in block.photos]
     parts = [
@@ -216,7 +219,7 @@ def solve_lines(
     x, y = block.surface.grid.centres(block.window)
     lines = NodeLines(x, y, start, block.surface.height_low, block.surface.height_high)
     order = visits(*block.window.shape, first, settings.order)
-    beside = None if reach is None else settings.first_points(max(reach.below, reach.above), block.metres_per_pixel)
+    beside = None if reach is None else settings.first_points(_TYPICAL * float(np.median(reach)), block.metres_per_pixel)
     found = found_heights(GreyImages.of(images), lines, order, settings, block.metres_per_pixel, beside)
     markers = marked_picture(images, lines, block.surface.grid.cell, found, factor)
     accepted = found.outcome == Outcome.CONVERGED

@@ -21,7 +21,7 @@ from orthomill.tasks.densification.line_locus.locus_block import (
 )
 from orthomill.tasks.densification.line_locus.node_markers import marker_factor
 from orthomill.tasks.densification.volume.guide_heights import GuideFile
-from orthomill.tasks.densification.volume.volume_plan import GUIDE_REACH, TERRAIN, guided_terrain_plan, reach_job
+from orthomill.tasks.densification.volume.volume_plan import GUIDE_REACH, TERRAIN, guided_terrain_plan
 
 LINE_NODES = "densification/lines/nodes"
 """(rows, cols, 4) float32: height m and its standard error m, NaN unless accepted; correlation, and its limit"""
@@ -42,8 +42,6 @@ def locus_plan(scene: LocusScene, stage: str, crs: str) -> Iterator[RasterSpec |
     yield from _specs(grid, side, factor, crs)
     if scene.settings.start == "terrain":
         yield from guided_terrain_plan(scene.settings.guide, grid, stage, crs)
-    if isinstance(scene.settings.guide, GuideFile):
-        yield reach_job(grid, None, stage)
     tables = []
     for tile in tiles_of(grid.shape, side):
         tables.append(Table(f"densification/lines/{tile.row}-{tile.col}.json", LineStatistics))
@@ -69,7 +67,7 @@ def _block_job(block: LocusBlock, scene: LocusScene, factor: int, table: Table[L
     if scene.settings.start == "terrain":
         reads["terrain"] = Raster(TERRAIN, terrain_window(block))
         if isinstance(scene.settings.guide, GuideFile):
-            reads["reach"] = GUIDE_REACH
+            reads["reach"] = Raster(GUIDE_REACH, terrain_window(block))
     else:
         reads["points"] = GROUND_POINTS
     writes: dict[str, Raster | Table] = {

@@ -5,23 +5,22 @@ datum is refused in one sentence, for it would send the search astray everywhere
 them.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
-from scipy.ndimage import map_coordinates
+from pydantic import Field
 
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.observations import GroundPoints
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.densification.volume.guide_reach import near_tie_points
 from orthomill.tasks.densification.volume.terrain import known_terrain, terrain
 from orthomill.tasks.geometry.coordinate_ranges import in_feet
 
 _OFFSET, _SCATTERS = 5.0, 4.0
 """m, and multiples of the scatter, by which a model must differ throughout to lie in another datum"""
-_FEW, _SPARE = 0.005, 2.0
 _FEWEST = 3
 """places that tie points and model have in common, below which nothing can be judged"""
 
@@ -42,10 +41,21 @@ class GuideFile(Settings):
 Guide = Annotated[TiePointGuide | GuideFile, Field(discriminator="kind")]
 
 
-def guided_terrain(points: GroundPoints, block: Block, guide: np.ndarray, grid: MapGrid, path: str) -> np.ndarray:
-    """Heights (rows, cols) float32, m, of the places `grid`; guide: those of the model there, NaN where it has none.
+class GuidedTerrain(NamedTuple):
+    """At the places of the terrain: `heights` (rows, cols) float32 m near which the surface lies; `reach` (rows, cols, 2) float32
+    m, how far below and above them it may lie."""
 
-    Raises GeometryError for a model that does not cover the block, is in feet, or lies in another vertical datum.
+    heights: np.ndarray
+    reach: np.ndarray
+
+
+def guided_terrain(
+    points: GroundPoints, block: Block, guide: np.ndarray, grid: MapGrid, path: str, reach: float | None = None
+) -> GuidedTerrain:
+    """The terrain of an existing model at the places `grid`, and how far the surface may lie from it.
+
+    guide (rows, cols): heights of the model there, NaN where it has none. reach: the same to both sides everywhere, m; None: tie
+    points say it. Raises GeometryError for a model that does not cover the block, is in feet, or lies in another vertical datum.
     """
     if not np.isfinite(guide).any():
         raise GeometryError(f"The height model {path} does not cover the block; check its CRS, or name another one.")
@@ -53,37 +63,10 @@ def guided_terrain(points: GroundPoints, block: Block, guide: np.ndarray, grid: 
     both = np.isfinite(known) & np.isfinite(guide)
     if both.sum() >= _FEWEST:
         _check(guide[both].astype(np.float64), known[both].astype(np.float64), path)
-    return np.where(np.isfinite(guide), guide, terrain(points, block, grid)).astype(np.float32)
-
-
-class GuideReach(BaseModel):
-    """How far the surface may lie below and above the guide, m."""
-
-    model_config = ConfigDict(frozen=True)
-
-    below: float
-    above: float
-
-
-def equal_reach(metres: float) -> GuideReach:
-    """The same reach to both sides."""
-    return GuideReach(below=metres, above=metres)
-
-
-def guide_reach(points: GroundPoints, guide: np.ndarray, grid: MapGrid) -> GuideReach:
-    """The reach that the tie points ask for: they stand on roofs and in gullies that a coarse model does not have.
-
-    guide (rows, cols): its heights at the places `grid`. Twice as far as all but a few of the points depart from it, for the
-    highest roof or mast carries no tie point; the few may be wrong.
-    """
-    col, row = grid.pixel(points.x, points.y)
-    inside = (col >= 0) & (row >= 0) & (col <= grid.cols - 1) & (row <= grid.rows - 1) & np.isfinite(points.z)
-    away = points.z[inside] - map_coordinates(guide.astype(np.float64), [row[inside], col[inside]], order=1)
-    away = away[np.isfinite(away)]
-    if not len(away):
-        return GuideReach(below=np.inf, above=np.inf)
-    low, high = np.quantile(away, [_FEW, 1.0 - _FEW])
-    return GuideReach(below=max(-_SPARE * float(low), 0.0), above=max(_SPARE * float(high), 0.0))
+    model = np.where(np.isfinite(guide), guide, terrain(points, block, grid)).astype(np.float32)
+    if reach is not None:
+        return GuidedTerrain(model, np.full((*grid.shape, 2), reach, np.float32))
+    return GuidedTerrain(*near_tie_points(points, model, grid))
 
 
 def _check(guide: np.ndarray, known: np.ndarray, path: str) -> None:

@@ -6,7 +6,7 @@ from orthomill.schemas.observations import GroundPoints
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.surface import Surface
-from orthomill.tasks.densification.volume.guide_heights import guide_reach, guided_terrain
+from orthomill.tasks.densification.volume.guide_heights import guided_terrain
 
 
 def post_grid(surface: MapGrid, spacing: float) -> MapGrid:
@@ -29,6 +29,5 @@ def file_guide(points: GroundPoints, block: Block, guide: np.ndarray, grid: MapG
 
     Raises GeometryError for a model that cannot belong to the block.
     """
-    heights = guided_terrain(points, block, guide, grid, path)
-    reach = guide_reach(points, heights, grid)
-    return bands(heights, heights - reach.below, heights + reach.above, np.isfinite(guide), surface)
+    heights, reach = guided_terrain(points, block, guide, grid, path)
+    return bands(heights, heights - reach[..., 0], heights + reach[..., 1], np.isfinite(guide), surface)

@@ -3,21 +3,12 @@
 from collections.abc import Callable, Iterator
 from typing import Any
 
-import numpy as np
-
 from orthomill.schemas.job import Job, MapFile, Raster, Region, Table
 from orthomill.schemas.observations import GROUND_POINTS
 from orthomill.schemas.orientation import BLOCK as BLOCK_TABLE
 from orthomill.schemas.photo import photo_raster
 from orthomill.schemas.raster import MapGrid, RasterSpec, Window, map_raster, tiles_of
-from orthomill.tasks.densification.volume.guide_heights import (
-    Guide,
-    GuideFile,
-    GuideReach,
-    equal_reach,
-    guide_reach,
-    guided_terrain,
-)
+from orthomill.tasks.densification.volume.guide_heights import Guide, GuideFile, guided_terrain
 from orthomill.tasks.densification.volume.levels import SIDE, VolumeLevel, VolumeScene
 from orthomill.tasks.densification.volume.quality import Band, Judgement
 from orthomill.tasks.densification.volume.sureness import JudgedTile, Sureness, judged
@@ -37,7 +28,8 @@ def volume_quality(level: int) -> str:
 
 TERRAIN = "densification/terrain"
 """float32 m, heights of a lattice of places from the tie points, or from an existing model"""
-GUIDE_REACH = Table("densification/guide_reach.json", GuideReach)
+GUIDE_REACH = "densification/guide_reach"
+"""(rows, cols, 2) float32 m at the same places: how far below and above an existing model heights are looked for"""
 JUDGED_HEIGHT = "densification/volume/height"
 """float32 m, NaN where fewer than two photographs show the cell"""
 JUDGEMENT = "densification/volume/judgement"
@@ -48,9 +40,7 @@ WORTH = "densification/volume/worth"
 
 def volume_plan(scene: VolumeScene, sure: Sureness, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
     """The rasters and jobs of all levels, the coarsest first; level 0 and what is judged have the cells of the surface."""
-    yield from guided_terrain_plan(scene.guide, scene.surface.grid, stage, crs)
-    if scene.guided:
-        yield reach_job(scene.surface.grid, scene.reach, stage)
+    yield from guided_terrain_plan(scene.guide, scene.surface.grid, stage, crs, scene.reach)
     for level in scene.levels:
         yield from volume_specs(level, crs)
         for tile in volume_tiles(level, scene):
@@ -58,30 +48,31 @@ def volume_plan(scene: VolumeScene, sure: Sureness, stage: str, crs: str) -> Ite
     yield from _judged(scene.surface.grid, sure, stage, crs)
 
 
-def guided_terrain_plan(guide: Guide, surface: MapGrid, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
+def guided_terrain_plan(
+    guide: Guide, surface: MapGrid, stage: str, crs: str, reach: float | None = None
+) -> Iterator[RasterSpec | Job]:
     """The terrain of the whole block in one piece, for gaps between tie points may be large: from these, or from an existing
-    model with them."""
+    model with them, which then says how far from it heights are looked for (`reach`, m, to both sides, where it is given)."""
     grid = terrain_grid(surface)
     # Axes of its own: rasters of one folder that share names of axes must have the same size.
     axes = "terrain_y", "terrain_x"
     yield map_raster(TERRAIN, grid, "float32", crs, SIDE, nodata=float("nan"), unit="m", axes=axes)
     whole = Window(0, 0, *grid.shape)
     reads: dict[str, Region] = {"points": GROUND_POINTS, "block": BLOCK_TABLE}
+    writes: dict[str, Raster | Table] = {"heights": Raster(TERRAIN, whole)}
     params: dict[str, Any] = {"grid": grid}
-    function: Callable[..., np.ndarray] = terrain
+    function: Callable[..., Any] = terrain
     if isinstance(guide, GuideFile):
-        function, reads["guide"], params["path"] = guided_terrain, MapFile(guide.path, crs, grid, whole), guide.path
-    scratch = 40 * grid.rows * grid.cols
-    yield Job(stage, "terrain", function, reads, {"heights": Raster(TERRAIN, whole)}, params, scratch=scratch)
-
-
-def reach_job(surface: MapGrid, given: float | None, stage: str) -> Job:
-    """How far from an existing model heights are looked for."""
-    if given is not None:
-        return Job(stage, "reach", equal_reach, {}, {"reach": GUIDE_REACH}, {"metres": given})
-    grid = terrain_grid(surface)
-    reads: dict[str, Region] = {"points": GROUND_POINTS, "guide": Raster(TERRAIN, Window(0, 0, *grid.shape))}
-    return Job(stage, "reach", guide_reach, reads, {"reach": GUIDE_REACH}, {"grid": grid})
+        yield map_raster(GUIDE_REACH, grid, "float32", crs, SIDE, nodata=float("nan"), unit="m", bands=2, axes=axes)
+        function, reads["guide"], writes["reach"] = (
+            guided_terrain,
+            MapFile(guide.path, crs, grid, whole),
+            Raster(GUIDE_REACH, whole),
+        )
+        params.update(path=guide.path, reach=reach)
+    # Tie points are predicted from one another on every size of squares, one after the other.
+    scratch = 120 * grid.rows * grid.cols
+    yield Job(stage, "terrain", function, reads, writes, params, scratch=scratch)
 
 
 def volume_specs(level: VolumeLevel, crs: str) -> tuple[RasterSpec, RasterSpec]:
@@ -94,11 +85,11 @@ def volume_specs(level: VolumeLevel, crs: str) -> tuple[RasterSpec, RasterSpec]:
 
 def _job(tile: VolumeTile, scene: VolumeScene, stage: str) -> Job:
     reads: dict[str, Region | tuple[Region, ...]] = {"block": BLOCK_TABLE}
-    if scene.guided:
-        reads["reach"] = GUIDE_REACH
     if tile.photos:
         reads["photos"] = tuple(Raster(photo_raster(part.name, part.level), part.window) for part in tile.photos)
         reads["terrain"] = Raster(TERRAIN, tile.places)
+        if scene.guided:
+            reads["reach"] = Raster(GUIDE_REACH, tile.places)
     if tile.photos and tile.coarser:
         reads["coarser"] = Raster(volume_height(tile.level.number + 1), tile.coarser)
     level = tile.level.number

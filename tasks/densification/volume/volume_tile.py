@@ -12,7 +12,6 @@ import numpy as np
 
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import Tile, Window, tiles_of
-from orthomill.tasks.densification.volume.guide_heights import GuideReach
 from orthomill.tasks.densification.volume.levels import HALO, SIDE, VolumeLevel, VolumeScene, coarser_window, level_grid
 from orthomill.tasks.densification.volume.photograph_choice import PLACE, places, preferred, sight
 from orthomill.tasks.densification.volume.quality import Band, quality_bands
@@ -119,10 +118,11 @@ def solve_volume(
     photos: tuple[np.ndarray, ...] = (),
     terrain: np.ndarray | None = None,
     coarser: np.ndarray | None = None,
-    reach: GuideReach | None = None,
+    reach: np.ndarray | None = None,
 ) -> SolvedVolume:
     """The heights of a tile. photos: pixels (rows, cols, bands) of `tile.photos`; terrain: heights (rows, cols) of `tile.places`;
-    coarser: heights (rows, cols) of `tile.coarser`; reach: how far from the terrain heights can lie, None: anywhere."""
+    coarser: heights (rows, cols) of `tile.coarser`; reach (rows, cols, 2): how far below and above the terrain heights can lie,
+    None: anywhere."""
     if terrain is None or len(photos) < 2:
         return _nothing(tile.window.shape)
     views = [block_view(block, part.name) for part in tile.photos]
@@ -186,13 +186,15 @@ def _candidates(tile: VolumeTile, settings: HeightVolume, coarser: np.ndarray | 
     return narrowed(planes, _coarser_cells(tile, 1), tile.level.count, settings.ranges)
 
 
-def _near_guide(candidates: CellRanges, tile: VolumeTile, terrain: np.ndarray, reach: GuideReach) -> CellRanges:
+def _near_guide(candidates: CellRanges, tile: VolumeTile, terrain: np.ndarray, reach: np.ndarray) -> CellRanges:
     """The candidates that lie within reach of the guide."""
     level = tile.level
-    heights = at_cells(terrain, tile.places, tile.work, 2**level.number).astype(np.float64)
-    first = np.floor((heights - reach.below) / level.step) - level.first
-    last = np.ceil((heights + reach.above) / level.step) - level.first
-    # An infinite reach bounds nothing.
+    heights, below, above = (
+        at_cells(values, tile.places, tile.work, 2**level.number).astype(np.float64)
+        for values in (terrain, reach[..., 0], reach[..., 1])
+    )
+    first = np.floor((heights - below) / level.step) - level.first
+    last = np.ceil((heights + above) / level.step) - level.first
     first, last = (np.clip(planes, -1, level.count).astype(np.int64) for planes in (first, last))
     return bounded(candidates, first, last)
 

@@ -54,7 +54,7 @@ class HeightSearch(Settings):
     )
     step: Auto = setting("auto", "First distance between the heights of a line; auto is 1.5 px of parallax.", "m")
     side_points: int = setting(
-        5, "Heights on either side of the start, in every round; the first one has more near an existing model.", ge=1, le=_MOST
+        5, "Heights on either side of the start, in every round; the first one has more on a rough existing model.", ge=1, le=_MOST
     )
     accuracy: Auto = setting("auto", "The steps are halved until they are below this; auto is 0.1 px of parallax.", "m")
     fit: Literal["parabola", "none"] = setting(
