@@ -20,6 +20,8 @@ class EpipolarPair(BaseModel):
     """left-right"""
     left: str
     right: str
+    level: int = 0
+    """pyramid level of the photographs that the images are made from: one pixel stands for 2^level x 2^level of the photographs"""
     # Rotation, c and row0 exist once: if the two images differed in any of them, homologous rows would not agree over the whole
     # image.
     rotation: tuple[tuple[float, float, float], ...]

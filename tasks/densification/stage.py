@@ -87,7 +87,7 @@ class DensificationStage(Stage):
 
     kind: Literal["densification"] = "densification"
     cell: Literal["auto"] | Annotated[float, Field(gt=0)] = setting(
-        "auto", "Cell size; auto is a round number near 1.5 ground pixels.", "m"
+        "auto", "Cell size; auto is a round number near 1.5 ground pixels of the level that is matched.", "m"
     )
     matching: Matching = setting(ObjectSpace(), "How heights are measured.")
     gridding: Gridding = setting(Gridding(), "From the nodes of a pair to map cells.")

@@ -1,4 +1,4 @@
-"""One tile of an epipolar image, resampled from the window of the photograph that it shows.
+"""One tile of an epipolar image, resampled from the window of a photograph's pyramid level that it shows.
 
 Strategy. Every epipolar pixel is rotated into the system of the photograph, projected there, distorted, and interpolated in the
 grey values: a single resampling leads from the file to the normal case and removes the distortion on the way. A pixel depends only
@@ -19,11 +19,15 @@ from orthomill.schemas.orientation import ExteriorOrientation
 from orthomill.schemas.raster import Window
 from orthomill.tasks.geometry.distortion import distort_point
 from orthomill.tasks.geometry.normal_case import EpipolarView, Side, epipolar_view
+from orthomill.tasks.geometry.photograph_part import level_window
 from orthomill.tasks.geometry.view import view_of
 from orthomill.tasks.imagery.bicubic import bicubic_at, bilinear_at
+from orthomill.tasks.imagery.pyramid import level_shape
 from orthomill.tasks.imagery.radiometry import grey, grey_range
 
 EIGHT_BITS = GreyRange()
+_MARGIN = 4
+"""pixels of the level around what a tile shows, for the interpolation"""
 
 
 @dataclass(frozen=True)
@@ -41,12 +45,22 @@ class TileOfPair:
     def view(self) -> EpipolarView:
         return epipolar_view(self.pair, self.side, view_of(self.orientation, self.camera))
 
+    @property
+    def source(self) -> Window:
+        """The window that the tile shows of the photograph's level."""
+        level, frame = self.pair.level, (self.camera.height, self.camera.width)
+        return level_window(self.view.photo_window(self.window, _MARGIN * 2**level), level, level_shape(frame, level))
+
 
 class _Source(NamedTuple):
-    """The photograph for the kernel: its last row and column, first row and column of the window read, and the stretch."""
+    """The photograph for the kernel: its last row and column, the pixels that one of its level stands for along a side, first row
+    and column of the window read, and the stretch."""
 
     bottom: float
     right: float
+    reduction: float
+    shift: float
+    """the pixels of a level lie in the middle of those that they stand for, see `full_to_level`"""
     row: int
     col: int
     low: float
@@ -65,7 +79,7 @@ def resample_tile(
 ) -> np.ndarray:
     """Grey epipolar tile, uint8 (tile.window.shape): 1 to 255, 0 outside the photograph.
 
-    pixels: (rows, cols, bands) uint8 or uint16, the window `photo_window` of the photograph; None where the tile does not
+    pixels: (rows, cols, bands) uint8 or uint16, the window `photo_window` of the photograph's level; None where the tile does not
     overlap it. stretch: the grey values that become 0 and 255.
     """
     out = np.zeros(tile.window.shape, np.uint8)
@@ -73,6 +87,8 @@ def resample_tile(
         frame = _Source(
             bottom=tile.camera.height - 1.0,
             right=tile.camera.width - 1.0,
+            reduction=2.0**tile.pair.level,
+            shift=0.5 - 0.5 / 2**tile.pair.level,
             row=photo_window.row,
             col=photo_window.col,
             low=stretch.low,
@@ -101,6 +117,7 @@ def _resample(image, source, n, origin, bicubic, out):
             # fold pixels back into the image
             if not (0.0 <= col <= source.right and 0.0 <= row <= source.bottom):
                 continue
+            col, row = col / source.reduction - source.shift, row / source.reduction - source.shift
             if bicubic:
                 value = bicubic_at(image, row - source.row, col - source.col)
             else:

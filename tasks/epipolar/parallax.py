@@ -1,8 +1,10 @@
-"""The check of epipolar pairs: residual y-parallaxes of their tie points, and the standard error of their rows that follows.
+"""The check of epipolar pairs: residual y-parallaxes of their tie points, the standard error of their rows that follows, and the
+pyramid level on which rows are good enough to be matched.
 
 Source: Karfis 2009, section 5.3 (methods/relative_orientation_and_epipolar.md, 1.11).
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +29,8 @@ class RowResiduals:
     greatest: float
 
 
+ROWS_AGREE = 0.4
+"""px: standard error of the rows up to which images are matched as they are: four of five homologous pixels lie on the same row"""
 LEAST_POINTS = 10
 """tie points from which their y-parallaxes tell the standard error of a pair's rows to about a quarter"""
 _NORMAL = 1.4826
@@ -42,11 +46,27 @@ def with_measured_rows(pairs: EpipolarPairs, block: Block, measured: ImageResidu
 
 
 def _with_rows(pair: EpipolarPair, residuals: np.ndarray) -> EpipolarPair:
-    if len(residuals) < LEAST_POINTS:
-        return pair
+    return pair if len(residuals) < LEAST_POINTS else pair.model_copy(update={"row_sigma": _measured_sigma(residuals)})
+
+
+def _measured_sigma(residuals: np.ndarray) -> float:
     # About zero, not about their mean: an offset of the rows is an error of the orientation as well. The median, because a few
     # wrong tie points that the adjustment kept say nothing about the rows of the others.
-    return pair.model_copy(update={"row_sigma": _NORMAL * summary(residuals).median})
+    return _NORMAL * summary(residuals).median
+
+
+def matched_level(pairs: EpipolarPairs, block: Block, measured: ImageResiduals, photos: tuple[str, ...]) -> int:
+    """The finest pyramid level on which the rows of the median pair agree, as its tie points measured them; `pairs` on level 0.
+
+    Photographs that do not fit together to a pixel (a stabiliser, a moving shutter, a lens that the camera model cannot follow)
+    show the same place on different rows: neither windows nor signatures compare what belongs together, and nearly nothing is
+    measured. Their coarser levels fit. One level for all pairs, because all meet in one surface.
+    """
+    ties = kept_ties(measured)
+    found = [row_residuals(pair, block, ties, photos) for pair in pairs.pairs]
+    # Predictions do not count: the covariance of a weak block predicts many pixels where tie points measure a tenth.
+    sigmas = [_measured_sigma(residuals) for residuals in found if len(residuals) >= LEAST_POINTS]
+    return max(0, math.ceil(math.log2(float(np.median(sigmas)) / ROWS_AGREE))) if sigmas else 0
 
 
 def kept_ties(measured: ImageResiduals) -> ImageResiduals:

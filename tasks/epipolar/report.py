@@ -10,7 +10,7 @@ from orthomill.schemas.observations import ImageResiduals
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport, Verdict
-from orthomill.tasks.epipolar.parallax import LEAST_POINTS, RowResiduals, kept_ties, row_residuals, summary
+from orthomill.tasks.epipolar.parallax import LEAST_POINTS, ROWS_AGREE, RowResiduals, kept_ties, row_residuals, summary
 from orthomill.tasks.geometry.normal_case import border_pixels
 from orthomill.tasks.geometry.view import block_view
 
@@ -28,7 +28,7 @@ def report(block: Block, pairs: EpipolarPairs, measured: ImageResiduals, photos:
     whole = summary(np.concatenate(list(residuals.values())))
     return StageReport(
         verdict=_verdict(pairs, whole),
-        losses=tuple(_row_warnings(pairs, rows)),
+        losses=(*_level_warning(pairs), *_row_warnings(pairs, rows)),
         figures=_figures(pairs, whole),
         grids=(_pairs_grid(pairs), _residuals_grid(pairs, rows), *_not_used(pairs)),
         charts=(_map(block), _histogram(residuals)),
@@ -67,6 +67,7 @@ _FIGURES = (
         "Standard error of the y-parallax that the precision of the orientation predicts, root mean square over the common ground "
         "of the worst pair; the measured y-parallaxes outweigh it.",
     ),
+    ("level", "", "Level of the photographs that is matched: 0 as they are, 1 at half their size, 2 at a quarter."),
     ("base_height_mean", "", "Mean base over flying height of the pairs."),
     ("megapixels", "Mpx", "Total size of all epipolar images."),
 )
@@ -85,6 +86,7 @@ def _figures(pairs: EpipolarPairs, every: RowResiduals) -> tuple[Figure, ...]:
         "y_parallax_median": _known(every.median, 3),
         "y_parallax_max": _known(every.greatest, 3),
         "row_band": _known(max(pair.row_sigma_predicted for pair in used), 3),
+        "level": pairs.pairs[0].level,
         "base_height_mean": _known(float(np.mean([pair.base_height for pair in used])), 3),
         "megapixels": round(megapixels, 1),
     }
@@ -217,6 +219,7 @@ def _verdict(pairs: EpipolarPairs, whole: RowResiduals) -> Verdict:
 
 
 def _warnings(block: Block, pairs: EpipolarPairs, rows: dict[str, RowResiduals]) -> Iterator[str]:
+    yield from _level_warning(pairs)
     yield from _row_warnings(pairs, rows)
     unchecked = [pair.name for pair in pairs.pairs if not rows[pair.name].points]
     if unchecked:
@@ -225,6 +228,18 @@ def _warnings(block: Block, pairs: EpipolarPairs, rows: dict[str, RowResiduals])
     idle = [name for name in block.names if name not in used]
     if idle:
         yield f"In no pair, and therefore without contribution to the surface: {', '.join(idle)}."
+
+
+def _level_warning(pairs: EpipolarPairs) -> Iterator[str]:
+    level = pairs.pairs[0].level
+    rows = float(np.median([pair.row_sigma for pair in pairs.pairs])) * 2**level
+    if level and rows > ROWS_AGREE:
+        yield (
+            f"The photographs do not fit together to a pixel: homologous points lie {rows:.1f} px off their row (median pair). So "
+            f"the surface is matched at 1/{2**level} of their size, with cells {2**level} times as large. A stabiliser or a moving "
+            "lens, a shutter that exposes line by line, or a lens that the camera model does not follow does that: switch "
+            "stabilisation off, fix focus and zoom, or calibrate the camera."
+        )
 
 
 def _row_warnings(pairs: EpipolarPairs, rows: dict[str, RowResiduals]) -> Iterator[str]:

@@ -30,7 +30,7 @@ def row_sigma(pair: EpipolarPair, block: Block) -> float:
     """Standard error (px) of the y-parallax, root mean square over the common ground of a pair; the block's sigma0 where the
     orientation has no covariance."""
     if any(block.of(name).covariance is None for name in (pair.left, pair.right)):
-        return block.sigma0_px
+        return block.sigma0_px / 2**pair.level
     return float(np.sqrt((row_sigmas(pair, block, common_points(pair, block)) ** 2).mean()))
 
 

@@ -95,8 +95,8 @@ def block_heights(block: Block, margin: float, room: float = 0.0) -> HeightRange
     return HeightRange(block.ground_low - spare, block.ground_high + max(spare, min(room, _GREATEST_ROOM * flying)))
 
 
-def choose_pairs(block: Block, choice: PairChoice, height_margin: float, height_room: float = 0.0) -> EpipolarPairs:
-    """The epipolar geometry of every useful pair, and the reasons why others are not used.
+def choose_pairs(block: Block, choice: PairChoice, height_margin: float, height_room: float = 0.0, level: int = 0) -> EpipolarPairs:
+    """The epipolar geometry of every useful pair on pyramid level `level`, and the reasons why others are not used.
 
     `height_margin` extends the block's heights, as a share of the flying height, `height_room` (m) upwards. Raises GeometryError
     when no pair is useful.
@@ -110,7 +110,7 @@ def choose_pairs(block: Block, choice: PairChoice, height_margin: float, height_
     pairs = []
     for c in kept:
         try:
-            pairs.append(_pair(block, views, c, heights))
+            pairs.append(_pair(block, views, c, heights, level))
         except GeometryError as error:
             refused.append((_name(views, c), str(error)))
     if not pairs:
@@ -303,9 +303,9 @@ def _nearer_to_both(c: Candidate, centres: np.ndarray, others: set[int]) -> bool
     return bool(np.any(np.maximum(*distances) < reach))
 
 
-def _pair(block: Block, views: list[View], candidate: Candidate, heights: HeightRange) -> EpipolarPair:
+def _pair(block: Block, views: list[View], candidate: Candidate, heights: HeightRange, level: int) -> EpipolarPair:
     left, right = in_order(views[candidate.first], views[candidate.second])
-    pair = normal_case(left, right, heights)
+    pair = normal_case(left, right, heights, level)
     predicted = row_sigma(pair, block)
     rows = {"row_sigma": predicted, "row_sigma_predicted": predicted}
     return pair.model_copy(update={**rows, "height_sigmas": height_sigmas(pair, block)})

@@ -4,7 +4,9 @@ A tile reads the window of the photograph that it shows and nothing else, so it 
 """
 
 from collections.abc import Iterator
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
 
 from orthomill.schemas.epipolar import PAIRS, EpipolarPair, EpipolarPairs, epipolar_raster, grey_table
 from orthomill.schemas.job import Export, Job, Raster, Reading
@@ -16,17 +18,29 @@ from orthomill.schemas.settings import setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
 from orthomill.schemas.stage_report import report_table
 from orthomill.tasks.epipolar.epipolar_image import TileOfPair, photograph_range, resample_tile
-from orthomill.tasks.epipolar.parallax import SIDES, with_measured_rows
+from orthomill.tasks.epipolar.parallax import SIDES, matched_level, with_measured_rows
 from orthomill.tasks.epipolar.report import report
 from orthomill.tasks.epipolar.selection import PairChoice, choose_pairs
 from orthomill.tasks.geometry.normal_case import Side, epipolar_shape
 
 
 def measured_pairs(
-    block: Block, measured: ImageResiduals, photos: Photos, choice: PairChoice, height_margin: float, height_room: float
+    block: Block,
+    measured: ImageResiduals,
+    photos: Photos,
+    choice: PairChoice,
+    height_margin: float,
+    height_room: float,
+    level: int | None,
 ) -> EpipolarPairs:
-    """The useful pairs (`choose_pairs`) with the rows that their tie points measured."""
-    return with_measured_rows(choose_pairs(block, choice, height_margin, height_room), block, measured, photos.names)
+    """The useful pairs (`choose_pairs`) with the rows that their tie points measured, on pyramid level `level`; None: on the finest
+    one on which these agree."""
+    coarsest = min(photos[name].levels for name in block.names) - 1
+    pairs = choose_pairs(block, choice, height_margin, height_room, min(level or 0, coarsest))
+    worth = min(matched_level(pairs, block, measured, photos.names), coarsest) if level is None else 0
+    if worth:
+        pairs = choose_pairs(block, choice, height_margin, height_room, worth)
+    return with_measured_rows(pairs, block, measured, photos.names)
 
 
 class EpipolarStage(Stage):
@@ -41,6 +55,11 @@ class EpipolarStage(Stage):
     )
     height_room: float = setting(
         25.0, "How far crowns and roofs may rise above the highest tie points, which lie mostly on the ground.", "m", ge=0
+    )
+    level: Literal["auto"] | Annotated[int, Field(ge=0, le=8)] = setting(
+        "auto",
+        "Level of the photographs that is matched: 0 as they are, 1 at half their size, 2 at a quarter; auto is the finest on "
+        "which the rows of the pairs agree, so that photographs which do not fit together to a pixel still give a surface.",
     )
     interpolation: Literal["bicubic", "bilinear"] = setting("bicubic", "How photographs are resampled.")
 
@@ -66,7 +85,12 @@ class EpipolarStage(Stage):
 
     def _pairs_job(self) -> Job:
         """The choice of pairs, from the block and what its tie points say of the rows."""
-        params = {"choice": self.pairs, "height_margin": self.height_margin, "height_room": self.height_room}
+        params = {
+            "choice": self.pairs,
+            "height_margin": self.height_margin,
+            "height_room": self.height_room,
+            "level": None if self.level == "auto" else self.level,
+        }
         reads: dict[str, Reading] = {"block": BLOCK, "measured": IMAGE_RESIDUALS, "photos": PHOTOS}
         return Job(self.kind, "pairs", measured_pairs, reads, {"pairs": PAIRS}, params)
 
@@ -94,9 +118,9 @@ class EpipolarStage(Stage):
     def _tile(self, pair: EpipolarPair, side: Side, block: Block, photos: Photos, tile: Tile) -> Job:
         photo = photos[pair.left if side == "left" else pair.right]
         of_pair = TileOfPair(pair, side, block.of(photo.name), block.camera_of(photo.name), tile.window)
-        window = of_pair.view.photo_window(tile.window)
+        window = of_pair.source
         # A tile outside the photograph reads nothing but is still written: downstream jobs need the whole image.
-        reads: dict[str, Reading] = {} if window.empty else {"pixels": Raster(photo_raster(photo.name), window)}
+        reads: dict[str, Reading] = {} if window.empty else {"pixels": Raster(photo_raster(photo.name, pair.level), window)}
         if reads and photo.dtype != "uint8":
             reads["stretch"] = grey_table(photo.name)
         return Job(

@@ -150,15 +150,16 @@ def parallax_range(left: View, right: View, rotation: np.ndarray, c: float, heig
     return float(values.min()), float(values.max())
 
 
-def normal_case(left: View, right: View, heights: HeightRange) -> EpipolarPair:
+def normal_case(left: View, right: View, heights: HeightRange, level: int = 0) -> EpipolarPair:
     """The epipolar images of a pair: common rotation, camera constant and rows, and the columns of ground that both see.
 
-    `base_height` is the base over the mean depth; `row_sigma` is left at 0. Raises GeometryError when the photographs share no
+    level: of the photographs' pyramids, in whose pixels the images are. `base_height` is the base over the mean depth; `row_sigma`
+    is left at 0. Raises GeometryError when the photographs share no
     ground between the heights, or cannot be rotated to the normal case.
     """
     # The larger camera constant: a smaller one would resample the other photograph to a coarser scale and lose information.
     base = right.centre - left.centre
-    rotation, c = base_rotation(base, mean_direction(left, right)), max(left.camera.c, right.camera.c)
+    rotation, c = base_rotation(base, mean_direction(left, right)), max(left.camera.c, right.camera.c) / 2**level
     parallax = parallax_range(left, right, rotation, c, heights)
     seen = _seen_by_both(frame_polygon(left, rotation, c), frame_polygon(right, rotation, c), parallax)
     if not len(seen):
@@ -168,6 +169,7 @@ def normal_case(left: View, right: View, heights: HeightRange) -> EpipolarPair:
         name=f"{left.name}-{right.name}",
         left=left.name,
         right=right.name,
+        level=level,
         rotation=tuple(map(tuple, rotation.tolist())),
         left_centre=tuple(left.centre.tolist()),
         right_centre=tuple(right.centre.tolist()),
