@@ -1,8 +1,8 @@
 """What checksums, encryption and the protection against power cuts cost: `python -m benchmarks.cost_of_trust [ROUNDS]`.
 
 The small simulated project runs with and without them in turn, on two workers, from nothing each time. Without: no checksum of
-chunks, the local cluster without TLS, nothing forced to the disk. Processor time of all processes, for the clock tells of the
-machine.
+chunks or files, the local cluster without TLS, nothing forced to the disk. Processor time of all processes, for the clock tells of
+the machine.
 """
 
 import os
@@ -28,8 +28,15 @@ class Cost(NamedTuple):
     clock: float
 
 
+def dask_setup(worker: object) -> None:
+    """Called by Dask in every worker that is started without what is measured: the files of jobs get no checksum."""
+    from orthomill.pipeline.storage import kept_files
+
+    kept_files._checksum = lambda path: 0
+
+
 def run_without() -> None:
-    """Run the project in the present folder without what is measured; the workers do as they are told by this process."""
+    """Run the project in the present folder without what is measured."""
     from orthomill.pipeline.cli.environment import main as command
     from orthomill.pipeline.engine import dask_cluster
     from orthomill.pipeline.records import power_cut
@@ -40,7 +47,7 @@ def run_without() -> None:
             plain = {"protocol": "tcp://", "security": None}
             options["scheduler"]["options"] |= plain
             for worker in options["workers"].values():
-                worker["options"] |= plain
+                worker["options"] |= plain | {"preload": ["benchmarks.cost_of_trust"]}
             super().__init__(**(options | {"security": None}))
 
     def unsealed(group: Path, **options):
@@ -59,9 +66,9 @@ def words() -> list[str]:
     return ["run", PROJECT, "--workers", "2"]
 
 
-def measured(root: Path, trusting: bool) -> Cost:
-    """One run from nothing in a folder of its own."""
-    program = [sys.executable, "-m", "benchmarks.cost_of_trust", WITHOUT] if trusting else [_command(), *words()]
+def measured(root: Path, bare: bool) -> Cost:
+    """One run from nothing in a folder of its own; `bare`: without what is measured."""
+    program = [sys.executable, "-m", "benchmarks.cost_of_trust", WITHOUT] if bare else [_command(), *words()]
     before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
     done = subprocess.run(program, cwd=root, capture_output=True, text=True, env=_environment())
     if done.returncode != 0:
@@ -90,8 +97,10 @@ def page(runs: list[tuple[Cost, Cost]]) -> str:
     for number, (bare, whole) in enumerate(runs, 1):
         row = f"| {number} | {bare.cpu:.1f} | {whole.cpu:.1f} | {whole.cpu / bare.cpu:.3f} | {whole.clock / bare.clock:.3f} |"
         lines.append(row)
+    # Other programs only ever add: the run that they disturbed least tells most.
+    least = min(whole.cpu for _, whole in runs) / min(bare.cpu for bare, _ in runs)
     ratio = median(whole.cpu for _, whole in runs) / median(bare.cpu for bare, _ in runs)
-    return "\n".join([*lines, "", f"Ratio of the medians: {ratio:.3f} (1.03 is allowed).", ""])
+    return "\n".join([*lines, "", f"Ratio of the medians: {ratio:.3f}, of the least: {least:.3f} (1.03 is allowed).", ""])
 
 
 def main(arguments: list[str]) -> None:
@@ -101,9 +110,9 @@ def main(arguments: list[str]) -> None:
     rounds, runs = int(arguments[0]) if arguments else 3, []
     for number in range(rounds + 1):
         costs = []
-        for trusting in (True, False):
+        for bare in (True, False):
             with tempfile.TemporaryDirectory() as scratch:
-                costs.append(measured(project_root(Path(scratch), PROJECT), trusting))
+                costs.append(measured(project_root(Path(scratch), PROJECT), bare))
         # The first round compiles the kernels.
         if number:
             runs.append((costs[0], costs[1]))

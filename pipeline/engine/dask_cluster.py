@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 import dask
@@ -30,8 +31,12 @@ MEMORY = "orthomill_memory"
 
 ANSWER = "20s"
 """How long the scheduler of an existing cluster may take to answer."""
+READY = 600.0
+"""Seconds in which a worker must have started, and then have loaded the program; with all cores busy that takes minutes."""
 CLOSING = 20
 """Seconds that client and cluster may take to close; after that their processes end with this one."""
+PROGRAM = ("orthomill.pipeline.engine.dask_runner:execute_sent", "orthomill:__version__")
+"""What a worker must be able to load: how jobs are done, and the version by which they were planned."""
 LOST = (CommClosedError, TimeoutError, OSError, RuntimeError, AttributeError)
 """What Dask raises when it is used after its scheduler has gone: besides its own error whatever the missing parts cause."""
 
@@ -104,7 +109,7 @@ def local_client(workers: int, memory: int, port: int) -> Iterator[Client]:
     with dask.config.set(_SETTINGS | link):
         try:
             with _ctrl_c_blocked():
-                cluster = _cluster(workers, memory, port, secret)
+                cluster = _started(workers, memory, port, secret)
         except (RuntimeError, OSError, TimeoutError) as error:
             # Who asks for a stop while processes start may be heard as their failure.
             stop_if_asked()
@@ -115,10 +120,20 @@ def local_client(workers: int, memory: int, port: int) -> Iterator[Client]:
             ) from error
         try:
             with _open(Client(cluster), "of this machine", "free memory or processors if the machine is overloaded") as client:
+                _check_program(client, "its files may have changed meanwhile, so run the same command again")
                 yield client
         finally:
             with suppress(*LOST):
                 cluster.close(timeout=CLOSING)
+
+
+def _started(workers: int, memory: int, port: int, secret: str) -> SpecCluster:
+    """A cluster, at the second attempt if need be: a worker that is killed while it starts takes the whole cluster with it."""
+    try:
+        return _cluster(workers, memory, port, secret)
+    except RuntimeError:
+        stop_if_asked()
+        return _cluster(workers, memory, port, secret)
 
 
 def _cluster(workers: int, memory: int, port: int, secret: str) -> SpecCluster:
@@ -126,12 +141,28 @@ def _cluster(workers: int, memory: int, port: int, secret: str) -> SpecCluster:
     common = {"host": "127.0.0.1", "protocol": "tls://", "security": Security.temporary()}
     scheduler = {"secret": secret, "port": 0, "dashboard": True, "dashboard_address": f"127.0.0.1:{free_port(port)}"}
     worker = {"nthreads": 1, "memory_limit": memory, "resources": {MEMORY: memory}, "silence_logs": logging.CRITICAL}
+    worker["death_timeout"] = READY
     return SpecCluster(
         scheduler={"cls": GuardedScheduler, "options": common | scheduler},
         workers={number: {"cls": Nanny, "options": common | worker} for number in range(workers)},
         security=common["security"],
         silence_logs=logging.CRITICAL,
     )
+
+
+def _check_program(client: Client, advice: str) -> None:
+    """Raises ResourceError where a worker does not load this version of the program."""
+    # By a function of Python's own: what a worker cannot load breaks its connection, and its jobs would be waited for in vain.
+    try:
+        for name in PROGRAM:
+            answers = client.run(resolve_name, name, on_error="return", callback_timeout=READY)
+            for worker, answer in answers.items():
+                if isinstance(answer, Exception):
+                    raise ResourceError(f"The worker {worker} cannot load orthomill ({type(answer).__name__}: {answer}); {advice}.")
+                if answer != (own := resolve_name(name)):
+                    raise ResourceError(f"The worker {worker} has orthomill {answer}, and this is {own}; {advice}.")
+    except TimeoutError as error:
+        raise ResourceError(f"A worker did not load orthomill within {READY / 60:.0f} minutes; {advice}.") from error
 
 
 def allow_memory(client: Client, memory: int) -> None:
@@ -149,7 +180,10 @@ def _open(client: Client, where: str, advice: str) -> Iterator[Client]:
     """A client, whose end never hides the reason for which the run ends. Raises ResourceError when its scheduler is lost."""
     try:
         yield client
-    except CommClosedError as error:
+    except LOST as error:
+        # A client that is still connected has nothing to do with errors that Dask may cause by its loss.
+        if client.status == "running" and not isinstance(error, CommClosedError):
+            raise
         raise ResourceError(
             f"The Dask scheduler {where} was lost in the middle of the run; finished jobs are kept, so {advice} "
             "and run the same command again to continue."
@@ -210,6 +244,7 @@ def remote_client(address: str, memory: int, tls: tuple[Path, Path, Path] | None
     with _open(reached, f"at {address}", "restart the cluster") as client:
         if not client.scheduler_info(n_workers=-1)["workers"]:
             raise ResourceError(f"The Dask scheduler at {address} has no workers; start some with 'dask worker {address}'.")
+        _check_program(client, "install the version of this command in the workers' environment, and start them again")
         # Workers that somebody else started do not offer the resource that the jobs ask for, and would never get one.
         client.run(_declare_memory, memory)
         yield client

@@ -6,6 +6,7 @@ all workers of this machine have together, waits until nothing else runs, and ru
 jobs at a time: with tens of thousands it is busy with itself, on a loaded machine for so long that it loses its workers.
 """
 
+import time
 import uuid
 from collections import Counter, deque
 from collections.abc import Iterator
@@ -15,17 +16,34 @@ from queue import Empty, SimpleQueue
 
 from distributed import Client, Future, KilledWorker, performance_report
 from distributed.comm import CommClosedError
+from distributed.protocol.pickle import dumps, loads
 
 from orthomill.pipeline.engine.dask_cluster import LOST, MEMORY, allow_memory
 from orthomill.pipeline.engine.execute import JobFailed, JobOrder, execute
 from orthomill.pipeline.engine.interruption import stop_if_asked
 from orthomill.pipeline.engine.runner import ATTEMPTS, Finished
 from orthomill.pipeline.records.records import Key
+from orthomill.schemas.errors import ResourceError
 
 WAVE = 2000
 """Jobs that the scheduler holds at most; the rest waits here. Enough for hundreds of workers."""
 PATIENCE = 0.5
 """seconds after which waiting for a job looks whether the user wants to stop"""
+LOOKED = 10.0
+"""seconds of waiting after which it looks whether there are workers"""
+DESERTED = 300.0
+"""seconds after which a cluster without workers is given up; on an overloaded machine a new one takes minutes to start"""
+
+
+def execute_sent(key: Key, content: bytes, *dependencies: object) -> Key:
+    """Do a job that came as bytes; returns its key. Raises JobFailed."""
+    # What Dask itself cannot load breaks the connection of the worker, without a word to anybody.
+    try:
+        work = loads(content)
+    except Exception as error:  # importing a changed program raises anything
+        sentence = f"its worker cannot load it ({type(error).__name__}: {error}); if the program was changed meanwhile, run again"
+        raise JobFailed(key, sentence) from None
+    return execute(work, *dependencies)
 
 
 class DaskRunner:
@@ -42,6 +60,9 @@ class DaskRunner:
         """those that the scheduler holds"""
         self._ended: SimpleQueue[tuple[Key, Future]] = SimpleQueue()
         self._started: Counter[Key] = Counter()
+        self._quiet = time.monotonic()
+        """when a job ended, or workers were seen"""
+        self._looked = self._quiet
         self._alone: Key | None = None
         """the job that has all memory for itself"""
         self._unusable: set[Key] = set()
@@ -78,7 +99,8 @@ class DaskRunner:
         self._started[work.job.key] += 1
         name = (*work.job.key, f"{self._session}-{self._started[work.job.key]}")
         # pure=False: Dask must not take two jobs with equal arguments for one, since what counts is what they write.
-        future = self.client.submit(execute, work, *before, key=name, retries=ATTEMPTS - 1, resources={MEMORY: memory}, pure=False)
+        sent = (execute_sent, work.job.key, dumps(work))
+        future = self.client.submit(*sent, *before, key=name, retries=ATTEMPTS - 1, resources={MEMORY: memory}, pure=False)
         self._futures[work.job.key] = future
         self._await(work.job.key, future)
 
@@ -114,10 +136,28 @@ class DaskRunner:
             try:
                 key, future = self._ended.get(timeout=PATIENCE)
             except Empty:
+                self._look_for_workers()
                 continue
+            self._quiet = self._looked = time.monotonic()
             if future.status in ("finished", "error", "cancelled"):
                 return key, future
             self._await(key, future)
+
+    def _look_for_workers(self) -> None:
+        """Raises ResourceError when all workers have been gone for long: nobody would ever do what is waited for."""
+        now = time.monotonic()
+        if now - self._looked < LOOKED:
+            return
+        self._looked = now
+        # When the scheduler is lost, all futures are cancelled, and that is what the run ends with.
+        with suppress(*LOST):
+            if self.client.scheduler_info(n_workers=-1)["workers"]:
+                self._quiet = now
+        if now - self._quiet > DESERTED:
+            raise ResourceError(
+                "All workers have ended, and none has come back; finished jobs are kept. If nobody ended them, look for memory and "
+                "disk ('orthomill doctor'), then run the same command again."
+            )
 
     def close(self) -> None:
         self._waiting.clear()

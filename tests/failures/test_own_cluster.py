@@ -7,6 +7,7 @@ import time
 from threading import Event
 
 import pytest
+from distributed import SpecCluster
 from distributed.security import Security
 from small_site import command, make_site, results_of, start_command
 
@@ -73,6 +74,27 @@ def test_workers_that_do_not_start_are_one_sentence(tmp_path, monkeypatch):
     monkeypatch.setattr("orthomill.pipeline.engine.dask_cluster.SpecCluster", broken)
     said = command("run", "site", "--workers", "2", code=2)
     assert "The 2 worker processes could not be started (Nanny failed to start.)" in said
+
+
+def test_workers_that_are_killed_while_they_start_are_started_again(tmp_path, monkeypatch):
+    started = []
+
+    def killed_once(**settings):
+        started.append(settings)
+        if len(started) == 1:
+            raise RuntimeError("Nanny failed to start.")
+        return SpecCluster(**settings)
+
+    monkeypatch.chdir(make_site(tmp_path))
+    monkeypatch.setattr("orthomill.pipeline.engine.dask_cluster.SpecCluster", killed_once)
+    assert " 0 failed" in command("run", "site", "--workers", "1", "--until", "photos") and len(started) == 2
+
+
+def test_workers_that_cannot_load_the_program_are_one_sentence(tmp_path, monkeypatch):
+    monkeypatch.chdir(make_site(tmp_path))
+    monkeypatch.setattr("orthomill.pipeline.engine.dask_cluster.PROGRAM", ("orthomill.changed_meanwhile:execute",))
+    said = command("run", "site", "--workers", "1", code=2)
+    assert "cannot load orthomill (ModuleNotFoundError: No module named 'orthomill.changed_meanwhile'); its files may have" in said
 
 
 def test_a_stop_while_workers_start_is_not_their_failure(tmp_path, monkeypatch):

@@ -9,9 +9,10 @@ from toy_stages import SIZE, make_size
 
 from orthomill.pipeline.engine import dask_runner as runner_module
 from orthomill.pipeline.engine.dask_cluster import MEMORY, free_port
-from orthomill.pipeline.engine.dask_runner import DaskRunner, kept_report
+from orthomill.pipeline.engine.dask_runner import DaskRunner, execute_sent, kept_report
 from orthomill.pipeline.engine.execute import JobFailed, JobOrder
 from orthomill.pipeline.records.records import Fingerprint
+from orthomill.schemas.errors import ResourceError
 from orthomill.schemas.job import Job
 
 
@@ -40,9 +41,9 @@ class Client:
     def __init__(self, **planned: tuple) -> None:
         self.planned, self.submitted, self.cancelled = planned, [], []
 
-    def submit(self, function, work, *before, key, **options):
+    def submit(self, function, job, content, *before, key, **options):
         self.submitted.append((key, before, options))
-        status, *error = self.planned.get(work.job.item, ("finished",))
+        status, *error = self.planned.get(job[1], ("finished",))
         return Answer(key, status, error[0](key) if error else None)
 
     def cancel(self, futures, force):
@@ -184,3 +185,38 @@ def test_a_taken_port_gives_way_to_the_next_free_one():
         number = taken.getsockname()[1]
         assert free_port(number) != number
     assert free_port(70_000) == 0
+
+
+class Deserted(Client):
+    """No job ends, and after so many looks there is no worker any more."""
+
+    def __init__(self, looks: int) -> None:
+        super().__init__()
+        self.looks = looks
+
+    def submit(self, *words, **options):
+        ended = super().submit(*words, **options)
+        ended.add_done_callback = lambda call: None
+        return ended
+
+    def scheduler_info(self, n_workers):
+        self.looks -= 1
+        return {"workers": {"one": {}} if self.looks >= 0 else {}}
+
+
+def test_a_cluster_whose_workers_have_all_gone_is_given_up_in_one_sentence(tmp_path, monkeypatch):
+    for limit, seconds in (("PATIENCE", 0.01), ("LOOKED", 0.02), ("DESERTED", 0.1)):
+        monkeypatch.setattr(runner_module, limit, seconds)
+    runner = DaskRunner(client := Deserted(looks=5), 2**30, "a test")
+    runner.submit(JobOrder(Job("a", "one", make_size, {}, {"size": SIZE}), tmp_path, tmp_path, PRINT, ""), (), 7)
+    with pytest.raises(ResourceError, match="All workers have ended, and none has come back; finished jobs are kept"):
+        runner.next()
+    assert client.looks < 0, "as long as there were workers it waited"
+
+
+def test_a_job_that_its_worker_cannot_load_fails_with_the_reason():
+    with pytest.raises(JobFailed) as failure:
+        execute_sent(("a", "one", 0, 0), b"corthomill.schemas.job\nNoSuchJob\n.")
+    assert failure.value.key == ("a", "one", 0, 0)
+    assert failure.value.sentence.startswith("its worker cannot load it (AttributeError: ")
+    assert failure.value.sentence.endswith("if the program was changed meanwhile, run again")

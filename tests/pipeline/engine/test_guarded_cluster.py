@@ -14,8 +14,10 @@ import pytest
 from distributed.security import Security
 from toy_stages import MEMORY
 
+from orthomill.pipeline.engine import dask_cluster
 from orthomill.pipeline.engine.dashboard_guard import new_secret
 from orthomill.pipeline.engine.dask_cluster import local_client
+from orthomill.schemas.errors import ResourceError
 
 
 @pytest.fixture(scope="module")
@@ -129,3 +131,29 @@ def test_the_certificate_stays_in_memory(client):
         if sys.executable.rsplit("/", 1)[1] in " ".join(worker.cmdline()):
             seen = " ".join(worker.cmdline()) + " ".join(worker.environ().values())
             assert "PRIVATE KEY" not in seen
+
+
+class Answering:
+    """A client whose worker answers every question alike."""
+
+    def __init__(self, answer: object) -> None:
+        self.answer = answer
+
+    def run(self, function, name, **options):
+        if self.answer is TimeoutError:
+            raise TimeoutError
+        return {"tcp://one:1": self.answer}
+
+
+@pytest.mark.parametrize(
+    ("answer", "said"),
+    [
+        ("0.0.1", "The worker tcp://one:1 has orthomill 0.0.1, and this is "),
+        (SyntaxError("half a file"), r"one:1 cannot load orthomill \(SyntaxError: half a file\); start it again\."),
+        (TimeoutError, r"A worker did not load orthomill within 10 minutes; start it again\."),
+    ],
+)
+def test_a_worker_with_another_program_is_refused(monkeypatch, answer, said):
+    monkeypatch.setattr(dask_cluster, "PROGRAM", ("orthomill:__version__",))
+    with pytest.raises(ResourceError, match=said):
+        dask_cluster._check_program(Answering(answer), "start it again")
