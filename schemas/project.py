@@ -117,6 +117,14 @@ class CameraFromChessboards(Settings):
     )
     sigma_in_plane: float = setting(0.0, "Standard error of the corners of a board within its plane; 0: exact.", "m", ge=0)
     sigma_height: float = setting(0.0, "Standard error of the corners of a board out of its plane; 0: flat.", "m", ge=0)
+    # Half a percent is a millimetre on a board of A4: paper on cardboard, or a panel that leans. Photographs tell the rest.
+    bend: float = setting(
+        0.005,
+        "Standard error of the bends of a board (how far the middle of a side stands out), in units of its longer side; they are "
+        "estimated. 0: flat, as a board of glass.",
+        ge=0,
+        le=0.1,
+    )
     serves: str = setting("*", SERVES)
 
 

@@ -196,7 +196,7 @@ def real_row(name: str, files: list[str]) -> Iterator[str]:
     known = arrangement_of(xy, target)
     result = solve(target, (known.result.state,), known.start.corners, free)
     seconds = time.process_time() - start
-    check = held_out(result, target)
+    check = held_out(result)
     start = time.process_time()
     points = [own.reshape(-1, 2).astype(np.float32) for own in found]
     solid = np.column_stack([target.local, np.zeros(54)]).astype(np.float32)

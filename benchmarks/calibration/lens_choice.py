@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from scipy.optimize import least_squares
 
+from orthomill.schemas.project import CameraFromChessboards
 from orthomill.tasks.calibration.detection.board_photographs import photo_corners
 from orthomill.tasks.calibration.solving.arranging import arrangement_of, found_boards
 from orthomill.tasks.calibration.solving.lens_models import MODELS, WIDE_MODELS, with_affinity
@@ -27,7 +28,8 @@ def boards_of(folder: Path, corners: tuple[int, int]) -> tuple[CalibrationTarget
     for path in sorted(folder.iterdir()):
         image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
         tables.append(photo_corners(image[:, :, None], path.stem, corners, 1).corners)
-    target = CalibrationTarget(image.shape[::-1], corners, 0.03, 1)
+    bend = CameraFromChessboards.model_fields["bend"].default
+    target = CalibrationTarget(image.shape[::-1], corners, 0.03, 1, bend=bend)
     return target, [own for own in found_boards(tuple(tables), target) if len(own) and np.isfinite(own).all()]
 
 
@@ -60,7 +62,7 @@ def row(name: str, target: CalibrationTarget, boards: list[np.ndarray]) -> str:
     random, ratios = np.random.default_rng(1), []
     for _ in range(HALVES):
         photos = random.permutation(len(boards))
-        one, other = (half_of(result, target, np.sort(photos[side::2])) for side in (0, 1))
+        one, other = (half_of(result, np.sort(photos[side::2])) for side in (0, 1))
         variance = np.diag(one.interior_covariance + other.interior_covariance)[:CHECKED]
         ratios.append(np.abs(one.state.interior - other.state.interior)[:CHECKED] / np.sqrt(variance))
     peers = [opencv_held_out(target, boards, flags) for flags in (0, cv2.CALIB_RATIONAL_MODEL)]

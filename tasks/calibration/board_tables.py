@@ -122,8 +122,18 @@ class AdjustedPose(_Record):
     angles_sigma: tuple[float, float, float]
 
 
+class EstimatedBend(_Record):
+    """The bends of a board (m) with standard errors: along its rows, along its columns, and its twist; or one for both directions
+    of a board that looks the same after a quarter turn."""
+
+    name: str
+    bend: tuple[float, ...]
+    sigma: tuple[float, ...]
+
+
 class Calibration(_Record):
-    """The calibration as a record: the camera, all interior parameters with their covariance, photographs and boards."""
+    """The calibration as a record: the camera, all interior parameters with their covariance, photographs, boards and their bends
+    (none where boards were stated to be flat)."""
 
     camera: Camera
     parameters: tuple[str, ...]
@@ -137,6 +147,7 @@ class Calibration(_Record):
     square: float
     photographs: tuple[AdjustedPose, ...]
     boards: tuple[AdjustedPose, ...]
+    bends: tuple[EstimatedBend, ...] = ()
 
 
 class TextPage(_Record):

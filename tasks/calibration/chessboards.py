@@ -22,6 +22,7 @@ from orthomill.tasks.calibration.board_tables import (
     Calibration,
     CornerResiduals,
     Corners,
+    EstimatedBend,
     PhotoSearch,
     TextPage,
 )
@@ -32,7 +33,7 @@ from orthomill.tasks.calibration.report import cameras_report
 from orthomill.tasks.calibration.reporting.board_report import chessboards_report
 from orthomill.tasks.calibration.reporting.calibration_results import CalibrationResults
 from orthomill.tasks.calibration.solving.arranging import arrangement_of, found_boards
-from orthomill.tasks.calibration.solving.calibration_precision import board_precision, photo_precision
+from orthomill.tasks.calibration.solving.calibration_precision import bend_precision, board_precision, photo_precision
 from orthomill.tasks.calibration.solving.initial_constant import ConstantEstimate
 from orthomill.tasks.calibration.solving.lens_models import LensModel, model_of, with_affinity
 from orthomill.tasks.calibration.solving.model_choice import EQUAL, HeldOut, choice, compare
@@ -201,7 +202,13 @@ def calibration_record(
         square=target.square,
         photographs=photographs,
         boards=boards,
+        bends=tuple(_bend(result, board) for board in range(result.network.boards) if result.network.bends),
     )
+
+
+def _bend(result: BoardAdjustment, board: int) -> EstimatedBend:
+    value, sigma = bend_precision(result, board)
+    return EstimatedBend(name=f"board {board + 1}", bend=tuple(value.tolist()), sigma=tuple(sigma.tolist()))
 
 
 def _pose(name: str, value: np.ndarray, sigma: np.ndarray) -> AdjustedPose:

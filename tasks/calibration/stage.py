@@ -230,6 +230,7 @@ def _target(boards: BoardPhotos, source: CameraFromChessboards) -> CalibrationTa
         arrangement=source.arrangement,
         sigma_in_plane=source.sigma_in_plane,
         sigma_height=source.sigma_height,
+        bend=source.bend,
     )
 
 

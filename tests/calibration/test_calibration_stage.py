@@ -100,10 +100,11 @@ def test_photographs_are_read_whole_and_drawn_in_reduced_size():
 
 
 def test_the_settings_of_the_boards_reach_the_jobs():
-    plan = planned(boards(boards=3, arrangement="space", sigma_in_plane=1e-4, sigma_height=2e-4, serves="DSC*"))
+    plan = planned(boards(boards=3, arrangement="space", sigma_in_plane=1e-4, sigma_height=2e-4, bend=0.02, serves="DSC*"))
     target, params = job(plan, "arrangement").params["target"], job(plan, "cameras").params
     assert (target.size, target.corners, target.square, target.boards) == ((2400, 1600), (9, 6), 0.05, 3)
     assert (target.arrangement, target.sigma_in_plane, target.sigma_height) == ("space", 1e-4, 2e-4)
+    assert target.bend == 0.02 and job(planned(boards()), "arrangement").params["target"].bend == 0.005
     assert params["target"] == target and params["serves"] == "DSC*" and job(plan, "corners a").params["boards"] == 3
 
 

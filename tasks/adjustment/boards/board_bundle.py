@@ -113,7 +113,7 @@ def minimise(
         if trial is None:
             return state, iteration
         gain, state = cost - trial_cost, trial
-        redundancy = max(2 * len(corners) - network.unknowns, 1)
+        redundancy = max(2 * len(corners) - network.unweighted, 1)
         enough = _NEGLIGIBLE * trial_cost / redundancy if test is None else 0.01 * trial_cost
         rounding = 1e-14 * len(corners)
         if trial_cost <= rounding or (gain <= enough + rounding and damping <= 1e-2):
@@ -154,8 +154,9 @@ def _cost(network: BoardNetwork, state: BoardState, corners: BoardCorners, limit
     miss = residuals(state, corners)
     if not np.isfinite(miss).all() or (np.abs(miss) >= BEHIND).any():
         return np.inf
-    return huber_cost(np.linalg.norm(miss, axis=1), limit) + float(
-        (_prior_weight(network) * _prior_miss(network, state) ** 2).sum()
+    known = float((_prior_weight(network) * _prior_miss(network, state) ** 2).sum())
+    return (
+        huber_cost(np.linalg.norm(miss, axis=1), limit) + known + _bend_weight(network) * float((_bends(network, state) ** 2).sum())
     )
 
 
@@ -169,6 +170,23 @@ def _prior_miss(network: BoardNetwork, state: BoardState) -> np.ndarray:
     return network.local[None] - state.local
 
 
+def _bend_weight(network: BoardNetwork) -> float:
+    """px^2/m^2: weight of a flat board where an image coordinate has weight 1."""
+    return (network.image_sigma / network.bend_sigma) ** 2 if network.bends else 0.0
+
+
+def _bends(network: BoardNetwork, state: BoardState) -> np.ndarray:
+    """(K S,) m: the bends that are unknowns."""
+    return state.bend.value.ravel() if network.bends and state.bend is not None else np.empty(0)
+
+
+def _flattened(network: BoardNetwork, normal: np.ndarray) -> np.ndarray:
+    """The normal matrix with the observations that boards are flat."""
+    columns = network.bend_columns.ravel()
+    normal[columns, columns] += _bend_weight(network)
+    return normal
+
+
 def _linearised(network: BoardNetwork, state: BoardState, corners: BoardCorners, limit: float = np.inf) -> Linear:
     """The linearised bundle: every corner of exact boards is a point without derivatives, so that nothing is eliminated; corners of
     uncertain boards are points with prior coordinates.
@@ -178,7 +196,8 @@ def _linearised(network: BoardNetwork, state: BoardState, corners: BoardCorners,
     row, columns = network.columns_of(corners)
     by_unknowns, by_corner = derivatives(state, corners)
     miss = residuals(state, corners)
-    touched = (columns >= 0).any(axis=0)
+    # Known bends have derivatives, and no columns.
+    by_unknowns, touched = by_unknowns[:, :, : columns.shape[1]], (columns >= 0).any(axis=0)
     weight = huber_weights(np.linalg.norm(miss, axis=1), limit)
     if network.uncertain:
         first, by_corner, prior, prior_miss = _uncertain_corners(network, state, corners, by_corner)
@@ -223,7 +242,8 @@ def _pattern(network: BoardNetwork, linear: Linear) -> Pattern:
 def _moved(network: BoardNetwork, state: BoardState, linear: Linear, damping: float) -> BoardState | None:
     """The state after one damped step; None where the normal equations are singular at this damping."""
     normals = reduced_normals(linear, _pattern(network, linear), damping)
-    normal, right = normals.matrix.dense(), normals.right
+    normal, right = _flattened(network, normals.matrix.dense()), normals.right.copy()
+    right[network.bend_columns.ravel()] -= _bend_weight(network) * _bends(network, state)
     normal[np.diag_indices_from(normal)] += damping * normals.diagonal
     scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
     try:
@@ -247,6 +267,7 @@ def _corrected(network: BoardNetwork, state: BoardState, correction: np.ndarray,
         local=local,
         interior=state.interior + padded[network.interior_columns],
         lens=state.lens,
+        bend=state.bend.moved(padded[network.bend_columns]) if network.bends and state.bend is not None else state.bend,
     )
 
 
@@ -283,9 +304,10 @@ def _tested(network: BoardNetwork, state: BoardState, corners: BoardCorners, use
     taken = corners.take(used)
     linear = _linearised(network, state, taken)
     pattern = _pattern(network, linear)
-    cofactor = _inverse(reduced_normals(linear, pattern).matrix.dense(), _geometry_columns(network))
+    normal = _flattened(network, reduced_normals(linear, pattern).matrix.dense())
+    cofactor = _inverse(normal, _geometry_columns(network))
     _, adjusted = point_precision(linear, BlockMatrix.of(pattern, cofactor))
-    redundancy = 2 * len(taken) - network.unknowns
+    redundancy = 2 * len(taken) - network.unweighted
     if redundancy <= 0:
         raise GeometryError(_UNDETERMINED)
     sigma0 = float(np.sqrt(_cost(network, state, taken, np.inf) / redundancy))

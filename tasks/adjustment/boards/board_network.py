@@ -2,7 +2,8 @@
 
 A board is a set of points in a system of its own; its pose transforms them into the system of board 0, which is the datum (origin,
 axes and scale). Boards in one plane have three unknowns each (two shifts and a rotation), boards anywhere in space six, boards of
-known pose ("fixed") and board 0 none. One board, several in a plane and several in space differ by these columns only.
+known pose ("fixed") and board 0 none. One board, several in a plane and several in space differ by these columns only. Boards
+that need not be flat have their bends as weighted unknowns, board 0 like the others.
 
 Source: Kawka 2021, sections 2.53 to 2.60 (methods/calibration.md, S11).
 """
@@ -13,6 +14,7 @@ from typing import Literal
 import numpy as np
 
 from orthomill.schemas.camera import INTERIOR, LensKind
+from orthomill.tasks.adjustment.boards.board_bend import BoardBend
 from orthomill.tasks.geometry.distortion import LensNumbers, lens_numbers
 
 PARAMETERS = INTERIOR
@@ -43,7 +45,7 @@ class BoardCorners:
 class BoardState:
     """Values of the unknowns: photos `rotation` (P, 3, 3) and `centre` (P, 3); boards `turn` (K, 3, 3) and `shift` (K, 3) into the
     system of board 0; `local` (K, N, 3) corners on their boards, m; `interior` (17,) in the order of PARAMETERS, those of a `lens`
-    of this kind (schemas/camera.py)."""
+    of this kind (schemas/camera.py); `bend`: of the boards, None for flat ones."""
 
     rotation: np.ndarray
     centre: np.ndarray
@@ -52,6 +54,12 @@ class BoardState:
     local: np.ndarray
     interior: np.ndarray
     lens: LensKind = "brown"
+    bend: BoardBend | None = None
+
+    @property
+    def on_boards(self) -> np.ndarray:
+        """(K, N, 3) m: all corners on their boards, bent as these are."""
+        return self.local if self.bend is None else self.local + self.bend.shifts
 
     @property
     def numbers(self) -> LensNumbers:
@@ -61,7 +69,7 @@ class BoardState:
     @property
     def points(self) -> np.ndarray:
         """(K, N, 3) m: all corners in the system of board 0."""
-        return np.einsum("kij,knj->kni", self.turn, self.local) + self.shift[:, None]
+        return np.einsum("kij,knj->kni", self.turn, self.on_boards) + self.shift[:, None]
 
     def with_interior(self, **values: float) -> "BoardState":
         """The state with other interior parameters, by name."""
@@ -75,7 +83,8 @@ class BoardState:
 class BoardNetwork:
     """The numbers of photographs and boards, the interior parameters that are `free`, the arrangement of the boards, and the
     nominal corners `local` (N, 3) m of a board with their standard errors `local_sigma` (3,) m (0: without error, no unknowns),
-    relative to which `image_sigma` px is that of an image coordinate."""
+    relative to which `image_sigma` px is that of an image coordinate; a board has so many `bends`, with the standard error
+    `bend_sigma` m against a flat one."""
 
     photos: int
     boards: int
@@ -84,6 +93,8 @@ class BoardNetwork:
     local: np.ndarray
     local_sigma: tuple[float, float, float] = (0.0, 0.0, 0.0)
     image_sigma: float = 1.0
+    bends: int = 0
+    bend_sigma: float = 0.0
 
     @property
     def uncertain(self) -> bool:
@@ -98,7 +109,12 @@ class BoardNetwork:
     @property
     def unknowns(self) -> int:
         """Unknowns without the corners of uncertain boards."""
-        return 6 * self.photos + self.board_unknowns * (self.boards - 1) + len(self.free)
+        return 6 * self.photos + self.board_unknowns * (self.boards - 1) + self.bends * self.boards + len(self.free)
+
+    @property
+    def unweighted(self) -> int:
+        """Unknowns that only the corners determine: a bend brings its own observation, that the board is flat."""
+        return self.unknowns - self.bends * self.boards
 
     @property
     def photo_columns(self) -> np.ndarray:
@@ -115,6 +131,12 @@ class BoardNetwork:
         return columns
 
     @property
+    def bend_columns(self) -> np.ndarray:
+        """(K, S): the bends of every board."""
+        first = 6 * self.photos + self.board_unknowns * (self.boards - 1)
+        return first + np.arange(self.boards * self.bends).reshape(self.boards, self.bends)
+
+    @property
     def interior_columns(self) -> np.ndarray:
         """(17,): columns in the order of PARAMETERS; -1 for fixed parameters."""
         columns = np.full(len(PARAMETERS), -1)
@@ -124,15 +146,16 @@ class BoardNetwork:
 
     @property
     def group_start(self) -> np.ndarray:
-        """(G + 1,) where the groups of unknowns begin: photographs, boards but the first, the interior."""
+        """(G + 1,) where the groups of unknowns begin: photographs, boards but the first, bends, the interior."""
         # Fixed boards have groups of size zero, an interior without free parameters none at all.
-        sizes = np.repeat([6, self.board_unknowns, len(self.free)], [self.photos, self.boards - 1, len(self.free) > 0])
+        size = [6, self.board_unknowns, self.bends, len(self.free)]
+        sizes = np.repeat(size, [self.photos, self.boards - 1, self.boards * (self.bends > 0), len(self.free) > 0])
         return np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
 
     def columns_of(self, corners: BoardCorners) -> tuple[np.ndarray, np.ndarray]:
-        """`row` (M,) and `columns` (P K, 29): corner i depends on columns[row[i]]: six of its photo, six of its board, the
-        interior."""
+        """`row` (M,) and `columns` (P K, 29 + S): corner i depends on columns[row[i]]: six of its photo, six of its board, the
+        interior, the bends of its board."""
         photo, board = np.divmod(np.arange(self.photos * self.boards), self.boards)
         interior = np.broadcast_to(self.interior_columns, (len(photo), len(PARAMETERS)))
-        columns = np.hstack([self.photo_columns[photo], self.board_columns[board], interior])
+        columns = np.hstack([self.photo_columns[photo], self.board_columns[board], interior, self.bend_columns[board]])
         return (corners.photo * self.boards + corners.board).astype(np.int32), columns

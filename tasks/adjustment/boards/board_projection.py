@@ -33,8 +33,8 @@ def residuals(state: BoardState, corners: BoardCorners) -> np.ndarray:
 
 
 def derivatives(state: BoardState, corners: BoardCorners) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives of the computed coordinates: (M, 2, 29) by photo, board and interior in the order of
-    `BoardNetwork.columns_of`, and (M, 2, 3) by the corner on its board."""
+    """Derivatives of the computed coordinates: (M, 2, 29 + S) by photo, board, interior and the S bends of the board, in the
+    order of `BoardNetwork.columns_of`, and (M, 2, 3) by the corner on its board."""
     on_board, u = _camera_points(state, corners)
     ideal = -u[:, :2] / u[:, 2:]
     by_ideal, by_lens = distortion_derivatives(ideal, state.numbers)
@@ -43,13 +43,16 @@ def derivatives(state: BoardState, corners: BoardCorners) -> tuple[np.ndarray, n
     # u x (du/du) is the row form of (du/du) [w x u]: the mixed product changes cyclically.
     by_photo = np.concatenate([-by_point, np.cross(u[:, None], by_u)], axis=2)
     by_board = np.concatenate([by_point, np.cross(on_board[:, None], by_point)], axis=2)
+    by_corner = by_point @ state.turn[corners.board]
     parts = [by_photo, by_board, _by_interior(state, ideal, by_lens)]
-    return np.concatenate(parts, axis=2), by_point @ state.turn[corners.board]
+    if state.bend is not None:
+        parts.append(by_corner @ state.bend.derivatives(corners.board, corners.corner))
+    return np.concatenate(parts, axis=2), by_corner
 
 
 def _camera_points(state: BoardState, corners: BoardCorners) -> tuple[np.ndarray, np.ndarray]:
     """Corners (M, 3) rotated with their boards, and corners (M, 3) in the image systems of their photographs."""
-    on_board = np.einsum("mij,mj->mi", state.turn[corners.board], state.local[corners.board, corners.corner])
+    on_board = np.einsum("mij,mj->mi", state.turn[corners.board], state.on_boards[corners.board, corners.corner])
     from_centre = on_board + state.shift[corners.board] - state.centre[corners.photo]
     return on_board, np.einsum("mij,mj->mi", state.rotation[corners.photo], from_centre)
 

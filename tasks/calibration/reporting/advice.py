@@ -13,7 +13,7 @@ import numpy as np
 
 from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment
 from orthomill.tasks.calibration.board_tables import PhotoSearch
-from orthomill.tasks.calibration.solving.calibration_precision import correlations
+from orthomill.tasks.calibration.solving.calibration_precision import correlations, largest_bend
 from orthomill.tasks.calibration.solving.model_choice import HeldOut
 from orthomill.tasks.calibration.solving.solving import CalibrationTarget
 from orthomill.tasks.geometry.rotation import angles
@@ -33,6 +33,9 @@ _WORSE, _HALVES, _REJECTED, _UNEVEN = 1.5, 4.0, 0.05, 2.5
 """Largest ratio of held-out to used residuals; of the halves' difference to its standard error; share of rejected corners; ratio of
 one board's residuals to those of the others."""
 
+_BENT, _CERTAIN = 2.0, 4.0
+"""A bend is said that is so many times as large as was expected, and so many of its standard errors."""
+
 
 class Weakness(StrEnum):
     """What may be wrong with a calibration."""
@@ -49,6 +52,7 @@ class Weakness(StrEnum):
     MANY_REJECTED = "many rejected"
     LARGE_SIGMA0 = "large sigma0"
     UNEVEN_BOARDS = "uneven boards"
+    BENT_BOARD = "bent board"
     REJECTED_OUTSIDE = "rejected outside"
     REJECTED_TOGETHER = "rejected together"
     ALL_WORSE = "all corners worse"
@@ -156,7 +160,7 @@ def result_advice(result: BoardAdjustment, check: HeldOut | None, target: Calibr
         out.append(Advice(Weakness.MANY_REJECTED, rejected))
     if result.sigma0 > max(1.0, 1.5 * scale):
         out.append(Advice(Weakness.LARGE_SIGMA0, result.sigma0))
-    return out + _board_advice(result)
+    return out + _board_advice(result) + _bend_advice(result)
 
 
 def _check_advice(result: BoardAdjustment, check: HeldOut | None) -> list[Advice]:
@@ -178,6 +182,18 @@ def _board_advice(result: BoardAdjustment) -> list[Advice]:
     # Of two boards neither is the odd one.
     bad = tuple(str(board + 1) for board, value in enumerate(typical) if len(typical) > 2 and value > _UNEVEN * middle)
     return [Advice(Weakness.UNEVEN_BOARDS, _UNEVEN, bad)] if bad else []
+
+
+def _bend_advice(result: BoardAdjustment) -> list[Advice]:
+    """The board that bends most, where that is remarkable: it was estimated, but a board that bends may do so differently in every
+    photograph."""
+    found = largest_bend(result)
+    if found is None:
+        return []
+    board, bend, sigma = found
+    if abs(bend) < _BENT * result.network.bend_sigma or abs(bend) < _CERTAIN * sigma:
+        return []
+    return [Advice(Weakness.BENT_BOARD, bend, (str(board + 1),), (sigma,))]
 
 
 def search_advice(searches: tuple[PhotoSearch, ...]) -> list[Advice]:

@@ -109,6 +109,13 @@ def _uneven_boards(advice: Advice) -> str:
     )
 
 
+def _bent_board(advice: Advice) -> str:
+    return (
+        f"Board {advice.names[0]} is bent by {1e3 * abs(advice.value):.1f} mm (standard error {1e3 * advice.values[0]:.2f} mm). "
+        "That was estimated, and does not falsify the camera as long as the board kept its shape; a stiff board is better."
+    )
+
+
 def _blurred(advice: Advice) -> str:
     named = [f"{name} ({value:.1f} px)" for name, value in zip(advice.names, advice.values, strict=True)]
     return (
@@ -154,6 +161,7 @@ _SENTENCES: dict[Weakness, Callable[[Advice], str]] = {
     Weakness.REJECTED_OUTSIDE: _rejected_outside,
     Weakness.REJECTED_TOGETHER: _rejected_together,
     Weakness.ALL_WORSE: _all_worse,
+    Weakness.BENT_BOARD: _bent_board,
     Weakness.BLURRED: _blurred,
     Weakness.OVEREXPOSED: _overexposed,
     Weakness.LARGER_BOARDS: _larger_boards,

@@ -6,6 +6,7 @@ from orthomill.schemas.stage_report import Figure
 from orthomill.tasks.calibration.reporting.advice import PhotoGeometry
 from orthomill.tasks.calibration.reporting.board_charts import balance
 from orthomill.tasks.calibration.reporting.calibration_results import CalibrationResults
+from orthomill.tasks.calibration.solving.calibration_precision import largest_bend
 
 
 def board_figures(results: CalibrationResults, shape: PhotoGeometry) -> tuple[Figure, ...]:
@@ -48,10 +49,25 @@ def _adjustment(results: CalibrationResults) -> tuple[Figure, ...]:
             value=round(result.correlated, 2),
             sentence="Factor in all standard errors, because the corners of one photograph err together (1: independently).",
         ),
+        *_bend(results),
         Figure(name="redundancy", value=result.redundancy, sentence="Observations minus unknowns."),
         Figure(name="iterations", value=result.iterations, sentence="Of the adjustment, before corners were rejected one by one."),
         Figure(name="rejection_rounds", value=result.rounds, sentence="Adjustments after that, each without the rejected corners."),
         _px("initial_c", rounded(results.constant.c), "Camera constant from homographies, before the adjustment."),
+    )
+
+
+def _bend(results: CalibrationResults) -> tuple[Figure, ...]:
+    found = largest_bend(results.result)
+    bend, sigma = (None, None) if found is None else (rounded(found[1], 3), rounded(found[2], 2))
+    return (
+        Figure(
+            name="board_bend",
+            value=bend,
+            unit="m",
+            sentence="Largest bend of a board: how far the ends of its rows, columns or diagonals stand above the middle.",
+        ),
+        Figure(name="board_bend_sigma", value=sigma, unit="m", sentence="Standard error of that bend."),
     )
 
 

@@ -7,7 +7,7 @@ from orthomill.tasks.adjustment.boards.board_network import PARAMETERS
 from orthomill.tasks.calibration.report import LENS_NAMES
 from orthomill.tasks.calibration.reporting.board_figures import rounded
 from orthomill.tasks.calibration.reporting.calibration_results import CalibrationResults
-from orthomill.tasks.calibration.solving.calibration_precision import board_precision, photo_precision
+from orthomill.tasks.calibration.solving.calibration_precision import bend_precision, board_precision, photo_precision
 from orthomill.tasks.calibration.solving.model_choice import HeldOut
 
 _POWER = {"k1": 2, "k2": 4, "k3": 6, "p1": 1, "p2": 1, "k4": 2, "k5": 4, "k6": 6, "s1": 1, "s2": 3, "s3": 1, "s4": 3}
@@ -84,9 +84,10 @@ def board_grid(results: CalibrationResults) -> Grid:
     axes = ("tX (m)", "tY (m)", "tZ (m)", "rotation x (deg)", "rotation y (deg)", "theta (deg)")
     return Grid(
         title="Boards",
-        columns=("board", *axes, "sigma, place (m)", "residual, median (px)"),
+        columns=("board", *axes, "sigma, place (m)", "bends (mm)", "residual, median (px)"),
         rows=tuple(_board_row(results, board) for board in range(results.result.network.boards)),
-        note="Board 1 is the most central one and defines the system.",
+        note="Board 1 is the most central one and defines the system. Bends: how far the ends stand above the middle, along its "
+        "rows, its columns, and as a twist, with standard errors.",
     )
 
 
@@ -100,6 +101,7 @@ def _board_row(results: CalibrationResults, board: int) -> Row:
         *(round(float(v), 5) for v in value[:3]),
         *(round(float(v), 3) for v in np.degrees(value[3:])),
         rounded(sigma[:3].max(), 2),
+        ", ".join(f"{1e3 * bend:.2f} +- {1e3 * own:.2f}" for bend, own in zip(*bend_precision(result, board), strict=True)),
         rounded(float(np.median(size)), 3),
     )
 

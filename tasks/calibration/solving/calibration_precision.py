@@ -42,6 +42,23 @@ def board_precision(result: BoardAdjustment, board: int) -> tuple[np.ndarray, np
     return value, np.sqrt(np.where(columns >= 0, variance, 0.0))
 
 
+def bend_precision(result: BoardAdjustment, board: int) -> tuple[np.ndarray, np.ndarray]:
+    """The bends (S,) m of a board and their standard errors (S,); none for boards that are flat."""
+    columns = result.network.bend_columns[board]
+    value = result.state.bend.value[board] if result.network.bends and result.state.bend else np.empty(0)
+    return value, np.sqrt(np.diag(result.covariance)[columns])
+
+
+def largest_bend(result: BoardAdjustment) -> tuple[int, float, float] | None:
+    """The board that bends most, by how much, and the standard error of that, m; None for boards that are flat."""
+    if not result.network.bends:
+        return None
+    found = [(board, *bend_precision(result, board)) for board in range(result.network.boards)]
+    board, value, sigma = max(found, key=lambda one: float(np.abs(one[1]).max()))
+    most = int(np.abs(value).argmax())
+    return board, float(value[most]), float(sigma[most])
+
+
 def _to_angles(R: np.ndarray) -> np.ndarray:
     """(6, 6): derivatives of centre, omega, phi and kappa by centre and rotation vector."""
     J = np.eye(6)

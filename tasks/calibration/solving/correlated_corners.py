@@ -23,7 +23,8 @@ def correlation_factor(result: BoardAdjustment) -> float:
     """By how much formal standard errors have to be enlarged, 1 or more."""
     shared, reduced, gradient = _by_photo(result)
     photos = len(reduced)
-    normal = reduced.sum(axis=0)
+    photographed = reduced.sum(axis=0)
+    normal = photographed + _flatness(result, shared)
     # In units in which the formal covariance is the unit matrix: scale-free, and well conditioned.
     values, vectors = np.linalg.eigh(normal)
     good = values > 1e-12 * values[-1]
@@ -35,7 +36,17 @@ def correlation_factor(result: BoardAdjustment) -> float:
         share, axes = np.linalg.eigh(rest)
         moved.append(axes @ ((axes.T @ pull) / np.maximum(share, 0.1)))
     spread = (photos - 1) / photos * (np.array(moved) ** 2).sum(axis=0) / max(result.sigma0, 1e-12) ** 2
-    return float(np.sqrt(max(spread.mean(), 1.0))) if shared else 1.0
+    # What is known of boards without photographs does not change when one of these is left out.
+    determined = np.einsum("ij,ij->", root, photographed @ root)
+    return float(np.sqrt(max(spread.sum() / determined, 1.0))) if shared else 1.0
+
+
+def _flatness(result: BoardAdjustment, shared: int) -> np.ndarray:
+    """(s, s): the weights of flat boards among the unknowns that photographs share."""
+    network, weight = result.network, np.zeros(shared)
+    if network.bends:
+        weight[network.bend_columns.ravel() - 6 * network.photos] = (network.image_sigma / network.bend_sigma) ** 2
+    return np.diag(weight)
 
 
 def _by_photo(result: BoardAdjustment) -> tuple[int, np.ndarray, np.ndarray]:

@@ -57,7 +57,7 @@ class Judged:
     check: HeldOut | None
 
 
-def held_out(result: BoardAdjustment, target: CalibrationTarget, sensible: np.ndarray | None = None) -> HeldOut | None:
+def held_out(result: BoardAdjustment, sensible: np.ndarray | None = None) -> HeldOut | None:
     """Each half checked by the other, with the model of `result`; `sensible` (M,): the corners that count in comparisons, by
     default all. None with too few photographs, or where a half does not determine the parameters."""
     photos = len(result.state.rotation)
@@ -66,7 +66,7 @@ def held_out(result: BoardAdjustment, target: CalibrationTarget, sensible: np.nd
     # Every second photo, not the first and the last ones: a series often changes distance or light on the way.
     halves = [np.arange(start, photos, 2) for start in (0, 1)]
     try:
-        solved = [half_of(result, target, half) for half in halves]
+        solved = [half_of(result, half) for half in halves]
         missed = [_missed(one, result, other) for one, other in zip(solved, reversed(halves), strict=True)]
     except GeometryError:
         return None
@@ -79,18 +79,24 @@ def held_out(result: BoardAdjustment, target: CalibrationTarget, sensible: np.nd
     return HeldOut(rms, rms_all, difference, np.sqrt(covariance), judged)
 
 
-def half_of(result: BoardAdjustment, target: CalibrationTarget, photos: np.ndarray) -> BoardAdjustment:
+def half_of(result: BoardAdjustment, photos: np.ndarray) -> BoardAdjustment:
     """The calibration from some of the photos, with the calibration of all as initial values, and the boards that they show."""
     # Corners that the adjustment of all has rejected stay out: the halves are to differ by chance, not by blunders.
     state, corners = _of_photos(result.state, result.corners.take(result.used), photos)
     # Board 0 is the datum and stays, even if these photos do not show it.
     shown = np.unique(np.append(corners.board, 0))
     renumbered = BoardCorners(corners.photo, np.searchsorted(shown, corners.board), corners.corner, corners.xy)
-    start = replace(state, turn=state.turn[shown], shift=state.shift[shown], local=state.local[shown])
-    half = honest(adjust(target.network(len(photos), len(shown), result.network.free), start, renumbered))
-    turn, shift = state.turn.copy(), state.shift.copy()
+    bend = state.bend and state.bend.take(shown)
+    start = replace(state, turn=state.turn[shown], shift=state.shift[shown], local=state.local[shown], bend=bend)
+    network = replace(result.network, photos=len(photos), boards=len(shown), local_sigma=(0.0, 0.0, 0.0))
+    half = honest(adjust(network, start, renumbered))
+    turn, shift, own = state.turn.copy(), state.shift.copy(), half.state.bend
     turn[shown], shift[shown] = half.state.turn, half.state.shift
-    return replace(half, state=replace(half.state, turn=turn, shift=shift, local=state.local), corners=corners)
+    if state.bend is not None and own is not None:
+        value = state.bend.value.copy()
+        value[shown] = own.value
+        own = replace(own, value=value)
+    return replace(half, state=replace(half.state, turn=turn, shift=shift, local=state.local, bend=own), corners=corners)
 
 
 def _of_photos(state: BoardState, corners: BoardCorners, photos: np.ndarray) -> tuple[BoardState, BoardCorners]:
@@ -126,7 +132,7 @@ def compare(
     if not found:
         raise failure or GeometryError("No lens model was given.")
     sensible = np.any([result.used for result in found.values()], axis=0)
-    return {model: Judged(result, held_out(result, target, sensible)) for model, result in found.items()}
+    return {model: Judged(result, held_out(result, sensible)) for model, result in found.items()}
 
 
 def choice(judged: dict[LensModel, HeldOut | None]) -> LensModel:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orthomill.schemas.errors import GeometryError
+from orthomill.tasks.adjustment.boards.board_bend import flat
 from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment, adjust, minimise
 from orthomill.tasks.adjustment.boards.board_network import Arrangement, BoardCorners, BoardNetwork, BoardState
 from orthomill.tasks.adjustment.boards.board_projection import residuals
@@ -17,13 +18,15 @@ _GOOD = 1.5
 """px: an adjustment with a larger sigma0 may have converged to a local minimum."""
 _MUCH = 0.1
 """So may one that rejects more than this share of the corners."""
+_ROUNDS, _SETTLED = 4, 0.9
+"""Adjustments with bent boards until sigma0, by which bends are weighted, falls to no less than this share of the one before."""
 
 
 @dataclass(frozen=True, eq=False)
 class CalibrationTarget:
     """What is photographed: `size` (width, height) px of the photos, inner `corners` (columns, rows) and `square` (m) of a board,
-    how many `boards` there are (0: as many as are found), how they are arranged, and the standard errors (m) of their corners in
-    the plane of the board and out of it."""
+    how many `boards` there are (0: as many as are found), how they are arranged, the standard errors (m) of their corners in the
+    plane of the board and out of it, and that of the `bend` of a board in units of its longer side (0: flat)."""
 
     size: tuple[int, int]
     corners: tuple[int, int]
@@ -32,6 +35,7 @@ class CalibrationTarget:
     arrangement: Arrangement = "plane"
     sigma_in_plane: float = 0.0
     sigma_height: float = 0.0
+    bend: float = 0.0
 
     @property
     def local(self) -> np.ndarray:
@@ -97,12 +101,29 @@ def solve(
             break
     if best is None:
         raise failure or too_few(photos)
-    return honest(with_uncertain_boards(target, best))
+    return honest(with_uncertain_boards(target, with_bends(target, best)))
 
 
 def honest(result: BoardAdjustment) -> BoardAdjustment:
     """The adjustment with standard errors for corners that err together within a photograph."""
     return result.with_correlated_corners(correlation_factor(result))
+
+
+def with_bends(target: CalibrationTarget, result: BoardAdjustment) -> BoardAdjustment:
+    """The adjustment with the bends of the boards as weighted unknowns, where boards are not stated to be flat."""
+    if not target.bend:
+        return result
+    bend = result.state.bend or flat(target.local, result.network.boards, target.orders)
+    network = replace(result.network, bends=bend.count, bend_sigma=target.bend * float(np.ptp(target.local, axis=0).max()))
+    start, found = replace(result.state, bend=bend), result
+    for _ in range(_ROUNDS):
+        # The weight of flatness against an image coordinate needs the precision of the latter, which a bend spoils at first.
+        before = found.sigma0
+        found = adjust(replace(network, image_sigma=before), start, result.corners)
+        start = found.state
+        if found.sigma0 > _SETTLED * before:
+            break
+    return replace(found, iterations=result.iterations)
 
 
 def with_uncertain_boards(target: CalibrationTarget, result: BoardAdjustment) -> BoardAdjustment:

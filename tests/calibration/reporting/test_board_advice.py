@@ -1,9 +1,11 @@
 """Weaknesses of a calibration: each is found where it is planted, and its sentence gives the figure and what to do."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from bent_boards import bent_photographs
 from board_corners import EASY, corners_of, easy_calibration
 
 from orthomill.tasks.calibration.board_tables import PhotoSearch
@@ -20,7 +22,9 @@ from orthomill.tasks.calibration.reporting.advice import (
 )
 from orthomill.tasks.calibration.reporting.advice_sentences import advice_sentence
 from orthomill.tasks.calibration.solving.arranging import arrangement_of
+from orthomill.tasks.calibration.solving.lens_models import MODELS
 from orthomill.tasks.calibration.solving.model_choice import HeldOut, held_out
+from orthomill.tasks.calibration.solving.solving import CalibrationTarget, solve
 
 GOOD = PhotoGeometry(tilt_median=25.0, tilt_largest=35.0, turned=90.0, directions=4, coverage=0.9)
 
@@ -115,7 +119,7 @@ def test_a_calibration_without_a_check_says_so():
 
 def test_held_out_photographs_that_fit_worse_and_halves_that_differ_are_reported():
     target, result = easy_calibration()
-    fine = held_out(result, target)
+    fine = held_out(result)
     assert fine is not None and result_advice(result, fine, target) == []
     worse = result_advice(result, replace(fine, rms=2.0 * result.rms), target)
     assert codes(worse) == [Weakness.HELD_OUT_WORSE] and worse[0].value == pytest.approx(2.0)
@@ -198,3 +202,12 @@ def test_every_weakness_has_a_sentence_with_its_figures(advice, parts):
 def test_no_weakness_is_without_words():
     full = [Advice(code, 1.0, ("a",), (1.0,), (9, 6)) for code in Weakness]
     assert len({advice_sentence(one) for one in full}) == len(Weakness)
+
+
+def test_a_bent_board_is_said_with_its_bend_and_a_flat_one_is_not():
+    target = CalibrationTarget((1280, 960), (9, 6), 0.03, 1, bend=0.005)
+    for sag, said in ((0.004, True), (0.0, False)):
+        true, corners = bent_photographs(target, sag, 0)
+        advice = result_advice(solve(target, (true,), corners, MODELS[0].free), None, target)
+        bent = [advice_sentence(one) for one in advice if one.code is Weakness.BENT_BOARD]
+        assert bool(bent) is said and all(re.match(r"Board 1 is bent by (3\.9|4\.0) mm", one) for one in bent)

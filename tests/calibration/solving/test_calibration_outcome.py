@@ -31,7 +31,7 @@ def test_held_out_photographs_choose_the_model_that_made_them(solved):
 def test_too_few_photographs_are_refused_or_not_checked(solved):
     target, _ = solved
     found = corners_of(replace(EASY, photos=4))[1]
-    assert held_out(arrangement_of(found, target).result, target) is None
+    assert held_out(arrangement_of(found, target).result) is None
     with pytest.raises(GeometryError, match="Only 2 photographs"):
         arrangement_of(found[:2], target)
 
