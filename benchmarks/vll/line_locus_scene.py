@@ -11,6 +11,7 @@ brightness; 3: eroded land, rich in texture of all sizes.
 Source: methods/vertical_line_locus.md B3, B4.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +32,8 @@ WEST, NORTH = 210.0, 1060.0
 """m: the first node"""
 _GROUND = 0.25
 """m: pixels in which the covers are painted"""
+Ground = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""heights m at X and Y"""
 _EXTENT = 700.0, 1140.0
 _NOISE, _BLUR = 2.0, 0.6
 """grey levels and px of a photograph"""
@@ -57,16 +60,21 @@ def height(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return 3.0 + 0.07 * y + 7.0 * (1 + np.sin(2 * np.pi * x / 500.0)) + 4.0 * (1 + np.sin(2 * np.pi * y / 330.0 + x / 90.0))
 
 
+def plane(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The same slope without waves, m."""
+    return 14.0 + 0.07 * y + 0.0 * x
+
+
 def nodes() -> tuple[np.ndarray, np.ndarray]:
     """X of the columns and Y of the rows."""
     return WEST + STEP * np.arange(COLS), NORTH - STEP * np.arange(ROWS)
 
 
-def located_pair(cover: int, seed: int = 11) -> LocusPair:
-    """The photographs of a cover (0, 1 or 2)."""
+def located_pair(cover: int, seed: int = 11, ground: Ground = height) -> LocusPair:
+    """The photographs of a cover (0, 1 or 2) on a ground."""
     block, painted = _block(), _painted(cover, np.random.default_rng(seed + cover))
     rng = np.random.default_rng(100 * seed + cover)
-    images = [_photograph(block_view(block, name), painted, rng) for name in ("left", "right")]
+    images = [_photograph(block_view(block, name), painted, rng, ground) for name in ("left", "right")]
     return LocusPair(block, (images[0], images[1]))
 
 
@@ -91,14 +99,14 @@ def _block() -> Block:
     )  # fmt: skip
 
 
-def _photograph(view: View, painted: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def _photograph(view: View, painted: np.ndarray, rng: np.random.Generator, ground: Ground) -> np.ndarray:
     """What a photograph shows of the painted ground, uint8."""
     n = view.numbers
     col, row = np.meshgrid(np.arange(view.camera.width), np.arange(view.camera.height))
     right, down = (col - n.col0) / n.c, (row - n.row0) / n.c
     z = np.full(col.shape, MIDDLE)
     for _ in range(12):  # slopes of the ground times those of the rays are below 0.1: every step gains a digit
-        z = height(n.xc + right * (n.zc - z), n.yc - down * (n.zc - z))
+        z = ground(n.xc + right * (n.zc - z), n.yc - down * (n.zc - z))
     x, y = n.xc + right * (n.zc - z), n.yc - down * (n.zc - z)
     grey = ndimage.map_coordinates(painted, [(_EXTENT[1] - y) / _GROUND, (x - WEST + 60.0) / _GROUND], order=1, mode="nearest")
     grey = ndimage.gaussian_filter(grey, _BLUR) + rng.normal(0.0, _NOISE, grey.shape)

@@ -95,6 +95,16 @@ def test_a_slope_of_four_degrees_is_accepted_with_large_windows():
     assert np.sqrt(np.mean(error**2)) < 1.21
 
 
+def test_nodes_far_apart_lose_the_ground_that_near_ones_follow():
+    """B-08: a short first round on a slope, nodes 2 m apart thinned to 10 m beside a run at 10 m (published: 10.2 times)."""
+    images = [image(-BASE / 2, 0.25), image(BASE / 2, 0.25, seed=2)]
+    published = {"passed_on": "found", "measure": "published", "fit": "none", "alignment": "image", "window": 25}
+    dense, direct = (found(images, start=100.0, nodes=n, step=0.5, side_points=1, accuracy=0.1, **published) for n in (21, 5))
+    truth = 100.0 + 0.25 * np.linspace(-20, 20, 5)[None, :]
+    thinned, lost = (np.sqrt(np.mean((heights - truth) ** 2)) for heights in (dense.height[::5, ::5], direct.height))
+    assert thinned < 0.5 and lost > 5 * thinned
+
+
 def test_more_photographs_are_more_precise():
     images = [image(x, seed=k, noise=2.0) for k, x in enumerate((-80.0, 80.0, -50.0, 50.0))]
     two, four = found(images[:2], photographs=2), found(images, photographs=4)
