@@ -90,9 +90,9 @@ class MethodResult:
     panel: tuple[str, np.ndarray, np.ndarray, float, float]
 
 
-def town(run: Path) -> Scene:
-    """The centre of the simulated town."""
-    crop = Crop.of(run, (0.5, 0.5), 220.0)
+def town(run: Path, centre: tuple[float, float] = (0.5, 0.5)) -> Scene:
+    """A part of a simulated town, by default its centre."""
+    crop = Crop.of(run, centre, 220.0)
     grid, store = crop.surface.grid, crop.store
     truth = store.table(Table("truth/grid.json", MapGrid))
     col, row = truth.pixel(*np.meshgrid(*grid.centres(Window(0, 0, *grid.shape))))

@@ -123,7 +123,7 @@ def exact_model(scene: Scene) -> tuple[MapGrid, np.ndarray]:
 
 
 def main(run: Path) -> None:
-    """Both scenes; kernels must have been compiled before (`make compare`), or the first times tell of the compiler."""
+    """Both scenes."""
     real = shore(run)
     lines = ["# An existing height model as guide", "", f"`make bench-guide`; {machine()}.", ""]
     lines += [(__doc__ or "").split("\n\n")[1].replace("\n", " "), "", *section(real, coarse_model(real.crop))]

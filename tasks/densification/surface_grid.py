@@ -38,8 +38,19 @@ def ground_pixel(pair: EpipolarPair) -> float:
 
 
 def window_cells(side: int, pairs: tuple[EpipolarPair, ...], surface: Surface) -> float:
-    """Side of windows of so many pixels of the epipolar images, in cells of the surface: of the median pair."""
-    return side * float(np.median([ground_pixel(pair) for pair in pairs])) / surface.grid.cell if pairs else 0.0
+    """Side of windows of so many pixels of the epipolar images, in cells of the surface: of the median pair.
+
+    Raises GeometryError for windows that the images of no pair can hold.
+    """
+    if not pairs:
+        return 0.0
+    sizes = [min(pair.rows, pair.left_cols, pair.right_cols) for pair in pairs]
+    if side >= max(sizes):
+        raise GeometryError(
+            f"Windows of {side} px do not fit into the epipolar images, whose shorter side is {max(sizes)} px; set a smaller "
+            "window (matching)."
+        )
+    return side * float(np.median([ground_pixel(pair) for pair in pairs])) / surface.grid.cell
 
 
 def height_bounds(pairs: EpipolarPairs) -> tuple[float, float]:

@@ -174,3 +174,14 @@ def test_a_model_that_cannot_belong_to_the_block_is_refused(seen, guided):
     way = CoarseToFine(kind="pyramid", pyramid=LEVELS, guide=GuideFile(kind="file", path="dem.tif"))
     with pytest.raises(GeometryError, match="does not cover the block"):
         run(seen, way, files={"dem.tif": (grid, np.full(grid.shape, np.nan, np.float32))})
+
+
+@pytest.mark.parametrize("way", ["region_growing", "guided"])
+def test_windows_that_the_images_cannot_hold_are_refused_in_words(way):
+    scene, pair = village(24, 0, seed=4), normal_case(24)
+    asked = {"region_growing": {"growing": {"matching": {"window": 31}}}, "guided": {"pixels": {"correlation": {"template": 31}}}}[
+        way
+    ]
+    matching = DensificationStage.model_validate({"kind": "densification", "matching": {"kind": way, **asked}}).matching
+    with pytest.raises(GeometryError, match=r"Windows of \d+ px do not fit into the epipolar images, whose shorter side is \d+ px"):
+        run((scene, render(scene, pair)), matching)

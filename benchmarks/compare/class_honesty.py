@@ -1,0 +1,75 @@
+"""Standard errors of windows that know no walls, by class of ground: `python -m benchmarks.compare.class_honesty TOWN SECOND_TOWN`.
+
+The constants of these standard errors were set on the centre of the first town. The part west of it and the second town, which has
+other streets, roofs, trees and cameras, took no part in that.
+"""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.compare.compare_methods import Scene, town
+from benchmarks.compare.replayed_crop import Replay
+from benchmarks.measured_run import machine, write_result
+from orthomill.schemas.surface import HEIGHT, MEASURED, PROVENANCE, RELATIVE_PRECISION
+from orthomill.tasks.densification.stage import DensificationStage
+from orthomill.tasks.evaluation.classes import PlaceClass
+
+_RIM, _FEWEST = 40, 200
+WAYS: dict[str, dict[str, Any]] = {
+    "vertical line locus": {"kind": "vertical_line_locus"},
+    "guided": {"kind": "guided"},
+    "pyramid": {"kind": "pyramid"},
+    "region growing": {"kind": "region_growing"},
+}
+PLACES = {
+    "open": (PlaceClass.CLEAR_GROUND,),
+    "beside buildings": (PlaceClass.BUILDING_MARGIN,),
+    "beside trees": (PlaceClass.TREE_MARGIN,),
+    "roofs": (PlaceClass.ROOF_INTERIOR, PlaceClass.ROOF_EDGE),
+}
+"""classes of ground by what they are called"""
+
+
+def shares(scene: Scene, settings: dict[str, Any]) -> list[str]:
+    """Per class the shares within 2 and beyond 4 standard errors, %, as cells of a table."""
+    replay = Replay(scene.crop).run(DensificationStage.model_validate({"kind": "densification", "matching": settings}))
+    inner = slice(_RIM, -_RIM), slice(_RIM, -_RIM)
+    heights, sigma, code = (replay.rasters[name][inner] for name in (HEIGHT, RELATIVE_PRECISION, PROVENANCE))
+    known, classes = scene.known.height[inner], scene.known.classes[inner]
+    measured = np.isin(code, MEASURED) & np.isfinite(known)
+    away = heights - known
+    # The datum of the block is common to all methods.
+    ratio = np.abs(away - np.median(away[measured & np.isin(classes, PLACES["open"])])) / sigma
+    found = (ratio[measured & np.isin(classes, place)] for place in PLACES.values())
+    return [f"{100 * (q < 2).mean():.1f} / {100 * (q > 4).mean():.2f}" if len(q) >= _FEWEST else "-" for q in found]
+
+
+def page(scenes: dict[str, Scene]) -> str:
+    """The whole study."""
+    lines = ["# Standard errors of windows by class of ground", ""]
+    lines += [f"`python -m benchmarks.compare.class_honesty`; {machine()}.", ""]
+    lines += [(__doc__ or "").split("\n\n")[1].replace("\n", " ").strip(), "", "Within 2 / beyond 4 standard errors, %.", ""]
+    lines += ["| part | method | " + " | ".join(PLACES) + " |", "| --- " * (2 + len(PLACES)) + "|"]
+    for part, scene in scenes.items():
+        for name, settings in WAYS.items():
+            lines.append(f"| {part} | {name} | " + " | ".join(shares(scene, settings)) + " |")
+            print(lines[-1], flush=True)
+    return "\n".join([*lines, ""])
+
+
+def main(runs: list[str]) -> None:
+    """Write the page from the finished runs of the two towns."""
+    first, second = (Path(run) for run in (runs or ["runs/volos", "runs/volos_second"]))
+    parts = {
+        "first town, centre (constants set here)": town(first),
+        "first town, west of it": town(first, (0.4, 0.5)),
+        "second town": town(second),
+    }
+    write_result("class_honesty", page(parts))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
