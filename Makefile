@@ -144,7 +144,7 @@ bench-adjustment: $(STAMP) ## Growth of the adjustment up to 1000 photographs (o
 	@$(BIN)/python -m benchmarks.orientation.adjustment_growth $(options)
 
 chaos: $(STAMP) ## Kill runs in every way, damage stores, compare bit for bit (options="--kills 100 --damages 200 --seed 0")
-	@$(BIN)/python -m benchmarks.chaos $(options)
+	@$(BIN)/python -m benchmarks.trust.chaos $(options)
 
 docs: $(STAMP) links ## Write the generated pages of docs/ and the documentation site to .cache/site
 	@$(BIN)/orthomill reference

@@ -7,7 +7,7 @@ import shutil
 import time
 import uuid
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +32,8 @@ SAME = 0.5
 """seconds for which the total is not reckoned again"""
 MOST_INPUTS = 12
 """inputs of a tile that its panel lists"""
+KEPT_RECORDS, KEPT_PICTURES = 20_000, 4000
+"""tiles whose records and inputs are kept, and whose pictures: a page of hundreds of megabytes is of no use to anybody"""
 
 
 class LiveMap:
@@ -151,10 +153,30 @@ class LiveMap:
         while state["more"]:
             state = self.board.since(state["tiles"], state["changes"], text=key_text)
             parts.append(state)
-        errors = {key_text(key): sentence for key, sentence in self._errors.items()}
-        whole = {"parts": parts, "titles": self.board.titles, "total": self._total(), "errors": errors, "outlines": self._outlines}
+        whole = {
+            "parts": parts,
+            "titles": self.board.titles,
+            "total": self._total(),
+            "errors": {key_text(key): sentence for key, sentence in self._errors.items()},
+            "outlines": self._outlines,
+            "details": [self.tile(tile) for tile in range(min(len(self.board.keys), KEPT_RECORDS))],
+            "pictures": dict(self._kept_pictures()),
+        }
         data = base64.b64encode(gzip.compress(json.dumps(whole, separators=(",", ":")).encode(), 6)).decode()
         return page_template().replace('"KEPT"', f'"{data}"')
+
+    def _kept_pictures(self) -> Iterator[tuple[int, str]]:
+        """Numbers of panels and the pictures of their rasters: of the ground first, until there are enough."""
+        from orthomill.pipeline.watching.tile_picture import raster_picture
+
+        left = KEPT_PICTURES
+        panels = sorted(enumerate(self.board.panels()), key=lambda numbered: numbered[1][0].ground is None)
+        for number, (panel, tiles) in panels:
+            if panel.raster and tiles <= left:
+                left -= tiles
+                # A run that was stopped may not have begun a raster, and a damaged one is told elsewhere.
+                with suppress(StoreError):
+                    yield number, base64.b64encode(raster_picture(self._session.store, panel.raster)).decode()
 
 
 def page_template() -> str:

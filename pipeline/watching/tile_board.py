@@ -7,6 +7,7 @@ much as has changed, and not as much as the run is large.
 
 import heapq
 from array import array
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
@@ -44,7 +45,9 @@ class Panel:
     name: str
     ground: tuple[float, float, float, float] | None = None
     across: tuple[float, float] | None = None
-    """tiles that the ground is wide and high; the last ones may be parts"""
+    """tiles that the raster is wide and high; the last ones may be parts"""
+    raster: str = ""
+    """name of the raster that the tiles are parts of; empty for tiles that are none"""
 
 
 class TileBoard:
@@ -141,6 +144,12 @@ class TileBoard:
         self._counts[state] += 1
         self._state[tile] = state
         self._log.append(tile)
+
+    def panels(self) -> list[tuple[Panel, int]]:
+        """All panels in the order of their numbers, with their tiles."""
+        with self._lock:
+            held = Counter(self._place[::3])
+            return [(panel, held[number]) for panel, number in self._panels.items()]
 
     def counts(self) -> list[int]:
         """Tiles by state."""

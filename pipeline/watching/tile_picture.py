@@ -1,30 +1,53 @@
-"""A small picture of a tile as soon as it is done: colours as they are, everything else as grey, heights shaded."""
+"""Small pictures of tiles as they are done, and of whole rasters for the page that is kept.
+
+Colours as they are, everything else as grey, heights shaded.
+"""
+
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
 
 from orthomill.pipeline.storage.reading import ReadableStore
-from orthomill.schemas.raster import Window
+from orthomill.schemas.raster import RasterSpec, Window
 
 SIDE = 48
 """px, at most"""
+QUALITY = 60
+"""of WebP, 1 to 100: small pictures that are kept in a page"""
 
 
 def tile_picture(store: ReadableStore, raster: str, window: Window) -> bytes:
     """A PNG of a window, transparent where nothing is. Raises StoreError when the raster does not exist."""
-    spec = store.spec(raster)
     step = max(1, -(-max(window.height, window.width) // SIDE))
-    values = store.read(raster, window)[::step, ::step]
+    return _encoded(".png", _coloured(store.read(raster, window)[::step, ::step], store.spec(raster)))
+
+
+def raster_picture(store: ReadableStore, raster: str) -> bytes:
+    """A WebP of a whole raster, whose chunks are as large as pictures of tiles. Raises StoreError when it does not exist."""
+    spec = store.spec(raster)
+    height, width = spec.shape[:2]
+    step = max(1, -(-spec.chunk // SIDE))
+    # Strips of chunks: a whole raster may be larger than the memory.
+    strips = (
+        store.read(raster, Window(row, 0, min(spec.chunk, height - row), width))[::step, ::step]
+        for row in range(0, height, spec.chunk)
+    )
+    return _encoded(".webp", _coloured(np.concatenate(list(strips)), spec), [cv2.IMWRITE_WEBP_QUALITY, QUALITY])
+
+
+def _coloured(values: np.ndarray, spec: RasterSpec) -> np.ndarray:
+    """(rows, cols, 4) uint8, blue first and opacity last."""
     present = np.isfinite(values) if values.dtype.kind == "f" else np.ones(values.shape, bool)
     if spec.nodata is not None and np.isfinite(spec.nodata):
         present &= values != spec.nodata
     if values.ndim == 3 and values.shape[2] >= 3:
         colours = values[..., 2::-1].astype(np.uint8)
         alpha = 255 * (values[..., 3] > 0) if values.shape[2] == 4 else np.full(values.shape[:2], 255)
-        return _png(np.dstack([colours, alpha.astype(np.uint8)]))
+        return np.dstack([colours, alpha.astype(np.uint8)])
     plane, shown = (values[..., 0], present[..., 0]) if values.ndim == 3 else (values, present)
     grey = _shaded(plane.astype(np.float64)) if spec.transform and values.dtype.kind == "f" else _stretched(plane, shown)
-    return _png(np.dstack([grey, grey, grey, np.where(shown, 255, 0).astype(np.uint8)]))
+    return np.dstack([grey, grey, grey, np.where(shown, 255, 0).astype(np.uint8)])
 
 
 def _shaded(heights: np.ndarray) -> np.ndarray:
@@ -42,5 +65,5 @@ def _stretched(values: np.ndarray, present: np.ndarray) -> np.ndarray:
     return np.clip(40 + 200 * (np.nan_to_num(values.astype(np.float64)) - low) / ((high - low) or 1.0), 0, 255).astype(np.uint8)
 
 
-def _png(pixels: np.ndarray) -> bytes:
-    return bytes(cv2.imencode(".png", np.ascontiguousarray(pixels))[1])
+def _encoded(kind: str, pixels: np.ndarray, options: Sequence[int] = ()) -> bytes:
+    return bytes(cv2.imencode(kind, np.ascontiguousarray(pixels), options)[1])

@@ -29,8 +29,8 @@ class TilePlaces:
             number = self._singles[job.stage] = self._singles.get(job.stage, -1) + 1
             return Panel(job.stage, SINGLE), number % PER_ROW, number // PER_ROW
         ground = _ground(spec)
-        across = (spec.shape[1] / spec.chunk, spec.shape[0] / spec.chunk) if ground else None
-        panel = Panel(job.stage, region.name.removeprefix(f"{job.stage}/"), ground, across)
+        across = spec.shape[1] / spec.chunk, spec.shape[0] / spec.chunk
+        panel = Panel(job.stage, region.name.removeprefix(f"{job.stage}/"), ground, across, region.name)
         return panel, region.window.col // spec.chunk, region.window.row // spec.chunk
 
 

@@ -78,3 +78,9 @@ def test_what_an_earlier_run_did_is_on_the_map_and_the_map_is_kept(tmp_path, bro
     page, errors = looked_at(browser, (tmp_path / "runs" / "toy" / MAP).as_uri())
     page.wait_for_function(f"({COUNTS})().includes('17 unchanged')", timeout=20_000)
     assert "all tiles done" in page.inner_text("#left") and not errors
+    page.wait_for_function("document.body.dataset.pictures === '2'", timeout=20_000)
+    page.evaluate("open(keys.indexOf('smooth/tile/1/2'))")
+    said = page.inner_text("#panel")
+    assert "Raster(" in said and "source/numbers" in said and "fingerprint" in said and "why it ran" in said
+    assert page.evaluate("document.querySelector('#panel canvas').getContext('2d').getImageData(96, 96, 1, 1).data[3]") == 255
+    assert not errors

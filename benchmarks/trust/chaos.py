@@ -29,6 +29,8 @@ from orthomill.pipeline.records.power_cut import NOTE
 
 AT_ONCE = 50
 """files that are damaged before the project is mended"""
+EARLIEST, LATEST = 4.0, 14.0
+"""seconds after which a run is struck; on a loaded machine most of it is spent before the first job (--latest)"""
 STOPPED = 3.0
 """seconds for which a run is stopped (SIGSTOP)"""
 HANGS = 1800.0
@@ -194,7 +196,7 @@ def _ended(run: Run, codes: tuple[int, ...]) -> bool:
     return run.process.returncode == 0
 
 
-def kills(folder: Path, reference: dict[str, str], count: int, chance: random.Random, counted: Counter[str]) -> None:
+def kills(folder: Path, reference: dict[str, str], count: int, latest: float, chance: random.Random, counted: Counter[str]) -> None:
     """Strike so many runs, and count them by kind, and the projects that they completed. Raises Broken."""
     struck_runs, waiting = 0, Counter[str]()
     root = project_root(folder / "struck", PROJECT)
@@ -203,7 +205,7 @@ def kills(folder: Path, reference: dict[str, str], count: int, chance: random.Ra
     while order:
         kind = order.pop()
         # A power cut that comes after the end may take what the end was believed on: the next run looks again.
-        seconds = chance.uniform(4.0, 14.0)
+        seconds = chance.uniform(EARLIEST, latest)
         done = struck(root, kind, seconds, chance) and kind != "power cut"
         struck_runs, waiting[kind] = struck_runs + 1, waiting[kind] + 1
         print(f"{struck_runs}/{count} {kind} after {seconds:.0f} s{': complete' if done else ''}", flush=True)
@@ -256,18 +258,19 @@ def damages(root: Path, reference: dict[str, str], count: int, chance: random.Ra
         print(f"{sum(counted.values())}/{count} files damaged and mended", flush=True)
 
 
-def page(struck_runs: Counter[str], damaged: Counter[str], seed: int) -> str:
+def page(struck_runs: Counter[str], damaged: Counter[str], words: str, latest: float) -> str:
     """The page of results."""
     projects = struck_runs.pop("projects", 0)
     lines = [
         "# Runs that are killed, and stores that rot",
         "",
-        f"`python -m benchmarks.chaos --seed {seed}`; {machine()}.",
+        f"`python -m benchmarks.trust.chaos {words}`; {machine()}.",
         "",
         f"Project `{PROJECT}`, two workers. Every row went on to results that are those of an undisturbed run bit for bit, left no",
         "process behind and printed no traceback.",
         "",
-        f"{sum(struck_runs.values())} runs were struck after 4 to 14 s, in the course of {projects} complete projects:",
+        f"{sum(struck_runs.values())} runs were struck after {EARLIEST:.0f} to {latest:.0f} s, in the course of {projects}",
+        "complete projects:",
         "",
         "| struck | times |",
         "| --- | --- |",
@@ -289,6 +292,7 @@ def main(words: list[str]) -> None:
     parser.add_argument("--kills", type=int, default=100)
     parser.add_argument("--damages", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--latest", type=float, default=LATEST)
     options = parser.parse_args(words)
     chance = random.Random(options.seed)
     struck_runs, damaged = Counter[str](), Counter[str]()
@@ -297,8 +301,8 @@ def main(words: list[str]) -> None:
         _ended(Run(quiet, "--workers", "2"), (0,))
         reference = digests(quiet / "runs" / PROJECT)
         damages(quiet, reference, options.damages, chance, damaged)
-        kills(Path(scratch), reference, options.kills, chance, struck_runs)
-    write_result("chaos", page(struck_runs, damaged, options.seed))
+        kills(Path(scratch), reference, options.kills, options.latest, chance, struck_runs)
+    write_result("chaos", page(struck_runs, damaged, " ".join(words), options.latest))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What checksums, encryption and the protection against power cuts cost: `python -m benchmarks.cost_of_trust [ROUNDS]`.
+"""What checksums, encryption and the protection against power cuts cost: `python -m benchmarks.trust.cost_of_trust [ROUNDS]`.
 
 The small simulated project runs with and without them in turn, on two workers, from nothing each time. Without: no checksum of
 chunks or files, the local cluster without TLS, nothing forced to the disk. Processor time of all processes, for the clock tells of
@@ -47,7 +47,7 @@ def run_without() -> None:
             plain = {"protocol": "tcp://", "security": None}
             options["scheduler"]["options"] |= plain
             for worker in options["workers"].values():
-                worker["options"] |= plain | {"preload": ["benchmarks.cost_of_trust"]}
+                worker["options"] |= plain | {"preload": ["benchmarks.trust.cost_of_trust"]}
             super().__init__(**(options | {"security": None}))
 
     def unsealed(group: Path, **options):
@@ -68,7 +68,7 @@ def words() -> list[str]:
 
 def measured(root: Path, bare: bool) -> Cost:
     """One run from nothing in a folder of its own; `bare`: without what is measured."""
-    program = [sys.executable, "-m", "benchmarks.cost_of_trust", WITHOUT] if bare else [_command(), *words()]
+    program = [sys.executable, "-m", "benchmarks.trust.cost_of_trust", WITHOUT] if bare else [_command(), *words()]
     before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
     done = subprocess.run(program, cwd=root, capture_output=True, text=True, env=_environment())
     if done.returncode != 0:
@@ -83,12 +83,12 @@ def _command() -> Path:
 
 
 def _environment() -> dict[str, str]:
-    return {**os.environ, "PYTHONPATH": str(Path(__file__).parent.parent)}
+    return {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
 
 
 def page(runs: list[tuple[Cost, Cost]]) -> str:
     """The page of results."""
-    lines = ["# What trust costs", "", f"`python -m benchmarks.cost_of_trust {len(runs)}`; {machine()}.", ""]
+    lines = ["# What trust costs", "", f"`python -m benchmarks.trust.cost_of_trust {len(runs)}`; {machine()}.", ""]
     lines += [
         f"Project `{PROJECT}`, two workers, from nothing. Processor time of all processes; in turn, so that the load is alike.",
         "",

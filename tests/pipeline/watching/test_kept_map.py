@@ -1,0 +1,55 @@
+"""The map that is kept when a run has ended: everything that the page shows must be in it."""
+
+import base64
+import gzip
+import json
+import re
+
+import cv2
+import numpy as np
+import pytest
+from toy_stages import MEMORY, SmoothStage, SourceStage, session_in
+
+from orthomill.pipeline.engine.runner import SequentialRunner
+from orthomill.pipeline.forecast.known_costs import Expectations
+from orthomill.pipeline.watching import live_map as module
+from orthomill.pipeline.watching.cost_model import CostModel
+from orthomill.pipeline.watching.live_map import MAP, live_map
+from orthomill.pipeline.watching.run_watch import Watchers
+
+NOTHING = Expectations({}, here=False)
+
+
+def kept_after_a_run(root) -> dict:
+    """What the page of a small run holds: 4 x 5 tiles of 16 px in two stages, 64 x 72 px."""
+    session = session_in(root, SourceStage(rows=64, cols=72), SmoothStage(), tile=16)
+    runner, model = SequentialRunner(MEMORY), CostModel(("source", "smooth"), 1, NOTHING)
+    with live_map(session, runner, model, lambda line: None) as tiles:
+        session.run(runner, Watchers((model, tiles)))
+    data = re.search(r'const KEPT = "([^"]+)"', (session.folder / MAP).read_text())[1]
+    return json.loads(gzip.decompress(base64.b64decode(data)))
+
+
+def test_every_tile_keeps_its_record_and_its_inputs(tmp_path):
+    kept = kept_after_a_run(tmp_path)
+    keys = [key for part in kept["parts"] for key in part["keys"]]
+    tile = kept["details"][keys.index("smooth/tile/1/2")]
+    assert [found["key"] for found in kept["details"]] == keys
+    assert tile["record"]["status"] == "done" and tile["reason"] == "not done yet" and len(tile["inputs"]) == 1
+    assert "source/numbers" in tile["inputs"][0]
+
+
+def test_the_picture_of_a_raster_shows_all_its_tiles(tmp_path):
+    kept = kept_after_a_run(tmp_path)
+    panels = [name for _, name, *_ in kept["parts"][-1]["panels"]]
+    content = np.frombuffer(base64.b64decode(kept["pictures"][str(panels.index("numbers"))]), np.uint8)
+    picture = cv2.imdecode(content, cv2.IMREAD_UNCHANGED)
+    assert picture.shape == (64, 72, 3), "nothing of it is transparent"
+    # The numbers grow from row to row.
+    assert (np.diff(picture[8::16, :, 0].mean(axis=1)) > 0).all()
+
+
+@pytest.mark.parametrize(("limit", "part", "left"), [("KEPT_RECORDS", "details", 5), ("KEPT_PICTURES", "pictures", 0)])
+def test_a_page_of_very_many_tiles_stays_small(tmp_path, monkeypatch, limit, part, left):
+    monkeypatch.setattr(module, limit, 5)
+    assert len(kept_after_a_run(tmp_path)[part]) == left
