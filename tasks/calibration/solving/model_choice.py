@@ -125,7 +125,7 @@ def compare(
     failure: GeometryError | None = None
     for model in models:
         try:
-            found[model] = solve(target, (in_model(start.state, start.corners, model),), corners, model.free)
+            found[model] = solve(target, (in_model(start.state, start.corners, model),), corners, model.free, start.sigma0)
         except GeometryError as error:
             # The message of the smallest model is the most useful one.
             failure = failure or error

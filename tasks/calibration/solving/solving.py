@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orthomill.schemas.errors import GeometryError
-from orthomill.tasks.adjustment.boards.board_bend import flat
+from orthomill.tasks.adjustment.boards.board_bend import BoardBend, flat
 from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment, adjust, minimise
 from orthomill.tasks.adjustment.boards.board_network import Arrangement, BoardCorners, BoardNetwork, BoardState
 from orthomill.tasks.adjustment.boards.board_projection import residuals
@@ -18,8 +18,10 @@ _GOOD = 1.5
 """px: an adjustment with a larger sigma0 may have converged to a local minimum."""
 _MUCH = 0.1
 """So may one that rejects more than this share of the corners."""
-_ROUNDS, _SETTLED = 4, 0.9
-"""Adjustments with bent boards until sigma0, by which bends are weighted, falls to no less than this share of the one before."""
+_ROUNDS, _SETTLED = 4, 2.0
+"""Most adjustments with bent boards until sigma0 is that by which bends were weighted, within this factor."""
+_LEAST_SIGMA = 1e-3
+"""px: corners without noise do not make a bend lighter than this."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,12 +75,13 @@ def too_few(photos: int) -> GeometryError:
 
 
 def solve(
-    target: CalibrationTarget, states: tuple[BoardState, ...], corners: BoardCorners, free: tuple[str, ...]
+    target: CalibrationTarget, states: tuple[BoardState, ...], corners: BoardCorners, free: tuple[str, ...], sigma0: float = 0.0
 ) -> BoardAdjustment:
     """The bundle adjustment from the first initial state that leads to a good solution; the best of all when none does.
 
-    states: initial values, the most plausible first; free: interior parameters to estimate. Raises GeometryError when there are too
-    few photographs, or no initial state converges.
+    states: initial values, the most plausible first; free: interior parameters to estimate; sigma0: px, of an earlier adjustment
+    that knows the bends of the boards, 0 without one. Raises GeometryError when there are too few photographs, or no initial state
+    converges.
     """
     photos = len(states[0].rotation) if states else 0
     # Boards in space face different directions: each image of one counts like a photograph.
@@ -86,6 +89,8 @@ def solve(
     if directions < FEWEST_PHOTOS:
         raise too_few(photos)
     network = target.network(photos, len(states[0].turn), free)
+    if states[0].bend is not None and sigma0:
+        network = _bent(target, network, states[0].bend, sigma0)
     best: BoardAdjustment | None = None
     failure: GeometryError | None = None
     for state in states:
@@ -111,19 +116,21 @@ def honest(result: BoardAdjustment) -> BoardAdjustment:
 
 def with_bends(target: CalibrationTarget, result: BoardAdjustment) -> BoardAdjustment:
     """The adjustment with the bends of the boards as weighted unknowns, where boards are not stated to be flat."""
-    if not target.bend:
-        return result
-    bend = result.state.bend or flat(target.local, result.network.boards, target.orders)
-    network = replace(result.network, bends=bend.count, bend_sigma=target.bend * float(np.ptp(target.local, axis=0).max()))
-    start, found = replace(result.state, bend=bend), result
-    for _ in range(_ROUNDS):
-        # The weight of flatness against an image coordinate needs the precision of the latter, which a bend spoils at first.
-        before = found.sigma0
-        found = adjust(replace(network, image_sigma=before), start, result.corners)
-        start = found.state
-        if found.sigma0 > _SETTLED * before:
+    found = result
+    # The weight of flatness against an image coordinate needs the precision of the latter, which a bend spoils at first.
+    for _ in range(_ROUNDS if target.bend else 0):
+        if found.network.bends and 1.0 / _SETTLED < found.sigma0 / found.network.image_sigma < _SETTLED:
             break
+        bend = found.state.bend or flat(target.local, found.network.boards, target.orders)
+        network = _bent(target, found.network, bend, found.sigma0)
+        found = adjust(network, replace(found.state, bend=bend), result.corners)
     return replace(found, iterations=result.iterations)
+
+
+def _bent(target: CalibrationTarget, network: BoardNetwork, bend: BoardBend, image_sigma: float) -> BoardNetwork:
+    """The network with bends as unknowns; `image_sigma` px of an image coordinate."""
+    longest = float(np.ptp(target.local, axis=0).max())
+    return replace(network, bends=bend.count, bend_sigma=target.bend * longest, image_sigma=max(image_sigma, _LEAST_SIGMA))
 
 
 def with_uncertain_boards(target: CalibrationTarget, result: BoardAdjustment) -> BoardAdjustment:

@@ -1,8 +1,8 @@
 """From named boards to the observations and initial values of the bundle adjustment.
 
-The camera constant comes from the homographies; principal point and distortion are initially zero. Homographies ignore distortion,
-so that with a wide lens, or photos that look straight down, the constant may be far off: the adjustment is then started from other
-constants as well, and the solution with the smallest residuals is used.
+The camera constant comes from the homographies, in three ways; principal point and distortion are initially zero. Homographies
+ignore distortion, so that with a wide lens, or photos that look straight down, the constant may be far off: the adjustment is then
+started from other constants as well, and the solution with the smallest residuals is used.
 
 Source: Kawka 2021, S8 to S11 (methods/calibration.md).
 """
@@ -13,6 +13,7 @@ import numpy as np
 
 from orthomill.tasks.adjustment.boards.board_network import PARAMETERS, BoardCorners, BoardState
 from orthomill.tasks.calibration.naming.board_names import Naming
+from orthomill.tasks.calibration.solving.conic_start import interior_from_conic
 from orthomill.tasks.calibration.solving.initial_constant import ConstantEstimate, constant_from_conic, constants, estimate
 from orthomill.tasks.calibration.solving.initial_pose import pose_of_projection
 
@@ -43,7 +44,8 @@ def start_of(found: list[np.ndarray], naming: Naming, local: np.ndarray, size: t
     pairs = np.full((len(found), 2), np.nan)
     pairs[used] = np.array([constants(H) for H in homographies]).reshape(-1, 2)
     constant = estimate(pairs[:, 0], pairs[:, 1])
-    likely = [constant.c, constant_from_conic(homographies), *(factor * max(size) for factor in _OTHER_CONSTANTS)]
+    whole = interior_from_conic(homographies, float(max(size))).c
+    likely = [constant.c, constant_from_conic(homographies), whole, *(factor * max(size) for factor in _OTHER_CONSTANTS)]
     sensible = [c for c in likely if np.isfinite(c) and _LEAST * max(size) < c < _LARGEST * max(size)]
     return StartingValues(used, _corners(found, naming, used), tuple(_state(naming, used, local, c) for c in sensible), constant)
 

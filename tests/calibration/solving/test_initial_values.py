@@ -220,7 +220,7 @@ def test_the_start_uses_the_constant_of_the_homographies_first():
     assert start.photo.tolist() == [0, 2, 3] and len(start.corners) == 36
     assert start.states[0].interior.tolist() == pytest.approx([C, *[0.0] * 16])
     assert np.isnan(start.constant.c1[1]) and start.constant.c == pytest.approx(C)
-    others = [state.interior[0] for state in start.states[2:]]
+    others = [state.interior[0] for state in start.states[3:]]
     assert others == [3200.0, 5200.0, 2000.0, 8800.0], "from wide to tele, in units of the longer side"
 
 
