@@ -33,6 +33,8 @@ _NAMES = ("one", "two", "three")
 _CELL, _PAINTED, _HALF = 1.0, 0.4, 900.0
 """m: of the surface; of the paint; half the side of what is painted"""
 _LEVELS = 4
+_GROSS = 7.0
+"""m: three pixels of parallax between neighbouring photographs"""
 
 
 def height(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -62,7 +64,7 @@ def _scene(store: Store) -> Scene:
     crop = Crop(store, window)
     truth = np.asarray(height(*np.meshgrid(*crop.surface.grid.centres(Window(0, 0, *window.shape)))))
     everywhere = np.full(window.shape, PlaceClass.CLEAR_GROUND)
-    return Scene("mountain", crop, Known(truth, everywhere, np.ones(window.shape, bool)), 3.0)
+    return Scene("mountain", crop, Known(truth, everywhere, np.ones(window.shape, bool)), _GROSS)
 
 
 def _block() -> Block:
