@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.compare.compare_methods import Scene, town
+from benchmarks.compare.compared_ground import Scene, town
 from benchmarks.compare.replayed_crop import Replay
 from benchmarks.measured_run import machine, write_result
 from orthomill.schemas.surface import HEIGHT, MEASURED, PROVENANCE, RELATIVE_PRECISION

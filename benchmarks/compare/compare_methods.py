@@ -1,7 +1,8 @@
 """All ways to heights on the same ground: `make compare options="runs/volos runs/brighton"` writes docs/compare.md and pictures.
 
 Parts of finished runs are densified anew by every method, with the orientation, tie points, pairs and range of heights of the run.
-The simulated town has a truth; on the real shore the heights on which two or more pairs of the default agree stand for it.
+The simulated town and a rendered mountain have a truth; on the real shore the heights on which two or more pairs of the default
+agree stand for it.
 """
 
 import sys
@@ -11,24 +12,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import map_coordinates
 
+from benchmarks.compare.compared_ground import Known, Scene, shore, town
 from benchmarks.compare.method_figures import draw
-from benchmarks.compare.replayed_crop import Crop, Replay
+from benchmarks.compare.mountain_scene import mountain
+from benchmarks.compare.replayed_crop import Replay
 from benchmarks.measured_run import ROOT, machine
-from orthomill.schemas.job import Table
-from orthomill.schemas.raster import MapGrid, Window
-from orthomill.schemas.surface import HEIGHT, MEASURED, PROVENANCE, RELATIVE_PRECISION, SURFACE, Provenance
-from orthomill.schemas.truth import TRUTH_MATERIAL, TRUTH_SURFACE, TRUTH_VISIBILITY
+from orthomill.schemas.surface import HEIGHT, MEASURED, PROVENANCE, RELATIVE_PRECISION
 from orthomill.tasks.densification.stage import DensificationStage
-from orthomill.tasks.evaluation.classes import PlaceClass, place_classes
-from orthomill.tasks.imagery.pull_push import filled
+from orthomill.tasks.evaluation.classes import PlaceClass
 
 _RIM = 40
 """cells along the border of a part that are not judged: methods that look around lack their surroundings there"""
 _DEM = "coarse_dem.tif"
-_POSTS, _NOISE = 30.0, 2.0
-"""m: of the coarse height model that guides some of the methods"""
 _GUIDE = {"kind": "file", "path": _DEM}
 _LEAST = {"smoothing": 0.6, "max_shift": 2.0}
 
@@ -64,25 +60,6 @@ METHODS: dict[str, dict[str, Any]] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
-    """What is known of the cells of a part (rows, cols): heights m, NaN where unknown; classes; whether two photographs see it."""
-
-    height: np.ndarray
-    classes: np.ndarray
-    seen: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class Scene:
-    """A part of a run, what is known of it, and the departure that counts as gross, m."""
-
-    name: str
-    crop: Crop
-    known: Known
-    gross: float
-
-
-@dataclass(frozen=True, eq=False)
 class MethodResult:
     """What a method made of a scene: rows of the table, and what the figure shows."""
 
@@ -90,45 +67,9 @@ class MethodResult:
     panel: tuple[str, np.ndarray, np.ndarray, float, float]
 
 
-def town(run: Path, centre: tuple[float, float] = (0.5, 0.5)) -> Scene:
-    """A part of a simulated town, by default its centre."""
-    crop = Crop.of(run, centre, 220.0)
-    grid, store = crop.surface.grid, crop.store
-    truth = store.table(Table("truth/grid.json", MapGrid))
-    col, row = truth.pixel(*np.meshgrid(*grid.centres(Window(0, 0, *grid.shape))))
-    part = Window(int(row.min()) - 2, int(col.min()) - 2, int(np.ptp(row)) + 6, int(np.ptp(col)) + 6).clipped(truth.shape)
-    at = np.rint(row - part.row).astype(int), np.rint(col - part.col).astype(int)
-    heights = map_coordinates(store.read(TRUTH_SURFACE, part), [row - part.row, col - part.col], order=1)
-    seen = np.bitwise_count(store.read(TRUTH_VISIBILITY, part))[at] >= 2
-    return Scene("simulated town", crop, Known(heights, place_classes(store.read(TRUTH_MATERIAL, part)[at]), seen), 1.0)
-
-
-def shore(run: Path) -> Scene:
-    """Open ground of the real drone block, which has no truth."""
-    crop = Crop.of(run, (0.5, 0.42), 11.0)
-    heights, codes = (crop.store.read(name, crop.window) for name in (HEIGHT, PROVENANCE))
-    agreed = codes == Provenance.AGREED
-    classes = np.where(agreed, PlaceClass.CLEAR_GROUND, PlaceClass.UNKNOWN)
-    return Scene("real shore", crop, Known(np.where(agreed, heights, np.nan), classes, np.isfinite(heights)), 0.25)
-
-
-def coarse_model(crop: Crop) -> tuple[MapGrid, np.ndarray]:
-    """The heights of a run at posts `_POSTS` m apart, or as many cells as a part of such a model holds, with noise.
-
-    On a small block both are reduced alike, to a ninth of its width at most.
-    """
-    grid = crop.store.table(SURFACE).grid
-    scale = min(1.0, grid.cols * grid.cell / 9 / _POSTS)
-    every = max(1, round(_POSTS * scale / grid.cell))
-    heights = crop.store.read(HEIGHT, Window(0, 0, *grid.shape))[every // 2 :: every, every // 2 :: every]
-    noise = np.random.default_rng(1).normal(0, _NOISE * scale, heights.shape)
-    posts = MapGrid(west=grid.west, north=grid.north, cell=grid.cell * every, rows=heights.shape[0], cols=heights.shape[1])
-    return posts, (filled(heights) + noise).astype(np.float32)
-
-
 def judged(method: str, settings: dict[str, Any], scene: Scene) -> MethodResult:
     """A method on a scene."""
-    replay = Replay(scene.crop, files={_DEM: coarse_model(scene.crop)})
+    replay = Replay(scene.crop, files={_DEM: scene.model})
     replay.run(DensificationStage.model_validate({"kind": "densification", "matching": settings}))
     inner = slice(_RIM, -_RIM), slice(_RIM, -_RIM)
     heights, sigma, code = (replay.rasters[name][inner] for name in (HEIGHT, RELATIVE_PRECISION, PROVENANCE))
@@ -193,15 +134,16 @@ def _columns(gross: float) -> str:
 _HEAD = """# The methods side by side
 
 Every way to heights that `densification: matching` knows, as the stage runs it with its defaults, on the same ground. Made by
-`make compare options="runs/volos runs/brighton"` from finished runs of the two projects; {machine}.
+`make compare options="runs/volos runs/brighton"` from finished runs of the two projects and a mountain that it renders; {machine}.
 
 *Measured*: cells with a measured height, of those that two photographs see. *Open*: bare ground more than three cells from
 buildings and trees. *Beside buildings*: ground within three cells of one. Sigma is the standard error among neighbours, on open
 ground. CPU time is that of all jobs, the surface included, in one process; compiled kernels are read from the cache in it.
 
-The simulated town has a truth. The real shore has none: there the heights on which two or more pairs of the default method
-agree stand for it, and only these cells are counted, so that the row of the default says how well it repeats itself, and those
-of the others how far they are from it. A *coarse model* has posts 30 m apart and 2 m of noise, on the shore both reduced to the
+The simulated town and the rendered mountain (three photographs of bare slopes of 28 to 41 degrees) have a truth. The real shore
+has none: there the heights on which two or more pairs of the default method agree stand for it, and only these cells are
+counted, so that the row of the default says how well it repeats itself, and those of the others how far they are from it. A
+*coarse model* has posts 30 m apart and 2 m of noise, on the shore both reduced to the
 size of the block; it is searched only as far from it as tie points lie (`make bench-guide` tells what that saves).
 Windows that know no walls have wide standard errors beside them, and most of these methods are too careful on open ground.
 """
@@ -213,7 +155,8 @@ def main(runs: list[str]) -> None:
     """Write the page from the finished runs of volos and brighton."""
     volos, brighton = (Path(run) for run in (runs or ["runs/volos", "runs/brighton"]))
     docs = ROOT / "docs"
-    text = page((town(volos), shore(brighton)), docs / "pictures" / "compare")
+    with mountain() as rendered:
+        text = page((town(volos), shore(brighton), rendered), docs / "pictures" / "compare")
     (docs / "compare.md").write_text(text)
 
 

@@ -12,12 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.compare.compare_methods import Scene, coarse_model, shore
+from benchmarks.compare.compared_ground import Scene, shore
 from benchmarks.compare.mountain_scene import mountain
 from benchmarks.compare.replayed_crop import Replay
 from benchmarks.measured_run import machine, write_result
 from orthomill.schemas.epipolar import PAIRS
-from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.surface import HEIGHT, MEASURED, PROVENANCE
 from orthomill.tasks.densification.stage import DensificationStage
 from orthomill.tasks.densification.volume.volume_plan import GUIDE_REACH
@@ -52,9 +51,9 @@ class Matched:
     replay: Replay
 
 
-def matched(scene: Scene, settings: dict[str, Any], model: tuple[MapGrid, np.ndarray]) -> Matched:
+def matched(scene: Scene, settings: dict[str, Any]) -> Matched:
     """A way on a scene that may have a model beside it."""
-    replay = Replay(scene.crop, files={_DEM: model})
+    replay = Replay(scene.crop, files={_DEM: scene.model})
     replay.run(DensificationStage.model_validate({"kind": "densification", "matching": settings}))
     inner = slice(_RIM, -_RIM), slice(_RIM, -_RIM)
     wanted = (scene.known.classes == PlaceClass.CLEAR_GROUND)[inner]
@@ -89,11 +88,11 @@ def coarse_share(plain: Replay) -> float:
     return 100 * coarse / matching_seconds(plain)
 
 
-def section(scene: Scene, model: tuple[MapGrid, np.ndarray]) -> list[str]:
+def section(scene: Scene) -> list[str]:
     """A scene: how wide the search is, and the table."""
     lines, default = [], None
     for name, (settings, added) in WAYS.items():
-        plain, guided = (matched(scene, asked, model) for asked in (settings, {**settings, **added}))
+        plain, guided = (matched(scene, asked) for asked in (settings, {**settings, **added}))
         default = default or (plain.replay, guided.replay)
         times = f"{plain.seconds:.1f} / {guided.seconds:.1f} | {plain.seconds / guided.seconds:.1f}"
         found, gross = f"{plain.found:.1f} / {guided.found:.1f}", f"{plain.gross:.2f} / {guided.gross:.2f}"
@@ -114,21 +113,13 @@ def section(scene: Scene, model: tuple[MapGrid, np.ndarray]) -> list[str]:
     ]
 
 
-def exact_model(scene: Scene) -> tuple[MapGrid, np.ndarray]:
-    """Posts 30 m apart of the known heights around, with 2 m of noise."""
-    grid, every = scene.crop.surface.grid, round(30.0 / scene.crop.surface.grid.cell)
-    heights = scene.known.height[every // 2 :: every, every // 2 :: every]
-    posts = MapGrid(west=grid.west, north=grid.north, cell=grid.cell * every, rows=heights.shape[0], cols=heights.shape[1])
-    return posts, (heights + np.random.default_rng(1).normal(0, 2.0, heights.shape)).astype(np.float32)
-
-
 def main(run: Path) -> None:
     """Both scenes."""
     real = shore(run)
     lines = ["# An existing height model as guide", "", f"`make bench-guide`; {machine()}.", ""]
-    lines += [(__doc__ or "").split("\n\n")[1].replace("\n", " "), "", *section(real, coarse_model(real.crop))]
+    lines += [(__doc__ or "").split("\n\n")[1].replace("\n", " "), "", *section(real)]
     with mountain() as scene:
-        lines += section(scene, exact_model(scene))
+        lines += section(scene)
     write_result("guide_model", "\n".join(lines))
 
 

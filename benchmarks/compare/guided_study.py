@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from benchmarks.compare.compare_methods import Scene, town
+from benchmarks.compare.compared_ground import Scene, town
 from benchmarks.compare.replayed_crop import Replay
 from benchmarks.measured_run import machine, write_result
 from orthomill.schemas.epipolar import PAIRS

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 import numpy as np
 from scipy import ndimage
 
-from benchmarks.compare.compare_methods import Known, Scene
+from benchmarks.compare.compared_ground import Known, Scene, exact_model
 from benchmarks.compare.replayed_crop import Crop
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.camera import Camera
@@ -64,7 +64,8 @@ def _scene(store: Store) -> Scene:
     crop = Crop(store, window)
     truth = np.asarray(height(*np.meshgrid(*crop.surface.grid.centres(Window(0, 0, *window.shape)))))
     everywhere = np.full(window.shape, PlaceClass.CLEAR_GROUND)
-    return Scene("mountain", crop, Known(truth, everywhere, np.ones(window.shape, bool)), _GROSS)
+    known = Known(truth, everywhere, np.ones(window.shape, bool))
+    return Scene("mountain", crop, known, _GROSS, exact_model(crop.surface.grid, truth))
 
 
 def _block() -> Block:
