@@ -1,6 +1,6 @@
 """Standard errors against the number of photographs, several boards beside a single large one: the published tables and ours.
 
-Run with `python -m benchmarks.calibration.published_tables`; the page is benchmarks/results/published_calibrations.md. The
+Run with `python -m benchmarks.calibration.published_calibrations`; the page is benchmarks/results/published_calibrations.md. The
 published photographs are not to be had: set-ups of the same boards, lens and number of photographs are simulated with the published
 sigma0 as noise, and adjusted with the published five parameters and flat boards.
 
@@ -176,7 +176,7 @@ def page() -> str:
         [
             "# Published calibrations against the number of photographs",
             "",
-            f"Measured by `python -m benchmarks.calibration.published_tables` on {machine()}.",
+            f"Measured by `python -m benchmarks.calibration.published_calibrations` on {machine()}.",
             "",
             "Published / simulated. k1 in 1e-10 px^-2, k2 in 1e-17 px^-4. The published photographs are others (their layout is "
             "not stated), so that orders and rates compare, not digits. Published single boards were adjusted with FAUCCAL.",

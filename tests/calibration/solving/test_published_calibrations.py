@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.calibration.board_setups import SIX_BOARDS
-from benchmarks.calibration.published_tables import (
+from benchmarks.calibration.published_calibrations import (
     SINGLE,
     SINGLE_LONGER,
     TABLES,
