@@ -157,6 +157,9 @@ def _check_program(client: Client, advice: str) -> None:
         for name in PROGRAM:
             answers = client.run(resolve_name, name, on_error="return", callback_timeout=READY)
             for worker, answer in answers.items():
+                # One that ended in the middle says nothing of the program; its successor is looked at by the jobs that it gets.
+                if isinstance(answer, (CommClosedError, TimeoutError)):
+                    continue
                 if isinstance(answer, Exception):
                     raise ResourceError(f"The worker {worker} cannot load orthomill ({type(answer).__name__}: {answer}); {advice}.")
                 if answer != (own := resolve_name(name)):

@@ -1,8 +1,8 @@
 """Tells who watches a run which jobs have a worker, and serves pages on the dashboard's port. One of the three files with Dask.
 
 A scheduler that lives in this process, as that of a cluster of this machine does, tells of every transition, and its dashboard has
-the pages, behind its secret and in its menu. The scheduler of another process is asked: nothing of orthomill is sent to it. Which
-attempt of a job runs on the same worker again is then not known.
+the pages, behind its secret and in its menu. The scheduler of another process is asked: nothing of orthomill is sent to it. That a
+job is tried again by the same worker is then known from its record only, when it has ended.
 """
 
 from collections.abc import Iterator

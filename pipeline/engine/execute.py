@@ -82,8 +82,10 @@ def execute(work: JobOrder, *dependencies: object) -> Key:
     """
     records = Records(work.folder)
     # When a worker dies, Dask repeats all jobs whose results, the keys, it held; their data are on disk and remain valid.
-    if _is_done(work, records):
+    before = records.get(work.job.key)
+    if _is_done(work, before):
         return work.job.key
+    attempt = _attempt(work, before)
     started = Started(time.time(), time.process_time())
     # The record goes first: a process killed while it writes must not leave a record that says the result is valid.
     records.remove(work.job.key)
@@ -91,9 +93,9 @@ def execute(work: JobOrder, *dependencies: object) -> Key:
         left = _perform(work)
     except Exception as error:  # whatever a method raises ends this job only, and the run goes on with the others
         sentence = _sentence(error)
-        _put(records, _record(work, "failed", started, error=sentence, traceback=traceback.format_exc()))
+        _put(records, _record(work, "failed", started, attempt=attempt, error=sentence, traceback=traceback.format_exc()))
         raise JobFailed(work.job.key, sentence) from None
-    _put(records, _record(work, "done", started, births=left.births, files=left.files))
+    _put(records, _record(work, "done", started, attempt=attempt, births=left.births, files=left.files))
     give_back()
     return work.job.key
 
@@ -109,11 +111,15 @@ def _sentence(error: Exception) -> str:
     return f"unexpected {type(error).__name__}: {error}"
 
 
-def _is_done(work: JobOrder, records: Records) -> bool:
-    record = records.get(work.job.key)
+def _is_done(work: JobOrder, record: Record | None) -> bool:
     if record is None or not work.run:
         return False
     return (record.status, record.run, record.fingerprint) == ("done", work.run, work.fingerprint)
+
+
+def _attempt(work: JobOrder, before: Record | None) -> int:
+    """Which attempt of this run it is; a worker that died has left no record of its own."""
+    return before.attempt + 1 if before and work.run and (before.status, before.run) == ("failed", work.run) else 1
 
 
 def _put(records: Records, record: Record) -> None:

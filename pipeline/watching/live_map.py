@@ -68,7 +68,8 @@ class LiveMap:
         self._peak = max(self._peak, peak)
         if finished.sentence:
             self._errors[finished.key] = finished.sentence
-        self.board.ended(finished.key, STATES[finished.status], record.seconds if record else 0.0, peak / MIB)
+        seconds, attempt = (record.seconds, record.attempt) if record else (0.0, 0)
+        self.board.ended(finished.key, STATES[finished.status], seconds, peak / MIB, attempt)
 
     def changes(self, tiles: int, changes: int) -> dict[str, Any]:
         """What has changed, and how far the run is."""

@@ -115,11 +115,15 @@ class TileBoard:
                 self._set(tile, TileState.RUNNING)
                 self._advance(self._worker[tile])
 
-    def ended(self, key: Key, state: TileState, seconds: float = 0.0, mebibytes: float = 0.0) -> None:
-        """A tile has come to its end. Whatever Dask releases or forgets afterwards, it keeps this state."""
+    def ended(self, key: Key, state: TileState, seconds: float = 0.0, mebibytes: float = 0.0, attempt: int = 0) -> None:
+        """A tile has come to its end. Whatever Dask releases or forgets afterwards, it keeps this state.
+
+        `attempt`: as its record tells, for a scheduler elsewhere does not.
+        """
         with self._lock:
             tile = self._number[key]
             self._seconds[tile], self._memory[tile] = seconds, mebibytes
+            self._attempt[tile] = min(max(self._attempt[tile], attempt), 255)
             # A tile may end twice, where its result was found damaged.
             others = [one for one in self._slowest if one[1] != tile]
             self._slowest = heapq.nlargest(SLOWEST, [*others, (seconds, tile)])

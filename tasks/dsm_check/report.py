@@ -44,7 +44,7 @@ DETECTABLE = "dsm_check/detectable"
 _CORRECTED_PRODUCT = (Product(path="products/dsm_corrected.tif", purpose="The surface, corrected by the photographs", main=True),)
 _LISTED = 20
 """areas in the table"""
-_WARNED = 5
+_WARNED = 3
 """areas in the warning"""
 _SHIFT_LIMIT, _TILT_LIMIT = 0.3, 0.5
 """orthoimage pixels: shift and range of the trend beyond the errors that a sound orientation causes"""
@@ -430,7 +430,7 @@ def _area_warnings(areas: list[SuspiciousArea], trend: Trend) -> Iterator[str]:
     relative = "" if flat else f", relative to the trend of all corrections ({trend.middle:+.2f} m in the middle)"
     yield (
         f"Photographs and surface disagree locally{relative}: the surface is {named}{more}. Look there in the photographs: "
-        "dsm_check_areas.geojson has the outlines, dsm_check.tif the corrected heights."
+        "dsm_check_areas.geojson has the outlines."
     )
 
 

@@ -102,7 +102,7 @@ def test_more_areas_than_are_named_are_counted():
     for k in range(7):
         dh[16 * k : 16 * k + 8, 40:72] += 2.0 + 0.2 * k
     found = reported(dh)
-    assert figures(found)["suspicious_areas"] == 7 and "2 more areas are in the table" in found.warnings[-1]
+    assert figures(found)["suspicious_areas"] == 7 and "4 more areas are in the table" in found.warnings[-1]
     volumes = [row[2] * row[3] for row in found.grids[2].rows]
     assert volumes == sorted(volumes, reverse=True)
 

@@ -29,6 +29,8 @@ DOUBTFUL = 4.0
 """A surveyed point that misses the block by more of its predicted standard errors is doubtful."""
 ROUNDING = 1e-9
 """m: a point without redundancy fits exactly but for rounding, and has a predicted standard error of nearly 0."""
+NAMED = 3
+"""photographs that a warning names; the table has all"""
 LEAST_MEASUREMENTS, LEAST_AREAS = 30, 5
 """Tie points of a photograph, and the areas of its frame with any, below which its orientation is poorly determined: six unknowns
 need points in opposite corners."""
@@ -193,8 +195,8 @@ def _photo_warnings(facts: Facts) -> Iterator[str]:
             weak.append(f"{photo.photo} ({len(own)} measurements in {filled} areas)")
     if weak:
         yield (
-            f"Weakly tied, with few measurements or in few of the {CELLS * CELLS} areas of the frame: {', '.join(weak)}. Where a "
-            "frame is empty nothing determines its orientation; more overlap would help, or photographs with less water and leaves."
+            f"Weakly tied, with few measurements or in few of the {CELLS * CELLS} areas of the frame: {some_of(weak, NAMED)}. More "
+            "overlap there would help, or photographs with less water and leaves."
         )
 
 

@@ -81,11 +81,8 @@ def tilt_unobserved(finding: TiltUnobserved) -> str:
     alone = finding.tilt_sigma_deg
     fixed = "do not determine" if alone is None or alone > OPEN_DEG else f"determine only to {alone:.1f} degrees"
     return (
-        "Beside their standard errors the positions and control lie so nearly on one line (as those of one strip do, or of several "
-        f"close ones) that they {fixed} the tilt about it; it rests {SENTENCES[finding.basis]}, and is known to about "
-        f"{finding.sigma_deg:.1f} degrees if that is right. Give control away from the line, state the true precision of the "
-        "positions, say how the photographs look (`looking` and `vertical_sigma` of the stage orientation), or fly strips farther "
-        "apart than the positions are uncertain."
+        f"Positions and control lie nearly on one line and {fixed} the tilt about it; it rests {SENTENCES[finding.basis]}, "
+        f"then good to {finding.sigma_deg:.1f} degrees. Measure control away from the line, or fly parallel strips farther apart."
     )
 
 
@@ -184,10 +181,9 @@ def _digits(sigma: float) -> str:
 @finding_sentence.register
 def constant_nominal(finding: ConstantNominal) -> str:
     return (
-        f"The camera constant of {finding.camera} is nominal (from EXIF, {finding.c:.0f} px, within {100 * finding.share:.0f} %) "
-        "and cannot be distinguished from the flying height without control: it and the principal point kept their values, and "
-        "heights above and below the mean ground are uncertain by the same share. Calibrate the camera, or give three control "
-        "points."
+        f"Without control the camera constant of {finding.camera}, nominal (from EXIF, {finding.c:.0f} px, within "
+        f"{100 * finding.share:.0f} %), cannot be told from the flying height: heights are uncertain by the same share. Calibrate "
+        "the camera, or give three control points."
     )
 
 
@@ -208,10 +204,9 @@ def image_errors_correlated(finding: ImageErrorsCorrelated) -> str:
         else "mostly different in each photograph"
     )
     return (
-        f"Correlated image errors: whole regions of a photograph are displaced together, by {finding.rms_px:.2f} px on average, "
-        f"{whose}. The standard errors include them: that of {finding.parameter} of {finding.owner} is {finding.sigma:.2g}; with "
-        f"independent measurements it would be {finding.white_sigma:.2g}. The residuals do not tell the cause; a calibration of "
-        "the camera, or photographs turned by 90 degrees, would reduce what it does to the block."
+        f"Correlated image errors: whole regions of a photograph are displaced by {finding.rms_px:.2f} px on average, {whose}. The "
+        f"standard errors include them: {finding.parameter} of {finding.owner} is known to {finding.sigma:.2g}, not to "
+        f"{finding.white_sigma:.2g}. Calibrate the camera, or turn some photographs by 90 degrees."
     )
 
 

@@ -44,11 +44,11 @@ SPOKEN = [
     (f.PrincipalPointMoved(camera="cam", moved_px=31.4), ["of cam moved 31 px", "fix x0 and y0"]),
     (
         f.ImageErrorsCorrelated(rms_px=0.71, camera_share=0.8, parameter="c", owner="cam", sigma=6.0, white_sigma=1.5),
-        ["0.71 px on average", "mostly alike", "c of cam is 6", "would be 1.5"],
+        ["0.71 px on average", "mostly alike", "c of cam is known to 6, not to 1.5"],
     ),
     (
         f.ImageErrorsCorrelated(rms_px=0.71, camera_share=0.2, parameter="Z", owner="a", sigma=6.0, white_sigma=1.5),
-        ["mostly different in each", "Z of a is 6"],
+        ["mostly different in each", "Z of a is known to 6"],
     ),
     (
         f.ControlContradicted(point="P1", difference=(0.5, -1.25, 0.01), ratio=17.2),

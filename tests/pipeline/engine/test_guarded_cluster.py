@@ -11,6 +11,7 @@ from pathlib import Path
 
 import psutil
 import pytest
+from distributed.comm import CommClosedError
 from distributed.security import Security
 from toy_stages import MEMORY
 
@@ -157,3 +158,8 @@ def test_a_worker_with_another_program_is_refused(monkeypatch, answer, said):
     monkeypatch.setattr(dask_cluster, "PROGRAM", ("orthomill:__version__",))
     with pytest.raises(ResourceError, match=said):
         dask_cluster._check_program(Answering(answer), "start it again")
+
+
+def test_a_worker_that_ends_while_it_is_asked_is_not_refused(monkeypatch):
+    monkeypatch.setattr(dask_cluster, "PROGRAM", ("orthomill:__version__",))
+    dask_cluster._check_program(Answering(CommClosedError("Stream is closed")), "start it again")

@@ -20,9 +20,9 @@ from orthomill.pipeline.watching.run_watch import Watchers
 NOTHING = Expectations({}, here=False)
 
 
-def kept_after_a_run(root) -> dict:
+def kept_after_a_run(root, **settings) -> dict:
     """What the page of a small run holds: 4 x 5 tiles of 16 px in two stages, 64 x 72 px."""
-    session = session_in(root, SourceStage(rows=64, cols=72), SmoothStage(), tile=16)
+    session = session_in(root, SourceStage(rows=64, cols=72, **settings), SmoothStage(), tile=16)
     runner, model = SequentialRunner(MEMORY), CostModel(("source", "smooth"), 1, NOTHING)
     with live_map(session, runner, model, lambda line: None) as tiles:
         session.run(runner, Watchers((model, tiles)))
@@ -37,6 +37,14 @@ def test_every_tile_keeps_its_record_and_its_inputs(tmp_path):
     assert [found["key"] for found in kept["details"]] == keys
     assert tile["record"]["status"] == "done" and tile["reason"] == "not done yet" and len(tile["inputs"]) == 1
     assert "source/numbers" in tile["inputs"][0]
+
+
+def test_attempts_are_known_without_a_scheduler_that_tells(tmp_path):
+    kept = kept_after_a_run(tmp_path, poison=(32, 32))
+    keys = [key for part in kept["parts"] for key in part["keys"]]
+    changed = [number for part in kept["parts"] for number in part["changed"]]
+    attempts = {keys[tile]: attempt for tile, attempt in zip(changed[::6], changed[5::6], strict=True)}
+    assert attempts["source/tile/2/2"] == 2 and attempts["source/tile/0/0"] == 1
 
 
 def test_the_picture_of_a_raster_shows_all_its_tiles(tmp_path):
