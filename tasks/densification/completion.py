@@ -7,7 +7,7 @@ import numpy as np
 from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.fusion import FusedCells
-from orthomill.tasks.densification.volume.quality import Judgement
+from orthomill.tasks.densification.volume.quality import STRETCH_UNIT, Judgement
 from orthomill.tasks.densification.volume.sureness import SQUARE, Worth
 
 
@@ -23,7 +23,7 @@ _COMPANY = 50
 
 class VolumeWindow(NamedTuple):
     """The volume over the cells of a tile: heights (rows, cols) float32 m, NaN where fewer than two photographs see the
-    place; judgement (rows, cols, 3) uint8; worth (rows, cols) uint8 codes of Worth."""
+    place; judgement (rows, cols, 4) uint8; worth (rows, cols) uint8 codes of Worth."""
 
     height: np.ndarray
     judgement: np.ndarray
@@ -40,8 +40,9 @@ class VolumeWindow(NamedTuple):
 
     @property
     def size(self) -> np.ndarray:
-        """(rows, cols) float32: cells along the side of what a height stands for."""
-        return np.where(self.worth == Worth.CALMED, np.float32(SQUARE), np.float32(1.0))
+        """(rows, cols) float32: cells along the side of what a height stands for; where bases are narrow, steps that are as one."""
+        stretch = np.maximum(self.judgement[..., Judgement.STRETCH] * np.float32(1.0 / STRETCH_UNIT), np.float32(1.0))
+        return np.where(self.worth == Worth.CALMED, np.float32(SQUARE), stretch)
 
     @property
     def standing(self) -> np.ndarray:

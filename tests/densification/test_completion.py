@@ -9,7 +9,7 @@ from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.completion import VolumeWindow, completed
 from orthomill.tasks.densification.datum_precision import SPACING, datum_precision
 from orthomill.tasks.densification.fusion import FusedCells
-from orthomill.tasks.densification.volume.quality import Judgement
+from orthomill.tasks.densification.volume.quality import STRETCH_UNIT, Judgement
 from orthomill.tasks.densification.volume.sureness import SQUARE, Worth
 
 
@@ -31,6 +31,12 @@ def test_the_volume_gives_what_pairs_do_not():
     codes = [Provenance.ONE_PAIR, Provenance.VOLUME, Provenance.INCOHERENT, Provenance.EMPTY, Provenance.INCOHERENT]
     assert found.provenance[0].tolist() == codes and found.count[0].tolist() == [1, 0, 0, 0, 0]
     assert volume.size[0].tolist() == [1, 1, 1, 1, SQUARE]
+
+
+def test_pairs_count_farther_from_a_height_of_narrow_bases():
+    volume = volume_of((5.0, 5.0, 5.0), (Worth.SURE, Worth.SURE, Worth.CALMED))
+    volume.judgement[..., Judgement.STRETCH] = (0, 3.5 * STRETCH_UNIT, 3.5 * STRETCH_UNIT)
+    assert volume.size[0].tolist() == [1.0, 3.5, SQUARE]
 
 
 def test_what_pairs_find_where_the_volume_is_not_sure_is_an_estimate():

@@ -7,7 +7,7 @@ from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.fusion import FusedCells
 from orthomill.tasks.densification.standard_errors import SHARE, height_range, relative_precision, window_doubt, with_distance
-from orthomill.tasks.densification.volume.quality import Judgement
+from orthomill.tasks.densification.volume.quality import STRETCH_UNIT, Judgement
 
 SHAPE = (9, 15)
 STEP = 2.0
@@ -80,6 +80,7 @@ def test_a_height_of_the_volume_is_as_doubtful_as_the_volume_beside_the_pairs_ar
     height[30, 30], precision[30, 30] = 10.0, np.nan
     off = scatter * np.where(np.indices(shape).sum(0) % 2, 1, -1).astype(np.float32)
     judgement = np.full((*shape, len(Judgement)), 100, np.uint8)
+    judgement[..., Judgement.STRETCH] = STRETCH_UNIT
     volume = VolumeWindow(height + off, judgement, np.zeros(shape, np.uint8))
     cells = FusedCells(height, precision, np.ones(shape, np.uint8), np.full(shape, Provenance.AGREED, np.uint8))
     found = relative_precision(cells, volume, STEP)

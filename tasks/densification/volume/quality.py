@@ -6,10 +6,12 @@ import numpy as np
 
 SPREAD_UNIT = 16
 """spreads of the raster per step between heights"""
+STRETCH_UNIT = 16
+"""stretches of the raster per step between heights"""
 
 
 class Band(IntEnum):
-    """The bands (rows, cols, 4) uint8 of a quality raster."""
+    """The bands (rows, cols, 5) uint8 of a quality raster."""
 
     MARGIN = 0
     """by which the next best height is dearer, % of the bits of a signature"""
@@ -19,16 +21,21 @@ class Band(IntEnum):
     """photographs that see the cell: fewer than two where something else stands before the others"""
     SPREAD = 3
     """of the rivals of the height, 1/SPREAD_UNIT steps"""
+    STRETCH = 4
+    """1/STRETCH_UNIT steps that count as one where bases are narrow or pixels large"""
 
 
-def quality_bands(margin: np.ndarray, coherence: np.ndarray, seen: np.ndarray, spread: np.ndarray) -> np.ndarray:
-    """(rows, cols, 4) uint8 from margin and coherence as shares, photographs, and spread in steps; too large values are cut off."""
-    bands = (100 * margin, 100 * coherence, seen, SPREAD_UNIT * spread)
+def quality_bands(
+    margin: np.ndarray, coherence: np.ndarray, seen: np.ndarray, spread: np.ndarray, stretch: np.ndarray
+) -> np.ndarray:
+    """(rows, cols, 5) uint8 from margin and coherence as shares, photographs, and spread and stretch in steps; too large values are
+    cut off."""
+    bands = (100 * margin, 100 * coherence, seen, SPREAD_UNIT * spread, STRETCH_UNIT * stretch)
     return np.stack([np.clip(np.rint(band), 0, 255).astype(np.uint8) for band in bands], axis=-1)
 
 
 class Judgement(IntEnum):
-    """The bands (rows, cols, 3) uint8 of a raster that judges the finest level."""
+    """The bands (rows, cols, 4) uint8 of a raster that judges the finest level."""
 
     COHERENCE = 0
     """as `Band.COHERENCE`"""
@@ -36,6 +43,8 @@ class Judgement(IntEnum):
     """mean margin of a cell and its neighbours, % of that of the surroundings"""
     SPREAD = 2
     """root mean square spread of a cell and its neighbours, 1/SPREAD_UNIT steps"""
+    STRETCH = 3
+    """as `Band.STRETCH`"""
 
 
 SURROUNDINGS = 32
@@ -45,7 +54,7 @@ _MOST = 100
 
 
 def judgement(quality: np.ndarray) -> np.ndarray:
-    """(rows, cols, 3) uint8, see `Judgement`, of a quality (rows, cols, 4); cells nearer than SURROUNDINGS to an edge that is not
+    """(rows, cols, 4) uint8, see `Judgement`, of a quality (rows, cols, 5); cells nearer than SURROUNDINGS to an edge that is not
     one of the whole raster differ.
 
     How much worse rivals fit depends on texture, noise and the number of photographs. All of these change slowly: a place where
@@ -57,7 +66,8 @@ def judgement(quality: np.ndarray) -> np.ndarray:
     near, wide = (np.maximum(box_sums(known, half), 1) for half in (1, SURROUNDINGS))
     usual = np.maximum(box_sums(margin, SURROUNDINGS), 1) / wide
     standing = 100 * box_sums(margin, 1) / near / usual
-    bands = quality[..., Band.COHERENCE], np.rint(standing), np.rint(np.sqrt(box_sums(squares, 1) / near))
+    spread = np.rint(np.sqrt(box_sums(squares, 1) / near))
+    bands = quality[..., Band.COHERENCE], np.rint(standing), spread, quality[..., Band.STRETCH]
     return np.stack([np.minimum(band, 255).astype(np.uint8) for band in bands], axis=-1)
 
 

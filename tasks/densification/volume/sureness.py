@@ -35,11 +35,11 @@ class Sureness(Settings):
     )
 
     def coherent(self, judged: np.ndarray) -> np.ndarray:
-        """(rows, cols) bool from a judgement (rows, cols, 3): the surroundings go along, and its rivals are beaten."""
+        """(rows, cols) bool from a judgement (rows, cols, 4): the surroundings go along, and its rivals are beaten."""
         return (judged[..., Judgement.COHERENCE] >= 100 * self.coherence) & (judged[..., Judgement.STANDING] >= 100 * self.standing)
 
     def sharp(self, judged: np.ndarray) -> np.ndarray:
-        """(rows, cols) bool from a judgement (rows, cols, 3): its rivals are near."""
+        """(rows, cols) bool from a judgement (rows, cols, 4): its rivals are near."""
         return judged[..., Judgement.SPREAD] <= SPREAD_UNIT * self.spread
 
 
@@ -54,7 +54,7 @@ class Worth(IntEnum):
 
 
 class JudgedVolume(NamedTuple):
-    """A tile: `height` (rows, cols) float32 m, `judgement` (rows, cols, 3) uint8 and `worth` (rows, cols) uint8 codes of Worth."""
+    """A tile: `height` (rows, cols) float32 m, `judgement` (rows, cols, 4) uint8 and `worth` (rows, cols) uint8 codes of Worth."""
 
     height: np.ndarray
     judgement: np.ndarray
@@ -92,7 +92,7 @@ class JudgedTile:
 
 
 def judged(tile: JudgedTile, settings: Sureness, height: np.ndarray, quality: np.ndarray, terrain: np.ndarray) -> JudgedVolume:
-    """height (rows, cols) m, NaN for none, and quality (rows, cols, 4) of the cells `tile.around`; terrain (rows, cols) m of
+    """height (rows, cols) m, NaN for none, and quality (rows, cols, 5) of the cells `tile.around`; terrain (rows, cols) m of
     `tile.places`."""
     inner = tile.window.within(tile.around).slices
     known, judgements = np.isfinite(height), judgement(quality)

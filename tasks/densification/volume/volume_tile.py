@@ -57,7 +57,7 @@ class VolumeTile:
 
 
 class SolvedVolume(NamedTuple):
-    """A solved tile: `height` (rows, cols) float32 m, NaN where fewer than two photographs show the cell; `quality` (rows, cols, 4)
+    """A solved tile: `height` (rows, cols) float32 m, NaN where fewer than two photographs show the cell; `quality` (rows, cols, 5)
     uint8, see `Band`."""
 
     height: np.ndarray
@@ -228,16 +228,24 @@ def _rectified(
     # Cropped before it is converted: the heights that planning had to allow for are far more than a tile turns out to have.
     level = PhotographPixels(grey(pixels[inside.slices]), part.level, part.window.col + inside.col, part.window.row + inside.row)
     image, planes = rectified(level, view, _cell_frame(tile), heights, settings.oversampling)
-    return RectifiedPhotograph(signatures(image, settings.half, settings.spacing), planes)
+    return RectifiedPhotograph(signatures(image, settings.half, settings.spacing), planes, _pixel(tile, part, view))
+
+
+def _pixel(tile: VolumeTile, part: PhotoPart, view: View) -> float:
+    """Side of a pixel of the photograph in the middle of a tile, in cells: of the square as large as the ground that it shows."""
+    x, y = tile.level.grid.centres(tile.work)
+    away = view.centre - np.array([x.mean(), y.mean(), tile.level.heights.mean()])
+    distance, down = float(np.linalg.norm(away)), max(float(away[2]), 1e-6)
+    return distance / view.camera.c * 2**part.level * np.sqrt(distance / down) / tile.level.grid.cell
 
 
 def _solved(tile: VolumeTile, cells: OptimisedCells, lowest: float, settings: HeightVolume) -> SolvedVolume:
     step = tile.level.step
     height = (lowest + cells.plane.astype(np.float64) * step).astype(np.float32)
     slope = settings.coherence_slope * tile.level.grid.cell
-    agreeing = coherence(height, settings.coherence * step, slope)
+    agreeing = coherence(height, np.float32(settings.coherence * step) * cells.stretch, slope)
     height[cells.shown < 2] = np.nan
-    quality = quality_bands(cells.margin, agreeing, cells.seen, cells.spread)
+    quality = quality_bands(cells.margin, agreeing, cells.seen, cells.spread, cells.stretch)
     inner = tile.window.within(tile.work).slices
     return SolvedVolume(np.ascontiguousarray(height[inner]), np.ascontiguousarray(quality[inner]))
 

@@ -45,7 +45,8 @@ def pair_start(left: np.ndarray, right: np.ndarray, low: float, high: float, vol
         found, first = _level(left, right, (low, high), level, coarser, volume)
         if level == 0:
             parallax = found + np.float32(first)
-            return PairStart(parallax, coherence(found, np.float32(volume.coherence), np.float32(volume.coherence_slope)))
+            tolerance = np.full(found.shape, volume.coherence, np.float32)
+            return PairStart(parallax, coherence(found, tolerance, np.float32(volume.coherence_slope)))
         coarser, level = 2.0 * (found + np.float32(first)), level - 1
 
 

@@ -21,6 +21,12 @@ _UNKNOWN = np.uint8(255)
 """distance of a pair of which one photograph does not show the candidate: sorted behind all others"""
 
 
+ALIKE = 1.25
+"""bases that are narrower by no more than this factor count as equal: those of one block differ by as much everywhere"""
+MOST_STRETCHED = 8.0
+"""times by which a base may be narrower than the widest ones before its heights count as known: beyond, they are not"""
+
+
 @dataclass(frozen=True)
 class Comparison:
     """How the photographs of a cell are compared."""
@@ -46,26 +52,30 @@ class Choice:
 
 @dataclass(frozen=True, eq=False)
 class PhotographStack:
-    """All photographs of a volume in one piece, as kernels take them; `none` is the code of a place without a signature."""
+    """All photographs of a volume in one piece, as kernels take them; `none` is the code of a place without a signature, `pixels`
+    the sides of their own pixels, in cells."""
 
     flat: np.ndarray
     starts: np.ndarray
     sizes: np.ndarray
     planes: np.ndarray
+    pixels: np.ndarray
     none: np.unsignedinteger
 
     @classmethod
     def of(cls, photographs: Iterable[RectifiedPhotograph], pixels: int, half: int) -> "PhotographStack":
         """The stack of one photograph or more that have `pixels` signatures together; each is let go when the next one is
         asked for."""
-        flat, starts, sizes, planes = np.empty(pixels, type(no_signature(half))), [0], [], []
+        flat, starts, sizes, planes, sides = np.empty(pixels, type(no_signature(half))), [0], [], [], []
         for photo in photographs:
             flat[starts[-1] : starts[-1] + photo.signatures.size] = photo.signatures.ravel()
             starts.append(starts[-1] + photo.signatures.size)
             sizes.append(photo.signatures.shape)
+            sides.append(photo.pixel)
             # Far outside instead of NaN: a comparison then says that the photograph does not show the plane.
             planes.append(np.nan_to_num(photo.planes, nan=-1e9))
-        return cls(flat, np.array(starts[:-1]), np.array(sizes), np.stack(planes).astype(np.float32), no_signature(half))
+        plane_numbers, own = np.stack(planes).astype(np.float32), np.array(sides, np.float32)
+        return cls(flat, np.array(starts[:-1]), np.array(sizes), plane_numbers, own, no_signature(half))
 
 
 def volume_costs(stack: PhotographStack, choice: Choice, candidates: CellRanges, half: int, rules: Comparison) -> np.ndarray:
@@ -86,6 +96,54 @@ def photographs_at(stack: PhotographStack, hidden: np.ndarray, nearest: np.ndarr
     out = np.zeros(nearest.shape, np.uint8)
     _photographs_at(stack.flat, stack.starts, stack.sizes, stack.planes, hidden, nearest, stack.none, out)
     return out
+
+
+def stretches(stack: PhotographStack, choice: Choice, candidates: CellRanges, most: int, parallax: float) -> np.ndarray:
+    """How many heights of a cell (rows, cols) lie within the parallax that two neighbouring ones are made for; float32, 1 to
+    MOST_STRETCHED.
+
+    most: photographs that are compared in a cell; parallax: px of the rectified photographs. Heights are as far apart as the widest
+    base of the median place asks for. Where the photographs stand closer together, or show the place with pixels larger than its
+    cells, neighbouring heights look more alike, and only what lies that many times farther away is another height.
+    """
+    out = np.ones(candidates.low.shape, np.float32)
+    images = stack.flat, stack.starts, stack.sizes, stack.planes
+    where = choice.spacing, choice.preferred.astype(np.int16), choice.hidden
+    _stretches(*images, *where, candidates.low, candidates.offset, stack.none, most, stack.pixels, np.float32(parallax), out)
+    return np.clip(out / np.float32(ALIKE), 1.0, MOST_STRETCHED)
+
+
+@njit(cache=True)
+def _stretches(flat, starts, sizes, planes, spacing, preferred, hidden, low, offset, none, most, pixels, parallax, out):
+    rows, cols = low.shape
+    chosen = np.empty(starts.size, np.int64)
+    for r in range(rows):
+        for c in range(cols):
+            n, first = offset[r * cols + c + 1] - offset[r * cols + c], low[r, c]
+            if n < 2:
+                continue
+            photos = _choose(
+                flat, starts, sizes, planes, preferred[r // spacing, c // spacing], hidden, r, c, first, n, none, most, chosen
+            )
+            one, next_one = first + n // 2 - 1, first + n // 2
+            widest = np.float32(0.0)
+            for a in range(photos):
+                p = chosen[a]
+                x, y = _moved(planes[p, one], planes[p, next_one], r, c)
+                for b in range(a):
+                    q = chosen[b]
+                    u, v = _moved(planes[q, one], planes[q, next_one], r, c)
+                    # A parallax is seen in the pixels of the coarser photograph, where these are larger than cells.
+                    seen = np.sqrt((x - u) * (x - u) + (y - v) * (y - v)) / max(pixels[p], pixels[q], np.float32(1.0))
+                    widest = max(widest, seen)
+            if widest > 0:
+                out[r, c] = parallax / widest
+
+
+@njit(cache=True, inline="always")
+def _moved(plane, other, r, c):
+    """Columns and rows by which a cell moves in a rectified photograph from one plane to another."""
+    return (other[0] - plane[0]) * c + other[1] - plane[1], (other[0] - plane[0]) * r + other[2] - plane[2]
 
 
 @njit(cache=True, inline="always")

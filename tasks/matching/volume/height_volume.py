@@ -14,7 +14,15 @@ import numpy as np
 
 from orthomill.schemas.settings import Settings, setting
 from orthomill.tasks.matching.volume.candidates import CellRanges, Ranges
-from orthomill.tasks.matching.volume.costs import COST_UNIT, Choice, Comparison, PhotographStack, photographs_at, volume_costs
+from orthomill.tasks.matching.volume.costs import (
+    COST_UNIT,
+    Choice,
+    Comparison,
+    PhotographStack,
+    photographs_at,
+    stretches,
+    volume_costs,
+)
 from orthomill.tasks.matching.volume.paths import UNIT, sweep
 from orthomill.tasks.matching.volume.rectified_photograph import RectifiedPhotograph
 from orthomill.tasks.matching.volume.signatures import BITS
@@ -71,13 +79,14 @@ class HeightVolume(Settings):
 class OptimisedCells(NamedTuple):
     """Per cell (rows, cols): `plane` float32 (fractional number, NaN without candidates); `cost` float32, mean share of bits that
     differ; `margin` float32, the same unit, infinite without a competitor; `spread` float32, planes, of
-    the rivals of the height (see `Winners`); `shown` uint8, photographs within whose frame it lies;
-    `seen` uint8, those of them from which nothing hides it."""
+    the rivals of the height (see `Winners`); `stretch` float32, the planes that count as one there (see `stretches`);
+    `shown` uint8, photographs within whose frame it lies; `seen` uint8, those of them from which nothing hides it."""
 
     plane: np.ndarray
     cost: np.ndarray
     margin: np.ndarray
     spread: np.ndarray
+    stretch: np.ndarray
     shown: np.ndarray
     seen: np.ndarray
 
@@ -95,9 +104,11 @@ def optimised(
         sweep(cost, total, low, offset, planes, small, large, backwards)
     unit = BITS[settings.half] * COST_UNIT
     compared = photographs_at(stack, choice.hidden, np.where(candidates.count > 0, candidates.low + candidates.count // 2, -1))
-    found = winners(total, cost, low, offset, compared, rival_weights(8 * unit * settings.doubt, settings.compared))
+    stretch = stretches(stack, choice, candidates, settings.compared, settings.step * settings.oversampling)
+    found = winners(total, cost, low, offset, compared, stretch, rival_weights(8 * unit * settings.doubt, settings.compared))
     counts = (photographs_at(stack, hidden, found.nearest) for hidden in (np.zeros_like(choice.hidden), choice.hidden))
-    return OptimisedCells(found.plane, found.cost / np.float32(unit), found.margin / np.float32(8 * unit), found.spread, *counts)
+    quality = found.cost / np.float32(unit), found.margin / np.float32(8 * unit), found.spread, stretch
+    return OptimisedCells(found.plane, *quality, *counts)
 
 
 def scratch_bytes(candidates: int, cells: int, pixels: int, settings: HeightVolume) -> int:

@@ -26,10 +26,12 @@ _ABOVE = 0.05
 @dataclass(frozen=True, eq=False)
 class RectifiedPhotograph:
     """Signatures (rows, cols) of a rectified image, and per candidate plane (K, 3) float64 (scale, column, row): the cell (r, c) of
-    the volume lies at column scale * c + column, row scale * r + row. A plane that the photograph cannot show has NaN."""
+    the volume lies at column scale * c + column, row scale * r + row. A plane that the photograph cannot show has NaN. `pixel`: the
+    side of a pixel of the photograph itself, in cells."""
 
     signatures: np.ndarray
     planes: np.ndarray
+    pixel: float = 1.0
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,8 @@ class Winners(NamedTuple):
     """Per cell (rows, cols): `plane` float32, fractional number of the plane, NaN without candidates; `nearest` int32, its whole
     number, -1 without; `cost` uint8 at it; `margin` float32, path sums by which the best candidate farther than two planes is
     dearer, infinite without any; `spread` float32, planes, root mean square distance of the winner and all candidates from three to
-    FARTHEST_RIVAL planes away, 1 the weight of the winner and less those of the others."""
+    FARTHEST_RIVAL planes away, 1 the weight of the winner and less those of the others. Where several planes count as one, all
+    distances are in as many."""
 
     plane: np.ndarray
     nearest: np.ndarray
@@ -42,9 +43,9 @@ def rival_weights(tolerance: float, most: int) -> np.ndarray:
 
 
 @njit(cache=True)
-def winners(total, cost, low, offset, photographs, weights):
-    """Winners of packed path sums int16 and costs uint8; photographs (rows, cols) uint8 that are compared; weights of rivals, see
-    `rival_weights`."""
+def winners(total, cost, low, offset, photographs, stretch, weights):
+    """Winners of packed path sums int16 and costs uint8; photographs (rows, cols) uint8 that are compared; stretch (rows, cols)
+    float32, the planes that count as one (1 or more); weights of rivals, see `rival_weights`."""
     rows, cols = low.shape
     spread = np.zeros((rows, cols), np.float32)
     plane, nearest = np.full((rows, cols), np.float32(np.nan)), np.full((rows, cols), np.int32(-1))
@@ -61,20 +62,22 @@ def winners(total, cost, low, offset, photographs, weights):
             for k in range(n):
                 lowest = min(lowest, np.int32(np.int32(sums[k]) * 4096 + np.int32(k)))
             best = lowest % 4096
+            near, far = np.int64(np.rint(2 * stretch[r, c])), np.int64(np.rint(FARTHEST_RIVAL * stretch[r, c]))
             second = np.int32(2**31 - 1)
             for k in range(n):
-                value = np.int32(sums[k]) if abs(k - best) > 2 else np.int32(2**31 - 1)
+                value = np.int32(sums[k]) if abs(k - best) > near else np.int32(2**31 - 1)
                 second = min(second, value)
             if second < 2**31 - 1:
                 margin[r, c] = np.float32(second - sums[best])
             of_rivals = weights[min(photographs[r, c], weights.shape[0] - 1)]
-            squares, count = np.float32(0.0), np.float32(1.0)
+            # The winner weighs as much as the planes that count as one with it.
+            squares, count = np.float32(0.0), stretch[r, c]
             for k in range(n):
                 dearer = np.int32(sums[k]) - np.int32(sums[best])
-                if dearer < of_rivals.size and 2 < abs(k - best) <= FARTHEST_RIVAL:
+                if dearer < of_rivals.size and near < abs(k - best) <= far:
                     count += of_rivals[dearer]
                     squares += of_rivals[dearer] * np.float32((k - best) * (k - best))
-            spread[r, c] = np.sqrt(squares / count)
+            spread[r, c] = np.sqrt(squares / count) / stretch[r, c]
             shift = np.float32(0.0)
             if 0 < best < n - 1:
                 before, here, after = np.float32(sums[best - 1]), np.float32(sums[best]), np.float32(sums[best + 1])
@@ -88,8 +91,8 @@ def winners(total, cost, low, offset, photographs, weights):
 
 @njit(cache=True)
 def coherence(heights, tolerance, slope):
-    """Share (rows, cols) float32 of the 9 x 9 cells around each (itself not counted) that have a height within `tolerance` +
-    `slope` * distance in cells; 0 without a height."""
+    """Share (rows, cols) float32 of the 9 x 9 cells around each (itself not counted) that have a height within its `tolerance`
+    (rows, cols) float32 + `slope` * distance in cells; 0 without a height."""
     rows, cols = heights.shape
     agreeing, known = np.zeros((rows, cols), np.int32), np.zeros((rows, cols), np.int32)
     half = COHERENCE_HALF
@@ -97,10 +100,10 @@ def coherence(heights, tolerance, slope):
         for dx in range(-half, half + 1):
             if dx == 0 and dy == 0:
                 continue
-            allowed = np.float32(tolerance + slope * np.sqrt(dx * dx + dy * dy))
+            farther = np.float32(slope * np.sqrt(dx * dx + dy * dy))
             for r in range(max(0, -dy), min(rows, rows - dy)):
                 for c in range(max(0, -dx), min(cols, cols - dx)):
                     difference = heights[r + dy, c + dx] - heights[r, c]
                     known[r, c] += 1
-                    agreeing[r, c] += abs(difference) <= allowed
+                    agreeing[r, c] += abs(difference) <= tolerance[r, c] + farther
     return agreeing.astype(np.float32) / np.maximum(known, 1).astype(np.float32)

@@ -21,7 +21,7 @@ def quality(coherence: float, spread: float = 0.0, shape=SHAPE) -> np.ndarray:
     def full(value: float) -> np.ndarray:
         return np.full(shape, value)
 
-    return quality_bands(full(0.5), full(coherence), full(3), full(spread))
+    return quality_bands(full(0.5), full(coherence), full(3), full(spread), full(1.0))
 
 
 def judge(height, bands, window=WHOLE, rules=None, terrain=0.0):
@@ -137,5 +137,5 @@ def test_a_margin_without_rivals_counts_as_a_clear_one():
 
 
 def test_bands_that_are_too_large_are_cut_off():
-    found = quality_bands(*(np.full((1, 1), value) for value in (np.inf, 0.5, 2, 40.0)))
-    assert found[0, 0].tolist() == [255, 50, 2, 255]
+    found = quality_bands(*(np.full((1, 1), value) for value in (np.inf, 0.5, 2, 40.0, 2.5)))
+    assert found[0, 0].tolist() == [255, 50, 2, 255, 40]

@@ -15,7 +15,7 @@ from orthomill.schemas.photo import photo_raster
 from orthomill.schemas.raster import Window
 from orthomill.tasks.densification.volume.levels import HALO, SIDE, VolumeScene, coarser_window, level_grid
 from orthomill.tasks.densification.volume.photograph_choice import PLACE
-from orthomill.tasks.densification.volume.quality import SPREAD_UNIT, Band
+from orthomill.tasks.densification.volume.quality import SPREAD_UNIT, STRETCH_UNIT, Band
 from orthomill.tasks.densification.volume.sureness import Sureness
 from orthomill.tasks.densification.volume.volume_plan import volume_height, volume_plan, volume_quality
 from orthomill.tasks.densification.volume.volume_tile import SolvedVolume, VolumeTile, solve_volume, tile_scratch, volume_tiles
@@ -72,10 +72,12 @@ def test_ground_and_roof_are_where_they_are(engine):
 
 
 def test_quality_says_where_the_heights_are_good(engine):
-    margin, coherence, count, spread = np.moveaxis(engine.rasters[volume_quality(0)], -1, 0)
+    margin, coherence, count, spread, stretch = np.moveaxis(engine.rasters[volume_quality(0)], -1, 0)
     inner = slice(20, 100), slice(20, 100)
     assert np.median(margin[inner]) > 10 and np.median(coherence[inner]) > 90 and count[inner].max() == 4
     assert np.median(spread[inner]) < SPREAD_UNIT
+    # The step of the heights follows the widest base of these very photographs.
+    assert STRETCH_UNIT <= np.median(stretch[inner]) < 2 * STRETCH_UNIT
 
 
 def test_a_place_whose_terrain_one_photograph_shows_has_no_height():

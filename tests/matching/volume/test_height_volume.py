@@ -8,7 +8,7 @@ from scipy.ndimage import gaussian_filter
 from textured_plane import photograph, texture, views
 
 from orthomill.tasks.matching.volume.candidates import all_planes, bounded
-from orthomill.tasks.matching.volume.costs import Choice
+from orthomill.tasks.matching.volume.costs import MOST_STRETCHED, Choice
 from orthomill.tasks.matching.volume.height_volume import HeightVolume, optimised, scratch_bytes
 from orthomill.tasks.matching.volume.rectified_photograph import (
     CellFrame,
@@ -119,6 +119,19 @@ def test_a_rectified_pair_is_matched_with_the_same_kernels():
     assert (abs(cells.plane - stepped()) <= 1)[4:-4, 4:-4].mean() > 0.98
     assert (cells.shown == 2).all() and (cells.seen == 2).all()
     assert np.median(cells.cost) < 0.05 and np.median(cells.margin) > 0.1
+
+
+def test_a_narrow_base_makes_rivals_of_no_neighbouring_heights():
+    """With an eighth of a pixel of parallax between heights, four of them look alike: that is no doubt, but a coarser height."""
+    left, right = stereo(np.full((60, 70), 2), noise=20.0)
+    nearby = np.column_stack([np.ones(32), 40.0 - np.arange(32) / 8, np.zeros(32)])
+    narrow, wide = found([left, RectifiedPhotograph(right.signatures, nearby)]), found([left, right])
+    inner = slice(6, -6), slice(6, -6)
+    assert np.median(narrow.stretch[inner]) == MOST_STRETCHED
+    assert (wide.stretch[inner] < 1.6).all()
+    assert np.median(abs(narrow.plane - 16)[inner]) <= 4
+    assert np.median(narrow.spread[inner]) < 1.0, "in heights that differ; in planes it is many times as much"
+    assert np.median(narrow.margin[inner]) > 0.5 * np.median(wide.margin[inner])
 
 
 def test_penalties_hold_the_surface_together():

@@ -1,5 +1,7 @@
 """Kernels of the volume against plain NumPy: signatures, paths, costs, winners, coherence."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,7 +9,17 @@ from hypothesis import strategies as st
 from numba import njit
 
 from orthomill.tasks.matching.volume.candidates import CellRanges, Ranges, all_planes, narrowed, packed
-from orthomill.tasks.matching.volume.costs import COST_UNIT, Choice, Comparison, PhotographStack, photographs_at, volume_costs
+from orthomill.tasks.matching.volume.costs import (
+    ALIKE,
+    COST_UNIT,
+    MOST_STRETCHED,
+    Choice,
+    Comparison,
+    PhotographStack,
+    photographs_at,
+    stretches,
+    volume_costs,
+)
 from orthomill.tasks.matching.volume.paths import UNIT, sweep
 from orthomill.tasks.matching.volume.rectified_photograph import RectifiedPhotograph
 from orthomill.tasks.matching.volume.signatures import BITS, bits_set, no_signature, signatures
@@ -161,6 +173,32 @@ def test_no_more_photographs_are_compared_than_asked_for():
     assert abs(cost[2, 3, 1] - plain_cost(photographs, (2, 3), 1, Comparison(2, 1.0, 0.6), {2})) <= 0.51
 
 
+def test_heights_are_stretched_where_the_compared_photographs_stand_close_together():
+    """The photographs move by 0, 1 and -0.6 px from plane to plane; the third ends at column 6."""
+    stack, _ = small_stack(5)
+    hidden = np.zeros((3, 8, 9), bool)
+    hidden[2, 0, 0] = True
+    candidates = all_planes(np.ones((8, 9), bool), UNIT)
+    stretched = stretches(stack, everywhere(hidden), candidates, 3, 6.0)
+    assert stretched[4, 2] == pytest.approx(6.0 / 1.6 / ALIKE) and stretched[0, 0] == pytest.approx(6.0 / ALIKE)
+    assert stretches(stack, everywhere(hidden), candidates, 2, 6.0)[4, 2] == pytest.approx(6.0 / ALIKE), (
+        "only the first two are compared"
+    )
+    assert stretches(stack, everywhere(hidden), candidates, 3, 1.6 * ALIKE).max() == 1.6
+    assert (stretches(stack, everywhere(hidden), candidates, 3, 1e3) == MOST_STRETCHED).all()
+    none = all_planes(np.zeros((8, 9), bool), UNIT)
+    assert (stretches(stack, everywhere(hidden), none, 3, 6.0) == 1).all()
+
+
+def test_coarse_pixels_stretch_heights_as_well():
+    stack, photographs = small_stack(5)
+    coarse = [replace(photo, pixel=pixel) for photo, pixel in zip(photographs, (0.5, 2.0, 1.0), strict=True)]
+    stack = PhotographStack.of(coarse, sum(photo.signatures.size for photo in coarse), 2)
+    candidates = all_planes(np.ones((8, 9), bool), UNIT)
+    # The second with the others: 1.0 / 2 and 1.6 / 2; the first and the third: 0.6, in cells that are larger than their pixels.
+    assert stretches(stack, everywhere(np.zeros((3, 8, 9), bool)), candidates, 3, 6.0)[4, 2] == pytest.approx(6.0 / 0.8 / ALIKE)
+
+
 def test_every_place_has_its_own_order_of_photographs():
     stack, photographs = small_stack(6)
     candidates = all_planes(np.ones((8, 8), bool), UNIT)
@@ -192,8 +230,9 @@ def test_winners_lie_at_the_bottom_of_the_parabola():
     sums = np.array([[(k - place) ** 2 for k in range(8)] for place in (3.25, 4.75, 0.0)]) * 100
     candidates = packed(np.array([[5, 6, 7, 8]]), np.array([[8, 8, 8, 0]]))
     two, costs = np.full((1, 4), 2, np.uint8), np.arange(24, dtype=np.uint8)
+    packed_sums, ones = sums.ravel().astype(np.int16), np.ones((1, 4), np.float32)
     plane, nearest, cost, margin, _ = winners(
-        sums.ravel().astype(np.int16), costs, candidates.low, candidates.offset, two, rival_weights(100.0, 8)
+        packed_sums, costs, candidates.low, candidates.offset, two, ones, rival_weights(100.0, 8)
     )
     assert plane[0, :2] == pytest.approx([8.25, 10.75]) and plane[0, 2] == 7.0 and np.isnan(plane[0, 3])
     assert nearest.tolist() == [[8, 11, 7, -1]] and cost.tolist() == [[3, 13, 16, 0]]
@@ -203,18 +242,32 @@ def test_winners_lie_at_the_bottom_of_the_parabola():
 
 def test_a_winner_without_a_rival_has_an_infinite_margin():
     candidates = packed(np.zeros((1, 1), int), np.array([[3]]))
-    two = np.full((1, 1), 2, np.uint8)
-    found = winners(
-        np.array([4, 2, 4], np.int16), np.zeros(3, np.uint8), candidates.low, candidates.offset, two, rival_weights(10.0, 8)
-    )
+    two, one = np.full((1, 1), 2, np.uint8), np.ones((1, 1), np.float32)
+    sums, costs = np.array([4, 2, 4], np.int16), np.zeros(3, np.uint8)
+    found = winners(sums, costs, candidates.low, candidates.offset, two, one, rival_weights(10.0, 8))
     assert np.isinf(found.margin[0, 0]) and found.plane[0, 0] == 1.0 and found.spread[0, 0] == 0
 
 
-def spread_of(sums: list[int], photographs: int = 2, tolerance: float = 10.0) -> float:
+def winner_of(sums: list[int], photographs: int = 2, tolerance: float = 10.0, stretch: float = 1.0) -> tuple[float, float]:
+    """Its margin and spread."""
     candidates, costs = packed(np.zeros((1, 1), int), np.array([[len(sums)]])), np.zeros(len(sums), np.uint8)
-    seen = np.full((1, 1), photographs, np.uint8)
-    found = winners(np.array(sums, np.int16), costs, candidates.low, candidates.offset, seen, rival_weights(tolerance, 8))
-    return float(found.spread[0, 0])
+    seen, as_one = np.full((1, 1), photographs, np.uint8), np.full((1, 1), stretch, np.float32)
+    found = winners(np.array(sums, np.int16), costs, candidates.low, candidates.offset, seen, as_one, rival_weights(tolerance, 8))
+    return float(found.margin[0, 0]), float(found.spread[0, 0])
+
+
+def spread_of(sums: list[int], photographs: int = 2, tolerance: float = 10.0) -> float:
+    return winner_of(sums, photographs, tolerance)[1]
+
+
+def test_where_planes_count_as_one_rivals_are_as_many_times_farther_away():
+    """The same path sums, sampled three times as finely, give the same margin and spread."""
+    sums = [40, 25, 0, 30, 55, 12, 70, 9, 50]
+    finely = [value for value in sums for _ in range(3)]
+    finely[7] = -1  # the middle of the lowest three
+    assert winner_of([*sums[:2], -1, *sums[3:]])[0] == winner_of(finely, stretch=3.0)[0] == 10
+    assert winner_of(finely, stretch=3.0)[1] == pytest.approx(winner_of(sums)[1], rel=0.05)
+    assert winner_of(finely)[1] > 2.5 * winner_of(finely, stretch=3.0)[1]
 
 
 def test_the_spread_is_the_distance_of_the_rivals_by_their_weight():
@@ -235,14 +288,14 @@ def test_more_photographs_tell_rivals_apart_better():
     assert spread_of(sums, 5) < spread_of(sums, 2) < spread_of(sums, 2, tolerance=20)
 
 
-def plain_coherence(heights: np.ndarray, tolerance: float, slope: float) -> np.ndarray:
+def plain_coherence(heights: np.ndarray, tolerance: np.ndarray, slope: float) -> np.ndarray:
     rows, cols = heights.shape
     out = np.zeros(heights.shape)
     for r in range(rows):
         for c in range(cols):
             near = [(y, x) for y in range(r - 4, r + 5) for x in range(c - 4, c + 5) if (y, x) != (r, c)]
             near = [(y, x) for y, x in near if 0 <= y < rows and 0 <= x < cols]
-            along = [abs(heights[y, x] - heights[r, c]) <= tolerance + slope * np.hypot(y - r, x - c) for y, x in near]
+            along = [abs(heights[y, x] - heights[r, c]) <= tolerance[r, c] + slope * np.hypot(y - r, x - c) for y, x in near]
             out[r, c] = np.mean(along)
     return out
 
@@ -250,8 +303,9 @@ def plain_coherence(heights: np.ndarray, tolerance: float, slope: float) -> np.n
 def test_coherence_is_the_share_of_neighbours_that_go_along():
     heights = np.random.default_rng(2).normal(0, 1, (12, 14)).astype(np.float32)
     heights[4, 4] = np.nan
-    assert coherence(heights, 0.5, 0.1) == pytest.approx(plain_coherence(heights, 0.5, 0.1))
-    assert coherence(heights, 0.5, 0.1)[4, 4] == 0
+    tolerance = np.linspace(0.2, 1.5, heights.size, dtype=np.float32).reshape(heights.shape)
+    assert coherence(heights, tolerance, 0.1) == pytest.approx(plain_coherence(heights, tolerance, 0.1))
+    assert coherence(heights, tolerance, 0.1)[4, 4] == 0
 
 
 @settings(max_examples=25, deadline=None)
