@@ -103,7 +103,11 @@ class LocusScene:
 
 
 def check_search(scene: LocusScene) -> None:
-    """Raise GeometryError for a first step that spans all heights at once, and for windows that no photograph can hold."""
+    """Raise GeometryError for a pyramid level that no photograph has, a first step that spans all heights at once, and windows that
+    no photograph can hold."""
+    if not scene.views:
+        coarsest = max(scene.photos[name].levels for name in scene.block.names) - 1
+        raise GeometryError(f"No photograph has pyramid level {scene.asked.level}, the coarsest is {coarsest}; set a finer level.")
     settings, surface = scene.settings, scene.surface
     step, relief = float(settings.spacings(scene.metres_per_pixel)[0]), surface.height_high - surface.height_low
     if step > relief:

@@ -150,15 +150,10 @@ def test_lines_may_be_entered_on_an_existing_height_model(seen, engine):
             {"window": 201, "level": 1},
             r"Windows of 201 px do not fit into the photographs, whose shorter side is 166 px on pyramid",
         ),
+        ({"level": 5}, r"No photograph has pyramid level 5, the coarsest is \d; set a finer level"),
     ],
-    ids=["step", "window"],
+    ids=["step", "window", "level"],
 )
 def test_a_search_that_cannot_find_anything_is_refused_in_words(seen, changes, says):
     with pytest.raises(GeometryError, match=says):
         run(seen, STAGE.matching.model_copy(update=changes))
-
-
-def test_without_photographs_of_the_level_nothing_is_measured(seen):
-    empty = run(seen, STAGE.matching.model_copy(update={"level": 5}))
-    assert (empty.rasters[PROVENANCE] == Provenance.EMPTY).all()
-    assert any("empty" in warning for warning in empty.tables[report_table("densification").path].warnings)
