@@ -41,8 +41,9 @@ def _coloured(values: np.ndarray, spec: RasterSpec) -> np.ndarray:
     present = np.isfinite(values) if values.dtype.kind == "f" else np.ones(values.shape, bool)
     if spec.nodata is not None and np.isfinite(spec.nodata):
         present &= values != spec.nodata
-    if values.ndim == 3 and values.shape[2] >= 3:
-        colours = values[..., 2::-1].astype(np.uint8)
+    # Bands of other kinds are measures of different things, not colours: the first one is shown.
+    if values.ndim == 3 and values.shape[2] >= 3 and values.dtype == np.uint8:
+        colours = values[..., 2::-1]
         alpha = 255 * (values[..., 3] > 0) if values.shape[2] == 4 else np.full(values.shape[:2], 255)
         return np.dstack([colours, alpha.astype(np.uint8)])
     plane, shown = (values[..., 0], present[..., 0]) if values.ndim == 3 else (values, present)

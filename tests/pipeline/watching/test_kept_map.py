@@ -16,6 +16,8 @@ from orthomill.pipeline.watching import live_map as module
 from orthomill.pipeline.watching.cost_model import CostModel
 from orthomill.pipeline.watching.live_map import MAP, live_map
 from orthomill.pipeline.watching.run_watch import Watchers
+from orthomill.pipeline.watching.tile_picture import _coloured
+from orthomill.schemas.raster import RasterSpec
 
 NOTHING = Expectations({}, here=False)
 
@@ -61,3 +63,12 @@ def test_the_picture_of_a_raster_shows_all_its_tiles(tmp_path):
 def test_a_page_of_very_many_tiles_stays_small(tmp_path, monkeypatch, limit, part, left):
     monkeypatch.setattr(module, limit, 5)
     assert len(kept_after_a_run(tmp_path)[part]) == left
+
+
+def test_bands_that_are_no_colours_show_the_first(recwarn):
+    spec = RasterSpec(name="a/nodes", shape=(4, 4, 3), dtype="float32", chunk=64)
+    bands = np.full((4, 4, 3), np.nan, np.float32)
+    bands[1:, :, 0] = np.arange(3)[:, None]
+    shown = _coloured(bands, spec)
+    assert (shown[0, :, 3] == 0).all() and (shown[1:, :, 3] == 255).all() and (np.diff(shown[1:, 0, 0].astype(int)) > 0).all()
+    assert not recwarn
