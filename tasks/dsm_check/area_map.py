@@ -14,7 +14,7 @@ from pyproj import CRS, Transformer
 from orthomill.schemas.job import Table
 from orthomill.schemas.raster import MapGrid
 from orthomill.tasks.dsm_check.areas import SuspiciousArea
-from orthomill.tasks.geometry.reference_system import ground_crs
+from orthomill.tasks.geometry.reference_system import ground_crs, on_earth
 
 Ring = tuple[tuple[float, float], ...]
 
@@ -61,9 +61,7 @@ class AreaRule:
 
 def area_map(areas: list[SuspiciousArea], rule: AreaRule) -> AreaMap:
     """The areas as polygons."""
-    # A facade has a system of its own, which lies nowhere on the earth.
-    on_earth = CRS.from_user_input(rule.crs).is_projected or CRS.from_user_input(rule.crs).is_compound
-    change = Transformer.from_crs(ground_crs(rule.crs), CRS.from_epsg(4326), always_xy=True) if on_earth else None
+    change = Transformer.from_crs(ground_crs(rule.crs), CRS.from_epsg(4326), always_xy=True) if on_earth(rule.crs) else None
     return AreaMap(features=tuple(_feature(area, rule, change) for area in areas))
 
 

@@ -44,6 +44,12 @@ def ground_crs(text: str) -> CRS:
     return horizontal
 
 
+def on_earth(crs: str) -> bool:
+    """Whether a system lies on the earth: those of a facade and of a block without positions lie nowhere."""
+    known = CRS.from_user_input(crs)
+    return known.is_projected or known.is_compound
+
+
 def ground_coordinates(crs: str, longitude_latitude: np.ndarray) -> np.ndarray:
     """X, Y (N, 2) in m in the project's system of WGS 84 longitudes and latitudes (N, 2) in degrees.
 

@@ -6,6 +6,7 @@ OpenCV's. Source: OpenSfM's documentation, "Geometric models" and "Dataset struc
 """
 
 import json
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from orthomill.schemas.camera import LENSES, Camera
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.findings.block_findings import BlockFinding, LargestReconstruction
+from orthomill.tasks.geometry.reference_system import on_earth
 from orthomill.tasks.geometry.rotation_vector import rotation_of_vector, vector_of_rotation
 from orthomill.tasks.geometry.topocentric import Reference, Topocentric, reference_of
 from orthomill.tasks.orientation.interchange.foreign_block import Y_DOWN, ForeignBlock, ForeignPose, photo_name
@@ -99,18 +101,28 @@ def write_opensfm(block: ForeignBlock, files: dict[str, str], crs: str) -> str:
     """The block as reconstruction.json; `files`: photograph -> file name."""
     # In the middle of the block, where the tangent plane fits best; at height 0, so that heights keep their values.
     centre = np.mean([pose.centre for pose in block.poses.values()], axis=0)
-    reference = reference_of(crs, np.array([centre[0], centre[1], 0.0]))
-    frame = Topocentric(reference, crs)
+    reference = reference_of(crs, np.array([centre[0], centre[1], 0.0])) if on_earth(crs) else None
+    frame = Topocentric(reference, crs) if reference else _Unplaced()
     shots = {files[name]: _shot(pose, block.cameras[name].name, frame) for name, pose in block.poses.items()}
     points = {
         str(i): {"color": [128.0, 128.0, 128.0], "coordinates": xyz} for i, xyz in enumerate(frame.from_map(block.points).tolist())
     }
-    place = {"latitude": reference.latitude, "longitude": reference.longitude, "altitude": reference.altitude}
+    place = {"reference_lla": asdict(reference)} if reference else {}
     cameras = {camera.name: _camera_values(camera) for camera in block.cameras.values()}
-    return json.dumps([{"cameras": cameras, "shots": shots, "points": points, "reference_lla": place}], indent=1)
+    return json.dumps([{"cameras": cameras, "shots": shots, "points": points, **place}], indent=1)
 
 
-def _shot(pose: ForeignPose, camera: str, frame: Topocentric) -> dict[str, Any]:
+class _Unplaced:
+    """The frame of a block that lies nowhere on the earth: its coordinates as they are."""
+
+    def from_map(self, points: np.ndarray) -> np.ndarray:
+        return points
+
+    def turn(self, _point: np.ndarray) -> np.ndarray:
+        return np.eye(3)
+
+
+def _shot(pose: ForeignPose, camera: str, frame: Topocentric | _Unplaced) -> dict[str, Any]:
     """A shot of OpenSfM; fields that it needs but that say nothing here have its own defaults."""
     centre = frame.from_map(pose.centre[None])[0]
     rotation = Y_DOWN @ pose.rotation @ frame.turn(centre)

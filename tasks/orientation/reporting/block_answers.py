@@ -11,6 +11,7 @@ import numpy as np
 
 from orthomill.schemas.orientation import GroundResidual
 from orthomill.schemas.stage_report import Answer, Evidence, Product, Topic, Verdict
+from orthomill.tasks.geometry.reference_system import on_earth
 from orthomill.tasks.geometry.survey_system import vertical_name
 from orthomill.tasks.orientation.reporting.block_facts import Facts
 
@@ -79,7 +80,14 @@ def block_answers(facts: Facts) -> Iterator[Answer]:
     if sigmas := _sigmas(facts):
         plan, height = sigmas
         yield Answer(topic=Topic.PRECISION, text=f"{length(plan)} in plan, {length(height)} in height (standard error of a point)")
-    yield Answer(topic=Topic.REFERENCE, text=f"heights: {vertical_name(facts.block.crs) or 'as in the input, system not stated'}")
+    yield Answer(topic=Topic.REFERENCE, text=_heights(facts.block.crs))
+
+
+def _heights(crs: str) -> str:
+    """What heights refer to; a block without a place on earth is not even in the project's system."""
+    if not on_earth(crs):
+        return "not reached: the block is in a local system without place"
+    return f"heights: {vertical_name(crs) or 'as in the input, system not stated'}"
 
 
 def block_evidence(facts: Facts) -> Iterator[Evidence]:

@@ -62,7 +62,7 @@ def no_datum(finding: NoDatum) -> str:
     what = (
         "The block has a scale but no datum: its coordinates are metres in a system of its own."
         if finding.scaled
-        else "The block has no datum: its coordinates are not metres in the project's system."
+        else "The block has no datum: its files are in a local system of arbitrary scale, in units that are not metres."
     )
     return f"{what} Give positions or three control points."
 

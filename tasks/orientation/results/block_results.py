@@ -36,13 +36,13 @@ def _positions_of(rays: Rays, part: Rays) -> np.ndarray:
 
 
 def block_table(crs: str, results: BlockResults, unoriented: tuple[Unoriented, ...]) -> Block:
-    """The block as later stages read it."""
+    """The block as later stages read it, in the project's system `crs` unless it has no place there."""
     problem, result, datum = results.problem, results.result, results.datum
     tie = np.unique(result.rays.point[result.used & (result.rays.point < problem.ties)])
     # Percentiles, for a single wrong match may lie kilometres away, and later stages search heights in this range.
     low, high = np.percentile(result.state.point[tie, 2], [0.5, 99.5]) + datum.origin[2]
     return Block(
-        crs=crs,
+        crs=datum.system or crs,
         cameras=_cameras(results),
         of_photo={name: results.cameras.of_photo[name] for name in problem.names},
         photos=tuple(_exterior(problem, result, datum, i) for i in range(len(problem.names))),

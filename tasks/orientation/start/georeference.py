@@ -84,7 +84,8 @@ class Known:
 class Datum:
     """The datum of a block: `similarity` into local coordinates, `origin` (3,) to be added to these, whether the network is free,
     the expected `up` directions (P, 3) in the image systems (NaN: unknown; None: no verticality constraint is needed), findings for
-    the report, and which positions (P,) and control points (n,) are set aside because they lie elsewhere."""
+    the report, which positions (P,) and control points (n,) are set aside because they lie elsewhere, and the reference system of
+    the block where it is not the project's."""
 
     similarity: Similarity
     origin: np.ndarray
@@ -94,6 +95,7 @@ class Datum:
     findings: tuple[BlockFinding, ...]
     positions_aside: np.ndarray
     control_aside: np.ndarray
+    system: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,6 +296,17 @@ def _free(model: State, known: Known, origin: np.ndarray | None) -> Datum:
         (NoDatum(scaled=bool(length)),),
         known.positioned,
         known.placed,
+        # Files in the project's system would put the block on another continent, in metres that are none.
+        own_system(bool(length)) if origin is None else None,
+    )
+
+
+def own_system(scaled: bool) -> str:
+    """The reference system (WKT) of a block that has no place on earth, which GIS programs take for a local one."""
+    scale = "in metres" if scaled else "of arbitrary scale"
+    return (
+        f'ENGCRS["local system of the block, {scale}",EDATUM["block without positions and control"],CS[Cartesian,2],'
+        'AXIS["x",east],AXIS["y",north],LENGTHUNIT["metre",1]]'
     )
 
 

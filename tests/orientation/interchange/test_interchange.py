@@ -24,6 +24,7 @@ from orthomill.tasks.orientation.interchange.foreign_block import ForeignBlock, 
 from orthomill.tasks.orientation.interchange.opensfm import read_opensfm
 from orthomill.tasks.orientation.report import report
 from orthomill.tasks.orientation.results.products import block_products
+from orthomill.tasks.orientation.start.georeference import own_system
 
 CRS = "EPSG:2100"
 COLMAP = FromColmap(kind="colmap", cameras_path="c", images_path="i", points_path="p", placed="project")
@@ -99,6 +100,15 @@ def test_without_tie_points_the_programs_own_points_tell_the_height(volos_like, 
     given = ANGLES.model_copy(update={"ground": (90.0, 150.0)})
     tables = orient_fixed(block.photos, block.cameras, block.control, texts_of(products, ANGLES), given, CRS)
     assert (tables.block.ground_low, tables.block.ground_high) == (90.0, 150.0)
+
+
+def test_a_block_without_a_place_on_earth_leaves_in_its_own_coordinates(volos_like):
+    block, result = volos_like
+    lost = result["block"].model_copy(update={"crs": own_system(scaled=False)})
+    (found,) = json.loads(block_products(block.photos, lost, result["points"])["reconstruction.json"].text)
+    assert "reference_lla" not in found
+    centres = {photo.photo: photo.centre for photo in lost.photos}
+    assert {tuple(shot["gps_position"]) for shot in found["shots"].values()} == set(centres.values())
 
 
 def test_a_model_in_a_system_of_its_own_is_placed_by_positions(volos_like, products):

@@ -118,6 +118,7 @@ def test_without_positions_the_network_is_free(position, codes_):
     model, known = block()
     datum = choose(model, replace(known, position=position))
     assert datum.free and codes(datum) == codes_ and "place, direction and scale are arbitrary" in datum.sentence
+    assert "of arbitrary scale" in datum.system, "files must not say that the block lies in the project's system"
     heights = datum.similarity.apply(model.centre)[:, 2].mean() - np.median(datum.similarity.apply(model.point)[:, 2])
     assert heights == pytest.approx(100.0, abs=0.5)
 
@@ -128,6 +129,7 @@ def test_a_measured_distance_gives_a_free_network_its_scale():
     known = replace(known, position=NOTHING, control=np.full((5, 3), np.nan), distances=((0, 1, length, 0.01),))
     datum = choose(model, known)
     assert datum.free and datum.similarity.scale == pytest.approx(1 / SCALE)
+    assert "in metres" in datum.system
     assert datum.findings[0].scaled and "1 measured distance gives the scale" in datum.sentence
 
 
@@ -135,7 +137,7 @@ def test_a_free_network_of_given_orientations_keeps_their_system():
     model, known = block()
     datum = choose(model, replace(known, position=NOTHING), origin=SITE)
     assert datum.similarity.scale == 1.0 and (datum.similarity.rotation == np.eye(3)).all() and (datum.origin == SITE).all()
-    assert "those of the given orientation" in datum.sentence
+    assert "those of the given orientation" in datum.sentence and datum.system is None
 
 
 def test_control_with_x_and_y_exchanged_is_recognised():
