@@ -46,27 +46,25 @@ def with_measured_rows(pairs: EpipolarPairs, block: Block, measured: ImageResidu
 
 
 def _with_rows(pair: EpipolarPair, residuals: np.ndarray) -> EpipolarPair:
-    return pair if len(residuals) < LEAST_POINTS else pair.model_copy(update={"row_sigma": _measured_sigma(residuals)})
-
-
-def _measured_sigma(residuals: np.ndarray) -> float:
+    if len(residuals) < LEAST_POINTS:
+        return pair
     # About zero, not about their mean: an offset of the rows is an error of the orientation as well. The median, because a few
     # wrong tie points that the adjustment kept say nothing about the rows of the others.
-    return _NORMAL * summary(residuals).median
+    return pair.model_copy(update={"row_sigma": _NORMAL * summary(residuals).median})
 
 
-def matched_level(pairs: EpipolarPairs, block: Block, measured: ImageResiduals, photos: tuple[str, ...]) -> int:
-    """The finest pyramid level on which the rows of the median pair agree, as its tie points measured them; `pairs` on level 0.
+def matched_level(pairs: EpipolarPairs) -> int:
+    """The finest pyramid level on which the rows of the median pair agree, as tie points measured them.
+
+    pairs: on level 0, after `with_measured_rows`.
 
     Photographs that do not fit together to a pixel (a stabiliser, a moving shutter, a lens that the camera model cannot follow)
     show the same place on different rows: neither windows nor signatures compare what belongs together, and nearly nothing is
     measured. Their coarser levels fit. One level for all pairs, because all meet in one surface.
     """
-    ties = kept_ties(measured)
-    found = [row_residuals(pair, block, ties, photos) for pair in pairs.pairs]
     # Predictions do not count: the covariance of a weak block predicts many pixels where tie points measure a tenth.
-    sigmas = [_measured_sigma(residuals) for residuals in found if len(residuals) >= LEAST_POINTS]
-    return max(0, math.ceil(math.log2(float(np.median(sigmas)) / ROWS_AGREE))) if sigmas else 0
+    sigmas = [pair.row_sigma for pair in pairs.pairs if pair.row_sigma != pair.row_sigma_predicted]
+    return math.ceil(math.log2(max(float(np.median(sigmas)) / ROWS_AGREE, 1.0))) if sigmas else 0
 
 
 def kept_ties(measured: ImageResiduals) -> ImageResiduals:

@@ -36,11 +36,16 @@ def measured_pairs(
     """The useful pairs (`choose_pairs`) with the rows that their tie points measured, on pyramid level `level`; None: on the finest
     one on which these agree."""
     coarsest = min(photos[name].levels for name in block.names) - 1
-    pairs = choose_pairs(block, choice, height_margin, height_room, min(level or 0, coarsest))
-    worth = min(matched_level(pairs, block, measured, photos.names), coarsest) if level is None else 0
-    if worth:
-        pairs = choose_pairs(block, choice, height_margin, height_room, worth)
-    return with_measured_rows(pairs, block, measured, photos.names)
+
+    def on(number: int) -> EpipolarPairs:
+        pairs = choose_pairs(block, choice, height_margin, height_room, min(number, coarsest))
+        return with_measured_rows(pairs, block, measured, photos.names)
+
+    if level is not None:
+        return on(level)
+    fine = on(0)
+    worth = matched_level(fine)
+    return on(worth) if worth else fine
 
 
 class EpipolarStage(Stage):

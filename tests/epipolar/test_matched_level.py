@@ -8,7 +8,7 @@ from tiny_block import block, camera, photograph, photos, tie_points
 
 from orthomill.schemas.raster import Window
 from orthomill.tasks.epipolar.epipolar_image import TileOfPair, resample_tile
-from orthomill.tasks.epipolar.parallax import ROWS_AGREE, matched_level
+from orthomill.tasks.epipolar.parallax import ROWS_AGREE, matched_level, with_measured_rows
 from orthomill.tasks.epipolar.report import report
 from orthomill.tasks.epipolar.selection import PairChoice, choose_pairs
 from orthomill.tasks.epipolar.stage import EpipolarStage, measured_pairs
@@ -47,7 +47,14 @@ def test_rows_agree_on_the_level_that_is_matched_and_not_on_the_one_below(noise)
 def test_without_tie_points_photographs_are_matched_as_they_are():
     """The predictions of a weak block say nothing about its rows."""
     none = tie_points(2.0).take(np.zeros(0, int))
-    assert matched_level(choose_pairs(block(), PairChoice(), 0.08), block(), none, photos().names) == 0
+    pairs = choose_pairs(block(), PairChoice(), 0.08)
+    assert matched_level(with_measured_rows(pairs, block(), none, photos().names)) == 0
+
+
+def test_rows_that_agree_exactly_are_matched_as_they_are():
+    pairs = choose_pairs(block(), PairChoice(), 0.08)
+    exact = pairs.model_copy(update={"pairs": tuple(p.model_copy(update={"row_sigma": 0.0}) for p in pairs.pairs)})
+    assert matched_level(exact) == 0
 
 
 @pytest.mark.parametrize(("wanted", "level"), [(0, 0), (2, 2), (8, LEVELS - 1)])
