@@ -15,6 +15,9 @@ from orthomill.schemas.orientation import Block, ExteriorOrientation
 from orthomill.tasks.geometry.distortion import distort_point, image_to_pixel, lens_of, pixel_to_image
 from orthomill.tasks.geometry.rotation import rotation_matrix
 
+FIELD_MARGIN = 1.05
+"""on the squared tangent of the field angle (`View.field`), for `framed_point`"""
+
 
 class ViewNumbers(NamedTuple):
     """A view for kernels: every number of its collinearity equations by name. numba takes named tuples as arguments."""
@@ -129,6 +132,19 @@ def project_point(n, x, y, z):
         return np.nan, np.nan, -w
     xd, yd = distort_point(-u / w, -v / w, n)
     return n.col0 + n.c * xd, n.row0 - n.c * yd, -w
+
+
+@njit(cache=True, inline="always")
+def framed_point(n, x, y, z, widest):
+    """(col, row, depth, border) of a ground point in a photograph; `n` is `View.numbers`, `widest` the squared tangent of the
+    largest field angle, `border`: px to the nearest border, negative or NaN outside."""
+    col, row, depth = project_point(n, x, y, z)
+    border = min(min(col, n.width - 1.0 - col), min(row, n.height - 1.0 - row))
+    # Outside the field of view the distortion polynomial may fold back into the photograph.
+    reach = (n.xc - x) ** 2 + (n.yc - y) ** 2 + (n.zc - z) ** 2
+    if depth <= 0.0 or reach > (1.0 + widest) * depth * depth:
+        border = -1.0
+    return col, row, depth, border
 
 
 def view_of(orientation: ExteriorOrientation, camera: Camera) -> View:

@@ -65,6 +65,13 @@ class PreferHeavier(Settings):
     limit: float = setting(40.0, "Mean difference over the channels beyond which two colours disagree.", "grey levels", gt=0)
 
 
+class PreferUnbroken(Settings):
+    """Of two colours that disagree the one goes whose photo alone sees the place next to a break of its depth."""
+
+    kind: Literal["depth_break"] = "depth_break"
+    limit: float = setting(24.0, "Mean difference over the channels beyond which two colours disagree.", "grey levels", gt=0)
+
+
 class NoBalance(Settings):
     """The photos keep their grey values."""
 

@@ -25,8 +25,8 @@ from orthomill.tasks.imagery.radiometric_balance import Radiometry, Samples, cor
 from orthomill.tasks.projection.facing import MeshFacing
 from orthomill.tasks.projection.output_tile import OutputTile, PhotographsAtHand
 from orthomill.tasks.projection.sight_rasters import TilePoints, tile_points
-from orthomill.tasks.visibility.mesh_sight import MeshSight
 from orthomill.tasks.visibility.output_frame import moved
+from orthomill.tasks.visibility.sight import PlaceSight
 from orthomill.tasks.visibility.triangle_blocks import TrianglesAtHand
 
 PROJECTION_RADIOMETRY = Table("projection/radiometry.json", Radiometry)
@@ -73,7 +73,7 @@ class ProjectionTile(BaseModel):
     shares: dict[str, float]
     """photograph -> its part in the colours, px"""
     sights: dict[str, tuple[int, ...]]
-    """photograph -> pixels by code of MeshSight"""
+    """photograph -> pixels by code of PlaceSight"""
 
 
 class ColouredTile(NamedTuple):
@@ -179,8 +179,8 @@ def tile_colours(
     windows, in_zones = {part.name: (zone, part.window) for zone, part in zip(zones, tile.zones, strict=True)}, 0
     for k, (view, pixels, part) in enumerate(zip(views, photos, parts, strict=True)):
         code = sight[..., tile.names.index(part.name)]
-        breaks[k] = code == MeshSight.AT_BREAK
-        chosen = _of_tile(surface, code) >= MeshSight.AT_BREAK
+        breaks[k] = code == PlaceSight.AT_BREAK
+        chosen = _of_tile(surface, code) >= PlaceSight.AT_BREAK
         if not chosen.any():
             continue
         sampled = _sample(view, PhotoPixelsAt(pixels, part.window, part.level), surface, chosen, facing, feather)
@@ -214,7 +214,7 @@ def colour_tile(
         surface, sight, photos, zones, part_views(block, tile, origin), tile, radiometry, facing.sign, rules.feather
     )
     blended = found.blended(rules)
-    seen = (sight >= MeshSight.AT_BREAK).sum(axis=2).astype(np.uint8)
+    seen = (sight >= PlaceSight.AT_BREAK).sum(axis=2).astype(np.uint8)
     coverage = np.where(triangle >= 0, np.minimum(seen, NO_SURFACE - 1), NO_SURFACE).astype(np.uint8)
     counts = _statistics(triangle, coverage, sight, blended, tile)
     counts = counts.model_copy(update={"zone": found.zone, "backs": int(surface.backs(facing.sign).sum())})
@@ -248,7 +248,7 @@ def _statistics(
         difference_count=int(np.isfinite(blended.difference).sum()),
         shares={part.name: float(share) for part, share in zip(tile.parts, blended.share, strict=True)},
         sights={
-            name: tuple(np.bincount(sight[..., k].ravel(), minlength=len(MeshSight)).tolist()) for k, name in enumerate(tile.names)
+            name: tuple(np.bincount(sight[..., k].ravel(), minlength=len(PlaceSight)).tolist()) for k, name in enumerate(tile.names)
         },
     )
 
@@ -278,7 +278,7 @@ def sample_surface(
     columns = []
     for pixels, part in zip(photos, tile.parts, strict=True):
         view = moved(block_view(block, part.name), origin)
-        seen = _of_tile(surface, sight[..., tile.names.index(part.name)]) == MeshSight.SEEN
+        seen = _of_tile(surface, sight[..., tile.names.index(part.name)]) == PlaceSight.SEEN
         sampled = _sample(view, PhotoPixelsAt(pixels, part.window, part.level), surface, seen, facing.sign, 0.0)
         known = sampled.worth > 0
         grey = np.broadcast_to(sampled.colour[known], (int(known.sum()), 3))

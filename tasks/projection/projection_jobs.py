@@ -1,7 +1,7 @@
 """The jobs of the stage: which tile of which output reads what. No numerics beyond boxes and windows.
 
 Planning waits three times: for the mesh (how many blocks it has), for the frames, and for the depth rasters, which tell the blocks
-and photographs that a tile needs. MeshSight, limits, samples, balance and colours follow from these.
+and photographs that a tile needs. Sight, limits, samples, balance and colours follow from these.
 """
 
 from collections.abc import Iterator

@@ -15,7 +15,7 @@ from orthomill.tasks.projection.leave_one_out import LeftOutPhotograph
 from orthomill.tasks.projection.model.model_colours import TileFacts
 from orthomill.tasks.projection.model.model_words import model_products, texture_figures
 from orthomill.tasks.projection.projection_colours import NO_SURFACE, ProjectionTile
-from orthomill.tasks.visibility.mesh_sight import MeshSight
+from orthomill.tasks.visibility.sight import PlaceSight
 
 COVERAGE_CLASSES: tuple[tuple[int, str, str], ...] = (
     (0, "#d7191c", "seen by no photograph"),
@@ -241,10 +241,10 @@ def _sight_grid(total: _OutputTotals, facing: MeshFacing) -> Grid:
         (
             name,
             round(100 * shares[name] / coloured, 2),
-            int(counts[MeshSight.SEEN] + counts[MeshSight.AT_BREAK]),
-            int(counts[MeshSight.HIDDEN]),
-            int(counts[MeshSight.AWAY]),
-            int(counts[MeshSight.MASKED]),
+            int(counts[PlaceSight.SEEN] + counts[PlaceSight.AT_BREAK]),
+            int(counts[PlaceSight.HIDDEN]),
+            int(counts[PlaceSight.AWAY]),
+            int(counts[PlaceSight.MASKED]),
             round(100 * backs.get(name, 0.0), 2),
         )
         for name, counts in sights.items()

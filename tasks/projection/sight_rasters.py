@@ -21,9 +21,10 @@ from orthomill.schemas.solid.frames import AnyFrame
 from orthomill.tasks.geometry.view import block_view
 from orthomill.tasks.projection.facing import MeshFacing
 from orthomill.tasks.projection.output_tile import OutputTile, PhotographsAtHand
-from orthomill.tasks.visibility.mesh_sight import MeshSight, SightTolerance, sights
+from orthomill.tasks.visibility.mesh_sight import MeshPlaces, SightTolerance
 from orthomill.tasks.visibility.output_frame import moved, pixel_rays, points_on, window_pixels
 from orthomill.tasks.visibility.scanline import NOTHING, NearestTriangles
+from orthomill.tasks.visibility.sight import PlaceSight
 from orthomill.tasks.visibility.triangle_blocks import TrianglesAtHand
 
 
@@ -80,7 +81,7 @@ def sight_tile(
     tolerance: SightTolerance,
     masks: tuple[np.ndarray, ...] = (),
 ) -> np.ndarray:
-    """Codes (rows, cols, photographs) uint8 of MeshSight of a tile, for the photographs `tile.names`.
+    """Codes (rows, cols, photographs) uint8 of PlaceSight of a tile, for the photographs `tile.names`.
 
     triangle (rows, cols) of the tile; nearness and drawn triangles of the photographs at `tile.parts` (windows of their ideal
     pictures); masks (rows, cols, bands) at the windows `tile.zones`: 0 is not to be used.
@@ -90,8 +91,8 @@ def sight_tile(
     rasters = [NearestTriangles(part.window, *pair) for part, *pair in zip(tile.parts, nearness, drawn, strict=True)]
     codes = point_sights(surface, rasters, block, origin, facing.sign, at_hand, tile, tolerance, masks)
     # A back shows nothing: what is painted on the front of it belongs to the other side.
-    codes[surface.backs(facing.sign)] = MeshSight.AWAY
-    out = np.full((triangle.size, len(tile.names)), MeshSight.NOWHERE, np.uint8)
+    codes[surface.backs(facing.sign)] = PlaceSight.AWAY
+    out = np.full((triangle.size, len(tile.names)), PlaceSight.NOWHERE, np.uint8)
     out[surface.at] = codes
     return out.reshape(*triangle.shape, len(tile.names))
 
@@ -107,14 +108,16 @@ def point_sights(
     tolerance: SightTolerance,
     masks: tuple[np.ndarray, ...],
 ) -> np.ndarray:
-    """Codes (N, photographs) uint8 of MeshSight of the points of a surface; `rasters` of the parts, masks of the zones."""
-    out = np.full((len(surface.at), len(photographs.names)), MeshSight.OUTSIDE, np.uint8)
+    """Codes (N, photographs) uint8 of PlaceSight of the points of a surface; `rasters` of the parts, masks of the zones."""
+    out = np.full((len(surface.at), len(photographs.names)), PlaceSight.OUTSIDE, np.uint8)
     veils = {part.name: (mask, part.window) for mask, part in zip(masks, photographs.zones, strict=True)}
-    for part, raster in zip(photographs.parts, rasters, strict=True):
+    drawn = {part.name: raster for part, raster in zip(photographs.parts, rasters, strict=True)}
+    places = MeshPlaces(surface.points, surface.triangle, drawn, at_hand, tolerance, facing)
+    for part in photographs.parts:
         view = moved(block_view(block, part.name), origin)
-        codes = sights(view, surface.points, surface.triangle, raster, at_hand, tolerance, facing)
+        codes = places.sights(view)
         if part.name in veils:
-            codes[_covered(view.project(surface.points), *veils[part.name])] = MeshSight.MASKED
+            codes[_covered(view.project(surface.points), *veils[part.name])] = PlaceSight.MASKED
         out[:, photographs.names.index(part.name)] = codes
     return out
 
@@ -193,11 +196,11 @@ def edge_tile(
     found = []
     for number, name in enumerate(tile.names):
         code = sight[..., number]
-        hidden = (code == MeshSight.HIDDEN) | (code == MeshSight.AWAY)
+        hidden = (code == PlaceSight.HIDDEN) | (code == PlaceSight.AWAY)
         if not hidden.any():
             continue
         # A limit to where there is no surface, or no photograph, is no occlusion.
-        edges = hidden_edges(hidden, rules) & (code > MeshSight.MASKED)
+        edges = hidden_edges(hidden, rules) & (code > PlaceSight.MASKED)
         surface = tile_points(triangle[inner], at_hand, tile.frame, tile.window, origin, edges[inner])
         view = moved(block_view(block, name), origin)
         pixels = view.project(surface.points)

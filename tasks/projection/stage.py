@@ -24,6 +24,7 @@ from orthomill.tasks.imagery.colour_settings import (
     Balance,
     BlockBalance,
     ByArea,
+    PreferUnbroken,
     Rejections,
     Weights,
     power_of,
@@ -83,13 +84,6 @@ _SCAN = "photographs/scan.ply"  # what the stage `simulation` writes
 SAMPLES_AT_MOST = 60_000
 """Samples of all outputs for the radiometric balance."""
 _SPACING_OF_RANGE = 64  # px between samples that serve for the range of 16 bits only
-
-
-class PreferUnbroken(Settings):
-    """Of two colours that disagree the one goes whose photograph alone sees the place next to a break of its depth."""
-
-    kind: Literal["depth_break"] = "depth_break"
-    limit: float = setting(24.0, "Mean difference over the channels beyond which two colours disagree.", "grey levels", gt=0)
 
 
 class NoWidening(Settings):
@@ -290,7 +284,7 @@ class ProjectionStage(Stage):
         return masks_of(view.image_files(PhotoFolder(kind="folder", path=self.masks.path)), basis.photos, basis.names)
 
     def _sampled(self, view: ProjectView, outputs: list[ColourJobs], basis: ProjectionBasis) -> Iterator[RasterSpec | Job]:
-        """MeshSight of all outputs, samples and the balance."""
+        """How photographs see all outputs, samples and the balance."""
         first = 0
         for colour in outputs:
             frame = colour.frame.frame

@@ -28,7 +28,8 @@ from orthomill.tasks.texture.edges.sharpened_ground import HALO as WALL_HALO
 from orthomill.tasks.texture.extent import TileExtent
 from orthomill.tasks.texture.sampling import Ground, ground_of, sample_photo, shown
 from orthomill.tasks.visibility.height_model import HeightModel, Targets, bridge_holes, visible_targets, widening_factor
-from orthomill.tasks.visibility.lines_of_sight import LineOfSight, lines_of_sight
+from orthomill.tasks.visibility.lines_of_sight import HeightPlaces
+from orthomill.tasks.visibility.sight import PlaceSight, SurfacePlaces
 
 STRIP = 64
 """Ortho rows that are blended at a time."""
@@ -36,6 +37,9 @@ RESERVED_WORTH = 1e-3
 """Weight factor next to an occlusion: such a colour is used only where no photo has a better one."""
 LAST_WORTH = 1e-6
 """Weight factor behind an estimated height: such a colour is used only where estimates stand in front of every photo."""
+_WORTH = np.array(
+    [LAST_WORTH if code == PlaceSight.BEHIND_ESTIMATE else float(code >= PlaceSight.AT_BREAK) for code in PlaceSight], np.float32
+)
 
 # 16 bits are stretched so that the brightest thousandth of the samples keeps a margin below white: specular points may saturate.
 
@@ -56,6 +60,8 @@ class TextureRules:
     sharpen: bool
     """whether photographs choose the surface of pixels near walls"""
     blend: Blend
+    breaks: bool = False
+    """of two colours that disagree the one at a break of its depth goes, instead of the lighter one"""
 
     @property
     def rim(self) -> int:
@@ -115,10 +121,12 @@ def _views(block: Block, extent: TileExtent) -> list[View]:
 
 @dataclass(frozen=True)
 class _Scene:
-    """A tile's ground, and each photo's weight factor on it: 0 hidden, small behind an estimate or at an occlusion, 1 elsewhere."""
+    """A tile's ground, and each photo's weight factor on it: 0 hidden, small behind an estimate or at an occlusion, 1 elsewhere;
+    and where it sees the ground next to a break of its depth, if the rules ask."""
 
     ground: Ground
     factors: tuple[np.ndarray, ...]
+    breaks: tuple[np.ndarray, ...]
 
 
 @dataclass
@@ -190,29 +198,32 @@ def _scene(
     targets, core = _targets(ground, extent.dsm), extent.window
     inner = core.within(rim).slices
     guessed = _at_pixels(draped, extent.heights, rim, extent.divisor)
-    seen = (lines_of_sight(model, certain, photos[k].view, targets, guessed, rules.tolerance) for k in showing)
-    if sharp:
-        seen = (_at_walls(sight, sharp, k) for sight, k in zip(seen, showing, strict=True))
-    factors = tuple(_factor(sight, ground.z, rules, extent.divisor)[inner] for sight in seen)
-    return _Scene(ground.part(core), factors)
+    places: SurfacePlaces = HeightPlaces(model, certain, targets, guessed, rules.tolerance)
+    factors, breaks = [], []
+    for k in showing:
+        sight = places.sights(photos[k].view)
+        sight = _at_walls(sight, sharp, k) if sharp else sight
+        factors.append(_factor(sight, rules, extent.divisor)[inner])
+        breaks.append(sight[inner] == PlaceSight.AT_BREAK if rules.breaks else np.zeros((0, 0), bool))
+    return _Scene(ground.part(core), tuple(factors), tuple(breaks))
 
 
 def _at_walls(sight: np.ndarray, sharp: SharpenedGround, number: int) -> np.ndarray:
-    """Codes of LineOfSight of a photo, corrected where the model is blurred and hides nothing for certain: there the photographs
+    """Codes of PlaceSight of a photo, corrected where the model is blurred and hides nothing for certain: there the photographs
     whose colour is that of the pixel's surface see it, and no others; where there are none the model decides."""
-    own = np.where(sharp.alike[number], np.maximum(sight, np.uint8(LineOfSight.BEHIND_ESTIMATE)), np.uint8(LineOfSight.HIDDEN))
+    own = np.where(sharp.alike[number], np.maximum(sight, np.uint8(PlaceSight.BEHIND_ESTIMATE)), np.uint8(PlaceSight.HIDDEN))
     return np.where(sharp.doubtful & sharp.alike.any(axis=0), own, sight)
 
 
-def _factor(sight: np.ndarray, z: np.ndarray, rules: TextureRules, divisor: int) -> np.ndarray:
-    """Weight factors (rows, cols) of a photo from codes of LineOfSight, reduced next to occlusions."""
-    worth = np.array([0.0, LAST_WORTH, 1.0], np.float32)[sight]
+def _factor(sight: np.ndarray, rules: TextureRules, divisor: int) -> np.ndarray:
+    """Weight factors (rows, cols) of a photo from codes of PlaceSight, reduced next to occlusions."""
+    worth = _WORTH[sight]
     if rules.widening_margin + rules.widening_ramp <= 0:
         return worth
     # A hole without height is no occlusion: its rim is as well visible as any other ground.
-    occluded = (sight != LineOfSight.FREE) & np.isfinite(z)
+    occluded = (sight == PlaceSight.HIDDEN) | (sight == PlaceSight.BEHIND_ESTIMATE)
     widened = widening_factor(occluded, rules.widening_margin * divisor, rules.widening_ramp * divisor)
-    return np.where(sight == LineOfSight.FREE, np.maximum(widened, np.float32(RESERVED_WORTH)), worth)
+    return np.where(sight >= PlaceSight.AT_BREAK, np.maximum(widened, np.float32(RESERVED_WORTH)), worth)
 
 
 def _at_pixels(cells: np.ndarray, place: Window, window: Window, divisor: int) -> np.ndarray:
@@ -237,7 +248,8 @@ def _strip(
         # Corrected before blending: rejection compares colours, and a gain of some per cent would look like a gross error.
         sampled = photo.on(ground, factor, _feather(photo.view, rules))
         colours[i], weights[i] = sampled.colour, sampled.worth
-    return blend(colours, weights, rules.blend), [int(np.count_nonzero(weight)) for weight in weights]
+    broken = np.stack([each[top : top + len(ground.z)] for each in scene.breaks]) if rules.breaks and photos else None
+    return blend(colours, weights, rules.blend, broken), [int(np.count_nonzero(weight)) for weight in weights]
 
 
 @njit(cache=True)

@@ -16,7 +16,7 @@ from numba import njit
 
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.geometry.distortion import distort_point
-from orthomill.tasks.geometry.view import View, project_point
+from orthomill.tasks.geometry.view import FIELD_MARGIN, View, framed_point
 from orthomill.tasks.imagery.photograph_colours import PhotoPixelsAt, PlaceLine, border_colours, inner_colours, part_pixels
 from orthomill.tasks.visibility.height_model import WALL
 
@@ -25,7 +25,6 @@ STEEPEST = 3.0
 LEAST_FACING = 0.05
 """Least n . d as a share of the height difference: a visible cell keeps some weight even where its noisy normal faces away."""
 _LEAST_WORTH = 1e-12  # a visible pixel differs from an invisible one, even on the very border of the photo
-_FIELD_MARGIN = 1.05  # on the squared tangent of the field angle
 
 
 @dataclass(frozen=True)
@@ -75,18 +74,6 @@ class _Samples(NamedTuple):
     r2: np.ndarray
 
 
-@njit(cache=True, inline="always")
-def _framed(n, x, y, z, widest):
-    """(col, row, depth, border) of a ground point in a photo; `border`: px to its nearest border, negative or NaN outside."""
-    col, row, depth = project_point(n, x, y, z)
-    border = min(min(col, n.width - 1.0 - col), min(row, n.height - 1.0 - row))
-    # Outside the field of view the distortion polynomial may fold back into the photograph.
-    reach = (n.xc - x) ** 2 + (n.yc - y) ** 2 + (n.zc - z) ** 2
-    if depth <= 0.0 or reach > (1.0 + widest) * depth * depth:
-        border = -1.0
-    return col, row, depth, border
-
-
 @njit(cache=True)
 def _show(n, cells, widest, out):
     for i in range(cells.z.shape[0]):
@@ -94,7 +81,7 @@ def _show(n, cells, widest, out):
         for j in range(cells.z.shape[1]):
             if cells.factor[i, j] > 0:
                 x = cells.west + (cells.first_col + j + 0.5) * cells.cell
-                out[i, j] = _framed(n, x, y, cells.z[i, j], widest)[3] >= 0.0
+                out[i, j] = framed_point(n, x, y, cells.z[i, j], widest)[3] >= 0.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -167,7 +154,7 @@ def _cells(ground: Ground, factor: np.ndarray) -> _Cells:
 def shown(view: View, ground: Ground, chosen: np.ndarray) -> np.ndarray:
     """bool (rows, cols): the `chosen` (0 or 1) pixels whose ground lies in the frame of the photograph, hidden or not."""
     out = np.zeros(ground.z.shape, np.bool_)
-    _show(view.numbers, _cells(ground, chosen), _FIELD_MARGIN * view.field, out)
+    _show(view.numbers, _cells(ground, chosen), FIELD_MARGIN * view.field, out)
     return out
 
 
@@ -178,7 +165,7 @@ def sample_photo(view: View, photo: PhotoPixelsAt, ground: Ground, factor: np.nd
     worth, r2 = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
     if photo.pixels.size:
         part = part_pixels(photo, (view.camera.height, view.camera.width))
-        limits = _Limits(_FIELD_MARGIN * view.field, float(feather))
+        limits = _Limits(FIELD_MARGIN * view.field, float(feather))
         _sample(part, view.numbers, _cells(ground, factor), limits, _Samples(colour, worth, r2))
     return Sampled(colour, worth, r2)
 

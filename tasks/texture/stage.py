@@ -36,6 +36,7 @@ from orthomill.tasks.imagery.colour_settings import (
     BlockBalance,
     ByArea,
     PreferHeavier,
+    PreferUnbroken,
     Rejections,
     Weights,
     power_of,
@@ -90,7 +91,7 @@ class SharpenEdges(Settings):
 
 Holes = Annotated[LeaveHoles | DrapeHoles, Field(discriminator="kind")]
 Edges = Annotated[KeepEdges | SharpenEdges, Field(discriminator="kind")]
-TwoColours = Annotated[AverageTwo | PreferHeavier, Field(discriminator="kind")]
+TwoColours = Annotated[AverageTwo | PreferHeavier | PreferUnbroken, Field(discriminator="kind")]
 
 
 class TextureStage(Stage):
@@ -183,7 +184,7 @@ class TextureStage(Stage):
 
     def _rules(self, surface: Surface) -> TextureRules:
         cell = surface.grid.cell
-        two = self.two_colours.limit if self.two_colours.kind == "prefer" else 0.0
+        two = self.two_colours.limit if self.two_colours.kind != "average" else 0.0
         return TextureRules(
             # Between two cells the interpolated surface may exceed the true one by half a cell on a slope of one.
             tolerance=0.5 * cell if self.tolerance == "auto" else self.tolerance,
@@ -194,6 +195,7 @@ class TextureStage(Stage):
             feather=self.feather,
             sharpen=self.edges.kind == "sharpen",
             blend=Blend(rejection_of(self.rejection), power_of(self.weights), self.best, two),
+            breaks=self.two_colours.kind == "depth_break",
         )
 
     def _reach(self, cell: float) -> float:
@@ -336,7 +338,7 @@ def _scratch(extent: TileExtent) -> int:
     cells = extent.heights.height * extent.heights.width
     pixels = extent.window.height * extent.window.width
     # Draping holds the cells, their sums in float64 and two levels at a time; visibility the model and its measured part.
-    return (32 + 40) * cells + (48 + 6 * photos) * pixels + 64 * extent.window.width * (photos * 40 + 40)
+    return (32 + 40) * cells + (48 + 7 * photos) * pixels + 64 * extent.window.width * (photos * 40 + 40)
 
 
 def _edge_scratch(extent: TileExtent, rules: TextureRules) -> int:

@@ -3,35 +3,67 @@
 An estimated height may be metres too high. A photograph that it seems to hide a place from is therefore not lost: it is set back
 behind those that see the place freely, and serves where none does. A measured surface hides for certain, unless the place itself
 has no height but one that was guessed: it may as well lie above what seems to hide it.
+
+The depth in a photograph breaks where places beside each other are seen and hidden: on the edge of what hides, and where its shadow
+ends.
 """
 
-from dataclasses import replace
-from enum import IntEnum
+from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
+from numba import njit
 
-from orthomill.tasks.geometry.view import View
+from orthomill.tasks.geometry.view import FIELD_MARGIN, View, framed_point
 from orthomill.tasks.visibility.height_model import HeightModel, Targets, visible_targets
+from orthomill.tasks.visibility.sight import PlaceSight
+
+_NEIGHBOURS = np.ones((3, 3), np.uint8)
 
 
-class LineOfSight(IntEnum):
-    """How a photograph sees a place; uint8 in arrays. The higher the better."""
+@dataclass(frozen=True, eq=False)
+class HeightPlaces:
+    """Places on a height model, as a grid.
 
-    HIDDEN = 0
-    BEHIND_ESTIMATE = 1
-    FREE = 2
-
-
-def lines_of_sight(
-    surface: HeightModel, measured: HeightModel, view: View, targets: Targets, guessed: np.ndarray, tolerance: float
-) -> np.ndarray:
-    """uint8 (R, C) codes of LineOfSight of the targets.
-
-    `surface`: all heights; `measured`: the same model with NaN where heights are not measured; `guessed` (R, C) bool: targets whose
-    height is neither measured nor estimated; `tolerance` (m) as in `visible_targets`. A target without height is HIDDEN.
+    `surface`: all heights; `measured`: the same model with NaN where heights are not measured; `targets` (R, C); `guessed` (R, C)
+    bool: those whose height is neither measured nor estimated; `tolerance` (m) as in `visible_targets`. A place is beside a break
+    if one of its eight neighbours in the grid is hidden: the grid should be about as dense as the pixels of the photographs.
     """
-    free = visible_targets(surface, view, targets, tolerance) > 0
-    # Only what something hides is asked again: a few per cent of the ground.
-    behind = replace(targets, z=np.where(free, np.float32(np.nan), targets.z))
-    certain = visible_targets(measured, view, behind, tolerance) | (guessed & np.isfinite(behind.z))
-    return np.where(free, LineOfSight.FREE, certain * np.uint8(LineOfSight.BEHIND_ESTIMATE)).astype(np.uint8)
+
+    surface: HeightModel
+    measured: HeightModel
+    targets: Targets
+    guessed: np.ndarray
+    tolerance: float
+
+    def sights(self, view: View) -> np.ndarray:
+        """uint8 (R, C) codes of PlaceSight."""
+        inside, z = self._framed(view), self.targets.z
+        known = np.isfinite(z)
+        shown = replace(self.targets, z=np.where(inside, z, np.float32(np.nan)))
+        free = visible_targets(self.surface, view, shown, self.tolerance) > 0
+        # Only what something hides is asked again: a few per cent of the ground.
+        behind = replace(shown, z=np.where(free, np.float32(np.nan), shown.z))
+        passing = (visible_targets(self.measured, view, behind, self.tolerance) > 0) | (self.guessed & np.isfinite(behind.z))
+        out = np.where(known, np.uint8(PlaceSight.OUTSIDE), np.uint8(PlaceSight.NOWHERE))
+        out[inside] = PlaceSight.HIDDEN
+        out[passing] = PlaceSight.BEHIND_ESTIMATE
+        out[free] = PlaceSight.SEEN
+        hidden = (out == PlaceSight.HIDDEN) | (out == PlaceSight.BEHIND_ESTIMATE)
+        if hidden.any():
+            out[free & (cv2.dilate(hidden.astype(np.uint8), _NEIGHBOURS) > 0)] = PlaceSight.AT_BREAK
+        return out
+
+    def _framed(self, view: View) -> np.ndarray:
+        """bool (R, C): places in the frame of a view."""
+        out, grid = np.zeros(self.targets.z.shape, np.bool_), self.surface.grid
+        x, y = grid.west + (self.targets.cols + 0.5) * grid.cell, grid.north - (self.targets.rows + 0.5) * grid.cell
+        _frame(view.numbers, np.asarray(x, np.float64), np.asarray(y, np.float64), self.targets.z, FIELD_MARGIN * view.field, out)
+        return out
+
+
+@njit(cache=True)
+def _frame(n, x, y, z, widest, out):
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = framed_point(n, x[j], y[i], z[i, j], widest)[3] >= 0.0

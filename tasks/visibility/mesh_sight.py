@@ -10,8 +10,8 @@ behind all four pixels. A back face is never seen.
 Source: Petsa et al. 2007 (methods/texture_blending.md, M5; the depth break of M9).
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import IntEnum
 
 import numpy as np
 from numba import njit
@@ -19,22 +19,8 @@ from numba import njit
 from orthomill.tasks.geometry.view import View
 from orthomill.tasks.visibility.output_frame import ORIGIN
 from orthomill.tasks.visibility.scanline import NearestTriangles, central_projection
+from orthomill.tasks.visibility.sight import PlaceSight
 from orthomill.tasks.visibility.triangle_blocks import PER_BLOCK, TrianglesAtHand
-
-
-class MeshSight(IntEnum):
-    """How a photograph sees a place; uint8 in rasters. From AT_BREAK on it sees it."""
-
-    NOWHERE = 0
-    """there is no surface"""
-    OUTSIDE = 1
-    MASKED = 2
-    AWAY = 3
-    """the surface shows its back"""
-    HIDDEN = 4
-    AT_BREAK = 5
-    """seen next to a break of the depth in the photograph"""
-    SEEN = 6
 
 
 @dataclass(frozen=True)
@@ -47,34 +33,36 @@ class SightTolerance:
     break_: float = 20.0
 
 
-def sights(
-    view: View,
-    points: np.ndarray,
-    own: np.ndarray,
-    raster: NearestTriangles,
-    at_hand: TrianglesAtHand,
-    tolerance: SightTolerance,
-    facing: float = 1.0,
-) -> np.ndarray:
-    """Codes (N,) uint8 of MeshSight of points (N, 3) on the triangles `own` (N,), NOTHING for none.
+@dataclass(frozen=True, eq=False)
+class MeshPlaces:
+    """Places on a mesh: points (N, 3) on the triangles `own` (N,), NOTHING for none; all relative to the mesh's origin.
 
-    view and points relative to the mesh's origin; `raster` of the photograph without distortion around the images of the points;
-    `facing`: -1 for a mesh whose triangles face inwards.
+    `rasters`: depth and triangle of photographs without distortion, around the images of the points; a photograph without one does
+    not show them. `facing`: -1 for a mesh whose triangles face inwards.
     """
-    out = np.zeros(len(points), np.uint8)
-    if not len(points):
+
+    points: np.ndarray
+    own: np.ndarray
+    rasters: Mapping[str, NearestTriangles]
+    at_hand: TrianglesAtHand
+    tolerance: SightTolerance
+    facing: float = 1.0
+
+    def sights(self, view: View) -> np.ndarray:
+        """uint8 (N,) codes of PlaceSight; `view` relative to the mesh's origin as well."""
+        out = np.where(self.own >= 0, np.uint8(PlaceSight.OUTSIDE), np.uint8(PlaceSight.NOWHERE))
+        if not len(self.points) or view.name not in self.rasters:
+            return out
+        raster = self.rasters[view.name]
+        inside = view.contains(view.project(self.points), -0.5) & _within_field(view, self.points)
+        placed = np.where(inside, self.own, -1).astype(np.int32)
+        corner = raster.window.row, raster.window.col
+        limits = np.array([self.tolerance.depth, self.tolerance.rough, self.tolerance.break_]) / view.camera.c
+        matrix, centre = central_projection(view, ORIGIN).matrix, np.asarray(view.centre, np.float64)
+        arrays = np.ascontiguousarray(self.points, np.float64), placed, np.ascontiguousarray(matrix), centre
+        rasters = np.ascontiguousarray(raster.nearness), np.ascontiguousarray(raster.triangle), corner
+        _see(*arrays, *rasters, self.at_hand.places, self.at_hand.corners, limits, float(self.facing), out)
         return out
-    pixels = view.project(points)
-    inside = view.contains(pixels, -0.5) & _within_field(view, points)
-    placed = np.where(inside, own, -1).astype(np.int32)
-    corner = raster.window.row, raster.window.col
-    limits = np.array([tolerance.depth, tolerance.rough, tolerance.break_]) / view.camera.c
-    matrix, centre = central_projection(view, ORIGIN).matrix, np.asarray(view.centre, np.float64)
-    arrays = np.ascontiguousarray(points, np.float64), placed, np.ascontiguousarray(matrix), centre
-    rasters = np.ascontiguousarray(raster.nearness), np.ascontiguousarray(raster.triangle), corner
-    _see(*arrays, *rasters, at_hand.places, at_hand.corners, limits, float(facing), out)
-    out[(own >= 0) & ~inside] = MeshSight.OUTSIDE
-    return out
 
 
 def _within_field(view: View, points: np.ndarray) -> np.ndarray:
@@ -131,7 +119,7 @@ def _see(points, own, m, centre, nearness, triangle, corner, places, corners, li
         )
         dx, dy, dz = x - centre[0], y - centre[1], z - centre[2]
         if facing * (nx * dx + ny * dy + nz * dz) >= 0.0:
-            out[i] = MeshSight.AWAY
+            out[i] = PlaceSight.AWAY
             continue
         depth = m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3]
         col = (m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3]) / depth
@@ -157,7 +145,7 @@ def _see(points, own, m, centre, nearness, triangle, corner, places, corners, li
                     if share < 1.0 - limits[0]:
                         hidden = True
         if hidden or (behind and not own_shown and not met):
-            out[i] = MeshSight.HIDDEN
+            out[i] = PlaceSight.HIDDEN
             continue
         nearest, farthest = 0.0, np.inf
         for r in range(max(r0 - 1, 0), min(r0 + 3, height)):
@@ -166,4 +154,4 @@ def _see(points, own, m, centre, nearness, triangle, corner, places, corners, li
                 nearest, farthest = max(nearest, near), min(farthest, near)
         # 1 / near - 1 / far over the depth: differences of the order of a pixel are counted in pixels at this depth.
         at_break = farthest <= 0.0 or 1.0 / farthest - 1.0 / nearest > limits[2] * depth
-        out[i] = MeshSight.AT_BREAK if at_break else MeshSight.SEEN
+        out[i] = PlaceSight.AT_BREAK if at_break else PlaceSight.SEEN

@@ -6,7 +6,7 @@ import pytest
 
 from orthomill.tasks.projection.border_masks import MARGIN, border_mask
 from orthomill.tasks.projection.stage import ProjectionStage
-from orthomill.tasks.visibility.mesh_sight import MeshSight
+from orthomill.tasks.visibility.sight import PlaceSight
 from tests.support.engine.memory_runner import MemoryProject
 from tests.support.solid import wall_and_box as scene
 
@@ -70,6 +70,6 @@ def test_the_stage_does_not_use_borders_unless_it_is_told_to():
         project = scene.project_of(MemoryProject, pictures=pictures)
         project.run(ProjectionStage.model_validate({**given, "masks": {"kind": kind}}))
         sight = project.rasters["projection/front/sight"]
-        masked[kind] = (sight == MeshSight.MASKED).sum(axis=(0, 1))
+        masked[kind] = (sight == PlaceSight.MASKED).sum(axis=(0, 1))
     assert masked["borders"][1] > 100 and masked["borders"][[0, 2, 3]].sum() == 0
     assert masked["none"].sum() == 0

@@ -14,7 +14,7 @@ from orthomill.tasks.imagery.blending import RESERVE
 from orthomill.tasks.projection.projection_colours import fading
 from orthomill.tasks.projection.projection_frames import looking_at
 from orthomill.tasks.projection.stage import ProjectionStage
-from orthomill.tasks.visibility.mesh_sight import MeshSight
+from orthomill.tasks.visibility.sight import PlaceSight
 from tests.support.engine.memory_runner import MemoryProject
 from tests.support.solid import wall_and_box as scene
 
@@ -115,9 +115,9 @@ def test_masked_pixels_are_not_used():
     sight = project.rasters["projection/front/sight"]
     view, (points, _) = block_view(scene.block(), "b"), front_truth()
     pixels = view.project(points.reshape(-1, 3)).reshape(120, 160, 2)
-    masked = sight[..., 1] == MeshSight.MASKED
-    assert masked.any() and pixels[masked][:, 0].max() < 120 and not (sight[..., [0, 2, 3]] == MeshSight.MASKED).any()
-    seen = sight[..., 1] >= MeshSight.AT_BREAK
+    masked = sight[..., 1] == PlaceSight.MASKED
+    assert masked.any() and pixels[masked][:, 0].max() < 120 and not (sight[..., [0, 2, 3]] == PlaceSight.MASKED).any()
+    seen = sight[..., 1] >= PlaceSight.AT_BREAK
     assert pixels[seen][:, 0].min() >= 119.5
 
 
@@ -178,7 +178,7 @@ def test_the_map_shows_the_top_of_the_box_and_no_wall():
     rasters = of([{"kind": "map", "name": "plan", "pixel": 0.05}])
     heights = rasters["projection/plan/nearness"]
     assert np.nanmax(heights) - np.nanmin(heights) < 3.01
-    assert rasters["projection/plan/sight"].max() <= MeshSight.SEEN
+    assert rasters["projection/plan/sight"].max() <= PlaceSight.SEEN
 
 
 def test_inward_faces_are_turned_and_a_way_that_is_set_is_kept():
@@ -193,9 +193,9 @@ def test_inward_faces_are_turned_and_a_way_that_is_set_is_kept():
 
 
 def test_sight_settings_reach_the_test():
-    assert (of(sight={"break_at": 1e-3})["projection/front/sight"] == MeshSight.SEEN).sum() == 0
+    assert (of(sight={"break_at": 1e-3})["projection/front/sight"] == PlaceSight.SEEN).sum() == 0
     everything = of(sight={"depth": 1e4, "rough": 1e4})["projection/front/sight"]
-    assert not (everything == MeshSight.HIDDEN).any()
+    assert not (everything == PlaceSight.HIDDEN).any()
 
 
 def test_widening_keeps_clear_of_the_limits():
@@ -345,8 +345,8 @@ def test_of_two_photographs_only_the_one_without_anything_before_the_place_shows
     )
     # On the wall, behind the middle of the box.
     row, col = round((3.0 - 1.0) / 0.025), round(2.0 / 0.025)
-    assert project.rasters["projection/front/sight"][row, col].tolist()[0] == MeshSight.HIDDEN
-    assert project.rasters["projection/front/sight"][row, col].tolist()[1] >= MeshSight.AT_BREAK
+    assert project.rasters["projection/front/sight"][row, col].tolist()[0] == PlaceSight.HIDDEN
+    assert project.rasters["projection/front/sight"][row, col].tolist()[1] >= PlaceSight.AT_BREAK
     assert project.rasters["projection/front/coverage"][row, col] == 1
 
 

@@ -155,6 +155,12 @@ def test_two_colours_are_averaged_or_the_heavier_one_preferred(settings, limit):
     assert rules(two_colours=settings).blend.two_limit == limit
 
 
+def test_the_photo_at_a_break_of_its_depth_may_be_the_one_that_goes():
+    broken = rules(two_colours={"kind": "depth_break", "limit": 30.0})
+    assert broken.breaks and broken.blend.two_limit == 30.0
+    assert not rules(two_colours={"kind": "prefer"}).breaks
+
+
 def test_the_number_of_blended_photos():
     assert rules(best=3).blend == Blend(Rejection("mean", 1.0, 12.0), 1, 3, 0.0)
 

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from math import inf
 
+import cv2
 import numpy as np
 import pytest
 from box_scene import BOX, CENTRES, DSM, ORTHO, block, heights, true_ortho, view
@@ -322,3 +323,19 @@ def test_the_ortho_grid_nests():
 def test_pyramid_levels_follow_the_ortho_pixel():
     assert [photo_level(cell, 0.1, 4) for cell in (0.05, 0.1, 0.19, 0.4, 10.0)] == [0, 0, 1, 2, 3]
     assert level_window(Window(7, 8, 10, 11), 2, (105, 105)) == Window(1, 2, 4, 3)
+
+
+def test_of_two_colours_the_one_at_a_break_of_the_depth_goes_in_any_tiling(photos, radiometry):
+    """A model whose box is a cell too narrow: photographs show its rim where the ground should be, next to what the box hides."""
+    narrow = np.where(cv2.erode(heights(), np.ones((3, 3))) > 0, heights(), np.float32(0.0))
+    plain = replace(RULES, widening_margin=0.0, widening_ramp=0.0, sharpen=False)
+    two = replace(plain, blend=Blend(Rejection("none"), two_limit=24.0), breaks=True)
+    pair = [source for source in SOURCES if source.view.name in "ac"]
+    both, _ = make(photos, radiometry, rules=replace(plain, blend=Blend(Rejection("none"))), model=narrow, sources=pair)
+    chosen, _ = make(photos, radiometry, rules=two, model=narrow, sources=pair)
+    changed = (both["ortho"] != chosen["ortho"]).any(axis=2)
+    assert changed.any() and (both["coverage"][changed] == 2).all()
+    error = [np.abs(one["ortho"][..., :3] - true_ortho()).mean(axis=2)[changed].mean() for one in (both, chosen)]
+    assert error[1] < error[0]
+    tiled, _ = make(photos, radiometry, 60, rules=two, model=narrow, sources=pair)
+    assert np.array_equal(tiled["ortho"], chosen["ortho"])

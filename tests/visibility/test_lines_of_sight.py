@@ -3,26 +3,29 @@
 from dataclasses import replace
 
 import numpy as np
+from box_scene import CAMERA as LENS
 from box_scene import DSM, view
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orthomill.schemas.raster import Window
 from orthomill.tasks.visibility.height_model import HeightModel, Targets, visible_targets
-from orthomill.tasks.visibility.lines_of_sight import LineOfSight, lines_of_sight
+from orthomill.tasks.visibility.lines_of_sight import HeightPlaces
+from orthomill.tasks.visibility.sight import PlaceSight
 
 WHOLE = Window(0, 0, DSM.rows, DSM.cols)
 INDEX = np.arange(120)
-CAMERA = replace(view("a"), centre=np.array([20.0, 60.0, 40.0]))
+CAMERA = replace(view("a"), centre=np.array([20.0, 60.0, 40.0]), camera=LENS.model_copy(update={"c": 88.0}))
+"""Its frame ends within the model."""
 ROW = int(DSM.pixel(20.0, 60.0)[1])
 
 
 def seen(z: np.ndarray, measured: np.ndarray, guessed: np.ndarray | None = None) -> np.ndarray:
-    """LineOfSight of all cell centres of a model of which `measured` (bool) says what is no estimate."""
+    """Sight of all cell centres of a model of which `measured` (bool) says what is no estimate."""
     targets = Targets(INDEX, INDEX, z, np.zeros_like(z))
     model = HeightModel(z, DSM, WHOLE)
     certain = HeightModel(np.where(measured, z, np.float32(np.nan)), DSM, WHOLE)
-    return lines_of_sight(model, certain, CAMERA, targets, np.zeros(z.shape, bool) if guessed is None else guessed, 0.2)
+    return HeightPlaces(model, certain, targets, np.zeros(z.shape, bool) if guessed is None else guessed, 0.2).sights(CAMERA)
 
 
 def wall(col: int = 60) -> np.ndarray:
@@ -34,22 +37,22 @@ def wall(col: int = 60) -> np.ndarray:
 def test_a_measured_wall_hides_what_an_estimated_one_sets_back():
     measured = np.ones((120, 120), bool)
     behind = slice(64, 70)
-    assert (seen(wall(), measured)[ROW, behind] == LineOfSight.HIDDEN).all()
+    assert (seen(wall(), measured)[ROW, behind] == PlaceSight.HIDDEN).all()
     measured[:, 60:62] = False
-    assert (seen(wall(), measured)[ROW, behind] == LineOfSight.BEHIND_ESTIMATE).all()
+    assert (seen(wall(), measured)[ROW, behind] == PlaceSight.BEHIND_ESTIMATE).all()
 
 
 def test_a_measured_wall_behind_an_estimated_one_hides():
     z, measured = wall(), np.ones((120, 120), bool)
     z[:, 50:52], measured[:, 50:52] = 6.0, False
-    assert (seen(z, measured)[ROW, 64:70] == LineOfSight.HIDDEN).all()
-    assert (seen(z, measured)[ROW, 52:56] == LineOfSight.BEHIND_ESTIMATE).all()
+    assert (seen(z, measured)[ROW, 64:70] == PlaceSight.HIDDEN).all()
+    assert (seen(z, measured)[ROW, 52:56] == PlaceSight.BEHIND_ESTIMATE).all()
 
 
 def test_an_estimate_is_hidden_by_what_is_measured():
     z, measured = wall(), np.ones((120, 120), bool)
     measured[:, 62:] = False
-    assert (seen(z, measured)[ROW, 64:70] == LineOfSight.HIDDEN).all()
+    assert (seen(z, measured)[ROW, 64:70] == PlaceSight.HIDDEN).all()
 
 
 def test_a_guessed_height_is_hidden_by_nothing_for_certain():
@@ -57,8 +60,8 @@ def test_a_guessed_height_is_hidden_by_nothing_for_certain():
     measured, guessed = np.ones((120, 120), bool), np.zeros((120, 120), bool)
     guessed[:, 66:] = True
     found = seen(wall(), measured, guessed)[ROW]
-    assert (found[64:66] == LineOfSight.HIDDEN).all() and (found[66:70] == LineOfSight.BEHIND_ESTIMATE).all()
-    assert found[110] == LineOfSight.FREE
+    assert (found[64:66] == PlaceSight.HIDDEN).all() and (found[66:70] == PlaceSight.BEHIND_ESTIMATE).all()
+    assert found[110] == PlaceSight.SEEN
 
 
 @settings(max_examples=15, deadline=None)
@@ -67,4 +70,22 @@ def test_what_all_heights_leave_free_is_free_whatever_is_measured(seed, share):
     rng = np.random.default_rng(seed)
     z = (12 * rng.random((120, 120)) * (rng.random((120, 120)) < 0.05)).astype(np.float32)
     free = visible_targets(HeightModel(z, DSM, WHOLE), CAMERA, Targets(INDEX, INDEX, z, np.zeros_like(z)), 0.2) > 0
-    np.testing.assert_array_equal(seen(z, rng.random(z.shape) < share) == LineOfSight.FREE, free)
+    found = seen(z, rng.random(z.shape) < share)
+    np.testing.assert_array_equal(found >= PlaceSight.AT_BREAK, free & (found != PlaceSight.OUTSIDE))
+
+
+def test_places_without_height_beside_the_frame_or_next_to_a_break_have_codes_of_their_own():
+    z = wall()
+    z[ROW, 30] = np.nan
+    found = seen(z, np.ones(z.shape, bool))
+    assert found[ROW, 30] == PlaceSight.NOWHERE
+    rows, cols = np.indices(z.shape)
+    x, y = DSM.centres(WHOLE)
+    pixels = CAMERA.project(np.column_stack([x[cols.ravel()], y[rows.ravel()], np.nan_to_num(z).ravel()]))
+    outside = ~CAMERA.contains(pixels).reshape(z.shape) & np.isfinite(z)
+    np.testing.assert_array_equal(found == PlaceSight.OUTSIDE, outside)
+    assert outside.any()
+    # The edge of the wall that hides, and the end of its shadow; not the foot before it.
+    assert found[ROW, 61] == PlaceSight.AT_BREAK and found[ROW, 55] == PlaceSight.SEEN
+    end = np.flatnonzero(found[ROW] == PlaceSight.HIDDEN).max() + 1
+    assert found[ROW, end] == PlaceSight.AT_BREAK and found[ROW, end + 2] == PlaceSight.SEEN

@@ -23,8 +23,9 @@ from orthomill.tasks.projection.model.glb import ModelPart, as_glb, as_jpeg
 from orthomill.tasks.projection.model.unwrapping import Unwrapped, unwrapped
 from orthomill.tasks.projection.projection_colours import ColourRules, part_views, tile_colours
 from orthomill.tasks.projection.sight_rasters import TilePoints, point_sights
-from orthomill.tasks.visibility.mesh_sight import MeshSight, SightTolerance
+from orthomill.tasks.visibility.mesh_sight import SightTolerance
 from orthomill.tasks.visibility.scanline import NOTHING, NearestTriangles
+from orthomill.tasks.visibility.sight import PlaceSight
 from orthomill.tasks.visibility.triangle_blocks import PER_BLOCK, TrianglesAtHand
 
 TOGETHER = 2**16
@@ -147,7 +148,7 @@ class _Painter:
         known = found.used[0] > 0
         out[known, :3] = np.clip(np.floor(found.colour[0][known] + 0.5), 0, 255)
         out[:, 3] = np.where(known, 255, 0)
-        return out, (codes >= MeshSight.AT_BREAK).sum(axis=1).astype(np.uint8)
+        return out, (codes >= PlaceSight.AT_BREAK).sum(axis=1).astype(np.uint8)
 
 
 def coloured_block(
