@@ -61,7 +61,7 @@ class Foresight:
                     return
                 values = results_by_name(job.function(**inputs, **job.params), job)
             except OrthomillError as error:
-                self.mistakes.append(str(error))
+                self.mistakes.append(_in_files(str(error), regions))
                 return
             except Exception:  # a defect: the run reports it as that of a job, with its traceback in the record
                 return
@@ -87,6 +87,12 @@ class Foresight:
         except OrthomillError as error:  # kept, so that the mistakes of all files are told and not only those of the first
             self.mistakes.append(str(error))
             return None
+
+
+def _in_files(mistake: str, regions: list[Region]) -> str:
+    """The sentence of a job, which knows texts only, with the paths of the files that they come from."""
+    paths = [region.path for region in regions if isinstance(region, TextFile) and region.path not in mistake]
+    return f"{', '.join(paths)}: {mistake}" if paths else mistake
 
 
 def plan_ahead(session: Session) -> Foresight:

@@ -54,12 +54,13 @@ def test_mistakes_of_several_stages_are_told_together(site):
     write_workflow(site, control=CONTROL, cameras={"kind": "file", "path": "camera.json"})
     said = refused()
     assert "camera.json" in said and "sigma is '-1', which must be a positive number" in said and no_job(site)
+    assert "points.csv, measured.csv: Control measurements file, line 2" in said
 
 
 def test_positions_of_other_photographs_are_refused(site):
     (site / "positions.csv").write_text(POSITIONS + "IMG_1,576000,5188000,400,1,1,1\n")
     write_workflow(site, positions={"kind": "file", "path": "positions.csv"})
-    assert "The positions file names none of the photographs: it has IMG_1, the project has DJI_0018" in refused()
+    assert "positions.csv: The positions file names none of the photographs: it has IMG_1, the project has DJI_0018" in refused()
 
 
 def test_positions_of_two_places_are_a_note(site):
