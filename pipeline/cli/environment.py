@@ -4,9 +4,11 @@ Nothing heavy is imported before the memory of the process is known to suffice: 
 """
 
 import errno
+import os
 import resource
 import signal
 import sys
+import warnings
 
 START_BYTES = 1200 * 2**20
 """Address space that importing everything takes, measured."""
@@ -43,6 +45,10 @@ def main() -> None:
             f"{START_BYTES / 2**20:.0f} MiB to start; raise the limit with 'ulimit -v unlimited'.\n"
         )
         sys.exit(2)
+    # Remarks on numbers that are not finite are for developers: what is refused for them says so in a sentence. Workers inherit it.
+    if not sys.warnoptions:
+        os.environ["PYTHONWARNINGS"] = "ignore::RuntimeWarning"
+        warnings.simplefilter("ignore", RuntimeWarning)
     # Ctrl-C while libraries are loaded, for seconds, ends the process without Python's traceback; the command listens afterwards.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     from orthomill.pipeline.cli.commands import main as run_command

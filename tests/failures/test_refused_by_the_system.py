@@ -1,6 +1,8 @@
 """What the system refuses (memory, long paths) is a sentence, never a traceback, and nothing is lost."""
 
 import resource
+import subprocess
+import sys
 
 import pytest
 from small_site import command, make_site, photographs, start_command, write_workflow
@@ -80,3 +82,11 @@ def test_a_locale_without_letters_shows_codes(site, monkeypatch):
     said, errors = (process := start_command(site, "plan", "site")).communicate(timeout=60)
     assert process.returncode == 0 and "Traceback" not in errors, errors
     assert "photos" in said
+
+
+def test_remarks_of_libraries_on_numbers_are_not_shown():
+    remark = "import atexit, sys, numpy as np; atexit.register(lambda: np.ones(1) / np.zeros(1))"
+    run = "sys.argv = ['orthomill', '--version']; from orthomill.pipeline.cli.environment import main; main()"
+    for start, shown in ((f"{remark}; {run}", False), (remark, True)):
+        ended = subprocess.run([sys.executable, "-c", start], capture_output=True, text=True, check=True)
+        assert ("RuntimeWarning" in ended.stderr) == shown
