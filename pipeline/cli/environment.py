@@ -9,6 +9,7 @@ import resource
 import signal
 import sys
 import warnings
+from types import FrameType
 
 START_BYTES = 1200 * 2**20
 """Address space that importing everything takes, measured."""
@@ -36,6 +37,13 @@ def environment_sentence(error: OSError | MemoryError) -> str | None:
     return f"{shown.encode('unicode_escape').decode()} {reason}."
 
 
+def _stopped_early(number: int, frame: FrameType | None) -> None:
+    """Ctrl-C while libraries are loaded: an exception would come out of one of them with a traceback."""
+    sys.stderr.write("Stopped before anything was done.\n")
+    sys.stderr.flush()
+    os._exit(130)
+
+
 def main() -> None:
     """Entry point of the command."""
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
@@ -49,8 +57,8 @@ def main() -> None:
     if not sys.warnoptions:
         os.environ["PYTHONWARNINGS"] = "ignore::RuntimeWarning"
         warnings.simplefilter("ignore", RuntimeWarning)
-    # Ctrl-C while libraries are loaded, for seconds, ends the process without Python's traceback; the command listens afterwards.
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    # Libraries are loaded for seconds; the command itself listens afterwards.
+    signal.signal(signal.SIGINT, _stopped_early)
     from orthomill.pipeline.cli.commands import main as run_command
 
     run_command()

@@ -64,6 +64,16 @@ def test_a_stopped_run_says_so_in_one_sentence_and_goes_on(site, undisturbed, ho
     assert_goes_on_to(undisturbed, site)
 
 
+def test_ctrl_c_while_libraries_are_loaded_is_one_sentence(site):
+    process = start_command(site, "run", "site")
+    deadline = time.monotonic() + 60
+    while "_multiarray" not in Path(f"/proc/{process.pid}/maps").read_text() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    said, errors = process.communicate(timeout=60)
+    assert (process.returncode, said, errors) == (130, "", "Stopped before anything was done.\n")
+
+
 def test_a_killed_run_leaves_no_process_and_goes_on(site, undisturbed):
     process = started(site)
     workers = workers_of(process)
