@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 Coordinates = TypeVar("Coordinates", float, np.ndarray)
 
@@ -129,6 +129,9 @@ class RasterSpec(BaseModel):
     """Names of the map axes, rows first. Map rasters of one group share them; one on another grid needs names of its own."""
     tags: dict[str, str] = {}
     """What else belongs to its georeference, by name, as text in exported files: the plane in space that its coordinates lie on."""
+    # Not in its text, from which fingerprints are made: how a raster is drawn changes no result.
+    colours: bool = Field(default=True, repr=False)
+    """Whether three or four bands of 8 bits are colours (and opacity); otherwise they measure different things."""
 
     def same(self, other: "RasterSpec") -> bool:
         """Whether both describe the same raster."""
@@ -161,6 +164,7 @@ def map_raster(
     bands: int = 0,
     readers: tuple[str, ...] | None = None,
     axes: tuple[str, str] = ("y", "x"),
+    colours: bool = True,
 ) -> RasterSpec:
     """A raster on `grid`, with `bands` bands (0: a plain 2-D array)."""
     shape = (*grid.shape, bands) if bands else grid.shape
@@ -175,4 +179,5 @@ def map_raster(
         transform=grid.transform,
         readers=readers,
         axes=axes,
+        colours=colours,
     )

@@ -13,14 +13,14 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from orthomill.pipeline.engine.foresight import photograph_pixels
 from orthomill.pipeline.engine.running import session_of
 from orthomill.pipeline.engine.session import Session
-from orthomill.pipeline.forecast.known_costs import Family
+from orthomill.pipeline.forecast.known_costs import Family, effort_of, family_of, largest_grids
 from orthomill.pipeline.records.records import Key, Record, Records
 from orthomill.pipeline.workflow.workflow_file import load_workflow, resolve_workflow
-from orthomill.schemas.job import Export
 from orthomill.tasks.catalogue import STAGES
 
 WORKERS = 2
@@ -30,10 +30,19 @@ OVERHEAD = 0.01
 
 @dataclass(frozen=True)
 class Planned:
-    """So many jobs of a family have been planned, one after another."""
+    """So many jobs of a family have been planned, one after another, with so much effort in all."""
 
     family: Family
     jobs: int
+    effort: float
+
+
+@dataclass(frozen=True)
+class LaidOut:
+    """A stage has announced its largest raster so far, of so many megapixels."""
+
+    stage: str
+    megapixels: float
 
 
 @dataclass(frozen=True)
@@ -44,6 +53,10 @@ class Ended:
     worker: str
     seconds: float
     time: float
+    effort: float
+
+
+Event = Planned | LaidOut | Ended
 
 
 @dataclass(frozen=True)
@@ -51,7 +64,7 @@ class RunLog:
     """A run: pixels of its photographs in millions, and what happened, in that order."""
 
     megapixels: float
-    events: tuple[Planned | Ended, ...]
+    events: tuple[Event, ...]
 
     @property
     def whole(self) -> float:
@@ -66,23 +79,29 @@ def read_log(path: Path) -> RunLog:
     return RunLog(held["megapixels"], tuple(_event(families, *row) for row in held["events"]))
 
 
-def _event(families: list[Family], kind: str, family: int, *rest: float) -> Planned | Ended:
+def _event(families: list[Family], kind: str, *rest: Any) -> Event:
+    if kind == "g":
+        return LaidOut(*rest)
+    family, *numbers = rest
     if kind == "p":
-        return Planned(families[family], int(rest[0]))
-    worker, seconds, time = rest
-    return Ended(families[family], str(worker), seconds, time)
+        return Planned(families[family], *numbers)
+    worker, seconds, time, effort = numbers
+    return Ended(families[family], str(worker), seconds, time, effort)
 
 
 def write_log(path: Path, log: RunLog) -> None:
-    """Rows: p, family, jobs; e, family, worker, seconds of processor time, time."""
-    families = sorted({event.family for event in log.events})
+    """Rows: g, stage, megapixels; p, family, jobs, effort; e, family, worker, seconds of processor time, time, effort."""
+    families = sorted({event.family for event in log.events if not isinstance(event, LaidOut)})
     workers = sorted({event.worker for event in log.events if isinstance(event, Ended)})
     rows: list[list[object]] = []
     for event in log.events:
-        if isinstance(event, Planned):
-            rows.append(["p", families.index(event.family), event.jobs])
+        if isinstance(event, LaidOut):
+            rows.append(["g", event.stage, event.megapixels])
+        elif isinstance(event, Planned):
+            rows.append(["p", families.index(event.family), event.jobs, event.effort])
         else:
-            rows.append(["e", families.index(event.family), workers.index(event.worker), event.seconds, event.time])
+            what = families.index(event.family), workers.index(event.worker)
+            rows.append(["e", *what, event.seconds, event.time, event.effort])
     held = {"megapixels": round(log.megapixels, 2), "families": families, "events": rows}
     # Without the time of day in its header, the same run is the same file.
     path.write_bytes(gzip.compress(json.dumps(held, separators=(",", ":")).encode(), mtime=0))
@@ -103,11 +122,11 @@ class _Recorder:
         self._session = session
         self._free, self._ends = [0.0] * WORKERS, dict[Key, float]()
         self._running: list[tuple[float, int, Record]] = []
-        self._seen = 0
+        self._seen, self._grids = 0, dict[str, float]()
         records = [record for stage in session.stages for record in Records(session.folder).of_stage(stage.kind)]
         self._records = sorted((one for one in records if one.status == "done"), key=lambda record: record.started)
 
-    def events(self) -> Iterator[Planned | Ended]:
+    def events(self) -> Iterator[Event]:
         """Everything that happened."""
         yield from self._plan()
         while self._records or self._running:
@@ -130,32 +149,38 @@ class _Recorder:
         self._free[worker] = self._ends[record.key] = begun + record.cpu_seconds + OVERHEAD
         heapq.heappush(self._running, (self._free[worker], len(self._ends), record))
 
-    def _end(self) -> Iterator[Planned | Ended]:
+    def _end(self) -> Iterator[Event]:
         time, _, record = heapq.heappop(self._running)
-        yield Ended(self._family(record.key), record.worker, round(record.cpu_seconds, 3), round(time, 2))
+        family, effort = self._known(record.key)
+        yield Ended(family, record.worker, round(record.cpu_seconds, 3), round(time, 2), effort)
         self._session.done.add(record.key)
         yield from self._plan()
 
-    def _plan(self) -> Iterator[Planned]:
+    def _plan(self) -> Iterator[Event]:
         self._session.planner.advance()
         new = list(self._session.graph.jobs)[self._seen :]
         self._seen += len(new)
+        for stage, grid in largest_grids(self._session.graph.specs.values()).items():
+            if grid > self._grids.get(stage, 0.0):
+                self._grids[stage] = grid
+                yield LaidOut(stage, round(grid, 3))
         for key in new:
-            yield Planned(self._family(key), 1)
+            family, effort = self._known(key)
+            yield Planned(family, 1, effort)
 
-    def _family(self, key: Key) -> Family:
-        job = self._session.graph.jobs[key].job
-        return job.stage, f"export {job.format}" if isinstance(job, Export) else job.function.__name__
+    def _known(self, key: Key) -> tuple[Family, float]:
+        planned = self._session.graph.jobs[key]
+        return family_of(planned), round(effort_of(planned), 2)
 
 
 def recorded(workflow: Path) -> RunLog:
     """The log of the finished run of a project."""
     session = session_of(load_workflow(workflow, STAGES))
     session.__class__ = Replayed
-    found: list[Planned | Ended] = []
+    found: list[Event] = []
     for event in _Recorder(session).events():
         if isinstance(event, Planned) and found and isinstance(found[-1], Planned) and found[-1].family == event.family:
-            found[-1] = Planned(event.family, found[-1].jobs + event.jobs)
+            found[-1] = Planned(event.family, found[-1].jobs + event.jobs, round(found[-1].effort + event.effort, 2))
         else:
             found.append(event)
     return RunLog(photograph_pixels(session) / 1e6, tuple(found))

@@ -113,7 +113,7 @@ class ProgressLines:
             "seconds": round(elapsed, 1),
             "share": round(left.share, 4) if left else None,
             "left_seconds": round(left.seconds, 1) if left else None,
-            "left_error": round(left.error, 1) if left else None,
+            "left_range": [round(end, 1) for end in left.range] if left else None,
             "stages": {kind: vars(count) for kind, count in self.counts.items()},
         }
 
@@ -144,7 +144,7 @@ def state_text(count: StageCount) -> str:
 
 def about(left: Remaining) -> str:
     """A duration with no more digits than its uncertainty allows: about 2 min (1 to 3)."""
-    low, high = max(left.seconds - left.error, 0.0), left.seconds + left.error
+    low, high = left.range
     if left.seconds < 90:
         return f"about {_rounded(left.seconds, 5)} s ({_rounded(low, 5)} to {_rounded(high, 5)})"
     if left.seconds < 5400:

@@ -26,14 +26,15 @@ def run_display(
     megapixels, tile = photograph_pixels(session) / 1e6, session.project.tile
     known = expectations(session.folder, megapixels, tile)
     # One job after another is one worker, however many were asked for.
-    model = CostModel(tuple(titles), workers if runner.dashboard else 1, known, cold=not kernels_are_cached())
+    shared = workers if runner.dashboard else 1
+    model = CostModel(tuple(titles), shared, known, cold=not kernels_are_cached(), specs=session.graph.specs)
     try:
         with live_map(session, runner, model, announce) as tiles, ProgressLines(titles, model, console, as_json) as lines:
             yield Watchers((model, tiles, lines))
     finally:
         # Nothing could be reduced to the pixels of another run without those of this one.
         if megapixels:
-            write_costs(session.folder, RunCosts(megapixels, tile, model.costs()))
+            write_costs(session.folder, RunCosts(megapixels, tile, model.costs(), model.grids))
 
 
 def kernels_are_cached() -> bool:

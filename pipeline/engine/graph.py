@@ -62,6 +62,8 @@ class PlannedJob:
     """peak bytes of a worker that runs it"""
     output_bytes: int
     """bytes of the rasters it writes, uncompressed"""
+    data_bytes: int
+    """bytes of all pixels that it reads and writes, whether or not they are in memory at the same time"""
 
     @property
     def key(self) -> Key:
@@ -128,7 +130,7 @@ class Graph:
             found, external = self._writers(job.stage, region)
             keys.update(dict.fromkeys(found))
             sources.append(f"{region!r}{external}" if not isinstance(region, Table) else region.path)
-        read = sum(map(self._held_bytes, job.reads.values()))
+        held = sum(map(self._held_bytes, job.reads.values()))
         written = sum(self._spec(job, r.name).bytes_of(r.window) for r in job.writes.values() if isinstance(r, Raster))
         fingerprint = Fingerprint(
             settings=fp.digest(fp.of_value(job.params), *(self._output_text(job, name) for name in sorted(job.writes))),
@@ -136,7 +138,8 @@ class Graph:
             # The fingerprints of the writers contain those of their writers: a change anywhere upstream is seen here.
             inputs=fp.digest(*job.reads, *sources, *(self.jobs[key].fingerprint.text for key in keys)),
         )
-        return PlannedJob(job, tuple(keys), fingerprint, PROCESS_BYTES + read + written + job.scratch, written)
+        data = sum(map(self._bytes_of, regions)) + written
+        return PlannedJob(job, tuple(keys), fingerprint, PROCESS_BYTES + held + written + job.scratch, written, data)
 
     def _held_bytes(self, reading: Reading) -> int:
         """Bytes of one argument that are in memory at the same time."""
@@ -173,7 +176,8 @@ class Graph:
             code=fp.of_code(export_file),
             inputs=fp.digest(*(self.jobs[key].fingerprint.text for key in keys)),
         )
-        return PlannedJob(export, tuple(keys), fingerprint, PROCESS_BYTES + EXPORT_BYTES, 0)
+        data = sum(self.specs[name].bytes_of(self.specs[name].full) for name in export.rasters.values())
+        return PlannedJob(export, tuple(keys), fingerprint, PROCESS_BYTES + EXPORT_BYTES, 0, data)
 
     def _output_text(self, job: Job, name: str) -> str:
         output = job.writes[name]

@@ -9,11 +9,9 @@ from statistics import median
 
 from orthomill.pipeline.engine.foresight import photograph_pixels
 from orthomill.pipeline.engine.session import Session
+from orthomill.pipeline.forecast.known_costs import MARGIN
 from orthomill.pipeline.forecast.rates import PROCESS_MIB, REFERENCE, TILE, Rate, rates_here
 
-MARGIN = 2.2
-"""How much more than the most demanding block known another one may take: so that each of four blocks lies within the bound from
-the other three."""
 ONCE = 15.0
 """Jobs of a stage that it has for any block, at most: without them a block of a few megapixels would have none."""
 PEAK_MARGIN = 1.4

@@ -7,56 +7,101 @@ measured at release took, for as many pixels.
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
+from math import inf, sqrt
 from pathlib import Path
-from statistics import fmean
+from statistics import fmean, geometric_mean
 
 from pydantic import TypeAdapter, ValidationError
 
+from orthomill.pipeline.engine.graph import PlannedJob
 from orthomill.pipeline.storage.table_files import write_whole
+from orthomill.schemas.job import Export
+from orthomill.schemas.raster import RasterSpec
 
 COSTS = "jobs/costs.json"
 """in the folder of a run"""
+MARGIN = 2.2
+"""How much more than the most demanding block known another one may take: so that each of four blocks lies within the bound from
+the other three."""
+EXPORT = "export "
+"""how the name of a function begins that writes a file"""
+LEAST = 1e-4
+"""s: what takes no time that could be measured"""
 FEW = 2
 """Functions with no more jobs than this work on the whole block: their time grows with its pixels, their number does not."""
 
 Family = tuple[str, str]
-"""(stage, function) of jobs that cost about the same"""
+"""(stage, function) of jobs that cost about the same for the same data"""
 
 
 @dataclass(frozen=True)
 class FunctionCost:
-    """How many jobs a function had in a run, and their processor time in all, s, with its kernels compiled before."""
+    """How many jobs a function had in a run, their processor time in all, s, with its kernels compiled before, and their effort."""
 
     jobs: int
     seconds: float
+    effort: float
 
 
 @dataclass(frozen=True)
 class RunCosts:
-    """What one run took, by stage and function, for so many `megapixels` of photographs in tiles of `tile` px."""
+    """What one run took, by stage and function, for so many `megapixels` of photographs in tiles of `tile` px.
+
+    `grids`: megapixels of the largest raster of every stage.
+    """
 
     megapixels: float
     tile: int
     stages: dict[str, dict[str, FunctionCost]]
+    grids: dict[str, float]
 
 
 @dataclass(frozen=True)
 class Expected:
-    """What is expected of a function: jobs, seconds of one of them, and seconds that a worker compiles before its first one."""
+    """What is expected of a function: the effort of all its jobs, seconds of a unit of it, seconds that a worker compiles before
+    its first job, and jobs."""
 
-    jobs: float
+    effort: float
     seconds: float
     compiling: float = 0.0
+    jobs: float = inf
 
 
 @dataclass(frozen=True)
 class Expectations:
-    """By function; `here`: whether they rest on runs of this machine, so that its speed is known."""
+    """By function; `here`: whether they rest on runs of this machine, so that its speed is known; `grids`: as in `RunCosts`."""
 
     of: Mapping[Family, Expected]
     here: bool
+    grids: Mapping[str, float] = field(default_factory=dict)
+
+
+def effort_of(planned: PlannedJob) -> float:
+    """The effort of a job, by which jobs of one function compare: of exports the megabytes that they write. Other jobs take the
+    longer the more they read and write, but less than in proportion: the root of the megabytes."""
+    # Tables are not counted: a job without rasters is as good as any other of its function.
+    megabytes = max(planned.data_bytes / 1e6, 1.0)
+    return megabytes if isinstance(planned.job, Export) else sqrt(megabytes)
+
+
+def family_of(planned: PlannedJob) -> Family:
+    """What a job does. Exports by what they write: a file of heights with all that belongs to them takes longer than a picture."""
+    job = planned.job
+    if isinstance(job, Export):
+        return job.stage, EXPORT + " ".join((job.format, *job.rasters))
+    return job.stage, job.function.__name__
+
+
+def largest_grids(specs: Iterable[RasterSpec]) -> dict[str, float]:
+    """Megapixels of the largest raster of every stage."""
+    grids: dict[str, float] = {}
+    for spec in specs:
+        # By convention the name of a raster begins with the stage that writes it.
+        stage = spec.name.partition("/")[0]
+        grids[stage] = max(grids.get(stage, 0.0), spec.shape[0] * spec.shape[1] / 1e6)
+    return grids
 
 
 _RUN = TypeAdapter(RunCosts)
@@ -84,7 +129,7 @@ def write_costs(folder: Path, costs: RunCosts) -> None:
     # Costs for other pixels or tiles cannot stand beside these.
     if before and (before.megapixels, before.tile) == (costs.megapixels, costs.tile):
         stages = {stage: before.stages.get(stage, {}) | costs.stages.get(stage, {}) for stage in before.stages | costs.stages}
-        costs = RunCosts(costs.megapixels, costs.tile, stages)
+        costs = RunCosts(costs.megapixels, costs.tile, stages, before.grids | costs.grids)
     write_whole(folder / COSTS, _RUN.dump_json(costs, indent=1))
 
 
@@ -93,11 +138,28 @@ def expectations(folder: Path, megapixels: float, tile: int) -> Expectations:
     own = read_costs(folder)
     others = [costs for other in sorted(folder.parent.glob("*")) if other != folder and (costs := read_costs(other))]
     released, compiling = measured_at_release()
-    expected = expected_costs([*others, *released.values()], compiling, megapixels, tile)
+    return expected_from(own, [*others, *released.values()], compiling, megapixels, tile, here=bool(own or others))
+
+
+def expected_from(
+    own: RunCosts | None, others: Iterable[RunCosts], compiling: Mapping[Family, float], megapixels: float, tile: int, here: bool
+) -> Expectations:
+    """From what a project's last run took, and of functions that it did not get to, from other runs."""
+    known = tuple(others)
+    found, grids = expected_costs(known, compiling, megapixels, tile), expected_grids(known, megapixels)
     if own:
-        # Functions that its last run did not get to are expected as if there had been none.
-        expected |= expected_costs([own], compiling, megapixels, tile)
-    return Expectations(expected, here=bool(own or others))
+        found |= expected_costs([own], compiling, megapixels, tile)
+        grids |= expected_grids([own], megapixels)
+    return Expectations(found, here, grids)
+
+
+def expected_grids(runs: Iterable[RunCosts], megapixels: float) -> dict[str, float]:
+    """The largest raster of every stage, in megapixels, for photographs of so many: the mean of runs."""
+    found: dict[str, list[float]] = {}
+    for run in runs:
+        for stage, grid in run.grids.items():
+            found.setdefault(stage, []).append(grid * _ratio(run, megapixels))
+    return {stage: fmean(grids) for stage, grids in found.items()}
 
 
 def expected_costs(
@@ -112,15 +174,32 @@ def expected_costs(
     }
 
 
+def _ratio(run: RunCosts, megapixels: float) -> float:
+    return megapixels / run.megapixels if megapixels else 1.0
+
+
 def _mean(runs: list[RunCosts], family: Family, megapixels: float, tile: int, compiling: float) -> Expected:
     stage, name = family
+    had = [(run, cost) for run in runs if (cost := run.stages[stage].get(name)) and cost.jobs]
+    whole = all(cost.jobs <= FEW for _, cost in had)
+    reduced = _of_files if name.startswith(EXPORT) else _of_the_whole if whole else _of_tiles
+    here = [reduced(cost, _ratio(run, megapixels), (tile / run.tile) ** 2) for run, cost in had]
     # A function that a run did not have had no jobs there; it does not tell what a job costs.
-    costs = [(run, run.stages[stage].get(name, FunctionCost(0, 0.0))) for run in runs]
-    had = [(run, cost) for run, cost in costs if cost.jobs]
-    pixels = {id(run): megapixels / run.megapixels if megapixels else 1.0 for run in runs}
-    if all(cost.jobs <= FEW for _, cost in had):
-        seconds = fmean(cost.seconds / cost.jobs * pixels[id(run)] for run, cost in had)
-        return Expected(fmean(cost.jobs for _, cost in costs), seconds, compiling)
-    area = {id(run): (tile / run.tile) ** 2 for run in runs}
-    jobs = fmean(cost.jobs * pixels[id(run)] / area[id(run)] for run, cost in costs)
-    return Expected(jobs, fmean(cost.seconds / cost.jobs * area[id(run)] for run, cost in had), compiling)
+    jobs, effort = (sum(row[place] for row in here) / len(runs) for place in (0, 2))
+    return Expected(effort, geometric_mean([max(seconds, LEAST) / done for _, seconds, done in here]), compiling, jobs)
+
+
+# What a function would take for so many times the pixels, in tiles of so many times the area: (jobs, seconds, effort).
+
+
+def _of_tiles(cost: FunctionCost, pixels: float, area: float) -> tuple[float, float, float]:
+    # A tile of four times the area has four times the data, and twice the effort.
+    return cost.jobs * pixels / area, cost.seconds * pixels, cost.effort * pixels / sqrt(area)
+
+
+def _of_the_whole(cost: FunctionCost, pixels: float, area: float) -> tuple[float, float, float]:
+    return cost.jobs, cost.seconds * pixels, cost.effort * sqrt(pixels)
+
+
+def _of_files(cost: FunctionCost, pixels: float, area: float) -> tuple[float, float, float]:
+    return cost.jobs, cost.seconds * pixels, cost.effort * pixels

@@ -150,19 +150,24 @@ def _level(reasons: tuple[Reason, ...], cautions: tuple[Caution, ...], stages: t
 
 def _state(level: Level, cautions: tuple[Caution, ...], stages: tuple[StageTitle, ...], run: RunFacts) -> str:
     """What follows the first word of the verdict."""
+    doubts, losses = (sum(caution.cost == cost for caution in cautions) for cost in ("doubt", "loss"))
+    look = f"{counted(doubts, 'finding', 'findings')} must be looked at before any result is used."
     if level in ("open", "unjudged"):
         return job_count(run)
     if level == "partial":
         # Lower case in the middle of a sentence, but not for abbreviations.
         missing = (title if title[1:2].isupper() else title[:1].lower() + title[1:] for title in not_asked_for(stages, run))
-        return f"{job_count(run)[:-1]}; not run: {', '.join(missing)}."
-    doubts = [caution for caution in cautions if caution.cost == "doubt"]
+        done = f"{job_count(run)[:-1]}; not run: {', '.join(missing)}."
+        return f"{done} {look}" if doubts else done
     if doubts:
-        return f"{counted(len(doubts), 'finding', 'findings')} must be looked at before any result is used."
-    losses = sum(caution.cost == "loss" for caution in cautions)
+        return look
+    if level == "poor":
+        return "see the reasons."
+    # Nothing reassuring may stand above a warning.
     if losses:
-        return f"nothing puts the results in doubt; {counted(losses, 'warning says', 'warnings say')} what they cost."
-    return "see the reasons." if level == "poor" else "nothing puts the results in doubt."
+        return f"{counted(losses, 'warning says', 'warnings say')} below where accuracy or ground is lost, and what to do."
+    notes = f"; {counted(len(cautions), 'thing', 'things')} good to know below" if cautions else ""
+    return f"nothing was found that puts results in doubt or costs accuracy or ground{notes}."
 
 
 def _reasons(reports: Reports, stages: tuple[StageTitle, ...]) -> Iterator[Reason]:

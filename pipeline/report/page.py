@@ -144,11 +144,12 @@ def signed_part(folder: Path) -> SignedPart | None:
 
 
 def leading(sections: tuple[Section, ...]) -> tuple[PictureView, ...]:
-    """The pictures at the top: results as marked, the last ones first; before there are any, what the last stages show."""
-    views = [(view, view.picture.first_page) for section in sections for view in section.pictures if view.drawing]
-    marked = [view for view, is_result in views if is_result]
-    firsts = [section.pictures[0] for section in sections if section.pictures and section.pictures[0].drawing]
-    return tuple(reversed((marked or firsts)[-LEADING:]))
+    """The pictures at the top: results as marked, those of the last stage first, in its order; before there are any, what the last
+    stages show."""
+    latest_first = tuple(reversed(sections))
+    marked = [view for section in latest_first for view in section.pictures if view.drawing and view.picture.first_page]
+    firsts = [section.pictures[0] for section in latest_first if section.pictures and section.pictures[0].drawing]
+    return tuple((marked or firsts)[:LEADING])
 
 
 @cache

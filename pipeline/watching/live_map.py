@@ -96,7 +96,7 @@ class LiveMap:
             "project": self._session.folder.name,
             "share": left.share if left else 0.0,
             "left": left.seconds if left else None,
-            "error": left.error if left else None,
+            "range": left.range if left else None,
             "elapsed": time.monotonic() - self._begun,
             "counts": self.board.counts(),
             "slowest": [[tile, key_text(self.board.keys[tile])] for tile in self.board.slowest()],
@@ -143,7 +143,7 @@ class LiveMap:
             return None
         region = next((region for region in job.writes.values() if isinstance(region, Raster)), None)
         try:
-            return tile_picture(self._session.store, region.name, region.window) if region else None
+            return tile_picture(self._session.store, self._session.graph.specs[region.name], region.window) if region else None
         except StoreError:
             return None
 
@@ -177,7 +177,10 @@ class LiveMap:
                 left -= tiles
                 # A run that was stopped may not have begun a raster, and a damaged one is told elsewhere.
                 with suppress(StoreError):
-                    yield number, base64.b64encode(raster_picture(self._session.store, panel.raster)).decode()
+                    yield (
+                        number,
+                        base64.b64encode(raster_picture(self._session.store, self._session.graph.specs[panel.raster])).decode(),
+                    )
 
 
 def page_template() -> str:

@@ -17,20 +17,19 @@ QUALITY = 60
 """of WebP, 1 to 100: small pictures that are kept in a page"""
 
 
-def tile_picture(store: ReadableStore, raster: str, window: Window) -> bytes:
+def tile_picture(store: ReadableStore, spec: RasterSpec, window: Window) -> bytes:
     """A PNG of a window, transparent where nothing is. Raises StoreError when the raster does not exist."""
     step = max(1, -(-max(window.height, window.width) // SIDE))
-    return _encoded(".png", _coloured(store.read(raster, window)[::step, ::step], store.spec(raster)))
+    return _encoded(".png", _coloured(store.read(spec.name, window)[::step, ::step], spec))
 
 
-def raster_picture(store: ReadableStore, raster: str) -> bytes:
+def raster_picture(store: ReadableStore, spec: RasterSpec) -> bytes:
     """A WebP of a whole raster, whose chunks are as large as pictures of tiles. Raises StoreError when it does not exist."""
-    spec = store.spec(raster)
     height, width = spec.shape[:2]
     step = max(1, -(-spec.chunk // SIDE))
     # Strips of chunks: a whole raster may be larger than the memory.
     strips = (
-        store.read(raster, Window(row, 0, min(spec.chunk, height - row), width))[::step, ::step]
+        store.read(spec.name, Window(row, 0, min(spec.chunk, height - row), width))[::step, ::step]
         for row in range(0, height, spec.chunk)
     )
     return _encoded(".webp", _coloured(np.concatenate(list(strips)), spec), [cv2.IMWRITE_WEBP_QUALITY, QUALITY])
@@ -41,13 +40,14 @@ def _coloured(values: np.ndarray, spec: RasterSpec) -> np.ndarray:
     present = np.isfinite(values) if values.dtype.kind == "f" else np.ones(values.shape, bool)
     if spec.nodata is not None and np.isfinite(spec.nodata):
         present &= values != spec.nodata
-    # Bands of other kinds are measures of different things, not colours: the first one is shown.
-    if values.ndim == 3 and values.shape[2] >= 3 and values.dtype == np.uint8:
+    # Of bands that measure different things the first one is shown.
+    if spec.colours and values.ndim == 3 and values.shape[2] in (3, 4) and values.dtype == np.uint8:
         colours = values[..., 2::-1]
         alpha = 255 * (values[..., 3] > 0) if values.shape[2] == 4 else np.full(values.shape[:2], 255)
         return np.dstack([colours, alpha.astype(np.uint8)])
     plane, shown = (values[..., 0], present[..., 0]) if values.ndim == 3 else (values, present)
-    grey = _shaded(plane.astype(np.float64)) if spec.transform and values.dtype.kind == "f" else _stretched(plane, shown)
+    is_relief = spec.transform is not None and values.dtype.kind == "f"
+    grey = _shaded(np.where(shown, plane.astype(np.float64), np.nan)) if is_relief else _stretched(plane, shown)
     return np.dstack([grey, grey, grey, np.where(shown, 255, 0).astype(np.uint8)])
 
 
@@ -62,8 +62,11 @@ def _shaded(heights: np.ndarray) -> np.ndarray:
 
 
 def _stretched(values: np.ndarray, present: np.ndarray) -> np.ndarray:
-    low, high = (float(values[present].min()), float(values[present].max())) if present.any() else (0.0, 1.0)
-    return np.clip(40 + 200 * (np.nan_to_num(values.astype(np.float64)) - low) / ((high - low) or 1.0), 0, 255).astype(np.uint8)
+    known = values[present].astype(np.float64)
+    low, high = (known.min(), known.max()) if known.size else (0.0, 1.0)
+    grey = np.zeros(values.shape, np.uint8)
+    grey[present] = 40 + 200 * (known - low) / ((high - low) or 1.0)
+    return grey
 
 
 def _encoded(kind: str, pixels: np.ndarray, options: Sequence[int] = ()) -> bytes:

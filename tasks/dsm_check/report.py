@@ -48,6 +48,7 @@ _WARNED = 3
 """areas in the warning"""
 _SHIFT_LIMIT, _TILT_LIMIT = 0.3, 0.5
 """orthoimage pixels: shift and range of the trend beyond the errors that a sound orientation causes"""
+_COMPASS = ("east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east")
 
 
 @dataclass(frozen=True)
@@ -94,9 +95,10 @@ def report(
     trend, plane = fitted_trend(coarse, blocks.grid, blocks.size)
     areas = suspicious_areas(coarse, plane, blocks.grid, blocks.size, blocks.significance)
     of_file = None if shift is None else _final_shift(coarse, shift, raised)
-    told = (*_surface_warnings(tiles, trend, pairs, of_file is None), *_shift_warnings(of_file, keeps))
-    losses = (*_area_warnings(areas, trend), *beyond_warning(tiles, blocks.grid.cell))
     detectable = _detectable(coarse, blocks.significance)
+    tilts = _tilt_warnings(trend, pairs, detectable)
+    told = (*_surface_warnings(tiles, trend, pairs, of_file is None), *tilts, *_shift_warnings(of_file, keeps))
+    losses = (*_area_warnings(areas, trend), *beyond_warning(tiles, blocks.grid.cell))
     found = StageReport(
         verdict=_verdict(tiles, whole, pairs, detectable, blocks.wide),
         products=(
@@ -405,15 +407,23 @@ def _surface_warnings(tiles: tuple[TileCounts, ...], trend: Trend, pairs: Checke
     if checked < 0.5 * heights:
         yield (
             f"Only {_share(checked, heights):.0f} % of the measured surface could be checked; the rest lies outside the pairs of "
-            "photographs, has too little texture, or is hidden in one of them."
+            "photographs, has too little texture, or is hidden in one of them. What is said here holds for what was checked."
         )
     # The shift of a surface from a file has a sentence of its own, with its standard error.
     if own and abs(trend.middle) > _SHIFT_LIMIT * pairs.pixel_height:
-        yield f"The surface as a whole is {_side(trend.middle)} by about {abs(trend.middle):.2f} m relative to the photographs."
-    if trend.range > _TILT_LIMIT * pairs.pixel_height:
         yield (
-            f"The surface is tilted relative to the photographs: the correction grows by {trend.east:.2f} m per km to the east "
-            f"and by {trend.north:.2f} m per km to the north, {trend.range:.1f} m in all."
+            f"The surface as a whole is {_side(trend.middle)} by about {abs(trend.middle):.2g} m relative to the photographs. "
+            "Matching does not do that: check control, positions and camera."
+        )
+
+
+def _tilt_warnings(trend: Trend, pairs: CheckedPairs, detectable: float) -> Iterator[str]:
+    """A tilt that is neither what a sound orientation leaves nor less than the errors that the check finds one by one."""
+    if trend.range > max(_TILT_LIMIT * pairs.pixel_height, np.nan_to_num(detectable)):
+        low, high = (_COMPASS[round(math.atan2(way * trend.north, way * trend.east) / (math.pi / 4)) % 8] for way in (1, -1))
+        yield (
+            f"The surface is tilted relative to the photographs: by {trend.range:.2g} m from corner to corner, too low in the "
+            f"{low} as compared with the {high}. Matching does not do that: check control, positions and camera."
         )
 
 
@@ -426,7 +436,7 @@ def _area_warnings(areas: list[SuspiciousArea], trend: Trend) -> Iterator[str]:
     )
     more = f"; {len(areas) - _WARNED} more areas are in the table" if len(areas) > _WARNED else ""
     # To the centimetre: a trend of a millimetre is none.
-    flat = abs(trend.middle) < 0.005 and trend.range < 0.01
+    flat = abs(trend.middle) < 0.005
     relative = "" if flat else f", relative to the trend of all corrections ({trend.middle:+.2f} m in the middle)"
     yield (
         f"Photographs and surface disagree locally{relative}: the surface is {named}{more}. Look there in the photographs: "

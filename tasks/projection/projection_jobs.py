@@ -318,7 +318,8 @@ class ColourJobs:
     def sight(self, tolerance: SightTolerance) -> Iterator[RasterSpec | Job]:
         """How every photograph sees every pixel."""
         count = len(self.frame.photographs)
-        yield self.frame.raster("sight", "uint8", bands=count)
+        # A band for every photograph, however few there are.
+        yield self.frame.raster("sight", "uint8", bands=count).model_copy(update={"colours": False})
         for tile, surface in self.pairs():
             own = self.tile(tile, surface)
             found = [

@@ -92,6 +92,7 @@ def projection_report(
         totals.append(_OutputTotals(facts, statistics[start : start + facts.tiles]))
         start += facts.tiles
     compared = tuple(one for one in left_out if one.blended is not None)
+    losses = (*_empty_warnings(census, totals), *_mesh_warnings(census), *_unlike_warnings(compared), *_hole_warnings(facing))
     return StageReport(
         verdict=_verdict(totals, compared),
         answers=tuple(_answers(census, totals)),
@@ -99,7 +100,8 @@ def projection_report(
         figures=(*_figures(census, totals, radiometry, compared), *(texture_figures(textures) if textures else ())),
         grids=tuple(_grids(totals, facing, left_out)),
         pictures=(*_pictures(totals, left_out, proofs), *_depths(pictured)),
-        warnings=tuple(_warnings(census, facing, totals, compared)),
+        warnings=(*losses, *_notes(census, facing)),
+        losses=losses,
     )
 
 
@@ -126,7 +128,7 @@ def _verdict(totals: list[_OutputTotals], compared: tuple[LeftOutPhotograph, ...
     if energy is not None:
         text += f"; photographs made again from the others keep {100 * energy:.0f} % of their gradient energy"
     good = worst.coloured >= _FILLED and (energy is None or energy >= _SHARP)
-    return Verdict(level="good" if good else "fair" if worst.coloured > 0.5 else "poor", sentence=text + ".")
+    return Verdict(level="good" if good else "fair" if worst.coloured > 0.5 else "poor", sentence=text + ".", weighs=True)
 
 
 def _median(values: list[float]) -> float | None:
@@ -314,24 +316,18 @@ def _depths(pictured: tuple[str, ...]) -> Iterator[Picture]:
         )
 
 
-def _warnings(
-    census: MeshCensus, facing: MeshFacing, totals: list[_OutputTotals], compared: tuple[LeftOutPhotograph, ...]
-) -> Iterator[str]:
-    if facing.turned:
-        yield "The triangles of the mesh face inwards: it was turned, because the photographs see more of their backs than fronts."
+def _hole_warnings(facing: MeshFacing) -> Iterator[str]:
+    """Photographs that see the inside of the mesh."""
     backs = [one.photo for one in facing.photos if one.backs > _BACKS * max(one.fronts + one.backs, 1e-9)]
     if backs:
         yield (
             f"{', '.join(backs[:6])} look at the backs of triangles: the mesh has holes there, and nothing behind them is "
             "coloured. Close the holes, or leave these photographs out where they disturb."
         )
-    yield from _mesh_warnings(census)
-    mended = census.not_finite + census.degenerate + census.duplicate
-    if mended:
-        yield (
-            f"{mended} of {census.read} triangles of the mesh were left out: {census.not_finite} not finite, {census.degenerate} "
-            f"without area, {census.duplicate} twice."
-        )
+
+
+def _empty_warnings(census: MeshCensus, totals: list[_OutputTotals]) -> Iterator[str]:
+    """Outputs that show little of the surface."""
     for total in totals:
         if total.sum("surface") == 0:
             yield (
@@ -346,14 +342,31 @@ def _warnings(
                 "inside or from behind. Move the position or turn the plane round."
             )
         elif total.coloured < 0.5:
-            part = 100 * total.coloured
-            yield f"Only {part:.0f} % of the surface in '{total.name}' is seen by a photograph; the rest stays empty."
+            yield (
+                f"Only {100 * total.coloured:.0f} % of the surface in '{total.name}' is seen by a photograph; the rest stays "
+                "empty. Photographs from more sides would fill it."
+            )
+
+
+def _unlike_warnings(compared: tuple[LeftOutPhotograph, ...]) -> Iterator[str]:
+    """Photographs that are unlike what the others show of the same places."""
     differences = [one.difference for one in compared if one.difference is not None]
-    if len(differences) > 2:
-        usual = float(np.median(differences))
-        for one in compared:
-            if one.difference is not None and one.difference > _UNLIKE * usual:
-                yield (
-                    f"{one.photo} disagrees with the others: it differs by {one.difference:.1f} grey levels where {usual:.1f} are "
-                    "usual. Its orientation or its brightness is wrong, or something moved; look at its picture below."
-                )
+    usual = float(np.median(differences)) if len(differences) > 2 else np.inf
+    for one in compared:
+        if one.difference is not None and one.difference > _UNLIKE * usual:
+            yield (
+                f"{one.photo} disagrees with the others: it differs by {one.difference:.1f} grey levels where {usual:.1f} are "
+                "usual. Its orientation or its brightness is wrong, or something moved; look at its picture below."
+            )
+
+
+def _notes(census: MeshCensus, facing: MeshFacing) -> Iterator[str]:
+    """What was done about the mesh, which costs nothing."""
+    if facing.turned:
+        yield "The triangles of the mesh face inwards: it was turned, because the photographs see more of their backs than fronts."
+    mended = census.not_finite + census.degenerate + census.duplicate
+    if mended:
+        yield (
+            f"{mended} of {census.read} triangles of the mesh were left out: {census.not_finite} not finite, {census.degenerate} "
+            f"without area, {census.duplicate} twice."
+        )

@@ -48,11 +48,12 @@ def tile_counts(dh: np.ndarray, sigma: float = 0.2, changed: int = 5, outside: i
     )
 
 
-def reported(dh: np.ndarray):
+def reported(dh: np.ndarray, pixel_height: float = PAIRS.pixel_height):
     """The report of a surface (rows, cols) of corrections, in two tiles."""
     coarse = blocks(dh, np.full(dh.shape, 0.2), 8)
     tiles = tuple(tile_counts(part) for part in np.array_split(dh, 2))
-    return report(tiles, PAIRS, coarse, Blocks(GRID, 8, 3.0, "EPSG:2100")).report
+    pairs = PAIRS.model_copy(update={"pixel_height": pixel_height})
+    return report(tiles, pairs, coarse, Blocks(GRID, 8, 3.0, "EPSG:2100")).report
 
 
 def figures(found) -> dict:
@@ -74,7 +75,8 @@ def test_figures_of_a_good_surface():
 
 def test_a_shifted_surface_is_reported_as_a_whole_and_not_as_an_area():
     found = reported(noisy(-1.0))
-    assert found.warnings == ("The surface as a whole is too high by about 1.00 m relative to the photographs.",)
+    (warning,) = found.warnings
+    assert warning.startswith("The surface as a whole is too high by about 1 m relative to the photographs.")
     assert figures(found)["suspicious_areas"] == 0
 
 
@@ -82,7 +84,15 @@ def test_a_tilted_surface_is_reported_with_its_gradients():
     x, _y = np.meshgrid(*GRID.centres(Window(0, 0, *GRID.shape)))
     found = reported(noisy() + 0.01 * (x - x.mean()))
     (warning,) = found.warnings
-    assert "tilted" in warning and "m per km to the east" in warning and figures(found)["tilt_east"] == pytest.approx(10.0, abs=0.1)
+    assert "tilted" in warning and "by 1.5 m from corner to corner, too low in the east as compared with the west" in warning
+    assert figures(found)["tilt_east"] == pytest.approx(10.0, abs=0.1) and found.doubts == (warning,)
+
+
+def test_a_tilt_below_the_errors_that_are_found_one_by_one_is_no_warning():
+    x, _y = np.meshgrid(*GRID.centres(Window(0, 0, *GRID.shape)))
+    found = reported(noisy() + 0.004 * (x - x.mean()), pixel_height=0.1)
+    values = figures(found)
+    assert 0.05 < values["trend_range"] < values["detectable"] and not found.warnings
 
 
 def test_an_area_is_reported_with_place_sign_and_size():

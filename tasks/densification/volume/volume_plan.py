@@ -79,7 +79,7 @@ def volume_specs(level: VolumeLevel, crs: str) -> tuple[RasterSpec, RasterSpec]:
     """The rasters of a level. One chunk is one tile."""
     return (
         map_raster(volume_height(level.number), level.grid, "float32", crs, SIDE, nodata=float("nan"), unit="m"),
-        map_raster(volume_quality(level.number), level.grid, "uint8", crs, SIDE, bands=len(Band)),
+        map_raster(volume_quality(level.number), level.grid, "uint8", crs, SIDE, bands=len(Band), colours=False),
     )
 
 
@@ -109,7 +109,7 @@ def _job(tile: VolumeTile, scene: VolumeScene, stage: str) -> Job:
 def _judged(grid: MapGrid, sure: Sureness, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
     """What the heights of the finest level are worth."""
     yield map_raster(JUDGED_HEIGHT, grid, "float32", crs, SIDE, nodata=float("nan"), unit="m")
-    yield map_raster(JUDGEMENT, grid, "uint8", crs, SIDE, bands=len(Judgement))
+    yield map_raster(JUDGEMENT, grid, "uint8", crs, SIDE, bands=len(Judgement), colours=False)
     yield map_raster(WORTH, grid, "uint8", crs, SIDE)
     names = {"height": JUDGED_HEIGHT, "judgement": JUDGEMENT, "worth": WORTH}
     for tile in tiles_of(grid.shape, SIDE):

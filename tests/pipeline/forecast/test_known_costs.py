@@ -2,35 +2,82 @@
 
 import pytest
 
+from orthomill.pipeline.engine.graph import PlannedJob
 from orthomill.pipeline.forecast.known_costs import (
     FunctionCost,
     RunCosts,
+    effort_of,
     expectations,
     expected_costs,
+    expected_from,
+    family_of,
+    largest_grids,
     measured_at_release,
     read_costs,
     write_costs,
 )
+from orthomill.pipeline.records.records import Fingerprint
+from orthomill.schemas.job import Export, Job
+from orthomill.schemas.raster import RasterSpec
 
-TEN = RunCosts(10.0, 512, {"surface": {"tile": FunctionCost(100, 20.0), "join": FunctionCost(1, 3.0)}})
+FILE = "export cog height"
+PRINT = Fingerprint(settings="s", code="c", inputs="i")
+TEN = RunCosts(
+    10.0,
+    512,
+    {"surface": {"tile": FunctionCost(100, 20.0, 200.0), "join": FunctionCost(1, 3.0, 1.0), FILE: FunctionCost(1, 2.0, 40.0)}},
+    {"surface": 5.0},
+)
 
 
-def test_tiles_grow_in_number_and_jobs_on_the_whole_block_in_time():
+def cost(jobs, seconds):
+    """Of jobs without rasters."""
+    return FunctionCost(jobs, seconds, float(jobs))
+
+
+def run_of(stages, megapixels=10.0):
+    return RunCosts(megapixels, 512, stages, {})
+
+
+def test_tiles_grow_in_number_and_what_works_on_the_whole_block_in_time():
     expected = expected_costs([TEN], {}, megapixels=20.0, tile=512)
-    assert (expected["surface", "tile"].jobs, expected["surface", "tile"].seconds) == pytest.approx((200.0, 0.2))
-    assert (expected["surface", "join"].jobs, expected["surface", "join"].seconds) == pytest.approx((1.0, 6.0))
+    tile, join, file = (expected["surface", name] for name in ("tile", "join", FILE))
+    assert (tile.jobs, tile.effort, tile.seconds) == pytest.approx((200.0, 400.0, 0.1))
+    assert join.jobs == 1.0 and join.effort * join.seconds == pytest.approx(6.0)
+    assert (file.jobs, file.effort, file.seconds) == pytest.approx((1.0, 80.0, 0.05)), "as long for a megabyte as before"
 
 
-def test_tiles_of_twice_the_side_are_a_quarter_as_many_and_take_four_times_as_long():
-    expected = expected_costs([TEN], {}, megapixels=10.0, tile=1024)
-    assert (expected["surface", "tile"].jobs, expected["surface", "tile"].seconds) == pytest.approx((25.0, 0.8))
+def test_tiles_of_twice_the_side_are_a_quarter_as_many_and_take_as_long_in_all():
+    tile = expected_costs([TEN], {}, megapixels=10.0, tile=1024)["surface", "tile"]
+    assert (tile.jobs, tile.effort, tile.effort * tile.seconds) == pytest.approx((25.0, 100.0, 20.0))
+
+
+@pytest.mark.parametrize(("megabytes", "effort"), [(0.0, 1.0), (0.5, 1.0), (9.0, 3.0)])
+def test_a_job_with_nine_times_the_data_takes_three_times_as_long(megabytes, effort):
+    job = Job("surface", "tiles", print, {}, {})
+    assert effort_of(PlannedJob(job, (), PRINT, 0, 0, round(1e6 * megabytes))) == pytest.approx(effort)
+
+
+def test_files_are_told_apart_by_what_they_hold_and_compare_by_their_size():
+    heights = Export("surface", "dsm", "products/dsm.tif", "cog", {"height": "a", "precision": "b"})
+    picture = Export("surface", "ortho", "products/ortho.tif", "cog", {"rgba": "c"})
+    planned = [PlannedJob(export, (), PRINT, 0, 0, 9_000_000) for export in (heights, picture)]
+    assert [family_of(one) for one in planned] == [("surface", "export cog height precision"), ("surface", "export cog rgba")]
+    assert effort_of(planned[0]) == pytest.approx(9.0)
+
+
+def test_the_largest_raster_of_a_stage_tells_its_size():
+    shapes = {"surface/a": (1000, 2000), "surface/b/c": (3000, 1000, 4), "photos/x": (10, 10)}
+    specs = [RasterSpec(name=name, shape=shape, dtype="uint8", chunk=64) for name, shape in shapes.items()]
+    assert largest_grids(specs) == pytest.approx({"surface": 3.0, "photos": 1e-4})
+    expected = expected_from(None, [TEN], {}, 20.0, 512, here=False)
+    assert expected.grids == pytest.approx({"surface": 10.0})
 
 
 def test_a_run_without_a_stage_says_nothing_of_it_but_one_without_a_function_does():
-    without = RunCosts(10.0, 512, {"surface": {"join": FunctionCost(1, 5.0)}})
-    elsewhere = RunCosts(10.0, 512, {"other": {"tile": FunctionCost(1, 1.0)}})
+    without, elsewhere = run_of({"surface": {"join": cost(1, 5.0)}}), run_of({"other": {"tile": cost(1, 1.0)}})
     expected = expected_costs([TEN, without, elsewhere], {}, megapixels=10.0, tile=512)["surface", "tile"]
-    assert (expected.jobs, expected.seconds) == pytest.approx((50.0, 0.2))
+    assert (expected.jobs, expected.effort, expected.seconds) == pytest.approx((50.0, 100.0, 0.1))
 
 
 def test_the_last_run_of_a_project_counts_more_than_all_others(tmp_path):
@@ -38,20 +85,20 @@ def test_the_last_run_of_a_project_counts_more_than_all_others(tmp_path):
     for folder in (mine, other):
         (folder / "jobs").mkdir(parents=True)
     assert not expectations(mine, 10.0, 512).here and ("densification", "make_surface") in expectations(mine, 10.0, 512).of
-    write_costs(other, RunCosts(10.0, 512, {"surface": {"tile": FunctionCost(100, 90.0)}}))
+    write_costs(other, run_of({"surface": {"tile": cost(100, 90.0)}}))
     assert expectations(mine, 10.0, 512).of["surface", "tile"].seconds == pytest.approx(0.9)
     write_costs(mine, TEN)
     found = expectations(mine, 10.0, 512)
-    assert found.here and found.of["surface", "tile"].seconds == pytest.approx(0.2)
+    assert found.here and found.of["surface", "tile"].seconds == pytest.approx(0.1) and found.grids["surface"] == 5.0
 
 
 def test_a_run_keeps_what_an_earlier_one_took_where_it_did_nothing_itself(tmp_path):
     (tmp_path / "jobs").mkdir()
     write_costs(tmp_path, TEN)
-    write_costs(tmp_path, RunCosts(10.0, 512, {"surface": {"join": FunctionCost(1, 4.0)}, "more": {}}))
+    write_costs(tmp_path, run_of({"surface": {"join": cost(1, 4.0)}, "more": {}}))
     kept = read_costs(tmp_path)
-    assert kept.stages["surface"] == {"tile": FunctionCost(100, 20.0), "join": FunctionCost(1, 4.0)}
-    write_costs(tmp_path, RunCosts(12.0, 512, {"surface": {"join": FunctionCost(1, 4.0)}}))
+    assert kept.stages["surface"] == TEN.stages["surface"] | {"join": cost(1, 4.0)} and kept.grids == TEN.grids
+    write_costs(tmp_path, run_of({"surface": {"join": cost(1, 4.0)}}, megapixels=12.0))
     assert "tile" not in read_costs(tmp_path).stages["surface"], "of other photographs"
 
 

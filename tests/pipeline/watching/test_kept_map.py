@@ -72,3 +72,29 @@ def test_bands_that_are_no_colours_show_the_first(recwarn):
     shown = _coloured(bands, spec)
     assert (shown[0, :, 3] == 0).all() and (shown[1:, :, 3] == 255).all() and (np.diff(shown[1:, 0, 0].astype(int)) > 0).all()
     assert not recwarn
+
+
+@pytest.mark.parametrize("colours", [True, False])
+def test_bands_of_eight_bits_are_colours_unless_they_measure_something(colours):
+    spec = RasterSpec(name="a/judgement", shape=(2, 3, 4), dtype="uint8", chunk=64, colours=colours)
+    bands = np.zeros((2, 3, 4), np.uint8)
+    bands[..., 0], bands[..., 2] = np.arange(3), 7
+    shown = _coloured(bands, spec)
+    # As colours: blue first, and transparent where the fourth band is 0.
+    assert (shown[..., 0] == 7).all() == colours and (shown[..., 3] == 0).all() == colours
+    assert (np.diff(shown[0, :, 1].astype(int)) > 0).all() != colours
+
+
+def test_how_a_raster_is_drawn_is_not_in_the_text_that_fingerprints_are_made_of():
+    spec = RasterSpec(name="a/judgement", shape=(2, 3, 4), dtype="uint8", chunk=64)
+    assert repr(spec) == repr(spec.model_copy(update={"colours": False})) and "colours" not in repr(spec)
+
+
+@pytest.mark.parametrize("transform", [None, (1.0, 0.0, 0.0, 0.0, -1.0, 0.0)])
+def test_heights_without_end_are_transparent_and_do_not_disturb_the_others(recwarn, transform):
+    spec = RasterSpec(name="a/height", shape=(5, 5), dtype="float32", chunk=64, transform=transform)
+    heights = np.arange(25, dtype=np.float32).reshape(5, 5)
+    heights[0, 0], heights[4, 4] = np.inf, np.nan
+    shown = _coloured(heights, spec)
+    assert shown[0, 0, 3] == shown[4, 4, 3] == 0 and (shown[1:4] > 0).all()
+    assert not recwarn
