@@ -294,6 +294,13 @@ class PlaneSurface(Settings):
 SurfaceGround = Annotated[MapSurface | PlaneSurface, Field(discriminator="kind")]
 
 
+class Tolerances(Settings):
+    """Root mean square errors that the survey allows."""
+
+    plan: float | None = setting(None, "In plan, of the distance; null: nothing is asked for.", "m", gt=0)
+    height: float | None = setting(None, "In height; null: nothing is asked for.", "m", gt=0)
+
+
 class Project(Settings):
     """Everything in a workflow file except its stages."""
 
@@ -305,5 +312,9 @@ class Project(Settings):
     positions: Positions = setting(PositionsFromExif(kind="exif"), "Where the positions of the photographs come from.")
     control: ControlSource = setting(NoControl(kind="none"), "Ground control and check points.")
     grid: SurfaceGround = setting(MapSurface(), "What the surface stands on: the map, or a plane such as a facade.")
+    tolerances: Tolerances = setting(
+        Tolerances(),
+        "What the survey allows: report and signature say of every product whether it keeps that, and by what evidence.",
+    )
     # Multiples of 64: pyramid levels and the blocks of exported GeoTIFFs divide a tile without a rest.
     tile: int = setting(512, "Side of a tile: the unit of work, of storage and of memory.", "px", ge=128, le=8192, multiple_of=64)

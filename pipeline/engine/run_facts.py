@@ -3,12 +3,13 @@
 Plain frozen values that the engine fills, keeps in `jobs/run.json`, and that the summary and the report print.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from pydantic import TypeAdapter, ValidationError
 
 from orthomill.pipeline.storage.table_files import write_whole
+from orthomill.schemas.project import Tolerances
 
 FACTS = "jobs/run.json"
 StageTitle = tuple[str, str]
@@ -80,6 +81,8 @@ class RunFacts:
     """(what, value) rows: processor, cores, memory, operating system, versions of libraries"""
     stages: tuple[StageRun, ...] = ()
     failures: tuple[Failure, ...] = ()
+    tolerances: Tolerances = field(default_factory=Tolerances)
+    """what the survey allows"""
     workflow: str = ""
     """the workflow as run, every default filled in (YAML text)"""
     written_by: str = ""

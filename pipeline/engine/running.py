@@ -170,6 +170,7 @@ def _begin(loaded: LoadedWorkflow, session: Session) -> RunFacts:
     return RunFacts(
         project=loaded.project.project,
         crs=loaded.project.crs,
+        tolerances=loaded.project.tolerances,
         version=version("orthomill"),
         started=now(),
         pixels=photograph_pixels(session),

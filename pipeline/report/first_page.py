@@ -80,7 +80,7 @@ class FirstPage:
     """(question, answer)"""
     products: tuple[ProductFile, ...]
     classes: tuple[str, ...] = ()
-    """accuracy class of every product, one sentence for each source"""
+    """accuracy class of every product and whether it keeps what the survey allows, one sentence for each source"""
 
 
 def first_page(reports: Reports, stages: tuple[StageTitle, ...], run: RunFacts, folder: Path) -> FirstPage:
@@ -95,7 +95,7 @@ def first_page(reports: Reports, stages: tuple[StageTitle, ...], run: RunFacts, 
         cautions,
         tuple(_answers(reports, stages, run)),
         tuple(_products(reports, stages, folder)),
-        tuple(product_classes(reports, folder)),
+        tuple(product_classes(reports, folder, run.tolerances)),
     )
 
 

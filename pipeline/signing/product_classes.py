@@ -1,25 +1,38 @@
-"""Which accuracy class each product meets, by what stages know of it: check points and checks without reference, apart."""
+"""Which accuracy class each product meets, and whether it keeps what the survey allows, by what stages know of it: check points and
+checks without reference, apart."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from orthomill.schemas.project import Tolerances
 from orthomill.schemas.stage_report import Evidence, Product, StageReport, class_of
 
 _WORDS = {"plan": "horizontal", "height": "vertical"}
 
 
-def product_classes(reports: Mapping[str, StageReport], folder: Path) -> Iterator[str]:
+def product_classes(reports: Mapping[str, StageReport], folder: Path, tolerances: Tolerances) -> Iterator[str]:
     """One sentence for each product in the run's folder, kind of accuracy and source."""
     evidence = tuple(found for report in reports.values() for found in report.evidence)
     for report in reports.values():
         for product in report.products:
             if (folder / product.path).exists():
-                yield from _of_product(product, evidence)
+                yield from _of_product(product, evidence, tolerances)
 
 
-def _of_product(product: Product, evidence: tuple[Evidence, ...]) -> Iterator[str]:
+def _of_product(product: Product, evidence: tuple[Evidence, ...], tolerances: Tolerances) -> Iterator[str]:
     for kind in product.classed:
+        allowed = tolerances.plan if kind == "plan" else tolerances.height
         about = [e for e in evidence if e.of == kind and (not e.products or product.path in e.products)]
-        yield from (f"{product.path}: {class_of(e.rmse)}-cm {_WORDS[kind]} class (ASPRS 2023) {e.source}" for e in about)
+        for found in about:
+            met = f"{class_of(found.rmse)}-cm {_WORDS[kind]} class (ASPRS 2023) {found.source}"
+            yield f"{product.path}: {met}{_kept(found.rmse, allowed)}"
         if not about:
-            yield f"{product.path}: no {_WORDS[kind]} class, nothing independent tells its accuracy"
+            unknown = "" if allowed is None else f", nor whether it keeps the {allowed:g} m that are allowed"
+            yield f"{product.path}: no {_WORDS[kind]} class, nothing independent tells its accuracy{unknown}"
+
+
+def _kept(rmse: float, allowed: float | None) -> str:
+    """Whether a root mean square error (m) is within what is allowed; empty where nothing is asked for."""
+    if allowed is None:
+        return ""
+    return f"; its RMSE of {rmse:.3f} m {'keeps' if rmse <= allowed else 'breaks'} the {allowed:g} m that are allowed"

@@ -55,7 +55,8 @@ class Statement(BaseModel):
     warnings: tuple[str, ...]
     """what the report warned of, the gravest first"""
     classes: tuple[str, ...] = ()
-    """accuracy class of every product, from check points and from checks without reference, apart"""
+    """accuracy class of every product and whether it keeps what the survey allows, from check points and from checks without
+    reference, apart"""
     files: dict[str, SignedFile]
     """by path in the run's folder"""
 

@@ -1,6 +1,7 @@
 """A run from start to finish without the command line: what is handed in is used, and what is left behind is what was asked for."""
 
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from orthomill.pipeline.report.results import REPORT, SUMMARY, rewrite_results, 
 from orthomill.pipeline.storage.store import Store
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow
 from orthomill.schemas.errors import ResourceError, StoreError, WorkflowError
+from orthomill.schemas.project import Tolerances
 
 SEQUENTIAL = Options(sequential=True)
 KINDS = ("source", "smooth", "sum")
@@ -52,6 +54,14 @@ def test_a_run_reports_to_those_that_were_handed_in(tmp_path):
     assert set(seen[1:]) == set(KINDS) and len(seen) == 1 + sum(stage.done for stage in facts.stages)
     ((stages, given),) = written.calls
     assert given == facts and [kind for kind, _ in stages] == list(KINDS)
+
+
+def test_what_the_survey_allows_is_known_to_the_report(tmp_path):
+    loaded = loaded_in(tmp_path)
+    allowed = Tolerances(plan=0.05, height=0.08)
+    project = loaded.project.model_copy(update={"tolerances": allowed})
+    facts = run_with_report(replace(loaded, project=project), SEQUENTIAL)
+    assert facts.tolerances == allowed == read_facts(tmp_path / "runs" / "toy").tolerances
 
 
 def test_a_notebook_runs_a_workflow_with_one_call(tmp_path, capfd):

@@ -17,6 +17,7 @@ from orthomill.pipeline.signing.signature_lines import SHOWN, signature_lines
 from orthomill.pipeline.signing.signing_key import default_key_path, fingerprint, new_key, public_bytes, read_key
 from orthomill.pipeline.signing.statement import Signer, Statement, digest_of, signed_paths
 from orthomill.schemas.errors import ResourceError, StoreError
+from orthomill.schemas.project import Tolerances
 from orthomill.schemas.stage_report import Evidence, Product, StageReport, class_of
 
 KEY = Ed25519PrivateKey.from_private_bytes(bytes(range(32)))
@@ -201,14 +202,27 @@ def test_every_product_has_its_classes_by_source(folder):
             evidence=(Evidence(of="height", rmse=0.031, source="by the check", products=("products/dsm.tif",)),),
         ),
     }
-    assert list(product_classes(reports, folder)) == [
+    assert list(product_classes(reports, folder, Tolerances())) == [
         "products/dsm.tif: 29-cm horizontal class (ASPRS 2023) from 8 check points",
         "products/dsm.tif: 29-cm vertical class (ASPRS 2023) from 8 check points",
         "products/dsm.tif: 4-cm vertical class (ASPRS 2023) by the check",
         "products/points: 29-cm vertical class (ASPRS 2023) from 8 check points",
     ]
     alone = {"densification": reports["densification"]}
-    assert all("nothing independent tells its accuracy" in line for line in product_classes(alone, folder))
+    assert all("nothing independent tells its accuracy" in line for line in product_classes(alone, folder, Tolerances()))
+
+
+def test_every_product_is_held_against_what_the_survey_allows_by_each_source(folder):
+    evidence = (
+        Evidence(of="height", rmse=0.29, source="from 8 check points"),
+        Evidence(of="height", rmse=0.031, source="by the check"),
+    )
+    product = Product(path="products/dsm.tif", purpose="heights", classed=("plan", "height"))
+    reports = {"densification": StageReport(products=(product,), evidence=evidence)}
+    plan, points, check = product_classes(reports, folder, Tolerances(plan=0.2, height=0.1))
+    assert plan.endswith("nothing independent tells its accuracy, nor whether it keeps the 0.2 m that are allowed")
+    assert points.endswith("from 8 check points; its RMSE of 0.290 m breaks the 0.1 m that are allowed")
+    assert check.endswith("by the check; its RMSE of 0.031 m keeps the 0.1 m that are allowed")
 
 
 def test_a_statement_of_an_earlier_version_is_still_genuine(folder):
