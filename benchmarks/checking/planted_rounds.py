@@ -5,8 +5,9 @@
 Strategy. The true surface of a simulated run, whose error is known in every cell, is checked against the run's photographs and
 adjusted cameras twice: as it is, and with bumps of +-0.5 to +-25 m and 3 to 60 cells of radius. A bump is detectable where the
 untouched surface was judged and every height of its core (above three quarters of its height) is off by more than the map of
-detectable errors says; it is found when half of the core is significantly wrong with the right sign. What the check says of the
-untouched surface gives false alarms, standard errors, and the share that was judged by class of the ground.
+detectable errors says; it is found when half of the core is called wrong (codes 2 and 3 of the product) with the right sign. What
+the check says of the untouched surface gives false alarms (the same codes), standard errors, and the share that was judged by class
+of the ground.
 """
 
 import os
@@ -25,7 +26,7 @@ from benchmarks.deformation import Bump, shape_of
 from benchmarks.measured_run import machine, orthomill, write_result
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.schemas.surface import SURFACE
+from orthomill.schemas.surface import SURFACE, CheckCode
 from orthomill.schemas.truth import OPEN_MATERIALS, TRUTH_GRID, TRUTH_MATERIAL, TRUTH_SURFACE, Material
 from orthomill.tasks.imagery.resampling import between
 
@@ -33,8 +34,8 @@ HEIGHTS, RADII = (0.5, 1.0, 2.0, 5.0, 10.0, 25.0), {60: 1, 40: 1, 25: 2, 15: 3, 
 """m; cells, and how many bumps of each height and sign"""
 SIDES = 1100, 1400
 """cells of the part that is checked, in the middle of the surface"""
-CORE, ROOM, SIGNIFICANT = 0.75, 14, 5.0
-"""share of a bump's height; cells between bumps; standard errors"""
+CORE, ROOM = 0.75, 14
+"""share of a bump's height; cells between bumps"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,10 +128,15 @@ def found(bump: Bump, ground: Ground, untouched: dict[str, np.ndarray], answer: 
     known = np.isfinite(dh) & (shape > 0)
     with np.errstate(invalid="ignore"):
         clearly = CORE * abs(bump.height) > limit
-        right = -np.sign(bump.height) * answer["test"][near][core] > SIGNIFICANT
+        right = wrong(answer)[near][core] & (-np.sign(bump.height) * answer["test"][near][core] > 0)
     share = -float((dh * shape)[known].sum() / max((shape[known] ** 2).sum(), 1e-9)) / bump.height if known.any() else 0.0
     cells = round(bump.radius / ground.grid.cell)
     return Found(cells, bump.height, bool(clearly.all()), bool(right.mean() >= 0.5), share)
+
+
+def wrong(answer: dict[str, np.ndarray]) -> np.ndarray:
+    """Cells (bool) that the product calls wrong."""
+    return np.isin(answer["code"], (CheckCode.WRONG, CheckCode.CORRECTED))
 
 
 def _range(middle: float, radius: float, centres: np.ndarray) -> tuple[int, int]:
@@ -188,7 +194,7 @@ def _untouched(ground: Ground, answer: dict[str, np.ndarray]) -> list[str]:
         ratio = np.abs(answer["test"][cells & known])
         shares = [100 * float((ratio < k).mean()) for k in (1, 2, 3)]
         judged = 100 * known[cells].mean()
-        alarms = 100 * float((ratio > SIGNIFICANT).mean())
+        alarms = 100 * float(wrong(answer)[cells & known].mean())
         lines.append(f"| {name} | {judged:.1f} | {shares[0]:.1f} | {shares[1]:.1f} | {shares[2]:.2f} | {alarms:.4f} |")
     return [
         "The untouched surface. Crowns are an envelope through which the photographs see the ground.",

@@ -17,6 +17,7 @@ from typing import Literal
 
 import numpy as np
 from numba import njit
+from scipy.ndimage import binary_opening
 
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import Window
@@ -52,8 +53,9 @@ class CorrectionNodes:
 
     @property
     def halo(self) -> int:
-        """Nodes around a tile on which its cells depend: reach of the fit, of the points, and of the median filter."""
-        return int(np.ceil((self.radius + self.move) / self.step)) + 3
+        """Nodes around a tile on which its cells depend: reach of the fit, of the points, of the median filter, and of the
+        squares in which corrections must be significant."""
+        return int(np.ceil((self.radius + self.move) / self.step)) + 4
 
     @cached_property
     def common(self) -> float:
@@ -211,6 +213,19 @@ def detectable_error(sigma: np.ndarray, significance: float) -> np.ndarray:
     Source: the smallest detectable error of Baarda 1968, with the correction of the cell as the only observation.
     """
     return (np.float32(significance + POWER) * sigma).astype(np.float32)
+
+
+def clearly_wrong(correction: CorrectionMap, significance: float, side: int) -> np.ndarray:
+    """(rows, cols) bool: cells in a square of `side` cells that all ask for a significant correction to the same side; right from
+    `side` - 1 cells off a border on that is not the end of the surface.
+
+    Of a million cells some exceed any limit. They stand alone, or in threes and fours where interpolation repeats the error of one
+    node; an error of the surface covers at least the square of a node.
+    """
+    with np.errstate(invalid="ignore"):
+        high, low = (sign * correction.dh > significance * correction.sigma for sign in (1, -1))
+    square = np.ones((side, side))
+    return np.asarray(binary_opening(high, square) | binary_opening(low, square))
 
 
 def share_applied(correction: CorrectionMap, apply: Literal["all", "significant", "none"], significance: float) -> np.ndarray:

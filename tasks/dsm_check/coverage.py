@@ -76,7 +76,8 @@ def choose_checked_pairs(
     grid = surface.grid
     polygons = [seen_ground(pair, block, surface) for pair in pairs.pairs]
     # Steeper pairs measure heights better: the greedy choice weighs ground gained by base over height.
-    order = best_cover([rasterised(p, grid) for p in polygons], [p.base_height for p in pairs.pairs], count, per_place)
+    covers = [covered(pair, block, surface) for pair in pairs.pairs]
+    order = best_cover(covers, [p.base_height for p in pairs.pairs], count, per_place)
     if not order:
         raise GeometryError(
             "No pair of photographs shows the surface model: it is of another place or in another reference system. Check its CRS."
@@ -92,13 +93,26 @@ def _checked_pair(pair: EpipolarPair, share: float, box: tuple[int, int, int, in
     return CheckedPair(name=pair.name, left=pair.left, right=pair.right, base_height=pair.base_height, share=share, box=box)
 
 
+def covered(pair: EpipolarPair, block: Block, surface: Surface) -> np.ndarray:
+    """Which places (bool) of the coarse raster both photographs show, whether the ground is as low as the lowest tie points or as
+    high as the highest."""
+    # What they may show between the bounds of a surface from a file is far more: at the border of the block it hides, as a ground
+    # that is covered already, what another pair shows in truth.
+    low, high = (rasterised(_common_ground(pair, block, z), surface.grid) for z in (block.ground_low, block.ground_high))
+    both = low & high
+    # On a mountain side the two may have nothing in common.
+    return both if both.any() else rasterised(seen_ground(pair, block, surface), surface.grid)
+
+
+def _common_ground(pair: EpipolarPair, block: Block, z: float) -> np.ndarray:
+    """Convex polygon (N, 2) m of what both photographs show of a level ground at height z (m); (0, 2) without any."""
+    views = block_view(block, pair.left), block_view(block, pair.right)
+    return common_polygon(*(convex(view.at_height(border_pixels(view), z)[:, :2]) for view in views))
+
+
 def seen_ground(pair: EpipolarPair, block: Block, surface: Surface) -> np.ndarray:
     """Convex polygon (N, 2) m of the ground that both photographs may show between the height bounds; (0, 2) without any."""
-    left, right = block_view(block, pair.left), block_view(block, pair.right)
-    parts = []
-    for z in (surface.height_low, surface.height_high):
-        two = [convex(view.at_height(border_pixels(view), z)[:, :2]) for view in (left, right)]
-        parts.append(common_polygon(*two))
+    parts = [_common_ground(pair, block, z) for z in (surface.height_low, surface.height_high)]
     # generously, at both heights: a place at the border that turns out invisible only costs nodes that are OUTSIDE
     corners = np.concatenate(parts)
     return convex(corners) if len(corners) > 2 else np.empty((0, 2))

@@ -256,7 +256,7 @@ class DsmCheckStage(Stage):
                 correct_tile,
                 reads,
                 _answer(tile, rule.block),
-                {"window": tile.window, "pairs": windows, "rule": rule},
+                {"window": tile.window, "pairs": windows, "rule": rule, "shape": passes.surface.grid.shape},
                 row=tile.row,
                 col=tile.col,
                 scratch=tile.window.width * 64 * 96 + tile.window.height * tile.window.width * 64,

@@ -16,6 +16,7 @@ from orthomill.tasks.dsm_check.areas import blocks, slopes
 from orthomill.tasks.dsm_check.correction_map import (
     CorrectionMap,
     CorrectionNodes,
+    clearly_wrong,
     corrected_heights,
     detectable_error,
     interpolate,
@@ -95,13 +96,21 @@ def correct_tile(
     heights: np.ndarray,
     nodes: tuple[np.ndarray, ...] = (),
     provenance: np.ndarray | None = None,
+    shape: tuple[int, int] | None = None,
 ) -> CheckedCells:
     """The checked cells of `window`.
 
     heights: (window.shape) m, of the surface under test. nodes: one array (rows, cols, bands) for each of `pairs`. provenance:
-    uint8 (window.shape) codes of the heights; None where all count as measured.
+    uint8 (window.shape) codes of the heights; None where all count as measured. shape: of the whole surface; None where the cells
+    around the window are not asked.
     """
-    return answered(window, pairs, rule, heights, joint_nodes(window, pairs, rule.nodes, nodes), provenance)
+    # Whether a cell stands alone is seen by the cells around the tile.
+    wide = window.grown(rule.nodes.step - 1).clipped(shape) if shape else window
+    says = joint_nodes(wide, pairs, rule.nodes, nodes)
+    inside = window.within(wide).slices
+    wrong = clearly_wrong(says.found, rule.significance, rule.nodes.step)[inside]
+    own = JointNodes(CorrectionMap(says.found.dh[inside], says.found.sigma[inside]), says.disputed[inside], says.clean)
+    return answered(window, pairs, rule, heights, own, wrong, provenance)
 
 
 def answered(
@@ -110,9 +119,11 @@ def answered(
     rule: CorrectionRule,
     heights: np.ndarray,
     says: JointNodes,
+    wrong: np.ndarray,
     provenance: np.ndarray | None = None,
 ) -> CheckedCells:
-    """The checked cells of `window` from what all pairs say; other arguments as in `correct_tile`."""
+    """The checked cells of `window` from what all pairs say; wrong: cells (bool) whose height is wrong beyond doubt; other
+    arguments as in `correct_tile`."""
     estimated = np.isin(np.zeros(window.shape, np.uint8) if provenance is None else provenance, ESTIMATED)
     correction = CorrectionMap(*(np.where(estimated, np.float32(np.nan), band) for band in (says.found.dh, says.found.sigma)))
     share = share_applied(correction, rule.apply, rule.significance)
@@ -128,7 +139,7 @@ def answered(
         test=(correction.dh / correction.sigma).astype(np.float32),
         detectable=detectable_error(correction.sigma, rule.significance),
         height=corrected_heights(heights, correction, share),
-        code=cell_codes(heights, correction, share, rule.significance, Conditions(estimated, says.disputed)),
+        code=cell_codes(heights, correction, share, Conditions(wrong, estimated, says.disputed)),
         coarse=np.concatenate(bands, axis=-1),
         counts=count_tile(heights, says.found, share, estimated, counted, rule.pixel_height, rule.cell),
     )
@@ -144,23 +155,21 @@ def joint_nodes(window: Window, pairs: tuple[NodeWindow, ...], grid: CorrectionN
 
 @dataclass(frozen=True)
 class Conditions:
-    """What else is known of the cells of a tile, (rows, cols) bool: their height is an estimate; their pairs disagree."""
+    """What else is known of the cells of a tile, (rows, cols) bool: their height is wrong beyond doubt; it is an estimate; their
+    pairs disagree."""
 
+    wrong: np.ndarray
     estimated: np.ndarray
     disputed: np.ndarray
 
 
-def cell_codes(
-    heights: np.ndarray, correction: CorrectionMap, share: np.ndarray, significance: float, conditions: Conditions
-) -> np.ndarray:
+def cell_codes(heights: np.ndarray, correction: CorrectionMap, share: np.ndarray, conditions: Conditions) -> np.ndarray:
     """uint8 (rows, cols) `CheckCode` of the cells of a tile."""
-    with np.errstate(invalid="ignore"):
-        wrong = np.abs(correction.dh) > significance * correction.sigma
     # The later condition wins: what is not judged cannot be wrong, what has no height cannot be judged.
     cases = (
         (np.isfinite(correction.dh), CheckCode.AGREES),
-        (wrong, CheckCode.WRONG),
-        (wrong & (share > 0), CheckCode.CORRECTED),
+        (conditions.wrong, CheckCode.WRONG),
+        (conditions.wrong & (share > 0), CheckCode.CORRECTED),
         (conditions.disputed, CheckCode.DISPUTED),
         (np.isnan(correction.dh), CheckCode.NOT_JUDGED),
         (conditions.estimated, CheckCode.ESTIMATE),

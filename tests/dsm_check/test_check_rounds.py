@@ -16,6 +16,7 @@ from orthomill.tasks.dsm_check.joint_correction import joint
 from orthomill.tasks.dsm_check.nodes import NodeMatching
 from orthomill.tasks.dsm_check.rounds.carried import carry
 from orthomill.tasks.dsm_check.rounds.coarse_levels import (
+    FINER_HALO,
     Far,
     finer_surface,
     finest_surface,
@@ -191,6 +192,18 @@ def test_the_second_surface_goes_where_the_photographs_say_in_any_tiling():
     assert not finest_surface(fine, all_, rule, heights, dh * 0.2, sigma, under_test).far.any()
 
 
+def test_what_no_coarse_window_judged_goes_along_with_the_ground_around_it_in_any_tiling():
+    heights = np.random.default_rng(3).normal(0, 0.1, (96, 80)).astype(np.float32)
+    dh = np.full(heights.shape, 20.0, np.float32)
+    dh[:, :12] = np.nan
+    fine, all_ = Window(0, 0, 192, 160), Window(0, 0, 96, 80)
+    out = finer_surface(fine, all_, heights, dh)
+    assert np.abs(out - 20.0).max() < 1.0
+    part = Window(64, 32, 64, 64)
+    given_ = part.reduced(2).grown(FINER_HALO).clipped(heights.shape)
+    np.testing.assert_array_equal(finer_surface(part, given_, heights[given_.slices], dh[given_.slices]), out[part.slices])
+
+
 WIDE = Window(0, 0, 16, 16)
 NODES = CorrectionNodes(step=4, pixels_per_cell=1, radius=6.0, move=10.0, window=11.0)
 PAIR = NodeWindow("a-b", Window(0, 0, 4, 4), Window(0, 0, 4, 4))
@@ -214,7 +227,9 @@ def look(heights: float, dh: float, sigma: float, correlation: float, outcome: O
         ((10.0, -0.4, 0.05, 0.9), (12.0, 0.0, 0.05, 0.9), -0.4),  # of another error
         ((10.0, np.nan, np.nan, 0.5), (12.0, 0.0, 0.05, 0.6), 2.0),  # the first look failed
         ((10.0, np.nan, np.nan, 0.7), (12.0, 0.0, 0.05, 0.6), np.nan),
-        ((10.0, np.nan, np.nan, 0.5, Outcome.OCCLUDED), (12.0, 0.0, 0.05, 0.6), np.nan),  # hidden: nothing was compared
+        ((10.0, np.nan, np.nan, 0.5, Outcome.OCCLUDED), (12.0, 0.0, 0.05, 0.6), np.nan),  # hidden: no match is clear enough
+        ((10.0, np.nan, np.nan, 0.5, Outcome.OCCLUDED), (12.0, 0.0, 0.05, 0.9), 2.0),  # hidden by its own error: a pit
+        ((10.0, np.nan, np.nan, 0.5, Outcome.OUTSIDE), (12.0, 0.0, 0.05, 0.9), np.nan),  # nothing was compared
     ],
 )
 def test_the_photographs_decide_between_two_surfaces(first, second, answer):

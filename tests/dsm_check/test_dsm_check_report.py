@@ -14,6 +14,7 @@ from orthomill.tasks.dsm_check.coverage import (
     CheckedPairs,
     best_cover,
     choose_checked_pairs,
+    covered,
     ground_pixel,
     rasterised,
     seen_ground,
@@ -244,6 +245,13 @@ def test_the_common_ground_lies_in_both_photographs():
     assert len(polygon) >= 4 and np.hypot(*(middle - (EAST, NORTH))) < 200 and 0.2 < inside.mean() < 1.0
     assert np.array_equal(inside, rasterised(polygon[::-1], TINY.grid)), "either orientation of the polygon"
     assert not rasterised(np.empty((0, 2)), TINY.grid).any()
+
+
+def test_ground_counts_as_covered_only_where_its_height_shows_it():
+    """A surface from a file may leave the tie points by hundreds of metres; what both photographs see then is far wider."""
+    pair, far = choose_pairs(block(), PairChoice(), 0.08).pairs[0], surface_on(TINY.grid, block())
+    shown, possible = covered(pair, block(), far), rasterised(seen_ground(pair, block(), far), TINY.grid)
+    assert shown.any() and not (shown & ~possible).any() and shown.sum() < 0.9 * possible.sum()
 
 
 def test_a_square_covers_its_share_of_the_raster():

@@ -18,6 +18,7 @@ from orthomill.schemas.surface import Surface
 from orthomill.tasks.dsm_check.areas import blocks, slopes
 from orthomill.tasks.dsm_check.correction_map import CorrectionNodes
 from orthomill.tasks.dsm_check.coverage import CheckedPairs, choose_checked_pairs
+from orthomill.tasks.dsm_check.rounds.carried import carry
 from orthomill.tasks.dsm_check.tile import NodeWindow, joint_nodes, take_surface
 from orthomill.tasks.imagery.resampling import between
 
@@ -29,7 +30,9 @@ _HALF = 0.5
 """share of the cells of a coarse one that must have a height"""
 START_SIDE, _NARROW = 9, 5
 """coarse cells along the windows of the medians: at the beginning, where no error must be left, and from level to level"""
-START_HALO, FINER_HALO = START_SIDE // 2, _NARROW // 2 + 1
+CARRIED = 24
+"""coarse cells from which ground that no window judged takes its change: windows and search do not come nearer to a border"""
+START_HALO, FINER_HALO = START_SIDE // 2, _NARROW // 2 + 1 + CARRIED
 """coarse cells around a tile that they need; one more for the interpolation"""
 
 
@@ -117,7 +120,8 @@ class Far:
 
 def finer_surface(window: Window, given: Window, heights: np.ndarray, dh: np.ndarray) -> np.ndarray:
     """The second surface in cells `window` of the next level, float32 m, from heights and dh in the coarse cells `given`."""
-    moved = heights + dh
+    whole = Window(0, 0, *heights.shape)
+    moved = carry(whole, whole, CARRIED, heights + dh, heights, dh)
     smooth = median_of_known(moved, _NARROW)
     smooth = np.where(np.isfinite(smooth), smooth, heights)
     row, col = (

@@ -11,7 +11,7 @@ import numpy as np
 from orthomill.schemas.raster import Window
 from orthomill.schemas.surface import ESTIMATED, CheckCode
 from orthomill.tasks.dsm_check.areas import blocks, slopes
-from orthomill.tasks.dsm_check.correction_map import CorrectionMap, detectable_error
+from orthomill.tasks.dsm_check.correction_map import CorrectionMap, clearly_wrong, detectable_error
 from orthomill.tasks.dsm_check.statistics import TileCounts, count_tile
 from orthomill.tasks.dsm_check.tile import CheckedCells, Conditions, CorrectionRule, cell_codes
 
@@ -28,6 +28,7 @@ class Finish:
 
 def finish(
     window: Window,
+    wide: Window,
     how: Finish,
     given: np.ndarray,
     height: np.ndarray,
@@ -39,28 +40,37 @@ def finish(
     filled: np.ndarray | None = None,
     far: np.ndarray | None = None,
 ) -> CheckedCells:
-    """The checked cells of `window`, all arrays (window.shape): heights as given and after the last pass (m); what is still asked
-    for and its standard error (m); disputed, where the photographs filled holes, and far from the second surface (uint8)."""
-    rule = how.rule
+    """The checked cells of `window`.
+
+    Arrays (wide.shape), the step of the nodes less a cell larger to every side: heights as given and after the last pass (m), what
+    is still asked for and its standard error (m). Arrays (window.shape): disputed, provenance, where the photographs filled holes,
+    and far from the second surface (uint8).
+    """
+    rule, inside = how.rule, window.within(wide).slices
+    judged = np.isfinite(residual)
+    after = np.where(judged, height, given)
+    error = np.hypot(np.where(judged, precision, np.nan), how.own).astype(np.float32)
+    whole = CorrectionMap(np.where(judged, after - given + residual, np.nan).astype(np.float32), error)
+    wrong = clearly_wrong(whole, rule.significance, rule.nodes.step)[inside]
+    given, after = given[inside], after[inside]
+
     estimated = np.isin(np.zeros(window.shape, np.uint8) if provenance is None else provenance, ESTIMATED)
-    known = np.isfinite(residual) & ~estimated
-    unconfirmed = ~known & np.isfinite(given) & (far > 0) if far is not None else np.zeros(window.shape, np.bool_)
-    after = np.where(known, height, given)
-    total = np.where(known, after - given + residual, np.float32(np.nan)).astype(np.float32)
-    sigma = np.hypot(np.where(known, precision, np.nan), how.own).astype(np.float32)
-    correction = CorrectionMap(total, sigma)
-    share = (known & (np.abs(np.nan_to_num(after - given)) > 0)).astype(np.float32)
+    known = judged[inside] & ~estimated
+    after = np.where(known, after, given)
+    correction = CorrectionMap(*(np.where(known, band[inside], np.float32(np.nan)) for band in (whole.dh, whole.sigma)))
     # Several passes may have changed a cell by less than the limit of one.
-    code = cell_codes(given, correction, share, rule.significance, Conditions(estimated, disputed > 0))
+    share = (known & (np.abs(np.nan_to_num(after - given)) > 0)).astype(np.float32)
+    unconfirmed = ~known & np.isfinite(given) & (far > 0) if far is not None else np.zeros(window.shape, np.bool_)
+    code = cell_codes(given, correction, share, Conditions(wrong, estimated, disputed > 0))
     code[unconfirmed] = CheckCode.BEYOND_REACH
     if filled is not None:
         code[filled > 0] = CheckCode.FILLED
     found = count_tile(given, correction, share, estimated, counts.pairs, rule.pixel_height, rule.cell)
-    coarse = blocks(total, correction.sigma, rule.block), slopes(given, total, rule.block, rule.cell)
+    coarse = blocks(correction.dh, correction.sigma, rule.block), slopes(given, correction.dh, rule.block, rule.cell)
     return CheckedCells(
-        dh=total,
+        dh=correction.dh,
         precision=correction.sigma,
-        test=(total / correction.sigma).astype(np.float32),
+        test=(correction.dh / correction.sigma).astype(np.float32),
         detectable=detectable_error(correction.sigma, rule.significance),
         height=(after + np.float32(how.back)).astype(np.float32),
         code=code,

@@ -274,7 +274,8 @@ def judge(
         says = joint_nodes(window, pairs, rule.nodes, nodes)
     else:
         says, heights = _two_looks(window, wide, pairs, rule, (heights, second), (nodes, second_nodes))
-    cells = answered(window, pairs, rule, heights, says, provenance)
+    # What is wrong beyond doubt is told at the end, of the sum of all passes.
+    cells = answered(window, pairs, rule, heights, says, np.zeros(window.shape, np.bool_), provenance)
     change = np.nan_to_num(cells.height - heights)
     # What two photographs see and windows of this size do not understand may be a narrow error: it is looked at more closely.
     failed = _failed(window, pairs, rule.nodes.step, nodes) & np.isnan(cells.dh) & np.isfinite(heights)

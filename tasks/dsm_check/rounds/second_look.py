@@ -6,7 +6,8 @@ judged, the photographs decide: the orthoimages of which surface correlate bette
 surface under test, for the second one is smooth; an error that is narrower than the window, or too steep for it, speaks against it,
 although the window as a whole may still agree. The surface under test has the benefit of the doubt: against a height that it
 confirmed, the difference of the correlations must exceed two of its standard errors, or the first look must have seen a part of the
-error itself; both are weighed together. Where it failed, any better fit will do.
+error itself; both are weighed together. Where it failed, any better fit will do; where it hides a place from a photograph (the
+bottom of a pit that is an error, or truly the foot of a wall), the fit must be better than that of an accepted match.
 
 Source: difference of correlations by Fisher's transformation (Fisher 1921).
 """
@@ -26,7 +27,9 @@ _CONTRADICTS = 4.0
 """standard errors of the difference of two heights"""
 _CLEARLY = 2.0
 """standard errors by which the second surface must correlate better"""
-_UNTRIED = (Outcome.NOT_TRIED, Outcome.OUTSIDE, Outcome.OCCLUDED)
+_UNTRIED = (Outcome.NOT_TRIED, Outcome.OUTSIDE)
+_MATCHES = 0.7
+"""correlation of windows that are accepted as a match"""
 _IN_PLAN = 0.25
 """cells"""
 _HIGHEST = 0.999
@@ -84,7 +87,7 @@ def _gain(
     # Resampling by the orthoimages and the smoothing of the matching leave about a quarter of the pixels independent.
     pixels = (grid.window * grid.pixels_per_cell) ** 2 / 4
     for pair, one, other in zip(pairs, given, second, strict=True):
-        better = (_fit(other) - _fit(one)) * np.sqrt(max(pixels - 3, 1) / 2)
+        better = (_fit(other, np.nan) - _fit(one, _MATCHES)) * np.sqrt(max(pixels - 3, 1) / 2)
         cells = pair.given.scaled(grid.step)
         both = _common(cells, wide)
         values = np.repeat(np.repeat(better, grid.step, 0), grid.step, 1)[both.within(cells).slices]
@@ -101,8 +104,10 @@ def _common(one: Window, other: Window) -> Window:
     return Window(row, col, bottom - row, min(one.col + one.width, other.col + other.width) - col)
 
 
-def _fit(nodes: np.ndarray) -> np.ndarray:
-    """Fisher's transform (rows, cols) of the correlation at nodes; NaN where they were not tried, 0 where they do not correlate."""
-    tried = ~np.isin(np.nan_to_num(nodes[..., OUTCOME]), _UNTRIED)
+def _fit(nodes: np.ndarray, hidden: float) -> np.ndarray:
+    """Fisher's transform (rows, cols) of the correlation at nodes, 0 where they do not correlate, that of `hidden` where the
+    surface hides them; NaN where they were not tried."""
+    outcome = np.nan_to_num(nodes[..., OUTCOME])
     correlation = np.clip(np.nan_to_num(nodes[..., CORRELATION]), 0.0, _HIGHEST)
-    return np.where(tried, np.arctanh(correlation), np.nan)
+    correlation = np.where(outcome == Outcome.OCCLUDED, hidden, correlation)
+    return np.where(np.isin(outcome, _UNTRIED), np.nan, np.arctanh(correlation))

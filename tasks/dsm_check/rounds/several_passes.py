@@ -379,9 +379,11 @@ class Passes:
 
     def finish(self, tile: Tile, number: int, twice: bool, writes: dict[str, Raster | Table], how: Finish) -> Job:
         """The answer in a tile after pass `number`; twice: whether there is a second surface."""
+        # Whether a cell stands alone is seen by the cells around the tile.
+        wide = tile.window.grown(self.how.step - 1).clipped(self.surface.grid.shape)
         reads: Reads = {
-            "given": Raster("dsm_check/input", tile.window),
-            **{name: Raster(of_round(number, name), tile.window) for name in ("height", "residual", "precision")},
+            "given": Raster("dsm_check/input", wide),
+            **{name: Raster(of_round(number, name), wide) for name in ("height", "residual", "precision")},
             "disputed": Raster(of_round(1, "disputed"), tile.window),
             "counts": counts_table(tile),
             **self.codes(tile.window),
@@ -390,7 +392,7 @@ class Passes:
             reads["far"] = Raster(FAR, tile.window)
         if not self.measured:
             reads["filled"] = Raster(FILLED, tile.window)
-        params = {"window": tile.window, "how": how}
+        params = {"window": tile.window, "wide": wide, "how": how}
         return Job(KIND, "answer", finish, reads, writes, params, tile.row, tile.col, _scratch(tile))
 
 
