@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.job import Table
 from orthomill.schemas.observations import IMAGE_RESIDUALS, ImageResiduals
 from orthomill.schemas.orientation import BLOCK, Block
-from orthomill.schemas.project import Project
+from orthomill.schemas.project import PhotoList, Project
 from orthomill.schemas.raster import MapGrid, map_raster
 from orthomill.schemas.stage_report import StageReport, report_table
 from orthomill.schemas.surface import CORRECTED, HEIGHT, PROVENANCE, SURFACE, Provenance
@@ -60,7 +60,9 @@ def check(
 
     Raises OrthomillError with one sentence, for example when no pair of photographs sees the surface.
     """
-    project = Project(project="check", crs=block.crs, photographs=photo_list(photographs))
+    files = photo_list(photographs)
+    block = _part_of(block, files)
+    project = Project(project="check", crs=block.crs, photographs=files)
     stage, given = settings or DsmCheckStage(), GivenResults.of({BLOCK: block, IMAGE_RESIDUALS: _NO_RESIDUALS})
     if isinstance(surface, xr.DataArray):
         given = _given(surface, block)
@@ -68,6 +70,18 @@ def check(
         stage = stage.model_copy(update={"surface": SurfaceFile(kind="file", path=str(Path(surface).resolve()))})
     with temporary_run(project, (PhotosStage(), given, EpipolarStage(images="none"), stage), progress) as store:
         return SurfaceCheck(_result(store), store.table(report_table("dsm_check")))
+
+
+def _part_of(block: Block, files: PhotoList) -> Block:
+    """The block of those of its photographs that are among the files. Raises WorkflowError where they are no pair."""
+    names = {PurePath(path).stem for path in files.paths}
+    there = tuple(photo for photo in block.photos if photo.photo in names)
+    if len(there) < 2:
+        raise WorkflowError(
+            f"Of the block ({', '.join(block.names[:3])}{' ...' if len(block.names) > 3 else ''}), {len(there)} of the two "
+            "photographs that a check needs are among the files; photographs have the names of their files without the suffix."
+        )
+    return block.model_copy(update={"photos": there})
 
 
 def _result(store: Store) -> xr.Dataset:

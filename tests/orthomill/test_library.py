@@ -133,6 +133,14 @@ def test_a_surface_in_another_system_or_upside_down_is_refused(oriented, photogr
         orthomill.check(surface[::-1], photographs, oriented.block)
 
 
+def test_a_surface_is_checked_with_the_photographs_of_the_block_that_are_there(oriented, photographs, surface):
+    files = sorted(photographs.iterdir())
+    few = orthomill.check(surface, files[:2], oriented.block).result
+    assert np.isfinite(few.dh).any()
+    with pytest.raises(WorkflowError, match="1 of the two photographs that a check needs"):
+        orthomill.check(surface, files[:1], oriented.block)
+
+
 def test_a_folder_without_a_run_is_refused(tmp_path):
     with pytest.raises(StoreError, match="runs/volos"):
         orthomill.open(tmp_path)
