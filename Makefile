@@ -10,7 +10,7 @@ photos ?=
 options ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-tile-map bench-map-cost bench-remaining-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-registration bench-published-bundles bench-vll bench-guided bench-guide compare chaos docs clean clean-all bench-texture
+.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-tile-map bench-map-cost bench-remaining-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-registration bench-published-bundles bench-layouts bench-vll bench-guided bench-guide compare chaos docs clean clean-all bench-texture
 
 help: ## List all targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-18s %s\n", $$1, $$2}'
@@ -133,6 +133,9 @@ bench-camera-constants: $(STAMP) ## Camera constants that real blocks find, with
 
 bench-published-bundles: $(STAMP) ## Self-calibration on the geometry of three published applications
 	@$(BIN)/python -m benchmarks.orientation.published_bundles
+
+bench-layouts: $(STAMP) ## Sixty layouts of photographs with planted blunders: what converges, what is named
+	@$(BIN)/python -m benchmarks.orientation.planted_layouts $(options)
 
 bench-registration: $(STAMP) ## Joint registration of simulated scans: precision that is true
 	@$(BIN)/python -m benchmarks.orientation.scan_registration

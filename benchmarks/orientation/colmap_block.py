@@ -20,7 +20,8 @@ def cpu_seconds() -> float:
 
 
 def main(job: dict) -> None:
-    """Features, exhaustive matching, incremental mapping; cameras are shared by all photographs."""
+    """Features, exhaustive matching, incremental mapping; `single`: one camera took all photographs; without it EXIF
+    tells."""
     out = Path(job["out"])
     out.mkdir(parents=True, exist_ok=True)
     database = out / "database.db"
@@ -31,7 +32,7 @@ def main(job: dict) -> None:
         database,
         job["photographs"],
         image_names=job["names"],
-        camera_mode=pycolmap.CameraMode.SINGLE,
+        camera_mode=pycolmap.CameraMode.SINGLE if job.get("single", True) else pycolmap.CameraMode.AUTO,
         reader_options=reader,
         device=pycolmap.Device.cpu,
     )

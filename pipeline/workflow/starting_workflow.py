@@ -230,13 +230,14 @@ def _cameras(survey: Survey) -> Iterator[str]:
     if survey.focal_lengths:
         yield "  kind: exif  # nominal values, refined by the block adjustment; a calibration from chessboards is better"
         return
-    first = survey.headers[0]
-    yield "  kind: given  # no photograph has a focal length in its EXIF tags, so it must be given here"
-    yield f"  c:  # to be filled in: camera constant in px: focal length / sensor width * {max(first.width, first.height)}"
-    yield "  # x0: 0.0         # principal point, px right of the image centre"
-    yield "  # y0: 0.0         # principal point, px above the image centre"
-    yield "  # k1: 0.0         # radial distortion, radius in units of c, as in OpenCV"
-    yield "  # pixel_um: 4.5   # side of a pixel on the sensor, micrometres, if known"
+    yield "  kind: exif  # no tags give a focal length: a camera constant is guessed and refined by the block; better give it:"
+    longer = max(survey.headers[0].width, survey.headers[0].height)
+    yield "  # kind: given"
+    yield f"  # c:             # camera constant in px: focal length / sensor width * {longer}"
+    yield "  # x0: 0.0        # principal point, px right of the image centre"
+    yield "  # y0: 0.0        # principal point, px above the image centre"
+    yield "  # k1: 0.0        # radial distortion, radius in units of c, as in OpenCV"
+    yield "  # pixel_um: 4.5  # side of a pixel on the sensor, micrometres, if known"
 
 
 def _positions(survey: Survey) -> Iterator[str]:
@@ -300,7 +301,10 @@ def _notes(name: str, survey: Survey, crs: str | None) -> Iterator[str]:
     if not (crs or survey.utm or beside.projected) and not survey.placeless:
         yield "Fill in 'crs': neither the photographs nor the files beside them tell it."
     if not survey.focal_lengths and not beside.camera:
-        yield "Fill in 'cameras > c': no photograph has a focal length in its EXIF tags."
+        yield (
+            "No photograph has a focal length in its EXIF tags: a camera constant is guessed and refined by the block; if it is "
+            "known, give it ('cameras > c')."
+        )
     elif survey.without_focal and not beside.camera:
         yield (
             f"{survey.without_focal} of {len(survey.headers)} photographs have no focal length; they are assigned the camera of "

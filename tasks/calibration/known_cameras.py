@@ -21,7 +21,7 @@ class KnownCameras(NamedTuple):
 
 
 def from_exif(photos: Photos) -> KnownCameras:
-    """Nominal cameras. Raises PhotoError when no photograph has the tags for a camera constant."""
+    """Nominal cameras; guessed ones for photographs whose tags give no camera constant."""
     return _known(SharedCameras(*cameras_from_exif(photos)))
 
 

@@ -98,8 +98,8 @@ def untagged_sentence(untagged: UntaggedPhotos) -> str:
     guessed = sorted({f"{constant:.0f} px" for constant in untagged.constants})
     return (
         f"EXIF gives no focal length of {names}, and no other photograph has their size: a camera constant of "
-        f"{', '.join(guessed)} was guessed, with a standard error of {100 * GUESS_SHARE:.0f} %. Give their camera in a file, or "
-        "leave them out."
+        f"{', '.join(guessed)} was guessed, with a standard error of {100 * GUESS_SHARE:.0f} %, which the block refines as far as "
+        "its shape and control allow. Give their camera (cameras: {kind: given, c: ...}, or a file) if it is known."
     )
 
 

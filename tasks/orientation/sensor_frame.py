@@ -145,7 +145,12 @@ class Upright:
 
     def _sensors_of(self, block: Block) -> dict[str, tuple[str, int]]:
         """Sensor and EXIF orientation by camera of upright photographs."""
-        return {self.cameras.of_photo[name]: (block.of_photo[name], self.flag(name)) for name in block.names}
+        return {self._upright_camera(block, name): (block.of_photo[name], self.flag(name)) for name in block.names}
+
+    def _upright_camera(self, block: Block, name: str) -> str:
+        """The name of a photograph's camera; its own where its interior orientation varies from that of its camera."""
+        upright = self.cameras.of_photo[name]
+        return upright if block.of_photo[name] == self._sensor(name) else f"{upright}, {name}"
 
     def block(self, block: Block) -> Block:
         """A block in the frames of the sensors as a block of upright photographs."""
@@ -160,7 +165,7 @@ class Upright:
                     name: turned(block.cameras[sensor], flag).model_copy(update={"name": name})
                     for name, (sensor, flag) in sorted(cameras.items())
                 },
-                "of_photo": {name: self.cameras.of_photo[name] for name in block.of_photo},
+                "of_photo": {name: self._upright_camera(block, name) for name in block.of_photo},
                 "photos": tuple(self._upright(photo, turn[photo.photo], cameras) for photo in block.photos),
                 "joint": tuple(
                     j.model_copy(update={"covariance": _rows(turn[j.first] @ np.array(j.covariance) @ turn[j.second].T)})

@@ -24,6 +24,7 @@ from orthomill.schemas.raster import RasterSpec, Window
 from orthomill.schemas.settings import refuse_ignored, setting
 from orthomill.schemas.stage_contract import Outline, ProjectView, Stage
 from orthomill.schemas.stage_report import report_table
+from orthomill.tasks.adjustment.model.image_variation import NoVariation, VariationChoice
 from orthomill.tasks.adjustment.model.interior import InteriorChoice, WeightedInterior
 from orthomill.tasks.geometry.footprint import ground_outline
 from orthomill.tasks.geometry.view import block_view
@@ -65,6 +66,7 @@ OF_THE_ADJUSTMENT = (
     "looking",
     "vertical_sigma",
     "rejection",
+    "variation",
 )
 """Settings that only the block adjustment reads."""
 
@@ -110,6 +112,12 @@ class OrientationStage(Stage):
     )
     rejection: float = setting(
         4.0, "Image measurements with a larger standardised residual are rejected.", "standard errors", ge=2.5
+    )
+
+    variation: VariationChoice = setting(
+        NoVariation(kind="none"),
+        "What of the interior orientation varies from photograph to photograph: nothing, the camera constant (zoom), the principal "
+        "point (stabilised), or what a rolling shutter does.",
     )
 
     @model_validator(mode="after")
@@ -205,6 +213,7 @@ class OrientationStage(Stage):
             lever_arm=self.lever_arm,
             lever_sigma=self.lever_sigma,
             looking=self.looking,
+            variation=self.variation,
         )
         function: Callable[..., BlockTables] = orient_block
         reads: Reads = {"photos": PHOTOS, "cameras": CAMERAS, "tie_points": TIE_POINTS, "control": CONTROL, "relative": RELATIVE}

@@ -98,9 +98,12 @@ def test_contradicting_exif_tags_are_reported():
     assert any("contradict" in warning for warning in report.warnings)
 
 
-def test_no_exif_and_no_camera_is_one_sentence_that_names_the_photographs():
-    with pytest.raises(PhotoError, match=r"2 of 2 photographs \(b, c\).*kind: given"):
-        from_exif(photos(photo("b"), photo("c", focal_mm=8.0)))
+def test_without_exif_a_camera_is_guessed_and_said():
+    outcome = from_exif(photos(photo("b"), photo("c", focal_mm=8.0)))
+    camera = outcome.cameras.of("b")
+    assert camera.c == 800 and np.sqrt(camera.covariance[0][0]) == pytest.approx(200)
+    (said,) = [text for text in outcome.report.warnings if "guessed" in text]
+    assert "b, c" in said and "kind: given" in said
 
 
 def test_a_photograph_that_lost_its_tags_takes_the_camera_of_the_others_of_its_size():

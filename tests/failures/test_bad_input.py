@@ -71,16 +71,6 @@ def test_a_text_file_called_jpg_is_named(site):
     assert "photos/notes.jpg is not a JPEG, TIFF or PNG image but plain text" in run_site()
 
 
-def test_no_exif_and_no_camera_says_what_to_add(site):
-    for photo in photographs(site):
-        with Image.open(photo) as image:
-            image.load()
-        image.save(photo, quality=90)
-    write_workflow(site, positions={"kind": "none"})
-    said = run_site()
-    assert "No camera constant can be found for 3 of 3 photographs" in said and "cameras: {kind: given" in said
-
-
 def test_a_single_photo_is_not_a_project(site):
     for photo in photographs(site)[1:]:
         photo.unlink()

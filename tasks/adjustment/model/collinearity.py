@@ -24,10 +24,10 @@ def _lens(n, model):
 
 
 @njit(cache=True)
-def _residuals(photo, camera, point, xy, rotation, centre, points, interior, models):
+def _residuals(photo, point, xy, rotation, centre, points, interior, models):
     out = np.empty((len(photo), 2))
     for i in range(len(photo)):
-        R, n = rotation[photo[i]], interior[camera[i]]
+        R, n = rotation[photo[i]], interior[photo[i]]
         dx = points[point[i], 0] - centre[photo[i], 0]
         dy = points[point[i], 1] - centre[photo[i], 1]
         dz = points[point[i], 2] - centre[photo[i], 2]
@@ -37,14 +37,14 @@ def _residuals(photo, camera, point, xy, rotation, centre, points, interior, mod
             continue
         a = -(R[0, 0] * dx + R[0, 1] * dy + R[0, 2] * dz) / u3
         b = -(R[1, 0] * dx + R[1, 1] * dy + R[1, 2] * dz) / u3
-        xd, yd = distort_point(a, b, _lens(n, models[camera[i]]))
+        xd, yd = distort_point(a, b, _lens(n, models[photo[i]]))
         out[i, 0] = xy[i, 0] - n[1] - n[0] * xd
         out[i, 1] = xy[i, 1] - n[2] - n[0] * yd
     return out
 
 
 @njit(cache=True)
-def _derivatives(photo, camera, point, rotation, centre, points, interior, models, wanted):
+def _derivatives(photo, point, rotation, centre, points, interior, models, wanted):
     jg = np.zeros((len(photo), 2, EXTERIOR + len(wanted)))
     jp = np.zeros((len(photo), 2, 3))
     du = np.empty((2, 3))
@@ -52,8 +52,8 @@ def _derivatives(photo, camera, point, rotation, centre, points, interior, model
     # With c and the principal point alone nothing of the lens is differentiated.
     lens_wanted = len(wanted) > 0 and wanted[-1] > 2
     for i in range(len(photo)):
-        R, n = rotation[photo[i]], interior[camera[i]]
-        c, lens = n[0], _lens(n, models[camera[i]])
+        R, n = rotation[photo[i]], interior[photo[i]]
+        c, lens = n[0], _lens(n, models[photo[i]])
         d = points[point[i]] - centre[photo[i]]
         u1 = R[0, 0] * d[0] + R[0, 1] * d[1] + R[0, 2] * d[2]
         u2 = R[1, 0] * d[0] + R[1, 1] * d[1] + R[1, 2] * d[2]
@@ -89,10 +89,8 @@ def _derivatives(photo, camera, point, rotation, centre, points, interior, model
 
 def residuals(state: State, rays: Rays, camera_of: np.ndarray) -> np.ndarray:
     """Observed minus computed image coordinates (M, 2), px; BEHIND for points behind their camera."""
-    interior, models = _cameras(state)
-    return _residuals(
-        rays.photo, camera_of[rays.photo], rays.point, rays.xy, state.rotation, state.centre, state.point, interior, models
-    )
+    interior, models = photo_interiors(state, camera_of)
+    return _residuals(rays.photo, rays.point, rays.xy, state.rotation, state.centre, state.point, interior, models)
 
 
 def derivatives(
@@ -100,17 +98,18 @@ def derivatives(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Derivatives of the computed image coordinates: (M, 2, 6 + k) by X, Y, Z, three rotations and the k interior `parameters`
     (ascending numbers in INTERIOR; by default all of the state); (M, 2, 3) by the point."""
-    interior, models = _cameras(state)
+    interior, models = photo_interiors(state, camera_of)
     wanted = np.arange(state.interior.shape[1]) if parameters is None else parameters
-    camera = camera_of[rays.photo]
-    return _derivatives(rays.photo, camera, rays.point, state.rotation, state.centre, state.point, interior, models, wanted)
+    return _derivatives(rays.photo, rays.point, state.rotation, state.centre, state.point, interior, models, wanted)
 
 
-def _cameras(state: State) -> tuple[np.ndarray, np.ndarray]:
-    """Interior parameters (C, 17) and codes of the lens models (C,)."""
+def photo_interiors(state: State, camera_of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Interior parameters (P, 17) and codes of the lens models (P,) of the photographs."""
     missing = len(INTERIOR) - state.interior.shape[1]
     interior = np.pad(state.interior, ((0, 0), (0, missing))) if missing else state.interior
-    return interior, np.zeros(len(interior)) if state.lens is None else state.lens
+    models = np.zeros(len(interior)) if state.lens is None else state.lens
+    own = interior[camera_of]
+    return own if state.variation is None else own + state.variation, models[camera_of]
 
 
 def residual_lengths(network: Network, state: State, rays: Rays) -> np.ndarray:

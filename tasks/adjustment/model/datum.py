@@ -58,6 +58,7 @@ def prior_cost(network: Network, state: State, huber: float = np.inf) -> float:
         + huber_cost(size.point, huber)
         + (network.vertical_weight * (vertical_residuals(network, state) ** 2).sum(axis=1)).sum()
         + np.einsum("ci,cij,cj->", value, network.interior.weight, value)
+        + _variation_cost(network, state)
         + (network.lever_weight * (network.lever - state.lever) ** 2).sum()
         + huber_cost(size.distance, huber)
     )
@@ -119,6 +120,8 @@ def _prior(network: Network, state: State, factors: PriorFactors) -> Iterator[tu
         network.interior.weight,
         network.interior.value - state.interior,
     )
+    if len(network.variation):
+        yield _variation(network, state)
     if len(network.lever_columns):
         yield network.lever_columns[None], np.eye(3)[None], np.diag(network.lever_weight)[None], (network.lever - state.lever)[None]
     if len(network.kept):
@@ -136,6 +139,19 @@ def _positions(network: Network, state: State, factor: np.ndarray) -> tuple[np.n
     J, columns = position_derivatives(network, state, photos)
     weight = factor[photos, None, None] * network.centre_weight[photos][:, :, None] * np.eye(3)
     return columns, J, weight, position_residuals(network, state)[photos]
+
+
+def _variation(network: Network, state: State) -> tuple[np.ndarray, ...]:
+    own = network.variation
+    now = np.zeros_like(own.expected) if state.variation is None else state.variation[:, own.parameters]
+    return network.variation_columns, np.broadcast_to(np.eye(len(own)), own.weight.shape), own.weight, own.expected - now
+
+
+def _variation_cost(network: Network, state: State) -> float:
+    if not len(network.variation):
+        return 0.0
+    _, _, weight, away = _variation(network, state)
+    return float(np.einsum("pi,pij,pj->", away, weight, away))
 
 
 def _verticality(network: Network, state: State) -> tuple[np.ndarray, ...]:

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from scipy.sparse import csr_array, vstack
 
-from orthomill.tasks.adjustment.model.collinearity import derivatives, residuals
+from orthomill.tasks.adjustment.model.collinearity import EXTERIOR, derivatives, residuals
 from orthomill.tasks.adjustment.model.network import Network, Rays, State, ray_columns
 from orthomill.tasks.adjustment.sparse.block_cholesky import Structure, structure_of
 from orthomill.tasks.adjustment.sparse.block_matrix import Pattern, pattern_of
@@ -43,6 +43,10 @@ def linearised(
     of surveyed points."""
     row, columns = ray_columns(network, rays)
     jg, jp = derivatives(state, rays, network.camera_of, network.estimated)
+    if len(network.variation):
+        # A photograph's own parameter acts as that of its camera does.
+        varying = EXTERIOR + np.searchsorted(network.estimated, network.variation.parameters)
+        jg = np.concatenate([jg, jg[:, :, varying]], axis=2)
     point_weight = network.point_weight * np.broadcast_to(point_factor, len(network.point))[:, None]
     if len(network.kept):
         # A kept point is an unknown of the reduced system: its derivatives move there, and nothing is left to eliminate.

@@ -41,7 +41,8 @@ class Rays:
 class State:
     """Values of the unknowns: `rotation` (P, 3, 3), `centre` (P, 3), `point` (N, 3), `interior` (C, k) the first k of INTERIOR,
     `shift` (3,) m, `lever` (3,) m from the projection centre to the antenna in the image system (x right, y up, z backwards);
-    `lens` (C,) the codes of the lens models (geometry/distortion.py), Brown's for all by default."""
+    `lens` (C,) the codes of the lens models (geometry/distortion.py), Brown's for all by default; `variation` (P, k) how the
+    interior orientation of each photograph differs from that of its camera (None: not at all)."""
 
     rotation: np.ndarray
     centre: np.ndarray
@@ -50,6 +51,7 @@ class State:
     shift: np.ndarray
     lever: np.ndarray = field(default_factory=lambda: np.zeros(3))
     lens: np.ndarray | None = None
+    variation: np.ndarray | None = None
 
     def with_lever(self, lever: np.ndarray) -> "State":
         """The state with another lever arm (3,)."""
@@ -94,6 +96,22 @@ class Interior:
 
 
 @dataclass(frozen=True, eq=False)
+class Variation:
+    """Interior parameters that vary from photograph to photograph: their ascending numbers in INTERIOR (m,), how they are expected
+    (P, m) to differ from those of the camera, and the inverse covariance (P, m, m) of that."""
+
+    parameters: np.ndarray
+    expected: np.ndarray
+    weight: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.parameters)
+
+
+NO_VARIATION = Variation(np.zeros(0, np.int64), np.zeros((0, 0)), np.zeros((0, 0, 0)))
+
+
+@dataclass(frozen=True, eq=False)
 class Network:
     """Prior information; weights are inverse variances, 0 where nothing is known.
 
@@ -102,7 +120,7 @@ class Network:
     that looks straight down; shift: whether the GNSS positions have a common shift; free: no datum, inner constraints instead.
     lever (3,) m as in `State`, an unknown where lever_weight (3,) 1/m^2 is above 0; kept (K,) ascending numbers of the points that
     stay among the unknowns, the ends of `distances` among them; named: numbers of points that a person measured in the
-    photographs, in addition to those with known coordinates.
+    photographs, in addition to those with known coordinates; variation: interior parameters that each photograph has for itself.
     """
 
     camera_of: np.ndarray
@@ -120,6 +138,7 @@ class Network:
     distances: Distances = NO_DISTANCES
     named: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
     up: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    variation: Variation = NO_VARIATION
 
     def with_lever(self, lever: Sequence[float], sigma: float, shift: bool) -> "Network":
         """The network whose positions are those of an antenna: its lever arm (3,) m with a standard error (0: exactly known), and
@@ -145,8 +164,8 @@ class Network:
 
     @property
     def estimated(self) -> np.ndarray:
-        """The numbers in INTERIOR of the parameters that are unknowns of some camera."""
-        return np.flatnonzero(self.interior.free.any(axis=0))
+        """The numbers in INTERIOR of the parameters that are unknowns of some camera or photograph."""
+        return np.union1d(np.flatnonzero(self.interior.free.any(axis=0)), self.variation.parameters)
 
     @property
     def interior_columns(self) -> np.ndarray:
@@ -156,14 +175,20 @@ class Network:
         return columns
 
     @property
+    def variation_columns(self) -> np.ndarray:
+        """(P, m): the columns of what varies from photograph to photograph."""
+        first = 6 * self.photos + int(self.interior.free.sum())
+        return first + np.arange(self.photos * len(self.variation)).reshape(self.photos, -1)
+
+    @property
     def shift_columns(self) -> np.ndarray:
         """The columns of the shift; none without one."""
-        return 6 * self.photos + int(self.interior.free.sum()) + np.arange(3 * self.shift)
+        return 6 * self.photos + int(self.interior.free.sum()) + self.variation_columns.size + np.arange(3 * self.shift)
 
     @property
     def lever_columns(self) -> np.ndarray:
         """The columns of the lever arm; none where it is known."""
-        first = 6 * self.photos + int(self.interior.free.sum()) + 3 * self.shift
+        first = 6 * self.photos + int(self.interior.free.sum()) + self.variation_columns.size + 3 * self.shift
         return first + np.arange(3 * bool(self.lever_weight.all()))
 
     @property
@@ -177,15 +202,16 @@ class Network:
     def unknowns(self) -> int:
         """Unknowns of the reduced system."""
         alone = 3 * (self.shift + bool(self.lever_weight.all()) + len(self.kept))
-        return 6 * self.photos + int(self.interior.free.sum()) + alone
+        return 6 * self.photos + int(self.interior.free.sum()) + self.variation_columns.size + alone
 
     @property
     def group_start(self) -> np.ndarray:
-        """(G + 1,) where the groups of unknowns that always occur together begin: photographs, cameras with free parameters, shift
-        and lever arm as one, kept points."""
+        """(G + 1,) where the groups of unknowns that always occur together begin: photographs, cameras with free parameters, what
+        varies from photograph to photograph, shift and lever arm as one, kept points."""
         free = self.interior.free.sum(axis=1)
         alone = 3 * (self.shift + bool(self.lever_weight.all()))
-        sizes = [np.full(self.photos, 6), free[free > 0], np.full(int(alone > 0), alone), np.full(len(self.kept), 3)]
+        own = np.full(self.photos * (len(self.variation) > 0), len(self.variation))
+        sizes = [np.full(self.photos, 6), free[free > 0], own, np.full(int(alone > 0), alone), np.full(len(self.kept), 3)]
         return np.concatenate([[0], np.cumsum(np.concatenate(sizes))]).astype(np.int64)
 
     @property
@@ -222,19 +248,20 @@ class Network:
             + (self.point_weight > 0).sum()
             + 2 * (self.vertical_weight > 0).sum()  # two tilts: the cross product of two directions has rank two
             + (known & self.interior.free & ~self.interior.considered).sum()
+            + self.variation_columns.size
             + len(self.lever_columns)
             + (self.distances.weight > 0).sum()
         )
 
 
 def ray_columns(network: Network, rays: Rays) -> tuple[np.ndarray, np.ndarray]:
-    """`row` (M,) and `columns` (T, 6 + k), or (T, 9 + k) with kept points: ray i depends on the unknowns columns[row[i]], six of
-    its photograph, those of its camera that are estimated for any camera, three of its point where that is kept (-1: fixed, or
-    eliminated)."""
+    """`row` (M,) and `columns` (T, 6 + k + m), or three more with kept points: ray i depends on the unknowns columns[row[i]], six
+    of its photograph, those of its camera that are estimated for any camera, those that vary from photograph to photograph, three
+    of its point where that is kept (-1: fixed, or eliminated)."""
     # int32 because a block has tens of millions of rays and one such index for each.
     photo = rays.photo.astype(np.int32, copy=False)
     exterior = np.arange(6 * network.photos).reshape(-1, 6)
-    columns = np.hstack([exterior, network.interior_columns[network.camera_of][:, network.estimated]])
+    columns = np.hstack([exterior, network.interior_columns[network.camera_of][:, network.estimated], network.variation_columns])
     if not len(network.kept):
         return photo, columns
     # Rays of kept points have rows of their own; all others share that of their photograph.

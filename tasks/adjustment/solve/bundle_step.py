@@ -18,7 +18,7 @@ from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
 @dataclass(frozen=True, eq=False)
 class BundleStep:
     """Corrections of all unknowns: projection centres (P, 3) m, rotation vectors (P, 3) in the image systems, points (N, 3) m,
-    interior orientations (C, 8), shift and lever arm (3,) m."""
+    interior orientations (C, 17), shift and lever arm (3,) m, and what varies from photograph to photograph (P, 17)."""
 
     centre: np.ndarray
     turn: np.ndarray
@@ -26,6 +26,7 @@ class BundleStep:
     interior: np.ndarray
     shift: np.ndarray
     lever: np.ndarray
+    variation: np.ndarray | None = None
 
     def linear(self, state: State) -> State:
         """The state with every unknown corrected by itself."""
@@ -38,6 +39,7 @@ class BundleStep:
             state.shift + self.shift,
             state.lever + self.lever,
             state.lens,
+            state.variation if self.variation is None else self.variation + (0.0 if state.variation is None else state.variation),
         )
 
     def with_motion(self, state: State) -> State:
@@ -61,4 +63,13 @@ def step_of(network: Network, correction: np.ndarray, points: np.ndarray) -> Bun
     shift[: len(network.shift_columns)] = correction[network.shift_columns]
     lever[: len(network.lever_columns)] = correction[network.lever_columns]
     points[network.kept] = correction[network.kept_columns]
-    return BundleStep(photo[:, :3], photo[:, 3:], points, interior, shift, lever)
+    return BundleStep(photo[:, :3], photo[:, 3:], points, interior, shift, lever, _variation_of(network, correction))
+
+
+def _variation_of(network: Network, correction: np.ndarray) -> np.ndarray | None:
+    """(P, k) corrections of what varies from photograph to photograph; None where nothing does."""
+    if not len(network.variation):
+        return None
+    own = np.zeros((network.photos, network.interior.value.shape[1]))
+    own[:, network.variation.parameters] = correction[network.variation_columns]
+    return own

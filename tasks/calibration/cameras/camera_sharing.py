@@ -22,8 +22,7 @@ class SharedCameras(NamedTuple):
 def cameras_shared(photos: Photos, pattern: str, calibrated: Callable[[Photos], dict[str, Camera]]) -> SharedCameras:
     """The calibrated camera for the photographs whose file names match `pattern`, nominal ones for the others.
 
-    `calibrated` gives the cameras of the photographs that match. Raises WorkflowError when none does, PhotoError when EXIF gives no
-    camera constant for any of the others.
+    `calibrated` gives the cameras of the photographs that match. Raises WorkflowError when none does.
     """
     own = tuple(photo for photo in photos.photos if fnmatchcase(PurePath(photo.path).name, pattern))
     if not own:

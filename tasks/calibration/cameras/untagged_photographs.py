@@ -1,8 +1,9 @@
 """Photographs without a camera constant in their EXIF tags, next to others that have one: edited, or sent through a messenger.
 
 Such a photograph takes the camera of the others of its size: the one that took most of them. Where no other photograph has its
-size, a constant is guessed, with a standard error that covers most lenses: matching does not depend on it, and the block adjustment
-shows whether it fits. Either way the photographs are listed; a block does not fail because of them.
+size, or none has tags at all (scans, frames of a film, published sets), a constant is guessed, with a standard error that covers
+most lenses: matching does not depend on it, and the block adjustment shows whether it fits. Either way the photographs are listed;
+a block does not fail because of them.
 """
 
 from collections import Counter
@@ -12,7 +13,6 @@ from enum import StrEnum
 import numpy as np
 
 from orthomill.schemas.camera import INTERIOR, Camera
-from orthomill.schemas.errors import PhotoError, some_of
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.tasks.calibration.cameras.nominal_cameras import nominal_camera, nominal_constant
 from orthomill.tasks.geometry.camera_change import sensor_size
@@ -44,13 +44,8 @@ class UntaggedPhotos:
 
 
 def cameras_from_exif(photos: Photos) -> tuple[Photos, dict[str, Camera], tuple[UntaggedPhotos, ...]]:
-    """The photographs, each with its camera; one nominal camera per `Photo.camera`; and the groups of photographs without tags.
-
-    Raises PhotoError when no photograph gives a camera constant.
-    """
+    """The photographs, each with its camera; one nominal camera per `Photo.camera`; and the groups of photographs without tags."""
     untagged = [photo for photo in photos.photos if nominal_constant(photo) is None]
-    if len(untagged) == len(photos.photos):
-        raise PhotoError(_no_constant(photos))
     tagged = [photo for photo in photos.photos if nominal_constant(photo) is not None]
     # Reversed, so that the first photograph of a camera decides, as it does wherever photographs share a name.
     cameras = {photo.camera: nominal_camera(photo) for photo in reversed(tagged)}
@@ -93,12 +88,3 @@ def _groups(untagged: list[Photo], substitutes: dict[str, str | None], cameras: 
             constants = tuple(cameras[photo.camera].c for photo in own)
             found.append(UntaggedPhotos(Substitute.GUESSED, names, constants=constants))
     return tuple(found)
-
-
-def _no_constant(photos: Photos) -> str:
-    return (
-        f"No camera constant can be found for {len(photos.photos)} of {len(photos.photos)} photographs "
-        f"({some_of(photos.names)}): their EXIF tags give no focal length together with the size of a pixel, and no 35 mm "
-        "equivalent; add the camera to the workflow, for example cameras: {kind: given, c: <camera constant in pixels>}, or "
-        "a camera file, or photographs of a chessboard."
-    )

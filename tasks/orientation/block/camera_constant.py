@@ -15,7 +15,7 @@ from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.findings.block_findings import BlockFinding, ConstantContradicted
 from orthomill.tasks.adjustment.bundle import BlunderTest, adjust
 from orthomill.tasks.adjustment.model.datum import add_prior
-from orthomill.tasks.adjustment.model.interior import given_sigmas
+from orthomill.tasks.adjustment.model.interior import NOMINAL_SIGMA, given_sigmas
 from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import Network, Rays, State
 from orthomill.tasks.adjustment.solve.minimise import UNDETERMINED
@@ -30,6 +30,9 @@ DETERMINED = 3.0
 MOVED = 5.0
 """An adjusted camera constant contradicts the given one beyond this many standard errors of the given one. Wider than the test of
 the free constant, because systematic image errors move an adjusted constant by some of its formal standard errors."""
+ELSEWHERE = NOMINAL_SIGMA["c"]
+"""An adjusted constant that the block wants elsewhere by more, in units of it, is that of another zoom or size: even EXIF is
+better. Systematic image errors move free constants by tenths of a percent."""
 FARTHEST = 2.0
 """Largest factor, up or down, of a camera constant with which the start is made again: one linearised step from a wrong constant
 overshoots."""
@@ -138,12 +141,27 @@ def doubtful_constants(result: Adjustment) -> tuple[np.ndarray, np.ndarray]:
     # A constant without a prior has no given value that could be contradicted.
     known = np.diagonal(interior.weight, axis1=1, axis2=2)[:, 0] > 0
     found, toward = present & adjusted & known & (moved > MOVED * given_sigmas(interior)[:, 0]), result.state.interior[:, 0]
-    if (present & ~adjusted).any():
-        step, sigma = _step_if_free(result, present & ~adjusted)
-        # Significant against its own noise, and large against what was stated: a fixed constant may be a little off.
-        found |= present & ~adjusted & (np.abs(step) > MOVED * sigma) & (np.abs(step) > given_sigmas(interior)[:, 0])
+    held = present & (~adjusted | (known & _pulled(result, moved)))
+    if held.any():
+        step, sigma = _step_if_free(result, held)
+        # Significant against its own noise, and large against what was stated: a fixed constant may be a little off, and systematic
+        # errors pull at one that was calibrated.
+        stated = np.where(adjusted, np.maximum(given_sigmas(interior)[:, 0], ELSEWHERE * given), given_sigmas(interior)[:, 0])
+        found |= held & (np.abs(step) > MOVED * sigma) & (np.abs(step) > stated)
         toward = toward + step
     return found, np.clip(toward, given / FARTHEST, given * FARTHEST)
+
+
+def _pulled(result: Adjustment, moved: np.ndarray) -> np.ndarray:
+    """(C,) bool: adjusted constants that moved by more than chance lets them, against priors that may hold them where they are.
+
+    A constant moves from its given value with the difference of the variances before and after: a tight prior shows by little that
+    the block pulls hard.
+    """
+    column = result.network.interior_columns[:, 0]
+    after = np.where(column >= 0, result.cofactor.variances[column], 0.0)
+    spread = np.sqrt(np.maximum(given_sigmas(result.network.interior)[:, 0] ** 2 - after, 0.0))
+    return np.asarray((column >= 0) & (spread > 0) & (moved > MOVED * spread))
 
 
 def with_free_constants(network: Network, cameras: np.ndarray) -> Network:

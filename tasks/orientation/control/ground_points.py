@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orthomill.schemas.camera import Camera
-from orthomill.tasks.adjustment.model.collinearity import residuals
+from orthomill.tasks.adjustment.model.collinearity import photo_interiors, residuals
 from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import NO_DISTANCES, Network, Rays, State
 from orthomill.tasks.adjustment.solve.normal_equations import point_corrections
@@ -32,15 +32,13 @@ def approximate_points(
     """The points (count, 3) nearest to their rays, NaN for points with fewer than two; and the angles (count,) rad by which the
     rays miss them."""
     points, missed = np.full((count, 3), np.nan), np.zeros(count)
+    interior, _ = photo_interiors(state, camera_of)
     for number in range(count):
         own = np.flatnonzero(rays.point == number)
         if len(own) >= 2:
             photo = rays.photo[own]
             xy = np.vstack(
-                [
-                    ideal(with_interior(cameras[camera_of[p]], state.interior[camera_of[p]]), rays.xy[[i]])
-                    for i, p in zip(own, photo, strict=True)
-                ]
+                [ideal(with_interior(cameras[camera_of[p]], interior[p]), rays.xy[[i]]) for i, p in zip(own, photo, strict=True)]
             )
             directions = np.einsum("ni,nij->nj", np.column_stack([xy, -np.ones(len(own))]), state.rotation[photo])
             directions /= np.linalg.norm(directions, axis=1, keepdims=True)

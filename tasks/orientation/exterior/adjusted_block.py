@@ -13,12 +13,13 @@ import numpy as np
 
 from orthomill.schemas.camera import Cameras
 from orthomill.schemas.errors import GeometryError
-from orthomill.schemas.findings.block_findings import BlockFinding
+from orthomill.schemas.findings.block_findings import BlockFinding, ConstantContradicted, DatumMisfit
 from orthomill.schemas.observations import Control, TiePoints
 from orthomill.schemas.orientation import RelativeOrientations, SeparateBlocks, Unoriented
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.settings import Settings
 from orthomill.tasks.adjustment.bundle import BlunderTest
+from orthomill.tasks.adjustment.model.image_variation import NoVariation, VariationChoice, variation_of
 from orthomill.tasks.adjustment.model.interior import InteriorChoice, interior_prior
 from orthomill.tasks.adjustment.model.network import Rays
 from orthomill.tasks.adjustment.solve.minimise import NotConverged
@@ -34,6 +35,7 @@ from orthomill.tasks.orientation.block.assembly import (
 )
 from orthomill.tasks.orientation.block.camera_constant import Tested, adjust_tested
 from orthomill.tasks.orientation.block.correlated_image_errors import including_correlation
+from orthomill.tasks.orientation.block.frame_motion import frame_motion
 from orthomill.tasks.orientation.block.self_calibration import determinable_without_control, determined, unweighted
 from orthomill.tasks.orientation.folding import folding_cameras
 from orthomill.tasks.orientation.interchange.foreign_block import ForeignPose
@@ -61,7 +63,8 @@ positions apart from a common shift."""
 class BlockChoices(Settings):
     """What the workflow decides: the part of the interior orientation, a common shift of the GNSS positions, the standard error of
     the mean vertical where it is needed (degrees) and how the photographs look then, the limit of the blunder test in standard
-    errors, and the lever arm of the antenna (m, image system) with its standard error (0: exactly known)."""
+    errors, the lever arm of the antenna (m, image system) with its standard error (0: exactly known), and what of the interior
+    orientation varies from photograph to photograph."""
 
     interior: InteriorChoice
     gnss_shift: bool
@@ -70,6 +73,7 @@ class BlockChoices(Settings):
     lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     lever_sigma: float = 0.0
     looking: Looking = "auto"
+    variation: VariationChoice = NoVariation(kind="none")
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,6 +284,9 @@ def _attempt(have: _Input, parts: list[Part]) -> _Attempt:
     problem, datum = problem_of(have.material, parts, have.cameras, have.control)
     network, state, good = starting_values(have.material, problem, parts, datum, np.radians(choices.vertical_sigma))
     network = network.with_lever(choices.lever_arm, choices.lever_sigma, choices.gnss_shift)
+    if choices.variation.kind != "none":
+        motion = frame_motion(problem, have.photos, network, state, problem.rays.take(good))
+        network = replace(network, variation=variation_of(choices.variation, motion))
     rays, test = problem.rays.take(good), BlunderTest(limit=choices.rejection)
     # Before the adjustment: undetermined parameters would make its normal equations singular.
     network, findings = determined(determinable_without_control(network, state, rays), state, rays, problem.camera_names)
@@ -297,7 +304,15 @@ def _attempt(have: _Input, parts: list[Part]) -> _Attempt:
 def _results(have: _Input, attempt: _Attempt, tested: Tested) -> BlockResults:
     unknown = unweighted(have.material.cameras, have.choices.interior)
     findings = (*folding_cameras(have.cameras), *unknown, *attempt.findings, *tested.findings)
-    return BlockResults(have.cameras, attempt.problem, tested.result, attempt.datum, findings, tested.restart)
+    datum = _explained_datum(attempt.datum, tested)
+    return BlockResults(have.cameras, attempt.problem, tested.result, datum, findings, tested.restart)
+
+
+def _explained_datum(datum: Datum, tested: Tested) -> Datum:
+    """The datum without its misfit before the adjustment, where a camera constant that was replaced explains it."""
+    if not any(isinstance(finding, ConstantContradicted) and not finding.fixed for finding in tested.findings):
+        return datum
+    return replace(datum, findings=tuple(finding for finding in datum.findings if not isinstance(finding, DatumMisfit)))
 
 
 def _without(have: _Input, parts: list[Part], photo: int) -> list[Part]:

@@ -21,7 +21,7 @@ def block_charts(facts: Facts) -> list[Chart]:
     charts = [
         _histogram(facts),
         _rms_per_photo(facts),
-        *(_arrows(facts, name) for name in facts.block.cameras),
+        *(_arrows(facts, name) for name in facts.shown_cameras),
         *(_photo_arrows(facts, name) for name in _worst(facts)),
         _map(facts),
         _graph(facts),

@@ -9,6 +9,8 @@ from orthomill.schemas.observations import Control, GroundPoints, ImageResiduals
 from orthomill.schemas.orientation import Block, BlockPrecision, GroundResiduals, RelativeOrientations
 from orthomill.schemas.photo import Photos
 
+CAMERAS_SHOWN = 12
+"""A report with tables and charts of more cameras is not read."""
 CELLS = 3
 """Each photograph is divided into CELLS x CELLS areas (von Gruber) to judge the distribution of its tie points."""
 
@@ -26,6 +28,18 @@ class Facts:
     image: ImageResiduals
     ground: GroundResiduals
     precision: BlockPrecision
+
+    @property
+    def shown_cameras(self) -> dict[str, Camera]:
+        """The cameras that the report shows one by one; a block may have one for every photograph."""
+        return dict(list(self.block.cameras.items())[:CAMERAS_SHOWN])
+
+    def given_camera(self, name: str) -> Camera:
+        """A camera of the block as it was given; that of its photograph, where the block made it for this one."""
+        camera = self.block.cameras[name]
+        if name in self.before.cameras or camera.source != "block":
+            return self.before.cameras.get(name, camera)
+        return self.before.of(next(photo for photo, own in self.block.of_photo.items() if own == name))
 
 
 def filled_areas(own: ImageResiduals, camera: Camera) -> int:

@@ -170,7 +170,7 @@ def _correlation_warnings(facts: Facts) -> Iterator[str]:
 
 def _camera_warnings(facts: Facts) -> Iterator[str]:
     for name, camera in facts.block.cameras.items():
-        before = facts.before.cameras.get(name, camera)
+        before = facts.given_camera(name)
         if before.source == "exif" and camera.source != "block":
             yield (
                 f"The camera {name} is known from EXIF only and was not adjusted: heights may bend over the block. Calibrate it, "

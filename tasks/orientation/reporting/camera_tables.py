@@ -18,8 +18,8 @@ def camera_grids(facts: Facts) -> tuple[Grid, ...]:
 
 def _cameras(facts: Facts) -> Grid:
     rows: list[tuple[str | float | None, ...]] = []
-    for name, camera in facts.block.cameras.items():
-        before, sigma = facts.before.cameras.get(name, camera), interior_sigmas(camera)
+    for name, camera in facts.shown_cameras.items():
+        before, sigma = facts.given_camera(name), interior_sigmas(camera)
         rows += [
             (name, parameter, before.interior[i], camera.interior[i], sigma[i], camera.interior[i] - before.interior[i])
             for i, parameter in enumerate(INTERIOR)
@@ -28,17 +28,19 @@ def _cameras(facts: Facts) -> Grid:
         # The unit of the calibration literature, in which k1 can be compared with published values.
         k1, sigma_k1 = (before.value("k1") / before.c**2, camera.value("k1") / camera.c**2), sigma[K1]
         rows.append((name, "k1 in px^-2", *k1, sigma_k1 / camera.c**2 if sigma_k1 else None, None))
+    more = len(facts.block.cameras) - len(facts.shown_cameras)
     return Grid(
         title="Cameras",
         columns=("camera", "parameter", "before", "adjusted", "standard error", "change"),
         rows=tuple(rows),
         note="c, x0, y0 in pixels. No standard error: the parameter was fixed. A standard error without a change: the parameter "
-        "was not adjusted, but its uncertainty was propagated to all results.",
+        "was not adjusted, but its uncertainty was propagated to all results."
+        + (f" {more} more cameras are in products/cameras.json." if more else ""),
     )
 
 
 def _correlations(facts: Facts) -> Iterator[Grid]:
-    for name, camera in facts.block.cameras.items():
+    for name, camera in facts.shown_cameras.items():
         free = [i for i, sigma in enumerate(interior_sigmas(camera)) if sigma]
         # One parameter has no correlation.
         if len(free) < 2:

@@ -8,7 +8,6 @@ from itertools import combinations
 
 import numpy as np
 
-from orthomill.schemas.camera import Camera
 from orthomill.schemas.observations import Control, GroundPoints, ImageResiduals
 from orthomill.schemas.orientation import Block, ExteriorOrientation, JointCovariance, Unoriented
 from orthomill.tasks.adjustment.model.collinearity import residuals
@@ -17,7 +16,15 @@ from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.geometry.rotation import angles
 from orthomill.tasks.geometry.rotation_vector import angles_from_vector
 from orthomill.tasks.orientation.block.assembly import BlockResults, Problem
-from orthomill.tasks.orientation.measurements import with_interior
+from orthomill.tasks.orientation.results.block_cameras import (
+    BlockCamera,
+    are_related,
+    block_cameras,
+    camera_tables,
+    joint_cameras,
+    rows_of,
+    with_photograph,
+)
 from orthomill.tasks.orientation.start.georeference import Datum
 
 
@@ -40,12 +47,16 @@ def block_table(crs: str, results: BlockResults, unoriented: tuple[Unoriented, .
     problem, result, datum = results.problem, results.result, results.datum
     tie = np.unique(result.rays.point[result.used & (result.rays.point < problem.ties)])
     # Percentiles, for a single wrong match may lie kilometres away, and later stages search heights in this range.
+    cameras, related = block_cameras(results), _sharing(result)
     low, high = np.percentile(result.state.point[tie, 2], [0.5, 99.5]) + datum.origin[2]
     return Block(
         crs=datum.system or crs,
-        cameras=_cameras(results),
-        of_photo={name: results.cameras.of_photo[name] for name in problem.names},
-        photos=tuple(_exterior(problem, result, datum, i) for i in range(len(problem.names))),
+        cameras=camera_tables(result, cameras),
+        of_photo={name: camera.name for i, name in enumerate(problem.names) for camera in cameras if i in camera.photos},
+        photos=tuple(
+            _exterior(problem, result, datum, i, [own for own in cameras if _counts(own, i, related)])
+            for i in range(len(problem.names))
+        ),
         unoriented=unoriented,
         datum=datum.sentence,
         sigma0_px=result.sigma0_px,
@@ -53,48 +64,32 @@ def block_table(crs: str, results: BlockResults, unoriented: tuple[Unoriented, .
         iterations=result.iterations,
         ground_low=float(low),
         ground_high=float(high),
-        joint=_joint(problem, result),
-        joint_cameras=_joint_cameras(problem, result),
+        joint=_joint(problem, result, related),
+        joint_cameras=joint_cameras(result, cameras, related),
         groups=problem.groups,
     )
 
 
-def _joint(problem: Problem, result: Adjustment) -> tuple[JointCovariance, ...]:
+def _sharing(result: Adjustment) -> set[tuple[int, int]]:
+    """The pairs of photographs, ascending, that share a used tie point."""
+    return {(a, b) for own in _photos_of_points(result) for a, b in combinations(own, 2)}
+
+
+def _counts(camera: BlockCamera, photo: int, related: set[tuple[int, int]]) -> bool:
+    """Whether the covariance of a photograph with a camera is kept."""
+    return camera.adjusted and (len(camera.parts) == 1 or are_related(camera.photos, (photo,), related))
+
+
+def _joint(problem: Problem, result: Adjustment, shared: set[tuple[int, int]]) -> tuple[JointCovariance, ...]:
     """The covariance between the photographs of every pair that shares a used tie point."""
-    shared = {pair for own in _photos_of_points(result) for pair in combinations(own, 2)}
     turns = [_to_angles(result.state.rotation[photo]) for photo in range(len(problem.names))]
     found = []
     # Other pairs are never intersected by a later stage; all pairs would be quadratic in the number of photographs.
     for a, b in sorted(shared):
         both = np.concatenate([6 * a + np.arange(6), 6 * b + np.arange(6)])
         covariance = turns[a] @ result.cofactor.joint(both)[:6, 6:] @ turns[b].T
-        found.append(JointCovariance(first=problem.names[a], second=problem.names[b], covariance=_rows(covariance)))
+        found.append(JointCovariance(first=problem.names[a], second=problem.names[b], covariance=rows_of(covariance)))
     return tuple(found)
-
-
-def _joint_cameras(problem: Problem, result: Adjustment) -> tuple[JointCovariance, ...]:
-    """The covariance between the interior orientations of every two cameras that were adjusted."""
-    columns = _adjusted_cameras(problem, result)
-    return tuple(
-        JointCovariance(
-            first=problem.camera_names[a], second=problem.camera_names[b], covariance=_rows(_spread(result, columns[a], columns[b]))
-        )
-        for a, b in combinations(columns, 2)
-    )
-
-
-def _adjusted_cameras(problem: Problem, result: Adjustment) -> dict[int, np.ndarray]:
-    """Camera -> columns (8,) of its interior orientation, for cameras that were adjusted; -1 for parameters that were not."""
-    return {k: own for k, own in enumerate(result.network.interior_columns) if (own >= 0).any() and k in problem.camera_of}
-
-
-def _spread(result: Adjustment, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """The covariance of the unknowns in `rows` and `columns`; 0 where there is none (-1)."""
-    return result.cofactor.joint(np.concatenate([rows, columns]))[: len(rows), len(rows) :]
-
-
-def _rows(matrix: np.ndarray) -> tuple[tuple[float, ...], ...]:
-    return tuple(tuple(map(float, row)) for row in matrix)
 
 
 def _photos_of_points(result: Adjustment) -> set[tuple[int, ...]]:
@@ -113,7 +108,7 @@ def _to_angles(rotation: np.ndarray) -> np.ndarray:
     return turned
 
 
-def _exterior(problem: Problem, result: Adjustment, datum: Datum, photo: int) -> ExteriorOrientation:
+def _exterior(problem: Problem, result: Adjustment, datum: Datum, photo: int, cameras: list[BlockCamera]) -> ExteriorOrientation:
     R = result.state.rotation[photo]
     to_angles = _to_angles(R)
     covariance = to_angles @ result.exterior_covariance(photo) @ to_angles.T
@@ -123,29 +118,11 @@ def _exterior(problem: Problem, result: Adjustment, datum: Datum, photo: int) ->
         centre=tuple(map(float, result.state.centre[photo] + datum.origin)),
         omega_phi_kappa=tuple(float(v) for v in np.degrees(angles(R))),
         # Rounding leaves it a little asymmetric, which factorisations of later stages do not forgive.
-        covariance=_rows(0.5 * (covariance + covariance.T)),
+        covariance=rows_of(0.5 * (covariance + covariance.T)),
         observations=int(own.sum()),
         residual_px=float(np.sqrt((result.residual[own] ** 2).mean())) if own.any() else None,
-        with_interior={
-            problem.camera_names[k]: _rows(to_angles @ _spread(result, 6 * photo + np.arange(6), columns))
-            for k, columns in _adjusted_cameras(problem, result).items()
-        },
+        with_interior={camera.name: rows_of(to_angles @ with_photograph(result, photo, camera)) for camera in cameras},
     )
-
-
-def _cameras(results: BlockResults) -> dict[str, Camera]:
-    """The cameras with adjusted values and covariances; those that were fixed as given."""
-    cameras, problem, result, out = results.cameras, results.problem, results.result, {}
-    for k, columns in enumerate(result.network.interior_columns):
-        camera, name = problem.cameras[k], problem.camera_names[k]
-        # Cameras of photographs outside the block keep their own source and covariance.
-        if (columns < 0).all() or k not in problem.camera_of:
-            out[name] = camera
-            continue
-        out[name] = with_interior(camera, result.state.interior[k]).model_copy(
-            update={"source": "block", "sigma0": result.sigma0_px, "covariance": _rows(_spread(result, columns, columns))}
-        )
-    return {name: out[name] for name in sorted(out) if name in {cameras.of_photo[photo] for photo in problem.names}}
 
 
 def ground_points(results: BlockResults, tracks: np.ndarray) -> GroundPoints:

@@ -19,6 +19,7 @@ from orthomill.tasks.adjustment.solve.minimise import minimise
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.orientation.measurements import ideal, on_a_line, with_interior
 from orthomill.tasks.orientation.relative.relative_orientation import FLIP
+from orthomill.tasks.orientation.start.point_consensus import LEAST, PointRays, consensus
 
 cv2.setNumThreads(1)
 LEAST_ANGLE = np.radians(1.5)
@@ -147,12 +148,46 @@ class BlockGrowth:
                 return
             self.good[index[lose]] = False
 
+    def reconcile(self) -> None:
+        """Points that lost rays get the largest set of rays that meet, where it is larger than the one that they have."""
+        seen = self.seen & self.placed[self.rays.photo]
+        lost = np.bincount(self.rays.point[seen & ~self.good], minlength=len(self.known)) > 0
+        index = np.flatnonzero(seen & lost[self.rays.point])
+        if not len(index):
+            return
+        points, first = np.unique(self.rays.point[index], return_index=True)
+        place, count, agree = consensus(self._point_rays(index, np.append(first, len(index))))
+        have = np.bincount(self.rays.point[index[self.good[index]]], minlength=len(self.known))[points]
+        better = count > np.where(self.known[points], have, LEAST - 1)
+        own = better[np.searchsorted(points, self.rays.point[index])]
+        self.good[index[own]] = agree[own]
+        self.state.point[points[better]] = place[better]
+        self.known[points[better]] = True
+
+    def _point_rays(self, index: np.ndarray, first: np.ndarray) -> PointRays:
+        photo = self.rays.photo[index]
+        c = self.state.interior[self.material.camera_of[photo], 0]
+        return PointRays(
+            first,
+            self.state.centre[photo],
+            self._directions(index),
+            self.state.rotation,
+            photo,
+            self.ideal[index],
+            self.tolerance[index] / c,
+        )
+
+    def _directions(self, index: np.ndarray) -> np.ndarray:
+        """(m, 3) unit vectors of the rays at `index` in the system of the block."""
+        inward = np.column_stack([self.ideal[index], -np.ones(len(index))])
+        directions = np.einsum("ni,nij->nj", inward, self.state.rotation[self.rays.photo[index]])
+        return np.asarray(directions / np.linalg.norm(directions, axis=1, keepdims=True))
+
     def _intersect(self, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Points (N, 3) nearest to the rays at `index`, and (N,) bool: their rays intersect at LEAST_ANGLE or more."""
         photo, point = self.rays.photo[index], self.rays.point[index]
         # Points nearest to their rays in space, and not in the image: the bundle adjustment follows, and this needs no start.
-        directions = np.einsum("ni,nij->nj", np.column_stack([self.ideal[index], -np.ones(len(index))]), self.state.rotation[photo])
-        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        directions = self._directions(index)
         projector = np.eye(3) - directions[:, :, None] * directions[:, None, :]
         normal, right, mean = np.zeros((len(self.known), 3, 3)), np.zeros((len(self.known), 3)), np.zeros((len(self.known), 3))
         np.add.at(normal, point, projector)
@@ -288,6 +323,7 @@ def _finish(growth: BlockGrowth) -> None:
     growth.slack = 1.0
     for _ in range(2):
         growth.triangulate()
+        growth.reconcile()
         growth.bundle()
 
 

@@ -22,8 +22,9 @@ from orthomill.tasks.orientation.start.block_growth import BlockGrowth, Given, G
 TRUSTED = 0.9
 """A smaller share of measurements that fit makes the camera constants doubtful."""
 # The usual mistakes: a focal length for full frame taken for that of a half frame sensor, or photographs reduced to half their
-# size.
-OTHER_CONSTANTS = (0.5, 2.0)
+# size. Between them lie the zooms, crops and guesses.
+OTHER_CONSTANTS = ((0.5, 2.0), (0.7, 0.85, 1.2, 1.4))
+"""Factors of the camera constants that are tried where the given ones are doubtful: the second ones where the first do not help."""
 BETTER, LEFT = 1.1, 0.5
 """Other constants are used where the measurements that fit increase by the first factor, or those that do not fit fall to the
 second."""
@@ -50,16 +51,18 @@ Blocks = tuple[list[BlockStart], tuple[Unoriented, ...]]
 
 def start_blocks(material: GrowthMaterial, given: Given | None = None) -> Blocks:
     """All groups of photographs, the largest first, each oriented in a system of its own (that of `given` for the group started
-    from it), and the photographs that are in none. Where many measurements do not fit, camera constants half and twice as large are
-    tried, and kept where far more fits. Raises GeometryError when no two photographs can be oriented."""
+    from it), and the photographs that are in none. Where many measurements do not fit, camera constants from half to twice as large
+    are tried, and kept where far more fits. Raises GeometryError when no two photographs can be oriented."""
     # A wrong camera constant may leave no block at all: the failure is raised only when the other constants fail as well.
     try:
         best, failure = _blocks(material, given), None
     except GeometryError as error:
         best, failure = None, error
     # A given start has its own constants; without one, a wrong constant shows in the share of measurements that fit nowhere.
-    if given is None and _believed(material, best) < TRUSTED:
-        for factor in OTHER_CONSTANTS:
+    for factors in OTHER_CONSTANTS if given is None else ():
+        if _believed(material, best) >= TRUSTED:
+            break
+        for factor in factors:
             other = _tried(material, factor)
             if _fits_better(_believed(material, other), _believed(material, best)):
                 best = other

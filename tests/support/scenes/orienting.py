@@ -9,9 +9,10 @@ from orthomill.tasks.orientation.relative.pairs import relate_pairs
 from orthomill.tasks.orientation.reporting.finding_sentences import finding_sentence
 
 
-def orient(block, given=None, **changes):
+def orient(block, given=None, relative=None, **changes):
+    """The tables of the stage; `relative`: the related pairs, where they are known already."""
     usual = {"interior": WeightedInterior(kind="weighted"), "gnss_shift": False, "vertical_sigma": 5.0, "rejection": 4.0}
-    relative = relate_pairs(block.photos, block.cameras, block.tie_points, 15)
+    relative = relative or relate_pairs(block.photos, block.cameras, block.tie_points, 15)
     choices = BlockChoices(**(usual | changes))
     out = orient_block(block.photos, block.cameras, block.tie_points, block.control, relative, "EPSG:2100", choices, given)
     return out._asdict() | {"relative": relative}
