@@ -52,16 +52,13 @@ def test_every_setting_that_is_commented_out_is_its_default(root):
     assert load_workflow(start.path, CATALOGUE).stages == before.stages
 
 
-def test_photographs_without_exif_leave_open_what_the_loader_then_asks_for(root):
+def test_photographs_without_exif_get_a_guessed_camera_and_no_blank(root):
     for name in ("a.png", "b.png"):
         photograph(root / "scans" / name)
     start = write_starting_workflow("scans", root / "scans", root, CATALOGUE)
     assert "kind: given" in start.path.read_text() and "kind: none  # no photograph has GPS tags" in start.path.read_text()
-    assert len(start.notes) == 3 and "local system" in start.notes[1]
-    with pytest.raises(WorkflowError) as caught:
-        load_workflow(start.path, CATALOGUE)
-    (camera,) = str(caught.value).splitlines()
-    assert "cameras > c: is empty; must be a number (px), greater than 0." in camera
+    assert len(start.notes) == 3 and "guessed" in start.notes[0] and "local system" in start.notes[1]
+    assert load_workflow(start.path, CATALOGUE).project.cameras.kind == "exif"
 
 
 def test_nothing_is_overwritten(root):
