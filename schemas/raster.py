@@ -10,6 +10,8 @@ from typing import TypeVar
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+NO_UNIT = "unit of the block"
+"""what a reference system calls its unit where nothing tells how long it is"""
 Coordinates = TypeVar("Coordinates", float, np.ndarray)
 
 

@@ -168,6 +168,8 @@ class StageReport(_ReportPart):
     """Those of the warnings that one must know before one believes any result of the project, the gravest first."""
     losses: tuple[str, ...] = ()
     """Those of the others that cost accuracy or ground, the dearest first; what remains is good to know."""
+    lengths: str = ""
+    """What lengths of this stage and of all after it are, where they are no metres on the ground."""
 
 
 def report_table(stage: str) -> Table[StageReport]:

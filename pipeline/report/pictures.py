@@ -9,12 +9,13 @@ from dataclasses import dataclass
 
 import matplotlib
 import numpy as np
+from pyproj import CRS
 
 from orthomill.pipeline.report.image_uri import jpeg_uri, png_uri
 from orthomill.pipeline.report.numbers import nice_step
 from orthomill.pipeline.report.overview import Overview, overview
 from orthomill.pipeline.storage.reading import ReadableStore
-from orthomill.schemas.raster import RasterSpec
+from orthomill.schemas.raster import NO_UNIT, RasterSpec
 from orthomill.schemas.stage_report import Picture
 
 LIMIT = 1100
@@ -69,6 +70,8 @@ class Drawing:
     """share of the picture without a value, %"""
     scale: ScaleBar | None = None
     corners: tuple[tuple[float, float], tuple[float, float]] | None = None
+    north: bool = False
+    """whether north is up"""
 
 
 @dataclass(frozen=True)
@@ -85,7 +88,7 @@ def draw(store: ReadableStore, picture: Picture, limit: int = LIMIT) -> Drawing:
     painted = PAINTERS[picture.style](seen, picture, spec)
     rows, cols = seen.share.shape
     empty = 100 * float(1 - np.mean(seen.share))
-    return Drawing(painted.uri, cols, rows, painted.bar, painted.classes, empty, _scale_bar(spec), _corners(spec))
+    return Drawing(painted.uri, cols, rows, painted.bar, painted.classes, empty, _scale_bar(spec), _corners(spec), _is_map(spec))
 
 
 # --- colouring ---------------------------------------------------------------------------------------------------------------
@@ -254,8 +257,13 @@ def _composed(colours: np.ndarray, share: np.ndarray) -> np.ndarray:
 # --- place on the ground -----------------------------------------------------------------------------------------------------
 
 
+def _is_map(spec: RasterSpec) -> bool:
+    """Whether a raster lies on the earth: a facade has no north, nor has a block without positions and control."""
+    return spec.transform is not None and spec.crs is not None and not CRS.from_user_input(spec.crs).is_engineering
+
+
 def _scale_bar(spec: RasterSpec) -> ScaleBar | None:
-    if spec.transform is None:
+    if spec.transform is None or (spec.crs and CRS.from_user_input(spec.crs).axis_info[0].unit_name == NO_UNIT):
         return None
     width = abs(spec.transform[0]) * spec.shape[1]
     metres = nice_step(width, 5)

@@ -6,7 +6,13 @@ from orthomill.schemas.orientation import Block, BlockPrecision, GroundResiduals
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.stage_report import StageReport
 from orthomill.tasks.orientation.reporting.adjustment_tables import adjustment_grids, ground_grids
-from orthomill.tasks.orientation.reporting.block_answers import PRODUCTS, block_answers, block_evidence, block_verdict
+from orthomill.tasks.orientation.reporting.block_answers import (
+    PRODUCTS,
+    block_answers,
+    block_evidence,
+    block_lengths,
+    block_verdict,
+)
 from orthomill.tasks.orientation.reporting.block_charts import block_charts
 from orthomill.tasks.orientation.reporting.block_doubts import block_doubts
 from orthomill.tasks.orientation.reporting.block_facts import Facts
@@ -49,4 +55,5 @@ def report(
         warnings=tuple(block_warnings(facts)),
         doubts=doubts,
         losses=tuple(block_losses(facts)),
+        lengths=block_lengths(facts),
     )

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orthomill.schemas.findings.block_findings import NoDatum
 from orthomill.schemas.orientation import GroundResidual
 from orthomill.schemas.stage_report import Answer, Evidence, Product, Topic, Verdict
 from orthomill.tasks.geometry.reference_system import on_earth
@@ -114,9 +115,21 @@ def _sigmas(facts: Facts) -> tuple[float, float] | None:
     return (float(np.median(plan[known])), float(np.median(facts.points.sigma_z[known]))) if known.any() else None
 
 
+def block_lengths(facts: Facts) -> str:
+    """What lengths of the block are worth; empty where they are metres."""
+    return "the block has no scale: not in metres" if _is_unscaled(facts) else ""
+
+
+def _is_unscaled(facts: Facts) -> bool:
+    return any(isinstance(finding, NoDatum) and not finding.scaled for finding in facts.precision.findings)
+
+
 def block_verdict(facts: Facts, doubts: tuple[str, ...]) -> Verdict:
     """Good where check points say so, fair where nothing independent does, poor where a doubt or the check points contradict it."""
     found, pixel = accuracy(facts.ground.of_role("check")), ground_pixel(facts)
+    if found is None and _is_unscaled(facts):
+        words = "Accuracy is not proved, and there is no scale: the block has neither positions nor control nor check points."
+        return Verdict(level="poor", sentence=words, weighs=True)
     if found is None:
         stated = f" (stated: {length(sigmas[1])} in height)" if (sigmas := _sigmas(facts)) else ""
         words = f"Accuracy is not proved: there are no check points, only the precision that the adjustment states{stated}."

@@ -39,7 +39,9 @@ GRAVE = (
 
 def block_doubts(facts: Facts) -> Iterator[str]:
     """Sentences that are among the warnings, the gravest first."""
-    # Control that was left out for its place or its heights leaves the block without what its user relies on.
-    yield from (control_sentence(finding) for finding in facts.control.findings if is_grave(finding))
-    found = [finding for finding in facts.precision.findings if isinstance(finding, GRAVE)]
-    yield from (finding_sentence(finding) for finding in sorted(found, key=lambda finding: GRAVE.index(type(finding))))
+    # Control that was left out for its place or its heights leaves the block without what its user relies on; without a datum that
+    # is the least of it.
+    control = [control_sentence(finding) for finding in facts.control.findings if is_grave(finding)]
+    graver = [finding for finding in facts.precision.findings if isinstance(finding, GRAVE)]
+    found = [finding_sentence(finding) for finding in sorted(graver, key=lambda finding: GRAVE.index(type(finding)))]
+    yield from (*found, *control) if any(isinstance(finding, NoDatum) for finding in graver) else (*control, *found)

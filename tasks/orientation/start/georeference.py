@@ -21,6 +21,7 @@ from orthomill.schemas.findings.block_findings import (
     PositionsCrowded,
     TiltUnobserved,
 )
+from orthomill.schemas.raster import NO_UNIT
 from orthomill.tasks.adjustment.model.network import Network, State
 from orthomill.tasks.orientation.start.similarity import (
     Similarity,
@@ -303,10 +304,11 @@ def _free(model: State, known: Known, origin: np.ndarray | None) -> Datum:
 
 def own_system(scaled: bool) -> str:
     """The reference system (WKT) of a block that has no place on earth, which GIS programs take for a local one."""
-    scale = "in metres" if scaled else "of arbitrary scale"
+    scale, unit = ("in metres", "metre") if scaled else ("of arbitrary scale", NO_UNIT)
     return (
         f'ENGCRS["local system of the block, {scale}",EDATUM["block without positions and control"],CS[Cartesian,2],'
-        'AXIS["x",east],AXIS["y",north],LENGTHUNIT["metre",1]]'
+        'AXIS["x",east],AXIS["y",north],'
+        f'LENGTHUNIT["{unit}",1]]'
     )
 
 

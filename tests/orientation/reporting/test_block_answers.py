@@ -1,9 +1,12 @@
 """What a client is told about the block: lengths with honest digits, and a verdict that check points decide."""
 
+from dataclasses import replace
+
 import pytest
 
+from orthomill.schemas.findings.block_findings import NoDatum
 from orthomill.schemas.orientation import GroundResidual
-from orthomill.tasks.orientation.reporting.block_answers import accuracy, length
+from orthomill.tasks.orientation.reporting.block_answers import accuracy, block_lengths, block_verdict, length
 
 
 def residual(difference, predicted=(0.1, 0.1, 0.1)):
@@ -30,3 +33,11 @@ def test_a_point_without_redundancy_does_not_make_the_ratio_infinite():
 )
 def test_lengths_have_two_or_three_digits(metres, text):
     assert length(metres) == text
+
+
+@pytest.mark.parametrize(("scaled", "told"), [(False, "the block has no scale"), (True, "")])
+def test_a_block_without_scale_states_no_metres(facts, scaled, told):
+    ground = facts.ground.model_copy(update={"points": ()})
+    free = replace(facts, ground=ground, precision=facts.precision.model_copy(update={"findings": (NoDatum(scaled=scaled),)}))
+    assert block_lengths(free).startswith(told) and bool(block_lengths(free)) != scaled
+    assert ("there is no scale" in block_verdict(free, ()).sentence) != scaled

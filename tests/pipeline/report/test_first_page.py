@@ -82,3 +82,30 @@ def test_products_are_those_that_exist_with_their_size(tmp_path):
         ("products/ortho.tif", 5, "GeoTIFF"),
         ("products/colmap", 3, "folder"),
     ]
+
+
+@pytest.mark.parametrize(
+    ("report", "begins"),
+    [
+        (StageReport(verdict=says("good")), "Good: nothing was found that puts results in doubt or costs accuracy or ground."),
+        (StageReport(verdict=says("good"), warnings=("n",)), "Good: nothing was found that puts results in doubt or costs"),
+        (StageReport(verdict=says("good"), warnings=("l",), losses=("l",)), "Good: 1 warning says below where accuracy or ground"),
+        (StageReport(verdict=says("poor"), warnings=("l",), losses=("l",)), "In doubt: see the reasons."),
+        (StageReport(verdict=says("good"), warnings=("d",), doubts=("d",)), "In doubt: 1 finding must be looked at"),
+    ],
+)
+def test_nothing_reassuring_stands_above_what_costs_something(report, begins, tmp_path):
+    assert page({"orientation": report}, folder=tmp_path).headline.startswith(begins)
+
+
+def test_a_part_of_a_run_names_its_doubts(tmp_path):
+    doubtful = {"orientation": StageReport(verdict=says("good"), warnings=("d",), doubts=("d",))}
+    assert "1 finding must be looked at" in page(doubtful, run("simulation", "orientation"), tmp_path).headline
+
+
+def test_lengths_without_a_scale_are_told_as_such(tmp_path):
+    block = StageReport(lengths="no metres", answers=(Answer(topic=Topic.GROUND_PIXEL, text="0.6 m"),))
+    later = StageReport(answers=(Answer(topic=Topic.AREA, text="2 ha"), Answer(topic=Topic.ORTHOIMAGE, text="shows all")))
+    answers = dict(page({"orientation": block, "texture": later}, folder=tmp_path).answers)
+    assert answers[Topic.GROUND_PIXEL] == "0.6 m (no metres)" and answers[Topic.AREA] == "2 ha (no metres)"
+    assert answers[Topic.ORTHOIMAGE] == "shows all" and answers[Topic.PRECISION] == NOT_DETERMINED
