@@ -100,6 +100,16 @@ def test_a_shift_in_height_and_plan_comes_out_within_its_standard_error():
     assert surface_shift(blocks_of(1, 1, 1) * 0).blocks == 0
 
 
+def test_roofs_do_not_hide_a_shift_in_plan():
+    """Blocks with the edge of a roof: steep, and nothing of it shows in their corrections."""
+    coarse = blocks_of(1.2, -0.7, 0.4)
+    steep = np.random.default_rng(8).random(coarse.shape[:2]) < 0.08
+    coarse[steep, 3], coarse[steep, 1] = 0.9, -0.4
+    found = surface_shift(coarse)
+    assert found.east is not None and found.north is not None and found.plan_sigma is not None
+    assert abs(found.east - 1.2) < 3 * found.plan_sigma[0] + 0.02 and abs(found.north + 0.7) < 3 * found.plan_sigma[1] + 0.02
+
+
 def test_few_blocks_tell_the_height_alone():
     found = surface_shift(blocks_of(0.8, -0.5, 1.25)[20:25, 20:25])
     assert found.east is None and not found.in_plan and abs(found.up - 1.25) < 1.0

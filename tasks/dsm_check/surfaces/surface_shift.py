@@ -20,8 +20,8 @@ _GROUP = 8
 """blocks along a side of a group whose errors may be alike"""
 _WHOLE = 0.95
 """share of a block that must have been judged"""
-_STEEPEST = 1.0
-"""slope beyond which a block holds a wall, and no slope of the ground"""
+_STEEPEST, _USUAL = 1.0, 4.0
+"""slope beyond which a block holds a wall, and no slope of the ground; times the median slope, whichever is less"""
 
 
 class SurfaceShift(BaseModel):
@@ -46,6 +46,8 @@ class SurfaceShift(BaseModel):
 
 _CERTAIN = 4.0
 """standard errors"""
+_LEVEL = 0.02
+"""slope that every block may have: of a level ground the median is nothing"""
 ROUGH_SHIFT = Table("dsm_check/rough_shift.json", SurfaceShift)
 """from the coarsest orthoimages, which reach far"""
 SHIFT = Table("dsm_check/shift.json", SurfaceShift)
@@ -67,9 +69,11 @@ class _Fit:
 def surface_shift(coarse: np.ndarray) -> SurfaceShift:
     """The shift that the blocks (rows, cols, 5) of a check ask for."""
     # Blocks that were judged in part lie at borders, where windows reach ground that is not corrected.
-    known = (coarse[..., CHECKED] > _WHOLE) & (np.hypot(coarse[..., EAST], coarse[..., NORTH]) < _STEEPEST)
+    known, steep = coarse[..., CHECKED] > _WHOLE, np.hypot(coarse[..., EAST], coarse[..., NORTH])
     if not known.any():
         return NO_SHIFT
+    # The edge of a roof within a block is a slope of which the windows see nothing. A few such blocks would pull the shift to zero.
+    known &= steep < min(_STEEPEST, max(_USUAL * float(np.median(steep[known])), _LEVEL))
     dh = coarse[known][:, MEAN].astype(np.float64)
     rows, cols = np.nonzero(known)
     precise = _weights(coarse[known][:, SIGMA].astype(np.float64))
