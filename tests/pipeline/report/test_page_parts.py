@@ -7,8 +7,9 @@ import pytest
 from memory_store import MemoryStore
 
 from orthomill.pipeline.engine.run_facts import Failure, RunFacts, StageRun
-from orthomill.pipeline.report.page import figure_row, label_of, length_text, report_html
-from orthomill.schemas.stage_report import Figure, Grid, StageReport, report_table
+from orthomill.pipeline.report.page import PictureView, Section, figure_row, label_of, leading, length_text, report_html
+from orthomill.pipeline.report.pictures import Drawing
+from orthomill.schemas.stage_report import Figure, Grid, Picture, StageReport, report_table
 
 STAGES = (("photos", "Photographs"), ("texture", "True orthoimage"))
 
@@ -155,3 +156,24 @@ def test_labels_keep_abbreviations_in_capitals():
 @pytest.mark.parametrize(("metres", "text"), [(0.005, "5 mm"), (0.1, "0.1 m"), (50, "50 m"), (1000, "1 km"), (2500, "2.5 km")])
 def test_lengths_on_the_ground(metres, text):
     assert length_text(metres).replace("\u202f", " ") == text
+
+
+def pictured(kind: str, *titles: str, first_page: bool = True) -> Section:
+    """A stage with pictures."""
+    views = tuple(
+        PictureView(title, Picture(title=title, raster="a/b", style="rgb", first_page=first_page), Drawing("", 1, 1))
+        for title in titles
+    )
+    return Section(kind, kind, "done", StageRun(kind), StageReport(), (), views, (), (), (), ())
+
+
+@pytest.mark.parametrize(
+    ("sections", "first"),
+    [
+        ((pictured("densification", "surface"), pictured("texture", "orthoimage")), ["orthoimage", "surface"]),
+        ((pictured("projection", "front", "section", "column"),), ["front", "section"]),
+        ((pictured("photos", "a", "b", first_page=False), pictured("orientation", "map", first_page=False)), ["map", "a"]),
+    ],
+)
+def test_results_of_the_last_stage_lead_in_its_own_order(sections, first):
+    assert [view.name for view in leading(sections)] == first
