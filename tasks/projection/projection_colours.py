@@ -30,8 +30,9 @@ from orthomill.tasks.visibility.sight import PlaceSight
 from orthomill.tasks.visibility.triangle_blocks import TrianglesAtHand
 
 PROJECTION_RADIOMETRY = Table("projection/radiometry.json", Radiometry)
-ZONE_WORTH = 0.005
-"""Factor on the weight next to the limit of what is hidden: below the share from which a colour is used beside others"""
+ZONE_WORTH = 1.02 * RESERVE
+"""Factor on the weight next to the limit of what is hidden: such a colour hardly shows beside others, but still votes on gross
+errors, which two photographs alone could not find"""
 _LEAST_WORTH = 1e-12
 COARSE, FINE = 1 / 9, 1 / 4
 """Shares of the greatest area: pixels three times as large as the finest ones do not colour, those twice as large do."""

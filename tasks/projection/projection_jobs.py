@@ -329,18 +329,19 @@ class ColourJobs:
             parts = tuple(part for part in found if part is not None)
             inner = [(part.name, part.window.within(self.basis.ideal[part.name])) for part in parts]
             numbers = union_of([surface.blocks, *(self.seen[name].blocks_in(window) for name, window in inner)])
-            masked = tuple(part for part in self._full_parts(surface) if part.name in self.masks)
-            reads = {
+            shown = {part.name for part in parts} & set(self.masks)
+            masked = tuple(part for part in self._full_parts(surface) if part.name in shown)
+            reads: dict[str, Reading] = {
                 "triangle": Raster(output_layer(self.frame.name, "triangle"), tile.window),
                 "blocks": _blocks(numbers),
-                "nearness": tuple(Raster(photograph_layer(name, "nearness"), window) for name, window in inner),
-                "drawn": tuple(Raster(photograph_layer(name, "triangle"), window) for name, window in inner),
+                "nearness": Stream(tuple(Raster(photograph_layer(name, "nearness"), window) for name, window in inner)),
+                "drawn": Stream(tuple(Raster(photograph_layer(name, "triangle"), window) for name, window in inner)),
                 "block": BLOCK,
                 "census": CENSUS,
                 "facing": FACING,
             }
             if masked:
-                reads["masks"] = tuple(self.masks[part.name].region(part.window) for part in masked)
+                reads["masks"] = Stream(tuple(self.masks[part.name].region(part.window) for part in masked))
             numbered = OutputTile(own.frame, own.window, numbers, own.names, parts, masked)
             yield self.frame._job(
                 "sight",

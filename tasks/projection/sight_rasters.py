@@ -6,7 +6,7 @@ dilated there by what the mesh and the orientation are worth. Colours from that 
 specks smaller than a number of pixels are removed before, by their connected components, so that noise makes no holes.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -72,23 +72,24 @@ def tile_points(
 def sight_tile(
     triangle: np.ndarray,
     blocks: tuple[np.ndarray, ...],
-    nearness: tuple[np.ndarray, ...],
-    drawn: tuple[np.ndarray, ...],
+    nearness: Iterable[np.ndarray],
+    drawn: Iterable[np.ndarray],
     block: Block,
     census: MeshCensus,
     facing: MeshFacing,
     tile: OutputTile,
     tolerance: SightTolerance,
-    masks: tuple[np.ndarray, ...] = (),
+    masks: Iterable[np.ndarray] = (),
 ) -> np.ndarray:
     """Codes (rows, cols, photographs) uint8 of PlaceSight of a tile, for the photographs `tile.names`.
 
     triangle (rows, cols) of the tile; nearness and drawn triangles of the photographs at `tile.parts` (windows of their ideal
-    pictures); masks (rows, cols, bands) at the windows `tile.zones`: 0 is not to be used.
+    pictures); masks (rows, cols, bands) at the windows `tile.zones`: 0 is not to be used. They are taken one after the other: a
+    tile of a coarse picture shows the whole of every photograph.
     """
     origin, at_hand = np.array(census.origin), TrianglesAtHand.of(tile.blocks, blocks)
     surface = tile_points(triangle, at_hand, tile.frame, tile.window, origin)
-    rasters = [NearestTriangles(part.window, *pair) for part, *pair in zip(tile.parts, nearness, drawn, strict=True)]
+    rasters = (NearestTriangles(part.window, *pair) for part, *pair in zip(tile.parts, nearness, drawn, strict=True))
     codes = point_sights(surface, rasters, block, origin, facing.sign, at_hand, tile, tolerance, masks)
     # A back shows nothing: what is painted on the front of it belongs to the other side.
     codes[surface.backs(facing.sign)] = PlaceSight.AWAY
@@ -99,25 +100,25 @@ def sight_tile(
 
 def point_sights(
     surface: TilePoints,
-    rasters: Sequence[NearestTriangles],
+    rasters: Iterable[NearestTriangles],
     block: Block,
     origin: np.ndarray,
     facing: float,
     at_hand: TrianglesAtHand,
     photographs: PhotographsAtHand,
     tolerance: SightTolerance,
-    masks: tuple[np.ndarray, ...],
+    masks: Iterable[np.ndarray],
 ) -> np.ndarray:
-    """Codes (N, photographs) uint8 of PlaceSight of the points of a surface; `rasters` of the parts, masks of the zones."""
+    """Codes (N, photographs) uint8 of PlaceSight of the points of a surface; `rasters` of the parts, masks of the zones, which are
+    some of the same photographs in the same order."""
     out = np.full((len(surface.at), len(photographs.names)), PlaceSight.OUTSIDE, np.uint8)
-    veils = {part.name: (mask, part.window) for mask, part in zip(masks, photographs.zones, strict=True)}
-    drawn = {part.name: raster for part, raster in zip(photographs.parts, rasters, strict=True)}
-    places = MeshPlaces(surface.points, surface.triangle, drawn, at_hand, tolerance, facing)
-    for part in photographs.parts:
+    zones, veils = {part.name: part.window for part in photographs.zones}, iter(masks)
+    for part, raster in zip(photographs.parts, rasters, strict=True):
+        places = MeshPlaces(surface.points, surface.triangle, {part.name: raster}, at_hand, tolerance, facing)
         view = moved(block_view(block, part.name), origin)
         codes = places.sights(view)
-        if part.name in veils:
-            codes[_covered(view.project(surface.points), *veils[part.name])] = PlaceSight.MASKED
+        if part.name in zones:
+            codes[_covered(view.project(surface.points), next(veils), zones[part.name])] = PlaceSight.MASKED
         out[:, photographs.names.index(part.name)] = codes
     return out
 
@@ -199,8 +200,9 @@ def edge_tile(
         hidden = (code == PlaceSight.HIDDEN) | (code == PlaceSight.AWAY)
         if not hidden.any():
             continue
-        # A limit to where there is no surface, or no photograph, is no occlusion.
-        edges = hidden_edges(hidden, rules) & (code > PlaceSight.MASKED)
+        # The seen side of an edge lies on the break of the depth in the photograph. The hidden side may be seen through the middle
+        # of what hides it, where there is no limit; a limit to where there is no surface, or no photograph, is no occlusion.
+        edges = hidden_edges(hidden, rules) & (code >= PlaceSight.AT_BREAK)
         surface = tile_points(triangle[inner], at_hand, tile.frame, tile.window, origin, edges[inner])
         view = moved(block_view(block, name), origin)
         pixels = view.project(surface.points)

@@ -5,6 +5,7 @@ import pytest
 
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.job import Job, Stream
 from orthomill.schemas.raster import MapGrid, RasterSpec
 from orthomill.schemas.solid.mesh import TriangleMesh
 from orthomill.schemas.stage_report import Topic
@@ -13,6 +14,7 @@ from orthomill.tasks.geometry.view import View, block_view
 from orthomill.tasks.imagery.blending import RESERVE
 from orthomill.tasks.projection.projection_colours import fading
 from orthomill.tasks.projection.projection_frames import looking_at
+from orthomill.tasks.projection.sight_rasters import sight_tile
 from orthomill.tasks.projection.stage import ProjectionStage
 from orthomill.tasks.visibility.sight import PlaceSight
 from tests.support.engine.memory_runner import MemoryProject
@@ -91,6 +93,19 @@ def of(outputs=None, **more) -> dict[str, np.ndarray]:
     project = scene.project_of(MemoryProject)
     project.run(stage(leave_one_out={"kind": "none"}, outputs=outputs or [FRONT], **more))
     return project.rasters
+
+
+def test_a_tile_holds_the_depths_of_one_photograph_at_a_time(plain):
+    """A tile of a coarse picture shows the whole of every photograph: two dozen of them would not fit into a worker."""
+    jobs = [job for job in stage().plan(plain) if isinstance(job, Job) and job.function is sight_tile]
+    assert any(len(job.reads["nearness"].regions) > 2 for job in jobs)
+    assert all(isinstance(job.reads[key], Stream) for job in jobs for key in ("nearness", "drawn"))
+    masked = scene.project_of(MemoryProject)
+    masked.files["masks/b.png"] = np.full((180, 240, 1), 255, np.uint8)
+    given = stage(leave_one_out={"kind": "none"}, masks={"kind": "folder", "path": "masks"})
+    masked.run(given)
+    jobs = [job for job in given.plan(masked) if isinstance(job, Job) and job.function is sight_tile]
+    assert {len(job.reads["masks"].regions) for job in jobs} == {1}
 
 
 def test_photographs_switched_off_contribute_nothing():

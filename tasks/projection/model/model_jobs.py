@@ -138,7 +138,8 @@ class ModelJobs:
         parts = tuple(part for part in ideal if part is not None)
         inner = [(part.name, part.window.within(basis.ideal[part.name])) for part in parts]
         numbers = union_of([(number,), *(self.seen[name].blocks_in(window) for name, window in inner)])
-        masked = tuple(part for part in self._parts(surface, 0.0) if part.name in self.masks)
+        shown = {part.name for part in parts} & set(self.masks)
+        masked = tuple(part for part in self._parts(surface, 0.0) if part.name in shown)
         coloured = self._parts(surface, self.texel)
         reads: dict[str, Reading] = {
             "blocks": tuple(Raster(CORNERS, block_window(k)) for k in numbers),

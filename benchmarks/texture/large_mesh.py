@@ -1,0 +1,166 @@
+"""Four million triangles and 23 photographs of 10 Mpx, as a user would run them: workers, time, and how both grow.
+
+`python -m benchmarks.texture.large_mesh` makes photographs and mesh (a rough sheet with a painted pattern, from different
+distances) for each size, runs the stage `projection` with two workers in a folder of its own, and writes
+`benchmarks/results/large_mesh.md`. Sizes may be given as TRIANGLES_ALONG_A_SIDE:PHOTOGRAPHS. What a published program takes
+for its own 11 photographs of 6 Mpx and 175 thousand triangles is 1.23 GB (its log; another data set).
+"""
+
+import json
+import sys
+import tempfile
+from pathlib import Path
+
+import cv2
+import numpy as np
+import yaml
+
+from benchmarks.measured_run import machine, orthomill, project_root, summary, write_result
+from benchmarks.texture.texture_acceptance import sheet
+from orthomill.schemas.camera import Camera
+from orthomill.schemas.raster import Window
+from orthomill.tasks.geometry.view import View
+from orthomill.tasks.projection.projection_frames import looking_at
+from orthomill.tasks.visibility.scanline import central_projection
+from tests.support.solid.whole_mesh import nearest_triangles
+
+SIZES = ((708, 23), (1415, 8), (1415, 23))
+"""vertices along a side of the sheet (1.0 and 4.0 million triangles), photographs"""
+CAMERA = Camera(name="large", width=3872, height=2592, c=3000.0)
+PATTERN = 4096
+"""px along a side of the pattern that is painted on 10 m of the sheet"""
+PROJECT = "large"
+
+
+def pattern() -> np.ndarray:
+    """(rows, cols, 3) uint8: blobs of all sizes."""
+    rng, out = np.random.default_rng(3), np.zeros((PATTERN, PATTERN, 3), np.float32)
+    for side in (16, 64, 256, 1024, 4096):
+        coarse = rng.normal(0, 26, (side, side, 3)).astype(np.float32)
+        out += cv2.resize(coarse, (PATTERN, PATTERN), interpolation=cv2.INTER_CUBIC)
+    return np.clip(128 + out, 5, 250).astype(np.uint8)
+
+
+def views(count: int) -> list[View]:
+    """Photographs on a spiral above the sheet, 5 to 9 m away, all looking inwards."""
+    out = []
+    for k in range(count):
+        angle, radius = 2.4 * k, 4.5 * np.sqrt((k + 0.5) / count)
+        centre = np.array([radius * np.cos(angle), radius * np.sin(angle), 5.0 + 4.0 * (k % 5) / 4])
+        out.append(View(f"p{k:02d}", CAMERA, looking_at(centre, np.array([0.4 * centre[0], 0.4 * centre[1], 0.0])), centre))
+    return out
+
+
+def photograph(view: View, vertices: np.ndarray, triangles: np.ndarray, painted: np.ndarray) -> np.ndarray:
+    """(rows, cols, 3): the pattern at the places of the sheet that the pixels show, black beside it."""
+    height, width = CAMERA.height, CAMERA.width
+    raster = nearest_triangles(central_projection(view, (0.0, 0.0, 0.0)), vertices, triangles, Window(0, 0, height, width))
+    col, row = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
+    principal = 0.5 * (width - 1), 0.5 * (height - 1)
+    with np.errstate(divide="ignore"):
+        depth = np.where(raster.triangle >= 0, 1.0 / raster.nearness, np.float32(np.nan)).astype(np.float32)
+    across, up = (col - principal[0]) / CAMERA.c, (principal[1] - row) / CAMERA.c
+    x, y = (
+        depth * (view.rotation[0, k] * across + view.rotation[1, k] * up - view.rotation[2, k]) + view.centre[k] for k in range(2)
+    )
+    scale = PATTERN / 10.0
+    places = np.nan_to_num((x + 5.0) * scale, nan=-9.0).astype(np.float32), np.nan_to_num((5.0 - y) * scale, nan=-9.0)
+    return cv2.remap(painted, places[0], places[1].astype(np.float32), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT)
+
+
+def write_ply(path: Path, vertices: np.ndarray, triangles: np.ndarray) -> None:
+    """A binary PLY."""
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\n"
+    head += "property float x\nproperty float y\nproperty float z\n"
+    head += f"element face {len(triangles)}\nproperty list uchar int vertex_indices\nend_header\n"
+    faces = np.empty(len(triangles), np.dtype([("count", "u1"), ("corners", "<i4", 3)]))
+    faces["count"], faces["corners"] = 3, triangles
+    with path.open("wb") as file:
+        file.write(head.encode())
+        file.write(vertices.astype("<f4").tobytes())
+        file.write(faces.tobytes())
+
+
+def make_project(folder: Path, side: int, photos: int) -> int:
+    """Photographs, orientation, mesh and workflow; returns the number of triangles."""
+    root = project_root(folder)
+    data = folder / "data"
+    data.mkdir()
+    vertices, triangles = sheet(side)
+    vertices = vertices.astype(np.float32).astype(np.float64)
+    write_ply(data / "mesh.ply", vertices, triangles)
+    painted, cameras = pattern(), {}
+    flip = np.diag([1.0, -1.0, -1.0])
+    for view in views(photos):
+        picture = photograph(view, vertices, triangles, painted)
+        cv2.imwrite(str(data / f"{view.name}.jpg"), picture[..., ::-1])
+        rotation = flip @ view.rotation
+        matrix = [[CAMERA.c, 0.0, 0.5 * (CAMERA.width - 1)], [0.0, CAMERA.c, 0.5 * (CAMERA.height - 1)], [0.0, 0.0, 1.0]]
+        place = {"t": (-rotation @ view.centre).tolist(), "centre": view.centre.tolist()}
+        cameras[f"{view.name}.jpg"] = {
+            "K": matrix,
+            "R_world_to_camera": rotation.tolist(),
+            **place,
+            "width": CAMERA.width,
+            "height": CAMERA.height,
+        }
+    (data / "cameras.json").write_text(json.dumps(cameras))
+    plane = {"kind": "plane", "name": "front", "plane": {"kind": "normal", "point": [0, 0, 0], "normal": [0, 0, 1]}}
+    workflow = {
+        "project": PROJECT,
+        "crs": "EPSG:3857",
+        "photographs": {"kind": "folder", "path": str(data), "pattern": "*.jpg"},
+        "cameras": {"kind": "given", "c": CAMERA.c},
+        "positions": {"kind": "none"},
+        "stages": [
+            {"kind": "photos"},
+            {"kind": "calibration"},
+            {"kind": "orientation", "exterior": {"kind": "matrices", "path": str(data / "cameras.json")}},
+            {
+                "kind": "projection",
+                "surface": {"kind": "mesh", "path": str(data / "mesh.ply")},
+                "outputs": [{**plane, "pixel": 0.002, "size": [9, 9]}],
+            },
+        ],
+    }
+    (root / "workflows" / f"{PROJECT}.yaml").write_text(yaml.safe_dump(workflow, sort_keys=False))
+    return len(triangles)
+
+
+def measured(side: int, photos: int) -> str:
+    """A row of the table."""
+    with tempfile.TemporaryDirectory() as scratch:
+        triangles = make_project(Path(scratch), side, photos)
+        run = orthomill(Path(scratch), "run", PROJECT, "--workers", "2")
+        if run.code != 0:
+            raise SystemExit(run.output)
+        found = {name: entry["value"] for name, entry in summary(Path(scratch), PROJECT).items()}
+    names = ("run.projection.peak_memory", "run.peak_memory", "run.projection.cpu_seconds")
+    worker, largest, cpu = (found[name] for name in names)
+    proof = f"{found['projection.left_out_blended_psnr']:.1f} dB, {100 * found['projection.left_out_blended_gradient']:.0f} %"
+    return (
+        f"| {triangles} | {photos} | {worker:.0f} | {largest:.0f} | {run.peak_bytes / 2**20:.0f} | {cpu:.0f} "
+        f"| {found['projection.front_coloured']:.1f} | {proof} |"
+    )
+
+
+def main(sizes: tuple[tuple[int, int], ...]) -> None:
+    """Measure all sizes and write the page."""
+    rows = [measured(*size) for size in sizes]
+    lines = [
+        "# Large meshes with many photographs",
+        "",
+        f"`python -m benchmarks.texture.large_mesh`; {machine()}. Photographs of {CAMERA.width} x {CAMERA.height} px; an "
+        "orthoimage of 4500 x 4500 px, leave one out, textured model, depth pictures; two workers, kernels compiled or loaded "
+        "as they come.",
+        "",
+        "| triangles | photographs | largest worker of the stage (MiB) | of the run | largest process (MiB) | CPU-s of the stage "
+        "| coloured % | left out: PSNR, gradient |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- |",
+        *rows,
+    ]
+    write_result("large_mesh", "\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    main(tuple(tuple(map(int, word.split(":"))) for word in sys.argv[1:]) or SIZES)
