@@ -33,7 +33,7 @@ def strips(changed=lambda rng: {}, seed=0, turn=0.0, **options):
         attitude = (*rng.uniform(-3, 3, 2), rng.uniform(-3, 3) + 180 * strip + turn * number)
         own = CAMERA.changed(**{name: CAMERA.value(name) + value for name, value in changed(rng).items()})
         views.append(view(f"v{number}", own, place, attitude))
-    return simulate(views, calibrated(CAMERA, rng), seed, **({"tracks": 400, "gnss": 0.05, "control": 6, "check": 20} | options))
+    return simulate(views, calibrated(CAMERA, rng), seed, **({"tracks": 250, "gnss": 0.05, "control": 6, "check": 20} | options))
 
 
 def check_ratios(out):

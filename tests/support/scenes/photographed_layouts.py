@@ -147,10 +147,13 @@ def corner(rng, count):
     rough, z = 0.3 * rng.standard_normal(count), rng.uniform(-1, 12, count)
     wall = np.where(side[:, None], np.column_stack([-along, rough, z]), np.column_stack([rough, along, z]))
     normal = np.where(side[:, None], [0, -1.0, 0], [1.0, 0, 0])
-    turn = np.radians(np.linspace(-90, 0, 14))
-    base = np.column_stack([np.linspace(-16, 0, 14) * (turn < np.radians(-45)), np.linspace(0, 16, 14) * (turn > np.radians(-45))])
-    places = np.column_stack([base + 14 * np.column_stack([np.cos(turn), np.sin(turn)]), np.full(14, 1.7)])
-    return _towards(rng, places, np.column_stack([base, np.full(14, 4.5)])), (wall, normal), 15
+    turn, walked = np.radians(np.linspace(-85, -5, 6)), np.array([12.0, 8.0, 4.0, 1.0])
+    there = np.column_stack([-walked, np.full(4, -14.0)]), np.column_stack([2 - walked, np.zeros(4)])
+    round_it = 14 * np.column_stack([np.cos(turn), np.sin(turn)]), np.zeros((6, 2))
+    back = np.column_stack([np.full(4, 14.0), walked[::-1]]), np.column_stack([np.zeros(4), walked[::-1] - 2])
+    places, aims = (np.vstack(parts) for parts in zip(there, round_it, back, strict=True))
+    up = np.full((14, 1), 1.7), np.full((14, 1), 4.5)
+    return _towards(rng, np.hstack([places, up[0]]), np.hstack([aims, up[1]])), (wall, normal), 15
 
 
 def kite(rng, count):
