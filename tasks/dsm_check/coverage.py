@@ -76,7 +76,8 @@ def choose_checked_pairs(
     grid = surface.grid
     polygons = [seen_ground(pair, block, surface) for pair in pairs.pairs]
     # Steeper pairs measure heights better: the greedy choice weighs ground gained by base over height.
-    covers = [covered(pair, block, surface) for pair in pairs.pairs]
+    nothing = np.zeros_like(rasterised(np.empty((0, 2)), grid))
+    covers = [covered(pair, block, surface) if len(p) else nothing for pair, p in zip(pairs.pairs, polygons, strict=True)]
     order = best_cover(covers, [p.base_height for p in pairs.pairs], count, per_place)
     if not order:
         raise GeometryError(

@@ -117,7 +117,27 @@ def common_polygon(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """The intersection (M, 2) of two convex polygons; (0, 2) where they do not meet."""
     origin = first.mean(axis=0)
     area, common = cv2.intersectConvexConvex((first - origin).astype(np.float32), (second - origin).astype(np.float32))
-    return common.reshape(-1, 2).astype(np.float64) + origin if common is not None and area > 0 else np.empty((0, 2))
+    if common is not None and area > 0:
+        return common.reshape(-1, 2).astype(np.float64) + origin
+    # OpenCV finds no area of some polygons that overlap widely.
+    return _clipped(first - origin, second - origin) + origin
+
+
+def _clipped(polygon: np.ndarray, by: np.ndarray) -> np.ndarray:
+    """The part (M, 2) of a convex polygon inside another; (0, 2) where there is none. Source: Sutherland and Hodgman 1974."""
+    following = np.roll(by, -1, axis=0)
+    turn = np.sign((by[:, 0] * following[:, 1] - following[:, 0] * by[:, 1]).sum())
+    for a, b in zip(by, following, strict=True):
+        side = turn * ((b[0] - a[0]) * (polygon[:, 1] - a[1]) - (b[1] - a[1]) * (polygon[:, 0] - a[0]))
+        corners = []
+        for k, (here, one) in enumerate(zip(polygon, side, strict=True)):
+            there, other = polygon[(k + 1) % len(polygon)], side[(k + 1) % len(polygon)]
+            if one >= 0:
+                corners.append(here)
+            if one * other < 0:
+                corners.append(here + (there - here) * one / (one - other))
+        polygon = np.array(corners).reshape(-1, 2)
+    return polygon if polygon_area(polygon) > 0 else np.empty((0, 2))
 
 
 def polygon_area(polygon: np.ndarray) -> float:

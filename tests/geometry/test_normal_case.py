@@ -215,3 +215,15 @@ def test_the_tiny_block_closes():
     ground = see(view, np.array([[100.0, 120.0], [300.0, 333.0]]))
     np.testing.assert_allclose(surface(ground[:, 0], ground[:, 1]), ground[:, 2], atol=1e-6)
     assert block().of("a2").photo == "a2"
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_common_ground_is_found_where_opencv_finds_none(monkeypatch, order):
+    """It has no area for some polygons of many corners that overlap widely."""
+    angle = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+    disc = 100.0 * np.column_stack([np.cos(angle), np.sin(angle)])[::order]
+    expected = polygon_area(common_polygon(disc, disc + np.array([60.0, 30.0])))
+    monkeypatch.setattr("cv2.intersectConvexConvex", lambda *_: (0.0, None))
+    found = common_polygon(disc, disc[::-1] + np.array([60.0, 30.0]))
+    assert polygon_area(found) == pytest.approx(expected, rel=1e-4) and expected > 1e4
+    assert len(common_polygon(disc, disc + np.array([300.0, 0.0]))) == 0
