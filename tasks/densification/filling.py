@@ -3,7 +3,7 @@
 Strategy. Where the photographs together prefer a height that its neighbours contradict (leaves, water, a blank wall), that height
 is an estimate. Where there is none, the nearest heights are sought in eight directions, up to the largest gap; the cell is filled
 if they lie on opposite sides, by their mean weighted with 1 / distance^2, and its standard error is theirs, widened by their
-spread.
+spread. For estimates that can only be wrong, heights on one side will do.
 """
 
 from typing import Annotated, Literal
@@ -53,8 +53,9 @@ def _enclosed(found):
 
 
 @njit(cache=True)
-def _fill(height, precision, reach, out_height, out_precision):
-    """Fills NaN cells of height (rows, cols) m into `out_height` and `out_precision`; reach in cells."""
+def _fill(height, precision, wrong, reach, out_height, out_precision):
+    """Fills NaN cells of height (rows, cols) m into `out_height` and `out_precision`, the `wrong` ones from one side too; reach in
+    cells."""
     values, weights, found = np.zeros(8), np.zeros(8), np.zeros(8, np.bool_)
     for r in range(height.shape[0]):
         for c in range(height.shape[1]):
@@ -73,7 +74,7 @@ def _fill(height, precision, reach, out_height, out_precision):
                         found[k], values[k], weights[k] = True, height[y, x], 1.0 / (i * length) ** 2
                         error = max(error, np.float64(precision[y, x]))
                         break
-            if not _enclosed(found):
+            if not (_enclosed(found) or (wrong[r, c] and found.any())):
                 continue
             total, mean, spread = 0.0, 0.0, 0.0
             for k in range(8):
@@ -89,17 +90,17 @@ def _fill(height, precision, reach, out_height, out_precision):
             out_height[r, c], out_precision[r, c] = mean, np.sqrt(error * error + spread / total)
 
 
-def fill(cells: FusedCells, stray: np.ndarray, filling: MeasuredOnly | EstimateGaps) -> FusedCells:
+def fill(cells: FusedCells, stray: np.ndarray, wrong: np.ndarray, filling: MeasuredOnly | EstimateGaps) -> FusedCells:
     """The cells with their gaps interpolated, or without any estimated height.
 
-    stray (rows, cols) bool: estimates that stand alone among their neighbours, as on water: what surrounds them is the better
-    guess, where it is within reach.
+    stray, wrong (rows, cols) bool: estimates that stand alone among their neighbours, as on water, where what surrounds them is
+    the better guess if it is within reach; and such that anything near is better, be it on one side only.
     """
     if filling.kind == "none":
         return without(cells, np.isin(cells.provenance, ESTIMATED))
-    known = without(cells, stray)
+    known = without(cells, stray | wrong)
     height, precision = known.height.copy(), known.precision.copy()
-    _fill(known.height, known.precision, filling.reach, height, precision)
+    _fill(known.height, known.precision, wrong, filling.reach, height, precision)
     filled = np.isnan(known.height) & np.isfinite(height)
     # The count becomes 0: no pair measured these cells, and whoever counts support must see that.
     return FusedCells(

@@ -103,6 +103,18 @@ def with_distance(cells: FusedCells, cell: float) -> FusedCells:
     return FusedCells(cells.height, np.where(estimated, widened, cells.precision).astype(np.float32), cells.count, cells.provenance)
 
 
+def groundless(cells: FusedCells) -> np.ndarray:
+    """(rows, cols) bool: heights that know less than their surroundings do. They are more uncertain than trees and houses are high,
+    and farther than that from every height that was measured around; cells with standard errors among neighbours, m."""
+    measured = np.isin(cells.provenance, MEASURED)
+    size = 2 * REACH + 1
+    highest = ndimage.maximum_filter(np.where(measured, cells.height, -np.inf), size, mode="nearest")
+    lowest = ndimage.minimum_filter(np.where(measured, cells.height, np.inf), size, mode="nearest")
+    outside = (cells.height > highest + _TALLEST) | (cells.height < lowest - _TALLEST)
+    # Where nothing was measured around, nothing is known better.
+    return outside & (cells.precision > _TALLEST) & (lowest <= highest)
+
+
 def height_range(height: np.ndarray, reach: int) -> np.ndarray:
     """Highest minus lowest height (rows, cols) float32, m, of the cells up to `reach` away in rows and columns; unknown ones do not
     count."""

@@ -21,7 +21,14 @@ from orthomill.tasks.densification.height_stack import REACH as STACK_REACH
 from orthomill.tasks.densification.height_stack import SLOTS, HeightStack
 from orthomill.tasks.densification.points import PointCollector, PointThinning
 from orthomill.tasks.densification.spike_filter import SpikeFilter, spikes
-from orthomill.tasks.densification.standard_errors import CODE_REACH, REACH, relative_precision, window_doubt, with_distance
+from orthomill.tasks.densification.standard_errors import (
+    CODE_REACH,
+    REACH,
+    groundless,
+    relative_precision,
+    window_doubt,
+    with_distance,
+)
 from orthomill.tasks.densification.surface_grid import ground_pixel
 
 CLASSES = 20
@@ -160,7 +167,8 @@ def finished_cells(
     if tile.window_cells:
         relative = np.hypot(relative, window_doubt(measured.height, tile.window_cells))
     rated = FusedCells(measured.height, relative, measured.count, measured.provenance)
-    whole = fill(rated, volume.stray & (rated.provenance == Provenance.INCOHERENT), rules.fill)
+    incoherent = rated.provenance == Provenance.INCOHERENT
+    whole = fill(rated, volume.stray & incoherent, groundless(rated) & incoherent, rules.fill)
     cells = _cropped(with_distance(whole, grid.cell), tile)
     datum = datum_precision([piece.pair for piece in tile.pieces], grid, tile.window, tile.ground)
     datum = np.where(np.isfinite(cells.height), datum, np.float32(np.nan))

@@ -163,35 +163,46 @@ def test_filling_agrees_with_its_plain_twin(seed, gap):
     rng = np.random.default_rng(seed)
     height = rng.normal(50, 3, (10, 11))
     height[rng.random(height.shape) < 0.5] = np.nan
-    filled = fill(cells_of(height), NONE, EstimateGaps(max_gap=gap))
+    filled = fill(cells_of(height), NONE, np.zeros(height.shape, bool), EstimateGaps(max_gap=gap))
     assert np.allclose(filled.height, plain_filling(height.astype(np.float32), gap), atol=1e-4, equal_nan=True)
 
 
 def test_filled_cells_are_never_more_precise_than_their_neighbours():
     height = np.tile(np.arange(9.0), (9, 1))
     height[4, 4] = np.nan
-    filled = fill(cells_of(height, 0.25), NONE, EstimateGaps(max_gap=3))
+    filled = fill(cells_of(height, 0.25), NONE, np.zeros(height.shape, bool), EstimateGaps(max_gap=3))
     assert filled.provenance[4, 4] == Provenance.INTERPOLATED and filled.count[4, 4] == 0
     assert filled.precision[4, 4] > 0.25 and filled.height[4, 4] == pytest.approx(4.0)
+
+
+def test_a_wrong_height_takes_that_of_one_side_and_a_gap_does_not():
+    height = np.tile(np.where(np.arange(9) < 4, 10.0, np.nan), (9, 1))
+    height[4, 6] = -30.0
+    none = np.zeros(height.shape, bool)
+    filled = fill(cells_of(height), none, height == -30.0, EstimateGaps(max_gap=5))
+    assert filled.height[4, 6] == 10.0 and filled.provenance[4, 6] == Provenance.INTERPOLATED
+    assert np.isnan(np.delete(filled.height[:, 4:].ravel(), 4 * 5 + 2)).all()
 
 
 def test_max_gap_is_in_cells():
     height = np.full((1, 21), 5.0)
     height[0, 6:15] = np.nan
     for gap, whole in ((9, True), (8, False)):
-        assert np.isfinite(fill(cells_of(height), NONE, EstimateGaps(max_gap=gap)).height).all() == whole, gap
+        assert (
+            np.isfinite(fill(cells_of(height), NONE, np.zeros(height.shape, bool), EstimateGaps(max_gap=gap)).height).all() == whole
+        ), gap
 
 
 def test_nothing_is_extrapolated():
     height = np.full((9, 9), np.nan)
     height[:, :4] = 3.0
-    assert np.isnan(fill(cells_of(height), NONE, EstimateGaps(max_gap=5)).height[:, 4:]).all()
+    assert np.isnan(fill(cells_of(height), NONE, np.zeros(height.shape, bool), EstimateGaps(max_gap=5)).height[:, 4:]).all()
 
 
 def test_measured_only_leaves_every_estimate_out():
     cells = cells_of(np.full((1, 7), 5.0))
     codes = np.arange(7, dtype=np.uint8)[None]
-    kept = fill(FusedCells(cells.height, cells.precision, cells.count, codes), NONE, MeasuredOnly(kind="none"))
+    kept = fill(FusedCells(cells.height, cells.precision, cells.count, codes), NONE, NONE, MeasuredOnly(kind="none"))
     assert kept.provenance.tolist() == [[0, 1, 2, 3, 0, 5, 0]]
     assert (np.isnan(kept.height[0]) == [False, False, False, False, True, False, True]).all()
 
@@ -199,7 +210,7 @@ def test_measured_only_leaves_every_estimate_out():
 def test_heights_that_stand_alone_give_way_to_what_surrounds_them():
     height = np.full((9, 9), 5.0)
     height[4, 4], height[0, 0] = 40.0, 30.0
-    filled = fill(cells_of(height), height > 10, EstimateGaps(max_gap=3))
+    filled = fill(cells_of(height), height > 10, np.zeros(height.shape, bool), EstimateGaps(max_gap=3))
     assert filled.height[4, 4] == pytest.approx(5.0) and filled.provenance[4, 4] == Provenance.INTERPOLATED
     assert filled.count[4, 4] == 0
     assert filled.height[0, 0] == 30.0, "nothing encloses a corner, so it keeps what it has"

@@ -6,7 +6,15 @@ import pytest
 from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.fusion import FusedCells
-from orthomill.tasks.densification.standard_errors import SHARE, height_range, relative_precision, window_doubt, with_distance
+from orthomill.tasks.densification.standard_errors import (
+    REACH,
+    SHARE,
+    groundless,
+    height_range,
+    relative_precision,
+    window_doubt,
+    with_distance,
+)
 from orthomill.tasks.densification.volume.quality import STRETCH_UNIT, Judgement
 
 SHAPE = (9, 15)
@@ -131,3 +139,17 @@ def test_cells_without_a_height_have_no_standard_error_and_do_not_disturb_others
 def test_the_range_is_taken_over_the_cells_around():
     expected = [max(wall()[0, max(c - 2, 0) : c + 3]) - min(wall()[0, max(c - 2, 0) : c + 3]) for c in range(SHAPE[1])]
     assert height_range(wall(), 2)[4].tolist() == expected
+
+
+def test_estimates_far_below_the_ground_around_and_too_uncertain_to_be_trees_are_groundless():
+    height = np.full((9, 60), 90.0, np.float32)
+    code = np.full(height.shape, Provenance.AGREED, np.uint8)
+    code[:, 8:] = Provenance.INCOHERENT
+    precision = np.full(height.shape, 20.0, np.float32)
+    height[:, 8:], height[:, 20] = -30.0, 95.0
+    precision[:, 10] = 5.0
+    found = groundless(FusedCells(height, precision, np.ones(height.shape, np.uint8), code))[4]
+    near = np.arange(60) < 8 + REACH
+    # Not the ground itself, what is certain enough, what lies within trees' height of the ground, or what has no ground around.
+    expected = near & (np.arange(60) >= 8) & ~np.isin(np.arange(60), (10, 20))
+    assert np.array_equal(found, expected)

@@ -198,8 +198,12 @@ def test_gaps_are_filled_only_when_asked_for_and_only_within_reach():
     height[:, 24:] = EMPTY
     known = np.isfinite(height)
     cells = FusedCells(height, np.where(known, np.float32(0.1), EMPTY), known.astype(np.uint8), known.astype(np.uint8))
-    assert np.array_equal(fill(cells, np.isnan(cells.height), MeasuredOnly(kind="none")).height, cells.height, equal_nan=True)
-    filled = fill(cells, np.isnan(cells.height), EstimateGaps(max_gap=6))
+    assert np.array_equal(
+        fill(cells, np.isnan(cells.height), np.zeros(cells.height.shape, bool), MeasuredOnly(kind="none")).height,
+        cells.height,
+        equal_nan=True,
+    )
+    filled = fill(cells, np.isnan(cells.height), np.zeros(cells.height.shape, bool), EstimateGaps(max_gap=6))
     hole = slice(10, 14), slice(12, 16)
     assert np.abs(filled.height[hole] - (100 + 0.5 * x[12:16])).max() < 0.3
     assert (filled.provenance[hole] == 4).all() and (filled.count[hole] == 0).all() and (filled.precision[hole] >= 0.1).all()
