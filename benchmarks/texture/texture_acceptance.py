@@ -43,7 +43,7 @@ FRONT = {
     "size": (4.0, 3.0),
 }
 SCENES = (1, 2, 3, 4, 5, 6, 7, 8)
-"""seeds of the box and of the errors of the orientation; nothing was chosen on them"""
+"""seeds of the box and of the errors of the orientation; six of them were looked at while the vote of the zone was chosen"""
 LABEL_M7 = "M7 (mean +- sigma)"
 REMEDIES = {
     "none": {"rejection": {"kind": "none"}, "widening": {"kind": "none"}},
