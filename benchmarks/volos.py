@@ -63,6 +63,7 @@ GOALS = (
     Goal("roofs grown", "-", "evaluation.dsm_measured_roofs_grown"),
     Goal("roofs lost", "-", "evaluation.dsm_measured_roofs_lost"),
     Goal("orthoimage, filled where a photograph sees", "100 %", "evaluation.ortho_completeness", least(99.995)),
+    Goal("the same where the surface model has a height", "100 %", "evaluation.ortho_completeness_on_surface", least(99.995)),
     Goal("orthoimage, shifted by more than 0.5 px", "0.05 %", "evaluation.ortho_shift_above_half_px_share", most(0.05)),
     Goal(
         "the same where all heights around are measured",

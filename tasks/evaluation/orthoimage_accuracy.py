@@ -20,6 +20,7 @@ from scipy import ndimage
 from orthomill.schemas.job import Columns
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.surface import HeightSource
 from orthomill.schemas.truth import OPEN_MATERIALS, Material
 from orthomill.tasks.evaluation.classes import PlaceClass
 from orthomill.tasks.evaluation.orientation_accuracy import datum_shifts
@@ -74,6 +75,8 @@ class OrthoCounts(BaseModel):
     ssim_count: int = 0
     visible: int = 0
     visible_covered: int = 0
+    visible_modelled: int = 0
+    visible_modelled_covered: int = 0
     hidden: int = 0
     hidden_covered: int = 0
     shadow: int = 0
@@ -176,7 +179,7 @@ class OrthoScene:
 
     `window` in the ortho grid; `colour` (rows, cols, 3) fitted ortho colours; `truth` likewise, NaN where unknown; `covered` (rows,
     cols) bool: the orthoimage has a colour; `material` codes; `seen` uint8 number of photographs that truly show the pixel, 255
-    where unknown; `measured` (rows, cols) bool: the height that the orthoimage rests on is measured.
+    where unknown; `source` (rows, cols) codes of HeightSource: the height that the orthoimage rests on.
     """
 
     window: Window
@@ -185,7 +188,11 @@ class OrthoScene:
     covered: np.ndarray
     material: np.ndarray
     seen: np.ndarray
-    measured: np.ndarray
+    source: np.ndarray
+
+    @cached_property
+    def measured(self) -> np.ndarray:
+        return self.source == HeightSource.MEASURED
 
     @cached_property
     def has_truth(self) -> np.ndarray:
@@ -322,10 +329,14 @@ def count_ortho(scene: OrthoScene, core: Window, hidden_photos: np.ndarray) -> O
     # any channel: a red car on grey asphalt may differ in one of them only
     far = (own[0] > FAR) | (own[1] > FAR) | (own[2] > FAR)
     many, few = road & (seen >= 3), road & (seen < 3) & (seen > 0)
+    # Beyond the surface model heights are a guess, and with them the place where the frame of the last photograph ends.
+    modelled = np.isin(scene.source[inner], (HeightSource.MEASURED, HeightSource.ESTIMATED))
     counts = {
         "ssim_count": np.isfinite(index),
         "visible": known & (seen > 0),
         "visible_covered": known & (seen > 0) & covered,
+        "visible_modelled": known & (seen > 0) & modelled,
+        "visible_modelled_covered": known & (seen > 0) & modelled & covered,
         "hidden": known & (seen == 0),
         "hidden_covered": known & (seen == 0) & covered,
         "shadow": shadow,

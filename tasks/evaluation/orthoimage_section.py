@@ -48,6 +48,11 @@ _TRUTH_FIGURES = (
     ("ortho_own_shift_median_px", "px", "Median shift without that of the datum."),
     ("ortho_own_shift_above_half_px_share", "%", "Nodes that are shifted by more than 0.5 px without the datum."),
     ("ortho_completeness", "%", "Pixels with a colour, of those truly visible in at least one photograph."),
+    (
+        "ortho_completeness_on_surface",
+        "%",
+        "The same where the surface model has a height; beyond it, where the photographs end is a guess as well.",
+    ),
     ("ortho_hidden_coloured", "%", "Pixels with a colour, of those truly visible in no photograph."),
     (
         "ortho_doubled_share",
@@ -125,6 +130,7 @@ def _truth_values(summary: OrthoSummary) -> dict[str, float | int | None]:
         "ortho_own_shift_median_px": shift["own_median"],
         "ortho_own_shift_above_half_px_share": shift["own_share_above_half"],
         "ortho_completeness": share_of(counts.visible_covered, counts.visible),
+        "ortho_completeness_on_surface": share_of(counts.visible_modelled_covered, counts.visible_modelled),
         "ortho_hidden_coloured": share_of(counts.hidden_covered, counts.hidden),
         "ortho_doubled_share": share_of(counts.shadow_doubled, counts.shadow),
         "ortho_doubled_by_chance": share_of(counts.free_doubled, counts.free),

@@ -8,7 +8,7 @@ from scipy import ndimage
 
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.schemas.surface import MEASURED, HeightSource
+from orthomill.schemas.surface import MEASURED
 from orthomill.schemas.truth import Material
 from orthomill.tasks.evaluation.accuracy import HeightHistogram, HeightSums, JudgedCells, height_sums, histogram
 from orthomill.tasks.evaluation.classes import PlaceClass, place_classes, strata
@@ -231,7 +231,7 @@ def ortho_against_truth(
         ortho[..., 3] > 0,
         codes_on(material, place),
         _photo_count(visibility, place),
-        height_source == HeightSource.MEASURED,
+        height_source,
     )
     height = heights_on(surface, place)
     found = _finish(scene, where, _hidden_photos(scene, height, block, where.grid))
@@ -243,6 +243,6 @@ def ortho_against_file(
 ) -> OrthoComparison:
     """As `ortho_against_truth`, with a reference (rows, cols, 3) on the same pixels, without materials and visibility."""
     nothing = np.zeros(ortho.shape[:2], np.uint8)
-    measured, coloured = height_source == HeightSource.MEASURED, ortho[..., 3] > 0
-    scene = OrthoScene(where.window, fitted(ortho, fit), reference, coloured, nothing, nothing + UNKNOWN_COUNT, measured)
+    coloured = ortho[..., 3] > 0
+    scene = OrthoScene(where.window, fitted(ortho, fit), reference, coloured, nothing, nothing + UNKNOWN_COUNT, height_source)
     return _finish(scene, where, np.full(ortho.shape[:2], -1))

@@ -6,6 +6,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.ndimage import shift as shifted
 
 from orthomill.schemas.raster import Window
+from orthomill.schemas.surface import HeightSource
 from orthomill.schemas.truth import Material
 from orthomill.tasks.evaluation.classes import PlaceClass
 from orthomill.tasks.evaluation.orthoimage_accuracy import (
@@ -30,12 +31,20 @@ def texture(seed: int = 1) -> np.ndarray:
     return (120 + 30 * noise / noise.std() * np.array([1.0, 0.9, 0.7])).astype(np.float32)
 
 
-def scene(colour, truth, material=None, seen=3, measured=None) -> OrthoScene:
+def scene(colour, truth, material=None, seen=3, measured=None, covered=None) -> OrthoScene:
     material = np.full(SHAPE, Material.OPEN_GROUND, np.uint8) if material is None else material
     everywhere, photographs = np.ones(SHAPE, bool), np.full(SHAPE, seen, np.uint8)
-    measured = everywhere if measured is None else measured
+    source = np.where(everywhere if measured is None else measured, HeightSource.MEASURED, HeightSource.DRAPED)
     colour, truth = (values.astype(np.float32) for values in (colour, truth))
-    return OrthoScene(WHOLE, colour, truth, everywhere, material, photographs, measured)
+    return OrthoScene(WHOLE, colour, truth, everywhere if covered is None else covered, material, photographs, source)
+
+
+def test_holes_on_the_surface_and_beyond_it_are_counted_apart():
+    measured, covered = np.ones(SHAPE, bool), np.ones(SHAPE, bool)
+    measured[:50], covered[:20], covered[100] = False, False, False
+    counts = count_ortho(scene(texture(), texture(), measured=measured, covered=covered), WHOLE, np.zeros(SHAPE, int))
+    assert counts.visible - counts.visible_covered == 21 * SHAPE[1]
+    assert counts.visible_modelled == 150 * SHAPE[1] and counts.visible_modelled - counts.visible_modelled_covered == SHAPE[1]
 
 
 def test_a_shift_beside_an_estimated_height_is_not_one_of_measured_ground():

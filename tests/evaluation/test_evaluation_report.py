@@ -151,6 +151,8 @@ def test_figures_of_the_orthoimage_against_the_truth():
     counts = OrthoCounts(
         visible=200,
         visible_covered=190,
+        visible_modelled=100,
+        visible_modelled_covered=99,
         hidden=50,
         hidden_covered=10,
         shadow=40,
@@ -165,6 +167,7 @@ def test_figures_of_the_orthoimage_against_the_truth():
         difference_count=200,
     )
     found = values(orthoimage_section(ortho(counts=counts), truth=True))
+    assert found["ortho_completeness_on_surface"] == 99.0
     assert found["ortho_completeness"] == 95.0 and found["ortho_hidden_coloured"] == 20.0
     assert found["ortho_doubled_share"] == 5.0 and found["ortho_doubled_by_chance"] == 0.1
     assert found["ortho_roads_disturbed_3"] == 4.0 and found["ortho_roads_disturbed_fewer"] == 50.0
