@@ -1,6 +1,6 @@
-"""What checksums, encryption and the protection against power cuts cost: `python -m benchmarks.trust.cost_of_trust [ROUNDS]`.
+"""What checksums, encryption and protection against power cuts cost: `python -m benchmarks.trust.cost_of_trust [ROUNDS] [PROJECT]`.
 
-The small simulated project runs with and without them in turn, on two workers, from nothing each time. Without: no checksum of
+A simulated project (volos) runs with and without them in turn, on two workers, from nothing each time. Without: no checksum of
 chunks or files, the local cluster without TLS, nothing forced to the disk. Processor time of all processes, for the clock tells of
 the machine.
 """
@@ -17,7 +17,8 @@ from typing import NamedTuple
 
 from benchmarks.measured_run import machine, project_root, write_result
 
-PROJECT = "volos_small"
+SMALL, PROJECT = "volos_small", "volos"
+"""the project whose runs compile the kernels, and the one that is measured"""
 WITHOUT = "without"
 
 
@@ -35,7 +36,7 @@ def dask_setup(worker: object) -> None:
     kept_files._checksum = lambda path: 0
 
 
-def run_without() -> None:
+def run_without(project: str) -> None:
     """Run the project in the present folder without what is measured."""
     from orthomill.pipeline.cli.environment import main as command
     from orthomill.pipeline.engine import dask_cluster
@@ -58,24 +59,28 @@ def run_without() -> None:
     create = store.zarr.create_array
     dask_cluster.SpecCluster, store.zarr.create_array = OpenCluster, unsealed
     power_cut._flush = lambda folder: None
-    sys.argv = ["orthomill", *words()]
+    sys.argv = ["orthomill", *words(project)]
     sys.exit(command())
 
 
-def words() -> list[str]:
-    return ["run", PROJECT, "--workers", "2"]
+def words(project: str) -> list[str]:
+    return ["run", project, "--workers", "2"]
 
 
-def measured(root: Path, bare: bool) -> Cost:
+def measured(project: str, bare: bool) -> Cost:
     """One run from nothing in a folder of its own; `bare`: without what is measured."""
-    program = [sys.executable, "-m", "benchmarks.trust.cost_of_trust", WITHOUT] if bare else [_command(), *words()]
-    before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
-    done = subprocess.run(program, cwd=root, capture_output=True, text=True, env=_environment())
+    open_run = [sys.executable, "-m", "benchmarks.trust.cost_of_trust", WITHOUT, project]
+    with tempfile.TemporaryDirectory() as scratch:
+        root = project_root(Path(scratch), project)
+        before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
+        program = open_run if bare else [_command(), *words(project)]
+        done = subprocess.run(program, cwd=root, capture_output=True, text=True, env=_environment())
+        clock = time.monotonic() - started
     if done.returncode != 0:
         raise SystemExit(done.stdout + done.stderr)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return Cost(used, time.monotonic() - started)
+    return Cost(used, clock)
 
 
 def _command() -> Path:
@@ -86,11 +91,11 @@ def _environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
 
 
-def page(runs: list[tuple[Cost, Cost]]) -> str:
+def page(project: str, runs: list[tuple[Cost, Cost]]) -> str:
     """The page of results."""
-    lines = ["# What trust costs", "", f"`python -m benchmarks.trust.cost_of_trust {len(runs)}`; {machine()}.", ""]
+    lines = ["# What trust costs", "", f"`python -m benchmarks.trust.cost_of_trust {len(runs)} {project}`; {machine()}.", ""]
     lines += [
-        f"Project `{PROJECT}`, two workers, from nothing. Processor time of all processes; in turn, so that the load is alike.",
+        f"Project `{project}`, two workers, from nothing. Processor time of all processes; in turn, so that the load is alike.",
         "",
     ]
     lines += ["| run | without, CPU-s | with, CPU-s | ratio | ratio by the clock |", "| --- | --- | --- | --- | --- |"]
@@ -105,20 +110,20 @@ def page(runs: list[tuple[Cost, Cost]]) -> str:
 
 def main(arguments: list[str]) -> None:
     """Measure so many rounds, and write the page."""
-    if arguments == [WITHOUT]:
-        run_without()
-    rounds, runs = int(arguments[0]) if arguments else 3, []
+    if arguments[:1] == [WITHOUT]:
+        run_without(arguments[1])
+    rounds, project = int(arguments[0]) if arguments else 3, arguments[1] if arguments[1:] else PROJECT
+    runs = []
     for number in range(rounds + 1):
         costs = {}
         # In turn first and second: a machine that warms up is slower for whichever comes later.
         for bare in (True, False) if number % 2 else (False, True):
-            with tempfile.TemporaryDirectory() as scratch:
-                costs[bare] = measured(project_root(Path(scratch), PROJECT), bare)
-        # The first round compiles the kernels.
+            # The first round compiles the kernels.
+            costs[bare] = measured(project if number else SMALL, bare)
         if number:
             runs.append((costs[True], costs[False]))
             print(runs[-1], flush=True)
-    write_result("cost_of_trust", page(runs))
+    write_result("cost_of_trust", page(project, runs))
 
 
 if __name__ == "__main__":
