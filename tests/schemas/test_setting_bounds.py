@@ -21,6 +21,7 @@ VALUES = {
     "CameraFromChessboards": {"kind": "chessboards", "photographs": FOLDER, "corners": (5, 6), "square": 0.05},
     "PositionsFromExif": {"kind": "exif"},
     "ControlFromGcpList": {"kind": "gcp_list", "path": "gcp_list.txt"},
+    "Tolerances": {},
 }
 SENTENCES = {"ge": "greater than or equal to", "gt": "greater than", "le": "less than or equal to", "lt": "less than"}
 OUTWARDS = {"ge": -1, "gt": -1, "le": 1, "lt": 1}
