@@ -239,12 +239,11 @@ class Targets:
 def visible_targets(model: HeightModel, view: View, targets: Targets, tolerance: float) -> np.ndarray:
     """uint8 (R, C): 1 where the surface leaves the ray from the target to the view free.
 
-    A target without height is not seen. `tolerance` (m) is how deep a ray may dip below the surface on level ground; it grows with
-    the slope at the target. Whether the target lies inside the photograph is not tested here.
+    A target without height is not seen, and a model without heights hides nothing. `tolerance` (m) is how deep a ray may dip below
+    the surface on level ground; it grows with the slope at the target. Whether the target lies inside the photograph is not tested
+    here.
     """
     out = np.zeros(targets.z.shape, np.uint8)
-    if model.terrain.top == -np.inf:
-        return out
     col, row = model.grid.pixel(view.centre[0], view.centre[1])
     centre = _Centre(float(col), float(row), float(view.centre[2]))
     rows, cols = np.asarray(targets.rows, np.float64), np.asarray(targets.cols, np.float64)

@@ -42,6 +42,12 @@ def test_a_measured_wall_hides_what_an_estimated_one_sets_back():
     assert (seen(wall(), measured)[ROW, behind] == PlaceSight.BEHIND_ESTIMATE).all()
 
 
+def test_where_nothing_is_measured_nothing_hides_for_certain():
+    """A wood may fill a tile: its ground shall not depend on whether some cell of the tile is measured."""
+    found = seen(wall(), np.zeros((120, 120), bool))
+    assert (found[ROW, 64:70] == PlaceSight.BEHIND_ESTIMATE).all() and (found != PlaceSight.HIDDEN).all()
+
+
 def test_a_measured_wall_behind_an_estimated_one_hides():
     z, measured = wall(), np.ones((120, 120), bool)
     z[:, 50:52], measured[:, 50:52] = 6.0, False
