@@ -107,9 +107,7 @@ def groundless(cells: FusedCells) -> np.ndarray:
     """(rows, cols) bool: heights that know less than their surroundings do. They are more uncertain than trees and houses are high,
     and farther than that from every height that was measured around; cells with standard errors among neighbours, m."""
     measured = np.isin(cells.provenance, MEASURED)
-    size = 2 * REACH + 1
-    highest = ndimage.maximum_filter(np.where(measured, cells.height, -np.inf), size, mode="nearest")
-    lowest = ndimage.minimum_filter(np.where(measured, cells.height, np.inf), size, mode="nearest")
+    highest, lowest = _extremes(cells.height, measured, REACH)
     outside = (cells.height > highest + _TALLEST) | (cells.height < lowest - _TALLEST)
     # Where nothing was measured around, nothing is known better.
     return outside & (cells.precision > _TALLEST) & (lowest <= highest)
@@ -118,7 +116,13 @@ def groundless(cells: FusedCells) -> np.ndarray:
 def height_range(height: np.ndarray, reach: int) -> np.ndarray:
     """Highest minus lowest height (rows, cols) float32, m, of the cells up to `reach` away in rows and columns; unknown ones do not
     count."""
-    known, size = np.isfinite(height), 2 * reach + 1
-    highest = ndimage.maximum_filter(np.where(known, height, -np.inf), size, mode="nearest")
-    lowest = ndimage.minimum_filter(np.where(known, height, np.inf), size, mode="nearest")
+    known = np.isfinite(height)
+    highest, lowest = _extremes(height, known, reach)
     return np.where(known, highest - lowest, 0.0).astype(np.float32)
+
+
+def _extremes(height: np.ndarray, counted: np.ndarray, reach: int) -> tuple[np.ndarray, np.ndarray]:
+    """Highest and lowest height (rows, cols) m of the `counted` cells up to `reach` away; -inf and inf where there is none."""
+    size = 2 * reach + 1
+    highest = ndimage.maximum_filter(np.where(counted, height, -np.inf), size, mode="nearest")
+    return highest, ndimage.minimum_filter(np.where(counted, height, np.inf), size, mode="nearest")
