@@ -147,6 +147,21 @@ def framed_point(n, x, y, z, widest):
     return col, row, depth, border
 
 
+@njit(cache=True)
+def _frame(n, x, y, z, widest, out):
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            if not np.isnan(z[i, j]):
+                out[i, j] = framed_point(n, x[j], y[i], z[i, j], widest)[3] >= 0.0
+
+
+def in_frame(view: View, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """bool (R, C): ground points in the frame of the photograph, hidden or not; x (C,), y (R,), z (R, C) m, NaN for no point."""
+    out = np.zeros(z.shape, np.bool_)
+    _frame(view.numbers, np.asarray(x, np.float64), np.asarray(y, np.float64), z, FIELD_MARGIN * view.field, out)
+    return out
+
+
 def view_of(orientation: ExteriorOrientation, camera: Camera) -> View:
     """The view of a stored orientation."""
     return View(orientation.photo, camera, rotation_matrix(*np.radians(orientation.omega_phi_kappa)), np.array(orientation.centre))

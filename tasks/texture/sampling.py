@@ -16,7 +16,7 @@ from numba import njit
 
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.geometry.distortion import distort_point
-from orthomill.tasks.geometry.view import FIELD_MARGIN, View, framed_point
+from orthomill.tasks.geometry.view import FIELD_MARGIN, View, in_frame
 from orthomill.tasks.imagery.photograph_colours import PhotoPixelsAt, PlaceLine, border_colours, inner_colours, part_pixels
 from orthomill.tasks.visibility.height_model import WALL
 
@@ -72,16 +72,6 @@ class _Samples(NamedTuple):
     colour: np.ndarray
     worth: np.ndarray
     r2: np.ndarray
-
-
-@njit(cache=True)
-def _show(n, cells, widest, out):
-    for i in range(cells.z.shape[0]):
-        y = cells.north - (cells.first_row + i + 0.5) * cells.cell
-        for j in range(cells.z.shape[1]):
-            if cells.factor[i, j] > 0:
-                x = cells.west + (cells.first_col + j + 0.5) * cells.cell
-                out[i, j] = framed_point(n, x, y, cells.z[i, j], widest)[3] >= 0.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -153,9 +143,8 @@ def _cells(ground: Ground, factor: np.ndarray) -> _Cells:
 
 def shown(view: View, ground: Ground, chosen: np.ndarray) -> np.ndarray:
     """bool (rows, cols): the `chosen` (0 or 1) pixels whose ground lies in the frame of the photograph, hidden or not."""
-    out = np.zeros(ground.z.shape, np.bool_)
-    _show(view.numbers, _cells(ground, chosen), FIELD_MARGIN * view.field, out)
-    return out
+    x, y = ground.grid.centres(ground.window)
+    return in_frame(view, x, y, np.where(chosen > 0, ground.z, np.float32(np.nan)))
 
 
 def sample_photo(view: View, photo: PhotoPixelsAt, ground: Ground, factor: np.ndarray, feather: float) -> Sampled:

@@ -12,9 +12,8 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numba import njit
 
-from orthomill.tasks.geometry.view import FIELD_MARGIN, View, framed_point
+from orthomill.tasks.geometry.view import View, in_frame
 from orthomill.tasks.visibility.height_model import HeightModel, Targets, visible_targets
 from orthomill.tasks.visibility.sight import PlaceSight
 
@@ -56,14 +55,6 @@ class HeightPlaces:
 
     def _framed(self, view: View) -> np.ndarray:
         """bool (R, C): places in the frame of a view."""
-        out, grid = np.zeros(self.targets.z.shape, np.bool_), self.surface.grid
+        grid = self.surface.grid
         x, y = grid.west + (self.targets.cols + 0.5) * grid.cell, grid.north - (self.targets.rows + 0.5) * grid.cell
-        _frame(view.numbers, np.asarray(x, np.float64), np.asarray(y, np.float64), self.targets.z, FIELD_MARGIN * view.field, out)
-        return out
-
-
-@njit(cache=True)
-def _frame(n, x, y, z, widest, out):
-    for i in range(out.shape[0]):
-        for j in range(out.shape[1]):
-            out[i, j] = framed_point(n, x[j], y[i], z[i, j], widest)[3] >= 0.0
+        return in_frame(view, x, y, self.targets.z)
