@@ -168,7 +168,7 @@ def map_raster(
     axes: tuple[str, str] = ("y", "x"),
     colours: bool = True,
 ) -> RasterSpec:
-    """A raster on `grid`, with `bands` bands (0: a plain 2-D array)."""
+    """A raster on `grid`, with `bands` bands (0: a plain 2-D array); heights in a system without metres have none either."""
     shape = (*grid.shape, bands) if bands else grid.shape
     return RasterSpec(
         name=name,
@@ -176,7 +176,7 @@ def map_raster(
         dtype=dtype,
         chunk=chunk,
         nodata=nodata,
-        unit=unit,
+        unit=NO_UNIT if unit == "m" and NO_UNIT in crs else unit,
         crs=crs,
         transform=grid.transform,
         readers=readers,

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from orthomill.pipeline.engine.run_facts import RunFacts, StageRun, StageTitle
+from orthomill.pipeline.report.lengths import in_own_lengths
 from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.pipeline.storage.table_files import write_whole
 from orthomill.schemas.stage_report import Figure, report_table
@@ -26,8 +27,10 @@ def summary(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunFacts)
     entries = [(f"run.{figure.name}", figure) for figure in _run_figures(run)]
     for kind, _ in stages:
         entries += [(f"run.{kind}.{figure.name}", figure) for figure in _stage_figures(run.stage(kind))]
-        if run.stage(kind).reported and store.has_table(report_table(kind)):
-            entries += _unique(kind, store.table(report_table(kind)).figures)
+    tables = {kind: report_table(kind) for kind, _ in stages if run.stage(kind).reported}
+    reports = in_own_lengths({kind: store.table(table) for kind, table in tables.items() if store.has_table(table)})
+    for kind, report in reports.items():
+        entries += _unique(kind, report.figures)
     return {name: _entry(figure) for name, figure in sorted(entries, key=lambda entry: entry[0])}
 
 

@@ -1,0 +1,35 @@
+"""Lengths of a block without scale are shown as what they are: units of the block, and not metres.
+
+Stages reckon in metres and say so in units, labels and sentences. Where one of them reports that lengths are none, from there on,
+its words and those of the stages after it are changed here, once for the report, the terminal, the summary and the signature.
+"""
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from orthomill.schemas.raster import NO_UNIT
+from orthomill.schemas.stage_report import StageReport
+
+_METRES = re.compile(r"(?<=\d)([ \u202f\u00a0])m(?![\w²³/])")
+"""a number of metres in a sentence"""
+
+
+def in_own_lengths(reports: Mapping[str, StageReport]) -> dict[str, StageReport]:
+    """Reports in the order of their stages, without metres from the first one on whose lengths are none."""
+    shown, known = {}, True
+    for kind, report in reports.items():
+        known = known and not report.lengths
+        shown[kind] = report if known else StageReport.model_validate(_without_metres(report.model_dump()))
+    return shown
+
+
+def _without_metres(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _without_metres(part) for name, part in value.items()}
+    if isinstance(value, tuple | list):
+        return [_without_metres(part) for part in value]
+    # A topic is a text as well, and stays what it is.
+    if type(value) is not str:
+        return value
+    return NO_UNIT if value == "m" else _METRES.sub(r"\1units", value)
