@@ -14,12 +14,13 @@ import numpy as np
 
 from benchmarks.calibration.board_setups import FIVE_BOARDS, PUBLISHED, SIX_BOARDS, SIX_BOARDS_LONGER, TWELVE_BOARDS, BoardSetup
 from benchmarks.calibration.calibration_accuracy import NOISE, corners_of
+from benchmarks.calibration.horizon_pose import pose_by_horizon
 from benchmarks.measured_run import machine
 from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment
 from orthomill.tasks.calibration.naming.board_names import name_boards, plane_views
 from orthomill.tasks.calibration.solving.arranging import arrangement_of
 from orthomill.tasks.calibration.solving.calibration_precision import correlations
-from orthomill.tasks.calibration.solving.conic_start import interior_from_conic, pose_by_horizon
+from orthomill.tasks.calibration.solving.conic_start import interior_from_conic
 from orthomill.tasks.calibration.solving.initial_pose import pose_of_projection
 from orthomill.tasks.simulation.boards.board_scene import BoardType
 

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orthomill.tasks.calibration.solving.conic_start import interior_from_conic, pose_by_horizon
+from benchmarks.calibration.horizon_pose import pose_by_horizon
+from orthomill.tasks.calibration.solving.conic_start import interior_from_conic
 from orthomill.tasks.calibration.solving.initial_pose import pose_of_projection
 from orthomill.tasks.geometry.rotation import rotation_matrix
 
