@@ -138,15 +138,23 @@ def measured(side: int, photos: int) -> str:
     names = ("run.projection.peak_memory", "run.peak_memory", "run.projection.cpu_seconds")
     worker, largest, cpu = (found[name] for name in names)
     proof = f"{found['projection.left_out_blended_psnr']:.1f} dB, {100 * found['projection.left_out_blended_gradient']:.0f} %"
+    pixels = photos * CAMERA.width * CAMERA.height / 1e6
     return (
-        f"| {triangles} | {photos} | {worker:.0f} | {largest:.0f} | {run.peak_bytes / 2**20:.0f} | {cpu:.0f} "
+        f"| A-25: {triangles / 1e6:.2f} million triangles, {photos} photographs | {worker:.0f} | {largest:.0f} "
+        f"| {run.peak_bytes / 2**20:.0f} | {run.seconds / 60:.1f} | {cpu:.0f} | {cpu / pixels:.2f} "
         f"| {found['projection.front_coloured']:.1f} | {proof} |"
     )
 
 
+HEAD = (
+    "| what | largest worker of the stage, MiB | of the run | largest process, MiB | minutes | CPU-s of the stage "
+    "| per Mpx of the photographs | coloured % | left out: PSNR, gradient |",
+    "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+)
+
+
 def main(sizes: tuple[tuple[int, int], ...]) -> None:
-    """Measure all sizes and write the page."""
-    rows = [measured(*size) for size in sizes]
+    """Measure all sizes and write the page, row by row: the last ones take long."""
     lines = [
         "# Large meshes with many photographs",
         "",
@@ -154,12 +162,11 @@ def main(sizes: tuple[tuple[int, int], ...]) -> None:
         "orthoimage of 4500 x 4500 px, leave one out, textured model, depth pictures; two workers, kernels compiled or loaded "
         "as they come.",
         "",
-        "| triangles | photographs | largest worker of the stage (MiB) | of the run | largest process (MiB) | CPU-s of the stage "
-        "| coloured % | left out: PSNR, gradient |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- |",
-        *rows,
+        *HEAD,
     ]
-    write_result("large_mesh", "\n".join(lines) + "\n")
+    for size in sizes:
+        lines.append(measured(*size))
+        write_result("large_mesh", "\n".join(lines) + "\n")
 
 
 if __name__ == "__main__":

@@ -171,6 +171,12 @@ def judged(ortho: np.ndarray, case: PortalCase) -> Judged:
 
 def shift_of(picture: np.ndarray, truth: np.ndarray, known: np.ndarray) -> float:
     """px that 95 % of the windows are shifted by at most."""
+    found = shifts_of(picture, truth, known)
+    return float(np.percentile(np.hypot(*found.T), 95)) if len(found) else float("nan")
+
+
+def shifts_of(picture: np.ndarray, truth: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Shifts (N, 2) px, to the right and downwards, of the windows with structure."""
     one, two = picture.mean(axis=2), truth.mean(axis=2)
     hanning, found = cv2.createHanningWindow((WINDOW, WINDOW), cv2.CV_64F), []
     for row in range(0, known.shape[0] - WINDOW, STEP):
@@ -178,10 +184,10 @@ def shift_of(picture: np.ndarray, truth: np.ndarray, known: np.ndarray) -> float
             part = np.s_[row : row + WINDOW, col : col + WINDOW]
             if known[part].mean() < 0.98 or two[part].std() < STRUCTURE:
                 continue
-            (dx, dy), sure = cv2.phaseCorrelate(two[part] - two[part].mean(), one[part] - one[part].mean(), hanning)
+            shift, sure = cv2.phaseCorrelate(two[part] - two[part].mean(), one[part] - one[part].mean(), hanning)
             if sure > SURE:
-                found.append(np.hypot(dx, dy))
-    return float(np.percentile(found, 95)) if found else float("nan")
+                found.append(shift)
+    return np.array(found).reshape(-1, 2)
 
 
 def case_rows(case: PortalCase, label: str) -> list[str]:

@@ -2,7 +2,7 @@
 
 The weight of a colour is the area of the surface element in the photograph: c^2 (n d) / w^3 for the unit normal n, the way d to the
 projection centre and the depth w along the axis; the element itself is the same for all photographs. It is made soft towards the
-border of the photograph, and almost nothing next to the limit of what is hidden (`sight_rasters.py`).
+border of the photograph, and almost nothing next to the limit of what is hidden (`widening/hidden_edges.py`).
 
 Source: Petsa et al. 2007 (methods/texture_blending.md, M6, M7, M8, M9, M12, M13).
 """
@@ -11,13 +11,14 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.job import Table
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import Window
 from orthomill.schemas.solid.census import MeshCensus
-from orthomill.tasks.geometry.view import View, block_view
+from orthomill.tasks.geometry.view import View, block_view, project_point
 from orthomill.tasks.imagery.balancing import balanced
 from orthomill.tasks.imagery.blending import RESERVE, Blend, Blended, Rejection, blend
 from orthomill.tasks.imagery.photograph_colours import PhotoPixelsAt, colours_at
@@ -25,14 +26,17 @@ from orthomill.tasks.imagery.radiometric_balance import Radiometry, Samples, cor
 from orthomill.tasks.projection.facing import MeshFacing
 from orthomill.tasks.projection.output_tile import OutputTile, PhotographsAtHand
 from orthomill.tasks.projection.sight_rasters import TilePoints, tile_points
+from orthomill.tasks.projection.widening.hidden_edges import NO_ZONE, ChosenWidth
 from orthomill.tasks.visibility.output_frame import moved
 from orthomill.tasks.visibility.sight import PlaceSight
 from orthomill.tasks.visibility.triangle_blocks import TrianglesAtHand
 
 PROJECTION_RADIOMETRY = Table("projection/radiometry.json", Radiometry)
 ZONE_WORTH = 1.02 * RESERVE
-"""Factor on the weight next to the limit of what is hidden: such a colour hardly shows beside others, but still votes on gross
-errors, which two photographs alone could not find"""
+"""Weight next to the limit of what is hidden, of the greatest one there: such a colour hardly shows beside others, but still votes
+on gross errors, which two photographs alone could not find"""
+_CLEAR = 3
+"""colours far from all limits that find the gross errors among themselves: then those next to a limit have no vote"""
 _LEAST_WORTH = 1e-12
 COARSE, FINE = 1 / 9, 1 / 4
 """Shares of the greatest area: pixels three times as large as the finest ones do not colour, those twice as large do."""
@@ -93,28 +97,43 @@ NO_SURFACE = 255
 
 @dataclass(frozen=True, eq=False)
 class _Sampled:
-    """Colours (N, bands), weights (N,) and squared distances from the middle (N,) of the points at `at` (N,) in one photograph."""
+    """Pixels (N, 2), colours (N, bands), weights (N,) and squared distances from the middle (N,) of the points at `at` (N,) in one
+    photograph."""
 
     at: np.ndarray
+    pixels: np.ndarray
     colour: np.ndarray
     worth: np.ndarray
     r2: np.ndarray
 
 
+@njit(cache=True)
+def _show(n, points, normals, chosen, facing, soft, pixels, worth, r2):
+    """Fills where the view `n` shows the `chosen` points, with which weight, and how far from its middle; `soft`: px of border."""
+    right, bottom = 0.5 * (n.width - 1.0), 0.5 * (n.height - 1.0)
+    corner = right * right + bottom * bottom
+    for i in range(chosen.size):
+        k = chosen[i]
+        x, y, z = points[k, 0], points[k, 1], points[k, 2]
+        col, row, depth = project_point(n, x, y, z)
+        inside = min(min(col, n.width - 1.0 - col), min(row, n.height - 1.0 - row)) + 0.5
+        # NaN is not inside.
+        border = min(inside / soft, 1.0) if inside > 0.0 else 0.0
+        towards = normals[k, 0] * (n.xc - x) + normals[k, 1] * (n.yc - y) + normals[k, 2] * (n.zc - z)
+        area = n.c * n.c * facing * towards / (depth * depth * depth)
+        pixels[i, 0], pixels[i, 1] = col, row
+        worth[i] = max(area * border * border * (3.0 - 2.0 * border), _LEAST_WORTH)
+        r2[i] = ((col - right) ** 2 + (row - bottom) ** 2) / corner
+
+
 def _sample(view: View, part: PhotoPixelsAt, surface: TilePoints, chosen: np.ndarray, facing: float, feather: float) -> _Sampled:
     """What a photograph shows of the `chosen` (N,) points of a tile."""
-    points, normals = surface.points[chosen], surface.normals[chosen] * facing
-    pixels = view.project(points)
-    camera = view.camera
+    at, camera = np.flatnonzero(chosen), view.camera
+    pixels, worth, r2 = np.empty((at.size, 2)), np.empty(at.size, np.float32), np.empty(at.size, np.float32)
+    soft = max(feather * min(camera.width, camera.height), 1e-9)
+    _show(view.numbers, surface.points, surface.normals, at, float(facing), soft, pixels, worth, r2)
     colour, known = colours_at(part, (camera.height, camera.width), pixels)
-    offset = view.centre - points
-    depth = offset @ view.rotation[2]
-    area = camera.c**2 * np.einsum("ni,ni->n", normals, offset) / depth**3
-    border = np.clip((view.within(pixels) + 0.5) / max(feather * min(camera.width, camera.height), 1e-9), 0.0, 1.0)
-    worth = np.maximum(area * border**2 * (3.0 - 2.0 * border), _LEAST_WORTH) * known
-    half = 0.5 * np.array([camera.width - 1.0, camera.height - 1.0])
-    r2 = ((pixels - half) ** 2).sum(axis=1) / (half**2).sum()
-    return _Sampled(surface.at[chosen], colour, worth.astype(np.float32), r2.astype(np.float32))
+    return _Sampled(surface.at[at], pixels, colour, worth * known, r2)
 
 
 def _of_tile(surface: TilePoints, values: np.ndarray) -> np.ndarray:
@@ -122,26 +141,42 @@ def _of_tile(surface: TilePoints, values: np.ndarray) -> np.ndarray:
     return values.ravel()[surface.at]
 
 
-def _in_zone(view: View, surface: TilePoints, chosen: np.ndarray, zone: np.ndarray, window: Window) -> np.ndarray:
-    """bool (N,): chosen points whose pixel lies in the zone of a photograph, which is at hand for `window`."""
-    places = np.floor(view.project(surface.points[chosen]) + 0.5).astype(int) - (window.col, window.row)
+def _zone_at(pixels: np.ndarray, zone: np.ndarray, window: Window) -> np.ndarray:
+    """uint8 (N,): the zone in which pixels (N, 2) of a photograph lie, whose zones are at hand for `window`."""
+    places = np.floor(pixels + 0.5).astype(int) - (window.col, window.row)
     places = np.clip(places, 0, (window.width - 1, window.height - 1))
-    return zone[places[:, 1], places[:, 0]] > 0
+    return zone[places[:, 1], places[:, 0]]
 
 
 @dataclass(frozen=True, eq=False)
 class TileColours:
-    """Colours (photographs, rows, cols, bands), weights and breaks (photographs, rows, cols) of a tile, and values in zones."""
+    """Colours (photographs, rows, cols, bands), weights, breaks and zones (photographs, rows, cols) of a tile: the number of the
+    narrowest zone next to a limit that holds a value, 0 far from all limits."""
 
     colours: np.ndarray
     weights: np.ndarray
     breaks: np.ndarray
-    zone: int
+    zones: np.ndarray
 
-    def blended(self, rules: ColourRules) -> Blended:
-        """The colours as one."""
-        weights = fading(self.weights) if rules.finest else self.weights
+    def near(self, within: int) -> np.ndarray:
+        """bool (photographs, rows, cols): values in one of the first `within` zones."""
+        return (self.zones > 0) & (self.zones <= within)
+
+    def blended(self, rules: ColourRules, within: int = 0) -> Blended:
+        """The colours as one; those in the first `within` zones serve where there are no others."""
+        weights = reserved(self.weights, self.near(within)) if within else self.weights
+        weights = fading(weights) if rules.finest else weights
         return blend(self.colours, weights, rules.blend, self.breaks if rules.breaks else None)
+
+
+def reserved(weights: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """Weights (photographs, rows, cols) of which those that are `near` a limit do not count: with fewer than three others they keep
+    their vote on gross errors, and where there are no others their weight."""
+    clear = np.where(near, np.float32(0.0), weights)
+    vote = (clear > 0).sum(axis=0) < _CLEAR
+    greatest = clear.max(axis=0, initial=0.0)
+    worth = np.where(vote, np.float32(ZONE_WORTH) * greatest, np.float32(0.0))
+    return np.where(near & (weights > 0) & (greatest > 0), worth, weights)
 
 
 def fading(weights: np.ndarray) -> np.ndarray:
@@ -176,8 +211,8 @@ def tile_colours(
     bands = max((pixels.shape[2] for pixels in photos), default=1)
     colours = np.zeros((len(parts), shape[0] * shape[1], bands), np.float32)
     weights = np.zeros((len(parts), shape[0] * shape[1]), np.float32)
-    breaks = np.zeros((len(parts), *shape), bool)
-    windows, in_zones = {part.name: (zone, part.window) for zone, part in zip(zones, tile.zones, strict=True)}, 0
+    breaks, near = np.zeros((len(parts), *shape), bool), np.zeros((len(parts), shape[0] * shape[1]), np.uint8)
+    windows = {part.name: (zone, part.window) for zone, part in zip(zones, tile.zones, strict=True)}
     for k, (view, pixels, part) in enumerate(zip(views, photos, parts, strict=True)):
         code = sight[..., tile.names.index(part.name)]
         breaks[k] = code == PlaceSight.AT_BREAK
@@ -185,14 +220,13 @@ def tile_colours(
         if not chosen.any():
             continue
         sampled = _sample(view, PhotoPixelsAt(pixels, part.window, part.level), surface, chosen, facing, feather)
-        worth = sampled.worth
         if part.name in windows:
-            inside = _in_zone(view, surface, chosen, *windows[part.name])
-            worth, in_zones = np.where(inside, ZONE_WORTH * worth, worth), in_zones + int(inside.sum())
+            near[k, sampled.at] = _zone_at(sampled.pixels, *windows[part.name])
         # Corrected before blending: rejection compares colours, and a gain of some per cent would look like a gross error.
         colours[k, sampled.at] = corrected(sampled.colour, sampled.r2, radiometry.of(part.name)) * (255.0 / radiometry.white)
-        weights[k, sampled.at] = worth
-    return TileColours(colours.reshape(len(parts), *shape, bands), weights.reshape(len(parts), *shape), breaks, in_zones)
+        weights[k, sampled.at] = sampled.worth
+    flat = len(parts), *shape
+    return TileColours(colours.reshape(*flat, bands), weights.reshape(flat), breaks, near.reshape(flat))
 
 
 def colour_tile(
@@ -207,6 +241,7 @@ def colour_tile(
     radiometry: Radiometry,
     tile: OutputTile,
     rules: ColourRules,
+    widening: ChosenWidth = NO_ZONE,
 ) -> ColouredTile:
     """One tile of an output: see the module. photos: pixels at `tile.parts`; zones: of the photographs at `tile.zones`."""
     origin = np.array(census.origin)
@@ -214,11 +249,12 @@ def colour_tile(
     found = tile_colours(
         surface, sight, photos, zones, part_views(block, tile, origin), tile, radiometry, facing.sign, rules.feather
     )
-    blended = found.blended(rules)
+    blended = found.blended(rules, widening.zone)
     seen = (sight >= PlaceSight.AT_BREAK).sum(axis=2).astype(np.uint8)
     coverage = np.where(triangle >= 0, np.minimum(seen, NO_SURFACE - 1), NO_SURFACE).astype(np.uint8)
     counts = _statistics(triangle, coverage, sight, blended, tile)
-    counts = counts.model_copy(update={"zone": found.zone, "backs": int(surface.backs(facing.sign).sum())})
+    near = int(found.near(widening.zone).sum())
+    counts = counts.model_copy(update={"zone": near, "backs": int(surface.backs(facing.sign).sum())})
     return ColouredTile(rgba(blended), coverage, blended.rejected, counts)
 
 

@@ -49,7 +49,8 @@ from orthomill.tasks.projection.projection_colours import (
     left_out_tile,
     sample_surface,
 )
-from orthomill.tasks.projection.sight_rasters import HiddenEdges, WideningRules, edge_tile, limit_zone, sight_tile
+from orthomill.tasks.projection.sight_rasters import sight_tile
+from orthomill.tasks.projection.widening.hidden_edges import ChosenWidth
 from orthomill.tasks.visibility.mesh_sight import SightTolerance
 from orthomill.tasks.visibility.output_frame import ideal_window, moved
 from orthomill.tasks.visibility.triangle_blocks import SIDE
@@ -93,9 +94,9 @@ def samples_table(name: str, tile: Tile) -> Table[Samples]:
     return Table(f"projection/samples/{name}/{tile.row}-{tile.col}.parquet", Samples)
 
 
-def edges_table(name: str, tile: Tile) -> Table[HiddenEdges]:
-    """Edges of what is hidden in a tile of an output."""
-    return Table(f"projection/edges/{name}/{tile.row}-{tile.col}.parquet", HiddenEdges)
+def zones_layer(name: str, photo: str) -> str:
+    """The zones of a photograph next to the limits of what it does not see of an output."""
+    return output_layer(name, f"limits/{photo}")
 
 
 def block_window(number: int) -> Window:
@@ -141,7 +142,7 @@ def photograph_jobs(basis: ProjectionBasis) -> Iterator[RasterSpec | Job]:
         window = basis.ideal[name]
         whole = Window(0, 0, *window.shape)
         for layer, kind, unit in (("nearness", "float32", "1/m"), ("triangle", "int32", "")):
-            yield RasterSpec(name=photograph_layer(name, layer), shape=window.shape, dtype=kind, chunk=max(window.shape), unit=unit)
+            yield RasterSpec(name=photograph_layer(name, layer), shape=window.shape, dtype=kind, chunk=basis.tile, unit=unit)
         numbers = blocks_of_photograph(view, basis.blocks.boxes, basis.origin)
         reads: dict[str, Reading] = {"blocks": Stream(_blocks(numbers)), "block": BLOCK, "census": CENSUS}
         writes: dict[str, Raster | Table] = {
@@ -232,7 +233,7 @@ class FrameJobs:
             writes: dict[str, Raster | Table] = {
                 layer: Raster(output_layer(self.name, layer), tile.window) for layer in ("nearness", "triangle")
             }
-            yield self._job(
+            yield self.job(
                 "depth",
                 tile,
                 output_depth,
@@ -242,7 +243,7 @@ class FrameJobs:
                 scratch=160 * prod(tile.window.shape) + 40 * 2**20,
             )
 
-    def _job(self, item: str, tile: Tile, function, reads: dict, writes: dict, params: dict, scratch: int = 0) -> Job:
+    def job(self, item: str, tile: Tile, function, reads: dict, writes: dict, params: dict, scratch: int = 0) -> Job:
         return Job("projection", f"{self.name}-{item}", function, reads, writes, params, tile.row, tile.col, scratch=scratch)
 
 
@@ -310,7 +311,7 @@ class ColourJobs:
             reads: dict[str, Reading] = {"nearness": Raster(output_layer(name, "nearness"), tile.window)}
             writes: dict[str, Raster | Table] = {"picture": Raster(output_layer(name, "picture"), tile.window)}
             scratch = 40 * prod(tile.window.shape)
-            yield self.frame._job("picture", tile, depth_picture, reads, writes, params, scratch=scratch)
+            yield self.frame.job("picture", tile, depth_picture, reads, writes, params, scratch=scratch)
         yield Export(
             "projection", f"{name}-depth-png", f"products/depth/{name}.png", "png", {"rgba": output_layer(name, "picture")}
         )
@@ -330,7 +331,7 @@ class ColourJobs:
             inner = [(part.name, part.window.within(self.basis.ideal[part.name])) for part in parts]
             numbers = union_of([surface.blocks, *(self.seen[name].blocks_in(window) for name, window in inner)])
             shown = {part.name for part in parts} & set(self.masks)
-            masked = tuple(part for part in self._full_parts(surface) if part.name in shown)
+            masked = tuple(part for part in self.full_parts(surface) if part.name in shown)
             reads: dict[str, Reading] = {
                 "triangle": Raster(output_layer(self.frame.name, "triangle"), tile.window),
                 "blocks": _blocks(numbers),
@@ -343,7 +344,7 @@ class ColourJobs:
             if masked:
                 reads["masks"] = Stream(tuple(self.masks[part.name].region(part.window) for part in masked))
             numbered = OutputTile(own.frame, own.window, numbers, own.names, parts, masked)
-            yield self.frame._job(
+            yield self.frame.job(
                 "sight",
                 tile,
                 sight_tile,
@@ -353,45 +354,15 @@ class ColourJobs:
                 scratch=(400 + count) * prod(tile.window.shape) + len(numbers) * 2**20,
             )
 
-    def _full_parts(self, surface: TileSurface) -> tuple[PhotoPart, ...]:
+    def full_parts(self, surface: TileSurface) -> tuple[PhotoPart, ...]:
         """The parts of photographs in full size that show a tile."""
         return self.photo_parts(surface, 0.0)
-
-    def zones(self, rules: WideningRules) -> Iterator[RasterSpec | Job]:
-        """The limits of what is hidden, tile by tile, and their zone in every photograph."""
-        frame = self.frame
-        for tile, surface in self.pairs():
-            around = tile.window.grown(rules.rim).clipped(frame.frame.shape)
-            reads = {
-                "triangle": Raster(output_layer(frame.name, "triangle"), around),
-                "sight": Raster(output_layer(frame.name, "sight"), around),
-                "blocks": _blocks(surface.blocks),
-                "block": BLOCK,
-                "census": CENSUS,
-            }
-            params = {"tile": self.tile(tile, surface), "around": around, "rules": rules}
-            writes = {"edges": edges_table(frame.name, tile)}
-            yield frame._job("edges", tile, edge_tile, reads, writes, params, scratch=64 * prod(around.shape))
-        for number, name in enumerate(frame.photographs):
-            camera = self.basis.views[name].camera
-            shape, layer = (camera.height, camera.width), output_layer(frame.name, f"limits/{name}")
-            yield RasterSpec(name=layer, shape=shape, dtype="uint8", chunk=max(shape))
-            edges = Stream(tuple(edges_table(frame.name, tile) for tile in frame.tiles))
-            yield Job(
-                "projection",
-                f"{frame.name}-limits-{name}",
-                limit_zone,
-                {"edges": edges},
-                {"zone": Raster(layer, Window(0, 0, *shape))},
-                {"number": number, "shape": shape, "dilation": rules.dilation},
-                scratch=8 * prod(shape),
-            )
 
     def samples(self, spacing: int, first: int) -> Iterator[Job]:
         """Samples for the balance; their numbers begin with `first`."""
         for tile, surface in self.pairs():
             parts = self.photo_parts(surface, _COARSER * self.pixel)
-            yield self.frame._job(
+            yield self.frame.job(
                 "samples",
                 tile,
                 sample_surface,
@@ -401,35 +372,45 @@ class ColourJobs:
                 scratch=16 * prod(tile.window.shape) + 2**20,
             )
 
+    def surface_reads(self, surface: TileSurface) -> dict[str, Reading]:
+        """The triangles that a tile shows, and where they and the photographs are."""
+        return {"blocks": _blocks(surface.blocks), "block": BLOCK, "census": CENSUS}
+
     def _reads(self, tile: Tile, surface: TileSurface, parts: tuple[PhotoPart, ...]) -> dict[str, Reading]:
         return {
             "triangle": Raster(output_layer(self.frame.name, "triangle"), tile.window),
             "sight": Raster(output_layer(self.frame.name, "sight"), tile.window),
-            "blocks": _blocks(surface.blocks),
             "photos": tuple(Raster(photo_raster(part.name, part.level), part.window) for part in parts),
-            "block": BLOCK,
-            "census": CENSUS,
+            **self.surface_reads(surface),
         }
 
-    def colours(self, rules: ColourRules, widened: bool) -> Iterator[RasterSpec | Job]:
-        """The tiles of the output."""
+    def zoned_reads(self, tile: Tile, surface: TileSurface) -> tuple[OutputTile, dict[str, Reading]]:
+        """A tile with its photographs and their zones, and what a job reads to colour it."""
+        parts, zones = self.photo_parts(surface, self.pixel), self.full_parts(surface)
+        reads: dict[str, Reading] = {
+            **self._reads(tile, surface, parts),
+            "zones": tuple(Raster(zones_layer(self.frame.name, part.name), part.window) for part in zones),
+            "facing": FACING,
+            "radiometry": PROJECTION_RADIOMETRY,
+        }
+        return self.tile(tile, surface).with_parts(parts, zones), reads
+
+    def colours(self, rules: ColourRules, widening: Table[ChosenWidth] | None) -> Iterator[RasterSpec | Job]:
+        """The tiles of the output; `widening`: which of the zones are used, None without any."""
         frame = self.frame
         yield frame.raster("ortho", "uint8", bands=4)
         yield frame.raster("coverage", "uint8", unit="photos")
         yield frame.raster("rejected", "uint8", unit="colours")
         for tile, surface in self.pairs():
-            parts = self.photo_parts(surface, self.pixel)
-            zones = self._full_parts(surface) if widened else ()
-            reads = {
-                **self._reads(tile, surface, parts),
-                "zones": tuple(Raster(output_layer(frame.name, f"limits/{part.name}"), part.window) for part in zones),
-                "facing": FACING,
-                "radiometry": PROJECTION_RADIOMETRY,
-            }
+            zoned, reads = self.zoned_reads(tile, surface)
+            if widening:
+                reads["widening"] = widening
+            else:
+                zoned, reads["zones"] = zoned.with_parts(zoned.parts), ()
             layers = {layer: Raster(output_layer(frame.name, layer), tile.window) for layer in ("ortho", "coverage", "rejected")}
             writes = {**layers, "statistics": statistics_table(frame.name, tile)}
-            params = {"tile": self.tile(tile, surface).with_parts(parts, zones), "rules": rules}
-            yield frame._job("colours", tile, colour_tile, reads, writes, params, scratch=self._colour_scratch(tile, parts))
+            params = {"tile": zoned, "rules": rules}
+            yield frame.job("colours", tile, colour_tile, reads, writes, params, scratch=self.colour_scratch(tile, zoned.parts))
 
     def left_out(self, rules: ColourRules) -> Iterator[RasterSpec | Job]:
         """The tiles of a photograph from all others, blended and from the nearest one."""
@@ -441,8 +422,8 @@ class ColourJobs:
             reads = {**self._reads(tile, surface, parts), "facing": FACING, "radiometry": PROJECTION_RADIOMETRY}
             writes = {layer: Raster(output_layer(frame.name, layer), tile.window) for layer in ("blended", "nearest")}
             params = {"tile": self.tile(tile, surface).with_parts(parts), "rules": rules}
-            yield frame._job("left-out", tile, left_out_tile, reads, writes, params, scratch=self._colour_scratch(tile, parts))
+            yield frame.job("left-out", tile, left_out_tile, reads, writes, params, scratch=self.colour_scratch(tile, parts))
 
-    def _colour_scratch(self, tile: Tile, parts: tuple[PhotoPart, ...]) -> int:
+    def colour_scratch(self, tile: Tile, parts: tuple[PhotoPart, ...]) -> int:
         # Points, normals and corners in float64, and for every photograph colours, weights and breaks.
         return (300 + 20 * len(parts)) * prod(tile.window.shape) + 8 * 2**20

@@ -15,6 +15,7 @@ from orthomill.tasks.projection.leave_one_out import LeftOutPhotograph
 from orthomill.tasks.projection.model.model_colours import TileFacts
 from orthomill.tasks.projection.model.model_words import model_products, texture_figures
 from orthomill.tasks.projection.projection_colours import NO_SURFACE, ProjectionTile
+from orthomill.tasks.projection.widening.hidden_edges import NO_ZONE, ChosenWidth
 from orthomill.tasks.visibility.sight import PlaceSight
 
 COVERAGE_CLASSES: tuple[tuple[int, str, str], ...] = (
@@ -84,9 +85,11 @@ def projection_report(
     proofs: tuple[str, ...],
     pictured: tuple[str, ...],
     whole_model: bool,
+    widening: ChosenWidth = NO_ZONE,
 ) -> StageReport:
     """The report of the stage. statistics: tiles of all outputs, in their order; textures: of the model's tiles, if there is one;
-    proofs: rasters of `left_out`; pictured: photographs whose depths are shown; whole_model: whether one GLB holds all tiles."""
+    proofs: rasters of `left_out`; pictured: photographs whose depths are shown; whole_model: whether one GLB holds all tiles;
+    widening: how wide the zone next to the limits of what is hidden is."""
     totals, start = [], 0
     for facts in outputs:
         totals.append(_OutputTotals(facts, statistics[start : start + facts.tiles]))
@@ -97,8 +100,8 @@ def projection_report(
         verdict=_verdict(totals, compared),
         answers=tuple(_answers(census, totals)),
         products=(*_products(totals), *(model_products(whole_model) if textures else ())),
-        figures=(*_figures(census, totals, radiometry, compared), *(texture_figures(textures) if textures else ())),
-        grids=tuple(_grids(totals, facing, left_out)),
+        figures=(*_figures(census, totals, radiometry, compared, widening), *(texture_figures(textures) if textures else ())),
+        grids=(*_grids(totals, facing, left_out), *_width_grid(widening)),
         pictures=(*_pictures(totals, left_out, proofs), *_depths(pictured)),
         warnings=(*losses, *_notes(census, facing)),
         losses=losses,
@@ -146,8 +149,24 @@ def _products(totals: list[_OutputTotals]) -> Iterator[Product]:
     yield Product(path="products/projections.json", purpose="Where the planes, cylinders and views of the outputs lie")
 
 
+def _width_grid(widening: ChosenWidth) -> Iterator[Grid]:
+    """The widths that were tried."""
+    if widening.tried:
+        rows = ((one.width, round(one.difference, 3), "used" if one.width == widening.width else "") for one in widening.tried)
+        yield Grid(
+            title="Width of the zone next to the limits of what is hidden",
+            columns=("width px", "difference from photographs that took no part", "used"),
+            rows=tuple(rows),
+            note=f"Grey levels at {widening.places} places. Where no width is better than none by more than chance none is used.",
+        )
+
+
 def _figures(
-    census: MeshCensus, totals: list[_OutputTotals], radiometry: Radiometry, compared: tuple[LeftOutPhotograph, ...]
+    census: MeshCensus,
+    totals: list[_OutputTotals],
+    radiometry: Radiometry,
+    compared: tuple[LeftOutPhotograph, ...],
+    widening: ChosenWidth,
 ) -> Iterator[Figure]:
     yield Figure(name="triangles", value=census.triangles, sentence="Triangles of the mesh that are used.", headline=True)
     yield Figure(
@@ -166,6 +185,13 @@ def _figures(
         yield Figure(name=name, value=getattr(census, name), sentence=sentence, detail=True)
     for total in totals:
         yield from _output_figures(total)
+    yield Figure(
+        name="widening",
+        value=widening.width,
+        unit="px",
+        sentence="Next to the limit of what it does not see a photograph's colours serve only where there are no others.",
+        detail=True,
+    )
     yield Figure(
         name="brightness_difference",
         value=radiometry.difference_after,

@@ -72,8 +72,10 @@ from orthomill.tasks.projection.projection_jobs import (
     surface_table,
 )
 from orthomill.tasks.projection.report import PICTURED, OutputFacts, projection_report
-from orthomill.tasks.projection.sight_rasters import WideningRules
 from orthomill.tasks.projection.surface_source import HeightModelSurface, SolidSurface
+from orthomill.tasks.projection.widening.hidden_edges import WideningRules
+from orthomill.tasks.projection.widening.widening_jobs import WIDENING, WideningJobs, choice
+from orthomill.tasks.projection.widening.width_trials import WIDTHS
 from orthomill.tasks.visibility.mesh_sight import SightTolerance
 from orthomill.tasks.visibility.triangle_blocks import SIDE, block_count
 
@@ -100,9 +102,17 @@ class WidenLimits(Settings):
         2, "Side of the window that opens what is hidden: specks smaller than it have no limits.", "px", ge=1, le=31
     )
     speck: int = setting(12, "Hidden specks of fewer pixels of the output are ignored.", "px", ge=0, le=10_000)
-    dilation: float = setting(
-        3.0, "Width of the zone in the photographs, on either side: what mesh and orientation are worth there.", "px", ge=0, le=200
+    dilation: Annotated[float, Field(ge=0, le=200)] | Literal["auto"] = setting(
+        "auto",
+        "Width of the zone in the photographs, on either side: what mesh and orientation are worth there. auto: the one of 1, 2, "
+        "3, 5 px whose colours are nearest to those of photographs that are left out there; none where none is better.",
+        "px",
     )
+
+    @property
+    def rules(self) -> WideningRules:
+        """The zones that are drawn."""
+        return WideningRules(self.window, self.speck, WIDTHS if self.dilation == "auto" else (self.dilation,))
 
 
 class SightSettings(Settings):
@@ -177,8 +187,7 @@ class ProjectionStage(Stage):
         seen = {name: view.table(depth_table(name)) for name in names}
         coloured = [ColourJobs(jobs, _surfaces(view, jobs), seen, masks) for jobs in (*outputs, *proofs)]
         yield from self._sampled(view, coloured[: len(outputs)], basis)
-        for colour in coloured[: len(outputs)]:
-            yield from self._output(colour)
+        yield from self._outputs(coloured[: len(outputs)])
         for colour in coloured[len(outputs) :]:
             yield from self._proof(colour)
         if self.depth_pictures:
@@ -316,10 +325,17 @@ class ProjectionStage(Stage):
         blended = Blend(rejection_of(self.rejection), power_of(self.weights), best, limit)
         return ColourRules(self.feather, blended, breaks, self.best == "auto")
 
-    def _output(self, colour: ColourJobs) -> Iterator[RasterSpec | Job]:
+    def _outputs(self, outputs: list[ColourJobs]) -> Iterator[RasterSpec | Job]:
+        """The colours of all outputs, and before them how wide the zone next to limits is."""
         if self.widening.kind == "limits":
-            yield from colour.zones(WideningRules(self.widening.window, self.widening.speck, self.widening.dilation))
-        yield from colour.colours(self._rules(), self.widening.kind == "limits")
+            every, width = [WideningJobs(colour, self.widening.rules) for colour in outputs], self.widening.dilation
+            for jobs in every:
+                yield from jobs.zones()
+                if width == "auto":
+                    yield from jobs.trials(self._rules())
+            yield choice(every, None if width == "auto" else width)
+        for colour in outputs:
+            yield from colour.colours(self._rules(), WIDENING if self.widening.kind == "limits" else None)
 
     def _proof(self, colour: ColourJobs) -> Iterator[RasterSpec | Job]:
         """A photograph made again from the others, and compared with itself."""
@@ -360,6 +376,8 @@ class ProjectionStage(Stage):
             "left_out": tuple(left_out_table(colour.frame.name) for colour in proofs),
             "textures": model.facts() if model else (),
         }
+        if self.widening.kind == "limits":
+            reads["widening"] = WIDENING
         facts = tuple(OutputFacts(colour.frame.frame, len(colour.frame.tiles), colour.pixel) for colour in made)
         proven = tuple(colour.frame.name for colour in proofs)
         writes = {"report": report_table("projection")}

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from orthomill.tasks.geometry.view import View
+from orthomill.tasks.geometry.view import FIELD_MARGIN, View, framed_point
 from orthomill.tasks.visibility.output_frame import ORIGIN
 from orthomill.tasks.visibility.scanline import NearestTriangles, central_projection
 from orthomill.tasks.visibility.sight import PlaceSight
@@ -54,8 +54,8 @@ class MeshPlaces:
         if not len(self.points) or view.name not in self.rasters:
             return out
         raster = self.rasters[view.name]
-        inside = view.contains(view.project(self.points), -0.5) & _within_field(view, self.points)
-        placed = np.where(inside, self.own, -1).astype(np.int32)
+        placed = np.array(self.own, np.int32)
+        _place(view.numbers, np.ascontiguousarray(self.points, np.float64), FIELD_MARGIN * view.field, placed)
         corner = raster.window.row, raster.window.col
         limits = np.array([self.tolerance.depth, self.tolerance.rough, self.tolerance.break_]) / view.camera.c
         matrix, centre = central_projection(view, ORIGIN).matrix, np.asarray(view.centre, np.float64)
@@ -65,14 +65,12 @@ class MeshPlaces:
         return out
 
 
-def _within_field(view: View, points: np.ndarray) -> np.ndarray:
-    """bool (N,): in front of the camera and not so far aside that the distortion folds back into the photograph."""
-    offset = points - view.centre
-    depth = -(offset @ view.rotation[2])
-    right, bottom = view.camera.width - 1.0, view.camera.height - 1.0
-    corners = view.rays(np.array([[0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]]))
-    least = float((-(corners @ view.rotation[2])).min())
-    return depth > 0.98 * least * np.linalg.norm(offset, axis=1)
+@njit(cache=True)
+def _place(n, points, widest, own):
+    """Takes their triangles from points that are not in the frame of the view `n`."""
+    for i in range(own.size):
+        if own[i] >= 0 and not framed_point(n, points[i, 0], points[i, 1], points[i, 2], widest)[3] >= -0.5:
+            own[i] = -1
 
 
 @njit(cache=True, inline="always")

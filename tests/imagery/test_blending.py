@@ -18,14 +18,16 @@ def one_pixel(values, weights=None, how=PLAIN):
 
 
 @pytest.mark.parametrize(("power", "expected"), [(1, 175.0), (2, 190.0)])
-def test_weights_by_area_and_squared_area(power, expected):
+def test_weights_by_area_and_squared_area(power, expected, record_property):
     result = one_pixel([100, 200], [1, 3], Blend(Rejection("none"), power))
+    record_property("found", f"power {power}: {result.colour[0, 0, 0]:g}")
     assert result.colour[0, 0, 0] == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("centre", ["mean", "median", "deviation"])
-def test_a_gross_error_among_five_is_rejected(centre):
+def test_a_gross_error_among_five_is_rejected(centre, record_property):
     result = one_pixel([100, 101, 99, 100, 250], how=Blend(Rejection(centre, 1.0, 2.0)))
+    record_property("found", f"about the {centre}: {result.colour[0, 0, 0]:g}, {result.rejected[0, 0]} rejected")
     assert result.colour[0, 0, 0] == pytest.approx(100.0)
     assert result.rejected[0, 0] == 1 and result.used[0, 0] == 4
 
@@ -65,16 +67,19 @@ def test_noise_below_the_floor_stays():
     assert one_pixel([96, 100, 104], how=Blend(Rejection("mean", 1.0, 12.0))).used[0, 0] == 3
 
 
-def test_a_large_k_rejects_nothing():
+def test_a_large_k_rejects_nothing(record_property):
     values = [10, 20, 200, 250]
-    assert one_pixel(values, how=Blend(Rejection("mean", 1e9))).colour[0, 0, 0] == pytest.approx(np.mean(values))
+    found = one_pixel(values, how=Blend(Rejection("mean", 1e9)))
+    record_property("found", f"{found.rejected[0, 0]} of {len(values)} rejected without a limit")
+    assert found.colour[0, 0, 0] == pytest.approx(np.mean(values))
 
 
-def test_best_n():
+def test_best_n(record_property):
     values, weights = [10, 20, 30, 40], [1, 4, 3, 2]
-    assert one_pixel(values, weights, Blend(Rejection("none"), best=1)).colour[0, 0, 0] == 20
     full = one_pixel(values, weights).colour[0, 0, 0]
-    assert one_pixel(values, weights, Blend(Rejection("none"), best=4)).colour[0, 0, 0] == full
+    one, four = (one_pixel(values, weights, Blend(Rejection("none"), best=best)).colour[0, 0, 0] for best in (1, 4))
+    record_property("found", f"the best one {one:g} of 20; the best four {four:g}, all {full:g}")
+    assert one == 20 and four == full
     assert one_pixel(values, weights, Blend(Rejection("none"), best=2)).colour[0, 0, 0] == pytest.approx((4 * 20 + 3 * 30) / 7)
 
 

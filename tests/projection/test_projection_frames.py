@@ -70,8 +70,9 @@ def test_a_turned_facade_is_found_to_the_nearest_degree():
     assert np.degrees(np.arctan2(frame.right[1], frame.right[0])) == pytest.approx(33.0, abs=1e-6)
 
 
-def test_two_millimetres_of_an_area_are_so_many_pixels_and_so_much_paper():
+def test_two_millimetres_of_an_area_are_so_many_pixels_and_so_much_paper(record_property):
     frame = flat({"kind": "facade"}, pixel=0.002, size=(3.0, 2.0))
+    record_property("found", f"{frame.cols} x {frame.rows} px, {frame.tags['PAPER_SCALE_AT_0.1_MM']}")
     assert frame.shape == (1000, 1500)
     assert frame.tags["PAPER_SCALE_AT_0.1_MM"] == "1:20"
     assert frame.tags["PLANE_NORMAL"].split()[1] == "-1"

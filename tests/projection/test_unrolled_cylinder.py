@@ -47,7 +47,7 @@ def photograph(view: View, inside: bool) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seen_from", ["outside", "axis"])
-def test_an_unrolled_column_and_shaft(seen_from):
+def test_an_unrolled_column_and_shaft(seen_from, record_property):
     inside = seen_from == "axis"
     turns = np.linspace(0, 2 * np.pi, 6, endpoint=False)
     reach = 0.1 if inside else 2.5
@@ -72,4 +72,8 @@ def test_an_unrolled_column_and_shaft(seen_from):
     x, z = np.meshgrid(turn, 1.2 - (np.arange(20) + 0.5) * 0.02)
     truth = colour(np.column_stack([RADIUS * np.cos(x.ravel()), RADIUS * np.sin(x.ravel()), z.ravel()])).reshape(20, 157, 3)
     error = np.abs(ortho[..., :3] - truth).mean(axis=2)[ortho[..., 3] > 0]
+    record_property(
+        "found",
+        f"from the {seen_from}: {(ortho[..., 3] > 0).mean():.1%} coloured, within {np.percentile(error, 95):.1f} grey levels",
+    )
     assert np.percentile(error, 95) < 3.0

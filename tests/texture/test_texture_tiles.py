@@ -92,7 +92,7 @@ def near(rectangle, metres: float) -> np.ndarray:
     return ((x > w - metres) & (x < e + metres))[None, :] & ((y > s - metres) & (y < n + metres))[:, None]
 
 
-def test_bicubic_reproduces_a_ramp():
+def test_bicubic_reproduces_a_ramp(record_property):
     photo = view("b")
     col, row = np.meshgrid(np.arange(420.0), np.arange(420.0))
     ramp = (3.0 + 0.25 * col + 0.4 * row).astype(np.float32)[..., None]
@@ -102,7 +102,9 @@ def test_bicubic_reproduces_a_ramp():
     x, y = ORTHO.centres(window)
     pixels = photo.project(np.column_stack([*(a.ravel() for a in np.meshgrid(x, y)), ground.z.ravel()]))
     expected = 3.0 + 0.25 * pixels[:, 0] + 0.4 * pixels[:, 1]
-    np.testing.assert_allclose(sampled.colour[..., 0].ravel(), expected, atol=2e-4)
+    worst = np.abs(sampled.colour[..., 0].ravel() - expected).max()
+    record_property("found", f"{worst:.1e} grey levels at most")
+    assert worst < 2e-4
 
 
 @pytest.mark.parametrize(("dx", "dy"), [(0.0, 0.0), (0.4, 0.0), (-0.3, 0.5)])

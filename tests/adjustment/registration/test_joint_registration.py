@@ -34,7 +34,7 @@ def target_in(site, scans):
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_nine_scans_are_registered_within_their_standard_errors(seed):
+def test_nine_scans_are_registered_within_their_standard_errors(seed, record_property):
     site = scanned_site(seed)
     found = registered(site)
     assert np.allclose(np.linalg.det(found.state.rotation), 1.0, atol=1e-12)
@@ -44,6 +44,7 @@ def test_nine_scans_are_registered_within_their_standard_errors(seed):
         assert (np.abs(error) < 4.0 * np.sqrt(np.diag(found.scan_covariance(k)))).all()
     assert found.sigma0 == pytest.approx(0.004, rel=0.15) and not found.blunders
     rms = np.sqrt((found.residual**2).sum() / found.redundancy_number.sum())
+    record_property("found", f"RMS {1000 * rms:.2f} mm of 4, sigma0 {1000 * found.sigma0:.2f} mm")
     assert rms == pytest.approx(0.004, rel=0.15)
 
 

@@ -133,9 +133,10 @@ def test_no_model_and_no_pictures_where_none_are_wanted(made):
     assert {"products/model.html", "products/model.glb"} <= listed
 
 
-def test_depth_pictures_run_from_white_to_black(made):
+def test_depth_pictures_run_from_white_to_black(made, record_property):
     picture, nearness = made.rasters["projection/photographs/a/picture"], made.rasters["projection/photographs/a/nearness"]
     shown = nearness > 0
+    record_property("found", f"{picture[shown, 0].min()} to {picture[shown, 0].max()}")
     assert (picture[shown, 0].min(), picture[shown, 0].max()) == (0, 255)
     assert np.array_equal(picture[..., 3] > 0, shown)
     assert (picture[np.unravel_index(np.argmax(nearness), nearness.shape)] == 255).all()

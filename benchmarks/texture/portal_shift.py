@@ -1,0 +1,73 @@
+"""Where the shift of the portal's front comes from: the measure, resampling, the surface, the block.
+
+`python -m benchmarks.texture.portal_shift runs/portal` takes a finished run of the workflow `portal` (the orientation suffices), projects
+its front with the block and the surface as they were found and as they are in truth, and writes
+`benchmarks/results/portal_shift.md`. Each row differs from the one before by one thing.
+"""
+
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from benchmarks.measured_run import machine, write_result
+from benchmarks.texture.portal_truth import PortalCase, fitted, of_run, projected, shifts_of
+from orthomill.schemas.solid.mesh import TriangleMesh
+from orthomill.tasks.simulation.portal.portal_block import to_system
+from orthomill.tasks.simulation.portal.portal_mesh import portal_mesh
+from orthomill.tasks.simulation.portal.portal_rendering import TRUE_CELL
+
+NOISE, BLUR = 1.5, 1.0
+"""grey levels; px: what photographs of about the pixel of the front do to it"""
+
+
+def true_surface() -> TriangleMesh:
+    """The portal as it was photographed."""
+    mesh = portal_mesh(TRUE_CELL)
+    return TriangleMesh(to_system(mesh.vertices), mesh.triangles)
+
+
+def fronts(case: PortalCase) -> Iterator[tuple[str, np.ndarray]]:
+    """Pictures (rows, cols, 4) or (rows, cols, 3) of the front."""
+    truth = case.front.astype(np.float32)
+    blurred = cv2.GaussianBlur(truth, (0, 0), BLUR)
+    yield "the measure: the truth, blurred and with noise", blurred + np.random.default_rng(1).normal(0, NOISE, truth.shape)
+    ideal = replace(case, block=case.true_block)
+    yield "true block, true surface: and resampling", projected(replace(ideal, mesh=true_surface()), {})
+    yield "true block, scanned surface: and the scan", projected(ideal, {})
+    yield "the block as it was found: and orientation and control", projected(case, {})
+
+
+def row(label: str, picture: np.ndarray, case: PortalCase) -> str:
+    """A row of the table."""
+    truth = case.front.astype(float)
+    known = (np.bitwise_count(case.visible) >= 2) & np.isfinite(case.depth)
+    if picture.shape[2] == 4:
+        known &= picture[..., 3] > 0
+    found = shifts_of(fitted(picture[..., :3].astype(float), truth, known), truth, known)
+    middle = np.median(found, axis=0)
+    whole, rest = (np.percentile(np.hypot(*(found - offset).T), 95) for offset in (0.0, middle))
+    return f"| {label} | {len(found)} | {whole:.2f} | {middle[0]:+.2f}, {middle[1]:+.2f} | {rest:.2f} |"
+
+
+def main(folder: Path) -> None:
+    """Measure and write the page."""
+    case = of_run(folder)
+    lines = [
+        "# The shift of the portal's front",
+        "",
+        f"`python -m benchmarks.texture.portal_shift runs/portal`; {machine()}. Windows of 64 px with structure that two "
+        f"photographs or more see, {1000 * case.pixel:g} mm a pixel.",
+        "",
+        "| what is in it | windows | shift at 95 %, px | of all together (median), px | at 95 % without it |",
+        "| --- | --- | --- | --- | --- |",
+        *(row(label, picture, case) for label, picture in fronts(case)),
+    ]
+    write_result("portal_shift", "\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
