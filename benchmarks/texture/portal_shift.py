@@ -1,7 +1,7 @@
 """Where the shift of the portal's front comes from: the measure, resampling, the surface, the block.
 
-`python -m benchmarks.texture.portal_shift runs/portal` takes a finished run of the workflow `portal` (the orientation suffices), projects
-its front with the block and the surface as they were found and as they are in truth, and writes
+`python -m benchmarks.texture.portal_shift runs/portal` takes a run of the workflow `portal` that has its orientation, projects its
+front with the block and the surface as they were found and as they are in truth, and writes
 `benchmarks/results/portal_shift.md`. Each row differs from the one before by one thing.
 """
 

@@ -61,7 +61,10 @@ CHECKS = {
         "pixels and paper scale",
         "tests/projection/test_projection_frames.py::test_two_millimetres_of_an_area_are_so_many_pixels_and_so_much_paper",
     ),
-    "A-25": ("millions of triangles, 23 photographs of 10 Mpx", "benchmarks/results/large_mesh.md"),
+    "A-25": (
+        "millions of triangles: memory follows the tile",
+        f"{_STAGE}::test_a_tile_holds_the_depths_of_one_photograph_at_a_time",
+    ),
     "A-26": ("saved and read settings", f"{_STAGE}::test_settings_that_were_written_and_read_again_give_the_same_picture"),
     "A-27": ("one mesh in every format", "tests/pipeline/storage/test_mesh_files.py::test_every_format_gives_the_same_triangles"),
     "A-28": ("pixels seen by none", f"{_STAGE}::test_the_report_counts_every_pixel_and_names_the_share_of_each_photograph"),

@@ -28,6 +28,9 @@ COVERAGE_CLASSES: tuple[tuple[int, str, str], ...] = (
 """Red 0, green 1, blue 2, grey 3 or more photographs (Petsa et al. 2007, Fig. 22)."""
 PICTURED = 6
 """photographs whose depths the report shows"""
+_UNRELATED, _SMALL = 14.0, 0.02
+"""dB of photographs made again from the others below which they show different things; part of the photographs that is too little
+for a surface that they were taken of"""
 _FILLED, _SHARP, _BACKS, _UNLIKE, _BEHIND, _FEW = 0.9, 0.9, 0.2, 1.5, 0.5, 4
 """Part of the surface that a good output colours; gradient energy of a sharp blend; part of backs that is worth a warning; a
 photograph whose difference is so many times the median disagrees with the block; part of an output that shows backs; triangles
@@ -95,7 +98,8 @@ def projection_report(
         totals.append(_OutputTotals(facts, statistics[start : start + facts.tiles]))
         start += facts.tiles
     compared = tuple(one for one in left_out if one.blended is not None)
-    losses = (*_empty_warnings(census, totals), *_mesh_warnings(census), *_unlike_warnings(compared), *_hole_warnings(facing))
+    losses = (*_empty_warnings(census, totals), *_mesh_warnings(census), *_strange_warnings(facing, compared))
+    losses += (*_unlike_warnings(compared), *_hole_warnings(facing))
     return StageReport(
         verdict=_verdict(totals, compared),
         answers=tuple(_answers(census, totals)),
@@ -131,7 +135,14 @@ def _verdict(totals: list[_OutputTotals], compared: tuple[LeftOutPhotograph, ...
     if energy is not None:
         text += f"; photographs made again from the others keep {100 * energy:.0f} % of their gradient energy"
     good = worst.coloured >= _FILLED and (energy is None or energy >= _SHARP)
-    return Verdict(level="good" if good else "fair" if worst.coloured > 0.5 else "poor", sentence=text + ".", weighs=True)
+    poor = worst.coloured <= 0.5 or _unrelated(compared)
+    return Verdict(level="poor" if poor else "good" if good else "fair", sentence=text + ".", weighs=True)
+
+
+def _unrelated(compared: tuple[LeftOutPhotograph, ...]) -> bool:
+    """Whether the photographs show different things on the surface."""
+    psnr = _median([one.blended.psnr for one in compared if one.blended])
+    return psnr is not None and psnr < _UNRELATED
 
 
 def _median(values: list[float]) -> float | None:
@@ -372,6 +383,21 @@ def _empty_warnings(census: MeshCensus, totals: list[_OutputTotals]) -> Iterator
                 f"Only {100 * total.coloured:.0f} % of the surface in '{total.name}' is seen by a photograph; the rest stays "
                 "empty. Photographs from more sides would fill it."
             )
+
+
+def _strange_warnings(facing: MeshFacing, compared: tuple[LeftOutPhotograph, ...]) -> Iterator[str]:
+    """A surface that the photographs were hardly taken of."""
+    largest = max((one.fronts + one.backs for one in facing.photos), default=1.0)
+    if _unrelated(compared):
+        yield (
+            "Made again from the others, the photographs are unlike themselves throughout: on this surface they show different "
+            "things. The unit of the surface or its place is wrong, or it belongs to another orientation."
+        )
+    if largest < _SMALL:
+        yield (
+            f"The surface fills {100 * largest:.1f} % of a photograph at most: is its unit the right one, and is it what was "
+            "photographed?"
+        )
 
 
 def _unlike_warnings(compared: tuple[LeftOutPhotograph, ...]) -> Iterator[str]:

@@ -100,11 +100,15 @@ def of(outputs=None, **more) -> dict[str, np.ndarray]:
     return project.rasters
 
 
-def test_a_tile_holds_the_depths_of_one_photograph_at_a_time(plain):
+def test_a_tile_holds_the_depths_of_one_photograph_at_a_time(plain, record_property):
     """A tile of a coarse picture shows the whole of every photograph: two dozen of them would not fit into a worker."""
     jobs = [job for job in stage().plan(plain) if isinstance(job, Job) and job.function is sight_tile]
-    assert any(len(job.reads["nearness"].regions) > 2 for job in jobs)
+    photographs = max(len(job.reads["nearness"].regions) for job in jobs)
+    record_property("found", f"{photographs} photographs in a tile, the depths of one at a time, stored in tiles")
+    assert photographs > 2
     assert all(isinstance(job.reads[key], Stream) for job in jobs for key in ("nearness", "drawn"))
+    stored = [spec for name, spec in plain.specs.items() if name.endswith("/nearness") and "photographs" in name]
+    assert stored and all(max(spec.chunks) <= 128 for spec in stored)
     masked = scene.project_of(MemoryProject)
     masked.files["masks/b.png"] = np.full((180, 240, 1), 255, np.uint8)
     given = stage(leave_one_out={"kind": "none"}, masks={"kind": "folder", "path": "masks"})
@@ -246,6 +250,19 @@ def test_next_to_limits_colours_vote_while_the_others_are_few():
     assert np.array_equal(reserved(weights, near), weights)
     unseen = np.where(np.arange(5)[:, None, None] == 0, np.float32(0.0), weights)
     assert reserved(unseen, np.arange(5)[:, None, None] < 4)[0] == 0
+
+
+@pytest.mark.parametrize(("factor", "sentence"), [(1 / 0.3048, "show different things"), (0.05, "% of a photograph at most")])
+def test_a_surface_in_another_unit_is_doubted_where_photographs_still_meet_it(factor, sentence):
+    mesh = scene.mesh()
+    project = scene.project_of(MemoryProject, surface=TriangleMesh(mesh.vertices * factor, mesh.triangles))
+    project.run(stage(outputs=[{**FRONT, "pixel": 0.1 * factor, "size": (4 * factor, 3 * factor)}]))
+    assert sentence in " ".join(project.tables["projection/report.json"].warnings)
+
+
+def test_the_right_surface_is_not_doubted(plain):
+    report = plain.tables["projection/report.json"]
+    assert report.verdict.level == "good" and not any("unit" in warning for warning in report.warnings)
 
 
 def test_section_lines_are_exported_in_two_formats():
