@@ -2,11 +2,15 @@
 
 import re
 import shutil
+from pathlib import Path
 
 import pytest
 
+from orthomill.pipeline import report
 from orthomill.pipeline.report.paper import BROWSERS, write_pdf
 from orthomill.schemas.errors import ResourceError
+
+TEMPLATES = Path(report.__file__).parent / "templates"
 
 
 def test_without_a_browser_it_is_a_sentence(tmp_path, monkeypatch):
@@ -32,3 +36,16 @@ def test_the_paper_is_a4(tmp_path):
     content = write_pdf(page).read_bytes()
     width, height = (float(number) for number in re.search(rb"/MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", content).groups())
     assert content.startswith(b"%PDF") and (round(width), round(height)) == (595, 842)
+
+
+def test_what_the_products_are_worth_is_unfolded_on_paper(tmp_path):
+    if not any(shutil.which(name) for name in BROWSERS):
+        pytest.skip("There is no Chromium on this machine to print with.")
+    script = re.search(r'addEventListener\("beforeprint".*', (TEMPLATES / "report.html").read_text())[0]
+    page = tmp_path / "report.html"
+    folded = '<details class="{}"><summary>more</summary><p style="height: 20cm">long<p style="height: 20cm">longer</details>'
+    pages = []
+    for name in ("other", "on-paper"):
+        page.write_text(f"<!doctype html><style>@page {{ size: A4 }}</style>{folded.format(name)}<script>{script}</script>")
+        pages.append(write_pdf(page).read_bytes().count(b"/Type /Page\n"))
+    assert pages == [1, 2]
