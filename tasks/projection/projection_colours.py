@@ -151,7 +151,7 @@ def _zone_at(pixels: np.ndarray, zone: np.ndarray, window: Window) -> np.ndarray
 @dataclass(frozen=True, eq=False)
 class TileColours:
     """Colours (photographs, rows, cols, bands), weights, breaks and zones (photographs, rows, cols) of a tile: the number of the
-    narrowest zone next to a limit that holds a value, 0 far from all limits."""
+    narrowest zone next to a limit that holds a value, 0 far from all limits. Without zones at hand a break of the depth is one."""
 
     colours: np.ndarray
     weights: np.ndarray
@@ -226,6 +226,7 @@ def tile_colours(
         colours[k, sampled.at] = corrected(sampled.colour, sampled.r2, radiometry.of(part.name)) * (255.0 / radiometry.white)
         weights[k, sampled.at] = sampled.worth
     flat = len(parts), *shape
+    near = near if windows else breaks.astype(np.uint8)
     return TileColours(colours.reshape(*flat, bands), weights.reshape(flat), breaks, near.reshape(flat))
 
 
@@ -346,10 +347,11 @@ def left_out_tile(
     radiometry: Radiometry,
     tile: OutputTile,
     rules: ColourRules,
+    widening: ChosenWidth = NO_ZONE,
 ) -> LeftOutTile:
     """What the photograph of `frame` shows, from the others: as `colour_tile`, and as programs with one photograph per face do."""
     origin = np.array(census.origin)
     surface = tile_points(triangle, TrianglesAtHand.of(tile.blocks, blocks), tile.frame, tile.window, origin)
     found = tile_colours(surface, sight, photos, (), part_views(block, tile, origin), tile, radiometry, facing.sign, rules.feather)
-    whole = found.blended(rules)
+    whole = found.blended(rules, widening.at_breaks)
     return LeftOutTile(rgba(whole), rgba(blend(found.colours, found.weights, _NEAREST)))

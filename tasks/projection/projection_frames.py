@@ -87,9 +87,10 @@ def seen_surface(
         np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), len(middles) // len(corners), axis=0
     )
     shown, sizes = shown_by(views, middles)
-    fitting = "" if unit != "auto" else fitting_unit(views, middles, float(shown.mean()))
-    if not shown.any() or fitting:
-        raise GeometryError(_why_unseen(census, views, float(shown.mean()), fitting))
+    fitting = fitting_unit(views, middles, float(shown.mean()))
+    # What a workflow states is believed as long as anything is in sight.
+    if not shown.any() or (fitting and unit == "auto"):
+        raise GeometryError(_why_unseen(census, views, float(shown.mean()), fitting, unit))
     return SeenSurface(middles[shown], normals[shown], views, float(np.median(sizes)))
 
 
@@ -130,7 +131,7 @@ def spread_over(corners: np.ndarray, side: int) -> np.ndarray:
     return np.einsum("nk,tki->tni", shares, corners).reshape(-1, 3)
 
 
-def _why_unseen(census: MeshCensus, views: tuple[View, ...], share: float, fitting: str) -> str:
+def _why_unseen(census: MeshCensus, views: tuple[View, ...], share: float, fitting: str, unit: str) -> str:
     """Why the photographs show nothing of the mesh, or so little, in a sentence."""
     centre = np.mean([view.centre for view in views], axis=0)
     distance = float(np.linalg.norm(census.middle - centre))
@@ -140,6 +141,9 @@ def _why_unseen(census: MeshCensus, views: tuple[View, ...], share: float, fitti
         f"{part} in the frame of any of the {len(views)} photographs: its middle lies {distance:.4g} m from theirs, which are "
         f"{spread:.4g} m apart, and it is {census.size:.4g} m large."
     )
+    if fitting and unit != "auto":
+        times = next(factor for factor, name in _UNITS.items() if name == fitting)
+        return f"{text} It would fit {times:g} times smaller: is `unit: {unit}` right?"
     if fitting:
         return f"{text} In {fitting} it would fit: set `unit: {fitting}` (or `unit: m`, if it is right)."
     facing = np.mean([-(view.rotation[2] @ (census.middle - view.centre)) > 0 for view in views])

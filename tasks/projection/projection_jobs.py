@@ -412,14 +412,16 @@ class ColourJobs:
             params = {"tile": zoned, "rules": rules}
             yield frame.job("colours", tile, colour_tile, reads, writes, params, scratch=self.colour_scratch(tile, zoned.parts))
 
-    def left_out(self, rules: ColourRules) -> Iterator[RasterSpec | Job]:
+    def left_out(self, rules: ColourRules, widening: Table[ChosenWidth] | None) -> Iterator[RasterSpec | Job]:
         """The tiles of a photograph from all others, blended and from the nearest one."""
         frame = self.frame
         yield frame.raster("blended", "uint8", bands=4)
         yield frame.raster("nearest", "uint8", bands=4)
         for tile, surface in self.pairs():
             parts = self.photo_parts(surface, self.pixel)
-            reads = {**self._reads(tile, surface, parts), "facing": FACING, "radiometry": PROJECTION_RADIOMETRY}
+            reads: dict[str, Reading] = {**self._reads(tile, surface, parts), "facing": FACING, "radiometry": PROJECTION_RADIOMETRY}
+            if widening:
+                reads["widening"] = widening
             writes = {layer: Raster(output_layer(frame.name, layer), tile.window) for layer in ("blended", "nearest")}
             params = {"tile": self.tile(tile, surface).with_parts(parts), "rules": rules}
             yield frame.job("left-out", tile, left_out_tile, reads, writes, params, scratch=self.colour_scratch(tile, parts))

@@ -73,7 +73,7 @@ from orthomill.tasks.projection.projection_jobs import (
 )
 from orthomill.tasks.projection.report import PICTURED, OutputFacts, projection_report
 from orthomill.tasks.projection.surface_source import HeightModelSurface, SolidSurface
-from orthomill.tasks.projection.widening.hidden_edges import WideningRules
+from orthomill.tasks.projection.widening.hidden_edges import ChosenWidth, WideningRules
 from orthomill.tasks.projection.widening.widening_jobs import WIDENING, WideningJobs, choice
 from orthomill.tasks.projection.widening.width_trials import WIDTHS
 from orthomill.tasks.visibility.mesh_sight import SightTolerance
@@ -197,7 +197,7 @@ class ProjectionStage(Stage):
                 yield from colour.depth_pictures()
         model = self._model(view, basis, seen, masks)
         if model:
-            yield from model.jobs(self._tolerance, self._rules())
+            yield from model.jobs(self._tolerance, self._rules(), self._widening)
         yield from self._results(coloured, len(outputs), basis, model)
         yield from self._lines(basis)
 
@@ -284,6 +284,10 @@ class ProjectionStage(Stage):
     def _tolerance(self) -> SightTolerance:
         return SightTolerance(self.sight.depth, self.sight.rough, self.sight.break_at)
 
+    @property
+    def _widening(self) -> Table[ChosenWidth] | None:
+        return WIDENING if self.widening.kind == "limits" else None
+
     def _masks(self, view: ProjectView, basis: ProjectionBasis) -> dict[str, PhotographMask]:
         if self.masks.kind == "none":
             return {}
@@ -335,12 +339,12 @@ class ProjectionStage(Stage):
                     yield from jobs.trials(self._rules())
             yield choice(every, None if width == "auto" else width)
         for colour in outputs:
-            yield from colour.colours(self._rules(), WIDENING if self.widening.kind == "limits" else None)
+            yield from colour.colours(self._rules(), self._widening)
 
     def _proof(self, colour: ColourJobs) -> Iterator[RasterSpec | Job]:
         """A photograph made again from the others, and compared with itself."""
         yield from colour.sight(self._tolerance)
-        yield from colour.left_out(self._rules())
+        yield from colour.left_out(self._rules(), self._widening)
         frame = colour.frame.frame
         (name,) = frame.without
         photo, whole = colour.basis.photos[name], Window(0, 0, *frame.shape)
@@ -376,8 +380,8 @@ class ProjectionStage(Stage):
             "left_out": tuple(left_out_table(colour.frame.name) for colour in proofs),
             "textures": model.facts() if model else (),
         }
-        if self.widening.kind == "limits":
-            reads["widening"] = WIDENING
+        if self._widening:
+            reads["widening"] = self._widening
         facts = tuple(OutputFacts(colour.frame.frame, len(colour.frame.tiles), colour.pixel) for colour in made)
         proven = tuple(colour.frame.name for colour in proofs)
         writes = {"report": report_table("projection")}

@@ -143,6 +143,8 @@ def test_millimetres_taken_for_metres_are_recognised_although_the_photographs_sh
     with pytest.raises(GeometryError, match="In mm it would fit: set `unit: mm`"):
         framed(PLANE, huge, block, unit="auto")
     assert framed(PLANE, huge, block, unit="mm").pixel < 0.03
+    with pytest.raises(GeometryError, match="1000 times smaller: is `unit: m` right"):
+        framed(PLANE, TriangleMesh(scene.mesh().vertices * 1000.0, scene.mesh().triangles), unit="m")
     assert framed(PLANE, ball, block, unit="auto").pixel < 0.03
 
 

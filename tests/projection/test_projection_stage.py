@@ -236,6 +236,20 @@ def test_widening_keeps_clear_of_the_limits():
     assert not any("/limits/" in name for name in of(widening={"kind": "none"}))
 
 
+def test_photographs_made_again_keep_clear_of_breaks_in_the_depth():
+    """No picture of theirs tells what is hidden: what the others show next to a break of their depth does not count."""
+    without = scene.project_of(MemoryProject)
+    without.run(stage(widening={"kind": "none"}, model={"kind": "none"}))
+    given = scene.project_of(MemoryProject)
+    given.run(stage(widening={"kind": "limits", "dilation": 3.0}, model={"kind": "none"}))
+    changed = [(given.rasters[name] != values).any(axis=2) for name, values in without.rasters.items() if name.endswith("/blended")]
+    sights = [values for name, values in without.rasters.items() if "left_out" in name and name.endswith("/sight")]
+    assert sum(one.sum() for one in changed) > 20
+    for one, sight in zip(changed, sights, strict=True):
+        assert not one[~(sight == PlaceSight.AT_BREAK).any(axis=2)].any()
+    assert not any((given.rasters[name] != without.rasters[name]).any() for name in without.rasters if name.endswith("/nearest"))
+
+
 def test_next_to_limits_colours_vote_while_the_others_are_few():
     weights = np.array([4.0, 1.0, 8.0, 2.0, 3.0], np.float32)[:, None, None]
     near = np.zeros((5, 1, 1), bool)

@@ -6,7 +6,7 @@ that memory follows the group and the photographs' parts about the block, whatev
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import cv2
@@ -23,6 +23,7 @@ from orthomill.tasks.projection.model.glb import ModelPart, as_glb, as_jpeg
 from orthomill.tasks.projection.model.unwrapping import Unwrapped, unwrapped
 from orthomill.tasks.projection.projection_colours import ColourRules, part_views, tile_colours
 from orthomill.tasks.projection.sight_rasters import TilePoints, point_sights
+from orthomill.tasks.projection.widening.hidden_edges import NO_ZONE, ChosenWidth
 from orthomill.tasks.visibility.mesh_sight import SightTolerance
 from orthomill.tasks.visibility.scanline import NOTHING, NearestTriangles
 from orthomill.tasks.visibility.sight import PlaceSight
@@ -122,6 +123,7 @@ class _Painter:
     tile: TexturedBlock
     tolerance: SightTolerance
     rules: ColourRules
+    widening: ChosenWidth
 
     def painted(self, points: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Colours (N, 4) uint8 (the fourth 255 where known) and number of photographs (N,) that see points (N, 3) of the triangles
@@ -143,7 +145,7 @@ class _Painter:
         views = part_views(self.block, coloured, self.origin)
         found = tile_colours(
             surface, codes[None], self.photos, (), views, coloured, self.radiometry, self.facing, self.rules.feather
-        ).blended(self.rules)
+        ).blended(self.rules, self.widening.at_breaks)
         out = np.full((len(points), 4), UNSEEN, np.uint8)
         known = found.used[0] > 0
         out[known, :3] = np.clip(np.floor(found.colour[0][known] + 0.5), 0, 255)
@@ -164,11 +166,12 @@ def coloured_block(
     tolerance: SightTolerance,
     rules: ColourRules,
     masks: tuple[np.ndarray, ...] = (),
+    widening: ChosenWidth = NO_ZONE,
 ) -> ColouredBlock:
     """One block of the mesh in colour. nearness, drawn: rasters of the parts of `tile.seen`; photos: pixels of `tile.coloured`."""
     at_hand, origin = TrianglesAtHand.of(tile.blocks, blocks), np.array(census.origin)
     rasters = [NearestTriangles(part.window, *pair) for part, *pair in zip(tile.seen.parts, nearness, drawn, strict=True)]
-    painter = _Painter(at_hand, rasters, photos, masks, block, origin, facing.sign, radiometry, tile, tolerance, replace(rules))
+    painter = _Painter(at_hand, rasters, photos, masks, block, origin, facing.sign, radiometry, tile, tolerance, rules, widening)
     corners = at_hand.corners_of(np.arange(PER_BLOCK) + tile.number * PER_BLOCK)
     corners = corners[np.isfinite(corners[:, 0, 0])]
     laid = unwrapped(corners, tile.side, tile.texel)

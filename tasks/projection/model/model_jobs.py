@@ -31,6 +31,7 @@ from orthomill.tasks.projection.model.model_levels import MeanCells, coarse_node
 from orthomill.tasks.projection.output_tile import ideal_part, photo_part, union_of
 from orthomill.tasks.projection.projection_colours import PROJECTION_RADIOMETRY, ColourRules
 from orthomill.tasks.projection.projection_jobs import CENSUS, CORNERS, FACING, ProjectionBasis, block_window, photograph_layer
+from orthomill.tasks.projection.widening.hidden_edges import ChosenWidth
 from orthomill.tasks.visibility.mesh_sight import SightTolerance
 
 _TOGETHER = 4  # nodes below one
@@ -115,10 +116,10 @@ class ModelJobs:
         wanted = self.basis.census.triangles / _TOGETHER**level
         return sqrt(2.0 * sum(self.basis.blocks.areas) / max(wanted, 1.0))
 
-    def jobs(self, tolerance: SightTolerance, rules: ColourRules) -> Iterator[Job | Export]:
+    def jobs(self, tolerance: SightTolerance, rules: ColourRules, widening: Table[ChosenWidth] | None) -> Iterator[Job | Export]:
         """All of them."""
         for number in range(self.counts[0]):
-            yield self._block(number, tolerance, rules)
+            yield self._block(number, tolerance, rules, widening)
         for level in range(1, len(self.counts)):
             yield from self._level(level)
         yield from self._files()
@@ -131,7 +132,7 @@ class ModelJobs:
         """What the textures are worth."""
         return tuple(facts_table(number) for number in range(self.counts[0]))
 
-    def _block(self, number: int, tolerance: SightTolerance, rules: ColourRules) -> Job:
+    def _block(self, number: int, tolerance: SightTolerance, rules: ColourRules, widening: Table[ChosenWidth] | None) -> Job:
         basis, box = self.basis, self.basis.blocks.boxes[number]
         surface = TileSurface(covered=1, blocks=(number,), low=box.low, high=box.high)
         ideal = [ideal_part(basis.views[name], surface, basis.ideal[name], basis.origin) for name in basis.names]
@@ -151,6 +152,8 @@ class ModelJobs:
             "facing": FACING,
             "radiometry": PROJECTION_RADIOMETRY,
         }
+        if widening:
+            reads["widening"] = widening
         if masked:
             reads["masks"] = tuple(self.masks[part.name].region(part.window) for part in masked)
         side = self._side(number)

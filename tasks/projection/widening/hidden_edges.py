@@ -64,6 +64,11 @@ class ChosenWidth(BaseModel):
     """at which widths were tried"""
     tried: tuple[TriedWidth, ...] = ()
 
+    @property
+    def at_breaks(self) -> int:
+        """The zones that are used where there is no picture in which to find limits: the pixels next to a break of the depth."""
+        return min(self.zone, 1)
+
 
 NO_ZONE = ChosenWidth()
 
