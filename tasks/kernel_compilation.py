@@ -5,17 +5,13 @@ processes store a function for different types at once, one file holds the code 
 misses a kernel in the cache takes the lock of its file, looks again, and only then compiles.
 """
 
+import fcntl
 import time
 from pathlib import Path
 from typing import IO, Any
 
-import numba.core.dispatcher
+from numba.core import dispatcher
 from numba.core.caching import FunctionCache
-
-try:
-    import fcntl
-except ImportError:  # no such locks on this system: kernels are compiled as often as they are wanted
-    fcntl = None  # type: ignore[assignment]
 
 PATIENCE = 600.0
 """s; compiling takes seconds, on a machine with all processors busy minutes"""
@@ -54,8 +50,6 @@ class SharedKernels(FunctionCache):
 
 def _locked(folder: Path, name: str) -> IO[bytes] | None:
     """The lock of a file; None where the folder cannot be written or its owner does not end. It ends with its process."""
-    if fcntl is None:
-        return None
     try:
         folder.mkdir(parents=True, exist_ok=True)
         lock = (folder / name).open("wb")
@@ -76,4 +70,5 @@ def _locked(folder: Path, name: str) -> IO[bytes] | None:
 
 def share_kernels() -> None:
     """From now on functions that numba is asked to cache are compiled so. To be called before kernels are defined."""
-    numba.core.dispatcher.FunctionCache = SharedKernels  # type: ignore[misc]
+    # numba asks its module for the class, and offers no other way.
+    dispatcher.FunctionCache = SharedKernels  # type: ignore[attr-defined]
