@@ -5,7 +5,7 @@ What the photographs show decides: a mesh often reaches farther (a skirt into th
 picture of that. Every mistake that would give an empty picture is told here, with the distance or the factor by which it misses.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,6 +38,8 @@ _UNITS = {1000.0: "mm", 100.0: "cm"}
 _FITTING, _LEAST_SIZE = 0.2, 50.0
 """part of the surface that photographs show where it has the right unit, and its least size in their pixels"""
 _UP = np.array([0.0, 0.0, 1.0])
+_LEVEL, _OVERHEAD = 0.7, 0.3
+"""Z of the normal from which a plane is a floor and no wall; minus the mean cosine from which photographs are upside down"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,8 +241,16 @@ def chosen_plane(output: PlaneOutput, seen: SeenSurface) -> PlaneAxes:
         part = seen.points[((seen.points >= low) & (seen.points <= high)).all(axis=1)]
         if len(part) < 3:
             raise GeometryError(f"No surface lies between `low` and `high` of the plane of '{output.name}'; widen them.")
-        return best_plane(part, seen.camera_side)
-    return facade_plane(seen)
+        return as_photographed(best_plane(part, seen.camera_side), seen.views)
+    return as_photographed(facade_plane(seen), seen.views)
+
+
+def as_photographed(axes: PlaneAxes, views: tuple[View, ...]) -> PlaneAxes:
+    """A wall with its upper end where the photographs have theirs: many programs leave a system whose Z points downwards."""
+    over = float(np.mean([view.rotation[1] @ axes.up for view in views]))
+    if abs(axes.normal[2]) > _LEVEL or over > -_OVERHEAD:
+        return axes
+    return replace(axes, right=-axes.right, up=-axes.up)
 
 
 def facade_plane(seen: SeenSurface) -> PlaneAxes:

@@ -10,6 +10,7 @@ from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.solid.frames import FlatFrame, ViewFrame
 from orthomill.schemas.solid.mesh import TriangleMesh
 from orthomill.tasks.geometry.rotation import angles, rotation_matrix
+from orthomill.tasks.geometry.view import block_view
 from orthomill.tasks.imagery.pyramid import full_to_level
 from orthomill.tasks.projection.mesh_mending import mend_mesh
 from orthomill.tasks.projection.outputs import Output
@@ -52,6 +53,27 @@ def test_every_way_to_give_a_wall_sees_it_upright_from_the_photographs(plane):
     # The whole wall, 4 m x 3 m, and the pixel of the photographs on it: 5 m / 200 px, as a round number.
     assert frame.pixel == 0.02
     assert abs(frame.cols * frame.pixel - 4.0) < 0.1 and abs(frame.rows * frame.pixel - 3.0) < 0.1
+
+
+@pytest.mark.parametrize("kind", ["facade", "fit"])
+def test_a_wall_that_is_found_has_its_upper_end_where_the_photographs_have_theirs(kind):
+    """A system whose Z points downwards: everything turned about the line of sight, photographs and surface."""
+    block, mesh = scene.block(), scene.mesh()
+    turn = np.diag([-1.0, 1.0, -1.0])
+    poses = []
+    for pose in block.photos:
+        view = block_view(block, pose.photo)
+        turned = np.degrees(angles(view.rotation @ turn.T))
+        place = tuple(map(float, turn @ view.centre))
+        poses.append(pose.model_copy(update={"centre": place, "omega_phi_kappa": tuple(map(float, turned))}))
+    upset = TriangleMesh(mesh.vertices @ turn.T, mesh.triangles)
+    frame = framed({**PLANE, "plane": {"kind": kind}}, upset, block.model_copy(update={"photos": tuple(poses)}))
+    usual = flat({"kind": kind})
+    for axis in ("right", "up", "normal"):
+        np.testing.assert_allclose(getattr(frame, axis), turn @ getattr(usual, axis), atol=1e-6)
+    assert frame.shape == usual.shape
+    # A direction that is stated is not examined.
+    assert framed({**PLANE, "plane": {"kind": "normal", "point": (0, 0, -1), "normal": (0, -1, 0)}}, upset).up == (0.0, 0.0, 1.0)
 
 
 def test_the_best_plane_of_a_part_is_that_of_the_part():
