@@ -35,6 +35,16 @@ class ControlElsewhere(BaseModel):
     """whether that requires exchanging their first two coordinates"""
 
 
+# Lists made from a map have plan coordinates only, and 0 where the format asks for a height.
+class HeightsAllZero(BaseModel):
+    """All surveyed points have the height 0."""
+
+    model_config = ConfigDict(frozen=True)
+
+    code: Literal["heights_all_zero"] = "heights_all_zero"
+    points: int
+
+
 # Users drop photographs and keep the control file; what that costs must be known before the block is believed.
 class PhotographsAbsent(BaseModel):
     """Measurements in photographs that the project does not have were skipped."""
@@ -50,4 +60,6 @@ class PhotographsAbsent(BaseModel):
     """control and check points that are measured in absent photographs only, and were left out"""
 
 
-ControlFinding = Annotated[HeightsNotTransformed | ControlElsewhere | PhotographsAbsent, Field(discriminator="code")]
+ControlFinding = Annotated[
+    HeightsNotTransformed | ControlElsewhere | HeightsAllZero | PhotographsAbsent, Field(discriminator="code")
+]

@@ -6,10 +6,10 @@ then define the datum.
 
 import numpy as np
 
-from orthomill.schemas.findings.control_findings import ControlElsewhere, HeightsNotTransformed
+from orthomill.schemas.findings.control_findings import ControlElsewhere, ControlFinding, HeightsAllZero, HeightsNotTransformed
 from orthomill.schemas.observations import Control, ControlPoint, RegisteredPoints
 from orthomill.schemas.photo import Photos
-from orthomill.schemas.project import ControlFromGcpList, ControlFromScans
+from orthomill.schemas.project import ANY_CRS, ControlFromGcpList, ControlFromScans
 from orthomill.tasks.geometry.survey_system import fitting_system, survey_crs, transform_surveyed
 from orthomill.tasks.orientation.control.absent_photographs import Rule
 from orthomill.tasks.orientation.control.control_files import control_at, in_photographs, read_control
@@ -19,6 +19,8 @@ _FAR = 10.0
 """Control is on another site when it is farther from the photographs than this multiple of their extent plus flying height."""
 _LEAST_FAR = 3000.0
 """m: positions from navigation receivers and control of a whole town differ by less; wrong zones and systems by far more"""
+_ENOUGH_HEIGHTS = 3
+"""Points that are all at the height 0 by more than chance"""
 
 
 def control_from_files(
@@ -55,7 +57,7 @@ def control_from_list(photos: Photos, text: str, source: ControlFromGcpList, crs
 def _in_project(control: Control, photos: Photos, own: str, crs: str) -> Control:
     """Coordinates in the project's system, measurements in pixels of the photographs. Points on another site become tie points if a
     distance needs them: lengths are right whatever the system."""
-    placed, finding = _placed(control, photos, own, crs)
+    placed, findings = _placed(control, photos, own, crs)
     ends = {name for distance in control.distances for name in (distance.first, distance.second)}
     points = (
         point.model_copy(
@@ -68,25 +70,32 @@ def _in_project(control: Control, photos: Photos, own: str, crs: str) -> Control
         for point in control.points
         if point.role == "tie" or point.name in placed or point.name in ends
     )
-    return Control(
-        points=tuple(points), distances=control.distances, findings=(*((finding,) if finding else ()), *control.findings)
-    )
+    return Control(points=tuple(points), distances=control.distances, findings=(*findings, *control.findings))
 
 
 def _placed(
     control: Control, photos: Photos, own: str, crs: str
-) -> tuple[dict[str, tuple[float, ...]], ControlElsewhere | HeightsNotTransformed | None]:
-    """Transformed coordinates of the surveyed points by name, none where they are on another site, and a finding."""
+) -> tuple[dict[str, tuple[float, ...]], tuple[ControlFinding, ...]]:
+    """Transformed coordinates of the surveyed points by name, none where they are on another site, and what was found."""
     surveyed = [point for point in control.points if point.role != "tie"]
     if not surveyed:
-        return {}, None
+        return {}, ()
     given = np.array([point.xyz for point in surveyed])
     xyz, only = transform_surveyed(given, own, crs)
     elsewhere = _on_another_site(given, xyz, photos, own, crs)
     if elsewhere:
-        return {}, elsewhere
+        return {}, (elsewhere,)
     placed = {point.name: tuple(map(float, place)) for point, place in zip(surveyed, xyz, strict=True)}
-    return placed, HeightsNotTransformed(crs=only) if only else None
+    found: list[ControlFinding] = [HeightsNotTransformed(crs=only)] if only else []
+    if _without_heights(given, crs):
+        found.append(HeightsAllZero(points=len(given)))
+    return placed, tuple(found)
+
+
+def _without_heights(given: np.ndarray, crs: str) -> bool:
+    """Whether all points (n, 3) have the height 0, as lists have them that were made from a map."""
+    # A local system may have its origin in the floor on which all targets lie; and two points may well be equally high.
+    return crs != ANY_CRS and len(given) >= _ENOUGH_HEIGHTS and not given[:, 2].any()
 
 
 def _on_another_site(given: np.ndarray, xyz: np.ndarray, photos: Photos, own: str, crs: str) -> ControlElsewhere | None:

@@ -1,7 +1,7 @@
 """Findings about control in words."""
 
 from orthomill.schemas.errors import some_of
-from orthomill.schemas.findings.control_findings import ControlElsewhere, ControlFinding, PhotographsAbsent
+from orthomill.schemas.findings.control_findings import ControlElsewhere, ControlFinding, HeightsAllZero, PhotographsAbsent
 
 GEOGRAPHIC = "EPSG:4326"
 
@@ -15,6 +15,12 @@ def control_sentence(finding: ControlFinding) -> str:
         )
     if isinstance(finding, PhotographsAbsent):
         return _about_absent(finding)
+    if isinstance(finding, HeightsAllZero):
+        return (
+            f"All {finding.points} surveyed points have the height 0. Unless they lie at sea level, their heights are missing, and "
+            "the block is tilted and put to heights that are not its own. Give them, or state a standard error of the heights (100 "
+            "m) that says that they are unknown."
+        )
     return f"Heights of control points were not transformed: only {finding.crs} defines a vertical datum."
 
 

@@ -5,14 +5,14 @@ import pytest
 from simulated_block import DRONE, looking, photo_of
 
 from orthomill.schemas.errors import WorkflowError
-from orthomill.schemas.findings.control_findings import ControlElsewhere, HeightsNotTransformed
+from orthomill.schemas.findings.control_findings import ControlElsewhere, HeightsAllZero, HeightsNotTransformed
 from orthomill.schemas.photo import Photos
-from orthomill.schemas.project import ControlFromGcpList
+from orthomill.schemas.project import ANY_CRS, ControlFromGcpList
 from orthomill.tasks.geometry.view import View
 from orthomill.tasks.orientation.control.control_files import read_control
 from orthomill.tasks.orientation.control.control_system import control_from_files, control_from_list
 from orthomill.tasks.orientation.control.gcp_list import read_gcp_list
-from orthomill.tasks.orientation.reporting.control_sentences import control_sentence
+from orthomill.tasks.orientation.reporting.control_sentences import control_sentence, is_grave
 
 CRS = "EPSG:32634"
 PLACE = np.array([500000.0, 4000000.0, 300.0])
@@ -51,6 +51,25 @@ def test_exchanged_coordinates_fit_the_same_system():
 def test_heights_of_a_system_with_a_vertical_datum_are_reported():
     found = control(PLACE[0], PLACE[1], own="EPSG:32634+5773")
     assert found.findings == (HeightsNotTransformed(crs="EPSG:32634+5773"),) and found.points[0].xyz[2] == 100.0
+
+
+def control_of(heights, crs=CRS):
+    names = "PQR"[: len(heights)]
+    lines = "".join(f"{names[i]},control,{PLACE[0] + i},{PLACE[1]},{z},0.1,0.1,0.2\n" for i, z in enumerate(heights))
+    seen = "".join(f"{name},{photo},10,20,0.5\n" for name in names for photo in "ab")
+    return control_from_files(PHOTOS, HEADER + lines, "name,photo,col,row,sigma\n" + seen, None, crs)
+
+
+@pytest.mark.parametrize(
+    ("heights", "crs", "said"),
+    [((0, 0, 0), CRS, True), ((0, 0, 0.1), CRS, False), ((0, 0), CRS, False), ((7, 7, 7), CRS, False), ((0, 0, 0), ANY_CRS, False)],
+)
+def test_heights_that_are_all_0_are_said(heights, crs, said):
+    """A local system may have its floor at 0, and two points may well be equally high."""
+    found = control_of(heights, crs).findings
+    assert found == ((HeightsAllZero(points=3),) if said else ())
+    if said:
+        assert "All 3 surveyed points have the height 0." in control_sentence(found[0]) and is_grave(found[0])
 
 
 ELSEWHERE = ControlElsewhere(points=4, crs="EPSG:2100", distance_m=61_400.0)
