@@ -18,10 +18,12 @@ class _Finding(BaseModel):
 
 
 class NoDatum(_Finding):
-    """A free network; `scaled`: measured distances give its scale."""
+    """A free network; `scaled`: measured distances give its scale, or positions an approximate one."""
 
     code: Literal["no_datum"] = "no_datum"
     scaled: bool
+    scale_share: float | None = None
+    """standard error of an approximate scale, in units of it; None: measured distances give it, or nothing does"""
 
 
 class DatumGivenUp(_Finding):

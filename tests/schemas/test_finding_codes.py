@@ -23,7 +23,7 @@ from orthomill.schemas.orientation import BlockPrecision
 MISFIT = {"photo": "a", "misfit_px": 41.5, "lies_on": "P2"}
 VECTOR = (0.25, -0.5, 3.0)
 BLOCK_VALUES = {
-    "no_datum": {"scaled": True},
+    "no_datum": {"scaled": True, "scale_share": 0.1},
     "datum_given_up": {"worst": ("P1", "a")},
     "positions_crowded": {},
     "tilt_unobserved": {"tilt_sigma_deg": None, "basis": "attitude", "sigma_deg": 1.5},
@@ -72,6 +72,7 @@ BLOCK_VALUES = {
 CONTROL_VALUES = {
     "heights_not_transformed": {"crs": "EPSG:2100+5773"},
     "photographs_absent": {"measurements": 3, "photos": ("a", "b"), "lost": ("P1",)},
+    "heights_all_zero": {"points": 5},
     "control_elsewhere": {"points": 5, "crs": "EPSG:2100", "distance_m": 4.1e6, "fits": "EPSG:4326", "exchanged": True},
 }
 UNIONS = {"block": (BlockFinding, BLOCK_VALUES, block_findings), "control": (ControlFinding, CONTROL_VALUES, control_findings)}

@@ -59,8 +59,9 @@ def finding_sentence(finding: BlockFinding) -> str:
 
 @finding_sentence.register
 def no_datum(finding: NoDatum) -> str:
+    exact = "a scale" if finding.scale_share is None else f"an approximate scale (to {100 * finding.scale_share:.0f} %)"
     what = (
-        "The block has a scale but no datum: its coordinates are metres in a system of its own."
+        f"The block has {exact} but no datum: its coordinates are metres in a system of its own."
         if finding.scaled
         else "The block has no datum: its files are in a local system of arbitrary scale, in units that are not metres."
     )
@@ -70,8 +71,8 @@ def no_datum(finding: NoDatum) -> str:
 @finding_sentence.register
 def positions_crowded(finding: PositionsCrowded) -> str:
     return (
-        "The positions of the photographs lie closer together than their own standard errors, so they determine neither scale nor "
-        "direction and were not used. Correct them, or state their true precision."
+        "The positions of the photographs lie closer together than their own standard errors, so they determine neither place nor "
+        "direction and take no part. Correct them, or state their true precision."
     )
 
 

@@ -26,6 +26,7 @@ from orthomill.tasks.adjustment.model.network import Network, State
 from orthomill.tasks.orientation.start.similarity import (
     Similarity,
     VerticalityConstraint,
+    approximate_scale,
     consensus,
     fit_similarity,
     turn_precision,
@@ -160,7 +161,7 @@ def choose_datum(
     if not points.usable:
         return _free(model, known, origin)
     if points.crowded:
-        free = _free(model, known, origin)
+        free = _free(model, known, origin, approximate_scale(points.model, points.local, points.sigma))
         return replace(free, findings=(*free.findings, PositionsCrowded()))
     up, basis = expected_up(model.rotation, known.up, known.top, looking, _direction(points.model))
     fit = _fit(points, VerticalityConstraint(up_direction(model.rotation, up), 1.0 / vertical_sigma**2))
@@ -272,21 +273,26 @@ def _without_shift(model: State, known: Known) -> np.ndarray:
     return known.position - (np.nanmedian(off, axis=0) if np.isfinite(off).any() else 0.0)
 
 
-def _free(model: State, known: Known, origin: np.ndarray | None) -> Datum:
-    """A free network: in an upright system of its own, or that of given orientations; to scale where distances were measured."""
+def _free(model: State, known: Known, origin: np.ndarray | None, approximate: tuple[float, float] | None = None) -> Datum:
+    """A free network: in an upright system of its own, or that of given orientations; to scale where distances were measured, or
+    nearly so where positions show it (`approximate`: the scale and its standard error in units of it)."""
     length = _scale_of_distances(known)
+    # Distances are measured for the scale; positions are better than nothing.
+    scale, share = (length, None) if length else (origin is None and approximate) or (None, None)
     if origin is not None:
         similarity, what = Similarity(1.0, np.eye(3), np.zeros(3)), "place, direction and scale are those of the given orientation"
     else:
         rotation, height = _upright(model)
-        similarity = Similarity(length or 100.0 / max(abs(height), 1e-9), rotation, np.zeros(3))
+        similarity = Similarity(scale or 100.0 / max(abs(height), 1e-9), rotation, np.zeros(3))
         what = (
             "place and direction are arbitrary"
-            if length
+            if scale
             else ("place, direction and scale are arbitrary (the cameras are put 100 units above the ground)")
         )
     count = len(known.distances)
     scaled = f"; {count} measured distance{'s give' if count > 1 else ' gives'} the scale" if length else ""
+    if share is not None:
+        scaled = f"; the positions show the scale to {100 * share:.0f} %"
     return Datum(
         similarity,
         np.zeros(3) if origin is None else origin,
@@ -294,11 +300,11 @@ def _free(model: State, known: Known, origin: np.ndarray | None) -> Datum:
         None,
         f"Free network: neither positions nor control define a datum; {what}{scaled}; standard errors refer to the block's own "
         "shape.",
-        (NoDatum(scaled=bool(length)),),
+        (NoDatum(scaled=bool(scale), scale_share=share),),
         known.positioned,
         known.placed,
         # Files in the project's system would put the block on another continent, in metres that are none.
-        own_system(bool(length)) if origin is None else None,
+        own_system(bool(scale)) if origin is None else None,
     )
 
 

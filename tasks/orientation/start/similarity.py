@@ -15,6 +15,12 @@ from orthomill.tasks.geometry.rotation import nearest_rotation
 WIDENED = (1.0, 2.0, 4.0, 8.0, 16.0)
 """Factors of the tolerances of known points, the first of which half of the points keep."""
 
+LEAST_REDUNDANCY = 8
+"""Five points: fewer may agree with any model by chance."""
+SHOWN = 0.2
+"""Standard error of an approximate scale, in units of it. A rotation that is fitted to mere errors finds a scale of 2.5 of its own
+standard errors in them, seldom of 4."""
+
 
 @dataclass(frozen=True, eq=False)
 class Similarity:
@@ -55,6 +61,22 @@ def fit_similarity(model: np.ndarray, ground: np.ndarray, sigma: np.ndarray, ver
         if np.array_equal(before, weight):
             break
     return result
+
+
+def approximate_scale(model: np.ndarray, ground: np.ndarray, sigma: np.ndarray) -> tuple[float, float] | None:
+    """The scale that takes `model` (n, 3) to `ground` (n, 3) m, and its standard error in units of it; None where the points do not
+    show it.
+
+    The residuals tell how precise the points are relative to each other: errors that they have in common change no scale, and
+    stated standard errors contain them.
+    """
+    redundancy = 3 * len(model) - 7
+    if redundancy < LEAST_REDUNDANCY:
+        return None
+    fit = fit_similarity(model, ground, sigma, VerticalityConstraint(np.zeros(3), 0.0))
+    size = np.sqrt(((fit.apply(model) - ground) ** 2).sum() / redundancy)
+    share = size / max(fit.scale * np.sqrt(((model - model.mean(axis=0)) ** 2).sum()), 1e-300)
+    return (fit.scale, float(share)) if share <= SHOWN else None
 
 
 def consensus(

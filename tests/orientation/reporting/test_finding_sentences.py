@@ -14,6 +14,7 @@ OFF = (f.Misfit(photo="a", misfit_px=14.6), f.Misfit(photo="b", misfit_px=7.2, l
 
 SPOKEN = [
     (f.NoDatum(scaled=True), ["has a scale but no datum", "three control points"]),
+    (f.NoDatum(scaled=True, scale_share=0.12), ["an approximate scale (to 12 %) but no datum"]),
     (f.NoDatum(scaled=False), ["has no datum", "not metres", "Give positions"]),
     (f.PositionsCrowded(), ["closer together than their own standard errors", "true precision"]),
     (f.TiltUnobserved(tilt_sigma_deg=None, basis="down", sigma_deg=5.0), ["do not determine", "straight down", "5.0 degrees"]),

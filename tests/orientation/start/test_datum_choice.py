@@ -123,6 +123,19 @@ def test_without_positions_the_network_is_free(position, codes_):
     assert heights == pytest.approx(100.0, abs=0.5)
 
 
+@pytest.mark.parametrize(("error", "shown"), [(1.0, True), (400.0, False)])
+def test_crowded_positions_show_an_approximate_scale_where_they_agree_with_the_block(error, shown):
+    """Positions stated to 2 km, good to 1 m among themselves or not at all."""
+    model, known = block()
+    position = known.position + np.random.default_rng(5).normal(0.0, error, known.position.shape)
+    datum = choose(model, replace(known, position=position, position_sigma=np.full((6, 3), 2000.0)))
+    finding = datum.findings[0]
+    assert datum.free and codes(datum) == ["no_datum", "positions_crowded"] and finding.scaled == shown
+    assert ("in metres" in datum.system) == ("the positions show the scale to" in datum.sentence) == shown
+    if shown:
+        assert abs(datum.similarity.scale * SCALE - 1.0) < 3.0 * finding.scale_share < 0.1
+
+
 def test_a_measured_distance_gives_a_free_network_its_scale():
     model, known = block(control=GROUND)
     length = float(np.linalg.norm(GROUND[1] - GROUND[0]))
