@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import ndtr
 
+from orthomill.tasks.adjustment.model.collinearity import residual_lengths
 from orthomill.tasks.adjustment.model.surveyed_observations import Blunder, has_weight, without
 from orthomill.tasks.adjustment.progress import Progress
 from orthomill.tasks.adjustment.solve.minimise import NEAR, minimise
 from orthomill.tasks.adjustment.solve.ray_intersection import enough_rays, usable_rays
-from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
+from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment, surveyed
 from orthomill.tasks.adjustment.testing.ray_blunders import ray_blunders
 from orthomill.tasks.adjustment.testing.solution_precision import precise_solution
 from orthomill.tasks.adjustment.testing.surveyed_blunders import is_outlier, surveyed_blunder, with_reinstated
@@ -106,17 +107,24 @@ def reweighted(now: Progress) -> Progress:
 
 
 def with_reinstated_blunders(now: Progress) -> Progress:
-    """Reinstates, once, the surveyed observations that agree with the solution although they were rejected."""
+    """Reinstates, once, the surveyed observations and their rays that agree with the solution although they were rejected."""
     # Once: what contradicts the block again would otherwise be rejected and reinstated without end.
     if now.reinstated:
         return now
     # With the limit of the test itself: what was rejected early, with a camera constant still wrong, gets the same trial as the
     # rest.
     network = with_reinstated(now.network, now.solution, now.blunders, now.first, now.test.limit)
-    if network is now.network:
+    used = now.used | _agreeing_pointings(now)
+    if network is now.network and (used == now.used).all():
         return now
     blunders = tuple(blunder for blunder in now.blunders if not has_weight(network, blunder))
-    return replace(now, network=network, blunders=blunders, reinstated=True, changed=True)
+    return replace(now, network=network, used=used, blunders=blunders, reinstated=True, changed=True)
+
+
+def _agreeing_pointings(now: Progress) -> np.ndarray:
+    """(M,) bool: rejected rays of surveyed points that agree with the solution: beside a wrong one they looked wrong, too."""
+    rejected = surveyed(now.network, now.rays) & ~now.used
+    return rejected & (residual_lengths(now.weighted_network, now.state, now.weighted_rays) < now.test.limit)
 
 
 def final_result(now: Progress) -> Adjustment:

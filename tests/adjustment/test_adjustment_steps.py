@@ -124,6 +124,14 @@ def test_a_good_observation_that_was_rejected_is_reinstated_once(block):
     assert with_reinstated_blunders(again) is again
 
 
+def test_a_good_pointing_that_was_rejected_beside_a_wrong_one_is_reinstated(block):
+    network, state, rays = block
+    own = np.flatnonzero(network.pointed[rays.point])[:2]
+    now = begun((network, state, spoilt(rays, own[:1])))
+    back = with_reinstated_blunders(plain_solution(replace(now, used=~np.isin(np.arange(len(rays)), own))))
+    assert back.changed and back.used[own].tolist() == [False, True] and with_reinstated_blunders(back) is back
+
+
 def test_the_final_result_has_stated_rays_and_everything_that_was_found(block):
     now = with_variance_components(plain_solution(begun(block)))
     result = final_result(replace(now, blunders=(Blunder(SurveyedKind.CONTROL, 2, 9.0),)))
