@@ -4,15 +4,18 @@
 
 Every folder is started by `init`, which uses the GCP list, positions and camera that lie in it, and run until the orientation; the
 peer (COLMAP, by the Python that has it) gets the same photographs with its own defaults. The page has one row for each folder,
-failures included: what a block says when it fails is part of the result. Rows of folders that are not named stay as they are.
+failures included, and below it every warning of the report, for what a block says is part of the result. Blocks that are not named
+stay as they were measured. Kernels are compiled by a run of the first folder that is not counted: that happens once on a machine.
 """
 
+import csv
 import json
 import resource
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,27 +23,34 @@ import numpy as np
 from benchmarks.measured_run import RESULTS, machine, orthomill, write_result
 from benchmarks.orientation.orientation_truth import mean_residual
 from orthomill.pipeline.workflow.starting_workflow import write_starting_workflow
-from orthomill.schemas.orientation import Block, BlockPrecision, SeparateBlocks
+from orthomill.schemas.orientation import Block, SeparateBlocks
 from orthomill.tasks.catalogue import STAGES
 
 WIDEST = 300
 """characters of what a failed run said"""
 SUFFIXES = {".jpg", ".jpeg", ".tif", ".tiff", ".png"}
-HEAD = "| folder | photographs | oriented | groups apart | mean residual px | iterations | CPU s | peer | px | CPU s | said |"
+HEAD = "| block | photographs | oriented | apart | sigma0 px | residual px | iterations | CPU s | peer | px | CPU s | warnings |"
+RECORD = RESULTS / "foreign_blocks.csv"
+SEPARATOR = " // "
 
 
 @dataclass(frozen=True)
 class Row:
-    """One folder: its `name`, number of `photos`, how many are `oriented`, groups of their own (`apart`), the mean residual in px,
-    iterations, CPU seconds; what was `said`: the failure, or what was found to be wrong."""
+    """One folder: its `name`, number of `photos`, how many are `oriented`, groups of their own (`apart`), sigma0 and the mean
+    residual in px, iterations, CPU seconds; photographs, mean residual and CPU seconds of the peer (-1: not run); the warnings of
+    the report, or how the run failed (`said`)."""
 
     name: str
     photos: int
     oriented: int = 0
     apart: str = ""
+    sigma0_px: float = 0.0
     residual_px: float = 0.0
     iterations: int = 0
     cpu: float = 0.0
+    peer_oriented: int = -1
+    peer_px: float = 0.0
+    peer_cpu: float = 0.0
     said: str = ""
 
 
@@ -51,32 +61,40 @@ def cpu_of_children() -> float:
 
 
 def row_of(folder: Path) -> Row:
-    """The row of one folder of photographs."""
+    """The row of one folder of photographs, without the peer."""
     photos = sum(path.suffix.lower() in SUFFIXES for path in folder.iterdir())
     with tempfile.TemporaryDirectory(dir=Path.cwd()) as place:
         root, before = Path(place), cpu_of_children()
         (root / "photographs").symlink_to(folder.resolve())
-        write_starting_workflow("block", root / "photographs", root, STAGES)
+        try:
+            write_starting_workflow("block", root / "photographs", root, STAGES)
+        except Exception as error:  # how a folder is refused is a result, too
+            return Row(folder.name, photos, said=str(error)[:WIDEST])
         run = orthomill(root, "run", "block", "--until", "orientation")
         cpu = cpu_of_children() - before
         if run.code:
             failed = [line for line in run.output.splitlines() if "failed" in line or "rror" in line]
             return Row(folder.name, photos, cpu=cpu, said=" ".join((failed or [run.output])[-1].split())[:WIDEST])
-        return _oriented(folder.name, photos, root / "runs" / "block", cpu)
+        return _oriented(Row(folder.name, photos, cpu=cpu), root / "runs" / "block")
 
 
-def _oriented(name: str, photos: int, run: Path, cpu: float) -> Row:
+def _oriented(row: Row, run: Path) -> Row:
     tables = run / "tables" / "orientation"
     block = Block.model_validate_json((tables / "block.json").read_bytes())
     apart = SeparateBlocks.model_validate_json((tables / "separate_blocks.json").read_bytes())
-    precision = BlockPrecision.model_validate_json((tables / "precision.json").read_bytes())
-    groups = ", ".join(str(len(one.photos)) for one in apart.blocks)
-    said = ", ".join(sorted({finding.code for finding in precision.findings}))
-    return Row(name, photos, len(block.photos), groups, mean_residual(run), block.iterations, cpu, said)
+    return replace(
+        row,
+        oriented=len(block.photos),
+        apart=", ".join(str(len(one.photos)) for one in apart.blocks),
+        sigma0_px=block.sigma0_px,
+        residual_px=mean_residual(run),
+        iterations=block.iterations,
+        said=SEPARATOR.join(json.loads((tables / "report.json").read_text())["warnings"]),
+    )
 
 
-def peer_of(python: str, folder: Path) -> tuple[int, float, float]:
-    """Photographs, mean residual in px and CPU seconds of the peer."""
+def with_peer(row: Row, python: str, folder: Path) -> Row:
+    """The row with what the peer reached."""
     with tempfile.TemporaryDirectory() as place:
         names = sorted(path.name for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
         job = {"photographs": str(folder), "names": names, "out": place, "model": "SIMPLE_RADIAL", "camera": "", "fixed": False}
@@ -84,49 +102,78 @@ def peer_of(python: str, folder: Path) -> tuple[int, float, float]:
         path.write_text(json.dumps(job | {"single": False}))
         script = Path(__file__).with_name("colmap_block.py")
         subprocess.run([python, script, path], check=False, capture_output=True)
-        result, cpu = Path(place) / "result.json", cpu_of_children() - before
+        result, row = Path(place) / "result.json", replace(row, peer_oriented=0, peer_cpu=cpu_of_children() - before)
         if not result.exists():
-            return 0, 0.0, cpu
+            return row
         found = json.loads(result.read_text())
-        return found["photos"], found["error_px"], cpu
+        return replace(row, peer_oriented=found["photos"], peer_px=found["error_px"])
 
 
-def line_of(row: Row, peer: tuple[int, float, float] | None) -> str:
-    """The line of the page."""
-    beside = f"{peer[0]} | {peer[1]:.2f} | {peer[2]:.0f}" if peer else " | | "
+def line_of(row: Row) -> str:
+    """The line of the table."""
+    peer = f"{row.peer_oriented} | {row.peer_px:.2f} | {row.peer_cpu:.0f}" if row.peer_oriented >= 0 else " | | "
     return (
-        f"| {row.name} | {row.photos} | {row.oriented} | {row.apart} | {row.residual_px:.3f} | {row.iterations} | {row.cpu:.0f} | "
-        f"{beside} | {row.said} |"
+        f"| {row.name} | {row.photos} | {row.oriented} | {row.apart} | {row.sigma0_px:.3f} | {row.residual_px:.3f} | "
+        f"{row.iterations} | {row.cpu:.0f} | {peer} | {len(_sentences(row))} |"
     )
 
 
-def lines_before() -> dict[str, str]:
-    """The lines of the page as it is, by folder."""
-    page = RESULTS / "foreign_blocks.md"
-    lines = page.read_text().splitlines() if page.exists() else []
-    return {line.split(" | ")[0][2:]: line for line in lines if line.startswith("| ") and line != HEAD and "---" not in line}
+def _sentences(row: Row) -> list[str]:
+    return row.said.split(SEPARATOR) if row.said else []
 
 
-def page(lines: dict[str, str]) -> str:
-    """The page of all lines."""
-    cells = [[cell.strip() for cell in line.split("|")[1:]] for line in lines.values()]
-    compared = [(int(cell[2]), int(cell[7]), float(cell[6]), float(cell[9])) for cell in cells if cell[7]]
-    more = sum(own >= other for own, other, _, _ in compared)
-    cpu = np.sum([pair[2:] for pair in compared], axis=0) if compared else np.zeros(2)
+def rows_before() -> dict[str, Row]:
+    """The rows that were measured before, by name."""
+    if not RECORD.exists():
+        return {}
+    kinds = {"int": int, "float": float, "str": str}
+    with RECORD.open() as file:
+        read = csv.DictReader(file)
+        found = [Row(*(kinds[getattr(f.type, "__name__", f.type)](row[f.name]) for f in fields(Row))) for row in read]
+    return {row.name: row for row in found}
+
+
+def keep(rows: dict[str, Row]) -> None:
+    """Writes every row to the record beside the page, in the order of their names."""
+    with RECORD.open("w", newline="") as file:
+        table = csv.DictWriter(file, [field.name for field in fields(Row)], lineterminator="\n")
+        table.writeheader()
+        table.writerows(asdict(rows[name]) for name in sorted(rows))
+
+
+def page(rows: dict[str, Row]) -> str:
+    """The page of all rows."""
+    own = [rows[name] for name in sorted(rows)]
+    compared = [row for row in own if row.peer_oriented >= 0]
+    more = sum(row.oriented >= row.peer_oriented for row in compared)
+    cpu = np.sum([(row.cpu, row.peer_cpu) for row in compared], axis=0) if compared else np.zeros(2)
     text = [
         "# Foreign blocks",
         "",
         f"`python -m benchmarks.orientation.foreign_blocks [peer=PYTHON] FOLDER ...`, {machine()}. All defaults, workflow by "
-        "`init`; peer: COLMAP with its defaults (SIMPLE_RADIAL, cameras by EXIF) on the same photographs, its largest model.",
+        "`init`; peer: COLMAP with its defaults (SIMPLE_RADIAL, cameras by EXIF) on the same photographs, its largest model. CPU "
+        "seconds from photographs to block, kernels compiled before.",
         "",
         f"As many photographs as the peer or more on **{more} of {len(compared)}** blocks; CPU time {cpu[0]:.0f} against "
-        f"{cpu[1]:.0f} s. Not oriented at all: {sum(int(cell[2]) == 0 for cell in cells)} of {len(cells)}.",
+        f"{cpu[1]:.0f} s. Not oriented at all: {sum(row.oriented == 0 for row in own)} of {len(own)}. Most iterations: "
+        f"{max((row.iterations for row in own), default=0)}.",
         "",
         HEAD,
         "|" + " --- |" * (HEAD.count("|") - 1),
-        *(lines[name] for name in sorted(lines)),
+        *map(line_of, own),
+        "",
+        "## What was said",
+        "",
+        *(line for row in own for line in _said(row)),
     ]
-    return "\n".join(text) + "\n"
+    return "\n".join(text).rstrip() + "\n"
+
+
+def _said(row: Row) -> Iterator[str]:
+    yield f"**{row.name}**"
+    yield ""
+    yield from (f"- {sentence}" for sentence in _sentences(row) or ["nothing"])
+    yield ""
 
 
 def main() -> None:
@@ -135,9 +182,12 @@ def main() -> None:
     python = next((word.removeprefix("peer=") for word in sys.argv[1:] if word.startswith("peer=")), None)
     if not folders:
         sys.exit("Name the folders of photographs: python -m benchmarks.orientation.foreign_blocks FOLDER ...")
+    row_of(folders[0])
     for folder in folders:
-        line = line_of(row_of(folder), peer_of(python, folder.resolve()) if python else None)
-        write_result("foreign_blocks", page({**lines_before(), folder.name: line}))
+        row = row_of(folder)
+        rows = {**rows_before(), row.name: with_peer(row, python, folder.resolve()) if python else row}
+        keep(rows)
+        write_result("foreign_blocks", page(rows))
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Sixty layouts of photographs with planted blunders in every kind of observation: what converges, what is named, what is blamed
 without being wrong.
 
-    python -m benchmarks.orientation.planted_layouts [seed=N] [shape ...]      (make bench-layouts)
+    python -m benchmarks.orientation.planted_layouts [seed=N] [resume] [shape ...]      (make bench-layouts)
 
 Twelve shapes (strips, crosses, circles, facades, kites, corridors, caves) with five kinds of knowledge each (rough positions, good
 ones, control, control at one end with rough positions, measured distances only). Geometry and noise, no pixels.
@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass, fields
 
 import numpy as np
 
-from benchmarks.measured_run import RESULTS, machine, write_result
+from benchmarks.measured_run import RESULTS, machine
 from benchmarks.orientation.simulated_scenes import orienting, photographed_layouts, planted_blunders
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.model.interior import FreeInterior
@@ -89,13 +89,13 @@ def case(layout: str, one, relative=None) -> Case:
 def page(rows: list[Case], seed: int) -> str:
     """The page of all cases."""
     count, named = len(rows), [row for row in rows if row.kind != "none"]
+    done = f"{len({row.layout for row in rows})} of {len(photographed_layouts.LAYOUTS)} layouts"
     kinds = list(dict.fromkeys(row.kind for row in rows))
     text = [
         "# Layouts with planted blunders",
         "",
-        f"`python -m benchmarks.orientation.planted_layouts` (make bench-layouts), {machine()}; seed {seed}, "
-        f"{len({row.layout for row in rows})} layouts, {count} adjustments, {sum(row.cpu for row in rows) / count:.2f} CPU-seconds "
-        "each.",
+        f"`python -m benchmarks.orientation.planted_layouts` (make bench-layouts), {machine()}; seed {seed}, {done}, {count} "
+        f"adjustments, {sum(row.cpu for row in rows) / count:.2f} CPU-seconds each.",
         "",
         f"Converged: **{_share(row.converged for row in rows)}** (all wanted). The planted blunder named: "
         f"**{_share(row.named for row in named)}** (95 % wanted). Nothing else named: **{_share(row.clean for row in rows)}** "
@@ -131,13 +131,12 @@ def _share(values) -> str:
     return f"{100 * np.mean(found):.1f} %"
 
 
-def rows_before(shapes: list[str]) -> list[Case]:
-    """The cases of the last run, without those of `shapes`, which are measured again."""
-    if not RECORD.exists() or not shapes:
+def rows_before() -> list[Case]:
+    """The cases of the last run."""
+    if not RECORD.exists():
         return []
     with RECORD.open() as file:
-        found = [Case(*(_cell(field.type, row[field.name]) for field in fields(Case))) for row in csv.DictReader(file)]
-    return [row for row in found if row.layout.split(",")[0] not in shapes]
+        return [Case(*(_cell(field.type, row[field.name]) for field in fields(Case))) for row in csv.DictReader(file)]
 
 
 def _cell(kind: object, text: str) -> object:
@@ -153,19 +152,21 @@ def keep(rows: list[Case]) -> None:
 
 
 def main() -> None:
-    """Measure the layouts of the shapes named on the command line, or of all, and write the page; those of other shapes stay."""
+    """Measure the layouts of the shapes named on the command line, or of all, and write the page after each; layouts of other
+    shapes stay as they are, and with `resume` all that were measured before."""
     given = dict(word.split("=") for word in sys.argv[1:] if "=" in word)
-    shapes = [word for word in sys.argv[1:] if "=" not in word]
-    seed, rows = int(given.get("seed", 0)), []
-    for shape, knowledge in photographed_layouts.LAYOUTS:
-        if not shapes or shape in shapes:
-            rows += cases(shape, knowledge, seed)
-            amiss = [f"{row.kind}: {row.said}" for row in rows if row.said and row.layout == f"{shape}, {knowledge}"]
-            print(f"{shape}, {knowledge}: {'; '.join(amiss)}", flush=True)
-    place = {f"{shape}, {knowledge}": i for i, (shape, knowledge) in enumerate(photographed_layouts.LAYOUTS)}
-    rows = sorted(rows_before(shapes) + rows, key=lambda row: place[row.layout])
-    keep(rows)
-    write_result("planted_layouts", page(rows, seed))
+    shapes = [word for word in sys.argv[1:] if "=" not in word and word != "resume"]
+    seed, resume = int(given.get("seed", 0)), "resume" in sys.argv
+    names = [f"{shape}, {knowledge}" for shape, knowledge in photographed_layouts.LAYOUTS]
+    rows = rows_before() if resume or shapes else []
+    for (shape, knowledge), name in zip(photographed_layouts.LAYOUTS, names, strict=True):
+        if (shapes and shape not in shapes) or (resume and any(row.layout == name for row in rows)):
+            continue
+        own = list(cases(shape, knowledge, seed))
+        print(f"{name}: {'; '.join(f'{row.kind}: {row.said}' for row in own if row.said)}", flush=True)
+        rows = sorted([row for row in rows if row.layout != name] + own, key=lambda row: names.index(row.layout))
+        keep(rows)
+        (RESULTS / "planted_layouts.md").write_text(page(rows, seed))
 
 
 if __name__ == "__main__":
