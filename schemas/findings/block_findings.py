@@ -40,6 +40,18 @@ class PositionsCrowded(_Finding):
     code: Literal["positions_crowded"] = "positions_crowded"
 
 
+# Lists made on photographs of another size, or on the sensor's frame where EXIF turns the photograph, are wrong in all their lines.
+class ControlUnmet(_Finding):
+    """The rays of most control points do not meet where the tie points put the photographs."""
+
+    code: Literal["control_unmet"] = "control_unmet"
+    points: int
+    measured: int
+    """control points that are measured in two oriented photographs or more, all of them"""
+    turned: bool
+    """whether EXIF turns a photograph"""
+
+
 class TiltUnobserved(_Finding):
     """Positions and control lie nearly on one line, and an assumption determines the tilt about it."""
 
@@ -323,6 +335,7 @@ BlockFinding = Annotated[
     NoDatum
     | DatumGivenUp
     | PositionsCrowded
+    | ControlUnmet
     | TiltUnobserved
     | ControlOnALine
     | DatumMisfit

@@ -23,6 +23,7 @@ from orthomill.schemas.orientation import BlockPrecision
 MISFIT = {"photo": "a", "misfit_px": 41.5, "lies_on": "P2"}
 VECTOR = (0.25, -0.5, 3.0)
 BLOCK_VALUES = {
+    "control_unmet": {"points": 3, "measured": 4, "turned": True},
     "no_datum": {"scaled": True, "scale_share": 0.1},
     "datum_given_up": {"worst": ("P1", "a")},
     "positions_crowded": {},

@@ -95,6 +95,7 @@ def known_of(
     placed, missed = approximate_points(model, material.cameras, camera_of, rays, len(points))
     # Tie points measured by a person have no coordinates against which a wrong ray could be found.
     surveyed = np.array([point.role == "control" for point in points], bool)
+    twice = surveyed & np.isfinite(placed).all(axis=1)
     placed[surveyed & ((missed > MEETING) | ~_at_depth(material, start, model, rays, placed))] = np.nan
     return model, Known(
         *_positions(photos, names),
@@ -103,6 +104,8 @@ def known_of(
         _up_directions(photos, names),
         np.array([tops.get(name, TOP) for name in names]),
         _lengths(points, control),
+        int(twice.sum()),
+        int((twice & ~np.isfinite(placed).all(axis=1)).sum()),
     )
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from orthomill.schemas.camera import Cameras
 from orthomill.schemas.errors import GeometryError
-from orthomill.schemas.findings.block_findings import BlockFinding, ConstantContradicted, DatumMisfit
+from orthomill.schemas.findings.block_findings import BlockFinding, ConstantContradicted, ControlUnmet, DatumMisfit
 from orthomill.schemas.observations import Control, TiePoints
 from orthomill.schemas.orientation import RelativeOrientations, SeparateBlocks, Unoriented
 from orthomill.schemas.photo import Photos
@@ -58,6 +58,9 @@ cv2.setNumThreads(1)
 ENOUGH_CONTROL = 3
 """Control points that determine a similarity transformation, and with it the flying height apart from the camera constant and the
 positions apart from a common shift."""
+
+UNMET = 2
+"""Control points whose rays do not meet, by more than a wrong name"""
 
 
 class BlockChoices(Settings):
@@ -224,6 +227,10 @@ def _part(have: _Input, start: BlockStart, origin: np.ndarray | None) -> Part:
     model, known = known_of(have.photos, have.cameras, have.material, start, have.control, have.tops)
     choices = have.choices
     datum = choose_datum(model, known, np.radians(choices.vertical_sigma), choices.looking, choices.gnss_shift, origin)
+    # Half of them at least: single wrong names are found by the blunder tests, and named.
+    if known.unmet >= UNMET and 2 * known.unmet > known.measured:
+        unmet = ControlUnmet(points=known.unmet, measured=known.measured, turned=bool(have.tops))
+        datum = replace(datum, findings=(*datum.findings, unmet))
     return Part(start, model, known, datum, origin)
 
 

@@ -8,6 +8,7 @@ from orthomill.schemas.findings.block_findings import (
     BlockSeparate,
     ConstantContradicted,
     ControlContradicted,
+    ControlUnmet,
     DatumMisfit,
     DistortionFolds,
     GroupsUnconnected,
@@ -22,6 +23,7 @@ from orthomill.tasks.orientation.reporting.finding_sentences import finding_sent
 
 GRAVE = (
     NoDatum,
+    ControlUnmet,
     LooksUpward,
     AxesExchanged,
     DatumMisfit,

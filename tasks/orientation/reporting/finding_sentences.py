@@ -17,6 +17,7 @@ from orthomill.schemas.findings.block_findings import (
     ConstantNominal,
     ControlContradicted,
     ControlOnALine,
+    ControlUnmet,
     DatumGivenUp,
     DatumMisfit,
     DistanceContradicted,
@@ -73,6 +74,16 @@ def positions_crowded(finding: PositionsCrowded) -> str:
     return (
         "The positions of the photographs lie closer together than their own standard errors, so they determine neither place nor "
         "direction and take no part. Correct them, or state their true precision."
+    )
+
+
+@finding_sentence.register
+def control_unmet(finding: ControlUnmet) -> str:
+    turned = "the frame before EXIF turned it, " if finding.turned else ""
+    return (
+        f"The rays of {finding.points} of the {finding.measured} control points that are measured in two photographs or more do "
+        f"not meet, and took no part. Their pixels may be those of {turned}another size or another photograph: compare one "
+        "measurement with its photograph."
     )
 
 

@@ -59,7 +59,8 @@ class Known:
     `control`, `control_sigma` (n, 3) of the surveyed points (NaN and inf: only measured in photographs); `control_model` (n, 3)
     where the model has them (NaN: cannot be intersected); `up` (P, 3) the up directions in the image systems by attitudes (NaN:
     unknown), `top` (P, 3) the directions to the tops of the photographs there; `distances`: numbers of two surveyed points, length,
-    standard error, m.
+    standard error, m; how many control points are `measured` in two photographs or more, and of these the rays do not meet
+    (`unmet`).
     """
 
     position: np.ndarray
@@ -70,6 +71,8 @@ class Known:
     up: np.ndarray
     top: np.ndarray
     distances: tuple[tuple[int, int, float, float], ...] = ()
+    measured: int = 0
+    unmet: int = 0
 
     @property
     def positioned(self) -> np.ndarray:

@@ -112,6 +112,15 @@ def test_shift_without_control_is_refused():
         orient(two_strips(6, control=0), gnss_shift=True)
 
 
+def test_control_measured_in_another_frame_is_said():
+    """As on the frame of the sensor, where EXIF turns the photographs."""
+    block = two_strips(6, gnss=None)
+    turned = {p.name: {photo: (r, c, s) for photo, (c, r, s) in p.measurements.items()} for p in block.control.points}
+    points = tuple(p.model_copy(update={"measurements": turned[p.name]}) for p in block.control.points)
+    found = sentences(orient(replace(block, control=Control(points=points)))["precision"])
+    assert any("of the 8 control points that are measured in two photographs or more do not meet" in text for text in found)
+
+
 def test_wrong_stated_precision_of_images_is_corrected():
     block = two_strips(7, stated_sigma=0.6)
     out = orient(block)
