@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from orthomill.schemas.camera import Camera
 from orthomill.schemas.errors import some_of
 from orthomill.schemas.findings.block_findings import (
     ConstantNominal,
@@ -17,6 +18,7 @@ from orthomill.schemas.findings.block_findings import (
 from orthomill.schemas.observations import ControlPoint
 from orthomill.schemas.orientation import GroundResidual
 from orthomill.tasks.adjustment.testing.adjustment_result import ObservationKind
+from orthomill.tasks.geometry.camera_change import sensor_name
 from orthomill.tasks.orientation.interchange.foreign_block import MIRRORED
 from orthomill.tasks.orientation.reporting.block_facts import CELLS, Facts, filled_areas
 from orthomill.tasks.orientation.reporting.control_sentences import control_sentence
@@ -38,6 +40,9 @@ LEAST_OVERLAP = 60.0
 """% of the photographed surface that two photographs must see: forward overlap of a common flight"""
 CHANGED = 0.06
 """A camera constant that changes by more of itself: twice what EXIF is usually wrong by"""
+# Focal planes in EXIF are those of the whole sensor, or of a rounded one: a tenth off is nothing that a block need explain.
+SURE = 0.01
+"""Standard error of an adjusted camera constant, in units of it, up to which a tag of EXIF says nothing against it"""
 COSTLY = (ConstantNominal, InteriorUndetermined, ImageErrorsCorrelated, ControlOnALine, MeasurementsRejected, TiePointsMisfit)
 """Findings that cost accuracy without putting the whole block in doubt"""
 MANY = 0.15
@@ -169,19 +174,26 @@ def _correlation_warnings(facts: Facts) -> Iterator[str]:
 
 
 def _camera_warnings(facts: Facts) -> Iterator[str]:
-    for name, camera in facts.block.cameras.items():
-        before = facts.given_camera(name)
+    # One sensor is one camera, however its photographs were turned.
+    sensors = {sensor_name(name): name for name in reversed(facts.block.cameras)}
+    for sensor, name in reversed(sensors.items()):
+        camera, before = facts.block.cameras[name], facts.given_camera(name)
         if before.source == "exif" and camera.source != "block":
             yield (
-                f"The camera {name} is known from EXIF only and was not adjusted: heights may bend over the block. Calibrate it, "
+                f"The camera {sensor} is known from EXIF only and was not adjusted: heights may bend over the block. Calibrate it, "
                 "or let its interior orientation take part."
             )
         change = camera.c / before.c - 1.0
-        if camera.source == "block" and abs(change) > CHANGED:
+        if camera.source == "block" and abs(change) > CHANGED and not (before.source == "exif" and _is_sure(camera)):
             yield (
-                f"The adjusted camera constant of {name} is {100 * change:+.1f} % off the one it started with; it may have "
+                f"The adjusted camera constant of {sensor} is {100 * change:+.1f} % off the one it started with; it may have "
                 "absorbed other errors (a rolling shutter, wrong heights). Fix it at a calibrated value to compare."
             )
+
+
+def _is_sure(camera: Camera) -> bool:
+    """Whether the block itself determines the camera constant."""
+    return camera.covariance is not None and bool(np.sqrt(camera.covariance[0][0]) < SURE * camera.c)
 
 
 def _photo_warnings(facts: Facts) -> Iterator[str]:

@@ -293,8 +293,10 @@ def measurements_rejected(finding: MeasurementsRejected) -> str:
     count = len(finding.rejected)
     them = "it" if count == 1 else "them"
     # A measurement that lies on another point was made at the right place under a wrong name.
-    named = any(one.lies_on for one in finding.rejected)
-    advice = f"Give {them} the right name" if named else f"Measure {them} again"
+    named = sum(one.lies_on is not None for one in finding.rejected)
+    advice = f"Give {them} the right name" if named == count else f"Measure {them} again"
+    if 0 < named < count:
+        advice = "Give those on another point its name, and measure the others again"
     return (
         f"{count} of {finding.measured} measurements of the {finding.role} point {finding.point} in photographs contradict the "
         f"others and took no part: {_places(finding.rejected)}. {advice}."

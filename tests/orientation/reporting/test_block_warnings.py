@@ -138,6 +138,20 @@ def test_a_camera_constant_that_changed_much_is_named(facts, with_block, c, warn
     assert ("The adjusted camera constant of cam" in told(with_block(cameras={"cam": camera}))) == warned
 
 
+@pytest.mark.parametrize(("sigma", "warned"), [(5.0, False), (20.0, True)])
+def test_a_constant_from_exif_may_be_off_where_the_block_determines_it(facts, sigma, warned):
+    """Of 1100 px; both photographs of one sensor are one camera."""
+    cov = np.zeros((17, 17))
+    cov[0, 0] = sigma**2
+    given = facts.before.cameras["cam"].model_copy(update={"source": "exif"})
+    camera = given.model_copy(update={"source": "block", "c": 1100.0, "covariance": tuple(map(tuple, cov.tolist()))})
+    turned = {name: camera.model_copy(update={"name": name}) for name in ("cam", "cam turned 6")}
+    block = facts.block.model_copy(update={"cameras": turned, "of_photo": {"a": "cam", "b": "cam turned 6"}})
+    before = facts.before.model_copy(update={"cameras": dict.fromkeys(turned, given)})
+    said = [text for text in block_warnings(replace(facts, block=block, before=before)) if "adjusted camera constant" in text]
+    assert [text.split(" is ")[0] for text in said] == (["The adjusted camera constant of cam"] if warned else [])
+
+
 def test_a_photograph_with_few_measurements_or_an_empty_frame_is_weakly_tied(facts):
     image = facts.image
     few = told(replace(facts, image=image.take((image.photo == 0) | (np.arange(len(image)) % 2 == 0))))

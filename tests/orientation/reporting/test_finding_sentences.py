@@ -76,7 +76,11 @@ SPOKEN = [
     (f.DistanceUnchecked(), ["One distance alone gives the scale", "measure two more"]),
     (
         f.MeasurementsRejected(role="control", point="P1", measured=5, rejected=OFF),
-        ["2 of 5 measurements of the control point P1", "a (15 px off), b (7 px off, where P9 lies)", "Give them the right name"],
+        [
+            "2 of 5 measurements of the control point P1",
+            "a (15 px off), b (7 px off, where P9 lies)",
+            "Give those on another point its name",
+        ],
     ),
     (
         f.MeasurementsRejected(role="tie", point="P1", measured=5, rejected=OFF[:1]),
