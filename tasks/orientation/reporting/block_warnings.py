@@ -80,13 +80,13 @@ def _control_warnings(facts: Facts) -> Iterator[str]:
             "The orientation was taken as it is from another source, and nothing here checks it: what rests on it is as good as "
             "that source."
         )
-    elif not surveyed and all(photo.position is None for photo in facts.photos.photos):
+    # Of a block without datum a finding of its own says what it lacks.
+    elif not surveyed and not _without_datum(facts) and all(photo.position is None for photo in facts.photos.photos):
         yield (
             "There is no ground control, and no photograph has a position: the block has its own shape, but no place, direction or "
             "scale on the ground. Measure at least five points on the ground, and keep some of them as check points."
         )
-    # Of a block without datum the positions were not used, and a finding of its own says so.
-    elif not surveyed and not any(isinstance(finding, NoDatum) for finding in facts.precision.findings):
+    elif not surveyed and not _without_datum(facts):
         yield (
             "There is no ground control: absolute position and height are as good as the positions of the photographs, and nothing "
             "independent checks them. Measure at least five points on the ground, and keep some of them as check points."
@@ -101,6 +101,10 @@ def _control_warnings(facts: Facts) -> Iterator[str]:
     compared = {row.name: row for row in facts.ground.points}
     yield from (_unused(point) for point in surveyed if not _took_part(compared.get(point.name)))
     yield from _doubtful_points(facts, surveyed, compared)
+
+
+def _without_datum(facts: Facts) -> bool:
+    return any(isinstance(finding, NoDatum) for finding in facts.precision.findings)
 
 
 def _took_part(row: GroundResidual | None) -> bool:
@@ -160,7 +164,8 @@ def _correlation_warnings(facts: Facts) -> Iterator[str]:
         (first, _, camera), (second, _, other) = c.first.partition(" of "), c.second.partition(" of ")
         if camera == other:
             within.setdefault(camera, []).append(f"{first} and {second} ({c.value:.2f})")
-        else:
+        # Which way is up is arbitrary in a block without datum.
+        elif "height" not in c.second or not _without_datum(facts):
             advice = " Control at different heights, or oblique photographs, would separate them." if "height" in c.second else ""
             yield (
                 f"{c.first} and {c.second} can hardly be distinguished (correlation {c.value:.2f}): neither value is to be used "

@@ -121,6 +121,11 @@ def test_a_correlation_with_the_flying_height_says_what_separates_them(with_prec
     assert "correlation 0.95" in found and "Control at different heights" in found
 
 
+def test_a_block_without_datum_has_no_flying_height(with_precision):
+    pair = correlation("y0 of cam", "the mean height of the projection centres")
+    assert "distinguished" not in told(with_precision(correlations=(pair,), findings=(NoDatum(scaled=False),)))
+
+
 def test_a_correlation_between_cameras_gives_no_advice_on_heights(with_precision):
     (found,) = block_warnings(with_precision(correlations=(correlation("c of one", "c of other"),)))
     assert "heights" not in found
@@ -211,3 +216,5 @@ def test_a_block_without_datum_is_not_called_as_good_as_its_positions(facts):
     assert "as good as the positions" in told(bare)
     free = replace(bare, precision=bare.precision.model_copy(update={"findings": (NoDatum(scaled=False),)}))
     assert "as good as the positions" not in told(free)
+    nowhere = replace(free, photos=facts.photos)
+    assert "has no datum" in told(nowhere) and "no photograph has a position" not in told(nowhere), "one sentence is enough"
