@@ -144,6 +144,8 @@ class ConstantContradicted(_Finding):
     sigma_px: float
     fixed: bool
     """the workflow fixes the interior orientation, so the given value was kept"""
+    guessed: bool = False
+    """nothing gave the value: no tag told a focal length"""
 
 
 class ConstantNominal(_Finding):

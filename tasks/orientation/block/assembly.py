@@ -63,6 +63,10 @@ class Problem:
     distances: tuple[tuple[int, int, float, float], ...]
     groups: tuple[tuple[str, ...], ...]
 
+    def constant_of(self, owner: str) -> float:
+        """The given constant (px) of the camera of this name; 0 for any other."""
+        return self.cameras[self.camera_names.index(owner)].c if owner in self.camera_names else 0.0
+
 
 @dataclass(frozen=True, eq=False)
 class BlockResults:

@@ -14,6 +14,9 @@ from orthomill.tasks.orientation.block.assembly import BlockResults, Problem
 
 NOTABLE = 2.0
 """Standard errors that grow by less are not reported: the estimate of the correlation itself is no better than that."""
+# Lenses that err alike by hundredths of a pixel multiply the standard error of a constant known to a tenth of a permille.
+SLIGHT = 1e-3
+"""Standard errors of c, x0 and y0, in units of c, that are not reported however they grew: a permille of all heights"""
 SHAPE = 3
 """c, x0, y0, the first parameters of INTERIOR: a surveyor reads their standard errors, and correlated errors affect them most."""
 
@@ -38,6 +41,7 @@ def _notable(
     # Rounding can leave variances slightly below 0.
     small, large = (np.sqrt(np.maximum(result.cofactor.variances[columns], 0.0)) for result in (white, correlated))
     growth = np.divide(large, small, out=np.ones_like(large), where=small > 0)
+    growth[large < np.array([SLIGHT * problem.constant_of(unknowns[int(column)][1]) for column in columns])] = 1.0
     worst = int(growth.argmax())
     if growth[worst] < NOTABLE:
         return ()

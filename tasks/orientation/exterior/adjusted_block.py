@@ -59,6 +59,8 @@ ENOUGH_CONTROL = 3
 """Control points that determine a similarity transformation, and with it the flying height apart from the camera constant and the
 positions apart from a common shift."""
 
+GUESSED = 0.2
+"""Standard error of a camera constant, in units of it, beyond which nothing gave the value: a tag is good to 3 %"""
 UNMET = 2
 """Control points whose rays do not meet, by more than a wrong name"""
 
@@ -310,9 +312,19 @@ def _attempt(have: _Input, parts: list[Part]) -> _Attempt:
 
 def _results(have: _Input, attempt: _Attempt, tested: Tested) -> BlockResults:
     unknown = unweighted(have.material.cameras, have.choices.interior)
-    findings = (*folding_cameras(have.cameras), *unknown, *attempt.findings, *tested.findings)
+    of_cameras = (_told_of_guess(have, finding) for finding in tested.findings)
+    findings = (*folding_cameras(have.cameras), *unknown, *attempt.findings, *of_cameras)
     datum = _explained_datum(attempt.datum, tested)
     return BlockResults(have.cameras, attempt.problem, tested.result, datum, findings, tested.restart)
+
+
+def _told_of_guess(have: _Input, finding: BlockFinding) -> BlockFinding:
+    """A contradicted camera constant with whether it was guessed."""
+    if not isinstance(finding, ConstantContradicted):
+        return finding
+    camera = have.material.cameras[have.material.camera_names.index(finding.camera)]
+    sigma = 0.0 if camera.covariance is None else float(np.sqrt(camera.covariance[0][0]))
+    return finding.model_copy(update={"guessed": sigma > GUESSED * camera.c})
 
 
 def _explained_datum(datum: Datum, tested: Tested) -> Datum:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from orthomill.schemas.findings.block_findings import (
     AxesExchanged,
     BlockElsewhere,
+    BlockFinding,
     BlockSeparate,
     ConstantContradicted,
     ControlContradicted,
@@ -44,6 +45,11 @@ def block_doubts(facts: Facts) -> Iterator[str]:
     # Control that was left out for its place or its heights leaves the block without what its user relies on; without a datum that
     # is the least of it.
     control = [control_sentence(finding) for finding in facts.control.findings if is_grave(finding)]
-    graver = [finding for finding in facts.precision.findings if isinstance(finding, GRAVE)]
+    graver = [finding for finding in facts.precision.findings if isinstance(finding, GRAVE) and not _is_found(finding)]
     found = [finding_sentence(finding) for finding in sorted(graver, key=lambda finding: GRAVE.index(type(finding)))]
     yield from (*found, *control) if any(isinstance(finding, NoDatum) for finding in graver) else (*control, *found)
+
+
+def _is_found(finding: BlockFinding) -> bool:
+    """Whether the block found a camera constant that nothing gave: then there is none that it contradicts."""
+    return isinstance(finding, ConstantContradicted) and finding.guessed and not finding.fixed

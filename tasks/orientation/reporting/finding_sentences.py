@@ -176,6 +176,12 @@ def interior_unweighted(finding: InteriorUnweighted) -> str:
 
 @finding_sentence.register
 def constant_contradicted(finding: ConstantContradicted) -> str:
+    if finding.guessed and not finding.fixed:
+        return (
+            f"No tag tells the camera constant of {finding.camera}: {finding.given_px:.0f} px were guessed, "
+            f"{finding.adjusted_px:.0f} px (standard error {_digits(finding.sigma_px)} px) fit and were used. Give it, or "
+            "calibrate the camera."
+        )
     # With a fixed interior orientation the workflow decides, and the finding only reports.
     end = "but the workflow fixes it" if finding.fixed else "which was used"
     return (

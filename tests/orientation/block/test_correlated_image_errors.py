@@ -12,12 +12,12 @@ from orthomill.tasks.adjustment.testing.error_fields import TERMS, field_basis
 RMS = 1.0
 
 
-def displaced(block, seed):
-    """The block whose photographs each carry a smooth field of RMS px."""
+def displaced(block, seed, rms=RMS):
+    """The block whose photographs each carry a smooth field of `rms` px."""
     ties, camera = block.tie_points, block.cameras.cameras["cam"]
     size = np.array([camera.width, camera.height])
     xy = (np.column_stack([ties.col, ties.row]) - (size - 1) / 2) * [1.0, -1.0]
-    coefficients = RMS / np.sqrt(TERMS) * np.random.default_rng(seed).standard_normal((len(block.views), 2, TERMS))
+    coefficients = rms / np.sqrt(TERMS) * np.random.default_rng(seed).standard_normal((len(block.views), 2, TERMS))
     moved = np.einsum("mkt,mt->mk", coefficients[ties.photo], field_basis(xy, np.tile(size, (len(xy), 1))))
     return replace(block, tie_points=replace(ties, col=ties.col + moved[:, 0], row=ties.row - moved[:, 1]))
 
@@ -33,6 +33,15 @@ def test_fields_reach_the_standard_errors_of_the_camera_and_are_reported():
     assert abs(camera.c - block.views[0].camera.c) < 3 * sigma
     told = [text for text in sentences(precision) if text.startswith("Correlated image errors")]
     assert len(told) == 1 and "mostly different in each" in told[0]
+
+
+def test_fields_of_hundredths_of_a_pixel_are_no_warning():
+    """They multiply the standard error of a constant that is known to a tenth of a permille."""
+    out = orient(displaced(two_strips(5, sigma=0.01, stated_sigma=0.01), 5, 0.03), interior=FreeInterior(kind="free"))
+    camera, precision = out["block"].cameras["cam"], out["precision"]
+    sigma = np.sqrt(camera.covariance[0][0])
+    assert precision.common_px is not None and 2 * precision.white_sigma["cam"][0] < sigma < 1e-3 * camera.c
+    assert not any(text.startswith("Correlated image errors") for text in sentences(precision))
 
 
 def test_cameras_of_turned_photographs_have_their_white_standard_errors():

@@ -112,6 +112,18 @@ def test_shift_without_control_is_refused():
         orient(two_strips(6, control=0), gnss_shift=True)
 
 
+@pytest.mark.parametrize(("share", "guessed"), [(0.25, True), (0.03, False)])
+def test_a_camera_constant_that_nothing_told_is_found_and_not_contradicted(share, guessed):
+    block = two_strips(9)
+    camera = block.cameras.cameras["cam"]
+    c, cov = 0.4 * camera.c, np.zeros((17, 17))
+    cov[0, 0] = (share * c) ** 2
+    wrong = camera.model_copy(update={"c": c, "covariance": tuple(map(tuple, cov.tolist()))})
+    precision = orient(replace(block, cameras=block.cameras.model_copy(update={"cameras": {"cam": wrong}})))["precision"]
+    (found,) = [finding for finding in precision.findings if finding.code == "constant_contradicted"]
+    assert found.guessed == guessed and abs(found.adjusted_px / camera.c - 1) < 0.01
+
+
 def test_control_measured_in_another_frame_is_said():
     """As on the frame of the sensor, where EXIF turns the photographs."""
     block = two_strips(6, gnss=None)

@@ -2,7 +2,7 @@
 
 from types import SimpleNamespace
 
-from orthomill.schemas.findings.block_findings import AxesExchanged, NoDatum
+from orthomill.schemas.findings.block_findings import AxesExchanged, ConstantContradicted, NoDatum
 from orthomill.tasks.orientation.reporting.block_doubts import GRAVE, block_doubts
 from orthomill.tasks.orientation.reporting.finding_sentences import finding_sentence
 
@@ -16,3 +16,14 @@ def test_the_gravest_comes_first_and_a_block_without_findings_has_no_doubts():
     assert GRAVE.index(type(nothing)) < GRAVE.index(type(exchanged))
     facts = SimpleNamespace(control=SimpleNamespace(findings=()), precision=SimpleNamespace(findings=()))
     assert list(block_doubts(facts)) == []
+
+
+def test_a_guessed_constant_that_the_block_found_is_no_doubt():
+    found = ConstantContradicted(camera="cam", given_px=800.0, adjusted_px=1597.4, sigma_px=12.3, fixed=False, guessed=True)
+    for finding, count in (
+        (found, 0),
+        (found.model_copy(update={"fixed": True}), 1),
+        (found.model_copy(update={"guessed": False}), 1),
+    ):
+        facts = SimpleNamespace(control=SimpleNamespace(findings=()), precision=SimpleNamespace(findings=(finding,)))
+        assert len(list(block_doubts(facts))) == count

@@ -36,6 +36,10 @@ SPOKEN = [
     (f.DatumGivenUp(worst=("gcp04", "IMG_7")), ["gcp04, IMG_7", "without any of them"]),
     (f.InteriorUnweighted(cameras=("one", "two")), ["of one and two", "without standard errors", "sigma_c"]),
     (
+        f.ConstantContradicted(camera="cam", given_px=800.0, adjusted_px=1597.4, sigma_px=12.3, fixed=False, guessed=True),
+        ["No tag tells the camera constant of cam: 800 px were guessed, 1597 px", "fit and were used"],
+    ),
+    (
         f.ConstantContradicted(camera="cam", given_px=800.0, adjusted_px=1597.4, sigma_px=0.456, fixed=False),
         ["800 px were given", "1597 px (standard error 0.46 px) fit", "which was used"],
     ),
