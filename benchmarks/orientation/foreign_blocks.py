@@ -1,11 +1,12 @@
 """Blocks that nobody here has chosen: folders of photographs as people have them, oriented with all defaults, a peer beside them.
 
-    python -m benchmarks.orientation.foreign_blocks [peer=PYTHON] FOLDER ...
+    python -m benchmarks.orientation.foreign_blocks [compiled] [peer=PYTHON] FOLDER ...
 
 Every folder is started by `init`, which uses the GCP list, positions and camera that lie in it, and run until the orientation; the
 peer (COLMAP, by the Python that has it) gets the same photographs with its own defaults. The page has one row for each folder,
 failures included, and below it every warning of the report, for what a block says is part of the result. Blocks that are not named
-stay as they were measured. Kernels are compiled by a run of the first folder that is not counted: that happens once on a machine.
+stay as they were measured. Kernels are compiled by a run of the first folder that is not counted, unless they are (`compiled`):
+that happens once on a machine.
 """
 
 import csv
@@ -178,11 +179,12 @@ def _said(row: Row) -> Iterator[str]:
 
 def main() -> None:
     """Measures the folders named on the command line."""
-    folders = [Path(word) for word in sys.argv[1:] if "=" not in word]
+    folders = [Path(word) for word in sys.argv[1:] if "=" not in word and word != "compiled"]
     python = next((word.removeprefix("peer=") for word in sys.argv[1:] if word.startswith("peer=")), None)
     if not folders:
         sys.exit("Name the folders of photographs: python -m benchmarks.orientation.foreign_blocks FOLDER ...")
-    row_of(folders[0])
+    if "compiled" not in sys.argv:
+        row_of(folders[0])
     for folder in folders:
         row = row_of(folder)
         rows = {**rows_before(), row.name: with_peer(row, python, folder.resolve()) if python else row}
