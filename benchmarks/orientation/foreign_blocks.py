@@ -3,10 +3,10 @@
     python -m benchmarks.orientation.foreign_blocks [compiled] [peer=PYTHON] FOLDER ...
 
 Every folder is started by `init`, which uses the GCP list, positions and camera that lie in it, and run until the orientation; the
-peer (COLMAP, by the Python that has it) gets the same photographs with its own defaults. The page has one row for each folder,
-failures included, and below it every warning of the report, for what a block says is part of the result. Blocks that are not named
-stay as they were measured. Kernels are compiled by a run of the first folder that is not counted, unless they are (`compiled`):
-that happens once on a machine.
+peer (COLMAP, by the Python that has it) gets the same photographs with its own defaults; without `peer` its figures of before stay.
+The page has one row for each folder, failures included, and below it every warning of the report, for what a block says is part of
+the result. Blocks that are not named stay as they were measured. Kernels are compiled by a run of the first folder that is not
+counted, unless they are (`compiled`): that happens once on a machine.
 """
 
 import csv
@@ -33,6 +33,50 @@ SUFFIXES = {".jpg", ".jpeg", ".tif", ".tiff", ".png"}
 HEAD = "| block | photographs | oriented | apart | sigma0 px | residual px | iterations | CPU s | peer | px | CPU s | warnings |"
 RECORD = RESULTS / "foreign_blocks.csv"
 SEPARATOR = " // "
+SOURCES = {
+    "asteroid": "borglab/gtsfm, tests/data/astrovision/test_2011212_opnav_022/images",
+    "banana": "pierotofy/dataset_banana, images",
+    "boruszyn": "merkato/odm_boruszyn_kap, images",
+    "buddha_part": "alicevision/dataset_buddha, buddha",
+    "caliterra": "OpenDroneMap/odm_data_caliterra, images",
+    "castle_19": "openMVG/SfM_quality_evaluation, Benchmarking_Camera_Calibration_2008/castle-P19/images",
+    "castle_30": "openMVG/SfM_quality_evaluation, Benchmarking_Camera_Calibration_2008/castle-P30/images",
+    "copr": "OpenDroneMap/odm_data_copr, images",
+    "crazyhorse": "royshil/SfM-Toy-Library, dataset/crazyhorse",
+    "door_no_exif": "borglab/gtsfm, tests/data/set4_lund_door_nointrinsics_noextrinsics_noexif/images",
+    "entry_10": "openMVG/SfM_quality_evaluation, Benchmarking_Camera_Calibration_2008/entry-P10/images",
+    "et": "snavely/bundler_sfm, examples/ET",
+    "fox": "NVlabs/instant-ngp, data/nerf/fox/images",
+    "haltbrekken_left": "larssbr/odm_data_haltbrekken_run1, Left",
+    "haltbrekken_right": "larssbr/odm_data_haltbrekken_run1, Right",
+    "herz_jesu_25": "openMVG/SfM_quality_evaluation, Benchmarking_Camera_Calibration_2008/Herz-Jesus-P25/images",
+    "herz_jesu_8": "openMVG/SfM_quality_evaluation, Benchmarking_Camera_Calibration_2008/Herz-Jesus-P8/images",
+    "hill_side": "tmizu23/cesium_oppaiyama, images",
+    "hilti": "borglab/gtsfm, tests/data/hilti_exp4_small/images",
+    "kermit": "snavely/bundler_sfm, examples/kermit",
+    "lund_door": "hkaiyu/structure-from-motion, dataset/erik/erik_3/images",
+    "lund_eight": "hkaiyu/structure-from-motion, dataset/erik/erik_6/images",
+    "lund_eleven": "hkaiyu/structure-from-motion, dataset/erik/erik_9/images",
+    "lund_fourteen": "hkaiyu/structure-from-motion, dataset/erik/erik_4/images",
+    "lund_nine": "hkaiyu/structure-from-motion, dataset/erik/erik_2/images",
+    "lund_seven": "hkaiyu/structure-from-motion, dataset/erik/erik_7/images",
+    "lund_street": "mapillary/OpenSfM, data/lund/images",
+    "lund_ten": "hkaiyu/structure-from-motion, dataset/erik/erik_5/images",
+    "lund_twelve": "hkaiyu/structure-from-motion, dataset/erik/erik_8/images",
+    "mobilebrick": "borglab/gtsfm, tests/data/mobilebrick/image",
+    "monstree": "alicevision/dataset_monstree, full",
+    "red_fountain": "hkaiyu/structure-from-motion, dataset/misc/red_fountain/images",
+    "reichstag": "borglab/gtsfm, tests/data/imb_reichstag/images",
+    "rock": "NLeSC/structure-from-motion, examples/rock",
+    "rock_section": "NLeSC/structure-from-motion, examples/rock-section",
+    "sacre_coeur": "cvg/Hierarchical-Localization, datasets/sacre_coeur/mapping",
+    "sample_mvs": "cdcseacave/openMVS_sample, images",
+    "sceaux": "openMVG/ImageDataset_SceauxCastle, images",
+    "seneca": "OpenDroneMap/odm_data_seneca, images",
+    "snowpeak": "OpenDroneMap-ja/odm_data_snowpeak, img",
+}
+"""Where blocks come from: public repositories, folder; all of their photographs that a clone holds, in the order of their names."""
+REDUCED = "Photographs with a longer side of more than 1380 px were reduced to 1200 px (Lanczos, EXIF kept)."
 
 
 @dataclass(frozen=True)
@@ -163,6 +207,10 @@ def page(rows: dict[str, Row]) -> str:
         "|" + " --- |" * (HEAD.count("|") - 1),
         *map(line_of, own),
         "",
+        f"Where they come from (GitHub, folder). {REDUCED}",
+        "",
+        *(f"- {row.name}: {SOURCES.get(row.name, 'a folder of this machine')}" for row in own),
+        "",
         "## What was said",
         "",
         *(line for row in own for line in _said(row)),
@@ -187,7 +235,10 @@ def main() -> None:
         row_of(folders[0])
     for folder in folders:
         row = row_of(folder)
-        rows = {**rows_before(), row.name: with_peer(row, python, folder.resolve()) if python else row}
+        rows = rows_before()
+        beside = rows.get(row.name, row)
+        kept = {"peer_oriented": beside.peer_oriented, "peer_px": beside.peer_px, "peer_cpu": beside.peer_cpu}
+        rows[row.name] = with_peer(row, python, folder.resolve()) if python else replace(row, **kept)
         keep(rows)
         write_result("foreign_blocks", page(rows))
 
