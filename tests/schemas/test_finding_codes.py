@@ -36,7 +36,14 @@ BLOCK_VALUES = {
     "interior_undetermined": {"camera": "n", "share": None},
     "interior_fixed": {"cameras": ("n", "z")},
     "interior_unweighted": {"cameras": ("n",)},
-    "constant_contradicted": {"camera": "n", "given_px": 3500.0, "adjusted_px": 3610.0, "sigma_px": 2.0, "fixed": False},
+    "constant_contradicted": {
+        "camera": "n",
+        "given_px": 3500.0,
+        "adjusted_px": 3610.0,
+        "sigma_px": 2.0,
+        "fixed": False,
+        "guessed": True,
+    },
     "constant_nominal": {"camera": "n", "c": 3500.0, "share": 0.03},
     "principal_point_moved": {"camera": "n", "moved_px": 90.0},
     "image_errors_correlated": {
