@@ -24,6 +24,8 @@ PROVENANCE = "densification/provenance"
 # A raster of its own: the report compares it with the measured height, and the check can be repeated without matching again.
 CORRECTED = "dsm_check/height"
 """float32 m, the height after the check"""
+CHECKED_CODE = "dsm_check/code"
+"""uint8 `CheckCode`"""
 ORTHO = "texture/ortho"
 """uint8 (rows, cols, 4): red, green, blue, alpha (0 where no photograph sees the ground)"""
 HEIGHT_SOURCE = "texture/height_source"
@@ -106,6 +108,10 @@ class CheckCode(IntEnum):
     FILLED = 8
 
 
+JUDGED = (CheckCode.AGREES, CheckCode.CORRECTED, CheckCode.WRONG, CheckCode.DISPUTED)
+"""codes of heights of which the photographs say something"""
+UNJUDGED = (CheckCode.NOT_JUDGED, CheckCode.BEYOND_REACH)
+"""codes of heights that were to be judged and could not be"""
 CHECK_CODES: tuple[tuple[int, str, str], ...] = (
     (CheckCode.EMPTY, "#000000", "empty: no height"),
     (CheckCode.AGREES, "#1a9641", "agrees with the photographs"),

@@ -16,11 +16,11 @@ from orthomill.tasks.dsm_check.areas import SIGMA, SuspiciousArea, Trend, fitted
 from orthomill.tasks.dsm_check.correction_map import detectable_error
 from orthomill.tasks.dsm_check.coverage import CheckedPair, CheckedPairs
 from orthomill.tasks.dsm_check.report_rounds import (
-    CODE,
     beyond_warning,
     check_evidence,
     code_picture,
     relief_grid,
+    relief_values,
     rounds_grid,
     shift_values,
     shift_warnings,
@@ -31,7 +31,7 @@ from orthomill.tasks.dsm_check.rounds.round_state import RoundState
 from orthomill.tasks.dsm_check.statistics import Counts, PairCounts, Summary, TileCounts, added, bin_width, summarised
 from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceShift, surface_shift
 
-__all__ = ["CODE", "DETECTABLE", "DH", "LAST_ROUND", "PRECISION", "TEST", "Blocks", "report"]
+__all__ = ["DETECTABLE", "DH", "LAST_ROUND", "PRECISION", "TEST", "Blocks", "report"]
 
 DH = "dsm_check/dh"
 PRECISION = "dsm_check/precision"
@@ -112,6 +112,7 @@ def report(
         figures=_figures(
             _cell_values(tiles, whole, pairs)
             | {"detectable": _known(detectable), "detectable_width": blocks.wide}
+            | relief_values(tiles)
             | _estimate_values(tiles, pairs)
             | _place_values(trend, areas)
             | shift_values(of_file)
@@ -191,6 +192,9 @@ _FIGURES = (
     ),
     ("detectable_width", "m", "Width from which on that holds: two windows of the matching."),
     ("checked", "%", "Share of the measured cells that could be checked."),
+    ("checked_level", "%", "The same of level or gently sloping surface: open ground, flat roofs."),
+    ("checked_steep", "%", "The same of steep surface: banks, pitched roofs."),
+    ("checked_steps", "%", "The same where the surface has steps: walls and what lies beside them, crowns."),
     ("changed", "%", "Share of the measured cells that the check changed."),
     ("estimates", "%", "Share of the heights that are estimated: neither checked nor changed, and in no other figure here."),
     ("estimates_compared", "%", "Share of the estimated cells in which the photographs could be compared nevertheless."),

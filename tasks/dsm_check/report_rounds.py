@@ -5,15 +5,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from orthomill.schemas.stage_report import Evidence, Grid, Picture, class_of
-from orthomill.schemas.surface import CHECK_CODES
+from orthomill.schemas.surface import CHECK_CODES, CHECKED_CODE
 from orthomill.tasks.dsm_check.areas import CHECKED, MEAN, SIGMA, is_judged
 from orthomill.tasks.dsm_check.correction_map import POWER
 from orthomill.tasks.dsm_check.rounds.round_state import RoundState
 from orthomill.tasks.dsm_check.statistics import RELIEF, TileCounts
 from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceShift
 
-CODE = "dsm_check/code"
-"""uint8 `CheckCode`"""
 _SURE = 4.0
 """standard errors from which a shift is told as a fact"""
 _DATUM = 3.0
@@ -131,9 +129,21 @@ def rounds_grid(rounds: tuple[RoundState, ...]) -> tuple[Grid, ...]:
     )
 
 
+def _relief(tiles: tuple[TileCounts, ...]) -> list[tuple[int, int]]:
+    """Measured cells and judged ones of every class of `RELIEF`."""
+    every = [tile.relief for tile in tiles if tile.relief]
+    return [(sum(one[k][0] for one in every), sum(one[k][1] for one in every)) for k in range(len(RELIEF))]
+
+
+def relief_values(tiles: tuple[TileCounts, ...]) -> Values:
+    """The share judged by class of the surface, %."""
+    named = zip(("checked_level", "checked_steep", "checked_steps"), _relief(tiles), strict=True)
+    return {name: round(100 * part / total, 2) if total else None for name, (total, part) in named}
+
+
 def relief_grid(tiles: tuple[TileCounts, ...]) -> tuple[Grid, ...]:
     """The share judged by class of the surface."""
-    totals = [[sum(tile.relief[k][part] for tile in tiles if tile.relief) for part in (0, 1)] for k in range(len(RELIEF))]
+    totals = _relief(tiles)
     if not any(total for total, _ in totals):
         return ()
     return (
@@ -161,7 +171,7 @@ def code_picture() -> Picture:
     """What the check says of every cell."""
     return Picture(
         title="What the check says",
-        raster=CODE,
+        raster=CHECKED_CODE,
         style="classes",
         classes=CHECK_CODES,
         caption="The codes are those of the last band of dsm_check.tif.",

@@ -21,14 +21,14 @@ from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, Window, map_rast
 from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
 from orthomill.schemas.stage_report import report_table
-from orthomill.schemas.surface import CORRECTED, HEIGHT, PROVENANCE, SURFACE, CheckCode, Surface
+from orthomill.schemas.surface import CHECKED_CODE, CORRECTED, HEIGHT, PROVENANCE, SURFACE, CheckCode, Surface
 from orthomill.tasks.dsm_check.area_map import AREA_MAP
 from orthomill.tasks.dsm_check.areas import block_size
 from orthomill.tasks.dsm_check.correction_map import CorrectionNodes
 from orthomill.tasks.dsm_check.coverage import CHECKED_PAIRS, CHECKED_SURFACE, choose_checked_pairs
 from orthomill.tasks.dsm_check.height_correction import Correction, RayCorrection
 from orthomill.tasks.dsm_check.nodes import NodeMatching
-from orthomill.tasks.dsm_check.report import CODE, DETECTABLE, DH, PRECISION, TEST, Blocks, report
+from orthomill.tasks.dsm_check.report import DETECTABLE, DH, PRECISION, TEST, Blocks, report
 from orthomill.tasks.dsm_check.rounds.finish import Finish
 from orthomill.tasks.dsm_check.rounds.round_plan import (
     CheckScene,
@@ -299,7 +299,7 @@ class DsmCheckStage(Stage):
         for name in (DH, PRECISION, TEST, DETECTABLE, CORRECTED):
             yield passes.raster(name) if name != TEST else passes.raster(name).model_copy(update={"unit": "sigma"})
         grid, size = passes.surface.grid, block_size(passes.surface.grid.shape)
-        yield map_raster(CODE, grid, "uint8", passes.scene.crs, passes.tile, nodata=CheckCode.EMPTY)
+        yield map_raster(CHECKED_CODE, grid, "uint8", passes.scene.crs, passes.tile, nodata=CheckCode.EMPTY)
         shape = tuple(-(-side // size) for side in grid.shape)
         yield RasterSpec(name=COARSE, shape=(*shape, 5), dtype="float32", chunk=passes.tile // size)
 
@@ -322,7 +322,7 @@ class DsmCheckStage(Stage):
         )
 
     def _exports(self) -> Iterator[Export]:
-        bands = {"dh": DH, "height": CORRECTED, "sigma": PRECISION, "detectable": DETECTABLE, "test": TEST, "code": CODE}
+        bands = {"dh": DH, "height": CORRECTED, "sigma": PRECISION, "detectable": DETECTABLE, "test": TEST, "code": CHECKED_CODE}
         yield Export(self.kind, "product", "products/dsm_check.tif", "cog", bands)
         if isinstance(self.surface, SurfaceFile):
             yield Export(self.kind, "corrected", "products/dsm_corrected.tif", "cog", {"height": CORRECTED})
@@ -331,7 +331,7 @@ class DsmCheckStage(Stage):
 
 def _answer(tile: Tile, size: int) -> dict[str, Raster | Table]:
     """What a tile of the answer writes; size: cells along a coarse block."""
-    names = {"dh": DH, "precision": PRECISION, "test": TEST, "detectable": DETECTABLE, "height": CORRECTED, "code": CODE}
+    names = {"dh": DH, "precision": PRECISION, "test": TEST, "detectable": DETECTABLE, "height": CORRECTED, "code": CHECKED_CODE}
     return {
         **{name: Raster(raster, tile.window) for name, raster in names.items()},
         "coarse": Raster(COARSE, coarser(tile.window, size)),

@@ -1,10 +1,12 @@
 """Classes of places, and strata of judged cells: where a cell lies, what its height is worth, and whether it can be measured."""
 
+from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 from scipy import ndimage
 
+from orthomill.schemas.job import Columns
 from orthomill.schemas.surface import ESTIMATED, MEASURED, Provenance
 from orthomill.schemas.truth import Material
 
@@ -100,3 +102,21 @@ def strata_of(
     """The strata of these classes and codes."""
     twice = (True,) if only_seen_twice else (False, True)
     return tuple(int(p + _CODE * c + _TWICE * t) for p in places for c in codes for t in twice)
+
+
+@dataclass(frozen=True)
+class CheckCounts(Columns):
+    """How many cells the check gave each code, by class; one row per combination."""
+
+    place: np.ndarray
+    """uint8 PlaceClass"""
+    code: np.ndarray
+    """uint8 CheckCode"""
+    cells: np.ndarray
+    """int64"""
+
+
+def check_counts(place: np.ndarray, code: np.ndarray) -> CheckCounts:
+    """The counts of cells with these classes and codes, both (rows, cols) uint8."""
+    both, cells = np.unique(place.astype(np.int64) * _TWICE + code, return_counts=True)
+    return CheckCounts((both // _TWICE).astype(np.uint8), (both % _TWICE).astype(np.uint8), cells.astype(np.int64))

@@ -1,10 +1,12 @@
-"""What the codes of the heights are worth, in the report: accuracy and honesty by code and class, and the edges of roofs."""
+"""What the codes of the heights are worth, in the report: accuracy and honesty by code and class, and the edges of roofs; and
+where the check could judge."""
 
 from collections.abc import Iterator
 
 from orthomill.schemas.stage_report import Figure, Grid
 from orthomill.tasks.evaluation.accuracy import SIGMAS
-from orthomill.tasks.evaluation.tile_sums import CodeMeasures, EdgeShares, HeightsSummary, rounded
+from orthomill.tasks.evaluation.report_section import ReportSection
+from orthomill.tasks.evaluation.tile_sums import CheckSummary, CodeMeasures, EdgeShares, HeightsSummary, rounded
 
 _PLACES = ("all", "open_ground", "roof", "building_margin", "tree", "water", "vehicle", "wire")
 """groups of classes that are told apart by code; finer ones have too few cells of the rare codes"""
@@ -98,3 +100,24 @@ def code_grids(title: str, summary: HeightsSummary) -> tuple[Grid, ...]:
         note="Ground within 3 cells of a roof and the outermost cells of roofs, where the roof stands two cells or more higher.",
     )
     return (codes, edges) if summary.edges else (codes,)
+
+
+def check_section(summary: CheckSummary) -> ReportSection:
+    """Which share of the measured heights the check judged, by class of the truth, and what it said."""
+    figures = tuple(
+        Figure(
+            name=f"check_judged_{group.name}" if group.name != "all" else "check_judged",
+            value=group.judged,
+            unit="%",
+            sentence=f"Measured heights that the check of the surface could judge, {group.words}.",
+        )
+        for group in summary.groups
+    )
+    grid = Grid(
+        title="The check of the surface by class of ground",
+        columns=("where", "measured cells", "judged %", "of these called wrong %", "disputed %"),
+        rows=tuple((group.words, group.cells, group.judged, group.wrong, group.disputed) for group in summary.groups),
+        note="What is not judged is hidden from one photograph of every pair, has no texture, or differs from photograph to "
+        "photograph.",
+    )
+    return ReportSection(figures=figures, grids=(grid,) if summary.groups else ())

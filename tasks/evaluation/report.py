@@ -5,11 +5,12 @@ from dataclasses import dataclass
 from itertools import chain
 
 from orthomill.schemas.stage_report import Figure, StageReport
+from orthomill.tasks.evaluation.codes_section import check_section
 from orthomill.tasks.evaluation.heights_section import before_check_section, heights_section
 from orthomill.tasks.evaluation.orientation_section import orientation_section
 from orthomill.tasks.evaluation.orthoimage_section import orthoimage_section
 from orthomill.tasks.evaluation.report_section import ReportSection
-from orthomill.tasks.evaluation.tile_sums import HeightsSummary, OrientationSummary, OrthoSummary
+from orthomill.tasks.evaluation.tile_sums import CheckSummary, HeightsSummary, OrientationSummary, OrthoSummary
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,9 @@ _MAIN = (
     "dsm_roof_median_error",
     "dsm_buildings_median_error",
     "dsm_water_left_empty",
+    "check_judged_open_ground",
+    "check_judged_roof",
+    "check_judged_building_margin",
     "ortho_shift_median_px",
     "ortho_shift_q95_px",
     "ortho_ssim",
@@ -59,6 +63,7 @@ def evaluation_report(
     orientation: OrientationSummary | None = None,
     heights: HeightsSummary | None = None,
     heights_before_check: HeightsSummary | None = None,
+    check: CheckSummary | None = None,
     ortho: OrthoSummary | None = None,
 ) -> StageReport:
     """The report of the stage from the comparisons that were made."""
@@ -68,6 +73,8 @@ def evaluation_report(
         sections.append(heights_section(heights))
     if heights_before_check:
         sections.append(before_check_section(heights_before_check))
+    if check:
+        sections.append(check_section(check))
     if ortho:
         sections.append(orthoimage_section(ortho, facts.reference == "truth"))
     if orientation:

@@ -14,7 +14,17 @@ from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, map_raster, tile
 from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
 from orthomill.schemas.stage_report import report_table
-from orthomill.schemas.surface import CORRECTED, HEIGHT, HEIGHT_SOURCE, ORTHO, PRECISION, PROVENANCE, RELATIVE_PRECISION, SURFACE
+from orthomill.schemas.surface import (
+    CHECKED_CODE,
+    CORRECTED,
+    HEIGHT,
+    HEIGHT_SOURCE,
+    ORTHO,
+    PRECISION,
+    PROVENANCE,
+    RELATIVE_PRECISION,
+    SURFACE,
+)
 from orthomill.schemas.truth import (
     TRUTH_BLOCK,
     TRUTH_BUILDING,
@@ -26,6 +36,7 @@ from orthomill.schemas.truth import (
 )
 from orthomill.tasks.evaluation.accuracy import HeightHistogram, HeightSums
 from orthomill.tasks.evaluation.classes import HALO as CLASS_HALO
+from orthomill.tasks.evaluation.classes import CheckCounts
 from orthomill.tasks.evaluation.edges import EdgeCounts
 from orthomill.tasks.evaluation.grids import Placement, grid_of, placement, readable
 from orthomill.tasks.evaluation.heights_section import DH
@@ -33,9 +44,11 @@ from orthomill.tasks.evaluation.orthoimage_accuracy import HALO, GreyFit, GreySu
 from orthomill.tasks.evaluation.orthoimage_section import ORTHO_DIFFERENCE
 from orthomill.tasks.evaluation.report import EvaluationFacts, evaluation_report
 from orthomill.tasks.evaluation.tile_sums import (
+    CheckSummary,
     HeightsSummary,
     OrientationSummary,
     OrthoSummary,
+    summarise_check,
     summarise_heights,
     summarise_orientation,
     summarise_ortho,
@@ -43,6 +56,7 @@ from orthomill.tasks.evaluation.tile_sums import (
 from orthomill.tasks.evaluation.tiles import (
     OrthoPlace,
     OrthoTruthPlace,
+    check_against_truth,
     heights_against_file,
     heights_against_truth,
     ortho_against_file,
@@ -154,6 +168,7 @@ class EvaluationStage(Stage):
         # Both surfaces: what the check improved or spoiled shows only in comparison with its input.
         yield from self._judge_heights(judged, CORRECTED, "heights", pairs, parts)
         yield from self._judge_heights(judged, HEIGHT, "heights_before_check", pairs, parts)
+        yield from _judge_check(judged, parts)
 
     def _judge_heights(
         self, judged: _Judged, source: str, item: str, pairs: Reads, parts: dict[str, Table]
@@ -194,6 +209,21 @@ class EvaluationStage(Stage):
         parts["ortho"] = Table("evaluation/ortho.json", OrthoSummary)
         reads: Reads = {"counts": tuple(counts), "shifts": tuple(moved), "fit": FIT}
         yield Job("evaluation", "ortho_summary", summarise_ortho, reads, {"summary": parts["ortho"]})
+
+
+def _judge_check(judged: _Judged, parts: dict[str, Table]) -> Iterator[Job]:
+    """Where the check could judge, by class; a file as reference knows none."""
+    if isinstance(judged.reference, str):
+        return
+    results = []
+    for t in tiles_of(judged.grid.shape, judged.tile):
+        place = placement(judged.grid, t.window.grown(CLASS_HALO), judged.reference)
+        reads: Reads = {"code": Raster(CHECKED_CODE, t.window), **_truth(place, material=TRUTH_MATERIAL)}
+        results.append(Table(f"evaluation/check/{t.row}-{t.col}.parquet", CheckCounts))
+        params, scratch = {"place": place, "core": t.window}, _scratch(place, 40)
+        yield Job("evaluation", "check", check_against_truth, reads, {"counts": results[-1]}, params, t.row, t.col, scratch)
+    parts["check"] = Table("evaluation/check.json", CheckSummary)
+    yield Job("evaluation", "check_summary", summarise_check, {"counts": tuple(results)}, {"summary": parts["check"]})
 
 
 def _difference_raster(judged: _Judged) -> RasterSpec:

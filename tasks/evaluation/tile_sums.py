@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.epipolar import EpipolarPairs
 from orthomill.schemas.orientation import Block
-from orthomill.schemas.surface import MEASURED
+from orthomill.schemas.surface import JUDGED, MEASURED, UNJUDGED, CheckCode
 from orthomill.tasks.evaluation.accuracy import (
     BINS_PER_CELL,
     HeightHistogram,
@@ -21,7 +21,7 @@ from orthomill.tasks.evaluation.accuracy import (
     merged_sums,
     percent,
 )
-from orthomill.tasks.evaluation.classes import CODE_GROUPS, GROUPS, PlaceClass, strata_of
+from orthomill.tasks.evaluation.classes import CODE_GROUPS, GROUPS, CheckCounts, PlaceClass, strata_of
 from orthomill.tasks.evaluation.edges import EdgeCounts, edge_shares
 from orthomill.tasks.evaluation.orientation_accuracy import (
     InteriorDifference,
@@ -83,6 +83,23 @@ class HeightsSummary(_Summary):
     """building, measured cells, median difference (m)"""
     chart_x: tuple[float, ...] = ()
     chart: dict[str, tuple[float, ...]] = {}
+
+
+class CheckedGroup(_Summary):
+    """What the check says of the measured heights of one group of classes: cells, % judged, % of these called wrong, disputed."""
+
+    name: str
+    words: str
+    cells: int
+    judged: float | None
+    wrong: float | None
+    disputed: float | None
+
+
+class CheckSummary(_Summary):
+    """What the check says of the whole surface model, by class of the truth."""
+
+    groups: tuple[CheckedGroup, ...] = ()
 
 
 class OrthoSummary(_Summary):
@@ -236,6 +253,25 @@ def summarise_heights(
         chart=series,
         buildings=tuple((int(b), int(n), round(float(m), 3)) for b, n, m in roofs),
     )
+
+
+def summarise_check(counts: tuple[CheckCounts, ...]) -> CheckSummary:
+    """The summary of all tiles."""
+    place, code, cells = (np.concatenate([getattr(part, name) for part in counts]) for name in ("place", "code", "cells"))
+    groups = []
+    for name, words, places in GROUPS:
+        mine = np.isin(place, places)
+        judged, wrong, disputed, others = (
+            int(cells[mine & np.isin(code, codes)].sum())
+            for codes in (JUDGED, (CheckCode.CORRECTED, CheckCode.WRONG), (CheckCode.DISPUTED,), UNJUDGED)
+        )
+        if judged + others:
+            shares = (rounded(percent(part, of)) for part, of in ((judged, judged + others), (wrong, judged), (disputed, judged)))
+            groups.append(CheckedGroup(name=name, words=words, cells=judged + others, **dict(zip(_SHARES, shares, strict=True))))
+    return CheckSummary(groups=tuple(groups))
+
+
+_SHARES = ("judged", "wrong", "disputed")
 
 
 def _shift_numbers(shifts: Shifts) -> dict[str, float | None]:

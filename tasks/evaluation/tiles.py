@@ -11,7 +11,7 @@ from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import MEASURED
 from orthomill.schemas.truth import Material
 from orthomill.tasks.evaluation.accuracy import HeightHistogram, HeightSums, JudgedCells, height_sums, histogram
-from orthomill.tasks.evaluation.classes import PlaceClass, place_classes, strata
+from orthomill.tasks.evaluation.classes import CheckCounts, PlaceClass, check_counts, place_classes, strata
 from orthomill.tasks.evaluation.edges import EdgeCounts, edge_counts, no_edges
 from orthomill.tasks.evaluation.grids import Placement, codes_on, colours_on, heights_on
 from orthomill.tasks.evaluation.orientation_accuracy import datum_heights
@@ -146,6 +146,11 @@ def heights_against_file(
     unknown = np.full(int(known.sum()), np.nan)
     cells = JudgedCells(stratum[known], dh[known], precision[known], unknown, unknown)
     return _judge(dh, cells, np.zeros(dh.shape, np.int64), no_edges(), cell)
+
+
+def check_against_truth(code: np.ndarray, material: np.ndarray, place: Placement, core: Window) -> CheckCounts:
+    """What the check says of the cells `core`, by class; code: uint8 CheckCode at `core`; other arguments as for the heights."""
+    return check_counts(place_classes(codes_on(material, place))[_inside(place.window, core)], code)
 
 
 def sums_against_truth(ortho: np.ndarray, truth: np.ndarray, place: Placement) -> GreySums:

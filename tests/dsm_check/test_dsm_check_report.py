@@ -21,7 +21,7 @@ from orthomill.tasks.dsm_check.coverage import (
 )
 from orthomill.tasks.dsm_check.nodes import BANDS, DH, OUTCOME
 from orthomill.tasks.dsm_check.report import Blocks, report
-from orthomill.tasks.dsm_check.report_rounds import tolerance_values
+from orthomill.tasks.dsm_check.report_rounds import relief_values, tolerance_values
 from orthomill.tasks.dsm_check.stage import DsmCheckStage
 from orthomill.tasks.dsm_check.statistics import PairCounts, TileCounts, count, count_pair, count_tile
 from orthomill.tasks.dsm_check.surfaces.foreign_grid import measured_surface, surface_on
@@ -72,6 +72,12 @@ def test_figures_of_a_good_surface():
     assert values["dh_within_1_sigma"] == pytest.approx(68.3, abs=1.5) and values["checked"] == 100.0
     assert values["changed"] == round(100 * 10 / (128 * 160), 2) and values["suspicious_areas"] == 0
     assert not found.warnings and [f.name for f in found.figures if f.headline] == ["dh_nmad", "checked", "suspicious_areas"]
+
+
+def test_the_share_judged_is_told_by_relief():
+    half = tile_counts(noisy()).model_copy(update={"relief": ((60, 30), (20, 19), (0, 0))})
+    values = relief_values((half, half))
+    assert values == {"checked_level": 50.0, "checked_steep": 95.0, "checked_steps": None}
 
 
 def test_a_shifted_surface_is_reported_as_a_whole_and_not_as_an_area():

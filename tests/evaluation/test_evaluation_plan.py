@@ -61,12 +61,13 @@ def test_against_the_truth_everything_is_compared():
     """60 x 90 cells and 120 x 180 pixels in tiles of 32."""
     planned = items(jobs())
     assert planned["heights"] == planned["heights_before_check"] == 2 * 3 and planned["ortho"] == planned["grey_sums"] == 4 * 6
+    assert planned["check"] == 2 * 3 and planned["check_summary"] == 1
     assert planned["orientation"] == planned["grey_fit"] == planned["ortho_summary"] == planned["report"] == 1
 
 
 def test_against_a_file_there_is_no_orientation_to_compare():
     planned = items(jobs(FILES))
-    assert "orientation" not in planned and planned["heights"] == 6 and planned["ortho"] == 24
+    assert "orientation" not in planned and "check" not in planned and planned["heights"] == 6 and planned["ortho"] == 24
 
 
 @pytest.mark.parametrize(("given", "compared", "left"), [("dsm", "heights", "ortho"), ("ortho", "ortho", "heights")])
@@ -105,7 +106,7 @@ def test_parallax_sigma_reaches_the_summary():
 
 def test_the_report_waits_for_what_is_compared():
     (report,) = (job for job in jobs() if job.item == "report")
-    assert set(report.reads) == {"orientation", "heights", "heights_before_check", "ortho"}
+    assert set(report.reads) == {"orientation", "heights", "heights_before_check", "check", "ortho"}
     assert report.params["facts"].parts == tuple(report.reads) and report.params["facts"].reference == "truth"
 
 

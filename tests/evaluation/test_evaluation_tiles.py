@@ -6,18 +6,21 @@ from box_scene import block as box_block
 from scipy.ndimage import gaussian_filter
 
 from orthomill.schemas.raster import MapGrid, RasterSpec, Window, tiles_of
-from orthomill.schemas.surface import MEASURED, HeightSource, Provenance
+from orthomill.schemas.surface import MEASURED, CheckCode, HeightSource, Provenance
 from orthomill.schemas.truth import Material
 from orthomill.tasks.evaluation.accuracy import HeightSums, merged_histogram, merged_sums
 from orthomill.tasks.evaluation.classes import HALO as CLASS_HALO
 from orthomill.tasks.evaluation.classes import PlaceClass, strata_of
+from orthomill.tasks.evaluation.codes_section import check_section
 from orthomill.tasks.evaluation.edges import edge_shares
 from orthomill.tasks.evaluation.grids import grid_of, placement, readable
 from orthomill.tasks.evaluation.orthoimage_accuracy import HALO, GreyFit, merged_counts, photos_that_reach
+from orthomill.tasks.evaluation.tile_sums import summarise_check
 from orthomill.tasks.evaluation.tiles import (
     HeightComparison,
     OrthoPlace,
     OrthoTruthPlace,
+    check_against_truth,
     heights_against_file,
     heights_against_truth,
     ortho_against_file,
@@ -49,6 +52,24 @@ def dsm():
     code = np.full(GRID.shape, Provenance.AGREED, np.uint8)
     code[:, 50:], code[np.isnan(height)] = Provenance.VOLUME, Provenance.EMPTY
     return height, np.where(np.isfinite(height), np.float32(0.15), np.float32(np.nan)), code
+
+
+def test_what_the_check_says_is_counted_by_class_whatever_the_tiles():
+    """The roof has 16 x 24 cells, the ground within three cells of it 22 x 30 less these; a quarter of the roof is not judged."""
+    _, material, _, _ = truth()
+    code = np.full(GRID.shape, CheckCode.AGREES, np.uint8)
+    code[10:18, 20:32], code[material == Material.WATER], code[8, 30] = CheckCode.NOT_JUDGED, CheckCode.ESTIMATE, CheckCode.WRONG
+    parts = []
+    for tile in tiles_of(GRID.shape, 32):
+        place = placement(GRID, tile.window.grown(CLASS_HALO), GRID)
+        parts.append(check_against_truth(code[tile.window.slices], material[readable(place).slices], place, tile.window))
+    groups = {group.name: group for group in summarise_check(tuple(parts)).groups}
+    roof, margin = groups["roof"], groups["building_margin"]
+    assert (roof.cells, roof.judged, roof.wrong) == (16 * 24, 75.0, 0.0)
+    assert margin.cells == 22 * 30 - 16 * 24 and margin.wrong == pytest.approx(100 / margin.cells, abs=1e-4)
+    assert "water" not in groups and groups["all"].cells == 60 * 80 - 10 * 12, "estimates are not to be judged"
+    section = check_section(summarise_check(tuple(parts)))
+    assert {f.name: f.value for f in section.figures}["check_judged_roof"] == 75.0 and section.grids[0].rows[0][1] == 60 * 80 - 120
 
 
 def compared(core=WHOLE, given=None) -> HeightComparison:
