@@ -1,13 +1,15 @@
 """Planted bumps against the whole check: second surface, rounds and several pairs, as `orthomill check` runs it.
 
-    python -m benchmarks.checking.planted_rounds runs/volos
+    python -m benchmarks.checking.planted_rounds runs/volos [ROWS COLS]
 
 Strategy. The true surface of a simulated run, whose error is known in every cell, is checked against the run's photographs and
-adjusted cameras twice: as it is, and with bumps of +-0.5 to +-25 m and 3 to 60 cells of radius. A bump is detectable where the
-untouched surface was judged and every height of its core (above three quarters of its height) is off by more than the map of
-detectable errors says; it is found when half of the core is called wrong (codes 2 and 3 of the product) with the right sign. What
-the check says of the untouched surface gives false alarms (the same codes), standard errors, and the share that was judged by class
-of the ground.
+adjusted cameras: as it is, with bumps of +-0.5 to +-25 m and 3 to 60 cells of radius, and with an error of just the detectable
+size all over, up and down in turn. A bump is detectable where it is as wide as the report of the check asks for, the untouched
+surface was judged, and every height of its core (above three quarters of its height) is off by more than the map of detectable
+errors says; it is found when half of the core is called wrong (codes 2 and 3 of the product) with the right sign. What the check
+says of the untouched surface gives false alarms (the same codes), standard errors, and the share that was judged by class of the
+ground. A run of which the block is oriented and its pairs are chosen will do; a part of ROWS x COLS cells in its middle is looked
+at (1100 x 1400).
 """
 
 import os
@@ -20,22 +22,29 @@ from pathlib import Path
 import numpy as np
 import rasterio
 from rasterio.transform import from_origin
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import binary_dilation, gaussian_filter, median_filter
 
 from benchmarks.deformation import Bump, shape_of
-from benchmarks.measured_run import machine, orthomill, write_result
+from benchmarks.measured_run import machine, orthomill, summary, write_result
 from orthomill.pipeline.storage.store import Store
+from orthomill.schemas.epipolar import PAIRS
+from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.schemas.surface import SURFACE, CheckCode
+from orthomill.schemas.surface import CheckCode
 from orthomill.schemas.truth import OPEN_MATERIALS, TRUTH_GRID, TRUTH_MATERIAL, TRUTH_SURFACE, Material
+from orthomill.tasks.densification.surface_grid import surface_of
 from orthomill.tasks.imagery.resampling import between
 
 HEIGHTS, RADII = (0.5, 1.0, 2.0, 5.0, 10.0, 25.0), {60: 1, 40: 1, 25: 2, 15: 3, 10: 4, 6: 4, 3: 4}
 """m; cells, and how many bumps of each height and sign"""
 SIDES = 1100, 1400
 """cells of the part that is checked, in the middle of the surface"""
+SIGNIFICANT = 5
+"""standard errors"""
 CORE, ROOM = 0.75, 14
 """share of a bump's height; cells between bumps"""
+SQUARE = 100
+"""cells from an error of just the detectable size to the next, which has the other sign"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,11 +64,11 @@ class Ground:
         return {"open ground": np.isin(self.material, OPEN_MATERIALS) & ~margin, "roofs": roof, "margins": margin, "crowns": tree}
 
 
-def ground_of(folder: Path) -> Ground:
-    """The middle of a simulated run."""
+def ground_of(folder: Path, sides: tuple[int, int] = SIDES) -> Ground:
+    """The middle of a simulated run, `sides` cells of it."""
     store = Store(folder)
-    whole, truth = store.table(SURFACE).grid, store.table(TRUTH_GRID)
-    rows, cols = (min(side, size) for side, size in zip(SIDES, whole.shape, strict=True))
+    whole, truth = surface_of(store.table(BLOCK), store.table(PAIRS), None).grid, store.table(TRUTH_GRID)
+    rows, cols = (min(side, size) for side, size in zip(sides, whole.shape, strict=True))
     first = (whole.rows - rows) // 2, (whole.cols - cols) // 2
     west, north = whole.west + first[1] * whole.cell, whole.north - first[0] * whole.cell
     grid = MapGrid(west=west, north=north, cell=whole.cell, rows=rows, cols=cols)
@@ -108,13 +117,14 @@ def checked(ground: Ground, heights: np.ndarray, project: Path, root: Path, name
 
 @dataclass(frozen=True)
 class Found:
-    """One bump: radius (cells) and height (m); whether it was detectable and was found, and the share of its amplitude that the
-    corrections tell."""
+    """One bump: radius (cells) and height (m); whether it is off by more than the map says, and was found; whether most of it could
+    not be judged; the share of its amplitude that the corrections tell."""
 
     radius: int
     height: float
     detectable: bool
     found: bool
+    unjudged: bool
     share: float
 
 
@@ -131,7 +141,8 @@ def found(bump: Bump, ground: Ground, untouched: dict[str, np.ndarray], answer: 
         right = wrong(answer)[near][core] & (-np.sign(bump.height) * answer["test"][near][core] > 0)
     share = -float((dh * shape)[known].sum() / max((shape[known] ** 2).sum(), 1e-9)) / bump.height if known.any() else 0.0
     cells = round(bump.radius / ground.grid.cell)
-    return Found(cells, bump.height, bool(clearly.all()), bool(right.mean() >= 0.5), share)
+    unjudged = bool(np.isnan(answer["dh"][near][core]).mean() > 0.5)
+    return Found(cells, bump.height, bool(clearly.all()), bool(right.mean() >= 0.5), unjudged, share)
 
 
 def wrong(answer: dict[str, np.ndarray]) -> np.ndarray:
@@ -139,14 +150,45 @@ def wrong(answer: dict[str, np.ndarray]) -> np.ndarray:
     return np.isin(answer["code"], (CheckCode.WRONG, CheckCode.CORRECTED))
 
 
+@dataclass(frozen=True, eq=False)
+class JustDetectable:
+    """An error (rows, cols) m of the size that the map of detectable errors names, up and down in turn; its plateaus (bool)."""
+
+    error: np.ndarray
+    plateau: np.ndarray
+
+
+def just_detectable(untouched: dict[str, np.ndarray]) -> JustDetectable:
+    """The error that the check of the untouched surface promises to find in 95 %."""
+    limit = untouched["detectable"]
+    known = np.isfinite(limit)
+    # Smoothed: an error that changes from cell to cell is narrower than any window.
+    size = gaussian_filter(median_filter(np.where(known, limit, np.median(limit[known])), 31), 8)
+    rows, cols = (np.sin(np.pi * np.arange(side) / SQUARE) for side in limit.shape)
+    wave = 2 * np.outer(rows, cols)
+    return JustDetectable(size * np.clip(wave, -1, 1), np.abs(wave) >= 1)
+
+
+def power(planted: JustDetectable, answer: dict[str, np.ndarray]) -> list[str]:
+    """Rows of the table: of the plateaus, by sign, the share of the cells that are significant and that are called wrong."""
+    rows = []
+    size = np.abs(planted.error)
+    same = planted.plateau & np.isfinite(answer["dh"]) & (np.abs(answer["detectable"] / np.maximum(size, 1e-9) - 1) < 0.2)
+    for name, sign in (("too high", 1), ("too low", -1)):
+        cells = same & (sign * planted.error > 0)
+        significant = 100 * float((-sign * answer["test"][cells] > SIGNIFICANT).mean())
+        rows.append(f"| {name} | {int(cells.sum())} | {significant:.1f} | {100 * float(wrong(answer)[cells].mean()):.1f} |")
+    return rows
+
+
 def _range(middle: float, radius: float, centres: np.ndarray) -> tuple[int, int]:
     inside = np.flatnonzero(np.abs(centres - middle) <= radius)
     return int(inside[0]), int(inside[-1]) + 1
 
 
-def page(folder: Path) -> str:
+def page(folder: Path, sides: tuple[int, int]) -> str:
     """Plant, check, compare; the page as text."""
-    ground = ground_of(folder)
+    ground = ground_of(folder, sides)
     bumps = planted(ground.grid)
     x, y = np.meshgrid(*ground.grid.centres(Window(0, 0, *ground.grid.shape)))
     error = np.zeros(ground.grid.shape)
@@ -155,6 +197,9 @@ def page(folder: Path) -> str:
     with tempfile.TemporaryDirectory() as place:
         untouched, seconds = checked(ground, ground.heights, folder, Path(place), "untouched")
         answer, more = checked(ground, ground.heights + error, folder, Path(place), "planted")
+        just = just_detectable(untouched)
+        powers = power(just, checked(ground, ground.heights + just.error, folder, Path(place), "just")[0])
+        wide = summary(Path(place), "untouched")["dsm_check.detectable_width"]["value"] / (2 * ground.grid.cell)
     results = [found(bump, ground, untouched, answer) for bump in bumps]
     return "\n".join(
         [
@@ -165,26 +210,38 @@ def page(folder: Path) -> str:
             f"The true surface of {ground.grid.rows} x {ground.grid.cols} cells of {ground.grid.cell:g} m, {len(bumps)} bumps. "
             f"CPU of `orthomill check` with everything before it: {seconds:.0f} s untouched, {more:.0f} s with the bumps.",
             "",
-            "| radius (cells) | bumps | detectable | found of these | amplitude of these: median | 5 % below |",
-            "| --- | --- | --- | --- | --- | --- |",
-            *[_row(f"{radius}", [r for r in results if r.radius == radius]) for radius in sorted(RADII)],
-            _row("10 and more", [r for r in results if r.radius >= 10]),
+            f"The report promises to see errors of {wide:.3g} cells of radius and more.",
             "",
-            "| height (m), radius 10 and more | bumps | detectable | found of these | amplitude of these: median | 5 % below |",
-            "| --- | --- | --- | --- | --- | --- |",
-            *[_row(f"+-{h:g}", [r for r in results if abs(r.height) == h and r.radius >= 10]) for h in HEIGHTS],
+            _HEAD.format("radius (cells)"),
+            "| --- " * 7 + "|",
+            *[_row(f"{radius}", [r for r in results if r.radius == radius]) for radius in sorted(RADII)],
+            _row("**promised**", [r for r in results if r.radius >= wide]),
+            "",
+            _HEAD.format("height (m), as wide as promised"),
+            "| --- " * 7 + "|",
+            *[_row(f"+-{h:g}", [r for r in results if abs(r.height) == h and r.radius >= wide]) for h in HEIGHTS],
+            "",
+            "Errors of just the size of the map of detectable errors, which it promises to find in 95 %.",
+            "",
+            "| surface | cells | significant (%) | called wrong (%) |",
+            "| --- | --- | --- | --- |",
+            *powers,
             "",
             *_untouched(ground, untouched),
         ]
     )
 
 
+_HEAD = "| {} | bumps | off by more than the map says | found of these | not judged of these | amplitude: median | 5 % below |"
+
+
 def _row(name: str, results: list[Found]) -> str:
     these = [r for r in results if r.detectable]
     shares = [r.share for r in these] or [np.nan]
-    part = f"{100 * np.mean([r.found for r in these]):.0f} %" if these else "-"
+    part = f"{100 * np.mean([r.found for r in these]):.1f} %" if these else "-"
+    unjudged = sum(r.unjudged and not r.found for r in these)
     median, low = np.percentile(shares, (50, 5))
-    return f"| {name} | {len(results)} | {len(these)} | {part} | {100 * median:.0f} % | {100 * low:.0f} % |"
+    return f"| {name} | {len(results)} | {len(these)} | {part} | {unjudged} | {100 * median:.0f} % | {100 * low:.0f} % |"
 
 
 def _untouched(ground: Ground, answer: dict[str, np.ndarray]) -> list[str]:
@@ -208,5 +265,6 @@ def _untouched(ground: Ground, answer: dict[str, np.ndarray]) -> list[str]:
 if __name__ == "__main__":
     run = Path(sys.argv[1])
     write_result(
-        "planted_rounds" if run.name == "volos" else f"planted_rounds_{re.sub('[^a-z0-9]', '_', run.name)}", page(run) + "\n"
+        "planted_rounds" if run.name == "volos" else f"planted_rounds_{re.sub('[^a-z0-9]', '_', run.name)}",
+        page(run, (int(sys.argv[2]), int(sys.argv[3])) if len(sys.argv) > 2 else SIDES) + "\n",
     )

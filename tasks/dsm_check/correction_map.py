@@ -31,6 +31,8 @@ _LEAST_POINTS = 3.0
 """points that determine a plane"""
 POWER = 1.645
 """standard errors by which a correction exceeds its limit in 95 % of all cases, when its mean exceeds the limit by so many"""
+TOGETHER = 2
+"""cells along the least square that is called wrong"""
 _SPIKE = 3.0
 """standard errors by which a correction may differ from the median of its neighbours"""
 _W, _X, _Y, _XX, _XY, _YY, _Z, _XZ, _YZ, _ZZ, _VARIANCE, _WW, _POINTS = range(13)
@@ -215,16 +217,15 @@ def detectable_error(sigma: np.ndarray, significance: float) -> np.ndarray:
     return (np.float32(significance + POWER) * sigma).astype(np.float32)
 
 
-def clearly_wrong(correction: CorrectionMap, significance: float, side: int) -> np.ndarray:
-    """(rows, cols) bool: cells in a square of `side` cells that all ask for a significant correction to the same side; right from
-    `side` - 1 cells off a border on that is not the end of the surface.
+def clearly_wrong(correction: CorrectionMap, significance: float) -> np.ndarray:
+    """(rows, cols) bool: cells in a square of `TOGETHER` cells that all ask for a significant correction to the same side; right
+    from `TOGETHER` - 1 cells off a border on that is not the end of the surface.
 
-    Of a million cells some exceed any limit. They stand alone, or in threes and fours where interpolation repeats the error of one
-    node; an error of the surface covers at least the square of a node.
+    Of a million cells some exceed any limit; most of them stand alone.
     """
     with np.errstate(invalid="ignore"):
         high, low = (sign * correction.dh > significance * correction.sigma for sign in (1, -1))
-    square = np.ones((side, side))
+    square = np.ones((TOGETHER, TOGETHER))
     return np.asarray(binary_opening(high, square) | binary_opening(low, square))
 
 

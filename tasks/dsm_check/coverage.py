@@ -37,6 +37,8 @@ class CheckedPair(BaseModel):
     base_height: float
     share: float
     """of the surface model's area that this pair is the first to check"""
+    direction: tuple[float, float] = (0.0, 0.0)
+    """unit vector of the base from left to right, east and north; zeros where it is not known"""
 
     @property
     def window(self) -> Window:
@@ -83,15 +85,25 @@ def choose_checked_pairs(
         raise GeometryError(
             "No pair of photographs shows the surface model: it is of another place or in another reference system. Check its CRS."
         )
-    chosen = tuple(_checked_pair(pairs.pairs[k], share, _box(polygons[k], grid, tile)) for k, share in order)
+    chosen = tuple(_checked_pair(pairs.pairs[k], share, _box(polygons[k], grid, tile), block) for k, share in order)
     # The orthoimages should resolve what the photographs show: coarser pixels lose the texture that matching needs.
     factor = pixels_per_cell or (2 if grid.cell > 1.5 * ground_pixel(block, surface) else 1)
     ratio = float(np.mean([1 / pair.base_height for pair in chosen]))
     return CheckedPairs(pairs=chosen, pixels_per_cell=factor, pixel_height=grid.cell / factor * ratio)
 
 
-def _checked_pair(pair: EpipolarPair, share: float, box: tuple[int, int, int, int]) -> CheckedPair:
-    return CheckedPair(name=pair.name, left=pair.left, right=pair.right, base_height=pair.base_height, share=share, box=box)
+def _checked_pair(pair: EpipolarPair, share: float, box: tuple[int, int, int, int], block: Block) -> CheckedPair:
+    base = np.subtract(block.of(pair.right).centre, block.of(pair.left).centre)[:2]
+    east, north = base / max(float(np.hypot(*base)), 1e-9)
+    return CheckedPair(
+        name=pair.name,
+        left=pair.left,
+        right=pair.right,
+        base_height=pair.base_height,
+        share=share,
+        box=box,
+        direction=(float(east), float(north)),
+    )
 
 
 def covered(pair: EpipolarPair, block: Block, surface: Surface) -> np.ndarray:

@@ -3,42 +3,81 @@
 Strategy. Every pair sees a place from two directions: what a house hides from one is open to another. Pairs that agree are averaged
 by their precision. Where three or more disagree, the one farthest from the others is left out as long as it contradicts them; two
 that contradict each other cannot be told apart: the cell keeps the more precise one, with the difference in its standard error, and
-counts as disputed. Pairs share photographs and the texture of the ground, so that their errors are partly the same: three pairs of
-three photographs are no three observations.
+counts as disputed. Pairs share photographs and the texture of the ground, so that their errors are partly the same, and how much
+follows from the directions of their bases: three pairs of three photographs are no three observations.
 """
+
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from orthomill.tasks.dsm_check.correction_map import CorrectionMap
 
-SHARED = 0.5
-"""part of the variance that two pairs have in common: that of the photograph in which they meet"""
+EVERYWHERE = 0.02
+"""correlation of two pairs without a common photograph: the surface and its texture are the same"""
 _CONTRADICTS = 4.0
 """standard errors of a difference"""
 
 
-def joint(maps: list[CorrectionMap], shape: tuple[int, int]) -> tuple[CorrectionMap, np.ndarray]:
-    """The corrections of all pairs together, and disputed cells (rows, cols) bool."""
+class PairGeometry(NamedTuple):
+    """The photographs of a pair, and the unit vector (2,) of its base from the left one to the right one, east and north."""
+
+    left: str
+    right: str
+    direction: tuple[float, float]
+
+
+ALONE = PairGeometry("", "", (0.0, 0.0))
+"""a pair of which nothing is known"""
+
+
+def correlations(pairs: Sequence[PairGeometry]) -> np.ndarray:
+    """Correlations (K, K) of the corrections of pairs.
+
+    An error in a photograph that two pairs share moves the detail in both; what it has along the base counts, so that pairs in the
+    same direction from that photograph err alike, those at right angles do not, and those in opposite directions err the other way.
+    """
+    found = np.eye(len(pairs))
+    for k, one in enumerate(pairs):
+        for m, other in enumerate(pairs[:k]):
+            meets = 0.0
+            for own, sign in ((one.left, 1.0), (one.right, -1.0)):
+                for its, turn in ((other.left, 1.0), (other.right, -1.0)):
+                    meets += sign * turn * float(np.dot(one.direction, other.direction)) * (own == its) / 2.0
+            found[k, m] = found[m, k] = EVERYWHERE + (1.0 - EVERYWHERE) * meets
+    return found
+
+
+def joint(
+    maps: list[CorrectionMap], shape: tuple[int, int], correlation: np.ndarray | None = None
+) -> tuple[CorrectionMap, np.ndarray]:
+    """The corrections of all pairs together, and disputed cells (rows, cols) bool.
+
+    correlation: (K, K) of the maps; None where they have nothing in common.
+    """
     disputed = np.zeros(shape, np.bool_)
     if not maps:
         return CorrectionMap(np.full(shape, np.nan, np.float32), np.full(shape, np.nan, np.float32)), disputed
     if len(maps) == 1:
         return maps[0], disputed
     dh, sigma = np.full(shape, np.nan, np.float32), np.full(shape, np.nan, np.float32)
-    _join(np.stack([m.dh for m in maps]), np.stack([m.sigma for m in maps]), dh, sigma, disputed)
+    common = np.eye(len(maps)) if correlation is None else correlation
+    _join(np.stack([m.dh for m in maps]), np.stack([m.sigma for m in maps]), common, dh, sigma, disputed)
     return CorrectionMap(dh, sigma), disputed
 
 
 @njit(cache=True)
-def _join(all_dh, all_sigma, dh, sigma, disputed):
+def _join(all_dh, all_sigma, common, dh, sigma, disputed):
     values, errors = np.empty(all_dh.shape[0]), np.empty(all_dh.shape[0])
+    which = np.empty(all_dh.shape[0], np.int64)
     for r in range(dh.shape[0]):
         for c in range(dh.shape[1]):
             n = 0
             for k in range(all_dh.shape[0]):
                 if np.isfinite(all_dh[k, r, c]):
-                    values[n], errors[n] = all_dh[k, r, c], all_sigma[k, r, c]
+                    values[n], errors[n], which[n] = all_dh[k, r, c], all_sigma[k, r, c], k
                     n += 1
             if n == 0:
                 continue
@@ -58,18 +97,20 @@ def _join(all_dh, all_sigma, dh, sigma, disputed):
                 if by <= _CONTRADICTS:
                     break
                 n -= 1
-                values[worst], errors[worst] = values[n], errors[n]
+                values[worst], errors[worst], which[worst] = values[n], errors[n], which[n]
             total, weight, best = 0.0, 0.0, 0
             for k in range(n):
                 total += values[k] / errors[k] ** 2
                 weight += 1.0 / errors[k] ** 2
                 if errors[k] < errors[best]:
                     best = k
-            mean, chi = total / weight, 0.0
+            mean, chi, together = total / weight, 0.0, 0.0
             for k in range(n):
                 chi += (values[k] - mean) ** 2 / errors[k] ** 2
-            # Between independent and identical observations; never worse than the best of them alone.
-            variance = min((1.0 + (n - 1) * SHARED) / weight, errors[best] ** 2)
+                for m in range(n):
+                    together += common[which[k], which[m]] / (errors[k] * errors[m])
+            # Never worse than the best of them alone.
+            variance = min(together / weight**2, errors[best] ** 2)
             if n == 2 and abs(values[0] - values[1]) > _CONTRADICTS * np.sqrt(errors[0] ** 2 + errors[1] ** 2):
                 disputed[r, c] = given == 2
                 dh[r, c] = values[best]

@@ -29,7 +29,7 @@ from orthomill.tasks.dsm_check.report_rounds import (
 )
 from orthomill.tasks.dsm_check.rounds.round_state import RoundState
 from orthomill.tasks.dsm_check.statistics import Counts, PairCounts, Summary, TileCounts, added, bin_width, summarised
-from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceShift, surface_shift
+from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceShift, SurfaceTrend, surface_shift
 
 __all__ = ["DETECTABLE", "DH", "LAST_ROUND", "PRECISION", "TEST", "Blocks", "report"]
 
@@ -84,17 +84,19 @@ def report(
     raised: float = 0.0,
     keeps: bool = True,
     last_round: int = 1,
+    level: SurfaceTrend | None = None,
 ) -> Reported:
     """Figures, tables, histogram, maps and warnings from the counts of all tiles and the coarse raster (rows, cols, 5).
 
     rounds: what each did. shift: of a surface from a file, which was raised by so many m before the check; keeps: whether the
-    corrected surface keeps it.
+    corrected surface keeps it; level: the plane that is in none of the corrections.
     """
     total = added([tile.dh for tile in tiles])
     whole = summarised(total, pairs.pixel_height)
     trend, plane = fitted_trend(coarse, blocks.grid, blocks.size)
     areas = suspicious_areas(coarse, plane, blocks.grid, blocks.size, blocks.significance)
-    of_file = None if shift is None else _final_shift(coarse, shift, raised)
+    of_file = None if shift is None else _final_shift(coarse, shift, raised, level.middle if level else 0.0)
+    trend = trend if level is None else _with_level(trend, level, blocks.grid)
     detectable = _detectable(coarse, blocks.significance)
     tilts = _tilt_warnings(trend, pairs, detectable)
     told = (*_surface_warnings(tiles, trend, pairs, of_file is None), *tilts, *_shift_warnings(of_file, keeps))
@@ -133,10 +135,18 @@ def report(
     return Reported(found, area_map(areas, AreaRule(blocks.grid, blocks.size, blocks.crs)))
 
 
-def _final_shift(coarse: np.ndarray, shift: SurfaceShift, raised: float) -> SurfaceShift:
-    """The shift of a surface from a file, as the whole check knows it; that of the first look where the check judged too little."""
+def _final_shift(coarse: np.ndarray, shift: SurfaceShift, raised: float, level: float) -> SurfaceShift:
+    """The shift of a surface from a file, as the whole check knows it; that of the first look where the check judged too little.
+    level: m, what is in none of the corrections."""
     last = surface_shift(coarse)
-    return whole_shift(last, raised) if last.blocks else whole_shift(shift, raised + shift.up)
+    return whole_shift(last, raised + level) if last.blocks else whole_shift(shift, raised + shift.up)
+
+
+def _with_level(trend: Trend, level: SurfaceTrend, grid: MapGrid) -> Trend:
+    """The tilt of the corrections with that of the plane which is in none of them."""
+    east, north = (trend.east + 1000 * level.by_col / grid.cell, trend.north - 1000 * level.by_row / grid.cell)
+    width, height = (side * grid.cell / 1000 for side in (grid.cols, grid.rows))
+    return Trend(trend.middle, east, north, abs(east) * width + abs(north) * height)
 
 
 def _shift_warnings(shift: SurfaceShift | None, keeps: bool) -> tuple[str, ...]:

@@ -44,7 +44,7 @@ from orthomill.tasks.dsm_check.rounds.several_passes import FILLED, Passes, coun
 from orthomill.tasks.dsm_check.surfaces.checked_surface import CheckedSurface, DensifiedSurface, SurfaceFile
 from orthomill.tasks.dsm_check.surfaces.foreign_grid import foreign_surface, measured_surface
 from orthomill.tasks.dsm_check.surfaces.placing import PLACED, place, places
-from orthomill.tasks.dsm_check.surfaces.surface_shift import ROUGH_SHIFT, SHIFT, SurfaceShift, no_shift
+from orthomill.tasks.dsm_check.surfaces.surface_shift import ROUGH_SHIFT, SHIFT, TREND, SurfaceShift, no_shift
 from orthomill.tasks.dsm_check.surfaces.taken_surface import take_file
 from orthomill.tasks.dsm_check.tile import correct_tile, take_surface
 
@@ -277,16 +277,15 @@ class DsmCheckStage(Stage):
         yield from self._answer_rasters(passes)
         reads: Reads = {"rounds": tuple(state_table(k) for k in range(1, number + 1))}
         params: dict[str, Any] = {"last_round": number}
-        back, own = 0.0, 0.0
+        back, own, keeps = 0.0, 0.0, True
         if isinstance(self.surface, SurfaceFile):
             keeps = self.surface.shift == "keep"
             back, own = -self._up(view) if keeps else 0.0, self.surface.sigma
-            reads["shift"] = SHIFT
+            reads |= {"shift": SHIFT, "level": TREND}
             params |= {"raised": self._up(view), "keeps": keeps}
         for tile in passes.tiles():
-            yield passes.finish(
-                tile, number, levels > 0, _answer(tile, block_size(passes.surface.grid.shape)), Finish(passes.rule(), back, own)
-            )
+            writes = _answer(tile, block_size(passes.surface.grid.shape))
+            yield passes.finish(tile, number, levels > 0, writes, Finish(passes.rule(), back, own), not keeps)
         yield self._report(passes, reads, params)
 
     def correction_nodes(self, pixels_per_cell: int) -> CorrectionNodes:

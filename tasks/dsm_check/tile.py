@@ -14,6 +14,7 @@ from orthomill.schemas.raster import Window
 from orthomill.schemas.surface import ESTIMATED, CheckCode
 from orthomill.tasks.dsm_check.areas import blocks, slopes
 from orthomill.tasks.dsm_check.correction_map import (
+    TOGETHER,
     CorrectionMap,
     CorrectionNodes,
     clearly_wrong,
@@ -24,9 +25,10 @@ from orthomill.tasks.dsm_check.correction_map import (
     share_applied,
     without_spikes,
 )
-from orthomill.tasks.dsm_check.joint_correction import joint
+from orthomill.tasks.dsm_check.joint_correction import ALONE, PairGeometry, correlations, joint
 from orthomill.tasks.dsm_check.nodes import node_offset
 from orthomill.tasks.dsm_check.statistics import TileCounts, count_pair, count_tile
+from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceTrend
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,7 @@ class NodeWindow:
     given: Window
     own: Window
     """the nodes in the tile itself; the others are its halo"""
+    geometry: PairGeometry = ALONE
 
     def inner(self, nodes: np.ndarray) -> np.ndarray:
         """The tile's own nodes of the given array."""
@@ -105,10 +108,10 @@ def correct_tile(
     around the window are not asked.
     """
     # Whether a cell stands alone is seen by the cells around the tile.
-    wide = window.grown(rule.nodes.step - 1).clipped(shape) if shape else window
+    wide = window.grown(TOGETHER - 1).clipped(shape) if shape else window
     says = joint_nodes(wide, pairs, rule.nodes, nodes)
     inside = window.within(wide).slices
-    wrong = clearly_wrong(says.found, rule.significance, rule.nodes.step)[inside]
+    wrong = clearly_wrong(says.found, rule.significance)[inside]
     own = JointNodes(CorrectionMap(says.found.dh[inside], says.found.sigma[inside]), says.disputed[inside], says.clean)
     return answered(window, pairs, rule, heights, own, wrong, provenance)
 
@@ -145,12 +148,36 @@ def answered(
     )
 
 
-def joint_nodes(window: Window, pairs: tuple[NodeWindow, ...], grid: CorrectionNodes, nodes: tuple[np.ndarray, ...]) -> JointNodes:
-    """What all pairs together say of the cells of `window`; nodes: one array (rows, cols, bands) for each of `pairs`."""
+def joint_nodes(
+    window: Window,
+    pairs: tuple[NodeWindow, ...],
+    grid: CorrectionNodes,
+    nodes: tuple[np.ndarray, ...],
+    trend: SurfaceTrend | None = None,
+) -> JointNodes:
+    """What all pairs together say of the cells of `window`; nodes: one array (rows, cols, bands) for each of `pairs`; trend: what
+    is no error of single cells."""
     clean = tuple(without_spikes(one) for one in nodes)
     points = [node_points(one, (pair.given.row, pair.given.col), grid) for one, pair in zip(clean, pairs, strict=True)]
-    found, disputed = joint([interpolate(of_pair, window, grid) for of_pair in points], window.shape)
+    maps = [interpolate(of_pair, window, grid) for of_pair in points]
+    found, disputed = joint(maps, window.shape, correlations([pair.geometry for pair in pairs]))
+    if trend is not None:
+        found = CorrectionMap(found.dh - trend.at(window), found.sigma)
     return JointNodes(found, disputed, clean)
+
+
+def blocks_of_nodes(
+    window: Window,
+    pairs: tuple[NodeWindow, ...],
+    grid: CorrectionNodes,
+    size: int,
+    heights: np.ndarray,
+    nodes: tuple[np.ndarray, ...] = (),
+) -> np.ndarray:
+    """`areas.blocks` (rows, cols, 3) of `size` cells of what all pairs say of the surface with these heights (window.shape) m."""
+    found = joint_nodes(window, pairs, grid, nodes).found
+    dh, sigma = (np.where(np.isfinite(heights), band, np.float32(np.nan)) for band in (found.dh, found.sigma))
+    return blocks(dh, sigma, size)
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,7 @@
 """Several rounds: large errors by coarse orthoimages, narrow ones by a closer look, joint pairs, and what was asked for."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from checked_ground import GRID, ground, project
@@ -12,7 +14,7 @@ from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import CORRECTED, CheckCode, Surface
 from orthomill.tasks.dsm_check.correction_map import CorrectionMap, CorrectionNodes
-from orthomill.tasks.dsm_check.joint_correction import joint
+from orthomill.tasks.dsm_check.joint_correction import EVERYWHERE, PairGeometry, correlations, joint
 from orthomill.tasks.dsm_check.nodes import NodeMatching
 from orthomill.tasks.dsm_check.rounds.carried import carry
 from orthomill.tasks.dsm_check.rounds.coarse_levels import (
@@ -25,10 +27,11 @@ from orthomill.tasks.dsm_check.rounds.coarse_levels import (
     reduced_heights,
     start_surface,
 )
-from orthomill.tasks.dsm_check.rounds.round_state import LookAgain, RoundCounts, by_block, look_again, state_table
+from orthomill.tasks.dsm_check.rounds.round_state import LookAgain, MergeRule, RoundCounts, by_block, look_again, merge, state_table
 from orthomill.tasks.dsm_check.rounds.second_look import Look, better_of
 from orthomill.tasks.dsm_check.search import ShiftSearch
 from orthomill.tasks.dsm_check.stage import CloserLook, DsmCheckStage
+from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceTrend, surface_trend
 from orthomill.tasks.dsm_check.tile import JointNodes, NodeWindow
 
 
@@ -108,9 +111,34 @@ def cells(values, sigma):
     return CorrectionMap(*(np.array([[v]], np.float32) for v in (values, sigma)))
 
 
+EASTWARD, NORTHWARD = (1.0, 0.0), (0.0, 1.0)
+
+
 def test_pairs_that_agree_are_more_precise_than_one_but_no_independent_observations():
-    found, disputed = joint([cells(0.1, 0.1), cells(0.1, 0.1)], (1, 1))
-    assert found.dh[0, 0] == pytest.approx(0.1) and found.sigma[0, 0] == pytest.approx(0.1 * np.sqrt(0.75)) and not disputed.any()
+    one, other = PairGeometry("a", "b", EASTWARD), PairGeometry("c", "d", EASTWARD)
+    found, disputed = joint([cells(0.1, 0.1), cells(0.1, 0.1)], (1, 1), correlations([one, other]))
+    expected = 0.1 * np.sqrt((1 + EVERYWHERE) / 2)
+    assert found.dh[0, 0] == pytest.approx(0.1) and found.sigma[0, 0] == pytest.approx(expected) and not disputed.any()
+
+
+def test_pairs_err_alike_as_far_as_their_bases_run_alike_from_a_common_photograph():
+    """Errors of 0.1 px in every photograph, in both directions: shifts along the bases of pairs, a million times."""
+    pairs = [
+        PairGeometry("a", "b", EASTWARD),
+        PairGeometry("a", "c", EASTWARD),
+        PairGeometry("a", "d", NORTHWARD),
+        PairGeometry("b", "c", EASTWARD),
+    ]
+    moved = {name: np.random.default_rng(number).normal(0, 0.1, (100_000, 2)) for number, name in enumerate("abcd")}
+    shifts = [(moved[pair.right] - moved[pair.left]) @ np.array(pair.direction) for pair in pairs]
+    np.testing.assert_allclose(correlations(pairs), EVERYWHERE + (1 - EVERYWHERE) * np.corrcoef(shifts), atol=0.015)
+
+
+def test_pairs_in_a_row_correct_each_other():
+    row = [PairGeometry("a", "b", EASTWARD), PairGeometry("b", "c", EASTWARD)]
+    found, _ = joint([cells(0.1, 0.1), cells(0.1, 0.1)], (1, 1), correlations(row))
+    apart, _ = joint([cells(0.1, 0.1), cells(0.1, 0.1)], (1, 1))
+    assert found.sigma[0, 0] < apart.sigma[0, 0]
 
 
 def test_of_three_pairs_the_one_that_contradicts_is_left_out():
@@ -233,21 +261,93 @@ def look(heights: float, dh: float, sigma: float, correlation: float, outcome: O
     ],
 )
 def test_the_photographs_decide_between_two_surfaces(first, second, answer):
-    found, disputed = better_of(look(*first), look(*second), WIDE, (PAIR,), NODES, 5.0)
+    found, disputed, undecided = better_of(look(*first), look(*second), WIDE, (PAIR,), NODES, 5.0)
+    assert undecided.all() == (first[1] == answer != 0.02), "what is contradicted and stays is to be looked at again"
     assert found.dh == pytest.approx(np.full(WIDE.shape, answer), abs=1e-5, nan_ok=True) and not disputed.any()
 
 
 def test_a_step_of_the_surface_under_test_is_not_known_better_than_to_a_quarter_of_a_cell():
     first = look(10.0, np.nan, np.nan, 0.5)
     first.heights[:, 8:] += 4.0
-    found, _ = better_of(first, look(12.0, 0.0, 0.05, 0.9), WIDE, (PAIR,), NODES, 5.0)
+    found = better_of(first, look(12.0, 0.0, 0.05, 0.9), WIDE, (PAIR,), NODES, 5.0).found
     assert found.sigma[8, 7] == pytest.approx(1.0, abs=0.01) == found.sigma[8, 8] and found.sigma[8, 2] == pytest.approx(0.05)
 
 
 def test_single_cells_are_no_reason_to_believe_the_second_surface():
     first, second = look(10.0, 0.0, 0.05, 0.5), look(12.0, np.nan, np.nan, 0.95)
     second.says.found.dh[3, 3:9], second.says.found.sigma[3, 3:9] = 0.0, 0.05
-    assert (better_of(first, second, WIDE, (PAIR,), NODES, 5.0)[0].dh == 0).all()
+    assert (better_of(first, second, WIDE, (PAIR,), NODES, 5.0).found.dh == 0).all()
+
+
+@pytest.mark.parametrize(
+    ("matched", "shown", "answer"), [(2, 2, 2.0), (2, 4, 2.0), (1, 1, 2.0), (1, 3, np.nan), (0, 1, np.nan), (0, 3, np.nan)]
+)
+def test_a_place_that_too_few_pairs_matched_is_not_taken_from_the_nodes_beyond_it(matched, shown, answer):
+    """Four pairs; `shown` of them show the place, and `matched` of these find it."""
+    outcomes = [Outcome.CONVERGED] * matched + [Outcome.MOVED_TOO_FAR] * (shown - matched) + [Outcome.OUTSIDE] * (4 - shown)
+    first = look(10.0, np.nan, np.nan, 0.5)
+    second = look(12.0, 0.0, 0.05, 0.9)
+    nodes = tuple(look(12.0, 0.0, 0.05, 0.9, outcome).nodes[0] for outcome in outcomes)
+    looks = first._replace(nodes=first.nodes * 4), Look(second.heights, replace(second.says, clean=nodes), nodes)
+    found = better_of(*looks, WIDE, (PAIR,) * 4, NODES, 5.0).found
+    assert found.dh == pytest.approx(np.full(WIDE.shape, answer), abs=1e-5, nan_ok=True)
+
+
+AROUND = 4
+RULE = MergeRule("significant", 5.0, 8, number=2, least=0.1, precise=1.0, around=AROUND)
+
+
+def merged(dh: float, sigma: float, changed: bool):
+    """A tile of 32 x 32 cells after a closer look at all of it; the first look asked for 0.1 +- 0.05 m, and has changed the cells
+    (10:14, 10:14) or none."""
+    tile = Window(0, 0, 32, 32)
+    last = np.zeros(tile.shape, np.uint8)
+    last[10:14, 10:14] = changed
+    full = [np.full(tile.shape, value, np.float32) for value in (10.0, 0.1, 0.05, dh, sigma)]
+    return merge(tile, tile, (tile,), RULE, *full[:3], last, (full[3],), (full[4],))
+
+
+def test_a_closer_look_that_finds_nothing_leaves_the_more_precise_first_one():
+    found = merged(0.3, 0.1, changed=False)
+    assert np.allclose(found.residual, 0.1) and np.allclose(found.precision, 0.05) and not found.changes.changed
+
+
+def test_a_closer_look_that_finds_something_counts():
+    found = merged(1.0, 0.1, changed=False)
+    assert np.allclose(found.height, 11.0) and np.allclose(found.residual, 0.0) and np.allclose(found.precision, 0.1)
+
+
+def test_around_a_change_only_the_later_look_counts():
+    """Windows of the first look there have seen the error that is corrected by now."""
+    found = merged(0.02, 0.1, changed=True)
+    near = np.zeros((32, 32), bool)
+    near[10 - AROUND : 14 + AROUND, 10 - AROUND : 14 + AROUND] = True
+    np.testing.assert_array_equal(np.isclose(found.residual, 0.02), near)
+    np.testing.assert_array_equal(np.isclose(found.precision, 0.05), ~near)
+
+
+def test_what_is_asked_for_all_over_a_surface_is_no_error_of_its_cells():
+    grid = GRID
+    blocks = np.zeros((grid.rows // 8, grid.cols // 8, 3), np.float32)
+    row, col = np.indices(blocks.shape[:2])
+    blocks[..., 0], blocks[..., 2] = 1.0, 0.05
+    blocks[..., 1] = 0.04 + 0.001 * (col - col.mean()) - 0.0005 * (row - row.mean())
+    trend = surface_trend(blocks, grid, 8, pixel_height=1.0)
+    assert trend.middle == pytest.approx(0.04, abs=1e-4) and trend.by_col == pytest.approx(0.001 / 8, rel=1e-3)
+    assert trend.by_row == pytest.approx(-0.0005 / 8, rel=1e-3)
+    whole = Window(0, 0, grid.rows, grid.cols)
+    part = Window(24, 40, 16, 8)
+    np.testing.assert_array_equal(trend.at(whole)[part.slices], trend.at(part))
+    assert trend.at(whole).mean() == pytest.approx(0.04, abs=1e-3)
+
+
+def test_more_than_a_slight_tilt_is_an_error_of_the_surface():
+    grid = GRID
+    blocks = np.zeros((grid.rows // 8, grid.cols // 8, 3), np.float32)
+    blocks[..., 0], blocks[..., 2] = 1.0, 0.05
+    blocks[..., 1] = 0.3 + np.linspace(-1, 1, blocks.shape[1])
+    found = surface_trend(blocks, grid, 8, 1.0)
+    assert found == SurfaceTrend(middle=found.middle, centre=found.centre) and found.middle == pytest.approx(0.3, abs=1e-3)
 
 
 def test_the_next_round_looks_where_something_changed_and_around_it():

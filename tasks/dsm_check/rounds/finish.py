@@ -13,6 +13,7 @@ from orthomill.schemas.surface import ESTIMATED, CheckCode
 from orthomill.tasks.dsm_check.areas import blocks, slopes
 from orthomill.tasks.dsm_check.correction_map import CorrectionMap, clearly_wrong, detectable_error
 from orthomill.tasks.dsm_check.statistics import TileCounts, count_tile
+from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceTrend
 from orthomill.tasks.dsm_check.tile import CheckedCells, Conditions, CorrectionRule, cell_codes
 
 
@@ -39,19 +40,20 @@ def finish(
     provenance: np.ndarray | None = None,
     filled: np.ndarray | None = None,
     far: np.ndarray | None = None,
+    trend: SurfaceTrend | None = None,
 ) -> CheckedCells:
     """The checked cells of `window`.
 
-    Arrays (wide.shape), the step of the nodes less a cell larger to every side: heights as given and after the last pass (m), what
+    Arrays (wide.shape), a cell larger to every side: heights as given and after the last pass (m), what
     is still asked for and its standard error (m). Arrays (window.shape): disputed, provenance, where the photographs filled holes,
-    and far from the second surface (uint8).
+    and far from the second surface (uint8). trend: what is taken out of the corrected surface with its shift; None where it stays.
     """
     rule, inside = how.rule, window.within(wide).slices
     judged = np.isfinite(residual)
     after = np.where(judged, height, given)
     error = np.hypot(np.where(judged, precision, np.nan), how.own).astype(np.float32)
     whole = CorrectionMap(np.where(judged, after - given + residual, np.nan).astype(np.float32), error)
-    wrong = clearly_wrong(whole, rule.significance, rule.nodes.step)[inside]
+    wrong = clearly_wrong(whole, rule.significance)[inside]
     given, after = given[inside], after[inside]
 
     estimated = np.isin(np.zeros(window.shape, np.uint8) if provenance is None else provenance, ESTIMATED)
@@ -61,6 +63,7 @@ def finish(
     # Several passes may have changed a cell by less than the limit of one.
     share = (known & (np.abs(np.nan_to_num(after - given)) > 0)).astype(np.float32)
     unconfirmed = ~known & np.isfinite(given) & (far > 0) if far is not None else np.zeros(window.shape, np.bool_)
+    back = np.float32(how.back) if trend is None else np.float32(how.back) + trend.at(window)
     code = cell_codes(given, correction, share, Conditions(wrong, estimated, disputed > 0))
     code[unconfirmed] = CheckCode.BEYOND_REACH
     if filled is not None:
@@ -72,7 +75,7 @@ def finish(
         precision=correction.sigma,
         test=(correction.dh / correction.sigma).astype(np.float32),
         detectable=detectable_error(correction.sigma, rule.significance),
-        height=(after + np.float32(how.back)).astype(np.float32),
+        height=(after + back).astype(np.float32),
         code=code,
         coarse=np.concatenate(coarse, axis=-1),
         counts=found.model_copy(update={"beyond": int(unconfirmed.sum())}),

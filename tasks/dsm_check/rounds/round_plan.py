@@ -16,6 +16,7 @@ from orthomill.schemas.surface import Surface
 from orthomill.tasks.dsm_check.correction_map import CorrectionNodes
 from orthomill.tasks.dsm_check.coverage import CheckedPair, CheckedPairs, ground_pixel
 from orthomill.tasks.dsm_check.height_correction import Correction
+from orthomill.tasks.dsm_check.joint_correction import PairGeometry
 from orthomill.tasks.dsm_check.nodes import BANDS, NodeMatching, NodeTile, check_nodes
 from orthomill.tasks.dsm_check.rounds.round_state import RoundState
 from orthomill.tasks.dsm_check.tile import NodeWindow
@@ -204,7 +205,8 @@ class CheckRound:
         inside = shifted(own, -box.row, -box.col)
         given = inside.grown(self.nodes.halo).clipped(box.shape)
         own = inside.clipped(box.shape)
-        named = NodeWindow(pair.name, shifted(given, box.row, box.col), shifted(own, box.row, box.col))
+        geometry = PairGeometry(pair.left, pair.right, pair.direction)
+        named = NodeWindow(pair.name, shifted(given, box.row, box.col), shifted(own, box.row, box.col), geometry)
         return named, Raster(node_raster(pair.name, self.prefix), given)
 
 

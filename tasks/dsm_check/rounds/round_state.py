@@ -8,6 +8,7 @@ them. Blocks lie on the grid of the surface, so that every tiling looks at the s
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
+import cv2
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 from scipy.ndimage import binary_dilation
@@ -20,6 +21,7 @@ from orthomill.tasks.dsm_check.correction_map import CorrectionMap, CorrectionNo
 from orthomill.tasks.dsm_check.nodes import OUTCOME
 from orthomill.tasks.dsm_check.rounds.second_look import Look, better_of
 from orthomill.tasks.dsm_check.statistics import TileCounts
+from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceTrend
 from orthomill.tasks.dsm_check.tile import CorrectionRule, JointNodes, NodeWindow, answered, joint_nodes
 
 
@@ -150,9 +152,10 @@ def judge_again(
     active: np.ndarray,
     block: int,
     nodes: tuple[np.ndarray, ...] = (),
+    trend: SurfaceTrend | None = None,
 ) -> CorrectedAgain:
-    """What a later pass says of a small tile; active: (rows, cols) uint8 of its blocks."""
-    found = joint_nodes(window, pairs, grid, nodes).found
+    """What a later pass says of a small tile; active: (rows, cols) uint8 of its blocks; trend: what is no error of single cells."""
+    found = joint_nodes(window, pairs, grid, nodes, trend).found
     looked = _cells(active, block, window.shape)
     return CorrectedAgain(*(np.where(looked, band, np.float32(np.nan)) for band in (found.dh, found.sigma)))
 
@@ -174,10 +177,13 @@ class MergeRule:
     """m: smaller changes ask for no other look"""
     precise: float
     """m: standard error that a cell must reach which no earlier round could judge"""
+    around: int
+    """cells around a change whose windows saw it"""
 
 
 def merge(
     window: Window,
+    wide: Window,
     parts: tuple[Window, ...],
     rule: MergeRule,
     heights: np.ndarray,
@@ -189,7 +195,7 @@ def merge(
     provenance: np.ndarray | None = None,
 ) -> MergedCells:
     """The tile `window` after a later pass, which looked at `parts` of it (windows of the whole surface) and found `dh` and `sigma`
-    there."""
+    there; last: round of the last change, in `wide`, which is `rule.around` cells larger to every side."""
     asked, error = np.full(window.shape, np.nan, np.float32), np.full(window.shape, np.nan, np.float32)
     for part, one, other in zip(parts, dh, sigma, strict=True):
         place = part.within(window).slices
@@ -203,6 +209,11 @@ def merge(
         asked[np.isnan(residual) & (error > rule.precise)] = np.nan
     found = CorrectionMap(asked, error)
     share = share_applied(found, rule.apply, rule.significance)
+    # The smaller windows of a closer look are less precise: where they find nothing, and nothing around was changed, the wider ones
+    # count.
+    moved = cv2.dilate((last == rule.number - 1).astype(np.uint8), np.ones((2 * rule.around + 1,) * 2, np.uint8)) > 0
+    inside = window.within(wide).slices
+    asked[np.isfinite(residual) & (share == 0) & ~moved[inside]] = np.nan
     change = np.where(share > 0, share * np.nan_to_num(asked), np.float32(0.0))
     known = np.isfinite(asked)
     return MergedCells(
@@ -210,7 +221,7 @@ def merge(
         residual=np.where(known, asked - change, residual).astype(np.float32),
         precision=np.where(known, error, precision).astype(np.float32),
         asks=by_block(np.abs(change) > rule.least, rule.block),
-        last=np.where(change != 0, np.uint8(rule.number), last),
+        last=np.where(change != 0, np.uint8(rule.number), last[inside]),
         changes=round_counts(known, change),
     )
 
@@ -226,6 +237,8 @@ def precise_enough(pixel_height: float) -> float:
     return 0.1 * pixel_height
 
 
+_SUSPECTED = 0.6
+"""of the significance: corrections that are looked at more closely"""
 _HOPELESS = (Outcome.NOT_TRIED, Outcome.OUTSIDE, Outcome.OCCLUDED, Outcome.CONVERGED)
 """outcomes of nodes that a closer look would not change"""
 
@@ -267,24 +280,29 @@ def judge(
     second: np.ndarray | None = None,
     second_nodes: tuple[np.ndarray, ...] = (),
     wide: Window | None = None,
+    trend: SurfaceTrend | None = None,
 ) -> FirstJudged:
     """The first pass over a tile of the surface, and over the second one where there is one; arguments as in `correct_tile`. With a
     second surface, it and the heights are given in `wide`, two cells more to every side."""
+    undecided = np.zeros(window.shape, np.bool_)
     if second is None or wide is None:
-        says = joint_nodes(window, pairs, rule.nodes, nodes)
+        says = joint_nodes(window, pairs, rule.nodes, nodes, trend)
     else:
-        says, heights = _two_looks(window, wide, pairs, rule, (heights, second), (nodes, second_nodes))
+        says, heights, undecided = _two_looks(window, wide, pairs, rule, (heights, second), (nodes, second_nodes), trend)
     # What is wrong beyond doubt is told at the end, of the sum of all passes.
     cells = answered(window, pairs, rule, heights, says, np.zeros(window.shape, np.bool_), provenance)
     change = np.nan_to_num(cells.height - heights)
     # What two photographs see and windows of this size do not understand may be a narrow error: it is looked at more closely.
     failed = _failed(window, pairs, rule.nodes.step, nodes) & np.isnan(cells.dh) & np.isfinite(heights)
+    # Of an error narrower than its windows a pass sees a part, which may be no more than a suspicion.
+    with np.errstate(invalid="ignore"):
+        suspected = (np.abs(cells.test) > _SUSPECTED * rule.significance) | undecided
     return FirstJudged(
         height=cells.height,
         residual=(cells.dh - change).astype(np.float32),
         precision=cells.precision,
         disputed=(cells.code == CheckCode.DISPUTED).astype(np.uint8),
-        asks=by_block((np.abs(change) > least_change(rule.pixel_height)) | failed, rule.block),
+        asks=by_block((np.abs(change) > least_change(rule.pixel_height)) | failed | suspected, rule.block),
         last=(change != 0).astype(np.uint8),
         changes=round_counts(np.isfinite(cells.dh), change),
         counts=cells.counts,
@@ -298,10 +316,12 @@ def _two_looks(
     rule: CorrectionRule,
     heights: tuple[np.ndarray, np.ndarray],
     nodes: tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]],
-) -> tuple[JointNodes, np.ndarray]:
-    """What both surfaces say of `window`, and its heights; heights and nodes: of the surface under test and of the second one."""
-    looks = [Look(h, joint_nodes(wide, pairs, rule.nodes, n), n) for h, n in zip(heights, nodes, strict=True)]
-    found, disputed = better_of(looks[0], looks[1], wide, pairs, rule.nodes, rule.significance)
+    trend: SurfaceTrend | None,
+) -> tuple[JointNodes, np.ndarray, np.ndarray]:
+    """What both surfaces say of `window`, its heights, and cells (bool) of which they say different things; heights and nodes: of
+    the surface under test and of the second one."""
+    looks = [Look(h, joint_nodes(wide, pairs, rule.nodes, n, trend), n) for h, n in zip(heights, nodes, strict=True)]
+    both = better_of(looks[0], looks[1], wide, pairs, rule.nodes, rule.significance)
     inside = window.within(wide).slices
-    own = CorrectionMap(found.dh[inside], found.sigma[inside])
-    return JointNodes(own, disputed[inside], looks[0].says.clean), heights[0][inside]
+    own = CorrectionMap(both.found.dh[inside], both.found.sigma[inside])
+    return JointNodes(own, both.disputed[inside], looks[0].says.clean), heights[0][inside], both.undecided[inside]

@@ -28,6 +28,8 @@ _CONTRADICTS = 4.0
 _CLEARLY = 2.0
 """standard errors by which the second surface must correlate better"""
 _UNTRIED = (Outcome.NOT_TRIED, Outcome.OUTSIDE)
+_WITNESSES = 2
+"""pairs that must have matched a place of the second surface, if as many show it"""
 _MATCHES = 0.7
 """correlation of windows that are accepted as a match"""
 _IN_PLAN = 0.25
@@ -44,11 +46,20 @@ class Look(NamedTuple):
     nodes: tuple[np.ndarray, ...]
 
 
+class BothLooks(NamedTuple):
+    """What two looks together say of the surface under test: corrections, and cells (bool) that are disputed, and where the looks
+    contradict each other and neither is clearly the better one."""
+
+    found: CorrectionMap
+    disputed: np.ndarray
+    undecided: np.ndarray
+
+
 def better_of(
     given: Look, second: Look, wide: Window, pairs: tuple[NodeWindow, ...], grid: CorrectionNodes, sure: float
-) -> tuple[CorrectionMap, np.ndarray]:
-    """What both looks together say of the surface under test in the cells `wide`, and disputed cells (bool); right from the third
-    row and column on, or from the border of the surface. sure: standard errors by which a correction is significant."""
+) -> BothLooks:
+    """What both looks together say of the surface under test in the cells `wide`; right from the third row and column on, or from
+    the border of the surface. sure: standard errors by which a correction is significant."""
     mine, other = given.says.found, second.says.found
     # What the second look says of the same height, against the surface under test: that is known to a quarter of a cell in plan.
     dh = (other.dh + (second.heights - given.heights)).astype(np.float32)
@@ -59,11 +70,24 @@ def better_of(
         # Of an error that is narrower than its window the first look sees a part.
         part = (np.sign(dh) == np.sign(mine.dh)) & (np.abs(dh) > np.abs(mine.dh))
         against = np.hypot(np.maximum(gain, 0.0), np.where(part, mine.dh / (sure * mine.sigma), 0.0))
-        instead = np.isfinite(dh) & np.where(np.isnan(mine.dh), gain > 0.0, contradicts & (against > 1.0))
+        known = np.isfinite(dh) & _seen_well(second.says.clean, wide, pairs, grid)
+        instead = known & np.where(np.isnan(mine.dh), gain > 0.0, contradicts & (against > 1.0))
     # Beside walls both windows see roof and ground: of single cells nothing can be told.
     instead = binary_opening(instead, np.ones((3, 3)))
     found = CorrectionMap(np.where(instead, dh, mine.dh), np.where(instead, sigma, mine.sigma))
-    return found, np.where(instead, second.says.disputed, given.says.disputed)
+    return BothLooks(found, np.where(instead, second.says.disputed, given.says.disputed), known & contradicts & ~instead)
+
+
+def _seen_well(nodes: tuple[np.ndarray, ...], wide: Window, pairs: tuple[NodeWindow, ...], grid: CorrectionNodes) -> np.ndarray:
+    """(wide.shape) bool: cells whose own node was matched in two pairs, or in the only one that shows it."""
+    # Behind a wall no window is matched, and what the nodes beyond it say would be extended to its foot.
+    matched, shown = np.zeros(wide.shape, np.uint8), np.zeros(wide.shape, np.uint8)
+    for pair, one in zip(pairs, nodes, strict=True):
+        outcome, cells = np.nan_to_num(one[..., OUTCOME]), pair.given.scaled(grid.step)
+        both = _common(cells, wide)
+        for total, counts in ((matched, outcome == Outcome.CONVERGED), (shown, ~np.isin(outcome, _UNTRIED))):
+            total[both.within(wide).slices] += np.repeat(np.repeat(counts, grid.step, 0), grid.step, 1)[both.within(cells).slices]
+    return np.asarray((matched > 0) & (matched >= np.minimum(shown, _WITNESSES)))
 
 
 def _steps(heights: np.ndarray) -> np.ndarray:

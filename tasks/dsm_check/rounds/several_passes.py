@@ -15,6 +15,7 @@ from orthomill.schemas.raster import RasterSpec, Tile, Window, map_raster, tiles
 from orthomill.schemas.stage_contract import ProjectView
 from orthomill.schemas.surface import PROVENANCE, Surface
 from orthomill.tasks.dsm_check.areas import block_size
+from orthomill.tasks.dsm_check.correction_map import TOGETHER
 from orthomill.tasks.dsm_check.coverage import CHECKED_SURFACE, CheckedPairs
 from orthomill.tasks.dsm_check.rounds.carried import carry
 from orthomill.tasks.dsm_check.rounds.coarse_levels import (
@@ -57,8 +58,8 @@ from orthomill.tasks.dsm_check.rounds.round_state import (
 )
 from orthomill.tasks.dsm_check.statistics import TileCounts
 from orthomill.tasks.dsm_check.surfaces.checked_surface import SurfaceFile
-from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceShift, surface_shift
-from orthomill.tasks.dsm_check.tile import CorrectionRule
+from orthomill.tasks.dsm_check.surfaces.surface_shift import TREND, SurfaceShift, surface_shift, surface_trend
+from orthomill.tasks.dsm_check.tile import CorrectionRule, blocks_of_nodes
 
 NAN = float("nan")
 _FEWEST_CELLS = 48
@@ -221,11 +222,14 @@ class Passes:
         yield from one.jobs()
         if twice:
             yield from other.jobs()
+        if not self.measured:
+            yield from self._trend(one)
         yield from self._state_rasters(1, disputed=True)
         for tile in self.tiles():
             windows, near = one.near(tile.window)
             params: dict[str, Any] = {"window": tile.window, "pairs": windows, "rule": rule}
             reads: Reads = {"heights": Raster("dsm_check/input", tile.window), "nodes": near, **self.codes(tile.window)}
+            reads |= self._of_trend
             if twice:
                 wide = tile.window.grown(2).clipped(self.surface.grid.shape)
                 reads |= {"heights": Raster("dsm_check/input", wide), "second": Raster(SECOND, wide)}
@@ -238,6 +242,25 @@ class Passes:
             }
             yield Job(KIND, "judge", judge, reads, writes, params, tile.row, tile.col, _scratch(tile))
         yield self._look_again(1)
+
+    def _trend(self, one: CheckRound) -> Plan:
+        """What the first pass asks for all over the surface."""
+        grid, (size, shape) = self.surface.grid, self._blocks()
+        yield RasterSpec(name=_FIRST_BLOCKS, shape=(*shape, 3), dtype="float32", chunk=self.tile // size)
+        for tile in self.tiles():
+            windows, near = one.near(tile.window)
+            reads: Reads = {"heights": Raster("dsm_check/input", tile.window), "nodes": near}
+            out: dict[str, Raster | Table] = {"coarse": Raster(_FIRST_BLOCKS, coarser(tile.window, size))}
+            params = {"window": tile.window, "pairs": windows, "grid": one.nodes, "size": size}
+            yield Job(KIND, "trend-blocks", blocks_of_nodes, reads, out, params, tile.row, tile.col, _scratch(tile))
+        whole = Raster(_FIRST_BLOCKS, Window(0, 0, *shape))
+        params = {"grid": grid, "size": size, "pixel_height": self.pairs.pixel_height}
+        yield Job(KIND, "trend", surface_trend, {"coarse": whole}, {"trend": TREND}, params)
+
+    @property
+    def _of_trend(self) -> Reads:
+        """The trend of a surface from a file."""
+        return {} if self.measured else {"trend": TREND}
 
     def _second_pass(self) -> CheckRound:
         return CheckRound("dsm_check/second", self.scene, self.surface, self.pairs, SECOND, self.tile, self.how)
@@ -266,7 +289,15 @@ class Passes:
                 params = {"window": tile.window, "pairs": windows, "grid": again.nodes, "block": block}
                 what = f"{again.item}judge"
                 yield Job(
-                    KIND, what, judge_again, {"active": active, "nodes": near}, out, params, tile.row, tile.col, _scratch(tile)
+                    KIND,
+                    what,
+                    judge_again,
+                    {"active": active, "nodes": near, **self._of_trend},
+                    out,
+                    params,
+                    tile.row,
+                    tile.col,
+                    _scratch(tile),
                 )
         yield from self._state_rasters(number)
         for tile in self.tiles():
@@ -298,24 +329,23 @@ class Passes:
         inside = [t for t in tiles_of(self.surface.grid.shape, small) if (t.row, t.col) in judged and _holds(tile, t)]
         parts = tuple(t.window for t in inside)
         prefix, before = f"dsm_check/rounds/{number}", number - 1
+        nodes = self.main("").nodes
+        around = int(nodes.window / 2 + nodes.radius) + 2
+        wide = tile.window.grown(around).clipped(self.surface.grid.shape)
         reads: Reads = {
             **{
                 argument: Raster(of_round(before, name), tile.window)
-                for argument, name in (
-                    ("heights", "carried"),
-                    ("residual", "residual"),
-                    ("precision", "precision"),
-                    ("last", "last"),
-                )
+                for argument, name in (("heights", "carried"), ("residual", "residual"), ("precision", "precision"))
             },
+            "last": Raster(of_round(before, "last"), wide),
             **self.codes(tile.window),
         }
         if parts:
             reads["dh"] = tuple(Raster(f"{prefix}/dh", part) for part in parts)
             reads["sigma"] = tuple(Raster(f"{prefix}/sigma", part) for part in parts)
         pixel, size = self.pairs.pixel_height, block_size(self.surface.grid.shape)
-        rule = MergeRule(self.apply, self.significance, size, number, least_change(pixel), precise_enough(pixel))
-        params = {"window": tile.window, "parts": parts, "rule": rule}
+        rule = MergeRule(self.apply, self.significance, size, number, least_change(pixel), precise_enough(pixel), around)
+        params = {"window": tile.window, "wide": wide, "parts": parts, "rule": rule}
         return Job(
             KIND, f"rounds/{number}-merge", merge, reads, self._state(number, tile), params, tile.row, tile.col, _scratch(tile)
         )
@@ -377,10 +407,13 @@ class Passes:
 
     # --- the end
 
-    def finish(self, tile: Tile, number: int, twice: bool, writes: dict[str, Raster | Table], how: Finish) -> Job:
-        """The answer in a tile after pass `number`; twice: whether there is a second surface."""
+    def finish(
+        self, tile: Tile, number: int, twice: bool, writes: dict[str, Raster | Table], how: Finish, level: bool = False
+    ) -> Job:
+        """The answer in a tile after pass `number`; twice: whether there is a second surface; level: whether the trend is taken out
+        of the corrected surface."""
         # Whether a cell stands alone is seen by the cells around the tile.
-        wide = tile.window.grown(self.how.step - 1).clipped(self.surface.grid.shape)
+        wide = tile.window.grown(TOGETHER - 1).clipped(self.surface.grid.shape)
         reads: Reads = {
             "given": Raster("dsm_check/input", wide),
             **{name: Raster(of_round(number, name), wide) for name in ("height", "residual", "precision")},
@@ -390,6 +423,8 @@ class Passes:
         }
         if twice:
             reads["far"] = Raster(FAR, tile.window)
+        if level:
+            reads |= self._of_trend
         if not self.measured:
             reads["filled"] = Raster(FILLED, tile.window)
         params = {"window": tile.window, "wide": wide, "how": how}
@@ -400,6 +435,8 @@ FILLED = "dsm_check/filled"
 """uint8, 1 where the photographs filled a hole of a surface from a file"""
 
 
+_FIRST_BLOCKS = "dsm_check/first_blocks"
+"""float32 (rows, cols, 3): `areas.blocks` of the first pass"""
 SECOND, FAR = "dsm_check/second_surface", "dsm_check/far"
 """float32 m: the second surface; uint8, 1 where the given one is far from it"""
 

@@ -12,7 +12,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.job import Table
-from orthomill.tasks.dsm_check.areas import CHECKED, EAST, MEAN, NORTH, SIGMA
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.tasks.dsm_check.areas import CHECKED, EAST, MEAN, NORTH, SIGMA, fitted_trend
 
 _LEAST_BLOCKS = 60
 """blocks of which a shift in plan can be told"""
@@ -42,6 +43,41 @@ class SurfaceShift(BaseModel):
         if self.east is None or self.north is None or self.plan_sigma is None:
             return False
         return bool(np.hypot(self.east / self.plan_sigma[0], self.north / self.plan_sigma[1]) > _CERTAIN)
+
+
+class SurfaceTrend(BaseModel):
+    """A plane of corrections over the whole surface: m in its middle, and per row and column of cells."""
+
+    model_config = ConfigDict(frozen=True)
+
+    middle: float
+    by_row: float = 0.0
+    by_col: float = 0.0
+    centre: tuple[float, float] = (0.0, 0.0)
+    """row and column of the middle"""
+
+    def at(self, window: Window) -> np.ndarray:
+        """Its value (window.shape) float32 m."""
+        row = window.row + np.arange(window.height) - self.centre[0]
+        col = window.col + np.arange(window.width) - self.centre[1]
+        return (self.middle + self.by_row * row[:, None] + self.by_col * col).astype(np.float32)
+
+
+TREND = Table("dsm_check/trend.json", SurfaceTrend)
+"""what the first pass at full resolution asks for all over a surface from a file: the rest of its shift, and a slight tilt"""
+_SOUND_TILT = 0.5
+"""orthoimage pixels from corner to corner that a sound orientation may leave: no error of the surface"""
+
+
+def surface_trend(coarse: np.ndarray, grid: MapGrid, size: int, pixel_height: float) -> SurfaceTrend:
+    """The trend of a surface from the blocks (rows, cols, 3) of `size` cells; without a tilt where it is more than a slight one,
+    for that is an error of the surface. pixel_height: m, of one orthoimage pixel."""
+    trend, _ = fitted_trend(coarse, grid, size)
+    centre = (grid.rows - 1) / 2, (grid.cols - 1) / 2
+    if trend.range > _SOUND_TILT * pixel_height:
+        return SurfaceTrend(middle=trend.middle, centre=centre)
+    per_cell = grid.cell / 1000
+    return SurfaceTrend(middle=trend.middle, by_row=-trend.north * per_cell, by_col=trend.east * per_cell, centre=centre)
 
 
 _CERTAIN = 4.0
