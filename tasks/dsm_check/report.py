@@ -46,6 +46,8 @@ _LISTED = 20
 """areas in the table"""
 _WARNED = 3
 """areas in the warning"""
+_SEEN = 0.95
+"""share of the heights that two photographs show below which it is told"""
 _SHIFT_LIMIT, _TILT_LIMIT = 0.3, 0.5
 """orthoimage pixels: shift and range of the trend beyond the errors that a sound orientation causes"""
 _COMPASS = ("east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east")
@@ -202,6 +204,8 @@ _FIGURES = (
     ),
     ("detectable_width", "m", "Width from which on that holds: two windows of the matching."),
     ("checked", "%", "Share of the measured cells that could be checked."),
+    ("shown", "%", "Share of the measured cells that both photographs of a pair show: no others could be checked."),
+    ("checked_of_shown", "%", "Share of these that could be checked."),
     ("checked_level", "%", "The same of level or gently sloping surface: open ground, flat roofs."),
     ("checked_steep", "%", "The same of steep surface: banks, pitched roofs."),
     ("checked_steps", "%", "The same where the surface has steps: walls and what lies beside them, crowns."),
@@ -248,7 +252,9 @@ def _figures(values: dict[str, float | int | None]) -> tuple[Figure, ...]:
 
 
 def _cell_values(tiles: tuple[TileCounts, ...], whole: Summary, pairs: CheckedPairs) -> dict[str, float | int | None]:
-    heights, checked, changed = (sum(getattr(tile, name) for tile in tiles) for name in ("heights", "checked", "changed"))
+    heights, checked, changed, shown = (
+        sum(getattr(tile, name) for tile in tiles) for name in ("heights", "checked", "changed", "shown")
+    )
     return {
         "dh_mean": _known(whole.mean),
         "dh_std": _known(whole.std),
@@ -257,6 +263,8 @@ def _cell_values(tiles: tuple[TileCounts, ...], whole: Summary, pairs: CheckedPa
         "dh_within_1_sigma": _known(100 * whole.within_1, 1),
         "dh_within_3_sigma": _known(100 * whole.within_3, 1),
         "checked": _share(checked, heights),
+        "shown": _share(shown, heights),
+        "checked_of_shown": min(_share(checked, shown), 100.0) if shown else None,
         "changed": _share(changed, heights),
         "pairs": len(pairs.pairs),
         "pixel_height": _known(pairs.pixel_height),
@@ -409,6 +417,9 @@ def _verdict(tiles: tuple[TileCounts, ...], whole: Summary, pairs: CheckedPairs,
         f"Photographs and surface agree to {whole.nmad:.2g} m (robust spread) where it could be checked, which is "
         f"{_share(checked, heights):.0f} % of the measured heights"
     )
+    shown = sum(tile.shown for tile in tiles)
+    if 0 < shown < _SEEN * heights:
+        words += f" ({min(_share(checked, shown), 100.0):.0f} % of those that two photographs show)"
     if math.isfinite(detectable):
         width = f", {wide:.2g} m wide or more," if wide else ""
         words += f"; there an error of {detectable:.2g} m{width} would have been found"

@@ -64,6 +64,8 @@ class TileCounts(BaseModel):
     """what the comparison says where heights are estimated"""
     beyond: int = 0
     """cells with a large error that only coarse orthoimages saw"""
+    shown: int = 0
+    """measured cells that both photographs of a pair show"""
     relief: tuple[tuple[int, int], ...] = ()
     """(measured cells, checked ones) by class of `RELIEF`"""
 

@@ -10,6 +10,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import Window
 from orthomill.schemas.surface import ESTIMATED, CheckCode
 from orthomill.tasks.dsm_check.areas import blocks, slopes
@@ -26,7 +27,7 @@ from orthomill.tasks.dsm_check.correction_map import (
     without_spikes,
 )
 from orthomill.tasks.dsm_check.joint_correction import ALONE, PairGeometry, correlations, joint
-from orthomill.tasks.dsm_check.nodes import node_offset
+from orthomill.tasks.dsm_check.nodes import OUTCOME, node_offset
 from orthomill.tasks.dsm_check.statistics import TileCounts, count_pair, count_tile
 from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceTrend
 
@@ -136,6 +137,8 @@ def answered(
         for one, pair in zip(says.clean, pairs, strict=True)
     )
     bands = blocks(correction.dh, correction.sigma, rule.block), slopes(heights, correction.dh, rule.block, rule.cell)
+    shown = cells_of_nodes(window, pairs, rule.nodes.step, says.clean, (Outcome.NOT_TRIED, Outcome.OUTSIDE))
+    counts = count_tile(heights, says.found, share, estimated, counted, rule.pixel_height, rule.cell)
     return CheckedCells(
         dh=correction.dh,
         precision=correction.sigma,
@@ -144,7 +147,7 @@ def answered(
         height=corrected_heights(heights, correction, share),
         code=cell_codes(heights, correction, share, Conditions(wrong, estimated, says.disputed)),
         coarse=np.concatenate(bands, axis=-1),
-        counts=count_tile(heights, says.found, share, estimated, counted, rule.pixel_height, rule.cell),
+        counts=counts.model_copy(update={"shown": int((shown & np.isfinite(heights) & ~estimated).sum())}),
     )
 
 
@@ -217,3 +220,17 @@ def _of_nodes(cells: np.ndarray, pair: NodeWindow, window: Window, nodes: Correc
     )
     # A node of the last, incomplete step may lie beyond the surface.
     return cells[np.ix_(np.minimum(rows, window.height - 1), np.minimum(cols, window.width - 1))]
+
+
+def cells_of_nodes(
+    window: Window, pairs: tuple[NodeWindow, ...], step: int, nodes: tuple[np.ndarray, ...], without: tuple[Outcome, ...]
+) -> np.ndarray:
+    """Cells (bool) of `window` around nodes of any pair that had another outcome than those."""
+    found = np.zeros(window.shape, np.bool_)
+    for pair, one in zip(pairs, nodes, strict=True):
+        codes = np.nan_to_num(pair.inner(one)[..., OUTCOME])
+        cells = np.repeat(np.repeat(~np.isin(codes, without), step, 0), step, 1)
+        row, col = pair.own.row * step - window.row, pair.own.col * step - window.col
+        part = found[row : row + cells.shape[0], col : col + cells.shape[1]]
+        part |= cells[: part.shape[0], : part.shape[1]]
+    return found

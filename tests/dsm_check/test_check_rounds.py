@@ -293,37 +293,29 @@ def test_a_place_that_too_few_pairs_matched_is_not_taken_from_the_nodes_beyond_i
     assert found.dh == pytest.approx(np.full(WIDE.shape, answer), abs=1e-5, nan_ok=True)
 
 
-AROUND = 4
-RULE = MergeRule("significant", 5.0, 8, number=2, least=0.1, precise=1.0, around=AROUND)
+RULE = MergeRule("significant", 5.0, 8, number=2, least=0.1, precise=1.0)
 
 
-def merged(dh: float, sigma: float, changed: bool):
-    """A tile of 32 x 32 cells after a closer look at all of it; the first look asked for 0.1 +- 0.05 m, and has changed the cells
-    (10:14, 10:14) or none."""
+def merged(dh: float, sigma: float):
+    """A tile of 32 x 32 cells after a closer look at all of it, where the first look still asked for 0.1 +- 0.05 m."""
     tile = Window(0, 0, 32, 32)
-    last = np.zeros(tile.shape, np.uint8)
-    last[10:14, 10:14] = changed
-    full = [np.full(tile.shape, value, np.float32) for value in (10.0, 0.1, 0.05, dh, sigma)]
-    return merge(tile, tile, (tile,), RULE, *full[:3], last, (full[3],), (full[4],))
+    height, residual, precision, found, error = (np.full(tile.shape, v, np.float32) for v in (10.0, 0.1, 0.05, dh, sigma))
+    return merge(tile, (tile,), RULE, height, residual, precision, np.zeros(tile.shape, np.uint8), (found,), (error,))
 
 
-def test_a_closer_look_that_finds_nothing_leaves_the_more_precise_first_one():
-    found = merged(0.3, 0.1, changed=False)
-    assert np.allclose(found.residual, 0.1) and np.allclose(found.precision, 0.05) and not found.changes.changed
-
-
-def test_a_closer_look_that_finds_something_counts():
-    found = merged(1.0, 0.1, changed=False)
-    assert np.allclose(found.height, 11.0) and np.allclose(found.residual, 0.0) and np.allclose(found.precision, 0.1)
-
-
-def test_around_a_change_only_the_later_look_counts():
-    """Windows of the first look there have seen the error that is corrected by now."""
-    found = merged(0.02, 0.1, changed=True)
-    near = np.zeros((32, 32), bool)
-    near[10 - AROUND : 14 + AROUND, 10 - AROUND : 14 + AROUND] = True
-    np.testing.assert_array_equal(np.isclose(found.residual, 0.02), near)
-    np.testing.assert_array_equal(np.isclose(found.precision, 0.05), ~near)
+@pytest.mark.parametrize(
+    ("dh", "sigma", "left", "precision", "height"),
+    [
+        (0.3, 0.1, 0.1, 0.05, 10.0),  # it agrees and is less precise: the first look counts
+        (0.08, 0.03, 0.08, 0.03, 10.0),  # it agrees and is more precise
+        (0.4, 0.1, 0.4, 0.1, 10.0),  # it contradicts the first look, whose windows were wider than the error
+        (1.0, 0.1, 0.0, 0.1, 11.0),  # it finds an error
+    ],
+)
+def test_which_look_counts(dh, sigma, left, precision, height):
+    found = merged(dh, sigma)
+    for values, expected in ((found.residual, left), (found.precision, precision), (found.height, height)):
+        assert np.allclose(values, expected, atol=1e-6)
 
 
 def test_what_is_asked_for_all_over_a_surface_is_no_error_of_its_cells():

@@ -299,3 +299,14 @@ def test_uncertain_cells_of_a_block_do_not_hide_what_the_others_say():
     dh[:, :3], sigma[:, :3] = -2.0, 2.0
     ((share, mean, error),) = blocks(dh, sigma, 8)[0]
     assert share == 1.0 and mean == pytest.approx(-5.0, abs=0.02) and error == pytest.approx(0.1, abs=0.01)
+
+
+def test_what_no_two_photographs_show_is_told_apart_from_what_could_not_be_judged():
+    """Half of the heights are shown by a pair, and 80 % of these judged."""
+    dh = noisy()
+    dh[:, 64:] = np.nan
+    half = tile_counts(dh).model_copy(update={"shown": 128 * 80})
+    found = report((half,), PAIRS, blocks(dh, np.full(dh.shape, 0.2), 8), Blocks(GRID, 8, 3.0, "EPSG:2100")).report
+    values = figures(found)
+    assert (values["checked"], values["shown"], values["checked_of_shown"]) == (40.0, 50.0, 80.0)
+    assert "40 % of the measured heights (80 % of those that two photographs show)" in found.verdict.sentence

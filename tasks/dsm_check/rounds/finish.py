@@ -78,5 +78,5 @@ def finish(
         height=(after + back).astype(np.float32),
         code=code,
         coarse=np.concatenate(coarse, axis=-1),
-        counts=found.model_copy(update={"beyond": int(unconfirmed.sum())}),
+        counts=found.model_copy(update={"beyond": int(unconfirmed.sum()), "shown": counts.shown}),
     )

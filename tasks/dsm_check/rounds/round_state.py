@@ -8,7 +8,6 @@ them. Blocks lie on the grid of the surface, so that every tiling looks at the s
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-import cv2
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 from scipy.ndimage import binary_dilation
@@ -18,11 +17,10 @@ from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import Window, tiles_of
 from orthomill.schemas.surface import ESTIMATED, CheckCode
 from orthomill.tasks.dsm_check.correction_map import CorrectionMap, CorrectionNodes, corrected_heights, share_applied
-from orthomill.tasks.dsm_check.nodes import OUTCOME
 from orthomill.tasks.dsm_check.rounds.second_look import Look, better_of
 from orthomill.tasks.dsm_check.statistics import TileCounts
 from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceTrend
-from orthomill.tasks.dsm_check.tile import CorrectionRule, JointNodes, NodeWindow, answered, joint_nodes
+from orthomill.tasks.dsm_check.tile import CorrectionRule, JointNodes, NodeWindow, answered, cells_of_nodes, joint_nodes
 
 
 class RoundCounts(BaseModel):
@@ -177,13 +175,10 @@ class MergeRule:
     """m: smaller changes ask for no other look"""
     precise: float
     """m: standard error that a cell must reach which no earlier round could judge"""
-    around: int
-    """cells around a change whose windows saw it"""
 
 
 def merge(
     window: Window,
-    wide: Window,
     parts: tuple[Window, ...],
     rule: MergeRule,
     heights: np.ndarray,
@@ -195,7 +190,7 @@ def merge(
     provenance: np.ndarray | None = None,
 ) -> MergedCells:
     """The tile `window` after a later pass, which looked at `parts` of it (windows of the whole surface) and found `dh` and `sigma`
-    there; last: round of the last change, in `wide`, which is `rule.around` cells larger to every side."""
+    there."""
     asked, error = np.full(window.shape, np.nan, np.float32), np.full(window.shape, np.nan, np.float32)
     for part, one, other in zip(parts, dh, sigma, strict=True):
         place = part.within(window).slices
@@ -209,11 +204,10 @@ def merge(
         asked[np.isnan(residual) & (error > rule.precise)] = np.nan
     found = CorrectionMap(asked, error)
     share = share_applied(found, rule.apply, rule.significance)
-    # The smaller windows of a closer look are less precise: where they find nothing, and nothing around was changed, the wider ones
-    # count.
-    moved = cv2.dilate((last == rule.number - 1).astype(np.uint8), np.ones((2 * rule.around + 1,) * 2, np.uint8)) > 0
-    inside = window.within(wide).slices
-    asked[np.isfinite(residual) & (share == 0) & ~moved[inside]] = np.nan
+    # The smaller windows of a closer look are less precise: where they ask for nothing and agree with the wider ones, those count.
+    with np.errstate(invalid="ignore"):
+        alike = np.abs(asked - residual) <= _ALIKE * np.hypot(error, precision)
+        asked[alike & (share == 0) & (precision <= error)] = np.nan
     change = np.where(share > 0, share * np.nan_to_num(asked), np.float32(0.0))
     known = np.isfinite(asked)
     return MergedCells(
@@ -221,7 +215,7 @@ def merge(
         residual=np.where(known, asked - change, residual).astype(np.float32),
         precision=np.where(known, error, precision).astype(np.float32),
         asks=by_block(np.abs(change) > rule.least, rule.block),
-        last=np.where(change != 0, np.uint8(rule.number), last[inside]),
+        last=np.where(change != 0, np.uint8(rule.number), last),
         changes=round_counts(known, change),
     )
 
@@ -237,22 +231,12 @@ def precise_enough(pixel_height: float) -> float:
     return 0.1 * pixel_height
 
 
+_ALIKE = 2.0
+"""standard errors of a difference"""
 _SUSPECTED = 0.6
 """of the significance: corrections that are looked at more closely"""
 _HOPELESS = (Outcome.NOT_TRIED, Outcome.OUTSIDE, Outcome.OCCLUDED, Outcome.CONVERGED)
 """outcomes of nodes that a closer look would not change"""
-
-
-def _failed(window: Window, pairs: tuple[NodeWindow, ...], step: int, nodes: tuple[np.ndarray, ...]) -> np.ndarray:
-    """Cells (bool) of `window` around nodes that were tried and failed."""
-    failed = np.zeros(window.shape, np.bool_)
-    for pair, one in zip(pairs, nodes, strict=True):
-        codes = np.nan_to_num(pair.inner(one)[..., OUTCOME])
-        cells = np.repeat(np.repeat(~np.isin(codes, _HOPELESS), step, 0), step, 1)
-        row, col = pair.own.row * step - window.row, pair.own.col * step - window.col
-        part = failed[row : row + cells.shape[0], col : col + cells.shape[1]]
-        part |= cells[: part.shape[0], : part.shape[1]]
-    return failed
 
 
 def by_block(cells: np.ndarray, block: int) -> np.ndarray:
@@ -293,7 +277,7 @@ def judge(
     cells = answered(window, pairs, rule, heights, says, np.zeros(window.shape, np.bool_), provenance)
     change = np.nan_to_num(cells.height - heights)
     # What two photographs see and windows of this size do not understand may be a narrow error: it is looked at more closely.
-    failed = _failed(window, pairs, rule.nodes.step, nodes) & np.isnan(cells.dh) & np.isfinite(heights)
+    failed = cells_of_nodes(window, pairs, rule.nodes.step, nodes, _HOPELESS) & np.isnan(cells.dh) & np.isfinite(heights)
     # Of an error narrower than its windows a pass sees a part, which may be no more than a suspicion.
     with np.errstate(invalid="ignore"):
         suspected = (np.abs(cells.test) > _SUSPECTED * rule.significance) | undecided

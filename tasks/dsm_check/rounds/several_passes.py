@@ -329,23 +329,19 @@ class Passes:
         inside = [t for t in tiles_of(self.surface.grid.shape, small) if (t.row, t.col) in judged and _holds(tile, t)]
         parts = tuple(t.window for t in inside)
         prefix, before = f"dsm_check/rounds/{number}", number - 1
-        nodes = self.main("").nodes
-        around = int(nodes.window / 2 + nodes.radius) + 2
-        wide = tile.window.grown(around).clipped(self.surface.grid.shape)
         reads: Reads = {
             **{
                 argument: Raster(of_round(before, name), tile.window)
-                for argument, name in (("heights", "carried"), ("residual", "residual"), ("precision", "precision"))
+                for argument, name in (("heights", "carried"), *((n, n) for n in ("residual", "precision", "last")))
             },
-            "last": Raster(of_round(before, "last"), wide),
             **self.codes(tile.window),
         }
         if parts:
             reads["dh"] = tuple(Raster(f"{prefix}/dh", part) for part in parts)
             reads["sigma"] = tuple(Raster(f"{prefix}/sigma", part) for part in parts)
         pixel, size = self.pairs.pixel_height, block_size(self.surface.grid.shape)
-        rule = MergeRule(self.apply, self.significance, size, number, least_change(pixel), precise_enough(pixel), around)
-        params = {"window": tile.window, "wide": wide, "parts": parts, "rule": rule}
+        rule = MergeRule(self.apply, self.significance, size, number, least_change(pixel), precise_enough(pixel))
+        params = {"window": tile.window, "parts": parts, "rule": rule}
         return Job(
             KIND, f"rounds/{number}-merge", merge, reads, self._state(number, tile), params, tile.row, tile.col, _scratch(tile)
         )
