@@ -18,7 +18,7 @@ from orthomill.tasks.adjustment.model.datum import add_prior
 from orthomill.tasks.adjustment.model.interior import NOMINAL_SIGMA, given_sigmas
 from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import Network, Rays, State
-from orthomill.tasks.adjustment.solve.minimise import UNDETERMINED
+from orthomill.tasks.adjustment.solve.minimise import UNDETERMINED, NotConverged
 from orthomill.tasks.adjustment.solve.normal_equations import reduced_normals
 from orthomill.tasks.adjustment.sparse.block_matrix import BlockMatrix
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
@@ -81,11 +81,13 @@ def _constants(cameras: np.ndarray, values: np.ndarray) -> np.ndarray:
 def _determined(
     network: Network, state: State, rays: Rays, test: BlunderTest, names: tuple[str, ...]
 ) -> tuple[Adjustment, tuple[BlockFinding, ...]]:
-    """The adjustment; with all interior orientations fixed where they are not determined."""
+    """The adjustment; with all interior orientations fixed where they are not determined, or keep a free block from converging."""
     try:
         return adjust(network, state, rays, test), ()
     except GeometryError as error:
-        if str(error) != UNDETERMINED or not network.interior.free.any():
+        # Of a free block nothing else can be given up; one with a datum is tried without it (`adjusted_block`).
+        loose = str(error) == UNDETERMINED or (network.free and isinstance(error, NotConverged))
+        if not loose or not network.interior.free.any():
             raise
         network, finding = all_fixed(network, names)
         return adjust(network, state, rays, test), (finding,)

@@ -10,6 +10,8 @@ from orthomill.schemas.camera import Camera
 from orthomill.schemas.findings.block_findings import ConstantContradicted, InteriorFixed, InteriorUndetermined, InteriorUnweighted
 from orthomill.tasks.adjustment.bundle import BlunderTest, adjust
 from orthomill.tasks.adjustment.model.interior import FixedInterior, WeightedInterior
+from orthomill.tasks.adjustment.solve.minimise import NotConverged
+from orthomill.tasks.orientation.block import camera_constant
 from orthomill.tasks.orientation.block.camera_constant import FARTHEST, adjust_tested, doubtful_constants, with_free_constants
 from orthomill.tasks.orientation.block.self_calibration import all_fixed, determinable_without_control, determined, unweighted
 
@@ -43,6 +45,23 @@ def adjusted(given, sigma=0.03 * C, fixed=False, start=None):
 def test_a_right_constant_is_not_contradicted():
     found = adjusted(C)
     assert found.findings == () and np.isnan(found.restart).all()
+
+
+def test_a_free_block_that_does_not_converge_is_tried_with_its_interior_orientations_fixed(monkeypatch):
+    """One with a datum is not: it may be the datum that keeps it from converging."""
+
+    def never_with_free_cameras(network, state, rays, test):
+        if network.interior.free.any():
+            raise NotConverged("did not converge")
+        return adjust(replace(network, free=False), state, rays, test)
+
+    monkeypatch.setattr(camera_constant, "adjust", never_with_free_cameras)
+    network, state, rays = small_network(3, points=60, noise=1.0, interior_free=(0, 1, 3))
+    network = more_control(network, 20)
+    found = adjust_tested(replace(network, free=True), state, rays, TEST, ("cam",), True)
+    assert found.findings[0] == InteriorFixed(cameras=("cam",))
+    with pytest.raises(NotConverged):
+        adjust_tested(network, state, rays, TEST, ("cam",), True)
 
 
 @pytest.mark.parametrize("given", [0.8 * C, 1.25 * C])
