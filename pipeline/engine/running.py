@@ -24,6 +24,7 @@ from orthomill.pipeline.engine.interruption import only_where_asked
 from orthomill.pipeline.engine.run_facts import RunFacts, StageTitle, write_facts
 from orthomill.pipeline.engine.runner import Runner, SequentialRunner
 from orthomill.pipeline.engine.session import Session, Watcher, key_text, now, unwatched
+from orthomill.pipeline.export.exports import sweep_products
 from orthomill.pipeline.records.lock import only_run
 from orthomill.pipeline.records.power_cut import examine_after_power_cut, flushing
 from orthomill.pipeline.storage.reading import ReadableStore
@@ -137,6 +138,8 @@ def run_workflow(
             write_facts(session.folder, _so_far(facts, session))
             with flushing(session.folder), _facts_survive(session, facts):
                 facts = replace(facts, scheduler=_run(session, options, watch, announce))
+            # Of this run as well: a worker may have been killed in the middle of an export, which another one then made.
+            sweep_products(session.folder)
         if session.defects:
             announce(_mended(session))
         facts = replace(_so_far(facts, session), finished=now(), seconds=time.monotonic() - clock)

@@ -9,6 +9,7 @@ import csv
 import io
 import math
 import os
+import shutil
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator
@@ -38,6 +39,8 @@ GDAL_CACHE = 64 * 2**20
 _PASSING = {"compress": "zstd", "zstd_level": 1}
 """Compression of a temporary file: none would be a little faster, but could fill the disk."""
 
+_SCRATCH = ".part"
+"""how the names of temporary folders end"""
 T = TypeVar("T")
 
 COLOURS = {3: ("red", "green", "blue"), 4: ("red", "green", "blue", "alpha")}
@@ -60,6 +63,12 @@ def export(export: Export, store: ReadableStore, folder: Path) -> None:
         ) from error
 
 
+def sweep_products(folder: Path) -> None:
+    """Remove what exports left that were killed; nothing may be writing in the run's `folder` now."""
+    for scratch in list((folder / "products").rglob(f".*{_SCRATCH}")):
+        shutil.rmtree(scratch, ignore_errors=True)
+
+
 def _inside(folder: Path, relative: str) -> Path:
     # Links are followed here, unlike in a workflow: a product must not be written through a link to somewhere else.
     path = (folder / relative).resolve()
@@ -75,7 +84,7 @@ def _first_line(error: Exception) -> str:
 @contextmanager
 def _renamed_when_whole(path: Path) -> Iterator[Path]:
     """A temporary path next to `path`, renamed to it at the end; a failure leaves nothing behind."""
-    with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as scratch:
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.", suffix=_SCRATCH) as scratch:
         temporary = Path(scratch) / path.name
         yield temporary
         os.replace(temporary, path)

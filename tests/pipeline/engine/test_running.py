@@ -128,9 +128,12 @@ def test_a_run_sweeps_away_what_a_killed_one_left(tmp_path):
     folder = tmp_path / "runs" / "toy"
     (folder / "jobs").mkdir(parents=True)
     (folder / "jobs" / ".half.part").write_text("half")
+    scratch = folder / "products" / "deep" / ".dsm.tif.abc.part"
+    scratch.mkdir(parents=True)
+    (scratch / "dsm.tif").write_text("half")
     (folder / DASHBOARD).write_text("http://127.0.0.1:8787/status")
     run_workflow(loaded_in(tmp_path), SEQUENTIAL, Written())
-    assert not (folder / "jobs" / ".half.part").exists() and not (folder / DASHBOARD).exists()
+    assert not (folder / "jobs" / ".half.part").exists() and not (folder / DASHBOARD).exists() and not scratch.exists()
 
 
 def test_two_runs_at_the_same_time_are_refused(tmp_path):
