@@ -16,7 +16,6 @@ import zarr
 from zarr.codecs import BloscCodec, Crc32cCodec
 
 from orthomill.pipeline.storage.array_metadata import METADATA, array_metadata, ensure_groups, seal_array
-from orthomill.pipeline.storage.direct_codecs import direct_codecs
 from orthomill.pipeline.storage.file_names import path_of
 from orthomill.pipeline.storage.map_axes import dimension_names, map_attributes, write_axes
 from orthomill.pipeline.storage.table_files import read_table, write_table
@@ -124,8 +123,7 @@ class Store:
                 if inside := [other for other in self.names() if other.startswith(f"{name}/")]:
                     raise StoreError(f"{name} is no raster but holds several, such as {', '.join(inside[:3])}.")
                 raise StoreError(f"The metadata of the raster {name} are damaged; run again, and it is computed again.")
-            with direct_codecs():
-                self._arrays[name] = zarr.open_array(self.rasters, path=path_of(name).as_posix(), mode="r+")
+            self._arrays[name] = zarr.open_array(self.rasters, path=path_of(name).as_posix(), mode="r+")
         return self._arrays[name]
 
     def spec(self, name: str) -> RasterSpec:
