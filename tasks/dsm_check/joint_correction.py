@@ -37,7 +37,8 @@ def correlations(pairs: Sequence[PairGeometry]) -> np.ndarray:
     """Correlations (K, K) of the corrections of pairs.
 
     An error in a photograph that two pairs share moves the detail in both; what it has along the base counts, so that pairs in the
-    same direction from that photograph err alike, those at right angles do not, and those in opposite directions err the other way.
+    same direction from that photograph err alike, and those at right angles do not. Those in opposite directions would err the
+    other way by the noise of the common one, but real photographs have more than noise in common: they count as independent.
     """
     found = np.eye(len(pairs))
     for k, one in enumerate(pairs):
@@ -46,7 +47,7 @@ def correlations(pairs: Sequence[PairGeometry]) -> np.ndarray:
             for own, sign in ((one.left, 1.0), (one.right, -1.0)):
                 for its, turn in ((other.left, 1.0), (other.right, -1.0)):
                     meets += sign * turn * float(np.dot(one.direction, other.direction)) * (own == its) / 2.0
-            found[k, m] = found[m, k] = EVERYWHERE + (1.0 - EVERYWHERE) * meets
+            found[k, m] = found[m, k] = EVERYWHERE + (1.0 - EVERYWHERE) * max(meets, 0.0)
     return found
 
 
