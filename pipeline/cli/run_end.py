@@ -11,8 +11,9 @@ from rich.console import Console
 from rich.markup import escape
 
 from orthomill.pipeline.engine.run_facts import RunFacts, StageTitle
-from orthomill.pipeline.report.first_page import Caution, FirstPage, first_page, reports_of
+from orthomill.pipeline.report.first_page import Caution, FirstPage, first_page
 from orthomill.pipeline.report.numbers import bytes_text
+from orthomill.pipeline.report.present_reports import present_reports
 from orthomill.pipeline.storage.store import Store
 
 CAUTIONS_SHOWN = 3
@@ -44,7 +45,7 @@ def run_end(facts: RunFacts, folder: Path, stages: tuple[StageTitle, ...]) -> Ru
     """The end of a run of `stages`, all of the workflow."""
     # Reports of stages that this run did not finish may be those of an earlier one.
     complete = tuple(title for title in stages if facts.stage(title[0]).complete)
-    return RunEnd(facts, folder, first_page(reports_of(Store(folder), complete, facts), stages, facts, folder))
+    return RunEnd(facts, folder, first_page(present_reports(Store(folder), complete, facts), stages, facts, folder))
 
 
 def tell(end: RunEnd, out: Console, err: Console) -> None:

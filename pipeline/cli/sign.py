@@ -11,7 +11,8 @@ from orthomill.pipeline.engine.run_facts import RunFacts, read_facts
 from orthomill.pipeline.engine.running import titles_of
 from orthomill.pipeline.records.lock import only_run
 from orthomill.pipeline.records.verification import examine
-from orthomill.pipeline.report.first_page import FirstPage, first_page, reports_of
+from orthomill.pipeline.report.first_page import FirstPage, first_page
+from orthomill.pipeline.report.present_reports import present_reports
 from orthomill.pipeline.report.results import rewrite_page
 from orthomill.pipeline.signing.signature import keep, sign
 from orthomill.pipeline.signing.signing_key import default_key_path, new_key, read_key
@@ -38,7 +39,7 @@ def _page(loaded: LoadedWorkflow) -> tuple[FirstPage, RunFacts]:
     if not facts.complete:
         raise StoreError(f"{project} is not complete and cannot be signed; finish it with: orthomill run {project}")
     stages = titles_of(loaded.stages)
-    return first_page(reports_of(Store(folder), stages, facts), stages, facts, folder), facts
+    return first_page(present_reports(Store(folder), stages, facts), stages, facts, folder), facts
 
 
 def signing_lines(page: FirstPage) -> Iterator[str]:

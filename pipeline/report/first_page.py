@@ -11,10 +11,8 @@ from typing import Literal
 
 from orthomill.pipeline.engine.run_facts import RunFacts, StageTitle
 from orthomill.pipeline.report import numbers
-from orthomill.pipeline.report.lengths import in_own_lengths
 from orthomill.pipeline.signing.product_classes import product_classes
-from orthomill.pipeline.storage.reading import ReadableStore
-from orthomill.schemas.stage_report import Product, StageReport, Topic, report_table
+from orthomill.schemas.stage_report import Product, StageReport, Topic
 
 Reports = Mapping[str, StageReport]
 """The present report of every stage that has one, by kind."""
@@ -100,12 +98,6 @@ def first_page(reports: Reports, stages: tuple[StageTitle, ...], run: RunFacts, 
         tuple(_products(reports, stages, folder)),
         tuple(product_classes(reports, folder, run.tolerances)),
     )
-
-
-def reports_of(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunFacts) -> dict[str, StageReport]:
-    """The present reports; one that an earlier run left for a stage which has failed since is not shown as current."""
-    tables = {kind: report_table(kind) for kind, _ in stages if run.stage(kind).reported and run.stage(kind).jobs}
-    return in_own_lengths({kind: store.table(table) for kind, table in tables.items() if store.has_table(table)})
 
 
 def not_asked_for(stages: tuple[StageTitle, ...], run: RunFacts) -> tuple[str, ...]:

@@ -16,8 +16,9 @@ from markupsafe import Markup
 from orthomill.pipeline.engine.run_facts import RunFacts, StageRun, StageTitle
 from orthomill.pipeline.report import numbers
 from orthomill.pipeline.report.charts import chart_svg, colour_bar_svg, thinned
-from orthomill.pipeline.report.first_page import Caution, FirstPage, Reports, first_page, not_asked_for, reports_of
+from orthomill.pipeline.report.first_page import Caution, FirstPage, Reports, first_page, not_asked_for
 from orthomill.pipeline.report.pictures import Drawing, draw
+from orthomill.pipeline.report.present_reports import present_reports
 from orthomill.pipeline.signing.signature import check_signature
 from orthomill.pipeline.signing.signature_lines import signature_lines
 from orthomill.pipeline.signing.statement import Statement
@@ -105,7 +106,7 @@ def write_report(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunF
 def report_html(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunFacts, folder: Path) -> str:
     """The page as text; `stages` are all of the workflow, and those without a report are listed as such."""
     bars = _Counter()
-    reports = reports_of(store, stages, run)
+    reports = present_reports(store, stages, run)
     answers = first_page(reports, stages, run, folder)
     sections = tuple(_section(store, stage, run, reports, answers, bars) for stage in stages)
     # What is simulated, or compared with a known truth, comes after what a real survey would have.

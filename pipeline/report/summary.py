@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from orthomill.pipeline.engine.run_facts import RunFacts, StageRun, StageTitle
-from orthomill.pipeline.report.lengths import in_own_lengths
+from orthomill.pipeline.report.present_reports import present_reports
 from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.pipeline.storage.table_files import write_whole
-from orthomill.schemas.stage_report import Figure, report_table
+from orthomill.schemas.stage_report import Figure
 
 Summary = dict[str, dict[str, Any]]
 """name -> {"value", "unit", "sentence"}"""
@@ -27,9 +27,7 @@ def summary(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunFacts)
     entries = [(f"run.{figure.name}", figure) for figure in _run_figures(run)]
     for kind, _ in stages:
         entries += [(f"run.{kind}.{figure.name}", figure) for figure in _stage_figures(run.stage(kind))]
-    tables = {kind: report_table(kind) for kind, _ in stages if run.stage(kind).reported}
-    reports = in_own_lengths({kind: store.table(table) for kind, table in tables.items() if store.has_table(table)})
-    for kind, report in reports.items():
+    for kind, report in present_reports(store, stages, run).items():
         entries += _unique(kind, report.figures)
     return {name: _entry(figure) for name, figure in sorted(entries, key=lambda entry: entry[0])}
 

@@ -1,6 +1,6 @@
 """Metres are told only where lengths are metres."""
 
-from orthomill.pipeline.report.lengths import in_own_lengths
+from orthomill.pipeline.report.present_reports import in_own_lengths
 from orthomill.schemas.raster import NO_UNIT, MapGrid, map_raster
 from orthomill.schemas.stage_report import Answer, Figure, Picture, StageReport, Topic, Verdict
 

@@ -1,18 +1,27 @@
-"""Lengths of a block without scale are shown as what they are: units of the block, and not metres.
+"""The present reports of the stages, read once for the page, the terminal, the summary and the signature.
 
-Stages reckon in metres and say so in units, labels and sentences. Where one of them reports that lengths are none, from there on,
-its words and those of the stages after it are changed here, once for the report, the terminal, the summary and the signature.
+Lengths of a block without scale are shown as what they are: units of the block, and not metres. Stages reckon in metres and say so
+in units, labels and sentences. Where one of them reports that lengths are none, from there on, its words and those of the stages
+after it are changed here.
 """
 
 import re
 from collections.abc import Mapping
 from typing import Any
 
+from orthomill.pipeline.engine.run_facts import RunFacts, StageTitle
+from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.schemas.raster import NO_UNIT
-from orthomill.schemas.stage_report import StageReport
+from orthomill.schemas.stage_report import StageReport, report_table
 
 _METRES = re.compile(r"(?<=\d)([ \u202f\u00a0])m(?![\w²³/])")
 """a number of metres in a sentence"""
+
+
+def present_reports(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunFacts) -> dict[str, StageReport]:
+    """Reports by stage; one that an earlier run left for a stage which has failed since is not shown as current."""
+    tables = {kind: report_table(kind) for kind, _ in stages if run.stage(kind).reported and run.stage(kind).jobs}
+    return in_own_lengths({kind: store.table(table) for kind, table in tables.items() if store.has_table(table)})
 
 
 def in_own_lengths(reports: Mapping[str, StageReport]) -> dict[str, StageReport]:
