@@ -78,6 +78,7 @@ GOALS = (
     Goal("orthoimage, mean shift across", "-", "evaluation.ortho_shift_mean_col_px"),
     Goal("of this, by the datum of the block", "-", "evaluation.ortho_datum_shift_mean_col_px"),
     Goal("orthoimage, doubled roofs", "0.3 %", "evaluation.ortho_doubled_share", most(0.3)),
+    Goal("the same without pixels that touch the roof", "0.3 %", "evaluation.ortho_doubled_apart_share", most(0.3)),
     Goal("orthoimage, disturbed road where 3 or more photos see it", "1 %", "evaluation.ortho_roads_disturbed_3", most(1)),
     Goal("orthoimage, PSNR", "-", "evaluation.ortho_psnr"),
     Goal("orthoimage, SSIM", "-", "evaluation.ortho_ssim"),

@@ -81,6 +81,8 @@ class OrthoCounts(BaseModel):
     hidden_covered: int = 0
     shadow: int = 0
     shadow_doubled: int = 0
+    shadow_doubled_apart: int = 0
+    """those of the doubled that do not touch the roof: a second image, and not its displaced edge"""
     free: int = 0
     free_doubled: int = 0
     road_3: int = 0
@@ -285,6 +287,11 @@ def doubled(scene: OrthoScene) -> np.ndarray:
     return twice
 
 
+def touches(roof: np.ndarray) -> np.ndarray:
+    """Pixels (rows, cols) that have one of `roof` among their eight neighbours."""
+    return ndimage.binary_dilation(roof, np.ones((3, 3)))
+
+
 def is_ground(material: np.ndarray) -> np.ndarray:
     """Bare ground (rows, cols) bool."""
     return np.logical_or.reduce([material == code for code in OPEN_MATERIALS])
@@ -341,6 +348,7 @@ def count_ortho(scene: OrthoScene, core: Window, hidden_photos: np.ndarray) -> O
         "hidden_covered": known & (seen == 0) & covered,
         "shadow": shadow,
         "shadow_doubled": shadow & twice,
+        "shadow_doubled_apart": shadow & twice & ~touches(scene.material == Material.ROOF)[inner],
         "free": free,
         "free_doubled": free & twice,
         "road_3": many,

@@ -60,6 +60,11 @@ _TRUTH_FIGURES = (
         "Ground that two photographs show, that buildings hide from another, and that looks like the adjacent roof: doubled roofs.",
     ),
     (
+        "ortho_doubled_apart_share",
+        "%",
+        "The same without the pixels that touch the roof, where its edge is displaced: second images of roofs.",
+    ),
+    (
         "ortho_doubled_by_chance",
         "%",
         "The same on ground that no building hides from any photograph: how often the rule applies without cause.",
@@ -133,6 +138,7 @@ def _truth_values(summary: OrthoSummary) -> dict[str, float | int | None]:
         "ortho_completeness_on_surface": share_of(counts.visible_modelled_covered, counts.visible_modelled),
         "ortho_hidden_coloured": share_of(counts.hidden_covered, counts.hidden),
         "ortho_doubled_share": share_of(counts.shadow_doubled, counts.shadow),
+        "ortho_doubled_apart_share": share_of(counts.shadow_doubled_apart, counts.shadow),
         "ortho_doubled_by_chance": share_of(counts.free_doubled, counts.free),
         "ortho_roads_disturbed_3": share_of(counts.road_3_far, counts.road_3),
         "ortho_roads_disturbed_fewer": share_of(counts.road_fewer_far, counts.road_fewer),

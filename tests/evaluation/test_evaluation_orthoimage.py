@@ -141,6 +141,14 @@ def test_roofs_are_doubled_where_two_photographs_see_the_ground():
     assert half.shadow_doubled == doubled(picture)[:, :105].sum() < whole.shadow_doubled and half.shadow < whole.shadow
 
 
+def test_a_second_roof_apart_from_the_first_is_no_displaced_edge():
+    picture = roofed(True)
+    picture.seen[:] = 2
+    counts = count_ortho(picture, WHOLE, np.ones(SHAPE, int))
+    touching = doubled(picture)[:, 100].sum()
+    assert touching > 0 and counts.shadow_doubled_apart == counts.shadow_doubled - touching > 0
+
+
 @pytest.mark.parametrize(("material", "code"), [(Material.VEHICLE, PlaceClass.VEHICLE), (Material.WATER, PlaceClass.WATER)])
 def test_nodes_know_of_cars_and_water_in_their_window(material, code):
     truth = texture()

@@ -157,6 +157,7 @@ def test_figures_of_the_orthoimage_against_the_truth():
         hidden_covered=10,
         shadow=40,
         shadow_doubled=2,
+        shadow_doubled_apart=1,
         free=1000,
         free_doubled=1,
         road_3=100,
@@ -170,6 +171,7 @@ def test_figures_of_the_orthoimage_against_the_truth():
     assert found["ortho_completeness_on_surface"] == 99.0
     assert found["ortho_completeness"] == 95.0 and found["ortho_hidden_coloured"] == 20.0
     assert found["ortho_doubled_share"] == 5.0 and found["ortho_doubled_by_chance"] == 0.1
+    assert found["ortho_doubled_apart_share"] == 2.5
     assert found["ortho_roads_disturbed_3"] == 4.0 and found["ortho_roads_disturbed_fewer"] == 50.0
     assert found["ortho_mean_absolute_difference"] == 1.5
     assert found["ortho_datum_shift_mean_col_px"] == -0.17 and found["ortho_own_shift_above_half_px_share"] == 0.03
