@@ -156,6 +156,8 @@ class ConstantNominal(_Finding):
     c: float
     share: float
     """its standard error in units of c"""
+    guessed: bool = False
+    """no tag told a focal length"""
 
 
 class PrincipalPointMoved(_Finding):

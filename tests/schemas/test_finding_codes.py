@@ -44,7 +44,7 @@ BLOCK_VALUES = {
         "fixed": False,
         "guessed": True,
     },
-    "constant_nominal": {"camera": "n", "c": 3500.0, "share": 0.03},
+    "constant_nominal": {"camera": "n", "c": 3500.0, "share": 0.03, "guessed": False},
     "principal_point_moved": {"camera": "n", "moved_px": 90.0},
     "image_errors_correlated": {
         "rms_px": 0.4,

@@ -43,6 +43,15 @@ class FreeInterior(Settings):
 InteriorChoice = Annotated[FixedInterior | WeightedInterior | FreeInterior, Field(discriminator="kind")]
 
 
+GUESSED = 0.2
+"""Standard error of a camera constant, in units of it, beyond which nothing gave the value: a tag is good to 5 %"""
+
+
+def is_guessed(camera: Camera) -> bool:
+    """Whether nothing gave the camera constant: no tag told a focal length."""
+    return camera.source == "exif" and camera.covariance is not None and camera.covariance[0][0] > (GUESSED * camera.c) ** 2
+
+
 def camera_covariance(camera: Camera) -> np.ndarray:
     """(17, 17) in the order of INTERIOR: that of the camera, the nominal one for a camera from EXIF, else zero (fixed)."""
     if camera.covariance is not None:

@@ -20,7 +20,7 @@ from orthomill.schemas.photo import Photos
 from orthomill.schemas.settings import Settings
 from orthomill.tasks.adjustment.bundle import BlunderTest
 from orthomill.tasks.adjustment.model.image_variation import NoVariation, VariationChoice, variation_of
-from orthomill.tasks.adjustment.model.interior import InteriorChoice, interior_prior
+from orthomill.tasks.adjustment.model.interior import InteriorChoice, interior_prior, is_guessed
 from orthomill.tasks.adjustment.model.network import Rays
 from orthomill.tasks.adjustment.solve.minimise import NotConverged
 from orthomill.tasks.adjustment.solve.ray_intersection import sufficiently_observed
@@ -59,8 +59,6 @@ ENOUGH_CONTROL = 3
 """Control points that determine a similarity transformation, and with it the flying height apart from the camera constant and the
 positions apart from a common shift."""
 
-GUESSED = 0.2
-"""Standard error of a camera constant, in units of it, beyond which nothing gave the value: a tag is good to 3 %"""
 UNMET = 2
 """Control points whose rays do not meet, by more than a wrong name"""
 
@@ -323,8 +321,7 @@ def _told_of_guess(have: _Input, finding: BlockFinding) -> BlockFinding:
     if not isinstance(finding, ConstantContradicted):
         return finding
     camera = have.material.cameras[have.material.camera_names.index(finding.camera)]
-    sigma = 0.0 if camera.covariance is None else float(np.sqrt(camera.covariance[0][0]))
-    return finding.model_copy(update={"guessed": sigma > GUESSED * camera.c})
+    return finding.model_copy(update={"guessed": is_guessed(camera)})
 
 
 def _explained_datum(datum: Datum, tested: Tested) -> Datum:

@@ -20,7 +20,7 @@ from orthomill.schemas.findings.block_findings import (
 )
 from orthomill.tasks.orientation.reporting.block_facts import Facts
 from orthomill.tasks.orientation.reporting.control_sentences import control_sentence, is_grave
-from orthomill.tasks.orientation.reporting.finding_sentences import finding_sentence
+from orthomill.tasks.orientation.reporting.several_findings import finding_sentences
 
 GRAVE = (
     NoDatum,
@@ -46,7 +46,7 @@ def block_doubts(facts: Facts) -> Iterator[str]:
     # is the least of it.
     control = [control_sentence(finding) for finding in facts.control.findings if is_grave(finding)]
     graver = [finding for finding in facts.precision.findings if isinstance(finding, GRAVE) and not _is_found(finding)]
-    found = [finding_sentence(finding) for finding in sorted(graver, key=lambda finding: GRAVE.index(type(finding)))]
+    found = list(finding_sentences(sorted(graver, key=lambda finding: GRAVE.index(type(finding)))))
     yield from (*found, *control) if any(isinstance(finding, NoDatum) for finding in graver) else (*control, *found)
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthomill.schemas.camera import Camera, Cameras
+from orthomill.schemas.findings.block_findings import NoDatum
 from orthomill.schemas.observations import Control, GroundPoints, ImageResiduals
 from orthomill.schemas.orientation import Block, BlockPrecision, GroundResiduals, RelativeOrientations
 from orthomill.schemas.photo import Photos
@@ -33,6 +34,11 @@ class Facts:
     def shown_cameras(self) -> dict[str, Camera]:
         """The cameras that the report shows one by one; a block may have one for every photograph."""
         return dict(list(self.block.cameras.items())[:CAMERAS_SHOWN])
+
+    @property
+    def without_datum(self) -> bool:
+        """Whether the block is a free network: it has no place, and which way is up is arbitrary."""
+        return any(isinstance(finding, NoDatum) for finding in self.precision.findings)
 
     def given_camera(self, name: str) -> Camera:
         """A camera of the block as it was given; that of its photograph, where the block made it for this one."""

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from orthomill.schemas.camera import Camera
 from orthomill.schemas.errors import some_of
 from orthomill.schemas.findings.block_findings import (
     ConstantNominal,
@@ -12,18 +11,17 @@ from orthomill.schemas.findings.block_findings import (
     ImageErrorsCorrelated,
     InteriorUndetermined,
     MeasurementsRejected,
-    NoDatum,
     TiePointsMisfit,
 )
 from orthomill.schemas.observations import ControlPoint
 from orthomill.schemas.orientation import GroundResidual
 from orthomill.tasks.adjustment.testing.adjustment_result import ObservationKind
-from orthomill.tasks.geometry.camera_change import sensor_name
 from orthomill.tasks.orientation.interchange.foreign_block import MIRRORED
 from orthomill.tasks.orientation.reporting.block_facts import CELLS, Facts, filled_areas
+from orthomill.tasks.orientation.reporting.camera_warnings import camera_warnings
 from orthomill.tasks.orientation.reporting.control_sentences import control_sentence
-from orthomill.tasks.orientation.reporting.finding_sentences import finding_sentence
 from orthomill.tasks.orientation.reporting.photographed_surface import coverage
+from orthomill.tasks.orientation.reporting.several_findings import finding_sentences
 
 ONE_SIDED = 0.2
 """Share of the block's frame that the frame of the control must cover"""
@@ -38,11 +36,6 @@ LEAST_MEASUREMENTS, LEAST_AREAS = 30, 5
 need points in opposite corners."""
 LEAST_OVERLAP = 60.0
 """% of the photographed surface that two photographs must see: forward overlap of a common flight"""
-CHANGED = 0.06
-"""A camera constant that changes by more of itself: twice what EXIF is usually wrong by"""
-# Focal planes in EXIF are those of the whole sensor, or of a rounded one: a tenth off is nothing that a block need explain.
-SURE = 0.01
-"""Standard error of an adjusted camera constant, in units of it, up to which a tag of EXIF says nothing against it"""
 COSTLY = (ConstantNominal, InteriorUndetermined, ImageErrorsCorrelated, ControlOnALine, MeasurementsRejected, TiePointsMisfit)
 """Findings that cost accuracy without putting the whole block in doubt"""
 MANY = 0.15
@@ -52,11 +45,10 @@ MANY = 0.15
 def block_warnings(facts: Facts) -> Iterator[str]:
     """Whole sentences about what is poorly determined in the block, and what to do."""
     yield from (u.reason for u in facts.block.unoriented)
-    yield from (finding_sentence(finding) for finding in facts.precision.findings)
+    yield from finding_sentences(facts.precision.findings)
     yield from (control_sentence(finding) for finding in facts.control.findings)
     yield from _control_warnings(facts)
-    yield from _correlation_warnings(facts)
-    yield from _camera_warnings(facts)
+    yield from camera_warnings(facts)
     yield from _photo_warnings(facts)
     yield from _overlap_warnings(facts)
     yield from _factor_warnings(facts)
@@ -67,7 +59,7 @@ def block_losses(facts: Facts) -> Iterator[str]:
     """Those of them that cost accuracy or ground, the dearest first."""
     yield from (u.reason for u in facts.block.unoriented)
     yield from _overlap_warnings(facts)
-    yield from (finding_sentence(finding) for finding in facts.precision.findings if isinstance(finding, COSTLY))
+    yield from finding_sentences([finding for finding in facts.precision.findings if isinstance(finding, COSTLY)])
     yield from _control_warnings(facts)
     yield from _photo_warnings(facts)
     yield from _factor_warnings(facts)
@@ -81,12 +73,12 @@ def _control_warnings(facts: Facts) -> Iterator[str]:
             "that source."
         )
     # Of a block without datum a finding of its own says what it lacks.
-    elif not surveyed and not _without_datum(facts) and all(photo.position is None for photo in facts.photos.photos):
+    elif not surveyed and not facts.without_datum and all(photo.position is None for photo in facts.photos.photos):
         yield (
             "There is no ground control, and no photograph has a position: the block has its own shape, but no place, direction or "
             "scale on the ground. Measure at least five points on the ground, and keep some of them as check points."
         )
-    elif not surveyed and not _without_datum(facts):
+    elif not surveyed and not facts.without_datum:
         yield (
             "There is no ground control: absolute position and height are as good as the positions of the photographs, and nothing "
             "independent checks them. Measure at least five points on the ground, and keep some of them as check points."
@@ -101,10 +93,6 @@ def _control_warnings(facts: Facts) -> Iterator[str]:
     compared = {row.name: row for row in facts.ground.points}
     yield from (_unused(point) for point in surveyed if not _took_part(compared.get(point.name)))
     yield from _doubtful_points(facts, surveyed, compared)
-
-
-def _without_datum(facts: Facts) -> bool:
-    return any(isinstance(finding, NoDatum) for finding in facts.precision.findings)
 
 
 def _took_part(row: GroundResidual | None) -> bool:
@@ -154,51 +142,6 @@ def _one_sided(facts: Facts) -> Iterator[str]:
         f"The control is one-sided: its frame covers {100 * share:.0f} % of the block's, towards the {side}. Away from it errors "
         "grow; add control on the other side."
     )
-
-
-def _correlation_warnings(facts: Facts) -> Iterator[str]:
-    """One sentence for every camera whose parameters are correlated, and one for each correlation with the flying height."""
-    within: dict[str, list[str]] = {}
-    for c in facts.precision.correlations:
-        # The mean height is one "of the projection centres", which no camera is called.
-        (first, _, camera), (second, _, other) = c.first.partition(" of "), c.second.partition(" of ")
-        if camera == other:
-            within.setdefault(camera, []).append(f"{first} and {second} ({c.value:.2f})")
-        # Which way is up is arbitrary in a block without datum.
-        elif "height" not in c.second or not _without_datum(facts):
-            advice = " Control at different heights, or oblique photographs, would separate them." if "height" in c.second else ""
-            yield (
-                f"{c.first} and {c.second} can hardly be distinguished (correlation {c.value:.2f}): neither value is to be used "
-                f"without the other.{advice}"
-            )
-    for camera, pairs in within.items():
-        yield (
-            f"Parameters of the camera {camera} can hardly be distinguished: {', '.join(pairs)}. Their values are not to be used "
-            "one without the other; together they are as good as their residuals."
-        )
-
-
-def _camera_warnings(facts: Facts) -> Iterator[str]:
-    # One sensor is one camera, however its photographs were turned.
-    sensors = {sensor_name(name): name for name in reversed(facts.block.cameras)}
-    for sensor, name in reversed(sensors.items()):
-        camera, before = facts.block.cameras[name], facts.given_camera(name)
-        if before.source == "exif" and camera.source != "block":
-            yield (
-                f"The camera {sensor} is known from EXIF only and was not adjusted: heights may bend over the block. Calibrate it, "
-                "or let its interior orientation take part."
-            )
-        change = camera.c / before.c - 1.0
-        if camera.source == "block" and abs(change) > CHANGED and not (before.source == "exif" and _is_sure(camera)):
-            yield (
-                f"The adjusted camera constant of {sensor} is {100 * change:+.1f} % off the one it started with; it may have "
-                "absorbed other errors (a rolling shutter, wrong heights). Fix it at a calibrated value to compare."
-            )
-
-
-def _is_sure(camera: Camera) -> bool:
-    """Whether the block itself determines the camera constant."""
-    return camera.covariance is not None and bool(np.sqrt(camera.covariance[0][0]) < SURE * camera.c)
 
 
 def _photo_warnings(facts: Facts) -> Iterator[str]:

@@ -138,6 +138,10 @@ def distortion_folds(finding: DistortionFolds) -> str:
     )
 
 
+def _cameras(names: tuple[str, ...]) -> str:
+    return " and ".join(names) if len(names) < 3 else f"{len(names)} cameras ({some_of(names)})"
+
+
 @finding_sentence.register
 def interior_undetermined(finding: InteriorUndetermined) -> str:
     # A share above 100 % is printed as it is: it shows how far the block is from determining the value.
@@ -152,8 +156,9 @@ def interior_undetermined(finding: InteriorUndetermined) -> str:
 @finding_sentence.register
 def interior_fixed(finding: InteriorFixed) -> str:
     return (
-        f"The interior orientation of {' and '.join(finding.cameras)} could not be adjusted: the block does not determine it. It "
-        "was kept fixed; calibrate the camera, or add oblique photographs or control at different heights."
+        f"The interior orientation of {_cameras(finding.cameras)} could not be adjusted: the block does not determine it. It was "
+        "kept as it was given, so that heights may bend over the block; calibrate the camera, or add oblique photographs or "
+        "control at different heights."
     )
 
 
@@ -168,7 +173,7 @@ def datum_given_up(finding: DatumGivenUp) -> str:
 @finding_sentence.register
 def interior_unweighted(finding: InteriorUnweighted) -> str:
     return (
-        f"The interior orientation of {' and '.join(finding.cameras)} was given without standard errors, so there is nothing to "
+        f"The interior orientation of {_cameras(finding.cameras)} was given without standard errors, so there is nothing to "
         "weight it with and it kept its values. Give its standard error (sigma_c) if the block shall improve it, or say that it is "
         "held (interior: {kind: fixed})."
     )
@@ -198,9 +203,10 @@ def _digits(sigma: float) -> str:
 
 @finding_sentence.register
 def constant_nominal(finding: ConstantNominal) -> str:
+    what = "guessed, as no tag tells it" if finding.guessed else "nominal, from EXIF"
     return (
-        f"Without control the camera constant of {finding.camera}, nominal (from EXIF, {finding.c:.0f} px, within "
-        f"{100 * finding.share:.0f} %), cannot be told from the flying height: heights are uncertain by the same share. Calibrate "
+        f"Without control the camera constant of {finding.camera} ({what}, {finding.c:.0f} px, within "
+        f"{100 * finding.share:.0f} %) cannot be told from the flying height: heights are uncertain by the same share. Calibrate "
         "the camera, or give three control points."
     )
 

@@ -15,7 +15,7 @@ from orthomill.schemas.findings.block_findings import (
 )
 from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import Block, BlockPrecision, LargestResidual, ObservationGroup, ParameterCorrelation
-from orthomill.tasks.adjustment.model.interior import given_sigmas
+from orthomill.tasks.adjustment.model.interior import given_sigmas, is_guessed
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.orientation.block.assembly import BlockResults, Problem
 from orthomill.tasks.orientation.block.camera_constant import MOVED
@@ -114,7 +114,7 @@ def _nominal_constants(problem: Problem, result: Adjustment) -> Iterator[Constan
         # A considered parameter has the variance that was given for it, whatever the block says.
         camera, column = problem.cameras[k], result.network.interior_columns[k, 0]
         share = float(np.sqrt(result.cofactor.variances[column]) / camera.c)
-        yield ConstantNominal(camera=problem.camera_names[k], c=camera.c, share=share)
+        yield ConstantNominal(camera=problem.camera_names[k], c=camera.c, share=share, guessed=is_guessed(camera))
 
 
 def _moved_principal_points(results: BlockResults) -> Iterator[PrincipalPointMoved]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from orthomill.schemas.findings.block_findings import ControlContradicted, DistanceUnchecked, NoDatum
+from orthomill.schemas.findings.block_findings import ControlContradicted, DistanceUnchecked, InteriorFixed, NoDatum
 from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import GroundResiduals, ObservationGroup, ParameterCorrelation, Unoriented
 from orthomill.schemas.photo import Photos
@@ -140,7 +140,7 @@ def test_a_camera_from_exif_that_was_not_adjusted_is_named(facts):
 @pytest.mark.parametrize(("c", "warned"), [(1070.0, True), (930.0, True), (1050.0, False)])
 def test_a_camera_constant_that_changed_much_is_named(facts, with_block, c, warned):
     camera = facts.block.cameras["cam"].model_copy(update={"source": "block", "c": c})
-    assert ("The adjusted camera constant of cam" in told(with_block(cameras={"cam": camera}))) == warned
+    assert ("far from the ones that were given: cam (" in told(with_block(cameras={"cam": camera}))) == warned
 
 
 @pytest.mark.parametrize(("sigma", "warned"), [(5.0, False), (20.0, True)])
@@ -153,8 +153,51 @@ def test_a_constant_from_exif_may_be_off_where_the_block_determines_it(facts, si
     turned = {name: camera.model_copy(update={"name": name}) for name in ("cam", "cam turned 6")}
     block = facts.block.model_copy(update={"cameras": turned, "of_photo": {"a": "cam", "b": "cam turned 6"}})
     before = facts.before.model_copy(update={"cameras": dict.fromkeys(turned, given)})
-    said = [text for text in block_warnings(replace(facts, block=block, before=before)) if "adjusted camera constant" in text]
-    assert [text.split(" is ")[0] for text in said] == (["The adjusted camera constant of cam"] if warned else [])
+    said = [text for text in block_warnings(replace(facts, block=block, before=before)) if "Adjusted camera constant" in text]
+    assert [text.split(". ")[0].split(": ")[1] for text in said] == (["cam (+10.0 %)"] if warned else [])
+
+
+def of_cameras(facts, names, c=1000.0, **changes):
+    """The facts with as many cameras as `names`, from EXIF before, and changed in the block."""
+    given = facts.before.cameras["cam"].model_copy(update={"source": "exif", "covariance": variance_of_c(250.0)})
+    before = {name: given.model_copy(update={"name": name}) for name in names}
+    after = {name: camera.model_copy(update={"c": c, **changes}) for name, camera in before.items()}
+    block = facts.block.model_copy(update={"cameras": after, "of_photo": {"a": names[0], "b": names[1]}})
+    return replace(facts, block=block, before=facts.before.model_copy(update={"cameras": before}))
+
+
+def variance_of_c(sigma):
+    cov = np.zeros((17, 17))
+    cov[0, 0] = sigma**2
+    return tuple(map(tuple, cov.tolist()))
+
+
+def test_many_cameras_that_were_not_adjusted_are_one_sentence_and_guessed_ones_no_exif(facts, with_precision):
+    held = of_cameras(facts, ("one", "two", "three"))
+    (found,) = block_warnings(held)
+    assert found.startswith("3 cameras are guessed, as no tag tells their constants, and were not adjusted")
+    assert found.endswith("They are one, two, three.") and "EXIF" not in found
+    fixed = held.precision.model_copy(update={"findings": (InteriorFixed(cameras=("one", "two", "three")),)})
+    (found,) = block_warnings(replace(held, precision=fixed))
+    assert found.startswith("The interior orientation of 3 cameras (one, two, three) could not be adjusted")
+
+
+@pytest.mark.parametrize(("c", "warned"), [(1400.0, False), (1600.0, True)])
+def test_a_guessed_constant_may_be_half_off(facts, c, warned):
+    # A narrower field of view leaves less overlap, which is no matter here.
+    told_of = block_warnings(of_cameras(facts, ("one", "two"), c, source="block"))
+    found = [text for text in told_of if not text.startswith("Weak overlap")]
+    assert [text.split(". ")[0] for text in found] == (
+        ["Adjusted camera constants are far from the ones that were guessed, as no tag tells them: one (+60.0 %), two (+60.0 %)"]
+        if warned
+        else []
+    )
+
+
+def test_correlated_parameters_of_many_cameras_are_one_warning(with_precision):
+    pairs = (correlation("c of one", "k1 of one", 0.97), correlation("c of two", "k1 of two"), correlation("c of two", "k2 of two"))
+    (found,) = block_warnings(with_precision(correlations=pairs))
+    assert "Parameters of 2 cameras" in found and "one (c and k1 0.97), two (c and k1 0.95, c and k2 0.95)" in found
 
 
 def test_a_photograph_with_few_measurements_or_an_empty_frame_is_weakly_tied(facts):

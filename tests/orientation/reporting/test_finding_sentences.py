@@ -32,7 +32,8 @@ SPOKEN = [
     ),
     (f.InteriorUndetermined(camera="cam", share=0.07), ["c, x0, y0 of cam", "only to 7 %", "kept their values", "calibration"]),
     (f.InteriorUndetermined(camera="cam", share=None), ["not at all"]),
-    (f.InteriorFixed(cameras=("one", "two")), ["of one and two", "kept fixed", "oblique"]),
+    (f.InteriorFixed(cameras=("one", "two")), ["of one and two", "kept as it was given", "oblique"]),
+    (f.InteriorFixed(cameras=("one", "two", "three")), ["of 3 cameras (one, two, three)", "heights may bend"]),
     (f.DatumGivenUp(worst=("gcp04", "IMG_7")), ["gcp04, IMG_7", "without any of them"]),
     (f.InteriorUnweighted(cameras=("one", "two")), ["of one and two", "without standard errors", "sigma_c"]),
     (
@@ -47,7 +48,8 @@ SPOKEN = [
         f.ConstantContradicted(camera="cam", given_px=800.0, adjusted_px=1597.4, sigma_px=12.3, fixed=True),
         ["standard error 12 px", "but the workflow fixes it"],
     ),
-    (f.ConstantNominal(camera="cam", c=1165.0, share=0.03), ["nominal (from EXIF, 1165 px, within 3 %)", "three control points"]),
+    (f.ConstantNominal(camera="cam", c=1165.0, share=0.03), ["(nominal, from EXIF, 1165 px, within 3 %)", "three control points"]),
+    (f.ConstantNominal(camera="cam", c=1165.0, share=0.25, guessed=True), ["(guessed, as no tag tells it, 1165 px, within 25 %)"]),
     (f.PrincipalPointMoved(camera="cam", moved_px=31.4), ["of cam moved 31 px", "fix x0 and y0"]),
     (
         f.ImageErrorsCorrelated(rms_px=0.71, camera_share=0.8, parameter="c", owner="cam", sigma=6.0, white_sigma=1.5),
