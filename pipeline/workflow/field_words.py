@@ -39,12 +39,13 @@ class Place:
 def locate(loc: tuple[str | int, ...], annotation: Any) -> Place:
     """The place that pydantic's error location refers to, without the tags of unions, which are not in the file."""
     path: tuple[str | int, ...] = ()
-    model, field = None, None
+    model, field, tagged = None, None, False
     for element in loc:
         annotation = _bare(annotation)
-        # pydantic inserts the tag of a union's variant into the location; a setting named like a tag cannot occur there.
-        if element in variants(annotation):
-            annotation = variants(annotation)[element]
+        # pydantic inserts the tag of a variant into the location, once: `{kind: plane, plane: ...}` has a setting so called.
+        tagged = not tagged and element in variants(annotation)
+        if tagged:
+            annotation = variants(annotation)[str(element)]
         elif is_model(annotation):
             model, field = annotation, annotation.model_fields.get(str(element))
             path, annotation = (*path, element), field.annotation if field else None

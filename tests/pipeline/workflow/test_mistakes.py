@@ -63,6 +63,44 @@ class Outer(Settings):
     note: str | None = setting(None, "A note.", min_length=1)
 
 
+class Tilted(Settings):
+    """A variant with a setting that is called as its kind is."""
+
+    kind: Literal["normal"]
+    normal: tuple[float, float, float] = setting(..., "A direction.")
+
+
+class Sheet(Settings):
+    """The same, around it."""
+
+    kind: Literal["plane"]
+    plane: Annotated[Tilted | Other, Field(discriminator="kind")] = setting(..., "Where it lies.")
+
+
+class Sheets(Settings):
+    """Several of them."""
+
+    outputs: tuple[Annotated[Sheet | Other, Field(discriminator="kind")], ...] = setting(..., "What is made.")
+
+
+@pytest.mark.parametrize(
+    ("normal", "sentence"),
+    [
+        ("[0, 1]", "outputs > entry 1 > plane > normal: is a list; must be 3 numbers in brackets."),
+        ("[0, 1, 2, 3]", "outputs > entry 1 > plane > normal: is a list; must be 3 numbers in brackets."),
+        ("up", "outputs > entry 1 > plane > normal: is 'up'; must be 3 numbers in brackets."),
+        ("", "outputs > entry 1 > plane > normal: is empty; must be 3 numbers in brackets."),
+    ],
+)
+def test_a_setting_that_is_called_as_its_kind_has_its_own_place(normal, sentence):
+    document = read_yaml(f"outputs: [{{kind: plane, plane: {{kind: normal, normal: {normal}}}}}]")
+    mistakes = Mistakes("a.yaml", document)
+    with pytest.raises(ValidationError) as caught:
+        TypeAdapter(Sheets).validate_python(document.value)
+    mistakes.add_all(caught.value, Sheets, ())
+    assert [f"{mistake.place}: {mistake.sentence}" for mistake in mistakes.found] == [sentence]
+
+
 def sentences(text: str) -> list[str]:
     """The mistakes in a document that should be an `Outer`, without file and line."""
     document = read_yaml(text)
