@@ -3,7 +3,8 @@
 A job passes `reads` and `params` to its function under their names, so the names must be parameters of the function, and a region
 must hold what the parameter's annotation says; a tuple of regions arrives as a tuple, a stream as an iterator. The annotation of
 the return value says what comes back: the bare value of the only write, a NamedTuple whose fields are the names of the writes, or
-`dict[str, T]` where the names depend on the data. A field that is not always written has a default.
+`dict[str, T]` where the names depend on the data. A field that is not always written has a default. Functions that share most of
+what they read may take it together: `**reads: Unpack[D]` of a TypedDict stands for its keys.
 """
 
 import inspect
@@ -11,7 +12,7 @@ import types
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Union, get_args, get_origin, get_type_hints
+from typing import Any, Union, Unpack, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -79,13 +80,28 @@ def _misfit(
     params: tuple[tuple[str, type], ...],
     writes: tuple[tuple[str, type], ...],
 ) -> str | None:
-    signature, hints = inspect.signature(function), get_type_hints(function)
+    signature, hints = _unpacked(inspect.signature(function), get_type_hints(function))
     try:
         signature.bind(**dict(reads), **dict(params))
     except TypeError as error:
         return f"{error}; it takes {', '.join(signature.parameters) or 'nothing'}"
     given = [*_wrong_arguments(hints, reads), *_wrong_settings(hints, params)]
     return next(iter([*given, *_wrong_results(hints.get("return"), dict(writes))]), None)
+
+
+def _unpacked(signature: inspect.Signature, hints: dict[str, Any]) -> tuple[inspect.Signature, dict[str, Any]]:
+    """The signature with the keys of an unpacked TypedDict as parameters of their own."""
+    parameters, found = list(signature.parameters.values()), dict(hints)
+    last = parameters[-1] if parameters else None
+    if last is None or last.kind is not inspect.Parameter.VAR_KEYWORD or get_origin(hints.get(last.name)) is not Unpack:
+        return signature, hints
+    (together,) = get_args(found.pop(last.name))
+    keys = get_type_hints(together)
+    needed = [inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY) for key in keys if key in together.__required_keys__]
+    rest = [
+        inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY, default=None) for key in keys if key in together.__optional_keys__
+    ]
+    return signature.replace(parameters=[*parameters[:-1], *needed, *rest]), {**found, **keys}
 
 
 def _wrong_arguments(hints: dict[str, Any], reads: tuple[tuple[str, Held], ...]) -> Iterator[str]:

@@ -7,8 +7,8 @@ border of the photograph, and almost nothing next to the limit of what is hidden
 Source: Petsa et al. 2007 (methods/texture_blending.md, M6, M7, M8, M9, M12, M13).
 """
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import NamedTuple, NotRequired, TypedDict, Unpack
 
 import numpy as np
 from numba import njit
@@ -190,36 +190,84 @@ def fading(weights: np.ndarray) -> np.ndarray:
     return (weights * np.maximum(factor, np.minimum(least, 1.0))).astype(np.float32)
 
 
-def part_views(block: Block, tile: PhotographsAtHand, origin: np.ndarray) -> list[View]:
-    """The photographs of a tile's parts, relative to the mesh's origin."""
-    return [moved(block_view(block, part.name), origin) for part in tile.parts]
+@dataclass(frozen=True, eq=False)
+class ShownPhotographs:
+    """What colours points: `photos`, pixels at `at_hand.parts`; `zones` of the photographs at `at_hand.zones`; the block, and the
+    mesh's `origin` (3,) m; `facing`: -1 for a mesh whose triangles face inwards."""
+
+    at_hand: PhotographsAtHand
+    photos: tuple[np.ndarray, ...]
+    zones: tuple[np.ndarray, ...]
+    block: Block
+    origin: np.ndarray
+    radiometry: Radiometry
+    facing: float
+
+    @property
+    def views(self) -> list[View]:
+        """The photographs of the parts."""
+        return [moved(block_view(self.block, part.name), self.origin) for part in self.at_hand.parts]
 
 
-def tile_colours(
-    surface: TilePoints,
-    sight: np.ndarray,
-    photos: tuple[np.ndarray, ...],
-    zones: tuple[np.ndarray, ...],
-    views: list[View],
-    tile: PhotographsAtHand,
-    radiometry: Radiometry,
-    facing: float,
-    feather: float,
-) -> TileColours:
-    """The colours of a tile in every photograph of its parts, whose `views` are given, in the radiometry of the block."""
-    shape, parts = sight.shape[:2], tile.parts
+class TileReads(TypedDict):
+    """What every job that colours a tile reads, under the names by which it reads it."""
+
+    triangle: np.ndarray
+    """(rows, cols)"""
+    sight: np.ndarray
+    """(rows, cols, photographs)"""
+    blocks: tuple[np.ndarray, ...]
+    photos: tuple[np.ndarray, ...]
+    zones: NotRequired[tuple[np.ndarray, ...]]
+    block: Block
+    census: MeshCensus
+    facing: MeshFacing
+    radiometry: Radiometry
+    tile: OutputTile
+
+
+@dataclass(frozen=True, eq=False)
+class TileAtHand:
+    """A tile of an output: the points that it shows, how the photographs see them (..., photographs), and what colours them."""
+
+    surface: TilePoints
+    sight: np.ndarray
+    shown: ShownPhotographs
+
+    @staticmethod
+    def of(reads: TileReads, chosen: np.ndarray | None = None) -> "TileAtHand":
+        """From what a job reads; only of the `chosen` (rows, cols) bool pixels, if given, in a row (1, N)."""
+        tile, sight, origin = reads["tile"], reads["sight"], np.array(reads["census"].origin)
+        at_hand = TrianglesAtHand.of(tile.blocks, reads["blocks"])
+        surface = tile_points(reads["triangle"], at_hand, tile.frame, tile.window, origin, chosen)
+        if chosen is not None:
+            sight = sight.reshape(-1, sight.shape[2])[surface.at][None]
+            surface = replace(surface, at=np.arange(len(surface.at)))
+        zones, facing = reads.get("zones", ()), reads["facing"].sign
+        shown = ShownPhotographs(tile, reads["photos"], zones, reads["block"], origin, reads["radiometry"], facing)
+        return TileAtHand(surface, sight, shown)
+
+    def colours(self, feather: float) -> TileColours:
+        """Of all points in every photograph."""
+        return tile_colours(self.surface, self.sight, self.shown, feather)
+
+
+def tile_colours(surface: TilePoints, sight: np.ndarray, shown: ShownPhotographs, feather: float) -> TileColours:
+    """The colours of points in every photograph at hand, in the radiometry of the block; sight (rows, cols, photographs)."""
+    photos, parts, radiometry = shown.photos, shown.at_hand.parts, shown.radiometry
+    shape = sight.shape[:2]
     bands = max((pixels.shape[2] for pixels in photos), default=1)
     colours = np.zeros((len(parts), shape[0] * shape[1], bands), np.float32)
     weights = np.zeros((len(parts), shape[0] * shape[1]), np.float32)
     breaks, near = np.zeros((len(parts), *shape), bool), np.zeros((len(parts), shape[0] * shape[1]), np.uint8)
-    windows = {part.name: (zone, part.window) for zone, part in zip(zones, tile.zones, strict=True)}
-    for k, (view, pixels, part) in enumerate(zip(views, photos, parts, strict=True)):
-        code = sight[..., tile.names.index(part.name)]
+    windows = {part.name: (zone, part.window) for zone, part in zip(shown.zones, shown.at_hand.zones, strict=True)}
+    for k, (view, pixels, part) in enumerate(zip(shown.views, photos, parts, strict=True)):
+        code = sight[..., shown.at_hand.names.index(part.name)]
         breaks[k] = code == PlaceSight.AT_BREAK
         chosen = _of_tile(surface, code) >= PlaceSight.AT_BREAK
         if not chosen.any():
             continue
-        sampled = _sample(view, PhotoPixelsAt(pixels, part.window, part.level), surface, chosen, facing, feather)
+        sampled = _sample(view, PhotoPixelsAt(pixels, part.window, part.level), surface, chosen, shown.facing, feather)
         if part.name in windows:
             near[k, sampled.at] = _zone_at(sampled.pixels, *windows[part.name])
         # Corrected before blending: rejection compares colours, and a gain of some per cent would look like a gross error.
@@ -230,32 +278,16 @@ def tile_colours(
     return TileColours(colours.reshape(*flat, bands), weights.reshape(flat), breaks, near.reshape(flat))
 
 
-def colour_tile(
-    triangle: np.ndarray,
-    sight: np.ndarray,
-    blocks: tuple[np.ndarray, ...],
-    photos: tuple[np.ndarray, ...],
-    zones: tuple[np.ndarray, ...],
-    block: Block,
-    census: MeshCensus,
-    facing: MeshFacing,
-    radiometry: Radiometry,
-    tile: OutputTile,
-    rules: ColourRules,
-    widening: ChosenWidth = NO_ZONE,
-) -> ColouredTile:
-    """One tile of an output: see the module. photos: pixels at `tile.parts`; zones: of the photographs at `tile.zones`."""
-    origin = np.array(census.origin)
-    surface = tile_points(triangle, TrianglesAtHand.of(tile.blocks, blocks), tile.frame, tile.window, origin)
-    found = tile_colours(
-        surface, sight, photos, zones, part_views(block, tile, origin), tile, radiometry, facing.sign, rules.feather
-    )
+def colour_tile(rules: ColourRules, widening: ChosenWidth = NO_ZONE, **reads: Unpack[TileReads]) -> ColouredTile:
+    """One tile of an output: see the module."""
+    hand, triangle, sight = TileAtHand.of(reads), reads["triangle"], reads["sight"]
+    found = hand.colours(rules.feather)
     blended = found.blended(rules, widening.zone)
     seen = (sight >= PlaceSight.AT_BREAK).sum(axis=2).astype(np.uint8)
     coverage = np.where(triangle >= 0, np.minimum(seen, NO_SURFACE - 1), NO_SURFACE).astype(np.uint8)
-    counts = _statistics(triangle, coverage, sight, blended, tile)
+    counts = _statistics(triangle, coverage, sight, blended, reads["tile"])
     near = int(found.near(widening.zone).sum())
-    counts = counts.model_copy(update={"zone": near, "backs": int(surface.backs(facing.sign).sum())})
+    counts = counts.model_copy(update={"zone": near, "backs": int(hand.surface.backs(hand.shown.facing).sum())})
     return ColouredTile(rgba(blended), coverage, blended.rejected, counts)
 
 
@@ -336,22 +368,8 @@ class LeftOutTile(NamedTuple):
     nearest: np.ndarray
 
 
-def left_out_tile(
-    triangle: np.ndarray,
-    sight: np.ndarray,
-    blocks: tuple[np.ndarray, ...],
-    photos: tuple[np.ndarray, ...],
-    block: Block,
-    census: MeshCensus,
-    facing: MeshFacing,
-    radiometry: Radiometry,
-    tile: OutputTile,
-    rules: ColourRules,
-    widening: ChosenWidth = NO_ZONE,
-) -> LeftOutTile:
+def left_out_tile(rules: ColourRules, widening: ChosenWidth = NO_ZONE, **reads: Unpack[TileReads]) -> LeftOutTile:
     """What the photograph of `frame` shows, from the others: as `colour_tile`, and as programs with one photograph per face do."""
-    origin = np.array(census.origin)
-    surface = tile_points(triangle, TrianglesAtHand.of(tile.blocks, blocks), tile.frame, tile.window, origin)
-    found = tile_colours(surface, sight, photos, (), part_views(block, tile, origin), tile, radiometry, facing.sign, rules.feather)
+    found = TileAtHand.of(reads).colours(rules.feather)
     whole = found.blended(rules, widening.at_breaks)
     return LeftOutTile(rgba(whole), rgba(blend(found.colours, found.weights, _NEAREST)))

@@ -21,7 +21,7 @@ from orthomill.tasks.imagery.radiometric_balance import Radiometry
 from orthomill.tasks.projection.facing import MeshFacing
 from orthomill.tasks.projection.model.glb import ModelPart, as_glb, as_jpeg
 from orthomill.tasks.projection.model.unwrapping import Unwrapped, unwrapped
-from orthomill.tasks.projection.projection_colours import ColourRules, part_views, tile_colours
+from orthomill.tasks.projection.projection_colours import ColourRules, ShownPhotographs, tile_colours
 from orthomill.tasks.projection.sight_rasters import TilePoints, point_sights
 from orthomill.tasks.projection.widening.hidden_edges import NO_ZONE, ChosenWidth
 from orthomill.tasks.visibility.mesh_sight import SightTolerance
@@ -114,12 +114,8 @@ class _Painter:
 
     at_hand: TrianglesAtHand
     rasters: list[NearestTriangles]
-    photos: tuple[np.ndarray, ...]
     masks: tuple[np.ndarray, ...]
-    block: Block
-    origin: np.ndarray
-    facing: float
-    radiometry: Radiometry
+    shown: ShownPhotographs
     tile: TexturedBlock
     tolerance: SightTolerance
     rules: ColourRules
@@ -138,14 +134,9 @@ class _Painter:
     def _group(self, points: np.ndarray, triangle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         corners = self.at_hand.corners_of(triangle)
         surface = TilePoints(np.arange(len(points)), points, triangle, corners, np.zeros_like(points))
-        codes = point_sights(
-            surface, self.rasters, self.block, self.origin, self.facing, self.at_hand, self.tile.seen, self.tolerance, self.masks
-        )
-        coloured = self.tile.coloured
-        views = part_views(self.block, coloured, self.origin)
-        found = tile_colours(
-            surface, codes[None], self.photos, (), views, coloured, self.radiometry, self.facing, self.rules.feather
-        ).blended(self.rules, self.widening.at_breaks)
+        block, origin, facing = self.shown.block, self.shown.origin, self.shown.facing
+        codes = point_sights(surface, self.rasters, block, origin, facing, self.at_hand, self.tile.seen, self.tolerance, self.masks)
+        found = tile_colours(surface, codes[None], self.shown, self.rules.feather).blended(self.rules, self.widening.at_breaks)
         out = np.full((len(points), 4), UNSEEN, np.uint8)
         known = found.used[0] > 0
         out[known, :3] = np.clip(np.floor(found.colour[0][known] + 0.5), 0, 255)
@@ -171,7 +162,8 @@ def coloured_block(
     """One block of the mesh in colour. nearness, drawn: rasters of the parts of `tile.seen`; photos: pixels of `tile.coloured`."""
     at_hand, origin = TrianglesAtHand.of(tile.blocks, blocks), np.array(census.origin)
     rasters = [NearestTriangles(part.window, *pair) for part, *pair in zip(tile.seen.parts, nearness, drawn, strict=True)]
-    painter = _Painter(at_hand, rasters, photos, masks, block, origin, facing.sign, radiometry, tile, tolerance, rules, widening)
+    shown = ShownPhotographs(tile.coloured, photos, (), block, origin, radiometry, facing.sign)
+    painter = _Painter(at_hand, rasters, masks, shown, tile, tolerance, rules, widening)
     corners = at_hand.corners_of(np.arange(PER_BLOCK) + tile.number * PER_BLOCK)
     corners = corners[np.isfinite(corners[:, 0, 0])]
     laid = unwrapped(corners, tile.side, tile.texel)

@@ -8,21 +8,14 @@ witnesses of all outputs as those of the best one, but for chance.
 """
 
 from collections.abc import Iterable
-from dataclasses import replace
+from typing import Unpack
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from orthomill.schemas.orientation import Block
-from orthomill.schemas.solid.census import MeshCensus
-from orthomill.tasks.imagery.radiometric_balance import Radiometry
-from orthomill.tasks.projection.facing import MeshFacing
-from orthomill.tasks.projection.output_tile import OutputTile
-from orthomill.tasks.projection.projection_colours import ColourRules, TileColours, part_views, tile_colours
-from orthomill.tasks.projection.sight_rasters import tile_points
+from orthomill.tasks.projection.projection_colours import ColourRules, TileAtHand, TileColours, TileReads
 from orthomill.tasks.projection.widening.hidden_edges import ChosenWidth, TriedWidth
 from orthomill.tasks.visibility.sight import PlaceSight
-from orthomill.tasks.visibility.triangle_blocks import TrianglesAtHand
 
 WIDTHS = (1.0, 2.0, 3.0, 5.0)
 """px of the photographs that are tried"""
@@ -48,31 +41,11 @@ class WidthTrial(BaseModel):
     products: tuple[tuple[float, ...], ...]
 
 
-def try_widths(
-    triangle: np.ndarray,
-    sight: np.ndarray,
-    blocks: tuple[np.ndarray, ...],
-    photos: tuple[np.ndarray, ...],
-    zones: tuple[np.ndarray, ...],
-    block: Block,
-    census: MeshCensus,
-    facing: MeshFacing,
-    radiometry: Radiometry,
-    tile: OutputTile,
-    rules: ColourRules,
-) -> WidthTrial:
+def try_widths(rules: ColourRules, **reads: Unpack[TileReads]) -> WidthTrial:
     """The trial of one tile of an output; as `colour_tile`, at some of its pixels."""
-    origin = np.array(census.origin)
-    chosen = (sight >= PlaceSight.AT_BREAK).sum(axis=2) >= _LEAST
-    rows, cols = (np.arange(side) % _SPACING == 0 for side in triangle.shape)
-    surface = tile_points(
-        triangle, TrianglesAtHand.of(tile.blocks, blocks), tile.frame, tile.window, origin, chosen & rows[:, None] & cols
-    )
-    codes = sight.reshape(-1, sight.shape[2])[surface.at]
-    placed = replace(surface, at=np.arange(len(surface.at)))
-    views = part_views(block, tile, origin)
-    found = tile_colours(placed, codes[None], photos, zones, views, tile, radiometry, facing.sign, rules.feather)
-    return tried(found, rules)
+    chosen = (reads["sight"] >= PlaceSight.AT_BREAK).sum(axis=2) >= _LEAST
+    rows, cols = (np.arange(side) % _SPACING == 0 for side in chosen.shape)
+    return tried(TileAtHand.of(reads, chosen & rows[:, None] & cols).colours(rules.feather), rules)
 
 
 def tried(found: TileColours, rules: ColourRules) -> WidthTrial:

@@ -1,7 +1,7 @@
 """A job that does not fit its function is refused when it is planned, with the names of both."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, NotRequired, TypedDict, Unpack
 
 import numpy as np
 import pytest
@@ -61,6 +61,33 @@ def test_arguments_that_do_not_fit_are_named_with_job_and_function(reads, params
     found = misfit(job(mean_of, reads, **params))
     assert found is not None and found.startswith("The job surface/tile/2/3 does not fit the function mean_of: ")
     assert sentence in found
+
+
+class Together(TypedDict):
+    z: np.ndarray
+    heights: Heights
+    weights: NotRequired[np.ndarray]
+
+
+def mean_together(factor: float = 1.0, **reads: Unpack[Together]) -> np.ndarray:
+    return reads["z"] * factor + reads["heights"].mean
+
+
+@pytest.mark.parametrize(
+    ("reads", "params", "sentence"),
+    [
+        ({"z": Z}, {}, "'heights'; it takes factor, z, heights, weights"),
+        ({"z": Z, "heights": HEIGHTS, "more": Z}, {}, "got an unexpected keyword argument 'more'"),
+        ({"z": Z, "heights": REPORT}, {}, "'heights' is read as Report, but the parameter is Heights"),
+        ({"z": Z, "heights": HEIGHTS, "weights": HEIGHTS}, {}, "'weights' is read as Heights, but the parameter is ndarray"),
+        ({"z": Z, "heights": HEIGHTS}, {"factor": "2"}, "'factor' is given as str, but the parameter is float"),
+    ],
+)
+def test_what_is_read_together_is_examined_key_by_key(reads, params, sentence):
+    assert misfit(job(mean_together, {"z": Z, "heights": HEIGHTS})) is None
+    assert misfit(job(mean_together, {"z": Z, "heights": HEIGHTS, "weights": Z}, factor=2)) is None
+    found = misfit(job(mean_together, reads, **params))
+    assert found is not None and sentence in found
 
 
 def test_regions_arrive_as_the_types_that_they_hold():
